@@ -1,0 +1,107 @@
+//! The one error of the engine: what happened, to which file, and what to do about it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// The class of an error; it decides the exit code of a program (sysexits where one fits).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A wrong argument or configuration value (2).
+    Usage,
+    /// The input is valid and there is nothing to do, as with an empty region of interest (3).
+    NothingToDo,
+    /// An input file holds something that cannot be used (65).
+    BadData,
+    /// An input file is missing (66).
+    Missing,
+    /// No Vulkan device, or one that lacks a feature that is needed (69).
+    Unavailable,
+    /// An invariant of this program broke (70).
+    Internal,
+    /// The host is out of memory (71).
+    HostMemory,
+    /// An output cannot be created: it exists, is read-only, or its folder is missing (73).
+    CannotCreate,
+    /// Reading or writing failed on the way (74).
+    Io,
+    /// Device lost or out of device memory: trying again may help (75).
+    Temporary,
+}
+
+impl Kind {
+    /// The process exit code that stands for this class.
+    pub fn exit_code(self) -> u8 {
+        match self {
+            Kind::Usage => 2,
+            Kind::NothingToDo => 3,
+            Kind::BadData => 65,
+            Kind::Missing => 66,
+            Kind::Unavailable => 69,
+            Kind::Internal => 70,
+            Kind::HostMemory => 71,
+            Kind::CannotCreate => 73,
+            Kind::Io => 74,
+            Kind::Temporary => 75,
+        }
+    }
+}
+
+/// An error that a user can act on: the class, a stable code, the file if there is one, what was found against
+/// what was needed, and what to do.
+#[derive(Clone, Debug, thiserror::Error)]
+pub struct Error {
+    /// Class, and with it the exit code.
+    pub kind: Kind,
+    /// Stable code, such as `VGS-NII-012`: scripts match on it, texts may change.
+    pub code: &'static str,
+    /// The file at fault.
+    pub file: Option<PathBuf>,
+    /// What was found and what was needed.
+    pub message: String,
+    /// What to do; may be empty.
+    pub help: String,
+}
+
+/// The result of everything in this crate that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// A new error without a file and without help.
+    pub fn new(kind: Kind, code: &'static str, message: impl Into<String>) -> Self {
+        Error { kind, code, file: None, message: message.into(), help: String::new() }
+    }
+
+    /// Names the file at fault.
+    #[must_use]
+    pub fn file(mut self, path: impl AsRef<Path>) -> Self {
+        self.file = Some(path.as_ref().to_owned());
+        self
+    }
+
+    /// Says what to do.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = help.into();
+        self
+    }
+
+    /// A failed read or write of `path`: missing files, full disks and forbidden places get their own class.
+    pub fn io(path: impl AsRef<Path>, doing: &str, error: &std::io::Error) -> Self {
+        use std::io::ErrorKind as E;
+        let kind = match error.kind() {
+            E::NotFound => Kind::Missing,
+            E::OutOfMemory => Kind::HostMemory,
+            _ => Kind::Io,
+        };
+        Error::new(kind, "VGS-IO-001", format!("{doing}: {error}")).file(path)
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(file) = &self.file {
+            write!(f, "{}: ", file.display())?;
+        }
+        f.write_str(&self.message)
+    }
+}

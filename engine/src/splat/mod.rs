@@ -1,0 +1,3 @@
+//! Splat sets: parameters, activations, spaces and files.
+
+pub use shaders_glsl::types::Splat;
