@@ -14,6 +14,9 @@
 #![deny(unsafe_code)]
 
 pub mod error;
+pub mod fit;
+pub mod gpu;
+pub mod passes;
 pub mod splat;
 pub mod volume;
 

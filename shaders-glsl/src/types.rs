@@ -18,3 +18,195 @@ pub struct Splat {
     /// Physical intensity, HU for CT.
     pub intensity: f32,
 }
+
+macro_rules! shared {
+    ($($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident: $ty:ty,)* })*) => {$(
+        $(#[$doc])*
+        #[repr(C)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+        pub struct $name { $($(#[$field_doc])* pub $field: $ty,)* }
+    )*};
+}
+
+shared! {
+    /// What rasterising needs of a splat; see `include/splat.glsl`.
+    Footprint {
+        /// Centre, voxels in the brick grid.
+        mean: [f32; 3],
+        /// Opacity α in 0..1.
+        opacity: f32,
+        /// Intensity relative to the background, in units of the fit.
+        intensity: f32,
+        /// First column of the whitening matrix S⁻¹Rᵀ.
+        column_x: [f32; 3],
+        /// Second column.
+        column_y: [f32; 3],
+        /// Third column.
+        column_z: [f32; 3],
+        /// Half size of the box around the support, voxels.
+        extent: [f32; 3],
+    }
+    /// dL/d(parameter) of one splat, and a row of Adam's moments.
+    SplatGrad {
+        /// By the centre.
+        mean: [f32; 3],
+        /// By the opacity logit.
+        opacity_logit: f32,
+        /// By a small rotation about each of the splat's own axes, radians.
+        rotation: [f32; 3],
+        /// By the logarithm of each scale.
+        log_scale: [f32; 3],
+        /// By the intensity.
+        intensity: f32,
+    }
+    /// Where the samples of a pass lie.
+    Grid {
+        /// Bricks along x, y, z.
+        bricks: [u32; 3],
+        /// First slot of the chunk.
+        first_slot: u32,
+        /// Of the samples from the voxel centres, voxels.
+        offset: [f32; 3],
+        /// Slots in the chunk.
+        slot_count: u32,
+    }
+    /// Σw and V̂ (relative to the background) of one sample.
+    Reconstruction {
+        /// Σw.
+        weight: f32,
+        /// V̂ - background, in units of the fit.
+        value: f32,
+    }
+    /// What a sample should be.
+    Target {
+        /// V - background, in units of the fit.
+        value: f32,
+        /// M in 0..1; negative where the sample takes no part.
+        occupancy: f32,
+    }
+    /// dL/dV̂ and dL/dW of one sample.
+    Adjoint {
+        /// dL/dV̂, then A.
+        value: f32,
+        /// dL/dW, then H.
+        weight: f32,
+    }
+    /// Push constants of the prefix sum.
+    ScanParams {
+        /// Elements.
+        count: u32,
+    }
+    /// Push constants of the radix sort.
+    RadixParams {
+        /// First bit of the digit.
+        shift: u32,
+        /// Blocks in the digit table.
+        blocks: u32,
+        /// Which count is the number of keys.
+        count_index: u32,
+        /// The most keys there can be.
+        capacity: u32,
+    }
+    /// Push constants of `splat_bounds` and `emit_pairs`.
+    SplatParams {
+        /// Sample grid.
+        grid: Grid,
+        /// Splats.
+        splat_count: u32,
+        /// Pairs that fit the buffers.
+        capacity: u32,
+    }
+    /// Push constants of `brick_ranges`.
+    RangeParams {
+        /// Slots of the chunk.
+        slot_count: u32,
+        /// Which count is the number of pairs.
+        count_index: u32,
+        /// The most pairs there can be.
+        capacity: u32,
+    }
+    /// Push constants of `pair_cells`.
+    PairParams {
+        /// Sample grid.
+        grid: Grid,
+        /// Which count is the number of pairs.
+        count_index: u32,
+        /// The most pairs there can be.
+        capacity: u32,
+    }
+    /// Push constants of `splat_to_volume`.
+    RasterParams {
+        /// Sample grid.
+        grid: Grid,
+        /// First block of 4³ samples of this dispatch.
+        first_block: u32,
+        /// ε of equation (2).
+        epsilon: f32,
+    }
+    /// Push constants of every loss term.
+    LossParams {
+        /// λ of the term.
+        weight: f32,
+        /// What the term needs besides.
+        parameter: f32,
+        /// 1 when the adjoints are added to, 0 when they are overwritten.
+        accumulate: u32,
+    }
+    /// Push constants of `fold_adjoints`.
+    FoldParams {
+        /// ε of equation (2).
+        epsilon: f32,
+    }
+    /// Push constants of `splat_to_volume_grad`.
+    GradParams {
+        /// Sample grid.
+        grid: Grid,
+        /// First splat of this dispatch.
+        first_splat: u32,
+        /// Splats in all.
+        splat_count: u32,
+        /// 1 when a former chunk's gradient is added to.
+        accumulate: u32,
+    }
+    /// Push constants of `adam`; see there.
+    AdamParams {
+        /// Splats.
+        splat_count: u32,
+        /// Chunks of this step.
+        chunk_count: u32,
+        /// Pairs that fit the buffers.
+        capacity: u32,
+        /// β₁.
+        beta1: f32,
+        /// β₂.
+        beta2: f32,
+        /// 1 / (1 - β₁ᵗ).
+        correction1: f32,
+        /// 1 / (1 - β₂ᵗ).
+        correction2: f32,
+        /// ε of Adam.
+        epsilon: f32,
+        /// Voxels.
+        rate_mean: f32,
+        /// Radians.
+        rate_rotation: f32,
+        /// Natural logarithm.
+        rate_log_scale: f32,
+        /// Logit.
+        rate_opacity: f32,
+        /// Units of the fit.
+        rate_intensity: f32,
+        /// Clamp of the log scales.
+        min_log_scale: f32,
+        /// Clamp of the log scales.
+        max_log_scale: f32,
+        /// Clamp of the opacity logit, both ways.
+        max_logit: f32,
+        /// Clamp of the intensity.
+        min_intensity: f32,
+        /// Clamp of the intensity.
+        max_intensity: f32,
+        /// Upper corner of the sample grid, voxels.
+        max_mean: [f32; 3],
+    }
+}

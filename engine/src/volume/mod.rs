@@ -3,10 +3,12 @@
 //! Spaces: *voxel* space has voxel centres at integer coordinates, x fastest in memory; *world* space is patient
 //! millimetres, RAS (x to the patient's right... left-to-right, y back-to-front, z feet-to-head).
 
+pub mod bricks;
 mod roi;
 
 use glam::DAffine3;
 
+pub use bricks::Bricks;
 pub use roi::Roi;
 
 /// A scalar volume on a regular grid.

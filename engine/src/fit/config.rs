@@ -1,0 +1,161 @@
+//! Every hyper-parameter of a fit: one documented field, which is also the key of a configuration file and the flag of
+//! a command line (`rate_mean` ↔ `--rate-mean`).
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Kind, Result};
+use crate::splat::Kernel;
+
+/// A field of [`FitConfig`] as programs show it.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    /// Key in a file; the flag has `-` for `_`.
+    pub key: &'static str,
+    /// What it is, with its unit.
+    pub doc: &'static str,
+}
+
+macro_rules! config {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[doc = $doc:literal])+ $field:ident: $ty:ty = $default:expr,)* }) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct $name { $($(#[doc = $doc])+ pub $field: $ty,)* }
+
+        impl Default for $name {
+            fn default() -> Self {
+                $name { $($field: $default,)* }
+            }
+        }
+
+        impl $name {
+            /// All fields in the order of the struct.
+            pub const FIELDS: &'static [Field] =
+                &[$(Field { key: stringify!($field), doc: concat!($($doc),+) },)*];
+        }
+    };
+}
+
+config! {
+    /// Hyper-parameters of a fit; the default is the profile `default` of `docs/method.md`.
+    pub struct FitConfig {
+        /// Iterations of the optimiser.
+        iterations: u32 = 400,
+        /// Splats per ROI voxel, when their number is not given.
+        density: f64 = 0.1,
+        /// Number of splats; 0 takes it from the density.
+        splats: usize = 0,
+        /// Seed of everything random; the same seed gives the same bits on the same device.
+        seed: u64 = 0,
+        /// Splat kernel: "compact" (1-q/6)^3, or "gaussian" exp(-q/2) for ordinary viewers.
+        kernel: Kernel = Kernel::Compact,
+        /// Initialiser, a row of the table in fit::init.
+        initialiser: String = "blue-noise".to_owned(),
+        /// Intensities are clipped to this range (HU); the span is the unit of the loss. [0, 0] chooses -1024..3071
+        /// for a CT (minimum below -200) and the range of the volume otherwise.
+        hu_range: [f32; 2] = [0.0, 0.0],
+        /// Weight of the squared intensity error inside the ROI.
+        mse_weight: f32 = 1.0,
+        /// Weight of the occupancy error over ROI and shell; 0 switches the term off.
+        occupancy_weight: f32 = 0.003,
+        /// w0 of the occupancy O = W / (W + w0), in units of the summed weight W.
+        occupancy_w0: f32 = 0.05,
+        /// Thickness of the shell around the ROI that the occupancy is fitted in, voxels.
+        shell: f64 = 4.0,
+        /// Sub-voxel target offsets, visited in turn: the grid itself and offsets - 1 random ones. 1: on the grid only.
+        offsets: usize = 8,
+        /// Visits the grid itself every so many iterations besides its turn; 0: only in its turn.
+        grid_every: u32 = 0,
+        /// Epsilon of equation (2), in units of the summed weight.
+        epsilon: f32 = 1e-3,
+        /// First learning rate of the means, voxels.
+        rate_mean: f32 = 0.2,
+        /// First learning rate of the rotations, radians.
+        rate_rotation: f32 = 0.12,
+        /// First learning rate of the logarithmic scales.
+        rate_log_scale: f32 = 0.12,
+        /// First learning rate of the opacity logits.
+        rate_opacity: f32 = 0.2,
+        /// First learning rate of the intensities, in spans of hu_range.
+        rate_intensity: f32 = 0.02,
+        /// All rates fall exponentially to this share of their first value.
+        rate_decay: f32 = 0.02,
+        /// Adam's decay of the first moment.
+        beta1: f32 = 0.8,
+        /// Adam's decay of the second moment; 0.9 is worth up to 3 dB over the usual 0.99.
+        beta2: f32 = 0.9,
+        /// Adam's epsilon.
+        adam_epsilon: f32 = 1e-15,
+        /// Smallest standard deviation of a splat, voxels; below 0.35 it can fall between all voxel centres.
+        scale_min: f32 = 0.4,
+        /// Largest standard deviation of a splat, voxels.
+        scale_max: f32 = 10.0,
+        /// Opacity logits stay within plus and minus this.
+        logit_max: f32 = 9.0,
+    }
+}
+
+impl FitConfig {
+    /// Refuses values that cannot work, naming the key.
+    pub fn check(&self) -> Result<()> {
+        let wrong = |key: &str, found: String, needed: &str| {
+            Err(Error::new(
+                Kind::Usage,
+                "VGS-CFG-001",
+                format!("{key} = {found}: {needed} is needed"),
+            ))
+        };
+        if self.iterations == 0 || self.iterations > 10_000_000 {
+            return wrong("iterations", self.iterations.to_string(), "1 to 10000000");
+        }
+        if !(self.density > 0.0 && self.density <= 100.0) && self.splats == 0 {
+            return wrong("density", self.density.to_string(), "more than 0 and at most 100");
+        }
+        if self.offsets == 0 || self.offsets > 64 {
+            return wrong("offsets", self.offsets.to_string(), "1 to 64");
+        }
+        if !(0.0..=32.0).contains(&self.shell) {
+            return wrong("shell", self.shell.to_string(), "0 to 32 voxels");
+        }
+        let [low, high] = self.hu_range;
+        if !(low.is_finite() && high.is_finite() && (low < high || self.hu_range == [0.0, 0.0])) {
+            return wrong("hu_range", format!("{low},{high}"), "low,high with low < high");
+        }
+        let positive = [
+            ("epsilon", self.epsilon),
+            ("occupancy_w0", self.occupancy_w0),
+            ("adam_epsilon", self.adam_epsilon),
+            ("rate_decay", self.rate_decay),
+            ("scale_min", self.scale_min),
+            ("logit_max", self.logit_max),
+        ];
+        let not_negative = [
+            ("mse_weight", self.mse_weight),
+            ("occupancy_weight", self.occupancy_weight),
+            ("rate_mean", self.rate_mean),
+            ("rate_rotation", self.rate_rotation),
+            ("rate_log_scale", self.rate_log_scale),
+            ("rate_opacity", self.rate_opacity),
+            ("rate_intensity", self.rate_intensity),
+        ];
+        for (key, value) in positive {
+            if !(value > 0.0 && value.is_finite()) {
+                return wrong(key, value.to_string(), "a positive number");
+            }
+        }
+        for (key, value) in not_negative {
+            if !(value >= 0.0 && value.is_finite()) {
+                return wrong(key, value.to_string(), "a number of at least 0");
+            }
+        }
+        for (key, value) in [("beta1", self.beta1), ("beta2", self.beta2)] {
+            if !(0.0..1.0).contains(&value) {
+                return wrong(key, value.to_string(), "at least 0 and less than 1");
+            }
+        }
+        if !(self.scale_max >= self.scale_min && self.scale_max.is_finite()) {
+            return wrong("scale_max", self.scale_max.to_string(), "at least scale_min");
+        }
+        Ok(())
+    }
+}

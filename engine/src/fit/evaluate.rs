@@ -1,0 +1,213 @@
+//! How good a set of splats is, on the native grid with all splats: equation (4) and what belongs beside it.
+//!
+//! On-grid figures alone can be gamed (a fit may be right at the voxels and wrong between them), so the same figures
+//! are taken at sub-voxel offsets against the trilinear volume, and the worst stands beside the first.
+
+use serde::Serialize;
+
+use super::targets;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::passes::Rasteriser;
+use crate::splat::{Kernel, Splat};
+use crate::volume::bricks::SAMPLES;
+use crate::volume::{Bricks, Roi, Volume};
+
+/// Figures at one offset.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Metrics {
+    /// Of the samples from the voxel centres, voxels.
+    pub offset: [f32; 3],
+    /// Equation (4): Σ M (V̂ - V)² / Σ M, in squared spans of the range. On the grid M is the mask as it is; between
+    /// voxels a binary mask counts where its interpolation exceeds ½, a soft one weights.
+    pub mmse: f64,
+    /// -10 log10(mmse); infinite when V̂ is exact.
+    pub psnr_db: f64,
+    /// Root mean square intensity error in the ROI, HU.
+    pub rmse_hu: f64,
+    /// Root mean square of O - M over ROI and shell.
+    pub occupancy_rmse: f64,
+    /// 2 Σ O M / (Σ O² + Σ M²) over ROI and shell.
+    pub soft_dice: f64,
+}
+
+/// Figures of a set of splats.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// At the voxel centres.
+    pub on_grid: Metrics,
+    /// At the sub-voxel offsets asked for.
+    pub between: Vec<Metrics>,
+    /// Intensity range of the normalisation, HU.
+    pub range: [f32; 2],
+}
+
+impl Evaluation {
+    /// The worst PSNR between voxels, dB; on the grid when no offset was asked for.
+    pub fn worst_psnr_db(&self) -> f64 {
+        self.between.iter().map(|m| m.psnr_db).fold(f64::INFINITY, f64::min).min(
+            if self.between.is_empty() { self.on_grid.psnr_db } else { f64::INFINITY },
+        )
+    }
+
+    /// The mean PSNR between voxels, dB; on the grid when no offset was asked for.
+    pub fn mean_psnr_db(&self) -> f64 {
+        if self.between.is_empty() {
+            return self.on_grid.psnr_db;
+        }
+        self.between.iter().map(|m| m.psnr_db).sum::<f64>() / self.between.len() as f64
+    }
+
+    /// The worst occupancy error, on the grid and between voxels.
+    pub fn worst_occupancy_rmse(&self) -> f64 {
+        self.between.iter().map(|m| m.occupancy_rmse).fold(self.on_grid.occupancy_rmse, f64::max)
+    }
+}
+
+/// What is evaluated: splats in voxel coordinates of the volume, intensities in HU, and their field's constants.
+#[derive(Clone, Copy, Debug)]
+pub struct Field<'a> {
+    /// Splats in voxel coordinates and HU.
+    pub splats: &'a [Splat],
+    /// Kernel.
+    pub kernel: Kernel,
+    /// Background b, HU.
+    pub background: f32,
+    /// ε of equation (2).
+    pub epsilon: f32,
+    /// w₀ of the occupancy.
+    pub occupancy_w0: f32,
+}
+
+/// Evaluates at the voxel centres and at `offsets`. `range` is the normalisation: the volume is clipped to it (which
+/// does nothing for the whole volume's own range) and errors are divided by its span. `shell` is the distance from
+/// the ROI, in voxels, up to which the occupancy counts.
+pub fn evaluate(
+    gpu: &Gpu,
+    field: &Field<'_>,
+    volume: &Volume,
+    roi: &Roi,
+    offsets: &[[f32; 3]],
+    range: [f32; 2],
+    shell: f64,
+) -> Result<Evaluation> {
+    let bricks = Bricks::around(roi, shell);
+    let mut sampler = Sampler::new(gpu, field, &bricks)?;
+    let mut at = |offset: [f32; 3]| -> Result<Metrics> {
+        let got = sampler.sample(offset)?;
+        Ok(compare(&bricks, &got, volume, roi, offset, range))
+    };
+    Ok(Evaluation {
+        on_grid: at([0.0; 3])?,
+        between: offsets.iter().map(|&o| at(o)).collect::<Result<_>>()?,
+        range,
+    })
+}
+
+/// `count` random offsets in ±½ voxel for evaluation: never those of a fit with the same seed.
+pub fn random_offsets(count: usize, seed: u64) -> Vec<[f32; 3]> {
+    targets::offsets(count + 1, seed.wrapping_add(0x6576_616c)).split_off(1)
+}
+
+/// The field of some splats at one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldSample {
+    /// V̂, HU.
+    pub hu: f32,
+    /// O in 0..1.
+    pub occupancy: f32,
+}
+
+/// Samples a field on a brick grid.
+pub struct Sampler {
+    rasteriser: Rasteriser,
+    splats: crate::gpu::Buffer<Splat>,
+    background: f32,
+    occupancy_w0: f32,
+}
+
+impl Sampler {
+    /// For the samples of `bricks`.
+    pub fn new(gpu: &Gpu, field: &Field<'_>, bricks: &Bricks) -> Result<Self> {
+        let origin = bricks.origin.as_vec3().to_array();
+        // Relative to the background, so that an uncovered sample has it exactly.
+        let local: Vec<Splat> = field
+            .splats
+            .iter()
+            .map(|s| Splat {
+                mean: std::array::from_fn(|i| s.mean[i] - origin[i]),
+                intensity: s.intensity - field.background,
+                ..*s
+            })
+            .collect();
+        Ok(Sampler {
+            rasteriser: Rasteriser::new(gpu, field.kernel, field.epsilon, bricks, local.len())?,
+            splats: gpu.upload("splats", "splats", &local)?,
+            background: field.background,
+            occupancy_w0: field.occupancy_w0,
+        })
+    }
+
+    /// All samples at one offset, in memory order of the bricks. Samples that take no part may hold anything.
+    pub fn sample(&mut self, offset: [f32; 3]) -> Result<Vec<FieldSample>> {
+        let got = self.rasteriser.rasterise(&self.splats, offset)?;
+        Ok(got
+            .into_iter()
+            .map(|r| FieldSample {
+                hu: r.value + self.background,
+                occupancy: r.weight / (r.weight + self.occupancy_w0),
+            })
+            .collect())
+    }
+}
+
+fn compare(
+    bricks: &Bricks,
+    got: &[FieldSample],
+    volume: &Volume,
+    roi: &Roi,
+    offset: [f32; 3],
+    range: [f32; 2],
+) -> Metrics {
+    let between = offset != [0.0; 3];
+    let shift = glam::Vec3::from_array(offset).as_dvec3();
+    let clip = (range[0], range[1]);
+    // Per sample: (weight, weighted squared error in HU, O, M); summed in a fixed order below.
+    let idle = [0.0f64, 0.0, -1.0, 0.0];
+    let mut totals = [0.0f64; 6];
+    for (slot, samples) in got.chunks(SAMPLES).enumerate() {
+        let wanted = bricks.map_samples(slot..slot + 1, idle, |voxel| {
+            let x = voxel.as_dvec3() + shift;
+            let m = roi.membership(x);
+            let weight = if between && !roi.soft { f64::from(u8::from(m > 0.5)) } else { m };
+            [weight, volume.sample_clipped(x, clip, f32::NAN), m, 0.0]
+        });
+        for (s, [weight, hu, m, _]) in samples.iter().zip(wanted) {
+            if m < 0.0 {
+                continue;
+            }
+            if weight > 0.0 && hu.is_finite() {
+                let error = f64::from(s.hu) - hu;
+                totals[0] += weight;
+                totals[1] += weight * error * error;
+            }
+            let o = f64::from(s.occupancy);
+            totals[2] += 1.0;
+            totals[3] += (o - m) * (o - m);
+            totals[4] += o * m;
+            totals[5] += o * o + m * m;
+        }
+    }
+    let [weight, squared, count, occupancy, both, squares] = totals;
+    let mse_hu = if weight > 0.0 { squared / weight } else { 0.0 };
+    let span = f64::from(range[1]) - f64::from(range[0]);
+    let mmse = if span > 0.0 { mse_hu / (span * span) } else { mse_hu };
+    Metrics {
+        offset,
+        mmse,
+        psnr_db: -10.0 * mmse.log10(),
+        rmse_hu: mse_hu.sqrt(),
+        occupancy_rmse: (occupancy / count.max(1.0)).sqrt(),
+        soft_dice: if squares > 0.0 { 2.0 * both / squares } else { 1.0 },
+    }
+}

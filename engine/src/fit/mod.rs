@@ -1,0 +1,308 @@
+//! The fit: splats for the voxels of a region of interest.
+//!
+//! [`Fitter::new`] samples targets and initialises splats on the host; [`Fitter::step`] is one iteration on the device,
+//! the list of passes below with nothing hidden. Inside, lengths are voxels, positions count from the first voxel
+//! of the brick grid, and intensities are relative to the ROI mean in spans of the HU range ([`Scaling`]).
+
+mod config;
+pub mod evaluate;
+mod targets;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use shaders_glsl::types::{AdamParams, Target};
+
+pub use config::{Field, FitConfig};
+pub use targets::{Scaling, offsets, sample};
+
+use crate::error::{Error, Kind, Result};
+use crate::gpu::{Buffer, Gpu, Ticket};
+use crate::passes::loss::{Sum, Weighted};
+use crate::passes::{Adam, Gradient, Losses, Rasteriser};
+use crate::splat::Splat;
+use crate::volume::bricks::SAMPLES;
+use crate::volume::{Bricks, Roi, Volume};
+
+/// Steps that may be in flight at once: one runs while the next is recorded.
+const IN_FLIGHT: usize = 2;
+
+/// A fit in progress.
+pub struct Fitter {
+    gpu: Gpu,
+    config: FitConfig,
+    scaling: Scaling,
+    bricks: Arc<Bricks>,
+    rasteriser: Rasteriser,
+    losses: Losses,
+    gradient: Gradient,
+    adam: Adam,
+    splats: Buffer<Splat>,
+    offsets: Vec<[f32; 3]>,
+    /// [offset][chunk]
+    targets: Vec<Vec<Buffer<Target>>>,
+    /// Steps done, counting those in flight.
+    iteration: u32,
+    flying: VecDeque<Flight>,
+    /// Read-back buffers of finished steps, to be used again.
+    readbacks: Vec<Buffer<u32>>,
+}
+
+struct Flight {
+    iteration: u32,
+    ticket: Ticket,
+    /// Pairs that each chunk needed, then the number of frozen splats.
+    readback: Buffer<u32>,
+}
+
+/// How a fit stands, from the sums of its last step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// Steps done.
+    pub iteration: u32,
+    /// Mean squared intensity error at the last step's offset, in squared spans of the HU range.
+    pub mse: f64,
+    /// PSNR over the span of the HU range, dB.
+    pub psnr_db: f64,
+    /// Root mean square of O - M over ROI and shell; 0 when the term is off.
+    pub occupancy_rmse: f64,
+}
+
+impl Fitter {
+    /// Prepares a fit of `splats`, given in voxel coordinates of the volume and in HU. `config` must have passed
+    /// [`FitConfig::check`].
+    pub fn new(
+        gpu: &Gpu,
+        volume: &Volume,
+        roi: &Roi,
+        splats: &[Splat],
+        config: &FitConfig,
+    ) -> Result<Self> {
+        if splats.is_empty() {
+            return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
+        }
+        let shell = if config.occupancy_weight > 0.0 { config.shell } else { 0.0 };
+        let bricks = Arc::new(Bricks::around(roi, shell));
+        let scaling = Scaling::new(volume, roi, config);
+        let rasteriser = Rasteriser::new(gpu, config.kernel, config.epsilon, &bricks, splats.len())?;
+        let grid = &rasteriser.grid;
+        let mut terms = vec![Weighted {
+            term: 0,
+            weight: config.mse_weight,
+            parameter: f32::from(u8::from(roi.soft)),
+        }];
+        if config.occupancy_weight > 0.0 {
+            terms.push(Weighted {
+                term: 1,
+                weight: config.occupancy_weight,
+                parameter: config.occupancy_w0,
+            });
+        }
+        let losses = Losses::new(gpu, &terms, config.epsilon, grid.chunk_slots(), grid.chunks())?;
+        let offsets = offsets(config.offsets, config.seed);
+        let mut targets = Vec::new();
+        for (i, &offset) in offsets.iter().enumerate() {
+            let row: Result<Vec<_>> = (0..grid.chunks())
+                .map(|c| {
+                    let sampled = sample(&bricks, grid.chunk(c), volume, roi, &scaling, offset);
+                    gpu.upload(&format!("targets {i}.{c}"), "targets", &sampled)
+                })
+                .collect();
+            targets.push(row?);
+        }
+        let local: Vec<Splat> = splats.iter().map(|s| to_local(s, &bricks, &scaling)).collect();
+        Ok(Fitter {
+            gpu: gpu.clone(),
+            gradient: Gradient::new(gpu, config.kernel, splats.len())?,
+            adam: Adam::new(gpu, splats.len())?,
+            splats: gpu.upload("splats", "splats", &local)?,
+            config: config.clone(),
+            scaling,
+            bricks,
+            rasteriser,
+            losses,
+            offsets,
+            targets,
+            iteration: 0,
+            flying: VecDeque::new(),
+            readbacks: Vec::new(),
+        })
+    }
+
+    /// How HU map to the fit's numbers.
+    pub fn scaling(&self) -> &Scaling {
+        &self.scaling
+    }
+
+    /// The sample grid.
+    pub fn bricks(&self) -> &Bricks {
+        &self.bricks
+    }
+
+    /// Steps done.
+    pub fn iteration(&self) -> u32 {
+        self.iteration
+    }
+
+    /// One iteration. The rates follow `share`, the part of the schedule that is done (0..1): iterations, or the time
+    /// budget.
+    pub fn step(&mut self, share: f64) -> Result<()> {
+        while self.flying.len() >= IN_FLIGHT {
+            self.land()?;
+        }
+        let turn = self.iteration;
+        let index = if self.config.grid_every > 0 && turn.is_multiple_of(self.config.grid_every) {
+            0
+        } else {
+            turn as usize % self.offsets.len()
+        };
+        let offset = self.offsets[index];
+        let chunks = self.rasteriser.grid.chunks();
+        let mut recorder = self.gpu.record()?;
+        for chunk in 0..chunks {
+            let slots = self.rasteriser.grid.chunk(chunk).len();
+            self.rasteriser.record(&mut recorder, &self.splats, chunk, offset)?;
+            self.losses.record(
+                &mut recorder,
+                &self.targets[index][chunk],
+                &self.rasteriser.reconstructions,
+                chunk,
+                slots,
+            );
+            self.gradient.record(
+                &mut recorder,
+                &self.rasteriser.grid,
+                &self.splats,
+                &self.rasteriser.bins.footprints,
+                &self.losses.adjoints,
+                chunk,
+                offset,
+            )?;
+        }
+        let params = self.adam_params(turn, share);
+        self.adam.record(
+            &mut recorder,
+            &self.gradient.rows,
+            &mut self.splats,
+            &self.rasteriser.pair_totals,
+            &params,
+        );
+        let mut readback = match self.readbacks.pop() {
+            Some(buffer) => buffer,
+            None => self.gpu.readback("step read back", chunks + 1)?,
+        };
+        recorder.copy(&self.rasteriser.pair_totals, 0, &mut readback, 0, chunks);
+        recorder.copy(&self.adam.frozen, 0, &mut readback, chunks, 1);
+        let ticket = recorder.submit()?;
+        self.flying.push_back(Flight { iteration: turn, ticket, readback });
+        self.iteration += 1;
+        Ok(())
+    }
+
+    /// Waits for all steps in flight. Afterwards splats and sums are those of [`Fitter::iteration`] steps.
+    pub fn finish(&mut self) -> Result<()> {
+        while !self.flying.is_empty() {
+            self.land()?;
+        }
+        Ok(())
+    }
+
+    /// Waits for the oldest step in flight. Where its pairs did not fit, neither it nor those after it moved anything
+    /// (`adam.comp`): the buffers grow and the count goes back to it.
+    fn land(&mut self) -> Result<()> {
+        let Some(flight) = self.flying.pop_front() else { return Ok(()) };
+        self.gpu.wait(flight.ticket)?;
+        let chunks = self.rasteriser.grid.chunks();
+        let needed =
+            flight.readback.mapped()?[..chunks].iter().copied().max().unwrap_or_default() as usize;
+        self.readbacks.push(flight.readback);
+        if needed > self.rasteriser.bins.capacity() {
+            while let Some(later) = self.flying.pop_front() {
+                self.gpu.wait(later.ticket)?;
+                self.readbacks.push(later.readback);
+            }
+            self.rasteriser.bins.grow(needed)?;
+            self.iteration = flight.iteration;
+        }
+        Ok(())
+    }
+
+    fn adam_params(&self, turn: u32, share: f64) -> AdamParams {
+        let c = &self.config;
+        let t = f64::from(turn + 1);
+        let decay = f64::from(c.rate_decay).powf(share.clamp(0.0, 1.0)) as f32;
+        let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powf(t))) as f32;
+        AdamParams {
+            splat_count: self.splats.len() as u32,
+            chunk_count: self.rasteriser.grid.chunks() as u32,
+            capacity: self.rasteriser.bins.capacity() as u32,
+            beta1: c.beta1,
+            beta2: c.beta2,
+            correction1: correction(c.beta1),
+            correction2: correction(c.beta2),
+            epsilon: c.adam_epsilon,
+            rate_mean: c.rate_mean * decay,
+            rate_rotation: c.rate_rotation * decay,
+            rate_log_scale: c.rate_log_scale * decay,
+            rate_opacity: c.rate_opacity * decay,
+            rate_intensity: c.rate_intensity * decay,
+            min_log_scale: c.scale_min.ln(),
+            max_log_scale: c.scale_max.ln(),
+            max_logit: c.logit_max,
+            min_intensity: self.scaling.value(self.scaling.roi_range.0),
+            max_intensity: self.scaling.value(self.scaling.roi_range.1),
+            max_mean: self.rasteriser.grid.max_mean(),
+        }
+    }
+
+    /// How the fit stands. Waits for the device.
+    pub fn progress(&mut self) -> Result<Progress> {
+        self.finish()?;
+        let sums: Vec<Sum> = self.losses.sums()?;
+        let mean = |s: &Sum| if s.weight > 0.0 { s.value / s.weight } else { 0.0 };
+        let mse = mean(&sums[0]);
+        Ok(Progress {
+            iteration: self.iteration,
+            mse,
+            psnr_db: -10.0 * mse.log10(),
+            occupancy_rmse: sums.get(1).map(|s| mean(s).sqrt()).unwrap_or_default(),
+        })
+    }
+
+    /// Number of times that a splat kept still because its gradient was not finite. Waits for the device.
+    pub fn frozen(&mut self) -> Result<u32> {
+        self.finish()?;
+        Ok(self.adam.frozen.read()?[0])
+    }
+
+    /// The splats as they are now, in voxel coordinates of the volume and in HU. Waits for the device.
+    pub fn splats(&mut self) -> Result<Vec<Splat>> {
+        self.finish()?;
+        let local = self.splats.read()?;
+        Ok(local.iter().map(|s| from_local(s, &self.bricks, &self.scaling)).collect())
+    }
+
+    /// Samples of the grid, all of them, whether they take part or not.
+    pub fn sample_count(&self) -> usize {
+        self.bricks.len() * SAMPLES
+    }
+}
+
+/// From voxel coordinates and HU to the brick grid and the fit's numbers.
+fn to_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
+    let origin = bricks.origin.as_vec3().to_array();
+    Splat {
+        mean: std::array::from_fn(|i| s.mean[i] - origin[i]),
+        intensity: scaling.value(s.intensity.clamp(scaling.roi_range.0, scaling.roi_range.1)),
+        ..*s
+    }
+}
+
+fn from_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
+    let origin = bricks.origin.as_vec3().to_array();
+    Splat {
+        mean: std::array::from_fn(|i| s.mean[i] + origin[i]),
+        intensity: scaling.hu(s.intensity).clamp(scaling.roi_range.0, scaling.roi_range.1),
+        ..*s
+    }
+}

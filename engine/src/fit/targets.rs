@@ -1,0 +1,90 @@
+//! What the samples should be: volume and mask, sampled trilinearly at each sub-voxel offset, because that is what every
+//! volume renderer shows.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use shaders_glsl::types::Target;
+
+use super::FitConfig;
+use crate::volume::{Bricks, Roi, Volume};
+
+/// How HU become the numbers of a fit, and back: value = (HU - background) / unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scaling {
+    /// Intensities are clipped to this range, HU.
+    pub range: (f32, f32),
+    /// Mean over the ROI, HU: what an uncovered sample has.
+    pub background: f32,
+    /// HU per unit of the fit: the span of the range.
+    pub unit: f32,
+    /// Least and greatest HU in the ROI, after clipping: splat intensities stay inside.
+    pub roi_range: (f32, f32),
+}
+
+impl Scaling {
+    /// Of a volume in its ROI, with the range that the configuration names or the data suggest.
+    pub fn new(volume: &Volume, roi: &Roi, config: &FitConfig) -> Self {
+        let finite = || volume.samples.iter().copied().filter(|v| v.is_finite());
+        let range = match config.hu_range {
+            [0.0, 0.0] => {
+                let (low, high) =
+                    finite().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+                // Air at about -1000 tells a CT from everything else.
+                if low < -200.0 { (-1024.0, 3071.0) } else { (low, high) }
+            }
+            [low, high] => (low, high),
+        };
+        let (mut sum, mut weight) = (0.0, 0.0);
+        let mut roi_range = (f32::INFINITY, f32::NEG_INFINITY);
+        for (&v, &w) in volume.samples.iter().zip(&roi.weight) {
+            if w > 0.0 && v.is_finite() {
+                let v = v.clamp(range.0, range.1);
+                sum += f64::from(v) * f64::from(w);
+                weight += f64::from(w);
+                roi_range = (roi_range.0.min(v), roi_range.1.max(v));
+            }
+        }
+        // A constant volume has no span; any positive unit does.
+        let unit = if range.1 > range.0 { range.1 - range.0 } else { 1.0 };
+        // The mean lies in the range up to rounding; a constant ROI has it exactly.
+        let background = ((sum / weight) as f32).clamp(roi_range.0, roi_range.1);
+        Scaling { range, background, unit, roi_range }
+    }
+
+    /// HU -> the fit's number.
+    pub fn value(&self, hu: f32) -> f32 {
+        (hu - self.background) / self.unit
+    }
+
+    /// The fit's number -> HU.
+    pub fn hu(&self, value: f32) -> f32 {
+        value * self.unit + self.background
+    }
+}
+
+/// The grid itself, then random offsets in ±½ voxel.
+pub fn offsets(count: usize, seed: u64) -> Vec<[f32; 3]> {
+    let mut random = Pcg64::seed_from_u64(seed ^ 0x6f66_6673_6574_7321);
+    let mut list = vec![[0.0; 3]];
+    list.extend((1..count).map(|_| std::array::from_fn(|_| random.random_range(-0.5f32..0.5))));
+    list
+}
+
+/// The targets of the slots `range` at one offset, in memory order.
+pub fn sample(
+    bricks: &Bricks,
+    range: std::ops::Range<usize>,
+    volume: &Volume,
+    roi: &Roi,
+    scaling: &Scaling,
+    offset: [f32; 3],
+) -> Vec<Target> {
+    let offset = glam::Vec3::from_array(offset).as_dvec3();
+    let idle = Target { value: 0.0, occupancy: -1.0 };
+    bricks.map_samples(range, idle, |voxel| {
+        let x = voxel.as_dvec3() + offset;
+        let hu = volume.sample_clipped(x, scaling.range, scaling.background);
+        let value = (hu - f64::from(scaling.background)) / f64::from(scaling.unit);
+        Target { value: value as f32, occupancy: roi.membership(x) as f32 }
+    })
+}

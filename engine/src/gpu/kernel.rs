@@ -1,0 +1,120 @@
+//! Compute pipelines made from reflected shaders. Push descriptors: no pools, no sets to own.
+
+use std::sync::Arc;
+
+use ash::vk;
+use shaders_glsl::Shader;
+
+use super::{Context, Gpu, boot, check};
+use crate::error::{Error, Kind, Result};
+
+/// A compute pipeline: one shader with its specialisation constants fixed.
+pub struct Kernel {
+    context: Arc<Context>,
+    pub(super) shader: &'static Shader,
+    pub(super) pipeline: vk::Pipeline,
+    pub(super) layout: vk::PipelineLayout,
+    set_layout: vk::DescriptorSetLayout,
+}
+
+impl Kernel {
+    /// Builds the pipeline. `constants` are the specialisation constants in id order; fewer leave defaults.
+    pub fn new(gpu: &Gpu, shader: &'static Shader, constants: &[u32]) -> Result<Self> {
+        let context = Arc::clone(&gpu.0);
+        if constants.len() > shader.constants.len() {
+            return Err(Error::new(
+                Kind::Internal,
+                "VGS-GPU-030",
+                format!("{} has {} constants, not {}", shader.name, shader.constants.len(), constants.len()),
+            ));
+        }
+        let device = &context.device;
+        let bindings: Vec<_> = (0..shader.bindings.len())
+            .map(|i| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(i as u32)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let set_info = vk::DescriptorSetLayoutCreateInfo::default()
+            .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
+            .bindings(&bindings);
+        // SAFETY: the device is live; the create-info lives on this stack.
+        let set_layout = check(shader.name, unsafe { device.create_descriptor_set_layout(&set_info, None) })?;
+        let mut kernel = Kernel {
+            shader,
+            pipeline: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout,
+            context: Arc::clone(&context),
+        };
+        // From here on `Drop` cleans up: destroying a null handle is allowed.
+        let ranges = [vk::PushConstantRange {
+            stage_flags: vk::ShaderStageFlags::COMPUTE,
+            offset: 0,
+            size: shader.push_bytes as u32,
+        }];
+        let layouts = [set_layout];
+        let mut layout_info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+        if shader.push_bytes > 0 {
+            layout_info = layout_info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: as above.
+        kernel.layout = check(shader.name, unsafe { device.create_pipeline_layout(&layout_info, None) })?;
+        let code: Vec<u32> =
+            shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
+        let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
+        // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
+        let module = check(shader.name, unsafe { device.create_shader_module(&module_info, None) })?;
+        let entries: Vec<_> = (0..constants.len())
+            .map(|i| vk::SpecializationMapEntry { constant_id: i as u32, offset: (i * 4) as u32, size: 4 })
+            .collect();
+        let special = vk::SpecializationInfo::default()
+            .map_entries(&entries)
+            .data(bytemuck::cast_slice(constants));
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&special);
+        let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(kernel.layout)];
+        // SAFETY: module and layout are live; the module may go once the pipeline is made.
+        let made = unsafe {
+            let made = device
+                .create_compute_pipelines(context.pipeline_cache, &info, None)
+                .map_err(|(_, e)| e);
+            device.destroy_shader_module(module, None);
+            made
+        };
+        kernel.pipeline = check(shader.name, made)?[0];
+        if let Some(debug) = &context.debug_utils {
+            let name = boot::c_name(shader.name);
+            let info =
+                vk::DebugUtilsObjectNameInfoEXT::default().object_handle(kernel.pipeline).object_name(&name);
+            // SAFETY: the pipeline is live; failing to name it costs nothing but the name.
+            let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+        }
+        Ok(kernel)
+    }
+
+    /// Name of the shader.
+    pub fn name(&self) -> &'static str {
+        self.shader.name
+    }
+}
+
+impl Drop for Kernel {
+    fn drop(&mut self) {
+        // A kernel may be dropped while its last dispatch still runs; kernels live as long as the programs that use
+        // them, so waiting here is rare and simpler than a second graveyard.
+        // SAFETY: after the wait nothing uses the handles; null handles are ignored.
+        unsafe {
+            let _ = self.context.device.device_wait_idle();
+            self.context.device.destroy_pipeline(self.pipeline, None);
+            self.context.device.destroy_pipeline_layout(self.layout, None);
+            self.context.device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}

@@ -1,0 +1,448 @@
+//! Recording and submitting passes. A pass is a sentence: kernel, reads, writes, constants, dispatch.
+//! The recorder places the barriers, opens a debug label and takes two timestamps per pass.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use ash::vk;
+use ash::vk::Handle as _;
+use bytemuck::Pod;
+use shaders_glsl::Access;
+
+use super::{Buffer, Context, Gpu, Kernel, boot, check, lock};
+use crate::error::{Error, Kind, Result};
+
+/// Timestamps in one submission: two per pass.
+const QUERIES: u32 = 512;
+
+/// A submission: the value that the timeline reaches when the device has finished it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Ticket(pub(super) u64);
+
+/// The queue and the command buffers that go round.
+pub(super) struct Submissions {
+    queue: vk::Queue,
+    last: u64,
+    free: Vec<Slot>,
+    flying: Vec<Flight>,
+}
+
+struct Slot {
+    pool: vk::CommandPool,
+    commands: vk::CommandBuffer,
+    queries: vk::QueryPool,
+}
+
+struct Flight {
+    value: u64,
+    slot: Slot,
+    passes: Vec<String>,
+}
+
+impl Submissions {
+    pub(super) fn new(queue: vk::Queue) -> Self {
+        Submissions { queue, last: 0, free: Vec::new(), flying: Vec::new() }
+    }
+
+    pub(super) fn last_value(&self) -> u64 {
+        self.last
+    }
+
+    /// # Safety
+    /// The device must be idle.
+    pub(super) unsafe fn destroy(&mut self, device: &ash::Device) {
+        let flying = self.flying.drain(..).map(|f| f.slot);
+        for slot in self.free.drain(..).chain(flying) {
+            // SAFETY: as the caller promises.
+            unsafe {
+                device.destroy_command_pool(slot.pool, None);
+                device.destroy_query_pool(slot.queries, None);
+            }
+        }
+    }
+}
+
+impl Gpu {
+    /// Starts recording.
+    pub fn record(&self) -> Result<Recorder> {
+        let context = &self.0;
+        let reused = lock(&context.queue).free.pop();
+        let slot = match reused {
+            Some(slot) => slot,
+            None => new_slot(context)?,
+        };
+        let begin =
+            vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the slot is not in flight: it is new, or `wait` saw its submission finished.
+        unsafe {
+            let reset = context.device.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty());
+            check("resetting commands", reset)?;
+            check("recording", context.device.begin_command_buffer(slot.commands, &begin))?;
+            context.device.cmd_reset_query_pool(slot.commands, slot.queries, 0, QUERIES);
+        }
+        let mut recorder =
+            Recorder { gpu: self.clone(), slot: Some(slot), passes: Vec::new(), touched: HashMap::new() };
+        // Whatever earlier submissions wrote is visible to this one.
+        recorder.barrier();
+        Ok(recorder)
+    }
+
+    /// Waits until the device has finished `ticket`, then counts its timestamps and frees what it was the last to use.
+    pub fn wait(&self, ticket: Ticket) -> Result<()> {
+        let context = &self.0;
+        let semaphores = [context.timeline];
+        let values = [ticket.0];
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the timeline is live. No time limit: submissions are kept short, and a hung device is lost.
+        check("waiting for the device", unsafe { context.device.wait_semaphores(&info, u64::MAX) })?;
+        self.collect()
+    }
+
+    /// Whether the device has finished `ticket`; never waits.
+    pub fn finished(&self, ticket: Ticket) -> Result<bool> {
+        // SAFETY: the timeline is live.
+        let value = unsafe { self.0.device.get_semaphore_counter_value(self.0.timeline) };
+        Ok(check("asking the timeline", value)? >= ticket.0)
+    }
+
+    /// Takes finished submissions out of flight.
+    fn collect(&self) -> Result<()> {
+        let context = &self.0;
+        // SAFETY: the timeline is live.
+        let passed = check("asking the timeline", unsafe {
+            context.device.get_semaphore_counter_value(context.timeline)
+        })?;
+        let done: Vec<Flight> =
+            lock(&context.queue).flying.extract_if(.., |f| f.value <= passed).collect();
+        for flight in done {
+            if context.limits.timestamp_period > 0.0 && !flight.passes.is_empty() {
+                let mut ticks = vec![0u64; flight.passes.len() * 2];
+                // SAFETY: the submission that wrote these queries has finished.
+                let read = unsafe {
+                    context.device.get_query_pool_results(
+                        flight.slot.queries,
+                        0,
+                        &mut ticks,
+                        vk::QueryResultFlags::TYPE_64,
+                    )
+                };
+                check("reading timestamps", read)?;
+                let mut profile = lock(&context.profile);
+                for (name, [from, to]) in flight.passes.iter().zip(ticks.as_chunks::<2>().0) {
+                    let ms =
+                        to.saturating_sub(*from) as f64 * f64::from(context.limits.timestamp_period) * 1e-6;
+                    let row = profile.entry(name.clone()).or_default();
+                    row.calls += 1;
+                    row.total_ms += ms;
+                    row.longest_ms = row.longest_ms.max(ms);
+                }
+            }
+            lock(&context.queue).free.push(flight.slot);
+        }
+        lock(&context.memory).bury(&context.device, passed);
+        Ok(())
+    }
+}
+
+fn new_slot(context: &Context) -> Result<Slot> {
+    let device = &context.device;
+    let pool_info = vk::CommandPoolCreateInfo::default()
+        .flags(vk::CommandPoolCreateFlags::TRANSIENT)
+        .queue_family_index(context.queue_family);
+    let query_info =
+        vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(QUERIES);
+    // SAFETY: the device is live; what is made first is destroyed if a later step fails.
+    unsafe {
+        let pool = check("creating a command pool", device.create_command_pool(&pool_info, None))?;
+        let allocate = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .level(vk::CommandBufferLevel::PRIMARY)
+            .command_buffer_count(1);
+        let made = device
+            .allocate_command_buffers(&allocate)
+            .and_then(|c| device.create_query_pool(&query_info, None).map(|q| (c[0], q)));
+        match made {
+            Ok((commands, queries)) => Ok(Slot { pool, commands, queries }),
+            Err(e) => {
+                device.destroy_command_pool(pool, None);
+                check("creating commands", Err(e))
+            }
+        }
+    }
+}
+
+/// One submission being recorded.
+pub struct Recorder {
+    gpu: Gpu,
+    /// `None` once submitted.
+    slot: Option<Slot>,
+    passes: Vec<String>,
+    /// Buffers touched since the last barrier, and whether one was written.
+    touched: HashMap<vk::Buffer, bool>,
+}
+
+impl Recorder {
+    fn commands(&self) -> vk::CommandBuffer {
+        self.slot.as_ref().map_or(vk::CommandBuffer::null(), |s| s.commands)
+    }
+
+    /// Makes all earlier writes visible to all that follows. One memory barrier for all buffers: on the devices we
+    /// know, a list of buffer barriers costs more than it saves.
+    fn barrier(&mut self) {
+        self.touched.clear();
+        let stages = vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER;
+        let barrier = [vk::MemoryBarrier2::default()
+            .src_stage_mask(stages)
+            .src_access_mask(vk::AccessFlags2::SHADER_STORAGE_WRITE | vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(stages)
+            .dst_access_mask(
+                vk::AccessFlags2::SHADER_STORAGE_READ
+                    | vk::AccessFlags2::SHADER_STORAGE_WRITE
+                    | vk::AccessFlags2::TRANSFER_READ
+                    | vk::AccessFlags2::TRANSFER_WRITE,
+            )];
+        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
+        // SAFETY: the command buffer is recording.
+        unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
+    }
+
+    /// Places a barrier if one of the coming accesses meets an earlier one and either writes.
+    fn touch(&mut self, accesses: &[(vk::Buffer, bool)]) {
+        let hazard = accesses
+            .iter()
+            .any(|(buffer, write)| self.touched.get(buffer).is_some_and(|written| *write || *written));
+        if hazard {
+            self.barrier();
+        }
+        for (buffer, write) in accesses {
+            *self.touched.entry(*buffer).or_default() |= write;
+        }
+    }
+
+    /// Starts a pass of `kernel`.
+    pub fn pass<'a>(&'a mut self, kernel: &'a Kernel) -> Pass<'a> {
+        Pass { recorder: self, kernel, buffers: Vec::new(), push: Vec::new() }
+    }
+
+    /// Fills a buffer with zeros.
+    pub fn clear<T: Pod>(&mut self, buffer: &Buffer<T>) {
+        self.touch(&[(buffer.handle(), true)]);
+        // SAFETY: recording; buffers are made with TRANSFER_DST and whole words.
+        unsafe {
+            self.gpu.0.device.cmd_fill_buffer(self.commands(), buffer.handle(), 0, vk::WHOLE_SIZE, 0);
+        }
+    }
+
+    /// Copies `len` elements from `from[from_start..]` to `to[to_start..]`.
+    pub fn copy<T: Pod>(
+        &mut self,
+        from: &Buffer<T>,
+        from_start: usize,
+        to: &mut Buffer<T>,
+        to_start: usize,
+        len: usize,
+    ) {
+        assert!(from_start + len <= from.len() && to_start + len <= to.len(), "{}: copy behind the end", to.name());
+        let size = size_of::<T>() as u64;
+        self.copy_bytes(
+            (from.handle(), from_start as u64 * size),
+            (to.handle(), to_start as u64 * size),
+            len as u64 * size,
+            to.name(),
+        );
+    }
+
+    pub(super) fn copy_bytes(
+        &mut self,
+        (from, from_offset): (vk::Buffer, u64),
+        (to, to_offset): (vk::Buffer, u64),
+        bytes: u64,
+        name: &str,
+    ) {
+        self.touch(&[(from, false), (to, true)]);
+        let region = [vk::BufferCopy { src_offset: from_offset, dst_offset: to_offset, size: bytes }];
+        self.label(name, |gpu, commands| {
+            // SAFETY: recording; ranges were checked by the callers; usage has both transfer bits.
+            unsafe { gpu.0.device.cmd_copy_buffer(commands, from, to, &region) };
+        });
+    }
+
+    fn label(&self, name: &str, record: impl FnOnce(&Gpu, vk::CommandBuffer)) {
+        let commands = self.commands();
+        if let Some(debug) = &self.gpu.0.debug_utils {
+            let name = boot::c_name(name);
+            let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
+            // SAFETY: recording; begin and end are paired.
+            unsafe { debug.cmd_begin_debug_utils_label(commands, &label) };
+            record(&self.gpu, commands);
+            // SAFETY: as above.
+            unsafe { debug.cmd_end_debug_utils_label(commands) };
+        } else {
+            record(&self.gpu, commands);
+        }
+    }
+
+    /// Ends recording and hands the work to the device.
+    pub fn submit(mut self) -> Result<Ticket> {
+        let Some(slot) = self.slot.take() else {
+            return Err(Error::new(Kind::Internal, "VGS-GPU-040", "submitted twice"));
+        };
+        let context = &self.gpu.0;
+        // A host read after the wait must see what the device wrote.
+        let to_host = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER | vk::PipelineStageFlags2::COMPUTE_SHADER)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE | vk::AccessFlags2::SHADER_STORAGE_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+            .dst_access_mask(vk::AccessFlags2::HOST_READ)];
+        let dependency = vk::DependencyInfo::default().memory_barriers(&to_host);
+        let mut queue = lock(&context.queue);
+        let value = queue.last + 1;
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(slot.commands)];
+        let signals = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(context.timeline)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let submit =
+            [vk::SubmitInfo2::default().command_buffer_infos(&commands).signal_semaphore_infos(&signals)];
+        // SAFETY: the queue is ours alone while locked; the command buffer is complete.
+        unsafe {
+            context.device.cmd_pipeline_barrier2(slot.commands, &dependency);
+            check("recording", context.device.end_command_buffer(slot.commands))?;
+            check("submitting", context.device.queue_submit2(queue.queue, &submit, vk::Fence::null()))?;
+        }
+        queue.last = value;
+        queue.flying.push(Flight { value, slot, passes: std::mem::take(&mut self.passes) });
+        Ok(Ticket(value))
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // Recorded but never submitted: the slot goes back, its pool is reset before the next use.
+        if let Some(slot) = self.slot.take() {
+            lock(&self.gpu.0.queue).free.push(slot);
+        }
+    }
+}
+
+/// One pass being described. The order of `read` and `write` is the order of the bindings in the shader. A
+/// mismatch with the shader is a bug of the caller and panics with the name of kernel and binding.
+pub struct Pass<'a> {
+    recorder: &'a mut Recorder,
+    kernel: &'a Kernel,
+    buffers: Vec<(vk::Buffer, bool)>,
+    push: Vec<u8>,
+}
+
+impl<'a> Pass<'a> {
+    /// Binds the next buffer for reading.
+    #[must_use]
+    pub fn read<T: Pod>(self, buffer: &'a Buffer<T>) -> Self {
+        self.bind(buffer, false)
+    }
+
+    /// Binds the next buffer for writing (or reading and writing).
+    #[must_use]
+    pub fn write<T: Pod>(self, buffer: &'a mut Buffer<T>) -> Self {
+        self.bind(buffer, true)
+    }
+
+    fn bind<T: Pod>(mut self, buffer: &Buffer<T>, write: bool) -> Self {
+        let shader = self.kernel.shader;
+        let Some(binding) = shader.bindings.get(self.buffers.len()) else {
+            panic!("{} has {} bindings; {} is one too many", shader.name, shader.bindings.len(), buffer.name())
+        };
+        assert_eq!(
+            binding.access != Access::Read,
+            write,
+            "{}: {} is {:?} in the shader, {} is bound otherwise",
+            shader.name,
+            binding.name,
+            binding.access,
+            buffer.name()
+        );
+        assert_eq!(
+            binding.stride,
+            size_of::<T>(),
+            "{}: elements of {} and {} differ in size",
+            shader.name,
+            binding.name,
+            buffer.name()
+        );
+        self.buffers.push((buffer.handle(), write));
+        self
+    }
+
+    /// Sets the push constants.
+    #[must_use]
+    pub fn push<P: Pod>(mut self, params: &P) -> Self {
+        self.push = bytemuck::bytes_of(params).to_vec();
+        self
+    }
+
+    /// Records the pass over `x` workgroups; none at all for 0.
+    pub fn dispatch(self, x: u32) {
+        let Pass { recorder, kernel, buffers, push } = self;
+        let shader = kernel.shader;
+        assert_eq!(buffers.len(), shader.bindings.len(), "{}: a buffer is missing", shader.name);
+        assert_eq!(push.len(), shader.push_bytes, "{}: push constants differ in size", shader.name);
+        assert!(x <= recorder.gpu.0.limits.workgroups, "{}: {x} workgroups are too many", shader.name);
+        if x == 0 {
+            return;
+        }
+        recorder.touch(&buffers);
+        let infos: Vec<_> = buffers
+            .iter()
+            .map(|(b, _)| [vk::DescriptorBufferInfo { buffer: *b, offset: 0, range: vk::WHOLE_SIZE }])
+            .collect();
+        let writes: Vec<_> = infos
+            .iter()
+            .enumerate()
+            .map(|(i, info)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_binding(i as u32)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .buffer_info(info)
+            })
+            .collect();
+        let query = recorder.passes.len() as u32 * 2;
+        let queries = recorder.slot.as_ref().map_or(vk::QueryPool::null(), |s| s.queries);
+        let timed = query + 2 <= QUERIES && !queries.is_null();
+        recorder.label(shader.name, |gpu, commands| {
+            let context: &Arc<Context> = &gpu.0;
+            let device = &context.device;
+            // SAFETY: recording; pipeline, layout and buffers are live, the reflected layout matches what is pushed,
+            // and the two queries were reset when recording began.
+            unsafe {
+                device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline);
+                context.push_descriptor.cmd_push_descriptor_set(
+                    commands,
+                    vk::PipelineBindPoint::COMPUTE,
+                    kernel.layout,
+                    0,
+                    &writes,
+                );
+                if !push.is_empty() {
+                    device.cmd_push_constants(
+                        commands,
+                        kernel.layout,
+                        vk::ShaderStageFlags::COMPUTE,
+                        0,
+                        &push,
+                    );
+                }
+                if timed {
+                    let stage = vk::PipelineStageFlags2::COMPUTE_SHADER;
+                    device.cmd_write_timestamp2(commands, stage, queries, query);
+                    device.cmd_dispatch(commands, x, 1, 1);
+                    device.cmd_write_timestamp2(commands, stage, queries, query + 1);
+                } else {
+                    device.cmd_dispatch(commands, x, 1, 1);
+                }
+            }
+        });
+        if timed {
+            recorder.passes.push(shader.name.to_owned());
+        }
+    }
+}

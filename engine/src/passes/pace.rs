@@ -1,0 +1,68 @@
+//! How much work one submission takes. A submission that runs for long freezes a desktop and ends in a lost device
+//! (Windows allows two seconds); one that is short wastes the device. So long passes are cut into submissions by the
+//! rate that was measured so far.
+
+use crate::error::Result;
+use crate::gpu::{Gpu, Recorder, Ticket};
+
+/// A submission should take about this long, ms. The limit that must hold is 500.
+const TARGET_MS: f64 = 120.0;
+/// Units of the first submission, before anything was measured: small enough for the slowest device.
+const FIRST_UNITS: usize = 1024;
+
+/// Cuts the units of one kernel (workgroups) into slices.
+pub struct Pace {
+    kernel: &'static str,
+    ms_per_unit: Option<f64>,
+}
+
+impl Pace {
+    /// The pace of the kernel with that name.
+    pub fn new(kernel: &'static str) -> Self {
+        Pace { kernel, ms_per_unit: None }
+    }
+
+    /// Units for the next submission, at least 1.
+    pub fn slice(&self) -> usize {
+        match self.ms_per_unit {
+            None => FIRST_UNITS,
+            Some(ms) => ((TARGET_MS / ms.max(1e-9)) as usize).clamp(64, 1 << 24),
+        }
+    }
+
+    /// Records `units` of work through `record(recorder, first, count)`, submitting whenever a slice is full. The last
+    /// slice stays in the recorder.
+    pub fn run(
+        &mut self,
+        gpu: &Gpu,
+        recorder: &mut Recorder,
+        units: usize,
+        limit: usize,
+        mut record: impl FnMut(&mut Recorder, usize, usize),
+    ) -> Result<()> {
+        let mut first = 0;
+        while first < units {
+            let count = self.slice().min(limit).min(units - first);
+            record(recorder, first, count);
+            first += count;
+            if first < units || self.ms_per_unit.is_none() {
+                let before = gpu.pass_time(self.kernel);
+                let ticket = std::mem::replace(recorder, gpu.record()?).submit()?;
+                self.learn(gpu, ticket, before.total_ms, count)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn learn(&mut self, gpu: &Gpu, ticket: Ticket, before_ms: f64, units: usize) -> Result<()> {
+        // One slice in flight at a time: cut passes are long, the gap between two slices is not.
+        gpu.wait(ticket)?;
+        let ms = gpu.pass_time(self.kernel).total_ms - before_ms;
+        let measured = ms / units as f64;
+        // Without timestamps the first slice size stays.
+        if ms > 0.0 {
+            self.ms_per_unit = Some(self.ms_per_unit.map_or(measured, |old| measured.max(old)));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,102 @@
+//! Stable least-significant-digit radix sort of (u32 key, u32 value) pairs, 6 bits a pass, without subgroup operations
+//! and without a readback: the number of pairs is read from a buffer.
+
+use shaders_glsl as glsl;
+use shaders_glsl::types::RadixParams;
+
+use super::Scan;
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
+
+/// Bits of a digit.
+const DIGIT_BITS: u32 = 6;
+/// Pairs that one workgroup moves.
+const BLOCK: usize = 2048;
+
+/// The sort with its buffers; keys and values are written by others into [`RadixSort::input`].
+pub struct RadixSort {
+    count: Kernel,
+    scatter: Kernel,
+    scan: Scan,
+    table: Buffer<u32>,
+    offsets: Buffer<u32>,
+    keys: [Buffer<u32>; 2],
+    values: [Buffer<u32>; 2],
+    blocks: usize,
+}
+
+impl RadixSort {
+    /// A sort of at most `capacity` pairs.
+    pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self> {
+        let blocks = capacity.div_ceil(BLOCK).max(1);
+        let table = blocks << DIGIT_BITS;
+        let pairs = |name: &str| gpu.buffer::<u32>(name, "sorting", capacity);
+        Ok(RadixSort {
+            count: Kernel::new(gpu, &glsl::RADIX_COUNT, &[])?,
+            scatter: Kernel::new(gpu, &glsl::RADIX_SCATTER, &[])?,
+            scan: Scan::new(gpu, table)?,
+            table: gpu.buffer("radix digit table", "sorting", table)?,
+            offsets: gpu.buffer("radix digit offsets", "sorting", table + 1)?,
+            keys: [pairs("pair keys A")?, pairs("pair keys B")?],
+            values: [pairs("pair values A")?, pairs("pair values B")?],
+            blocks,
+        })
+    }
+
+    /// The most pairs this sort was made for.
+    pub fn capacity(&self) -> usize {
+        self.keys[0].len()
+    }
+
+    /// Where the unsorted keys and values go.
+    pub fn input(&mut self) -> (&mut Buffer<u32>, &mut Buffer<u32>) {
+        let ([keys, _], [values, _]) = (&mut self.keys, &mut self.values);
+        (keys, values)
+    }
+
+    /// Records the sort of the first `counts[count_index]` pairs by the lowest `bits` bits of the key, and gives sorted
+    /// keys and values.
+    pub fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        counts: &Buffer<u32>,
+        count_index: usize,
+        bits: u32,
+    ) -> (&Buffer<u32>, &Buffer<u32>) {
+        let mut from = 0;
+        for shift in (0..bits).step_by(DIGIT_BITS as usize) {
+            let params = RadixParams {
+                shift,
+                blocks: self.blocks as u32,
+                count_index: count_index as u32,
+                capacity: self.capacity() as u32,
+            };
+            recorder
+                .pass(&self.count)
+                .read(counts)
+                .read(&self.keys[from])
+                .write(&mut self.table)
+                .push(&params)
+                .dispatch(self.blocks as u32);
+            self.scan.record(recorder, &self.table, self.blocks << DIGIT_BITS, &mut self.offsets);
+            let ([keys_a, keys_b], [values_a, values_b]) = (&mut self.keys, &mut self.values);
+            let (keys_from, keys_to, values_from, values_to) = if from == 0 {
+                (&*keys_a, keys_b, &*values_a, values_b)
+            } else {
+                (&*keys_b, keys_a, &*values_b, values_a)
+            };
+            recorder
+                .pass(&self.scatter)
+                .read(counts)
+                .read(keys_from)
+                .read(values_from)
+                .read(&self.offsets)
+                .write(keys_to)
+                .write(values_to)
+                .push(&params)
+                .dispatch(self.blocks as u32);
+            from = 1 - from;
+        }
+        (&self.keys[from], &self.values[from])
+    }
+}

@@ -1,0 +1,99 @@
+//! Splats to samples: binning, then the forward pass, chunk by chunk.
+
+use shaders_glsl as glsl;
+use shaders_glsl::types::{RasterParams, Reconstruction};
+
+use super::bin::SampleGrid;
+use super::{Binner, Pace};
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
+use crate::splat::{self, Splat};
+use crate::volume::Bricks;
+use crate::volume::bricks::SAMPLES;
+
+/// The forward pass over a fixed sample grid and a fixed number of splats.
+pub struct Rasteriser {
+    gpu: Gpu,
+    kernel: Kernel,
+    pace: Pace,
+    /// The sample grid.
+    pub grid: SampleGrid,
+    /// Bins of the chunk that was rasterised last.
+    pub bins: Binner,
+    /// Σw and V̂ of the chunk that was rasterised last, [slot][Morton place].
+    pub reconstructions: Buffer<Reconstruction>,
+    /// Pairs that each chunk needed.
+    pub pair_totals: Buffer<u32>,
+    epsilon: f32,
+}
+
+impl Rasteriser {
+    /// For `splat_count` splats in local voxel coordinates of `bricks`. `epsilon` is ε of equation (2).
+    pub fn new(
+        gpu: &Gpu,
+        kernel: splat::Kernel,
+        epsilon: f32,
+        bricks: &Bricks,
+        splat_count: usize,
+    ) -> Result<Self> {
+        let grid = SampleGrid::new(gpu, bricks, size_of::<Reconstruction>())?;
+        Ok(Rasteriser {
+            gpu: gpu.clone(),
+            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id()])?,
+            pace: Pace::new(glsl::SPLAT_TO_VOLUME.name),
+            bins: Binner::new(gpu, kernel, &grid, splat_count)?,
+            reconstructions: gpu.buffer("reconstruction", "samples", grid.chunk_slots() * SAMPLES)?,
+            pair_totals: gpu.buffer("pair totals", "sorting", grid.chunks())?,
+            grid,
+            epsilon,
+        })
+    }
+
+    /// Records binning and forward pass of one chunk; may submit in between.
+    pub fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        splats: &Buffer<Splat>,
+        chunk: usize,
+        offset: [f32; 3],
+    ) -> Result<()> {
+        let bins = self.bins.record(recorder, &self.grid, splats, chunk, offset, &mut self.pair_totals);
+        let grid = self.grid.params(chunk, offset);
+        let limit = self.gpu.limits().workgroups as usize;
+        let (kernel, coordinates, epsilon) = (&self.kernel, &self.grid.coordinates, self.epsilon);
+        let out = &mut self.reconstructions;
+        // A unit is a workgroup: a block of 4³ samples.
+        self.pace.run(&self.gpu, recorder, grid.slot_count as usize * 8, limit, |recorder, first, count| {
+            recorder
+                .pass(kernel)
+                .read(bins.starts)
+                .read(bins.values)
+                .read(bins.cells)
+                .read(bins.footprints)
+                .read(coordinates)
+                .write(out)
+                .push(&RasterParams { grid, first_block: first as u32, epsilon })
+                .dispatch(count as u32);
+        })
+    }
+
+    /// Rasterises all chunks at one offset and reads the samples back, in memory order of the bricks.
+    pub fn rasterise(&mut self, splats: &Buffer<Splat>, offset: [f32; 3]) -> Result<Vec<Reconstruction>> {
+        let mut out = Vec::with_capacity(self.grid.slot_count * SAMPLES);
+        for chunk in 0..self.grid.chunks() {
+            loop {
+                let mut recorder = self.gpu.record()?;
+                self.record(&mut recorder, splats, chunk, offset)?;
+                let ticket = recorder.submit()?;
+                self.gpu.wait(ticket)?;
+                let needed = self.pair_totals.read_range(chunk, 1)?[0] as usize;
+                if needed <= self.bins.capacity() {
+                    break;
+                }
+                self.bins.grow(needed)?;
+            }
+            out.extend(self.reconstructions.read_range(0, self.grid.chunk(chunk).len() * SAMPLES)?);
+        }
+        Ok(out)
+    }
+}

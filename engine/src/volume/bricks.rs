@@ -1,0 +1,316 @@
+//! Bricks: the sparse sample grid of a fit. Only bricks of 8³ voxels that hold a voxel which takes part have a slot, so
+//! cost and memory follow the region of interest and not the volume.
+//!
+//! Coordinates: a *brick grid* starts at voxel `origin` of the volume; local coordinates count voxels from there.
+//! Inside a brick samples lie in Morton order (`shaders-glsl/include/brick.glsl`), so that 8 neighbours in memory are
+//! a cell of 2³ voxels.
+
+use glam::{DVec3, IVec3, UVec3};
+use rayon::prelude::*;
+
+use super::{Roi, Volume};
+
+/// Voxels along an edge of a brick.
+pub const BRICK: usize = 8;
+/// Samples in a brick.
+pub const SAMPLES: usize = BRICK * BRICK * BRICK;
+/// Table entry of a brick without a slot.
+pub const NO_SLOT: u32 = u32::MAX;
+
+/// A sparse grid of bricks.
+#[derive(Clone, Debug)]
+pub struct Bricks {
+    /// Voxel of the volume at local coordinate (0, 0, 0).
+    pub origin: IVec3,
+    /// Bricks along x, y, z.
+    pub grid: UVec3,
+    /// Slot of each brick of the grid, x fastest; [`NO_SLOT`] where there is none.
+    pub slots: Vec<u32>,
+    /// Brick coordinate of each slot.
+    pub coordinates: Vec<UVec3>,
+    /// Which samples of each slot take part: bit `m` is Morton place `m`.
+    pub active: Vec<[u64; SAMPLES / 64]>,
+}
+
+/// Place in a brick -> local voxel in 0..8.
+pub fn brick_voxel(morton: usize) -> UVec3 {
+    let gather = |v: usize| ((v & 1) | (v >> 2 & 2) | (v >> 4 & 4)) as u32;
+    UVec3::new(gather(morton), gather(morton >> 1), gather(morton >> 2))
+}
+
+/// Local voxel in 0..8 -> place in a brick.
+pub fn brick_morton(voxel: UVec3) -> usize {
+    let spread = |v: u32| ((v & 1) | (v & 2) << 2 | (v & 4) << 4) as usize;
+    spread(voxel.x) | spread(voxel.y) << 1 | spread(voxel.z) << 2
+}
+
+impl Bricks {
+    /// Bricks over every voxel of a volume of `size` that lies within `shell` voxels (Euclidean) of a voxel of the ROI.
+    pub fn around(roi: &Roi, shell: f64) -> Self {
+        let reach = shell.floor() as i32;
+        let (low, high) = bounding_box(roi);
+        let size = IVec3::from_array(roi.size.map(|n| n as i32));
+        let low = (low - reach).max(IVec3::ZERO);
+        let high = (high + reach).min(size - 1);
+        let near = within(roi, low, high, shell);
+        let extent = (high - low + 1).as_uvec3();
+        Self::of_box(low, extent, |v| near[((v.z * extent.y + v.y) * extent.x + v.x) as usize])
+    }
+
+    /// Bricks over every voxel of the box `low .. low + extent` for which `wanted` (asked in coordinates from `low`).
+    pub fn of_box(low: IVec3, extent: UVec3, wanted: impl Fn(UVec3) -> bool + Sync) -> Self {
+        let grid = (extent + 7) / 8;
+        let count = (grid.x * grid.y * grid.z) as usize;
+        let found: Vec<_> = (0..count as u32)
+            .into_par_iter()
+            .filter_map(|i| {
+                let brick = UVec3::new(i % grid.x, i / grid.x % grid.y, i / (grid.x * grid.y));
+                let mut active = [0u64; SAMPLES / 64];
+                for morton in 0..SAMPLES {
+                    let v = brick * 8 + brick_voxel(morton);
+                    if v.cmplt(extent).all() && wanted(v) {
+                        active[morton / 64] |= 1 << (morton % 64);
+                    }
+                }
+                (active != [0; SAMPLES / 64]).then_some((i, brick, active))
+            })
+            .collect();
+        let mut slots = vec![NO_SLOT; count];
+        for (slot, (i, ..)) in found.iter().enumerate() {
+            slots[*i as usize] = slot as u32;
+        }
+        Bricks {
+            origin: low,
+            grid,
+            slots,
+            coordinates: found.iter().map(|f| f.1).collect(),
+            active: found.into_iter().map(|f| f.2).collect(),
+        }
+    }
+
+    /// Number of bricks with a slot.
+    pub fn len(&self) -> usize {
+        self.coordinates.len()
+    }
+
+    /// Whether no brick has a slot.
+    pub fn is_empty(&self) -> bool {
+        self.coordinates.is_empty()
+    }
+
+    /// Number of samples that take part.
+    pub fn active_count(&self) -> usize {
+        self.active.iter().flatten().map(|w| w.count_ones() as usize).sum()
+    }
+
+    /// Whether the sample at a Morton place of a slot takes part.
+    pub fn is_active(&self, slot: usize, morton: usize) -> bool {
+        self.active[slot][morton / 64] >> (morton % 64) & 1 == 1
+    }
+
+    /// The 64 cells of each slot that hold a sample which takes part, as two words (cells 0..32, 32..64).
+    pub fn active_cells(&self) -> Vec<[u32; 2]> {
+        self.active
+            .iter()
+            .map(|words| {
+                let mut cells = 0u64;
+                for cell in 0..64 {
+                    if words[cell / 8] >> (cell % 8 * 8) & 0xFF != 0 {
+                        cells |= 1 << cell;
+                    }
+                }
+                [cells as u32, (cells >> 32) as u32]
+            })
+            .collect()
+    }
+
+    /// Voxel of the volume at a Morton place of a slot.
+    pub fn voxel(&self, slot: usize, morton: usize) -> IVec3 {
+        self.origin + (self.coordinates[slot] * 8 + brick_voxel(morton)).as_ivec3()
+    }
+
+    /// `f(voxel)` for every sample of the slots `range`, in memory order; `idle` where a sample takes no part.
+    pub fn map_samples<T: Copy + Send + Sync>(
+        &self,
+        range: std::ops::Range<usize>,
+        idle: T,
+        f: impl Fn(IVec3) -> T + Sync,
+    ) -> Vec<T> {
+        range
+            .into_par_iter()
+            .flat_map_iter(|slot| {
+                let f = &f;
+                (0..SAMPLES).map(move |m| if self.is_active(slot, m) { f(self.voxel(slot, m)) } else { idle })
+            })
+            .collect()
+    }
+}
+
+/// Trilinear sample of a grid at `x` (voxel space), clamped to the edge: what every volume renderer shows.
+/// `at` gives the value of a voxel inside `size`.
+pub fn trilinear(size: [usize; 3], x: DVec3, at: impl Fn(usize) -> f64) -> f64 {
+    let mut low = [0usize; 3];
+    let mut high = [0usize; 3];
+    let mut part = [0f64; 3];
+    for axis in 0..3 {
+        let c = x[axis].clamp(0.0, (size[axis] - 1) as f64);
+        low[axis] = c as usize;
+        high[axis] = (low[axis] + 1).min(size[axis] - 1);
+        part[axis] = c - low[axis] as f64;
+    }
+    let row = |y: usize, z: usize| {
+        let base = (z * size[1] + y) * size[0];
+        let (a, b) = (at(base + low[0]), at(base + high[0]));
+        a + (b - a) * part[0]
+    };
+    let slice = |z: usize| {
+        let (a, b) = (row(low[1], z), row(high[1], z));
+        a + (b - a) * part[1]
+    };
+    let (a, b) = (slice(low[2]), slice(high[2]));
+    a + (b - a) * part[2]
+}
+
+/// First and last voxel of the ROI on each axis; an empty box at 0 when there is none.
+fn bounding_box(roi: &Roi) -> (IVec3, IVec3) {
+    let [nx, ny, _] = roi.size;
+    let empty = (IVec3::MAX, IVec3::MIN);
+    let (low, high) = roi
+        .weight
+        .par_chunks(nx)
+        .enumerate()
+        .filter_map(|(row, w)| {
+            let first = w.iter().position(|&w| w > 0.0)? as i32;
+            let last = w.iter().rposition(|&w| w > 0.0)? as i32;
+            let (y, z) = ((row % ny) as i32, (row / ny) as i32);
+            Some((IVec3::new(first, y, z), IVec3::new(last, y, z)))
+        })
+        .reduce(|| empty, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    if low.cmple(high).all() { (low, high) } else { (IVec3::ZERO, IVec3::NEG_ONE) }
+}
+
+/// Which voxels of the box `low..=high` have a voxel of the ROI within `shell`: squared distances, one axis after the
+/// other (they are small integers, so a byte holds what matters).
+fn within(roi: &Roi, low: IVec3, high: IVec3, shell: f64) -> Vec<bool> {
+    let extent = (high - low + 1).max(IVec3::ZERO).as_uvec3();
+    let (ex, ey, ez) = (extent.x as usize, extent.y as usize, extent.z as usize);
+    if ex * ey * ez == 0 {
+        return Vec::new();
+    }
+    let reach = shell.floor() as i64;
+    let limit = (shell * shell).floor().min(f64::from(u16::MAX - 1)) as u16;
+    let far = u16::MAX;
+    // Distance along x, from the mask.
+    let mut squared = vec![far; ex * ey * ez];
+    squared.par_chunks_mut(ex).enumerate().for_each(|(row, out)| {
+        let (y, z) = (row % ey + low.y as usize, row / ey + low.z as usize);
+        let base = (z * roi.size[1] + y) * roi.size[0] + low.x as usize;
+        let inside = &roi.weight[base..base + ex];
+        let mut since = i64::MAX;
+        for x in 0..ex {
+            since = if inside[x] > 0.0 { 0 } else { since.saturating_add(1) };
+            if since <= reach {
+                out[x] = (since * since) as u16;
+            }
+        }
+        since = i64::MAX;
+        for x in (0..ex).rev() {
+            since = if inside[x] > 0.0 { 0 } else { since.saturating_add(1) };
+            if since <= reach {
+                out[x] = out[x].min((since * since) as u16);
+            }
+        }
+    });
+    // Then along y and z: the least of a neighbour's distance and the step to it.
+    let spread = |from: &[u16], stride: usize, len: usize| -> Vec<u16> {
+        from.par_iter()
+            .enumerate()
+            .map(|(i, &own)| {
+                let at = (i / stride % len) as i64;
+                let mut best = own;
+                for step in (-reach).max(-at)..=reach.min(len as i64 - 1 - at) {
+                    let j = (i as i64 + step * stride as i64) as usize;
+                    best = best.min(from[j].saturating_add((step * step) as u16));
+                }
+                best
+            })
+            .collect()
+    };
+    let squared = spread(&squared, ex, ey);
+    let squared = spread(&squared, ex * ey, ez);
+    squared.into_iter().map(|d| d <= limit).collect()
+}
+
+impl Volume {
+    /// Trilinear sample at `x` (voxel space), clamped to the edge, each voxel first clipped to `clip`; a voxel that is
+    /// not finite counts as `idle`.
+    pub fn sample_clipped(&self, x: DVec3, clip: (f32, f32), idle: f32) -> f64 {
+        trilinear(self.size, x, |i| {
+            let v = self.samples[i];
+            f64::from(if v.is_finite() { v.clamp(clip.0, clip.1) } else { idle })
+        })
+    }
+}
+
+impl Roi {
+    /// Trilinear membership at `x` (voxel space), clamped to the edge.
+    pub fn membership(&self, x: DVec3) -> f64 {
+        trilinear(self.size, x, |i| f64::from(self.weight[i]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn morton_places_are_a_permutation_in_cells_of_eight() {
+        for m in 0..SAMPLES {
+            assert_eq!(brick_morton(brick_voxel(m)), m);
+            assert_eq!(brick_voxel(m) / 2, brick_voxel(m & !7) / 2, "place {m} leaves its cell");
+        }
+    }
+
+    #[test]
+    fn the_shell_is_a_ball_around_each_voxel() {
+        let size = [30, 20, 25];
+        let mut roi = Roi { size, weight: vec![0.0; 30 * 20 * 25], soft: false };
+        let seeds = [IVec3::new(3, 4, 5), IVec3::new(20, 18, 24), IVec3::new(29, 0, 0)];
+        for s in seeds {
+            roi.weight[(s.z as usize * 20 + s.y as usize) * 30 + s.x as usize] = 1.0;
+        }
+        let bricks = Bricks::around(&roi, 4.0);
+        let mut expected = 0;
+        for z in 0..25 {
+            for y in 0..20 {
+                for x in 0..30 {
+                    let v = IVec3::new(x, y, z);
+                    let near = seeds.iter().any(|&s| (v - s).length_squared() <= 16);
+                    expected += usize::from(near);
+                    let local = (v - bricks.origin).as_uvec3();
+                    let inside = v.cmpge(bricks.origin).all() && (local / 8).cmplt(bricks.grid).all();
+                    let found = inside && {
+                        let b = local / 8;
+                        let slot = bricks.slots[((b.z * bricks.grid.y + b.y) * bricks.grid.x + b.x) as usize];
+                        slot != NO_SLOT && bricks.is_active(slot as usize, brick_morton(local % 8))
+                    };
+                    assert_eq!(found, near, "{v}");
+                }
+            }
+        }
+        assert_eq!(bricks.active_count(), expected);
+    }
+
+    #[test]
+    fn trilinear_is_exact_on_linear_functions_and_clamps() {
+        let size = [4, 3, 5];
+        let at = |i: usize| {
+            let (x, y, z) = (i % 4, i / 4 % 3, i / 12);
+            x as f64 * 2.0 - y as f64 + z as f64 * 0.5
+        };
+        let x = DVec3::new(1.25, 0.5, 3.75);
+        assert!((trilinear(size, x, at) - (2.5 - 0.5 + 1.875)).abs() < 1e-12);
+        assert_eq!(trilinear(size, DVec3::splat(-1.0), at), at(0));
+        assert_eq!(trilinear(size, DVec3::splat(99.0), at), at(59));
+    }
+}

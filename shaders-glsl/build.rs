@@ -1,0 +1,196 @@
+//! Compiles every stage file with glslang (through shaderc), reflects it, and writes one table to `OUT_DIR`:
+//! `shaders.rs` with a `Shader` per file, and a compile-time check that each struct which a shader shares with
+//! the host has the same fields at the same offsets in `src/types.rs`.
+//!
+//! The unoptimised SPIR-V is reflected, because optimising drops names and unused bindings; the optimised one
+//! is shipped.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+use spirq::ReflectConfig;
+use spirq::constant::ConstantValue;
+use spirq::ty::{AccessType, DescriptorType, Type};
+use spirq::var::Variable;
+
+/// The folders that hold kernels; `include/` holds what they share.
+const FOLDERS: [&str; 2] = ["common", "fit"];
+
+fn main() {
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));
+    println!("cargo::rerun-if-changed=include");
+    let compiler = shaderc::Compiler::new().expect("glslang starts");
+    let mut structs = BTreeMap::new();
+    let mut items = String::new();
+    let mut names = Vec::new();
+    for folder in FOLDERS {
+        println!("cargo::rerun-if-changed={folder}");
+        let mut files: Vec<_> = fs::read_dir(root.join(folder))
+            .unwrap_or_else(|e| panic!("{folder}: {e}"))
+            .map(|f| f.expect("a readable folder").path())
+            .filter(|f| f.extension().is_some_and(|e| e == "comp"))
+            .collect();
+        files.sort();
+        for file in files {
+            let name = file.file_stem().expect("a file has a name").to_string_lossy().into_owned();
+            let plain = compile(&compiler, &root, &file, false);
+            let optimised = compile(&compiler, &root, &file, true);
+            fs::write(out.join(format!("{name}.spv")), optimised).expect("OUT_DIR is writable");
+            items += &reflect(&name, &plain, &mut structs);
+            names.push(name.to_uppercase());
+        }
+    }
+    writeln!(items, "/// Every compiled kernel.\npub static ALL: &[&Shader] = &[{}];", amp(&names)).unwrap();
+    for (name, fields) in &structs {
+        items += &layout_check(name, fields);
+    }
+    fs::write(out.join("shaders.rs"), items).expect("OUT_DIR is writable");
+}
+
+fn amp(names: &[String]) -> String {
+    names.iter().map(|n| format!("&{n}, ")).collect()
+}
+
+fn compile(compiler: &shaderc::Compiler, root: &Path, file: &Path, optimise: bool) -> Vec<u8> {
+    let mut options = shaderc::CompileOptions::new().expect("glslang has options");
+    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
+    // 1.5: from 1.6 on glslang states the workgroup size by id, which the reflection does not read.
+    options.set_target_spirv(shaderc::SpirvVersion::V1_5);
+    options.set_warnings_as_errors();
+    if optimise {
+        options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+    } else {
+        options.set_optimization_level(shaderc::OptimizationLevel::Zero);
+        options.set_generate_debug_info();
+    }
+    options.set_include_callback(|asked, _, from, _| {
+        let path = root.join("include").join(asked);
+        let content = fs::read_to_string(&path)
+            .map_err(|e| format!("{from} includes {asked}, which is not in include/: {e}"))?;
+        Ok(shaderc::ResolvedInclude { resolved_name: path.to_string_lossy().into_owned(), content })
+    });
+    let source = fs::read_to_string(file).expect("a listed file is readable");
+    let shown = file.strip_prefix(root).unwrap_or(file).to_string_lossy().into_owned();
+    match compiler.compile_into_spirv(&source, shaderc::ShaderKind::Compute, &shown, "main", Some(&options)) {
+        Ok(binary) => binary.as_binary_u8().to_vec(),
+        // A build script speaks through a panic; the compiler's own text names file and line.
+        Err(e) => panic!("\n{e}\n"),
+    }
+}
+
+/// (offset, field name) of each member, and the size of the whole.
+type Fields = (Vec<(usize, String)>, usize);
+
+fn reflect(name: &str, spirv: &[u8], structs: &mut BTreeMap<String, Fields>) -> String {
+    let entry = ReflectConfig::new()
+        .spv(spirv)
+        .ref_all_rscs(true)
+        .reflect()
+        .unwrap_or_else(|e| panic!("{name}: cannot reflect: {e}"))
+        .pop()
+        .expect("one entry point");
+    let mut bindings = BTreeMap::new();
+    let mut push_bytes = 0;
+    let mut constants = Vec::new();
+    for var in &entry.vars {
+        match var {
+            Variable::Descriptor { name: binding, desc_bind, desc_ty, ty, .. } => {
+                let DescriptorType::StorageBuffer(access) = desc_ty else {
+                    panic!("{name}: only storage buffers are bound, not {desc_ty:?}")
+                };
+                let access = match access {
+                    AccessType::ReadOnly => "Read",
+                    AccessType::WriteOnly => "Write",
+                    AccessType::ReadWrite => "ReadWrite",
+                };
+                let Type::Struct(block) = ty else { panic!("{name}: a buffer block is a struct") };
+                let [member] = block.members.as_slice() else {
+                    panic!("{name}: a buffer block holds one array")
+                };
+                let Type::Array(array) = &member.ty else { panic!("{name}: a buffer block holds one array") };
+                collect(&array.element_ty, structs);
+                let stride = array.stride.expect("a buffer array has a stride");
+                let label = member.name.clone().or_else(|| binding.clone()).unwrap_or_default();
+                assert_eq!(desc_bind.set(), 0, "{name}: push descriptors are set 0");
+                bindings.insert(
+                    desc_bind.bind(),
+                    format!("Binding {{ name: {label:?}, access: Access::{access}, stride: {stride} }}, "),
+                );
+            }
+            Variable::PushConstant { ty, .. } => {
+                collect(ty, structs);
+                push_bytes = ty.nbyte().expect("push constants have a size");
+            }
+            Variable::SpecConstant { name: constant, spec_id, .. } => {
+                constants.push((*spec_id, constant.clone().unwrap_or_default()));
+            }
+            Variable::Input { .. } | Variable::Output { .. } => {}
+        }
+    }
+    assert!(bindings.keys().copied().eq(0..bindings.len() as u32), "{name}: bindings count up from 0");
+    constants.sort();
+    assert!(constants.iter().map(|c| c.0).eq(0..constants.len() as u32), "{name}: constants count up from 0");
+    let local: Vec<u32> = entry
+        .exec_modes
+        .iter()
+        .find(|m| m.exec_mode == spirq::spirv::ExecutionMode::LocalSize)
+        .map(|m| {
+            m.operands
+                .iter()
+                .map(|o| match &o.value {
+                    ConstantValue::U32(v) => *v,
+                    ConstantValue::S32(v) => *v as u32,
+                    ConstantValue::Typeless(b) => u32::from_le_bytes(b[..4].try_into().expect("4 bytes")),
+                    other => panic!("{name}: odd local size {other:?}"),
+                })
+                .collect()
+        })
+        .unwrap_or_else(|| panic!("{name}: local_size is a literal"));
+    let bindings: String = bindings.into_values().collect();
+    let constants: String = constants.iter().map(|c| format!("{:?}, ", c.1)).collect();
+    format!(
+        "/// `{name}.comp`\npub static {}: Shader = Shader {{ name: {name:?}, \
+         spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")), bindings: &[{bindings}], \
+         constants: &[{constants}], push_bytes: {push_bytes}, local_size: {local:?} }};\n",
+        name.to_uppercase()
+    )
+}
+
+/// Notes the layout of a struct and of the structs inside it.
+fn collect(ty: &Type, structs: &mut BTreeMap<String, Fields>) {
+    let Type::Struct(s) = ty else { return };
+    let name = s.name.clone().expect("debug info names structs");
+    let mut fields = Vec::new();
+    for member in &s.members {
+        collect(&member.ty, structs);
+        fields.push((
+            member.offset.expect("members have offsets"),
+            member.name.clone().expect("debug info names members"),
+        ));
+    }
+    let found = (fields, ty.nbyte().expect("shared structs have a size"));
+    if let Some(before) = structs.insert(name.clone(), found.clone()) {
+        assert_eq!(before, found, "two shaders disagree on struct {name}");
+    }
+}
+
+fn layout_check(name: &str, (fields, size): &Fields) -> String {
+    let mut check = format!("const _: () = {{\n    use crate::types::{name};\n");
+    for (offset, field) in fields {
+        writeln!(
+            check,
+            "    assert!(core::mem::offset_of!({name}, {field}) == {offset}, \
+             \"{name}.{field}: offset differs from the shader\");"
+        )
+        .unwrap();
+    }
+    writeln!(
+        check,
+        "    assert!(size_of::<{name}>() == {size}, \"{name}: size differs from the shader\");\n}};"
+    )
+    .unwrap();
+    check
+}

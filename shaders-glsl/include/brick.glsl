@@ -1,0 +1,49 @@
+// Brick arithmetic. A brick is 8^3 samples; inside it samples lie in Morton order, so that 8 neighbours in memory
+// are a cell of 2^3 and 64 are a block of 4^3.
+#ifndef BRICK_GLSL
+#define BRICK_GLSL
+
+// Spreads 3 bits to every third place: abc -> a00b00c.
+uint spread3(uint v) {
+    return (v & 1u) | ((v & 2u) << 2) | ((v & 4u) << 4);
+}
+
+// Gathers every third bit of 9.
+uint gather3(uint v) {
+    return (v & 1u) | ((v >> 2) & 2u) | ((v >> 4) & 4u);
+}
+
+// Place in the brick -> (x, y, z) in 0..8.
+uvec3 brick_voxel(uint morton) {
+    return uvec3(gather3(morton), gather3(morton >> 1), gather3(morton >> 2));
+}
+
+uint brick_index(uvec3 brick, uvec3 bricks) {
+    return (brick.z * bricks.y + brick.y) * bricks.x + brick.x;
+}
+
+// Samples that lie in the box of a footprint: first and last index on each axis, empty when first > last.
+// The box is widened a little, so that rounding never cuts a sample off: what lies outside the support has κ = 0.
+void sample_box(Footprint f, Grid grid, out ivec3 first, out ivec3 last) {
+    vec3 m = f.mean - grid.offset;
+    vec3 e = f.extent + 1e-3;
+    vec3 top = vec3(grid.bricks * 8u) - 1.0;
+    // Clamped as floats: a huge or non-finite box must not overflow an integer.
+    first = ivec3(clamp(ceil(m - e), vec3(0.0), top + 1.0));
+    last = ivec3(clamp(floor(m + e), vec3(-1.0), top));
+}
+
+// The samples of one row (fixed y and z) that lie in the support: a closed interval in x, before clamping to the
+// grid; false when the row misses it. `rest` is column_y*d.y + column_z*d.z, `mean_x` relative to the samples.
+bool row_interval(Footprint f, vec3 rest, float mean_x, float support, out float x0, out float x1) {
+    float a = dot(f.column_x, f.column_x);
+    float b = dot(f.column_x, rest);
+    float c = dot(rest, rest) - support;
+    float d = b * b - a * c;
+    float root = sqrt(max(d, 0.0));
+    x0 = mean_x - (b + root) / a;
+    x1 = mean_x - (b - root) / a;
+    return d > 0.0;
+}
+
+#endif

@@ -1,0 +1,34 @@
+// The splat kernel κ(q) of the squared whitened distance q, as a specialisation constant chooses it
+// (engine/src/splat/kernel.rs has the same table).
+#ifndef KERNEL_GLSL
+#define KERNEL_GLSL
+
+layout(constant_id = 0) const uint KERNEL = 0;
+const uint KERNEL_COMPACT = 0;  // (1 - q/6)^3: smooth end, no exp
+const uint KERNEL_GAUSSIAN = 1; // exp(-q/2), cut at 3 sigma: the paper's, and what ordinary viewers draw
+
+float support_q() {
+    if (KERNEL == KERNEL_COMPACT) return 6.0;
+    return 9.0;
+}
+
+// κ(q); 0 outside the support.
+float kernel_value(float q) {
+    if (KERNEL == KERNEL_COMPACT) {
+        float t = max(1.0 - q * (1.0 / 6.0), 0.0);
+        return t * t * t;
+    }
+    return q < 9.0 ? exp(-0.5 * q) : 0.0;
+}
+
+// (κ(q), -2 dκ/dq).
+vec2 kernel_value_slope(float q) {
+    if (KERNEL == KERNEL_COMPACT) {
+        float t = max(1.0 - q * (1.0 / 6.0), 0.0);
+        return vec2(t * t * t, t * t);
+    }
+    float k = q < 9.0 ? exp(-0.5 * q) : 0.0;
+    return vec2(k, k);
+}
+
+#endif

@@ -1,0 +1,44 @@
+// What the loss kernels share: one workgroup owns a brick, one invocation a cell of 8 samples; the loss value and
+// its weight are summed over the brick in a fixed order. A loss never sees a splat.
+#include "splat.glsl"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform LossParams {
+    float weight;      // λ of this term
+    float parameter;   // what the term needs besides: see there
+    uint accumulate;   // 0: first term, overwrites the adjoints; 1: adds to them
+} p;
+layout(scalar, binding = 0) readonly buffer Targets { Target targets[]; };
+layout(scalar, binding = 1) readonly buffer Reconstructions { Reconstruction reconstructions[]; };
+layout(scalar, binding = 2) buffer Adjoints { Adjoint adjoints[]; };
+layout(scalar, binding = 3) writeonly buffer LossSums { vec2 loss_sums[]; }; // [slot]: Σ value, Σ weight
+
+shared vec2 partial[64];
+
+// Adds the term's value, weight and adjoint at one sample that takes part.
+void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adjoint adjoint);
+
+void main() {
+    uint t = gl_LocalInvocationIndex;
+    uint begin = gl_WorkGroupID.x * 512 + t * 8;
+    vec2 sum = vec2(0.0);
+    for (uint i = begin; i < begin + 8; ++i) {
+        Target wanted = targets[i];
+        Adjoint adjoint = Adjoint(0.0, 0.0);
+        if (wanted.occupancy >= 0.0) {
+            vec2 value_weight;
+            loss_term(wanted, reconstructions[i], value_weight, adjoint);
+            sum += value_weight;
+        }
+        if (p.accumulate != 0) {
+            adjoint.value += adjoints[i].value;
+            adjoint.weight += adjoints[i].weight;
+        }
+        adjoints[i] = adjoint;
+    }
+    partial[t] = sum;
+    for (uint half_size = 32; half_size > 0; half_size >>= 1) {
+        barrier();
+        if (t < half_size) partial[t] += partial[t + half_size];
+    }
+    if (t == 0) loss_sums[gl_WorkGroupID.x] = partial[0];
+}
