@@ -91,6 +91,8 @@ APT::Sandbox::User "";
 Debug::NoLocking "true";
 Acquire::Languages "none";
 Acquire::Retries "3";
+// Lists that cannot be read are an error, not a warning.
+APT::Update::Error-Mode "any";
 Acquire::GzipIndexes "false";
 CONF
     private_apt "$suite" update
