@@ -8,22 +8,29 @@ standard_manifests=(/etc/vulkan/icd.d /usr/share/vulkan/icd.d /usr/local/etc/vul
     /usr/local/share/vulkan/icd.d)
 hidden_manifests=(/usr/local/nvidia/share/vulkan/icd.d)
 
+# files_named NAME FOLDERS...: those folders that do not exist are no error.
+files_named() {
+    local name=$1
+    shift
+    find "$@" -maxdepth 1 -name "$name" 2>/dev/null || true
+}
+
 # Prints the value that VK_DRIVER_FILES needs for the system's drivers: "-" when
 # the loader finds them by itself. Fails when there is none.
 system_manifests() {
     local named=${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}} hidden
     if [ -n "$named" ]; then
         echo "$named"
-    elif find "${standard_manifests[@]}" -name '*.json' 2>/dev/null | grep -q .; then
+    elif [ -n "$(files_named '*.json' "${standard_manifests[@]}")" ]; then
         echo -
     else
-        hidden=$(find "${hidden_manifests[@]}" -name '*.json' 2>/dev/null | paste -sd: -)
+        hidden=$(files_named '*.json' "${hidden_manifests[@]}" | paste -sd: -)
         [ -n "$hidden" ] && echo "$hidden"
     fi
 }
 
 has_library() {
-    { ldconfig -p || /sbin/ldconfig -p; } 2>/dev/null | grep -F "$1 " >/dev/null
+    [[ $(PATH=$PATH:/sbin:/usr/sbin ldconfig -p 2>/dev/null) == *"$1 "* ]]
 }
 
 # Reads `vulkaninfo --summary`; prints the first device that will do: Vulkan 1.3,
@@ -31,10 +38,9 @@ has_library() {
 usable_device() {
     awk -F' *= *' '
         function judge() {
-            if (name != "" && minor >= 3 && (type !~ /CPU/ || mesa >= 24)) {
+            if (!found && name != "" && minor >= 3 && (type !~ /CPU/ || mesa >= 24)) {
                 print name " (" driver ")"
                 found = 1
-                exit
             }
         }
         /^GPU[0-9]/ { judge(); name = type = driver = ""; minor = mesa = 0 }
@@ -50,5 +56,5 @@ usable_device() {
             driver = $2
             if (match($2, /Mesa [0-9]+/)) mesa = substr($2, RSTART + 5, RLENGTH - 5) + 0
         }
-        END { if (!found) judge(); exit !found }'
+        END { judge(); exit !found }'
 }
