@@ -10,12 +10,14 @@
 //! passes   one kernel or one group of kernels each, recorded with its buffers
 //! fit      the optimisation: initialisation, the step, evaluation
 //! reference  the f64 twin of every kernel; never gpu
+//! output   files that appear whole or not at all; used by all that write
 //! ```
 #![deny(unsafe_code)]
 
 pub mod error;
 pub mod fit;
 pub mod gpu;
+pub mod output;
 pub mod passes;
 pub mod splat;
 pub mod volume;

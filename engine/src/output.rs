@@ -1,0 +1,248 @@
+//! Output files that appear whole or not at all.
+//!
+//! A file is written under a temporary name in its own folder, flushed, synced and renamed: a crash, a full disk or
+//! a signal leaves either the old content or the new, never half of one, and no temporary file after an error.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::{Builder, NamedTempFile};
+
+use crate::{Error, Kind, Result};
+
+/// Writes `path` through `write`, atomically. An existing file is refused unless `force` is set.
+///
+/// With `force` a symbolic link at `path` is itself replaced by the new file; what it pointed to stays as it was.
+/// The content is buffered here, so `write` may issue small writes; errors of the final flush are reported.
+///
+/// # Errors
+/// [`Kind::CannotCreate`] where [`check_writable`] gives it, [`Kind::Io`] when writing fails (as on a full disk).
+pub fn write_atomic(
+    path: impl AsRef<Path>,
+    force: bool,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<()> {
+    let path = path.as_ref();
+    check_target(path, force)?;
+    let temporary = temporary_beside(path)?;
+    let failed = |e: &io::Error| {
+        Error::new(Kind::Io, "VGS-OUT-006", format!("writing failed: {e}"))
+            .file(path)
+            .help("free some space or choose another folder; nothing was changed")
+    };
+    {
+        let mut buffered = BufWriter::with_capacity(1 << 20, temporary.as_file());
+        write(&mut buffered).and_then(|()| buffered.flush()).map_err(|e| failed(&e))?;
+    }
+    temporary.as_file().sync_all().map_err(|e| failed(&e))?;
+    // Without `force` the rename itself refuses a file that another process made in the meantime.
+    let persisted = if force { temporary.persist(path) } else { temporary.persist_noclobber(path) };
+    persisted.map_err(|e| match e.error.kind() {
+        io::ErrorKind::AlreadyExists => exists(path),
+        _ => failed(&e.error),
+    })?;
+    sync_folder(&folder_of(path)).map_err(|e| failed(&e))
+}
+
+/// Whether `path` could be written by [`write_atomic`]: programs ask before they compute anything.
+///
+/// # Errors
+/// [`Kind::CannotCreate`] if `path` exists and `force` is not set, if it is a folder or a device, or if its folder
+/// is missing, is no folder or cannot be written to.
+pub fn check_writable(path: impl AsRef<Path>, force: bool) -> Result<()> {
+    let path = path.as_ref();
+    check_target(path, force)?;
+    // Permission bits say little (ACLs, read-only mounts, root): only a file that was made proves the folder.
+    temporary_beside(path).map(drop)
+}
+
+/// Whether two paths name one file, by hard or symbolic link too. False if either does not exist.
+pub fn same_file(a: impl AsRef<Path>, b: impl AsRef<Path>) -> bool {
+    let (Ok(a), Ok(b)) = (fs::canonicalize(a), fs::canonicalize(b)) else { return false };
+    a == b || same_inode(&a, &b)
+}
+
+#[cfg(unix)]
+fn same_inode(a: &Path, b: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    match (fs::metadata(a), fs::metadata(b)) {
+        (Ok(a), Ok(b)) => a.dev() == b.dev() && a.ino() == b.ino(),
+        _ => false,
+    }
+}
+
+#[cfg(not(unix))]
+fn same_inode(_: &Path, _: &Path) -> bool {
+    false
+}
+
+fn folder_of(path: &Path) -> PathBuf {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
+        _ => PathBuf::from("."),
+    }
+}
+
+fn exists(path: &Path) -> Error {
+    Error::new(Kind::CannotCreate, "VGS-OUT-001", "the output exists already")
+        .file(path)
+        .help("choose another name, or replace it with --force")
+}
+
+fn check_target(path: &Path, force: bool) -> Result<()> {
+    if path.file_name().is_none() {
+        return Err(Error::new(Kind::CannotCreate, "VGS-OUT-002", "the output has no file name").file(path));
+    }
+    // The link itself, not what it points to: a dangling link occupies the name as well.
+    if let Ok(meta) = fs::symlink_metadata(path) {
+        if !meta.is_file() && !meta.is_symlink() {
+            let what = if meta.is_dir() { "a folder" } else { "not a regular file" };
+            let message = format!("the output is {what}");
+            return Err(Error::new(Kind::CannotCreate, "VGS-OUT-003", message).file(path));
+        }
+        if !force {
+            return Err(exists(path));
+        }
+    }
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        let message = format!("the folder {} does not exist or is not a folder", folder.display());
+        return Err(Error::new(Kind::CannotCreate, "VGS-OUT-004", message)
+            .file(path)
+            .help("create the folder first"));
+    }
+    Ok(())
+}
+
+fn temporary_beside(path: &Path) -> Result<NamedTempFile> {
+    let folder = folder_of(path);
+    let mut builder = Builder::new();
+    // The name does not grow with the target's, which may already be as long as the file system allows.
+    builder.prefix(".vgs-").suffix(".tmp");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // The rename keeps the mode, so the file is made as any other output is: 0666 less the umask.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(&folder).map_err(|e| {
+        let message = format!("cannot create a file in {}: {e}", folder.display());
+        match e.kind() {
+            io::ErrorKind::StorageFull => Error::new(Kind::Io, "VGS-OUT-006", message).file(path),
+            _ => Error::new(Kind::CannotCreate, "VGS-OUT-005", message)
+                .file(path)
+                .help("choose a folder that you may write to"),
+        }
+    })
+}
+
+/// Makes the rename itself durable; platforms on which a folder cannot be opened have no such call.
+fn sync_folder(folder: &Path) -> io::Result<()> {
+    if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> =
+            fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    fn put(path: &Path, force: bool, text: &[u8]) -> Result<()> {
+        write_atomic(path, force, |w| w.write_all(text))
+    }
+
+    #[test]
+    fn an_existing_output_needs_force() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        check_writable(&path, false).unwrap();
+        assert!(names(dir.path()).is_empty(), "the check leaves nothing behind");
+        put(&path, false, b"one").unwrap();
+        for error in [check_writable(&path, false).unwrap_err(), put(&path, false, b"two").unwrap_err()] {
+            assert_eq!((error.kind, error.code), (Kind::CannotCreate, "VGS-OUT-001"));
+            assert!(error.help.contains("--force"));
+        }
+        assert_eq!(fs::read(&path).unwrap(), b"one");
+        check_writable(&path, true).unwrap();
+        put(&path, true, b"two").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"two");
+        assert_eq!(names(dir.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_failed_write_keeps_the_old_file_and_leaves_nothing() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.txt");
+        put(&path, false, b"old").unwrap();
+        let error = write_atomic(&path, true, |w| {
+            w.write_all(&[0; 4096])?;
+            Err(io::ErrorKind::StorageFull.into())
+        })
+        .unwrap_err();
+        assert_eq!(error.kind, Kind::Io);
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(dir.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn places_that_cannot_hold_an_output() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("file");
+        fs::write(&file, b"x").unwrap();
+        fs::create_dir(dir.path().join("folder")).unwrap();
+        let cases: [(&str, &str); 5] = [
+            ("missing/a.txt", "VGS-OUT-004"),
+            ("file/a.txt", "VGS-OUT-004"),
+            ("folder", "VGS-OUT-003"),
+            ("..", "VGS-OUT-002"),
+            (if cfg!(target_os = "linux") { "/sys/a.txt" } else { "missing/b.txt" }, "VGS-OUT-005"),
+        ];
+        for (name, code) in cases {
+            if code == "VGS-OUT-005" && !cfg!(target_os = "linux") {
+                continue;
+            }
+            for error in [
+                check_writable(dir.path().join(name), true).unwrap_err(),
+                put(&dir.path().join(name), true, b"x").unwrap_err(),
+            ] {
+                assert_eq!((error.kind, error.code), (Kind::CannotCreate, code), "{name}");
+            }
+        }
+        assert_eq!(names(dir.path()), ["file", "folder"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn force_replaces_a_link_and_not_its_target() {
+        let dir = tempfile::tempdir().unwrap();
+        let (target, link) = (dir.path().join("target"), dir.path().join("link"));
+        fs::write(&target, b"precious").unwrap();
+        std::os::unix::fs::symlink(&target, &link).unwrap();
+        assert_eq!(put(&link, false, b"new").unwrap_err().code, "VGS-OUT-001");
+        put(&link, true, b"new").unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"precious");
+        assert!(!fs::symlink_metadata(&link).unwrap().is_symlink());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn one_file_under_several_names() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = |n: &str| dir.path().join(n);
+        fs::write(path("a"), b"x").unwrap();
+        fs::write(path("b"), b"x").unwrap();
+        fs::hard_link(path("a"), path("hard")).unwrap();
+        std::os::unix::fs::symlink(path("a"), path("soft")).unwrap();
+        for (name, same) in
+            [("a", true), ("hard", true), ("soft", true), ("./a", true), ("b", false), ("none", false)]
+        {
+            assert_eq!(same_file(path("a"), path(name)), same, "{name}");
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! InVesalius projects (`.inv3`): a tar archive, usually gzip, of property lists and raw arrays.
+//!
+//! The volume is `matrix.dat`: int16 HU, little-endian, [z, y, x] with x fastest; `main.plist` gives shape and
+//! spacing. The project stores no orientation. InVesalius shows x to the patient's left, y to the front and z to the
+//! head, which is what is assumed here, with the origin in the middle of the lowest slice. Masks and surfaces of the
+//! project are not read.
+
+use std::io::Read;
+use std::path::Path;
+
+use glam::{DAffine3, DMat3, DVec3};
+use plist::Value;
+
+use super::source::Source;
+use super::{ReadOptions, Volume, reserve_samples};
+use crate::{Error, Kind, Result};
+
+/// A main.plist is about 1.5 kB.
+const MAX_PLIST: u64 = 1 << 20;
+
+/// What `main.plist` says about the volume.
+#[derive(Debug)]
+struct Project {
+    file_name: String,
+    size: [usize; 3],
+    spacing: DVec3,
+}
+
+/// Whether the decoded beginning of a file is a tar header.
+pub(super) fn sniff(head: &[u8]) -> bool {
+    head.get(257..262) == Some(b"ustar")
+}
+
+/// Reads the volume of a project. See [`Volume::read`], which recognises the format first.
+///
+/// # Errors
+/// As [`Volume::read`].
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
+    if options.volume_index.is_some_and(|i| i > 0) {
+        let message = "an InVesalius project holds one volume";
+        return Err(Error::new(Kind::Usage, "VGS-INV-006", message)
+            .file(path)
+            .help("leave out --volume-index"));
+    }
+    // The order of the archive's members is not fixed, hence two passes.
+    let plist = find(path, options, "main.plist", |entry, size| {
+        if size > MAX_PLIST {
+            return Err(bad(
+                "VGS-INV-002",
+                format!("main.plist has {size} bytes, more than any project needs"),
+            ));
+        }
+        let mut text = Vec::new();
+        entry.read_to_end(&mut text).map_err(damaged)?;
+        Ok(text)
+    })
+    .map_err(|e| e.file(path))?;
+    let project = project(&plist).map_err(|e| e.file(path))?;
+    let voxels: usize = project.size.iter().product();
+    let bytes = 2 * voxels as u64;
+    if bytes.max(4 * voxels as u64) > options.max_bytes {
+        let message =
+            format!("declares {bytes} bytes of voxels, more than the limit of {}", options.max_bytes);
+        return Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
+            .file(path)
+            .help("if the size is right, raise the limit with --max-bytes"));
+    }
+    let samples = find(path, options, &project.file_name, |entry, size| {
+        if size != bytes {
+            let message = format!("{}: expected {bytes} bytes, got {size}", project.file_name);
+            return Err(bad("VGS-INV-004", message));
+        }
+        let mut samples = reserve_samples(voxels)?;
+        let mut block = vec![0; 1 << 16];
+        let mut left = bytes as usize;
+        while left > 0 {
+            let n = left.min(block.len());
+            entry.read_exact(&mut block[..n]).map_err(damaged)?;
+            samples.extend(block[..n].as_chunks().0.iter().map(|&b| f32::from(i16::from_le_bytes(b))));
+            left -= n;
+        }
+        Ok(samples)
+    })
+    .map_err(|e| e.file(path))?;
+    tracing::warn!(
+        "{}: InVesalius projects store no orientation: x is taken to the patient's left, y to the front, z to the \
+         head",
+        path.display()
+    );
+    Ok(Volume::new(project.size, assumed_affine(project.size, project.spacing), samples))
+}
+
+fn bad(code: &'static str, message: impl Into<String>) -> Error {
+    Error::new(Kind::BadData, code, message)
+}
+
+fn damaged(e: std::io::Error) -> Error {
+    match e.kind() {
+        std::io::ErrorKind::StorageFull | std::io::ErrorKind::PermissionDenied => {
+            Error::new(Kind::Io, "VGS-IO-001", format!("reading: {e}"))
+        }
+        _ => bad("VGS-INV-001", format!("the archive is damaged: {e}")).help("copy the file again"),
+    }
+}
+
+/// Hands the member called `name`, in whatever folder of the archive, to `use_entry` with its size.
+fn find<T>(
+    path: &Path,
+    options: &ReadOptions,
+    name: &str,
+    use_entry: impl FnOnce(&mut dyn Read, u64) -> Result<T>,
+) -> Result<T> {
+    let mut archive = tar::Archive::new(Source::open(path, options.lenient)?);
+    let mut use_entry = Some(use_entry);
+    let mut found = None;
+    for entry in archive.entries().map_err(damaged)? {
+        let mut entry = entry.map_err(damaged)?;
+        let is_it = entry.path().is_ok_and(|p| p.file_name().is_some_and(|f| f == name));
+        if is_it && entry.header().entry_type().is_file() {
+            let size = entry.size();
+            let take = use_entry.take().expect("only the first member of the name is used");
+            found = Some(take(&mut entry, size)?);
+            break;
+        }
+    }
+    // To the end, so that the checksum of the whole file counts.
+    archive.into_inner().finish(options.max_bytes.saturating_mul(4))?;
+    found.ok_or_else(|| {
+        bad("VGS-INV-003", format!("an archive without {name}: not an InVesalius project"))
+            .help("choose a .inv3 file, or a NIfTI volume")
+    })
+}
+
+fn project(plist: &[u8]) -> Result<Project> {
+    let wrong = |what: &str| bad("VGS-INV-005", format!("main.plist: {what}"));
+    let root = Value::from_reader_xml(plist).map_err(|e| wrong(&format!("not a property list: {e}")))?;
+    let root = root.as_dictionary().ok_or_else(|| wrong("not a dictionary"))?;
+    let matrix = root
+        .get("matrix")
+        .and_then(Value::as_dictionary)
+        .ok_or_else(|| wrong("no dictionary 'matrix', which describes the volume"))?;
+    let text = |key| matrix.get(key).and_then(Value::as_string);
+    match text("dtype") {
+        Some("int16") => {}
+        other => {
+            return Err(wrong(&format!("matrix dtype is {}, int16 is needed", other.unwrap_or("missing"))));
+        }
+    }
+    let file_name = text("filename").ok_or_else(|| wrong("no matrix filename"))?.to_owned();
+    let shape: Option<Vec<usize>> = matrix.get("shape").and_then(Value::as_array).and_then(|a| {
+        a.iter().map(|v| usize::try_from(v.as_unsigned_integer()?).ok().filter(|&n| n > 0)).collect()
+    });
+    let Some([z, y, x]) = shape.and_then(|s| <[usize; 3]>::try_from(s).ok()) else {
+        return Err(wrong("matrix shape is not three positive integers"));
+    };
+    if x.checked_mul(y).and_then(|n| n.checked_mul(z)).and_then(|n| n.checked_mul(4)).is_none() {
+        return Err(wrong("matrix shape is more than any memory holds"));
+    }
+    let real = |v: &Value| v.as_real().or_else(|| v.as_signed_integer().map(|i| i as f64));
+    let spacing: Option<Vec<f64>> = root
+        .get("spacing")
+        .and_then(Value::as_array)
+        .and_then(|a| a.iter().map(|v| real(v).filter(|s| s.is_normal() && *s > 0.0)).collect());
+    let Some(spacing) = spacing.and_then(|s| <[f64; 3]>::try_from(s).ok()) else {
+        return Err(wrong("spacing is not three positive numbers"));
+    };
+    Ok(Project { file_name, size: [x, y, z], spacing: DVec3::from_array(spacing) })
+}
+
+/// x to the left, y to the front, z up; the middle of the first slice at the origin.
+fn assumed_affine(size: [usize; 3], spacing: DVec3) -> DAffine3 {
+    let half = |axis: usize| spacing[axis] * (size[axis] as f64 - 1.0) / 2.0;
+    DAffine3 {
+        matrix3: DMat3::from_diagonal(DVec3::new(-spacing.x, spacing.y, spacing.z)),
+        translation: DVec3::new(half(0), -half(1), 0.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use flate2::{Compression, write::GzEncoder};
+
+    use super::*;
+
+    fn main_plist(dtype: &str, shape: &str, spacing: &str) -> String {
+        let list = |tag: &str, text: &str| -> String {
+            text.split_whitespace().map(|v| format!("<{tag}>{v}</{tag}>")).collect()
+        };
+        format!(
+            "<?xml version=\"1.0\"?><plist version=\"1.0\"><dict><key>matrix</key><dict>\
+             <key>dtype</key><string>{dtype}</string><key>filename</key><string>matrix.dat</string>\
+             <key>shape</key><array>{}</array></dict><key>spacing</key><array>{}</array></dict></plist>",
+            list("integer", shape),
+            list("real", spacing)
+        )
+    }
+
+    fn archive(members: &[(&str, &[u8])]) -> Vec<u8> {
+        let mut builder = tar::Builder::new(Vec::new());
+        for (name, data) in members {
+            let mut header = tar::Header::new_ustar();
+            header.set_size(data.len() as u64);
+            header.set_mode(0o644);
+            builder.append_data(&mut header, format!("folder/{name}"), *data).unwrap();
+        }
+        builder.into_inner().unwrap()
+    }
+
+    fn gzip(data: &[u8]) -> Vec<u8> {
+        let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+        encoder.write_all(data).unwrap();
+        encoder.finish().unwrap()
+    }
+
+    fn read_bytes(bytes: &[u8]) -> Result<Volume> {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.inv3");
+        std::fs::write(&path, bytes).unwrap();
+        Volume::read(&path, &ReadOptions { max_bytes: 1 << 20, ..ReadOptions::default() })
+    }
+
+    #[test]
+    fn reads_plain_and_gzip_archives_in_either_order() {
+        let plist = main_plist("int16", "2 3 4", "0.5 0.75 2");
+        let matrix: Vec<u8> = (0..24_i16).flat_map(|v| (v - 1000).to_le_bytes()).collect();
+        let members = [("main.plist", plist.as_bytes()), ("matrix.dat", &matrix)];
+        let swapped = [members[1], members[0]];
+        for bytes in [archive(&members), gzip(&archive(&members)), gzip(&archive(&swapped))] {
+            let v = read_bytes(&bytes).unwrap();
+            assert_eq!(v.size, [4, 3, 2]);
+            assert_eq!(v.samples[v.index(1, 2, 1)], 21.0 - 1000.0);
+            assert_eq!(v.axis_codes(), "LAS");
+            assert_eq!(v.spacing_mm(), DVec3::new(0.5, 0.75, 2.0));
+            assert_eq!(v.world_from_voxel.translation, DVec3::new(0.75, -0.75, 0.0));
+        }
+    }
+
+    #[test]
+    fn malformed_projects_are_refused() {
+        let matrix = [0_u8; 48];
+        let good = main_plist("int16", "2 3 4", "1 1 1");
+        let with = |plist: &str| archive(&[("main.plist", plist.as_bytes()), ("matrix.dat", &matrix)]);
+        let mut cut = gzip(&with(&good));
+        cut.truncate(cut.len() / 2);
+        let mut flipped = gzip(&with(&good));
+        let crc = flipped.len() - 8;
+        flipped[crc] ^= 1;
+        let cases = [
+            (with(&main_plist("float32", "2 3 4", "1 1 1")), "VGS-INV-005"),
+            (with(&main_plist("int16", "2 3", "1 1 1")), "VGS-INV-005"),
+            (with(&main_plist("int16", "2 3 -4", "1 1 1")), "VGS-INV-005"),
+            (with(&main_plist("int16", "4294967296 4294967296 4294967296", "1 1 1")), "VGS-INV-005"),
+            (with(&main_plist("int16", "2 3 4", "1 nan 1")), "VGS-INV-005"),
+            (with(&main_plist("int16", "2 3 4", "1 0 1")), "VGS-INV-005"),
+            (with("<plist"), "VGS-INV-005"),
+            (with(&main_plist("int16", "2 3 5", "1 1 1")), "VGS-INV-004"),
+            (with(&main_plist("int16", "2000 3000 4000", "1 1 1")), "VGS-VOL-005"),
+            (archive(&[("main.plist", good.as_bytes())]), "VGS-INV-003"),
+            (archive(&[("other.txt", b"x")]), "VGS-INV-003"),
+            (archive(&[("main.plist", &vec![b' '; 2 << 20])]), "VGS-INV-002"),
+            (cut, "VGS-INV-001"),
+            (flipped, "VGS-VOL-007"),
+        ];
+        for (i, (bytes, code)) in cases.into_iter().enumerate() {
+            let error = read_bytes(&bytes).unwrap_err();
+            assert_eq!((error.kind, error.code), (Kind::BadData, code), "case {i}: {error}");
+            assert!(error.file.is_some());
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! Bytes of an input file, decompressed on the way: gzip is recognised by its magic, whatever the name says.
+//!
+//! Members that follow each other are one stream (as `bgzip` and `pigz` write them), every checksum is checked by
+//! reading to the end, and what follows the last member is judged: zeros are padding, anything else is damage.
+
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use flate2::bufread::GzDecoder;
+
+use crate::{Error, Kind, Result};
+
+const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
+
+/// DEFLATE cannot pack better than 1032 : 1, so a longer claim is false before anything is decoded.
+const MAX_RATIO: u64 = 1032;
+
+/// An open input, decompressed if it was gzip.
+pub(super) struct Source {
+    path: PathBuf,
+    reader: Box<dyn Read>,
+    /// Whether the file is gzip.
+    pub gzip: bool,
+    /// Bytes on disk.
+    stored: u64,
+    /// Decoded bytes handed out so far.
+    pub position: u64,
+    lenient: bool,
+}
+
+impl Source {
+    /// Opens `path`; refuses what is missing, empty, no regular file, or gzip inside gzip.
+    pub fn open(path: &Path, lenient: bool) -> Result<Self> {
+        let meta = fs::metadata(path).map_err(|e| match e.kind() {
+            io::ErrorKind::NotFound => Error::new(Kind::Missing, "VGS-VOL-001", "no such file").file(path),
+            _ => Error::io(path, "opening", &e),
+        })?;
+        if !meta.is_file() {
+            let message = "is a folder or a device, not a file";
+            return Err(Error::new(Kind::BadData, "VGS-VOL-002", message).file(path));
+        }
+        let mut file =
+            BufReader::with_capacity(1 << 18, File::open(path).map_err(|e| Error::io(path, "opening", &e))?);
+        let head = file.fill_buf().map_err(|e| Error::io(path, "reading", &e))?;
+        if head.is_empty() {
+            return Err(Error::new(Kind::BadData, "VGS-VOL-003", "the file is empty").file(path));
+        }
+        let gzip = head.starts_with(&GZIP_MAGIC);
+        let mut source = Source {
+            path: path.to_owned(),
+            reader: Box::new(io::empty()),
+            gzip,
+            stored: meta.len(),
+            position: 0,
+            lenient,
+        };
+        if !gzip {
+            source.reader = Box::new(file);
+            return Ok(source);
+        }
+        let mut members = Members { decoder: Some(GzDecoder::new(file)), path: path.to_owned(), lenient };
+        let mut head = [0; 2];
+        let n = read_full(&mut members, &mut head).map_err(|e| source.failed(&e))?;
+        if n == 0 {
+            let message = "the file is empty (gzip around nothing)";
+            return Err(Error::new(Kind::BadData, "VGS-VOL-003", message).file(path));
+        }
+        if head == GZIP_MAGIC {
+            let message = "gzip inside gzip";
+            return Err(Error::new(Kind::BadData, "VGS-VOL-004", message)
+                .file(path)
+                .help("unpack it once (gunzip) and try again"));
+        }
+        source.reader = Box::new(io::Cursor::new(head[..n].to_vec()).chain(members));
+        Ok(source)
+    }
+
+    /// Whether the name promises gzip.
+    pub fn named_gzip(path: &Path) -> bool {
+        path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"))
+    }
+
+    /// Reads as many bytes as there are, at most `buffer.len()`.
+    pub fn read_some(&mut self, buffer: &mut [u8]) -> Result<usize> {
+        let n = read_full(&mut self.reader, buffer).map_err(|e| self.failed(&e))?;
+        self.position += n as u64;
+        Ok(n)
+    }
+
+    /// Skips up to `count` bytes and returns how many there were.
+    pub fn skip(&mut self, count: u64) -> Result<u64> {
+        let n =
+            io::copy(&mut self.reader.by_ref().take(count), &mut io::sink()).map_err(|e| self.failed(&e))?;
+        self.position += n;
+        Ok(n)
+    }
+
+    /// Refuses, before anything is allocated, `bytes` of decoded content that this file cannot hold or that are
+    /// more than `max_bytes`.
+    pub fn expect(&self, bytes: u64, max_bytes: u64) -> Result<()> {
+        if bytes > max_bytes {
+            let message = format!("declares {bytes} bytes, more than the limit of {max_bytes}");
+            return Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
+                .file(&self.path)
+                .help("if the size is right, raise the limit with --max-bytes"));
+        }
+        if !self.gzip && bytes > self.stored {
+            return Err(self.truncated(bytes, self.stored));
+        }
+        let most = self.stored.saturating_mul(MAX_RATIO);
+        if self.gzip && bytes > most {
+            let message =
+                format!("declares {bytes} bytes, but {} bytes of gzip hold at most {most}", self.stored);
+            return Err(Error::new(Kind::BadData, "VGS-VOL-006", message)
+                .file(&self.path)
+                .help("the header is wrong or the file was cut short"));
+        }
+        Ok(())
+    }
+
+    /// The error of a file that ends after `found` of `expected` bytes.
+    pub fn truncated(&self, expected: u64, found: u64) -> Error {
+        Error::new(Kind::BadData, "VGS-VOL-006", format!("expected {expected} bytes, got {found}"))
+            .file(&self.path)
+            .help("the file was cut short; copy it again")
+    }
+
+    /// Reads to the end, which checks the checksums, and returns how many bytes were left. More than `max_bytes` of
+    /// them are refused. With leniency a wrong checksum is only noted.
+    pub fn finish(mut self, max_bytes: u64) -> Result<u64> {
+        match self.skip(max_bytes.saturating_add(1)) {
+            Ok(rest) if rest > max_bytes => {
+                let message = format!("more than {max_bytes} bytes follow the content");
+                Err(Error::new(Kind::BadData, "VGS-VOL-005", message).file(&self.path))
+            }
+            Err(e) if self.lenient && e.kind == Kind::BadData => {
+                tracing::warn!("{e}; accepted because of --lenient");
+                Ok(0)
+            }
+            other => other,
+        }
+    }
+
+    /// Damage of the stream is the file's fault (65), anything else the machine's (74).
+    pub fn failed(&self, e: &io::Error) -> Error {
+        use io::ErrorKind as E;
+        match e.kind() {
+            E::InvalidInput | E::InvalidData => {
+                Error::new(Kind::BadData, "VGS-VOL-007", format!("damaged gzip data: {e}"))
+                    .file(&self.path)
+                    .help("copy the file again, or accept it with --lenient if only its end is damaged")
+            }
+            E::UnexpectedEof => {
+                let message = "damaged gzip data: the file ends inside the compressed data";
+                Error::new(Kind::BadData, "VGS-VOL-008", message)
+                    .file(&self.path)
+                    .help("the file was cut short; copy it again")
+            }
+            _ => Error::io(&self.path, "reading", e),
+        }
+    }
+}
+
+impl Read for Source {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let n = self.reader.read(buffer)?;
+        self.position += n as u64;
+        Ok(n)
+    }
+}
+
+/// Fills `buffer` from `reader` as far as the data reaches.
+fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
+    let mut n = 0;
+    while n < buffer.len() {
+        match reader.read(&mut buffer[n..]) {
+            Ok(0) => break,
+            Ok(k) => n += k,
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(n)
+}
+
+/// One gzip member after another. flate2's own multi-member decoder takes whatever follows for a member and cannot
+/// tell padding from damage.
+struct Members {
+    decoder: Option<GzDecoder<BufReader<File>>>,
+    path: PathBuf,
+    lenient: bool,
+}
+
+impl Members {
+    /// Whether another member follows; judges what follows otherwise.
+    fn next_member(&mut self, mut file: BufReader<File>) -> io::Result<bool> {
+        // The first byte decides: the second may lie beyond the buffer.
+        if file.fill_buf()?.first() == GZIP_MAGIC.first() {
+            self.decoder = Some(GzDecoder::new(file));
+            return Ok(true);
+        }
+        let (mut count, mut zeros) = (0, true);
+        loop {
+            let rest = file.fill_buf()?;
+            if rest.is_empty() {
+                break;
+            }
+            zeros &= rest.iter().all(|&b| b == 0);
+            let n = rest.len();
+            count += n as u64;
+            file.consume(n);
+        }
+        if count > 0 {
+            let what = if zeros { "zero bytes" } else { "bytes" };
+            if !zeros && !self.lenient {
+                let message = format!("{count} {what} follow the gzip data");
+                return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+            }
+            tracing::warn!("{}: {count} {what} after the gzip data are ignored", self.path.display());
+        }
+        Ok(false)
+    }
+}
+
+impl Read for Members {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        while let Some(decoder) = &mut self.decoder {
+            let n = decoder.read(buffer)?;
+            if n > 0 || buffer.is_empty() {
+                return Ok(n);
+            }
+            let file = self.decoder.take().expect("the loop holds a decoder").into_inner();
+            if !self.next_member(file)? {
+                break;
+            }
+        }
+        Ok(0)
+    }
+}
