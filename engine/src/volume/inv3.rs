@@ -94,12 +94,14 @@ fn bad(code: &'static str, message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, code, message)
 }
 
+/// The archive's fault, unless reading itself failed.
 fn damaged(e: std::io::Error) -> Error {
+    use std::io::ErrorKind as E;
     match e.kind() {
-        std::io::ErrorKind::StorageFull | std::io::ErrorKind::PermissionDenied => {
-            Error::new(Kind::Io, "VGS-IO-001", format!("reading: {e}"))
+        E::InvalidInput | E::InvalidData | E::UnexpectedEof | E::Other => {
+            bad("VGS-INV-001", format!("the archive is damaged: {e}")).help("copy the file again")
         }
-        _ => bad("VGS-INV-001", format!("the archive is damaged: {e}")).help("copy the file again"),
+        _ => Error::new(Kind::Io, "VGS-IO-001", format!("reading: {e}")),
     }
 }
 
@@ -260,7 +262,7 @@ mod tests {
             (archive(&[("main.plist", good.as_bytes())]), "VGS-INV-003"),
             (archive(&[("other.txt", b"x")]), "VGS-INV-003"),
             (archive(&[("main.plist", &vec![b' '; 2 << 20])]), "VGS-INV-002"),
-            (cut, "VGS-INV-001"),
+            (cut, "VGS-VOL-008"),
             (flipped, "VGS-VOL-007"),
         ];
         for (i, (bytes, code)) in cases.into_iter().enumerate() {
