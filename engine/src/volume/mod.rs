@@ -45,8 +45,8 @@ pub struct ReadOptions {
     pub max_bytes: u64,
     /// Which volume of a series (4-D file) to read, counted from 0. Needed if there are several.
     pub volume_index: Option<usize>,
-    /// Accept damage that cannot have changed a voxel: bytes after the compressed data, a wrong checksum, a broken
-    /// header extension.
+    /// Accept damage that leaves every voxel readable: bytes after the compressed data, a wrong checksum (then a
+    /// voxel may be wrong), a broken header extension.
     pub lenient: bool,
 }
 

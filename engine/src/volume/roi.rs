@@ -1,7 +1,8 @@
 //! The region of interest: where the fit looks.
 //!
 //! A mask file may be binary, soft, or a map of labels, and may lie on another grid of the same space. All of these
-//! become one weight for every voxel of the volume, zero where the volume itself has no finite value.
+//! become one weight for every voxel of the volume, zero where the volume itself has no finite value. Errors here name
+//! no file, since volumes do not know theirs; a program adds the mask's.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;

@@ -26,7 +26,6 @@ pub(super) struct Source {
     stored: u64,
     /// Decoded bytes handed out so far.
     pub position: u64,
-    lenient: bool,
 }
 
 impl Source {
@@ -53,7 +52,6 @@ impl Source {
             gzip,
             stored: meta.len(),
             position: 0,
-            lenient,
         };
         if !gzip {
             source.reader = Box::new(file);
@@ -127,38 +125,30 @@ impl Source {
     }
 
     /// Reads to the end, which checks the checksums, and returns how many bytes were left. More than `max_bytes` of
-    /// them are refused. With leniency a wrong checksum is only noted.
+    /// them are refused.
     pub fn finish(mut self, max_bytes: u64) -> Result<u64> {
-        match self.skip(max_bytes.saturating_add(1)) {
-            Ok(rest) if rest > max_bytes => {
-                let message = format!("more than {max_bytes} bytes follow the content");
-                Err(Error::new(Kind::BadData, "VGS-VOL-005", message).file(&self.path))
-            }
-            Err(e) if self.lenient && e.kind == Kind::BadData => {
-                tracing::warn!("{e}; accepted because of --lenient");
-                Ok(0)
-            }
-            other => other,
+        let rest = self.skip(max_bytes.saturating_add(1))?;
+        if rest > max_bytes {
+            let message = format!("more than {max_bytes} bytes follow the content");
+            return Err(Error::new(Kind::BadData, "VGS-VOL-005", message).file(&self.path));
         }
+        Ok(rest)
     }
 
     /// Damage of the stream is the file's fault (65), anything else the machine's (74).
     pub fn failed(&self, e: &io::Error) -> Error {
-        use io::ErrorKind as E;
-        match e.kind() {
-            E::InvalidInput | E::InvalidData => {
-                Error::new(Kind::BadData, "VGS-VOL-007", format!("damaged gzip data: {e}"))
-                    .file(&self.path)
-                    .help("copy the file again, or accept it with --lenient if only its end is damaged")
-            }
-            E::UnexpectedEof => {
-                let message = "damaged gzip data: the file ends inside the compressed data";
-                Error::new(Kind::BadData, "VGS-VOL-008", message)
-                    .file(&self.path)
-                    .help("the file was cut short; copy it again")
-            }
-            _ => Error::io(&self.path, "reading", e),
+        if e.kind() == io::ErrorKind::UnexpectedEof {
+            let message = "damaged gzip data: the file ends inside the compressed data";
+            return Error::new(Kind::BadData, "VGS-VOL-008", message)
+                .file(&self.path)
+                .help("the file was cut short; copy it again");
         }
+        if is_damage(e) {
+            return Error::new(Kind::BadData, "VGS-VOL-007", format!("damaged gzip data: {e}"))
+                .file(&self.path)
+                .help("copy the file again, or accept it with --lenient if all of its voxels are there");
+        }
+        Error::io(&self.path, "reading", e)
     }
 }
 
@@ -168,6 +158,12 @@ impl Read for Source {
         self.position += n as u64;
         Ok(n)
     }
+}
+
+/// Whether the compressed data are at fault, and not the machine.
+fn is_damage(e: &io::Error) -> bool {
+    use io::ErrorKind as E;
+    matches!(e.kind(), E::InvalidInput | E::InvalidData | E::UnexpectedEof)
 }
 
 /// Fills `buffer` from `reader` as far as the data reaches.
@@ -226,7 +222,16 @@ impl Members {
 impl Read for Members {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         while let Some(decoder) = &mut self.decoder {
-            let n = decoder.read(buffer)?;
+            let n = match decoder.read(buffer) {
+                Ok(n) => n,
+                // What was decoded stands; if voxels are missing, the reader will say so.
+                Err(e) if self.lenient && is_damage(&e) => {
+                    tracing::warn!("{}: damaged gzip data, accepted: {e}", self.path.display());
+                    self.decoder = None;
+                    break;
+                }
+                Err(e) => return Err(e),
+            };
             if n > 0 || buffer.is_empty() {
                 return Ok(n);
             }

@@ -306,7 +306,7 @@ fn check_dims(f: &Fields) -> Result<Vec<usize>> {
         // Beyond the third, zeros occur in real files and mean "none".
         match (f.dim[i], i) {
             (0, 4..) => dims.push(1),
-            (n, _) if n > 0 => dims.push(n as usize),
+            (n, _) if n > 0 => dims.push(usize::try_from(n).unwrap_or(usize::MAX)),
             (n, _) => return Err(bad("VGS-NII-005", format!("dim[{i}] is {n}; it must be positive"))),
         }
     }
