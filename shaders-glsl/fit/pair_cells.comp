@@ -30,16 +30,16 @@ void main() {
     uvec2 mask = uvec2(0);
     for (int z = first.z; z <= last.z; ++z) {
         for (int y = first.y; y <= last.y; ++y) {
-            vec3 rest = f.column_y * (float(y) - mean.y) + f.column_z * (float(z) - mean.z);
             float x0, x1;
-            if (!row_interval(f, rest, mean.x, support, x0, x1)) continue;
+            if (!row_interval(f, float(y) - mean.y, float(z) - mean.z, mean.x, support, x0, x1)) continue;
             // Widened like the box: a cell too many costs a little, a cell too few is wrong.
             int a = max(int(ceil(clamp(x0 - 1e-3, -1e6, 1e6))), first.x);
             int b = min(int(floor(clamp(x1 + 1e-3, -1e6, 1e6))), last.x);
             if (a > b) continue;
+            // Cells ca..=cb along x stand at bits 0, 1, 8, 9 in Morton order.
             uint ca = uint(a - corner.x) >> 1, cb = uint(b - corner.x) >> 1;
-            uint row = 0; // cells ca..=cb along x stand at bits 0, 1, 8, 9 in Morton order
-            for (uint c = ca; c <= cb; ++c) row |= 1u << ((c & 1u) | ((c & 2u) << 2));
+            uint row = (0xFu >> (3u - cb)) & (0xFu << ca);
+            row = (row & 3u) | ((row & 12u) << 6);
             uint cy = uint(y - corner.y) >> 1, cz = uint(z - corner.z) >> 1;
             row <<= ((cy & 1u) << 1) | ((cz & 1u) << 2) | ((cy & 2u) << 3);
             if ((cz & 2u) == 0) mask.x |= row;

@@ -1,6 +1,6 @@
 #version 460
-// Activates the parameters of one splat an invocation: footprint (whitening columns S^-1 R^T, alpha, the box of
-// the support) and the number of bricks of this chunk that the box touches.
+// Activates the parameters of one splat an invocation: footprint (triangular whitening, alpha, the box of the
+// support) and the number of bricks of this chunk that the box touches.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
@@ -15,21 +15,28 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.splat_count) return;
     Splat s = splats[i];
-    vec4 r = s.rotation; // unit: the optimiser and the readers see to it
-    // Columns of R: the axes of the ellipsoid.
-    vec3 axis0 = vec3(1.0 - 2.0 * (r.z * r.z + r.w * r.w), 2.0 * (r.y * r.z + r.x * r.w), 2.0 * (r.y * r.w - r.x * r.z));
-    vec3 axis1 = vec3(2.0 * (r.y * r.z - r.x * r.w), 1.0 - 2.0 * (r.y * r.y + r.w * r.w), 2.0 * (r.z * r.w + r.x * r.y));
-    vec3 axis2 = vec3(2.0 * (r.y * r.w + r.x * r.z), 2.0 * (r.z * r.w - r.x * r.y), 1.0 - 2.0 * (r.y * r.y + r.z * r.z));
+    mat3 axes = rotation_matrix(s.rotation); // a unit quaternion: the optimiser and the readers see to it
     vec3 scale = exp(s.log_scale);
-    vec3 inverse = exp(-s.log_scale);
     Footprint f;
     f.mean = s.mean;
     f.opacity = 1.0 / (1.0 + exp(-s.opacity_logit));
     f.intensity = s.intensity;
-    f.column_x = vec3(axis0.x, axis1.x, axis2.x) * inverse;
-    f.column_y = vec3(axis0.y, axis1.y, axis2.y) * inverse;
-    f.column_z = vec3(axis0.z, axis1.z, axis2.z) * inverse;
-    vec3 a = axis0 * scale.x, b = axis1 * scale.y, c = axis2 * scale.z;
+    // Columns of S^-1 R^T, orthogonalised one after the other (modified Gram-Schmidt).
+    mat3 columns = whitening(s);
+    vec3 column_x = columns[0], column_y = columns[1], column_z = columns[2];
+    float xx = length(column_x);
+    vec3 e = column_x / xx;
+    float xy = dot(e, column_y), xz = dot(e, column_z);
+    column_y -= xy * e;
+    column_z -= xz * e;
+    float yy = length(column_y);
+    e = column_y / yy;
+    float yz = dot(e, column_z);
+    column_z -= yz * e;
+    f.t_x = vec3(xx, xy, xz);
+    f.t_y = vec2(yy, yz);
+    f.t_z = length(column_z);
+    vec3 a = axes[0] * scale.x, b = axes[1] * scale.y, c = axes[2] * scale.z;
     f.extent = sqrt(support_q() * (a * a + b * b + c * c));
     footprints[i] = f;
 

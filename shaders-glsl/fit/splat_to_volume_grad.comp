@@ -33,9 +33,12 @@ void main() {
         float dz = float(z) - mean.z;
         for (int y = first.y; y <= last.y; ++y) {
             float dy = float(y) - mean.y;
-            vec3 rest = f.column_y * dy + f.column_z * dz;
             float x0, x1;
-            if (!row_interval(f, rest, mean.x, support, x0, x1)) continue;
+            if (!row_interval(f, dy, dz, mean.x, support, x0, x1)) continue;
+            // u.y and u.z are constant in the row too.
+            float v = dot(f.t_y, vec2(dy, dz)), w = f.t_z * dz;
+            float rest = v * v + w * w;
+            float shift = f.t_x.y * dy + f.t_x.z * dz;
             int a = max(int(ceil(clamp(x0, -1e6, 1e6))), first.x);
             int b = min(int(floor(clamp(x1, -1e6, 1e6))), last.x);
             // Sums over the row; dy and dz are constant in it.
@@ -51,8 +54,8 @@ void main() {
                 if (slot >= p.grid.slot_count) continue;
                 Adjoint g = adjoints[slot * 512 + (yz | spread3(uint(x) & 7u))];
                 float dx = float(x) - mean.x;
-                vec3 u = f.column_x * dx + rest;
-                vec2 k = kernel_value_slope(dot(u, u));
+                float u = f.t_x.x * dx + shift;
+                vec2 k = kernel_value_slope(u * u + rest);
                 float h = g.value * f.intensity + g.weight;
                 s0 += h * k.x;
                 c0 += g.value * k.x;
@@ -66,12 +69,13 @@ void main() {
             off_diagonal += vec3(r0 * dy * dz, r1 * dz, r1 * dy);
         }
     }
-    mat3 whiten = mat3(f.column_x, f.column_y, f.column_z);
+    Splat s = splats[i];
+    mat3 whiten = whitening(s);
     mat3 s2 = mat3(diagonal.x, off_diagonal.z, off_diagonal.y,
                    off_diagonal.z, diagonal.y, off_diagonal.x,
                    off_diagonal.y, off_diagonal.x, diagonal.z);
     mat3 b = whiten * s2 * transpose(whiten); // b_ij = (R^T S2 R)_ij / (s_i s_j)
-    vec3 ln_s = splats[i].log_scale;
+    vec3 ln_s = s.log_scale;
     // A rotation by ω in the splat's own axes changes u_i by ω_k (s_j/s_i) u_j: dL/dω_k = b_ij (s_i/s_j - s_j/s_i).
     vec3 ratio = exp(vec3(ln_s.y - ln_s.z, ln_s.z - ln_s.x, ln_s.x - ln_s.y));
     SplatGrad g;

@@ -33,17 +33,23 @@ void sample_box(Footprint f, Grid grid, out ivec3 first, out ivec3 last) {
     last = ivec3(clamp(floor(m + e), vec3(-1.0), top));
 }
 
-// The samples of one row (fixed y and z) that lie in the support: a closed interval in x, before clamping to the
-// grid; false when the row misses it. `rest` is column_y*d.y + column_z*d.z, `mean_x` relative to the samples.
-bool row_interval(Footprint f, vec3 rest, float mean_x, float support, out float x0, out float x1) {
-    float a = dot(f.column_x, f.column_x);
-    float b = dot(f.column_x, rest);
-    float c = dot(rest, rest) - support;
-    float d = b * b - a * c;
-    float root = sqrt(max(d, 0.0));
-    x0 = mean_x - (b + root) / a;
-    x1 = mean_x - (b - root) / a;
-    return d > 0.0;
+// Squared whitened distance at d = x - mean.
+float whitened_square(Footprint f, vec3 d) {
+    vec3 u = vec3(dot(f.t_x, d), dot(f.t_y, d.yz), f.t_z * d.z);
+    return dot(u, u);
+}
+
+// The samples of one row (fixed d.y and d.z) that lie in the support: a closed interval of x before clamping to the
+// grid; false when the row misses it. `mean_x` counts from the samples.
+bool row_interval(Footprint f, float dy, float dz, float mean_x, float support, out float x0, out float x1) {
+    float v = f.t_y.x * dy + f.t_y.y * dz;
+    float w = f.t_z * dz;
+    float rest = support - v * v - w * w;
+    float half_width = sqrt(max(rest, 0.0)) / f.t_x.x;
+    float middle = mean_x - (f.t_x.y * dy + f.t_x.z * dz) / f.t_x.x;
+    x0 = middle - half_width;
+    x1 = middle + half_width;
+    return rest > 0.0;
 }
 
 #endif

@@ -12,16 +12,17 @@ struct Splat {
     float intensity;
 };
 
-// What rasterising needs of a splat: d = x - mean, u = column_x*d.x + column_y*d.y + column_z*d.z is the whitened
-// distance, q = |u|^2 (the squared Mahalanobis distance). Whitened, not through the covariance: at an anisotropy
-// of 1000 the covariance form has lost every digit, this one three of seven.
+// What rasterising needs of a splat. With d = x - mean the whitened distance is u = T d, T upper triangular:
+//   u.x = t_x . d,  u.y = t_y.x d.y + t_y.y d.z,  u.z = t_z d.z,   q = |u|^2 (the squared Mahalanobis distance).
+// T is the R of a QR decomposition of S^-1 R^T, so q is the same and six products do. Whitened, not through the
+// covariance: at an anisotropy of 1000 the covariance form has lost every digit, this one three of seven.
 struct Footprint {
     vec3 mean;
     float opacity;
+    vec3 t_x;
     float intensity;
-    vec3 column_x;
-    vec3 column_y;
-    vec3 column_z;
+    vec2 t_y;
+    float t_z;
     vec3 extent; // half size of the box that holds the support, voxels
 };
 
@@ -59,6 +60,21 @@ struct Adjoint {
     float value;
     float weight;
 };
+
+// Rotation matrix of a unit quaternion (w, x, y, z); its columns are the axes of the ellipsoid.
+mat3 rotation_matrix(vec4 r) {
+    return mat3(
+        1.0 - 2.0 * (r.z * r.z + r.w * r.w), 2.0 * (r.y * r.z + r.x * r.w), 2.0 * (r.y * r.w - r.x * r.z),
+        2.0 * (r.y * r.z - r.x * r.w), 1.0 - 2.0 * (r.y * r.y + r.w * r.w), 2.0 * (r.z * r.w + r.x * r.y),
+        2.0 * (r.y * r.w + r.x * r.z), 2.0 * (r.z * r.w - r.x * r.y), 1.0 - 2.0 * (r.y * r.y + r.z * r.z));
+}
+
+// S^-1 R^T: d -> whitened distance along the splat's own axes.
+mat3 whitening(Splat s) {
+    mat3 t = transpose(rotation_matrix(s.rotation));
+    vec3 inverse = exp(-s.log_scale);
+    return mat3(t[0] * inverse, t[1] * inverse, t[2] * inverse);
+}
 
 const uint NO_SLOT = 0xFFFFFFFFu;
 

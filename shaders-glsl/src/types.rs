@@ -35,14 +35,14 @@ shared! {
         mean: [f32; 3],
         /// Opacity α in 0..1.
         opacity: f32,
+        /// First row of the triangular whitening matrix.
+        t_x: [f32; 3],
         /// Intensity relative to the background, in units of the fit.
         intensity: f32,
-        /// First column of the whitening matrix S⁻¹Rᵀ.
-        column_x: [f32; 3],
-        /// Second column.
-        column_y: [f32; 3],
-        /// Third column.
-        column_z: [f32; 3],
+        /// Second row, without its zero.
+        t_y: [f32; 2],
+        /// Third row, without its zeros.
+        t_z: f32,
         /// Half size of the box around the support, voxels.
         extent: [f32; 3],
     }
@@ -134,12 +134,17 @@ shared! {
         /// The most pairs there can be.
         capacity: u32,
     }
+    /// Push constants of `cell_counts` and `cell_lists`.
+    CellParams {
+        /// Entries that fit the lists.
+        capacity: u32,
+    }
     /// Push constants of `splat_to_volume`.
     RasterParams {
         /// Sample grid.
         grid: Grid,
-        /// First block of 4³ samples of this dispatch.
-        first_block: u32,
+        /// First cell of this dispatch.
+        first_cell: u32,
         /// ε of equation (2).
         epsilon: f32,
     }
@@ -174,8 +179,8 @@ shared! {
         splat_count: u32,
         /// Chunks of this step.
         chunk_count: u32,
-        /// Pairs that fit the buffers.
-        capacity: u32,
+        /// Pairs and list entries that fit the bins.
+        capacity: [u32; 2],
         /// β₁.
         beta1: f32,
         /// β₂.

@@ -18,6 +18,7 @@ pub use targets::{Scaling, offsets, sample};
 
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Ticket};
+use crate::passes::bin::Need;
 use crate::passes::loss::{Sum, Weighted};
 use crate::passes::{Adam, Gradient, Losses, Rasteriser};
 use crate::splat::Splat;
@@ -45,14 +46,14 @@ pub struct Fitter {
     iteration: u32,
     flying: VecDeque<Flight>,
     /// Read-back buffers of finished steps, to be used again.
-    readbacks: Vec<Buffer<u32>>,
+    readbacks: Vec<Buffer<Need>>,
 }
 
 struct Flight {
     iteration: u32,
     ticket: Ticket,
-    /// Pairs that each chunk needed, then the number of frozen splats.
-    readback: Buffer<u32>,
+    /// What each chunk needed of the bins.
+    readback: Buffer<Need>,
 }
 
 /// How a fit stands, from the sums of its last step.
@@ -184,15 +185,14 @@ impl Fitter {
             &mut recorder,
             &self.gradient.rows,
             &mut self.splats,
-            &self.rasteriser.pair_totals,
+            &self.rasteriser.needs,
             &params,
         );
         let mut readback = match self.readbacks.pop() {
             Some(buffer) => buffer,
-            None => self.gpu.readback("step read back", chunks + 1)?,
+            None => self.gpu.readback("step read back", chunks)?,
         };
-        recorder.copy(&self.rasteriser.pair_totals, 0, &mut readback, 0, chunks);
-        recorder.copy(&self.adam.frozen, 0, &mut readback, chunks, 1);
+        recorder.copy(&self.rasteriser.needs, 0, &mut readback, 0, chunks);
         let ticket = recorder.submit()?;
         self.flying.push_back(Flight { iteration: turn, ticket, readback });
         self.iteration += 1;
@@ -212,16 +212,14 @@ impl Fitter {
     fn land(&mut self) -> Result<()> {
         let Some(flight) = self.flying.pop_front() else { return Ok(()) };
         self.gpu.wait(flight.ticket)?;
-        let chunks = self.rasteriser.grid.chunks();
-        let needed =
-            flight.readback.mapped()?[..chunks].iter().copied().max().unwrap_or_default() as usize;
+        let need = flight.readback.mapped()?.iter().copied().fold(Need::default(), Need::max);
         self.readbacks.push(flight.readback);
-        if needed > self.rasteriser.bins.capacity() {
+        if !self.rasteriser.bins.capacity().covers(need) {
             while let Some(later) = self.flying.pop_front() {
                 self.gpu.wait(later.ticket)?;
                 self.readbacks.push(later.readback);
             }
-            self.rasteriser.bins.grow(needed)?;
+            self.rasteriser.bins.grow(need)?;
             self.iteration = flight.iteration;
         }
         Ok(())
@@ -235,7 +233,7 @@ impl Fitter {
         AdamParams {
             splat_count: self.splats.len() as u32,
             chunk_count: self.rasteriser.grid.chunks() as u32,
-            capacity: self.rasteriser.bins.capacity() as u32,
+            capacity: { let Need { pairs, entries } = self.rasteriser.bins.capacity(); [pairs, entries] },
             beta1: c.beta1,
             beta2: c.beta2,
             correction1: correction(c.beta1),

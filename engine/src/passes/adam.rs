@@ -3,6 +3,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{AdamParams, SplatGrad};
 
+use super::bin::Need;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::Splat;
@@ -35,7 +36,7 @@ impl Adam {
         recorder: &mut Recorder,
         gradients: &Buffer<SplatGrad>,
         splats: &mut Buffer<Splat>,
-        pair_totals: &Buffer<u32>,
+        needs: &Buffer<Need>,
         params: &AdamParams,
     ) {
         recorder
@@ -44,7 +45,7 @@ impl Adam {
             .write(splats)
             .write(&mut self.first)
             .write(&mut self.second)
-            .read(pair_totals)
+            .read(needs)
             .write(&mut self.frozen)
             .push(params)
             .dispatch(params.splat_count.div_ceil(64));

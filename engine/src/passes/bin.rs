@@ -1,8 +1,8 @@
-//! Which splats reach which brick: footprints, (slot, splat) pairs sorted by slot, the range of each slot, and for each
-//! pair the cells of the brick that its ellipsoid reaches.
+//! Which splats reach which samples: footprints, (slot, splat) pairs sorted by slot, for each pair the cells of the brick
+//! that its ellipsoid reaches, and from these a list of splats for each cell of 2³ samples.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{Footprint, Grid, PairParams, RangeParams, SplatParams};
+use shaders_glsl::types::{CellParams, Footprint, Grid, PairParams, RangeParams, SplatParams};
 
 use super::{RadixSort, Scan};
 use crate::error::{Error, Kind, Result};
@@ -10,6 +10,8 @@ use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
 use crate::volume::Bricks;
 
+/// Cells of 2³ samples in a brick.
+pub const CELLS: usize = 64;
 /// Pairs of one workgroup.
 const PAIR_GROUP: u32 = 256;
 
@@ -90,41 +92,66 @@ pub struct Binner {
     emit: Kernel,
     ranges: Kernel,
     cells_kernel: Kernel,
+    cell_counts_kernel: Kernel,
+    cell_lists_kernel: Kernel,
+    cell_scan: Scan,
     scan: Scan,
     sort: RadixSort,
     /// Footprint of each splat, from the chunk that was binned last.
     pub footprints: Buffer<Footprint>,
     pair_counts: Buffer<u32>,
     pair_offsets: Buffer<u32>,
-    pub(super) starts: Buffer<u32>,
-    pub(super) cells: Buffer<[u32; 2]>,
+    starts: Buffer<u32>,
+    cells: Buffer<[u32; 2]>,
+    cell_counts: Buffer<u32>,
+    /// First entry of each cell's list, [slot][cell], and the total.
+    pub list_starts: Buffer<u32>,
+    /// Splats of each cell, one list after the other.
+    pub lists: Buffer<u32>,
     /// Bits of the largest key.
     key_bits: u32,
     splat_count: usize,
 }
 
-/// What the binner left for the passes that follow.
-pub struct Bins<'a> {
-    /// Splat of each sorted pair.
-    pub values: &'a Buffer<u32>,
-    /// First pair of each slot of the chunk; one more than slots.
-    pub starts: &'a Buffer<u32>,
-    /// Cells of each pair.
-    pub cells: &'a Buffer<[u32; 2]>,
-    /// Footprint of each splat.
-    pub footprints: &'a Buffer<Footprint>,
+/// What one chunk needs of the buffers whose size is not known beforehand.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Need {
+    /// (brick, splat) pairs.
+    pub pairs: u32,
+    /// Entries in the lists of all cells.
+    pub entries: u32,
+}
+
+impl Need {
+    /// Whether `self` is enough for `other`.
+    pub fn covers(self, other: Need) -> bool {
+        self.pairs >= other.pairs && self.entries >= other.entries
+    }
+
+    /// The larger of each.
+    pub fn max(self, other: Need) -> Need {
+        Need { pairs: self.pairs.max(other.pairs), entries: self.entries.max(other.entries) }
+    }
 }
 
 impl Binner {
     /// For `splat_count` splats over `grid`, with buffers for a first guess of pairs.
     pub fn new(gpu: &Gpu, kernel: splat::Kernel, grid: &SampleGrid, splat_count: usize) -> Result<Self> {
         let capacity = (splat_count * 8).max(4096);
+        let cells = grid.chunk_slots() * CELLS;
         Ok(Binner {
             gpu: gpu.clone(),
             bounds: Kernel::new(gpu, &glsl::SPLAT_BOUNDS, &[kernel.id()])?,
             emit: Kernel::new(gpu, &glsl::EMIT_PAIRS, &[])?,
             ranges: Kernel::new(gpu, &glsl::BRICK_RANGES, &[])?,
             cells_kernel: Kernel::new(gpu, &glsl::PAIR_CELLS, &[kernel.id()])?,
+            cell_counts_kernel: Kernel::new(gpu, &glsl::CELL_COUNTS, &[])?,
+            cell_lists_kernel: Kernel::new(gpu, &glsl::CELL_LISTS, &[])?,
+            cell_scan: Scan::new(gpu, cells)?,
+            cell_counts: gpu.buffer("cell counts", "sorting", cells)?,
+            list_starts: gpu.buffer("cell list starts", "sorting", cells + 1)?,
+            lists: gpu.buffer("cell lists", "sorting", capacity * 8)?,
             scan: Scan::new(gpu, splat_count)?,
             sort: RadixSort::new(gpu, capacity)?,
             footprints: gpu.buffer("footprints", "splats", splat_count)?,
@@ -137,32 +164,41 @@ impl Binner {
         })
     }
 
-    /// Pairs that fit the buffers.
-    pub fn capacity(&self) -> usize {
-        self.sort.capacity()
+    /// What fits the buffers.
+    pub fn capacity(&self) -> Need {
+        Need { pairs: self.sort.capacity() as u32, entries: self.lists.len() as u32 }
     }
 
-    /// Makes room for at least `pairs`, with a margin for growth to come. Nothing may be in flight.
-    pub fn grow(&mut self, pairs: usize) -> Result<()> {
-        let bound = self.gpu.limits().storage_range as usize / size_of::<[u32; 2]>();
+    /// Makes room for at least `need`, with a margin for growth to come. Nothing may be in flight.
+    pub fn grow(&mut self, need: Need) -> Result<()> {
+        let range = self.gpu.limits().storage_range as usize;
         let dispatched = self.gpu.limits().workgroups as usize * PAIR_GROUP as usize - 1;
-        let most = bound.min(dispatched);
-        if pairs > most {
-            return Err(Error::new(
-                Kind::Temporary,
-                "VGS-GPU-051",
-                format!("{pairs} splat-brick pairs are needed at once; this device binds at most {most}"),
-            )
-            .help("use fewer splats, or a device with a larger storage-buffer range"));
+        let room = |what: &str, needed: u32, most: usize| {
+            if needed as usize > most {
+                return Err(Error::new(
+                    Kind::Temporary,
+                    "VGS-GPU-051",
+                    format!("{needed} {what} are needed at once; this device binds at most {most}"),
+                )
+                .help("use fewer or smaller splats, or a device with a larger storage-buffer range"));
+            }
+            Ok((needed as usize + needed as usize / 2).min(most))
+        };
+        if need.pairs > self.capacity().pairs {
+            let most = (range / size_of::<[u32; 2]>()).min(dispatched);
+            let pairs = room("splat-brick pairs", need.pairs, most)?;
+            self.sort = RadixSort::new(&self.gpu, pairs)?;
+            self.cells = self.gpu.buffer("pair cells", "sorting", pairs)?;
         }
-        let capacity = (pairs + pairs / 2).min(most);
-        self.sort = RadixSort::new(&self.gpu, capacity)?;
-        self.cells = self.gpu.buffer("pair cells", "sorting", capacity)?;
+        if need.entries > self.capacity().entries {
+            let entries = room("splat-cell pairs", need.entries, range / size_of::<u32>())?;
+            self.lists = self.gpu.buffer("cell lists", "sorting", entries)?;
+        }
         Ok(())
     }
 
-    /// Records the binning of one chunk. The number of pairs that it needs is copied to `totals[chunk]`; if it exceeds
-    /// the capacity, what follows works on a part of the pairs and must be repeated after [`Binner::grow`].
+    /// Records the binning of one chunk. What it needs is copied to `needs[chunk]`; if that exceeds the capacity, what
+    /// follows works on a part and must be repeated after [`Binner::grow`].
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -170,9 +206,9 @@ impl Binner {
         splats: &Buffer<Splat>,
         chunk: usize,
         offset: [f32; 3],
-        totals: &mut Buffer<u32>,
-    ) -> Bins<'_> {
-        let capacity = self.capacity() as u32;
+        needs: &mut Buffer<Need>,
+    ) {
+        let Need { pairs: capacity, entries } = self.capacity();
         let n = self.splat_count;
         let grid_params = grid.params(chunk, offset);
         let params = SplatParams { grid: grid_params, splat_count: n as u32, capacity };
@@ -186,7 +222,7 @@ impl Binner {
             .push(&params)
             .dispatch(groups);
         self.scan.record(recorder, &self.pair_counts, n, &mut self.pair_offsets);
-        recorder.copy(&self.pair_offsets, n, totals, chunk, 1);
+        recorder.copy_word(&self.pair_offsets, n, needs, chunk * 2);
         let (keys, values) = self.sort.input();
         recorder
             .pass(&self.emit)
@@ -216,6 +252,24 @@ impl Binner {
             .write(&mut self.cells)
             .push(&PairParams { grid: grid_params, count_index: n as u32, capacity })
             .dispatch(capacity.div_ceil(PAIR_GROUP));
-        Bins { values, starts: &self.starts, cells: &self.cells, footprints: &self.footprints }
+        let slots = grid_params.slot_count;
+        recorder
+            .pass(&self.cell_counts_kernel)
+            .read(&self.starts)
+            .read(&self.cells)
+            .write(&mut self.cell_counts)
+            .dispatch(slots);
+        let cells = slots as usize * CELLS;
+        self.cell_scan.record(recorder, &self.cell_counts, cells, &mut self.list_starts);
+        recorder.copy_word(&self.list_starts, cells, needs, chunk * 2 + 1);
+        recorder
+            .pass(&self.cell_lists_kernel)
+            .read(&self.starts)
+            .read(values)
+            .read(&self.cells)
+            .read(&self.list_starts)
+            .write(&mut self.lists)
+            .push(&CellParams { capacity: entries })
+            .dispatch(slots);
     }
 }

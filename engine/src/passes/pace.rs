@@ -3,7 +3,7 @@
 //! rate that was measured so far.
 
 use crate::error::Result;
-use crate::gpu::{Gpu, Recorder, Ticket};
+use crate::gpu::{Gpu, Recorder};
 
 /// A submission should take about this long, ms. The limit that must hold is 500.
 const TARGET_MS: f64 = 120.0;
@@ -13,21 +13,20 @@ const FIRST_UNITS: usize = 1024;
 /// Cuts the units of one kernel (workgroups) into slices.
 pub struct Pace {
     kernel: &'static str,
-    ms_per_unit: Option<f64>,
+    /// Units and device time of the slices that were measured.
+    measured: (f64, f64),
 }
 
 impl Pace {
     /// The pace of the kernel with that name.
     pub fn new(kernel: &'static str) -> Self {
-        Pace { kernel, ms_per_unit: None }
+        Pace { kernel, measured: (0.0, 0.0) }
     }
 
     /// Units for the next submission, at least 1.
     pub fn slice(&self) -> usize {
-        match self.ms_per_unit {
-            None => FIRST_UNITS,
-            Some(ms) => ((TARGET_MS / ms.max(1e-9)) as usize).clamp(64, 1 << 24),
-        }
+        let (units, ms) = self.measured;
+        if ms > 0.0 { ((TARGET_MS * units / ms) as usize).clamp(64, 1 << 24) } else { FIRST_UNITS }
     }
 
     /// Records `units` of work through `record(recorder, first, count)`, submitting whenever a slice is full. The last
@@ -45,23 +44,17 @@ impl Pace {
             let count = self.slice().min(limit).min(units - first);
             record(recorder, first, count);
             first += count;
-            if first < units || self.ms_per_unit.is_none() {
-                let before = gpu.pass_time(self.kernel);
+            if first < units || self.measured.1 == 0.0 {
+                let before_ms = gpu.pass_time(self.kernel).total_ms;
+                // One slice in flight at a time: cut passes are long, the gap between two slices is not.
                 let ticket = std::mem::replace(recorder, gpu.record()?).submit()?;
-                self.learn(gpu, ticket, before.total_ms, count)?;
+                gpu.wait(ticket)?;
+                let ms = gpu.pass_time(self.kernel).total_ms - before_ms;
+                // Without timestamps nothing is measured and the first slice size stays.
+                if ms > 0.0 {
+                    self.measured = (self.measured.0 + count as f64, self.measured.1 + ms);
+                }
             }
-        }
-        Ok(())
-    }
-
-    fn learn(&mut self, gpu: &Gpu, ticket: Ticket, before_ms: f64, units: usize) -> Result<()> {
-        // One slice in flight at a time: cut passes are long, the gap between two slices is not.
-        gpu.wait(ticket)?;
-        let ms = gpu.pass_time(self.kernel).total_ms - before_ms;
-        let measured = ms / units as f64;
-        // Without timestamps the first slice size stays.
-        if ms > 0.0 {
-            self.ms_per_unit = Some(self.ms_per_unit.map_or(measured, |old| measured.max(old)));
         }
         Ok(())
     }

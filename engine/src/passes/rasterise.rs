@@ -3,7 +3,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{RasterParams, Reconstruction};
 
-use super::bin::SampleGrid;
+use super::bin::{CELLS, Need, SampleGrid};
 use super::{Binner, Pace};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
@@ -22,8 +22,8 @@ pub struct Rasteriser {
     pub bins: Binner,
     /// Σw and V̂ of the chunk that was rasterised last, [slot][Morton place].
     pub reconstructions: Buffer<Reconstruction>,
-    /// Pairs that each chunk needed.
-    pub pair_totals: Buffer<u32>,
+    /// What each chunk needed of the bins.
+    pub needs: Buffer<Need>,
     epsilon: f32,
 }
 
@@ -43,7 +43,7 @@ impl Rasteriser {
             pace: Pace::new(glsl::SPLAT_TO_VOLUME.name),
             bins: Binner::new(gpu, kernel, &grid, splat_count)?,
             reconstructions: gpu.buffer("reconstruction", "samples", grid.chunk_slots() * SAMPLES)?,
-            pair_totals: gpu.buffer("pair totals", "sorting", grid.chunks())?,
+            needs: gpu.buffer("bin needs", "sorting", grid.chunks())?,
             grid,
             epsilon,
         })
@@ -57,22 +57,21 @@ impl Rasteriser {
         chunk: usize,
         offset: [f32; 3],
     ) -> Result<()> {
-        let bins = self.bins.record(recorder, &self.grid, splats, chunk, offset, &mut self.pair_totals);
+        self.bins.record(recorder, &self.grid, splats, chunk, offset, &mut self.needs);
         let grid = self.grid.params(chunk, offset);
         let limit = self.gpu.limits().workgroups as usize;
-        let (kernel, coordinates, epsilon) = (&self.kernel, &self.grid.coordinates, self.epsilon);
-        let out = &mut self.reconstructions;
-        // A unit is a workgroup: a block of 4³ samples.
-        self.pace.run(&self.gpu, recorder, grid.slot_count as usize * 8, limit, |recorder, first, count| {
+        let (kernel, coordinates, bins) = (&self.kernel, &self.grid.coordinates, &self.bins);
+        let (epsilon, out) = (self.epsilon, &mut self.reconstructions);
+        // A unit is a workgroup: a cell.
+        self.pace.run(&self.gpu, recorder, grid.slot_count as usize * CELLS, limit, |recorder, first, count| {
             recorder
                 .pass(kernel)
-                .read(bins.starts)
-                .read(bins.values)
-                .read(bins.cells)
-                .read(bins.footprints)
+                .read(&bins.list_starts)
+                .read(&bins.lists)
+                .read(&bins.footprints)
                 .read(coordinates)
                 .write(out)
-                .push(&RasterParams { grid, first_block: first as u32, epsilon })
+                .push(&RasterParams { grid, first_cell: first as u32, epsilon })
                 .dispatch(count as u32);
         })
     }
@@ -86,11 +85,11 @@ impl Rasteriser {
                 self.record(&mut recorder, splats, chunk, offset)?;
                 let ticket = recorder.submit()?;
                 self.gpu.wait(ticket)?;
-                let needed = self.pair_totals.read_range(chunk, 1)?[0] as usize;
-                if needed <= self.bins.capacity() {
+                let need = self.needs.read_range(chunk, 1)?[0];
+                if self.bins.capacity().covers(need) {
                     break;
                 }
-                self.bins.grow(needed)?;
+                self.bins.grow(need)?;
             }
             out.extend(self.reconstructions.read_range(0, self.grid.chunk(chunk).len() * SAMPLES)?);
         }
