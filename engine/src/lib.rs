@@ -14,6 +14,8 @@
 #![deny(unsafe_code)]
 
 pub mod error;
+pub mod fit;
+pub mod output;
 pub mod splat;
 pub mod volume;
 

@@ -1,0 +1,3 @@
+//! The fit of a splat set to a volume.
+
+pub mod init;
