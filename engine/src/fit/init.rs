@@ -1,8 +1,7 @@
 //! Where splats start: a gradient-weighted blue noise in the region of interest.
 //!
 //! 1. `density`: p ∝ M · (G∗|∇(G∗V)| / mean + floor)^exponent per voxel, M the region's soft weight and G a narrow
-//!    Gaussian. Splats gather where the intensity changes: worth some
-//!    2 dB against an even start.
+//!    Gaussian. Splats gather where the intensity changes, which is worth some 2 dB against an even start.
 //! 2. `blue_noise`: exactly `count` points of density ∝ p that keep apart from each other as p⁻¹ᐟ³.
 //! 3. Scales from the four nearest neighbours (`grid`), flattened along the smoothed gradient: a splat on an edge
 //!    lies in it. Nearest-neighbour scales are worth 9 dB against random ones.
