@@ -4,11 +4,12 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Kind, Result};
-use crate::splat::Kernel;
+use super::init::{INITIALISERS, InitConfig, Initialiser};
+use crate::splat::{self, Kernel};
 
 /// A field of [`FitConfig`] as programs show it.
 #[derive(Clone, Copy, Debug)]
-pub struct Field {
+pub struct Parameter {
     /// Key in a file; the flag has `-` for `_`.
     pub key: &'static str,
     /// What it is, with its unit.
@@ -30,8 +31,8 @@ macro_rules! config {
 
         impl $name {
             /// All fields in the order of the struct.
-            pub const FIELDS: &'static [Field] =
-                &[$(Field { key: stringify!($field), doc: concat!($($doc),+) },)*];
+            pub const FIELDS: &'static [Parameter] =
+                &[$(Parameter { key: stringify!($field), doc: concat!($($doc),+) },)*];
         }
     };
 }
@@ -49,8 +50,24 @@ config! {
         seed: u64 = 0,
         /// Splat kernel: "compact" (1-q/6)^3, or "gaussian" exp(-q/2) for ordinary viewers.
         kernel: Kernel = Kernel::Compact,
-        /// Initialiser, a row of the table in fit::init.
-        initialiser: String = "blue-noise".to_owned(),
+        /// How splats are placed first: "gradient" (blue noise, denser where the intensity changes).
+        initialiser: String = INITIALISERS[0].name.to_owned(),
+        /// Initialiser: exponent of the gradient in the density; 0 is an even density.
+        init_gradient_exponent: f32 = 0.7,
+        /// Initialiser: added to the gradient, in units of its mean, so that even regions get splats too.
+        init_gradient_floor: f32 = 0.1,
+        /// Initialiser: standard deviation of the smoothing before and after the gradient, voxels.
+        init_smoothing: f32 = 0.8,
+        /// Initialiser: scale across the gradient over scale along it is this to the power 3/2.
+        init_anisotropy: f32 = 1.5,
+        /// Initialiser: scale over the mean distance of the four nearest neighbours.
+        init_scale: f32 = 0.6,
+        /// Initialiser: least scale before it is flattened, voxels.
+        init_scale_min: f32 = 0.45,
+        /// Initialiser: greatest scale before it is flattened, voxels.
+        init_scale_max: f32 = 8.0,
+        /// Initialiser: opacity of every splat, 0 to 1.
+        init_opacity: f32 = 0.5,
         /// Intensities are clipped to this range (HU); the span is the unit of the loss. [0, 0] chooses -1024..3071
         /// for a CT (minimum below -200) and the range of the volume otherwise.
         hu_range: [f32; 2] = [0.0, 0.0],
@@ -156,6 +173,48 @@ impl FitConfig {
         if !(self.scale_max >= self.scale_min && self.scale_max.is_finite()) {
             return wrong("scale_max", self.scale_max.to_string(), "at least scale_min");
         }
-        Ok(())
+        self.initialiser()?;
+        self.init().check()
+    }
+
+    /// The row of the table that `initialiser` names.
+    pub fn initialiser(&self) -> Result<&'static Initialiser> {
+        INITIALISERS.iter().find(|row| row.name == self.initialiser).ok_or_else(|| {
+            let names: Vec<_> = INITIALISERS.iter().map(|row| row.name).collect();
+            Error::new(
+                Kind::Usage,
+                "VGS-CFG-002",
+                format!("initialiser = {:?}: one of {} is needed", self.initialiser, names.join(", ")),
+            )
+        })
+    }
+
+    /// The hyper-parameters of the initialiser.
+    pub fn init(&self) -> InitConfig {
+        InitConfig {
+            gradient_exponent: self.init_gradient_exponent,
+            gradient_floor: self.init_gradient_floor,
+            smoothing_sigma: self.init_smoothing,
+            anisotropy: self.init_anisotropy,
+            scale_factor: self.init_scale,
+            scale_min: self.init_scale_min,
+            scale_max: self.init_scale_max,
+            opacity: self.init_opacity,
+        }
+    }
+
+    /// How many splats a region of interest of that many voxels gets; at least one.
+    pub fn splat_count(&self, roi_voxels: f64) -> usize {
+        if self.splats > 0 { self.splats } else { ((roi_voxels * self.density).round() as usize).max(1) }
+    }
+
+    /// The constants of the fitted field.
+    pub fn field(&self, background: f32) -> splat::Field {
+        splat::Field {
+            kernel: self.kernel,
+            background,
+            epsilon: self.epsilon,
+            occupancy_w0: self.occupancy_w0,
+        }
     }
 }

@@ -9,7 +9,7 @@ use super::targets;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::Rasteriser;
-use crate::splat::{Kernel, Splat};
+use crate::splat::{Field, Splat};
 use crate::volume::bricks::SAMPLES;
 use crate::volume::{Bricks, Roi, Volume};
 
@@ -64,27 +64,14 @@ impl Evaluation {
     }
 }
 
-/// What is evaluated: splats in voxel coordinates of the volume, intensities in HU, and their field's constants.
-#[derive(Clone, Copy, Debug)]
-pub struct Field<'a> {
-    /// Splats in voxel coordinates and HU.
-    pub splats: &'a [Splat],
-    /// Kernel.
-    pub kernel: Kernel,
-    /// Background b, HU.
-    pub background: f32,
-    /// ε of equation (2).
-    pub epsilon: f32,
-    /// w₀ of the occupancy.
-    pub occupancy_w0: f32,
-}
-
-/// Evaluates at the voxel centres and at `offsets`. `range` is the normalisation: the volume is clipped to it (which
+/// Evaluates splats, given in voxel coordinates of the volume and HU, at the voxel centres and at `offsets`.
+/// `range` is the normalisation: the volume is clipped to it (which
 /// does nothing for the whole volume's own range) and errors are divided by its span. `shell` is the distance from
 /// the ROI, in voxels, up to which the occupancy counts.
 pub fn evaluate(
     gpu: &Gpu,
-    field: &Field<'_>,
+    splats: &[Splat],
+    field: &Field,
     volume: &Volume,
     roi: &Roi,
     offsets: &[[f32; 3]],
@@ -92,7 +79,7 @@ pub fn evaluate(
     shell: f64,
 ) -> Result<Evaluation> {
     let bricks = Bricks::around(roi, shell);
-    let mut sampler = Sampler::new(gpu, field, &bricks)?;
+    let mut sampler = Sampler::new(gpu, splats, field, &bricks)?;
     let mut at = |offset: [f32; 3]| -> Result<Metrics> {
         let got = sampler.sample(offset)?;
         Ok(compare(&bricks, &got, volume, roi, offset, range))
@@ -127,12 +114,11 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// For the samples of `bricks`.
-    pub fn new(gpu: &Gpu, field: &Field<'_>, bricks: &Bricks) -> Result<Self> {
+    /// For the samples of `bricks`; splats in voxel coordinates of the volume and HU.
+    pub fn new(gpu: &Gpu, splats: &[Splat], field: &Field, bricks: &Bricks) -> Result<Self> {
         let origin = bricks.origin.as_vec3().to_array();
         // Relative to the background, so that an uncovered sample has it exactly.
-        let local: Vec<Splat> = field
-            .splats
+        let local: Vec<Splat> = splats
             .iter()
             .map(|s| Splat {
                 mean: std::array::from_fn(|i| s.mean[i] - origin[i]),

@@ -6,6 +6,7 @@
 
 mod config;
 pub mod evaluate;
+pub mod init;
 mod targets;
 
 use std::collections::VecDeque;
@@ -13,7 +14,7 @@ use std::sync::Arc;
 
 use shaders_glsl::types::{AdamParams, Target};
 
-pub use config::{Field, FitConfig};
+pub use config::{FitConfig, Parameter};
 pub use targets::{Scaling, offsets, sample};
 
 use crate::error::{Error, Kind, Result};

@@ -1,4 +1,229 @@
 //! Splat sets: parameters, activations, spaces and files.
+//!
+//! A [`Splat`] holds raw parameters (logit, ln σ, quaternion); [`activation`] says what they stand for and [`kernel`]
+//! how a splat fades with distance. A fit works in voxel space, a [`SplatSet`] lives in the world; [`space`] leads
+//! from one to the other. [`FORMATS`] lists the files: a new format is one module with `sniff`, `read`, `write` and
+//! `describe`, and one row.
+
+pub mod activation;
 pub mod kernel;
+pub mod ply;
+pub mod space;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use glam::DVec3;
+use serde::Serialize;
+
+pub use activation::Activations;
 pub use kernel::Kernel;
 pub use shaders_glsl::types::Splat;
+
+use crate::error::{Error, Kind, Result};
+
+/// A fitted set of splats in world space, with all that is needed to evaluate the field it stands for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplatSet {
+    /// Means in mm, RAS, relative to `origin_mm`; ln σ in ln mm; intensity as `has_intensity` says.
+    pub splats: Vec<Splat>,
+    /// World position of the splats' zero, mm RAS.
+    pub origin_mm: DVec3,
+    /// How the splats add up to a field.
+    pub field: Field,
+    /// Whether intensities are physical (HU for CT). Otherwise they are the luminance of a colour, about 0 to 1, and
+    /// a transfer function over HU means nothing for them.
+    pub has_intensity: bool,
+}
+
+/// How splats add up to V̂(x) = b + Σ w (c − b) / (Σ w + ε), with w = α κ(q), and to the occupancy
+/// O(x) = Σ w / (Σ w + w₀).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Field {
+    /// The profile κ.
+    pub kernel: Kernel,
+    /// b, in the unit of the intensities (HU): V̂ where no splat reaches; the mean of the region of interest.
+    pub background: f32,
+    /// ε of eq. (2), in units of w.
+    pub epsilon: f32,
+    /// w₀ of the occupancy, in units of w.
+    pub occupancy_w0: f32,
+}
+
+impl Default for Field {
+    fn default() -> Self {
+        Field { kernel: Kernel::Compact, background: 0.0, epsilon: 1e-3, occupancy_w0: 0.05 }
+    }
+}
+
+/// How forgiving a reader is.
+#[derive(Clone, Copy, Debug)]
+pub struct ReadOptions {
+    /// Whether an unusable splat (a value that is not finite, a zero quaternion, an absurd scale) is an error; by
+    /// default it is dropped, counted and logged.
+    pub strict: bool,
+    /// Files that declare more splats than this are refused before anything is allocated.
+    pub max_splats: u64,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        ReadOptions { strict: false, max_splats: 200_000_000 }
+    }
+}
+
+/// What a splat file holds, for people and for scripts.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Name of the format, a row of [`FORMATS`].
+    pub format: &'static str,
+    /// How the numbers are stored, in the format's own words.
+    pub encoding: String,
+    /// Size of the file in bytes.
+    pub file_bytes: u64,
+    /// Usable splats.
+    pub splats: usize,
+    /// Splats that were dropped because a value is unusable.
+    pub dropped: usize,
+    /// Elements of the file with their counts, in file order.
+    pub elements: Vec<(String, u64)>,
+    /// Properties of a splat, in file order.
+    pub properties: Vec<String>,
+    /// Name of the kernel; the Gaussian where the file says nothing.
+    pub kernel: &'static str,
+    /// Whether intensities are physical (HU) rather than the luminance of a colour.
+    pub has_intensity: bool,
+    /// Least and greatest intensity, absent without splats.
+    pub intensity_range: Option<[f32; 2]>,
+    /// Least and greatest mean along each axis, mm RAS with the origin added; absent without splats.
+    pub bounding_box_mm: Option<[[f64; 3]; 2]>,
+    /// Origin of the means, mm RAS.
+    pub origin_mm: [f64; 3],
+    /// V̂ where no splat reaches.
+    pub background: f32,
+    /// ε of eq. (2).
+    pub epsilon: f32,
+    /// w₀ of the occupancy.
+    pub occupancy_w0: f32,
+}
+
+/// One file format of splat sets.
+pub struct Format {
+    /// Short name, also the usual extension.
+    pub name: &'static str,
+    /// Whether the first bytes of a file (up to [`SNIFF_BYTES`]) are of this format.
+    pub sniff: fn(&[u8]) -> bool,
+    /// Reads a file.
+    pub read: fn(&Path, &ReadOptions) -> Result<SplatSet>,
+    /// Writes a file whole or not at all; an existing one is replaced only if the last argument says so.
+    pub write: fn(&Path, &SplatSet, bool) -> Result<()>,
+    /// Reads a file and tells what it holds.
+    pub describe: fn(&Path, &ReadOptions) -> Result<Summary>,
+}
+
+/// Every format of splat sets.
+pub const FORMATS: &[Format] = &[ply::FORMAT];
+
+/// How many leading bytes a [`Format::sniff`] gets to see.
+pub const SNIFF_BYTES: u64 = 16;
+
+/// Reads a splat set; the content of the file decides on the format, not its name.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<SplatSet> {
+    (sniffed(path)?.read)(path, options)
+}
+
+/// Tells what a splat file holds; the content of the file decides on the format, not its name.
+pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
+    (sniffed(path)?.describe)(path, options)
+}
+
+/// Writes `set` in the format that the extension of `path` names; replaces an existing file only with `force`.
+pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    let format =
+        FORMATS.iter().find(|format| format.name.eq_ignore_ascii_case(extension)).ok_or_else(|| {
+            Error::new(Kind::Usage, "VGS-SPLAT-002", format!("no splat format is called {extension:?}"))
+                .file(path)
+                .help(format!("use one of these extensions: {}", format_names()))
+        })?;
+    (format.write)(path, set, force)
+}
+
+fn sniffed(path: &Path) -> Result<&'static Format> {
+    let mut start = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(SNIFF_BYTES).read_to_end(&mut start))
+        .map_err(|error| Error::io(path, "reading a splat file", &error))?;
+    FORMATS.iter().find(|format| (format.sniff)(&start)).ok_or_else(|| {
+        let found = if start.is_empty() { "the file is empty" } else { "not a splat file" };
+        Error::new(Kind::BadData, "VGS-SPLAT-001", found)
+            .file(path)
+            .help(format!("known splat formats: {}", format_names()))
+    })
+}
+
+fn format_names() -> String {
+    FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ")
+}
+
+/// Why a file must not hold this splat, or nothing if it may.
+pub fn defect(splat: &Splat) -> Option<&'static str> {
+    let values: &[f32; 12] = bytemuck::cast_ref(splat);
+    if !values.iter().all(|v| v.is_finite()) {
+        Some("a value is not finite")
+    } else if splat.rotation == [0.0; 4] {
+        Some("its quaternion is zero")
+    } else if splat.log_scale.iter().any(|log| log.abs() > activation::LOG_SCALE_LIMIT) {
+        Some("its scale is out of range")
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_known_by_its_content_and_written_by_its_extension() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let at = |name: &str| folder.path().join(name);
+        let set = SplatSet {
+            splats: vec![Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() }],
+            origin_mm: DVec3::ZERO,
+            field: Field::default(),
+            has_intensity: true,
+        };
+        write(&at("a.PLY"), &set, false).expect("the extension in capitals is the same format");
+        std::fs::rename(at("a.PLY"), at("a.dat")).expect("renaming");
+        assert_eq!(read(&at("a.dat"), &ReadOptions::default()).expect("a PLY by content"), set);
+        assert_eq!(write(&at("a.splat"), &set, false).expect_err("no such format").code, "VGS-SPLAT-002");
+
+        for (name, content) in [("empty", ""), ("text", "hello")] {
+            std::fs::write(at(name), content).expect("writing");
+            let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
+            assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-001"), "{name}");
+        }
+        let missing = read(&at("missing"), &ReadOptions::default()).expect_err("no such file");
+        assert_eq!(missing.kind, Kind::Missing);
+    }
+
+    #[test]
+    fn defects_are_found() {
+        let good = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        let rows = [
+            (good, true),
+            (Splat { rotation: [0.0, 0.0, -0.0, 0.0], ..good }, false),
+            (Splat { rotation: [0.0, 0.0, 1e-30, 0.0], ..good }, true),
+            (Splat { mean: [0.0, f32::NAN, 0.0], ..good }, false),
+            (Splat { opacity_logit: f32::NEG_INFINITY, ..good }, false),
+            (Splat { log_scale: [0.0, -1e3, 0.0], ..good }, false),
+            (Splat { log_scale: [0.0, 0.0, 1e3], ..good }, false),
+            (Splat { intensity: f32::INFINITY, ..good }, false),
+        ];
+        for (splat, usable) in rows {
+            assert_eq!(defect(&splat).is_none(), usable, "{splat:?}");
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! Where splats start: a gradient-weighted blue noise in the region of interest.
+//!
+//! 1. `density`: p ∝ M · (G∗|∇(G∗V)| / mean + floor)^exponent per voxel, M the region's soft weight and G a narrow
+//!    Gaussian. Splats gather where the intensity changes, which is worth some 2 dB against an even start.
+//! 2. `blue_noise`: exactly `count` points of density ∝ p that keep apart from each other as p⁻¹ᐟ³.
+//! 3. Scales from the four nearest neighbours (`grid`), flattened along the smoothed gradient: a splat on an edge
+//!    lies in it. Nearest-neighbour scales are worth 9 dB against random ones.
+//!
+//! Everything is in voxel space. The result depends on the inputs and the seed alone, not on the number of threads.
+//! Time and memory follow the region's bounding box, not the volume.
+
+mod blue_noise;
+mod density;
+mod grid;
+
+use glam::{DQuat, DVec3};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+
+use self::density::Density;
+use self::grid::PointGrid;
+use crate::error::{Error, Kind, Result};
+use crate::splat::Splat;
+use crate::splat::activation::{Activations, OPACITY_MAX, OPACITY_MIN};
+use crate::volume::{Roi, Volume};
+
+/// How splats are initialised; the defaults are the best of the measured ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InitConfig {
+    /// Exponent of the gradient term of the density; 0 gives a uniform density. 0.5 and 1 are equally good.
+    pub gradient_exponent: f32,
+    /// Added to the gradient in units of its mean, so that even regions get splats too.
+    pub gradient_floor: f32,
+    /// Standard deviation of the smoothing before and after the gradient, in voxels.
+    pub smoothing_sigma: f32,
+    /// Scale across the gradient over scale along it is this to the power 3/2.
+    pub anisotropy: f32,
+    /// Scale of a splat over the mean distance of its four nearest neighbours.
+    pub scale_factor: f32,
+    /// Least scale before it is flattened, in voxels: a splat must reach some voxel centre.
+    pub scale_min: f32,
+    /// Greatest scale before it is flattened, in voxels.
+    pub scale_max: f32,
+    /// Opacity of every splat.
+    pub opacity: f32,
+}
+
+impl Default for InitConfig {
+    fn default() -> Self {
+        InitConfig {
+            gradient_exponent: 0.7,
+            gradient_floor: 0.1,
+            smoothing_sigma: 0.8,
+            anisotropy: 1.5,
+            scale_factor: 0.6,
+            scale_min: 0.45,
+            scale_max: 8.0,
+            opacity: 0.5,
+        }
+    }
+}
+
+impl InitConfig {
+    /// Fails, naming the field, if a value lies outside the range in which the initialisation makes sense.
+    pub fn check(&self) -> Result<()> {
+        let rows = [
+            ("gradient_exponent", self.gradient_exponent, 0.0, 4.0),
+            ("gradient_floor", self.gradient_floor, 0.0, 1e3),
+            ("smoothing_sigma", self.smoothing_sigma, 0.0, 8.0),
+            ("anisotropy", self.anisotropy, 1.0, 100.0),
+            ("scale_factor", self.scale_factor, 0.01, 10.0),
+            ("scale_min", self.scale_min, 0.01, 100.0),
+            ("scale_max", self.scale_max, self.scale_min, 1e3),
+            ("opacity", self.opacity, OPACITY_MIN, OPACITY_MAX),
+        ];
+        for (name, value, low, high) in rows {
+            // Written so that NaN fails.
+            if !(low..=high).contains(&value) {
+                let message = format!("{name} is {value}; it must lie from {low} to {high}");
+                return Err(Error::new(Kind::Usage, "VGS-INIT-001", message));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A way to place the first splats.
+pub struct Initialiser {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// Places `count` splats in voxel space; see [`initialise`].
+    pub run: fn(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &InitConfig) -> Vec<Splat>,
+}
+
+/// Every way to place the first splats; the first is the default.
+pub const INITIALISERS: &[Initialiser] = &[Initialiser { name: "gradient", run: initialise }];
+
+/// Splats count as lying on no edge where the gradient is below this share of the region's mean.
+const FLAT_GRADIENT: f64 = 1e-3;
+
+/// Places exactly `count` splats in the region of interest, in voxel space: means up to half a voxel beyond the outer
+/// voxel centres, ln σ in ln voxels, intensities by trilinear sampling of the volume. Returns none if no voxel of the
+/// region has a weight above 0. Samples that are not finite count as 0. `config` must pass [`InitConfig::check`].
+pub fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &InitConfig) -> Vec<Splat> {
+    assert_eq!(volume.size, roi.size, "a region of interest lies on the grid of its volume");
+    let Some(density) = Density::of(volume, roi, config).filter(|_| count > 0) else { return Vec::new() };
+    let points = blue_noise::throw(&density, count, &mut Pcg64::seed_from_u64(seed));
+    let mut prototype = Splat::default();
+    prototype.set_opacity(config.opacity);
+    let across = config.anisotropy.sqrt();
+    let along = config.anisotropy.recip();
+    (0..count)
+        .into_par_iter()
+        .map(|index| {
+            let mean = points.grid.point(index);
+            let spacing = mean_neighbour_distance(&points.grid, index, points.spacing[index], config);
+            let scale = (config.scale_factor * spacing).max(config.scale_min).min(config.scale_max);
+            let gradient = density.gradient(mean);
+            let mut splat = Splat { mean, rotation: [1.0, 0.0, 0.0, 0.0], ..prototype };
+            if gradient.length() > FLAT_GRADIENT * density.mean_gradient {
+                splat.rotation = z_onto(gradient);
+                splat.set_scale([scale * across, scale * across, scale * along]);
+            } else {
+                splat.set_scale([scale; 3]);
+            }
+            let intensity = density::trilinear(&volume.samples, volume.size, mean);
+            splat.intensity = if intensity.is_finite() { intensity } else { density.smoothed(mean) };
+            splat
+        })
+        .collect()
+}
+
+/// Mean distance from a point to its four nearest neighbours; a neighbour that is not found near by counts with
+/// `expected`, the spacing that the density asks for there.
+fn mean_neighbour_distance(grid: &PointGrid, index: usize, expected: f32, config: &InitConfig) -> f32 {
+    let reach = config.scale_max / config.scale_factor;
+    let nearest: [f32; 4] = grid.nearest_squared(index, reach);
+    nearest.iter().map(|d| if d.is_finite() { d.sqrt() } else { expected }).sum::<f32>() / 4.0
+}
+
+/// Unit quaternion (w, x, y, z) that takes the z axis onto the line of `direction`, which must not vanish.
+fn z_onto(direction: DVec3) -> [f32; 4] {
+    // Either sense of the line will do; the upper one is never opposite to z.
+    let direction = direction.normalize();
+    let direction = if direction.z < 0.0 { -direction } else { direction };
+    let q = DQuat::from_rotation_arc(DVec3::Z, direction);
+    [q.w as f32, q.x as f32, q.y as f32, q.z as f32]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,61 @@
+//! Points that follow a density and keep apart: dart throwing with a radius that follows the local spacing and shrinks
+//! until the wanted number has found a place.
+//!
+//! A dart is drawn by density. It sticks if no earlier point lies nearer than the shrink factor times the smaller of
+//! the two local spacings. When few darts stick the factor shrinks, so the process ends with exactly the wanted number,
+//! at the latest when the factor is so small that every dart sticks: then it is plain weighted jitter.
+
+use rand::RngExt;
+
+use super::density::Density;
+use super::grid::PointGrid;
+
+/// First factor: two thirds of what random sequential packing can hold at all (ρr³ ≈ 0.73).
+const FIRST_SHRINK: f32 = 0.8;
+/// From a round to the next.
+const SHRINK: f32 = 0.93;
+/// Below this the distance no longer matters.
+const LEAST_SHRINK: f32 = 0.05;
+/// A round has this many darts for every wanted point, but not fewer than [`LEAST_ROUND`].
+const ROUND: f32 = 0.25;
+const LEAST_ROUND: usize = 64;
+/// The factor shrinks when a smaller share of a round's darts sticks.
+const STICKING: f32 = 0.12;
+
+/// Scattered points in voxel space.
+pub(super) struct Points {
+    pub grid: PointGrid,
+    /// Spacing that the density asks for at each point, in voxels.
+    pub spacing: Vec<f32>,
+}
+
+/// Exactly `count` points of `density`.
+pub(super) fn throw(density: &Density, count: usize, rng: &mut impl RngExt) -> Points {
+    let mut grid = PointGrid::new(density.mean_spacing(count), count);
+    let mut spacing: Vec<f32> = Vec::with_capacity(count);
+    let round = ((ROUND * count as f32) as usize).max(LEAST_ROUND);
+    let mut shrink = FIRST_SHRINK;
+    while grid.len() < count {
+        let before = grid.len();
+        for _ in 0..round {
+            let (point, own) = density.draw(count, rng);
+            let radius = shrink * own;
+            let crowded = shrink >= LEAST_SHRINK
+                && grid.any_within(point, radius, |other, distance| {
+                    let radius = shrink * spacing[other];
+                    distance < radius * radius
+                });
+            if !crowded {
+                grid.insert(point);
+                spacing.push(own);
+                if grid.len() == count {
+                    break;
+                }
+            }
+        }
+        if ((grid.len() - before) as f32) < STICKING * round as f32 {
+            shrink *= SHRINK;
+        }
+    }
+    Points { grid, spacing }
+}
