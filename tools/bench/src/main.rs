@@ -1,0 +1,2 @@
+//! Benchmarks of the fit.
+fn main() {}
