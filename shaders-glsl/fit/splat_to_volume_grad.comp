@@ -31,22 +31,25 @@ void main() {
     sample_box(f, p.grid, first, last);
     for (int z = first.z; z <= last.z; ++z) {
         float dz = float(z) - mean.z;
-        for (int y = first.y; y <= last.y; ++y) {
+        Plane plane = plane_at(f, dz, support);
+        float y0, y1;
+        if (!plane_rows(f, plane, mean.y, y0, y1)) continue;
+        ivec2 rows = indices(y0, y1, first.y, last.y);
+        for (int y = rows.x; y <= rows.y; ++y) {
             float dy = float(y) - mean.y;
             float x0, x1;
-            if (!row_interval(f, dy, dz, mean.x, support, x0, x1)) continue;
-            // u.y and u.z are constant in the row too.
-            float v = dot(f.t_y, vec2(dy, dz)), w = f.t_z * dz;
+            row_interval(f, plane, dy, mean.x, x0, x1);
+            ivec2 row_x = indices(x0, x1, first.x, last.x);
+            // u.y and u.z are constant in the row.
+            float v = f.t_y.x * dy + plane.v, w = f.t_z * dz;
             float rest = v * v + w * w;
             float shift = f.t_x.y * dy + f.t_x.z * dz;
-            int a = max(int(ceil(clamp(x0, -1e6, 1e6))), first.x);
-            int b = min(int(floor(clamp(x1, -1e6, 1e6))), last.x);
             // Sums over the row; dy and dz are constant in it.
             float r0 = 0.0, r1 = 0.0, r2 = 0.0;
             uint yz = (spread3(uint(y) & 7u) << 1) | (spread3(uint(z) & 7u) << 2);
             uint row_brick = (uint(z >> 3) * p.grid.bricks.y + uint(y >> 3)) * p.grid.bricks.x;
             uint brick = 0xFFFFFFFFu, slot = NO_SLOT;
-            for (int x = a; x <= b; ++x) {
+            for (int x = row_x.x; x <= row_x.y; ++x) {
                 if (uint(x >> 3) != brick) {
                     brick = uint(x >> 3);
                     slot = slots[row_brick + brick] - p.grid.first_slot;

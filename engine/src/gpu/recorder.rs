@@ -252,12 +252,6 @@ impl Recorder {
         );
     }
 
-    /// Copies the word `from[at]` to the word `to_word` of `to`, whatever the type of its elements.
-    pub fn copy_word<T: Pod>(&mut self, from: &Buffer<u32>, at: usize, to: &mut Buffer<T>, to_word: usize) {
-        assert!(at < from.len() && (to_word as u64 + 1) * 4 <= to.bytes(), "{}: copy behind the end", to.name());
-        self.copy_bytes((from.handle(), at as u64 * 4), (to.handle(), to_word as u64 * 4), 4, to.name());
-    }
-
     pub(super) fn copy_bytes(
         &mut self,
         (from, from_offset): (vk::Buffer, u64),

@@ -13,7 +13,7 @@ layout(scalar, binding = 2) readonly buffer Values { uint values[]; };
 layout(scalar, binding = 3) readonly buffer Footprints { Footprint footprints[]; };
 layout(scalar, binding = 4) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
 layout(scalar, binding = 5) readonly buffer ActiveCells { uvec2 active_cells[]; };
-layout(scalar, binding = 6) writeonly buffer Cells { uvec2 cells[]; };
+layout(scalar, binding = 6) writeonly buffer PairMasks { uvec2 pair_masks[]; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -29,12 +29,15 @@ void main() {
     vec3 mean = f.mean - p.grid.offset;
     uvec2 mask = uvec2(0);
     for (int z = first.z; z <= last.z; ++z) {
-        for (int y = first.y; y <= last.y; ++y) {
+        Plane plane = plane_at(f, float(z) - mean.z, support);
+        float y0, y1;
+        if (!plane_rows(f, plane, mean.y, y0, y1)) continue;
+        ivec2 rows = indices(y0, y1, first.y, last.y);
+        for (int y = rows.x; y <= rows.y; ++y) {
             float x0, x1;
-            if (!row_interval(f, float(y) - mean.y, float(z) - mean.z, mean.x, support, x0, x1)) continue;
-            // Widened like the box: a cell too many costs a little, a cell too few is wrong.
-            int a = max(int(ceil(clamp(x0 - 1e-3, -1e6, 1e6))), first.x);
-            int b = min(int(floor(clamp(x1 + 1e-3, -1e6, 1e6))), last.x);
+            row_interval(f, plane, float(y) - mean.y, mean.x, x0, x1);
+            ivec2 row_x = indices(x0, x1, first.x, last.x);
+            int a = row_x.x, b = row_x.y;
             if (a > b) continue;
             // Cells ca..=cb along x stand at bits 0, 1, 8, 9 in Morton order.
             uint ca = uint(a - corner.x) >> 1, cb = uint(b - corner.x) >> 1;
@@ -46,5 +49,5 @@ void main() {
             else mask.y |= row;
         }
     }
-    cells[i] = mask & active_cells[slot];
+    pair_masks[i] = mask & active_cells[slot];
 }
