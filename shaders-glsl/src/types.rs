@@ -165,8 +165,13 @@ shared! {
         first_splat: u32,
         /// Splats in all.
         splat_count: u32,
-        /// 1 when a former chunk's gradient is added to.
+        /// 1 when a former chunk's moments are added to.
         accumulate: u32,
+    }
+    /// Push constants of `moments_to_grad`.
+    MomentParams {
+        /// Splats.
+        splat_count: u32,
     }
     /// Push constants of `adam`; see there.
     AdamParams {

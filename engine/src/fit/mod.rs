@@ -170,16 +170,16 @@ impl Fitter {
                 chunk,
                 slots,
             );
-            self.gradient.record(
+            self.gradient.gather(
                 &mut recorder,
                 &self.rasteriser.grid,
-                &self.splats,
                 &self.rasteriser.bins.footprints,
                 &self.losses.adjoints,
                 chunk,
                 offset,
             )?;
         }
+        self.gradient.record(&mut recorder, &self.splats);
         let params = self.adam_params(turn, share);
         self.adam.record(
             &mut recorder,
