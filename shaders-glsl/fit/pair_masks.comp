@@ -13,7 +13,7 @@ layout(scalar, binding = 2) readonly buffer Values { uint values[]; };
 layout(scalar, binding = 3) readonly buffer Footprints { Footprint footprints[]; };
 layout(scalar, binding = 4) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
 layout(scalar, binding = 5) readonly buffer ActiveCells { uvec2 active_cells[]; };
-layout(scalar, binding = 6) writeonly buffer PairMasks { uvec2 pair_masks[]; };
+layout(scalar, binding = 6) writeonly buffer PairMasks { uint pair_masks[]; }; // [pair][2]
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -21,33 +21,38 @@ void main() {
     uint slot = keys[i] + p.grid.first_slot;
     Footprint f = footprints[values[i]];
     ivec3 corner = ivec3(brick_coordinates[slot] * 8u);
-    ivec3 first, last;
-    sample_box(f, p.grid, first, last);
-    first = max(first, corner);
-    last = min(last, corner + 7);
     float support = support_q();
-    vec3 mean = f.mean - p.grid.offset;
+    vec3 mean = f.mean - p.grid.offset - vec3(corner); // in the brick
+    // Rows of cells: four rows of samples each, cut by the ellipsoid one by one.
+    ivec2 rows_y = indices(mean.y - f.extent.y, mean.y + f.extent.y, 0, 7) >> 1;
+    ivec2 rows_z = indices(mean.z - f.extent.z, mean.z + f.extent.z, 0, 7) >> 1;
+    float inverse = 1.0 / f.t_x.x;
+    vec2 slope = f.t_x.yz * inverse;
     uvec2 mask = uvec2(0);
-    for (int z = first.z; z <= last.z; ++z) {
-        Plane plane = plane_at(f, float(z) - mean.z, support);
-        float y0, y1;
-        if (!plane_rows(f, plane, mean.y, y0, y1)) continue;
-        ivec2 rows = indices(y0, y1, first.y, last.y);
-        for (int y = rows.x; y <= rows.y; ++y) {
-            float x0, x1;
-            row_interval(f, plane, float(y) - mean.y, mean.x, x0, x1);
-            ivec2 row_x = indices(x0, x1, first.x, last.x);
-            int a = row_x.x, b = row_x.y;
-            if (a > b) continue;
+    for (int cz = rows_z.x; cz <= rows_z.y; ++cz) {
+        vec2 dz = vec2(cz * 2, cz * 2 + 1) - mean.z;
+        vec2 rest_z = support - f.t_z * f.t_z * dz * dz;
+        for (int cy = rows_y.x; cy <= rows_y.y; ++cy) {
+            vec2 dy = vec2(cy * 2, cy * 2 + 1) - mean.y;
+            vec4 ys = dy.xyxy, zs = dz.xxyy;
+            vec4 v = f.t_y.x * ys + f.t_y.y * zs;
+            vec4 rest = rest_z.xxyy - v * v;
+            vec4 half_width = sqrt(max(rest, 0.0)) * inverse;
+            vec4 middle = mean.x - slope.x * ys - slope.y * zs;
+            vec4 from = mix(vec4(1e6), middle - half_width, greaterThan(rest, vec4(0.0)));
+            vec4 to = mix(vec4(-1e6), middle + half_width, greaterThan(rest, vec4(0.0)));
+            ivec2 x = indices(min(min(from.x, from.y), min(from.z, from.w)),
+                              max(max(to.x, to.y), max(to.z, to.w)), 0, 7);
             // Cells ca..=cb along x stand at bits 0, 1, 8, 9 in Morton order.
-            uint ca = uint(a - corner.x) >> 1, cb = uint(b - corner.x) >> 1;
-            uint row = (0xFu >> (3u - cb)) & (0xFu << ca);
+            uint ca = uint(x.x) >> 1, cb = uint(x.y) >> 1;
+            uint row = x.x > x.y ? 0u : (0xFu >> (3u - cb)) & (0xFu << ca);
             row = (row & 3u) | ((row & 12u) << 6);
-            uint cy = uint(y - corner.y) >> 1, cz = uint(z - corner.z) >> 1;
-            row <<= ((cy & 1u) << 1) | ((cz & 1u) << 2) | ((cy & 2u) << 3);
-            if ((cz & 2u) == 0) mask.x |= row;
-            else mask.y |= row;
+            uint shift = ((uint(cy) & 1u) << 1) | ((uint(cz) & 1u) << 2) | ((uint(cy) & 2u) << 3);
+            if (cz < 2) mask.x |= row << shift;
+            else mask.y |= row << shift;
         }
     }
-    pair_masks[i] = mask & active_cells[slot];
+    mask &= active_cells[slot];
+    pair_masks[i * 2] = mask.x;
+    pair_masks[i * 2 + 1] = mask.y;
 }

@@ -33,12 +33,6 @@ void sample_box(Footprint f, Grid grid, out ivec3 first, out ivec3 last) {
     last = ivec3(clamp(floor(m + e), vec3(-1.0), top));
 }
 
-// Squared whitened distance at d = x - mean.
-float whitened_square(Footprint f, vec3 d) {
-    vec3 u = vec3(dot(f.t_x, d), dot(f.t_y, d.yz), f.t_z * d.z);
-    return dot(u, u);
-}
-
 // The support of a footprint cut at one plane (fixed d.z): an ellipse, whose rows are asked for one after the other.
 struct Plane {
     float dz;

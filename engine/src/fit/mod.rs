@@ -72,13 +72,7 @@ pub struct Progress {
 impl Fitter {
     /// Prepares a fit of `splats`, given in voxel coordinates of the volume and in HU. `config` must have passed
     /// [`FitConfig::check`].
-    pub fn new(
-        gpu: &Gpu,
-        volume: &Volume,
-        roi: &Roi,
-        splats: &[Splat],
-        config: &FitConfig,
-    ) -> Result<Self> {
+    pub fn new(gpu: &Gpu, volume: &Volume, roi: &Roi, splats: &[Splat], config: &FitConfig) -> Result<Self> {
         if splats.is_empty() {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
@@ -87,17 +81,10 @@ impl Fitter {
         let scaling = Scaling::new(volume, roi, config);
         let rasteriser = Rasteriser::new(gpu, config.kernel, config.epsilon, &bricks, splats.len())?;
         let grid = &rasteriser.grid;
-        let mut terms = vec![Weighted {
-            term: 0,
-            weight: config.mse_weight,
-            parameter: f32::from(u8::from(roi.soft)),
-        }];
+        let mut terms =
+            vec![Weighted { term: 0, weight: config.mse_weight, parameter: f32::from(u8::from(roi.soft)) }];
         if config.occupancy_weight > 0.0 {
-            terms.push(Weighted {
-                term: 1,
-                weight: config.occupancy_weight,
-                parameter: config.occupancy_w0,
-            });
+            terms.push(Weighted { term: 1, weight: config.occupancy_weight, parameter: config.occupancy_w0 });
         }
         let losses = Losses::new(gpu, &terms, config.epsilon, grid.chunk_slots(), grid.chunks())?;
         let offsets = offsets(config.offsets, config.seed);

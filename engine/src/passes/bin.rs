@@ -101,7 +101,8 @@ pub struct Binner {
     pair_offsets: Buffer<u32>,
     /// First pair of each slot, and the total.
     pub starts: Buffer<u32>,
-    pair_masks: Buffer<[u32; 2]>,
+    /// Two words a pair: the cells of its brick that it reaches.
+    pair_masks: Buffer<u32>,
     /// For every 32 pairs of a slot which of them reach each cell; `brick.glsl` says where a slot begins.
     pub cell_masks: Buffer<u32>,
     /// Bits of the largest key.
@@ -127,7 +128,7 @@ impl Binner {
             pair_counts: gpu.buffer("pair counts", "sorting", splat_count)?,
             pair_offsets: gpu.buffer("pair offsets", "sorting", splat_count + 1)?,
             starts: gpu.buffer("pair starts", "sorting", grid.chunk_slots() + 1)?,
-            pair_masks: gpu.buffer("pair masks", "sorting", capacity)?,
+            pair_masks: gpu.buffer("pair masks", "sorting", capacity * 2)?,
             cell_masks: gpu.buffer("cell masks", "sorting", mask_words(capacity, grid.chunk_slots()))?,
             chunk_slots: grid.chunk_slots(),
             key_bits: usize::BITS - grid.chunk_slots().leading_zeros(),
@@ -156,7 +157,7 @@ impl Binner {
         }
         let capacity = (pairs + pairs / 2).min(most);
         self.sort = RadixSort::new(&self.gpu, capacity)?;
-        self.pair_masks = self.gpu.buffer("pair masks", "sorting", capacity)?;
+        self.pair_masks = self.gpu.buffer("pair masks", "sorting", capacity * 2)?;
         let words = mask_words(capacity, self.chunk_slots);
         self.cell_masks = self.gpu.buffer("cell masks", "sorting", words)?;
         Ok(())
