@@ -3,7 +3,7 @@
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 use crate::failure::Stop;
-use crate::{eval, fit};
+use crate::{eval, fit, info, phantom, rasterize};
 
 /// Version and, where the build knew it, the commit.
 pub const VERSION: &str = if env!("VGS_COMMIT").is_empty() {
@@ -23,12 +23,17 @@ pub struct Cli {
 }
 
 const AFTER_HELP: &str = "\
-A flag wins over the environment (VGS_ and the flag's name, as VGS_DEVICE), that over --config, that over the profile.
-Exit codes: 0 done; 2 wrong usage; 3 nothing to do; 65 bad input; 66 input missing; 69 no usable device; 70 fault of
-this program; 71 out of memory; 73 output cannot be created; 74 reading or writing failed; 75 try again (device lost
-or full, output locked); 130 and 143 stopped by a signal, with what was reached written.
-Volumes: NIfTI (.nii, .nii.gz, .hdr/.img) and InVesalius projects (.inv3). Splats: PLY.
-For looking, not for diagnosis.";
+A flag wins over the environment (VGS_ and the flag's name, as VGS_DEVICE),
+that over --config, that over --profile.
+
+Exit codes: 0 done, 2 wrong usage, 3 nothing to do, 65 bad input, 66 input
+missing, 69 no usable device, 70 fault of this program or a fit that diverged,
+71 out of memory, 73 output cannot be created, 74 reading or writing failed,
+75 try again (device lost or full, output locked), 130 and 143 stopped by a
+signal with what was reached written.
+
+Volumes: NIfTI (.nii, .nii.gz, .hdr and .img) and InVesalius projects (.inv3).
+Splats: PLY. For looking, not for diagnosis.";
 
 /// How much is said, and in which form.
 #[derive(Args, Clone, Debug)]
@@ -48,12 +53,16 @@ pub struct Talk {
 pub enum Command {
     Fit(Box<fit::Arguments>),
     Eval(eval::Arguments),
+    Rasterize(rasterize::Arguments),
+    Info(info::Arguments),
     /// Lists the Vulkan devices of this machine
     Devices,
+    Phantom(phantom::Arguments),
 }
 
 /// Which device computes.
 #[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Device")]
 pub struct DeviceArguments {
     /// Vulkan device: its number in `vgs devices` or part of its name; the fastest kind by default
     #[arg(long, value_name = "N|NAME", env = "VGS_DEVICE", hide_env = true)]

@@ -18,8 +18,9 @@ use crate::failure::Stop;
 use crate::fit::EVAL_SEED;
 use crate::inputs::{Case, ReadArguments, RoiArguments};
 use crate::outputs;
+use crate::picture;
 use crate::report::record::host_peak_bytes;
-use crate::report::{Quality, quality_table};
+use crate::report::{Quality, psnr, quality_table};
 
 /// Measures splats against a volume, at the voxels and between them
 #[derive(Args, Debug)]
@@ -46,6 +47,9 @@ pub struct Arguments {
     /// How far around the region the occupancy counts, voxels
     #[arg(long, value_name = "N", default_value_t = 4.0, value_parser = shell, help_heading = "Evaluation")]
     shell: f64,
+    /// Slices and shaded views of CT, splats and difference
+    #[arg(long, value_name = "FILE.png", help_heading = "Output")]
+    picture: Option<PathBuf>,
     /// All figures of all grids as a table
     #[arg(long, value_name = "FILE.csv", help_heading = "Output")]
     table: Option<PathBuf>,
@@ -87,7 +91,8 @@ struct Output {
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
     let start = Instant::now();
-    let written: Vec<&Path> = [&arguments.table].into_iter().flatten().map(PathBuf::as_path).collect();
+    let written: Vec<&Path> =
+        [&arguments.picture, &arguments.table].into_iter().flatten().map(PathBuf::as_path).collect();
     let mut inputs = vec![arguments.splats.as_path(), arguments.volume.as_path()];
     inputs.extend(arguments.region.roi.as_deref());
     outputs::check(&written, &inputs, arguments.force)?;
@@ -98,6 +103,17 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let gpu = arguments.device.boot()?;
     let evaluation = arguments.evaluate(&gpu, &set, &splats, &case)?;
 
+    if let Some(path) = &arguments.picture {
+        draw(
+            path,
+            arguments.force,
+            &gpu,
+            &set,
+            &case,
+            &names(&arguments.splats, &arguments.volume),
+            &evaluation,
+        )?;
+    }
     if let Some(path) = &arguments.table {
         write_atomic(path, arguments.force, |out| out.write_all(csv(&evaluation).as_bytes()))?;
     }
@@ -134,6 +150,38 @@ impl Arguments {
             self.shell,
         )
     }
+}
+
+/// The names of splats and volume, as the title of a picture.
+pub fn names(splats: &Path, volume: &Path) -> String {
+    let [splats, volume] = [splats, volume].map(|p| p.file_name().unwrap_or_default().to_string_lossy());
+    format!("{splats} and {volume}")
+}
+
+/// Writes the picture of an evaluation.
+pub fn draw(
+    path: &Path,
+    force: bool,
+    gpu: &Gpu,
+    set: &SplatSet,
+    case: &Case,
+    title: &str,
+    evaluation: &Evaluation,
+) -> Result<()> {
+    let quality = Quality::of(evaluation);
+    let [low, high] = quality.range;
+    let mut psnr_line = format!("PSNR {} at the voxels", psnr(quality.psnr_db, quality.range));
+    if quality.offsets > 0 {
+        psnr_line += &format!(", {} between them at worst", psnr(quality.psnr_min_offset_db, quality.range));
+    }
+    psnr_line += &format!(" (over {low} to {high} HU); RMSE {:.1} HU", quality.rmse_hu);
+    let size_line = format!(
+        "{} splats for {} voxels; outline: soft Dice {:.4}",
+        set.splats.len(),
+        case.roi.voxel_count(),
+        quality.soft_dice
+    );
+    picture::write(path, force, gpu, set, case, title, &[psnr_line, size_line])
 }
 
 /// Reads splats that have an intensity in HU.

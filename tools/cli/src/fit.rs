@@ -13,6 +13,7 @@ use engine::{Error, Kind, Result};
 use crate::arguments::{DeviceArguments, VERSION, duration, range};
 use crate::clock;
 use crate::console::Console;
+use crate::eval;
 use crate::failure::Stop;
 use crate::inputs::{Case, InputRecord, ReadArguments, RoiArguments};
 use crate::lock::Lock;
@@ -39,6 +40,9 @@ pub struct Arguments {
     /// Replaces outputs that exist
     #[arg(short, long, help_heading = "Output")]
     force: bool,
+    /// Slices and shaded views of CT, splats and difference, as `vgs eval` draws them
+    #[arg(long, value_name = "FILE.png", help_heading = "Output", conflicts_with = "no_eval")]
+    picture: Option<PathBuf>,
     /// Leaves out the closing evaluation
     #[arg(long, help_heading = "Output")]
     no_eval: bool,
@@ -75,7 +79,7 @@ pub const EVAL_SEED: u64 = 7;
 pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
     let start = Instant::now();
     let settings = arguments.settings.resolve()?;
-    let files = Files::of(&arguments.output);
+    let files = Files::of(&arguments.output, arguments.picture.as_deref());
     let mut inputs = vec![arguments.volume.as_path()];
     inputs.extend(arguments.region.roi.as_deref());
     outputs::check(&files.list(), &inputs, arguments.force)?;
@@ -121,6 +125,17 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         )?),
         false => None,
     };
+    if let (Some(path), Some(evaluation)) = (&files.picture, &evaluation) {
+        eval::draw(
+            path,
+            arguments.force,
+            &gpu,
+            &set,
+            &case,
+            &eval::names(&files.splats, &arguments.volume),
+            evaluation,
+        )?;
+    }
     timings.evaluate = evaluating.elapsed().as_secs_f64();
     timings.total = start.elapsed().as_secs_f64();
 
@@ -208,20 +223,24 @@ struct Files {
     record: PathBuf,
     csv: PathBuf,
     svg: PathBuf,
+    picture: Option<PathBuf>,
 }
 
 impl Files {
-    fn of(output: &Path) -> Self {
+    fn of(output: &Path, picture: Option<&Path>) -> Self {
         Files {
             splats: output.to_owned(),
             record: outputs::beside(output, ".run.json"),
             csv: outputs::beside(output, ".csv"),
             svg: outputs::beside(output, ".svg"),
+            picture: picture.map(Path::to_owned),
         }
     }
 
-    fn list(&self) -> [&Path; 4] {
-        [&self.splats, &self.record, &self.csv, &self.svg]
+    fn list(&self) -> Vec<&Path> {
+        let mut list = vec![self.splats.as_path(), &self.record, &self.csv, &self.svg];
+        list.extend(self.picture.as_deref());
+        list
     }
 
     fn write_reports(

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
 use engine::{Error, Result};
 use serde::Serialize;
@@ -41,8 +41,11 @@ impl ReadArguments {
 
 /// Where the fit looks.
 #[derive(Args, Clone, Debug)]
-#[group(required = true, multiple = false, id = "region", args = ["roi", "roi_threshold"])]
-#[command(next_help_heading = "Region of interest")]
+#[group(skip)]
+#[command(
+    next_help_heading = "Region of interest",
+    group = ArgGroup::new("region").required(true).args(["roi", "roi_threshold"])
+)]
 pub struct RoiArguments {
     /// Mask file: 0 and 1, soft in [0, 1], or labels
     #[arg(long, value_name = "MASK")]

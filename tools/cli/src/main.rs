@@ -13,11 +13,15 @@ mod devices;
 mod eval;
 mod failure;
 mod fit;
+mod info;
 mod inputs;
 mod lock;
 mod optimise;
 mod outputs;
+mod phantom;
+mod picture;
 mod progress;
+mod rasterize;
 mod report;
 mod settings;
 mod signals;
@@ -33,6 +37,9 @@ fn main() -> std::process::ExitCode {
         match cli.command {
             Command::Fit(arguments) => fit::run(&arguments, &console),
             Command::Eval(arguments) => eval::run(&arguments, &console),
+            Command::Rasterize(arguments) => rasterize::run(&arguments, &console),
+            Command::Info(arguments) => info::run(&arguments, &console),
+            Command::Phantom(arguments) => phantom::run(&arguments, &console),
             Command::Devices => devices::run(&console),
         }
     })

@@ -14,8 +14,11 @@ use crate::signals::Signals;
 
 /// Figures and splats are fetched at least this many iterations apart ...
 const FIGURES_EVERY: u32 = 20;
-/// ... or this long, if that comes first. Fetching waits for the device.
+/// ... or this long, if that comes first: fetching waits for the device.
 const FIGURES_AFTER: Duration = Duration::from_millis(500);
+/// They belong to the offset grid of their iteration, so they are fetched where the same grid has its turn; if that
+/// takes longer than this, anywhere.
+const FIGURES_AT_LATEST: Duration = Duration::from_secs(20);
 
 /// How long a fit goes on.
 #[derive(Clone, Copy, Debug)]
@@ -102,6 +105,7 @@ pub fn run(
         curve: Vec::new(),
         start: Instant::now(),
         last: (0, Instant::now()),
+        grids: u32::try_from(config.offsets).unwrap_or(1).max(1),
         display: Display::new(console),
     };
     let end = match state.iterate(&mut fitter, schedule, signals) {
@@ -128,6 +132,8 @@ struct State {
     start: Instant,
     /// When figures were fetched last.
     last: (u32, Instant),
+    /// Offset grids that the iterations visit in turn.
+    grids: u32,
     display: Display,
 }
 
@@ -139,11 +145,10 @@ impl State {
             let is_last = share >= 1.0 && fitter.iteration() > 0;
             let (iteration, time) = self.last;
             let since = fitter.iteration().saturating_sub(iteration);
-            if is_last
-                || stop.is_some()
-                || since >= FIGURES_EVERY
-                || since > 1 && time.elapsed() >= FIGURES_AFTER
-            {
+            let same_grid = fitter.iteration().is_multiple_of(self.grids);
+            let due = since >= FIGURES_EVERY || since > 0 && time.elapsed() >= FIGURES_AFTER;
+            let overdue = since > 0 && time.elapsed() >= FIGURES_AT_LATEST;
+            if is_last || stop.is_some() || due && same_grid || overdue {
                 if since > 0 {
                     self.look(fitter)?;
                 }
