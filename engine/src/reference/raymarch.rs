@@ -249,7 +249,8 @@ mod tests {
 
     #[test]
     fn intensities_outside_do_not_bleed_in() {
-        let hu: Vec<f32> = (0..4096).map(|i| if (4..12).contains(&(i / 16 % 16)) { 50.0 } else { f32::NAN }).collect();
+        let hu: Vec<f32> =
+            (0..4096).map(|i| if (4..12).contains(&(i / 16 % 16)) { 50.0 } else { f32::NAN }).collect();
         let occupancy: Vec<f32> = hu.iter().map(|h| f32::from(u8::from(h.is_finite()))).collect();
         let medium = Medium::new([16; 3], DAffine3::IDENTITY, &hu, &occupancy);
         let (h, o) = medium.sample(DVec3::new(8.0, 3.25, 8.0));

@@ -137,6 +137,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn every_way_to_end_has_its_exit_code() {
+        let before = panic::take_hook();
+        assert_eq!(guard(|| Ok(130)), ExitCode::from(130));
+        assert_eq!(guard(|| Err(Error::new(Kind::NothingToDo, "T", "").into())), ExitCode::from(3));
+        assert_eq!(guard(|| panic!("on purpose")), ExitCode::from(70));
+        panic::set_hook(before);
+    }
+
+    #[test]
     fn control_characters_are_shown_and_not_obeyed() {
         assert_eq!(clean("a\u{1b}[31mb\nc\u{7}ü"), "a\\u{1b}[31mb\nc\\u{7}ü");
     }

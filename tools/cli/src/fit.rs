@@ -86,6 +86,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     check_extension(&files.splats)?;
     let signals = Signals::install()?;
     let _lock = Lock::take(&files.splats, &signals)?;
+    // Another run may have written them before it gave the lock away.
+    outputs::check(&files.list(), &inputs, arguments.force)?;
 
     let case = Case::read(&arguments.volume, &arguments.read, &arguments.region)?;
     let gpu = arguments.device.boot()?;

@@ -39,7 +39,7 @@ enum Content {
     Splats(Summary),
     Volume {
         #[serde(flatten)]
-        header: Option<Header>,
+        header: Option<Box<Header>>,
         #[serde(flatten)]
         voxels: Option<Voxels>,
     },
@@ -87,7 +87,7 @@ fn look(path: &Path, read: &ReadArguments) -> Result<Content> {
     if splat::FORMATS.iter().any(|format| (format.sniff)(&start)) {
         return Ok(Content::Splats(splat::describe(path, &splat::ReadOptions::default())?));
     }
-    let header = nifti::describe(path).ok();
+    let header = nifti::describe(path).ok().map(Box::new);
     if header.as_ref().is_some_and(|h| !h.scalar) {
         return Ok(Content::Volume { header, voxels: None });
     }
@@ -133,7 +133,7 @@ fn text(content: &Content) -> String {
     let mut out = Lines(String::new());
     match content {
         Content::Splats(summary) => splat_lines(summary, &mut out),
-        Content::Volume { header, voxels } => volume_lines(header.as_ref(), voxels.as_ref(), &mut out),
+        Content::Volume { header, voxels } => volume_lines(header.as_deref(), voxels.as_ref(), &mut out),
     }
     out.0
 }

@@ -169,16 +169,7 @@ impl State {
     fn look(&mut self, fitter: &mut Fitter) -> Result<()> {
         let progress = fitter.progress()?;
         let splats = fitter.splats()?;
-        let bad = splats.iter().filter(|s| splat::defect(s).is_some()).count();
-        if bad > 0 || !progress.mse.is_finite() || !progress.occupancy_rmse.is_finite() {
-            let message = format!(
-                "the fit diverged after {} iterations (mean squared error {}, {bad} unusable splats); the splats of \
-                 iteration {} are kept",
-                progress.iteration, progress.mse, self.iterations
-            );
-            return Err(Error::new(Kind::Internal, "VGS-FIT-010", message)
-                .help("lower the learning rates; if they are the default ones, please report it"));
-        }
+        check(&progress, &splats, self.iterations)?;
         self.good = splats;
         self.iterations = progress.iteration;
         self.last = (progress.iteration, Instant::now());
@@ -188,9 +179,41 @@ impl State {
     }
 }
 
+/// Refuses a state that is no longer a fit. `kept` is the iteration of the last good one.
+fn check(progress: &Progress, splats: &[Splat], kept: u32) -> Result<()> {
+    let bad = splats.iter().filter(|s| splat::defect(s).is_some()).count();
+    if bad == 0 && progress.mse.is_finite() && progress.occupancy_rmse.is_finite() {
+        return Ok(());
+    }
+    let message = format!(
+        "the fit diverged after {} iterations (mean squared error {}, {bad} unusable splats); the splats of iteration \
+         {kept} are kept",
+        progress.iteration, progress.mse
+    );
+    Err(Error::new(Kind::Internal, "VGS-FIT-010", message)
+        .help("lower the learning rates; if they are the default ones, please report it"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_state_that_is_no_fit_any_more_is_refused() {
+        let progress = Progress { iteration: 9, mse: 0.0, psnr_db: f64::INFINITY, occupancy_rmse: 0.1 };
+        let splat = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        assert!(check(&progress, &[splat], 5).is_ok(), "an exact fit is none that diverged");
+        let rows = [
+            (Progress { mse: f64::NAN, ..progress }, splat),
+            (Progress { occupancy_rmse: f64::INFINITY, ..progress }, splat),
+            (progress, Splat { intensity: f32::NAN, ..splat }),
+        ];
+        for (progress, splat) in rows {
+            let error = check(&progress, &[splat], 5).expect_err("diverged");
+            assert_eq!((error.kind, error.code), (Kind::Internal, "VGS-FIT-010"));
+            assert!(error.message.contains("iteration 5 are kept"), "{}", error.message);
+        }
+    }
 
     #[test]
     fn the_nearer_limit_sets_the_schedule() {

@@ -12,6 +12,8 @@ use crate::report::seconds;
 
 /// Plain lines come this far apart, or at a tenth of the way where that is later.
 const LINE_EVERY: Duration = Duration::from_secs(5);
+/// The rate is taken over this long.
+const RATE_EVERY: Duration = Duration::from_secs(1);
 /// Positions of the bar.
 const STEPS: u64 = 1000;
 
@@ -39,9 +41,9 @@ pub struct Display {
     start: Instant,
     last_line: Instant,
     last_line_share: f64,
-    /// Time and iteration of the last figures, for the rate.
+    /// Where the rate was taken last.
     last: (Instant, u32),
-    rate: f64,
+    rate: Option<f64>,
     figures: String,
 }
 
@@ -51,7 +53,7 @@ impl Display {
         let now = Instant::now();
         let shown = !console.json && !console.quiet;
         let bar = (shown && console::stderr_has_colour()).then(|| {
-            let style = ProgressStyle::with_template("{bar:30} {percent:>3}% {wide_msg}")
+            let style = ProgressStyle::with_template("{bar:20} {percent:>3}% {wide_msg}")
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             terminal().add(ProgressBar::new(STEPS).with_style(style))
         });
@@ -62,30 +64,27 @@ impl Display {
             last_line: now,
             last_line_share: 0.0,
             last: (now, 0),
-            rate: 0.0,
+            rate: None,
             figures: String::new(),
         }
     }
 
     /// Notes new figures, as a fit gives them now and then.
     pub fn figures(&mut self, progress: &Progress) {
-        let (time, iteration) = self.last;
-        let passed = time.elapsed().as_secs_f64();
-        if progress.iteration > iteration && passed > 0.0 {
-            self.rate = f64::from(progress.iteration - iteration) / passed;
-            self.last = (Instant::now(), progress.iteration);
-        }
-        self.figures = format!("{:.2} dB, occupancy error {:.3}", progress.psnr_db, progress.occupancy_rmse);
+        self.figures = format!(", {:.2} dB, outline off {:.3}", progress.psnr_db, progress.occupancy_rmse);
     }
 
     /// Shows how far the fit is; `share` is the part of the schedule that is done, 0 to 1.
     pub fn show(&mut self, iteration: u32, share: f64) {
         let spent = self.start.elapsed().as_secs_f64();
         let left = if share > 0.0 { seconds(spent * (1.0 - share) / share) } else { "?".to_owned() };
-        let text = || {
-            let figures = if self.figures.is_empty() { "" } else { ", " };
-            format!("iteration {iteration}{figures}{}, {:.2} it/s, {left} left", self.figures, self.rate)
-        };
+        let (time, from) = self.last;
+        if time.elapsed() >= RATE_EVERY && iteration > from {
+            self.rate = Some(f64::from(iteration - from) / time.elapsed().as_secs_f64());
+            self.last = (Instant::now(), iteration);
+        }
+        let rate = self.rate.map(|r| format!(", {r:.1} it/s")).unwrap_or_default();
+        let text = || format!("{iteration} iterations{}{rate}, {left} left", self.figures);
         if let Some(bar) = &self.bar {
             bar.set_position((share * STEPS as f64) as u64);
             bar.set_message(text());

@@ -3,6 +3,7 @@
 //! Only bricks that a splat reaches are computed, in slabs of bounded size: cost and memory follow the splats, whatever
 //! the size of the grid.
 
+use std::cmp::Ordering;
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args, ValueEnum};
@@ -163,7 +164,7 @@ impl GridArguments {
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
         let size = ((high - low) / spacing).ceil() + 1.0;
         let bytes = 4.0 * size.x * size.y * size.z;
-        if !(bytes <= options.max_bytes as f64) {
+        if bytes.is_nan() || bytes > options.max_bytes as f64 {
             let message = format!(
                 "a grid of {:.0} x {:.0} x {:.0} voxels around the splats takes {bytes:.0} bytes, more than the limit \
                  of {}",
@@ -195,7 +196,8 @@ fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 
     for axis in 0..3 {
         let first = (mean[axis] - reach[axis]).ceil().max(0.0);
         let last = (mean[axis] + reach[axis]).floor().min(size[axis] as f64 - 1.0);
-        if !(first <= last) {
+        // Also where one of them is NaN.
+        if first.partial_cmp(&last).is_none_or(Ordering::is_gt) {
             return None;
         }
         out[axis] = [first as usize / BRICK, last as usize / BRICK];
