@@ -26,6 +26,9 @@ struct Footprint {
     vec3 extent; // half size of the box that holds the support, voxels
 };
 
+// Floats of a row of moments: S0, C0, S1 (3), the symmetric S2 (6); see splat_to_volume_grad.comp.
+const uint MOMENTS = 11;
+
 // dL/d(parameter) of one splat; rotation as a small rotation vector in the splat's own axes.
 struct SplatGrad {
     vec3 mean;
@@ -49,11 +52,17 @@ struct Reconstruction {
     float value;
 };
 
-// What a sample should be. occupancy < 0 marks a sample that takes no part.
+// What a sample should be, relative to the background in spans of the intensity range, so within -1 .. 1.
+// occupancy < 0 marks a sample that takes no part. Stored as two 16-bit fractions: a step of 0.12 HU over 4095.
 struct Target {
     float value;
     float occupancy;
 };
+
+Target unpack_target(uint stored) {
+    vec2 t = unpackSnorm2x16(stored);
+    return Target(t.x, t.y);
+}
 
 // dL/dV^ and dL/dW of one sample.
 struct Adjoint {

@@ -44,9 +44,10 @@ pub struct Arguments {
     /// Seed of the offsets
     #[arg(long, value_name = "N", default_value_t = EVAL_SEED, help_heading = "Evaluation")]
     seed: u64,
-    /// How far around the region the occupancy counts, voxels
-    #[arg(long, value_name = "N", default_value_t = 4.0, value_parser = shell, help_heading = "Evaluation")]
-    shell: f64,
+    /// How far around the region the occupancy counts, voxels along each axis
+    #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Evaluation",
+          value_parser = clap::value_parser!(u32).range(0..=32))]
+    shell: u32,
     /// Slices and shaded views of CT, splats and difference
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     picture: Option<PathBuf>,
@@ -65,13 +66,6 @@ Examples:
   vgs eval bones.ply ct.nii.gz --roi bones.nii.gz
   vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --range -1024,3071 --json
   vgs eval skull.ply skull.inv3 --roi-threshold 226,3071 --picture skull.png --table skull.csv";
-
-fn shell(text: &str) -> std::result::Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=32.0).contains(&value) => Ok(value),
-        _ => Err("0 to 32 voxels".into()),
-    }
-}
 
 /// What `--json` prints.
 #[derive(Serialize)]

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
+use super::PANEL;
 use super::canvas::{Align, Canvas, Colour};
 use super::subject::{Subject, diverging, grey};
-use super::{DIM_TEXT, PANEL};
 
 /// A slice as radiologists look at it: letters are directions of the patient.
 struct View {
@@ -18,6 +18,9 @@ const VIEWS: [View; 3] = [
     View { name: "coronal", right: 'L', up: 'S' },
     View { name: "sagittal", right: 'P', up: 'S' },
 ];
+
+/// Colour of text over images.
+const LETTERS: Colour = [255, 205, 92];
 
 /// The quantities of the three columns.
 pub const COLUMNS: [&str; 3] = ["CT", "splats", "difference (splats - CT)"];
@@ -100,7 +103,7 @@ pub fn draw_row(
         let x = x + (PANEL - width) / 2;
         canvas.image([x, top], plane.pixels, |px, py| colour(subject, column, plane.voxel(subject, px, py)));
         if column == 0 {
-            canvas.text([x + 6, top + 6], 2, Align::Left, DIM_TEXT, view.name);
+            over(canvas, [x + 6, top + 6], view.name);
         }
         if subject.ct.oriented && column == 0 && height > 60 {
             let middle = top + height / 2 - 7;
@@ -111,10 +114,18 @@ pub fn draw_row(
                 ([x + width / 2 - 5, top + height - 20], opposite(view.up)),
             ];
             for (at, letter) in letters {
-                canvas.text(at, 2, Align::Left, DIM_TEXT, &letter.to_string());
+                over(canvas, at, &letter.to_string());
             }
         }
     }
+}
+
+/// Text over an image: a shadow keeps it legible on any grey.
+fn over(canvas: &mut Canvas, [x, y]: [usize; 2], text: &str) {
+    for (dx, dy) in [(0, 2), (2, 0), (4, 2), (2, 4), (3, 3)] {
+        canvas.text([x + dx - 2, y + dy - 2], 2, Align::Left, [0; 3], text);
+    }
+    canvas.text([x, y], 2, Align::Left, LETTERS, text);
 }
 
 /// The colour of a place in one of the columns.
