@@ -110,6 +110,8 @@ pub struct FieldSample {
     pub hu: f32,
     /// O in 0..1.
     pub occupancy: f32,
+    /// Summed weight W of the splats.
+    pub weight: f32,
 }
 
 /// Samples a field on a brick grid.
@@ -149,6 +151,7 @@ impl Sampler {
             .map(|r| FieldSample {
                 hu: r.value + self.background,
                 occupancy: r.weight / (r.weight + self.occupancy_w0),
+                weight: r.weight,
             })
             .collect())
     }
