@@ -18,7 +18,12 @@ pub struct Medium {
     voxel_from_world: DAffine3,
     /// O·h and O of each voxel.
     samples: Vec<[f32; 2]>,
+    /// Whether a point with its low corner in a block of 4³ voxels may see an occupancy; blocks start at voxel -1.
+    blocks: Vec<bool>,
 }
+
+/// Edge of a block, voxels.
+const BLOCK: usize = 4;
 
 /// A point of a transfer function.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,7 +65,44 @@ impl Medium {
             // 0 · NaN would be NaN.
             if o > 0.0 && h.is_finite() { [o * h, o] } else { [0.0; 2] }
         });
-        Medium { size, voxel_from_world: world_from_voxel.inverse(), samples: samples.collect() }
+        let mut medium = Medium {
+            size,
+            voxel_from_world: world_from_voxel.inverse(),
+            samples: samples.collect(),
+            blocks: Vec::new(),
+        };
+        medium.blocks = medium.occupied_blocks();
+        medium
+    }
+
+    fn block_counts(&self) -> [usize; 3] {
+        self.size.map(|n| n / BLOCK + 1)
+    }
+
+    fn occupied_blocks(&self) -> Vec<bool> {
+        let [bx, by, bz] = self.block_counts();
+        let [nx, ny, _] = self.size;
+        let mut blocks = vec![false; bx * by * bz];
+        for (i, _) in self.samples.iter().enumerate().filter(|(_, s)| s[1] > 0.0) {
+            // Voxel v is seen from low corners v - 1 and v, which are v and v + 1 when counted from -1.
+            let voxel = [i % nx, i / nx % ny, i / (nx * ny)];
+            let [xs, ys, zs] = voxel.map(|v| [v / BLOCK, (v + 1) / BLOCK]);
+            for z in zs {
+                for y in ys {
+                    for x in xs {
+                        blocks[(z * by + y) * bx + x] = true;
+                    }
+                }
+            }
+        }
+        blocks
+    }
+
+    /// Whether there may be an occupancy at a point of the grid with its border.
+    fn may_hold(&self, voxel: DVec3) -> bool {
+        let counts = self.block_counts();
+        let at = |axis: usize| ((voxel[axis] + 1.0).max(0.0) as usize / BLOCK).min(counts[axis] - 1);
+        self.blocks[(at(2) * counts[1] + at(1)) * counts[0] + at(0)]
     }
 
     /// Intensity and occupancy at a point of voxel space; beyond the grid the occupancy fades to 0 over a voxel.
@@ -161,10 +203,10 @@ fn march(
     while index * step < last && clear > DARK {
         let voxel = origin + direction * (index * step);
         index += 1.0;
-        let (hu, occupancy) = medium.sample(voxel);
-        if occupancy == 0.0 {
+        if !medium.may_hold(voxel) {
             continue;
         }
+        let (hu, occupancy) = medium.sample(voxel);
         let (base, extinction) = transfer.at(hu);
         let opacity = 1.0 - (-occupancy * extinction * step).exp();
         if opacity > 0.0 {
@@ -256,6 +298,27 @@ mod tests {
         let (h, o) = medium.sample(DVec3::new(8.0, 3.25, 8.0));
         assert!((h - 50.0).abs() < 1e-6 && (o - 0.25).abs() < 1e-6, "{h} {o}");
         assert_eq!(medium.sample(DVec3::splat(-2.0)), (0.0, 0.0));
+    }
+
+    #[test]
+    fn nothing_is_skipped_that_holds_something() {
+        let size = [9, 8, 11];
+        let marked = [[0, 0, 0], [3, 3, 3], [8, 7, 10], [4, 7, 5]];
+        for mark in marked {
+            let index = (mark[2] * size[1] + mark[1]) * size[0] + mark[0];
+            let mut occupancy = vec![0.0; 9 * 8 * 11];
+            occupancy[index] = 1.0;
+            let medium = Medium::new(size, DAffine3::IDENTITY, &vec![1.0; 9 * 8 * 11], &occupancy);
+            let mut skipped = 0;
+            for i in 0..40 * 40 * 40 {
+                let p = DVec3::new((i % 40) as f64, (i / 40 % 40) as f64, (i / 1600) as f64) * 0.31 - 1.0;
+                if !medium.may_hold(p) {
+                    skipped += 1;
+                    assert_eq!(medium.sample(p).1, 0.0, "{p}");
+                }
+            }
+            assert!(skipped > 32_000, "most of the grid is skipped: {skipped}");
+        }
     }
 
     #[test]

@@ -315,15 +315,15 @@ fn summary(results: &Results, outcome: &Outcome, evaluation: Option<&Evaluation>
         ));
     }
     let host = results.host_peak_bytes.map(|n| format!(", {} of the host", bytes(n))).unwrap_or_default();
+    let name = |p: &&Path| p.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let names: Vec<_> = files.list()[1..].iter().map(name).collect();
     out.push_str(&format!(
-        "memory: at most {} of the device{host}\non: {} ({})\nwritten: {} and beside it {}\n",
+        "memory: at most {} of the device{host}\non: {} ({})\nwritten: {}, and {}\n",
         bytes(results.device_peak_bytes),
         results.device,
         results.driver,
         files.splats.display(),
-        [&files.record, &files.csv, &files.svg]
-            .map(|p| p.file_name().unwrap_or_default().to_string_lossy().into_owned())
-            .join(", ")
+        names.join(", ")
     ));
     out.push_str(&format!("vgs {VERSION}. For looking, not for diagnosis.\n"));
     out

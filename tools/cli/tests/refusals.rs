@@ -170,6 +170,12 @@ const ROWS: &[Row] = &[
         says: &["colour.ply", "no intensity"],
     },
     Row {
+        name: "the picture exists",
+        arguments: &["eval", "away.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--picture", "half.csv"],
+        exit: 73,
+        says: &["half.csv: the output exists already"],
+    },
+    Row {
         name: "splats of another place",
         arguments: &["eval", "away.ply", "ct.nii.gz", "--roi", "mask.nii.gz"],
         exit: 65,

@@ -167,3 +167,14 @@ fn a_closed_stdout_is_no_panic() {
     let ended = support::finish(child);
     assert_eq!((ended.code, ended.err.as_str()), (0, ""));
 }
+
+#[test]
+fn a_full_stdout_is_an_error() {
+    let folder = Folder::new(8);
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("/dev/full");
+    let mut command = folder.command(&["info", "ct.nii.gz"]);
+    let output = command.stdout(full).output().expect("the program starts");
+    let err = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(74), "{err}");
+    assert!(err.contains("writing to standard output failed"), "{err}");
+}
