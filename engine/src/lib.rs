@@ -19,6 +19,7 @@ pub mod fit;
 pub mod gpu;
 pub mod output;
 pub mod passes;
+pub mod reference;
 pub mod splat;
 pub mod volume;
 
