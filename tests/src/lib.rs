@@ -8,6 +8,7 @@
 
 pub mod close;
 pub mod device;
+pub mod fitting;
 pub mod golden;
 pub mod scene;
 pub mod step;
