@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 use spirq::ReflectConfig;
-use spirq::constant::ConstantValue;
 use spirq::ty::{AccessType, DescriptorType, Type};
 use spirq::var::Variable;
 
@@ -57,7 +56,7 @@ fn amp(names: &[String]) -> String {
 fn compile(compiler: &shaderc::Compiler, root: &Path, file: &Path, optimise: bool) -> Vec<u8> {
     let mut options = shaderc::CompileOptions::new().expect("glslang has options");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
-    // 1.5: from 1.6 on glslang states the workgroup size by id, which the reflection does not read.
+    // 1.5: what every Vulkan 1.2 and 1.3 driver reads.
     options.set_target_spirv(shaderc::SpirvVersion::V1_5);
     options.set_warnings_as_errors();
     if optimise {
@@ -131,30 +130,16 @@ fn reflect(name: &str, spirv: &[u8], structs: &mut BTreeMap<String, Fields>) -> 
         }
     }
     assert!(bindings.keys().copied().eq(0..bindings.len() as u32), "{name}: bindings count up from 0");
-    constants.sort();
+    // A constant that is also the workgroup size is listed twice, once without a name.
+    constants.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.cmp(&a.1)));
+    constants.dedup_by_key(|c| c.0);
     assert!(constants.iter().map(|c| c.0).eq(0..constants.len() as u32), "{name}: constants count up from 0");
-    let local: Vec<u32> = entry
-        .exec_modes
-        .iter()
-        .find(|m| m.exec_mode == spirq::spirv::ExecutionMode::LocalSize)
-        .map(|m| {
-            m.operands
-                .iter()
-                .map(|o| match &o.value {
-                    ConstantValue::U32(v) => *v,
-                    ConstantValue::S32(v) => *v as u32,
-                    ConstantValue::Typeless(b) => u32::from_le_bytes(b[..4].try_into().expect("4 bytes")),
-                    other => panic!("{name}: odd local size {other:?}"),
-                })
-                .collect()
-        })
-        .unwrap_or_else(|| panic!("{name}: local_size is a literal"));
     let bindings: String = bindings.into_values().collect();
     let constants: String = constants.iter().map(|c| format!("{:?}, ", c.1)).collect();
     format!(
         "/// `{name}.comp`\npub static {}: Shader = Shader {{ name: {name:?}, \
          spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")), bindings: &[{bindings}], \
-         constants: &[{constants}], push_bytes: {push_bytes}, local_size: {local:?} }};\n",
+         constants: &[{constants}], push_bytes: {push_bytes} }};\n",
         name.to_uppercase()
     )
 }

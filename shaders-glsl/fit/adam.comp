@@ -7,7 +7,7 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform AdamParams {
     uint splat_count;
     uint chunk_count;
-    uvec2 capacity;     // pairs and list entries that fit the bins
+    uint capacity;      // pairs that fit the bins
     float beta1;
     float beta2;
     float correction1;  // 1 / (1 - beta1^t)
@@ -29,7 +29,7 @@ layout(scalar, binding = 0) readonly buffer Gradients { SplatGrad gradients[]; }
 layout(scalar, binding = 1) buffer Splats { Splat splats[]; };
 layout(scalar, binding = 2) buffer First { SplatGrad first_moments[]; };
 layout(scalar, binding = 3) buffer Second { SplatGrad second_moments[]; };
-layout(scalar, binding = 4) readonly buffer Needs { uvec2 needs[]; };           // [chunk]: pairs, list entries
+layout(scalar, binding = 4) readonly buffer PairTotals { uint pair_totals[]; }; // [chunk]
 layout(scalar, binding = 5) buffer Frozen { uint frozen[]; };                   // [0]: splats left as they were
 
 float moved(float g, inout float m, inout float v, float rate) {
@@ -47,7 +47,7 @@ vec3 moved(vec3 g, inout vec3 m, inout vec3 v, float rate) {
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.splat_count) return;
-    for (uint c = 0; c < p.chunk_count; ++c) if (any(greaterThan(needs[c], p.capacity))) return;
+    for (uint c = 0; c < p.chunk_count; ++c) if (pair_totals[c] > p.capacity) return;
     SplatGrad g = gradients[i];
     // The square must be finite too: it goes into the second moment.
     float size = dot(g.mean, g.mean) + dot(g.rotation, g.rotation) + dot(g.log_scale, g.log_scale)

@@ -1,35 +1,51 @@
 #version 460
 // The forward pass, equations (1) and (2) with a peak-1 kernel: W = Σ α κ(q), V^ = Σ α κ(q) c / (W + ε).
-// A gather: 8 invocations own a cell of 2^3 samples and walk its list of splats in splat order, so two runs add the
-// same numbers in the same order. Intensities are relative to the background, so a sample that no splat reaches has
-// the background exactly.
+// A gather: 8 invocations own a cell of 2^3 samples, one each, and walk the pairs that reach the cell in splat order, so
+// two runs add the same numbers in the same order. Intensities are relative to the background: a sample that no splat
+// reaches has the background exactly.
 //
-// CELLS_PER_GROUP: with one cell a workgroup the list is the same for all invocations, which a CPU driver turns into
-// scalar loads; GPUs want full workgroups. The workgroup size follows it.
+// The workgroup size is 8 times CELLS. With one cell a workgroup all its loads are uniform, which a CPU driver turns
+// into scalar ones (five times faster there); GPUs want full subgroups. engine/src/passes/rasterise.rs chooses.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
-layout(local_size_x = 8) in;
+layout(local_size_x_id = 1) in;
+layout(constant_id = 1) const uint GROUP = 64;
 layout(push_constant, scalar) uniform RasterParams { Grid grid; uint first_cell; float epsilon; } p;
-layout(scalar, binding = 0) readonly buffer ListStarts { uint list_starts[]; };
-layout(scalar, binding = 1) readonly buffer Lists { uint lists[]; };
-layout(scalar, binding = 2) readonly buffer Footprints { Footprint footprints[]; };
-layout(scalar, binding = 3) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
-layout(scalar, binding = 4) writeonly buffer Reconstructions { Reconstruction reconstructions[]; };
+layout(scalar, binding = 0) readonly buffer Starts { uint starts[]; };
+layout(scalar, binding = 1) readonly buffer Values { uint values[]; };
+layout(scalar, binding = 2) readonly buffer CellMasks { uint cell_masks[]; };
+layout(scalar, binding = 3) readonly buffer Footprints { Footprint footprints[]; };
+layout(scalar, binding = 4) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
+layout(scalar, binding = 5) writeonly buffer Reconstructions { Reconstruction reconstructions[]; };
 
 void main() {
     uint cell = p.first_cell + gl_WorkGroupID.x;
+    uint lane = gl_LocalInvocationIndex;
+    if (GROUP != 8) {
+        cell = p.first_cell + (gl_WorkGroupID.x * GROUP + gl_LocalInvocationIndex) / 8;
+        lane = gl_LocalInvocationIndex & 7u;
+    }
     uint slot = cell >> 6;
-    uint morton = (cell & 63u) * 8u + gl_LocalInvocationIndex;
+    uint morton = (cell & 63u) * 8u + lane;
     vec3 x = vec3(brick_coordinates[p.grid.first_slot + slot] * 8u + brick_voxel(morton)) + p.grid.offset;
     float weight = 0.0;
     float sum = 0.0;
-    uint end = min(list_starts[cell + 1], lists.length());
-    for (uint i = list_starts[cell]; i < end; ++i) {
-        Footprint f = footprints[lists[i]];
-        float w = f.opacity * kernel_value(whitened_square(f, x - f.mean));
-        weight += w;
-        sum += w * f.intensity;
+    uint start = starts[slot];
+    uint end = starts[slot + 1];
+    uint from = mask_block(start, slot) * 64 + (cell & 63u);
+    for (uint first = start; first < end; first += 32) {
+        uint mask = cell_masks[from];
+        from += 64;
+        while (mask != 0) {
+            Footprint f = footprints[values[first + uint(findLSB(mask))]];
+            mask &= mask - 1;
+            vec3 d = x - f.mean;
+            vec3 u = vec3(dot(f.t_x, d), dot(f.t_y, d.yz), f.t_z * d.z);
+            float w = f.opacity * kernel_value(dot(u, u));
+            weight += w;
+            sum += w * f.intensity;
+        }
     }
-    reconstructions[cell * 8 + gl_LocalInvocationIndex] = Reconstruction(weight, sum / (weight + p.epsilon));
+    reconstructions[cell * 8 + lane] = Reconstruction(weight, sum / (weight + p.epsilon));
 }

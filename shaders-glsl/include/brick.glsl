@@ -33,23 +33,50 @@ void sample_box(Footprint f, Grid grid, out ivec3 first, out ivec3 last) {
     last = ivec3(clamp(floor(m + e), vec3(-1.0), top));
 }
 
-// Squared whitened distance at d = x - mean.
-float whitened_square(Footprint f, vec3 d) {
-    vec3 u = vec3(dot(f.t_x, d), dot(f.t_y, d.yz), f.t_z * d.z);
-    return dot(u, u);
+// The support of a footprint cut at one plane (fixed d.z): an ellipse, whose rows are asked for one after the other.
+struct Plane {
+    float dz;
+    float rest;  // support - u.z^2: what is left for u.x^2 + u.y^2
+    float v;     // u.y at d.y = 0
+};
+
+Plane plane_at(Footprint f, float dz, float support) {
+    float w = f.t_z * dz;
+    return Plane(dz, support - w * w, f.t_y.y * dz);
+}
+
+// The rows of the plane that meet the support: a closed interval of y; false when there is none.
+// `mean_y` counts from the samples.
+bool plane_rows(Footprint f, Plane p, float mean_y, out float y0, out float y1) {
+    float reach = sqrt(max(p.rest, 0.0));
+    float inverse = 1.0 / f.t_y.x;
+    y0 = mean_y - (p.v + reach) * inverse;
+    y1 = mean_y - (p.v - reach) * inverse;
+    return p.rest > 0.0;
 }
 
 // The samples of one row (fixed d.y and d.z) that lie in the support: a closed interval of x before clamping to the
-// grid; false when the row misses it. `mean_x` counts from the samples.
-bool row_interval(Footprint f, float dy, float dz, float mean_x, float support, out float x0, out float x1) {
-    float v = f.t_y.x * dy + f.t_y.y * dz;
-    float w = f.t_z * dz;
-    float rest = support - v * v - w * w;
-    float half_width = sqrt(max(rest, 0.0)) / f.t_x.x;
-    float middle = mean_x - (f.t_x.y * dy + f.t_x.z * dz) / f.t_x.x;
+// grid, empty (x0 > x1) when the row misses it. `mean_x` counts from the samples.
+void row_interval(Footprint f, Plane p, float dy, float mean_x, out float x0, out float x1) {
+    float v = f.t_y.x * dy + p.v;
+    float rest = p.rest - v * v;
+    float inverse = 1.0 / f.t_x.x;
+    float half_width = rest > 0.0 ? sqrt(rest) * inverse : -1.0;
+    float middle = mean_x - (f.t_x.y * dy + f.t_x.z * p.dz) * inverse;
     x0 = middle - half_width;
     x1 = middle + half_width;
-    return rest > 0.0;
+}
+
+// First and last index of a closed interval, widened by a little so that rounding never cuts a sample off, inside
+// first ..= last. Clamped as floats: a huge interval must not overflow an integer.
+ivec2 indices(float from, float to, int first, int last) {
+    return ivec2(max(int(ceil(clamp(from - 1e-3, -1e6, 1e6))), first), min(int(floor(clamp(to + 1e-3, -1e6, 1e6))), last));
+}
+
+// Where the cell masks of a slot begin, in blocks of 64 words: enough room for every 32 pairs begun, whatever the
+// number of pairs of the slots before.
+uint mask_block(uint first_pair, uint slot) {
+    return first_pair / 32 + slot;
 }
 
 #endif

@@ -26,6 +26,9 @@ struct Footprint {
     vec3 extent; // half size of the box that holds the support, voxels
 };
 
+// Floats of a row of moments: S0, C0, S1 (3), the symmetric S2 (6); see splat_to_volume_grad.comp.
+const uint MOMENTS = 11;
+
 // dL/d(parameter) of one splat; rotation as a small rotation vector in the splat's own axes.
 struct SplatGrad {
     vec3 mean;

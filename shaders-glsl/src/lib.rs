@@ -39,8 +39,6 @@ pub struct Shader {
     pub constants: &'static [&'static str],
     /// Bytes of push constants; 0 when there are none.
     pub push_bytes: usize,
-    /// Invocations in a workgroup along x, y, z.
-    pub local_size: [u32; 3],
 }
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));

@@ -125,18 +125,13 @@ shared! {
         /// The most pairs there can be.
         capacity: u32,
     }
-    /// Push constants of `pair_cells`.
+    /// Push constants of `pair_masks`.
     PairParams {
         /// Sample grid.
         grid: Grid,
         /// Which count is the number of pairs.
         count_index: u32,
         /// The most pairs there can be.
-        capacity: u32,
-    }
-    /// Push constants of `cell_counts` and `cell_lists`.
-    CellParams {
-        /// Entries that fit the lists.
         capacity: u32,
     }
     /// Push constants of `splat_to_volume`.
@@ -170,8 +165,13 @@ shared! {
         first_splat: u32,
         /// Splats in all.
         splat_count: u32,
-        /// 1 when a former chunk's gradient is added to.
+        /// 1 when a former chunk's moments are added to.
         accumulate: u32,
+    }
+    /// Push constants of `moments_to_grad`.
+    MomentParams {
+        /// Splats.
+        splat_count: u32,
     }
     /// Push constants of `adam`; see there.
     AdamParams {
@@ -179,8 +179,8 @@ shared! {
         splat_count: u32,
         /// Chunks of this step.
         chunk_count: u32,
-        /// Pairs and list entries that fit the bins.
-        capacity: [u32; 2],
+        /// Pairs that fit the bins.
+        capacity: u32,
         /// β₁.
         beta1: f32,
         /// β₂.

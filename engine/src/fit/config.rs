@@ -3,8 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Kind, Result};
 use super::init::{INITIALISERS, InitConfig, Initialiser};
+use crate::error::{Error, Kind, Result};
 use crate::splat::{self, Kernel};
 
 /// A field of [`FitConfig`] as programs show it.
@@ -116,11 +116,7 @@ impl FitConfig {
     /// Refuses values that cannot work, naming the key.
     pub fn check(&self) -> Result<()> {
         let wrong = |key: &str, found: String, needed: &str| {
-            Err(Error::new(
-                Kind::Usage,
-                "VGS-CFG-001",
-                format!("{key} = {found}: {needed} is needed"),
-            ))
+            Err(Error::new(Kind::Usage, "VGS-CFG-001", format!("{key} = {found}: {needed} is needed")))
         };
         if self.iterations == 0 || self.iterations > 10_000_000 {
             return wrong("iterations", self.iterations.to_string(), "1 to 10000000");

@@ -45,9 +45,11 @@ pub struct Evaluation {
 impl Evaluation {
     /// The worst PSNR between voxels, dB; on the grid when no offset was asked for.
     pub fn worst_psnr_db(&self) -> f64 {
-        self.between.iter().map(|m| m.psnr_db).fold(f64::INFINITY, f64::min).min(
-            if self.between.is_empty() { self.on_grid.psnr_db } else { f64::INFINITY },
-        )
+        self.between.iter().map(|m| m.psnr_db).fold(f64::INFINITY, f64::min).min(if self.between.is_empty() {
+            self.on_grid.psnr_db
+        } else {
+            f64::INFINITY
+        })
     }
 
     /// The mean PSNR between voxels, dB; on the grid when no offset was asked for.

@@ -19,7 +19,6 @@ pub use targets::{Scaling, offsets, sample};
 
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Ticket};
-use crate::passes::bin::Need;
 use crate::passes::loss::{Sum, Weighted};
 use crate::passes::{Adam, Gradient, Losses, Rasteriser};
 use crate::splat::Splat;
@@ -47,14 +46,14 @@ pub struct Fitter {
     iteration: u32,
     flying: VecDeque<Flight>,
     /// Read-back buffers of finished steps, to be used again.
-    readbacks: Vec<Buffer<Need>>,
+    readbacks: Vec<Buffer<u32>>,
 }
 
 struct Flight {
     iteration: u32,
     ticket: Ticket,
-    /// What each chunk needed of the bins.
-    readback: Buffer<Need>,
+    /// Pairs that each chunk needed.
+    readback: Buffer<u32>,
 }
 
 /// How a fit stands, from the sums of its last step.
@@ -73,13 +72,7 @@ pub struct Progress {
 impl Fitter {
     /// Prepares a fit of `splats`, given in voxel coordinates of the volume and in HU. `config` must have passed
     /// [`FitConfig::check`].
-    pub fn new(
-        gpu: &Gpu,
-        volume: &Volume,
-        roi: &Roi,
-        splats: &[Splat],
-        config: &FitConfig,
-    ) -> Result<Self> {
+    pub fn new(gpu: &Gpu, volume: &Volume, roi: &Roi, splats: &[Splat], config: &FitConfig) -> Result<Self> {
         if splats.is_empty() {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
@@ -88,17 +81,10 @@ impl Fitter {
         let scaling = Scaling::new(volume, roi, config);
         let rasteriser = Rasteriser::new(gpu, config.kernel, config.epsilon, &bricks, splats.len())?;
         let grid = &rasteriser.grid;
-        let mut terms = vec![Weighted {
-            term: 0,
-            weight: config.mse_weight,
-            parameter: f32::from(u8::from(roi.soft)),
-        }];
+        let mut terms =
+            vec![Weighted { term: 0, weight: config.mse_weight, parameter: f32::from(u8::from(roi.soft)) }];
         if config.occupancy_weight > 0.0 {
-            terms.push(Weighted {
-                term: 1,
-                weight: config.occupancy_weight,
-                parameter: config.occupancy_w0,
-            });
+            terms.push(Weighted { term: 1, weight: config.occupancy_weight, parameter: config.occupancy_w0 });
         }
         let losses = Losses::new(gpu, &terms, config.epsilon, grid.chunk_slots(), grid.chunks())?;
         let offsets = offsets(config.offsets, config.seed);
@@ -171,29 +157,29 @@ impl Fitter {
                 chunk,
                 slots,
             );
-            self.gradient.record(
+            self.gradient.gather(
                 &mut recorder,
                 &self.rasteriser.grid,
-                &self.splats,
                 &self.rasteriser.bins.footprints,
                 &self.losses.adjoints,
                 chunk,
                 offset,
             )?;
         }
+        self.gradient.record(&mut recorder, &self.splats);
         let params = self.adam_params(turn, share);
         self.adam.record(
             &mut recorder,
             &self.gradient.rows,
             &mut self.splats,
-            &self.rasteriser.needs,
+            &self.rasteriser.pair_totals,
             &params,
         );
         let mut readback = match self.readbacks.pop() {
             Some(buffer) => buffer,
             None => self.gpu.readback("step read back", chunks)?,
         };
-        recorder.copy(&self.rasteriser.needs, 0, &mut readback, 0, chunks);
+        recorder.copy(&self.rasteriser.pair_totals, 0, &mut readback, 0, chunks);
         let ticket = recorder.submit()?;
         self.flying.push_back(Flight { iteration: turn, ticket, readback });
         self.iteration += 1;
@@ -213,14 +199,14 @@ impl Fitter {
     fn land(&mut self) -> Result<()> {
         let Some(flight) = self.flying.pop_front() else { return Ok(()) };
         self.gpu.wait(flight.ticket)?;
-        let need = flight.readback.mapped()?.iter().copied().fold(Need::default(), Need::max);
+        let needed = flight.readback.mapped()?.iter().copied().max().unwrap_or_default() as usize;
         self.readbacks.push(flight.readback);
-        if !self.rasteriser.bins.capacity().covers(need) {
+        if needed > self.rasteriser.bins.capacity() {
             while let Some(later) = self.flying.pop_front() {
                 self.gpu.wait(later.ticket)?;
                 self.readbacks.push(later.readback);
             }
-            self.rasteriser.bins.grow(need)?;
+            self.rasteriser.bins.grow(needed)?;
             self.iteration = flight.iteration;
         }
         Ok(())
@@ -234,7 +220,7 @@ impl Fitter {
         AdamParams {
             splat_count: self.splats.len() as u32,
             chunk_count: self.rasteriser.grid.chunks() as u32,
-            capacity: { let Need { pairs, entries } = self.rasteriser.bins.capacity(); [pairs, entries] },
+            capacity: self.rasteriser.bins.capacity() as u32,
             beta1: c.beta1,
             beta2: c.beta2,
             correction1: correction(c.beta1),

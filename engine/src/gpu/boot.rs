@@ -47,7 +47,8 @@ pub struct DeviceDescription {
 /// Who creates the instance and the device: the engine itself, or a runtime such as OpenXR that insists on it.
 pub trait Boot {
     /// Creates the Vulkan instance from the engine's create-info.
-    fn create_instance(&self, entry: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<ash::Instance>;
+    fn create_instance(&self, entry: &ash::Entry, info: &vk::InstanceCreateInfo<'_>)
+    -> Result<ash::Instance>;
     /// The only device the runtime allows, if it insists on one.
     fn required_device(&self, instance: &ash::Instance) -> Result<Option<vk::PhysicalDevice>>;
     /// Creates the device from the engine's create-info.
@@ -63,7 +64,11 @@ pub trait Boot {
 pub(super) struct Own;
 
 impl Boot for Own {
-    fn create_instance(&self, entry: &ash::Entry, info: &vk::InstanceCreateInfo<'_>) -> Result<ash::Instance> {
+    fn create_instance(
+        &self,
+        entry: &ash::Entry,
+        info: &vk::InstanceCreateInfo<'_>,
+    ) -> Result<ash::Instance> {
         // SAFETY: `info` and all it points to live until the call returns.
         let instance = unsafe { entry.create_instance(info, None) };
         instance.map_err(|e| {
@@ -125,10 +130,8 @@ impl Instance {
             || offered.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
         let extensions: Vec<_> = debug.then_some(ash::ext::debug_utils::NAME.as_ptr()).into_iter().collect();
 
-        let app = vk::ApplicationInfo::default()
-            .application_name(c"vgs")
-            .engine_name(c"vgs")
-            .api_version(API);
+        let app =
+            vk::ApplicationInfo::default().application_name(c"vgs").engine_name(c"vgs").api_version(API);
         let messages: Box<Messages> = Box::default();
         let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
@@ -256,7 +259,8 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
         missing.push("a compute queue".to_owned());
     }
     let text = |c: std::result::Result<&CStr, _>| -> String {
-        c.map(|c: &CStr| c.to_string_lossy().into_owned()).unwrap_or_else(|_: std::ffi::FromBytesUntilNulError| String::new())
+        c.map(|c: &CStr| c.to_string_lossy().into_owned())
+            .unwrap_or_else(|_: std::ffi::FromBytesUntilNulError| String::new())
     };
     let v = properties.api_version;
     let heaps = &memory.memory_heaps[..memory.memory_heap_count as usize];
@@ -273,7 +277,12 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
         driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()))
             .trim()
             .to_owned(),
-        api: format!("{}.{}.{}", vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v)),
+        api: format!(
+            "{}.{}.{}",
+            vk::api_version_major(v),
+            vk::api_version_minor(v),
+            vk::api_version_patch(v)
+        ),
         memory_bytes: heaps
             .iter()
             .filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
@@ -298,9 +307,9 @@ fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Optio
 /// All Vulkan devices of this machine, usable or not.
 pub fn devices() -> Result<Vec<DeviceDescription>> {
     let instance = Instance::new(&Own, false)?;
-    let list = instance.physical_devices().map(|found| {
-        found.iter().enumerate().map(|(i, &p)| describe(&instance.handle, i, p)).collect()
-    });
+    let list = instance
+        .physical_devices()
+        .map(|found| found.iter().enumerate().map(|(i, &p)| describe(&instance.handle, i, p)).collect());
     // SAFETY: no device was made from this instance.
     unsafe { instance.destroy() };
     list
@@ -325,9 +334,9 @@ fn choose<'a>(list: &'a [DeviceDescription], wanted: Option<&str>) -> Result<&'a
             .help("run through tools/vgs, which brings a software driver, or install a GPU driver"));
     }
     let chosen = match wanted {
-        Some(text) => list.iter().find(|d| {
-            text.parse() == Ok(d.index) || d.name.to_lowercase().contains(&text.to_lowercase())
-        }),
+        Some(text) => list
+            .iter()
+            .find(|d| text.parse() == Ok(d.index) || d.name.to_lowercase().contains(&text.to_lowercase())),
         None => list.iter().filter(|d| d.missing.is_empty()).min_by_key(|d| {
             ["discrete GPU", "integrated GPU", "virtual GPU", "CPU"]
                 .iter()
@@ -391,8 +400,7 @@ impl Gpu {
         // Single feature structs, not Vulkan12Features: an OpenXR runtime may chain its own timeline struct.
         let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
         let mut scalar = vk::PhysicalDeviceScalarBlockLayoutFeatures::default().scalar_block_layout(true);
-        let mut v13 =
-            vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
+        let mut v13 = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&extensions)
@@ -437,8 +445,7 @@ impl Parts {
             )
         };
         let range = u64::from(properties.limits.max_storage_buffer_range);
-        let has_timestamps =
-            families.get(queue_family as usize).is_some_and(|f| f.timestamp_valid_bits > 0);
+        let has_timestamps = families.get(queue_family as usize).is_some_and(|f| f.timestamp_valid_bits > 0);
         let limits = Limits {
             storage_range: range_limit.map_or(range, |limit| limit.min(range)),
             timestamp_period: if has_timestamps { properties.limits.timestamp_period } else { 0.0 },
@@ -447,8 +454,10 @@ impl Parts {
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore_info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: the device is live and has the timeline feature on.
-        let timeline = check("creating the timeline", unsafe { device.create_semaphore(&semaphore_info, None) })?;
-        let cached = pipeline_cache_path(&description).and_then(|p| std::fs::read(p).ok()).unwrap_or_default();
+        let timeline =
+            check("creating the timeline", unsafe { device.create_semaphore(&semaphore_info, None) })?;
+        let cached =
+            pipeline_cache_path(&description).and_then(|p| std::fs::read(p).ok()).unwrap_or_default();
         let cache_info = vk::PipelineCacheCreateInfo::default().initial_data(&cached);
         // SAFETY: Vulkan checks the header of cached data and ignores what it does not know.
         let pipeline_cache =

@@ -71,9 +71,8 @@ impl Kernel {
         let entries: Vec<_> = (0..constants.len())
             .map(|i| vk::SpecializationMapEntry { constant_id: i as u32, offset: (i * 4) as u32, size: 4 })
             .collect();
-        let special = vk::SpecializationInfo::default()
-            .map_entries(&entries)
-            .data(bytemuck::cast_slice(constants));
+        let special =
+            vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)
@@ -82,9 +81,8 @@ impl Kernel {
         let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(kernel.layout)];
         // SAFETY: module and layout are live; the module may go once the pipeline is made.
         let made = unsafe {
-            let made = device
-                .create_compute_pipelines(context.pipeline_cache, &info, None)
-                .map_err(|(_, e)| e);
+            let made =
+                device.create_compute_pipelines(context.pipeline_cache, &info, None).map_err(|(_, e)| e);
             device.destroy_shader_module(module, None);
             made
         };

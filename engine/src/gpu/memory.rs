@@ -140,8 +140,12 @@ impl<T: Pod> Buffer<T> {
             return Ok(());
         }
         let bytes = bytemuck::cast_slice::<T, u8>(data);
-        let mut staging =
-            self.gpu.raw::<T>(&format!("{} upload", self.name), "staging", data.len(), MemoryLocation::CpuToGpu)?;
+        let mut staging = self.gpu.raw::<T>(
+            &format!("{} upload", self.name),
+            "staging",
+            data.len(),
+            MemoryLocation::CpuToGpu,
+        )?;
         staging.mapped_bytes()?[..bytes.len()].copy_from_slice(bytes);
         let mut recorder = self.gpu.record()?;
         recorder.copy_bytes(
@@ -164,10 +168,9 @@ impl<T: Pod> Buffer<T> {
 
     fn mapped_bytes(&mut self) -> Result<&mut [u8]> {
         let name = &self.name;
-        self.allocation
-            .as_mut()
-            .and_then(Allocation::mapped_slice_mut)
-            .ok_or_else(|| Error::new(Kind::Internal, "VGS-GPU-021", format!("{name}: staging memory is not mapped")))
+        self.allocation.as_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(|| {
+            Error::new(Kind::Internal, "VGS-GPU-021", format!("{name}: staging memory is not mapped"))
+        })
     }
 }
 
@@ -255,8 +258,12 @@ impl Gpu {
         });
         let bound = made
             .map_err(|e| {
-                Error::new(Kind::Temporary, "VGS-GPU-024", format!("{name}: {bytes} bytes of device memory: {e}"))
-                    .help("close other programs that use the GPU, use fewer splats or a smaller ROI")
+                Error::new(
+                    Kind::Temporary,
+                    "VGS-GPU-024",
+                    format!("{name}: {bytes} bytes of device memory: {e}"),
+                )
+                .help("close other programs that use the GPU, use fewer splats or a smaller ROI")
             })
             .and_then(|allocation| {
                 // SAFETY: memory and offset are the allocator's answer to this buffer's requirements.

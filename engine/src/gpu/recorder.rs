@@ -71,8 +71,7 @@ impl Gpu {
             Some(slot) => slot,
             None => new_slot(context)?,
         };
-        let begin =
-            vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the slot is not in flight: it is new, or `wait` saw its submission finished.
         unsafe {
             let reset = context.device.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty());
@@ -112,8 +111,7 @@ impl Gpu {
         let passed = check("asking the timeline", unsafe {
             context.device.get_semaphore_counter_value(context.timeline)
         })?;
-        let done: Vec<Flight> =
-            lock(&context.queue).flying.extract_if(.., |f| f.value <= passed).collect();
+        let done: Vec<Flight> = lock(&context.queue).flying.extract_if(.., |f| f.value <= passed).collect();
         for flight in done {
             if context.limits.timestamp_period > 0.0 && !flight.passes.is_empty() {
                 let mut ticks = vec![0u64; flight.passes.len() * 2];
@@ -242,7 +240,11 @@ impl Recorder {
         to_start: usize,
         len: usize,
     ) {
-        assert!(from_start + len <= from.len() && to_start + len <= to.len(), "{}: copy behind the end", to.name());
+        assert!(
+            from_start + len <= from.len() && to_start + len <= to.len(),
+            "{}: copy behind the end",
+            to.name()
+        );
         let size = size_of::<T>() as u64;
         self.copy_bytes(
             (from.handle(), from_start as u64 * size),
@@ -250,12 +252,6 @@ impl Recorder {
             len as u64 * size,
             to.name(),
         );
-    }
-
-    /// Copies the word `from[at]` to the word `to_word` of `to`, whatever the type of its elements.
-    pub fn copy_word<T: Pod>(&mut self, from: &Buffer<u32>, at: usize, to: &mut Buffer<T>, to_word: usize) {
-        assert!(at < from.len() && (to_word as u64 + 1) * 4 <= to.bytes(), "{}: copy behind the end", to.name());
-        self.copy_bytes((from.handle(), at as u64 * 4), (to.handle(), to_word as u64 * 4), 4, to.name());
     }
 
     pub(super) fn copy_bytes(
@@ -356,7 +352,12 @@ impl<'a> Pass<'a> {
     fn bind<T: Pod>(mut self, buffer: &Buffer<T>, write: bool) -> Self {
         let shader = self.kernel.shader;
         let Some(binding) = shader.bindings.get(self.buffers.len()) else {
-            panic!("{} has {} bindings; {} is one too many", shader.name, shader.bindings.len(), buffer.name())
+            panic!(
+                "{} has {} bindings; {} is one too many",
+                shader.name,
+                shader.bindings.len(),
+                buffer.name()
+            )
         };
         assert_eq!(
             binding.access != Access::Read,

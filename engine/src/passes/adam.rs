@@ -3,7 +3,6 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{AdamParams, SplatGrad};
 
-use super::bin::Need;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::Splat;
@@ -36,7 +35,7 @@ impl Adam {
         recorder: &mut Recorder,
         gradients: &Buffer<SplatGrad>,
         splats: &mut Buffer<Splat>,
-        needs: &Buffer<Need>,
+        pair_totals: &Buffer<u32>,
         params: &AdamParams,
     ) {
         recorder
@@ -45,7 +44,7 @@ impl Adam {
             .write(splats)
             .write(&mut self.first)
             .write(&mut self.second)
-            .read(needs)
+            .read(pair_totals)
             .write(&mut self.frozen)
             .push(params)
             .dispatch(params.splat_count.div_ceil(64));

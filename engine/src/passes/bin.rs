@@ -1,8 +1,8 @@
 //! Which splats reach which samples: footprints, (slot, splat) pairs sorted by slot, for each pair the cells of the brick
-//! that its ellipsoid reaches, and from these a list of splats for each cell of 2³ samples.
+//! that its ellipsoid reaches, and from these for each cell of 2³ samples the pairs that reach it.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{CellParams, Footprint, Grid, PairParams, RangeParams, SplatParams};
+use shaders_glsl::types::{Footprint, Grid, PairParams, RangeParams, SplatParams};
 
 use super::{RadixSort, Scan};
 use crate::error::{Error, Kind, Result};
@@ -91,114 +91,80 @@ pub struct Binner {
     bounds: Kernel,
     emit: Kernel,
     ranges: Kernel,
-    cells_kernel: Kernel,
-    cell_counts_kernel: Kernel,
-    cell_lists_kernel: Kernel,
-    cell_scan: Scan,
+    pair_masks_kernel: Kernel,
+    cell_masks_kernel: Kernel,
     scan: Scan,
     sort: RadixSort,
     /// Footprint of each splat, from the chunk that was binned last.
     pub footprints: Buffer<Footprint>,
     pair_counts: Buffer<u32>,
     pair_offsets: Buffer<u32>,
-    starts: Buffer<u32>,
-    cells: Buffer<[u32; 2]>,
-    cell_counts: Buffer<u32>,
-    /// First entry of each cell's list, [slot][cell], and the total.
-    pub list_starts: Buffer<u32>,
-    /// Splats of each cell, one list after the other.
-    pub lists: Buffer<u32>,
+    /// First pair of each slot, and the total.
+    pub starts: Buffer<u32>,
+    /// Two words a pair: the cells of its brick that it reaches.
+    pair_masks: Buffer<u32>,
+    /// For every 32 pairs of a slot which of them reach each cell; `brick.glsl` says where a slot begins.
+    pub cell_masks: Buffer<u32>,
     /// Bits of the largest key.
     key_bits: u32,
     splat_count: usize,
-}
-
-/// What one chunk needs of the buffers whose size is not known beforehand.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Need {
-    /// (brick, splat) pairs.
-    pub pairs: u32,
-    /// Entries in the lists of all cells.
-    pub entries: u32,
-}
-
-impl Need {
-    /// Whether `self` is enough for `other`.
-    pub fn covers(self, other: Need) -> bool {
-        self.pairs >= other.pairs && self.entries >= other.entries
-    }
-
-    /// The larger of each.
-    pub fn max(self, other: Need) -> Need {
-        Need { pairs: self.pairs.max(other.pairs), entries: self.entries.max(other.entries) }
-    }
+    chunk_slots: usize,
 }
 
 impl Binner {
     /// For `splat_count` splats over `grid`, with buffers for a first guess of pairs.
     pub fn new(gpu: &Gpu, kernel: splat::Kernel, grid: &SampleGrid, splat_count: usize) -> Result<Self> {
         let capacity = (splat_count * 8).max(4096);
-        let cells = grid.chunk_slots() * CELLS;
         Ok(Binner {
             gpu: gpu.clone(),
             bounds: Kernel::new(gpu, &glsl::SPLAT_BOUNDS, &[kernel.id()])?,
             emit: Kernel::new(gpu, &glsl::EMIT_PAIRS, &[])?,
             ranges: Kernel::new(gpu, &glsl::BRICK_RANGES, &[])?,
-            cells_kernel: Kernel::new(gpu, &glsl::PAIR_CELLS, &[kernel.id()])?,
-            cell_counts_kernel: Kernel::new(gpu, &glsl::CELL_COUNTS, &[])?,
-            cell_lists_kernel: Kernel::new(gpu, &glsl::CELL_LISTS, &[])?,
-            cell_scan: Scan::new(gpu, cells)?,
-            cell_counts: gpu.buffer("cell counts", "sorting", cells)?,
-            list_starts: gpu.buffer("cell list starts", "sorting", cells + 1)?,
-            lists: gpu.buffer("cell lists", "sorting", capacity * 8)?,
+            pair_masks_kernel: Kernel::new(gpu, &glsl::PAIR_MASKS, &[kernel.id()])?,
+            cell_masks_kernel: Kernel::new(gpu, &glsl::CELL_MASKS, &[])?,
             scan: Scan::new(gpu, splat_count)?,
             sort: RadixSort::new(gpu, capacity)?,
             footprints: gpu.buffer("footprints", "splats", splat_count)?,
             pair_counts: gpu.buffer("pair counts", "sorting", splat_count)?,
             pair_offsets: gpu.buffer("pair offsets", "sorting", splat_count + 1)?,
             starts: gpu.buffer("pair starts", "sorting", grid.chunk_slots() + 1)?,
-            cells: gpu.buffer("pair cells", "sorting", capacity)?,
+            pair_masks: gpu.buffer("pair masks", "sorting", capacity * 2)?,
+            cell_masks: gpu.buffer("cell masks", "sorting", mask_words(capacity, grid.chunk_slots()))?,
+            chunk_slots: grid.chunk_slots(),
             key_bits: usize::BITS - grid.chunk_slots().leading_zeros(),
             splat_count,
         })
     }
 
-    /// What fits the buffers.
-    pub fn capacity(&self) -> Need {
-        Need { pairs: self.sort.capacity() as u32, entries: self.lists.len() as u32 }
+    /// Pairs that fit the buffers.
+    pub fn capacity(&self) -> usize {
+        self.sort.capacity()
     }
 
-    /// Makes room for at least `need`, with a margin for growth to come. Nothing may be in flight.
-    pub fn grow(&mut self, need: Need) -> Result<()> {
-        let range = self.gpu.limits().storage_range as usize;
-        let dispatched = self.gpu.limits().workgroups as usize * PAIR_GROUP as usize - 1;
-        let room = |what: &str, needed: u32, most: usize| {
-            if needed as usize > most {
-                return Err(Error::new(
-                    Kind::Temporary,
-                    "VGS-GPU-051",
-                    format!("{needed} {what} are needed at once; this device binds at most {most}"),
-                )
-                .help("use fewer or smaller splats, or a device with a larger storage-buffer range"));
-            }
-            Ok((needed as usize + needed as usize / 2).min(most))
-        };
-        if need.pairs > self.capacity().pairs {
-            let most = (range / size_of::<[u32; 2]>()).min(dispatched);
-            let pairs = room("splat-brick pairs", need.pairs, most)?;
-            self.sort = RadixSort::new(&self.gpu, pairs)?;
-            self.cells = self.gpu.buffer("pair cells", "sorting", pairs)?;
+    /// Makes room for at least `pairs`, with a margin for growth to come. Nothing may be in flight.
+    pub fn grow(&mut self, pairs: usize) -> Result<()> {
+        let limits = self.gpu.limits();
+        // The masks are the longest rows: two words a pair, and a block for each slot.
+        let bound = (limits.storage_range as usize / size_of::<u32>() - mask_words(0, self.chunk_slots)) / 2;
+        let most = bound.min(limits.workgroups as usize * PAIR_GROUP as usize - 1);
+        if pairs > most {
+            return Err(Error::new(
+                Kind::Temporary,
+                "VGS-GPU-051",
+                format!("{pairs} splat-brick pairs are needed at once; this device binds at most {most}"),
+            )
+            .help("use fewer or smaller splats, or a device with a larger storage-buffer range"));
         }
-        if need.entries > self.capacity().entries {
-            let entries = room("splat-cell pairs", need.entries, range / size_of::<u32>())?;
-            self.lists = self.gpu.buffer("cell lists", "sorting", entries)?;
-        }
+        let capacity = (pairs + pairs / 2).min(most);
+        self.sort = RadixSort::new(&self.gpu, capacity)?;
+        self.pair_masks = self.gpu.buffer("pair masks", "sorting", capacity * 2)?;
+        let words = mask_words(capacity, self.chunk_slots);
+        self.cell_masks = self.gpu.buffer("cell masks", "sorting", words)?;
         Ok(())
     }
 
-    /// Records the binning of one chunk. What it needs is copied to `needs[chunk]`; if that exceeds the capacity, what
-    /// follows works on a part and must be repeated after [`Binner::grow`].
+    /// Records the binning of one chunk. The number of pairs that it needs is copied to `totals[chunk]`; if it exceeds
+    /// the capacity, what follows works on a part of the pairs and must be repeated after [`Binner::grow`].
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -206,9 +172,9 @@ impl Binner {
         splats: &Buffer<Splat>,
         chunk: usize,
         offset: [f32; 3],
-        needs: &mut Buffer<Need>,
+        totals: &mut Buffer<u32>,
     ) {
-        let Need { pairs: capacity, entries } = self.capacity();
+        let capacity = self.capacity() as u32;
         let n = self.splat_count;
         let grid_params = grid.params(chunk, offset);
         let params = SplatParams { grid: grid_params, splat_count: n as u32, capacity };
@@ -222,7 +188,7 @@ impl Binner {
             .push(&params)
             .dispatch(groups);
         self.scan.record(recorder, &self.pair_counts, n, &mut self.pair_offsets);
-        recorder.copy_word(&self.pair_offsets, n, needs, chunk * 2);
+        recorder.copy(&self.pair_offsets, n, totals, chunk, 1);
         let (keys, values) = self.sort.input();
         recorder
             .pass(&self.emit)
@@ -242,34 +208,31 @@ impl Binner {
             .push(&RangeParams { slot_count: grid_params.slot_count, count_index: n as u32, capacity })
             .dispatch((capacity + 1).div_ceil(PAIR_GROUP));
         recorder
-            .pass(&self.cells_kernel)
+            .pass(&self.pair_masks_kernel)
             .read(&self.pair_offsets)
             .read(keys)
             .read(values)
             .read(&self.footprints)
             .read(&grid.coordinates)
             .read(&grid.active_cells)
-            .write(&mut self.cells)
+            .write(&mut self.pair_masks)
             .push(&PairParams { grid: grid_params, count_index: n as u32, capacity })
             .dispatch(capacity.div_ceil(PAIR_GROUP));
-        let slots = grid_params.slot_count;
         recorder
-            .pass(&self.cell_counts_kernel)
+            .pass(&self.cell_masks_kernel)
             .read(&self.starts)
-            .read(&self.cells)
-            .write(&mut self.cell_counts)
-            .dispatch(slots);
-        let cells = slots as usize * CELLS;
-        self.cell_scan.record(recorder, &self.cell_counts, cells, &mut self.list_starts);
-        recorder.copy_word(&self.list_starts, cells, needs, chunk * 2 + 1);
-        recorder
-            .pass(&self.cell_lists_kernel)
-            .read(&self.starts)
-            .read(values)
-            .read(&self.cells)
-            .read(&self.list_starts)
-            .write(&mut self.lists)
-            .push(&CellParams { capacity: entries })
-            .dispatch(slots);
+            .read(&self.pair_masks)
+            .write(&mut self.cell_masks)
+            .dispatch(grid_params.slot_count);
     }
+
+    /// Splat of each sorted pair, from the chunk that was binned last.
+    pub fn pair_splats(&self) -> &Buffer<u32> {
+        self.sort.sorted_values(self.key_bits)
+    }
+}
+
+/// Words of the cell masks of that many pairs: 64 for every 32 pairs begun in each slot.
+fn mask_words(pairs: usize, slots: usize) -> usize {
+    (pairs / 32 + slots + 1) * CELLS
 }

@@ -99,4 +99,9 @@ impl RadixSort {
         }
         (&self.keys[from], &self.values[from])
     }
+
+    /// The values as [`RadixSort::record`] with the same `bits` left them.
+    pub fn sorted_values(&self, bits: u32) -> &Buffer<u32> {
+        &self.values[(bits.div_ceil(DIGIT_BITS) % 2) as usize]
+    }
 }

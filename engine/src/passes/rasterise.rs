@@ -3,7 +3,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{RasterParams, Reconstruction};
 
-use super::bin::{CELLS, Need, SampleGrid};
+use super::bin::{CELLS, SampleGrid};
 use super::{Binner, Pace};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
@@ -22,9 +22,10 @@ pub struct Rasteriser {
     pub bins: Binner,
     /// Σw and V̂ of the chunk that was rasterised last, [slot][Morton place].
     pub reconstructions: Buffer<Reconstruction>,
-    /// What each chunk needed of the bins.
-    pub needs: Buffer<Need>,
+    /// Pairs that each chunk needed.
+    pub pair_totals: Buffer<u32>,
     epsilon: f32,
+    cells_per_group: usize,
 }
 
 impl Rasteriser {
@@ -37,13 +38,16 @@ impl Rasteriser {
         splat_count: usize,
     ) -> Result<Self> {
         let grid = SampleGrid::new(gpu, bricks, size_of::<Reconstruction>())?;
+        // One cell a workgroup where 8 invocations fill a subgroup, 8 elsewhere; see splat_to_volume.comp.
+        let cells_per_group = if gpu.description().subgroup_size <= 8 { 1 } else { 8 };
         Ok(Rasteriser {
             gpu: gpu.clone(),
-            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id()])?,
+            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), cells_per_group * 8])?,
             pace: Pace::new(glsl::SPLAT_TO_VOLUME.name),
             bins: Binner::new(gpu, kernel, &grid, splat_count)?,
             reconstructions: gpu.buffer("reconstruction", "samples", grid.chunk_slots() * SAMPLES)?,
-            needs: gpu.buffer("bin needs", "sorting", grid.chunks())?,
+            pair_totals: gpu.buffer("pair totals", "sorting", grid.chunks())?,
+            cells_per_group: cells_per_group as usize,
             grid,
             epsilon,
         })
@@ -57,21 +61,23 @@ impl Rasteriser {
         chunk: usize,
         offset: [f32; 3],
     ) -> Result<()> {
-        self.bins.record(recorder, &self.grid, splats, chunk, offset, &mut self.needs);
+        self.bins.record(recorder, &self.grid, splats, chunk, offset, &mut self.pair_totals);
         let grid = self.grid.params(chunk, offset);
         let limit = self.gpu.limits().workgroups as usize;
         let (kernel, coordinates, bins) = (&self.kernel, &self.grid.coordinates, &self.bins);
         let (epsilon, out) = (self.epsilon, &mut self.reconstructions);
-        // A unit is a workgroup: a cell.
-        self.pace.run(&self.gpu, recorder, grid.slot_count as usize * CELLS, limit, |recorder, first, count| {
+        let cells_per_group = self.cells_per_group;
+        let groups = (grid.slot_count as usize * CELLS).div_ceil(cells_per_group);
+        self.pace.run(&self.gpu, recorder, groups, limit, |recorder, first, count| {
             recorder
                 .pass(kernel)
-                .read(&bins.list_starts)
-                .read(&bins.lists)
+                .read(&bins.starts)
+                .read(bins.pair_splats())
+                .read(&bins.cell_masks)
                 .read(&bins.footprints)
                 .read(coordinates)
                 .write(out)
-                .push(&RasterParams { grid, first_cell: first as u32, epsilon })
+                .push(&RasterParams { grid, first_cell: (first * cells_per_group) as u32, epsilon })
                 .dispatch(count as u32);
         })
     }
@@ -85,11 +91,11 @@ impl Rasteriser {
                 self.record(&mut recorder, splats, chunk, offset)?;
                 let ticket = recorder.submit()?;
                 self.gpu.wait(ticket)?;
-                let need = self.needs.read_range(chunk, 1)?[0];
-                if self.bins.capacity().covers(need) {
+                let needed = self.pair_totals.read_range(chunk, 1)?[0] as usize;
+                if needed <= self.bins.capacity() {
                     break;
                 }
-                self.bins.grow(need)?;
+                self.bins.grow(needed)?;
             }
             out.extend(self.reconstructions.read_range(0, self.grid.chunk(chunk).len() * SAMPLES)?);
         }
