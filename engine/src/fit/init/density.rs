@@ -308,7 +308,7 @@ mod tests {
             let size = [count, 1, 1];
             let samples = vec![0.0; count];
             let weight: Vec<f32> = (0..count).map(|i| ((i * 37) % 11) as f32 / 10.0 + 1e-6).collect();
-            let volume = Volume { size, world_from_voxel: glam::DAffine3::IDENTITY, samples };
+            let volume = Volume::new(size, glam::DAffine3::IDENTITY, samples);
             let roi = Roi { size, weight, soft: true };
             let density = Density::of(&volume, &roi, &InitConfig::default()).expect("weights above 0");
             for i in 0..10_000 {

@@ -12,7 +12,7 @@ fn volume(size: [usize; 3], hu: impl Fn(usize, usize, usize) -> f32) -> Volume {
             samples.extend((0..size[0]).map(|x| hu(x, y, z)));
         }
     }
-    Volume { size, world_from_voxel: DAffine3::IDENTITY, samples }
+    Volume::new(size, DAffine3::IDENTITY, samples)
 }
 
 fn region(size: [usize; 3], weight: impl Fn(usize, usize, usize) -> f32) -> Roi {
