@@ -17,12 +17,12 @@ use crate::scene::EPSILON;
 pub struct Pass {
     /// Footprint of each splat.
     pub footprints: Vec<Footprint>,
-    /// Splats of each cell, [slot][cell].
-    pub lists: Vec<Vec<u32>>,
     /// W and V̂ of all samples.
     pub reconstructions: Vec<Reconstruction>,
     /// Folded adjoints of all samples.
     pub adjoints: Vec<Adjoint>,
+    /// What the backward pass sums for each splat; `reference::splat_to_volume_grad::Moments` has the order.
+    pub moments: Vec<[f32; 11]>,
     /// dL/d(parameters).
     pub gradients: Vec<SplatGrad>,
     /// Sums of the terms, in the order given.
@@ -74,7 +74,7 @@ pub fn run_with(
     let buffer = gpu.upload("splats", "splats", splats).expect("splats");
     let mut pass = Pass {
         footprints: Vec::new(),
-        lists: Vec::new(),
+        moments: Vec::new(),
         reconstructions: Vec::new(),
         adjoints: Vec::new(),
         gradients: Vec::new(),
@@ -90,29 +90,28 @@ pub fn run_with(
             raster.record(&mut recorder, &buffer, chunk, offset).expect("the forward pass");
             let ticket = recorder.submit().expect("submitting");
             gpu.wait(ticket).expect("waiting");
-            let need = raster.needs.read_range(chunk, 1).expect("needs")[0];
-            if raster.bins.capacity().covers(need) {
+            let needed = raster.pair_totals.read_range(chunk, 1).expect("pair totals")[0] as usize;
+            if needed <= raster.bins.capacity() {
                 break;
             }
-            raster.bins.grow(need).expect("larger bins");
+            raster.bins.grow(needed).expect("larger bins");
         }
         let mut recorder = gpu.record().expect("a recorder");
         losses.record(&mut recorder, &wanted, &raster.reconstructions, chunk, slots.len());
-        let footprints = &raster.bins.footprints;
         gradient
-            .record(&mut recorder, &raster.grid, &buffer, footprints, &losses.adjoints, chunk, offset)
+            .gather(&mut recorder, &raster.grid, &raster.bins.footprints, &losses.adjoints, chunk, offset)
             .expect("the backward pass");
+        if chunk + 1 == chunks {
+            gradient.record(&mut recorder, &buffer);
+        }
         let ticket = recorder.submit().expect("submitting");
         gpu.wait(ticket).expect("waiting");
         let count = slots.len() * SAMPLES;
         pass.reconstructions.extend(raster.reconstructions.read_range(0, count).expect("samples"));
         pass.adjoints.extend(losses.adjoints.read_range(0, count).expect("adjoints"));
-        let starts = raster.bins.list_starts.read_range(0, slots.len() * 64 + 1).expect("list starts");
-        let entries = raster.bins.lists.read_range(0, starts[slots.len() * 64] as usize).expect("lists");
-        let list = |w: &[u32]| entries[w[0] as usize..w[1] as usize].to_vec();
-        pass.lists.extend(starts.windows(2).map(list));
     }
     pass.footprints = raster.bins.footprints.read().expect("footprints");
+    pass.moments = gradient.moments.read().expect("moments").as_chunks::<11>().0.to_vec();
     pass.gradients = gradient.rows.read().expect("gradients");
     pass.sums = losses.sums().expect("sums");
     pass

@@ -5,7 +5,6 @@
 use engine::fit::evaluate::{FieldSample, Sampler};
 use engine::gpu::Gpu;
 use engine::passes::Adam;
-use engine::passes::bin::Need;
 use engine::reference::{Footprint, Samples, splat_bounds, splat_to_volume};
 use engine::splat::{Field, Kernel, Splat};
 use engine::volume::Bricks;
@@ -494,7 +493,7 @@ fn n18_a_bad_gradient_touches_its_own_splat_only() {
     let params = AdamParams {
         splat_count: 200,
         chunk_count: 1,
-        capacity: [1, 1],
+        capacity: 1,
         beta1: 0.8,
         beta2: 0.9,
         correction1: 5.0,
@@ -515,7 +514,7 @@ fn n18_a_bad_gradient_touches_its_own_splat_only() {
     let step = |rows: &[SplatGrad]| {
         let mut adam = Adam::new(&gpu, 200).unwrap();
         let mut buffer = gpu.upload("splats", "test", &splats).unwrap();
-        let needs = gpu.buffer::<Need>("needs", "test", 1).unwrap();
+        let needs = gpu.buffer::<u32>("pair totals", "test", 1).unwrap();
         let gradients = gpu.upload("gradients", "test", rows).unwrap();
         let mut recorder = gpu.record().unwrap();
         adam.record(&mut recorder, &gradients, &mut buffer, &needs, &params);

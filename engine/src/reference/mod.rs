@@ -7,6 +7,7 @@
 pub mod adam;
 pub mod fold_adjoints;
 pub mod loss;
+pub mod moments_to_grad;
 pub mod objective;
 pub mod pairs;
 pub mod radix;

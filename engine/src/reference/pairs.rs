@@ -1,4 +1,4 @@
-//! `emit_pairs`, `brick_ranges`, `pair_cells`, `cell_counts`, `cell_lists`: which splats reach which samples.
+//! `emit_pairs`, `brick_ranges`, `pair_masks`, `cell_masks`: which splats reach which samples.
 //!
 //! A box or an ellipsoid may touch a sample exactly; there a kernel in f32 may decide either way. So these twins take
 //! the margin with which they decide, and a kernel must lie between the twin's answers without and with a margin.
@@ -58,15 +58,9 @@ pub enum Reach {
     Widened(f64),
 }
 
-/// `pair_cells`: bit m is set where a sample of cell m (2³ samples, Morton order) of a slot lies in the support of a
+/// `pair_masks`: bit m is set where a sample of cell m (2³ samples, Morton order) of a slot lies in the support of a
 /// splat, q < `support_q`.
-pub fn pair_cells(
-    footprint: &Footprint,
-    samples: &Samples,
-    slot: usize,
-    support_q: f64,
-    reach: Reach,
-) -> u64 {
+pub fn pair_mask(footprint: &Footprint, samples: &Samples, slot: usize, support_q: f64, reach: Reach) -> u64 {
     let mut cells = 0;
     for morton in 0..SAMPLES {
         let cell = morton / 8;
@@ -95,27 +89,17 @@ fn least_q(footprint: &Footprint, d: DVec3, by: f64) -> f64 {
     (u + along * t).length_squared()
 }
 
-/// `cell_counts`: how many pairs reach each cell, [slot][cell]. `starts` are the ranges of the sorted pairs and `cells`
-/// the cells of each.
-pub fn cell_counts(starts: &[u32], cells: &[u64]) -> Vec<u32> {
-    let mut out = Vec::new();
-    for range in starts.windows(2) {
-        for cell in 0..64 {
-            let pairs = &cells[range[0] as usize..range[1] as usize];
-            out.push(pairs.iter().filter(|&&mask| mask >> cell & 1 == 1).count() as u32);
-        }
-    }
-    out
-}
-
-/// `cell_lists`: the splats of each cell, in the order of the sorted pairs.
-pub fn cell_lists(starts: &[u32], splats: &[u32], cells: &[u64]) -> Vec<Vec<u32>> {
-    let mut out = Vec::new();
-    for range in starts.windows(2) {
-        for cell in 0..64 {
-            let pairs = range[0] as usize..range[1] as usize;
-            out.push(pairs.filter(|&i| cells[i] >> cell & 1 == 1).map(|i| splats[i]).collect());
-        }
-    }
-    out
+/// `cell_masks`: for each slot, each 32 of its pairs and each cell a word, whose bit j says that pair j of the 32 reaches
+/// the cell; [slot][32 pairs][cell]. `starts` are the ranges of the sorted pairs and `pair_masks` the cells of each.
+pub fn cell_masks(starts: &[u32], pair_masks: &[u64]) -> Vec<Vec<[u32; 64]>> {
+    let slot = |range: &[u32]| {
+        let pairs = &pair_masks[range[0] as usize..range[1] as usize];
+        let words = |pairs: &[u64]| {
+            std::array::from_fn(|cell| {
+                pairs.iter().enumerate().map(|(j, mask)| ((mask >> cell & 1) as u32) << j).sum()
+            })
+        };
+        pairs.chunks(32).map(words).collect()
+    };
+    starts.windows(2).map(slot).collect()
 }

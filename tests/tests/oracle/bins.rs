@@ -1,4 +1,4 @@
-//! Which splats reach which samples: footprints, pairs, cells and lists.
+//! Which splats reach which samples: footprints, pairs and masks.
 //!
 //! Boxes and ellipsoids are widened a little on the device, so that rounding never cuts a sample off. A set is right
 //! if it holds all that the twin finds without a margin and nothing that it does not find with a larger one.
@@ -7,7 +7,7 @@ use engine::gpu::{Gpu, Kernel};
 use engine::reference::{Footprint, Samples, pairs, scan, splat_bounds as twin};
 use engine::splat;
 use rand::RngExt;
-use shaders_glsl::types::{self, CellParams, Grid, PairParams, RangeParams, SplatParams};
+use shaders_glsl::types::{self, Grid, PairParams, RangeParams, SplatParams};
 use vgs_tests::scene::random;
 use vgs_tests::{Bound, Device, Scene, assert_close};
 
@@ -190,18 +190,10 @@ pub fn brick_ranges() {
     }
 }
 
-fn words(mask: u64) -> [u32; 2] {
-    [mask as u32, (mask >> 32) as u32]
-}
-
-fn mask([low, high]: [u32; 2]) -> u64 {
-    u64::from(low) | u64::from(high) << 32
-}
-
-pub fn pair_cells() {
+pub fn pair_masks() {
     let gpu = Device::boot();
     for (scene, slots) in scenes() {
-        let kernel = Kernel::new(&gpu, &shaders_glsl::PAIR_CELLS, &[scene.kernel.id()]).unwrap();
+        let kernel = Kernel::new(&gpu, &shaders_glsl::PAIR_MASKS, &[scene.kernel.id()]).unwrap();
         let (footprints, _) = bounds(&gpu, &scene, &slots);
         let footprints64: Vec<Footprint> = footprints.iter().map(Into::into).collect();
         let samples = samples(&scene, &slots);
@@ -214,7 +206,7 @@ pub fn pair_cells() {
         let footprint_buffer = gpu.upload("footprints", "test", &footprints).unwrap();
         let coordinate_buffer = gpu.upload("coordinates", "test", &coordinates).unwrap();
         let active = gpu.upload("active cells", "test", &scene.bricks.active_cells()).unwrap();
-        let mut cells = gpu.buffer::<[u32; 2]>("cells", "test", list.len()).unwrap();
+        let mut masks = gpu.buffer::<u32>("pair masks", "test", list.len() * 2).unwrap();
         let params = PairParams { grid: grid(&scene, &slots), count_index: 0, capacity: list.len() as u32 };
         run(&gpu, |r| {
             r.pass(&kernel)
@@ -224,20 +216,20 @@ pub fn pair_cells() {
                 .read(&footprint_buffer)
                 .read(&coordinate_buffer)
                 .read(&active)
-                .write(&mut cells)
+                .write(&mut masks)
                 .push(&params)
                 .dispatch(list.len().div_ceil(256) as u32);
         });
         let support = scene.kernel.support_q();
         let mut totals = [0; 3];
-        for (i, words) in cells.read().unwrap().into_iter().enumerate() {
+        for (i, [low, high]) in masks.read().unwrap().as_chunks::<2>().0.iter().enumerate() {
             let footprint = &footprints64[values[i] as usize];
             let slot = keys[i] as usize + slots.start;
             let least =
-                pairs::pair_cells(footprint, &samples, slot, support * (1.0 - 1e-5), pairs::Reach::Active);
+                pairs::pair_mask(footprint, &samples, slot, support * (1.0 - 1e-5), pairs::Reach::Active);
             let reach = pairs::Reach::Widened(OUTSIDE);
-            let most = pairs::pair_cells(footprint, &samples, slot, support * (1.0 + 1e-5), reach);
-            let found = mask(words);
+            let most = pairs::pair_mask(footprint, &samples, slot, support * (1.0 + 1e-5), reach);
+            let found = u64::from(*low) | u64::from(*high) << 32;
             assert_eq!(least & !found, 0, "pair {i}: cells are missing: {found:x}, twin {least:x}");
             assert_eq!(found & !most, 0, "pair {i}: cells are too many: {found:x}, twin {most:x}");
             for (sum, mask) in totals.iter_mut().zip([least, found, most]) {
@@ -245,7 +237,7 @@ pub fn pair_cells() {
             }
         }
         println!(
-            "pair_cells: {} pairs, {} cells, twin {} to {}",
+            "pair_masks: {} pairs, {} cells, twin {} to {}",
             list.len(),
             totals[1],
             totals[0],
@@ -255,64 +247,38 @@ pub fn pair_cells() {
     }
 }
 
-/// Random ranges of pairs, splats and cells.
-fn random_cells(slots: usize) -> (Vec<u32>, Vec<u32>, Vec<u64>) {
-    let mut rng = random(slots as u64);
-    let mut starts = vec![0];
-    for slot in 0..slots {
-        let pairs = if slot % 5 == 0 { 0 } else { rng.random_range(0..200) };
-        starts.push(starts[slot] + pairs);
-    }
-    let pairs = starts[slots] as usize;
-    let splats = (0..pairs as u32).map(|i| i * 7 % 1000).collect();
-    let cells = (0..pairs).map(|i| if i % 9 == 0 { 0 } else { rng.random_range(0..=u64::MAX) }).collect();
-    (starts, splats, cells)
-}
-
-pub fn cell_counts() {
+pub fn cell_masks() {
     let gpu = Device::boot();
-    let kernel = Kernel::new(&gpu, &shaders_glsl::CELL_COUNTS, &[]).unwrap();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::CELL_MASKS, &[]).unwrap();
     for slots in [1, 2, 33] {
-        let (starts, _, cells) = random_cells(slots);
+        // Some slots without pairs, some with just 32, 64, ...
+        let mut rng = random(slots as u64);
+        let mut starts = vec![0];
+        for slot in 0..slots {
+            let pairs = [rng.random_range(1..200), 0, 32, 31, 65][slot % 5];
+            starts.push(starts[slot] + pairs);
+        }
+        let pairs = starts[slots] as usize;
+        let masks: Vec<u64> =
+            (0..pairs).map(|i| if i % 9 == 0 { 0 } else { rng.random_range(0..=u64::MAX) }).collect();
+        let words: Vec<u32> = masks.iter().flat_map(|&m| [m as u32, (m >> 32) as u32]).collect();
         let start_buffer = gpu.upload("starts", "test", &starts).unwrap();
-        let words: Vec<_> = cells.iter().map(|&c| words(c)).collect();
-        let cell_buffer = gpu.upload("cells", "test", &words).unwrap();
-        let mut counts = gpu.buffer::<u32>("cell counts", "test", slots * 64).unwrap();
+        let mask_buffer = gpu.upload("pair masks", "test", &words).unwrap();
+        let mut cell_masks = gpu.buffer::<u32>("cell masks", "test", (pairs / 32 + slots + 1) * 64).unwrap();
         run(&gpu, |r| {
-            r.pass(&kernel).read(&start_buffer).read(&cell_buffer).write(&mut counts).dispatch(slots as u32);
+            r.pass(&kernel)
+                .read(&start_buffer)
+                .read(&mask_buffer)
+                .write(&mut cell_masks)
+                .dispatch(slots as u32);
         });
-        assert_eq!(counts.read().unwrap(), pairs::cell_counts(&starts, &cells), "{slots} slots");
-    }
-}
-
-pub fn cell_lists() {
-    let gpu = Device::boot();
-    let kernel = Kernel::new(&gpu, &shaders_glsl::CELL_LISTS, &[]).unwrap();
-    for slots in [1, 2, 33] {
-        let (starts, splats, cells) = random_cells(slots);
-        let wanted: Vec<u32> = pairs::cell_lists(&starts, &splats, &cells).concat();
-        let list_starts = scan::scan(&pairs::cell_counts(&starts, &cells));
-        let words: Vec<_> = cells.iter().map(|&c| words(c)).collect();
-        // All of it, and only half the room: what fits is right, nothing is written behind.
-        for room in [wanted.len(), wanted.len() / 2] {
-            let start_buffer = gpu.upload("starts", "test", &starts).unwrap();
-            let value_buffer = gpu.upload("values", "test", &splats).unwrap();
-            let cell_buffer = gpu.upload("cells", "test", &words).unwrap();
-            let list_start_buffer = gpu.upload("list starts", "test", &list_starts).unwrap();
-            let mut lists = gpu.upload("lists", "test", &vec![u32::MAX; wanted.len()]).unwrap();
-            run(&gpu, |r| {
-                r.pass(&kernel)
-                    .read(&start_buffer)
-                    .read(&value_buffer)
-                    .read(&cell_buffer)
-                    .read(&list_start_buffer)
-                    .write(&mut lists)
-                    .push(&CellParams { capacity: room as u32 })
-                    .dispatch(slots as u32);
-            });
-            let got = lists.read().unwrap();
-            assert_eq!(got[..room], wanted[..room], "{slots} slots");
-            assert!(got[room..].iter().all(|&v| v == u32::MAX), "{slots} slots: written behind the room");
+        let got = cell_masks.read().unwrap();
+        for (slot, blocks) in pairs::cell_masks(&starts, &masks).into_iter().enumerate() {
+            // `mask_block` in brick.glsl: where the blocks of a slot begin.
+            let first = starts[slot] as usize / 32 + slot;
+            for (i, block) in blocks.iter().enumerate() {
+                assert_eq!(got[(first + i) * 64..][..64], block[..], "slot {slot} of {slots}, block {i}");
+            }
         }
     }
 }

@@ -1,7 +1,6 @@
 //! Adam.
 
 use engine::gpu::{Gpu, Kernel};
-use engine::passes::bin::Need;
 use engine::reference::adam as twin;
 use engine::splat::Splat;
 use rand::RngExt;
@@ -23,7 +22,7 @@ fn params(count: usize) -> AdamParams {
     AdamParams {
         splat_count: count as u32,
         chunk_count: 2,
-        capacity: [100, 1000],
+        capacity: 100,
         beta1: 0.8,
         beta2: 0.9,
         correction1: 1.7,
@@ -43,13 +42,19 @@ fn params(count: usize) -> AdamParams {
     }
 }
 
-fn step(gpu: &Gpu, state: &State, gradients: &[SplatGrad], needs: &[Need], params: &AdamParams) -> State {
+fn step(
+    gpu: &Gpu,
+    state: &State,
+    gradients: &[SplatGrad],
+    pair_totals: &[u32],
+    params: &AdamParams,
+) -> State {
     let kernel = Kernel::new(gpu, &shaders_glsl::ADAM, &[]).unwrap();
     let gradients = gpu.upload("gradients", "test", gradients).unwrap();
     let mut splats = gpu.upload("splats", "test", &state.splats).unwrap();
     let mut first = gpu.upload("first", "test", &state.first).unwrap();
     let mut second = gpu.upload("second", "test", &state.second).unwrap();
-    let needs = gpu.upload("needs", "test", needs).unwrap();
+    let totals = gpu.upload("pair totals", "test", pair_totals).unwrap();
     let mut frozen = gpu.upload("frozen", "test", &[state.frozen]).unwrap();
     run(gpu, |r| {
         r.pass(&kernel)
@@ -57,7 +62,7 @@ fn step(gpu: &Gpu, state: &State, gradients: &[SplatGrad], needs: &[Need], param
             .write(&mut splats)
             .write(&mut first)
             .write(&mut second)
-            .read(&needs)
+            .read(&totals)
             .write(&mut frozen)
             .push(params)
             .dispatch(params.splat_count.div_ceil(64));
@@ -102,8 +107,7 @@ pub fn adam() {
         }
     }
     let params = params(count);
-    let enough = [Need { pairs: 100, entries: 7 }, Need { pairs: 0, entries: 1000 }];
-    let got = step(&gpu, &state, &gradients, &enough, &params);
+    let got = step(&gpu, &state, &gradients, &[100, 0], &params);
     let (mut splats, mut moments, mut squares) = (Vec::new(), Vec::new(), Vec::new());
     let mut frozen = state.frozen;
     for (i, gradient) in gradients.iter().enumerate() {
@@ -147,12 +151,9 @@ pub fn adam() {
     assert_close("adam: second moments", Bound::new(2e-9, 1e-6), squares);
     assert_eq!((frozen - state.frozen, got.frozen), (18, frozen), "six NaN, six infinite, six too large");
 
-    // A step whose bins were too small in any chunk, by either count, moves nothing and counts nothing.
-    for too_much in [
-        [Need { pairs: 101, entries: 7 }, Need::default()],
-        [Need::default(), Need { pairs: 1, entries: 1001 }],
-    ] {
-        let void = step(&gpu, &state, &gradients, &too_much, &params);
+    // A step whose bins were too small in any chunk moves nothing and counts nothing.
+    for too_many in [[101, 7], [0, 1000]] {
+        let void = step(&gpu, &state, &gradients, &too_many, &params);
         assert_eq!(void.splats, state.splats);
         assert!(void.first == state.first && void.second == state.second && void.frozen == state.frozen);
     }

@@ -1,8 +1,9 @@
 //! Forward pass, loss terms, backward pass.
 
 use engine::gpu::Kernel;
+use engine::reference::moments_to_grad as gradient;
 use engine::reference::splat_to_volume as forward;
-use engine::reference::splat_to_volume_grad::{splat_gradient, splat_to_volume_grad as backward};
+use engine::reference::splat_to_volume_grad as backward;
 use engine::reference::{
     Adjoint, Footprint, Gradient, Reconstruction, Target, Term, fold_adjoints as fold, loss,
 };
@@ -11,7 +12,7 @@ use engine::volume::bricks::SAMPLES;
 use glam::DVec3;
 use rand::RngExt;
 use shaders_glsl::Shader;
-use shaders_glsl::types::{self, FoldParams, LossParams};
+use shaders_glsl::types::{self, FoldParams, LossParams, MomentParams};
 use vgs_tests::scene::{EPSILON, random};
 use vgs_tests::{Bound, Device, Scene, assert_close, step};
 
@@ -167,17 +168,17 @@ pub fn fold_adjoints() {
     assert_close("fold_adjoints", Bound::new(5e-7, 1e-6), pairs);
 }
 
-/// Per parameter, the sum of the absolute contributions of all samples: what rounding is measured against.
+/// Per moment, the sum of the absolute contributions of all samples: what rounding is measured against.
 fn magnitudes(
-    splat: &engine::reference::Splat,
+    footprint: &Footprint,
     positions: &[DVec3],
     folded: &[Adjoint],
     kernel: splat::Kernel,
 ) -> [f64; 11] {
     let mut sums = [0.0; 11];
     for (x, a) in positions.iter().zip(folded) {
-        let one = splat_gradient(splat, std::slice::from_ref(x), std::slice::from_ref(a), kernel);
-        for (sum, v) in sums.iter_mut().zip(one.lanes()) {
+        let one = backward::moments(footprint, std::slice::from_ref(x), std::slice::from_ref(a), kernel);
+        for (sum, v) in sums.iter_mut().zip(one.to_row()) {
             *sum += v.abs();
         }
     }
@@ -187,30 +188,66 @@ fn magnitudes(
 pub fn splat_to_volume_grad() {
     let gpu = Device::boot();
     for scene in scenes() {
-        let soft = scene.kernel == splat::Kernel::Gaussian;
-        let pass = step::run(&gpu, &scene, &step::terms(soft));
+        let pass = step::run(&gpu, &scene, &step::terms(scene.kernel == splat::Kernel::Gaussian));
         let folded: Vec<Adjoint> = pass.adjoints.iter().map(Into::into).collect();
         let positions = scene.samples().positions();
-        let splats = scene.splats64();
-        let wanted = backward(&splats, &positions, &folded, scene.kernel);
-        let got: Vec<Gradient> = pass.gradients.iter().map(Into::into).collect();
-        let mut moved = 0;
+        let mut reached = 0;
         let mut pairs = Vec::new();
-        for (i, splat) in splats.iter().enumerate() {
-            let (got, want) = (got[i].lanes(), wanted[i].lanes());
-            let size = magnitudes(splat, &positions, &folded, scene.kernel);
-            moved += usize::from(size[10] > 0.0);
-            for lane in 0..11 {
-                // Turning a ball changes nothing: what is left there is the twin's own rounding.
-                let size = size[lane].max(1e-9);
-                pairs.push((got[lane] / size, want[lane] / size));
+        for (footprint, got) in pass.footprints.iter().zip(&pass.moments) {
+            let footprint: Footprint = footprint.into();
+            let want = backward::moments(&footprint, &positions, &folded, scene.kernel).to_row();
+            let size = magnitudes(&footprint, &positions, &folded, scene.kernel);
+            reached += usize::from(size[1] > 0.0);
+            for k in 0..11 {
+                let size = if size[k] > 0.0 { size[k] } else { 1.0 };
+                pairs.push((f64::from(got[k]) / size, want[k] / size));
             }
         }
-        assert!(moved * 2 > splats.len(), "most splats have a gradient");
+        assert!(reached * 2 > scene.splats.len(), "most splats reach a sample");
         // Outliers: of a splat that reaches one sample with its very border, the slope there is all that counts. A
         // cut-off that falls the other way moves one splat by a small part of what it sums.
         let limit = if scene.kernel == splat::Kernel::Gaussian { 0.02 } else { 1e-3 };
         let bound = Bound::new(2e-5, 0.0).outliers(0.005, limit);
         assert_close(&format!("splat_to_volume_grad, {}", scene.kernel.name()), bound, pairs);
     }
+}
+
+pub fn moments_to_grad() {
+    let gpu = Device::boot();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::MOMENTS_TO_GRAD, &[]).unwrap();
+    let scene = Scene::random(23, 200, splat::Kernel::Compact, false);
+    let count = scene.splats.len();
+    let mut rng = random(24);
+    let moments: Vec<[f32; 11]> =
+        (0..count).map(|_| std::array::from_fn(|_| rng.random_range(-1.0f32..1.0))).collect();
+    let splats = gpu.upload("splats", "test", &scene.splats).unwrap();
+    let rows = gpu.upload("moments", "test", moments.as_flattened()).unwrap();
+    let mut gradients = gpu.buffer::<types::SplatGrad>("gradients", "test", count).unwrap();
+    run(&gpu, |r| {
+        r.pass(&kernel)
+            .read(&splats)
+            .read(&rows)
+            .write(&mut gradients)
+            .push(&MomentParams { splat_count: count as u32 })
+            .dispatch(count.div_ceil(64) as u32);
+    });
+    let mut pairs = Vec::new();
+    for ((got, splat), moments) in gradients.read().unwrap().iter().zip(scene.splats64()).zip(&moments) {
+        let moments = backward::Moments::from_row(moments.map(f64::from));
+        let (got, want) = (Gradient::from(got).lanes(), gradient::moments_to_grad(&splat, &moments).lanes());
+        // Sums of products that may cancel: measured against the products themselves.
+        let steepest = (-2.0 * splat.log_scale.min_element()).exp();
+        let ratio = (splat.log_scale.max_element() - splat.log_scale.min_element()).exp();
+        let alpha = engine::reference::splat_bounds::opacity(&splat);
+        for lane in 0..11 {
+            let size = alpha
+                * match lane {
+                    3 | 10 => 1.0,
+                    4..7 => steepest * ratio,
+                    _ => steepest,
+                };
+            pairs.push((got[lane] / size, want[lane] / size));
+        }
+    }
+    assert_close("moments_to_grad", Bound::new(3e-6, 0.0), pairs);
 }
