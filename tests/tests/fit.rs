@@ -9,7 +9,7 @@ use engine::volume::{Roi, Volume};
 use engine::{Kind, fit::Fitter};
 use glam::{DAffine3, DVec3};
 use vgs_tests::fitting::Case;
-use vgs_tests::{Bound, Device, assert_close};
+use vgs_tests::{Bound, Device, Scene, assert_close, step};
 
 const SIZE: [usize; 3] = [40, 36, 40];
 
@@ -81,8 +81,8 @@ fn a_phantom_gets_better_all_the_way() {
     }
 }
 
-/// What 120 iterations reach between voxels, both kernels; measured 2 dB more.
-const LEAST_DB: f64 = 30.0;
+/// What 120 iterations reach between voxels, dB; measured 41.2 with the compact kernel and 39.9 with the Gaussian.
+const LEAST_DB: f64 = 38.0;
 
 #[test]
 fn the_same_seed_gives_the_same_bits() {
@@ -99,19 +99,47 @@ fn the_same_seed_gives_the_same_bits() {
     assert!(other.fit(&another).splats().expect("splats") != first, "the seed has no effect");
 }
 
-/// A small storage-buffer range cuts the grid into chunks. Evaluating is the same to the bit, since a sample's list is
-/// the same; a gradient is then summed in other groups, so a fit differs by rounding, which Adam's first steps (the
-/// sign of the gradient) can enlarge where a gradient is nearly zero: few splats, and few steps are compared.
+/// A small storage-buffer range cuts the grid into chunks. A sample is the same to the bit, since it sums the same splats
+/// in the same order; a gradient is summed in other groups.
 #[test]
-fn chunks_change_nothing_but_rounding() {
+fn chunks_change_only_the_rounding_of_the_gradient() {
+    let whole = Device::boot();
+    let small = Device::boot_with(GpuOptions { storage_range_limit: Some(LIMIT), ..GpuOptions::default() });
+    for kernel in [Kernel::Compact, Kernel::Gaussian] {
+        let scene = Scene::random(71, 150, kernel, false);
+        let a = step::run(&whole, &scene, &step::terms(false));
+        let b = step::run(&small, &scene, &step::terms(false));
+        assert_eq!((a.chunks, b.chunks), (1, 3));
+        assert!(a.reconstructions == b.reconstructions && a.adjoints == b.adjoints);
+        for (sum, other) in a.sums.iter().zip(&b.sums) {
+            // Added up on the host, brick by brick, one chunk after the other.
+            assert!((sum.value - other.value).abs() <= 1e-12 * sum.value && sum.weight == other.weight);
+        }
+        for k in 0..11 {
+            let largest = a.moments.iter().fold(0.0f32, |m, row| m.max(row[k].abs()));
+            let pairs = a.moments.iter().zip(&b.moments).map(|(a, b)| (f64::from(b[k]), f64::from(a[k])));
+            let bound = Bound::new(1e-6 * f64::from(largest), 1e-6);
+            assert_close(&format!("chunks, {}, moment {k}", kernel.name()), bound, pairs);
+        }
+    }
+}
+
+/// Bytes of a storage buffer on the small device: 21 bricks.
+const LIMIT: u64 = 90_000;
+
+/// So a fit in chunks differs by rounding. Adam's first steps have the length of the rate and the direction of the
+/// gradient's sign: where a gradient is nearly zero, rounding may turn it. Few do after few steps, and the loss does not
+/// show it.
+#[test]
+fn a_fit_in_chunks_differs_by_rounding() {
     let case = Case::phantom(SIZE, 4);
     let whole = Device::boot();
-    let small = Device::boot_with(GpuOptions { storage_range_limit: Some(160_000), ..GpuOptions::default() });
-    assert_eq!(small.limits().storage_range, 160_000);
+    let small = Device::boot_with(GpuOptions { storage_range_limit: Some(LIMIT), ..GpuOptions::default() });
+    assert_eq!(small.limits().storage_range, LIMIT);
     let mut one = case.fit(&whole);
     let mut many = case.fit(&small);
     let bricks = one.bricks().len();
-    let chunks = bricks.div_ceil(160_000 / (8 * 512));
+    let chunks = bricks.div_ceil(LIMIT as usize / (8 * 512));
     println!("{bricks} bricks, {chunks} chunks");
     assert!(chunks >= 3, "the limit cuts the grid");
     let (a, b) = (evaluation(&whole, &case, &mut one), evaluation(&small, &case, &mut one));
@@ -125,42 +153,75 @@ fn chunks_change_nothing_but_rounding() {
     };
     let pairs = b.iter().zip(&a).flat_map(|(x, y)| lanes(x).into_iter().zip(lanes(y)));
     // The rates allow 4 steps of 0.2.
-    assert_close("parameters", Bound::new(1e-4, 1e-5).outliers(0.01, 0.8), pairs);
+    assert_close("parameters", Bound::new(1e-4, 1e-5).outliers(0.05, 0.8), pairs);
 }
 
 /// Bins that were guessed too small: the step is void, the bins grow, and the result has the bits of a run that had
 /// room from the start. That run gets its room from splats that are too many to matter for anything else: they lie
 /// where no sample takes part.
-#[test]
-fn bins_that_grow_change_no_bit() {
-    let gpu = Device::boot();
-    let config =
-        FitConfig { iterations: 6, splats: 60, init_scale: 6.0, init_scale_max: 8.0, ..FitConfig::default() };
-    let case = ball(44, 18.0, FitConfig { shell: 1.0, ..config });
-    let splats = case.start();
-    assert_eq!(splats.len(), 60);
-    let sorting = |gpu: &Gpu| gpu.memory_by_purpose().get("sorting").copied().unwrap_or_default();
-
-    let mut grown = case.fitter(&gpu, &splats);
-    let before = sorting(&gpu);
-    case.run(&mut grown, 6);
-    let after = sorting(&gpu);
+fn check_growth(gpu: &Gpu, case: &Case, splats: &[Splat], idle_at: [f32; 3]) {
+    let sorting = || gpu.memory_by_purpose().get("sorting").copied().unwrap_or_default();
+    let end = case.config.iterations;
+    let mut grown = case.fitter(gpu, splats);
+    let before = sorting();
+    case.run(&mut grown, end);
+    let after = sorting();
     println!("bins: {before} bytes at first, {after} in the end");
     assert!(after > before, "the test must make the bins grow");
-    assert_eq!((grown.iteration(), grown.progress().expect("progress").iteration), (6, 6));
-
-    // The corner of the grid is no part of the ball.
-    let corner = grown.bricks().origin.as_vec3() + 1.0;
-    let idle = Splat { mean: corner.to_array(), log_scale: [0.4f32.ln(); 3], ..splats[0] };
-    let mut padded = splats.clone();
+    assert_eq!((grown.iteration(), grown.progress().expect("progress").iteration), (end, end));
+    let idle = Splat { mean: idle_at, log_scale: [0.4f32.ln(); 3], ..splats[0] };
+    let mut padded = splats.to_vec();
     padded.resize(20_000, idle);
-    let mut ample = case.fitter(&gpu, &padded);
-    let before = sorting(&gpu);
-    case.run(&mut ample, 6);
-    assert_eq!(sorting(&gpu), before, "these bins have room from the start");
+    let mut ample = case.fitter(gpu, &padded);
+    let before = sorting();
+    case.run(&mut ample, end);
+    assert_eq!(sorting(), before, "these bins have room from the start");
     let (a, b) = (grown.splats().expect("splats"), ample.splats().expect("splats"));
-    assert!(a[..] == b[..60], "a void step left a trace");
     assert!(a != splats, "the fit moved");
+    let differ = a.iter().zip(&b).filter(|(a, b)| a != b).count();
+    assert_eq!(differ, 0, "a void step left a trace in {differ} of {} splats", a.len());
+}
+
+#[test]
+fn bins_that_grow_at_first_change_no_bit() {
+    let gpu = Device::boot();
+    let config = FitConfig { splats: 60, init_scale: 6.0, init_scale_max: 8.0, ..FitConfig::default() };
+    let case = ball(44, 18.0, FitConfig { iterations: 6, shell: 1.0, ..config });
+    let splats = case.start();
+    assert_eq!(splats.len(), 60);
+    // The corner of the volume is no part of the ball.
+    check_growth(&gpu, &case, &splats, [5.0, 5.0, 5.0]);
+}
+
+/// Here the bins are too small on the grid itself, but not at the next offset, whose step is already in flight when the
+/// void one is noticed: it must be void too.
+#[test]
+fn bins_that_grow_for_one_offset_change_no_bit() {
+    let gpu = Device::boot();
+    // On the grid the boxes just reach a row of samples in two more bricks along each axis.
+    let seed = (0..1000)
+        .find(|&seed| engine::fit::offsets(2, seed)[1].iter().all(|&o| (0.1..0.4).contains(&o)))
+        .expect("a seed whose second offset points to the upper corner");
+    let config = FitConfig { iterations: 6, offsets: 2, occupancy_weight: 0.0, seed, ..FitConfig::default() };
+    // All of a cube but for a corner brick, where idle splats may lie.
+    let mut case = ball(40, 100.0, config);
+    for i in 0..case.roi.weight.len() {
+        if i % 40 < 8 && i / 40 % 40 < 8 && i / 1600 < 8 {
+            case.roi.weight[i] = 0.0;
+        }
+    }
+    // Boxes from sample 8 to sample 32 on each axis and a thousandth beyond.
+    let sigma = 12.0 / 6f32.sqrt();
+    let splat = |i: usize| Splat {
+        mean: [20.0; 3],
+        opacity_logit: -2.0,
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        log_scale: [sigma.ln(); 3],
+        intensity: i as f32 - 40.0,
+    };
+    // 64 bricks a splat on the grid, 27 at the offset: room is for 4096 pairs.
+    let splats: Vec<Splat> = (0..90).map(splat).collect();
+    check_growth(&gpu, &case, &splats, [3.5, 3.5, 3.5]);
 }
 
 #[test]
@@ -361,7 +422,6 @@ fn n2_splats_below_the_floor_come_to_life() {
     for (before, after) in first.iter().zip(fitter.splats().expect("splats")) {
         assert!(all_finite(&[after]));
         assert_ne!(before.intensity, after.intensity, "it has a gradient");
-        assert_ne!(before.log_scale, after.log_scale, "it has a gradient");
     }
 }
 
