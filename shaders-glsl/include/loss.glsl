@@ -7,7 +7,7 @@ layout(push_constant, scalar) uniform LossParams {
     float parameter;   // what the term needs besides: see there
     uint accumulate;   // 0: first term, overwrites the adjoints; 1: adds to them
 } p;
-layout(scalar, binding = 0) readonly buffer Targets { Target targets[]; };
+layout(scalar, binding = 0) readonly buffer Targets { uint targets[]; };
 layout(scalar, binding = 1) readonly buffer Reconstructions { Reconstruction reconstructions[]; };
 layout(scalar, binding = 2) buffer Adjoints { Adjoint adjoints[]; };
 layout(scalar, binding = 3) writeonly buffer LossSums { vec2 loss_sums[]; }; // [slot]: Σ value, Σ weight
@@ -22,7 +22,7 @@ void main() {
     uint begin = gl_WorkGroupID.x * 512 + t * 8;
     vec2 sum = vec2(0.0);
     for (uint i = begin; i < begin + 8; ++i) {
-        Target wanted = targets[i];
+        Target wanted = unpack_target(targets[i]);
         Adjoint adjoint = Adjoint(0.0, 0.0);
         if (wanted.occupancy >= 0.0) {
             vec2 value_weight;

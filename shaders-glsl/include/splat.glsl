@@ -52,11 +52,17 @@ struct Reconstruction {
     float value;
 };
 
-// What a sample should be. occupancy < 0 marks a sample that takes no part.
+// What a sample should be, relative to the background in spans of the intensity range, so within -1 .. 1.
+// occupancy < 0 marks a sample that takes no part. Stored as two 16-bit fractions: a step of 0.12 HU over 4095.
 struct Target {
     float value;
     float occupancy;
 };
+
+Target unpack_target(uint stored) {
+    vec2 t = unpackSnorm2x16(stored);
+    return Target(t.x, t.y);
+}
 
 // dL/dV^ and dL/dW of one sample.
 struct Adjoint {

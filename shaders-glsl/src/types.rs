@@ -77,13 +77,6 @@ shared! {
         /// V̂ - background, in units of the fit.
         value: f32,
     }
-    /// What a sample should be.
-    Target {
-        /// V - background, in units of the fit.
-        value: f32,
-        /// M in 0..1; negative where the sample takes no part.
-        occupancy: f32,
-    }
     /// dL/dV̂ and dL/dW of one sample.
     Adjoint {
         /// dL/dV̂, then A.
@@ -213,5 +206,32 @@ shared! {
         max_intensity: f32,
         /// Upper corner of the sample grid, voxels.
         max_mean: [f32; 3],
+    }
+}
+
+/// What a sample should be, as the loss kernels read it: two 16-bit signed fractions.
+#[repr(transparent)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Target(u32);
+
+impl Target {
+    /// A sample that takes no part.
+    pub const IDLE: Target = Target(0x8001_0000);
+
+    /// `value` is V - background in spans of the intensity range, -1..1; `occupancy` is M in 0..1. Rounds to the
+    /// nearest of 2·32767 steps; 0 is exact.
+    pub fn new(value: f32, occupancy: f32) -> Self {
+        let fraction = |v: f32| (v.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16;
+        Target(u32::from(fraction(value)) | u32::from(fraction(occupancy.max(0.0))) << 16)
+    }
+
+    /// V - background in spans of the intensity range.
+    pub fn value(self) -> f32 {
+        f32::from(self.0 as u16 as i16) / 32767.0
+    }
+
+    /// M; negative where the sample takes no part.
+    pub fn occupancy(self) -> f32 {
+        f32::from((self.0 >> 16) as u16 as i16) / 32767.0
     }
 }

@@ -74,13 +74,13 @@ config! {
         /// Weight of the squared intensity error inside the ROI.
         mse_weight: f32 = 1.0,
         /// Weight of the occupancy error over ROI and shell; 0 switches the term off.
-        occupancy_weight: f32 = 0.003,
+        occupancy_weight: f32 = 0.004,
         /// w0 of the occupancy O = W / (W + w0), in units of the summed weight W.
         occupancy_w0: f32 = 0.05,
-        /// Thickness of the shell around the ROI that the occupancy is fitted in, voxels.
-        shell: f64 = 4.0,
+        /// Thickness of the shell around the ROI that the occupancy is fitted in, voxels along each axis.
+        shell: u32 = 4,
         /// Sub-voxel target offsets, visited in turn: the grid itself and offsets - 1 random ones. 1: on the grid only.
-        offsets: usize = 8,
+        offsets: usize = 16,
         /// Visits the grid itself every so many iterations besides its turn; 0: only in its turn.
         grid_every: u32 = 0,
         /// Epsilon of equation (2), in units of the summed weight.
@@ -127,7 +127,7 @@ impl FitConfig {
         if self.offsets == 0 || self.offsets > 64 {
             return wrong("offsets", self.offsets.to_string(), "1 to 64");
         }
-        if !(0.0..=32.0).contains(&self.shell) {
+        if self.shell > 32 {
             return wrong("shell", self.shell.to_string(), "0 to 32 voxels");
         }
         let [low, high] = self.hu_range;

@@ -78,7 +78,7 @@ impl Fitter {
         if splats.is_empty() {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
-        let shell = if config.occupancy_weight > 0.0 { config.shell } else { 0.0 };
+        let shell = if config.occupancy_weight > 0.0 { config.shell } else { 0 };
         let bricks = Arc::new(Bricks::around(roi, shell));
         let scaling = Scaling::new(volume, roi, config);
         let rasteriser = Rasteriser::new(gpu, config.kernel, config.epsilon, &bricks, splats.len())?;

@@ -80,11 +80,10 @@ pub fn sample(
     offset: [f32; 3],
 ) -> Vec<Target> {
     let offset = glam::Vec3::from_array(offset).as_dvec3();
-    let idle = Target { value: 0.0, occupancy: -1.0 };
-    bricks.map_samples(range, idle, |voxel| {
+    bricks.map_samples(range, Target::IDLE, |voxel| {
         let x = voxel.as_dvec3() + offset;
         let hu = volume.sample_clipped(x, scaling.range, scaling.background);
         let value = (hu - f64::from(scaling.background)) / f64::from(scaling.unit);
-        Target { value: value as f32, occupancy: roi.membership(x) as f32 }
+        Target::new(value as f32, roi.membership(x) as f32)
     })
 }

@@ -18,3 +18,4 @@ pub use pace::Pace;
 pub use radix_sort::RadixSort;
 pub use rasterise::Rasteriser;
 pub use scan::Scan;
+pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};

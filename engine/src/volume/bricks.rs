@@ -45,15 +45,16 @@ pub fn brick_morton(voxel: UVec3) -> usize {
 }
 
 impl Bricks {
-    /// Bricks over every voxel of a volume of `size` that lies within `shell` voxels (Euclidean) of a voxel of the ROI.
-    pub fn around(roi: &Roi, shell: f64) -> Self {
-        let reach = shell.floor() as i32;
+    /// Bricks over every voxel of the volume that lies within `shell` voxels of a voxel of the ROI along each axis (a
+    /// cube around each voxel, not a ball).
+    pub fn around(roi: &Roi, shell: u32) -> Self {
+        let reach = shell as i32;
         let (low, high) = bounding_box(roi);
         let size = IVec3::from_array(roi.size.map(|n| n as i32));
         let low = (low - reach).max(IVec3::ZERO);
         let high = (high + reach).min(size - 1);
-        let near = within(roi, low, high, shell);
-        let extent = (high - low + 1).as_uvec3();
+        let near = within(roi, low, high, shell as usize);
+        let extent = (high - low + 1).max(IVec3::ZERO).as_uvec3();
         Self::of_box(low, extent, |v| near[((v.z * extent.y + v.y) * extent.x + v.x) as usize])
     }
 
@@ -189,56 +190,44 @@ fn bounding_box(roi: &Roi) -> (IVec3, IVec3) {
     if low.cmple(high).all() { (low, high) } else { (IVec3::ZERO, IVec3::NEG_ONE) }
 }
 
-/// Which voxels of the box `low..=high` have a voxel of the ROI within `shell`: squared distances, one axis after the
-/// other (they are small integers, so a byte holds what matters).
-fn within(roi: &Roi, low: IVec3, high: IVec3, shell: f64) -> Vec<bool> {
+/// Which voxels of the box `low..=high` have a voxel of the ROI within `reach` along each axis: a dilation by a cube, one
+/// axis after the other, each with the distance to the last voxel that was set.
+fn within(roi: &Roi, low: IVec3, high: IVec3, reach: usize) -> Vec<bool> {
     let extent = (high - low + 1).max(IVec3::ZERO).as_uvec3();
     let (ex, ey, ez) = (extent.x as usize, extent.y as usize, extent.z as usize);
     if ex * ey * ez == 0 {
         return Vec::new();
     }
-    let reach = shell.floor() as i64;
-    let limit = (shell * shell).floor().min(f64::from(u16::MAX - 1)) as u16;
-    let far = u16::MAX;
-    // Distance along x, from the mask.
-    let mut squared = vec![far; ex * ey * ez];
-    squared.par_chunks_mut(ex).enumerate().for_each(|(row, out)| {
+    let mut near = vec![false; ex * ey * ez];
+    near.par_chunks_mut(ex).enumerate().for_each(|(row, out)| {
         let (y, z) = (row % ey + low.y as usize, row / ey + low.z as usize);
         let base = (z * roi.size[1] + y) * roi.size[0] + low.x as usize;
-        let inside = &roi.weight[base..base + ex];
-        let mut since = i64::MAX;
+        spread(&|x| roi.weight[base + x] > 0.0, ex, reach, |x| out[x] = true);
+    });
+    near.par_chunks_mut(ex * ey).for_each(|slice| {
+        let from = slice.to_vec();
         for x in 0..ex {
-            since = if inside[x] > 0.0 { 0 } else { since.saturating_add(1) };
-            if since <= reach {
-                out[x] = (since * since) as u16;
-            }
-        }
-        since = i64::MAX;
-        for x in (0..ex).rev() {
-            since = if inside[x] > 0.0 { 0 } else { since.saturating_add(1) };
-            if since <= reach {
-                out[x] = out[x].min((since * since) as u16);
-            }
+            spread(&|y| from[y * ex + x], ey, reach, |y| slice[y * ex + x] = true);
         }
     });
-    // Then along y and z: the least of a neighbour's distance and the step to it.
-    let spread = |from: &[u16], stride: usize, len: usize| -> Vec<u16> {
-        from.par_iter()
-            .enumerate()
-            .map(|(i, &own)| {
-                let at = (i / stride % len) as i64;
-                let mut best = own;
-                for step in (-reach).max(-at)..=reach.min(len as i64 - 1 - at) {
-                    let j = (i as i64 + step * stride as i64) as usize;
-                    best = best.min(from[j].saturating_add((step * step) as u16));
-                }
-                best
-            })
-            .collect()
-    };
-    let squared = spread(&squared, ex, ey);
-    let squared = spread(&squared, ex * ey, ez);
-    squared.into_iter().map(|d| d <= limit).collect()
+    // Along z a row of x at a time, so that neighbours in memory are visited together.
+    let from = near.clone();
+    near.par_chunks_mut(ex * ey).enumerate().for_each(|(z, slice)| {
+        for other in z.saturating_sub(reach)..=(z + reach).min(ez - 1) {
+            let there = &from[other * ex * ey..(other + 1) * ex * ey];
+            slice.iter_mut().zip(there).for_each(|(a, &b)| *a |= b);
+        }
+    });
+    near
+}
+
+/// Calls `set` for each index below `len` that has a set index within `reach`.
+fn spread(is_set: &impl Fn(usize) -> bool, len: usize, reach: usize, mut set: impl FnMut(usize)) {
+    let mut done = 0;
+    for i in (0..len).filter(|&i| is_set(i)) {
+        (done.max(i.saturating_sub(reach))..(i + reach + 1).min(len)).for_each(&mut set);
+        done = i + reach + 1;
+    }
 }
 
 impl Volume {
@@ -272,20 +261,20 @@ mod tests {
     }
 
     #[test]
-    fn the_shell_is_a_ball_around_each_voxel() {
+    fn the_shell_is_a_cube_around_each_voxel() {
         let size = [30, 20, 25];
         let mut roi = Roi { size, weight: vec![0.0; 30 * 20 * 25], soft: false };
         let seeds = [IVec3::new(3, 4, 5), IVec3::new(20, 18, 24), IVec3::new(29, 0, 0)];
         for s in seeds {
             roi.weight[(s.z as usize * 20 + s.y as usize) * 30 + s.x as usize] = 1.0;
         }
-        let bricks = Bricks::around(&roi, 4.0);
+        let bricks = Bricks::around(&roi, 4);
         let mut expected = 0;
         for z in 0..25 {
             for y in 0..20 {
                 for x in 0..30 {
                     let v = IVec3::new(x, y, z);
-                    let near = seeds.iter().any(|&s| (v - s).length_squared() <= 16);
+                    let near = seeds.iter().any(|&s| (v - s).abs().max_element() <= 4);
                     expected += usize::from(near);
                     let local = (v - bricks.origin).as_uvec3();
                     let inside = v.cmpge(bricks.origin).all() && (local / 8).cmplt(bricks.grid).all();

@@ -1,2 +1,52 @@
-//! Benchmarks of the fit.
-fn main() {}
+//! `bench`: figures, not tests. Each benchmark checks what it measures before it times it, warms up, takes many runs and
+//! reports medians with device and driver.
+#![forbid(unsafe_code)]
+
+mod passes;
+mod report;
+mod scene;
+
+use clap::{Parser, Subcommand};
+use engine::Result;
+use engine::gpu::{Gpu, GpuOptions};
+
+#[derive(Parser)]
+#[command(name = "bench", about = "Benchmarks of vgs", after_help = "\
+Examples:
+  bench passes                      forward and backward passes, growth with splats and with ROI voxels
+  bench passes --quick              the same in half a minute
+  bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md")]
+struct Arguments {
+    /// Device by index or part of its name, as `vgs devices` lists them.
+    #[arg(long, global = true)]
+    device: Option<String>,
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// Forward and backward pass of the fit: evaluations per second, waste, and growth.
+    Passes(passes::Arguments),
+}
+
+fn main() -> std::process::ExitCode {
+    let arguments = Arguments::parse();
+    match run(&arguments) {
+        Ok(()) => std::process::ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error[{}]: {e}", e.code);
+            if !e.help.is_empty() {
+                eprintln!("  help: {}", e.help);
+            }
+            std::process::ExitCode::from(e.kind.exit_code())
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<()> {
+    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), ..GpuOptions::default() })?;
+    match &arguments.what {
+        What::Passes(a) => passes::run(&gpu, a),
+    }
+}

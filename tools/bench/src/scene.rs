@@ -1,0 +1,71 @@
+//! What is measured: a volume with its region of interest, and splats that were fitted to it for a while, because the
+//! cost of a pass depends on the splats' shapes and those of a fit are not those it starts from.
+
+use std::path::PathBuf;
+
+use engine::Result;
+use engine::fit::{FitConfig, Fitter, Scaling};
+use engine::gpu::Gpu;
+use engine::splat::Splat;
+use engine::volume::phantom::Phantom;
+use engine::volume::{Bricks, LabelChoice, ReadOptions, Roi, Volume};
+use glam::DVec3;
+
+/// A volume and where to look.
+pub struct Scene {
+    /// What it is, for the table.
+    pub name: String,
+    /// The volume.
+    pub volume: Volume,
+    /// Its region of interest.
+    pub roi: Roi,
+}
+
+impl Scene {
+    /// The seeded synthetic CT of `edge`³ voxels.
+    pub fn phantom(edge: usize) -> Result<Self> {
+        let phantom = Phantom::new([edge; 3], DVec3::ONE, 1);
+        Ok(Scene { name: format!("phantom {edge}³"), volume: phantom.volume(), roi: phantom.roi()? })
+    }
+
+    /// A CT and its mask.
+    pub fn read(volume: &PathBuf, mask: &PathBuf) -> Result<Self> {
+        let options = ReadOptions::default();
+        let read = Volume::read(volume, &options)?;
+        let roi = Roi::from_mask(&Volume::read(mask, &options)?, &LabelChoice::Whole, &read)?;
+        Ok(Scene { name: volume.display().to_string(), volume: read, roi })
+    }
+
+    /// Splats after `iterations` steps of a fit, in the fit's own coordinates, with its sample grid.
+    pub fn fitted(&self, gpu: &Gpu, density: f64, iterations: u32) -> Result<Fitted> {
+        let config = FitConfig { iterations, density, ..FitConfig::default() };
+        let count = config.splat_count(self.roi.weight_sum());
+        let splats = (config.initialiser()?.run)(&self.volume, &self.roi, count, config.seed, &config.init());
+        let mut fitter = Fitter::new(gpu, &self.volume, &self.roi, &splats, &config)?;
+        while fitter.iteration() < iterations {
+            fitter.step(f64::from(fitter.iteration()) / f64::from(iterations))?;
+        }
+        let scaling: Scaling = *fitter.scaling();
+        let origin = fitter.bricks().origin.as_vec3().to_array();
+        let splats = fitter
+            .splats()?
+            .iter()
+            .map(|s| Splat {
+                mean: std::array::from_fn(|i| s.mean[i] - origin[i]),
+                intensity: scaling.value(s.intensity),
+                ..*s
+            })
+            .collect();
+        Ok(Fitted { config, splats, bricks: fitter.bricks().clone() })
+    }
+}
+
+/// Splats as a fit has them on the device.
+pub struct Fitted {
+    /// The fit's configuration.
+    pub config: FitConfig,
+    /// Splats in brick-grid coordinates and the fit's intensities.
+    pub splats: Vec<Splat>,
+    /// The sample grid.
+    pub bricks: Bricks,
+}
