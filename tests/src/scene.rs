@@ -107,11 +107,7 @@ fn targets(rng: &mut Pcg64, bricks: &Bricks, soft: bool) -> Vec<Target> {
             let value = rng.random_range(-0.5f32..0.5);
             let m = rng.random_range(0.0f32..1.0);
             let m = if soft { m } else { m.round() };
-            out.push(if bricks.is_active(slot, morton) {
-                Target { value, occupancy: m }
-            } else {
-                Target { value: 0.0, occupancy: -1.0 }
-            });
+            out.push(if bricks.is_active(slot, morton) { Target::new(value, m) } else { Target::IDLE });
         }
     }
     out

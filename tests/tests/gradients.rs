@@ -65,16 +65,7 @@ impl Small {
             .map(|i| {
                 let (value, m) = (rng.random_range(-0.5f32..0.5), rng.random_range(0.0f32..1.0));
                 let active = bricks.is_active(i / 512, i % 512);
-                Target {
-                    value,
-                    occupancy: if !active {
-                        -1.0
-                    } else if soft {
-                        m
-                    } else {
-                        m.round()
-                    },
-                }
+                if !active { Target::IDLE } else { Target::new(value, if soft { m } else { m.round() }) }
             })
             .collect();
         Small { bricks, splats, targets, offset, kernel, soft }

@@ -187,8 +187,7 @@ fn p5_permutation_changes_rounding_only() {
 fn p6_extreme_parameters_stay_finite() {
     let gpu = Device::boot();
     let bricks = bricks();
-    let targets: Vec<Target> =
-        (0..bricks.len() * SAMPLES).map(|_| Target { value: 0.1, occupancy: 1.0 }).collect();
+    let targets: Vec<Target> = (0..bricks.len() * SAMPLES).map(|_| Target::new(0.1, 1.0)).collect();
     let mut rng = random(6);
     let middle = [9.5, 8.2, 6.1];
     let base = one(middle, [0.0; 3], 0.0, 0.3);
@@ -371,7 +370,7 @@ fn n4_whitened_distance_of_needles_and_discs() {
                 Splat { rotation: turned, ..one([4.0; 3], log_scale, 0.0, 1.0) }
             })
             .collect();
-        let targets = vec![Target { value: 0.0, occupancy: 1.0 }; bricks().len() * SAMPLES];
+        let targets = vec![Target::new(0.0, 1.0); bricks().len() * SAMPLES];
         let pass = step::run_with(
             &gpu,
             &bricks(),

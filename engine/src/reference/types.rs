@@ -133,7 +133,7 @@ impl From<&gpu::Reconstruction> for Reconstruction {
 
 impl From<&gpu::Target> for Target {
     fn from(t: &gpu::Target) -> Self {
-        Target { value: f64::from(t.value), occupancy: f64::from(t.occupancy) }
+        Target { value: f64::from(t.value()), occupancy: f64::from(t.occupancy()) }
     }
 }
 

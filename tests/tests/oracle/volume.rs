@@ -70,14 +70,15 @@ fn samples(slots: usize) -> (Vec<types::Target>, Vec<types::Reconstruction>, Vec
     let mut between = |low: f32, high: f32| rng.random_range(low..high);
     (0..slots * SAMPLES)
         .map(|i| {
-            let occupancy = match i % 4 {
-                0 => -1.0,
-                1 => 1.0,
-                _ => between(0.0, 1.0),
+            let value = between(-0.5, 0.5);
+            let target = match i % 4 {
+                0 => types::Target::IDLE,
+                1 => types::Target::new(value, 1.0),
+                _ => types::Target::new(value, between(0.0, 1.0)),
             };
             let weight = if i % 5 == 0 { 0.0 } else { between(0.0, 3.0) };
             (
-                types::Target { value: between(-0.5, 0.5), occupancy },
+                target,
                 types::Reconstruction { weight, value: between(-0.5, 0.5) },
                 types::Adjoint { value: between(-1.0, 1.0), weight: between(-1.0, 1.0) },
             )
