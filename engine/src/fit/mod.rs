@@ -42,6 +42,8 @@ pub struct Fitter {
     offsets: Vec<[f32; 3]>,
     /// [offset][chunk]
     targets: Vec<Vec<Buffer<Target>>>,
+    /// Pairs that each chunk needed in this step, then in the one before it.
+    pair_totals: Buffer<u32>,
     /// Steps done, counting those in flight.
     iteration: u32,
     flying: VecDeque<Flight>,
@@ -52,7 +54,7 @@ pub struct Fitter {
 struct Flight {
     iteration: u32,
     ticket: Ticket,
-    /// Pairs that each chunk needed.
+    /// What `pair_totals` held.
     readback: Buffer<u32>,
 }
 
@@ -99,6 +101,7 @@ impl Fitter {
             targets.push(row?);
         }
         let local: Vec<Splat> = splats.iter().map(|s| to_local(s, &bricks, &scaling)).collect();
+        let pair_totals = gpu.buffer("pair totals of two steps", "sorting", 2 * rasteriser.grid.chunks())?;
         Ok(Fitter {
             gpu: gpu.clone(),
             gradient: Gradient::new(gpu, config.kernel, splats.len())?,
@@ -114,6 +117,7 @@ impl Fitter {
             iteration: 0,
             flying: VecDeque::new(),
             readbacks: Vec::new(),
+            pair_totals,
         })
     }
 
@@ -135,9 +139,6 @@ impl Fitter {
     /// One iteration. The rates follow `share`, the part of the schedule that is done (0..1): iterations, or the time
     /// budget.
     pub fn step(&mut self, share: f64) -> Result<()> {
-        while self.flying.len() >= IN_FLIGHT {
-            self.land()?;
-        }
         let turn = self.iteration;
         let index = if self.config.grid_every > 0 && turn.is_multiple_of(self.config.grid_every) {
             0
@@ -147,6 +148,7 @@ impl Fitter {
         let offset = self.offsets[index];
         let chunks = self.rasteriser.grid.chunks();
         let mut recorder = self.gpu.record()?;
+        recorder.copy(&self.rasteriser.pair_totals, 0, &mut self.pair_totals, chunks, chunks);
         for chunk in 0..chunks {
             let slots = self.rasteriser.grid.chunk(chunk).len();
             self.rasteriser.record(&mut recorder, &self.splats, chunk, offset)?;
@@ -167,22 +169,28 @@ impl Fitter {
             )?;
         }
         self.gradient.record(&mut recorder, &self.splats);
+        recorder.copy(&self.rasteriser.pair_totals, 0, &mut self.pair_totals, 0, chunks);
         let params = self.adam_params(turn, share);
         self.adam.record(
             &mut recorder,
             &self.gradient.rows,
             &mut self.splats,
-            &self.rasteriser.pair_totals,
+            &self.pair_totals,
             &params,
         );
         let mut readback = match self.readbacks.pop() {
             Some(buffer) => buffer,
-            None => self.gpu.readback("step read back", chunks)?,
+            None => self.gpu.readback("step read back", 2 * chunks)?,
         };
-        recorder.copy(&self.rasteriser.pair_totals, 0, &mut readback, 0, chunks);
+        recorder.copy(&self.pair_totals, 0, &mut readback, 0, 2 * chunks);
         let ticket = recorder.submit()?;
         self.flying.push_back(Flight { iteration: turn, ticket, readback });
         self.iteration += 1;
+        // Behind the submission and not before the next: a void step sets the count back, and the caller takes the
+        // share of the next step from the count.
+        while self.flying.len() >= IN_FLIGHT {
+            self.land()?;
+        }
         Ok(())
     }
 
@@ -219,7 +227,9 @@ impl Fitter {
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powf(t))) as f32;
         AdamParams {
             splat_count: self.splats.len() as u32,
-            chunk_count: self.rasteriser.grid.chunks() as u32,
+            // With one step in flight before this one, what that needed counts too: had it no room, it moved nothing and
+            // will be repeated, so this one must not move anything either.
+            chunk_count: (IN_FLIGHT * self.rasteriser.grid.chunks()) as u32,
             capacity: self.rasteriser.bins.capacity() as u32,
             beta1: c.beta1,
             beta2: c.beta2,

@@ -17,6 +17,8 @@ pub struct GpuOptions {
     pub device: Option<String>,
     /// Turns on the validation layer with synchronisation checks; an error when the layer is not installed.
     pub validation: bool,
+    /// Plans with a storage-buffer range of at most so many bytes, as a smaller device has; for tests.
+    pub storage_range_limit: Option<u64>,
 }
 
 /// One Vulkan device as it describes itself.
@@ -406,7 +408,7 @@ impl Gpu {
             .push_next(&mut scalar)
             .push_next(&mut v13);
         let device = boot.create_device(&instance.handle, physical, &info)?;
-        Parts::new(instance, physical, device, family, description)
+        Parts::new(instance, physical, device, family, description, options.storage_range_limit)
     }
 }
 
@@ -431,6 +433,7 @@ impl Parts {
         device: ash::Device,
         queue_family: u32,
         description: DeviceDescription,
+        range_limit: Option<u64>,
     ) -> Result<Self> {
         let handle = &instance.handle;
         // SAFETY: plain queries on a live device.
@@ -441,11 +444,10 @@ impl Parts {
                 device.get_device_queue(queue_family, 0),
             )
         };
-        let forced = std::env::var("VGS_FORCE_SSBO_LIMIT").ok().and_then(|v| v.parse::<u64>().ok());
         let range = u64::from(properties.limits.max_storage_buffer_range);
         let has_timestamps = families.get(queue_family as usize).is_some_and(|f| f.timestamp_valid_bits > 0);
         let limits = Limits {
-            storage_range: forced.map_or(range, |f| f.min(range)),
+            storage_range: range_limit.map_or(range, |limit| limit.min(range)),
             timestamp_period: if has_timestamps { properties.limits.timestamp_period } else { 0.0 },
             workgroups: properties.limits.max_compute_work_group_count[0],
         };

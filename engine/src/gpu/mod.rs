@@ -47,7 +47,8 @@ pub struct PassTime {
 /// What the device reported about itself, and the limits that this engine plans with.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// Largest range one storage-buffer binding may have, bytes. `VGS_FORCE_SSBO_LIMIT` lowers it for tests.
+    /// Largest range one storage-buffer binding may have, bytes. [`GpuOptions::storage_range_limit`] lowers it for
+    /// tests.
     pub storage_range: u64,
     /// Nanoseconds per timestamp tick; 0 when the queue has no timestamps.
     pub timestamp_period: f32,

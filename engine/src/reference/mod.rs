@@ -1,3 +1,25 @@
-//! What kernels are meant to compute, written plainly for the host. Never touches the GPU.
+//! The f64 twin of every kernel: what a kernel is meant to compute, written plainly, without its blocks, tables and
+//! shared memory. A kernel `foo.comp` has its twin in the module that is named after it or after its group; the
+//! tests compare both on the same inputs, and the twins' derivatives with central differences of [`objective`].
+//!
+//! Twins use plain loops over all samples and all splats. They are for tests and never touch the GPU.
 
+pub mod adam;
+pub mod fold_adjoints;
+pub mod loss;
+pub mod moments_to_grad;
+pub mod objective;
+pub mod pairs;
+pub mod radix;
 pub mod raymarch;
+pub mod samples;
+pub mod scan;
+pub mod splat_bounds;
+pub mod splat_to_volume;
+pub mod splat_to_volume_grad;
+pub mod types;
+
+pub use loss::Term;
+pub use objective::objective;
+pub use samples::Samples;
+pub use types::{Adjoint, Footprint, Gradient, Reconstruction, Splat, Target};

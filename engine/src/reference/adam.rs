@@ -1,0 +1,66 @@
+//! `adam`: one step of Adam with the clamps of the fit.
+
+use glam::{DQuat, DVec3};
+use shaders_glsl::types::AdamParams;
+
+use super::{Gradient, Splat};
+
+/// What Adam keeps of a splat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// Parameters.
+    pub splat: Splat,
+    /// Moving mean of the gradient.
+    pub first: Gradient,
+    /// Moving mean of its square.
+    pub second: Gradient,
+}
+
+/// The new moments and the move of one parameter.
+fn moved(g: f64, first: &mut f64, second: &mut f64, rate: f32, p: &AdamParams) -> f64 {
+    let (beta1, beta2) = (f64::from(p.beta1), f64::from(p.beta2));
+    *first = beta1 * *first + (1.0 - beta1) * g;
+    *second = beta2 * *second + (1.0 - beta2) * g * g;
+    let mean = *first * f64::from(p.correction1);
+    let square = *second * f64::from(p.correction2);
+    -f64::from(rate) * mean / (square.sqrt() + f64::from(p.epsilon))
+}
+
+fn moved3(g: DVec3, first: &mut DVec3, second: &mut DVec3, rate: f32, p: &AdamParams) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|k| moved(g[k], &mut first[k], &mut second[k], rate, p)))
+}
+
+/// One step; `None` where the gradient is not finite: then nothing changes and the splat is counted as frozen.
+pub fn adam(state: &State, gradient: &Gradient, p: &AdamParams) -> Option<State> {
+    let size: f64 = gradient.lanes().iter().map(|g| g * g).sum();
+    // The square must fit an f32, since it goes into the second moment; NaN fails the comparison.
+    if !matches!(size.partial_cmp(&1e37), Some(std::cmp::Ordering::Less)) {
+        return None;
+    }
+    let State { mut splat, mut first, mut second } = *state;
+    splat.mean += moved3(gradient.mean, &mut first.mean, &mut second.mean, p.rate_mean, p);
+    splat.mean = splat.mean.clamp(DVec3::splat(-0.5), DVec3::from_array(p.max_mean.map(f64::from)));
+    // q <- normalise(q (1, ω/2)).
+    let turn = moved3(gradient.rotation, &mut first.rotation, &mut second.rotation, p.rate_rotation, p);
+    let step = DQuat::from_xyzw(0.5 * turn.x, 0.5 * turn.y, 0.5 * turn.z, 1.0);
+    splat.rotation = multiplied(splat.rotation, step).normalize();
+    splat.log_scale +=
+        moved3(gradient.log_scale, &mut first.log_scale, &mut second.log_scale, p.rate_log_scale, p);
+    splat.log_scale = splat
+        .log_scale
+        .clamp(DVec3::splat(f64::from(p.min_log_scale)), DVec3::splat(f64::from(p.max_log_scale)));
+    splat.opacity_logit +=
+        moved(gradient.opacity_logit, &mut first.opacity_logit, &mut second.opacity_logit, p.rate_opacity, p);
+    splat.opacity_logit = splat.opacity_logit.clamp(-f64::from(p.max_logit), f64::from(p.max_logit));
+    splat.intensity +=
+        moved(gradient.intensity, &mut first.intensity, &mut second.intensity, p.rate_intensity, p);
+    splat.intensity = splat.intensity.clamp(f64::from(p.min_intensity), f64::from(p.max_intensity));
+    Some(State { splat, first, second })
+}
+
+/// The quaternion product a b, whatever the lengths.
+fn multiplied(a: DQuat, b: DQuat) -> DQuat {
+    let (u, v) = (DVec3::new(a.x, a.y, a.z), DVec3::new(b.x, b.y, b.z));
+    let vector = a.w * v + b.w * u + u.cross(v);
+    DQuat::from_xyzw(vector.x, vector.y, vector.z, a.w * b.w - u.dot(v))
+}

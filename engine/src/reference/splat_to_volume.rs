@@ -1,0 +1,31 @@
+//! `splat_to_volume`: W = Σ α κ(q) and V̂ = Σ α κ(q) c / (W + ε) at each sample.
+
+use glam::DVec3;
+
+use super::{Footprint, Reconstruction};
+use crate::splat::Kernel;
+
+/// w = α κ(q) of one splat at a sample.
+pub fn weight(footprint: &Footprint, position: DVec3, kernel: Kernel) -> f64 {
+    let u = footprint.whitening * (position - footprint.mean);
+    footprint.opacity * kernel.value(u.length_squared())
+}
+
+/// All samples, all splats.
+pub fn splat_to_volume(
+    footprints: &[Footprint],
+    positions: &[DVec3],
+    kernel: Kernel,
+    epsilon: f64,
+) -> Vec<Reconstruction> {
+    let at = |&x: &DVec3| {
+        let (mut total, mut sum) = (0.0, 0.0);
+        for footprint in footprints {
+            let w = weight(footprint, x, kernel);
+            total += w;
+            sum += w * footprint.intensity;
+        }
+        Reconstruction { weight: total, value: sum / (total + epsilon) }
+    };
+    positions.iter().map(at).collect()
+}

@@ -1,0 +1,73 @@
+//! The device of a test: validation layers on, and any message of theirs fails the test.
+
+use std::ops::Deref;
+
+use engine::gpu::{Gpu, GpuOptions};
+
+/// Set to 1, tests run without validation layers and say so. Without it a missing layer fails every GPU test.
+const NO_VALIDATION: &str = "VGS_TEST_NO_VALIDATION";
+
+/// A booted device. When it goes, it checks that the validation layers had nothing to say.
+pub struct Device {
+    gpu: Gpu,
+    silent: bool,
+}
+
+impl Device {
+    /// Boots the default device.
+    ///
+    /// # Panics
+    /// If there is no device, or no validation layer: a GPU test never skips itself.
+    pub fn boot() -> Self {
+        Self::boot_with(GpuOptions::default())
+    }
+
+    /// Boots with these options, validation on.
+    pub fn boot_with(options: GpuOptions) -> Self {
+        let validation = std::env::var_os(NO_VALIDATION).is_none_or(|v| v != "1");
+        if !validation {
+            println!("{NO_VALIDATION}=1: the validation layers are off, this run checks less");
+        }
+        match Gpu::new(&GpuOptions { validation, ..options }) {
+            Ok(gpu) => Device { gpu, silent: false },
+            Err(e) => panic!(
+                "this test needs a Vulkan device and the Khronos validation layer: {e} ({}); `tools/setup run test` \
+                 installs both, `tools/test` runs the tests with them",
+                e.help
+            ),
+        }
+    }
+
+    /// Messages of the validation layers so far, for tests that expect some; checking at the end is then off.
+    pub fn take_messages(&mut self) -> Vec<String> {
+        self.silent = true;
+        self.gpu.validation_messages()
+    }
+}
+
+impl Deref for Device {
+    type Target = Gpu;
+
+    fn deref(&self) -> &Gpu {
+        &self.gpu
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // What is still in flight may yet complain. A second panic would hide the first.
+        if self.silent || std::thread::panicking() {
+            return;
+        }
+        if let Err(e) = self.gpu.wait_idle() {
+            panic!("the device failed at the end of the test: {e}");
+        }
+        let messages = self.gpu.validation_messages();
+        assert!(
+            messages.is_empty(),
+            "validation layers: {} messages\n{}",
+            messages.len(),
+            messages.join("\n")
+        );
+    }
+}

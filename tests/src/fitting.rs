@@ -1,0 +1,60 @@
+//! Small fits of the phantom.
+
+use engine::fit::{FitConfig, Fitter};
+use engine::gpu::Gpu;
+use engine::splat::Splat;
+use engine::volume::phantom::Phantom;
+use engine::volume::{Roi, Volume};
+use glam::DVec3;
+
+/// A volume, a region and how to fit it.
+#[derive(Clone)]
+pub struct Case {
+    /// What is fitted.
+    pub volume: Volume,
+    /// Where.
+    pub roi: Roi,
+    /// How.
+    pub config: FitConfig,
+}
+
+impl Case {
+    /// Bone and vessels of a phantom of `size` voxels; the default configuration with so many iterations.
+    pub fn phantom(size: [usize; 3], iterations: u32) -> Self {
+        let phantom = Phantom::new(size, DVec3::new(1.0, 1.0, 1.2), 5);
+        let (volume, roi) = (phantom.volume(), phantom.roi().expect("the phantom has bones"));
+        Case { volume, roi, config: FitConfig { iterations, ..FitConfig::default() } }
+    }
+
+    /// The first splats.
+    pub fn start(&self) -> Vec<Splat> {
+        let count = self.config.splat_count(self.roi.weight_sum());
+        let initialiser = self.config.initialiser().expect("a known initialiser");
+        (initialiser.run)(&self.volume, &self.roi, count, self.config.seed, &self.config.init())
+    }
+
+    /// A fit that has not begun.
+    pub fn fitter(&self, gpu: &Gpu, splats: &[Splat]) -> Fitter {
+        self.config.check().expect("a configuration that can work");
+        Fitter::new(gpu, &self.volume, &self.roi, splats, &self.config).expect("a fitter")
+    }
+
+    /// Steps until `end`, by the schedule of the configuration.
+    pub fn run(&self, fitter: &mut Fitter, end: u32) {
+        while fitter.iteration() < end {
+            while fitter.iteration() < end {
+                let share = f64::from(fitter.iteration()) / f64::from(self.config.iterations);
+                fitter.step(share).expect("a step");
+            }
+            // A step whose bins were too small does not count.
+            fitter.finish().expect("the device");
+        }
+    }
+
+    /// The whole fit from the first splats on.
+    pub fn fit(&self, gpu: &Gpu) -> Fitter {
+        let mut fitter = self.fitter(gpu, &self.start());
+        self.run(&mut fitter, self.config.iterations);
+        fitter
+    }
+}

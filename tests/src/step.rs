@@ -1,0 +1,118 @@
+//! One forward and backward pass on the device through the pass types, with everything it leaves behind. The one place
+//! that knows how the passes hang together, besides the fit itself.
+
+use engine::gpu::Gpu;
+use engine::passes::loss::{Sum, Weighted};
+use engine::passes::{Gradient, Losses, Rasteriser};
+use engine::reference;
+use engine::splat::{Kernel, Splat};
+use engine::volume::Bricks;
+use engine::volume::bricks::SAMPLES;
+use shaders_glsl::types::{Adjoint, Footprint, Reconstruction, SplatGrad, Target};
+
+use crate::Scene;
+use crate::scene::EPSILON;
+
+/// What a pass over all chunks left behind.
+pub struct Pass {
+    /// Footprint of each splat.
+    pub footprints: Vec<Footprint>,
+    /// W and V̂ of all samples.
+    pub reconstructions: Vec<Reconstruction>,
+    /// Folded adjoints of all samples.
+    pub adjoints: Vec<Adjoint>,
+    /// What the backward pass sums for each splat; `reference::splat_to_volume_grad::Moments` has the order.
+    pub moments: Vec<[f32; 11]>,
+    /// dL/d(parameters).
+    pub gradients: Vec<SplatGrad>,
+    /// Sums of the terms, in the order given.
+    pub sums: Vec<Sum>,
+    /// How many chunks the grid was cut into.
+    pub chunks: usize,
+}
+
+/// MSE and occupancy with weights that make both matter.
+pub fn terms(soft: bool) -> [Weighted; 2] {
+    [
+        Weighted { term: 0, weight: 1.0, parameter: f32::from(u8::from(soft)) },
+        Weighted { term: 1, weight: 0.3, parameter: 0.05 },
+    ]
+}
+
+/// The twins of [`Weighted`] terms.
+pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
+    let twin = |t: &Weighted| {
+        let weight = f64::from(t.weight);
+        match engine::passes::loss::TERMS[t.term].name {
+            "mse" => reference::Term::Mse { weight, soft: t.parameter != 0.0 },
+            "occupancy" => reference::Term::Occupancy { weight, w0: f64::from(t.parameter) },
+            name => panic!("the loss term {name} has no twin in reference::loss"),
+        }
+    };
+    terms.iter().map(twin).collect()
+}
+
+/// Runs a scene.
+pub fn run(gpu: &Gpu, scene: &Scene, terms: &[Weighted]) -> Pass {
+    run_with(gpu, &scene.bricks, &scene.splats, &scene.targets, scene.kernel, scene.offset, terms)
+}
+
+/// Runs splats against targets over all chunks, binning again where the bins were too small.
+pub fn run_with(
+    gpu: &Gpu,
+    bricks: &Bricks,
+    splats: &[Splat],
+    targets: &[Target],
+    kernel: Kernel,
+    offset: [f32; 3],
+    terms: &[Weighted],
+) -> Pass {
+    let mut raster = Rasteriser::new(gpu, kernel, EPSILON, bricks, splats.len()).expect("a rasteriser");
+    let chunks = raster.grid.chunks();
+    let mut losses = Losses::new(gpu, terms, EPSILON, raster.grid.chunk_slots(), chunks).expect("losses");
+    let mut gradient = Gradient::new(gpu, kernel, splats.len()).expect("a gradient pass");
+    let buffer = gpu.upload("splats", "splats", splats).expect("splats");
+    let mut pass = Pass {
+        footprints: Vec::new(),
+        moments: Vec::new(),
+        reconstructions: Vec::new(),
+        adjoints: Vec::new(),
+        gradients: Vec::new(),
+        sums: Vec::new(),
+        chunks,
+    };
+    for chunk in 0..chunks {
+        let slots = raster.grid.chunk(chunk);
+        let samples = slots.start * SAMPLES..slots.end * SAMPLES;
+        let wanted = gpu.upload("targets", "targets", &targets[samples]).expect("targets");
+        loop {
+            let mut recorder = gpu.record().expect("a recorder");
+            raster.record(&mut recorder, &buffer, chunk, offset).expect("the forward pass");
+            let ticket = recorder.submit().expect("submitting");
+            gpu.wait(ticket).expect("waiting");
+            let needed = raster.pair_totals.read_range(chunk, 1).expect("pair totals")[0] as usize;
+            if needed <= raster.bins.capacity() {
+                break;
+            }
+            raster.bins.grow(needed).expect("larger bins");
+        }
+        let mut recorder = gpu.record().expect("a recorder");
+        losses.record(&mut recorder, &wanted, &raster.reconstructions, chunk, slots.len());
+        gradient
+            .gather(&mut recorder, &raster.grid, &raster.bins.footprints, &losses.adjoints, chunk, offset)
+            .expect("the backward pass");
+        if chunk + 1 == chunks {
+            gradient.record(&mut recorder, &buffer);
+        }
+        let ticket = recorder.submit().expect("submitting");
+        gpu.wait(ticket).expect("waiting");
+        let count = slots.len() * SAMPLES;
+        pass.reconstructions.extend(raster.reconstructions.read_range(0, count).expect("samples"));
+        pass.adjoints.extend(losses.adjoints.read_range(0, count).expect("adjoints"));
+    }
+    pass.footprints = raster.bins.footprints.read().expect("footprints");
+    pass.moments = gradient.moments.read().expect("moments").as_chunks::<11>().0.to_vec();
+    pass.gradients = gradient.rows.read().expect("gradients");
+    pass.sums = losses.sums().expect("sums");
+    pass
+}

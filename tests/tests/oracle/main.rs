@@ -1,0 +1,47 @@
+//! Every kernel alone against its f64 twin in `engine::reference`, on the same inputs.
+//!
+//! The list below is the list of kernels: a `.comp` file without a test here fails `every_kernel_has_a_test`, by name.
+#![forbid(unsafe_code)]
+
+mod bins;
+mod optimiser;
+mod sorting;
+mod volume;
+
+macro_rules! oracle {
+    ($($module:ident: $($kernel:ident)*;)*) => {
+        $($(
+            #[test]
+            fn $kernel() {
+                $module::$kernel();
+            }
+        )*)*
+
+        #[test]
+        fn every_kernel_has_a_test() {
+            let tested = [$($(stringify!($kernel)),*),*];
+            let kernels: Vec<_> = shaders_glsl::ALL.iter().map(|s| s.name).collect();
+            for kernel in &kernels {
+                assert!(tested.contains(kernel), "{kernel}.comp has no twin test: add it to `oracle!` in {}", file!());
+            }
+            for test in tested {
+                assert!(kernels.contains(&test), "`oracle!` in {} tests {test}, which is no kernel", file!());
+            }
+        }
+    };
+}
+
+oracle! {
+    sorting: scan_sums scan_offsets scan_apply radix_count radix_scatter;
+    bins: splat_bounds emit_pairs brick_ranges pair_masks cell_masks;
+    volume: splat_to_volume loss_mse loss_occupancy fold_adjoints splat_to_volume_grad moments_to_grad;
+    optimiser: adam;
+}
+
+/// Records one pass, runs it and waits.
+fn run(gpu: &engine::gpu::Gpu, record: impl FnOnce(&mut engine::gpu::Recorder)) {
+    let mut recorder = gpu.record().expect("a recorder");
+    record(&mut recorder);
+    let ticket = recorder.submit().expect("submitting");
+    gpu.wait(ticket).expect("waiting");
+}

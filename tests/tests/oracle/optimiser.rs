@@ -1,0 +1,160 @@
+//! Adam.
+
+use engine::gpu::{Gpu, Kernel};
+use engine::reference::adam as twin;
+use engine::splat::Splat;
+use rand::RngExt;
+use rand_pcg::Pcg64;
+use shaders_glsl::types::{AdamParams, SplatGrad};
+use vgs_tests::scene::{random, splat};
+use vgs_tests::{Bound, Device, assert_close};
+
+use super::run;
+
+struct State {
+    splats: Vec<Splat>,
+    first: Vec<SplatGrad>,
+    second: Vec<SplatGrad>,
+    frozen: u32,
+}
+
+fn params(count: usize) -> AdamParams {
+    AdamParams {
+        splat_count: count as u32,
+        chunk_count: 2,
+        capacity: 100,
+        beta1: 0.8,
+        beta2: 0.9,
+        correction1: 1.7,
+        correction2: 3.1,
+        epsilon: 1e-15,
+        rate_mean: 0.2,
+        rate_rotation: 0.12,
+        rate_log_scale: 0.11,
+        rate_opacity: 0.21,
+        rate_intensity: 0.02,
+        min_log_scale: -0.9,
+        max_log_scale: 1.5,
+        max_logit: 4.5,
+        min_intensity: -0.45,
+        max_intensity: 0.4,
+        max_mean: [30.5, 31.5, 18.0],
+    }
+}
+
+fn step(
+    gpu: &Gpu,
+    state: &State,
+    gradients: &[SplatGrad],
+    pair_totals: &[u32],
+    params: &AdamParams,
+) -> State {
+    let kernel = Kernel::new(gpu, &shaders_glsl::ADAM, &[]).unwrap();
+    let gradients = gpu.upload("gradients", "test", gradients).unwrap();
+    let mut splats = gpu.upload("splats", "test", &state.splats).unwrap();
+    let mut first = gpu.upload("first", "test", &state.first).unwrap();
+    let mut second = gpu.upload("second", "test", &state.second).unwrap();
+    let totals = gpu.upload("pair totals", "test", pair_totals).unwrap();
+    let mut frozen = gpu.upload("frozen", "test", &[state.frozen]).unwrap();
+    run(gpu, |r| {
+        r.pass(&kernel)
+            .read(&gradients)
+            .write(&mut splats)
+            .write(&mut first)
+            .write(&mut second)
+            .read(&totals)
+            .write(&mut frozen)
+            .push(params)
+            .dispatch(params.splat_count.div_ceil(64));
+    });
+    State {
+        splats: splats.read().unwrap(),
+        first: first.read().unwrap(),
+        second: second.read().unwrap(),
+        frozen: frozen.read().unwrap()[0],
+    }
+}
+
+fn row(rng: &mut Pcg64, low: f32, high: f32) -> SplatGrad {
+    let mut row = SplatGrad::default();
+    let lanes: &mut [f32; 11] = bytemuck::cast_mut(&mut row);
+    *lanes = std::array::from_fn(|_| rng.random_range(low..high));
+    row
+}
+
+pub fn adam() {
+    let gpu = Device::boot();
+    let count = 300;
+    let mut rng = random(31);
+    let extent = glam::Vec3::new(34.0, 32.0, 19.0);
+    let state = State {
+        splats: (0..count).map(|_| splat(&mut rng, extent)).collect(),
+        first: (0..count).map(|_| row(&mut rng, -0.1, 0.1)).collect(),
+        second: (0..count).map(|_| row(&mut rng, 0.0, 0.02)).collect(),
+        frozen: 3,
+    };
+    let mut gradients: Vec<SplatGrad> = (0..count).map(|_| row(&mut rng, -0.5, 0.5)).collect();
+    for (i, row) in gradients.iter_mut().enumerate() {
+        let lanes: &mut [f32; 11] = bytemuck::cast_mut(row);
+        match i % 50 {
+            10 => *lanes = [0.0; 11],
+            11 => *lanes = [1e-30; 11],
+            12 => lanes[i / 50] = f32::NAN,
+            13 => lanes[i / 50 + 3] = f32::INFINITY,
+            14 => lanes[i / 50 + 5] = -1e20, // its square is not finite
+            15 => *lanes = lanes.map(|v| v * 1e15),
+            _ => {}
+        }
+    }
+    let params = params(count);
+    let got = step(&gpu, &state, &gradients, &[100, 0], &params);
+    let (mut splats, mut moments, mut squares) = (Vec::new(), Vec::new(), Vec::new());
+    let mut frozen = state.frozen;
+    for (i, gradient) in gradients.iter().enumerate() {
+        let before = twin::State {
+            splat: (&state.splats[i]).into(),
+            first: (&state.first[i]).into(),
+            second: (&state.second[i]).into(),
+        };
+        let Some(want) = twin::adam(&before, &gradient.into(), &params) else {
+            frozen += 1;
+            assert_eq!(got.splats[i], state.splats[i], "splat {i} is frozen");
+            assert_eq!((got.first[i], got.second[i]), (state.first[i], state.second[i]), "and its moments");
+            continue;
+        };
+        let splat: engine::reference::Splat = (&got.splats[i]).into();
+        let lanes = |s: &engine::reference::Splat| {
+            let ([mx, my, mz], [sx, sy, sz]) = (s.mean.to_array(), s.log_scale.to_array());
+            [
+                mx,
+                my,
+                mz,
+                sx,
+                sy,
+                sz,
+                s.opacity_logit,
+                s.intensity,
+                s.rotation.x,
+                s.rotation.y,
+                s.rotation.z,
+                s.rotation.w,
+            ]
+        };
+        splats.extend(lanes(&splat).into_iter().zip(lanes(&want.splat)));
+        let first: engine::reference::Gradient = (&got.first[i]).into();
+        let second: engine::reference::Gradient = (&got.second[i]).into();
+        moments.extend(first.lanes().into_iter().zip(want.first.lanes()));
+        squares.extend(second.lanes().into_iter().zip(want.second.lanes()));
+    }
+    assert_close("adam: parameters", Bound::new(5e-7, 5e-7), splats);
+    assert_close("adam: first moments", Bound::new(2e-8, 1e-6), moments);
+    assert_close("adam: second moments", Bound::new(2e-9, 1e-6), squares);
+    assert_eq!((frozen - state.frozen, got.frozen), (18, frozen), "six NaN, six infinite, six too large");
+
+    // A step whose bins were too small in any chunk moves nothing and counts nothing.
+    for too_many in [[101, 7], [0, 1000]] {
+        let void = step(&gpu, &state, &gradients, &too_many, &params);
+        assert_eq!(void.splats, state.splats);
+        assert!(void.first == state.first && void.second == state.second && void.frozen == state.frozen);
+    }
+}

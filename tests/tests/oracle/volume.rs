@@ -1,0 +1,254 @@
+//! Forward pass, loss terms, backward pass.
+
+use engine::gpu::Kernel;
+use engine::reference::moments_to_grad as gradient;
+use engine::reference::splat_to_volume as forward;
+use engine::reference::splat_to_volume_grad as backward;
+use engine::reference::{
+    Adjoint, Footprint, Gradient, Reconstruction, Target, Term, fold_adjoints as fold, loss,
+};
+use engine::splat;
+use engine::volume::bricks::SAMPLES;
+use glam::DVec3;
+use rand::RngExt;
+use shaders_glsl::Shader;
+use shaders_glsl::types::{self, FoldParams, LossParams, MomentParams};
+use vgs_tests::scene::{EPSILON, random};
+use vgs_tests::{Bound, Device, Scene, assert_close, step};
+
+use super::run;
+
+/// Splats of a scene; the twins look at every sample for every one of them.
+const SPLATS: usize = 120;
+
+fn scenes() -> impl Iterator<Item = Scene> {
+    [(splat::Kernel::Compact, false), (splat::Kernel::Gaussian, true)]
+        .into_iter()
+        .map(|(kernel, soft)| Scene::random(21 + u64::from(kernel.id()), SPLATS, kernel, soft))
+}
+
+/// Whether the cut-off of the Gaussian may fall either way for this sample, and w jump by α·exp(-4.5).
+fn on_the_edge(footprints: &[Footprint], x: DVec3, kernel: splat::Kernel) -> bool {
+    kernel == splat::Kernel::Gaussian
+        && footprints.iter().any(|f| {
+            let q = (f.whitening * (x - f.mean)).length_squared();
+            (q - kernel.support_q()).abs() < 1e-4
+        })
+}
+
+pub fn splat_to_volume() {
+    let gpu = Device::boot();
+    for scene in scenes() {
+        let pass = step::run(&gpu, &scene, &step::terms(false));
+        let footprints: Vec<Footprint> = pass.footprints.iter().map(Into::into).collect();
+        let positions = scene.samples().positions();
+        let wanted = forward::splat_to_volume(&footprints, &positions, scene.kernel, f64::from(EPSILON));
+        let active: Vec<usize> =
+            (0..positions.len()).filter(|&i| scene.bricks.is_active(i / SAMPLES, i % SAMPLES)).collect();
+        let clear: Vec<usize> = active
+            .iter()
+            .copied()
+            .filter(|&i| !on_the_edge(&footprints, positions[i], scene.kernel))
+            .collect();
+        println!("{} of {} samples have no cut-off near them", clear.len(), active.len());
+        assert!(clear.len() * 100 > active.len() * 99, "the cut-off may fall either way in few places only");
+        let got: Vec<Reconstruction> = pass.reconstructions.iter().map(Into::into).collect();
+        let name = scene.kernel.name();
+        // What counts is the error of q, some 1e-5 in small splats far from the origin.
+        let weights = clear.iter().map(|&i| (got[i].weight, wanted[i].weight));
+        assert_close(&format!("splat_to_volume: W, {name}"), Bound::new(2e-6, 2e-6), weights);
+        let values = clear.iter().map(|&i| (got[i].value, wanted[i].value));
+        assert_close(&format!("splat_to_volume: V, {name}"), Bound::new(3e-6, 0.0), values);
+        let reached = active.iter().filter(|&&i| wanted[i].weight > 0.1).count();
+        assert!(reached * 2 > active.len(), "the scene covers most of its samples");
+    }
+}
+
+/// Random samples, targets and earlier adjoints of some slots.
+fn samples(slots: usize) -> (Vec<types::Target>, Vec<types::Reconstruction>, Vec<types::Adjoint>) {
+    let mut rng = random(slots as u64);
+    let mut between = |low: f32, high: f32| rng.random_range(low..high);
+    (0..slots * SAMPLES)
+        .map(|i| {
+            let value = between(-0.5, 0.5);
+            let target = match i % 4 {
+                0 => types::Target::IDLE,
+                1 => types::Target::new(value, 1.0),
+                _ => types::Target::new(value, between(0.0, 1.0)),
+            };
+            let weight = if i % 5 == 0 { 0.0 } else { between(0.0, 3.0) };
+            (
+                target,
+                types::Reconstruction { weight, value: between(-0.5, 0.5) },
+                types::Adjoint { value: between(-1.0, 1.0), weight: between(-1.0, 1.0) },
+            )
+        })
+        .collect::<Vec<_>>()
+        .into_iter()
+        .fold(Default::default(), |(mut a, mut b, mut c): (Vec<_>, Vec<_>, Vec<_>), (x, y, z)| {
+            a.push(x);
+            b.push(y);
+            c.push(z);
+            (a, b, c)
+        })
+}
+
+fn check_loss(shader: &'static Shader, rows: &[(f32, Term)]) {
+    let gpu = Device::boot();
+    let kernel = Kernel::new(&gpu, shader, &[]).unwrap();
+    let slots = 5;
+    let (targets, got, before) = samples(slots);
+    let targets64: Vec<Target> = targets.iter().map(Into::into).collect();
+    let got64: Vec<Reconstruction> = got.iter().map(Into::into).collect();
+    for &(parameter, term) in rows {
+        for accumulate in [0, 1] {
+            let target_buffer = gpu.upload("targets", "test", &targets).unwrap();
+            let sample_buffer = gpu.upload("samples", "test", &got).unwrap();
+            let mut adjoints = gpu.upload("adjoints", "test", &before).unwrap();
+            let mut sums = gpu.buffer::<[f32; 2]>("sums", "test", slots).unwrap();
+            let params = LossParams { weight: term.lambda() as f32, parameter, accumulate };
+            run(&gpu, |r| {
+                r.pass(&kernel)
+                    .read(&target_buffer)
+                    .read(&sample_buffer)
+                    .write(&mut adjoints)
+                    .write(&mut sums)
+                    .push(&params)
+                    .dispatch(slots as u32);
+            });
+            let wanted = loss::adjoints(&[term], &targets64, &got64);
+            let found = adjoints.read().unwrap();
+            let pairs = found.iter().zip(&wanted).zip(&before).flat_map(|((g, w), b)| {
+                let b = if accumulate == 1 { Adjoint::from(b) } else { Adjoint::default() };
+                [(f64::from(g.value), w.value + b.value), (f64::from(g.weight), w.weight + b.weight)]
+            });
+            assert_close(&format!("{}: adjoints", shader.name), Bound::new(2e-7, 2e-6), pairs);
+            let wanted = loss::sums(&term, &targets64, &got64, SAMPLES);
+            let found = sums.read().unwrap();
+            let pairs = found.iter().zip(&wanted).flat_map(|(g, w)| (0..2).map(|i| (f64::from(g[i]), w[i])));
+            assert_close(&format!("{}: sums", shader.name), Bound::new(0.0, 2e-6), pairs);
+        }
+    }
+}
+
+pub fn loss_mse() {
+    let weight = f64::from(0.7f32);
+    check_loss(
+        &shaders_glsl::LOSS_MSE,
+        &[(0.0, Term::Mse { weight, soft: false }), (1.0, Term::Mse { weight, soft: true })],
+    );
+}
+
+pub fn loss_occupancy() {
+    let weight = f64::from(0.3f32);
+    let row = |w0: f32| (w0, Term::Occupancy { weight, w0: f64::from(w0) });
+    check_loss(&shaders_glsl::LOSS_OCCUPANCY, &[row(0.05), row(1.0)]);
+}
+
+pub fn fold_adjoints() {
+    let gpu = Device::boot();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::FOLD_ADJOINTS, &[]).unwrap();
+    let slots = 3;
+    let (_, got, before) = samples(slots);
+    let sample_buffer = gpu.upload("samples", "test", &got).unwrap();
+    let mut adjoints = gpu.upload("adjoints", "test", &before).unwrap();
+    run(&gpu, |r| {
+        r.pass(&kernel)
+            .read(&sample_buffer)
+            .write(&mut adjoints)
+            .push(&FoldParams { epsilon: EPSILON })
+            .dispatch(slots as u32);
+    });
+    let found = adjoints.read().unwrap();
+    let pairs = found.iter().zip(&got).zip(&before).flat_map(|((g, r), b)| {
+        let w = fold::fold(r.into(), b.into(), f64::from(EPSILON));
+        // H is a difference: its rounding is that of its parts.
+        let size = 1.0 + (w.value * f64::from(r.value)).abs();
+        [(f64::from(g.value), w.value), (f64::from(g.weight) / size, w.weight / size)]
+    });
+    assert_close("fold_adjoints", Bound::new(5e-7, 1e-6), pairs);
+}
+
+/// Per moment, the sum of the absolute contributions of all samples: what rounding is measured against.
+fn magnitudes(
+    footprint: &Footprint,
+    positions: &[DVec3],
+    folded: &[Adjoint],
+    kernel: splat::Kernel,
+) -> [f64; 11] {
+    let mut sums = [0.0; 11];
+    for (x, a) in positions.iter().zip(folded) {
+        let one = backward::moments(footprint, std::slice::from_ref(x), std::slice::from_ref(a), kernel);
+        for (sum, v) in sums.iter_mut().zip(one.to_row()) {
+            *sum += v.abs();
+        }
+    }
+    sums
+}
+
+pub fn splat_to_volume_grad() {
+    let gpu = Device::boot();
+    for scene in scenes() {
+        let pass = step::run(&gpu, &scene, &step::terms(scene.kernel == splat::Kernel::Gaussian));
+        let folded: Vec<Adjoint> = pass.adjoints.iter().map(Into::into).collect();
+        let positions = scene.samples().positions();
+        let mut reached = 0;
+        let mut pairs = Vec::new();
+        for (footprint, got) in pass.footprints.iter().zip(&pass.moments) {
+            let footprint: Footprint = footprint.into();
+            let want = backward::moments(&footprint, &positions, &folded, scene.kernel).to_row();
+            let size = magnitudes(&footprint, &positions, &folded, scene.kernel);
+            reached += usize::from(size[1] > 0.0);
+            for k in 0..11 {
+                let size = if size[k] > 0.0 { size[k] } else { 1.0 };
+                pairs.push((f64::from(got[k]) / size, want[k] / size));
+            }
+        }
+        assert!(reached * 2 > scene.splats.len(), "most splats reach a sample");
+        // Outliers: of a splat that reaches one sample with its very border, the slope there is all that counts. A
+        // cut-off that falls the other way moves one splat by a small part of what it sums.
+        let limit = if scene.kernel == splat::Kernel::Gaussian { 0.02 } else { 1e-3 };
+        let bound = Bound::new(2e-5, 0.0).outliers(0.005, limit);
+        assert_close(&format!("splat_to_volume_grad, {}", scene.kernel.name()), bound, pairs);
+    }
+}
+
+pub fn moments_to_grad() {
+    let gpu = Device::boot();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::MOMENTS_TO_GRAD, &[]).unwrap();
+    let scene = Scene::random(23, 200, splat::Kernel::Compact, false);
+    let count = scene.splats.len();
+    let mut rng = random(24);
+    let moments: Vec<[f32; 11]> =
+        (0..count).map(|_| std::array::from_fn(|_| rng.random_range(-1.0f32..1.0))).collect();
+    let splats = gpu.upload("splats", "test", &scene.splats).unwrap();
+    let rows = gpu.upload("moments", "test", moments.as_flattened()).unwrap();
+    let mut gradients = gpu.buffer::<types::SplatGrad>("gradients", "test", count).unwrap();
+    run(&gpu, |r| {
+        r.pass(&kernel)
+            .read(&splats)
+            .read(&rows)
+            .write(&mut gradients)
+            .push(&MomentParams { splat_count: count as u32 })
+            .dispatch(count.div_ceil(64) as u32);
+    });
+    let mut pairs = Vec::new();
+    for ((got, splat), moments) in gradients.read().unwrap().iter().zip(scene.splats64()).zip(&moments) {
+        let moments = backward::Moments::from_row(moments.map(f64::from));
+        let (got, want) = (Gradient::from(got).lanes(), gradient::moments_to_grad(&splat, &moments).lanes());
+        // Sums of products that may cancel: measured against the products themselves.
+        let steepest = (-2.0 * splat.log_scale.min_element()).exp();
+        let ratio = (splat.log_scale.max_element() - splat.log_scale.min_element()).exp();
+        let alpha = engine::reference::splat_bounds::opacity(&splat);
+        for lane in 0..11 {
+            let size = alpha
+                * match lane {
+                    3 | 10 => 1.0,
+                    4..7 => steepest * ratio,
+                    _ => steepest,
+                };
+            pairs.push((got[lane] / size, want[lane] / size));
+        }
+    }
+    assert_close("moments_to_grad", Bound::new(3e-6, 0.0), pairs);
+}

@@ -1,0 +1,79 @@
+//! Fits of a real CT, as short as they come: a torso of 3 mm voxels with the mask of its organs. The floor is what the
+//! method reached when it was chosen, less a margin for the change of it that every commit may make.
+#![forbid(unsafe_code)]
+
+use std::path::Path;
+
+use engine::fit::evaluate::{evaluate, random_offsets};
+use engine::fit::{FitConfig, Fitter};
+use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
+use vgs_tests::Device;
+use vgs_tests::fitting::Case;
+
+/// The case, or nothing where the data are not at hand.
+fn case(config: FitConfig) -> Option<Case> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/ct-torso-tiny"));
+    if !folder.is_dir() {
+        println!("SKIPPED: no real data: ../shared/data/ct-torso-tiny is not there");
+        return None;
+    }
+    let read = |name: &str| Volume::read(folder.join(name), &ReadOptions::default()).expect(name);
+    let (volume, mask) = (read("ct.nii.gz"), read("mask_ts.nii.gz"));
+    let roi = Roi::from_mask(&mask, &LabelChoice::Whole, &volume).expect("a region");
+    Some(Case { volume, roi, config })
+}
+
+/// (PSNR on the grid, mean PSNR between voxels, occupancy error between voxels).
+fn figures(gpu: &Device, case: &Case, fitter: &mut Fitter) -> (f64, f64, f64) {
+    let splats = fitter.splats().expect("splats");
+    let field = case.config.field(fitter.scaling().background);
+    let range = [fitter.scaling().range.0, fitter.scaling().range.1];
+    let e = evaluate(
+        gpu,
+        &splats,
+        &field,
+        &case.volume,
+        &case.roi,
+        &random_offsets(2, 3),
+        range,
+        case.config.shell,
+    )
+    .expect("an evaluation");
+    (e.on_grid.psnr_db, e.mean_psnr_db(), e.occupancy_rmse())
+}
+
+#[test]
+fn fifty_steps_on_the_grid() {
+    let config = FitConfig {
+        iterations: 50,
+        density: 0.05,
+        offsets: 1,
+        occupancy_weight: 0.0,
+        ..FitConfig::default()
+    };
+    let Some(case) = case(config) else { return };
+    let gpu = Device::boot();
+    assert_eq!(case.roi.voxel_count(), 110_225);
+    let mut fitter = case.fit(&gpu);
+    let (on_grid, between, _) = figures(&gpu, &case, &mut fitter);
+    println!("{on_grid:.2} dB on the grid, {between:.2} between");
+    // Twice downsampled: 32.9 dB.
+    assert!(on_grid >= 45.5, "{on_grid} dB");
+    assert_eq!(fitter.frozen().expect("a count"), 0);
+}
+
+#[test]
+fn fifty_steps_of_the_default() {
+    let Some(case) = case(FitConfig { iterations: 50, density: 0.05, ..FitConfig::default() }) else {
+        return;
+    };
+    let gpu = Device::boot();
+    let mut fitter = case.fit(&gpu);
+    let (on_grid, between, occupancy) = figures(&gpu, &case, &mut fitter);
+    println!("{on_grid:.2} dB on the grid, {between:.2} between, occupancy {occupancy:.4}");
+    assert!(between >= 43.5, "{between} dB");
+    assert!(occupancy <= 0.1, "occupancy {occupancy}");
+    for (name, time) in gpu.take_profile() {
+        assert!(time.longest_ms < 500.0, "{name} held the device for {} ms", time.longest_ms);
+    }
+}
