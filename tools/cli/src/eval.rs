@@ -139,9 +139,11 @@ impl Arguments {
             &set.field,
             &case.volume,
             &case.roi,
-            &evaluate::random_offsets(self.offsets as usize, self.seed),
-            self.range.unwrap_or_else(|| case.full_range()),
-            self.shell,
+            &evaluate::Protocol {
+                offsets: evaluate::random_offsets(self.offsets as usize, self.seed),
+                range: self.range.unwrap_or_else(|| case.full_range()),
+                shell: self.shell,
+            },
         )
     }
 }

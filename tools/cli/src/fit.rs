@@ -121,9 +121,11 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
             &field,
             &case.volume,
             &case.roi,
-            &evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
-            arguments.eval_range.unwrap_or_else(|| case.full_range()),
-            config.shell,
+            &evaluate::Protocol {
+                offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
+                range: arguments.eval_range.unwrap_or_else(|| case.full_range()),
+                shell: config.shell,
+            },
         )?),
         false => None,
     };
@@ -310,7 +312,7 @@ fn summary(results: &Results, outcome: &Outcome, evaluation: Option<&Evaluation>
             ));
         }
         out.push_str(&format!(
-            "  outline: occupancy off by {:.3} (root mean square), soft Dice {:.4}\n",
+            "  outline: occupancy off by {:.3} (root mean square between the voxels), soft Dice {:.4}\n",
             quality.occupancy_rmse, quality.soft_dice
         ));
     }

@@ -24,8 +24,10 @@ pub struct Quality {
     pub rmse_hu: f64,
     /// What the PSNR is over, HU.
     pub range: [f32; 2],
-    /// Root mean square of occupancy less mask, on the grid.
+    /// Root mean square of occupancy less mask over ROI and shell, at the offsets between voxels.
     pub occupancy_rmse: f64,
+    /// The same on the grid, where the trilinear mask has its kinks.
+    pub occupancy_rmse_on_grid: f64,
     /// Overlap of occupancy and mask, on the grid.
     pub soft_dice: f64,
     /// Number of offset grids.
@@ -43,7 +45,8 @@ impl Quality {
             mmse: grid.mmse,
             rmse_hu: grid.rmse_hu,
             range: evaluation.range,
-            occupancy_rmse: grid.occupancy_rmse,
+            occupancy_rmse: evaluation.occupancy_rmse(),
+            occupancy_rmse_on_grid: grid.occupancy_rmse,
             soft_dice: grid.soft_dice,
             offsets: evaluation.between.len(),
         }
@@ -81,14 +84,11 @@ pub fn quality_table(evaluation: &Evaluation) -> String {
         rows.push(row(format!("offset {x:+.2} {y:+.2} {z:+.2}"), m));
     }
     if !evaluation.between.is_empty() {
-        let blank = || vec![String::new(); 3];
-        let extra =
-            [("worst between", evaluation.worst_psnr_db()), ("mean between", evaluation.mean_psnr_db())];
-        for (name, value) in extra {
-            let mut cells = vec![name.to_owned(), psnr(value, evaluation.range)];
-            cells.extend(blank());
-            rows.push(cells);
-        }
+        let worst = psnr(evaluation.worst_psnr_db(), evaluation.range);
+        let mean = psnr(evaluation.mean_psnr_db(), evaluation.range);
+        let occupancy = format!("{:.4}", evaluation.occupancy_rmse());
+        rows.push(["worst between", &worst, "", "", ""].map(str::to_owned).to_vec());
+        rows.push(["mean between", &mean, "", &occupancy, ""].map(str::to_owned).to_vec());
     }
     let [low, high] = evaluation.range;
     let heads = ["", "PSNR", "RMSE, HU", "occupancy RMSE", "soft Dice"];
