@@ -28,6 +28,10 @@ use crate::volume::{Bricks, Roi, Volume};
 /// Steps that may be in flight at once: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
 
+/// From so many bricks on the losses get a submission of their own, so that none takes long: on a CPU driver they need
+/// some 20 µs a brick.
+const LONG_LOSSES: usize = 4096;
+
 /// A fit in progress.
 pub struct Fitter {
     gpu: Gpu,
@@ -152,6 +156,9 @@ impl Fitter {
         for chunk in 0..chunks {
             let slots = self.rasteriser.grid.chunk(chunk).len();
             self.rasteriser.record(&mut recorder, &self.splats, chunk, offset)?;
+            if slots > LONG_LOSSES {
+                recorder.split()?;
+            }
             self.losses.record(
                 &mut recorder,
                 &self.targets[index][chunk],
@@ -159,6 +166,9 @@ impl Fitter {
                 chunk,
                 slots,
             );
+            if slots > LONG_LOSSES {
+                recorder.split()?;
+            }
             self.gradient.gather(
                 &mut recorder,
                 &self.rasteriser.grid,

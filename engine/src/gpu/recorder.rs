@@ -284,6 +284,12 @@ impl Recorder {
         }
     }
 
+    /// Hands what was recorded so far to the device and goes on in a new submission, which follows it.
+    pub fn split(&mut self) -> Result<Ticket> {
+        let gpu = self.gpu.clone();
+        std::mem::replace(self, gpu.record()?).submit()
+    }
+
     /// Ends recording and hands the work to the device.
     pub fn submit(mut self) -> Result<Ticket> {
         let Some(slot) = self.slot.take() else {

@@ -47,7 +47,7 @@ impl Pace {
             if first < units || self.measured.1 == 0.0 {
                 let before_ms = gpu.pass_time(self.kernel).total_ms;
                 // One slice in flight at a time: cut passes are long, the gap between two slices is not.
-                let ticket = std::mem::replace(recorder, gpu.record()?).submit()?;
+                let ticket = recorder.split()?;
                 gpu.wait(ticket)?;
                 let ms = gpu.pass_time(self.kernel).total_ms - before_ms;
                 // Without timestamps nothing is measured and the first slice size stays.
