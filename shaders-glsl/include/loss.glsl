@@ -1,4 +1,4 @@
-// What the loss kernels share: one workgroup owns a brick, one invocation a cell of 8 samples; the loss value and
+// What the loss kernels share: one workgroup owns a brick, one invocation every 64th sample; the loss value and
 // its weight are summed over the brick in a fixed order. A loss never sees a splat.
 #include "splat.glsl"
 layout(local_size_x = 64) in;
@@ -19,9 +19,9 @@ void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adj
 
 void main() {
     uint t = gl_LocalInvocationIndex;
-    uint begin = gl_WorkGroupID.x * 512 + t * 8;
+    uint begin = gl_WorkGroupID.x * 512 + t;
     vec2 sum = vec2(0.0);
-    for (uint i = begin; i < begin + 8; ++i) {
+    for (uint i = begin; i < begin + 512; i += 64) {
         Target wanted = unpack_target(targets[i]);
         Adjoint adjoint = Adjoint(0.0, 0.0);
         if (wanted.occupancy >= 0.0) {

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use engine::fit::FitConfig;
-use engine::fit::evaluate::{Evaluation, evaluate, random_offsets};
+use engine::fit::evaluate::{Evaluation, Protocol, evaluate, random_offsets};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::splat::{Field, Kernel, Splat, SplatSet};
 use engine::volume::{Roi, Volume};
@@ -18,9 +18,8 @@ fn evaluation(gpu: &Gpu, case: &Case, fitter: &mut Fitter) -> Evaluation {
     let scaling = fitter.scaling();
     let field = case.config.field(scaling.background);
     let range = [scaling.range.0, scaling.range.1];
-    let offsets = random_offsets(2, 9);
-    evaluate(gpu, &splats, &field, &case.volume, &case.roi, &offsets, range, case.config.shell)
-        .expect("an evaluation")
+    let protocol = Protocol { offsets: random_offsets(2, 9), range, shell: case.config.shell };
+    evaluate(gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation")
 }
 
 /// A cube of side `n` whose values rise and fall, in a region that is a ball.

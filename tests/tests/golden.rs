@@ -4,7 +4,7 @@
 //! differences; the tolerances are for these, not for a change of method.
 #![forbid(unsafe_code)]
 
-use engine::fit::evaluate::{Sampler, evaluate, random_offsets};
+use engine::fit::evaluate::{Protocol, Sampler, evaluate, random_offsets};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use vgs_tests::fitting::Case;
@@ -30,9 +30,8 @@ fn the_phantom_is_fitted_as_it_was() {
     let splats = fitter.splats().expect("splats");
     let field = case.config.field(fitter.scaling().background);
     let range = [fitter.scaling().range.0, fitter.scaling().range.1];
-    let offsets = random_offsets(2, 1);
-    let e = evaluate(&gpu, &splats, &field, &case.volume, &case.roi, &offsets, range, case.config.shell)
-        .expect("an evaluation");
+    let protocol = Protocol { offsets: random_offsets(2, 1), range, shell: case.config.shell };
+    let e = evaluate(&gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation");
 
     let bricks = Bricks::around(&case.roi, case.config.shell);
     let samples = Sampler::new(&gpu, &splats, &field, &bricks)

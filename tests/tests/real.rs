@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use engine::fit::evaluate::{evaluate, random_offsets};
+use engine::fit::evaluate::{Protocol, evaluate, random_offsets};
 use engine::fit::{FitConfig, Fitter};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
 use vgs_tests::Device;
@@ -34,9 +34,7 @@ fn figures(gpu: &Device, case: &Case, fitter: &mut Fitter) -> (f64, f64, f64) {
         &field,
         &case.volume,
         &case.roi,
-        &random_offsets(2, 3),
-        range,
-        case.config.shell,
+        &Protocol { offsets: random_offsets(2, 3), range, shell: case.config.shell },
     )
     .expect("an evaluation");
     (e.on_grid.psnr_db, e.mean_psnr_db(), e.occupancy_rmse())

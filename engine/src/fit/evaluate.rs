@@ -71,30 +71,38 @@ impl Evaluation {
     }
 }
 
-/// Evaluates splats, given in voxel coordinates of the volume and HU, at the voxel centres and at `offsets`.
-/// `range` is the normalisation: the volume is clipped to it (which
-/// does nothing for the whole volume's own range) and errors are divided by its span. `shell` is the distance from
-/// the ROI, in voxels along each axis, up to which the occupancy counts.
+/// How splats are evaluated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Protocol {
+    /// Sub-voxel offsets besides the voxel centres, voxels.
+    pub offsets: Vec<[f32; 3]>,
+    /// The normalisation, HU: the volume is clipped to it (which does nothing for the whole volume's own range) and
+    /// errors are divided by its span.
+    pub range: [f32; 2],
+    /// Distance from the ROI up to which the occupancy counts, voxels along each axis.
+    pub shell: u32,
+}
+
+/// Evaluates splats, given in voxel coordinates of the volume and HU, against the volume in its ROI.
 pub fn evaluate(
     gpu: &Gpu,
     splats: &[Splat],
     field: &Field,
     volume: &Volume,
     roi: &Roi,
-    offsets: &[[f32; 3]],
-    range: [f32; 2],
-    shell: u32,
+    protocol: &Protocol,
 ) -> Result<Evaluation> {
-    let bricks = Bricks::around(roi, shell);
+    let Protocol { offsets, range, shell } = protocol;
+    let bricks = Bricks::around(roi, *shell);
     let mut sampler = Sampler::new(gpu, splats, field, &bricks)?;
     let mut at = |offset: [f32; 3]| -> Result<Metrics> {
         let got = sampler.sample(offset)?;
-        Ok(compare(&bricks, &got, volume, roi, offset, range))
+        Ok(compare(&bricks, &got, volume, roi, offset, *range))
     };
     Ok(Evaluation {
         on_grid: at([0.0; 3])?,
         between: offsets.iter().map(|&o| at(o)).collect::<Result<_>>()?,
-        range,
+        range: *range,
     })
 }
 
@@ -110,6 +118,8 @@ pub struct FieldSample {
     pub hu: f32,
     /// O in 0..1.
     pub occupancy: f32,
+    /// Summed weight W of the splats.
+    pub weight: f32,
 }
 
 /// Samples a field on a brick grid.
@@ -149,6 +159,7 @@ impl Sampler {
             .map(|r| FieldSample {
                 hu: r.value + self.background,
                 occupancy: r.weight / (r.weight + self.occupancy_w0),
+                weight: r.weight,
             })
             .collect())
     }

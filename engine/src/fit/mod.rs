@@ -171,13 +171,7 @@ impl Fitter {
         self.gradient.record(&mut recorder, &self.splats);
         recorder.copy(&self.rasteriser.pair_totals, 0, &mut self.pair_totals, 0, chunks);
         let params = self.adam_params(turn, share);
-        self.adam.record(
-            &mut recorder,
-            &self.gradient.rows,
-            &mut self.splats,
-            &self.pair_totals,
-            &params,
-        );
+        self.adam.record(&mut recorder, &self.gradient.rows, &mut self.splats, &self.pair_totals, &params);
         let mut readback = match self.readbacks.pop() {
             Some(buffer) => buffer,
             None => self.gpu.readback("step read back", 2 * chunks)?,

@@ -11,6 +11,7 @@ pub mod moments_to_grad;
 pub mod objective;
 pub mod pairs;
 pub mod radix;
+pub mod raymarch;
 pub mod samples;
 pub mod scan;
 pub mod splat_bounds;

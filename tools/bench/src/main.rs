@@ -11,11 +11,15 @@ use engine::Result;
 use engine::gpu::{Gpu, GpuOptions};
 
 #[derive(Parser)]
-#[command(name = "bench", about = "Benchmarks of vgs", after_help = "\
+#[command(
+    name = "bench",
+    about = "Benchmarks of vgs",
+    after_help = "\
 Examples:
   bench passes                      forward and backward passes, growth with splats and with ROI voxels
   bench passes --quick              the same in half a minute
-  bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md")]
+  bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md"
+)]
 struct Arguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
     #[arg(long, global = true)]

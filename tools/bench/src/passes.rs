@@ -70,8 +70,7 @@ pub fn run(gpu: &Gpu, a: &Arguments) -> Result<()> {
     let scene = Scene::phantom(edge)?;
     let rows = densities.iter().map(|&density| measure(gpu, &scene, density, a)).collect::<Result<_>>()?;
     tables.push(table(format!("Growth with splats, on {device}"), rows));
-    let rows =
-        edges.iter().map(|&e| measure(gpu, &Scene::phantom(e)?, 0.05, a)).collect::<Result<_>>()?;
+    let rows = edges.iter().map(|&e| measure(gpu, &Scene::phantom(e)?, 0.05, a)).collect::<Result<_>>()?;
     tables.push(table(format!("Growth with ROI voxels, on {device}"), rows));
     report::finish(&tables, a.markdown.as_deref(), a.json.as_deref(), a.force)
 }
@@ -236,8 +235,7 @@ fn count(fitted: &Fitted, offset: [f32; 3]) -> Counted {
                 lengths.push(length);
             });
             // Eight rows run side by side for as long as the longest.
-            let steps: u64 =
-                lengths.chunks(8).map(|rows| rows.iter().copied().max().unwrap_or(0) * 8).sum();
+            let steps: u64 = lengths.chunks(8).map(|rows| rows.iter().copied().max().unwrap_or(0) * 8).sum();
             (in_support, steps)
         })
         .reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
@@ -245,20 +243,11 @@ fn count(fitted: &Fitted, offset: [f32; 3]) -> Counted {
 }
 
 /// Calls `row(samples in support that take part, samples in support)` for each row of the splat's box.
-fn for_rows(
-    splat: &Splat,
-    kernel: Kernel,
-    bricks: &Bricks,
-    offset: [f32; 3],
-    mut row: impl FnMut(u64, u64),
-) {
+fn for_rows(splat: &Splat, kernel: Kernel, bricks: &Bricks, offset: [f32; 3], mut row: impl FnMut(u64, u64)) {
     let mean = glam::Vec3::from_array(splat.mean).as_dvec3() - glam::Vec3::from_array(offset).as_dvec3();
     let scale = glam::Vec3::from_array(splat.log_scale).as_dvec3().exp();
     let axes = rotation_matrix(splat.rotation);
-    let extent: DVec3 = (0..3)
-        .map(|k| (axes.col(k) * scale[k]).powf(2.0))
-        .sum::<DVec3>()
-        .map(f64::sqrt)
+    let extent: DVec3 = (0..3).map(|k| (axes.col(k) * scale[k]).powf(2.0)).sum::<DVec3>().map(f64::sqrt)
         * kernel.support_q().sqrt();
     let top = (bricks.grid * 8).as_dvec3() - 1.0;
     let first = (mean - extent).ceil().clamp(DVec3::ZERO, top + 1.0).as_uvec3();
@@ -273,9 +262,8 @@ fn for_rows(
                     let v = UVec3::new(x as u32, y as u32, z as u32);
                     let b = v / 8;
                     let slot = bricks.slots[((b.z * bricks.grid.y + b.y) * bricks.grid.x + b.x) as usize];
-                    active += u64::from(
-                        slot != NO_SLOT && bricks.is_active(slot as usize, brick_morton(v % 8)),
-                    );
+                    active +=
+                        u64::from(slot != NO_SLOT && bricks.is_active(slot as usize, brick_morton(v % 8)));
                 }
             }
             row(active, length);

@@ -1,2 +1,46 @@
 //! The command line of vgs.
-fn main() {}
+//!
+//! One file for each command (`fit`, `eval`, `rasterize`, `info`, `devices`, `phantom`): its flags, and `run`. What
+//! they share: `inputs` (volume and region of interest), `settings` (hyper-parameters from flags, environment and
+//! file), `optimise` (the loop of a fit), `report` (figures, run record, curve), `picture` (the comparison as PNG),
+//! and the ways to talk: `console` (stdout and logs), `failure` (errors and exit codes), `progress`, `signals`.
+#![forbid(unsafe_code)]
+
+mod arguments;
+mod clock;
+mod console;
+mod devices;
+mod eval;
+mod failure;
+mod fit;
+mod info;
+mod inputs;
+mod lock;
+mod optimise;
+mod outputs;
+mod phantom;
+mod picture;
+mod progress;
+mod rasterize;
+mod report;
+mod settings;
+mod signals;
+
+use arguments::Command;
+use console::Console;
+
+fn main() -> std::process::ExitCode {
+    failure::guard(|| {
+        let cli = arguments::parse()?;
+        let console = Console::new(&cli.talk);
+        console.start_logging();
+        match cli.command {
+            Command::Fit(arguments) => fit::run(&arguments, &console),
+            Command::Eval(arguments) => eval::run(&arguments, &console),
+            Command::Rasterize(arguments) => rasterize::run(&arguments, &console),
+            Command::Info(arguments) => info::run(&arguments, &console),
+            Command::Phantom(arguments) => phantom::run(&arguments, &console),
+            Command::Devices => devices::run(&console),
+        }
+    })
+}

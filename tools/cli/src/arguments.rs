@@ -1,0 +1,179 @@
+//! The flags of every command, and the list of commands.
+
+use clap::{ArgAction, Args, Parser, Subcommand};
+
+use crate::failure::Stop;
+use crate::{eval, fit, info, phantom, rasterize};
+
+/// Version and, where the build knew it, the commit.
+pub const VERSION: &str = if env!("VGS_COMMIT").is_empty() {
+    env!("CARGO_PKG_VERSION")
+} else {
+    concat!(env!("CARGO_PKG_VERSION"), " (", env!("VGS_COMMIT"), ")")
+};
+
+/// Volumetric Gaussian splatting: splats with physical intensities for the region of interest of a CT or MR volume
+#[derive(Parser)]
+#[command(name = "vgs", version = VERSION, after_help = AFTER_HELP, max_term_width = 110)]
+pub struct Cli {
+    #[command(flatten)]
+    pub talk: Talk,
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const AFTER_HELP: &str = "\
+A flag wins over the environment (VGS_ and the flag's name, as VGS_DEVICE),
+that over --config, that over --profile.
+
+Exit codes: 0 done, 2 wrong usage, 3 nothing to do, 65 bad input, 66 input
+missing, 69 no usable device, 70 fault of this program or a fit that diverged,
+71 out of memory, 73 output cannot be created, 74 reading or writing failed,
+75 try again (device lost or full, output locked), 130 and 143 stopped by a
+signal with what was reached written.
+
+Volumes: NIfTI (.nii, .nii.gz, .hdr and .img) and InVesalius projects (.inv3).
+Splats: PLY. For looking, not for diagnosis.";
+
+/// How much is said, and in which form.
+#[derive(Args, Clone, Debug)]
+pub struct Talk {
+    /// Says errors only
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Output")]
+    pub quiet: bool,
+    /// Says more; twice for the details
+    #[arg(short, long, global = true, action = ArgAction::Count, help_heading = "Output")]
+    pub verbose: u8,
+    /// Results as one JSON object on stdout, messages as JSON objects on stderr
+    #[arg(long, global = true, help_heading = "Output")]
+    pub json: bool,
+}
+
+#[derive(Subcommand)]
+pub enum Command {
+    Fit(Box<fit::Arguments>),
+    Eval(eval::Arguments),
+    Rasterize(rasterize::Arguments),
+    Info(info::Arguments),
+    /// Lists the Vulkan devices of this machine
+    Devices,
+    Phantom(phantom::Arguments),
+}
+
+/// Which device computes.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Device")]
+pub struct DeviceArguments {
+    /// Vulkan device: its number in `vgs devices` or part of its name; the fastest kind by default
+    #[arg(long, value_name = "N|NAME", env = "VGS_DEVICE", hide_env = true)]
+    pub device: Option<String>,
+}
+
+impl DeviceArguments {
+    /// Boots the device.
+    pub fn boot(&self) -> engine::Result<engine::gpu::Gpu> {
+        let gpu = engine::gpu::Gpu::new(&engine::gpu::GpuOptions {
+            device: self.device.clone(),
+            ..Default::default()
+        })?;
+        let chosen = gpu.description();
+        tracing::info!("device: {} ({}, {})", chosen.name, chosen.kind, chosen.driver);
+        Ok(gpu)
+    }
+}
+
+/// Parses the command line. Help and version are printed here and stop the program with success.
+pub fn parse() -> Result<Cli, Stop> {
+    Cli::try_parse().map_err(Stop::Arguments)
+}
+
+/// Parses `LOW,HIGH`.
+pub fn pair(text: &str) -> Result<[f32; 2], String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|t| t.trim().parse::<f32>()).collect();
+    match numbers.as_deref() {
+        Ok(&[low, high]) if low.is_finite() && high.is_finite() => Ok([low, high]),
+        _ => Err("two numbers with a comma between are needed, as -1024,3071".into()),
+    }
+}
+
+/// Parses `LOW,HIGH` with LOW below HIGH.
+pub fn range(text: &str) -> Result<[f32; 2], String> {
+    match pair(text)? {
+        [low, high] if low < high => Ok([low, high]),
+        _ => Err("the first number must be the lower one".into()),
+    }
+}
+
+/// Parses a number of bytes with an optional suffix K, M, G or T (powers of 1024).
+pub fn bytes(text: &str) -> Result<u64, String> {
+    let text = text.trim();
+    let power = text.chars().last().and_then(|c| "KMGT".find(c.to_ascii_uppercase()));
+    let (digits, shift) = match power {
+        Some(index) => (&text[..text.len() - 1], 10 * (index as u32 + 1)),
+        None => (text, 0),
+    };
+    digits
+        .parse::<u64>()
+        .ok()
+        .and_then(|n| n.checked_mul(1 << shift))
+        .filter(|&n| n > 0)
+        .ok_or_else(|| "a number of bytes is needed, as 4G or 500000000".into())
+}
+
+/// Parses a duration: `90s`, `5m`, `1.5h`, or seconds.
+pub fn duration(text: &str) -> Result<std::time::Duration, String> {
+    let text = text.trim();
+    let (number, unit) = match text.strip_suffix(['s', 'm', 'h']) {
+        Some(number) => (number, text.as_bytes()[text.len() - 1]),
+        None => (text, b's'),
+    };
+    let seconds = number.parse::<f64>().ok().map(|n| {
+        n * match unit {
+            b'm' => 60.0,
+            b'h' => 3600.0,
+            _ => 1.0,
+        }
+    });
+    match seconds {
+        Some(s) if (0.1..1e7).contains(&s) => Ok(std::time::Duration::from_secs_f64(s)),
+        _ => Err("a time such as 90s, 5m or 1.5h is needed".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn pairs_and_ranges() {
+        assert_eq!(pair("-1024,3071"), Ok([-1024.0, 3071.0]));
+        assert_eq!(pair(" 1 , 2e3 "), Ok([1.0, 2000.0]));
+        assert_eq!(range("1,2"), Ok([1.0, 2.0]));
+        for text in ["", "1", "1,2,3", "a,b", "nan,1", "1,inf", "1;2"] {
+            assert!(pair(text).is_err(), "{text}");
+        }
+        assert!(range("2,1").is_err() && range("1,1").is_err());
+    }
+
+    #[test]
+    fn bytes_and_durations() {
+        for (text, expected) in [("1", 1), ("500000000", 500_000_000), ("4G", 4 << 30), ("2k", 2048)] {
+            assert_eq!(bytes(text), Ok(expected), "{text}");
+        }
+        for text in ["", "G", "-1", "0", "1.5G", "99999999T", "ü"] {
+            assert!(bytes(text).is_err(), "{text}");
+        }
+        for (text, seconds) in [("90", 90.0), ("90s", 90.0), ("5m", 300.0), ("1.5h", 5400.0)] {
+            assert_eq!(duration(text).map(|d| d.as_secs_f64()), Ok(seconds), "{text}");
+        }
+        for text in ["", "s", "-1s", "0", "nan", "inf", "5 minutes"] {
+            assert!(duration(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! `vgs eval`: how well splats reproduce a volume in a region of interest.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use engine::fit::evaluate::{self, Evaluation};
+use engine::gpu::Gpu;
+use engine::output::write_atomic;
+use engine::splat::{self, Splat, SplatSet};
+use engine::{Error, Kind, Result};
+use serde::Serialize;
+
+use crate::arguments::{DeviceArguments, range};
+use crate::console::Console;
+use crate::failure::Stop;
+use crate::fit::EVAL_SEED;
+use crate::inputs::{Case, ReadArguments, RoiArguments};
+use crate::outputs;
+use crate::picture;
+use crate::report::record::host_peak_bytes;
+use crate::report::{Quality, psnr, quality_table};
+
+/// Measures splats against a volume, at the voxels and between them
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct Arguments {
+    /// The splats (PLY with intensities)
+    splats: PathBuf,
+    /// The volume
+    volume: PathBuf,
+    #[command(flatten)]
+    region: RoiArguments,
+    #[command(flatten)]
+    read: ReadArguments,
+    /// What the PSNR is over, HU [default: the volume's own range]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true, help_heading = "Evaluation")]
+    range: Option<[f32; 2]>,
+    /// Sub-voxel offset grids besides the voxel grid
+    #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Evaluation",
+          value_parser = clap::value_parser!(u32).range(0..=64))]
+    offsets: u32,
+    /// Seed of the offsets
+    #[arg(long, value_name = "N", default_value_t = EVAL_SEED, help_heading = "Evaluation")]
+    seed: u64,
+    /// How far around the region the occupancy counts, voxels along each axis
+    #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Evaluation",
+          value_parser = clap::value_parser!(u32).range(0..=32))]
+    shell: u32,
+    /// Slices and shaded views of CT, splats and difference
+    #[arg(long, value_name = "FILE.png", help_heading = "Output")]
+    picture: Option<PathBuf>,
+    /// All figures of all grids as a table
+    #[arg(long, value_name = "FILE.csv", help_heading = "Output")]
+    table: Option<PathBuf>,
+    /// Replaces outputs that exist
+    #[arg(short, long, help_heading = "Output")]
+    force: bool,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  vgs eval bones.ply ct.nii.gz --roi bones.nii.gz
+  vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --range -1024,3071 --json
+  vgs eval skull.ply skull.inv3 --roi-threshold 226,3071 --picture skull.png --table skull.csv";
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Output {
+    splats: usize,
+    #[serde(flatten)]
+    quality: Quality,
+    seconds: f64,
+    device_peak_bytes: u64,
+    host_peak_bytes: Option<u64>,
+    device: String,
+    driver: String,
+    roi_voxels: usize,
+    outputs: Vec<String>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+    let start = Instant::now();
+    let written: Vec<&Path> =
+        [&arguments.picture, &arguments.table].into_iter().flatten().map(PathBuf::as_path).collect();
+    let mut inputs = vec![arguments.splats.as_path(), arguments.volume.as_path()];
+    inputs.extend(arguments.region.roi.as_deref());
+    outputs::check(&written, &inputs, arguments.force)?;
+
+    let set = read_splats(&arguments.splats)?;
+    let case = Case::read(&arguments.volume, &arguments.read, &arguments.region)?;
+    let splats = in_volume(&set, &case, &arguments.splats)?;
+    let gpu = arguments.device.boot()?;
+    let evaluation = arguments.evaluate(&gpu, &set, &splats, &case)?;
+
+    if let Some(path) = &arguments.picture {
+        draw(
+            path,
+            arguments.force,
+            &gpu,
+            &set,
+            &case,
+            &names(&arguments.splats, &arguments.volume),
+            &evaluation,
+        )?;
+    }
+    if let Some(path) = &arguments.table {
+        write_atomic(path, arguments.force, |out| out.write_all(csv(&evaluation).as_bytes()))?;
+    }
+    if console.json {
+        let description = gpu.description();
+        console.json_data(&Output {
+            splats: splats.len(),
+            quality: Quality::of(&evaluation),
+            seconds: start.elapsed().as_secs_f64(),
+            device_peak_bytes: gpu.peak_bytes(),
+            host_peak_bytes: host_peak_bytes(),
+            device: description.name.clone(),
+            driver: description.driver.clone(),
+            roi_voxels: case.roi.voxel_count(),
+            outputs: written.iter().map(|p| p.display().to_string()).collect(),
+        })?;
+    } else {
+        let head = format!("{} splats in {} voxels\n", splats.len(), case.roi.voxel_count());
+        console.data(&(head + &quality_table(&evaluation)))?;
+    }
+    Ok(0)
+}
+
+impl Arguments {
+    fn evaluate(&self, gpu: &Gpu, set: &SplatSet, splats: &[Splat], case: &Case) -> Result<Evaluation> {
+        evaluate::evaluate(
+            gpu,
+            splats,
+            &set.field,
+            &case.volume,
+            &case.roi,
+            &evaluate::Protocol {
+                offsets: evaluate::random_offsets(self.offsets as usize, self.seed),
+                range: self.range.unwrap_or_else(|| case.full_range()),
+                shell: self.shell,
+            },
+        )
+    }
+}
+
+/// The names of splats and volume, as the title of a picture.
+pub fn names(splats: &Path, volume: &Path) -> String {
+    let [splats, volume] = [splats, volume].map(|p| p.file_name().unwrap_or_default().to_string_lossy());
+    format!("{splats} and {volume}")
+}
+
+/// Writes the picture of an evaluation.
+pub fn draw(
+    path: &Path,
+    force: bool,
+    gpu: &Gpu,
+    set: &SplatSet,
+    case: &Case,
+    title: &str,
+    evaluation: &Evaluation,
+) -> Result<()> {
+    let quality = Quality::of(evaluation);
+    let [low, high] = quality.range;
+    let mut psnr_line = format!("PSNR {} at the voxels", psnr(quality.psnr_db, quality.range));
+    if quality.offsets > 0 {
+        psnr_line += &format!(", {} between them at worst", psnr(quality.psnr_min_offset_db, quality.range));
+    }
+    psnr_line += &format!(" (over {low} to {high} HU); RMSE {:.1} HU", quality.rmse_hu);
+    let size_line = format!(
+        "{} splats for {} voxels; outline: soft Dice {:.4}",
+        set.splats.len(),
+        case.roi.voxel_count(),
+        quality.soft_dice
+    );
+    picture::write(path, force, gpu, set, case, title, &[psnr_line, size_line])
+}
+
+/// Reads splats that have an intensity in HU.
+pub fn read_splats(path: &Path) -> Result<SplatSet> {
+    let set = splat::read(path, &splat::ReadOptions::default())?;
+    if set.splats.is_empty() {
+        return Err(Error::new(Kind::BadData, "VGS-CLI-040", "the file holds no usable splat").file(path));
+    }
+    if !set.has_intensity {
+        let message = "these splats have a colour but no intensity: there is nothing to compare with HU";
+        return Err(Error::new(Kind::BadData, "VGS-CLI-041", message)
+            .file(path)
+            .help("use splats from `vgs fit`, or a PLY with a property `intensity` or `hu`"));
+    }
+    Ok(set)
+}
+
+/// The splats in the voxel space of a case, which must hold some of them.
+fn in_volume(set: &SplatSet, case: &Case, path: &Path) -> Result<Vec<Splat>> {
+    let splats = set.to_voxel(&case.volume.world_from_voxel);
+    let size = case.volume.size;
+    let inside = |s: &Splat| (0..3).all(|a| s.mean[a] >= -1.0 && s.mean[a] <= size[a] as f32);
+    if !splats.iter().any(inside) {
+        let message = "no splat lies in the volume: they are of different scans, or one lost its place";
+        return Err(Error::new(Kind::BadData, "VGS-CLI-042", message).file(path));
+    }
+    Ok(splats)
+}
+
+fn csv(evaluation: &Evaluation) -> String {
+    let mut out = String::from(
+        "offset_x,offset_y,offset_z,psnr_db,mmse,rmse_hu,occupancy_rmse,soft_dice,range_low,range_high\n",
+    );
+    let [low, high] = evaluation.range;
+    for m in std::iter::once(&evaluation.on_grid).chain(&evaluation.between) {
+        let [x, y, z] = m.offset;
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            out,
+            "{x},{y},{z},{},{},{},{},{},{low},{high}",
+            m.psnr_db, m.mmse, m.rmse_hu, m.occupancy_rmse, m.soft_dice
+        );
+    }
+    out
+}

@@ -1,0 +1,139 @@
+//! The volume and the region of interest of a command, and what a record keeps of their files.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use clap::{ArgGroup, Args};
+use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
+use engine::{Error, Result};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use crate::arguments::{bytes, pair};
+
+/// How volumes are read.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Input")]
+pub struct ReadArguments {
+    /// Which volume of a series (4-D file), counted from 0
+    #[arg(long, value_name = "N")]
+    pub volume_index: Option<usize>,
+    /// Largest volume that is accepted, bytes; K, M, G stand for powers of 1024 [default: 2G]
+    #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_MAX_BYTES", hide_env = true)]
+    pub max_bytes: Option<u64>,
+    /// Accepts damage that leaves every voxel readable
+    #[arg(long)]
+    pub lenient: bool,
+}
+
+impl ReadArguments {
+    /// For the volume itself.
+    pub fn options(&self) -> ReadOptions {
+        let default = ReadOptions::default();
+        ReadOptions {
+            max_bytes: self.max_bytes.unwrap_or(default.max_bytes),
+            volume_index: self.volume_index,
+            lenient: self.lenient,
+        }
+    }
+}
+
+/// Where the fit looks.
+#[derive(Args, Clone, Debug)]
+#[group(skip)]
+#[command(
+    next_help_heading = "Region of interest",
+    group = ArgGroup::new("region").required(true).args(["roi", "roi_threshold"])
+)]
+pub struct RoiArguments {
+    /// Mask file: 0 and 1, soft in [0, 1], or labels
+    #[arg(long, value_name = "MASK")]
+    pub roi: Option<PathBuf>,
+    /// Instead of a mask: the voxels from LOW to HIGH, HU
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
+    pub roi_threshold: Option<[f32; 2]>,
+    /// Which labels of the mask, by number or name
+    #[arg(long, value_name = "N|NAME,...", requires = "roi")]
+    pub roi_label: Option<String>,
+}
+
+/// A volume with its region of interest.
+pub struct Case {
+    /// The volume.
+    pub volume: Volume,
+    /// The region on its grid.
+    pub roi: Roi,
+}
+
+impl Case {
+    /// Reads both.
+    pub fn read(volume_path: &Path, read: &ReadArguments, region: &RoiArguments) -> Result<Case> {
+        let labels: LabelChoice = match &region.roi_label {
+            Some(text) => text.parse()?,
+            None => LabelChoice::Whole,
+        };
+        let volume = Volume::read(volume_path, &read.options())?;
+        let roi = match (&region.roi, region.roi_threshold) {
+            (Some(path), _) => {
+                // The index chooses a volume of the series; a mask is a single one.
+                let options = ReadOptions { volume_index: None, ..read.options() };
+                let mask = Volume::read(path, &options)?;
+                Roi::from_mask(&mask, &labels, &volume).map_err(|e| named(e, path))?
+            }
+            (None, Some([low, high])) => {
+                Roi::from_threshold(&volume, low, high).map_err(|e| named(e, volume_path))?
+            }
+            // The flags are a required group.
+            (None, None) => unreachable!("a region of interest is required"),
+        };
+        tracing::info!(
+            "{}: {:?} voxels, {} in the region of interest",
+            volume_path.display(),
+            volume.size,
+            roi.voxel_count()
+        );
+        Ok(Case { volume, roi })
+    }
+
+    /// Least and greatest finite sample of the whole volume; the usual normalisation of a PSNR.
+    pub fn full_range(&self) -> [f32; 2] {
+        self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()
+    }
+}
+
+fn named(error: Error, path: &Path) -> Error {
+    if error.file.is_some() { error } else { error.file(path) }
+}
+
+/// An input file as a record keeps it.
+#[derive(Clone, Debug, Serialize)]
+pub struct InputRecord {
+    /// As it was given.
+    pub path: String,
+    /// Size in bytes.
+    pub bytes: u64,
+    /// Hash of the content, hexadecimal.
+    pub sha256: String,
+}
+
+impl InputRecord {
+    /// Reads the file once more, for its hash.
+    pub fn of(path: &Path) -> Result<InputRecord> {
+        let failed = |e: std::io::Error| Error::io(path, "reading", &e);
+        let mut file = File::open(path).map_err(failed)?;
+        let mut hash = Sha256::new();
+        let mut block = vec![0; 1 << 18];
+        let mut bytes = 0;
+        loop {
+            let n = file.read(&mut block).map_err(failed)?;
+            if n == 0 {
+                break;
+            }
+            hash.update(&block[..n]);
+            bytes += n as u64;
+        }
+        let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        Ok(InputRecord { path: path.display().to_string(), bytes, sha256 })
+    }
+}

@@ -1,0 +1,227 @@
+//! The loop of a fit: schedule, progress, signals, and what to keep when it goes wrong.
+
+use std::time::{Duration, Instant};
+
+use engine::fit::{FitConfig, Fitter, Progress};
+use engine::gpu::Gpu;
+use engine::splat::{self, Splat};
+use engine::{Error, Kind, Result};
+
+use crate::console::Console;
+use crate::inputs::Case;
+use crate::progress::Display;
+use crate::signals::Signals;
+
+/// Figures and splats are fetched at least this many iterations apart ...
+const FIGURES_EVERY: u32 = 20;
+/// ... or this long, if that comes first: fetching waits for the device.
+const FIGURES_AFTER: Duration = Duration::from_millis(500);
+/// They belong to the offset grid of their iteration, so they are fetched where the same grid has its turn; if that
+/// takes longer than this, anywhere.
+const FIGURES_AT_LATEST: Duration = Duration::from_secs(20);
+
+/// How long a fit goes on.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule {
+    /// The most iterations.
+    pub iterations: u32,
+    /// The time for all iterations.
+    pub time: Option<Duration>,
+}
+
+impl Schedule {
+    /// The part that is done, 0 to 1: of whichever limit is nearer.
+    fn share(&self, iteration: u32, elapsed: Duration) -> f64 {
+        let of_iterations = f64::from(iteration) / f64::from(self.iterations.max(1));
+        let of_time = self.time.map_or(0.0, |t| elapsed.as_secs_f64() / t.as_secs_f64().max(1e-9));
+        of_iterations.max(of_time).min(1.0)
+    }
+}
+
+/// A row of the curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurvePoint {
+    /// Since the first iteration.
+    pub seconds: f64,
+    /// The figures.
+    pub progress: Progress,
+}
+
+/// How the loop ended.
+pub enum End {
+    /// As planned.
+    Finished,
+    /// By a signal; the exit code that stands for it.
+    Stopped(u8),
+    /// By a fault of the device or because the error was no number any more.
+    Failed(Error),
+}
+
+/// What a fit came to.
+pub struct Outcome {
+    /// The last good splats, in voxel space and HU.
+    pub splats: Vec<Splat>,
+    /// Iterations behind these splats.
+    pub iterations: u32,
+    /// Time of the iterations.
+    pub seconds: f64,
+    /// Figures on the way.
+    pub curve: Vec<CurvePoint>,
+    /// HU range that the figures' PSNR is over.
+    pub range: [f32; 2],
+    /// Updates that were left out because a gradient was not finite.
+    pub frozen: u32,
+    /// Bytes of device memory by purpose, at the end.
+    pub device_bytes: std::collections::BTreeMap<&'static str, u64>,
+    /// How it ended.
+    pub end: End,
+}
+
+/// Fits `first` to a case.
+pub fn run(
+    gpu: &Gpu,
+    case: &Case,
+    first: Vec<Splat>,
+    config: &FitConfig,
+    schedule: Schedule,
+    signals: &Signals,
+    console: &Console,
+) -> Result<Outcome> {
+    let mut fitter = Fitter::new(gpu, &case.volume, &case.roi, &first, config)?;
+    let range = [fitter.scaling().range.0, fitter.scaling().range.1];
+    // Uploads and kernels are not part of the passes' account.
+    gpu.take_profile();
+    console.say(&format!(
+        "fitting {} splats to {} voxels; the PSNR on the way is over {} to {} HU",
+        first.len(),
+        case.roi.voxel_count(),
+        range[0],
+        range[1]
+    ));
+    signals.be_patient();
+    let mut state = State {
+        good: first,
+        iterations: 0,
+        curve: Vec::new(),
+        start: Instant::now(),
+        last: (0, Instant::now()),
+        grids: u32::try_from(config.offsets).unwrap_or(1).max(1),
+        display: Display::new(console),
+    };
+    let end = match state.iterate(&mut fitter, schedule, signals) {
+        Ok(end) => end,
+        Err(error) => End::Failed(error),
+    };
+    Ok(Outcome {
+        splats: state.good,
+        iterations: state.iterations,
+        seconds: state.start.elapsed().as_secs_f64(),
+        curve: state.curve,
+        range,
+        frozen: fitter.frozen().unwrap_or_default(),
+        device_bytes: gpu.memory_by_purpose(),
+        end,
+    })
+}
+
+struct State {
+    /// The last splats that were seen to be good, and the iterations behind them.
+    good: Vec<Splat>,
+    iterations: u32,
+    curve: Vec<CurvePoint>,
+    start: Instant,
+    /// When figures were fetched last.
+    last: (u32, Instant),
+    /// Offset grids that the iterations visit in turn.
+    grids: u32,
+    display: Display,
+}
+
+impl State {
+    fn iterate(&mut self, fitter: &mut Fitter, schedule: Schedule, signals: &Signals) -> Result<End> {
+        loop {
+            let share = schedule.share(fitter.iteration(), self.start.elapsed());
+            let stop = signals.exit_code();
+            let is_last = share >= 1.0 && fitter.iteration() > 0;
+            let (iteration, time) = self.last;
+            let since = fitter.iteration().saturating_sub(iteration);
+            let same_grid = fitter.iteration().is_multiple_of(self.grids);
+            let due = since >= FIGURES_EVERY || since > 0 && time.elapsed() >= FIGURES_AFTER;
+            let overdue = since > 0 && time.elapsed() >= FIGURES_AT_LATEST;
+            if is_last || stop.is_some() || due && same_grid || overdue {
+                if since > 0 {
+                    self.look(fitter)?;
+                }
+                // The count may have gone back where buffers had to grow: then it is not over yet.
+                if let Some(code) = stop {
+                    return Ok(End::Stopped(code));
+                }
+                if is_last && schedule.share(fitter.iteration(), self.start.elapsed()) >= 1.0 {
+                    return Ok(End::Finished);
+                }
+            }
+            fitter.step(share)?;
+            self.display.show(fitter.iteration(), share);
+        }
+    }
+
+    /// Fetches figures and splats, and keeps them if they are good.
+    fn look(&mut self, fitter: &mut Fitter) -> Result<()> {
+        let progress = fitter.progress()?;
+        let splats = fitter.splats()?;
+        check(&progress, &splats, self.iterations)?;
+        self.good = splats;
+        self.iterations = progress.iteration;
+        self.last = (progress.iteration, Instant::now());
+        self.display.figures(&progress);
+        self.curve.push(CurvePoint { seconds: self.start.elapsed().as_secs_f64(), progress });
+        Ok(())
+    }
+}
+
+/// Refuses a state that is no longer a fit. `kept` is the iteration of the last good one.
+fn check(progress: &Progress, splats: &[Splat], kept: u32) -> Result<()> {
+    let bad = splats.iter().filter(|s| splat::defect(s).is_some()).count();
+    if bad == 0 && progress.mse.is_finite() && progress.occupancy_rmse.is_finite() {
+        return Ok(());
+    }
+    let message = format!(
+        "the fit diverged after {} iterations (mean squared error {}, {bad} unusable splats); the splats of iteration \
+         {kept} are kept",
+        progress.iteration, progress.mse
+    );
+    Err(Error::new(Kind::Internal, "VGS-FIT-010", message)
+        .help("lower the learning rates; if they are the default ones, please report it"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_that_is_no_fit_any_more_is_refused() {
+        let progress = Progress { iteration: 9, mse: 0.0, psnr_db: f64::INFINITY, occupancy_rmse: 0.1 };
+        let splat = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        assert!(check(&progress, &[splat], 5).is_ok(), "an exact fit is none that diverged");
+        let rows = [
+            (Progress { mse: f64::NAN, ..progress }, splat),
+            (Progress { occupancy_rmse: f64::INFINITY, ..progress }, splat),
+            (progress, Splat { intensity: f32::NAN, ..splat }),
+        ];
+        for (progress, splat) in rows {
+            let error = check(&progress, &[splat], 5).expect_err("diverged");
+            assert_eq!((error.kind, error.code), (Kind::Internal, "VGS-FIT-010"));
+            assert!(error.message.contains("iteration 5 are kept"), "{}", error.message);
+        }
+    }
+
+    #[test]
+    fn the_nearer_limit_sets_the_schedule() {
+        let schedule = Schedule { iterations: 100, time: Some(Duration::from_secs(10)) };
+        for (iteration, seconds, share) in
+            [(0, 0, 0.0), (50, 1, 0.5), (10, 5, 0.5), (200, 1, 1.0), (1, 20, 1.0)]
+        {
+            assert_eq!(schedule.share(iteration, Duration::from_secs(seconds)), share);
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! The three orthogonal slices through the centre of the region: CT, splats, and their difference.
+
+use glam::DVec3;
+
+use super::PANEL;
+use super::canvas::{Align, Canvas, Colour};
+use super::subject::{Subject, diverging, grey};
+
+/// A slice as radiologists look at it: letters are directions of the patient.
+struct View {
+    name: &'static str,
+    right: char,
+    up: char,
+}
+
+const VIEWS: [View; 3] = [
+    View { name: "axial", right: 'L', up: 'A' },
+    View { name: "coronal", right: 'L', up: 'S' },
+    View { name: "sagittal", right: 'P', up: 'S' },
+];
+
+/// Colour of text over images.
+const LETTERS: Colour = [255, 205, 92];
+
+/// The quantities of the three columns.
+pub const COLUMNS: [&str; 3] = ["CT", "splats", "difference (splats - CT)"];
+
+/// A view on a grid: which voxel axes run along the picture, which way, and how long they are.
+struct Plane {
+    across: (usize, bool),
+    down: (usize, bool),
+    pixels: [usize; 2],
+}
+
+impl Plane {
+    /// `pixels_per_mm` is common to all views, so that one centimetre is one length everywhere.
+    fn of(view: &View, subject: &Subject, pixels_per_mm: f64) -> Plane {
+        let across = axis_towards(subject, view.right);
+        let (axis, upwards) = axis_towards(subject, view.up);
+        let down = (axis, !upwards);
+        let pixels = [across.0, down.0]
+            .map(|axis| ((extent_mm(subject, axis) * pixels_per_mm).round() as usize).max(1));
+        Plane { across, down, pixels }
+    }
+
+    /// Voxel coordinates of a pixel in the slice through the centre.
+    fn voxel(&self, subject: &Subject, column: usize, row: usize) -> DVec3 {
+        let mut voxel = subject.centre;
+        for ((axis, forward), place, count) in
+            [(self.across, column, self.pixels[0]), (self.down, row, self.pixels[1])]
+        {
+            let share = (place as f64 + 0.5) / count as f64;
+            let share = if forward { share } else { 1.0 - share };
+            voxel[axis] = share * subject.ct.size[axis] as f64 - 0.5;
+        }
+        voxel
+    }
+}
+
+/// The voxel axis that runs along a direction of the patient, and whether it grows that way.
+fn axis_towards(subject: &Subject, letter: char) -> (usize, bool) {
+    let codes = subject.ct.axis_codes();
+    let codes = if subject.ct.oriented { codes.as_str() } else { "RAS" };
+    let opposite = opposite(letter);
+    codes
+        .chars()
+        .position(|c| c == letter || c == opposite)
+        .map_or((0, true), |axis| (axis, codes.chars().nth(axis) == Some(letter)))
+}
+
+fn opposite(letter: char) -> char {
+    let pairs = [('R', 'L'), ('A', 'P'), ('S', 'I')];
+    pairs
+        .iter()
+        .find_map(|&(a, b)| (letter == a).then_some(b).or((letter == b).then_some(a)))
+        .unwrap_or(letter)
+}
+
+fn extent_mm(subject: &Subject, axis: usize) -> f64 {
+    subject.ct.size[axis] as f64 * subject.ct.spacing_mm()[axis]
+}
+
+/// Heights of the three rows, pixels, and the scale.
+pub fn layout(subject: &Subject) -> ([usize; 3], f64) {
+    let longest = (0..3).map(|axis| extent_mm(subject, axis)).fold(f64::MIN_POSITIVE, f64::max);
+    let pixels_per_mm = PANEL as f64 / longest;
+    (std::array::from_fn(|i| Plane::of(&VIEWS[i], subject, pixels_per_mm).pixels[1]), pixels_per_mm)
+}
+
+/// Draws a row of three slices; `left` are the columns' left edges.
+pub fn draw_row(
+    canvas: &mut Canvas,
+    subject: &Subject,
+    row: usize,
+    left: [usize; 3],
+    top: usize,
+    scale: f64,
+) {
+    let view = &VIEWS[row];
+    let plane = Plane::of(view, subject, scale);
+    let [width, height] = plane.pixels;
+    for (column, &x) in left.iter().enumerate() {
+        let x = x + (PANEL - width) / 2;
+        canvas.image([x, top], plane.pixels, |px, py| colour(subject, column, plane.voxel(subject, px, py)));
+        if column == 0 {
+            over(canvas, [x + 6, top + 6], view.name);
+        }
+        if subject.ct.oriented && column == 0 && height > 60 {
+            let middle = top + height / 2 - 7;
+            let letters = [
+                ([x + 6, middle], opposite(view.right)),
+                ([x + width - 16, middle], view.right),
+                ([x + width / 2 - 5, top + 6], view.up),
+                ([x + width / 2 - 5, top + height - 20], opposite(view.up)),
+            ];
+            for (at, letter) in letters {
+                over(canvas, at, &letter.to_string());
+            }
+        }
+    }
+}
+
+/// Text over an image: a shadow keeps it legible on any grey.
+fn over(canvas: &mut Canvas, [x, y]: [usize; 2], text: &str) {
+    for (dx, dy) in [(0, 2), (2, 0), (4, 2), (2, 4), (3, 3)] {
+        canvas.text([x + dx - 2, y + dy - 2], 2, Align::Left, [0; 3], text);
+    }
+    canvas.text([x, y], 2, Align::Left, LETTERS, text);
+}
+
+/// The colour of a place in one of the columns.
+fn colour(subject: &Subject, column: usize, voxel: DVec3) -> Colour {
+    let ct = subject.sample(&subject.ct.samples, voxel);
+    let shade = subject.grey(ct);
+    let hu = || subject.sample(&subject.hu, voxel);
+    match column {
+        0 => grey(shade),
+        1 if subject.sample(&subject.occupancy, voxel) >= 0.5 => grey(subject.grey(hu())),
+        1 => [0.16, 0.19, 0.26].map(|share| (share * 255.0 * shade) as u8),
+        _ if subject.sample(&subject.roi.weight, voxel) >= 0.5 => diverging((hu() - ct) / subject.difference),
+        _ => grey(0.10 + 0.16 * shade),
+    }
+}

@@ -1,0 +1,143 @@
+//! The course of a fit: a table (CSV) and a plot (SVG).
+
+use std::fmt::Write;
+
+use engine::{Error, Kind, Result};
+use plotters::prelude::*;
+
+use crate::optimise::CurvePoint;
+
+/// The curve as CSV.
+pub fn csv(curve: &[CurvePoint]) -> String {
+    let mut out = String::from("iteration,seconds,psnr_db,mse,occupancy_rmse\n");
+    for CurvePoint { seconds, progress: p } in curve {
+        let psnr = if p.psnr_db.is_finite() { p.psnr_db.to_string() } else { "inf".into() };
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "{},{seconds:.3},{psnr},{},{}", p.iteration, p.mse, p.occupancy_rmse);
+    }
+    out
+}
+
+const SIZE: (u32, u32) = (900, 640);
+const INK: RGBColor = RGBColor(51, 51, 51);
+const GRID: RGBColor = RGBColor(228, 228, 228);
+
+/// One panel of the plot.
+struct Panel {
+    title: String,
+    y_title: &'static str,
+    colour: RGBColor,
+    points: Vec<(f64, f64)>,
+    /// Whether the axis starts at 0.
+    from_zero: bool,
+}
+
+/// The curve as SVG: PSNR above occupancy error, over iterations.
+pub fn svg(curve: &[CurvePoint], title: &str, [low, high]: [f32; 2]) -> Result<String> {
+    let points = |value: fn(&CurvePoint) -> f64| -> Vec<(f64, f64)> {
+        let all = curve.iter().map(|p| (f64::from(p.progress.iteration), value(p)));
+        all.filter(|(_, y)| y.is_finite()).collect()
+    };
+    let panels = [
+        Panel {
+            title: format!("PSNR in the region of interest, over {low} to {high} HU"),
+            y_title: "PSNR / dB",
+            colour: RGBColor(0, 104, 170),
+            points: points(|p| p.progress.psnr_db),
+            from_zero: false,
+        },
+        Panel {
+            title: "occupancy error in the region and its shell".into(),
+            y_title: "RMS of O - M",
+            colour: RGBColor(200, 80, 20),
+            points: points(|p| p.progress.occupancy_rmse),
+            from_zero: true,
+        },
+    ];
+    let mut text = String::new();
+    draw(&mut text, &panels, title)
+        .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-030", format!("drawing the curve failed: {e}")))?;
+    Ok(text)
+}
+
+fn draw(
+    out: &mut String,
+    panels: &[Panel],
+    title: &str,
+) -> std::result::Result<(), Box<dyn std::error::Error>> {
+    let root = SVGBackend::with_string(out, SIZE).into_drawing_area();
+    root.fill(&WHITE)?;
+    let area = root.titled(title, ("sans-serif", 22).into_font().color(&INK))?;
+    for (area, panel) in area.split_evenly((panels.len(), 1)).iter().zip(panels) {
+        draw_panel(area, panel)?;
+    }
+    root.present()?;
+    Ok(())
+}
+
+fn draw_panel<DB: DrawingBackend>(
+    area: &DrawingArea<DB, plotters::coord::Shift>,
+    panel: &Panel,
+) -> std::result::Result<(), Box<dyn std::error::Error>>
+where
+    DB::ErrorType: 'static,
+{
+    let last = panel.points.last().map_or(1.0, |p| p.0).max(1.0);
+    let values = || panel.points.iter().map(|p| p.1);
+    let low = values().fold(f64::INFINITY, f64::min);
+    let high = values().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = if low <= high { (low, high) } else { (0.0, 1.0) };
+    let margin = (0.08 * (high - low)).max(1e-3);
+    let y = if panel.from_zero { 0.0..high + margin } else { low - margin..high + margin };
+    let font = |size: i32| ("sans-serif", size).into_font().color(&INK);
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, font(15))
+        .margin(8)
+        .margin_right(24)
+        .x_label_area_size(42)
+        .y_label_area_size(64)
+        .build_cartesian_2d(0.0..last, y)?;
+    chart
+        .configure_mesh()
+        .x_desc("iteration")
+        .y_desc(panel.y_title)
+        .x_labels(9)
+        .y_labels(6)
+        .x_label_formatter(&|x| format!("{x:.0}"))
+        .y_label_formatter(&|y| if high < 10.0 { format!("{y:.2}") } else { format!("{y:.1}") })
+        .axis_desc_style(font(14))
+        .label_style(font(13))
+        .axis_style(INK)
+        .bold_line_style(GRID)
+        .light_line_style(TRANSPARENT)
+        .draw()?;
+    chart.draw_series(LineSeries::new(panel.points.iter().copied(), panel.colour.stroke_width(2)))?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::fit::Progress;
+
+    use super::*;
+
+    #[test]
+    fn curves_of_any_length_and_with_infinities_are_drawn() {
+        for n in [0, 1, 2, 50] {
+            let curve: Vec<_> = (0..n)
+                .map(|i| CurvePoint {
+                    seconds: f64::from(i),
+                    progress: Progress {
+                        iteration: i * 10,
+                        mse: 0.0,
+                        psnr_db: if i % 2 == 0 { f64::INFINITY } else { 30.0 },
+                        occupancy_rmse: 0.0,
+                    },
+                })
+                .collect();
+            assert_eq!(csv(&curve).lines().count(), n as usize + 1);
+            let text = svg(&curve, "a <b> & c", [0.0, 0.0]).unwrap();
+            assert!(text.contains("</svg>") && !text.contains("<b>"), "{n}");
+        }
+    }
+}

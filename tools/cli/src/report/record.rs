@@ -1,0 +1,177 @@
+//! The run record (OUT.run.json): all that is needed to say how a set of splats came to be, and to make it again.
+
+use std::collections::BTreeMap;
+
+use engine::fit::FitConfig;
+use engine::gpu::{DeviceDescription, PassTime};
+use engine::volume::{Roi, Volume};
+use serde::Serialize;
+
+use super::Quality;
+use crate::inputs::InputRecord;
+
+/// The record. Field names are part of the interface.
+#[derive(Serialize)]
+pub struct RunRecord<'a> {
+    /// Version of this form.
+    pub format: &'static str,
+    /// When the run ended, UTC.
+    pub date: String,
+    /// Version and commit of the program.
+    pub version: &'static str,
+    pub commit: &'static str,
+    /// The command line.
+    pub command: Vec<String>,
+    /// "finished", "stopped" or "failed".
+    pub end: &'a str,
+    /// What failed, if something did.
+    pub error: Option<String>,
+    pub inputs: BTreeMap<&'static str, InputRecord>,
+    pub volume: VolumeRecord,
+    pub roi: RoiRecord,
+    pub profile: &'a str,
+    /// Keys that were not left at the profile's value.
+    pub explicit: &'a [String],
+    pub config: &'a FitConfig,
+    /// Seconds that the iterations were given, if time was the limit.
+    pub time_budget_seconds: Option<f64>,
+    pub device: &'a DeviceDescription,
+    pub timings: Timings,
+    pub memory: Memory,
+    pub results: &'a Results,
+}
+
+/// The volume as it was read.
+#[derive(Serialize)]
+pub struct VolumeRecord {
+    size: [usize; 3],
+    spacing_mm: [f64; 3],
+    axes: String,
+    oriented: bool,
+    /// Rows of the voxel-to-world matrix, mm RAS.
+    affine: [[f64; 4]; 3],
+    min: f32,
+    max: f32,
+    mean: f64,
+    std_dev: f64,
+    non_finite: usize,
+}
+
+impl VolumeRecord {
+    /// Of a volume.
+    pub fn of(volume: &Volume) -> Self {
+        let stats = volume.gather_stats();
+        let [x, y, z, t] = volume.world_from_voxel.to_cols_array_2d();
+        VolumeRecord {
+            size: volume.size,
+            spacing_mm: volume.spacing_mm().to_array(),
+            axes: volume.axis_codes(),
+            oriented: volume.oriented,
+            affine: std::array::from_fn(|r| [x[r], y[r], z[r], t[r]]),
+            min: stats.min,
+            max: stats.max,
+            mean: stats.mean,
+            std_dev: stats.std_dev,
+            non_finite: stats.non_finite,
+        }
+    }
+}
+
+/// The region of interest and what the volume holds there.
+#[derive(Serialize)]
+pub struct RoiRecord {
+    voxels: usize,
+    weight: f64,
+    soft: bool,
+    min: f32,
+    max: f32,
+    mean: f64,
+}
+
+impl RoiRecord {
+    /// Of a region in its volume.
+    pub fn of(roi: &Roi, volume: &Volume) -> Self {
+        let weighted = || roi.weight.iter().zip(&volume.samples).filter(|(w, v)| **w > 0.0 && v.is_finite());
+        let weight = roi.weight_sum();
+        let sum: f64 = weighted().map(|(&w, &v)| f64::from(w) * f64::from(v)).sum();
+        let values = || weighted().map(|(_, &v)| v);
+        RoiRecord {
+            voxels: roi.voxel_count(),
+            weight,
+            soft: roi.soft,
+            min: values().reduce(f32::min).unwrap_or_default(),
+            max: values().reduce(f32::max).unwrap_or_default(),
+            mean: if weight > 0.0 { sum / weight } else { 0.0 },
+        }
+    }
+}
+
+/// Where the time went, seconds.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Timings {
+    pub read: f64,
+    pub initialise: f64,
+    pub fit: f64,
+    pub evaluate: f64,
+    pub total: f64,
+    /// Device time of the fit by pass, slowest first.
+    pub passes: Vec<PassRecord>,
+}
+
+/// Device time of one pass.
+#[derive(Clone, Debug, Serialize)]
+pub struct PassRecord {
+    pub name: String,
+    pub calls: u64,
+    pub total_ms: f64,
+    pub longest_ms: f64,
+}
+
+impl PassRecord {
+    /// From the device's account.
+    pub fn list(profile: Vec<(String, PassTime)>) -> Vec<Self> {
+        let row = |(name, t): (String, PassTime)| PassRecord {
+            name,
+            calls: t.calls,
+            total_ms: t.total_ms,
+            longest_ms: t.longest_ms,
+        };
+        profile.into_iter().map(row).collect()
+    }
+}
+
+/// Where the memory went, bytes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Memory {
+    /// Of the device, at the end of the fit.
+    pub device_by_purpose: BTreeMap<&'static str, u64>,
+    pub device_peak_bytes: u64,
+    pub host_peak_bytes: Option<u64>,
+}
+
+/// What a fit came to: the object that `vgs fit --json` prints. Flat, so that plain tools can pick fields.
+#[derive(Clone, Debug, Serialize)]
+pub struct Results {
+    pub splats: usize,
+    #[serde(flatten)]
+    pub quality: Option<Quality>,
+    /// From the start of the command to its end.
+    pub seconds: f64,
+    pub fit_seconds: f64,
+    pub seconds_per_iteration: f64,
+    pub iterations: u32,
+    pub frozen_updates: u32,
+    pub device_peak_bytes: u64,
+    pub host_peak_bytes: Option<u64>,
+    pub device: String,
+    pub driver: String,
+    pub roi_voxels: usize,
+    pub outputs: Vec<String>,
+}
+
+/// The most memory that this process had resident, where the system says (Linux).
+pub fn host_peak_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
+}

@@ -1,0 +1,180 @@
+//! From a phantom to splats, figures and a volume again, through every command.
+
+mod support;
+
+use support::{Folder, fit};
+
+#[test]
+fn phantom_fit_eval_rasterize_info() {
+    let folder = Folder::new(28);
+    let result = folder.run(&fit("a.ply", &["--json"])).json();
+    for key in [
+        "splats",
+        "psnr_db",
+        "psnr_min_offset_db",
+        "psnr_mean_offset_db",
+        "mmse",
+        "rmse_hu",
+        "range",
+        "occupancy_rmse",
+        "soft_dice",
+        "seconds",
+        "fit_seconds",
+        "seconds_per_iteration",
+        "iterations",
+        "device_peak_bytes",
+        "host_peak_bytes",
+        "device",
+        "driver",
+        "roi_voxels",
+        "outputs",
+    ] {
+        assert!(!result[key].is_null(), "{key} in {result}");
+    }
+    assert_eq!((&result["splats"], &result["iterations"]), (&60.into(), &24.into()));
+
+    let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
+    assert_eq!(record["end"], "finished");
+    assert_eq!(record["config"]["splats"], 60);
+    assert_eq!(record["config"]["rate_mean"].to_string(), "0.2", "numbers as people write them");
+    for (input, path) in [("volume", "ct.nii.gz"), ("roi", "mask.nii.gz")] {
+        assert_eq!(record["inputs"][input]["path"], path);
+        assert_eq!(record["inputs"][input]["sha256"].as_str().map(str::len), Some(64));
+    }
+    assert_eq!(record["volume"]["size"], serde_json::json!([28, 28, 28]));
+    assert!(record["timings"]["passes"].as_array().is_some_and(|passes| passes.len() > 3));
+    assert!(record["memory"]["device_by_purpose"]["splats"].is_number());
+    assert_eq!(record["results"]["psnr_db"], result["psnr_db"]);
+
+    let curve = folder.text("a.csv");
+    assert!(curve.starts_with("iteration,seconds,psnr_db,mse,occupancy_rmse\n"), "{curve}");
+    assert!(curve.lines().last().is_some_and(|line| line.starts_with("24,")), "{curve}");
+    assert!(folder.text("a.svg").contains("</svg>"));
+
+    // The closing evaluation of a fit and that of `eval` are the same figures.
+    let eval = ["eval", "a.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--offsets", "2"];
+    let again = folder.run(&[&eval[..], &["--json"]].concat()).json();
+    for key in ["psnr_db", "psnr_min_offset_db", "soft_dice"] {
+        let (a, b) = (result[key].as_f64().expect("a number"), again[key].as_f64().expect("a number"));
+        assert!((a - b).abs() < 1e-3 * a.abs(), "{key}: {a} after the fit, {b} from the file");
+    }
+    let more = ["--picture", "a.png", "--table", "table.csv"];
+    let table = folder.run(&[&eval[..], &more].concat());
+    assert_eq!(table.code, 0, "{}", table.err);
+    assert!(table.out.contains("PSNR over") && table.out.contains("worst between"), "{}", table.out);
+    assert_eq!(folder.text("table.csv").lines().count(), 4);
+    assert!(folder.read("a.png").starts_with(b"\x89PNG\r\n\x1a\n"));
+
+    let back =
+        folder.run(&["rasterize", "a.ply", "--like", "ct.nii.gz", "-o", "back.nii.gz", "--json"]).json();
+    assert_eq!(back["size"], serde_json::json!([28, 28, 28]));
+    let weight = ["rasterize", "a.ply", "--spacing", "2", "-o", "w.nii", "--quantity", "weight"];
+    assert_eq!(folder.run(&weight).code, 0);
+
+    let info = folder.run(&["info", "a.ply", "back.nii.gz", "w.nii", "--json"]);
+    let objects: Vec<serde_json::Value> =
+        info.out.lines().map(|line| serde_json::from_str(line).expect("an object on each line")).collect();
+    let [splats, volume, weight] = objects.as_slice() else { panic!("{}", info.out) };
+    assert_eq!((&splats["kind"], &splats["splats"]), (&"splats".into(), &60.into()));
+    assert_eq!((&volume["kind"], &volume["datatype"]), (&"volume".into(), &"float32".into()));
+    assert_eq!(volume["min"], -1024.0);
+    assert!(volume["max"].as_f64().is_some_and(|hu| (100.0..2000.0).contains(&hu)), "{volume}");
+    assert!(weight["min"] == 0.0 && weight["max"].as_f64().is_some_and(|w| w > 0.1), "{weight}");
+    assert!(folder.run(&["info", "a.ply"]).out.contains("60"));
+}
+
+#[test]
+fn one_seed_gives_the_same_bytes_and_force_replaces() {
+    let folder = Folder::new(20);
+    for output in ["a.ply", "b.ply"] {
+        let ended = folder.run(&fit(output, &["--no-eval", "--quiet"]));
+        assert_eq!((ended.code, ended.out.as_str(), ended.err.as_str()), (0, "", ""));
+    }
+    assert_eq!(folder.read("a.ply"), folder.read("b.ply"));
+    let before = folder.read("a.run.json");
+    assert_eq!(folder.run(&fit("a.ply", &["--no-eval", "--seed", "9", "--force"])).code, 0);
+    assert_ne!(folder.read("a.ply"), folder.read("b.ply"));
+    assert_ne!(folder.read("a.run.json"), before);
+}
+
+#[test]
+fn a_flag_wins_over_the_environment_and_that_over_the_file() {
+    let folder = Folder::new(12);
+    folder.write("c.toml", "iterations = 2\nsplats = 5\nseed = 3\nkernel = \"gaussian\"\n");
+    let mut command = folder.command(&["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "a.ply"]);
+    command.args(["--config", "c.toml", "--seed", "8", "--no-eval"]);
+    command.env("VGS_SEED", "7").env("VGS_SPLATS", "6").env("VGS_HU_RANGE", "-1024,3071");
+    let output = command.output().expect("the program starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
+    let config = &record["config"];
+    assert_eq!(
+        (&config["iterations"], &config["splats"], &config["seed"], &config["kernel"]),
+        (&2.into(), &6.into(), &8.into(), &"gaussian".into())
+    );
+    assert_eq!(config["hu_range"], serde_json::json!([-1024.0, 3071.0]));
+}
+
+#[test]
+fn a_constant_volume_is_fitted_exactly() {
+    let folder = Folder::new(12);
+    // The mask as a volume between thresholds that only its ones meet: a region of one value.
+    let more = ["--splats", "20", "--iterations", "4", "--json", "--eval-range", "0,1"];
+    let base = ["fit", "mask.nii.gz", "--roi-threshold", "1,1", "-o", "a.ply"];
+    let result = folder.run(&[&base[..], &more].concat()).json();
+    assert_eq!(result["psnr_db"], "inf", "{result}");
+    assert_eq!(result["rmse_hu"], 0.0);
+}
+
+#[test]
+fn a_time_budget_is_kept() {
+    let folder = Folder::new(16);
+    let ended = folder.run(&[
+        "fit",
+        "ct.nii.gz",
+        "--roi",
+        "mask.nii.gz",
+        "-o",
+        "a.ply",
+        "--splats",
+        "30",
+        "--time-budget",
+        "2s",
+        "--no-eval",
+        "--json",
+    ]);
+    let result = ended.json();
+    let seconds = result["seconds"].as_f64().expect("a number");
+    assert!((1.5..6.0).contains(&seconds), "{result}");
+    assert!(result["iterations"].as_u64().is_some_and(|n| n > 1), "{result}");
+}
+
+#[test]
+fn devices_are_listed_and_one_of_them_is_usable() {
+    let folder = Folder::new(8);
+    let list = folder.run(&["devices", "--json"]).json();
+    let usable = |d: &serde_json::Value| d["missing"].as_array().is_some_and(Vec::is_empty);
+    assert!(list["devices"].as_array().is_some_and(|all| all.iter().any(usable)), "{list}");
+    let name = list["devices"][0]["name"].as_str().expect("a name").to_owned();
+    assert!(folder.run(&["devices"]).out.contains(&name));
+}
+
+#[test]
+fn a_closed_stdout_is_no_panic() {
+    let folder = Folder::new(8);
+    let mut child = folder.start(&["info", "ct.nii.gz", "mask.nii.gz", "ct.nii.gz"]);
+    drop(child.stdout.take());
+    let ended = support::finish(child);
+    assert_eq!((ended.code, ended.err.as_str()), (0, ""));
+}
+
+#[test]
+fn a_full_stdout_is_an_error() {
+    let folder = Folder::new(8);
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("/dev/full");
+    let mut command = folder.command(&["info", "ct.nii.gz"]);
+    let output = command.stdout(full).output().expect("the program starts");
+    let err = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(74), "{err}");
+    assert!(err.contains("writing to standard output failed"), "{err}");
+}
