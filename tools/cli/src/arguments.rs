@@ -67,6 +67,9 @@ pub struct DeviceArguments {
     /// Vulkan device: its number in `vgs devices` or part of its name; the fastest kind by default
     #[arg(long, value_name = "N|NAME", env = "VGS_DEVICE", hide_env = true)]
     pub device: Option<String>,
+    /// Plans as for a device that binds at most so many bytes of a buffer, to try how large volumes are cut up
+    #[arg(long, value_name = "BYTES", env = "VGS_FORCE_SSBO_LIMIT", hide = true)]
+    pub storage_range_limit: Option<u64>,
 }
 
 impl DeviceArguments {
@@ -74,6 +77,7 @@ impl DeviceArguments {
     pub fn boot(&self) -> engine::Result<engine::gpu::Gpu> {
         let gpu = engine::gpu::Gpu::new(&engine::gpu::GpuOptions {
             device: self.device.clone(),
+            storage_range_limit: self.storage_range_limit,
             ..Default::default()
         })?;
         let chosen = gpu.description();
