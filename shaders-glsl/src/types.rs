@@ -219,9 +219,10 @@ impl Target {
     pub const IDLE: Target = Target(0x8001_0000);
 
     /// `value` is V - background in spans of the intensity range, -1..1; `occupancy` is M in 0..1. Rounds to the
-    /// nearest of 2·32767 steps; 0 is exact.
+    /// nearest of 2·32767 steps, and down half-way between two: 0 is exact, and M = ½ does not come to lie above ½,
+    /// where a sample would count as inside.
     pub fn new(value: f32, occupancy: f32) -> Self {
-        let fraction = |v: f32| (v.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16;
+        let fraction = |v: f32| (v.clamp(-1.0, 1.0) * 32767.0 - 0.5).ceil() as i16 as u16;
         Target(u32::from(fraction(value)) | u32::from(fraction(occupancy.max(0.0))) << 16)
     }
 

@@ -10,7 +10,6 @@ const NO_VALIDATION: &str = "VGS_TEST_NO_VALIDATION";
 /// A booted device. When it goes, it checks that the validation layers had nothing to say.
 pub struct Device {
     gpu: Gpu,
-    silent: bool,
 }
 
 impl Device {
@@ -29,19 +28,13 @@ impl Device {
             println!("{NO_VALIDATION}=1: the validation layers are off, this run checks less");
         }
         match Gpu::new(&GpuOptions { validation, ..options }) {
-            Ok(gpu) => Device { gpu, silent: false },
+            Ok(gpu) => Device { gpu },
             Err(e) => panic!(
                 "this test needs a Vulkan device and the Khronos validation layer: {e} ({}); `tools/setup run test` \
                  installs both, `tools/test` runs the tests with them",
                 e.help
             ),
         }
-    }
-
-    /// Messages of the validation layers so far, for tests that expect some; checking at the end is then off.
-    pub fn take_messages(&mut self) -> Vec<String> {
-        self.silent = true;
-        self.gpu.validation_messages()
     }
 }
 
@@ -56,7 +49,7 @@ impl Deref for Device {
 impl Drop for Device {
     fn drop(&mut self) {
         // What is still in flight may yet complain. A second panic would hide the first.
-        if self.silent || std::thread::panicking() {
+        if std::thread::panicking() {
             return;
         }
         if let Err(e) = self.gpu.wait_idle() {
@@ -69,5 +62,20 @@ impl Drop for Device {
             messages.len(),
             messages.join("\n")
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::gpu::Kernel;
+
+    use super::*;
+
+    /// The guard and the layers are alive: a workgroup larger than any device allows is reported.
+    #[test]
+    #[should_panic(expected = "validation layers: ")]
+    fn a_message_of_the_layers_fails_a_test() {
+        let gpu = Device::boot();
+        let _ = Kernel::new(&gpu, &shaders_glsl::SPLAT_TO_VOLUME, &[0, 1 << 20]);
     }
 }

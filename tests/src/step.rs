@@ -85,17 +85,20 @@ pub fn run_with(
         let slots = raster.grid.chunk(chunk);
         let samples = slots.start * SAMPLES..slots.end * SAMPLES;
         let wanted = gpu.upload("targets", "targets", &targets[samples]).expect("targets");
-        loop {
+        // Once to learn how large the bins must be, once with bins that large.
+        let settled = (0..2).any(|_| {
             let mut recorder = gpu.record().expect("a recorder");
             raster.record(&mut recorder, &buffer, chunk, offset).expect("the forward pass");
             let ticket = recorder.submit().expect("submitting");
             gpu.wait(ticket).expect("waiting");
             let needed = raster.pair_totals.read_range(chunk, 1).expect("pair totals")[0] as usize;
-            if needed <= raster.bins.capacity() {
-                break;
+            let enough = needed <= raster.bins.capacity();
+            if !enough {
+                raster.bins.grow(needed).expect("larger bins");
             }
-            raster.bins.grow(needed).expect("larger bins");
-        }
+            enough
+        });
+        assert!(settled, "the same splats need another number of pairs the second time");
         let mut recorder = gpu.record().expect("a recorder");
         losses.record(&mut recorder, &wanted, &raster.reconstructions, chunk, slots.len());
         gradient

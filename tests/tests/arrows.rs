@@ -12,6 +12,9 @@ const COMMON: [&str; 2] = ["error", "output"];
 /// Where unsafe code and ash may be: the Vulkan layer, and the OpenXR half of the viewer.
 const UNSAFE: [&str; 2] = ["engine/src/gpu/", "xr-app/src/headset/openxr.rs"];
 
+/// Which module may use which.
+type Table = BTreeMap<String, BTreeSet<String>>;
+
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the repository").to_owned()
 }
@@ -45,8 +48,8 @@ fn code(text: &str) -> String {
 
 /// Which module may use which, from the lines with arrows in the map: "a, b -> c -> d" lets a and b use c and d, and c
 /// use d.
-fn allowed(map: &str) -> BTreeMap<String, BTreeSet<String>> {
-    let mut table = BTreeMap::<String, BTreeSet<String>>::new();
+fn allowed(map: &str) -> Table {
+    let mut table = Table::new();
     let lines = map.lines().filter_map(|line| line.strip_prefix("//! "));
     let statements =
         lines.flat_map(|line| line.split("   ")).filter(|s| s.contains("->") && !s.contains('"'));
@@ -116,11 +119,7 @@ fn module_path(file: &str) -> Vec<&str> {
 }
 
 /// Arrows of some files that the table does not allow.
-fn forbidden(
-    files: &[(String, String)],
-    table: &BTreeMap<String, BTreeSet<String>>,
-    modules: &BTreeSet<String>,
-) -> Vec<String> {
+fn forbidden(files: &[(String, String)], table: &Table, modules: &BTreeSet<String>) -> Vec<String> {
     let mut out = Vec::new();
     for (file, text) in files {
         let path = module_path(file);
@@ -135,7 +134,7 @@ fn forbidden(
     out
 }
 
-fn engine() -> (Vec<(String, String)>, BTreeMap<String, BTreeSet<String>>, BTreeSet<String>) {
+fn engine() -> (Vec<(String, String)>, Table, BTreeSet<String>) {
     let files = sources("engine/src", "rs");
     let map = &files.iter().find(|(file, _)| file == "engine/src/lib.rs").expect("the map").1;
     let modules =

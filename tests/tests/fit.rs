@@ -463,3 +463,36 @@ fn progress_and_evaluation_agree() {
     assert!((p.psnr_db - e.on_grid.psnr_db).abs() < 0.01);
     assert!((p.occupancy_rmse - e.on_grid.occupancy_rmse).abs() < 1e-4);
 }
+
+/// N17: a quaternion of any length means its rotation; zero means none. Sets come into a fit through `to_voxel`, which
+/// makes unit quaternions of them.
+#[test]
+fn n17_quaternions_of_any_length() {
+    let gpu = Device::boot();
+    let case = ball(18, 6.0, FitConfig { iterations: 3, ..FitConfig::default() });
+    let field = Field::default();
+    let fitted = |rotation: [f32; 4]| {
+        let splats = case.start().into_iter().map(|s| Splat { rotation, ..s }).collect();
+        let set = SplatSet { splats, origin_mm: DVec3::ZERO, field, has_intensity: true };
+        let start = set.to_voxel(&DAffine3::IDENTITY);
+        for s in &start {
+            let length = s.rotation.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
+            assert!((length - 1.0).abs() < 1e-6, "{rotation:?} became {:?}", s.rotation);
+        }
+        let mut fitter = case.fitter(&gpu, &start);
+        case.run(&mut fitter, 3);
+        assert_eq!(fitter.frozen().expect("a count"), 0);
+        let splats = fitter.splats().expect("splats");
+        assert!(all_finite(&splats), "{rotation:?}");
+        splats
+    };
+    let unit = [0.5, -0.5, 0.5, 0.5];
+    let expected = fitted(unit);
+    for factor in [2.0, 1e-18, 1e18] {
+        assert!(fitted(unit.map(|v| v * factor)) == expected, "times {factor}");
+    }
+    for (a, b) in fitted(unit.map(|v: f32| -v)).iter().zip(&expected) {
+        assert_eq!(Splat { rotation: b.rotation, ..*a }, *b, "-q is the same rotation");
+    }
+    assert!(fitted([0.0; 4]) == fitted([1.0, 0.0, 0.0, 0.0]), "zero turns nothing");
+}

@@ -124,7 +124,7 @@ fn check_twin(what: &str, small: &Small, bound: f64) {
         let mut pairs = vec![Vec::new(); LANES];
         for (i, splat) in splats.iter().enumerate() {
             let mut moved = splats.clone();
-            for lane in 0..LANES {
+            for (lane, pairs) in pairs.iter_mut().enumerate() {
                 let mut at = |step: f64| {
                     moved[i] = splat.moved(lane, step);
                     loss(&moved)
@@ -132,7 +132,7 @@ fn check_twin(what: &str, small: &Small, bound: f64) {
                 // A long needle multiplies the step of a rotation by 60 in units of its short axis.
                 let h = 1e-5;
                 let difference = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
-                pairs[lane].push((gradient[i].lanes()[lane], difference));
+                pairs.push((gradient[i].lanes()[lane], difference));
             }
         }
         for (lane, pairs) in pairs.into_iter().enumerate() {
@@ -193,11 +193,11 @@ fn the_device_has_the_gradient_of_the_twin() {
                 f64::from(EPSILON),
             );
             let got: Vec<Gradient> = pass.gradients.iter().map(Into::into).collect();
-            for lane in 0..LANES {
+            for (lane, parameter) in LANE_NAMES.iter().enumerate() {
                 let pairs: Vec<_> =
                     got.iter().zip(&wanted).map(|(g, w)| (g.lanes()[lane], w.lanes()[lane])).collect();
                 let largest = pairs.iter().fold(0.0f64, |a, p| a.max(p.1.abs()));
-                let name = format!("device, {which}, {}, soft {soft}: {}", kernel.name(), LANE_NAMES[lane]);
+                let name = format!("device, {which}, {}, soft {soft}: {parameter}", kernel.name());
                 assert_close(&name, Bound::new(bound * largest, bound), pairs);
             }
         }

@@ -9,6 +9,7 @@ use super::targets;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::Rasteriser;
+use crate::splat::activation::normalised;
 use crate::splat::{Field, Splat};
 use crate::volume::bricks::SAMPLES;
 use crate::volume::{Bricks, Roi, Volume};
@@ -140,6 +141,7 @@ impl Sampler {
             .map(|s| Splat {
                 mean: std::array::from_fn(|i| s.mean[i] - origin[i]),
                 intensity: s.intensity - field.background,
+                rotation: normalised(s.rotation),
                 ..*s
             })
             .collect();

@@ -22,6 +22,7 @@ use crate::gpu::{Buffer, Gpu, Ticket};
 use crate::passes::loss::{Sum, Weighted};
 use crate::passes::{Adam, Gradient, Losses, Rasteriser};
 use crate::splat::Splat;
+use crate::splat::activation::normalised;
 use crate::volume::bricks::SAMPLES;
 use crate::volume::{Bricks, Roi, Volume};
 
@@ -293,6 +294,7 @@ fn to_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
     Splat {
         mean: std::array::from_fn(|i| s.mean[i] - origin[i]),
         intensity: scaling.value(s.intensity.clamp(scaling.roi_range.0, scaling.roi_range.1)),
+        rotation: normalised(s.rotation),
         ..*s
     }
 }

@@ -18,7 +18,7 @@ pub struct Gradient {
     gather: Kernel,
     pace: Pace,
     moments_to_grad: Kernel,
-    /// What `gather` sums, [splat][11].
+    /// What `gather` sums, 11 floats a splat.
     pub moments: Buffer<f32>,
     /// dL/d(parameters), one row a splat.
     pub rows: Buffer<SplatGrad>,

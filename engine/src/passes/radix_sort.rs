@@ -54,8 +54,8 @@ impl RadixSort {
         (keys, values)
     }
 
-    /// Records the sort of the first `counts[count_index]` pairs by the lowest `bits` bits of the key, and gives sorted
-    /// keys and values.
+    /// Records the sort of the first `counts[count_index]` pairs by keys of at most `bits` bits, and gives sorted keys and
+    /// values.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,

@@ -36,6 +36,7 @@ impl Scan {
         count: usize,
         offsets: &mut Buffer<u32>,
     ) {
+        assert!(count > 0, "scan: nothing to sum");
         let blocks = count.div_ceil(BLOCK);
         assert!(blocks <= self.block_sums.len(), "scan: {count} elements are more than it was made for");
         let params = ScanParams { count: count as u32 };

@@ -5,7 +5,7 @@ use super::{Adjoint, Reconstruction, Target};
 /// A loss term with its λ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Term {
-    /// λ/2 Σ m (V̂ - V)², m = M for a soft mask and [M > ½] for a binary one.
+    /// λ/2 Σ m (V̂ - V)², m = M for a soft mask and \[M > ½\] for a binary one.
     Mse {
         /// λ.
         weight: f64,

@@ -90,7 +90,7 @@ fn least_q(footprint: &Footprint, d: DVec3, by: f64) -> f64 {
 }
 
 /// `cell_masks`: for each slot, each 32 of its pairs and each cell a word, whose bit j says that pair j of the 32 reaches
-/// the cell; [slot][32 pairs][cell]. `starts` are the ranges of the sorted pairs and `pair_masks` the cells of each.
+/// the cell; by slot, then 32 pairs, then cell. `starts` are the ranges of the sorted pairs and `pair_masks` the cells of each.
 pub fn cell_masks(starts: &[u32], pair_masks: &[u64]) -> Vec<Vec<[u32; 64]>> {
     let slot = |range: &[u32]| {
         let pairs = &pair_masks[range[0] as usize..range[1] as usize];

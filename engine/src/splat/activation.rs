@@ -65,6 +65,16 @@ pub fn unit_quaternion(rotation: [f32; 4]) -> DQuat {
     }
 }
 
+/// `rotation` at length 1 for the device, which takes that for granted; untouched where it has it to within rounding.
+pub fn normalised(rotation: [f32; 4]) -> [f32; 4] {
+    let length_squared: f64 = rotation.iter().map(|&v| f64::from(v) * f64::from(v)).sum();
+    if (length_squared - 1.0).abs() < 1e-6 {
+        return rotation;
+    }
+    let q = unit_quaternion(rotation);
+    [q.w, q.x, q.y, q.z].map(|v| v as f32)
+}
+
 /// Rotation matrix of the quaternion `rotation` (w, x, y, z) of any length; the identity where it is zero or not
 /// finite.
 pub fn rotation_matrix(rotation: [f32; 4]) -> DMat3 {
