@@ -33,5 +33,5 @@ void main() {
         offsets[i] = offset;
         offset += values[i];
     }
-    if (begin < p.count && end == p.count) offsets[p.count] = offset;
+    if (end == p.count && (begin < p.count || (p.count == 0 && t == 0))) offsets[p.count] = offset;
 }
