@@ -4,8 +4,9 @@
 // two runs add the same numbers in the same order. Intensities are relative to the background: a sample that no splat
 // reaches has the background exactly.
 //
-// The workgroup size is 8 times CELLS. With one cell a workgroup all its loads are uniform, which a CPU driver turns
-// into scalar ones (five times faster there); GPUs want full subgroups. engine/src/passes/rasterise.rs chooses.
+// A workgroup owns 8 cells. With GROUP = 64 they go side by side, as GPUs want it. With GROUP = 8 they go one after the
+// other: then all loads are uniform, which a CPU driver turns into scalar ones, five times faster there.
+// engine/src/passes/rasterise.rs chooses.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
@@ -19,13 +20,7 @@ layout(scalar, binding = 3) readonly buffer Footprints { Footprint footprints[];
 layout(scalar, binding = 4) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
 layout(scalar, binding = 5) writeonly buffer Reconstructions { Reconstruction reconstructions[]; };
 
-void main() {
-    uint cell = p.first_cell + gl_WorkGroupID.x;
-    uint lane = gl_LocalInvocationIndex;
-    if (GROUP != 8) {
-        cell = p.first_cell + (gl_WorkGroupID.x * GROUP + gl_LocalInvocationIndex) / 8;
-        lane = gl_LocalInvocationIndex & 7u;
-    }
+void rasterise(uint cell, uint lane) {
     uint slot = cell >> 6;
     uint morton = (cell & 63u) * 8u + lane;
     vec3 x = vec3(brick_coordinates[p.grid.first_slot + slot] * 8u + brick_voxel(morton)) + p.grid.offset;
@@ -48,4 +43,13 @@ void main() {
         }
     }
     reconstructions[cell * 8 + lane] = Reconstruction(weight, sum / (weight + p.epsilon));
+}
+
+void main() {
+    uint cell = p.first_cell + gl_WorkGroupID.x * 8;
+    if (GROUP == 8) {
+        for (uint c = 0; c < 8; ++c) rasterise(cell + c, gl_LocalInvocationIndex);
+    } else {
+        rasterise(cell + gl_LocalInvocationIndex / 8, gl_LocalInvocationIndex & 7u);
+    }
 }

@@ -11,6 +11,9 @@ use crate::splat::{self, Splat};
 use crate::volume::Bricks;
 use crate::volume::bricks::SAMPLES;
 
+/// Cells of one workgroup.
+const CELLS_PER_GROUP: usize = 8;
+
 /// The forward pass over a fixed sample grid and a fixed number of splats.
 pub struct Rasteriser {
     gpu: Gpu,
@@ -25,7 +28,6 @@ pub struct Rasteriser {
     /// Pairs that each chunk needed.
     pub pair_totals: Buffer<u32>,
     epsilon: f32,
-    cells_per_group: usize,
 }
 
 impl Rasteriser {
@@ -38,16 +40,15 @@ impl Rasteriser {
         splat_count: usize,
     ) -> Result<Self> {
         let grid = SampleGrid::new(gpu, bricks, size_of::<Reconstruction>())?;
-        // One cell a workgroup where 8 invocations fill a subgroup, 8 elsewhere; see splat_to_volume.comp.
-        let cells_per_group = if gpu.description().subgroup_size <= 8 { 1 } else { 8 };
+        // Cells one after the other where 8 invocations fill a subgroup, side by side elsewhere; see splat_to_volume.comp.
+        let invocations = if gpu.description().subgroup_size <= 8 { 8 } else { 64 };
         Ok(Rasteriser {
             gpu: gpu.clone(),
-            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), cells_per_group * 8])?,
+            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), invocations])?,
             pace: Pace::new(glsl::SPLAT_TO_VOLUME.name),
             bins: Binner::new(gpu, kernel, &grid, splat_count)?,
             reconstructions: gpu.buffer("reconstruction", "samples", grid.chunk_slots() * SAMPLES)?,
             pair_totals: gpu.buffer("pair totals", "sorting", grid.chunks())?,
-            cells_per_group: cells_per_group as usize,
             grid,
             epsilon,
         })
@@ -66,8 +67,7 @@ impl Rasteriser {
         let limit = self.gpu.limits().workgroups as usize;
         let (kernel, coordinates, bins) = (&self.kernel, &self.grid.coordinates, &self.bins);
         let (epsilon, out) = (self.epsilon, &mut self.reconstructions);
-        let cells_per_group = self.cells_per_group;
-        let groups = (grid.slot_count as usize * CELLS).div_ceil(cells_per_group);
+        let groups = grid.slot_count as usize * CELLS / CELLS_PER_GROUP;
         self.pace.run(&self.gpu, recorder, groups, limit, |recorder, first, count| {
             recorder
                 .pass(kernel)
@@ -77,7 +77,7 @@ impl Rasteriser {
                 .read(&bins.footprints)
                 .read(coordinates)
                 .write(out)
-                .push(&RasterParams { grid, first_cell: (first * cells_per_group) as u32, epsilon })
+                .push(&RasterParams { grid, first_cell: (first * CELLS_PER_GROUP) as u32, epsilon })
                 .dispatch(count as u32);
         })
     }
