@@ -5,10 +5,10 @@
 //! Inside a brick samples lie in Morton order (`shaders-glsl/include/brick.glsl`), so that 8 neighbours in memory are
 //! a cell of 2³ voxels.
 
-use glam::{DVec3, IVec3, UVec3};
+use glam::{IVec3, UVec3};
 use rayon::prelude::*;
 
-use super::{Roi, Volume};
+use super::Roi;
 
 /// Voxels along an edge of a brick.
 pub const BRICK: usize = 8;
@@ -147,31 +147,6 @@ impl Bricks {
     }
 }
 
-/// Trilinear sample of a grid at `x` (voxel space), clamped to the edge: what every volume renderer shows.
-/// `at` gives the value of a voxel inside `size`.
-pub fn trilinear(size: [usize; 3], x: DVec3, at: impl Fn(usize) -> f64) -> f64 {
-    let mut low = [0usize; 3];
-    let mut high = [0usize; 3];
-    let mut part = [0f64; 3];
-    for axis in 0..3 {
-        let c = x[axis].clamp(0.0, (size[axis] - 1) as f64);
-        low[axis] = c as usize;
-        high[axis] = (low[axis] + 1).min(size[axis] - 1);
-        part[axis] = c - low[axis] as f64;
-    }
-    let row = |y: usize, z: usize| {
-        let base = (z * size[1] + y) * size[0];
-        let (a, b) = (at(base + low[0]), at(base + high[0]));
-        a + (b - a) * part[0]
-    };
-    let slice = |z: usize| {
-        let (a, b) = (row(low[1], z), row(high[1], z));
-        a + (b - a) * part[1]
-    };
-    let (a, b) = (slice(low[2]), slice(high[2]));
-    a + (b - a) * part[2]
-}
-
 /// First and last voxel of the ROI on each axis; an empty box at 0 when there is none.
 fn bounding_box(roi: &Roi) -> (IVec3, IVec3) {
     let [nx, ny, _] = roi.size;
@@ -230,24 +205,6 @@ fn spread(is_set: &impl Fn(usize) -> bool, len: usize, reach: usize, mut set: im
     }
 }
 
-impl Volume {
-    /// Trilinear sample at `x` (voxel space), clamped to the edge, each voxel first clipped to `clip`; a voxel that is
-    /// not finite counts as `idle`.
-    pub fn sample_clipped(&self, x: DVec3, clip: (f32, f32), idle: f32) -> f64 {
-        trilinear(self.size, x, |i| {
-            let v = self.samples[i];
-            f64::from(if v.is_finite() { v.clamp(clip.0, clip.1) } else { idle })
-        })
-    }
-}
-
-impl Roi {
-    /// Trilinear membership at `x` (voxel space), clamped to the edge.
-    pub fn membership(&self, x: DVec3) -> f64 {
-        trilinear(self.size, x, |i| f64::from(self.weight[i]))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -288,18 +245,5 @@ mod tests {
             }
         }
         assert_eq!(bricks.active_count(), expected);
-    }
-
-    #[test]
-    fn trilinear_is_exact_on_linear_functions_and_clamps() {
-        let size = [4, 3, 5];
-        let at = |i: usize| {
-            let (x, y, z) = (i % 4, i / 4 % 3, i / 12);
-            x as f64 * 2.0 - y as f64 + z as f64 * 0.5
-        };
-        let x = DVec3::new(1.25, 0.5, 3.75);
-        assert!((trilinear(size, x, at) - (2.5 - 0.5 + 1.875)).abs() < 1e-12);
-        assert_eq!(trilinear(size, DVec3::splat(-1.0), at), at(0));
-        assert_eq!(trilinear(size, DVec3::splat(99.0), at), at(59));
     }
 }

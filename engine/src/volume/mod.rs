@@ -165,19 +165,16 @@ impl Volume {
 
     /// Trilinear interpolation at a point in voxel space, clamped to the grid: beyond the edge the edge value.
     pub fn trilinear(&self, voxel: DVec3) -> f64 {
-        let last = DVec3::from_array(self.size.map(|n| n as f64 - 1.0));
-        let p = voxel.clamp(DVec3::ZERO, last);
-        let low = p.floor();
-        let f = p - low;
-        let [x, y, z] = low.to_array().map(|c| c as usize);
-        let [x1, y1, z1] = [x + 1, y + 1, z + 1];
-        let at = |x: usize, y: usize, z: usize| {
-            let [x, y, z] = [x.min(self.size[0] - 1), y.min(self.size[1] - 1), z.min(self.size[2] - 1)];
-            f64::from(self.samples[self.index(x, y, z)])
-        };
-        let along_x = |y, z| lerp(at(x, y, z), at(x1, y, z), f.x);
-        let along_y = |z| lerp(along_x(y, z), along_x(y1, z), f.y);
-        lerp(along_y(z), along_y(z1), f.z)
+        trilinear(self.size, voxel, |i| f64::from(self.samples[i]))
+    }
+
+    /// Trilinear sample at `x` (voxel space), clamped to the edge, each voxel first clipped to `clip`; a voxel that is
+    /// not finite counts as `idle`.
+    pub fn sample_clipped(&self, x: DVec3, clip: (f32, f32), idle: f32) -> f64 {
+        trilinear(self.size, x, |i| {
+            let v = self.samples[i];
+            f64::from(if v.is_finite() { v.clamp(clip.0, clip.1) } else { idle })
+        })
     }
 
     /// Smallest and largest finite sample; `None` if there is none.
@@ -211,6 +208,23 @@ impl Volume {
             }))
         })
     }
+}
+
+/// Trilinear sample of a grid at `x` (voxel space), clamped to the edge: what every volume renderer shows. `at` gives
+/// the value of a voxel by its place in memory, x fastest.
+pub fn trilinear(size: [usize; 3], x: DVec3, at: impl Fn(usize) -> f64) -> f64 {
+    let last = DVec3::from_array(size.map(|n| n as f64 - 1.0));
+    let p = x.clamp(DVec3::ZERO, last);
+    let low = p.floor();
+    let f = p - low;
+    let low = low.to_array().map(|c| c as usize);
+    let high: [usize; 3] = std::array::from_fn(|axis| (low[axis] + 1).min(size[axis] - 1));
+    let row = |y: usize, z: usize| {
+        let base = (z * size[1] + y) * size[0];
+        lerp(at(base + low[0]), at(base + high[0]), f.x)
+    };
+    let slice = |z: usize| lerp(row(low[1], z), row(high[1], z), f.y);
+    lerp(slice(low[2]), slice(high[2]), f.z)
 }
 
 /// Linear interpolation that gives the ends exactly, and a NaN end only where it has weight.

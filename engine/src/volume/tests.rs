@@ -176,3 +176,16 @@ fn an_invesalius_project_equals_its_nifti_export() {
     assert_eq!(project.samples, nifti.samples);
     assert!(project.world_from_voxel.abs_diff_eq(nifti.world_from_voxel, 1e-4));
 }
+
+#[test]
+fn trilinear_is_exact_on_linear_functions_and_clamps() {
+    let size = [4, 3, 5];
+    let at = |i: usize| {
+        let (x, y, z) = (i % 4, i / 4 % 3, i / 12);
+        x as f64 * 2.0 - y as f64 + z as f64 * 0.5
+    };
+    let x = DVec3::new(1.25, 0.5, 3.75);
+    assert!((trilinear(size, x, at) - (2.5 - 0.5 + 1.875)).abs() < 1e-12);
+    assert_eq!(trilinear(size, DVec3::splat(-1.0), at), at(0));
+    assert_eq!(trilinear(size, DVec3::splat(99.0), at), at(59));
+}

@@ -5,7 +5,7 @@ use engine::Result;
 use engine::fit::evaluate::FieldSample;
 use engine::gpu::Gpu;
 use engine::splat::SplatSet;
-use engine::volume::bricks::trilinear;
+use engine::volume::trilinear;
 use engine::volume::{Roi, Volume};
 use glam::{DAffine3, DVec3};
 
