@@ -4,7 +4,7 @@
 
 use engine::fit::evaluate::{FieldSample, Sampler};
 use engine::gpu::Gpu;
-use engine::passes::Adam;
+use engine::passes::{Adam, Rasteriser, Shape};
 use engine::reference::{Footprint, Samples, splat_bounds, splat_to_volume};
 use engine::splat::{Field, Kernel, Splat};
 use engine::volume::Bricks;
@@ -556,6 +556,32 @@ fn positions_follow_the_bricks() {
         for morton in [0, 1, 7, 8, 100, 511] {
             let wanted = bricks.voxel(slot, morton).as_dvec3() + DVec3::new(0.25, -0.5, 0.0);
             assert_eq!(positions[slot * SAMPLES + morton], wanted);
+        }
+    }
+}
+
+/// The forward pass has one shape for narrow devices and one for wide ones; a machine runs one of them, so both are
+/// run here.
+#[test]
+fn both_shapes_of_the_forward_pass_give_the_same_bits() {
+    let gpu = Device::boot();
+    let bricks = bricks();
+    for kernel in KERNELS {
+        let splats = some_splats(31, 300);
+        let buffer = gpu.upload("splats", "test", &splats).expect("splats");
+        let run = |shape| {
+            let mut rasteriser = Rasteriser::with_shape(&gpu, kernel, EPSILON, &bricks, splats.len(), shape)
+                .expect("a rasteriser");
+            rasteriser.rasterise(&buffer, [0.2, -0.3, 0.4]).expect("samples")
+        };
+        let (narrow, wide) = (run(Shape::OneByOne), run(Shape::SideBySide));
+        assert!(narrow.iter().filter(|r| r.weight > 0.1).count() > 1000, "the splats cover the grid");
+        for (i, (a, b)) in narrow.iter().zip(&wide).enumerate() {
+            assert_eq!(
+                (a.weight.to_bits(), a.value.to_bits()),
+                (b.weight.to_bits(), b.value.to_bits()),
+                "sample {i}"
+            );
         }
     }
 }

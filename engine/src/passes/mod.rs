@@ -16,6 +16,6 @@ pub use gradient::Gradient;
 pub use loss::Losses;
 pub use pace::Pace;
 pub use radix_sort::RadixSort;
-pub use rasterise::Rasteriser;
+pub use rasterise::{Rasteriser, Shape};
 pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};

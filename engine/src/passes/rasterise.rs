@@ -14,6 +14,23 @@ use crate::volume::bricks::SAMPLES;
 /// Cells of one workgroup.
 const CELLS_PER_GROUP: usize = 8;
 
+/// How the 8 cells of a workgroup run; the value is its invocations. See `splat_to_volume.comp`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Shape {
+    /// One after the other, so that all loads are uniform: for CPU drivers.
+    OneByOne = 8,
+    /// Side by side: for GPUs, which want full subgroups.
+    SideBySide = 64,
+}
+
+impl Shape {
+    /// What suits a device: one after the other where 8 invocations fill a subgroup.
+    pub fn of(gpu: &Gpu) -> Self {
+        if gpu.description().subgroup_size <= 8 { Shape::OneByOne } else { Shape::SideBySide }
+    }
+}
+
 /// The forward pass over a fixed sample grid and a fixed number of splats.
 pub struct Rasteriser {
     gpu: Gpu,
@@ -39,12 +56,22 @@ impl Rasteriser {
         bricks: &Bricks,
         splat_count: usize,
     ) -> Result<Self> {
+        Self::with_shape(gpu, kernel, epsilon, bricks, splat_count, Shape::of(gpu))
+    }
+
+    /// The same in a shape of the caller's choice; the result has the same bits.
+    pub fn with_shape(
+        gpu: &Gpu,
+        kernel: splat::Kernel,
+        epsilon: f32,
+        bricks: &Bricks,
+        splat_count: usize,
+        shape: Shape,
+    ) -> Result<Self> {
         let grid = SampleGrid::new(gpu, bricks, size_of::<Reconstruction>())?;
-        // Cells one after the other where 8 invocations fill a subgroup, side by side elsewhere; see splat_to_volume.comp.
-        let invocations = if gpu.description().subgroup_size <= 8 { 8 } else { 64 };
         Ok(Rasteriser {
             gpu: gpu.clone(),
-            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), invocations])?,
+            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), shape as u32])?,
             pace: Pace::new(glsl::SPLAT_TO_VOLUME.name),
             bins: Binner::new(gpu, kernel, &grid, splat_count)?,
             reconstructions: gpu.buffer("reconstruction", "samples", grid.chunk_slots() * SAMPLES)?,
