@@ -1,12 +1,18 @@
 // What the loss kernels share: one workgroup owns a brick, one invocation every 64th sample; the loss value and
 // its weight are summed over the brick in a fixed order. A loss never sees a splat.
+//
+// The first term overwrites the adjoints (dL/dV^, dL/dW), later ones add to them. The last one folds them into what the
+// backward pass multiplies with a splat's intensity c: A = dL/dV^ / (W + ε) and H = dL/dW - A V^, so that
+// dL/dw = A c + H and dL/dc = A w.
 #include "splat.glsl"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform LossParams {
     float weight;      // λ of this term
     float parameter;   // what the term needs besides: see there
-    uint accumulate;   // 0: first term, overwrites the adjoints; 1: adds to them
+    float epsilon;     // of equation (2)
 } p;
+layout(constant_id = 0) const uint ACCUMULATE = 0; // 1: not the first term
+layout(constant_id = 1) const uint FOLD = 0;       // 1: the last term
 layout(scalar, binding = 0) readonly buffer Targets { uint targets[]; };
 layout(scalar, binding = 1) readonly buffer Reconstructions { Reconstruction reconstructions[]; };
 layout(scalar, binding = 2) buffer Adjoints { Adjoint adjoints[]; };
@@ -29,9 +35,13 @@ void main() {
             loss_term(wanted, reconstructions[i], value_weight, adjoint);
             sum += value_weight;
         }
-        if (p.accumulate != 0) {
+        if (ACCUMULATE != 0) {
             adjoint.value += adjoints[i].value;
             adjoint.weight += adjoints[i].weight;
+        }
+        if (FOLD != 0) {
+            adjoint.value /= reconstructions[i].weight + p.epsilon;
+            adjoint.weight -= adjoint.value * reconstructions[i].value;
         }
         adjoints[i] = adjoint;
     }

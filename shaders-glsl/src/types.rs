@@ -142,11 +142,6 @@ shared! {
         weight: f32,
         /// What the term needs besides.
         parameter: f32,
-        /// 1 when the adjoints are added to, 0 when they are overwritten.
-        accumulate: u32,
-    }
-    /// Push constants of `fold_adjoints`.
-    FoldParams {
         /// ε of equation (2).
         epsilon: f32,
     }

@@ -3,7 +3,7 @@
 
 use shaders_glsl as glsl;
 use shaders_glsl::Shader;
-use shaders_glsl::types::{Adjoint, FoldParams, LossParams, Reconstruction, Target};
+use shaders_glsl::types::{Adjoint, LossParams, Reconstruction, Target};
 
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
@@ -46,7 +46,6 @@ pub struct Sum {
 /// The terms of one fit.
 pub struct Losses {
     terms: Vec<(Weighted, Kernel)>,
-    fold: Kernel,
     /// Adjoints of the chunk in work.
     pub adjoints: Buffer<Adjoint>,
     /// One row per term: the sums of each slot, all chunks.
@@ -63,14 +62,21 @@ impl Losses {
         chunk_slots: usize,
         chunks: usize,
     ) -> Result<Self> {
-        let kernels: Result<Vec<_>> =
-            terms.iter().map(|&t| Ok((t, Kernel::new(gpu, TERMS[t.term].shader, &[])?))).collect();
+        let last = terms.len().saturating_sub(1);
+        let kernels: Result<Vec<_>> = terms
+            .iter()
+            .enumerate()
+            .map(|(i, &t)| {
+                // The first term overwrites the adjoints, the last one folds them; see loss.glsl.
+                let constants = [u32::from(i > 0), u32::from(i == last)];
+                Ok((t, Kernel::new(gpu, TERMS[t.term].shader, &constants)?))
+            })
+            .collect();
         let sums: Result<Vec<_>> = (0..terms.len() * chunks)
             .map(|i| gpu.buffer(&format!("loss sums {i}"), "samples", chunk_slots))
             .collect();
         Ok(Losses {
             terms: kernels?,
-            fold: Kernel::new(gpu, &glsl::FOLD_ADJOINTS, &[])?,
             adjoints: gpu.buffer("adjoints", "samples", chunk_slots * SAMPLES)?,
             sums: sums?,
             epsilon,
@@ -94,19 +100,9 @@ impl Losses {
                 .read(reconstructions)
                 .write(&mut self.adjoints)
                 .write(&mut self.sums[chunk * count + i])
-                .push(&LossParams {
-                    weight: term.weight,
-                    parameter: term.parameter,
-                    accumulate: u32::from(i > 0),
-                })
+                .push(&LossParams { weight: term.weight, parameter: term.parameter, epsilon: self.epsilon })
                 .dispatch(slots as u32);
         }
-        recorder
-            .pass(&self.fold)
-            .read(reconstructions)
-            .write(&mut self.adjoints)
-            .push(&FoldParams { epsilon: self.epsilon })
-            .dispatch(slots as u32);
     }
 
     /// The sums of the step that was finished last, one per term in the order given. Waits for the device; summed in

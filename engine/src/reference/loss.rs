@@ -100,3 +100,10 @@ pub fn sums(
     };
     targets.chunks(samples_per_sum).zip(got.chunks(samples_per_sum)).map(group).collect()
 }
+
+/// The adjoint of one sample as the last term leaves it: A = dL/dV̂ / (W + ε) and H = dL/dW - A V̂, so that
+/// dL/dw = A c + H and dL/dc = A w.
+pub fn fold(got: Reconstruction, adjoint: Adjoint, epsilon: f64) -> Adjoint {
+    let a = adjoint.value / (got.weight + epsilon);
+    Adjoint { value: a, weight: adjoint.weight - a * got.value }
+}

@@ -5,7 +5,6 @@
 //! Twins use plain loops over all samples and all splats. They are for tests and never touch the GPU.
 
 pub mod adam;
-pub mod fold_adjoints;
 pub mod loss;
 pub mod moments_to_grad;
 pub mod objective;

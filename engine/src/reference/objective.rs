@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::fold_adjoints::fold;
 use super::loss::adjoints;
+use super::loss::fold;
 use super::splat_bounds::footprint;
 use super::splat_to_volume::splat_to_volume;
 use super::splat_to_volume_grad::splat_to_volume_grad;

@@ -34,7 +34,7 @@ macro_rules! oracle {
 oracle! {
     sorting: scan_sums scan_offsets scan_apply radix_count radix_scatter;
     bins: splat_bounds emit_pairs brick_ranges pair_masks cell_masks;
-    volume: splat_to_volume loss_mse loss_occupancy fold_adjoints splat_to_volume_grad moments_to_grad;
+    volume: splat_to_volume loss_mse loss_occupancy splat_to_volume_grad moments_to_grad;
     optimiser: adam;
 }
 

@@ -4,15 +4,13 @@ use engine::gpu::Kernel;
 use engine::reference::moments_to_grad as gradient;
 use engine::reference::splat_to_volume as forward;
 use engine::reference::splat_to_volume_grad as backward;
-use engine::reference::{
-    Adjoint, Footprint, Gradient, Reconstruction, Target, Term, fold_adjoints as fold, loss,
-};
+use engine::reference::{Adjoint, Footprint, Gradient, Reconstruction, Target, Term, loss};
 use engine::splat;
 use engine::volume::bricks::SAMPLES;
 use glam::DVec3;
 use rand::RngExt;
 use shaders_glsl::Shader;
-use shaders_glsl::types::{self, FoldParams, LossParams, MomentParams};
+use shaders_glsl::types::{self, LossParams, MomentParams};
 use vgs_tests::scene::{EPSILON, random};
 use vgs_tests::{Bound, Device, Scene, assert_close, step};
 
@@ -95,18 +93,18 @@ fn samples(slots: usize) -> (Vec<types::Target>, Vec<types::Reconstruction>, Vec
 
 fn check_loss(shader: &'static Shader, rows: &[(f32, Term)]) {
     let gpu = Device::boot();
-    let kernel = Kernel::new(&gpu, shader, &[]).unwrap();
     let slots = 5;
     let (targets, got, before) = samples(slots);
     let targets64: Vec<Target> = targets.iter().map(Into::into).collect();
     let got64: Vec<Reconstruction> = got.iter().map(Into::into).collect();
     for &(parameter, term) in rows {
-        for accumulate in [0, 1] {
+        for (accumulate, fold) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let kernel = Kernel::new(&gpu, shader, &[accumulate, fold]).unwrap();
             let target_buffer = gpu.upload("targets", "test", &targets).unwrap();
             let sample_buffer = gpu.upload("samples", "test", &got).unwrap();
             let mut adjoints = gpu.upload("adjoints", "test", &before).unwrap();
             let mut sums = gpu.buffer::<[f32; 2]>("sums", "test", slots).unwrap();
-            let params = LossParams { weight: term.lambda() as f32, parameter, accumulate };
+            let params = LossParams { weight: term.lambda() as f32, parameter, epsilon: EPSILON };
             run(&gpu, |r| {
                 r.pass(&kernel)
                     .read(&target_buffer)
@@ -118,11 +116,25 @@ fn check_loss(shader: &'static Shader, rows: &[(f32, Term)]) {
             });
             let wanted = loss::adjoints(&[term], &targets64, &got64);
             let found = adjoints.read().unwrap();
-            let pairs = found.iter().zip(&wanted).zip(&before).flat_map(|((g, w), b)| {
-                let b = if accumulate == 1 { Adjoint::from(b) } else { Adjoint::default() };
-                [(f64::from(g.value), w.value + b.value), (f64::from(g.weight), w.weight + b.weight)]
-            });
-            assert_close(&format!("{}: adjoints", shader.name), Bound::new(2e-7, 2e-6), pairs);
+            let pairs =
+                found.iter().zip(&wanted).zip(before.iter().zip(&got64)).flat_map(|((g, w), (b, r))| {
+                    let b = if accumulate == 1 { Adjoint::from(b) } else { Adjoint::default() };
+                    let sum = Adjoint { value: w.value + b.value, weight: w.weight + b.weight };
+                    let w = if fold == 1 { loss::fold(*r, sum, f64::from(EPSILON)) } else { sum };
+                    // Folding divides the rounding of the sum by W + ε, and H is a difference.
+                    let (divisor, size) = match fold {
+                        1 => {
+                            let divisor = r.weight + f64::from(EPSILON);
+                            (divisor, 1.0 + (w.value * r.value).abs() + (r.value / divisor).abs())
+                        }
+                        _ => (1.0, 1.0),
+                    };
+                    [
+                        (f64::from(g.value) * divisor, w.value * divisor),
+                        (f64::from(g.weight) / size, w.weight / size),
+                    ]
+                });
+            assert_close(&format!("{}: adjoints", shader.name), Bound::new(3e-7, 3e-6), pairs);
             let wanted = loss::sums(&term, &targets64, &got64, SAMPLES);
             let found = sums.read().unwrap();
             let pairs = found.iter().zip(&wanted).flat_map(|(g, w)| (0..2).map(|i| (f64::from(g[i]), w[i])));
@@ -143,30 +155,6 @@ pub fn loss_occupancy() {
     let weight = f64::from(0.3f32);
     let row = |w0: f32| (w0, Term::Occupancy { weight, w0: f64::from(w0) });
     check_loss(&shaders_glsl::LOSS_OCCUPANCY, &[row(0.05), row(1.0)]);
-}
-
-pub fn fold_adjoints() {
-    let gpu = Device::boot();
-    let kernel = Kernel::new(&gpu, &shaders_glsl::FOLD_ADJOINTS, &[]).unwrap();
-    let slots = 3;
-    let (_, got, before) = samples(slots);
-    let sample_buffer = gpu.upload("samples", "test", &got).unwrap();
-    let mut adjoints = gpu.upload("adjoints", "test", &before).unwrap();
-    run(&gpu, |r| {
-        r.pass(&kernel)
-            .read(&sample_buffer)
-            .write(&mut adjoints)
-            .push(&FoldParams { epsilon: EPSILON })
-            .dispatch(slots as u32);
-    });
-    let found = adjoints.read().unwrap();
-    let pairs = found.iter().zip(&got).zip(&before).flat_map(|((g, r), b)| {
-        let w = fold::fold(r.into(), b.into(), f64::from(EPSILON));
-        // H is a difference: its rounding is that of its parts.
-        let size = 1.0 + (w.value * f64::from(r.value)).abs();
-        [(f64::from(g.value), w.value), (f64::from(g.weight) / size, w.weight / size)]
-    });
-    assert_close("fold_adjoints", Bound::new(5e-7, 1e-6), pairs);
 }
 
 /// Per moment, the sum of the absolute contributions of all samples: what rounding is measured against.
