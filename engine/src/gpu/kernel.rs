@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ash::vk;
 use shaders_glsl::Shader;
 
-use super::{Context, Gpu, boot, check};
+use super::{Context, Gpu, boot, check, lock};
 use crate::error::{Error, Kind, Result};
 
 /// A compute pipeline: one shader with its specialisation constants fixed.
@@ -107,6 +107,8 @@ impl Drop for Kernel {
     fn drop(&mut self) {
         // A kernel may be dropped while its last dispatch still runs; kernels live as long as the programs that use
         // them, so waiting here is rare and simpler than a second graveyard.
+        // Waiting counts as using the queue, which only one thread may do at a time.
+        let _queue = lock(&self.context.queue);
         // SAFETY: after the wait nothing uses the handles; null handles are ignored.
         unsafe {
             let _ = self.context.device.device_wait_idle();

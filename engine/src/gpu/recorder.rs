@@ -313,10 +313,16 @@ impl Recorder {
         let submit =
             [vk::SubmitInfo2::default().command_buffer_infos(&commands).signal_semaphore_infos(&signals)];
         // SAFETY: the queue is ours alone while locked; the command buffer is complete.
-        unsafe {
+        let submitted = unsafe {
             context.device.cmd_pipeline_barrier2(slot.commands, &dependency);
-            check("recording", context.device.end_command_buffer(slot.commands))?;
-            check("submitting", context.device.queue_submit2(queue.queue, &submit, vk::Fence::null()))?;
+            context
+                .device
+                .end_command_buffer(slot.commands)
+                .and_then(|()| context.device.queue_submit2(queue.queue, &submit, vk::Fence::null()))
+        };
+        if let Err(e) = submitted {
+            queue.free.push(slot);
+            return check("submitting", Err(e));
         }
         queue.last = value;
         queue.flying.push(Flight { value, slot, passes: std::mem::take(&mut self.passes) });
