@@ -35,6 +35,8 @@ pub struct SplatSet {
     /// Whether intensities are physical (HU for CT). Otherwise they are the luminance of a colour, about 0 to 1, and
     /// a transfer function over HU means nothing for them.
     pub has_intensity: bool,
+    /// Iterations of the fit that made the set; nothing where the file does not say.
+    pub iterations: Option<u32>,
 }
 
 /// How splats add up to V̂(x) = b + Σ w (c − b) / (Σ w + ε), with w = α κ(q), and to the occupancy
@@ -106,6 +108,8 @@ pub struct Summary {
     pub epsilon: f32,
     /// w₀ of the occupancy.
     pub occupancy_w0: f32,
+    /// Iterations of the fit, where the file says so.
+    pub iterations: Option<u32>,
 }
 
 /// One file format of splat sets.
@@ -194,6 +198,7 @@ mod tests {
             origin_mm: DVec3::ZERO,
             field: Field::default(),
             has_intensity: true,
+            iterations: None,
         };
         write(&at("a.PLY"), &set, false).expect("the extension in capitals is the same format");
         std::fs::rename(at("a.PLY"), at("a.dat")).expect("renaming");

@@ -73,6 +73,8 @@ struct Output {
     splats: usize,
     #[serde(flatten)]
     quality: Quality,
+    /// Of the fit; null where the file does not say.
+    iterations: Option<u32>,
     seconds: f64,
     device_peak_bytes: u64,
     host_peak_bytes: Option<u64>,
@@ -116,6 +118,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         console.json_data(&Output {
             splats: splats.len(),
             quality: Quality::of(&evaluation),
+            iterations: set.iterations,
             seconds: start.elapsed().as_secs_f64(),
             device_peak_bytes: gpu.peak_bytes(),
             host_peak_bytes: host_peak_bytes(),

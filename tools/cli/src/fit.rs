@@ -109,7 +109,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
 
     let background = engine::fit::Scaling::new(&case.volume, &case.roi, config).background;
     let field = config.field(background);
-    let set = SplatSet::from_voxel(&outcome.splats, &case.volume.world_from_voxel, field);
+    let set = SplatSet {
+        iterations: Some(outcome.iterations),
+        ..SplatSet::from_voxel(&outcome.splats, &case.volume.world_from_voxel, field)
+    };
     splat::write(&files.splats, &set, arguments.force)?;
 
     let evaluating = Instant::now();

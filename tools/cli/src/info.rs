@@ -219,6 +219,9 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     out.add("kernel", s.kernel);
     let field = format!("background {}, epsilon {}, w0 {}", s.background, s.epsilon, s.occupancy_w0);
     out.add("field", field);
+    if let Some(iterations) = s.iterations {
+        out.add("fit", format!("{iterations} iterations"));
+    }
     let elements: Vec<_> = s.elements.iter().map(|(name, n)| format!("{name} ({n})")).collect();
     out.add("elements", elements.join(", "));
     out.add("properties", s.properties.join(" "));

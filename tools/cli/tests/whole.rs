@@ -58,6 +58,7 @@ fn phantom_fit_eval_rasterize_info() {
         let (a, b) = (result[key].as_f64().expect("a number"), again[key].as_f64().expect("a number"));
         assert!((a - b).abs() < 1e-3 * a.abs(), "{key}: {a} after the fit, {b} from the file");
     }
+    assert_eq!(again["iterations"], result["iterations"], "the file says how long it was fitted");
     let more = ["--picture", "a.png", "--table", "table.csv"];
     let table = folder.run(&[&eval[..], &more].concat());
     assert_eq!(table.code, 0, "{}", table.err);

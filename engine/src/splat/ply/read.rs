@@ -63,6 +63,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         background: set.field.background,
         epsilon: set.field.epsilon,
         occupancy_w0: set.field.occupancy_w0,
+        iterations: set.iterations,
     })
 }
 
@@ -149,6 +150,7 @@ pub(super) fn load(
         origin_mm: stated.origin_mm.unwrap_or_default(),
         field: stated.field((sum / splats.len().max(1) as f64) as f32),
         has_intensity: layout.source != Source::Colour && stated.physical.unwrap_or(true),
+        iterations: stated.iterations,
         splats,
     };
     Ok(Loaded { set, header, dropped, bytes })

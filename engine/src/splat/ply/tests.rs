@@ -37,7 +37,13 @@ fn sample(count: usize) -> SplatSet {
         }
     });
     let field = Field { kernel: Kernel::Compact, background: 12.7, epsilon: 1e-3, occupancy_w0: 0.05 };
-    SplatSet { splats: splats.collect(), origin_mm: DVec3::new(-1e5, 0.1, 33.0), field, has_intensity: true }
+    SplatSet {
+        splats: splats.collect(),
+        origin_mm: DVec3::new(-1e5, 0.1, 33.0),
+        field,
+        has_intensity: true,
+        iterations: Some(400),
+    }
 }
 
 /// A PLY file from its parts: header lines after `format`, then the payload.
@@ -528,7 +534,7 @@ proptest! {
     ) {
         let kernel = if compact { Kernel::Compact } else { Kernel::Gaussian };
         let field = Field { kernel, background, epsilon, occupancy_w0 };
-        let set = SplatSet { splats, origin_mm: DVec3::from_array(origin), field, has_intensity };
+        let set = SplatSet { splats, origin_mm: DVec3::from_array(origin), field, has_intensity, iterations: None };
         let read = loaded(&encoded(&set), &STRICT).expect("our own file").set;
         prop_assert_eq!(bytemuck::cast_slice::<_, u32>(&read.splats), bytemuck::cast_slice::<_, u32>(&set.splats));
         prop_assert_eq!(SplatSet { splats: Vec::new(), ..read }, SplatSet { splats: Vec::new(), ..set });
