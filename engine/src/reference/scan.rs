@@ -1,6 +1,6 @@
 //! The exclusive prefix sum, whole (`scan`) and in its three kernels.
 
-/// out[i] = values[0] + .. + values[i - 1] for i in 0..=n, wrapping as u32 does.
+/// `out[i] = values[0] + .. + values[i - 1]` for i in `0..=n`, wrapping as u32 does.
 pub fn scan(values: &[u32]) -> Vec<u32> {
     let mut out = vec![0u32];
     for &value in values {
