@@ -5,10 +5,14 @@
 //
 //   h = A c + H,  e = -2 dκ/dq,  d = x - μ:   S0 = Σ h κ,  C0 = Σ A κ,  S1 = Σ h e d,  S2 = Σ h e d d^T
 // What these sums mean for the parameters is moments_to_grad's business.
+//
+// A workgroup owns one splat (GROUP = 8: its loads are uniform, for CPU drivers) or eight (GROUP = 64: for GPUs).
+// engine/src/passes/mod.rs has the choice.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
-layout(local_size_x = 8) in;
+layout(local_size_x_id = 1) in;
+layout(constant_id = 1) const uint GROUP = 64;
 layout(push_constant, scalar) uniform GradParams { Grid grid; uint first_splat; uint splat_count; uint accumulate; } p;
 layout(scalar, binding = 0) readonly buffer Footprints { Footprint footprints[]; };
 layout(scalar, binding = 1) readonly buffer Slots { uint slots[]; };
@@ -16,12 +20,17 @@ layout(scalar, binding = 2) readonly buffer Adjoints { Adjoint adjoints[]; };
 layout(scalar, binding = 3) buffer MomentRows { float moments[]; }; // [splat][S0, C0, S1 xyz, S2 xx yy zz yz zx xy]
 
 const uint LANES = 8;
-shared float partial[MOMENTS * LANES];
+shared float partial[MOMENTS * GROUP]; // [invocation][moment]
 
 void main() {
     uint lane = gl_LocalInvocationIndex;
     uint i = p.first_splat + gl_WorkGroupID.x;
-    Footprint f = footprints[i];
+    if (GROUP != LANES) {
+        lane = gl_LocalInvocationIndex % LANES;
+        i = p.first_splat + (gl_WorkGroupID.x * GROUP + gl_LocalInvocationIndex) / LANES;
+    }
+    // Invocations behind the last splat walk it again up to the barrier, which all must reach, and write nothing.
+    Footprint f = footprints[min(i, p.splat_count - 1)];
     vec3 mean = f.mean - p.grid.offset;
     float support = support_q();
     float s0 = 0.0, c0 = 0.0;
@@ -77,11 +86,13 @@ void main() {
     }
     float own[MOMENTS] = float[MOMENTS](s0, c0, s1.x, s1.y, s1.z, diagonal.x, diagonal.y, diagonal.z,
                                   off_diagonal.x, off_diagonal.y, off_diagonal.z);
-    for (uint k = 0; k < MOMENTS; ++k) partial[lane * MOMENTS + k] = own[k];
+    for (uint k = 0; k < MOMENTS; ++k) partial[gl_LocalInvocationIndex * MOMENTS + k] = own[k];
     barrier();
+    if (i >= p.splat_count) return;
+    uint mine = (gl_LocalInvocationIndex - lane) * MOMENTS;
     for (uint k = lane; k < MOMENTS; k += LANES) {
         float sum = p.accumulate != 0 ? moments[i * MOMENTS + k] : 0.0;
-        for (uint l = 0; l < LANES; ++l) sum += partial[l * MOMENTS + k];
+        for (uint l = 0; l < LANES; ++l) sum += partial[mine + l * MOMENTS + k];
         moments[i * MOMENTS + k] = sum;
     }
 }

@@ -4,7 +4,7 @@
 
 use engine::fit::evaluate::{FieldSample, Sampler};
 use engine::gpu::Gpu;
-use engine::passes::{Adam, Rasteriser, Shape};
+use engine::passes::{Adam, Gradient, Rasteriser, Shape};
 use engine::reference::{Footprint, Samples, splat_bounds, splat_to_volume};
 use engine::splat::{Field, Kernel, Splat};
 use engine::volume::Bricks;
@@ -12,7 +12,7 @@ use engine::volume::bricks::SAMPLES;
 use glam::{DVec3, IVec3, UVec3, Vec3};
 use rand::RngExt;
 use rand::seq::SliceRandom;
-use shaders_glsl::types::{AdamParams, SplatGrad, Target};
+use shaders_glsl::types::{self, AdamParams, SplatGrad, Target};
 use vgs_tests::scene::{EPSILON, random, rotation, splat};
 use vgs_tests::{Bound, Device, Scene, assert_close, step};
 
@@ -560,21 +560,36 @@ fn positions_follow_the_bricks() {
     }
 }
 
-/// The forward pass has one shape for narrow devices and one for wide ones; a machine runs one of them, so both are
-/// run here.
+/// Forward and backward pass have one shape for narrow devices and one for wide ones; a machine runs one of them, so
+/// both are run here.
 #[test]
-fn both_shapes_of_the_forward_pass_give_the_same_bits() {
+fn both_shapes_of_the_passes_give_the_same_bits() {
     let gpu = Device::boot();
     let bricks = bricks();
     for kernel in KERNELS {
-        let splats = some_splats(31, 300);
+        let splats = some_splats(31, 301);
         let buffer = gpu.upload("splats", "test", &splats).expect("splats");
         let run = |shape| {
             let mut rasteriser = Rasteriser::with_shape(&gpu, kernel, EPSILON, &bricks, splats.len(), shape)
                 .expect("a rasteriser");
-            rasteriser.rasterise(&buffer, [0.2, -0.3, 0.4]).expect("samples")
+            let samples = rasteriser.rasterise(&buffer, [0.2, -0.3, 0.4]).expect("samples");
+            // Any adjoints will do: here V̂ and W themselves.
+            let adjoints: Vec<types::Adjoint> =
+                samples.iter().map(|r| types::Adjoint { value: r.value, weight: r.weight }).collect();
+            let adjoints = gpu.upload("adjoints", "test", &adjoints).expect("adjoints");
+            let mut gradient = Gradient::with_shape(&gpu, kernel, splats.len(), shape).expect("a gradient");
+            let mut recorder = gpu.record().expect("a recorder");
+            let footprints = &rasteriser.bins.footprints;
+            gradient
+                .gather(&mut recorder, &rasteriser.grid, footprints, &adjoints, 0, [0.2, -0.3, 0.4])
+                .expect("the backward pass");
+            gpu.wait(recorder.submit().expect("a submission")).expect("the end of it");
+            (samples, gradient.moments.read().expect("moments"))
         };
-        let (narrow, wide) = (run(Shape::OneByOne), run(Shape::SideBySide));
+        let ((narrow, narrow_moments), (wide, wide_moments)) = (run(Shape::OneByOne), run(Shape::SideBySide));
+        assert!(narrow_moments.iter().filter(|m| **m != 0.0).count() > 1000, "the splats have moments");
+        let bits = |rows: &[f32]| rows.iter().map(|m| m.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&narrow_moments), bits(&wide_moments));
         assert!(narrow.iter().filter(|r| r.weight > 0.1).count() > 1000, "the splats cover the grid");
         for (i, (a, b)) in narrow.iter().zip(&wide).enumerate() {
             assert_eq!(

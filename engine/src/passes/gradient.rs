@@ -3,19 +3,22 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{Adjoint, Footprint, GradParams, MomentParams, SplatGrad};
 
-use super::Pace;
 use super::bin::SampleGrid;
+use super::{Pace, Shape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
 
 /// Floats of a row of moments: S0, C0, S1 (3), S2 (6).
 const MOMENTS: usize = 11;
+/// Invocations that own a splat.
+const LANES: usize = 8;
 
 /// The backward pass and the gradient rows it fills.
 pub struct Gradient {
     gpu: Gpu,
     gather: Kernel,
+    splats_per_group: usize,
     pace: Pace,
     moments_to_grad: Kernel,
     /// What `gather` sums, 11 floats a splat.
@@ -27,9 +30,15 @@ pub struct Gradient {
 impl Gradient {
     /// For `splat_count` splats.
     pub fn new(gpu: &Gpu, kernel: splat::Kernel, splat_count: usize) -> Result<Self> {
+        Self::with_shape(gpu, kernel, splat_count, Shape::of(gpu))
+    }
+
+    /// The same in a shape of the caller's choice; the result has the same bits.
+    pub fn with_shape(gpu: &Gpu, kernel: splat::Kernel, splat_count: usize, shape: Shape) -> Result<Self> {
         Ok(Gradient {
             gpu: gpu.clone(),
-            gather: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME_GRAD, &[kernel.id()])?,
+            gather: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME_GRAD, &[kernel.id(), shape as u32])?,
+            splats_per_group: shape as usize / LANES,
             pace: Pace::new(glsl::SPLAT_TO_VOLUME_GRAD.name),
             moments_to_grad: Kernel::new(gpu, &glsl::MOMENTS_TO_GRAD, &[])?,
             moments: gpu.buffer("moments", "optimiser", splat_count * MOMENTS)?,
@@ -51,8 +60,10 @@ impl Gradient {
         let params = grid.params(chunk, offset);
         let limit = self.gpu.limits().workgroups as usize;
         let (kernel, moments) = (&self.gather, &mut self.moments);
-        // A unit is a workgroup: a splat.
-        self.pace.run(&self.gpu, recorder, n, limit, |recorder, first, count| {
+        let splats_per_group = self.splats_per_group;
+        // A unit is a workgroup.
+        let groups = n.div_ceil(splats_per_group);
+        self.pace.run(&self.gpu, recorder, groups, limit, |recorder, first, count| {
             recorder
                 .pass(kernel)
                 .read(footprints)
@@ -61,7 +72,7 @@ impl Gradient {
                 .write(moments)
                 .push(&GradParams {
                     grid: params,
-                    first_splat: first as u32,
+                    first_splat: (first * splats_per_group) as u32,
                     splat_count: n as u32,
                     accumulate: u32::from(chunk > 0),
                 })

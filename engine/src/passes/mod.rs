@@ -16,6 +16,26 @@ pub use gradient::Gradient;
 pub use loss::Losses;
 pub use pace::Pace;
 pub use radix_sort::RadixSort;
-pub use rasterise::{Rasteriser, Shape};
+pub use rasterise::Rasteriser;
 pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
+
+use crate::gpu::Gpu;
+
+/// How wide the workgroups of the forward and the backward pass are; the value is their invocations. Eight of them own a
+/// cell or a splat. The result has the same bits in either shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Shape {
+    /// One cell or splat at a time, so that all its loads are uniform: for CPU drivers.
+    OneByOne = 8,
+    /// Eight side by side: for GPUs, which want full subgroups.
+    SideBySide = 64,
+}
+
+impl Shape {
+    /// What suits a device: one at a time where 8 invocations fill a subgroup.
+    pub fn of(gpu: &Gpu) -> Self {
+        if gpu.description().subgroup_size <= 8 { Shape::OneByOne } else { Shape::SideBySide }
+    }
+}

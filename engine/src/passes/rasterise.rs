@@ -4,7 +4,7 @@ use shaders_glsl as glsl;
 use shaders_glsl::types::{RasterParams, Reconstruction};
 
 use super::bin::{CELLS, SampleGrid};
-use super::{Binner, Pace};
+use super::{Binner, Pace, Shape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
@@ -13,23 +13,6 @@ use crate::volume::bricks::SAMPLES;
 
 /// Cells of one workgroup.
 const CELLS_PER_GROUP: usize = 8;
-
-/// How the 8 cells of a workgroup run; the value is its invocations. See `splat_to_volume.comp`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Shape {
-    /// One after the other, so that all loads are uniform: for CPU drivers.
-    OneByOne = 8,
-    /// Side by side: for GPUs, which want full subgroups.
-    SideBySide = 64,
-}
-
-impl Shape {
-    /// What suits a device: one after the other where 8 invocations fill a subgroup.
-    pub fn of(gpu: &Gpu) -> Self {
-        if gpu.description().subgroup_size <= 8 { Shape::OneByOne } else { Shape::SideBySide }
-    }
-}
 
 /// The forward pass over a fixed sample grid and a fixed number of splats.
 pub struct Rasteriser {
