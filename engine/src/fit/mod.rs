@@ -23,7 +23,6 @@ use crate::passes::loss::{Sum, Weighted};
 use crate::passes::{Adam, Gradient, Losses, Rasteriser};
 use crate::splat::Splat;
 use crate::splat::activation::normalised;
-use crate::volume::bricks::SAMPLES;
 use crate::volume::{Bricks, Roi, Volume};
 
 /// Steps that may be in flight at once: one runs while the next is recorded.
@@ -280,11 +279,6 @@ impl Fitter {
         self.finish()?;
         let local = self.splats.read()?;
         Ok(local.iter().map(|s| from_local(s, &self.bricks, &self.scaling)).collect())
-    }
-
-    /// Samples of the grid, all of them, whether they take part or not.
-    pub fn sample_count(&self) -> usize {
-        self.bricks.len() * SAMPLES
     }
 }
 

@@ -12,13 +12,13 @@ use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
 };
 
-use super::{Context, DeviceAllocator, Gpu, Recorder, check, lock};
+use super::{Context, Gpu, Recorder, check, lock};
 use crate::error::{Error, Kind, Result};
 
 /// The allocator, what waits to be freed, and the account of bytes.
 pub(super) struct Memory {
     /// `None` only while the device is being destroyed.
-    allocator: Option<DeviceAllocator>,
+    allocator: Option<Allocator>,
     /// Dropped buffers with the timeline value after which nothing uses them.
     graveyard: Vec<(u64, vk::Buffer, Allocation)>,
     pub(super) by_purpose: BTreeMap<&'static str, u64>,

@@ -20,7 +20,6 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use ash::vk;
-use gpu_allocator::vulkan::Allocator;
 
 use crate::error::{Error, Kind, Result};
 
@@ -172,6 +171,3 @@ impl Drop for Context {
         }
     }
 }
-
-/// Names the allocator type once: `gpu-allocator` for Vulkan.
-type DeviceAllocator = Allocator;

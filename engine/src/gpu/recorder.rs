@@ -97,13 +97,6 @@ impl Gpu {
         self.collect()
     }
 
-    /// Whether the device has finished `ticket`; never waits.
-    pub fn finished(&self, ticket: Ticket) -> Result<bool> {
-        // SAFETY: the timeline is live.
-        let value = unsafe { self.0.device.get_semaphore_counter_value(self.0.timeline) };
-        Ok(check("asking the timeline", value)? >= ticket.0)
-    }
-
     /// Takes finished submissions out of flight.
     fn collect(&self) -> Result<()> {
         let context = &self.0;
