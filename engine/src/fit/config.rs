@@ -3,7 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::init::{INITIALISERS, InitConfig, Initialiser};
+use super::init::{INITIALISERS, InitConfig, Initialiser, ORIENTATIONS, Orientation};
+use super::topology::{TOPOLOGIES, Topology};
 use crate::error::{Error, Kind, Result};
 use crate::splat::{self, Kernel};
 
@@ -14,6 +15,36 @@ pub struct Parameter {
     pub key: &'static str,
     /// What it is, with its unit.
     pub doc: &'static str,
+}
+
+/// What stands where no splat reaches, and what intensities are relative to inside a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Background {
+    /// The mean of the ROI.
+    Mean,
+    /// The lower end of the HU range: equation (2) to the letter.
+    Low,
+}
+
+/// What initial scales and scale clamps count in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ScaleUnit {
+    /// Voxels along whichever axis.
+    Voxel,
+    /// The mean of the three voxel spacings: the same millimetres along every axis.
+    Spacing,
+}
+
+/// How samples are stored between the passes of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Storage {
+    /// f32.
+    Full,
+    /// f16; sums are f32 all the same.
+    Mixed,
 }
 
 macro_rules! config {
@@ -48,9 +79,13 @@ config! {
         splats: usize = 0,
         /// Seed of everything random; the same seed gives the same bits on the same device.
         seed: u64 = 0,
-        /// Splat kernel: "compact" (1-q/6)^3, or "gaussian" exp(-q/2) for ordinary viewers.
+        /// Fits to volume and mask averaged over blocks of this many voxels along each axis; 1: to the voxels themselves.
+        working_grid: u32 = 1,
+        /// Splat kernel: "compact" (1-q/6)^3, "gaussian" exp(-q/2) for ordinary viewers, or "density", the Gaussian
+        /// of unit integral.
         kernel: Kernel = Kernel::Compact,
-        /// How splats are placed first: "gradient" (blue noise, denser where the intensity changes).
+        /// How splats are placed first: "gradient" (blue noise, denser where the intensity changes) or "uniform"
+        /// (at random, the mask being the probability, with random scales).
         initialiser: String = INITIALISERS[0].name.to_owned(),
         /// Initialiser: exponent of the gradient in the density; 0 is an even density.
         init_gradient_exponent: f32 = 0.7,
@@ -58,26 +93,40 @@ config! {
         init_gradient_floor: f32 = 0.1,
         /// Initialiser: standard deviation of the smoothing before and after the gradient, voxels.
         init_smoothing: f32 = 0.8,
+        /// Initialiser: what turns the splats: "gradient" (thin across an edge), "structure-tensor", "hessian" (long
+        /// along a vessel) or "none".
+        init_orientation: String = ORIENTATIONS[0].name.to_owned(),
         /// Initialiser: scale across the gradient over scale along it is this to the power 3/2.
         init_anisotropy: f32 = 1.5,
         /// Initialiser: scale over the mean distance of the four nearest neighbours.
         init_scale: f32 = 0.6,
-        /// Initialiser: least scale before it is flattened, voxels.
+        /// Initialiser: least scale before it is flattened, voxels; "uniform" draws all scales from this one ...
         init_scale_min: f32 = 0.45,
-        /// Initialiser: greatest scale before it is flattened, voxels.
+        /// Initialiser: ... to the greatest.
         init_scale_max: f32 = 8.0,
         /// Initialiser: opacity of every splat, 0 to 1.
         init_opacity: f32 = 0.5,
         /// Intensities are clipped to this range (HU); the span is the unit of the loss. [0, 0] chooses -1024..3071
         /// for a CT (minimum below -200) and the range of the volume otherwise.
         hu_range: [f32; 2] = [0.0, 0.0],
+        /// Initialiser: from this scale on (geometric mean, voxels) a splat takes the mean intensity of the voxels within
+        /// one standard deviation; 0: every splat takes that of its centre.
+        init_footprint: f32 = 0.0,
+        /// What the initial scales and the clamps of the scales count in: "voxel", or "spacing", the mean voxel spacing.
+        scale_unit: ScaleUnit = ScaleUnit::Voxel,
+        /// What stands where no splat reaches: the "mean" of the ROI, or "low", the lower end of hu_range.
+        background: Background = Background::Mean,
         /// Weight of the squared intensity error inside the ROI.
         mse_weight: f32 = 1.0,
+        /// Weight of the Dice loss between 1 - exp(-W) and the mask over ROI and shell; 0 switches the term off.
+        mask_weight: f32 = 0.0,
+        /// Weight of the mean of 1 - exp(-W) outside the ROI, in the shell; 0 switches the term off.
+        leak_weight: f32 = 0.0,
         /// Weight of the occupancy error over ROI and shell; 0 switches the term off.
         occupancy_weight: f32 = 0.004,
         /// w0 of the occupancy O = W / (W + w0), in units of the summed weight W.
         occupancy_w0: f32 = 0.05,
-        /// Thickness of the shell around the ROI that the occupancy is fitted in, voxels along each axis.
+        /// Thickness of the shell around the ROI that occupancy, Dice and leak look at, voxels along each axis.
         shell: u32 = 4,
         /// Sub-voxel target offsets, visited in turn: the grid itself and offsets - 1 random ones. 1: on the grid only.
         offsets: usize = 16,
@@ -95,8 +144,14 @@ config! {
         rate_opacity: f32 = 0.2,
         /// First learning rate of the intensities, in spans of hu_range.
         rate_intensity: f32 = 0.02,
-        /// All rates fall exponentially to this share of their first value.
+        /// Whether intensities are learned; otherwise they are those of the volume at the means.
+        learn_intensity: bool = true,
+        /// All rates fall exponentially to this share of their first value over the schedule.
         rate_decay: f32 = 0.02,
+        /// The rate of the means falls besides, to this share ...
+        rate_mean_decay: f32 = 1.0,
+        /// ... over so many iterations, and on beyond them.
+        rate_mean_decay_iterations: u32 = 20_000,
         /// Adam's decay of the first moment.
         beta1: f32 = 0.8,
         /// Adam's decay of the second moment; 0.9 is worth up to 3 dB over the usual 0.99.
@@ -109,6 +164,35 @@ config! {
         scale_max: f32 = 10.0,
         /// Opacity logits stay within plus and minus this.
         logit_max: f32 = 9.0,
+        /// Splats that one iteration updates, another random part of all each time; 0: all of them.
+        subset: usize = 0,
+        /// Whether an iteration rasterises its subset alone, which saves memory; otherwise all splats are rasterised and
+        /// the subset moves.
+        subset_alone: bool = true,
+        /// How the number and the places of the splats change on the way: "none", "densify" (the paper's clone, split,
+        /// prune and hole filling), "growth" (new splats where the error is largest) or "relocate" (idle splats move
+        /// there).
+        topology: String = TOPOLOGIES[0].name.to_owned(),
+        /// Topology: first iteration after which splats may change.
+        topology_from: u32 = 100,
+        /// Topology: last iteration after which splats may change.
+        topology_until: u32 = 2000,
+        /// Topology: iterations between two changes.
+        topology_every: u32 = 100,
+        /// Topology: the most splats that are added or moved at once, share of all.
+        topology_share: f32 = 0.05,
+        /// Topology: the number of splats never exceeds this times the first one.
+        topology_limit: f32 = 1.0,
+        /// Topology "densify": splats whose accumulated position gradient lies above this percentile are refined.
+        topology_percentile: f32 = 60.0,
+        /// Topology "densify": splats up to this largest scale are cloned, larger ones split, voxels.
+        topology_split_scale: f32 = 2.75,
+        /// Topology "densify": splats below this opacity are removed.
+        topology_prune_opacity: f32 = 1e-4,
+        /// Topology "densify": voxels of the ROI with a summed weight below this are holes.
+        topology_hole_weight: f32 = 0.01,
+        /// How samples are stored between the passes: "full" (32 bits a number) or "mixed" (16 bits).
+        storage: Storage = Storage::Full,
     }
 }
 
@@ -139,12 +223,18 @@ impl FitConfig {
             ("occupancy_w0", self.occupancy_w0),
             ("adam_epsilon", self.adam_epsilon),
             ("rate_decay", self.rate_decay),
+            ("rate_mean_decay", self.rate_mean_decay),
+            ("topology_split_scale", self.topology_split_scale),
             ("scale_min", self.scale_min),
             ("logit_max", self.logit_max),
         ];
         let not_negative = [
             ("mse_weight", self.mse_weight),
+            ("mask_weight", self.mask_weight),
+            ("leak_weight", self.leak_weight),
             ("occupancy_weight", self.occupancy_weight),
+            ("init_footprint", self.init_footprint),
+            ("topology_hole_weight", self.topology_hole_weight),
             ("rate_mean", self.rate_mean),
             ("rate_rotation", self.rate_rotation),
             ("rate_log_scale", self.rate_log_scale),
@@ -169,20 +259,44 @@ impl FitConfig {
         if !(self.scale_max >= self.scale_min && self.scale_max.is_finite()) {
             return wrong("scale_max", self.scale_max.to_string(), "at least scale_min");
         }
+        for (key, value, least, most) in [
+            ("working_grid", self.working_grid, 1, 16),
+            ("rate_mean_decay_iterations", self.rate_mean_decay_iterations, 1, u32::MAX),
+            ("topology_every", self.topology_every, 1, u32::MAX),
+        ] {
+            if !(least..=most).contains(&value) {
+                return wrong(key, value.to_string(), &format!("{least} to {most}"));
+            }
+        }
+        for (key, value, least, most) in [
+            ("topology_share", self.topology_share, 0.0, 1.0),
+            ("topology_limit", self.topology_limit, 1.0, 1000.0),
+            ("topology_percentile", self.topology_percentile, 0.0, 100.0),
+            ("topology_prune_opacity", self.topology_prune_opacity, 0.0, 1.0),
+        ] {
+            if !(least..=most).contains(&value) {
+                return wrong(key, value.to_string(), &format!("{least} to {most}"));
+            }
+        }
         self.initialiser()?;
+        self.orientation()?;
+        self.topology()?;
         self.init().check()
     }
 
     /// The row of the table that `initialiser` names.
     pub fn initialiser(&self) -> Result<&'static Initialiser> {
-        INITIALISERS.iter().find(|row| row.name == self.initialiser).ok_or_else(|| {
-            let names: Vec<_> = INITIALISERS.iter().map(|row| row.name).collect();
-            Error::new(
-                Kind::Usage,
-                "VGS-CFG-002",
-                format!("initialiser = {:?}: one of {} is needed", self.initialiser, names.join(", ")),
-            )
-        })
+        row("initialiser", &self.initialiser, INITIALISERS, |row| row.name)
+    }
+
+    /// The row of the table that `init_orientation` names.
+    pub fn orientation(&self) -> Result<&'static Orientation> {
+        row("init_orientation", &self.init_orientation, ORIENTATIONS, |row| row.name)
+    }
+
+    /// The row of the table that `topology` names.
+    pub fn topology(&self) -> Result<&'static Topology> {
+        row("topology", &self.topology, TOPOLOGIES, |row| row.name)
     }
 
     /// The hyper-parameters of the initialiser.
@@ -213,4 +327,21 @@ impl FitConfig {
             occupancy_w0: self.occupancy_w0,
         }
     }
+}
+
+/// The row that a key names.
+fn row<T>(
+    key: &str,
+    name: &str,
+    table: &'static [T],
+    name_of: impl Fn(&T) -> &'static str,
+) -> Result<&'static T> {
+    table.iter().find(|row| name_of(row) == name).ok_or_else(|| {
+        let names: Vec<_> = table.iter().map(name_of).collect();
+        Error::new(
+            Kind::Usage,
+            "VGS-CFG-002",
+            format!("{key} = {name:?}: one of {} is needed", names.join(", ")),
+        )
+    })
 }

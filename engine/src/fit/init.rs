@@ -96,6 +96,15 @@ pub struct Initialiser {
 /// Every way to place the first splats; the first is the default.
 pub const INITIALISERS: &[Initialiser] = &[Initialiser { name: "gradient", run: initialise }];
 
+/// A way to turn splats at first.
+pub struct Orientation {
+    /// Name in configurations.
+    pub name: &'static str,
+}
+
+/// Every way to turn splats at first; the first is the default.
+pub const ORIENTATIONS: &[Orientation] = &[Orientation { name: "gradient" }];
+
 /// Splats count as lying on no edge where the gradient is below this share of the region's mean.
 const FLAT_GRADIENT: f64 = 1e-3;
 

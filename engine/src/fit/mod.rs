@@ -7,14 +7,17 @@
 mod config;
 pub mod evaluate;
 pub mod init;
+mod profiles;
 mod targets;
+pub mod topology;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use shaders_glsl::types::{AdamParams, Target};
 
-pub use config::{FitConfig, Parameter};
+pub use config::{Background, FitConfig, Parameter, ScaleUnit, Storage};
+pub use profiles::{PROFILES, Profile};
 pub use targets::{Scaling, offsets, sample};
 
 use crate::error::{Error, Kind, Result};

@@ -6,18 +6,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
-use engine::fit::FitConfig;
+use engine::fit::{FitConfig, PROFILES, Profile};
 use engine::{Error, Kind, Result};
 use serde_json::{Map, Value};
-
-/// A named set of hyper-parameters.
-struct Profile {
-    name: &'static str,
-    config: fn() -> FitConfig,
-}
-
-/// Every profile; the first is the default.
-const PROFILES: &[Profile] = &[Profile { name: "default", config: FitConfig::default }];
 
 /// The flags: a profile, a file, and one for every field of [`FitConfig`].
 #[derive(Clone, Debug)]
@@ -42,12 +33,7 @@ pub struct Settings {
 impl SettingsArguments {
     /// Puts all places together and checks the result.
     pub fn resolve(&self) -> Result<Settings> {
-        let profile = PROFILES.iter().find(|row| row.name == self.profile).ok_or_else(|| {
-            let names = PROFILES.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
-            Error::new(Kind::Usage, "VGS-CFG-010", format!("there is no profile {:?}", self.profile))
-                .help(format!("profiles: {names}"))
-        })?;
-        let mut values = values_of(&(profile.config)());
+        let mut values = values_of(&Profile::named(&self.profile)?.config()?);
         let mut explicit = Vec::new();
         if let Some(path) = &self.config {
             for (key, value) in read_file(path)? {
@@ -189,14 +175,14 @@ impl FromArgMatches for SettingsArguments {
 impl Args for SettingsArguments {
     fn augment_args(command: Command) -> Command {
         let defaults = values_of(&FitConfig::default());
-        let names = PROFILES.iter().map(|row| row.name);
+        let profiles = PROFILES.iter().map(|row| format!("{} ({})", row.name, row.about));
         let profile = Arg::new("profile")
             .long("profile")
             .value_name("NAME")
             .default_value(PROFILES[0].name)
             .env("VGS_PROFILE")
             .hide_env(true)
-            .help(format!("Hyper-parameters to start from: {}", names.collect::<Vec<_>>().join(", ")));
+            .help(format!("Hyper-parameters to start from: {}", profiles.collect::<Vec<_>>().join("; ")));
         let config = Arg::new("config")
             .long("config")
             .value_name("FILE.toml")

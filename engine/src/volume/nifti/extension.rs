@@ -61,7 +61,7 @@ fn label_table(xml: &[u8]) -> Result<BTreeMap<i32, String>> {
             }
             Event::GeneralRef(e) => {
                 if let Some((_, name)) = &mut open {
-                    let named = match e.as_ref() {
+                    let named = match &*e {
                         b"amp" => Some('&'),
                         b"lt" => Some('<'),
                         b"gt" => Some('>'),

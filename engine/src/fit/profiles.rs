@@ -1,0 +1,57 @@
+//! Named sets of hyper-parameters, each a plain TOML file in `profiles/` that says only what differs from the default.
+
+use super::FitConfig;
+use crate::error::{Error, Kind, Result};
+
+/// A row of [`PROFILES`].
+pub struct Profile {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// What it is for, in a few words.
+    pub about: &'static str,
+    /// The file: keys of [`FitConfig`].
+    pub toml: &'static str,
+}
+
+/// Every profile; the first is the default.
+pub const PROFILES: &[Profile] = &[
+    Profile { name: "default", about: "right between the voxels too, sharp outline", toml: "" },
+    Profile {
+        name: "paper",
+        about: "the paper's method to the letter",
+        toml: include_str!("profiles/paper.toml"),
+    },
+];
+
+impl Profile {
+    /// The profile of that name.
+    pub fn named(name: &str) -> Result<&'static Profile> {
+        PROFILES.iter().find(|row| row.name == name).ok_or_else(|| {
+            let names = PROFILES.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
+            Error::new(Kind::Usage, "VGS-CFG-010", format!("there is no profile {name:?}"))
+                .help(format!("profiles: {names}"))
+        })
+    }
+
+    /// Its hyper-parameters.
+    pub fn config(&self) -> Result<FitConfig> {
+        toml::from_str(self.toml).map_err(|e| {
+            Error::new(Kind::Internal, "VGS-CFG-014", format!("profile {:?}: {}", self.name, e.message()))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_profile_is_a_configuration_that_can_work() {
+        assert_eq!(PROFILES[0].config().expect("a configuration"), FitConfig::default());
+        for profile in PROFILES {
+            let config = profile.config().unwrap_or_else(|e| panic!("{}: {e}", profile.name));
+            config.check().unwrap_or_else(|e| panic!("{}: {e}", profile.name));
+        }
+        assert!(Profile::named("papre").is_err_and(|e| e.help.contains("paper")));
+    }
+}
