@@ -1,10 +1,12 @@
 #version 460
 // dL/d(parameters) of one splat an invocation, from the moments that splat_to_volume_grad summed. U is the whitening
-// matrix S^-1 R^T, B = U S2 U^T:
-//   dL/dμ = α U^T U S1,   dL/dln s_k = α B_kk,   dL/dω_k = α B_ij (s_i/s_j - s_j/s_i) with (i, j, k) cyclic,
-//   dL/dlogit = α (1 - α) S0,   dL/dc = α C0.
+// matrix S^-1 R^T, B = U S2 U^T, a the amplitude of w, α times the kernel's peak:
+//   dL/dμ = a U^T U S1,   dL/dln s_k = a B_kk,   dL/dω_k = a B_ij (s_i/s_j - s_j/s_i) with (i, j, k) cyclic,
+//   dL/dlogit = a (1 - α) S0,   dL/dc = a C0.
+// Where the peak is 1 / ((2π)^(3/2) s1 s2 s3), dln a/dln s_k = -1 and dL/dln s_k = a (B_kk - S0).
 // ω is a small rotation about the splat's own axes: it changes u_i by ω_k (s_j/s_i) u_j.
 #include "splat.glsl"
+#include "kernel.glsl"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform MomentParams { uint splat_count; } p;
 layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
@@ -21,16 +23,19 @@ void main() {
     float xx = moments[at + 5], yy = moments[at + 6], zz = moments[at + 7];
     float yz = moments[at + 8], zx = moments[at + 9], xy = moments[at + 10];
     float opacity = 1.0 / (1.0 + exp(-s.opacity_logit));
+    float amplitude = kernel_peak(s.log_scale) * opacity;
     mat3 whiten = whitening(s);
     mat3 s2 = mat3(xx, xy, zx, xy, yy, yz, zx, yz, zz);
     mat3 b = whiten * s2 * transpose(whiten);
     vec3 ln_s = s.log_scale;
     vec3 ratio = exp(vec3(ln_s.y - ln_s.z, ln_s.z - ln_s.x, ln_s.x - ln_s.y));
     SplatGrad g;
-    g.mean = opacity * (transpose(whiten) * (whiten * s1));
-    g.log_scale = opacity * vec3(b[0][0], b[1][1], b[2][2]);
-    g.rotation = opacity * vec3(b[1][2], b[2][0], b[0][1]) * (ratio - 1.0 / ratio);
-    g.opacity_logit = opacity * (1.0 - opacity) * s0;
-    g.intensity = opacity * c0;
+    g.mean = amplitude * (transpose(whiten) * (whiten * s1));
+    vec3 by_log_scale = vec3(b[0][0], b[1][1], b[2][2]);
+    if (KERNEL == KERNEL_DENSITY) by_log_scale -= s0;
+    g.log_scale = amplitude * by_log_scale;
+    g.rotation = amplitude * vec3(b[1][2], b[2][0], b[0][1]) * (ratio - 1.0 / ratio);
+    g.opacity_logit = amplitude * (1.0 - opacity) * s0;
+    g.intensity = amplitude * c0;
     gradients[i] = g;
 }

@@ -1,5 +1,5 @@
 #version 460
-// Activates the parameters of one splat an invocation: footprint (triangular whitening, alpha, the box of the
+// Activates the parameters of one splat an invocation: footprint (triangular whitening, amplitude, the box of the
 // support) and the number of bricks of this chunk that the box touches.
 #include "splat.glsl"
 #include "kernel.glsl"
@@ -19,7 +19,7 @@ void main() {
     vec3 scale = exp(s.log_scale);
     Footprint f;
     f.mean = s.mean;
-    f.opacity = 1.0 / (1.0 + exp(-s.opacity_logit));
+    f.amplitude = kernel_peak(s.log_scale) * (1.0 / (1.0 + exp(-s.opacity_logit)));
     f.intensity = s.intensity;
     // Columns of S^-1 R^T, orthogonalised one after the other (modified Gram-Schmidt).
     mat3 columns = whitening(s);

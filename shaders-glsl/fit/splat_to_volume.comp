@@ -1,5 +1,5 @@
 #version 460
-// The forward pass, equations (1) and (2) with a peak-1 kernel: W = Σ α κ(q), V^ = Σ α κ(q) c / (W + ε).
+// The forward pass, equations (1) and (2): W = Σ a κ(q), V^ = Σ a κ(q) c / (W + ε), a = α times the kernel's peak.
 // A gather: 8 invocations own a cell of 2^3 samples, one each, and walk the pairs that reach the cell in splat order, so
 // two runs add the same numbers in the same order. Intensities are relative to the background: a sample that no splat
 // reaches has the background exactly.
@@ -37,7 +37,7 @@ void rasterise(uint cell, uint lane) {
             mask &= mask - 1;
             vec3 d = x - f.mean;
             vec3 u = vec3(dot(f.t_x, d), dot(f.t_y, d.yz), f.t_z * d.z);
-            float w = f.opacity * kernel_value(dot(u, u));
+            float w = f.amplitude * kernel_value(dot(u, u));
             weight += w;
             sum += w * f.intensity;
         }

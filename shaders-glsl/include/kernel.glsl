@@ -6,10 +6,18 @@
 layout(constant_id = 0) const uint KERNEL = 0;
 const uint KERNEL_COMPACT = 0;  // (1 - q/6)^3: smooth end, no exp
 const uint KERNEL_GAUSSIAN = 1; // exp(-q/2), cut at 3 sigma: the paper's, and what ordinary viewers draw
+const uint KERNEL_DENSITY = 2;  // the same with a peak of 1 / ((2π)^(3/2) s1 s2 s3): of unit integral before the cut
 
 float support_q() {
     if (KERNEL == KERNEL_COMPACT) return 6.0;
     return 9.0;
+}
+
+// What α is multiplied with to give the amplitude of w. Through the logarithm, and at most exp(40): the product of
+// scales within their limits leaves the floats.
+float kernel_peak(vec3 log_scale) {
+    if (KERNEL == KERNEL_DENSITY) return exp(min(-(log_scale.x + log_scale.y + log_scale.z) - 2.7568156, 40.0));
+    return 1.0;
 }
 
 // κ(q); 0 outside the support.

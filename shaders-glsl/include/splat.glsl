@@ -18,7 +18,7 @@ struct Splat {
 // covariance: at an anisotropy of 1000 the covariance form has lost every digit, this one three of seven.
 struct Footprint {
     vec3 mean;
-    float opacity;
+    float amplitude; // a: w = a κ(q)
     vec3 t_x;
     float intensity;
     vec2 t_y;

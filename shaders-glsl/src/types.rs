@@ -33,8 +33,8 @@ shared! {
     Footprint {
         /// Centre, voxels in the brick grid.
         mean: [f32; 3],
-        /// Opacity α in 0..1.
-        opacity: f32,
+        /// Amplitude a of the weight w = a κ(q): the opacity α times the peak of the kernel.
+        amplitude: f32,
         /// First row of the triangular whitening matrix.
         t_x: [f32; 3],
         /// Intensity relative to the background, in units of the fit.

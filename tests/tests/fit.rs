@@ -104,7 +104,7 @@ fn the_same_seed_gives_the_same_bits() {
 fn chunks_change_only_the_rounding_of_the_gradient() {
     let whole = Device::boot();
     let small = Device::boot_with(GpuOptions { storage_range_limit: Some(LIMIT), ..GpuOptions::default() });
-    for kernel in [Kernel::Compact, Kernel::Gaussian] {
+    for kernel in [Kernel::Compact, Kernel::Gaussian, Kernel::Density] {
         let scene = Scene::random(71, 150, kernel, false);
         let a = step::run(&whole, &scene, &step::terms(false));
         let b = step::run(&small, &scene, &step::terms(false));

@@ -1,12 +1,13 @@
 //! Derivatives: the f64 twins against central differences of the whole objective, and the device against the twins.
 //!
-//! Every sample has a target and a mask value of its own, so that no error hides in a mean. Splats of the Gaussian
+//! Every sample has a target and a mask value of its own, so that no error hides in a mean. Splats of a Gaussian
 //! kernel are placed so that no sample lies at its cut-off, where the objective jumps.
 #![forbid(unsafe_code)]
 
 use engine::passes::loss::Weighted;
 use engine::reference::types::LANES;
 use engine::reference::{self, Gradient, Samples, objective};
+use engine::splat::kernel::KERNELS;
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
 use glam::{IVec3, UVec3, Vec3};
@@ -79,7 +80,7 @@ impl Small {
 fn scenes(make: impl Fn(&mut Pcg64) -> Splat + Copy) -> Vec<Small> {
     let mut seed = 40;
     let mut out = Vec::new();
-    for kernel in [Kernel::Compact, Kernel::Gaussian] {
+    for kernel in KERNELS.map(|row| row.kernel) {
         for soft in [false, true] {
             seed += 1;
             out.push(Small::new(seed, kernel, soft, make));

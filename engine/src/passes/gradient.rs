@@ -40,7 +40,7 @@ impl Gradient {
             gather: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME_GRAD, &[kernel.id(), shape as u32])?,
             splats_per_group: shape as usize / LANES,
             pace: Pace::new(glsl::SPLAT_TO_VOLUME_GRAD.name),
-            moments_to_grad: Kernel::new(gpu, &glsl::MOMENTS_TO_GRAD, &[])?,
+            moments_to_grad: Kernel::new(gpu, &glsl::MOMENTS_TO_GRAD, &[kernel.id()])?,
             moments: gpu.buffer("moments", "optimiser", splat_count * MOMENTS)?,
             rows: gpu.buffer("gradients", "optimiser", splat_count)?,
         })

@@ -17,6 +17,11 @@ pub fn opacity(splat: &Splat) -> f64 {
     1.0 / (1.0 + (-splat.opacity_logit).exp())
 }
 
+/// a of w = a κ(q): α times the kernel's peak.
+pub fn amplitude(splat: &Splat, kernel: Kernel) -> f64 {
+    opacity(splat) * kernel.peak(splat.log_scale.to_array())
+}
+
 /// The upper triangular T with |T d| = |M d| for every d: the R of a QR decomposition of M, its diagonal positive.
 pub fn triangular(m: &DMat3) -> DMat3 {
     // Modified Gram-Schmidt: column k of T holds the parts of column k of M along the directions found so far.
@@ -46,7 +51,7 @@ pub fn extent(splat: &Splat, support_q: f64) -> DVec3 {
 pub fn footprint(splat: &Splat, kernel: Kernel) -> Footprint {
     Footprint {
         mean: splat.mean,
-        opacity: opacity(splat),
+        amplitude: amplitude(splat, kernel),
         whitening: triangular(&whitening(splat)),
         intensity: splat.intensity,
         extent: extent(splat, kernel.support_q()),

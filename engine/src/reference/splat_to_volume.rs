@@ -1,14 +1,14 @@
-//! `splat_to_volume`: W = Σ α κ(q) and V̂ = Σ α κ(q) c / (W + ε) at each sample.
+//! `splat_to_volume`: W = Σ a κ(q) and V̂ = Σ a κ(q) c / (W + ε) at each sample.
 
 use glam::DVec3;
 
 use super::{Footprint, Reconstruction};
 use crate::splat::Kernel;
 
-/// w = α κ(q) of one splat at a sample.
+/// w = a κ(q) of one splat at a sample.
 pub fn weight(footprint: &Footprint, position: DVec3, kernel: Kernel) -> f64 {
     let u = footprint.whitening * (position - footprint.mean);
-    footprint.opacity * kernel.value(u.length_squared())
+    footprint.amplitude * kernel.value(u.length_squared())
 }
 
 /// All samples, all splats.

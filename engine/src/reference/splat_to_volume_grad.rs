@@ -3,13 +3,14 @@
 //! the two ways check each other.
 //!
 //! With d = x - mean, y = Rᵀd, u = S⁻¹y, q = |u|² and κ' = dκ/dq the chain rule is applied sample by sample:
-//! dL/dw = A c + H,  dw/dμ = -2ακ' Pd (P = R S⁻² Rᵀ),  dw/dln s_k = -2ακ' u_k²,  dw/dlogit = α(1-α)κ,  dL/dc = A w.
+//! dL/dw = A c + H,  dw/dμ = -2aκ' Pd (P = R S⁻² Rᵀ),  dw/dln s_k = -2aκ' u_k²,  dw/dlogit = a(1-α)κ,  dL/dc = A w,
+//! with the amplitude a = α times the kernel's peak. A peak of 1/((2π)^{3/2} s₁s₂s₃) adds -w to dw/dln s_k.
 //! A rotation by ω in the splat's own axes moves y by -ω × y, so that dq/dω = 2 (S⁻²y) · (-ω × y).
 
 use glam::{DMat3, DVec3};
 
 use super::{Adjoint, Footprint, Gradient, Splat};
-use crate::reference::splat_bounds::opacity;
+use crate::reference::splat_bounds::{amplitude, opacity};
 use crate::splat::Kernel;
 
 /// S0 = Σ h κ, C0 = Σ A κ, S1 = Σ h e d and S2 = Σ h e d dᵀ, with h = A c + H, e = -2κ' and d = x - mean.
@@ -59,7 +60,7 @@ pub fn moments(footprint: &Footprint, positions: &[DVec3], folded: &[Adjoint], k
 pub fn splat_gradient(splat: &Splat, positions: &[DVec3], folded: &[Adjoint], kernel: Kernel) -> Gradient {
     let axes = DMat3::from_quat(splat.rotation);
     let inverse_variance = (-2.0 * splat.log_scale).exp();
-    let alpha = opacity(splat);
+    let (alpha, amplitude) = (opacity(splat), amplitude(splat, kernel));
     let mut g = Gradient::default();
     for (&x, adjoint) in positions.iter().zip(folded) {
         let y = axes.transpose() * (x - splat.mean);
@@ -70,13 +71,16 @@ pub fn splat_gradient(splat: &Splat, positions: &[DVec3], folded: &[Adjoint], ke
         let by_weight = adjoint.value * splat.intensity + adjoint.weight;
         let value = kernel.value(q);
         // dL/dq, of which the slope of the kernel is -2 times a factor.
-        let by_q = by_weight * alpha * kernel.slope(q) * -0.5;
+        let by_q = by_weight * amplitude * kernel.slope(q) * -0.5;
         let white = inverse_variance * y;
         g.mean += by_q * -2.0 * (axes * white);
         g.log_scale += by_q * -2.0 * (white * y);
+        if kernel.row().unit_integral {
+            g.log_scale -= by_weight * amplitude * value;
+        }
         g.rotation += by_q * 2.0 * white.cross(y);
-        g.opacity_logit += by_weight * alpha * (1.0 - alpha) * value;
-        g.intensity += adjoint.value * alpha * value;
+        g.opacity_logit += by_weight * amplitude * (1.0 - alpha) * value;
+        g.intensity += adjoint.value * amplitude * value;
     }
     g
 }

@@ -26,8 +26,8 @@ pub struct Splat {
 pub struct Footprint {
     /// Centre, voxels.
     pub mean: DVec3,
-    /// α in 0..1.
-    pub opacity: f64,
+    /// a of w = a κ(q): α times the kernel's peak.
+    pub amplitude: f64,
     /// T, upper triangular: the whitened distance is u = T (x - mean).
     pub whitening: DMat3,
     /// Intensity relative to the background.
@@ -101,7 +101,7 @@ impl From<&gpu::Footprint> for Footprint {
         let [yy, yz] = f.t_y.map(f64::from);
         Footprint {
             mean: vec3(f.mean),
-            opacity: f64::from(f.opacity),
+            amplitude: f64::from(f.amplitude),
             whitening: DMat3::from_cols(
                 DVec3::new(xx, 0.0, 0.0),
                 DVec3::new(xy, yy, 0.0),

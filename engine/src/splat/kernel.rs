@@ -1,6 +1,7 @@
-//! The profile κ(q) of a splat over the squared whitened distance q = |S⁻¹Rᵀ(x − mean)|²; w(x) = α·κ(q).
+//! The profile κ(q) of a splat over the squared whitened distance q = |S⁻¹Rᵀ(x − mean)|²; w(x) = a·κ(q) with the
+//! amplitude a = α·[peak](Kernel::peak).
 //!
-//! Peak-1 (un-normalised) profiles with finite support, one row of [`KERNELS`] each. A fit is tied to its kernel:
+//! Profiles of value 1 at the centre with finite support, one row of [`KERNELS`] each. A fit is tied to its kernel:
 //! a set that was fitted with one and drawn with the other loses some 20 dB.
 
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,14 @@ pub enum Kernel {
     Compact = 0,
     /// κ = exp(−q/2) for q < 9 (3 σ): what ordinary Gaussian splatting viewers draw.
     Gaussian = 1,
+    /// The same κ at a peak of 1/((2π)^{3/2} s₁s₂s₃): before the cut its integral over space, in voxels, is 1. So w and
+    /// what ε does to it depend on the size of a splat and on the voxels: a grid twice as fine has an eighth of w.
+    Density = 2,
 }
+
+/// Greatest ln of a peak: with it neither sums of w nor the gradient of the smallest splat leaves f32. It is reached at
+/// scales of 7·10⁻⁷ voxels; include/kernel.glsl has the same number.
+pub const LN_PEAK_MAX: f64 = 40.0;
 
 /// One kernel: its name, its support and its profile.
 pub struct KernelRow {
@@ -24,16 +32,19 @@ pub struct KernelRow {
     pub name: &'static str,
     /// κ is 0 for q at or beyond this.
     pub support_q: f64,
+    /// Whether the peak depends on the scales, so that the profile integrates to 1 before its cut.
+    pub unit_integral: bool,
     value: fn(f64) -> f64,
     slope: fn(f64) -> f64,
 }
 
 /// Every kernel; the row's index is the kernel's id.
-pub const KERNELS: [KernelRow; 2] = [
+pub const KERNELS: [KernelRow; 3] = [
     KernelRow {
         kernel: Kernel::Compact,
         name: "compact",
         support_q: 6.0,
+        unit_integral: false,
         value: |q| (1.0 - q / 6.0).powi(3),
         slope: |q| (1.0 - q / 6.0).powi(2),
     },
@@ -41,6 +52,15 @@ pub const KERNELS: [KernelRow; 2] = [
         kernel: Kernel::Gaussian,
         name: "gaussian",
         support_q: 9.0,
+        unit_integral: false,
+        value: |q| (-0.5 * q).exp(),
+        slope: |q| (-0.5 * q).exp(),
+    },
+    KernelRow {
+        kernel: Kernel::Density,
+        name: "density",
+        support_q: 9.0,
+        unit_integral: true,
         value: |q| (-0.5 * q).exp(),
         slope: |q| (-0.5 * q).exp(),
     },
@@ -72,6 +92,16 @@ impl Kernel {
         self.row().support_q
     }
 
+    /// What α is multiplied with: 1, or 1/((2π)^{3/2} s₁s₂s₃) for scales given by their logarithms, in voxels.
+    pub fn peak(self, log_scale: [f64; 3]) -> f64 {
+        if !self.row().unit_integral {
+            return 1.0;
+        }
+        // Through the logarithm: a product of scales within their limits may leave f32, and the kernels do the same.
+        let ln_peak = -log_scale.iter().sum::<f64>() - 1.5 * std::f64::consts::TAU.ln();
+        ln_peak.min(LN_PEAK_MAX).exp()
+    }
+
     /// κ(q) for q ≥ 0; 0 outside the support.
     pub fn value(self, q: f64) -> f64 {
         if q < self.support_q() { (self.row().value)(q) } else { 0.0 }
@@ -94,6 +124,27 @@ mod tests {
             assert_eq!(Kernel::from_name(row.name), Some(row.kernel));
         }
         assert_eq!(Kernel::from_name("Compact"), None);
+    }
+
+    #[test]
+    fn the_density_integrates_to_one() {
+        // The mass beyond 3 σ of a Gaussian in space: erfc(3/√2) + 3·√(2/π)·exp(-9/2) = 0.029291.
+        let log_scale = [0.3, 0.9, 0.6];
+        let s: [f64; 3] = log_scale.map(f64::exp);
+        let reach = |k: usize| (3.0 * s[k]).ceil() as i32;
+        let mut sum = 0.0;
+        for z in -reach(2)..=reach(2) {
+            for y in -reach(1)..=reach(1) {
+                for x in -reach(0)..=reach(0) {
+                    let u = [f64::from(x) / s[0], f64::from(y) / s[1], f64::from(z) / s[2]];
+                    sum += Kernel::Density.value(u.iter().map(|v| v * v).sum());
+                }
+            }
+        }
+        let mass = sum * Kernel::Density.peak(log_scale);
+        assert!((mass - (1.0 - 0.029_291)).abs() < 2e-3, "{mass}");
+        assert_eq!(Kernel::Gaussian.peak(log_scale), 1.0);
+        assert_eq!(Kernel::Density.peak([-40.0; 3]), LN_PEAK_MAX.exp(), "a peak stays within f32");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 use engine::gpu::{Gpu, Kernel};
 use engine::reference::{Footprint, Samples, pairs, scan, splat_bounds as twin};
-use engine::splat;
+use engine::splat::kernel::{KERNELS, KernelRow};
 use rand::RngExt;
 use shaders_glsl::types::{self, Grid, PairParams, RangeParams, SplatParams};
 use vgs_tests::scene::random;
@@ -17,11 +17,11 @@ use super::run;
 const INSIDE: f64 = -1e-4;
 const OUTSIDE: f64 = 2e-3;
 
-/// Scenes of both kernels, cut into one chunk or looked at through a part of their slots.
+/// Scenes of every kernel, cut into one chunk or looked at through a part of their slots.
 fn scenes() -> Vec<(Scene, std::ops::Range<usize>)> {
-    [splat::Kernel::Compact, splat::Kernel::Gaussian]
+    KERNELS
         .into_iter()
-        .flat_map(|kernel| {
+        .flat_map(|KernelRow { kernel, .. }| {
             let scene = || Scene::random(11 + u64::from(kernel.id()), 150, kernel, false);
             let all = 0..scene().bricks.len();
             [(scene(), all), (scene(), 13..29)]
@@ -72,9 +72,9 @@ pub fn splat_bounds() {
         let wanted: Vec<Footprint> = splats.iter().map(|s| twin::footprint(s, scene.kernel)).collect();
         let got64: Vec<Footprint> = got.iter().map(Into::into).collect();
         assert_close(
-            "splat_bounds: opacity",
+            "splat_bounds: amplitude",
             Bound::new(0.0, 1e-6),
-            got64.iter().zip(&wanted).map(|(g, w)| (g.opacity, w.opacity)),
+            got64.iter().zip(&wanted).map(|(g, w)| (g.amplitude, w.amplitude)),
         );
         // A column of T is a column of S⁻¹Rᵀ turned: its rounding is measured against the largest of them.
         let whitening = got64.iter().zip(&wanted).flat_map(|(g, w)| {

@@ -1,11 +1,12 @@
 //! Forward pass, loss terms, backward pass.
 
-use engine::gpu::Kernel;
+use engine::gpu::{Gpu, Kernel};
 use engine::reference::moments_to_grad as gradient;
 use engine::reference::splat_to_volume as forward;
 use engine::reference::splat_to_volume_grad as backward;
 use engine::reference::{Adjoint, Footprint, Gradient, Reconstruction, Target, Term, loss};
 use engine::splat;
+use engine::splat::kernel::KERNELS;
 use engine::volume::bricks::SAMPLES;
 use glam::DVec3;
 use rand::RngExt;
@@ -20,14 +21,14 @@ use super::run;
 const SPLATS: usize = 120;
 
 fn scenes() -> impl Iterator<Item = Scene> {
-    [(splat::Kernel::Compact, false), (splat::Kernel::Gaussian, true)]
+    [(splat::Kernel::Compact, false), (splat::Kernel::Gaussian, true), (splat::Kernel::Density, false)]
         .into_iter()
         .map(|(kernel, soft)| Scene::random(21 + u64::from(kernel.id()), SPLATS, kernel, soft))
 }
 
-/// Whether the cut-off of the Gaussian may fall either way for this sample, and w jump by α·exp(-4.5).
+/// Whether the cut-off of a Gaussian may fall either way for this sample, and w jump by a·exp(-4.5).
 fn on_the_edge(footprints: &[Footprint], x: DVec3, kernel: splat::Kernel) -> bool {
-    kernel == splat::Kernel::Gaussian
+    kernel != splat::Kernel::Compact
         && footprints.iter().any(|f| {
             let q = (f.whitening * (x - f.mean)).length_squared();
             (q - kernel.support_q()).abs() < 1e-4
@@ -57,7 +58,8 @@ pub fn splat_to_volume() {
         assert_close(&format!("splat_to_volume: W, {name}"), Bound::new(2e-6, 2e-6), weights);
         let values = clear.iter().map(|&i| (got[i].value, wanted[i].value));
         assert_close(&format!("splat_to_volume: V, {name}"), Bound::new(3e-6, 0.0), values);
-        let reached = active.iter().filter(|&&i| wanted[i].weight > 0.1).count();
+        let much = if scene.kernel.row().unit_integral { 1e-4 } else { 0.1 };
+        let reached = active.iter().filter(|&&i| wanted[i].weight > much).count();
         assert!(reached * 2 > active.len(), "the scene covers most of its samples");
     }
 }
@@ -195,7 +197,7 @@ pub fn splat_to_volume_grad() {
         assert!(reached * 2 > scene.splats.len(), "most splats reach a sample");
         // Outliers: of a splat that reaches one sample with its very border, the slope there is all that counts. A
         // cut-off that falls the other way moves one splat by a small part of what it sums.
-        let limit = if scene.kernel == splat::Kernel::Gaussian { 0.02 } else { 1e-3 };
+        let limit = if scene.kernel != splat::Kernel::Compact { 0.02 } else { 1e-3 };
         let bound = Bound::new(2e-5, 0.0).outliers(0.005, limit);
         assert_close(&format!("splat_to_volume_grad, {}", scene.kernel.name()), bound, pairs);
     }
@@ -203,8 +205,14 @@ pub fn splat_to_volume_grad() {
 
 pub fn moments_to_grad() {
     let gpu = Device::boot();
-    let kernel = Kernel::new(&gpu, &shaders_glsl::MOMENTS_TO_GRAD, &[]).unwrap();
-    let scene = Scene::random(23, 200, splat::Kernel::Compact, false);
+    for row in KERNELS {
+        check_moments_to_grad(&gpu, row.kernel);
+    }
+}
+
+fn check_moments_to_grad(gpu: &Gpu, splat_kernel: splat::Kernel) {
+    let kernel = Kernel::new(gpu, &shaders_glsl::MOMENTS_TO_GRAD, &[splat_kernel.id()]).unwrap();
+    let scene = Scene::random(23, 200, splat_kernel, false);
     let count = scene.splats.len();
     let mut rng = random(24);
     let moments: Vec<[f32; 11]> =
@@ -212,7 +220,7 @@ pub fn moments_to_grad() {
     let splats = gpu.upload("splats", "test", &scene.splats).unwrap();
     let rows = gpu.upload("moments", "test", moments.as_flattened()).unwrap();
     let mut gradients = gpu.buffer::<types::SplatGrad>("gradients", "test", count).unwrap();
-    run(&gpu, |r| {
+    run(gpu, |r| {
         r.pass(&kernel)
             .read(&splats)
             .read(&rows)
@@ -223,20 +231,23 @@ pub fn moments_to_grad() {
     let mut pairs = Vec::new();
     for ((got, splat), moments) in gradients.read().unwrap().iter().zip(scene.splats64()).zip(&moments) {
         let moments = backward::Moments::from_row(moments.map(f64::from));
-        let (got, want) = (Gradient::from(got).lanes(), gradient::moments_to_grad(&splat, &moments).lanes());
+        let (got, want) =
+            (Gradient::from(got).lanes(), gradient::moments_to_grad(&splat, &moments, splat_kernel).lanes());
         // Sums of products that may cancel: measured against the products themselves.
         let steepest = (-2.0 * splat.log_scale.min_element()).exp();
         let ratio = (splat.log_scale.max_element() - splat.log_scale.min_element()).exp();
-        let alpha = engine::reference::splat_bounds::opacity(&splat);
+        let amplitude = engine::reference::splat_bounds::amplitude(&splat, splat_kernel);
         for lane in 0..11 {
-            let size = alpha
+            let size = amplitude
                 * match lane {
                     3 | 10 => 1.0,
                     4..7 => steepest * ratio,
+                    // B_kk - S0
+                    7..10 if splat_kernel.row().unit_integral => steepest + 1.0,
                     _ => steepest,
                 };
             pairs.push((got[lane] / size, want[lane] / size));
         }
     }
-    assert_close("moments_to_grad", Bound::new(3e-6, 0.0), pairs);
+    assert_close(&format!("moments_to_grad, {}", splat_kernel.name()), Bound::new(3e-6, 0.0), pairs);
 }

@@ -283,7 +283,8 @@ fn check(weights: &[f32], fitted: &Fitted, offset: [f32; 3]) {
             .map(|s| {
                 let d = x - glam::Vec3::from_array(s.mean).as_dvec3();
                 let opacity = 1.0 / (1.0 + f64::from(-s.opacity_logit).exp());
-                opacity * config.kernel.value(whitened(s, d).length_squared())
+                let peak = config.kernel.peak(s.log_scale.map(f64::from));
+                opacity * peak * config.kernel.value(whitened(s, d).length_squared())
             })
             .sum();
         let got = f64::from(weights[slot * SAMPLES + morton]);

@@ -9,6 +9,7 @@ use super::read::{Loaded, load};
 use super::write::{check, encode};
 use super::{describe, read, write};
 use crate::error::{Kind, Result};
+use crate::splat::kernel::KERNELS;
 use crate::splat::{Field, Kernel, ReadOptions, Splat, SplatSet};
 
 const STRICT: ReadOptions = ReadOptions { strict: true, max_splats: 1_000_000 };
@@ -529,10 +530,9 @@ proptest! {
         background in -3e38..3e38f32,
         epsilon in 0.0..1.0f32,
         occupancy_w0 in 1e-30..1.0f32,
-        compact: bool,
+        kernel in prop::sample::select(KERNELS.map(|row| row.kernel).to_vec()),
         has_intensity: bool,
     ) {
-        let kernel = if compact { Kernel::Compact } else { Kernel::Gaussian };
         let field = Field { kernel, background, epsilon, occupancy_w0 };
         let set = SplatSet { splats, origin_mm: DVec3::from_array(origin), field, has_intensity, iterations: None };
         let read = loaded(&encoded(&set), &STRICT).expect("our own file").set;
