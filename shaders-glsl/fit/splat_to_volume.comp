@@ -10,6 +10,7 @@
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
+#include "samples.glsl"
 layout(local_size_x_id = 1) in;
 layout(constant_id = 1) const uint GROUP = 64;
 layout(push_constant, scalar) uniform RasterParams { Grid grid; uint first_cell; float epsilon; } p;
@@ -18,7 +19,7 @@ layout(scalar, binding = 1) readonly buffer Values { uint values[]; };
 layout(scalar, binding = 2) readonly buffer CellMasks { uint cell_masks[]; };
 layout(scalar, binding = 3) readonly buffer Footprints { Footprint footprints[]; };
 layout(scalar, binding = 4) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
-layout(scalar, binding = 5) writeonly buffer Reconstructions { Reconstruction reconstructions[]; };
+layout(scalar, binding = 5) writeonly buffer Reconstructions { uint reconstructions[]; };
 
 void rasterise(uint cell, uint lane) {
     uint slot = cell >> 6;
@@ -42,7 +43,14 @@ void rasterise(uint cell, uint lane) {
             sum += w * f.intensity;
         }
     }
-    reconstructions[cell * 8 + lane] = Reconstruction(weight, sum / (weight + p.epsilon));
+    uint at = cell * 8 + lane;
+    vec2 got = vec2(weight, sum / (weight + p.epsilon));
+    if (STORAGE == STORAGE_MIXED) {
+        reconstructions[at] = pack_halves(got);
+    } else {
+        reconstructions[2 * at] = floatBitsToUint(got.x);
+        reconstructions[2 * at + 1] = floatBitsToUint(got.y);
+    }
 }
 
 void main() {

@@ -11,13 +11,22 @@
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
+#include "samples.glsl"
 layout(local_size_x_id = 1) in;
 layout(constant_id = 1) const uint GROUP = 64;
 layout(push_constant, scalar) uniform GradParams { Grid grid; uint first_splat; uint splat_count; uint accumulate; } p;
 layout(scalar, binding = 0) readonly buffer Footprints { Footprint footprints[]; };
 layout(scalar, binding = 1) readonly buffer Slots { uint slots[]; };
-layout(scalar, binding = 2) readonly buffer Adjoints { Adjoint adjoints[]; };
+layout(scalar, binding = 2) readonly buffer Adjoints { uint adjoints[]; };
 layout(scalar, binding = 3) buffer MomentRows { float moments[]; }; // [splat][S0, C0, S1 xyz, S2 xx yy zz yz zx xy]
+
+Adjoint load_adjoint(uint i) {
+    if (STORAGE == STORAGE_MIXED) {
+        vec2 halves = unpackHalf2x16(adjoints[i]);
+        return Adjoint(halves.x, halves.y);
+    }
+    return Adjoint(uintBitsToFloat(adjoints[2 * i]), uintBitsToFloat(adjoints[2 * i + 1]));
+}
 
 const uint LANES = 8;
 shared float partial[MOMENTS * GROUP]; // [invocation][moment]
@@ -66,7 +75,7 @@ void main() {
             int x = max(row_x.x, brick * 8);
             int end = slot < p.grid.slot_count ? min(row_x.y, brick * 8 + 7) : -1;
             for (; x <= end; ++x) {
-                Adjoint g = adjoints[base + spread3(uint(x) & 7u)];
+                Adjoint g = load_adjoint(base + spread3(uint(x) & 7u));
                 float dx = float(x) - mean.x;
                 float u = f.t_x.x * dx + shift;
                 vec2 k = kernel_value_slope(u * u + rest);

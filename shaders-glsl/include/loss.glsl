@@ -5,6 +5,7 @@
 // backward pass multiplies with a splat's intensity c: A = dL/dV^ / (W + ε) and H = dL/dW - A V^, so that
 // dL/dw = A c + H and dL/dc = A w.
 #include "splat.glsl"
+#include "samples.glsl"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform LossParams {
     float weight;      // λ of this term
@@ -14,11 +15,36 @@ layout(push_constant, scalar) uniform LossParams {
 layout(constant_id = 0) const uint ACCUMULATE = 0; // 1: not the first term
 layout(constant_id = 1) const uint FOLD = 0;       // 1: the last term
 layout(scalar, binding = 0) readonly buffer Targets { uint targets[]; };
-layout(scalar, binding = 1) readonly buffer Reconstructions { Reconstruction reconstructions[]; };
-layout(scalar, binding = 2) buffer Adjoints { Adjoint adjoints[]; };
+layout(scalar, binding = 1) readonly buffer Reconstructions { uint reconstructions[]; };
+layout(scalar, binding = 2) buffer Adjoints { uint adjoints[]; };
 layout(scalar, binding = 3) writeonly buffer LossSums { vec2 loss_sums[]; }; // [slot]: Σ value, Σ weight
 
 shared vec2 partial[64];
+
+Reconstruction load_reconstruction(uint i) {
+    if (STORAGE == STORAGE_MIXED) {
+        vec2 halves = unpackHalf2x16(reconstructions[i]);
+        return Reconstruction(halves.x, halves.y);
+    }
+    return Reconstruction(uintBitsToFloat(reconstructions[2 * i]), uintBitsToFloat(reconstructions[2 * i + 1]));
+}
+
+Adjoint load_adjoint(uint i) {
+    if (STORAGE == STORAGE_MIXED) {
+        vec2 halves = unpackHalf2x16(adjoints[i]);
+        return Adjoint(halves.x, halves.y);
+    }
+    return Adjoint(uintBitsToFloat(adjoints[2 * i]), uintBitsToFloat(adjoints[2 * i + 1]));
+}
+
+void store_adjoint(uint i, Adjoint adjoint) {
+    if (STORAGE == STORAGE_MIXED) {
+        adjoints[i] = pack_halves(vec2(adjoint.value, adjoint.weight));
+    } else {
+        adjoints[2 * i] = floatBitsToUint(adjoint.value);
+        adjoints[2 * i + 1] = floatBitsToUint(adjoint.weight);
+    }
+}
 
 // Adds the term's value, weight and adjoint at one sample that takes part.
 void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adjoint adjoint);
@@ -29,21 +55,23 @@ void main() {
     vec2 sum = vec2(0.0);
     for (uint i = begin; i < begin + 512; i += 64) {
         Target wanted = unpack_target(targets[i]);
+        Reconstruction got = load_reconstruction(i);
         Adjoint adjoint = Adjoint(0.0, 0.0);
         if (wanted.occupancy >= 0.0) {
             vec2 value_weight;
-            loss_term(wanted, reconstructions[i], value_weight, adjoint);
+            loss_term(wanted, got, value_weight, adjoint);
             sum += value_weight;
         }
         if (ACCUMULATE != 0) {
-            adjoint.value += adjoints[i].value;
-            adjoint.weight += adjoints[i].weight;
+            Adjoint before = load_adjoint(i);
+            adjoint.value += before.value;
+            adjoint.weight += before.weight;
         }
         if (FOLD != 0) {
-            adjoint.value /= reconstructions[i].weight + p.epsilon;
-            adjoint.weight -= adjoint.value * reconstructions[i].value;
+            adjoint.value /= got.weight + p.epsilon;
+            adjoint.weight -= adjoint.value * got.value;
         }
-        adjoints[i] = adjoint;
+        store_adjoint(i, adjoint);
     }
     partial[t] = sum;
     for (uint half_size = 32; half_size > 0; half_size >>= 1) {

@@ -12,6 +12,7 @@ pub mod fitting;
 pub mod golden;
 pub mod scene;
 pub mod step;
+pub mod storage;
 
 pub use close::{Bound, assert_close};
 pub use device::Device;

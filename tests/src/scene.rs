@@ -18,6 +18,7 @@ pub fn random(seed: u64) -> Pcg64 {
 }
 
 /// Splats over a brick grid, what the samples should be, and where the samples lie.
+#[derive(Clone)]
 pub struct Scene {
     /// The sample grid.
     pub bricks: Bricks,

@@ -3,7 +3,7 @@
 
 use engine::gpu::Gpu;
 use engine::passes::loss::{Sum, Weighted};
-use engine::passes::{Gradient, Losses, Rasteriser};
+use engine::passes::{Gradient, Losses, Rasteriser, Storage};
 use engine::reference;
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
@@ -52,12 +52,18 @@ pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
     terms.iter().map(twin).collect()
 }
 
-/// Runs a scene.
+/// Runs a scene in full storage.
 pub fn run(gpu: &Gpu, scene: &Scene, terms: &[Weighted]) -> Pass {
-    run_with(gpu, &scene.bricks, &scene.splats, &scene.targets, scene.kernel, scene.offset, terms)
+    run_stored(gpu, scene, terms, Storage::Full)
 }
 
-/// Runs splats against targets over all chunks, binning again where the bins were too small.
+/// Runs a scene.
+pub fn run_stored(gpu: &Gpu, scene: &Scene, terms: &[Weighted], storage: Storage) -> Pass {
+    let Scene { bricks, splats, targets, kernel, offset } = scene;
+    run_inputs(gpu, &Inputs { bricks, splats, targets, kernel: *kernel, offset: *offset }, terms, storage)
+}
+
+/// Runs splats against targets in full storage.
 pub fn run_with(
     gpu: &Gpu,
     bricks: &Bricks,
@@ -67,10 +73,27 @@ pub fn run_with(
     offset: [f32; 3],
     terms: &[Weighted],
 ) -> Pass {
-    let mut raster = Rasteriser::new(gpu, kernel, EPSILON, bricks, splats.len()).expect("a rasteriser");
+    run_inputs(gpu, &Inputs { bricks, splats, targets, kernel, offset }, terms, Storage::Full)
+}
+
+/// A scene of borrowed parts.
+struct Inputs<'a> {
+    bricks: &'a Bricks,
+    splats: &'a [Splat],
+    targets: &'a [Target],
+    kernel: Kernel,
+    offset: [f32; 3],
+}
+
+/// Over all chunks, binning again where the bins were too small.
+fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) -> Pass {
+    let &Inputs { bricks, splats, targets, kernel, offset } = inputs;
+    let mut raster =
+        Rasteriser::with_storage(gpu, kernel, EPSILON, bricks, splats.len(), storage).expect("a rasteriser");
     let chunks = raster.grid.chunks();
-    let mut losses = Losses::new(gpu, terms, EPSILON, raster.grid.chunk_slots(), chunks).expect("losses");
-    let mut gradient = Gradient::new(gpu, kernel, splats.len()).expect("a gradient pass");
+    let mut losses =
+        Losses::new(gpu, terms, EPSILON, storage, raster.grid.chunk_slots(), chunks).expect("losses");
+    let mut gradient = Gradient::new(gpu, kernel, splats.len(), storage).expect("a gradient pass");
     let buffer = gpu.upload("splats", "splats", splats).expect("splats");
     let mut pass = Pass {
         footprints: Vec::new(),
@@ -109,9 +132,12 @@ pub fn run_with(
         }
         let ticket = recorder.submit().expect("submitting");
         gpu.wait(ticket).expect("waiting");
-        let count = slots.len() * SAMPLES;
-        pass.reconstructions.extend(raster.reconstructions.read_range(0, count).expect("samples"));
-        pass.adjoints.extend(losses.adjoints.read_range(0, count).expect("adjoints"));
+        let words = slots.len() * SAMPLES * storage.words();
+        let (samples, adjoints) = (&raster.reconstructions, &losses.adjoints);
+        let samples = samples.read_range(0, words).expect("samples");
+        pass.reconstructions.extend(storage.unpack::<Reconstruction>(&samples));
+        let adjoints = adjoints.read_range(0, words).expect("adjoints");
+        pass.adjoints.extend(storage.unpack::<Adjoint>(&adjoints));
     }
     pass.footprints = raster.bins.footprints.read().expect("footprints");
     pass.moments = gradient.moments.read().expect("moments").as_chunks::<11>().0.to_vec();

@@ -14,8 +14,9 @@ use engine::volume::bricks::SAMPLES;
 use glam::{DVec3, IVec3, UVec3, Vec3};
 use rand::RngExt;
 use rand::seq::SliceRandom;
-use shaders_glsl::types::{self, AdamParams, SplatGrad, Target};
+use shaders_glsl::types::{AdamParams, SplatGrad, Target};
 use vgs_tests::scene::{EPSILON, random, rotation, splat};
+use vgs_tests::storage::STORAGES;
 use vgs_tests::{Bound, Device, Scene, assert_close, step};
 
 const KERNELS: [Kernel; 3] = [Kernel::Compact, Kernel::Gaussian, Kernel::Density];
@@ -578,22 +579,23 @@ fn positions_follow_the_bricks() {
 fn both_shapes_of_the_passes_give_the_same_bits() {
     let gpu = Device::boot();
     let bricks = bricks();
-    for kernel in KERNELS {
+    for (kernel, storage) in KERNELS.into_iter().flat_map(|kernel| STORAGES.map(|storage| (kernel, storage)))
+    {
         let splats = some_splats(31, 301);
         let buffer = gpu.upload("splats", "test", &splats).expect("splats");
         let run = |shape| {
-            let mut rasteriser = Rasteriser::with_shape(&gpu, kernel, EPSILON, &bricks, splats.len(), shape)
-                .expect("a rasteriser");
+            let mut rasteriser =
+                Rasteriser::with_shape(&gpu, kernel, EPSILON, &bricks, splats.len(), storage, shape)
+                    .expect("a rasteriser");
             let samples = rasteriser.rasterise(&buffer, [0.2, -0.3, 0.4]).expect("samples");
-            // Any adjoints will do: here V̂ and W themselves.
-            let adjoints: Vec<types::Adjoint> =
-                samples.iter().map(|r| types::Adjoint { value: r.value, weight: r.weight }).collect();
-            let adjoints = gpu.upload("adjoints", "test", &adjoints).expect("adjoints");
-            let mut gradient = Gradient::with_shape(&gpu, kernel, splats.len(), shape).expect("a gradient");
+            // Any adjoints will do: here W and V̂ themselves.
+            let adjoints = &rasteriser.reconstructions;
+            let mut gradient =
+                Gradient::with_shape(&gpu, kernel, splats.len(), storage, shape).expect("a gradient");
             let mut recorder = gpu.record().expect("a recorder");
             let footprints = &rasteriser.bins.footprints;
             gradient
-                .gather(&mut recorder, &rasteriser.grid, footprints, &adjoints, 0, [0.2, -0.3, 0.4])
+                .gather(&mut recorder, &rasteriser.grid, footprints, adjoints, 0, [0.2, -0.3, 0.4])
                 .expect("the backward pass");
             gpu.wait(recorder.submit().expect("a submission")).expect("the end of it");
             (samples, gradient.moments.read().expect("moments"))

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::init::{INITIALISERS, InitConfig, Initialiser, ORIENTATIONS, Orientation};
 use super::topology::{TOPOLOGIES, Topology};
 use crate::error::{Error, Kind, Result};
+pub use crate::passes::Storage;
 use crate::splat::{self, Kernel};
 
 /// A field of [`FitConfig`] as programs show it.
@@ -35,16 +36,6 @@ pub enum ScaleUnit {
     Voxel,
     /// The mean of the three voxel spacings: the same millimetres along every axis.
     Spacing,
-}
-
-/// How samples are stored between the passes of a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Storage {
-    /// f32.
-    Full,
-    /// f16; sums are f32 all the same.
-    Mixed,
 }
 
 macro_rules! config {

@@ -154,7 +154,8 @@ impl<'a> Fitter<'a> {
         if config.occupancy_weight > 0.0 {
             terms.push(Weighted { term: 1, weight: config.occupancy_weight, parameter: config.occupancy_w0 });
         }
-        let losses = Losses::new(gpu, &terms, config.epsilon, grid.chunk_slots(), grid.chunks())?;
+        let losses =
+            Losses::new(gpu, &terms, config.epsilon, config.storage, grid.chunk_slots(), grid.chunks())?;
         let offsets = offsets(config.offsets, config.seed);
         let mut targets = Vec::new();
         for (i, &offset) in offsets.iter().enumerate() {
@@ -432,8 +433,8 @@ impl Work {
         let moving = subset.as_ref().map_or(count, Subset::size);
         let rasterised = if config.subset_alone { moving } else { count };
         Ok(Work {
-            rasteriser: Rasteriser::new(gpu, config.kernel, config.epsilon, bricks, rasterised)?,
-            gradient: Gradient::new(gpu, config.kernel, moving)?,
+            rasteriser: rasteriser(gpu, bricks, rasterised, config)?,
+            gradient: Gradient::new(gpu, config.kernel, moving, config.storage)?,
             all: adam::State::zeroed(gpu, count)?,
             subset,
             whole: None,
@@ -452,7 +453,7 @@ impl Work {
             return Ok((&mut self.rasteriser, splats));
         }
         if self.whole.is_none() {
-            self.whole = Some(Rasteriser::new(gpu, config.kernel, config.epsilon, bricks, splats.len())?);
+            self.whole = Some(rasteriser(gpu, bricks, splats.len(), config)?);
         }
         let whole = self.whole.as_mut().unwrap_or(&mut self.rasteriser);
         Ok((whole, splats))
@@ -474,6 +475,11 @@ impl Work {
         self.all.second.write_range(0, &rows.iter().map(|r| r.second).collect::<Vec<_>>())?;
         self.all.gradient_norms.write_range(0, &rows.iter().map(|r| r.gradient_norm).collect::<Vec<_>>())
     }
+}
+
+/// Of the kind that the losses of a fit can read.
+fn rasteriser(gpu: &Gpu, bricks: &Bricks, count: usize, config: &FitConfig) -> Result<Rasteriser> {
+    Rasteriser::with_storage(gpu, config.kernel, config.epsilon, bricks, count, config.storage)
 }
 
 /// From voxel coordinates and HU to the brick grid and the fit's numbers.

@@ -1,10 +1,10 @@
 //! The backward pass: samples to moments, chunk by chunk, and moments to splat gradients.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{Adjoint, Footprint, GradParams, MomentParams, SplatGrad};
+use shaders_glsl::types::{Footprint, GradParams, MomentParams, SplatGrad};
 
 use super::bin::SampleGrid;
-use super::{Pace, Shape};
+use super::{Pace, Shape, Storage};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
@@ -28,16 +28,26 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// For `splat_count` splats.
-    pub fn new(gpu: &Gpu, kernel: splat::Kernel, splat_count: usize) -> Result<Self> {
-        Self::with_shape(gpu, kernel, splat_count, Shape::of(gpu))
+    /// For `splat_count` splats and adjoints in that storage.
+    pub fn new(gpu: &Gpu, kernel: splat::Kernel, splat_count: usize, storage: Storage) -> Result<Self> {
+        Self::with_shape(gpu, kernel, splat_count, storage, Shape::of(gpu))
     }
 
     /// The same in a shape of the caller's choice; the result has the same bits.
-    pub fn with_shape(gpu: &Gpu, kernel: splat::Kernel, splat_count: usize, shape: Shape) -> Result<Self> {
+    pub fn with_shape(
+        gpu: &Gpu,
+        kernel: splat::Kernel,
+        splat_count: usize,
+        storage: Storage,
+        shape: Shape,
+    ) -> Result<Self> {
         Ok(Gradient {
             gpu: gpu.clone(),
-            gather: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME_GRAD, &[kernel.id(), shape as u32])?,
+            gather: Kernel::new(
+                gpu,
+                &glsl::SPLAT_TO_VOLUME_GRAD,
+                &[kernel.id(), shape as u32, storage as u32],
+            )?,
             splats_per_group: shape as usize / LANES,
             pace: Pace::new(glsl::SPLAT_TO_VOLUME_GRAD.name),
             moments_to_grad: Kernel::new(gpu, &glsl::MOMENTS_TO_GRAD, &[kernel.id()])?,
@@ -59,7 +69,7 @@ impl Gradient {
         recorder: &mut Recorder,
         grid: &SampleGrid,
         footprints: &Buffer<Footprint>,
-        adjoints: &Buffer<Adjoint>,
+        adjoints: &Buffer<u32>,
         chunk: usize,
         offset: [f32; 3],
     ) -> Result<()> {

@@ -3,8 +3,9 @@
 
 use shaders_glsl as glsl;
 use shaders_glsl::Shader;
-use shaders_glsl::types::{Adjoint, LossParams, Reconstruction, Target};
+use shaders_glsl::types::{LossParams, Target};
 
+use super::Storage;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::volume::bricks::SAMPLES;
@@ -46,19 +47,21 @@ pub struct Sum {
 /// The terms of one fit.
 pub struct Losses {
     terms: Vec<(Weighted, Kernel)>,
-    /// Adjoints of the chunk in work.
-    pub adjoints: Buffer<Adjoint>,
+    /// Adjoints of the chunk in work, in the storage that was asked for.
+    pub adjoints: Buffer<u32>,
     /// One row per term: the sums of each slot, all chunks.
     sums: Vec<Buffer<[f32; 2]>>,
     epsilon: f32,
 }
 
 impl Losses {
-    /// The given terms over chunks of at most `chunk_slots` slots; `chunks` of them.
+    /// The given terms over chunks of at most `chunk_slots` slots, `chunks` of them; samples and adjoints in that
+    /// storage.
     pub fn new(
         gpu: &Gpu,
         terms: &[Weighted],
         epsilon: f32,
+        storage: Storage,
         chunk_slots: usize,
         chunks: usize,
     ) -> Result<Self> {
@@ -68,7 +71,7 @@ impl Losses {
             .enumerate()
             .map(|(i, &t)| {
                 // The first term overwrites the adjoints, the last one folds them; see loss.glsl.
-                let constants = [u32::from(i > 0), u32::from(i == last)];
+                let constants = [u32::from(i > 0), u32::from(i == last), storage as u32];
                 Ok((t, Kernel::new(gpu, TERMS[t.term].shader, &constants)?))
             })
             .collect();
@@ -77,7 +80,7 @@ impl Losses {
             .collect();
         Ok(Losses {
             terms: kernels?,
-            adjoints: gpu.buffer("adjoints", "samples", chunk_slots * SAMPLES)?,
+            adjoints: gpu.buffer("adjoints", "samples", chunk_slots * SAMPLES * storage.words())?,
             sums: sums?,
             epsilon,
         })
@@ -88,7 +91,7 @@ impl Losses {
         &mut self,
         recorder: &mut Recorder,
         targets: &Buffer<Target>,
-        reconstructions: &Buffer<Reconstruction>,
+        reconstructions: &Buffer<u32>,
         chunk: usize,
         slots: usize,
     ) {

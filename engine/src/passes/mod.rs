@@ -10,6 +10,7 @@ pub mod radix_sort;
 pub mod rasterise;
 pub mod rows;
 pub mod scan;
+mod storage;
 
 pub use adam::Adam;
 pub use bin::Binner;
@@ -21,6 +22,7 @@ pub use rasterise::Rasteriser;
 pub use rows::Rows;
 pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
+pub use storage::Storage;
 
 use crate::gpu::Gpu;
 

@@ -4,7 +4,7 @@ use shaders_glsl as glsl;
 use shaders_glsl::types::{RasterParams, Reconstruction};
 
 use super::bin::{CELLS, SampleGrid};
-use super::{Binner, Pace, Shape};
+use super::{Binner, Pace, Shape, Storage};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
@@ -23,15 +23,16 @@ pub struct Rasteriser {
     pub grid: SampleGrid,
     /// Bins of the chunk that was rasterised last.
     pub bins: Binner,
-    /// Σw and V̂ of the chunk that was rasterised last, [slot][Morton place].
-    pub reconstructions: Buffer<Reconstruction>,
+    /// Σw and V̂ of the chunk that was rasterised last, [slot][Morton place], as `storage` says.
+    pub reconstructions: Buffer<u32>,
+    storage: Storage,
     /// Pairs that each chunk needed.
     pub pair_totals: Buffer<u32>,
     epsilon: f32,
 }
 
 impl Rasteriser {
-    /// For `splat_count` splats in local voxel coordinates of `bricks`. `epsilon` is ε of equation (2).
+    /// For `splat_count` splats in local voxel coordinates of `bricks`, in full storage. `epsilon` is ε of equation (2).
     pub fn new(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -39,7 +40,19 @@ impl Rasteriser {
         bricks: &Bricks,
         splat_count: usize,
     ) -> Result<Self> {
-        Self::with_shape(gpu, kernel, epsilon, bricks, splat_count, Shape::of(gpu))
+        Self::with_storage(gpu, kernel, epsilon, bricks, splat_count, Storage::Full)
+    }
+
+    /// The same in a storage of the caller's choice.
+    pub fn with_storage(
+        gpu: &Gpu,
+        kernel: splat::Kernel,
+        epsilon: f32,
+        bricks: &Bricks,
+        splat_count: usize,
+        storage: Storage,
+    ) -> Result<Self> {
+        Self::with_shape(gpu, kernel, epsilon, bricks, splat_count, storage, Shape::of(gpu))
     }
 
     /// The same in a shape of the caller's choice; the result has the same bits.
@@ -49,15 +62,21 @@ impl Rasteriser {
         epsilon: f32,
         bricks: &Bricks,
         splat_count: usize,
+        storage: Storage,
         shape: Shape,
     ) -> Result<Self> {
-        let grid = SampleGrid::new(gpu, bricks, size_of::<Reconstruction>())?;
+        let grid = SampleGrid::new(gpu, bricks, storage.bytes())?;
         Ok(Rasteriser {
             gpu: gpu.clone(),
-            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), shape as u32])?,
+            kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), shape as u32, storage as u32])?,
             pace: Pace::new(glsl::SPLAT_TO_VOLUME.name),
             bins: Binner::new(gpu, kernel, &grid, splat_count)?,
-            reconstructions: gpu.buffer("reconstruction", "samples", grid.chunk_slots() * SAMPLES)?,
+            reconstructions: gpu.buffer(
+                "reconstruction",
+                "samples",
+                grid.chunk_slots() * SAMPLES * storage.words(),
+            )?,
+            storage,
             pair_totals: gpu.buffer("pair totals", "sorting", grid.chunks())?,
             grid,
             epsilon,
@@ -117,7 +136,8 @@ impl Rasteriser {
         let mut out = Vec::with_capacity(self.grid.slot_count * SAMPLES);
         for chunk in 0..self.grid.chunks() {
             self.rasterise_chunk(splats, chunk, offset)?;
-            out.extend(self.reconstructions.read_range(0, self.grid.chunk(chunk).len() * SAMPLES)?);
+            let words = self.grid.chunk(chunk).len() * SAMPLES * self.storage.words();
+            out.extend(self.storage.unpack::<Reconstruction>(&self.reconstructions.read_range(0, words)?));
         }
         Ok(out)
     }

@@ -5,6 +5,7 @@
 //! Twins use plain loops over all samples and all splats. They are for tests and never touch the GPU.
 
 pub mod adam;
+pub mod half;
 pub mod loss;
 pub mod moments_to_grad;
 pub mod objective;
@@ -19,6 +20,7 @@ pub mod splat_to_volume;
 pub mod splat_to_volume_grad;
 pub mod types;
 
+pub use half::half;
 pub use loss::Term;
 pub use objective::objective;
 pub use samples::Samples;

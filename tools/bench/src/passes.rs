@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use clap::Args;
 use engine::Result;
 use engine::gpu::Gpu;
-use engine::passes::{Gradient, Rasteriser};
+use engine::passes::{Gradient, Rasteriser, Storage};
 use engine::splat::activation::rotation_matrix;
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
@@ -38,6 +38,9 @@ pub struct Arguments {
     /// Timed runs of each pass; the median is reported.
     #[arg(long, default_value_t = 15)]
     runs: usize,
+    /// Samples in 16 bits a number, as `storage = "mixed"` of a fit has them.
+    #[arg(long)]
+    mixed: bool,
     /// Smaller scenes.
     #[arg(long)]
     quick: bool,
@@ -131,19 +134,16 @@ fn measure(gpu: &Gpu, scene: &Scene, density: f64, a: &Arguments) -> Result<Row>
     let fitted = scene.fitted(gpu, density, a.iterations)?;
     let Fitted { config, splats, bricks } = &fitted;
     let offset = [0.1, 0.2, -0.3];
-    let mut rasteriser = Rasteriser::new(gpu, config.kernel, config.epsilon, bricks, splats.len())?;
-    let mut gradient = Gradient::new(gpu, config.kernel, splats.len())?;
+    let storage = if a.mixed { Storage::Mixed } else { Storage::Full };
+    let mut rasteriser =
+        Rasteriser::with_storage(gpu, config.kernel, config.epsilon, bricks, splats.len(), storage)?;
+    let mut gradient = Gradient::new(gpu, config.kernel, splats.len(), storage)?;
     let device_splats = gpu.upload("splats", "splats", splats)?;
     // Correct first: the device's Σw at a few samples against a plain sum.
     let got = rasteriser.rasterise(&device_splats, offset)?;
     check(&got.iter().map(|r| r.weight).collect::<Vec<_>>(), &fitted, offset);
     let mut forward_evaluated = 0;
     let mut times = [Vec::new(), Vec::new(), Vec::new()];
-    let adjoints = gpu.upload(
-        "adjoints",
-        "samples",
-        &vec![engine::passes::Adjoint { value: 0.5, weight: 0.1 }; rasteriser.grid.chunk_slots() * SAMPLES],
-    )?;
     for run in 0..a.runs + 3 {
         gpu.take_profile();
         for chunk in 0..rasteriser.grid.chunks() {
@@ -153,7 +153,7 @@ fn measure(gpu: &Gpu, scene: &Scene, density: f64, a: &Arguments) -> Result<Row>
                 &mut recorder,
                 &rasteriser.grid,
                 &rasteriser.bins.footprints,
-                &adjoints,
+                &rasteriser.reconstructions, // any adjoints will do
                 chunk,
                 offset,
             )?;
