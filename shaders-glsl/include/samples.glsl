@@ -12,16 +12,12 @@ const uint STORAGE_MIXED = 1;
 uint half_bits(float v) {
     uint bits = floatBitsToUint(v);
     uint size = bits & 0x7FFFFFFFu;
-    uint magnitude;
-    if (size > 0x7F800000u) {
-        magnitude = 0x7E00u;
-    } else if (size >= 0x477FE000u) { // 65504
-        magnitude = 0x7BFFu;
-    } else if (size >= 0x38800000u) { // 2^-14: the exponent counts from 15 instead of 127
-        magnitude = ((size + 0xFFFu + ((size >> 13) & 1u)) >> 13) - (112u << 10);
-    } else {                          // steps of 2^-24
-        magnitude = uint(roundEven(uintBitsToFloat(size) * 16777216.0));
-    }
+    uint kept = min(size, 0x477FE000u); // 65504
+    // From 2^-14 on ten digits stay, and the exponent counts from 15 instead of 127; below, steps of 2^-24.
+    uint many = ((kept + 0xFFFu + ((kept >> 13) & 1u)) >> 13) - (112u << 10);
+    uint few = uint(int(roundEven(uintBitsToFloat(kept) * 16777216.0)));
+    uint magnitude = mix(few, many, kept >= 0x38800000u);
+    magnitude = mix(magnitude, 0x7E00u, size > 0x7F800000u); // NaN
     return magnitude | ((bits >> 16) & 0x8000u);
 }
 
