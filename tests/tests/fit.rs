@@ -227,7 +227,8 @@ fn bins_that_grow_for_one_offset_change_no_bit() {
 #[test]
 fn no_pass_holds_the_device_for_long_and_memory_is_accounted_for() {
     let gpu = Device::boot();
-    let case = Case::phantom(SIZE, 10);
+    let mut case = Case::phantom(SIZE, 10);
+    (case.config.mask_weight, case.config.leak_weight) = (0.1, 0.1);
     let _ = gpu.take_profile();
     let mut fitter = case.fit(&gpu);
     fitter.finish().expect("the device");
