@@ -34,6 +34,7 @@ fn extremes_have_a_loss() {
     let gpu = Device::boot();
     let half = |i: usize| i < SAMPLES / 2;
     type Mask = fn(usize) -> f32;
+    type Row<'a> = (&'a str, &'a dyn Fn(usize) -> f32, [[f64; 2]; 4]);
     let masks: [(&str, Mask); 4] = [
         ("all", |_| 1.0),
         ("none", |_| 0.0),
@@ -45,7 +46,7 @@ fn extremes_have_a_loss() {
     let right = |i: usize| if half(i) { 1e30 } else { 0.0 };
     let wrong = |i: usize| if half(i) { 0.0 } else { 1e30 };
     // Dice loss and leak for the masks above; the soft one is 16384 / 32767.
-    let rows: [(&str, &dyn Fn(usize) -> f32, [[f64; 2]; 4]); 4] = [
+    let rows: [Row; 4] = [
         ("W = 0", &dark, [[1.0, 0.0], [0.0, 0.0], [1.0, 0.0], [1.0, 0.0]]),
         ("W huge", &huge, [[0.0, 0.0], [1.0, 1.0], [1.0 / 3.0, 1.0], [1.0 / 3.0, 1.0]]),
         ("W where the half is", &right, [[1.0 / 3.0, 0.0], [1.0, 0.5], [0.0, 0.0], [0.5, 0.5]]),
