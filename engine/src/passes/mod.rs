@@ -9,6 +9,7 @@ pub mod overlap;
 mod pace;
 pub mod radix_sort;
 pub mod rasterise;
+pub mod rows;
 pub mod scan;
 
 pub use adam::Adam;
@@ -19,6 +20,7 @@ pub use overlap::Overlap;
 pub use pace::Pace;
 pub use radix_sort::RadixSort;
 pub use rasterise::Rasteriser;
+pub use rows::Rows;
 pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
 

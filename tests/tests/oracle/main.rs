@@ -36,7 +36,7 @@ oracle! {
     bins: splat_bounds emit_pairs brick_ranges pair_masks cell_masks;
     volume: splat_to_volume overlap_sums loss_mse loss_occupancy loss_dice loss_leak splat_to_volume_grad
         moments_to_grad;
-    optimiser: adam;
+    optimiser: adam gather_rows scatter_rows;
 }
 
 /// Records one pass, runs it and waits.
