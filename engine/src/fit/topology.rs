@@ -15,7 +15,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::evaluate::FieldSample;
-use super::{FitConfig, ScaleUnit, Scaling};
+use super::{FitConfig, Scaling};
 use crate::splat::Splat;
 use crate::splat::activation::Activations;
 use crate::volume::bricks::SAMPLES;
@@ -31,6 +31,8 @@ pub struct Scene<'a> {
     pub config: &'a FitConfig,
     /// The clip range, and the range in which intensities stay.
     pub scaling: &'a Scaling,
+    /// Least and greatest scale of a splat, voxels, whatever unit the configuration states them in.
+    pub scale_range: (f32, f32),
     /// All splats.
     pub splats: &'a [Splat],
     /// Σ |dL/dμ| of each splat since the last change.
@@ -157,25 +159,9 @@ impl Scene<'_> {
         for axis in 0..3 {
             splat.mean[axis] = splat.mean[axis].clamp(low[axis], high[axis]);
         }
-        let (least, most) = (self.config.scale_min, self.config.scale_max);
-        let units = self.scale_units(splat);
-        for (log, unit) in splat.log_scale.iter_mut().zip(units) {
-            *log = log.clamp((least * unit).ln(), (most * unit).ln());
-        }
+        let (least, most) = self.scale_range;
+        splat.log_scale = splat.log_scale.map(|log| log.clamp(least.ln(), most.ln()));
         splat.opacity_logit = splat.opacity_logit.clamp(-self.config.logit_max, self.config.logit_max);
-    }
-
-    /// What 1 in the configuration's scale limits is along each axis of a splat, voxels.
-    fn scale_units(&self, splat: &Splat) -> [f32; 3] {
-        match self.config.scale_unit {
-            ScaleUnit::Voxel => [1.0; 3],
-            ScaleUnit::Spacing => {
-                let mean_mm = self.volume.spacing_mm().element_sum() / 3.0;
-                let axes_mm = self.volume.world_from_voxel.matrix3 * splat.axes();
-                [axes_mm.x_axis, axes_mm.y_axis, axes_mm.z_axis]
-                    .map(|axis_mm| (mean_mm / axis_mm.length()) as f32)
-            }
-        }
     }
 }
 

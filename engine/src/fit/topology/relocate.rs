@@ -5,7 +5,7 @@
 //! Gauss-Newton diagonal of ln α. It is 0 for a splat that reaches no voxel of the ROI, that others cover, or that says
 //! what the others say already.
 
-use glam::{DVec3, IVec3};
+use glam::{DVec3, IVec3, UVec3};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
@@ -100,13 +100,14 @@ fn along_row(
 ) -> f64 {
     let edge = BRICK as i32;
     let (mut from, last) = x.into_inner();
+    let row = brick_morton((IVec3::new(0, y, z) % edge).as_uvec3());
     let mut sum = 0.0;
     while from <= last {
         let to = (from / edge * edge + edge - 1).min(last);
         if let Some(slot) = slot_at(bricks, IVec3::new(from, y, z) / edge) {
+            let brick = &terms[slot * SAMPLES..][..SAMPLES];
             for x in from..=to {
-                let inside = IVec3::new(x, y, z) % edge;
-                let [share, hu] = terms[slot * SAMPLES + brick_morton(inside.as_uvec3())];
+                let [share, hu] = brick[row | brick_morton(UVec3::new((x % edge) as u32, 0, 0))];
                 if share > 0.0 {
                     let (kappa, error) = (kappa(x), intensity - f64::from(hu));
                     sum += f64::from(share) * kappa * kappa * error * error;
