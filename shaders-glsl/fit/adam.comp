@@ -31,6 +31,7 @@ layout(scalar, binding = 2) buffer First { SplatGrad first_moments[]; };
 layout(scalar, binding = 3) buffer Second { SplatGrad second_moments[]; };
 layout(scalar, binding = 4) readonly buffer PairTotals { uint pair_totals[]; }; // [chunk]
 layout(scalar, binding = 5) buffer Frozen { uint frozen[]; };                   // [0]: splats left as they were
+layout(scalar, binding = 6) buffer Norms { float gradient_norms[]; };           // Σ |dL/dμ| since the host cleared it
 
 float moved(float g, inout float m, inout float v, float rate) {
     m = p.beta1 * m + (1.0 - p.beta1) * g;
@@ -70,6 +71,7 @@ void main() {
                             -p.max_logit, p.max_logit);
     s.intensity = clamp(s.intensity + moved(g.intensity, m.intensity, v.intensity, p.rate_intensity),
                         p.min_intensity, p.max_intensity);
+    gradient_norms[i] += length(g.mean);
     splats[i] = s;
     first_moments[i] = m;
     second_moments[i] = v;

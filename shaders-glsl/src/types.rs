@@ -100,6 +100,15 @@ shared! {
         /// The most keys there can be.
         capacity: u32,
     }
+    /// Push constants of `gather_rows` and `scatter_rows`.
+    RowParams {
+        /// Rows.
+        count: u32,
+        /// Words of a row.
+        words: u32,
+        /// First index that is used.
+        first: u32,
+    }
     /// Push constants of `splat_bounds` and `emit_pairs`.
     SplatParams {
         /// Sample grid.

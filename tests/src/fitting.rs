@@ -34,7 +34,7 @@ impl Case {
     }
 
     /// A fit that has not begun.
-    pub fn fitter(&self, gpu: &Gpu, splats: &[Splat]) -> Fitter {
+    pub fn fitter(&self, gpu: &Gpu, splats: &[Splat]) -> Fitter<'_> {
         self.config.check().expect("a configuration that can work");
         Fitter::new(gpu, &self.volume, &self.roi, splats, &self.config).expect("a fitter")
     }
@@ -52,7 +52,7 @@ impl Case {
     }
 
     /// The whole fit from the first splats on.
-    pub fn fit(&self, gpu: &Gpu) -> Fitter {
+    pub fn fit(&self, gpu: &Gpu) -> Fitter<'_> {
         let mut fitter = self.fitter(gpu, &self.start());
         self.run(&mut fitter, self.config.iterations);
         fitter

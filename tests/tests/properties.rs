@@ -4,6 +4,7 @@
 
 use engine::fit::evaluate::{FieldSample, Sampler};
 use engine::gpu::Gpu;
+use engine::passes::adam::State;
 use engine::passes::{Adam, Gradient, Rasteriser, Shape};
 use engine::reference::{Footprint, Samples, splat_bounds, splat_to_volume};
 use engine::splat::{Field, Kernel, Splat};
@@ -511,15 +512,16 @@ fn n18_a_bad_gradient_touches_its_own_splat_only() {
         max_mean: [100.0; 3],
     };
     let step = |rows: &[SplatGrad]| {
-        let mut adam = Adam::new(&gpu, 200).unwrap();
-        let mut buffer = gpu.upload("splats", "test", &splats).unwrap();
+        let mut adam = Adam::new(&gpu).unwrap();
+        let mut state = State::zeroed(&gpu, 200).unwrap();
+        state.splats.write_range(0, &splats).unwrap();
         let needs = gpu.buffer::<u32>("pair totals", "test", 1).unwrap();
         let gradients = gpu.upload("gradients", "test", rows).unwrap();
         let mut recorder = gpu.record().unwrap();
-        adam.record(&mut recorder, &gradients, &mut buffer, &needs, &params);
+        adam.record(&mut recorder, &gradients, &mut state, &needs, &params);
         gpu.wait(recorder.submit().unwrap()).unwrap();
-        let moments = (adam.first.read().unwrap(), adam.second.read().unwrap());
-        (buffer.read().unwrap(), moments, adam.frozen.read().unwrap()[0])
+        let moments = (state.first.read().unwrap(), state.second.read().unwrap());
+        (state.splats.read().unwrap(), moments, adam.frozen.read().unwrap()[0])
     };
     let (expected, moments, none) = step(&good);
     assert_eq!(none, 0);

@@ -1,13 +1,17 @@
 //! The fit: splats for the voxels of a region of interest.
 //!
-//! [`Fitter::new`] samples targets and initialises splats on the host; [`Fitter::step`] is one iteration on the device,
-//! the list of passes below with nothing hidden. Inside, lengths are voxels, positions count from the first voxel
-//! of the brick grid, and intensities are relative to the ROI mean in spans of the HU range ([`Scaling`]).
+//! [`Fitter::new`] samples targets on the host; [`Fitter::step`] is one iteration on the device, the list of passes below
+//! with nothing hidden. What happens between iterations (splats that come and go, sampled intensities) is in `pause`.
+//! Inside, lengths are voxels, positions count from the first voxel of the brick grid, and intensities are relative to
+//! the background in spans of the HU range ([`Scaling`]).
 
 mod config;
 pub mod evaluate;
 pub mod init;
+mod pause;
 mod profiles;
+mod state;
+mod subset;
 mod targets;
 pub mod topology;
 
@@ -18,15 +22,18 @@ use shaders_glsl::types::{AdamParams, Target};
 
 pub use config::{Background, FitConfig, Parameter, ScaleUnit, Storage};
 pub use profiles::{PROFILES, Profile};
+pub use state::State;
 pub use targets::{Scaling, offsets, sample};
 
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Ticket};
 use crate::passes::loss::{Sum, Weighted};
-use crate::passes::{Adam, Gradient, Losses, Rasteriser};
+use crate::passes::{Adam, Gradient, Losses, Rasteriser, adam};
 use crate::splat::Splat;
 use crate::splat::activation::normalised;
 use crate::volume::{Bricks, Roi, Volume};
+use state::Row;
+use subset::Subset;
 
 /// Steps that may be in flight at once: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
@@ -36,16 +43,16 @@ const IN_FLIGHT: usize = 2;
 const LONG_LOSSES: usize = 4096;
 
 /// A fit in progress.
-pub struct Fitter {
+pub struct Fitter<'a> {
     gpu: Gpu,
+    volume: &'a Volume,
+    roi: &'a Roi,
     config: FitConfig,
     scaling: Scaling,
     bricks: Arc<Bricks>,
-    rasteriser: Rasteriser,
     losses: Losses,
-    gradient: Gradient,
     adam: Adam,
-    splats: Buffer<Splat>,
+    work: Work,
     offsets: Vec<[f32; 3]>,
     /// [offset][chunk]
     targets: Vec<Vec<Buffer<Target>>>,
@@ -53,9 +60,24 @@ pub struct Fitter {
     pair_totals: Buffer<u32>,
     /// Steps done, counting those in flight.
     iteration: u32,
+    /// The iteration before which the fit paused last.
+    paused_at: Option<u32>,
+    /// How many splats there were first.
+    first_count: usize,
     flying: VecDeque<Flight>,
     /// Read-back buffers of finished steps, to be used again.
     readbacks: Vec<Buffer<u32>>,
+}
+
+/// What has a row per splat.
+struct Work {
+    /// Of all splats, or of a subset where one is rasterised alone.
+    rasteriser: Rasteriser,
+    gradient: Gradient,
+    all: adam::State,
+    subset: Option<Subset>,
+    /// Of all splats where `rasteriser` has a subset; made when it is first needed.
+    whole: Option<Rasteriser>,
 }
 
 struct Flight {
@@ -78,18 +100,55 @@ pub struct Progress {
     pub occupancy_rmse: f64,
 }
 
-impl Fitter {
+impl<'a> Fitter<'a> {
     /// Prepares a fit of `splats`, given in voxel coordinates of the volume and in HU. `config` must have passed
     /// [`FitConfig::check`].
-    pub fn new(gpu: &Gpu, volume: &Volume, roi: &Roi, splats: &[Splat], config: &FitConfig) -> Result<Self> {
-        if splats.is_empty() {
+    pub fn new(
+        gpu: &Gpu,
+        volume: &'a Volume,
+        roi: &'a Roi,
+        splats: &[Splat],
+        config: &FitConfig,
+    ) -> Result<Self> {
+        let mut fitter = Fitter::of_count(gpu, volume, roi, splats.len(), config)?;
+        let local: Vec<Splat> = splats.iter().map(|s| to_local(s, &fitter.bricks, &fitter.scaling)).collect();
+        fitter.work.all.splats.write_range(0, &local)?;
+        Ok(fitter)
+    }
+
+    /// Goes on where [`Fitter::state`] left off, with the same inputs and the same configuration.
+    pub fn resume(
+        gpu: &Gpu,
+        volume: &'a Volume,
+        roi: &'a Roi,
+        state: &State,
+        config: &FitConfig,
+    ) -> Result<Self> {
+        let mut fitter = Fitter::of_count(gpu, volume, roi, state.rows.len(), config)?;
+        fitter.iteration = state.iteration;
+        fitter.paused_at = state.paused_at;
+        fitter.first_count = state.first_count;
+        fitter.adam.frozen.write_range(0, &[state.frozen])?;
+        fitter.work.write_rows(&state.rows)?;
+        Ok(fitter)
+    }
+
+    /// Everything but the splats.
+    fn of_count(
+        gpu: &Gpu,
+        volume: &'a Volume,
+        roi: &'a Roi,
+        count: usize,
+        config: &FitConfig,
+    ) -> Result<Self> {
+        if count == 0 {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
         let shell = if config.occupancy_weight > 0.0 { config.shell } else { 0 };
         let bricks = Arc::new(Bricks::around(roi, shell));
         let scaling = Scaling::new(volume, roi, config);
-        let rasteriser = Rasteriser::new(gpu, config.kernel, config.epsilon, &bricks, splats.len())?;
-        let grid = &rasteriser.grid;
+        let work = Work::new(gpu, &bricks, count, config)?;
+        let grid = &work.rasteriser.grid;
         let mut terms =
             vec![Weighted { term: 0, weight: config.mse_weight, parameter: f32::from(u8::from(roi.soft)) }];
         if config.occupancy_weight > 0.0 {
@@ -107,21 +166,22 @@ impl Fitter {
                 .collect();
             targets.push(row?);
         }
-        let local: Vec<Splat> = splats.iter().map(|s| to_local(s, &bricks, &scaling)).collect();
-        let pair_totals = gpu.buffer("pair totals of two steps", "sorting", 2 * rasteriser.grid.chunks())?;
+        let pair_totals = gpu.buffer("pair totals of two steps", "sorting", 2 * grid.chunks())?;
         Ok(Fitter {
             gpu: gpu.clone(),
-            gradient: Gradient::new(gpu, config.kernel, splats.len())?,
-            adam: Adam::new(gpu, splats.len())?,
-            splats: gpu.upload("splats", "splats", &local)?,
+            volume,
+            roi,
+            adam: Adam::new(gpu)?,
             config: config.clone(),
             scaling,
             bricks,
-            rasteriser,
+            work,
             losses,
             offsets,
             targets,
             iteration: 0,
+            paused_at: None,
+            first_count: count,
             flying: VecDeque::new(),
             readbacks: Vec::new(),
             pair_totals,
@@ -143,48 +203,71 @@ impl Fitter {
         self.iteration
     }
 
-    /// One iteration. The rates follow `share`, the part of the schedule that is done (0..1): iterations, or the time
-    /// budget.
-    pub fn step(&mut self, share: f64) -> Result<()> {
-        let turn = self.iteration;
-        let index = if self.config.grid_every > 0 && turn.is_multiple_of(self.config.grid_every) {
+    /// Which of the offsets iteration `turn` looks at.
+    fn offset_index(&self, turn: u32) -> usize {
+        if self.config.grid_every > 0 && turn.is_multiple_of(self.config.grid_every) {
             0
         } else {
             turn as usize % self.offsets.len()
-        };
+        }
+    }
+
+    /// One iteration. The rates follow `share`, the part of the schedule that is done (0..1): iterations, or the time
+    /// budget.
+    pub fn step(&mut self, share: f64) -> Result<()> {
+        self.prepare(share)?;
+        let turn = self.iteration;
+        let index = self.offset_index(turn);
         let offset = self.offsets[index];
-        let chunks = self.rasteriser.grid.chunks();
+        let params = self.adam_params(turn, share);
+        let alone = self.config.subset_alone;
+        let Work { rasteriser, gradient, all, subset, .. } = &mut self.work;
+        let chunks = rasteriser.grid.chunks();
         let mut recorder = self.gpu.record()?;
-        recorder.copy(&self.rasteriser.pair_totals, 0, &mut self.pair_totals, chunks, chunks);
+        recorder.copy(&rasteriser.pair_totals, 0, &mut self.pair_totals, chunks, chunks);
+        if let Some(subset) = subset {
+            subset.take(&mut recorder, all, turn);
+        }
         for chunk in 0..chunks {
-            let slots = self.rasteriser.grid.chunk(chunk).len();
-            self.rasteriser.record(&mut recorder, &self.splats, chunk, offset)?;
+            let slots = rasteriser.grid.chunk(chunk).len();
+            let splats = match subset {
+                Some(subset) if alone => &subset.active.splats,
+                _ => &all.splats,
+            };
+            rasteriser.record(&mut recorder, splats, chunk, offset)?;
             if slots > LONG_LOSSES {
                 recorder.split()?;
             }
             self.losses.record(
                 &mut recorder,
                 &self.targets[index][chunk],
-                &self.rasteriser.reconstructions,
+                &rasteriser.reconstructions,
                 chunk,
                 slots,
             );
             if slots > LONG_LOSSES {
                 recorder.split()?;
             }
-            self.gradient.gather(
-                &mut recorder,
-                &self.rasteriser.grid,
-                &self.rasteriser.bins.footprints,
-                &self.losses.adjoints,
-                chunk,
-                offset,
-            )?;
+            let footprints = match subset {
+                Some(subset) if !alone => {
+                    subset.take_footprints(&mut recorder, &rasteriser.bins.footprints, turn);
+                    &subset.footprints
+                }
+                _ => &rasteriser.bins.footprints,
+            };
+            let (grid, adjoints) = (&rasteriser.grid, &self.losses.adjoints);
+            gradient.gather(&mut recorder, grid, footprints, adjoints, chunk, offset)?;
         }
-        self.gradient.record(&mut recorder, &self.splats);
-        recorder.copy(&self.rasteriser.pair_totals, 0, &mut self.pair_totals, 0, chunks);
-        let params = self.adam_params(turn, share);
-        self.adam.record(&mut recorder, &self.gradient.rows, &mut self.splats, &self.pair_totals, &params);
+        let moving = match subset {
+            Some(subset) => &mut subset.active,
+            None => &mut *all,
+        };
+        gradient.record(&mut recorder, &moving.splats);
+        recorder.copy(&rasteriser.pair_totals, 0, &mut self.pair_totals, 0, chunks);
+        self.adam.record(&mut recorder, &gradient.rows, moving, &self.pair_totals, &params);
+        if let Some(subset) = subset {
+            subset.put(&mut recorder, all, turn);
+        }
         let mut readback = match self.readbacks.pop() {
             Some(buffer) => buffer,
             None => self.gpu.readback("step read back", 2 * chunks)?,
@@ -199,6 +282,24 @@ impl Fitter {
             self.land()?;
         }
         Ok(())
+    }
+
+    /// Does what must happen before the next iteration, with nothing in flight. Waiting may set the count back.
+    fn prepare(&mut self, share: f64) -> Result<()> {
+        loop {
+            let shuffled = self.work.subset.as_ref().is_none_or(|subset| subset.is_ready(self.iteration));
+            let pause = self.is_pause_due();
+            if shuffled && !pause {
+                return Ok(());
+            }
+            if !self.flying.is_empty() {
+                self.finish()?;
+            } else if pause {
+                self.pause(share)?;
+            } else if let Some(subset) = &mut self.work.subset {
+                subset.shuffle(self.iteration)?;
+            }
+        }
     }
 
     /// Waits for all steps in flight. Afterwards splats and sums are those of [`Fitter::iteration`] steps.
@@ -216,12 +317,12 @@ impl Fitter {
         self.gpu.wait(flight.ticket)?;
         let needed = flight.readback.mapped()?.iter().copied().max().unwrap_or_default() as usize;
         self.readbacks.push(flight.readback);
-        if needed > self.rasteriser.bins.capacity() {
+        if needed > self.work.rasteriser.bins.capacity() {
             while let Some(later) = self.flying.pop_front() {
                 self.gpu.wait(later.ticket)?;
                 self.readbacks.push(later.readback);
             }
-            self.rasteriser.bins.grow(needed)?;
+            self.work.rasteriser.bins.grow(needed)?;
             self.iteration = flight.iteration;
         }
         Ok(())
@@ -229,37 +330,45 @@ impl Fitter {
 
     fn adam_params(&self, turn: u32, share: f64) -> AdamParams {
         let c = &self.config;
-        let t = f64::from(turn + 1);
+        let subset = self.work.subset.as_ref();
+        // How often each splat that moves now will have moved.
+        let t = f64::from(subset.map_or(turn, |subset| subset.epoch(turn)) + 1);
         let decay = f64::from(c.rate_decay).powf(share.clamp(0.0, 1.0)) as f32;
+        let spent = f64::from(turn) / f64::from(c.rate_mean_decay_iterations);
+        let mean_decay = decay * f64::from(c.rate_mean_decay).powf(spent) as f32;
+        let rasteriser = &self.work.rasteriser;
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powf(t))) as f32;
         AdamParams {
-            splat_count: self.splats.len() as u32,
+            splat_count: subset.map_or(self.work.all.splats.len(), Subset::size) as u32,
             // With one step in flight before this one, what that needed counts too: had it no room, it moved nothing and
             // will be repeated, so this one must not move anything either.
-            chunk_count: (IN_FLIGHT * self.rasteriser.grid.chunks()) as u32,
-            capacity: self.rasteriser.bins.capacity() as u32,
+            chunk_count: (IN_FLIGHT * rasteriser.grid.chunks()) as u32,
+            capacity: rasteriser.bins.capacity() as u32,
             beta1: c.beta1,
             beta2: c.beta2,
             correction1: correction(c.beta1),
             correction2: correction(c.beta2),
             epsilon: c.adam_epsilon,
-            rate_mean: c.rate_mean * decay,
+            rate_mean: c.rate_mean * mean_decay,
             rate_rotation: c.rate_rotation * decay,
             rate_log_scale: c.rate_log_scale * decay,
             rate_opacity: c.rate_opacity * decay,
-            rate_intensity: c.rate_intensity * decay,
+            rate_intensity: if c.learn_intensity { c.rate_intensity * decay } else { 0.0 },
             min_log_scale: c.scale_min.ln(),
             max_log_scale: c.scale_max.ln(),
             max_logit: c.logit_max,
             min_intensity: self.scaling.value(self.scaling.roi_range.0),
             max_intensity: self.scaling.value(self.scaling.roi_range.1),
-            max_mean: self.rasteriser.grid.max_mean(),
+            max_mean: rasteriser.grid.max_mean(),
         }
     }
 
     /// How the fit stands. Waits for the device.
     pub fn progress(&mut self) -> Result<Progress> {
         self.finish()?;
+        if self.work.subset.is_some() && self.config.subset_alone {
+            self.measure_all()?;
+        }
         let sums: Vec<Sum> = self.losses.sums()?;
         let mean = |s: &Sum| if s.weight > 0.0 { s.value / s.weight } else { 0.0 };
         let mse = mean(&sums[0]);
@@ -280,8 +389,90 @@ impl Fitter {
     /// The splats as they are now, in voxel coordinates of the volume and in HU. Waits for the device.
     pub fn splats(&mut self) -> Result<Vec<Splat>> {
         self.finish()?;
-        let local = self.splats.read()?;
-        Ok(local.iter().map(|s| from_local(s, &self.bricks, &self.scaling)).collect())
+        let local = self.work.all.splats.read()?;
+        let mut splats: Vec<_> = local.iter().map(|s| from_local(s, &self.bricks, &self.scaling)).collect();
+        if !self.config.learn_intensity {
+            self.sample_intensities(&mut splats);
+        }
+        Ok(splats)
+    }
+
+    /// Where the fit stands, for [`Fitter::resume`]. Waits for the device.
+    pub fn state(&mut self) -> Result<State> {
+        self.finish()?;
+        Ok(State {
+            iteration: self.iteration,
+            paused_at: self.paused_at,
+            frozen: self.adam.frozen.read()?[0],
+            first_count: self.first_count,
+            rows: self.work.read_rows()?,
+        })
+    }
+
+    /// Takes the sums of the losses over all splats, where a step has those of its subset.
+    fn measure_all(&mut self) -> Result<()> {
+        let index = self.offset_index(self.iteration.saturating_sub(1));
+        let offset = self.offsets[index];
+        let (rasteriser, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
+        for chunk in 0..rasteriser.grid.chunks() {
+            let slots = rasteriser.grid.chunk(chunk).len();
+            rasteriser.rasterise_chunk(splats, chunk, offset)?;
+            let mut recorder = self.gpu.record()?;
+            let targets = &self.targets[index][chunk];
+            self.losses.record(&mut recorder, targets, &rasteriser.reconstructions, chunk, slots);
+            self.gpu.wait(recorder.submit()?)?;
+        }
+        Ok(())
+    }
+}
+
+impl Work {
+    fn new(gpu: &Gpu, bricks: &Bricks, count: usize, config: &FitConfig) -> Result<Self> {
+        let subset = Subset::of(gpu, count, config)?;
+        let moving = subset.as_ref().map_or(count, Subset::size);
+        let rasterised = if config.subset_alone { moving } else { count };
+        Ok(Work {
+            rasteriser: Rasteriser::new(gpu, config.kernel, config.epsilon, bricks, rasterised)?,
+            gradient: Gradient::new(gpu, config.kernel, moving)?,
+            all: adam::State::zeroed(gpu, count)?,
+            subset,
+            whole: None,
+        })
+    }
+
+    /// A rasteriser of all splats, and them.
+    fn whole(
+        &mut self,
+        gpu: &Gpu,
+        bricks: &Bricks,
+        config: &FitConfig,
+    ) -> Result<(&mut Rasteriser, &Buffer<Splat>)> {
+        let splats = &self.all.splats;
+        if self.subset.is_none() || !config.subset_alone {
+            return Ok((&mut self.rasteriser, splats));
+        }
+        if self.whole.is_none() {
+            self.whole = Some(Rasteriser::new(gpu, config.kernel, config.epsilon, bricks, splats.len())?);
+        }
+        let whole = self.whole.as_mut().unwrap_or(&mut self.rasteriser);
+        Ok((whole, splats))
+    }
+
+    fn read_rows(&self) -> Result<Vec<Row>> {
+        let (splats, first) = (self.all.splats.read()?, self.all.first.read()?);
+        let (second, norms) = (self.all.second.read()?, self.all.gradient_norms.read()?);
+        let rows = splats.into_iter().zip(first).zip(second).zip(norms);
+        Ok(rows
+            .map(|(((splat, first), second), gradient_norm)| Row { splat, first, second, gradient_norm })
+            .collect())
+    }
+
+    /// As many rows as there are splats.
+    fn write_rows(&mut self, rows: &[Row]) -> Result<()> {
+        self.all.splats.write_range(0, &rows.iter().map(|r| r.splat).collect::<Vec<_>>())?;
+        self.all.first.write_range(0, &rows.iter().map(|r| r.first).collect::<Vec<_>>())?;
+        self.all.second.write_range(0, &rows.iter().map(|r| r.second).collect::<Vec<_>>())?;
+        self.all.gradient_norms.write_range(0, &rows.iter().map(|r| r.gradient_norm).collect::<Vec<_>>())
     }
 }
 

@@ -354,7 +354,24 @@ impl<'a> Pass<'a> {
         self.bind(buffer, true)
     }
 
-    fn bind<T: Pod>(mut self, buffer: &Buffer<T>, write: bool) -> Self {
+    /// Binds the next buffer for reading where the shader sees rows of any type as plain words.
+    #[must_use]
+    pub fn read_words<T: Pod>(self, buffer: &'a Buffer<T>) -> Self {
+        self.bind_rows(buffer, size_of::<u32>(), false)
+    }
+
+    /// Binds the next buffer for writing where the shader sees rows of any type as plain words.
+    #[must_use]
+    pub fn write_words<T: Pod>(self, buffer: &'a mut Buffer<T>) -> Self {
+        self.bind_rows(buffer, size_of::<u32>(), true)
+    }
+
+    fn bind<T: Pod>(self, buffer: &Buffer<T>, write: bool) -> Self {
+        self.bind_rows(buffer, size_of::<T>(), write)
+    }
+
+    /// `stride` is what the elements of the shader's array must measure, bytes.
+    fn bind_rows<T: Pod>(mut self, buffer: &Buffer<T>, stride: usize, write: bool) -> Self {
         let shader = self.kernel.shader;
         let Some(binding) = shader.bindings.get(self.buffers.len()) else {
             panic!(
@@ -375,7 +392,7 @@ impl<'a> Pass<'a> {
         );
         assert_eq!(
             binding.stride,
-            size_of::<T>(),
+            stride,
             "{}: elements of {} and {} differ in size",
             shader.name,
             binding.name,

@@ -136,6 +136,17 @@ impl Binner {
         })
     }
 
+    /// Room for another number of splats; the room for pairs stays. Nothing may be in flight.
+    pub fn resize(&mut self, splat_count: usize) -> Result<()> {
+        let gpu = &self.gpu;
+        self.scan = Scan::new(gpu, splat_count)?;
+        self.footprints = gpu.buffer("footprints", "splats", splat_count)?;
+        self.pair_counts = gpu.buffer("pair counts", "sorting", splat_count)?;
+        self.pair_offsets = gpu.buffer("pair offsets", "sorting", splat_count + 1)?;
+        self.splat_count = splat_count;
+        Ok(())
+    }
+
     /// Pairs that fit the buffers.
     pub fn capacity(&self) -> usize {
         self.sort.capacity()

@@ -46,6 +46,13 @@ impl Gradient {
         })
     }
 
+    /// Room for another number of splats. Nothing may be in flight.
+    pub fn resize(&mut self, splat_count: usize) -> Result<()> {
+        self.moments = self.gpu.buffer("moments", "optimiser", splat_count * MOMENTS)?;
+        self.rows = self.gpu.buffer("gradients", "optimiser", splat_count)?;
+        Ok(())
+    }
+
     /// Records the moments of one chunk; the first overwrites, later ones add. May submit in between.
     pub fn gather(
         &mut self,

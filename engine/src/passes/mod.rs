@@ -8,6 +8,7 @@ pub mod loss;
 mod pace;
 pub mod radix_sort;
 pub mod rasterise;
+pub mod rows;
 pub mod scan;
 
 pub use adam::Adam;
@@ -17,6 +18,7 @@ pub use loss::Losses;
 pub use pace::Pace;
 pub use radix_sort::RadixSort;
 pub use rasterise::Rasteriser;
+pub use rows::Rows;
 pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
 

@@ -64,6 +64,11 @@ impl Rasteriser {
         })
     }
 
+    /// Room for another number of splats. Nothing may be in flight.
+    pub fn resize(&mut self, splat_count: usize) -> Result<()> {
+        self.bins.resize(splat_count)
+    }
+
     /// Records binning and forward pass of one chunk; may submit in between.
     pub fn record(
         &mut self,
@@ -92,21 +97,26 @@ impl Rasteriser {
         })
     }
 
+    /// Rasterises one chunk and waits; bins that are too small grow.
+    pub fn rasterise_chunk(&mut self, splats: &Buffer<Splat>, chunk: usize, offset: [f32; 3]) -> Result<()> {
+        loop {
+            let mut recorder = self.gpu.record()?;
+            self.record(&mut recorder, splats, chunk, offset)?;
+            let ticket = recorder.submit()?;
+            self.gpu.wait(ticket)?;
+            let needed = self.pair_totals.read_range(chunk, 1)?[0] as usize;
+            if needed <= self.bins.capacity() {
+                return Ok(());
+            }
+            self.bins.grow(needed)?;
+        }
+    }
+
     /// Rasterises all chunks at one offset and reads the samples back, in memory order of the bricks.
     pub fn rasterise(&mut self, splats: &Buffer<Splat>, offset: [f32; 3]) -> Result<Vec<Reconstruction>> {
         let mut out = Vec::with_capacity(self.grid.slot_count * SAMPLES);
         for chunk in 0..self.grid.chunks() {
-            loop {
-                let mut recorder = self.gpu.record()?;
-                self.record(&mut recorder, splats, chunk, offset)?;
-                let ticket = recorder.submit()?;
-                self.gpu.wait(ticket)?;
-                let needed = self.pair_totals.read_range(chunk, 1)?[0] as usize;
-                if needed <= self.bins.capacity() {
-                    break;
-                }
-                self.bins.grow(needed)?;
-            }
+            self.rasterise_chunk(splats, chunk, offset)?;
             out.extend(self.reconstructions.read_range(0, self.grid.chunk(chunk).len() * SAMPLES)?);
         }
         Ok(out)

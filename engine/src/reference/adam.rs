@@ -14,6 +14,8 @@ pub struct State {
     pub first: Gradient,
     /// Moving mean of its square.
     pub second: Gradient,
+    /// Σ |dL/dμ|.
+    pub gradient_norm: f64,
 }
 
 /// The new moments and the move of one parameter.
@@ -37,7 +39,7 @@ pub fn adam(state: &State, gradient: &Gradient, p: &AdamParams) -> Option<State>
     if !matches!(size.partial_cmp(&1e37), Some(std::cmp::Ordering::Less)) {
         return None;
     }
-    let State { mut splat, mut first, mut second } = *state;
+    let State { mut splat, mut first, mut second, gradient_norm } = *state;
     splat.mean += moved3(gradient.mean, &mut first.mean, &mut second.mean, p.rate_mean, p);
     splat.mean = splat.mean.clamp(DVec3::splat(-0.5), DVec3::from_array(p.max_mean.map(f64::from)));
     // q <- normalise(q (1, ω/2)).
@@ -55,7 +57,7 @@ pub fn adam(state: &State, gradient: &Gradient, p: &AdamParams) -> Option<State>
     splat.intensity +=
         moved(gradient.intensity, &mut first.intensity, &mut second.intensity, p.rate_intensity, p);
     splat.intensity = splat.intensity.clamp(f64::from(p.min_intensity), f64::from(p.max_intensity));
-    Some(State { splat, first, second })
+    Some(State { splat, first, second, gradient_norm: gradient_norm + gradient.mean.length() })
 }
 
 /// The quaternion product a b, whatever the lengths.

@@ -11,6 +11,7 @@ pub mod objective;
 pub mod pairs;
 pub mod radix;
 pub mod raymarch;
+pub mod rows;
 pub mod samples;
 pub mod scan;
 pub mod splat_bounds;

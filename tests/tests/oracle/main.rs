@@ -35,7 +35,7 @@ oracle! {
     sorting: scan_sums scan_offsets scan_apply radix_count radix_scatter;
     bins: splat_bounds emit_pairs brick_ranges pair_masks cell_masks;
     volume: splat_to_volume loss_mse loss_occupancy splat_to_volume_grad moments_to_grad;
-    optimiser: adam;
+    optimiser: adam gather_rows scatter_rows;
 }
 
 /// Records one pass, runs it and waits.

@@ -1,7 +1,8 @@
-//! Adam.
+//! Adam, and the rows of a subset.
 
 use engine::gpu::{Gpu, Kernel};
-use engine::reference::adam as twin;
+use engine::passes::Rows;
+use engine::reference::{adam as twin, rows};
 use engine::splat::Splat;
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -16,6 +17,7 @@ struct State {
     first: Vec<SplatGrad>,
     second: Vec<SplatGrad>,
     frozen: u32,
+    norms: Vec<f32>,
 }
 
 fn params(count: usize) -> AdamParams {
@@ -56,6 +58,7 @@ fn step(
     let mut second = gpu.upload("second", "test", &state.second).unwrap();
     let totals = gpu.upload("pair totals", "test", pair_totals).unwrap();
     let mut frozen = gpu.upload("frozen", "test", &[state.frozen]).unwrap();
+    let mut norms = gpu.upload("norms", "test", &state.norms).unwrap();
     run(gpu, |r| {
         r.pass(&kernel)
             .read(&gradients)
@@ -64,6 +67,7 @@ fn step(
             .write(&mut second)
             .read(&totals)
             .write(&mut frozen)
+            .write(&mut norms)
             .push(params)
             .dispatch(params.splat_count.div_ceil(64));
     });
@@ -72,6 +76,7 @@ fn step(
         first: first.read().unwrap(),
         second: second.read().unwrap(),
         frozen: frozen.read().unwrap()[0],
+        norms: norms.read().unwrap(),
     }
 }
 
@@ -92,6 +97,7 @@ pub fn adam() {
         first: (0..count).map(|_| row(&mut rng, -0.1, 0.1)).collect(),
         second: (0..count).map(|_| row(&mut rng, 0.0, 0.02)).collect(),
         frozen: 3,
+        norms: (0..count).map(|_| rng.random_range(0.0..2.0)).collect(),
     };
     let mut gradients: Vec<SplatGrad> = (0..count).map(|_| row(&mut rng, -0.5, 0.5)).collect();
     for (i, row) in gradients.iter_mut().enumerate() {
@@ -108,18 +114,20 @@ pub fn adam() {
     }
     let params = params(count);
     let got = step(&gpu, &state, &gradients, &[100, 0], &params);
-    let (mut splats, mut moments, mut squares) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut splats, mut moments, mut squares, mut norms) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut frozen = state.frozen;
     for (i, gradient) in gradients.iter().enumerate() {
         let before = twin::State {
             splat: (&state.splats[i]).into(),
             first: (&state.first[i]).into(),
             second: (&state.second[i]).into(),
+            gradient_norm: f64::from(state.norms[i]),
         };
         let Some(want) = twin::adam(&before, &gradient.into(), &params) else {
             frozen += 1;
             assert_eq!(got.splats[i], state.splats[i], "splat {i} is frozen");
             assert_eq!((got.first[i], got.second[i]), (state.first[i], state.second[i]), "and its moments");
+            assert_eq!(got.norms[i], state.norms[i], "and its norm");
             continue;
         };
         let splat: engine::reference::Splat = (&got.splats[i]).into();
@@ -144,11 +152,13 @@ pub fn adam() {
         let first: engine::reference::Gradient = (&got.first[i]).into();
         let second: engine::reference::Gradient = (&got.second[i]).into();
         moments.extend(first.lanes().into_iter().zip(want.first.lanes()));
+        norms.push((f64::from(got.norms[i]), want.gradient_norm));
         squares.extend(second.lanes().into_iter().zip(want.second.lanes()));
     }
     assert_close("adam: parameters", Bound::new(5e-7, 5e-7), splats);
     assert_close("adam: first moments", Bound::new(2e-8, 1e-6), moments);
     assert_close("adam: second moments", Bound::new(2e-9, 1e-6), squares);
+    assert_close("adam: gradient norms", Bound::new(0.0, 1e-6), norms);
     assert_eq!((frozen - state.frozen, got.frozen), (18, frozen), "six NaN, six infinite, six too large");
 
     // A step whose bins were too small in any chunk moves nothing and counts nothing.
@@ -156,5 +166,52 @@ pub fn adam() {
         let void = step(&gpu, &state, &gradients, &too_many, &params);
         assert_eq!(void.splats, state.splats);
         assert!(void.first == state.first && void.second == state.second && void.frozen == state.frozen);
+        assert_eq!(void.norms, state.norms);
     }
+}
+
+/// Splats of 12 words, half of them, in a random order.
+struct Taken {
+    gpu: Device,
+    splats: Vec<Splat>,
+    indices: Vec<u32>,
+    first: usize,
+}
+
+impl Taken {
+    fn new() -> Self {
+        let mut rng = random(32);
+        let extent = glam::Vec3::new(34.0, 32.0, 19.0);
+        let splats: Vec<Splat> = (0..301).map(|_| splat(&mut rng, extent)).collect();
+        let indices = (0..301).map(|i| (i * 160 + 7) % 301).collect();
+        Taken { gpu: Device::boot(), splats, indices, first: 100 }
+    }
+
+    fn words(splats: &[Splat]) -> &[u32] {
+        bytemuck::cast_slice(splats)
+    }
+}
+
+pub fn gather_rows() {
+    let Taken { gpu, splats, indices, first } = Taken::new();
+    let kernels = Rows::new(&gpu).unwrap();
+    let (rows, order) =
+        (gpu.upload("rows", "test", &splats).unwrap(), gpu.upload("i", "test", &indices).unwrap());
+    let mut gathered = gpu.buffer::<Splat>("gathered", "test", 150).unwrap();
+    run(&gpu, |r| kernels.gather(r, &rows, &order, first, &mut gathered));
+    let wanted = rows::gather_rows(Taken::words(&splats), &indices[first..first + 150], 12);
+    assert_eq!(Taken::words(&gathered.read().unwrap()), wanted);
+}
+
+pub fn scatter_rows() {
+    let Taken { gpu, splats, indices, first } = Taken::new();
+    let kernels = Rows::new(&gpu).unwrap();
+    let mut rows = gpu.upload("rows", "test", &splats).unwrap();
+    let order = gpu.upload("i", "test", &indices).unwrap();
+    let moved: Vec<Splat> = (0..150).map(|i| Splat { intensity: i as f32, ..Splat::default() }).collect();
+    let gathered = gpu.upload("gathered", "test", &moved).unwrap();
+    run(&gpu, |r| kernels.scatter(r, &gathered, &order, first, &mut rows));
+    let mut wanted = Taken::words(&splats).to_vec();
+    rows::scatter_rows(Taken::words(&moved), &indices[first..first + 150], 12, &mut wanted);
+    assert_eq!(Taken::words(&rows.read().unwrap()), wanted);
 }

@@ -1,0 +1,161 @@
+//! Where a fit stands, as a file: with its inputs and its configuration it goes on as if it had never stopped, to the
+//! bit.
+//!
+//! The file: a line that names the format, then little-endian: the length of the caller's notes (u64) and the notes (UTF-8),
+//! iteration, last pause + 1 or 0, frozen splats, reserved (4 × u32), first count and count (2 × u64), the rows of all
+//! splats (parameters, first and second moments, gradient norm), and a CRC-32 of all before it.
+
+use std::io::Read;
+use std::path::Path;
+
+use bytemuck::{Pod, Zeroable};
+use flate2::Crc;
+use shaders_glsl::types::SplatGrad;
+
+use crate::error::{Error, Kind, Result};
+use crate::output::write_atomic;
+use crate::splat::Splat;
+
+const MAGIC: &[u8] = b"vgs-state-1\n";
+
+/// All that a fit needs to go on, besides its inputs and its configuration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Steps done.
+    pub iteration: u32,
+    /// The iteration before which splats or intensities were changed last.
+    pub(super) paused_at: Option<u32>,
+    /// Splats whose gradient was not finite so far.
+    pub(super) frozen: u32,
+    /// How many splats there were first.
+    pub(super) first_count: usize,
+    /// Parameters in the fit's own units, and what the optimiser keeps.
+    pub(super) rows: Vec<Row>,
+}
+
+/// A splat in the fit's own units and what the optimiser keeps of it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(super) struct Row {
+    pub splat: Splat,
+    pub first: SplatGrad,
+    pub second: SplatGrad,
+    pub gradient_norm: f32,
+}
+
+impl State {
+    /// Number of splats.
+    pub fn splat_count(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Writes the state with `notes` of the caller.
+    pub fn write(&self, path: &Path, notes: &str, force: bool) -> Result<()> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend((notes.len() as u64).to_le_bytes());
+        bytes.extend(notes.as_bytes());
+        for word in [self.iteration, self.paused_at.map_or(0, |k| k + 1), self.frozen, 0] {
+            bytes.extend(word.to_le_bytes());
+        }
+        for word in [self.first_count as u64, self.rows.len() as u64] {
+            bytes.extend(word.to_le_bytes());
+        }
+        bytes.extend(
+            self.rows
+                .iter()
+                .flat_map(|row| bytemuck::cast_ref::<Row, [f32; ROW_WORDS]>(row))
+                .flat_map(|v| v.to_le_bytes()),
+        );
+        let mut crc = Crc::new();
+        crc.update(&bytes);
+        bytes.extend(crc.sum().to_le_bytes());
+        write_atomic(path, force, |out| out.write_all(&bytes))
+    }
+
+    /// Reads a state and the notes beside it.
+    pub fn read(path: &Path) -> Result<(State, String)> {
+        let mut bytes = Vec::new();
+        std::fs::File::open(path)
+            .and_then(|mut file| file.read_to_end(&mut bytes))
+            .map_err(|e| Error::io(path, "reading the state of a fit", &e))?;
+        parse(&bytes).ok_or_else(|| {
+            Error::new(Kind::BadData, "VGS-FIT-020", "this is not the state of a fit, or it is damaged")
+                .file(path)
+                .help("start the fit anew, without --resume")
+        })
+    }
+}
+
+const ROW_WORDS: usize = size_of::<Row>() / size_of::<f32>();
+
+/// What [`State::write`] wrote; nothing where it did not.
+fn parse(bytes: &[u8]) -> Option<(State, String)> {
+    let (body, sum) = bytes.split_at_checked(bytes.len().checked_sub(4)?)?;
+    let mut crc = Crc::new();
+    crc.update(body);
+    if crc.sum().to_le_bytes() != sum {
+        return None;
+    }
+    let mut rest = body.strip_prefix(MAGIC)?;
+    let mut take = |n: usize| {
+        let (head, tail) = rest.split_at_checked(n)?;
+        rest = tail;
+        Some(head)
+    };
+    let long = |b: &[u8]| Some(u64::from_le_bytes(b.try_into().ok()?));
+    let length = usize::try_from(long(take(8)?)?).ok()?;
+    let notes = String::from_utf8(take(length)?.to_vec()).ok()?;
+    let mut words = [0u32; 4];
+    for word in &mut words {
+        *word = u32::from_le_bytes(take(4)?.try_into().ok()?);
+    }
+    let first_count = usize::try_from(long(take(8)?)?).ok()?;
+    let count = usize::try_from(long(take(8)?)?).ok()?;
+    let payload = take(count.checked_mul(size_of::<Row>())?)?;
+    let numbers: Vec<f32> = payload.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
+    let rows: Vec<Row> =
+        numbers.as_chunks::<ROW_WORDS>().0.iter().map(|row| *bytemuck::cast_ref(row)).collect();
+    let [iteration, paused, frozen, _] = words;
+    (rest.is_empty() && count > 0)
+        .then(|| (State { iteration, paused_at: paused.checked_sub(1), frozen, first_count, rows }, notes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_comes_back_and_a_damaged_one_does_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.state");
+        let rows = (0..5)
+            .map(|i| Row {
+                splat: Splat { mean: [i as f32, 1e-42, f32::MAX], intensity: -0.0, ..Splat::default() },
+                gradient_norm: 0.1 * i as f32,
+                ..Row::default()
+            })
+            .collect();
+        let state = State { iteration: 7, paused_at: Some(0), frozen: 2, first_count: 4, rows };
+        state.write(&path, "notes, größer", false).unwrap();
+        let (back, notes) = State::read(&path).unwrap();
+        assert_eq!((&back, notes.as_str()), (&state, "notes, größer"));
+        let bits = |s: &State| s.rows.iter().map(|r| r.splat.mean.map(f32::to_bits)).collect::<Vec<_>>();
+        assert_eq!(bits(&back), bits(&state));
+
+        let whole = std::fs::read(&path).unwrap();
+        for cut in [0, 3, MAGIC.len(), whole.len() / 2, whole.len() - 1] {
+            assert!(parse(&whole[..cut]).is_none(), "cut at {cut}");
+        }
+        for at in [0, 20, 60, whole.len() - 1] {
+            let mut bad = whole.clone();
+            bad[at] ^= 1;
+            assert!(parse(&bad).is_none(), "a bit at {at} has changed");
+        }
+        let error = {
+            std::fs::write(&path, b"ply\n").unwrap();
+            State::read(&path).unwrap_err()
+        };
+        assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-FIT-020"));
+        assert!(State::read(&folder.path().join("none")).is_err_and(|e| e.kind == Kind::Missing));
+    }
+}

@@ -1,0 +1,107 @@
+//! Sparse mini-batches: an iteration updates one block of the splats, the next another. The blocks of an epoch are a random
+//! order of all splats cut into pieces, so after an epoch every splat has been updated, and their number of updates is
+//! the epoch's.
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
+use shaders_glsl::types::Footprint;
+
+use super::FitConfig;
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::passes::Rows;
+use crate::passes::adam::State;
+
+/// The blocks of a number of splats, and the device's copy of the one in work.
+pub(super) struct Subset {
+    rows: Rows,
+    seed: u64,
+    count: usize,
+    /// Splats of a block.
+    size: usize,
+    blocks: u32,
+    /// Whose order `order` is.
+    epoch: Option<u32>,
+    order: Buffer<u32>,
+    /// The block in work.
+    pub active: State,
+    /// Its footprints, where all splats are rasterised.
+    pub footprints: Buffer<Footprint>,
+}
+
+impl Subset {
+    /// Blocks of at most `config.subset` of `count` splats, as equal as they can be; none where all splats are in one.
+    pub fn of(gpu: &Gpu, count: usize, config: &FitConfig) -> Result<Option<Self>> {
+        if config.subset == 0 || config.subset >= count {
+            return Ok(None);
+        }
+        let blocks = count.div_ceil(config.subset);
+        let size = count.div_ceil(blocks);
+        Ok(Some(Subset {
+            rows: Rows::new(gpu)?,
+            seed: config.seed,
+            count,
+            size,
+            blocks: blocks as u32,
+            epoch: None,
+            order: gpu.buffer("order of the subsets", "optimiser", count)?,
+            active: State::zeroed(gpu, size)?,
+            footprints: gpu.buffer("footprints of the subset", "splats", size)?,
+        }))
+    }
+
+    /// Splats of a block.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// How often each splat has been updated before iteration `turn`.
+    pub fn epoch(&self, turn: u32) -> u32 {
+        turn / self.blocks
+    }
+
+    /// Whether the order of this iteration's epoch is on the device.
+    pub fn is_ready(&self, turn: u32) -> bool {
+        self.epoch == Some(self.epoch(turn))
+    }
+
+    /// Puts the order of this iteration's epoch on the device. Nothing may be in flight.
+    pub fn shuffle(&mut self, turn: u32) -> Result<()> {
+        let epoch = self.epoch(turn);
+        let mut order: Vec<u32> = (0..self.count as u32).collect();
+        order.shuffle(&mut Pcg64::seed_from_u64(self.seed ^ (u64::from(epoch) << 32) ^ 0x7375_6273_6574));
+        self.order.write_range(0, &order)?;
+        self.epoch = Some(epoch);
+        Ok(())
+    }
+
+    /// Where the block of this iteration begins. The last one of an epoch ends with the order, so that it may share some
+    /// splats with the one before.
+    fn first(&self, turn: u32) -> usize {
+        ((turn % self.blocks) as usize * self.size).min(self.count - self.size)
+    }
+
+    /// Records the copying of this iteration's block out of `all`.
+    pub fn take(&mut self, recorder: &mut Recorder, all: &State, turn: u32) {
+        let (rows, first, active) = (&self.rows, self.first(turn), &mut self.active);
+        rows.gather(recorder, &all.splats, &self.order, first, &mut active.splats);
+        rows.gather(recorder, &all.first, &self.order, first, &mut active.first);
+        rows.gather(recorder, &all.second, &self.order, first, &mut active.second);
+        rows.gather(recorder, &all.gradient_norms, &self.order, first, &mut active.gradient_norms);
+    }
+
+    /// Records the copying of its footprints out of those of all splats.
+    pub fn take_footprints(&mut self, recorder: &mut Recorder, all: &Buffer<Footprint>, turn: u32) {
+        self.rows.gather(recorder, all, &self.order, self.first(turn), &mut self.footprints);
+    }
+
+    /// Records the copying of the block back into `all`.
+    pub fn put(&self, recorder: &mut Recorder, all: &mut State, turn: u32) {
+        let (rows, first, active) = (&self.rows, self.first(turn), &self.active);
+        rows.scatter(recorder, &active.splats, &self.order, first, &mut all.splats);
+        rows.scatter(recorder, &active.first, &self.order, first, &mut all.first);
+        rows.scatter(recorder, &active.second, &self.order, first, &mut all.second);
+        rows.scatter(recorder, &active.gradient_norms, &self.order, first, &mut all.gradient_norms);
+    }
+}

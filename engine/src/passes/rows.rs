@@ -1,0 +1,71 @@
+//! Rows of any buffer by a list of indices: taken out, and put back.
+
+use bytemuck::Pod;
+use shaders_glsl as glsl;
+use shaders_glsl::types::RowParams;
+
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
+
+/// Words of one workgroup.
+const GROUP: usize = 256;
+
+/// The two kernels.
+pub struct Rows {
+    gather: Kernel,
+    scatter: Kernel,
+}
+
+impl Rows {
+    /// For rows of any type.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Rows {
+            gather: Kernel::new(gpu, &glsl::GATHER_ROWS, &[])?,
+            scatter: Kernel::new(gpu, &glsl::SCATTER_ROWS, &[])?,
+        })
+    }
+
+    /// Records `gathered[i] = rows[indices[first + i]]` for all of `gathered`.
+    pub fn gather<T: Pod>(
+        &self,
+        recorder: &mut Recorder,
+        rows: &Buffer<T>,
+        indices: &Buffer<u32>,
+        first: usize,
+        gathered: &mut Buffer<T>,
+    ) {
+        let (params, groups) = params::<T>(gathered.len(), first);
+        recorder
+            .pass(&self.gather)
+            .read_words(rows)
+            .read(indices)
+            .write_words(gathered)
+            .push(&params)
+            .dispatch(groups);
+    }
+
+    /// Records `rows[indices[first + i]] = gathered[i]` for all of `gathered`; these indices must differ.
+    pub fn scatter<T: Pod>(
+        &self,
+        recorder: &mut Recorder,
+        gathered: &Buffer<T>,
+        indices: &Buffer<u32>,
+        first: usize,
+        rows: &mut Buffer<T>,
+    ) {
+        let (params, groups) = params::<T>(gathered.len(), first);
+        recorder
+            .pass(&self.scatter)
+            .read_words(gathered)
+            .read(indices)
+            .write_words(rows)
+            .push(&params)
+            .dispatch(groups);
+    }
+}
+
+fn params<T>(count: usize, first: usize) -> (RowParams, u32) {
+    let words = size_of::<T>() / size_of::<u32>();
+    let groups = (count * words).div_ceil(GROUP) as u32;
+    (RowParams { count: count as u32, words: words as u32, first: first as u32 }, groups)
+}
