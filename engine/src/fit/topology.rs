@@ -141,15 +141,10 @@ impl Scene<'_> {
         splat.rotation = [1.0, 0.0, 0.0, 0.0];
         splat.set_scale([scale; 3]);
         splat.set_opacity(opacity);
-        splat.intensity = self.intensity_at(splat.mean);
+        let (low, high) = self.scaling.roi_range;
+        splat.intensity = (self.target(splat.mean.map(f64::from).into()) as f32).clamp(low, high);
         self.clamp(&mut splat);
         splat
-    }
-
-    /// The intensity of the volume at a mean, within the range of the ROI, HU.
-    fn intensity_at(&self, mean: [f32; 3]) -> f32 {
-        let (low, high) = self.scaling.roi_range;
-        (self.target(DVec3::from_array(mean.map(f64::from))) as f32).clamp(low, high)
     }
 
     /// Puts a splat within the clamps of the optimiser: its mean in the brick grid, scales and opacity in their ranges.

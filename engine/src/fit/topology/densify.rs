@@ -97,9 +97,6 @@ fn child(scene: &Scene, parent: &Splat, random: &mut Pcg64) -> Splat {
     }
     child.set_scale(scale.map(|s| s / SPLIT));
     scene.clamp(&mut child);
-    if !scene.config.learn_intensity {
-        child.intensity = scene.intensity_at(child.mean);
-    }
     child
 }
 

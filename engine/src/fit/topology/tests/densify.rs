@@ -85,22 +85,6 @@ fn children_are_drawn_from_the_gaussian_of_their_parent() {
 }
 
 #[test]
-fn children_have_the_intensity_of_the_volume_where_it_is_not_learned() {
-    let mut world = World::new(crowd(40, 2), open(), 1.0);
-    world.config = FitConfig { learn_intensity: false, topology_split_scale: 0.1, ..world.config };
-    world.norms = (0..40).map(|i| i as f32).collect();
-    let change = densify(&world.scene(), &mut random());
-    let (low, high) = world.scaling.roi_range;
-    let mut children = 0;
-    for (s, _) in change.splats.iter().zip(&change.keeps).filter(|(_, keeps)| keeps.is_none()) {
-        let expected = world.volume.trilinear(DVec3::from_array(s.mean.map(f64::from))) as f32;
-        assert_eq!(s.intensity, expected.clamp(low, high));
-        children += 1;
-    }
-    assert_eq!(children, 32, "40 % of 40, split in two");
-}
-
-#[test]
 fn the_largest_gradients_win_and_then_the_first_splats() {
     let mut world = World::new(vec![splat([15.0, 12.0, 11.0], 1.0, 0.5); 20], open(), 1.0);
     for (i, s) in world.splats.iter_mut().enumerate() {
