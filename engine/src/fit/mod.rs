@@ -18,6 +18,7 @@ pub mod topology;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
 use shaders_glsl::types::{AdamParams, Target};
 
 pub use config::{Background, FitConfig, Parameter, ScaleUnit, Storage};
@@ -88,13 +89,14 @@ struct Flight {
 }
 
 /// How a fit stands, from the sums of its last step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
     /// Steps done.
     pub iteration: u32,
     /// Mean squared intensity error at the last step's offset, in squared spans of the HU range.
     pub mse: f64,
-    /// PSNR over the span of the HU range, dB.
+    /// PSNR over the span of the HU range, dB; infinite where the error is 0, which not every format can say.
+    #[serde(skip)]
     pub psnr_db: f64,
     /// Root mean square of O - M over ROI and shell; 0 when the term is off.
     pub occupancy_rmse: f64,

@@ -63,7 +63,7 @@ impl State {
         bytes.extend(
             self.rows
                 .iter()
-                .flat_map(|row| bytemuck::cast_ref::<Row, [f32; ROW_WORDS]>(row))
+                .flat_map(bytemuck::cast_ref::<Row, [f32; ROW_WORDS]>)
                 .flat_map(|v| v.to_le_bytes()),
         );
         let mut crc = Crc::new();

@@ -11,13 +11,14 @@ use engine::splat::{self, SplatSet};
 use engine::{Error, Kind, Result};
 
 use crate::arguments::{DeviceArguments, VERSION, duration, range};
+use crate::checkpoint::{self, CheckpointArguments, Checkpoints};
 use crate::clock;
 use crate::console::Console;
 use crate::eval;
 use crate::failure::Stop;
 use crate::inputs::{Case, InputRecord, ReadArguments, RoiArguments};
 use crate::lock::Lock;
-use crate::optimise::{self, End, Outcome, Schedule};
+use crate::optimise::{self, End, Job, Outcome, Schedule, Start};
 use crate::outputs;
 use crate::report::record::{
     Memory, PassRecord, Results, RoiRecord, RunRecord, Timings, VolumeRecord, host_peak_bytes,
@@ -54,6 +55,8 @@ pub struct Arguments {
           value_parser = clap::value_parser!(u32).range(0..=64))]
     eval_offsets: u32,
     #[command(flatten)]
+    checkpoint: CheckpointArguments,
+    #[command(flatten)]
     read: ReadArguments,
     /// Time until the splats are ready (90s, 5m), reading included: as many iterations as it allows are done, and
     /// the schedule follows the clock. Two runs then differ. --iterations limits it only where it is given
@@ -70,7 +73,9 @@ Examples:
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply
   vgs fit ct.nii.gz --roi labels.nii.gz --roi-label liver,aorta -o organs.ply --density 0.2
   vgs fit skull.inv3 --roi-threshold 226,3071 -o skull.ply --time-budget 5m
-  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json";
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --checkpoint-every 100
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --resume";
 
 /// Offsets of the closing evaluation come from this seed, as those of `vgs eval` by default.
 pub const EVAL_SEED: u64 = 7;
@@ -82,25 +87,50 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let files = Files::of(&arguments.output, arguments.picture.as_deref());
     let mut inputs = vec![arguments.volume.as_path()];
     inputs.extend(arguments.region.roi.as_deref());
-    outputs::check(&files.list(), &inputs, arguments.force)?;
+    // What an interrupted fit has written is its own to replace.
+    let force = arguments.force || arguments.checkpoint.resume;
+    outputs::check(&files.list(), &inputs, force)?;
     check_extension(&files.splats)?;
     let signals = Signals::install()?;
     let _lock = Lock::take(&files.splats, &signals)?;
     // Another run may have written them before it gave the lock away.
-    outputs::check(&files.list(), &inputs, arguments.force)?;
-
+    outputs::check(&files.list(), &inputs, force)?;
     let case = Case::read(&arguments.volume, &arguments.read, &arguments.region)?;
+    let checkpoints = Checkpoints::new(
+        &arguments.checkpoint,
+        &files.splats,
+        &arguments.input_records()?,
+        &arguments.region,
+        &settings.config,
+        force,
+    )?;
+    let interrupted = if arguments.checkpoint.resume { Some(checkpoints.read()?) } else { None };
     let gpu = arguments.device.boot()?;
     let mut timings = Timings { read: start.elapsed().as_secs_f64(), ..Default::default() };
 
     let initialising = Instant::now();
     let config = &settings.config;
-    let count = config.splat_count(case.roi.weight_sum());
-    let first = (config.initialiser()?.run)(&case.volume, &case.roi, count, config.seed, &config.init());
+    let begin = match interrupted {
+        Some(interrupted) => Start::Interrupted(interrupted),
+        None => {
+            let count = config.splat_count(case.roi.weight_sum());
+            let run = config.initialiser()?.run;
+            Start::Splats(run(&case.volume, &case.roi, count, config.seed, &config.init()))
+        }
+    };
     timings.initialise = initialising.elapsed().as_secs_f64();
 
     let schedule = arguments.schedule(&settings, start.elapsed());
-    let outcome = optimise::run(&gpu, &case, first, config, schedule, &signals, console)?;
+    let job = Job {
+        gpu: &gpu,
+        case: &case,
+        config,
+        schedule,
+        checkpoints: &checkpoints,
+        signals: &signals,
+        console,
+    };
+    let outcome = optimise::run(&job, begin)?;
     timings.fit = outcome.seconds;
     timings.passes = PassRecord::list(gpu.take_profile());
     if outcome.frozen > 0 {
@@ -113,7 +143,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         iterations: Some(outcome.iterations),
         ..SplatSet::from_voxel(&outcome.splats, &case.volume.world_from_voxel, field)
     };
-    splat::write(&files.splats, &set, arguments.force)?;
+    splat::write(&files.splats, &set, force)?;
 
     let evaluating = Instant::now();
     let wanted = !arguments.no_eval && matches!(outcome.end, End::Finished) && signals.exit_code().is_none();
@@ -135,7 +165,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     if let (Some(path), Some(evaluation)) = (&files.picture, &evaluation) {
         eval::draw(
             path,
-            arguments.force,
+            force,
             &gpu,
             &set,
             &case,
@@ -191,7 +221,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         },
         results: &results,
     };
-    files.write_reports(&record, &outcome, &arguments.volume, arguments.force)?;
+    files.write_reports(&record, &outcome, &arguments.volume, force)?;
 
     if console.json {
         console.json_data(&results)?;
@@ -330,6 +360,10 @@ fn summary(results: &Results, outcome: &Outcome, evaluation: Option<&Evaluation>
         files.splats.display(),
         names.join(", ")
     ));
+    if matches!(outcome.end, End::Stopped(_)) {
+        let state = checkpoint::state_path(&files.splats);
+        out.push_str(&format!("to go on: the same command with --resume ({})\n", state.display()));
+    }
     out.push_str(&format!("vgs {VERSION}. For looking, not for diagnosis.\n"));
     out
 }

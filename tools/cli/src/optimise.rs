@@ -4,9 +4,12 @@ use std::time::{Duration, Instant};
 
 use engine::fit::{FitConfig, Fitter, Progress};
 use engine::gpu::Gpu;
-use engine::splat::{self, Splat};
+use engine::splat::{self, Field, Splat};
 use engine::{Error, Kind, Result};
+use glam::DAffine3;
+use serde::{Deserialize, Serialize};
 
+use crate::checkpoint::{Checkpoints, Interrupted};
 use crate::console::Console;
 use crate::inputs::Case;
 use crate::progress::Display;
@@ -19,6 +22,9 @@ const FIGURES_AFTER: Duration = Duration::from_millis(500);
 /// They belong to the offset grid of their iteration, so they are fetched where the same grid has its turn; if that
 /// takes longer than this, anywhere.
 const FIGURES_AT_LATEST: Duration = Duration::from_secs(20);
+
+/// Fetching takes at most one part in so many of the time.
+const LOOK_SHARE: u32 = 10;
 
 /// How long a fit goes on.
 #[derive(Clone, Copy, Debug)]
@@ -39,12 +45,20 @@ impl Schedule {
 }
 
 /// A row of the curve.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
     /// Since the first iteration.
     pub seconds: f64,
     /// The figures.
     pub progress: Progress,
+}
+
+/// Where a fit begins.
+pub enum Start {
+    /// With first splats, in voxel space and HU.
+    Splats(Vec<Splat>),
+    /// Where it was interrupted.
+    Interrupted(Interrupted),
 }
 
 /// How the loop ended.
@@ -77,22 +91,38 @@ pub struct Outcome {
     pub end: End,
 }
 
-/// Fits `first` to a case.
-pub fn run(
-    gpu: &Gpu,
-    case: &Case,
-    first: Vec<Splat>,
-    config: &FitConfig,
-    schedule: Schedule,
-    signals: &Signals,
-    console: &Console,
-) -> Result<Outcome> {
-    let mut fitter = Fitter::new(gpu, &case.volume, &case.roi, &first, config)?;
+/// What is fitted, how and for how long, and who hears of it.
+pub struct Job<'a> {
+    pub gpu: &'a Gpu,
+    pub case: &'a Case,
+    pub config: &'a FitConfig,
+    pub schedule: Schedule,
+    pub checkpoints: &'a Checkpoints,
+    pub signals: &'a Signals,
+    pub console: &'a Console,
+}
+
+/// Fits splats to a case.
+pub fn run(job: &Job<'_>, start: Start) -> Result<Outcome> {
+    let &Job { gpu, case, config, schedule, checkpoints, signals, console } = job;
+    let (mut fitter, mut curve, seconds) = match start {
+        Start::Splats(first) => (Fitter::new(gpu, &case.volume, &case.roi, &first, config)?, Vec::new(), 0.0),
+        Start::Interrupted(Interrupted { state, seconds, curve }) => {
+            (Fitter::resume(gpu, &case.volume, &case.roi, &state, config)?, curve, seconds)
+        }
+    };
+    // Infinity is not written.
+    for point in &mut curve {
+        point.progress.psnr_db = -10.0 * point.progress.mse.log10();
+    }
+    let first = fitter.splats()?;
+    let iterations = fitter.iteration();
     let range = [fitter.scaling().range.0, fitter.scaling().range.1];
     // Uploads and kernels are not part of the passes' account.
     gpu.take_profile();
     console.say(&format!(
-        "fitting {} splats to {} voxels; the PSNR on the way is over {} to {} HU",
+        "{}fitting {} splats to {} voxels; the PSNR on the way is over {} to {} HU",
+        if iterations > 0 { format!("going on after {iterations} iterations: ") } else { String::new() },
         first.len(),
         case.roi.voxel_count(),
         range[0],
@@ -101,21 +131,28 @@ pub fn run(
     signals.be_patient();
     let mut state = State {
         good: first,
-        iterations: 0,
-        curve: Vec::new(),
+        iterations,
+        curve,
+        before: Duration::from_secs_f64(seconds),
         start: Instant::now(),
-        last: (0, Instant::now()),
+        last: (iterations, Instant::now()),
+        looked: Duration::ZERO,
         grids: u32::try_from(config.offsets).unwrap_or(1).max(1),
         display: Display::new(console),
+        checkpoints,
+        saved: iterations,
+        world_from_voxel: case.volume.world_from_voxel,
+        field: config.field(fitter.scaling().background),
     };
     let end = match state.iterate(&mut fitter, schedule, signals) {
         Ok(end) => end,
         Err(error) => End::Failed(error),
     };
+    let seconds = state.elapsed().as_secs_f64();
     Ok(Outcome {
         splats: state.good,
         iterations: state.iterations,
-        seconds: state.start.elapsed().as_secs_f64(),
+        seconds,
         curve: state.curve,
         range,
         frozen: fitter.frozen().unwrap_or_default(),
@@ -124,39 +161,64 @@ pub fn run(
     })
 }
 
-struct State {
+struct State<'a> {
     /// The last splats that were seen to be good, and the iterations behind them.
     good: Vec<Splat>,
     iterations: u32,
     curve: Vec<CurvePoint>,
+    /// Time of the iterations before this run went on.
+    before: Duration,
     start: Instant,
     /// When figures were fetched last.
     last: (u32, Instant),
+    /// How long that took.
+    looked: Duration,
     /// Offset grids that the iterations visit in turn.
     grids: u32,
     display: Display,
+    checkpoints: &'a Checkpoints,
+    /// The iteration of the last checkpoint.
+    saved: u32,
+    world_from_voxel: DAffine3,
+    field: Field,
 }
 
-impl State {
+impl State<'_> {
+    fn elapsed(&self) -> Duration {
+        self.before + self.start.elapsed()
+    }
+
     fn iterate(&mut self, fitter: &mut Fitter, schedule: Schedule, signals: &Signals) -> Result<End> {
         loop {
-            let share = schedule.share(fitter.iteration(), self.start.elapsed());
+            let share = schedule.share(fitter.iteration(), self.elapsed());
             let stop = signals.exit_code();
             let is_last = share >= 1.0 && fitter.iteration() > 0;
             let (iteration, time) = self.last;
             let since = fitter.iteration().saturating_sub(iteration);
             let same_grid = fitter.iteration().is_multiple_of(self.grids);
             let due = since >= FIGURES_EVERY || since > 0 && time.elapsed() >= FIGURES_AFTER;
+            // Where only a subset is rasterised the figures cost more than an iteration.
+            let due = due && time.elapsed() >= LOOK_SHARE * self.looked;
+            let save = self.checkpoints.is_due(fitter.iteration()) && fitter.iteration() > self.saved;
             let overdue = since > 0 && time.elapsed() >= FIGURES_AT_LATEST;
-            if is_last || stop.is_some() || due && same_grid || overdue {
+            if is_last || stop.is_some() || save || due && same_grid || overdue {
                 if since > 0 {
                     self.look(fitter)?;
                 }
                 // The count may have gone back where buffers had to grow: then it is not over yet.
+                if self.checkpoints.is_due(fitter.iteration()) && fitter.iteration() > self.saved {
+                    self.save(fitter)?;
+                }
                 if let Some(code) = stop {
+                    self.checkpoints.write_state(
+                        &fitter.state()?,
+                        self.elapsed().as_secs_f64(),
+                        &self.curve,
+                    )?;
                     return Ok(End::Stopped(code));
                 }
-                if is_last && schedule.share(fitter.iteration(), self.start.elapsed()) >= 1.0 {
+                if is_last && schedule.share(fitter.iteration(), self.elapsed()) >= 1.0 {
+                    self.checkpoints.clean();
                     return Ok(End::Finished);
                 }
             }
@@ -165,8 +227,18 @@ impl State {
         }
     }
 
+    /// Writes a checkpoint of the splats just fetched.
+    fn save(&mut self, fitter: &mut Fitter) -> Result<()> {
+        let state = fitter.state()?;
+        self.checkpoints.write_splats(&self.good, self.iterations, &self.world_from_voxel, self.field)?;
+        self.checkpoints.write_state(&state, self.elapsed().as_secs_f64(), &self.curve)?;
+        self.saved = state.iteration;
+        Ok(())
+    }
+
     /// Fetches figures and splats, and keeps them if they are good.
     fn look(&mut self, fitter: &mut Fitter) -> Result<()> {
+        let begin = Instant::now();
         let progress = fitter.progress()?;
         let splats = fitter.splats()?;
         check(&progress, &splats, self.iterations)?;
@@ -174,7 +246,8 @@ impl State {
         self.iterations = progress.iteration;
         self.last = (progress.iteration, Instant::now());
         self.display.figures(&progress);
-        self.curve.push(CurvePoint { seconds: self.start.elapsed().as_secs_f64(), progress });
+        self.looked = begin.elapsed();
+        self.curve.push(CurvePoint { seconds: self.elapsed().as_secs_f64(), progress });
         Ok(())
     }
 }

@@ -55,7 +55,7 @@ fn a_signal_leaves_usable_splats() {
         let info = folder.run(&["info", "a.ply", "--json"]).json();
         assert_eq!(info["splats"], 40);
         let names: Vec<_> = folder.contents().into_keys().collect();
-        assert_eq!(names.len(), 6, "two inputs, four outputs, no litter: {names:?}");
+        assert_eq!(names.len(), 7, "two inputs, four outputs, the state, no litter: {names:?}");
     }
 }
 
@@ -77,4 +77,63 @@ fn a_second_run_on_the_same_output_is_told_to_wait() {
     let ended = folder.run(&[&again[..], &["--splats", "10", "--iterations", "2", "--no-eval"]].concat());
     assert_eq!(ended.code, 0, "{}", ended.err);
     assert!(!folder.path("a.ply.lock").exists());
+}
+
+const LONG: [&str; 10] = [
+    "--splats",
+    "40",
+    "--iterations",
+    "700",
+    "--checkpoint-every",
+    "100",
+    "--offsets",
+    "4",
+    "--subset",
+    "16",
+];
+
+/// Killed without warning or stopped by Ctrl-C: with --resume the splats become those of a run that went through.
+#[test]
+fn an_interrupted_fit_goes_on_to_the_same_bytes() {
+    let folder = Folder::new(16);
+    let flags = |output: &'static str, more: &[&'static str]| {
+        let mut all = vec!["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", output];
+        all.extend(LONG);
+        all.extend(more);
+        all
+    };
+    let whole = folder.run(&flags("whole.ply", &[]));
+    assert_eq!(whole.code, 0, "{}", whole.err);
+    assert!(!folder.path("whole.state").exists(), "a fit that is done needs no state");
+    let checkpoint = folder.run(&["info", "whole.000300.ply", "--json"]).json();
+    assert_eq!(checkpoint["splats"], 40);
+    assert_eq!(checkpoint["iterations"], 300);
+
+    for signal in ["-KILL", "-INT"] {
+        let child = folder.start(&flags("part.ply", &["--force"]));
+        wait_for("a checkpoint", || folder.path("part.000100.ply").exists());
+        wait_for("its state", || folder.path("part.state").exists());
+        send(&child, signal);
+        let ended = finish(child);
+        assert_ne!(ended.code, 0, "stopped in time");
+
+        let other = folder.run(&flags("part.ply", &["--resume", "--rate-mean", "0.3"]));
+        assert_eq!(other.code, 2, "{}", other.err);
+        assert!(other.err.contains("rate_mean was 0.2 and is 0.3"), "{}", other.err);
+        let anew = folder.run(&flags("part.ply", &[]));
+        assert_eq!(anew.code, 73, "{}", anew.err);
+
+        let resumed = folder.run(&flags("part.ply", &["--resume"]));
+        assert_eq!(resumed.code, 0, "{}", resumed.err);
+        assert!(folder.read("part.ply") == folder.read("whole.ply"), "{signal}: the splats differ");
+        for checkpoint in ["000200", "000700"] {
+            let (part, whole) = (format!("part.{checkpoint}.ply"), format!("whole.{checkpoint}.ply"));
+            assert!(folder.read(&part) == folder.read(&whole), "{signal}: {part} differs");
+        }
+        assert!(!folder.path("part.state").exists());
+        let rows = folder.text("part.csv").lines().count();
+        assert!(rows > 7, "the curve has all parts: {rows} lines");
+    }
+    let none = folder.run(&flags("none.ply", &["--resume"]));
+    assert_eq!(none.code, 66, "{}", none.err);
 }
