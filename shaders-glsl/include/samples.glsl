@@ -1,0 +1,25 @@
+// Targets and reconstructions as the kernels of the losses bind and read them, and the predicted mask.
+#ifndef SAMPLES_GLSL
+#define SAMPLES_GLSL
+#include "splat.glsl"
+layout(scalar, binding = 0) readonly buffer Targets { uint targets[]; };
+layout(scalar, binding = 1) readonly buffer Reconstructions { Reconstruction reconstructions[]; };
+
+Target target_at(uint sample_index) {
+    return unpack_target(targets[sample_index]);
+}
+
+Reconstruction reconstruction_at(uint sample_index) {
+    return reconstructions[sample_index];
+}
+
+// m^ = 1 - exp(-W), the predicted mask. Below 1/64 by its series to the third order, which leaves out 2e-7 of the value,
+// where the difference loses more the smaller W is. What is no weight (NaN) predicts nothing: the sums over all samples
+// use this, and one bad splat must not spoil them for all others.
+float predicted_mask(float weight) {
+    if (!(weight > 0.0)) return 0.0;
+    if (weight < 1.0 / 64.0) return weight * (1.0 - weight * (0.5 - weight * (1.0 / 6.0)));
+    return 1.0 - exp(-weight);
+}
+
+#endif
