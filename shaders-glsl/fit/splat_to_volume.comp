@@ -10,7 +10,7 @@
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
-#include "samples.glsl"
+#include "storage.glsl"
 layout(local_size_x_id = 1) in;
 layout(constant_id = 1) const uint GROUP = 64;
 layout(push_constant, scalar) uniform RasterParams { Grid grid; uint first_cell; float epsilon; } p;

@@ -11,7 +11,7 @@
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
-#include "samples.glsl"
+#include "storage.glsl"
 layout(local_size_x_id = 1) in;
 layout(constant_id = 1) const uint GROUP = 64;
 layout(push_constant, scalar) uniform GradParams { Grid grid; uint first_splat; uint splat_count; uint accumulate; } p;

@@ -1,10 +1,9 @@
 // What the loss kernels share: one workgroup owns a brick, one invocation every 64th sample; the loss value and
-// its weight are summed over the brick in a fixed order. A loss never sees a splat.
+// its weight are summed over the brick in a fixed order. A loss never sees a splat. Bindings from 4 on are the term's.
 //
 // The first term overwrites the adjoints (dL/dV^, dL/dW), later ones add to them. The last one folds them into what the
 // backward pass multiplies with a splat's intensity c: A = dL/dV^ / (W + ε) and H = dL/dW - A V^, so that
 // dL/dw = A c + H and dL/dc = A w.
-#include "splat.glsl"
 #include "samples.glsl"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform LossParams {
@@ -14,20 +13,10 @@ layout(push_constant, scalar) uniform LossParams {
 } p;
 layout(constant_id = 0) const uint ACCUMULATE = 0; // 1: not the first term
 layout(constant_id = 1) const uint FOLD = 0;       // 1: the last term
-layout(scalar, binding = 0) readonly buffer Targets { uint targets[]; };
-layout(scalar, binding = 1) readonly buffer Reconstructions { uint reconstructions[]; };
 layout(scalar, binding = 2) buffer Adjoints { uint adjoints[]; };
 layout(scalar, binding = 3) writeonly buffer LossSums { vec2 loss_sums[]; }; // [slot]: Σ value, Σ weight
 
 shared vec2 partial[64];
-
-Reconstruction load_reconstruction(uint i) {
-    if (STORAGE == STORAGE_MIXED) {
-        vec2 halves = unpackHalf2x16(reconstructions[i]);
-        return Reconstruction(halves.x, halves.y);
-    }
-    return Reconstruction(uintBitsToFloat(reconstructions[2 * i]), uintBitsToFloat(reconstructions[2 * i + 1]));
-}
 
 Adjoint load_adjoint(uint i) {
     if (STORAGE == STORAGE_MIXED) {
@@ -54,8 +43,8 @@ void main() {
     uint begin = gl_WorkGroupID.x * 512 + t;
     vec2 sum = vec2(0.0);
     for (uint i = begin; i < begin + 512; i += 64) {
-        Target wanted = unpack_target(targets[i]);
-        Reconstruction got = load_reconstruction(i);
+        Target wanted = target_at(i);
+        Reconstruction got = reconstruction_at(i);
         Adjoint adjoint = Adjoint(0.0, 0.0);
         if (wanted.occupancy >= 0.0) {
             vec2 value_weight;

@@ -1,28 +1,31 @@
-// How the two numbers of a sample are stored between the passes of a step: as floats in two words, or as halves in one.
-// Whatever is summed is a float. engine/src/passes/storage.rs has the other side.
+// Targets and reconstructions as the kernels of the losses bind and read them, and the predicted mask.
 #ifndef SAMPLES_GLSL
 #define SAMPLES_GLSL
+#include "splat.glsl"
+#include "storage.glsl"
+layout(scalar, binding = 0) readonly buffer Targets { uint targets[]; };
+layout(scalar, binding = 1) readonly buffer Reconstructions { uint reconstructions[]; };
 
-layout(constant_id = 2) const uint STORAGE = 0;
-const uint STORAGE_FULL = 0;
-const uint STORAGE_MIXED = 1;
-
-// The nearest half, ties to even; ±65504 where the number lies beyond, so that there is no infinity. NaN stays NaN: the
-// optimiser counts it. In integers, because a driver may round packHalf2x16 in another way.
-uint half_bits(float v) {
-    uint bits = floatBitsToUint(v);
-    uint size = bits & 0x7FFFFFFFu;
-    uint kept = min(size, 0x477FE000u); // 65504
-    // From 2^-14 on ten digits stay, and the exponent counts from 15 instead of 127; below, steps of 2^-24.
-    uint many = ((kept + 0xFFFu + ((kept >> 13) & 1u)) >> 13) - (112u << 10);
-    uint few = uint(int(roundEven(uintBitsToFloat(kept) * 16777216.0)));
-    uint magnitude = mix(few, many, kept >= 0x38800000u);
-    magnitude = mix(magnitude, 0x7E00u, size > 0x7F800000u); // NaN
-    return magnitude | ((bits >> 16) & 0x8000u);
+Target target_at(uint sample_index) {
+    return unpack_target(targets[sample_index]);
 }
 
-uint pack_halves(vec2 v) {
-    return half_bits(v.x) | (half_bits(v.y) << 16);
+Reconstruction reconstruction_at(uint sample_index) {
+    if (STORAGE == STORAGE_MIXED) {
+        vec2 halves = unpackHalf2x16(reconstructions[sample_index]);
+        return Reconstruction(halves.x, halves.y);
+    }
+    uint first = 2 * sample_index;
+    return Reconstruction(uintBitsToFloat(reconstructions[first]), uintBitsToFloat(reconstructions[first + 1]));
+}
+
+// m^ = 1 - exp(-W), the predicted mask. Below 1/64 by its series to the third order, which leaves out 2e-7 of the value,
+// where the difference loses more the smaller W is. What is no weight (NaN) predicts nothing: the sums over all samples
+// use this, and one bad splat must not spoil them for all others.
+float predicted_mask(float weight) {
+    if (!(weight > 0.0)) return 0.0;
+    if (weight < 1.0 / 64.0) return weight * (1.0 - weight * (0.5 - weight * (1.0 / 6.0)));
+    return 1.0 - exp(-weight);
 }
 
 #endif

@@ -46,7 +46,7 @@ struct Grid {
     uint slot_count;
 };
 
-// Σw and the reconstructed value V^ (relative to the background) of one sample. Stored as samples.glsl says.
+// Σw and the reconstructed value V^ (relative to the background) of one sample. Stored as storage.glsl says.
 struct Reconstruction {
     float weight;
     float value;
@@ -64,7 +64,7 @@ Target unpack_target(uint stored) {
     return Target(t.x, t.y);
 }
 
-// dL/dV^ and dL/dW of one sample. Stored as samples.glsl says.
+// dL/dV^ and dL/dW of one sample. Stored as storage.glsl says.
 struct Adjoint {
     float value;
     float weight;

@@ -154,6 +154,16 @@ shared! {
         /// ε of equation (2).
         epsilon: f32,
     }
+    /// Push constants of `overlap_sums`.
+    OverlapParams {
+        /// First slot of the chunk.
+        first_slot: u32,
+    }
+    /// Push constants of `sum_triples`.
+    SumParams {
+        /// Rows.
+        count: u32,
+    }
     /// Push constants of `splat_to_volume_grad`.
     GradParams {
         /// Sample grid.

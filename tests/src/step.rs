@@ -1,8 +1,8 @@
 //! One forward and backward pass on the device through the pass types, with everything it leaves behind. The one place
 //! that knows how the passes hang together, besides the fit itself.
 
-use engine::gpu::Gpu;
-use engine::passes::loss::{Sum, Weighted};
+use engine::gpu::{Buffer, Gpu, Recorder};
+use engine::passes::loss::{DICE, LEAK, MSE, OCCUPANCY, Sum, TERMS, Weighted};
 use engine::passes::{Gradient, Losses, Rasteriser, Storage};
 use engine::reference;
 use engine::splat::{Kernel, Splat};
@@ -31,11 +31,13 @@ pub struct Pass {
     pub chunks: usize,
 }
 
-/// MSE and occupancy with weights that make both matter.
-pub fn terms(soft: bool) -> [Weighted; 2] {
+/// All terms with weights that make each matter: the Dice loss is one number for all samples, the others are sums.
+pub fn terms(soft: bool) -> [Weighted; 4] {
     [
-        Weighted { term: 0, weight: 1.0, parameter: f32::from(u8::from(soft)) },
-        Weighted { term: 1, weight: 0.3, parameter: 0.05 },
+        Weighted { term: MSE, weight: 1.0, parameter: f32::from(u8::from(soft)) },
+        Weighted { term: OCCUPANCY, weight: 0.3, parameter: 0.05 },
+        Weighted { term: DICE, weight: 2000.0, parameter: 0.0 },
+        Weighted { term: LEAK, weight: 0.2, parameter: 0.0 },
     ]
 }
 
@@ -43,9 +45,11 @@ pub fn terms(soft: bool) -> [Weighted; 2] {
 pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
     let twin = |t: &Weighted| {
         let weight = f64::from(t.weight);
-        match engine::passes::loss::TERMS[t.term].name {
+        match TERMS[t.term].name {
             "mse" => reference::Term::Mse { weight, soft: t.parameter != 0.0 },
             "occupancy" => reference::Term::Occupancy { weight, w0: f64::from(t.parameter) },
+            "dice" => reference::Term::Dice { weight },
+            "leak" => reference::Term::Leak { weight },
             name => panic!("the loss term {name} has no twin in reference::loss"),
         }
     };
@@ -104,39 +108,36 @@ fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) 
         sums: Vec::new(),
         chunks,
     };
-    for chunk in 0..chunks {
-        let slots = raster.grid.chunk(chunk);
-        let samples = slots.start * SAMPLES..slots.end * SAMPLES;
-        let wanted = gpu.upload("targets", "targets", &targets[samples]).expect("targets");
-        // Once to learn how large the bins must be, once with bins that large.
-        let settled = (0..2).any(|_| {
-            let mut recorder = gpu.record().expect("a recorder");
-            raster.record(&mut recorder, &buffer, chunk, offset).expect("the forward pass");
-            let ticket = recorder.submit().expect("submitting");
-            gpu.wait(ticket).expect("waiting");
-            let needed = raster.pair_totals.read_range(chunk, 1).expect("pair totals")[0] as usize;
-            let enough = needed <= raster.bins.capacity();
-            if !enough {
-                raster.bins.grow(needed).expect("larger bins");
-            }
-            enough
-        });
-        assert!(settled, "the same splats need another number of pairs the second time");
-        let mut recorder = gpu.record().expect("a recorder");
-        losses.record(&mut recorder, &wanted, &raster.reconstructions, chunk, slots.len());
-        gradient
-            .gather(&mut recorder, &raster.grid, &raster.bins.footprints, &losses.adjoints, chunk, offset)
-            .expect("the backward pass");
-        if chunk + 1 == chunks {
-            gradient.record(&mut recorder, &buffer);
+    let targets: Vec<_> = (0..chunks)
+        .map(|chunk| {
+            let slots = raster.grid.chunk(chunk);
+            gpu.upload("targets", "targets", &targets[slots.start * SAMPLES..slots.end * SAMPLES])
+                .expect("targets")
+        })
+        .collect();
+    if losses.need_overlap() {
+        for (chunk, wanted) in targets.iter().enumerate() {
+            rasterise(gpu, &mut raster, &buffer, chunk, offset);
+            let slots = raster.grid.chunk(chunk);
+            submit(gpu, |r| losses.record_overlap(r, wanted, &raster.reconstructions, slots));
         }
-        let ticket = recorder.submit().expect("submitting");
-        gpu.wait(ticket).expect("waiting");
-        let words = slots.len() * SAMPLES * storage.words();
-        let (samples, adjoints) = (&raster.reconstructions, &losses.adjoints);
-        let samples = samples.read_range(0, words).expect("samples");
+    }
+    for (chunk, wanted) in targets.iter().enumerate() {
+        rasterise(gpu, &mut raster, &buffer, chunk, offset);
+        let slots = raster.grid.chunk(chunk).len();
+        submit(gpu, |r| {
+            losses.record(r, terms, wanted, &raster.reconstructions, chunk, slots);
+            gradient
+                .gather(r, &raster.grid, &raster.bins.footprints, &losses.adjoints, chunk, offset)
+                .expect("the backward pass");
+            if chunk + 1 == chunks {
+                gradient.record(r, &buffer);
+            }
+        });
+        let words = slots * SAMPLES * storage.words();
+        let samples = raster.reconstructions.read_range(0, words).expect("samples");
         pass.reconstructions.extend(storage.unpack::<Reconstruction>(&samples));
-        let adjoints = adjoints.read_range(0, words).expect("adjoints");
+        let adjoints = losses.adjoints.read_range(0, words).expect("adjoints");
         pass.adjoints.extend(storage.unpack::<Adjoint>(&adjoints));
     }
     pass.footprints = raster.bins.footprints.read().expect("footprints");
@@ -144,4 +145,25 @@ fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) 
     pass.gradients = gradient.rows.read().expect("gradients");
     pass.sums = losses.sums().expect("sums");
     pass
+}
+
+fn submit(gpu: &Gpu, record: impl FnOnce(&mut Recorder)) {
+    let mut recorder = gpu.record().expect("a recorder");
+    record(&mut recorder);
+    let ticket = recorder.submit().expect("submitting");
+    gpu.wait(ticket).expect("waiting");
+}
+
+/// Rasterises a chunk: once to learn how large the bins must be, if need be once more with bins that large.
+fn rasterise(gpu: &Gpu, raster: &mut Rasteriser, splats: &Buffer<Splat>, chunk: usize, offset: [f32; 3]) {
+    let settled = (0..2).any(|_| {
+        submit(gpu, |r| raster.record(r, splats, chunk, offset).expect("the forward pass"));
+        let needed = raster.pair_totals.read_range(chunk, 1).expect("pair totals")[0] as usize;
+        let enough = needed <= raster.bins.capacity();
+        if !enough {
+            raster.bins.grow(needed).expect("larger bins");
+        }
+        enough
+    });
+    assert!(settled, "the same splats need another number of pairs the second time");
 }

@@ -230,6 +230,7 @@ fn no_pass_holds_the_device_for_long_and_memory_is_accounted_for() {
     // With everything on, so that every kernel runs.
     let mut case = Case::phantom(SIZE, 10);
     case.config.subset = 100;
+    (case.config.mask_weight, case.config.leak_weight) = (0.1, 0.1);
     let _ = gpu.take_profile();
     let mut fitter = case.fit(&gpu);
     fitter.finish().expect("the device");

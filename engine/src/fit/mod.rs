@@ -13,6 +13,7 @@ mod profiles;
 mod state;
 mod subset;
 mod targets;
+mod terms;
 pub mod topology;
 
 use std::collections::VecDeque;
@@ -28,7 +29,7 @@ pub use targets::{Scaling, offsets, sample};
 
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Ticket};
-use crate::passes::loss::{Sum, Weighted};
+use crate::passes::loss::{DICE, LEAK, MSE, OCCUPANCY, Weighted};
 use crate::passes::{Adam, Gradient, Losses, Rasteriser, adam};
 use crate::splat::Splat;
 use crate::splat::activation::normalised;
@@ -52,6 +53,8 @@ pub struct Fitter<'a> {
     scaling: Scaling,
     bricks: Arc<Bricks>,
     losses: Losses,
+    /// [offset]: the loss terms with their weights there.
+    terms: Vec<Vec<Weighted>>,
     adam: Adam,
     work: Work,
     offsets: Vec<[f32; 3]>,
@@ -100,6 +103,10 @@ pub struct Progress {
     pub psnr_db: f64,
     /// Root mean square of O - M over ROI and shell; 0 when the term is off.
     pub occupancy_rmse: f64,
+    /// Dice loss of the predicted mask 1 - exp(-W) over ROI and shell, 0..1; nothing when the term is off.
+    pub dice: Option<f64>,
+    /// Mean of the predicted mask outside the ROI, 0..1; nothing when the term is off.
+    pub leak: Option<f64>,
 }
 
 impl<'a> Fitter<'a> {
@@ -146,29 +153,26 @@ impl<'a> Fitter<'a> {
         if count == 0 {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
-        let shell = if config.occupancy_weight > 0.0 { config.shell } else { 0 };
-        let bricks = Arc::new(Bricks::around(roi, shell));
+        let bricks = Arc::new(Bricks::around(roi, terms::shell(config)));
         let scaling = Scaling::new(volume, roi, config);
         let work = Work::new(gpu, &bricks, count, config)?;
         let grid = &work.rasteriser.grid;
-        let mut terms =
-            vec![Weighted { term: 0, weight: config.mse_weight, parameter: f32::from(u8::from(roi.soft)) }];
-        if config.occupancy_weight > 0.0 {
-            terms.push(Weighted { term: 1, weight: config.occupancy_weight, parameter: config.occupancy_w0 });
-        }
-        let losses =
-            Losses::new(gpu, &terms, config.epsilon, config.storage, grid.chunk_slots(), grid.chunks())?;
         let offsets = offsets(config.offsets, config.seed);
-        let mut targets = Vec::new();
+        let (mut targets, mut terms) = (Vec::new(), Vec::new());
         for (i, &offset) in offsets.iter().enumerate() {
+            let mut outside = 0.0;
             let row: Result<Vec<_>> = (0..grid.chunks())
                 .map(|c| {
                     let sampled = sample(&bricks, grid.chunk(c), volume, roi, &scaling, offset);
+                    outside += terms::outside(&sampled);
                     gpu.upload(&format!("targets {i}.{c}"), "targets", &sampled)
                 })
                 .collect();
             targets.push(row?);
+            terms.push(terms::weighted(config, roi, outside));
         }
+        let losses =
+            Losses::new(gpu, &terms[0], config.epsilon, config.storage, grid.chunk_slots(), grid.chunks())?;
         let pair_totals = gpu.buffer("pair totals of two steps", "sorting", 2 * grid.chunks())?;
         Ok(Fitter {
             gpu: gpu.clone(),
@@ -180,6 +184,7 @@ impl<'a> Fitter<'a> {
             bricks,
             work,
             losses,
+            terms,
             offsets,
             targets,
             iteration: 0,
@@ -231,24 +236,29 @@ impl<'a> Fitter<'a> {
         if let Some(subset) = subset {
             subset.take(&mut recorder, all, turn);
         }
-        for chunk in 0..chunks {
-            let slots = rasteriser.grid.chunk(chunk).len();
+        // One chunk is rasterised once. More share their buffers: a loss that needs sums over all samples first
+        // (`Losses::need_overlap`) takes a sweep of its own.
+        let sweeps = if self.losses.need_overlap() && chunks > 1 { 2 } else { 1 };
+        for (sweep, chunk) in (0..sweeps).flat_map(|sweep| (0..chunks).map(move |chunk| (sweep, chunk))) {
+            let slots = rasteriser.grid.chunk(chunk);
+            let (slot_count, targets) = (slots.len(), &self.targets[index][chunk]);
             let splats = match subset {
                 Some(subset) if alone => &subset.active.splats,
                 _ => &all.splats,
             };
             rasteriser.record(&mut recorder, splats, chunk, offset)?;
-            if slots > LONG_LOSSES {
+            if slot_count > LONG_LOSSES {
                 recorder.split()?;
             }
-            self.losses.record(
-                &mut recorder,
-                &self.targets[index][chunk],
-                &rasteriser.reconstructions,
-                chunk,
-                slots,
-            );
-            if slots > LONG_LOSSES {
+            let samples = &rasteriser.reconstructions;
+            if sweep == 0 {
+                self.losses.record_overlap(&mut recorder, targets, samples, slots);
+            }
+            if sweep + 1 < sweeps {
+                continue;
+            }
+            self.losses.record(&mut recorder, &self.terms[index], targets, samples, chunk, slot_count);
+            if slot_count > LONG_LOSSES {
                 recorder.split()?;
             }
             let footprints = match subset {
@@ -372,14 +382,16 @@ impl<'a> Fitter<'a> {
         if self.work.subset.is_some() && self.config.subset_alone {
             self.measure_all()?;
         }
-        let sums: Vec<Sum> = self.losses.sums()?;
-        let mean = |s: &Sum| if s.weight > 0.0 { s.value / s.weight } else { 0.0 };
-        let mse = mean(&sums[0]);
+        let sums = self.losses.sums()?;
+        let mean = |term| self.terms[0].iter().position(|t| t.term == term).map(|i| sums[i].mean());
+        let mse = mean(MSE).unwrap_or_default();
         Ok(Progress {
             iteration: self.iteration,
             mse,
             psnr_db: -10.0 * mse.log10(),
-            occupancy_rmse: sums.get(1).map(|s| mean(s).sqrt()).unwrap_or_default(),
+            occupancy_rmse: mean(OCCUPANCY).map(f64::sqrt).unwrap_or_default(),
+            dice: mean(DICE),
+            leak: mean(LEAK),
         })
     }
 
@@ -412,7 +424,8 @@ impl<'a> Fitter<'a> {
         })
     }
 
-    /// Takes the sums of the losses over all splats, where a step has those of its subset.
+    /// Takes the sums of the losses over all splats, where a step has those of its subset. Only adjoints need the
+    /// overlap first, values do not.
     fn measure_all(&mut self) -> Result<()> {
         let index = self.offset_index(self.iteration.saturating_sub(1));
         let offset = self.offsets[index];
@@ -421,8 +434,8 @@ impl<'a> Fitter<'a> {
             let slots = rasteriser.grid.chunk(chunk).len();
             rasteriser.rasterise_chunk(splats, chunk, offset)?;
             let mut recorder = self.gpu.record()?;
-            let targets = &self.targets[index][chunk];
-            self.losses.record(&mut recorder, targets, &rasteriser.reconstructions, chunk, slots);
+            let (terms, targets) = (&self.terms[index], &self.targets[index][chunk]);
+            self.losses.record(&mut recorder, terms, targets, &rasteriser.reconstructions, chunk, slots);
             self.gpu.wait(recorder.submit()?)?;
         }
         Ok(())

@@ -51,6 +51,8 @@ impl Fitter<'_> {
             volume: self.volume,
             roi: self.roi,
             config: &self.config,
+            scaling: &self.scaling,
+            scale_range: (self.config.scale_min, self.config.scale_max),
             splats: &splats,
             gradient_norms: &gradient_norms,
             bricks: &self.bricks,

@@ -1,11 +1,24 @@
 //! How the number and the places of the splats change during a fit. A row of [`TOPOLOGIES`] is a function from what is
 //! there to what shall be; the fit calls it between two iterations, as often as its configuration says.
+//!
+//! Everything runs on the host. What is drawn at random is drawn in one thread and in a fixed order, and every sum has
+//! an owner, so the same scene and the same random numbers give the same bits whatever the number of threads.
 
+mod densify;
+mod growth;
+mod relocate;
+mod residual;
+mod spread;
+
+use glam::{DVec3, IVec3};
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 
-use super::FitConfig;
 use super::evaluate::FieldSample;
+use super::{FitConfig, Scaling};
 use crate::splat::Splat;
+use crate::splat::activation::Activations;
+use crate::volume::bricks::SAMPLES;
 use crate::volume::{Bricks, Roi, Volume};
 
 /// What a change may look at. Voxel space, HU.
@@ -16,6 +29,10 @@ pub struct Scene<'a> {
     pub roi: &'a Roi,
     /// Hyper-parameters.
     pub config: &'a FitConfig,
+    /// The clip range, and the range in which intensities stay.
+    pub scaling: &'a Scaling,
+    /// Least and greatest scale of a splat, voxels, whatever unit the configuration states them in.
+    pub scale_range: (f32, f32),
     /// All splats.
     pub splats: &'a [Splat],
     /// Σ |dL/dμ| of each splat since the last change.
@@ -48,4 +65,100 @@ pub struct Topology {
 }
 
 /// Every way; the first is the default.
-pub const TOPOLOGIES: &[Topology] = &[Topology { name: "none", change: None }];
+pub const TOPOLOGIES: &[Topology] = &[
+    Topology { name: "none", change: None },
+    Topology { name: "densify", change: Some(densify::densify) },
+    Topology { name: "growth", change: Some(growth::growth) },
+    Topology { name: "relocate", change: Some(relocate::relocate) },
+];
+
+impl Change {
+    /// Nothing changes.
+    fn none(scene: &Scene) -> Change {
+        let keeps = (0..scene.splats.len() as u32).map(Some).collect();
+        Change { splats: scene.splats.to_vec(), keeps }
+    }
+
+    /// One more splat, without moments.
+    fn add(&mut self, splat: Splat) {
+        self.splats.push(splat);
+        self.keeps.push(None);
+    }
+}
+
+impl Scene<'_> {
+    /// The most splats that one change adds or moves: the share of all, rounded down.
+    fn most_at_once(&self) -> usize {
+        // In f32, where a share of 0.7 of 10 is 7 and not 6.99.
+        (self.config.topology_share * self.splats.len() as f32) as usize
+    }
+
+    /// The most splats that a change adds when `remaining` of the old ones stay.
+    fn most_added(&self, remaining: usize) -> usize {
+        self.most_at_once().min(self.limit.saturating_sub(remaining))
+    }
+
+    /// `f(field, voxel, m)` at each voxel of the ROI, in memory order of the samples; `idle` for all other samples. m is
+    /// the weight of the intensity error: 1 in a binary ROI, the mask in a soft one.
+    fn map_roi<T: Copy + Send + Sync>(
+        &self,
+        idle: T,
+        f: impl Fn(&FieldSample, IVec3, f32) -> T + Sync,
+    ) -> Vec<T> {
+        let [nx, ny, _] = self.roi.size;
+        let mut out = vec![idle; self.samples.len()];
+        out.par_chunks_mut(SAMPLES).zip(self.samples.par_chunks(SAMPLES)).enumerate().for_each(
+            |(slot, (out, samples))| {
+                for (morton, (out, sample)) in out.iter_mut().zip(samples).enumerate() {
+                    if !self.bricks.is_active(slot, morton) {
+                        continue;
+                    }
+                    let voxel = self.bricks.voxel(slot, morton);
+                    let [x, y, z] = voxel.to_array().map(|c| c as usize);
+                    let m = self.roi.weight[x + nx * (y + ny * z)];
+                    if m > 0.5 || self.roi.soft && m > 0.0 {
+                        *out = f(sample, voxel, if self.roi.soft { m } else { 1.0 });
+                    }
+                }
+            },
+        );
+        out
+    }
+
+    /// V at `x` (voxel space), as the fit sees it: clipped and trilinear, HU.
+    fn target(&self, x: DVec3) -> f64 {
+        self.volume.sample_clipped(x, self.scaling.range, self.scaling.background)
+    }
+
+    /// The voxel of the sample with this index.
+    fn voxel(&self, index: usize) -> IVec3 {
+        self.bricks.voxel(index / SAMPLES, index % SAMPLES)
+    }
+
+    /// A new round splat with the intensity of the volume. Voxel space.
+    fn new_splat(&self, mean: DVec3, scale: f32, opacity: f32) -> Splat {
+        let mut splat = Splat { mean: mean.as_vec3().to_array(), ..Splat::default() };
+        splat.rotation = [1.0, 0.0, 0.0, 0.0];
+        splat.set_scale([scale; 3]);
+        splat.set_opacity(opacity);
+        let (low, high) = self.scaling.roi_range;
+        splat.intensity = (self.target(splat.mean.map(f64::from).into()) as f32).clamp(low, high);
+        self.clamp(&mut splat);
+        splat
+    }
+
+    /// Puts a splat within the clamps of the optimiser: its mean in the brick grid, scales and opacity in their ranges.
+    fn clamp(&self, splat: &mut Splat) {
+        let low = self.bricks.origin.as_vec3() - 0.5;
+        let high = low + (self.bricks.grid * 8).as_vec3();
+        for axis in 0..3 {
+            splat.mean[axis] = splat.mean[axis].clamp(low[axis], high[axis]);
+        }
+        let (least, most) = self.scale_range;
+        splat.log_scale = splat.log_scale.map(|log| log.clamp(least.ln(), most.ln()));
+        splat.opacity_logit = splat.opacity_logit.clamp(-self.config.logit_max, self.config.logit_max);
+    }
+}
+
+#[cfg(test)]
+mod tests;

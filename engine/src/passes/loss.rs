@@ -1,11 +1,16 @@
 //! Loss terms. A term reads samples and targets and adds its adjoints; it never sees a splat. To add one: a kernel
 //! `fit/loss_x.comp`, its twin in `reference::loss`, and a row here.
+//!
+//! With the sums of value and weight over all samples a term adds λ/2 · Σ value to the objective; a term that needs
+//! the overlap ([`Term::overlap`]) adds λ/2 · Σ value / Σ weight.
+
+use std::ops::Range;
 
 use shaders_glsl as glsl;
 use shaders_glsl::Shader;
 use shaders_glsl::types::{LossParams, Target};
 
-use super::Storage;
+use super::{Overlap, Storage};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::volume::bricks::SAMPLES;
@@ -16,13 +21,26 @@ pub struct Term {
     pub name: &'static str,
     /// Kernel of the term.
     pub shader: &'static Shader,
+    /// Whether it needs the sums of [`Overlap`] over all samples of all chunks first.
+    pub overlap: bool,
 }
 
 /// Every loss term there is.
 pub const TERMS: &[Term] = &[
-    Term { name: "mse", shader: &glsl::LOSS_MSE },
-    Term { name: "occupancy", shader: &glsl::LOSS_OCCUPANCY },
+    Term { name: "mse", shader: &glsl::LOSS_MSE, overlap: false },
+    Term { name: "occupancy", shader: &glsl::LOSS_OCCUPANCY, overlap: false },
+    Term { name: "dice", shader: &glsl::LOSS_DICE, overlap: true },
+    Term { name: "leak", shader: &glsl::LOSS_LEAK, overlap: false },
 ];
+
+/// Row of the squared intensity error.
+pub const MSE: usize = 0;
+/// Row of the occupancy error.
+pub const OCCUPANCY: usize = 1;
+/// Row of the Dice loss.
+pub const DICE: usize = 2;
+/// Row of the leak penalty.
+pub const LEAK: usize = 3;
 
 /// Which term, with which λ and which parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +53,7 @@ pub struct Weighted {
     pub parameter: f32,
 }
 
-/// Value and weight of a term, summed over all samples: the mean is value / weight.
+/// Value and weight of a term, summed over all samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sum {
     /// Σ of the unweighted term (without λ and without ½).
@@ -44,9 +62,19 @@ pub struct Sum {
     pub weight: f64,
 }
 
+impl Sum {
+    /// The mean value; 0 where nothing has a weight.
+    pub fn mean(&self) -> f64 {
+        if self.weight > 0.0 { self.value / self.weight } else { 0.0 }
+    }
+}
+
 /// The terms of one fit.
 pub struct Losses {
-    terms: Vec<(Weighted, Kernel)>,
+    /// Of each term.
+    kernels: Vec<Kernel>,
+    /// Where a term needs it.
+    overlap: Option<Overlap>,
     /// Adjoints of the chunk in work, in the storage that was asked for.
     pub adjoints: Buffer<u32>,
     /// One row per term: the sums of each slot, all chunks.
@@ -69,41 +97,69 @@ impl Losses {
         let kernels: Result<Vec<_>> = terms
             .iter()
             .enumerate()
-            .map(|(i, &t)| {
+            .map(|(i, t)| {
                 // The first term overwrites the adjoints, the last one folds them; see loss.glsl.
                 let constants = [u32::from(i > 0), u32::from(i == last), storage as u32];
-                Ok((t, Kernel::new(gpu, TERMS[t.term].shader, &constants)?))
+                Kernel::new(gpu, TERMS[t.term].shader, &constants)
             })
             .collect();
         let sums: Result<Vec<_>> = (0..terms.len() * chunks)
             .map(|i| gpu.buffer(&format!("loss sums {i}"), "samples", chunk_slots))
             .collect();
+        let needed = terms.iter().any(|t| TERMS[t.term].overlap);
         Ok(Losses {
-            terms: kernels?,
+            kernels: kernels?,
+            overlap: if needed { Some(Overlap::new(gpu, storage, chunk_slots * chunks)?) } else { None },
             adjoints: gpu.buffer("adjoints", "samples", chunk_slots * SAMPLES * storage.words())?,
             sums: sums?,
             epsilon,
         })
     }
 
-    /// Records all terms of one chunk and folds their adjoints for the backward pass.
+    /// Whether all chunks must be rasterised and summed by [`Losses::record_overlap`] before the first
+    /// [`Losses::record`] of a step.
+    pub fn need_overlap(&self) -> bool {
+        self.overlap.is_some()
+    }
+
+    /// Records what terms need of all samples before they begin, of the chunk that owns `slots`; chunks come in order.
+    /// Nothing where no term needs it.
+    pub fn record_overlap(
+        &mut self,
+        recorder: &mut Recorder,
+        targets: &Buffer<Target>,
+        reconstructions: &Buffer<u32>,
+        slots: Range<usize>,
+    ) {
+        if let Some(overlap) = &mut self.overlap {
+            overlap.record(recorder, targets, reconstructions, slots);
+        }
+    }
+
+    /// Records all terms of one chunk and folds their adjoints for the backward pass. `terms` are those of
+    /// [`Losses::new`], in that order; weights and parameters may change from step to step.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
+        terms: &[Weighted],
         targets: &Buffer<Target>,
         reconstructions: &Buffer<u32>,
         chunk: usize,
         slots: usize,
     ) {
-        let count = self.terms.len();
-        for (i, (term, kernel)) in self.terms.iter().enumerate() {
-            recorder
+        let count = self.kernels.len();
+        assert_eq!(count, terms.len(), "the terms of a fit stay the same");
+        for (i, (term, kernel)) in terms.iter().zip(&self.kernels).enumerate() {
+            let mut pass = recorder
                 .pass(kernel)
                 .read(targets)
                 .read(reconstructions)
                 .write(&mut self.adjoints)
-                .write(&mut self.sums[chunk * count + i])
-                .push(&LossParams { weight: term.weight, parameter: term.parameter, epsilon: self.epsilon })
+                .write(&mut self.sums[chunk * count + i]);
+            if let (true, Some(overlap)) = (TERMS[term.term].overlap, &self.overlap) {
+                pass = pass.read(&overlap.total);
+            }
+            pass.push(&LossParams { weight: term.weight, parameter: term.parameter, epsilon: self.epsilon })
                 .dispatch(slots as u32);
         }
     }
@@ -111,7 +167,7 @@ impl Losses {
     /// The sums of the step that was finished last, one per term in the order given. Waits for the device; summed in
     /// f64 in a fixed order.
     pub fn sums(&self) -> Result<Vec<Sum>> {
-        let count = self.terms.len();
+        let count = self.kernels.len();
         let mut out = vec![Sum::default(); count];
         for (i, buffer) in self.sums.iter().enumerate() {
             for [value, weight] in buffer.read()? {
@@ -120,5 +176,17 @@ impl Losses {
             }
         }
         Ok(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_where_their_names_say() {
+        for (row, name) in [(MSE, "mse"), (OCCUPANCY, "occupancy"), (DICE, "dice"), (LEAK, "leak")] {
+            assert_eq!(TERMS[row].name, name);
+        }
     }
 }

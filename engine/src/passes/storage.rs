@@ -1,5 +1,5 @@
 //! How the two numbers of a sample (W and V̂, or A and H) are stored between the passes of a step; the other side is
-//! `include/samples.glsl`. What is summed, and all that belongs to a splat, is f32 in any case.
+//! `include/storage.glsl`. What is summed, and all that belongs to a splat, is f32 in any case.
 
 use bytemuck::Pod;
 use serde::{Deserialize, Serialize};

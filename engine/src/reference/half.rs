@@ -1,4 +1,4 @@
-//! What mixed storage keeps of a number: the nearest f16. `include/samples.glsl` does the same on its bits.
+//! What mixed storage keeps of a number: the nearest f16. `include/storage.glsl` does the same on its bits.
 
 /// Greatest f16.
 pub const HALF_MAX: f64 = 65504.0;

@@ -2,15 +2,14 @@
 
 use glam::DVec3;
 
-use super::loss::adjoints;
-use super::loss::fold;
+use super::loss::{adjoints, fold, sums};
 use super::splat_bounds::footprint;
 use super::splat_to_volume::splat_to_volume;
 use super::splat_to_volume_grad::splat_to_volume_grad;
 use super::{Footprint, Gradient, Splat, Target, Term};
 use crate::splat::Kernel;
 
-/// L = Σ over terms and samples of λ/2 · value.
+/// L, the sum over the terms of what [`Term::total`] makes of their sums over all samples.
 pub fn objective(
     splats: &[Splat],
     positions: &[DVec3],
@@ -21,13 +20,11 @@ pub fn objective(
 ) -> f64 {
     let footprints: Vec<Footprint> = splats.iter().map(|s| footprint(s, kernel)).collect();
     let got = splat_to_volume(&footprints, positions, kernel, epsilon);
-    let mut total = 0.0;
-    for term in terms {
-        for (&wanted, &got) in targets.iter().zip(&got) {
-            total += 0.5 * term.lambda() * term.at(wanted, got).value;
-        }
-    }
-    total
+    let all = targets.len().max(1);
+    terms
+        .iter()
+        .map(|term| sums(term, targets, &got, all).iter().map(|&sum| term.total(sum)).sum::<f64>())
+        .sum()
 }
 
 /// dL/d(parameters) through the twins of the kernels.

@@ -1,11 +1,11 @@
-//! The prefix sum and the radix sort, kernel by kernel. (`sorting` in the folder above tests them whole.)
+//! The prefix sum, the radix sort and the sum of all rows, kernel by kernel. (`sorting` in the folder above tests them whole.)
 
 use engine::gpu::Kernel;
-use engine::reference::{radix, scan};
+use engine::reference::{loss, radix, scan};
 use rand::RngExt;
-use shaders_glsl::types::{RadixParams, ScanParams};
-use vgs_tests::Device;
+use shaders_glsl::types::{RadixParams, ScanParams, SumParams};
 use vgs_tests::scene::random;
+use vgs_tests::{Bound, Device, assert_close};
 
 use super::run;
 
@@ -136,5 +136,25 @@ pub fn radix_scatter() {
             assert_eq!(sorted_keys.read().unwrap(), keys, "{count} of {capacity} keys, shift {shift}");
             assert_eq!(sorted_values.read().unwrap(), values, "{count} of {capacity} values, shift {shift}");
         }
+    }
+}
+
+pub fn sum_triples() {
+    let gpu = Device::boot();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::SUM_TRIPLES, &[]).unwrap();
+    for count in SIZES {
+        let mut rng = random(count as u64);
+        let rows: Vec<[f32; 3]> =
+            (0..count).map(|_| std::array::from_fn(|k| rng.random_range(0.0..(1 + k) as f32))).collect();
+        let rows64: Vec<_> = rows.iter().map(|row| row.map(f64::from)).collect();
+        let input = gpu.upload("rows", "test", &rows).unwrap();
+        let mut total = gpu.buffer::<[f32; 3]>("total", "test", 1).unwrap();
+        run(&gpu, |r| {
+            let params = SumParams { count: count as u32 };
+            r.pass(&kernel).read(&input).write(&mut total).push(&params).dispatch(1);
+        });
+        let (found, wanted) = (total.read().unwrap()[0], loss::sum_triples(&rows64));
+        let pairs = (0..3).map(|k| (f64::from(found[k]), wanted[k]));
+        assert_close(&format!("sum_triples, {count} rows"), Bound::new(0.0, 3e-6), pairs);
     }
 }

@@ -12,7 +12,7 @@ use engine::volume::bricks::SAMPLES;
 use glam::DVec3;
 use rand::RngExt;
 use shaders_glsl::Shader;
-use shaders_glsl::types::{self, LossParams, MomentParams};
+use shaders_glsl::types::{self, LossParams, MomentParams, OverlapParams};
 use vgs_tests::scene::{EPSILON, random};
 use vgs_tests::storage::{STORAGES, kept, pack};
 use vgs_tests::{Bound, Device, Scene, assert_close, step};
@@ -128,14 +128,20 @@ fn check_loss(shader: &'static Shader, rows: &[(f32, Term)]) {
             let mut adjoints = gpu.upload("adjoints", "test", &pack(storage, &before)).unwrap();
             let mut sums = gpu.buffer::<[f32; 2]>("sums", "test", slots).unwrap();
             let params = LossParams { weight: term.lambda() as f32, parameter, epsilon: EPSILON };
+            let overlap = loss::Overlap::of(&targets64, &got64);
+            let overlap = [overlap.intersection, overlap.predicted, overlap.wanted].map(|v| v as f32);
+            let overlap = gpu.upload("overlap", "test", &[overlap]).unwrap();
             run(&gpu, |r| {
-                r.pass(&kernel)
+                let mut pass = r
+                    .pass(&kernel)
                     .read(&target_buffer)
                     .read(&sample_buffer)
                     .write(&mut adjoints)
-                    .write(&mut sums)
-                    .push(&params)
-                    .dispatch(slots as u32);
+                    .write(&mut sums);
+                if let Term::Dice { .. } = term {
+                    pass = pass.read(&overlap);
+                }
+                pass.push(&params).dispatch(slots as u32);
             });
             let wanted = loss::adjoints(&[term], &targets64, &got64);
             let found = storage.unpack::<types::Adjoint>(&adjoints.read().unwrap());
@@ -179,6 +185,57 @@ pub fn loss_occupancy() {
     let weight = f64::from(0.3f32);
     let row = |w0: f32| (w0, Term::Occupancy { weight, w0: f64::from(w0) });
     check_loss(&shaders_glsl::LOSS_OCCUPANCY, &[row(0.05), row(1.0)]);
+}
+
+pub fn loss_dice() {
+    // The slope by one sample is small, about 1 / S; λ makes it matter beside the adjoints of former terms.
+    let weight = f64::from(1500.0f32);
+    check_loss(&shaders_glsl::LOSS_DICE, &[(0.0, Term::Dice { weight })]);
+}
+
+pub fn loss_leak() {
+    let weight = f64::from(0.6f32);
+    check_loss(&shaders_glsl::LOSS_LEAK, &[(0.0, Term::Leak { weight })]);
+}
+
+pub fn overlap_sums() {
+    let gpu = Device::boot();
+    for storage in STORAGES {
+        check_overlap_sums(&gpu, storage);
+    }
+}
+
+fn check_overlap_sums(gpu: &Gpu, storage: Storage) {
+    let kernel = Kernel::new(gpu, &shaders_glsl::OVERLAP_SUMS, &[storage as u32]).unwrap();
+    let slots = 5;
+    let (targets, mut got, before) = samples(slots);
+    // One brick on either side of where the kernel changes from the series to the difference, one beyond all weights.
+    for (i, sample) in got.iter_mut().enumerate().take(2 * SAMPLES) {
+        sample.weight = if i < SAMPLES { i as f32 / 16384.0 } else { i as f32 * i as f32 };
+    }
+    let (targets, got, _) = stored(storage, (targets, got, before));
+    let targets64: Vec<Target> = targets.iter().map(Into::into).collect();
+    let got64: Vec<Reconstruction> = got.iter().map(Into::into).collect();
+    let wanted = loss::overlap_sums(&targets64, &got64, SAMPLES);
+    let target_buffer = gpu.upload("targets", "test", &targets).unwrap();
+    let sample_buffer = gpu.upload("samples", "test", &pack(storage, &got)).unwrap();
+    let first = 3;
+    let untouched = [[-1.0f32; 3]; 9];
+    let mut partials = gpu.upload("partials", "test", &untouched).unwrap();
+    run(gpu, |r| {
+        r.pass(&kernel)
+            .read(&target_buffer)
+            .read(&sample_buffer)
+            .write(&mut partials)
+            .push(&OverlapParams { first_slot: first as u32 })
+            .dispatch(slots as u32);
+    });
+    let found = partials.read().unwrap();
+    assert_eq!((&found[..first], &found[first + slots..]), (&untouched[..3], &untouched[..1]));
+    let found = found[first..first + slots].as_flattened().iter().map(|&v| f64::from(v));
+    let pairs = found.zip(wanted.as_flattened().iter().copied());
+    // Behind the series, at W = 1/64, rounding of 1 - exp(-W) is 4e-6 of it.
+    assert_close(&format!("overlap_sums, {storage:?}"), Bound::new(0.0, 5e-6), pairs);
 }
 
 /// Per moment, the sum of the absolute contributions of all samples: what rounding is measured against.

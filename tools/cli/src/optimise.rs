@@ -255,7 +255,8 @@ impl State<'_> {
 /// Refuses a state that is no longer a fit. `kept` is the iteration of the last good one.
 fn check(progress: &Progress, splats: &[Splat], kept: u32) -> Result<()> {
     let bad = splats.iter().filter(|s| splat::defect(s).is_some()).count();
-    if bad == 0 && progress.mse.is_finite() && progress.occupancy_rmse.is_finite() {
+    let errors = [Some(progress.mse), Some(progress.occupancy_rmse), progress.dice, progress.leak];
+    if bad == 0 && errors.iter().flatten().all(|e| e.is_finite()) {
         return Ok(());
     }
     let message = format!(
@@ -273,12 +274,21 @@ mod tests {
 
     #[test]
     fn a_state_that_is_no_fit_any_more_is_refused() {
-        let progress = Progress { iteration: 9, mse: 0.0, psnr_db: f64::INFINITY, occupancy_rmse: 0.1 };
+        let progress = Progress {
+            iteration: 9,
+            mse: 0.0,
+            psnr_db: f64::INFINITY,
+            occupancy_rmse: 0.1,
+            dice: Some(0.2),
+            leak: None,
+        };
         let splat = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
         assert!(check(&progress, &[splat], 5).is_ok(), "an exact fit is none that diverged");
         let rows = [
             (Progress { mse: f64::NAN, ..progress }, splat),
             (Progress { occupancy_rmse: f64::INFINITY, ..progress }, splat),
+            (Progress { dice: Some(f64::NAN), ..progress }, splat),
+            (Progress { leak: Some(f64::INFINITY), ..progress }, splat),
             (progress, Splat { intensity: f32::NAN, ..splat }),
         ];
         for (progress, splat) in rows {

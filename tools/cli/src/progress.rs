@@ -71,7 +71,9 @@ impl Display {
 
     /// Notes new figures, as a fit gives them now and then.
     pub fn figures(&mut self, progress: &Progress) {
-        self.figures = format!(", {:.2} dB, outline off {:.3}", progress.psnr_db, progress.occupancy_rmse);
+        // The outline by whichever term the fit follows.
+        let outline = progress.dice.unwrap_or(progress.occupancy_rmse);
+        self.figures = format!(", {:.2} dB, outline off {outline:.3}", progress.psnr_db);
     }
 
     /// Shows how far the fit is; `share` is the part of the schedule that is done, 0 to 1.

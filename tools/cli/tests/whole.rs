@@ -47,7 +47,7 @@ fn phantom_fit_eval_rasterize_info() {
     assert_eq!(record["results"]["psnr_db"], result["psnr_db"]);
 
     let curve = folder.text("a.csv");
-    assert!(curve.starts_with("iteration,seconds,psnr_db,mse,occupancy_rmse\n"), "{curve}");
+    assert!(curve.starts_with("iteration,seconds,psnr_db,mse,occupancy_rmse,dice_loss,leak\n"), "{curve}");
     assert!(curve.lines().last().is_some_and(|line| line.starts_with("24,")), "{curve}");
     assert!(folder.text("a.svg").contains("</svg>"));
 

@@ -9,11 +9,21 @@ use crate::optimise::CurvePoint;
 
 /// The curve as CSV.
 pub fn csv(curve: &[CurvePoint]) -> String {
-    let mut out = String::from("iteration,seconds,psnr_db,mse,occupancy_rmse\n");
+    let mut out = String::from("iteration,seconds,psnr_db,mse,occupancy_rmse,dice_loss,leak\n");
+    // Empty where the term is off.
+    let cell = |value: Option<f64>| value.map(|v| v.to_string()).unwrap_or_default();
     for CurvePoint { seconds, progress: p } in curve {
         let psnr = if p.psnr_db.is_finite() { p.psnr_db.to_string() } else { "inf".into() };
         // Writing to a string cannot fail.
-        let _ = writeln!(out, "{},{seconds:.3},{psnr},{},{}", p.iteration, p.mse, p.occupancy_rmse);
+        let _ = writeln!(
+            out,
+            "{},{seconds:.3},{psnr},{},{},{},{}",
+            p.iteration,
+            p.mse,
+            p.occupancy_rmse,
+            cell(p.dice),
+            cell(p.leak)
+        );
     }
     out
 }
@@ -132,10 +142,15 @@ mod tests {
                         mse: 0.0,
                         psnr_db: if i % 2 == 0 { f64::INFINITY } else { 30.0 },
                         occupancy_rmse: 0.0,
+                        dice: (i % 2 == 0).then_some(0.25),
+                        leak: None,
                     },
                 })
                 .collect();
-            assert_eq!(csv(&curve).lines().count(), n as usize + 1);
+            let table = csv(&curve);
+            assert_eq!(table.lines().count(), n as usize + 1);
+            let columns = |line: &str| line.split(',').count();
+            assert!(table.lines().all(|line| columns(line) == 7), "{table}");
             let text = svg(&curve, "a <b> & c", [0.0, 0.0]).unwrap();
             assert!(text.contains("</svg>") && !text.contains("<b>"), "{n}");
         }
