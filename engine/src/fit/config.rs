@@ -8,6 +8,7 @@ use super::topology::{TOPOLOGIES, Topology};
 use crate::error::{Error, Kind, Result};
 pub use crate::passes::Storage;
 use crate::splat::{self, Kernel};
+use crate::volume::Volume;
 
 /// A field of [`FitConfig`] as programs show it.
 #[derive(Clone, Copy, Debug)]
@@ -290,7 +291,8 @@ impl FitConfig {
         row("topology", &self.topology, TOPOLOGIES, |row| row.name)
     }
 
-    /// The hyper-parameters of the initialiser.
+    /// The hyper-parameters of the initialiser. [`FitConfig::check`] refuses an orientation of unknown name; here it
+    /// counts as the default one.
     pub fn init(&self) -> InitConfig {
         InitConfig {
             gradient_exponent: self.init_gradient_exponent,
@@ -300,7 +302,25 @@ impl FitConfig {
             scale_factor: self.init_scale,
             scale_min: self.init_scale_min,
             scale_max: self.init_scale_max,
+            unit: self.scale_unit,
+            orientation: self.orientation().unwrap_or(&ORIENTATIONS[0]),
+            footprint: self.init_footprint,
             opacity: self.init_opacity,
+        }
+    }
+
+    /// Least and greatest scale of a splat in the fit, voxels of `volume`. Clamps in millimetres become the narrowest box
+    /// in voxels that lets every splat through which they let through: with the spacings h of mean h̄ that is
+    /// `scale_min` h̄ / max h to `scale_max` h̄ / min h (for an affine without shear).
+    pub fn scale_clamp(&self, volume: &Volume) -> (f32, f32) {
+        match self.scale_unit {
+            ScaleUnit::Voxel => (self.scale_min, self.scale_max),
+            ScaleUnit::Spacing => {
+                let spacing = volume.spacing_mm();
+                let mean = spacing.element_sum() / 3.0;
+                let scale = |scale: f32, spacing: f64| (f64::from(scale) * mean / spacing) as f32;
+                (scale(self.scale_min, spacing.max_element()), scale(self.scale_max, spacing.min_element()))
+            }
         }
     }
 

@@ -6,20 +6,29 @@
 //! 3. Scales from the four nearest neighbours (`grid`), flattened along the smoothed gradient: a splat on an edge
 //!    lies in it. Nearest-neighbour scales are worth 9 dB against random ones.
 //!
+//! That is the row "gradient" of [`INITIALISERS`]; "uniform" is the paper's (`uniform`). Both turn splats by one of the
+//! [`ORIENTATIONS`] and take intensities from the volume (`intensity`).
+//!
 //! Everything is in voxel space. The result depends on the inputs and the seed alone, not on the number of threads.
 //! Time and memory follow the region's bounding box, not the volume.
 
 mod blue_noise;
 mod density;
 mod grid;
+mod intensity;
+mod orientation;
+mod symmetric;
+mod uniform;
 
-use glam::{DQuat, DVec3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use self::density::Density;
 use self::grid::PointGrid;
+use self::intensity::intensity;
+pub use self::orientation::{ORIENTATIONS, Orientation};
+use super::config::ScaleUnit;
 use crate::error::{Error, Kind, Result};
 use crate::splat::Splat;
 use crate::splat::activation::{Activations, OPACITY_MAX, OPACITY_MIN};
@@ -38,10 +47,16 @@ pub struct InitConfig {
     pub anisotropy: f32,
     /// Scale of a splat over the mean distance of its four nearest neighbours.
     pub scale_factor: f32,
-    /// Least scale before it is flattened, in voxels: a splat must reach some voxel centre.
+    /// Least scale, in `unit`; of "gradient" before it is flattened: a splat must reach some voxel centre.
     pub scale_min: f32,
-    /// Greatest scale before it is flattened, in voxels.
+    /// Greatest scale, in `unit`; of "gradient" before it is flattened.
     pub scale_max: f32,
+    /// What the scales of "uniform" count in. Those of "gradient" follow from distances in voxels and stay in voxels.
+    pub unit: ScaleUnit,
+    /// What turns the splats.
+    pub orientation: &'static Orientation,
+    /// From this scale on (geometric mean, voxels) a splat takes the mean intensity of its footprint; 0: never.
+    pub footprint: f32,
     /// Opacity of every splat.
     pub opacity: f32,
 }
@@ -56,6 +71,9 @@ impl Default for InitConfig {
             scale_factor: 0.6,
             scale_min: 0.45,
             scale_max: 8.0,
+            unit: ScaleUnit::Voxel,
+            orientation: &ORIENTATIONS[0],
+            footprint: 0.0,
             opacity: 0.5,
         }
     }
@@ -72,6 +90,7 @@ impl InitConfig {
             ("scale_factor", self.scale_factor, 0.01, 10.0),
             ("scale_min", self.scale_min, 0.01, 100.0),
             ("scale_max", self.scale_max, self.scale_min, 1e3),
+            ("footprint", self.footprint, 0.0, 1e3),
             ("opacity", self.opacity, OPACITY_MIN, OPACITY_MAX),
         ];
         for (name, value, low, high) in rows {
@@ -94,19 +113,10 @@ pub struct Initialiser {
 }
 
 /// Every way to place the first splats; the first is the default.
-pub const INITIALISERS: &[Initialiser] = &[Initialiser { name: "gradient", run: initialise }];
-
-/// A way to turn splats at first.
-pub struct Orientation {
-    /// Name in configurations.
-    pub name: &'static str,
-}
-
-/// Every way to turn splats at first; the first is the default.
-pub const ORIENTATIONS: &[Orientation] = &[Orientation { name: "gradient" }];
-
-/// Splats count as lying on no edge where the gradient is below this share of the region's mean.
-const FLAT_GRADIENT: f64 = 1e-3;
+pub const INITIALISERS: &[Initialiser] = &[
+    Initialiser { name: "gradient", run: initialise },
+    Initialiser { name: "uniform", run: uniform::initialise },
+];
 
 /// Places exactly `count` splats in the region of interest, in voxel space: means up to half a voxel beyond the outer
 /// voxel centres, ln σ in ln voxels, intensities by trilinear sampling of the volume. Returns none if no voxel of the
@@ -115,29 +125,44 @@ pub fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &
     assert_eq!(volume.size, roi.size, "a region of interest lies on the grid of its volume");
     let Some(density) = Density::of(volume, roi, config).filter(|_| count > 0) else { return Vec::new() };
     let points = blue_noise::throw(&density, count, &mut Pcg64::seed_from_u64(seed));
-    let mut prototype = Splat::default();
-    prototype.set_opacity(config.opacity);
-    let across = config.anisotropy.sqrt();
-    let along = config.anisotropy.recip();
+    let means: Vec<[f32; 3]> = (0..count).map(|index| points.grid.point(index)).collect();
+    let turns = (config.orientation.run)(&density, &means, None);
+    let prototype = prototype(config);
+    let shape = flattened(config);
     (0..count)
         .into_par_iter()
         .map(|index| {
-            let mean = points.grid.point(index);
             let spacing = mean_neighbour_distance(&points.grid, index, points.spacing[index], config);
             let scale = (config.scale_factor * spacing).max(config.scale_min).min(config.scale_max);
-            let gradient = density.gradient(mean);
-            let mut splat = Splat { mean, rotation: [1.0, 0.0, 0.0, 0.0], ..prototype };
-            if gradient.length() > FLAT_GRADIENT * density.mean_gradient {
-                splat.rotation = z_onto(gradient);
-                splat.set_scale([scale * across, scale * across, scale * along]);
-            } else {
-                splat.set_scale([scale; 3]);
+            let mut splat = Splat { mean: means[index], ..prototype };
+            match turns[index] {
+                Some(rotation) => {
+                    splat.rotation = rotation;
+                    splat.set_scale(shape.map(|factor| scale * factor));
+                }
+                None => splat.set_scale([scale; 3]),
             }
-            let intensity = density::trilinear(&volume.samples, volume.size, mean);
-            splat.intensity = if intensity.is_finite() { intensity } else { density.smoothed(mean) };
+            splat.intensity = intensity(volume, &density, &splat, config.footprint);
             splat
         })
         .collect()
+}
+
+/// What all splats start from: no rotation, and the opacity.
+fn prototype(config: &InitConfig) -> Splat {
+    let mut splat = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+    splat.set_opacity(config.opacity);
+    splat
+}
+
+/// Scale of a turned splat along its axes over that of a round one, of product 1: flat across z or long along x.
+fn flattened(config: &InitConfig) -> [f32; 3] {
+    let (root, whole) = (config.anisotropy.sqrt(), config.anisotropy);
+    if config.orientation.lengthens {
+        [whole, root.recip(), root.recip()]
+    } else {
+        [root, root, whole.recip()]
+    }
 }
 
 /// Mean distance from a point to its four nearest neighbours; a neighbour that is not found near by counts with
@@ -146,15 +171,6 @@ fn mean_neighbour_distance(grid: &PointGrid, index: usize, expected: f32, config
     let reach = config.scale_max / config.scale_factor;
     let nearest: [f32; 4] = grid.nearest_squared(index, reach);
     nearest.iter().map(|d| if d.is_finite() { d.sqrt() } else { expected }).sum::<f32>() / 4.0
-}
-
-/// Unit quaternion (w, x, y, z) that takes the z axis onto the line of `direction`, which must not vanish.
-fn z_onto(direction: DVec3) -> [f32; 4] {
-    // Either sense of the line will do; the upper one is never opposite to z.
-    let direction = direction.normalize();
-    let direction = if direction.z < 0.0 { -direction } else { direction };
-    let q = DQuat::from_rotation_arc(DVec3::Z, direction);
-    [q.w as f32, q.x as f32, q.y as f32, q.z as f32]
 }
 
 #[cfg(test)]

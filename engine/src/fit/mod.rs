@@ -171,6 +171,7 @@ impl<'a> Fitter<'a> {
             targets.push(row?);
             terms.push(terms::weighted(config, roi, outside));
         }
+        let (scale_min, scale_max) = config.scale_clamp(volume);
         let losses =
             Losses::new(gpu, &terms[0], config.epsilon, config.storage, grid.chunk_slots(), grid.chunks())?;
         let pair_totals = gpu.buffer("pair totals of two steps", "sorting", 2 * grid.chunks())?;
@@ -179,7 +180,7 @@ impl<'a> Fitter<'a> {
             volume,
             roi,
             adam: Adam::new(gpu)?,
-            config: config.clone(),
+            config: FitConfig { scale_min, scale_max, ..config.clone() },
             scaling,
             bricks,
             work,

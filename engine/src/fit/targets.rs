@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shaders_glsl::types::Target;
 
-use super::FitConfig;
+use super::{Background, FitConfig};
 use crate::volume::{Bricks, Roi, Volume};
 
 /// How HU become the numbers of a fit, and back: value = (HU - background) / unit.
@@ -13,7 +13,7 @@ use crate::volume::{Bricks, Roi, Volume};
 pub struct Scaling {
     /// Intensities are clipped to this range, HU.
     pub range: (f32, f32),
-    /// Mean over the ROI, HU: what an uncovered sample has.
+    /// What an uncovered sample has, HU: the mean over the ROI or the lower end of the range.
     pub background: f32,
     /// HU per unit of the fit: the span of the range.
     pub unit: f32,
@@ -46,8 +46,11 @@ impl Scaling {
         }
         // A constant volume has no span; any positive unit does.
         let unit = if range.1 > range.0 { range.1 - range.0 } else { 1.0 };
-        // The mean lies in the range up to rounding; a constant ROI has it exactly.
-        let background = ((sum / weight) as f32).clamp(roi_range.0, roi_range.1);
+        let background = match config.background {
+            // The mean lies in the range up to rounding; a constant ROI has it exactly.
+            Background::Mean => ((sum / weight) as f32).clamp(roi_range.0, roi_range.1),
+            Background::Low => range.0,
+        };
         Scaling { range, background, unit, roi_range }
     }
 
@@ -86,4 +89,35 @@ pub fn sample(
         let value = (hu - f64::from(scaling.background)) / f64::from(scaling.unit);
         Target::new(value as f32, roi.membership(x) as f32)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_background_is_the_mean_or_the_lower_end() {
+        let samples = vec![-1000.0, -50.0, 100.0, 5000.0, f32::NAN, 30.0];
+        let volume = Volume::new([6, 1, 1], glam::DAffine3::IDENTITY, samples);
+        let roi = Roi::new(vec![0.0, 0.5, 1.0, 0.5, 0.0, 0.0], &volume).expect("a region");
+        let mean = (0.5 * -50.0 + 100.0 + 0.5 * 3071.0) / 2.0;
+        let rows = [
+            (Background::Mean, [0.0, 0.0], mean),
+            (Background::Low, [0.0, 0.0], -1024.0),
+            (Background::Low, [-200.0, 300.0], -200.0),
+        ];
+        for (background, hu_range, hu) in rows {
+            let config = FitConfig { background, hu_range, ..FitConfig::default() };
+            let scaling = Scaling::new(&volume, &roi, &config);
+            assert_eq!(scaling.background, hu, "{background:?} of {hu_range:?}");
+            assert_eq!(
+                (scaling.value(hu), scaling.hu(0.0)),
+                (0.0, hu),
+                "an uncovered sample is 0 inside a fit"
+            );
+            // Equation (2) to the letter: intensities from 0 to 1.
+            let (low, high) = (scaling.value(scaling.range.0), scaling.value(scaling.range.1));
+            assert!((high - low - 1.0).abs() < 1e-6 && (background == Background::Mean || low == 0.0));
+        }
+    }
 }

@@ -45,7 +45,7 @@ pub struct SplatSet {
 pub struct Field {
     /// The profile κ.
     pub kernel: Kernel,
-    /// b, in the unit of the intensities (HU): V̂ where no splat reaches; the mean of the region of interest.
+    /// b, in the unit of the intensities (HU): V̂ where no splat reaches.
     pub background: f32,
     /// ε of eq. (2), in units of w.
     pub epsilon: f32,

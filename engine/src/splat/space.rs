@@ -51,6 +51,11 @@ fn mean(splat: &Splat) -> DVec3 {
     DVec3::from_array(splat.mean.map(f64::from))
 }
 
+/// `splat` with its covariance Σ taken to LΣLᵀ by the invertible `linear` L; its mean stays where it is.
+pub fn reshaped(splat: &Splat, linear: &DMat3) -> Splat {
+    Splat { mean: splat.mean, ..transformed(splat, linear, |x| x) }
+}
+
 /// `splat` with its mean moved by `place` and its covariance by `linear`; opacity and intensity stay.
 fn transformed(splat: &Splat, linear: &DMat3, place: impl Fn(DVec3) -> DVec3) -> Splat {
     let limit = f64::from(LOG_SCALE_LIMIT);

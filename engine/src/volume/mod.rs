@@ -7,6 +7,7 @@ pub mod bricks;
 pub mod inv3;
 pub mod nifti;
 pub mod phantom;
+pub mod resample;
 mod roi;
 mod source;
 

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use engine::fit::evaluate::{self, Evaluation};
+use engine::fit::{FitConfig, Scaling};
 use engine::output::write_atomic;
 use engine::splat::{self, SplatSet};
 use engine::{Error, Kind, Result};
@@ -21,7 +22,7 @@ use crate::lock::Lock;
 use crate::optimise::{self, End, Job, Outcome, Schedule, Start};
 use crate::outputs;
 use crate::report::record::{
-    Memory, PassRecord, Results, RoiRecord, RunRecord, Timings, VolumeRecord, host_peak_bytes,
+    Memory, PassRecord, Results, RoiRecord, RunRecord, Timings, VolumeRecord, WorkingRecord, host_peak_bytes,
 };
 use crate::report::{Quality, bytes, curve, psnr, seconds};
 use crate::settings::{Settings, SettingsArguments};
@@ -110,12 +111,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
 
     let initialising = Instant::now();
     let config = &settings.config;
+    let working = WorkingGrid::of(&case, config);
+    let fitted = working.as_ref().map_or(&case, |grid| &grid.case);
+    let fit_config = working.as_ref().map_or(config, |grid| &grid.config);
     let begin = match interrupted {
         Some(interrupted) => Start::Interrupted(interrupted),
         None => {
             let count = config.splat_count(case.roi.weight_sum());
             let run = config.initialiser()?.run;
-            Start::Splats(run(&case.volume, &case.roi, count, config.seed, &config.init()))
+            Start::Splats(run(&fitted.volume, &fitted.roi, count, config.seed, &config.init()))
         }
     };
     timings.initialise = initialising.elapsed().as_secs_f64();
@@ -123,8 +127,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let schedule = arguments.schedule(&settings, start.elapsed());
     let job = Job {
         gpu: &gpu,
-        case: &case,
-        config,
+        case: fitted,
+        config: fit_config,
         schedule,
         checkpoints: &checkpoints,
         signals: &signals,
@@ -137,29 +141,33 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         tracing::warn!("{} updates of splats were left out: a gradient was not finite", outcome.frozen);
     }
 
-    let background = engine::fit::Scaling::new(&case.volume, &case.roi, config).background;
+    let background = Scaling::new(&fitted.volume, &fitted.roi, fit_config).background;
     let field = config.field(background);
     let set = SplatSet {
         iterations: Some(outcome.iterations),
-        ..SplatSet::from_voxel(&outcome.splats, &case.volume.world_from_voxel, field)
+        ..SplatSet::from_voxel(&outcome.splats, &fitted.volume.world_from_voxel, field)
     };
     splat::write(&files.splats, &set, force)?;
 
     let evaluating = Instant::now();
     let wanted = !arguments.no_eval && matches!(outcome.end, End::Finished) && signals.exit_code().is_none();
     let evaluation = match wanted {
-        true => Some(evaluate::evaluate(
-            &gpu,
-            &outcome.splats,
-            &field,
-            &case.volume,
-            &case.roi,
-            &evaluate::Protocol {
-                offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
-                range: arguments.eval_range.unwrap_or_else(|| case.full_range()),
-                shell: config.shell,
-            },
-        )?),
+        true => {
+            // Of a working grid to the native one; without it they are there, and nothing need be rounded.
+            let native = working.as_ref().map(|_| set.to_voxel(&case.volume.world_from_voxel));
+            Some(evaluate::evaluate(
+                &gpu,
+                native.as_deref().unwrap_or(&outcome.splats),
+                &field,
+                &case.volume,
+                &case.roi,
+                &evaluate::Protocol {
+                    offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
+                    range: arguments.eval_range.unwrap_or_else(|| case.full_range()),
+                    shell: config.shell,
+                },
+            )?)
+        }
         false => None,
     };
     if let (Some(path), Some(evaluation)) = (&files.picture, &evaluation) {
@@ -208,6 +216,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         inputs: arguments.input_records()?,
         volume: VolumeRecord::of(&case.volume),
         roi: RoiRecord::of(&case.roi, &case.volume),
+        working_grid: working.as_ref().map(|grid| WorkingRecord {
+            volume: VolumeRecord::of(&grid.case.volume),
+            roi: RoiRecord::of(&grid.case.roi, &grid.case.volume),
+        }),
         profile: &settings.profile,
         explicit: &settings.explicit,
         config,
@@ -251,6 +263,25 @@ impl Arguments {
             records.insert("roi", InputRecord::of(mask)?);
         }
         Ok(records)
+    }
+}
+
+/// The case on the coarser grid that is fitted in its place (`working_grid`).
+struct WorkingGrid {
+    case: Case,
+    /// With the HU range that the native volume has or suggests: the means of its blocks reach less far.
+    config: FitConfig,
+}
+
+impl WorkingGrid {
+    /// Nothing where the voxels themselves are fitted.
+    fn of(case: &Case, config: &FitConfig) -> Option<Self> {
+        if config.working_grid <= 1 {
+            return None;
+        }
+        let (low, high) = Scaling::new(&case.volume, &case.roi, config).range;
+        let config = FitConfig { hu_range: [low, high], ..config.clone() };
+        Some(WorkingGrid { case: case.coarsened(config.working_grid as usize), config })
     }
 }
 

@@ -96,6 +96,11 @@ impl Case {
         Ok(Case { volume, roi })
     }
 
+    /// Both on a grid of blocks of `factor` voxels along each axis.
+    pub fn coarsened(&self, factor: usize) -> Case {
+        Case { volume: self.volume.coarsened(factor), roi: self.roi.coarsened(factor) }
+    }
+
     /// Least and greatest finite sample of the whole volume; the usual normalisation of a PSNR.
     pub fn full_range(&self) -> [f32; 2] {
         self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()

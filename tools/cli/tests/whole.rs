@@ -2,6 +2,8 @@
 
 mod support;
 
+use engine::volume::resample::{AREA, downsampling_loss};
+use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
 use support::{Folder, fit};
 
 #[test]
@@ -82,6 +84,34 @@ fn phantom_fit_eval_rasterize_info() {
     assert!(volume["max"].as_f64().is_some_and(|hu| (100.0..2000.0).contains(&hu)), "{volume}");
     assert!(weight["min"] == 0.0 && weight["max"].as_f64().is_some_and(|w| w > 0.1), "{weight}");
     assert!(folder.run(&["info", "a.ply"]).out.contains("60"));
+}
+
+#[test]
+fn a_working_grid_is_fitted_and_judged_on_the_native_one() {
+    let folder = Folder::new(28);
+    let native = folder.run(&fit("a.ply", &["--json"])).json();
+    let coarse = folder.run(&fit("b.ply", &["--json", "--working-grid", "2"])).json();
+    let record: serde_json::Value = serde_json::from_str(&folder.text("b.run.json")).expect("a record");
+    assert_eq!(record["config"]["working_grid"], 2);
+    assert_eq!(record["volume"]["size"], serde_json::json!([28, 28, 28]));
+    assert_eq!(record["working_grid"]["volume"]["size"], serde_json::json!([14, 14, 14]));
+    assert_eq!(record["working_grid"]["roi"]["soft"], true);
+    for key in ["splats", "roi_voxels", "range"] {
+        assert_eq!(coarse[key], native[key], "{key} is that of the native grid");
+    }
+    let db = |result: &serde_json::Value| result["psnr_db"].as_f64().expect("a number");
+    // What the means of 2³ voxels keep at all.
+    let read = |name: &str| Volume::read(folder.path(name), &ReadOptions::default()).expect("a volume");
+    let ct = read("ct.nii.gz");
+    let roi = Roi::from_mask(&read("mask.nii.gz"), &LabelChoice::Whole, &ct).expect("a region");
+    let (low, high) = ct.min_max().expect("samples");
+    let kept = downsampling_loss(&ct, &roi, 2, &AREA, [low, high]).psnr_db;
+    assert!(db(&coarse) > kept - 1.5, "{} dB, of {kept} dB at best", db(&coarse));
+    let eval = ["eval", "b.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--offsets", "2", "--json"];
+    let again = folder.run(&eval).json();
+    assert!((db(&again) - db(&coarse)).abs() < 0.01, "{again}");
+    let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
+    assert!(record["working_grid"].is_null());
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! How densely splats should lie: a weight per voxel of the region of interest.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -25,6 +25,8 @@ pub(super) struct Density {
     /// First voxel and voxel counts of the region's bounding box with a margin.
     low: [usize; 3],
     size: [usize; 3],
+    /// Weights of G.
+    taps: Vec<f32>,
     /// G∗V in the box.
     smooth: Vec<f32>,
     /// Box indices of the voxels with a weight above 0.
@@ -41,12 +43,13 @@ impl Density {
     /// Weighs the voxels of `roi`; nothing if none has a weight above 0.
     pub fn of(volume: &Volume, roi: &Roi, config: &InitConfig) -> Option<Density> {
         let taps = gaussian_taps(config.smoothing_sigma);
-        // Two smoothings and one difference: nothing beyond the margin reaches the region.
-        let margin = 2 * (taps.len() / 2) + 1;
+        // Two smoothings, one difference, and half a voxel that a point may lie beyond its voxel's centre: nothing
+        // beyond the margin reaches the region.
+        let margin = 2 * (taps.len() / 2) + 2;
         let (low, size) = bounding_box(roi, margin)?;
         let finite = |v: f32| if v.is_finite() { v.clamp(-SAMPLE_LIMIT, SAMPLE_LIMIT) } else { 0.0 };
         let smooth = smoothed(&crop(&volume.samples, volume.size, low, size, finite), size, &taps);
-        let gradient = smoothed(&gradient_length(&smooth, size), size, &taps);
+        let gradient = smoothed(&gradients(&smooth, size, length), size, &taps);
         let weight = crop(&roi.weight, roi.size, low, size, |w| if w > 0.0 { w.min(1.0) } else { 0.0 });
 
         let voxels: Vec<usize> = (0..weight.len()).filter(|&i| weight[i] > 0.0).collect();
@@ -65,7 +68,7 @@ impl Density {
             cumulative = running_sum(&voxels, |i| f64::from(weight[i]));
         }
         let guide = guide(&cumulative);
-        Some(Density { low, size, smooth, voxels, cumulative, guide, mean_gradient })
+        Some(Density { low, size, taps, smooth, voxels, cumulative, guide, mean_gradient })
     }
 
     fn total(&self) -> f64 {
@@ -104,11 +107,23 @@ impl Density {
     /// there.
     pub fn draw(&self, count: usize, rng: &mut impl RngExt) -> ([f32; 3], f32) {
         let slot = self.find(rng.random());
+        (self.within(slot, rng), self.spacing(slot, count))
+    }
+
+    /// `count` points in voxel space, drawn by density and evenly within their voxels. They come in the order of the
+    /// voxels in memory, so that what looks at the volume around each of them finds it in the cache.
+    pub fn draw_points(&self, count: usize, rng: &mut impl RngExt) -> Vec<[f32; 3]> {
+        let mut places: Vec<f64> = (0..count).map(|_| rng.random()).collect();
+        places.par_sort_unstable_by(f64::total_cmp);
+        places.into_iter().map(|place| self.within(self.find(place), rng)).collect()
+    }
+
+    /// A point in voxel space, drawn evenly within the voxel of a slot.
+    fn within(&self, slot: usize, rng: &mut impl RngExt) -> [f32; 3] {
         let [sx, sy, _] = self.size;
         let i = self.voxels[slot];
         let voxel = [i % sx, i / sx % sy, i / (sx * sy)];
-        let point = std::array::from_fn(|k| (self.low[k] + voxel[k]) as f32 + (rng.random::<f32>() - 0.5));
-        (point, self.spacing(slot, count))
+        std::array::from_fn(|k| (self.low[k] + voxel[k]) as f32 + (rng.random::<f32>() - 0.5))
     }
 
     /// G∗V at `point` of voxel space.
@@ -131,6 +146,44 @@ impl Density {
         };
         DVec3::new(difference(0), difference(1), difference(2))
     }
+
+    /// The second derivatives of G∗V at `point` of voxel space, per voxel²: differences over one voxel on either side,
+    /// the outermost samples going on outside.
+    pub fn hessian(&self, point: [f32; 3]) -> DMat3 {
+        let at = |axis: usize, step: f32, other: usize, other_step: f32| {
+            let mut point = point;
+            point[axis] += step;
+            point[other] += other_step;
+            f64::from(self.smoothed(point))
+        };
+        let here = f64::from(self.smoothed(point));
+        let straight = |axis: usize| at(axis, 1.0, axis, 0.0) - 2.0 * here + at(axis, -1.0, axis, 0.0);
+        let mixed = |a: usize, b: usize| {
+            (at(a, 1.0, b, 1.0) - at(a, 1.0, b, -1.0) - at(a, -1.0, b, 1.0) + at(a, -1.0, b, -1.0)) / 4.0
+        };
+        symmetric([straight(0), straight(1), straight(2), mixed(0, 1), mixed(0, 2), mixed(1, 2)])
+    }
+
+    /// The structure tensor G∗(∇∇ᵀ) of G∗V at `points` of voxel space, per voxel². Its six fields are made one
+    /// after the other, so that no more than two boxes of samples are held besides G∗V.
+    pub fn structure_tensors(&self, points: &[[f32; 3]]) -> Vec<DMat3> {
+        let mut entries = vec![[0.0; 6]; points.len()];
+        for (entry, (a, b)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
+            let products = gradients(&self.smooth, self.size, |g| g[a] * g[b]);
+            let field = smoothed(&products, self.size, &self.taps);
+            drop(products);
+            entries.par_iter_mut().zip(points).for_each(|(entries, point)| {
+                let local = std::array::from_fn(|k| point[k] - self.low[k] as f32);
+                entries[entry] = f64::from(trilinear(&field, self.size, local));
+            });
+        }
+        entries.into_iter().map(symmetric).collect()
+    }
+}
+
+/// The symmetric matrix of the entries xx, yy, zz, xy, xz, yz.
+fn symmetric([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> DMat3 {
+    DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz])
 }
 
 fn running_sum(voxels: &[usize], term: impl Fn(usize) -> f64) -> Vec<f64> {
@@ -272,8 +325,13 @@ fn smoothed(samples: &[f32], size: [usize; 3], taps: &[f32]) -> Vec<f32> {
     out
 }
 
-/// |∇| by central differences, one-sided at the border, per voxel.
-fn gradient_length(samples: &[f32], size: [usize; 3]) -> Vec<f32> {
+/// |g|.
+fn length(g: [f32; 3]) -> f32 {
+    (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt()
+}
+
+/// `map` of ∇ by central differences, one-sided at the border, per voxel.
+fn gradients(samples: &[f32], size: [usize; 3], map: impl Fn([f32; 3]) -> f32 + Sync) -> Vec<f32> {
     let [sx, sy, sz] = size;
     let mut out = vec![0.0; samples.len()];
     out.par_chunks_mut(sx).enumerate().for_each(|(row, out)| {
@@ -292,7 +350,7 @@ fn gradient_length(samples: &[f32], size: [usize; 3]) -> Vec<f32> {
             let (x0, x1, per_x) = around(x, sx);
             let g =
                 [(here[x1] - here[x0]) * per_x, (front[x] - back[x]) * per_y, (above[x] - below[x]) * per_z];
-            *out = (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt();
+            *out = map(g);
         }
     });
     out
@@ -352,8 +410,8 @@ mod tests {
         let size = [4, 3, 5];
         let at = |i: usize| [(i % 4) as f32, (i / 4 % 3) as f32, (i / 12) as f32];
         let samples: Vec<f32> = (0..60).map(|i| at(i)[0] + 2.0 * at(i)[1] - 2.0 * at(i)[2]).collect();
-        assert!(gradient_length(&samples, size).iter().all(|g| (g - 3.0).abs() < 1e-5));
-        assert_eq!(gradient_length(&[7.0], [1, 1, 1]), [0.0]);
+        assert!(gradients(&samples, size, length).iter().all(|g| (g - 3.0).abs() < 1e-5));
+        assert_eq!(gradients(&[7.0], [1, 1, 1], length), [0.0]);
         assert!((trilinear(&samples, size, [1.25, 0.5, 3.75]) + 5.25).abs() < 1e-5);
         assert_eq!(trilinear(&samples, size, [-0.5, 9.0, 4.4]), 4.0 - 8.0);
     }

@@ -1,6 +1,9 @@
 //! Count, place, spacing, orientation and repeatability of the first splats.
 
-use glam::DAffine3;
+mod orientation;
+mod uniform;
+
+use glam::{DAffine3, DVec3};
 
 use super::*;
 use crate::splat::{activation::rotation_matrix, defect};

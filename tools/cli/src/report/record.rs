@@ -29,6 +29,8 @@ pub struct RunRecord<'a> {
     pub inputs: BTreeMap<&'static str, InputRecord>,
     pub volume: VolumeRecord,
     pub roi: RoiRecord,
+    /// The coarser grid that was fitted, if `working_grid` asks for one; the results are on the native one.
+    pub working_grid: Option<WorkingRecord>,
     pub profile: &'a str,
     /// Keys that were not left at the profile's value.
     pub explicit: &'a [String],
@@ -104,6 +106,13 @@ impl RoiRecord {
             mean: if weight > 0.0 { sum / weight } else { 0.0 },
         }
     }
+}
+
+/// Volume and region of a working grid.
+#[derive(Serialize)]
+pub struct WorkingRecord {
+    pub volume: VolumeRecord,
+    pub roi: RoiRecord,
 }
 
 /// Where the time went, seconds.
