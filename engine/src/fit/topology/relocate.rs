@@ -52,8 +52,8 @@ pub(super) fn scores(scene: &Scene) -> Vec<f64> {
 }
 
 /// w of a splat in the middle of its support.
-fn peak(splat: &Splat, _: Kernel) -> f64 {
-    f64::from(splat.opacity())
+fn peak(splat: &Splat, kernel: Kernel) -> f64 {
+    f64::from(splat.opacity()) * kernel.peak(splat.log_scale.map(f64::from))
 }
 
 /// The sum over the support, a row of voxels along x at a time.

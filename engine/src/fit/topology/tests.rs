@@ -113,8 +113,8 @@ fn weight(splat: &Splat, x: DVec3, kernel: Kernel) -> f64 {
     peak(splat, kernel) * kernel.value(u.length_squared())
 }
 
-fn peak(splat: &Splat, _: Kernel) -> f64 {
-    f64::from(splat.opacity())
+fn peak(splat: &Splat, kernel: Kernel) -> f64 {
+    f64::from(splat.opacity()) * kernel.peak(splat.log_scale.map(f64::from))
 }
 
 fn splat(mean: [f32; 3], scale: f32, opacity: f32) -> Splat {

@@ -83,7 +83,9 @@ fn at_volume(s: &Splat, world: &World) -> usize {
 
 #[test]
 fn scores_are_those_of_the_full_sum() {
-    for (kernel, weight_of_roi) in [(Kernel::Compact, 1.0), (Kernel::Gaussian, 1.0), (Kernel::Compact, 0.3)] {
+    for (kernel, weight_of_roi) in
+        [(Kernel::Compact, 1.0), (Kernel::Gaussian, 1.0), (Kernel::Density, 1.0), (Kernel::Compact, 0.3)]
+    {
         let config = FitConfig { kernel, ..FitConfig::default() };
         let mut world = World::new(crowd(50, 9), config, weight_of_roi);
         world.splats[7].mean = [3.0, 3.0, 3.0]; // reaches the region hardly or not
