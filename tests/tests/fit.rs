@@ -69,7 +69,7 @@ fn a_phantom_gets_better_all_the_way() {
             progress.psnr_db
         );
         assert_eq!(fitter.frozen().expect("a count"), 0);
-        let (low, high) = fitter.scaling().roi_range;
+        let (low, high) = fitter.scaling().intensity_range;
         for s in fitter.splats().expect("splats") {
             assert!((low..=high).contains(&s.intensity), "intensities stay in the range of the region");
             let length = s.rotation.iter().map(|v| v * v).sum::<f32>();

@@ -124,7 +124,7 @@ fn sampled_intensities_are_those_of_the_volume() {
     case.config.learn_intensity = false;
     case.config.topology_every = 10;
     let mut fitter = case.fit(&gpu);
-    let (low, high) = fitter.scaling().roi_range;
+    let (low, high) = fitter.scaling().intensity_range;
     for s in fitter.splats().expect("splats") {
         let at = glam::Vec3::from_array(s.mean).as_dvec3();
         let wanted = (case.volume.trilinear(at) as f32).clamp(low, high);

@@ -138,6 +138,8 @@ config! {
         rate_intensity: f32 = 0.02,
         /// Whether intensities are learned; otherwise they are those of the volume at the means.
         learn_intensity: bool = true,
+        /// Whether intensities stay in the range of the ROI, which a transfer function per splat needs.
+        clamp_intensity: bool = true,
         /// All rates fall exponentially to this share of their first value over the schedule.
         rate_decay: f32 = 0.02,
         /// The rate of the means falls besides, to this share ...

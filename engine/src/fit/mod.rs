@@ -371,8 +371,8 @@ impl<'a> Fitter<'a> {
             min_log_scale: c.scale_min.ln(),
             max_log_scale: c.scale_max.ln(),
             max_logit: c.logit_max,
-            min_intensity: self.scaling.value(self.scaling.roi_range.0),
-            max_intensity: self.scaling.value(self.scaling.roi_range.1),
+            min_intensity: self.scaling.value(self.scaling.intensity_range.0),
+            max_intensity: self.scaling.value(self.scaling.intensity_range.1),
             max_mean: rasteriser.grid.max_mean(),
         }
     }
@@ -503,7 +503,7 @@ fn to_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
     let origin = bricks.origin.as_vec3().to_array();
     Splat {
         mean: std::array::from_fn(|i| s.mean[i] - origin[i]),
-        intensity: scaling.value(s.intensity.clamp(scaling.roi_range.0, scaling.roi_range.1)),
+        intensity: scaling.value(s.intensity.clamp(scaling.intensity_range.0, scaling.intensity_range.1)),
         rotation: normalised(s.rotation),
         ..*s
     }
@@ -513,7 +513,7 @@ fn from_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
     let origin = bricks.origin.as_vec3().to_array();
     Splat {
         mean: std::array::from_fn(|i| s.mean[i] + origin[i]),
-        intensity: scaling.hu(s.intensity).clamp(scaling.roi_range.0, scaling.roi_range.1),
+        intensity: scaling.hu(s.intensity).clamp(scaling.intensity_range.0, scaling.intensity_range.1),
         ..*s
     }
 }

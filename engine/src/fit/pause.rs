@@ -101,7 +101,7 @@ impl Fitter<'_> {
 
     /// Intensities that are those of the volume at the means.
     pub(super) fn sample_intensities(&self, splats: &mut [Splat]) {
-        let (range, (low, high)) = (self.scaling.range, self.scaling.roi_range);
+        let (range, (low, high)) = (self.scaling.range, self.scaling.intensity_range);
         for splat in splats {
             let at = glam::Vec3::from_array(splat.mean).as_dvec3();
             let hu = self.volume.sample_clipped(at, range, self.scaling.background) as f32;

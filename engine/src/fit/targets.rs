@@ -8,6 +8,9 @@ use shaders_glsl::types::Target;
 use super::{Background, FitConfig};
 use crate::volume::{Bricks, Roi, Volume};
 
+/// Spans of the range within which intensities stay finite where they are not clamped.
+const FAR: f32 = 1000.0;
+
 /// How HU become the numbers of a fit, and back: value = (HU - background) / unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scaling {
@@ -17,8 +20,8 @@ pub struct Scaling {
     pub background: f32,
     /// HU per unit of the fit: the span of the range.
     pub unit: f32,
-    /// Least and greatest HU in the ROI, after clipping: splat intensities stay inside.
-    pub roi_range: (f32, f32),
+    /// Splat intensities stay inside, HU: least and greatest in the ROI after clipping, or next to no limit.
+    pub intensity_range: (f32, f32),
 }
 
 impl Scaling {
@@ -51,7 +54,11 @@ impl Scaling {
             Background::Mean => ((sum / weight) as f32).clamp(roi_range.0, roi_range.1),
             Background::Low => range.0,
         };
-        Scaling { range, background, unit, roi_range }
+        let intensity_range = match config.clamp_intensity {
+            true => roi_range,
+            false => (range.0 - FAR * unit, range.1 + FAR * unit),
+        };
+        Scaling { range, background, unit, intensity_range }
     }
 
     /// HU -> the fit's number.

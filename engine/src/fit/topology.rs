@@ -141,7 +141,7 @@ impl Scene<'_> {
         splat.rotation = [1.0, 0.0, 0.0, 0.0];
         splat.set_scale([scale; 3]);
         splat.set_opacity(opacity);
-        let (low, high) = self.scaling.roi_range;
+        let (low, high) = self.scaling.intensity_range;
         splat.intensity = (self.target(splat.mean.map(f64::from).into()) as f32).clamp(low, high);
         self.clamp(&mut splat);
         splat

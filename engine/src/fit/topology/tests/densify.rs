@@ -148,7 +148,7 @@ fn holes_are_found_and_filled() {
         assert!((s.opacity() - 0.3).abs() < 1e-6);
         assert!(s.scale().iter().all(|s| (s - 1.5).abs() < 1e-5), "the median scale");
         assert_eq!(s.rotation, [1.0, 0.0, 0.0, 0.0]);
-        let (low, high) = world.scaling.roi_range;
+        let (low, high) = world.scaling.intensity_range;
         let v = world.volume.trilinear(DVec3::from_array(s.mean.map(f64::from))) as f32;
         assert_eq!(s.intensity, v.clamp(low, high));
     }
