@@ -2,6 +2,7 @@
 //! reports medians with device and driver.
 #![forbid(unsafe_code)]
 
+mod paper;
 mod passes;
 mod report;
 mod scene;
@@ -18,7 +19,8 @@ use engine::gpu::{Gpu, GpuOptions};
 Examples:
   bench passes                      forward and backward passes, growth with splats and with ROI voxels
   bench passes --quick              the same in half a minute
-  bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md"
+  bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md
+  bench paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; bench paper --help"
 )]
 struct Arguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
@@ -32,6 +34,8 @@ struct Arguments {
 enum What {
     /// Forward and backward pass of the fit: evaluations per second, waste, and growth.
     Passes(passes::Arguments),
+    /// The paper's tables: the paper's figures, ours with --profile paper, and ours by default.
+    Paper(paper::Arguments),
 }
 
 fn main() -> std::process::ExitCode {
@@ -49,8 +53,9 @@ fn main() -> std::process::ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
-    let gpu = Gpu::new(&GpuOptions { device: arguments.device.clone(), ..GpuOptions::default() })?;
+    let options = GpuOptions { device: arguments.device.clone(), ..GpuOptions::default() };
     match &arguments.what {
-        What::Passes(a) => passes::run(&gpu, a),
+        What::Passes(a) => passes::run(&Gpu::new(&options)?, a),
+        What::Paper(a) => paper::run(&options, a),
     }
 }

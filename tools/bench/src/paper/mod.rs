@@ -1,0 +1,229 @@
+//! `bench paper`: the paper's tables, ours beside them.
+//!
+//! A *run* is a fit of one row with one profile (`job`, `plan`), measured on the way (`runs`) and kept as a file
+//! (`store`), so that nothing is computed twice. Reports are made from the files and written after every run
+//! (`tables`, `studies`, `plot`). `published` has the paper's figures, `prototype` those of a CPU prototype, and
+//! `baselines` compares downsampled volumes, which need no fit.
+
+mod baselines;
+mod job;
+mod library;
+mod plan;
+mod plot;
+mod progress;
+mod prototype;
+mod published;
+mod results;
+mod runs;
+mod store;
+mod studies;
+mod tables;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+use engine::gpu::{Gpu, GpuOptions};
+use engine::{Error, Result};
+
+use self::job::Job;
+use self::library::Library;
+use self::plan::{Effort, Plan};
+use self::progress::{Series, estimate};
+use self::results::Results;
+use self::store::Store;
+
+/// What `--only` may name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Section {
+    /// Worst and best MMSE and PSNR of every row
+    Table2,
+    /// Downsampled volumes; alone: all of the data, checked against its README.md
+    Table3,
+    /// Terms of the paper's loss
+    Table4,
+    /// Counts, time and memory of every row
+    Table6,
+    /// Terms of the default loss
+    Ablation,
+    /// Splats per voxel from 0.005 to 0.25
+    Density,
+    /// --profile paper against a prototype, and what its choices are worth
+    Findings,
+}
+
+#[derive(Args)]
+#[command(after_help = "\
+A run is a fit of one row with one profile, measured every 50 iterations with all splats on the grid. \
+Each finished run is a file in OUT/runs, named by case, mask, splats, profile and a hash of all settings and the device: \
+what is there is not run again, and a run that is stopped (Ctrl-C) is the only one lost. OUT/paper.md, OUT/paper.csv \
+(every measurement) and OUT/psnr-time.svg are written anew after each run. A changed program does not change the hash: \
+repeat with --force, or choose another folder.
+
+Examples:
+  bench paper --data DIR --quick              a quarter of an hour on two cores
+  bench paper --data DIR --out tables         all of it: hours on a CPU
+  bench paper --data DIR --only table2,table6
+  bench paper --data DIR --only table3        the downsampled volumes alone, checked against DIR/README.md")]
+pub struct Arguments {
+    /// Folder with the cases: CASE/ct.nii.gz and its masks
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Folder for results and tables
+    #[arg(long, value_name = "DIR", default_value = "paper-tables")]
+    out: PathBuf,
+    /// Fewer rows and iterations; the tables say so
+    #[arg(long)]
+    quick: bool,
+    /// What to make; all of it when absent
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "SECTION,...")]
+    only: Vec<Section>,
+    /// Repeats runs whose results are there
+    #[arg(long)]
+    force: bool,
+}
+
+impl Arguments {
+    fn sections(&self) -> Vec<Section> {
+        if self.only.is_empty() { Section::value_variants().to_vec() } else { self.only.clone() }
+    }
+}
+
+/// Runs what is missing and writes the tables.
+pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
+    if a.only == [Section::Table3] {
+        return baselines::check(&a.data);
+    }
+    let sections = a.sections();
+    let effort = if a.quick { Effort::QUICK } else { Effort::FULL };
+    let store = Store::open(&a.out)?;
+    let judge = Gpu::new(options)?;
+    let device = judge.description();
+    let mut library = Library::new(&a.data);
+    let plan = Plan::new(&sections, &effort, &mut library, &device.name)?;
+    let report = Report {
+        device: format!("{} ({}, {})", device.name, device.kind, device.driver),
+        baselines: match sections.contains(&Section::Table3) {
+            true => Some(baselines::table(&a.data)?),
+            false => None,
+        },
+        sections: &sections,
+        effort: &effort,
+        plan: &plan,
+        store: &store,
+    };
+    let jobs = plan.jobs(&sections);
+    let mut results = Results::default();
+    let mut missing = Vec::new();
+    for job in &jobs {
+        match if a.force { None } else { store.load(job)? } {
+            Some(record) => results.add(record),
+            None => missing.push(*job),
+        }
+    }
+    eprintln!("{} runs: {} are there, {} to do", jobs.len(), jobs.len() - missing.len(), missing.len());
+    report.write(&results)?;
+    let failed = Runner { options, judge: &judge, library: &mut library, report: &report }
+        .all(&missing, &mut results)?;
+    println!("{}", report.markdown(&results));
+    eprintln!("written: {}", store.file("paper.md").display());
+    match failed.first() {
+        None => Ok(()),
+        Some(first) => {
+            let message = format!("{} of {} runs failed, the first: {first}", failed.len(), missing.len());
+            Err(Error { message, file: None, ..first.clone() })
+        }
+    }
+}
+
+/// What carries out runs, one after the other.
+struct Runner<'a> {
+    options: &'a GpuOptions,
+    judge: &'a Gpu,
+    library: &'a mut Library,
+    report: &'a Report<'a>,
+}
+
+impl Runner<'_> {
+    /// Runs all jobs and keeps the results. A run that fails is told and does not end the others.
+    fn all(&mut self, jobs: &[&Job], results: &mut Results) -> Result<Vec<Error>> {
+        let mut estimates = Vec::new();
+        for job in jobs {
+            estimates.push(estimate(job, self.library.place(&job.folder, &job.mask)?));
+        }
+        let mut series = Series::new(estimates.iter().sum());
+        let mut failed = Vec::new();
+        for (i, (job, estimated)) in jobs.iter().zip(estimates).enumerate() {
+            eprintln!("[{}/{}] {}; {}", i + 1, jobs.len(), job.title(), series.tell());
+            let begin = Instant::now();
+            let place = self.library.place(&job.folder, &job.mask)?;
+            let record = runs::run(job, place, self.options, self.judge, |p| {
+                eprintln!("    iteration {}: {:.2} dB, {:.1} s", p.iteration, p.psnr(), p.seconds);
+            });
+            match record {
+                Ok(record) => {
+                    if let Some(at) = record.diverged_at {
+                        eprintln!("    diverged before iteration {at}");
+                    }
+                    self.report.store.save(&record)?;
+                    results.add(record);
+                    self.report.write(results)?;
+                }
+                Err(e) => {
+                    eprintln!("    failed: {e}");
+                    failed.push(e);
+                }
+            }
+            series.finished(estimated, begin.elapsed());
+        }
+        Ok(failed)
+    }
+}
+
+/// What is written from the results.
+struct Report<'a> {
+    sections: &'a [Section],
+    effort: &'a Effort,
+    plan: &'a Plan,
+    store: &'a Store,
+    device: String,
+    baselines: Option<String>,
+}
+
+impl Report<'_> {
+    fn markdown(&self, results: &Results) -> String {
+        let mut text = tables::preamble(self.effort, &self.device);
+        let plan = self.plan;
+        if !plan.rows.is_empty() {
+            text += &tables::cases(&plan.rows);
+        }
+        for section in self.sections {
+            let made = match section {
+                Section::Table2 => tables::table_2(&plan.rows, results).markdown(),
+                Section::Table3 => self.baselines.clone().unwrap_or_default(),
+                Section::Table4 => tables::table_4(&plan.losses, results).markdown(),
+                Section::Table6 => tables::table_6(&plan.rows, results).markdown(),
+                Section::Ablation => studies::ablation(&plan.losses, results).markdown(),
+                Section::Density => studies::density(&plan.sweeps, results).markdown(),
+                Section::Findings => {
+                    let fidelity = studies::fidelity(&plan.fidelity, results).markdown();
+                    format!("{fidelity}\n{}", studies::findings(&plan.findings, results).markdown())
+                }
+            };
+            text += &format!("\n{made}");
+        }
+        if !plan.rows.is_empty() {
+            text += "\n## PSNR over time\n\n![PSNR over the time of the fit](psnr-time.svg)\n";
+        }
+        text
+    }
+
+    fn write(&self, results: &Results) -> Result<()> {
+        self.store.report("paper.md", &self.markdown(results))?;
+        self.store.report("paper.csv", &results.csv())?;
+        if !self.plan.rows.is_empty() {
+            self.store.report("psnr-time.svg", &plot::svg(&self.plan.rows, results)?)?;
+        }
+        Ok(())
+    }
+}

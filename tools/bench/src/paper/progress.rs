@@ -1,0 +1,109 @@
+//! How far a series of runs is, and when it may end.
+//!
+//! A run's cost is estimated from rates of two CPU cores with a software driver; what the finished runs took in truth
+//! corrects the estimate of those that are left, so that the rates need only be right relative to each other.
+
+use std::time::{Duration, Instant};
+
+use engine::splat::Kernel;
+
+use super::job::Job;
+use super::library::Place;
+
+/// Samples in the support of a splat of the paper's size, where spacings are equal.
+const SAMPLES_A_SPLAT: f64 = 2000.0;
+/// Samples evaluated by the default profile for each voxel of the region, whatever the number of splats.
+const SAMPLES_A_VOXEL: f64 = 25.0;
+/// Evaluations a second.
+const RATE: f64 = 1e8;
+/// Of the loss, a brick, seconds.
+const BRICK: f64 = 20e-6;
+/// Of a measurement on the host, a voxel, seconds.
+const COMPARED: f64 = 1e-7;
+
+/// Seconds that a run may take.
+pub fn estimate(job: &Job, place: &Place) -> f64 {
+    let c = &job.config;
+    let evaluations = |splats: usize| match c.kernel {
+        Kernel::Compact => place.voxels * SAMPLES_A_VOXEL,
+        _ => splats as f64 * SAMPLES_A_SPLAT * place.aspect,
+    };
+    let moving = if c.subset > 0 { c.subset } else { c.splats };
+    let rasterised = if c.subset_alone { moving } else { c.splats };
+    let step = (evaluations(rasterised) + evaluations(moving)) / RATE + place.bricks as f64 * BRICK;
+    let measurement = evaluations(c.splats) / RATE + place.bricks as f64 * 512.0 * COMPARED;
+    let measurements = c.iterations / job.measure_every + 2 + job.held_out as u32;
+    f64::from(c.iterations) * step + f64::from(measurements) * measurement + 1.0
+}
+
+/// Times of a series.
+pub struct Series {
+    begin: Instant,
+    /// Estimates of the finished runs, and what they took, seconds.
+    estimated: f64,
+    taken: f64,
+    /// Estimates of those that are left, seconds.
+    left: f64,
+}
+
+impl Series {
+    /// With the sum of all estimates.
+    pub fn new(total: f64) -> Self {
+        Series { begin: Instant::now(), estimated: 0.0, taken: 0.0, left: total }
+    }
+
+    /// A run is over.
+    pub fn finished(&mut self, estimated: f64, taken: Duration) {
+        self.estimated += estimated;
+        self.taken += taken.as_secs_f64();
+        self.left = (self.left - estimated).max(0.0);
+    }
+
+    /// Seconds that may be left.
+    pub fn left(&self) -> f64 {
+        let correction = if self.estimated > 0.0 { self.taken / self.estimated } else { 1.0 };
+        self.left * correction
+    }
+
+    /// "0:01:05 so far, about 0:10:00 left".
+    pub fn tell(&self) -> String {
+        format!("{} so far, about {} left", clock(self.begin.elapsed().as_secs_f64()), clock(self.left()))
+    }
+}
+
+/// Hours, minutes, seconds.
+pub fn clock(seconds: f64) -> String {
+    let s = seconds.round().max(0.0) as u64;
+    format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::paper::job::tests::job;
+    use crate::scene::Scene;
+
+    #[test]
+    fn what_was_slow_makes_the_rest_slow() {
+        let mut series = Series::new(100.0);
+        assert_eq!(series.left(), 100.0);
+        series.finished(20.0, Duration::from_secs(60));
+        assert_eq!(series.left(), 240.0);
+        series.finished(80.0, Duration::from_secs(40));
+        assert_eq!(series.left(), 0.0);
+        assert_eq!(clock(3725.4), "1:02:05");
+    }
+
+    #[test]
+    fn a_subset_costs_less_than_all_and_more_when_all_are_rasterised() {
+        let place = Place::new(Scene::phantom(24).expect("a phantom"));
+        let with = |subset: usize, alone: bool| {
+            let mut job = job(10_000);
+            job.config.kernel = Kernel::Gaussian;
+            (job.config.subset, job.config.subset_alone) = (subset, alone);
+            estimate(&job, &place)
+        };
+        assert!(with(100, true) < with(100, false) && with(100, false) < with(0, true));
+        assert!((place.aspect - 1.0).abs() < 1e-9 && place.bricks > 0);
+    }
+}

@@ -1,0 +1,323 @@
+//! Carrying out a run: fit, and measure on the way.
+//!
+//! Measurements rasterise all splats at the voxel centres, on a device object of their own, so that neither their time nor
+//! their memory is part of what the fit is said to cost.
+
+use std::time::{Duration, Instant};
+
+use engine::Result;
+use engine::fit::Fitter;
+use engine::fit::evaluate::{self, Evaluation, Protocol};
+use engine::gpu::{Gpu, GpuOptions};
+use engine::splat::{Field, Splat};
+use serde::{Deserialize, Serialize};
+
+use super::job::{HELD_OUT_SEED, Job, Range};
+use super::library::Place;
+
+/// A measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// Iterations done.
+    pub iteration: u32,
+    /// Time of these iterations, without measurements.
+    pub seconds: f64,
+    /// Splats there were.
+    pub splats: usize,
+    /// Equation (4), on the grid, all splats.
+    pub mmse: f64,
+}
+
+impl Point {
+    /// dB.
+    pub fn psnr(&self) -> f64 {
+        -10.0 * self.mmse.log10()
+    }
+}
+
+/// What a measurement at the end has besides.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Last {
+    /// On the grid, over ROI and shell.
+    pub soft_dice: f64,
+    /// On the grid, over ROI and shell.
+    pub occupancy_rmse: f64,
+    /// Between the voxels, where that was asked for.
+    pub held_out: Option<HeldOut>,
+}
+
+/// Figures at offsets that the fit has not seen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HeldOut {
+    /// The worst PSNR, dB.
+    pub worst: f64,
+    /// The mean PSNR, dB.
+    pub mean: f64,
+    /// Over all offsets.
+    pub occupancy_rmse: f64,
+}
+
+/// The result of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// What was run.
+    pub job: Job,
+    /// Measurements, from iteration 0 on.
+    pub points: Vec<Point>,
+    /// At the end; none if the fit diverged.
+    pub last: Option<Last>,
+    /// First measurement that was no number, after which the run was stopped.
+    pub diverged_at: Option<u32>,
+    /// Range of the normalisation, HU.
+    pub range: [f32; 2],
+    /// Sum of the mask.
+    pub roi_voxels: f64,
+    /// Time to place the first splats.
+    pub initialise_seconds: f64,
+    /// Most bytes of device memory that the fit held at once.
+    pub device_peak_bytes: u64,
+    /// Updates of splats that were left out because a gradient was not finite.
+    pub frozen: u32,
+    /// Driver of the device.
+    pub driver: String,
+}
+
+impl Record {
+    /// The first measurement: the initialisation.
+    pub fn start(&self) -> Option<&Point> {
+        self.points.first()
+    }
+
+    /// The last measurement.
+    pub fn end(&self) -> Option<&Point> {
+        self.points.last()
+    }
+
+    /// The best one, iteration 0 counting.
+    pub fn best(&self) -> Option<&Point> {
+        self.points.iter().min_by(|a, b| a.mmse.total_cmp(&b.mmse))
+    }
+
+    /// The worst one, iteration 0 counting.
+    pub fn worst(&self) -> Option<&Point> {
+        self.points.iter().max_by(|a, b| a.mmse.total_cmp(&b.mmse))
+    }
+
+    /// The worst one after iteration 0.
+    pub fn worst_after_start(&self) -> Option<&Point> {
+        self.points.iter().skip(1).max_by(|a, b| a.mmse.total_cmp(&b.mmse))
+    }
+}
+
+/// Runs a job. `judge` measures; `saw` hears of each measurement.
+pub fn run(
+    job: &Job,
+    place: &Place,
+    options: &GpuOptions,
+    judge: &Gpu,
+    mut saw: impl FnMut(&Point),
+) -> Result<Record> {
+    let Place { scene, .. } = place;
+    let config = &job.config;
+    let initialising = Instant::now();
+    let first = (config.initialiser()?.run)(
+        &scene.volume,
+        &scene.roi,
+        config.splat_count(place.voxels),
+        config.seed,
+        &config.init(),
+    );
+    let initialise_seconds = initialising.elapsed().as_secs_f64();
+    let gpu = Gpu::new(options)?;
+    let mut fitter = Fitter::new(&gpu, &scene.volume, &scene.roi, &first, config)?;
+    drop(first);
+    let bench = Bench { job, place, judge, field: config.field(fitter.scaling().background) };
+    let mut record = Record {
+        job: job.clone(),
+        points: Vec::new(),
+        last: None,
+        diverged_at: None,
+        range: bench.range(),
+        roi_voxels: place.voxels,
+        initialise_seconds,
+        device_peak_bytes: 0,
+        frozen: 0,
+        driver: gpu.description().driver.clone(),
+    };
+    let mut spent = Duration::ZERO;
+    loop {
+        let begin = Instant::now();
+        // The count goes back where buffers had to grow: only after waiting it is final, and one that was measured may
+        // come again.
+        let measured = record.end().map(|p| p.iteration);
+        let due = |iteration: u32| job.measured_at(iteration) && Some(iteration) > measured;
+        let splats = if due(fitter.iteration()) { Some(fitter.splats()?) } else { None };
+        spent += begin.elapsed();
+        let iteration = fitter.iteration();
+        if let Some(splats) = splats.filter(|_| due(iteration)) {
+            let is_last = iteration >= config.iterations;
+            let evaluation = bench.measure(&splats, is_last)?;
+            let mmse = evaluation.on_grid.mmse;
+            if !mmse.is_finite() {
+                record.diverged_at = Some(iteration);
+                break;
+            }
+            let point = Point { iteration, seconds: spent.as_secs_f64(), splats: splats.len(), mmse };
+            saw(&point);
+            record.points.push(point);
+            if is_last {
+                record.last = Some(bench.last(&evaluation));
+                break;
+            }
+        }
+        let begin = Instant::now();
+        fitter.step(f64::from(iteration) / f64::from(config.iterations))?;
+        spent += begin.elapsed();
+    }
+    record.device_peak_bytes = gpu.peak_bytes();
+    record.frozen = fitter.frozen()?;
+    Ok(record)
+}
+
+impl Job {
+    /// Whether figures are taken after so many iterations.
+    fn measured_at(&self, iteration: u32) -> bool {
+        iteration.is_multiple_of(self.measure_every) || iteration >= self.config.iterations
+    }
+}
+
+/// What measures splats of one run.
+struct Bench<'a> {
+    job: &'a Job,
+    place: &'a Place,
+    judge: &'a Gpu,
+    field: Field,
+}
+
+impl Bench<'_> {
+    fn range(&self) -> [f32; 2] {
+        match self.job.range {
+            Range::MinMax => self.place.range,
+            Range::Hu => [-1024.0, 3071.0],
+        }
+    }
+
+    /// On the grid; at the end with shell and held-out offsets, too.
+    fn measure(&self, splats: &[Splat], is_last: bool) -> Result<Evaluation> {
+        let protocol = Protocol {
+            offsets: match is_last {
+                true => evaluate::random_offsets(self.job.held_out, HELD_OUT_SEED),
+                false => Vec::new(),
+            },
+            range: self.range(),
+            // The intensity error is that of the ROI: without the shell it is the same and cheaper.
+            shell: if is_last { self.job.config.shell } else { 0 },
+        };
+        let scene = &self.place.scene;
+        evaluate::evaluate(self.judge, splats, &self.field, &scene.volume, &scene.roi, &protocol)
+    }
+
+    fn last(&self, evaluation: &Evaluation) -> Last {
+        Last {
+            soft_dice: evaluation.on_grid.soft_dice,
+            occupancy_rmse: evaluation.on_grid.occupancy_rmse,
+            held_out: (self.job.held_out > 0).then(|| HeldOut {
+                worst: evaluation.worst_psnr_db(),
+                mean: evaluation.mean_psnr_db(),
+                occupancy_rmse: evaluation.occupancy_rmse(),
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+pub mod tests {
+    use engine::fit::evaluate::Protocol;
+
+    use super::*;
+    use crate::paper::job::tests::job;
+    use crate::scene::Scene;
+
+    /// A result with these errors at iterations 0, 50, 100 and so on.
+    pub fn record(job: Job, mmse: &[f64]) -> Record {
+        let points = mmse.iter().enumerate().map(|(i, &mmse)| Point {
+            iteration: 50 * i as u32,
+            seconds: 30.0 * i as f64,
+            splats: job.config.splats + 10 * i,
+            mmse,
+        });
+        Record {
+            points: points.collect(),
+            last: Some(Last {
+                soft_dice: 0.9,
+                occupancy_rmse: 0.1,
+                held_out: Some(HeldOut { worst: 40.0, mean: 41.0, occupancy_rmse: 0.05 }),
+            }),
+            diverged_at: None,
+            range: [-1024.0, 3071.0],
+            roi_voxels: 1000.0,
+            initialise_seconds: 0.5,
+            device_peak_bytes: 5_000_000,
+            frozen: 0,
+            driver: "none".into(),
+            job,
+        }
+    }
+
+    #[test]
+    fn the_worst_is_told_with_and_without_the_start() {
+        let record = record(job(5), &[0.03, 0.01, 0.02]);
+        let psnr = |p: Option<&Point>| p.map(|p| (p.psnr() * 10.0).round() / 10.0);
+        assert_eq!(psnr(record.worst()), Some(15.2));
+        assert_eq!(psnr(record.worst_after_start()), Some(17.0));
+        assert_eq!(record.best().map(|p| p.iteration), Some(50));
+        assert_eq!(record.end().map(|p| (p.iteration, p.splats)), Some((100, 25)));
+    }
+
+    #[test]
+    fn a_run_measures_start_way_and_end_with_all_splats() {
+        let options = GpuOptions { validation: true, ..GpuOptions::default() };
+        let judge = Gpu::new(&options).expect("a device with validation layers");
+        let place = Place::new(Scene::phantom(24).expect("a phantom"));
+        let job = job(60);
+        let mut seen = Vec::new();
+        let record = run(&job, &place, &options, &judge, |p| seen.push(*p)).expect("a run");
+        assert_eq!(seen, record.points);
+        assert_eq!(record.points.iter().map(|p| p.iteration).collect::<Vec<_>>(), [0, 3, 6, 7]);
+        assert!(record.points.iter().all(|p| p.splats == 60));
+        assert!(record.points.windows(2).all(|p| p[0].seconds < p[1].seconds), "time goes on");
+        assert!(record.device_peak_bytes > 0 && record.frozen == 0 && record.diverged_at.is_none());
+        assert!(record.last.is_some_and(|l| l.soft_dice > 0.1 && l.held_out.is_some()));
+        // The start is the initialisation itself, over the range of the whole volume.
+        let c = &job.config;
+        let first = (c.initialiser().expect("a row").run)(
+            &place.scene.volume,
+            &place.scene.roi,
+            60,
+            c.seed,
+            &c.init(),
+        );
+        let scaling = engine::fit::Scaling::new(&place.scene.volume, &place.scene.roi, c);
+        let protocol = Protocol { offsets: Vec::new(), range: place.range, shell: 0 };
+        let field = c.field(scaling.background);
+        let scene = &place.scene;
+        let expected = evaluate::evaluate(&judge, &first, &field, &scene.volume, &scene.roi, &protocol);
+        let expected = expected.expect("an evaluation").on_grid.psnr_db;
+        // The fit clips intensities to the range that they have in the region.
+        assert!((seen[0].psnr() - expected).abs() < 0.05, "{} dB, not {expected}", seen[0].psnr());
+        assert!(record.end().map(Point::psnr) > Some(expected + 1.0), "seven iterations help");
+        assert!(judge.validation_messages().is_empty(), "{:?}", judge.validation_messages());
+    }
+    #[test]
+    fn a_step_that_is_repeated_is_measured_once() {
+        let options = GpuOptions { validation: true, ..GpuOptions::default() };
+        let judge = Gpu::new(&options).expect("a device with validation layers");
+        let place = Place::new(Scene::phantom(48).expect("a phantom"));
+        // Splats that reach every brick: the buffers for 4096 pairs grow, and the fit goes back to its first step.
+        let mut job = job(100);
+        job.config.init_scale_min = 8.0;
+        assert!(place.bricks * 100 > 4096);
+        let record = run(&job, &place, &options, &judge, |_| {}).expect("a run");
+        assert_eq!(record.points.iter().map(|p| p.iteration).collect::<Vec<_>>(), [0, 3, 6, 7]);
+    }
+}
