@@ -198,6 +198,7 @@ impl Args for SettingsArguments {
                 Value::Array(parts) => {
                     ("LOW,HIGH", parts.iter().map(ToString::to_string).collect::<Vec<_>>().join(","))
                 }
+                Value::Bool(yes) => ("true|false", yes.to_string()),
                 other => ("N", other.to_string()),
             };
             Arg::new(field.key)
