@@ -147,13 +147,15 @@ struct Runner<'a> {
 impl Runner<'_> {
     /// Runs all jobs and keeps the results. A run that fails is told and does not end the others.
     fn all(&mut self, jobs: &[&Job], results: &mut Results) -> Result<Vec<Error>> {
-        let mut estimates = Vec::new();
+        let mut queue = Vec::new();
         for job in jobs {
-            estimates.push(estimate(job, self.library.place(&job.folder, &job.mask)?));
+            queue.push((estimate(job, self.library.place(&job.folder, &job.mask)?), job));
         }
-        let mut series = Series::new(estimates.iter().sum());
+        // The short ones first: a series that is stopped has then filled the most rows.
+        queue.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let mut series = Series::new(queue.iter().map(|(estimated, _)| estimated).sum());
         let mut failed = Vec::new();
-        for (i, (job, estimated)) in jobs.iter().zip(estimates).enumerate() {
+        for (i, (estimated, job)) in queue.into_iter().enumerate() {
             eprintln!("[{}/{}] {}; {}", i + 1, jobs.len(), job.title(), series.tell());
             let begin = Instant::now();
             let place = self.library.place(&job.folder, &job.mask)?;
