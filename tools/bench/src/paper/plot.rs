@@ -135,9 +135,10 @@ where
             .label(&line.label)
             .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], style));
     }
+    // Between the profiles, which are far apart.
     chart
         .configure_series_labels()
-        .position(SeriesLabelPosition::LowerRight)
+        .position(SeriesLabelPosition::MiddleRight)
         .background_style(WHITE.mix(0.8))
         .border_style(GRID)
         .label_font(font(11))
