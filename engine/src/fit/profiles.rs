@@ -17,6 +17,26 @@ pub struct Profile {
 pub const PROFILES: &[Profile] = &[
     Profile { name: "default", about: "right between the voxels too, sharp outline", toml: "" },
     Profile {
+        name: "vessels",
+        about: "contrast-filled vessels: thin and bright",
+        toml: include_str!("profiles/vessels.toml"),
+    },
+    Profile {
+        name: "bones",
+        about: "thin shells of high contrast",
+        toml: include_str!("profiles/bones.toml"),
+    },
+    Profile {
+        name: "organs",
+        about: "smooth and large, with few splats",
+        toml: include_str!("profiles/organs.toml"),
+    },
+    Profile {
+        name: "mr",
+        about: "broad tissues, intensities of any scale",
+        toml: include_str!("profiles/mr.toml"),
+    },
+    Profile {
         name: "paper",
         about: "the paper's method to the letter",
         toml: include_str!("profiles/paper.toml"),
