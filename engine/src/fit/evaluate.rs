@@ -41,6 +41,9 @@ pub struct Evaluation {
     pub between: Vec<Metrics>,
     /// Intensity range of the normalisation, HU.
     pub range: [f32; 2],
+    /// What follows an intensity in texts; see [`Volume::unit`].
+    #[serde(skip)]
+    pub unit: &'static str,
 }
 
 impl Evaluation {
@@ -104,6 +107,7 @@ pub fn evaluate(
         on_grid: at([0.0; 3])?,
         between: offsets.iter().map(|&o| at(o)).collect::<Result<_>>()?,
         range: *range,
+        unit: volume.unit(),
     })
 }
 

@@ -27,14 +27,9 @@ pub struct Scaling {
 impl Scaling {
     /// Of a volume in its ROI, with the range that the configuration names or the data suggest.
     pub fn new(volume: &Volume, roi: &Roi, config: &FitConfig) -> Self {
-        let finite = || volume.samples.iter().copied().filter(|v| v.is_finite());
         let range = match config.hu_range {
-            [0.0, 0.0] => {
-                let (low, high) =
-                    finite().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-                // Air at about -1000 tells a CT from everything else.
-                if low < -200.0 { (-1024.0, 3071.0) } else { (low, high) }
-            }
+            [0.0, 0.0] if volume.is_ct() => (-1024.0, 3071.0),
+            [0.0, 0.0] => volume.min_max().unwrap_or_default(),
             [low, high] => (low, high),
         };
         let (mut sum, mut weight) = (0.0, 0.0);

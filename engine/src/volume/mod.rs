@@ -184,6 +184,16 @@ impl Volume {
         Some((finite().reduce(f32::min)?, finite().reduce(f32::max)?))
     }
 
+    /// Whether intensities look like Hounsfield units: air at about -1000 tells a CT from everything else.
+    pub fn is_ct(&self) -> bool {
+        self.min_max().is_some_and(|(low, _)| low < -200.0)
+    }
+
+    /// What follows an intensity in texts: " HU" for a CT, nothing for a volume without a scale of its own.
+    pub fn unit(&self) -> &'static str {
+        if self.is_ct() { " HU" } else { "" }
+    }
+
     /// Counts, range, mean and spread of the samples, in two passes of f64.
     pub fn gather_stats(&self) -> Stats {
         let finite = || self.samples.iter().copied().filter(|v| v.is_finite()).map(f64::from);

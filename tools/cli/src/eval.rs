@@ -168,12 +168,12 @@ pub fn draw(
     evaluation: &Evaluation,
 ) -> Result<()> {
     let quality = Quality::of(evaluation);
-    let [low, high] = quality.range;
+    let ([low, high], unit) = (quality.range, evaluation.unit);
     let mut psnr_line = format!("PSNR {} at the voxels", psnr(quality.psnr_db, quality.range));
     if quality.offsets > 0 {
         psnr_line += &format!(", {} between them at worst", psnr(quality.psnr_min_offset_db, quality.range));
     }
-    psnr_line += &format!(" (over {low} to {high} HU); RMSE {:.1} HU", quality.rmse_hu);
+    psnr_line += &format!(" (over {low} to {high}{unit}); RMSE {:.1}{unit}", quality.rmse_hu);
     let size_line = format!(
         "{} splats for {} voxels; outline: soft Dice {:.4}",
         set.splats.len(),

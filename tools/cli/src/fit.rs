@@ -323,7 +323,7 @@ impl Files {
         })?;
         let name = volume.file_name().unwrap_or_default().to_string_lossy();
         let title = format!("{name}: {} splats", outcome.splats.len());
-        let plot = curve::svg(&outcome.curve, &title, outcome.range)?;
+        let plot = curve::svg(&outcome.curve, &title, outcome.range, outcome.unit)?;
         let put = |path: &Path, text: &str| write_atomic(path, force, |out| out.write_all(text.as_bytes()));
         put(&self.record, &(json + "\n"))?;
         put(&self.csv, &curve::csv(&outcome.curve))?;
@@ -360,10 +360,10 @@ fn summary(results: &Results, outcome: &Outcome, evaluation: Option<&Evaluation>
         seconds(results.seconds)
     );
     if let (Some(quality), Some(evaluation)) = (&results.quality, evaluation) {
-        let [low, high] = quality.range;
+        let ([low, high], unit) = (quality.range, evaluation.unit);
         out.push_str(&format!(
-            "quality in the region, PSNR over {low} to {high} HU:\n  at the voxels: {}, an error of {:.1} HU (root mean \
-             square)\n",
+            "quality in the region, PSNR over {low} to {high}{unit}:\n  at the voxels: {}, an error of {:.1}{unit} (root \
+             mean square)\n",
             psnr(quality.psnr_db, quality.range),
             quality.rmse_hu
         ));

@@ -83,6 +83,8 @@ pub struct Outcome {
     pub curve: Vec<CurvePoint>,
     /// HU range that the figures' PSNR is over.
     pub range: [f32; 2],
+    /// What follows an intensity in texts.
+    pub unit: &'static str,
     /// Updates that were left out because a gradient was not finite.
     pub frozen: u32,
     /// Bytes of device memory by purpose, at the end.
@@ -121,12 +123,13 @@ pub fn run(job: &Job<'_>, start: Start) -> Result<Outcome> {
     // Uploads and kernels are not part of the passes' account.
     gpu.take_profile();
     console.say(&format!(
-        "{}fitting {} splats to {} voxels; the PSNR on the way is over {} to {} HU",
+        "{}fitting {} splats to {} voxels; the PSNR on the way is over {} to {}{}",
         if iterations > 0 { format!("going on after {iterations} iterations: ") } else { String::new() },
         first.len(),
         case.roi.voxel_count(),
         range[0],
-        range[1]
+        range[1],
+        case.volume.unit()
     ));
     signals.be_patient();
     let mut state = State {
@@ -155,6 +158,7 @@ pub fn run(job: &Job<'_>, start: Start) -> Result<Outcome> {
         seconds,
         curve: state.curve,
         range,
+        unit: case.volume.unit(),
         frozen: fitter.frozen().unwrap_or_default(),
         device_bytes: gpu.memory_by_purpose(),
         end,

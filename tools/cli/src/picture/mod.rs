@@ -64,7 +64,7 @@ fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
         canvas.text([MARGIN, MARGIN + 34 + 22 * i], 2, Align::Left, DIM_TEXT, &shortened(line, 2));
     }
     let left: [usize; 3] = std::array::from_fn(|i| MARGIN + i * (PANEL + GAP));
-    for (name, x) in slices::COLUMNS.iter().zip(left) {
+    for (name, x) in slices::columns(subject.name).iter().zip(left) {
         canvas.text([x + PANEL / 2, head], 2, Align::Middle, TEXT, name);
     }
     let mut top = first_row;
@@ -73,23 +73,26 @@ fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
         top += height + GAP;
     }
 
-    let [low, high] = subject.window();
+    let ([low, high], unit) = (subject.window(), subject.unit);
     let hu = |v: f32| format!("{v:.0}");
     let middle = (left[0] + left[1] + PANEL) / 2;
-    bar(&mut canvas, [middle, slices_end], [&hu(low), "", &format!("{} HU", hu(high))], |t| grey(t as f32));
-    let ends = [&format!("-{}", hu(subject.difference)), "0", &format!("+{} HU", hu(subject.difference))];
+    bar(&mut canvas, [middle, slices_end], [&hu(low), "", &format!("{}{unit}", hu(high))], |t| {
+        grey(t as f32)
+    });
+    let ends = [&format!("-{}", hu(subject.difference)), "0", &format!("+{}{unit}", hu(subject.difference))];
     bar(&mut canvas, [left[2] + PANEL / 2, slices_end], ends.map(|t| t as &str), |t| {
         diverging(2.0 * t as f32 - 1.0)
     });
 
-    for (i, name) in ["CT in the region", "splats"].into_iter().enumerate() {
+    let solid_names = [format!("{} in the region", subject.name), "splats".to_owned()];
+    for (i, name) in solid_names.iter().enumerate() {
         let x = MARGIN + i * (solid_width + GAP);
         canvas.text([x + solid_width / 2, solids_top - 26], 2, Align::Middle, TEXT, name);
         solids.draw(&mut canvas, i, [x, solids_top], BACKGROUND);
     }
     let [low, high] = subject.percentiles.map(hu);
     let end = solids_top + solids.height() + 16;
-    bar(&mut canvas, [WIDTH / 2, end], [&low, "", &format!("{high} HU")], |t| solids.ramp(t));
+    bar(&mut canvas, [WIDTH / 2, end], [&low, "", &format!("{high}{unit}")], |t| solids.ramp(t));
     canvas
 }
 

@@ -22,8 +22,10 @@ const VIEWS: [View; 3] = [
 /// Colour of text over images.
 const LETTERS: Colour = [255, 205, 92];
 
-/// The quantities of the three columns.
-pub const COLUMNS: [&str; 3] = ["CT", "splats", "difference (splats - CT)"];
+/// The titles of the three columns, for a volume that is called so.
+pub fn columns(volume: &str) -> [String; 3] {
+    [volume.to_owned(), "splats".to_owned(), format!("difference (splats - {volume})")]
+}
 
 /// A view on a grid: which voxel axes run along the picture, which way, and how long they are.
 struct Plane {

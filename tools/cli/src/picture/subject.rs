@@ -29,6 +29,10 @@ pub struct Subject {
     pub centre: DVec3,
     /// HU of the region that 3 and 96 of a hundred voxels lie below: metal and a few specks do not set the scale.
     pub percentiles: [f32; 2],
+    /// What the volume is called.
+    pub name: &'static str,
+    /// What follows an intensity in texts.
+    pub unit: &'static str,
     /// |V̂ - V| in the region that 98 of a hundred voxels lie below, rounded up to 1, 2 or 5.
     pub difference: f32,
 }
@@ -72,6 +76,8 @@ impl Subject {
         let centre = centre_of_mass(&roi);
         Ok(Subject {
             percentiles: [percentile(&mut inside, 0.03), percentile(&mut inside, 0.96)],
+            name: if volume.is_ct() { "CT" } else { "volume" },
+            unit: volume.unit(),
             difference: round_up(percentile(&mut errors, 0.98)),
             centre,
             ct,

@@ -43,14 +43,14 @@ struct Panel {
 }
 
 /// The curve as SVG: PSNR above occupancy error, over iterations.
-pub fn svg(curve: &[CurvePoint], title: &str, [low, high]: [f32; 2]) -> Result<String> {
+pub fn svg(curve: &[CurvePoint], title: &str, [low, high]: [f32; 2], unit: &str) -> Result<String> {
     let points = |value: fn(&CurvePoint) -> f64| -> Vec<(f64, f64)> {
         let all = curve.iter().map(|p| (f64::from(p.progress.iteration), value(p)));
         all.filter(|(_, y)| y.is_finite()).collect()
     };
     let panels = [
         Panel {
-            title: format!("PSNR in the region of interest, over {low} to {high} HU"),
+            title: format!("PSNR in the region of interest, over {low} to {high}{unit}"),
             y_title: "PSNR / dB",
             colour: RGBColor(0, 104, 170),
             points: points(|p| p.progress.psnr_db),
@@ -151,7 +151,7 @@ mod tests {
             assert_eq!(table.lines().count(), n as usize + 1);
             let columns = |line: &str| line.split(',').count();
             assert!(table.lines().all(|line| columns(line) == 7), "{table}");
-            let text = svg(&curve, "a <b> & c", [0.0, 0.0]).unwrap();
+            let text = svg(&curve, "a <b> & c", [0.0, 0.0], " HU").unwrap();
             assert!(text.contains("</svg>") && !text.contains("<b>"), "{n}");
         }
     }

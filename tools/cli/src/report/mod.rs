@@ -91,8 +91,10 @@ pub fn quality_table(evaluation: &Evaluation) -> String {
         rows.push(["mean between", &mean, "", &occupancy, ""].map(str::to_owned).to_vec());
     }
     let [low, high] = evaluation.range;
-    let heads = ["", "PSNR", "RMSE, HU", "occupancy RMSE", "soft Dice"];
-    format!("PSNR over {low} to {high} HU:\n{}", table(&heads, &rows))
+    let unit = evaluation.unit;
+    let rmse = if unit.is_empty() { "RMSE" } else { "RMSE, HU" };
+    let heads = ["", "PSNR", rmse, "occupancy RMSE", "soft Dice"];
+    format!("PSNR over {low} to {high}{unit}:\n{}", table(&heads, &rows))
 }
 
 /// Rows under headings, in columns; empty columns of the right are trimmed.
