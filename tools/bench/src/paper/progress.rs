@@ -12,8 +12,9 @@ use super::library::Place;
 
 /// Samples in the support of a splat of the paper's size, where spacings are equal.
 const SAMPLES_A_SPLAT: f64 = 2000.0;
-/// Samples evaluated by the default profile for each voxel of the region, whatever the number of splats.
+/// Samples evaluated by the default profile for each voxel of the region, and what a splat costs besides, in samples.
 const SAMPLES_A_VOXEL: f64 = 25.0;
+const SMALL_SPLAT: f64 = 150.0;
 /// Evaluations a second.
 const RATE: f64 = 1e8;
 /// Of the loss, a brick, seconds.
@@ -25,7 +26,7 @@ const COMPARED: f64 = 1e-7;
 pub fn estimate(job: &Job, place: &Place) -> f64 {
     let c = &job.config;
     let evaluations = |splats: usize| match c.kernel {
-        Kernel::Compact => place.voxels * SAMPLES_A_VOXEL,
+        Kernel::Compact => place.voxels * SAMPLES_A_VOXEL + splats as f64 * SMALL_SPLAT,
         _ => splats as f64 * SAMPLES_A_SPLAT * place.aspect,
     };
     let moving = if c.subset > 0 { c.subset } else { c.splats };
