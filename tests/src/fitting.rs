@@ -1,5 +1,6 @@
 //! Small fits of the phantom.
 
+use engine::fit::evaluate::{Protocol, evaluate};
 use engine::fit::{FitConfig, Fitter};
 use engine::gpu::Gpu;
 use engine::splat::Splat;
@@ -56,5 +57,15 @@ impl Case {
         let mut fitter = self.fitter(gpu, &self.start());
         self.run(&mut fitter, self.config.iterations);
         fitter
+    }
+
+    /// PSNR of all splats at the voxel centres over the fit's own range, dB.
+    pub fn on_grid_db(&self, gpu: &Gpu, fitter: &mut Fitter) -> f64 {
+        let splats = fitter.splats().expect("splats");
+        let scaling = fitter.scaling();
+        let field = self.config.field(scaling.background);
+        let protocol = Protocol { offsets: vec![], range: scaling.range.into(), shell: self.config.shell };
+        let e = evaluate(gpu, &splats, &field, &self.volume, &self.roi, &protocol).expect("an evaluation");
+        e.on_grid.psnr_db
     }
 }

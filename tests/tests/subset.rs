@@ -1,9 +1,7 @@
 //! Sparse mini-batches, stopping and going on, and what happens between iterations.
 #![forbid(unsafe_code)]
 
-use engine::fit::evaluate::{Protocol, evaluate};
 use engine::fit::{Fitter, State};
-use engine::gpu::Gpu;
 use engine::splat::Splat;
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
@@ -14,15 +12,6 @@ fn case(iterations: u32) -> Case {
     let mut case = Case::phantom(SIZE, iterations);
     case.config.splats = 200;
     case
-}
-
-fn on_grid_db(gpu: &Gpu, case: &Case, fitter: &mut Fitter) -> f64 {
-    let splats = fitter.splats().expect("splats");
-    let scaling = fitter.scaling();
-    let field = case.config.field(scaling.background);
-    let protocol = Protocol { offsets: vec![], range: scaling.range.into(), shell: case.config.shell };
-    let e = evaluate(gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation");
-    e.on_grid.psnr_db
 }
 
 fn moved(a: &[Splat], b: &[Splat]) -> usize {
@@ -88,7 +77,7 @@ fn the_figures_of_a_subset_are_those_of_all_splats() {
         case.config.offsets = 1;
         case.config.rate_decay = 1e-6; // the last steps move next to nothing
         let mut fitter = case.fit(&gpu);
-        let on_grid = on_grid_db(&gpu, &case, &mut fitter);
+        let on_grid = case.on_grid_db(&gpu, &mut fitter);
         let progress = fitter.progress().expect("progress");
         println!("alone {alone}: {on_grid:.3} dB, on the way {:.3} dB", progress.psnr_db);
         assert!((progress.psnr_db - on_grid).abs() < 0.02, "{} for {on_grid}", progress.psnr_db);
@@ -104,9 +93,9 @@ fn a_subset_learns_in_the_field_of_all_splats() {
     case.config.subset = 50;
     let db = |case: &Case| {
         let mut fitter = case.fitter(&gpu, &case.start());
-        let start = on_grid_db(&gpu, case, &mut fitter);
+        let start = case.on_grid_db(&gpu, &mut fitter);
         case.run(&mut fitter, 60);
-        on_grid_db(&gpu, case, &mut fitter) - start
+        case.on_grid_db(&gpu, &mut fitter) - start
     };
     case.config.subset_alone = false;
     let with_all = db(&case);

@@ -1,10 +1,8 @@
 //! Fits whose splats come, go and move on the way. What a single change does is tested beside the code of each.
 #![forbid(unsafe_code)]
 
-use engine::fit::evaluate::{Protocol, evaluate};
 use engine::fit::topology::TOPOLOGIES;
 use engine::fit::{Fitter, State};
-use engine::gpu::Gpu;
 use engine::splat::defect;
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
@@ -26,26 +24,17 @@ fn case(topology: &str) -> Case {
     case
 }
 
-fn on_grid_db(gpu: &Gpu, case: &Case, fitter: &mut Fitter) -> f64 {
-    let splats = fitter.splats().expect("splats");
-    let scaling = fitter.scaling();
-    let field = case.config.field(scaling.background);
-    let protocol = Protocol { offsets: vec![], range: scaling.range.into(), shell: case.config.shell };
-    let e = evaluate(gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation");
-    e.on_grid.psnr_db
-}
-
 #[test]
 fn every_way_keeps_to_its_limit_and_fits() {
     let gpu = Device::boot();
     let plain = case("none");
-    let first = on_grid_db(&gpu, &plain, &mut plain.fitter(&gpu, &plain.start()));
+    let first = plain.on_grid_db(&gpu, &mut plain.fitter(&gpu, &plain.start()));
     let fit = |name: &str| {
         let case = case(name);
         let mut fitter = case.fit(&gpu);
         let splats = fitter.splats().expect("splats");
         assert!(splats.iter().all(|s| defect(s).is_none()), "{name}");
-        let db = on_grid_db(&gpu, &case, &mut fitter);
+        let db = case.on_grid_db(&gpu, &mut fitter);
         println!("{name}: {} splats, {first:.2} to {db:.2} dB", splats.len());
         (splats.len(), db)
     };
