@@ -3,12 +3,16 @@
 //! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows.rs` checks them):
 //!
 //! ```text
-//! fit -> passes -> gpu          fit, passes -> volume, splat          reference -> volume, splat
+//! fit, render -> passes -> gpu          fit, render, passes -> volume, splat          reference -> volume, splat
+//! render, reference -> transfer          render -> image
 //! gpu      knows Vulkan, never medicine
 //! volume   samples, masks, regions of interest and their files; never gpu
 //! splat    splat sets, their parameters and their files; never gpu
+//! transfer from intensity to colour and opacity: transfer functions, presets and their files; never gpu
+//! image    pictures: files, measures of difference, lettering; never gpu
 //! passes   one kernel or one group of kernels each, recorded with its buffers
 //! fit      the optimisation: initialisation, the step, evaluation
+//! render   a scene of splats or of a volume, seen through a transfer function in one of several modes
 //! reference  the f64 twin of every kernel; never gpu
 //! output   files that appear whole or not at all; used by all that write
 //! ```
@@ -17,10 +21,13 @@
 pub mod error;
 pub mod fit;
 pub mod gpu;
+pub mod image;
 pub mod output;
 pub mod passes;
 pub mod reference;
+pub mod render;
 pub mod splat;
+pub mod transfer;
 pub mod volume;
 
 pub use error::{Error, Kind, Result};

@@ -1,0 +1,1 @@
+//! Pictures: files, measures of difference, lettering.

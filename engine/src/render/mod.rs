@@ -1,0 +1,1 @@
+//! Rendering: a scene of splats or of a volume, seen through a transfer function.

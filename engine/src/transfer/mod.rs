@@ -1,0 +1,1 @@
+//! Transfer functions: from an intensity to colour and opacity per millimetre.
