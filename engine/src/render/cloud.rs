@@ -7,24 +7,18 @@
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use shaders_glsl as glsl;
-use shaders_glsl::types::{ActivityParams, ListParams};
-
 use super::look::LookBuffers;
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-use crate::passes::Scan;
+use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::passes::Activity;
 use crate::splat::{Activations, Field, Splat, SplatSet};
 
-/// Invocations of a workgroup of the two kernels.
-const GROUP: usize = 64;
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
 
 /// The splats of a scene.
 pub struct Cloud {
-    /// Rows in mm in the space of the scene.
-    pub(super) rows: Buffer<Splat>,
+    rows: Buffer<Splat>,
     /// How they add up.
     pub field: Field,
     /// Number of splats.
@@ -37,15 +31,7 @@ pub struct Cloud {
     pub bounds: [DVec3; 2],
     intervals: Buffer<[f32; 2]>,
     labels: Buffer<u32>,
-    flags: Buffer<u32>,
-    places: Buffer<u32>,
-    /// Indices of the splats that can be seen; how many there are is `counts[0]`.
-    pub(super) active: Buffer<u32>,
-    /// Number of active splats.
-    pub(super) counts: Buffer<u32>,
-    mark: Kernel,
-    list: Kernel,
-    scan: Scan,
+    activity: Activity,
 }
 
 impl Cloud {
@@ -70,10 +56,7 @@ impl Cloud {
         if count == 0 {
             (range, bounds) = ([0.0, 1.0], [DVec3::splat(-1.0), DVec3::ONE]);
         }
-        let labels: Vec<u32> = match &set.labels {
-            Some(labels) => labels.iter().map(|&l| u32::from(l)).collect(),
-            None => vec![0; count],
-        };
+        let labels = vec![0u32; count];
         Ok(Cloud {
             rows: gpu.upload("splats", "splats", splats)?,
             field: set.field,
@@ -83,42 +66,28 @@ impl Cloud {
             bounds,
             intervals: gpu.upload("intervals of intensity", "splats", &intervals(splats, &reach))?,
             labels: gpu.upload("labels", "splats", &labels)?,
-            flags: gpu.buffer("activity", "sorting", count)?,
-            places: gpu.buffer("places of active splats", "sorting", count + 1)?,
-            active: gpu.buffer("active splats", "splats", count)?,
-            counts: gpu.buffer("number of active splats", "splats", 1)?,
-            mark: Kernel::new(gpu, &glsl::MARK_ACTIVE, &[])?,
-            list: Kernel::new(gpu, &glsl::LIST_ACTIVE, &[])?,
-            scan: Scan::new(gpu, count)?,
+            activity: Activity::new(gpu, count)?,
         })
     }
 
     /// Lists what a look can show. To be recorded when the look has changed.
     pub(super) fn record_activity(&mut self, recorder: &mut Recorder, look: &LookBuffers) {
-        let count = self.count as u32;
-        let groups = self.count.div_ceil(GROUP) as u32;
-        recorder
-            .pass(&self.mark)
-            .read(&look.rows)
-            .read(&look.visible)
-            .read(&self.intervals)
-            .read(&self.labels)
-            .write(&mut self.flags)
-            .push(&ActivityParams { count })
-            .dispatch(groups);
-        self.scan.record(recorder, &self.flags, self.count, &mut self.places);
-        recorder
-            .pass(&self.list)
-            .read(&self.places)
-            .write(&mut self.active)
-            .push(&ListParams { count })
-            .dispatch(groups);
-        recorder.copy(&self.places, self.count, &mut self.counts, 0, 1);
+        self.activity.record(recorder, &look.rows, &look.visible, &self.intervals, &self.labels);
+    }
+
+    /// Rows in mm in the space of the scene.
+    pub(super) fn rows(&self) -> &Buffer<Splat> {
+        &self.rows
+    }
+
+    /// Indices of the splats that the look can show, and in one element how many they are.
+    pub(super) fn active(&self) -> (&Buffer<u32>, &Buffer<u32>) {
+        (&self.activity.active, &self.activity.count)
     }
 
     /// How many splats the look can show. Waits for the device.
     pub fn active_count(&self) -> Result<usize> {
-        Ok(self.counts.read()?[0] as usize)
+        Ok(self.activity.count.read()?[0] as usize)
     }
 }
 

@@ -10,11 +10,14 @@
 mod camera;
 mod cloud;
 mod look;
+mod medium;
+mod slab;
 mod target;
 
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::Cloud;
 pub use look::{ClipPlane, Classification, Look, LookBuffers, PLANES};
+pub use medium::{Medium, MediumSource};
 pub use target::Target;
 
 use glam::DVec3;
@@ -68,6 +71,10 @@ impl Scene {
     /// How the scene is seen.
     pub fn look(&self) -> &Look {
         &self.look
+    }
+
+    pub(crate) fn look_buffers(&self) -> &LookBuffers {
+        &self.buffers
     }
 
     /// Corners of the box around all there is, mm RAS.
@@ -158,13 +165,7 @@ pub struct ModeRow {
 }
 
 /// The modes, from the most accurate to the fastest.
-pub static MODES: [ModeRow; 4] = [
-    ModeRow {
-        name: "volume",
-        about: "the CT itself, ray-marched with trilinear sampling: the reference",
-        of_splats: false,
-        make: |gpu, scene, settings| Ok(Box::new(raymarch::Raymarch::new(gpu, scene, settings)?)),
-    },
+pub static MODES: [ModeRow; 2] = [
     ModeRow {
         name: "exact",
         about: "the splats' field in steps of a tenth of a standard deviation",
@@ -176,12 +177,6 @@ pub static MODES: [ModeRow; 4] = [
         about: "the splats' field in slabs, classified after it is added up",
         of_splats: true,
         make: |gpu, scene, settings| Ok(Box::new(slab::Slab::new(gpu, scene, settings)?)),
-    },
-    ModeRow {
-        name: "alpha",
-        about: "sorted splats, each of one colour, blended: the fastest",
-        of_splats: true,
-        make: |gpu, scene, settings| Ok(Box::new(alpha::Alpha::new(gpu, scene, settings)?)),
     },
 ];
 
