@@ -28,7 +28,6 @@ pub struct Slab {
     bins: TileBinner,
     grid: TileGrid,
     settings: Settings,
-    exact: bool,
 }
 
 impl Slab {
@@ -57,7 +56,7 @@ impl Slab {
             bins: TileBinner::new(gpu, cloud.field.kernel, &grid, settings.views, cloud.count)?,
             grid,
             settings: settings.clone(),
-            exact,
+
         })
     }
 
