@@ -15,7 +15,13 @@ use spirq::ty::{AccessType, DescriptorType, Type};
 use spirq::var::Variable;
 
 /// The folders that hold kernels; `include/` holds what they share.
-const FOLDERS: [&str; 2] = ["common", "fit"];
+const FOLDERS: [&str; 3] = ["common", "fit", "render"];
+/// Endings of the files that are compiled, what glslang and the table call their stage.
+const STAGES: [(&str, shaderc::ShaderKind, &str); 3] = [
+    ("comp", shaderc::ShaderKind::Compute, "Compute"),
+    ("vert", shaderc::ShaderKind::Vertex, "Vertex"),
+    ("frag", shaderc::ShaderKind::Fragment, "Fragment"),
+];
 
 fn main() {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));
@@ -30,16 +36,31 @@ fn main() {
         let mut files: Vec<_> = fs::read_dir(root.join(folder))
             .unwrap_or_else(|e| panic!("{folder}: {e}"))
             .map(|f| f.expect("a readable folder").path())
-            .filter(|f| f.extension().is_some_and(|e| e == "comp"))
             .collect();
         files.sort();
         for file in files {
+            let ending = file.extension().unwrap_or_default().to_string_lossy().into_owned();
+            let Some(&(_, kind, stage)) = STAGES.iter().find(|s| s.0 == ending) else { continue };
             let name = file.file_stem().expect("a file has a name").to_string_lossy().into_owned();
-            let plain = compile(&compiler, &root, &file, false);
-            let optimised = compile(&compiler, &root, &file, true);
-            fs::write(out.join(format!("{name}.spv")), optimised).expect("OUT_DIR is writable");
-            items += &reflect(&name, &plain, &mut structs);
-            names.push(name.to_uppercase());
+            let plain = compile(&compiler, &root, &file, kind, false);
+            let optimised = compile(&compiler, &root, &file, kind, true);
+            let file_name = format!("{name}.{ending}");
+            fs::write(out.join(format!("{file_name}.spv")), optimised).expect("OUT_DIR is writable");
+            let reflected = reflect(&file_name, &plain, &mut structs);
+            let item = match stage {
+                "Compute" => name.to_uppercase(),
+                _ => file_name.to_uppercase().replace('.', "_"),
+            };
+            writeln!(
+                items,
+                "/// `{folder}/{file_name}`\npub static {item}: Shader = Shader {{ name: {name:?}, \
+                 stage: Stage::{stage}, folder: {folder:?}, \
+                 spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file_name}.spv\")), {reflected} }};"
+            )
+            .unwrap();
+            if stage == "Compute" {
+                names.push(item);
+            }
         }
     }
     writeln!(items, "/// Every compiled kernel.\npub static ALL: &[&Shader] = &[{}];", amp(&names)).unwrap();
@@ -53,7 +74,13 @@ fn amp(names: &[String]) -> String {
     names.iter().map(|n| format!("&{n}, ")).collect()
 }
 
-fn compile(compiler: &shaderc::Compiler, root: &Path, file: &Path, optimise: bool) -> Vec<u8> {
+fn compile(
+    compiler: &shaderc::Compiler,
+    root: &Path,
+    file: &Path,
+    kind: shaderc::ShaderKind,
+    optimise: bool,
+) -> Vec<u8> {
     let mut options = shaderc::CompileOptions::new().expect("glslang has options");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     // 1.5: what every Vulkan 1.2 and 1.3 driver reads.
@@ -73,7 +100,7 @@ fn compile(compiler: &shaderc::Compiler, root: &Path, file: &Path, optimise: boo
     });
     let source = fs::read_to_string(file).expect("a listed file is readable");
     let shown = file.strip_prefix(root).unwrap_or(file).to_string_lossy().into_owned();
-    match compiler.compile_into_spirv(&source, shaderc::ShaderKind::Compute, &shown, "main", Some(&options)) {
+    match compiler.compile_into_spirv(&source, kind, &shown, "main", Some(&options)) {
         Ok(binary) => binary.as_binary_u8().to_vec(),
         // A build script speaks through a panic; the compiler's own text names file and line.
         Err(e) => panic!("\n{e}\n"),
@@ -97,26 +124,41 @@ fn reflect(name: &str, spirv: &[u8], structs: &mut BTreeMap<String, Fields>) -> 
     for var in &entry.vars {
         match var {
             Variable::Descriptor { name: binding, desc_bind, desc_ty, ty, .. } => {
-                let DescriptorType::StorageBuffer(access) = desc_ty else {
-                    panic!("{name}: only storage buffers are bound, not {desc_ty:?}")
+                assert_eq!(desc_bind.set(), 0, "{name}: push descriptors are set 0");
+                let (label, access, resource) = match desc_ty {
+                    DescriptorType::StorageBuffer(access) => {
+                        let Type::Struct(block) = ty else { panic!("{name}: a buffer block is a struct") };
+                        let [member] = block.members.as_slice() else {
+                            panic!("{name}: a buffer block holds one array")
+                        };
+                        let Type::Array(array) = &member.ty else {
+                            panic!("{name}: a buffer block holds one array")
+                        };
+                        collect(&array.element_ty, structs);
+                        let stride = array.stride.expect("a buffer array has a stride");
+                        let label = member.name.clone().or_else(|| binding.clone());
+                        (label, *access, format!("Resource::Buffer {{ stride: {stride} }}"))
+                    }
+                    DescriptorType::CombinedImageSampler() => {
+                        (binding.clone(), AccessType::ReadOnly, "Resource::Texture".to_owned())
+                    }
+                    DescriptorType::StorageImage(access) => {
+                        (binding.clone(), *access, "Resource::Image".to_owned())
+                    }
+                    other => panic!("{name}: {other:?} cannot be bound"),
                 };
                 let access = match access {
                     AccessType::ReadOnly => "Read",
                     AccessType::WriteOnly => "Write",
                     AccessType::ReadWrite => "ReadWrite",
                 };
-                let Type::Struct(block) = ty else { panic!("{name}: a buffer block is a struct") };
-                let [member] = block.members.as_slice() else {
-                    panic!("{name}: a buffer block holds one array")
-                };
-                let Type::Array(array) = &member.ty else { panic!("{name}: a buffer block holds one array") };
-                collect(&array.element_ty, structs);
-                let stride = array.stride.expect("a buffer array has a stride");
-                let label = member.name.clone().or_else(|| binding.clone()).unwrap_or_default();
-                assert_eq!(desc_bind.set(), 0, "{name}: push descriptors are set 0");
+                let number = desc_bind.bind();
+                let label = label.unwrap_or_default();
                 bindings.insert(
-                    desc_bind.bind(),
-                    format!("Binding {{ name: {label:?}, access: Access::{access}, stride: {stride} }}, "),
+                    number,
+                    format!(
+                        "Binding {{ number: {number}, name: {label:?}, access: Access::{access}, resource: {resource} }}, "
+                    ),
                 );
             }
             Variable::PushConstant { ty, .. } => {
@@ -129,19 +171,18 @@ fn reflect(name: &str, spirv: &[u8], structs: &mut BTreeMap<String, Fields>) -> 
             Variable::Input { .. } | Variable::Output { .. } => {}
         }
     }
-    assert!(bindings.keys().copied().eq(0..bindings.len() as u32), "{name}: bindings count up from 0");
+    // Of a pair of vertex and fragment shader only all bindings together need to count up.
+    assert!(
+        !name.ends_with(".comp") || bindings.keys().copied().eq(0..bindings.len() as u32),
+        "{name}: bindings count up from 0"
+    );
     // A constant that is also the workgroup size is listed twice, once without a name.
     constants.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.cmp(&a.1)));
     constants.dedup_by_key(|c| c.0);
     assert!(constants.iter().map(|c| c.0).eq(0..constants.len() as u32), "{name}: constants count up from 0");
     let bindings: String = bindings.into_values().collect();
     let constants: String = constants.iter().map(|c| format!("{:?}, ", c.1)).collect();
-    format!(
-        "/// `{name}.comp`\npub static {}: Shader = Shader {{ name: {name:?}, \
-         spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")), bindings: &[{bindings}], \
-         constants: &[{constants}], push_bytes: {push_bytes} }};\n",
-        name.to_uppercase()
-    )
+    format!("bindings: &[{bindings}], constants: &[{constants}], push_bytes: {push_bytes}")
 }
 
 /// Notes the layout of a struct and of the structs inside it.

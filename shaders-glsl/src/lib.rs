@@ -1,5 +1,6 @@
-//! The GLSL kernels of vgs, compiled and reflected when this crate is built, and the structs they share with the
-//! host. Adding a kernel is adding its `.comp` file to a folder; its [`Shader`] appears in [`ALL`].
+//! The GLSL shaders of vgs, compiled and reflected when this crate is built, and the structs they share with the
+//! host. Adding a kernel is adding its `.comp` file to a folder; its [`Shader`] appears in [`ALL`]. Vertex and fragment
+//! shaders come in pairs of one name: `alpha.vert` and `alpha.frag` are `ALPHA_VERT` and `ALPHA_FRAG`.
 #![forbid(unsafe_code)]
 
 pub mod types;
@@ -15,25 +16,56 @@ pub enum Access {
     ReadWrite,
 }
 
-/// One storage buffer of a kernel, by its place in [`Shader::bindings`].
-#[derive(Clone, Copy, Debug)]
-pub struct Binding {
-    /// Name of the array in the shader.
-    pub name: &'static str,
-    /// What the kernel does with it.
-    pub access: Access,
-    /// Bytes from one element to the next.
-    pub stride: usize,
+/// What is bound.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resource {
+    /// A storage buffer that holds one array.
+    Buffer {
+        /// Bytes from one element to the next.
+        stride: usize,
+    },
+    /// An image with a sampler.
+    Texture,
+    /// A storage image.
+    Image,
 }
 
-/// A compiled compute kernel and what reflection found in it.
+/// One resource of a shader.
+#[derive(Clone, Copy, Debug)]
+pub struct Binding {
+    /// Its number in set 0.
+    pub number: u32,
+    /// Name of the array or the image in the shader.
+    pub name: &'static str,
+    /// What the shader does with it.
+    pub access: Access,
+    /// What it is.
+    pub resource: Resource,
+}
+
+/// Where in the pipeline a shader runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// `.comp`: a kernel.
+    Compute,
+    /// `.vert`
+    Vertex,
+    /// `.frag`
+    Fragment,
+}
+
+/// A compiled shader and what reflection found in it.
 #[derive(Debug)]
 pub struct Shader {
     /// File name without ending.
     pub name: &'static str,
+    /// Stage, from the ending.
+    pub stage: Stage,
+    /// Folder of the file.
+    pub folder: &'static str,
     /// Optimised SPIR-V, little endian.
     pub spirv: &'static [u8],
-    /// Storage buffers of set 0, in binding order.
+    /// Resources of set 0, in binding order.
     pub bindings: &'static [Binding],
     /// Names of the specialisation constants, by id.
     pub constants: &'static [&'static str],

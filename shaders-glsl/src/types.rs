@@ -221,6 +221,119 @@ shared! {
         /// Upper corner of the sample grid, voxels.
         max_mean: [f32; 3],
     }
+    /// One eye. Eye space: x to the right, y up, z the distance along the viewing direction, mm.
+    View {
+        /// Where the eye is, mm in the space of the scene.
+        eye: [f32; 3],
+        /// Unit vector to the right of the picture.
+        right: [f32; 3],
+        /// Unit vector to the top of the picture.
+        up: [f32; 3],
+        /// Unit vector into the picture.
+        forward: [f32; 3],
+        /// x/z of the left and the right edge of the picture, y/z of the upper and the lower one.
+        tangents: [f32; 4],
+    }
+    /// How intensities become colour and opacity, where the scene is clipped, how it is lit.
+    Look {
+        /// Intensity of the first entry of the table.
+        first: f32,
+        /// Entries per unit of intensity.
+        inverse_step: f32,
+        /// Index of the last entry.
+        last: f32,
+        /// Unit of the integrals.
+        integral_unit: f32,
+        /// v0 of the shaded gradient: the lower end of what is visible.
+        dark: f32,
+        /// Share of the colour that needs no light.
+        ambient: f32,
+        /// Share of the colour that follows the angle to the light.
+        diffuse: f32,
+        /// Strength of the highlight.
+        specular: f32,
+        /// Exponent of the highlight.
+        power: f32,
+        /// Planes in use.
+        plane_count: u32,
+        /// Clip planes: what has n · x + d < 0 is cut away; x in mm in the space of the scene.
+        planes: [[f32; 4]; 8],
+        /// One bit for each label, set where splats of that label are hidden.
+        hidden: [u32; 8],
+    }
+    /// How a picture is cut into tiles and the depth of a scene into slabs; see `include/tiles.glsl`.
+    TileGrid {
+        /// Width and height of the picture, pixels.
+        size: [u32; 2],
+        /// Tiles along them.
+        tiles: [u32; 2],
+        /// Centre of a ball around the scene, mm.
+        centre: [f32; 3],
+        /// Radius of that ball, mm.
+        radius: f32,
+        /// Distance of the planes, mm.
+        spacing: f32,
+        /// Planes of a block.
+        planes: u32,
+        /// Blocks along the depth.
+        blocks: u32,
+        /// Rows of splats of one view.
+        splat_count: u32,
+        /// Pairs that fit the buffers.
+        capacity: u32,
+    }
+    /// Push constants of `project_splats`.
+    ProjectParams {
+        /// Tiles and planes.
+        grid: TileGrid,
+        /// b of the field.
+        background: f32,
+    }
+    /// Push constants of `emit_tile_pairs`.
+    EmitParams {
+        /// Tiles and planes.
+        grid: TileGrid,
+    }
+    /// Push constants of `slab`.
+    SlabParams {
+        /// Tiles and planes.
+        grid: TileGrid,
+        /// b of the field.
+        background: f32,
+        /// ε of the field.
+        epsilon: f32,
+        /// w0 of the occupancy.
+        occupancy_w0: f32,
+        /// Rays end where less light than this would pass.
+        dark: f32,
+    }
+    /// Push constants of `mark_active`.
+    ActivityParams {
+        /// Splats.
+        count: u32,
+    }
+    /// Push constants of `list_active`.
+    ListParams {
+        /// Splats.
+        count: u32,
+    }
+    /// A splat as one eye sees it; see `include/projected.glsl`.
+    Projected {
+        /// x/z and y/z of its centre.
+        centre: [f32; 2],
+        /// z of its centre, mm.
+        depth: f32,
+        /// Half of the depth that its support spans, mm.
+        reach: f32,
+        /// Row of the triangular whitening that has the depth: by relative depth, x/z, y/z.
+        along: [f32; 3],
+        /// Rows without it.
+        across: [f32; 3],
+        /// Amplitude a of the weight.
+        amplitude: f32,
+        /// Intensity relative to the background.
+        intensity: f32,
+    }
 }
 
 /// What a sample should be, as the loss kernels read it: two 16-bit signed fractions.

@@ -234,12 +234,20 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
     if properties.api_version < API {
         missing.push("Vulkan 1.3".to_owned());
     } else {
+        let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
         let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
-        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
+        let mut features = vk::PhysicalDeviceFeatures2::default()
+            .push_next(&mut v11)
+            .push_next(&mut v12)
+            .push_next(&mut v13);
         // SAFETY: as above; the device is at least 1.3.
         unsafe { instance.get_physical_device_features2(physical, &mut features) };
+        let without_format = features.features.shader_storage_image_write_without_format;
         for (name, there) in [
+            ("feature multiview", v11.multiview),
+            ("feature shaderStorageImageWriteWithoutFormat", without_format),
+            ("feature dynamicRendering", v13.dynamic_rendering),
             ("feature timelineSemaphore", v12.timeline_semaphore),
             ("feature scalarBlockLayout", v12.scalar_block_layout),
             ("feature synchronization2", v13.synchronization2),
@@ -256,7 +264,7 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
         }
     }
     if queue_family(instance, physical).is_none() {
-        missing.push("a compute queue".to_owned());
+        missing.push("a queue for compute and graphics".to_owned());
     }
     let text = |c: std::result::Result<&CStr, _>| -> String {
         c.map(|c: &CStr| c.to_string_lossy().into_owned())
@@ -294,14 +302,12 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
     }
 }
 
-/// A family with compute; one that also does graphics is preferred, so that the renderer can share the device.
+/// A family that has both compute and graphics: the fit and the renderer share one queue.
 fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u32> {
     // SAFETY: plain query.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
-    let find = |wanted: vk::QueueFlags| families.iter().position(|f| f.queue_flags.contains(wanted));
-    find(vk::QueueFlags::COMPUTE | vk::QueueFlags::GRAPHICS)
-        .or_else(|| find(vk::QueueFlags::COMPUTE))
-        .and_then(|i| u32::try_from(i).ok())
+    let wanted = vk::QueueFlags::COMPUTE | vk::QueueFlags::GRAPHICS;
+    families.iter().position(|f| f.queue_flags.contains(wanted)).and_then(|i| u32::try_from(i).ok())
 }
 
 /// All Vulkan devices of this machine, usable or not.
@@ -400,10 +406,18 @@ impl Gpu {
         // Single feature structs, not Vulkan12Features: an OpenXR runtime may chain its own timeline struct.
         let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
         let mut scalar = vk::PhysicalDeviceScalarBlockLayoutFeatures::default().scalar_block_layout(true);
-        let mut v13 = vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
+        let mut multiview = vk::PhysicalDeviceMultiviewFeatures::default().multiview(true);
+        let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
+            .synchronization2(true)
+            .maintenance4(true)
+            .dynamic_rendering(true);
+        let basic =
+            vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(true);
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&extensions)
+            .enabled_features(&basic)
+            .push_next(&mut multiview)
             .push_next(&mut timeline)
             .push_next(&mut scalar)
             .push_next(&mut v13);
@@ -422,6 +436,7 @@ struct Parts {
     queue_family: u32,
     timeline: vk::Semaphore,
     pipeline_cache: vk::PipelineCache,
+    sampler: vk::Sampler,
     queue: vk::Queue,
     memory: memory::Memory,
 }
@@ -450,6 +465,8 @@ impl Parts {
             storage_range: range_limit.map_or(range, |limit| limit.min(range)),
             timestamp_period: if has_timestamps { properties.limits.timestamp_period } else { 0.0 },
             workgroups: properties.limits.max_compute_work_group_count[0],
+            volume_edge: properties.limits.max_image_dimension3_d,
+            picture_edge: properties.limits.max_image_dimension2_d,
         };
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore_info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
@@ -462,6 +479,15 @@ impl Parts {
         // SAFETY: Vulkan checks the header of cached data and ignores what it does not know.
         let pipeline_cache =
             check("creating the pipeline cache", unsafe { device.create_pipeline_cache(&cache_info, None) })?;
+        let edge = vk::SamplerAddressMode::CLAMP_TO_EDGE;
+        let sampler_info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .address_mode_u(edge)
+            .address_mode_v(edge)
+            .address_mode_w(edge);
+        // SAFETY: the device is live.
+        let sampler = check("creating the sampler", unsafe { device.create_sampler(&sampler_info, None) })?;
         let memory = memory::Memory::new(handle.clone(), physical, device.clone())?;
         Ok(Parts {
             push_descriptor: ash::khr::push_descriptor::Device::new(handle, &device),
@@ -475,6 +501,7 @@ impl Parts {
             queue_family,
             timeline,
             pipeline_cache,
+            sampler,
             queue,
             memory,
         })
@@ -491,6 +518,7 @@ impl Parts {
             queue_family: self.queue_family,
             timeline: self.timeline,
             pipeline_cache: self.pipeline_cache,
+            sampler: self.sampler,
             queue: Mutex::new(recorder::Submissions::new(self.queue)),
             memory: Mutex::new(self.memory),
             profile: Mutex::default(),

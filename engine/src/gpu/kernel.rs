@@ -3,10 +3,50 @@
 use std::sync::Arc;
 
 use ash::vk;
-use shaders_glsl::Shader;
+use shaders_glsl::{Binding, Resource, Shader};
 
 use super::{Context, Gpu, boot, check, lock};
 use crate::error::{Error, Kind, Result};
+
+pub(super) fn descriptor_type(resource: Resource) -> vk::DescriptorType {
+    match resource {
+        Resource::Buffer { .. } => vk::DescriptorType::STORAGE_BUFFER,
+        Resource::Texture => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+        Resource::Image => vk::DescriptorType::STORAGE_IMAGE,
+    }
+}
+
+/// The layout of one set of push descriptors.
+pub(super) fn set_layout<'a>(
+    context: &Context,
+    name: &str,
+    bindings: impl IntoIterator<Item = &'a Binding>,
+    stages: vk::ShaderStageFlags,
+) -> Result<vk::DescriptorSetLayout> {
+    let bindings: Vec<_> = bindings
+        .into_iter()
+        .map(|binding| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(binding.number)
+                .descriptor_type(descriptor_type(binding.resource))
+                .descriptor_count(1)
+                .stage_flags(stages)
+        })
+        .collect();
+    let info = vk::DescriptorSetLayoutCreateInfo::default()
+        .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
+        .bindings(&bindings);
+    // SAFETY: the device is live; the create-info lives on this stack.
+    check(name, unsafe { context.device.create_descriptor_set_layout(&info, None) })
+}
+
+/// The shader as the driver takes it; to be destroyed when the pipeline is made.
+pub(super) fn module(context: &Context, shader: &Shader) -> Result<vk::ShaderModule> {
+    let code: Vec<u32> = shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
+    let info = vk::ShaderModuleCreateInfo::default().code(&code);
+    // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
+    check(shader.name, unsafe { context.device.create_shader_module(&info, None) })
+}
 
 /// A compute pipeline: one shader with its specialisation constants fixed.
 pub struct Kernel {
@@ -29,20 +69,7 @@ impl Kernel {
             ));
         }
         let device = &context.device;
-        let bindings: Vec<_> = (0..shader.bindings.len())
-            .map(|i| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(i as u32)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
-        let set_info = vk::DescriptorSetLayoutCreateInfo::default()
-            .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
-            .bindings(&bindings);
-        // SAFETY: the device is live; the create-info lives on this stack.
-        let set_layout = check(shader.name, unsafe { device.create_descriptor_set_layout(&set_info, None) })?;
+        let set_layout = set_layout(&context, shader.name, shader.bindings, vk::ShaderStageFlags::COMPUTE)?;
         let mut kernel = Kernel {
             shader,
             pipeline: vk::Pipeline::null(),
@@ -63,11 +90,7 @@ impl Kernel {
         }
         // SAFETY: as above.
         kernel.layout = check(shader.name, unsafe { device.create_pipeline_layout(&layout_info, None) })?;
-        let code: Vec<u32> =
-            shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
-        let module_info = vk::ShaderModuleCreateInfo::default().code(&code);
-        // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
-        let module = check(shader.name, unsafe { device.create_shader_module(&module_info, None) })?;
+        let module = module(&context, shader)?;
         let entries: Vec<_> = (0..constants.len())
             .map(|i| vk::SpecializationMapEntry { constant_id: i as u32, offset: (i * 4) as u32, size: 4 })
             .collect();

@@ -19,10 +19,16 @@ use crate::error::{Error, Kind, Result};
 pub(super) struct Memory {
     /// `None` only while the device is being destroyed.
     allocator: Option<Allocator>,
-    /// Dropped buffers with the timeline value after which nothing uses them.
-    graveyard: Vec<(u64, vk::Buffer, Allocation)>,
+    /// What was dropped, with the timeline value after which nothing uses it.
+    graveyard: Vec<(u64, Remains, Allocation)>,
     pub(super) by_purpose: BTreeMap<&'static str, u64>,
     pub(super) peak: u64,
+}
+
+/// Handles of something dropped.
+pub(super) enum Remains {
+    Buffer(vk::Buffer),
+    Image(vk::Image, vk::ImageView),
 }
 
 impl Memory {
@@ -46,12 +52,58 @@ impl Memory {
     /// Frees what the device has passed.
     pub(super) fn bury(&mut self, device: &ash::Device, passed: u64) {
         let Some(allocator) = &mut self.allocator else { return };
-        for (_, buffer, allocation) in self.graveyard.extract_if(.., |(value, ..)| *value <= passed) {
-            // SAFETY: the device has passed the last submission made before the buffer was dropped.
-            unsafe { device.destroy_buffer(buffer, None) };
+        for (_, remains, allocation) in self.graveyard.extract_if(.., |(value, ..)| *value <= passed) {
+            // SAFETY: the device has passed the last submission made before the handles were dropped; a null view is
+            // ignored.
+            unsafe {
+                match remains {
+                    Remains::Buffer(buffer) => device.destroy_buffer(buffer, None),
+                    Remains::Image(image, view) => {
+                        device.destroy_image_view(view, None);
+                        device.destroy_image(image, None);
+                    }
+                }
+            }
             // Freeing what this allocator gave cannot fail.
             let _ = allocator.free(allocation);
         }
+    }
+
+    /// Memory for what `desc` says, counted under `purpose`.
+    pub(super) fn allocate(
+        &mut self,
+        desc: &AllocationCreateDesc<'_>,
+        purpose: &'static str,
+    ) -> Result<Allocation> {
+        let Some(allocator) = &mut self.allocator else {
+            return Err(Error::new(Kind::Internal, "VGS-GPU-023", "the device is being destroyed"));
+        };
+        let allocation = allocator.allocate(desc).map_err(|e| {
+            let bytes = desc.requirements.size;
+            Error::new(
+                Kind::Temporary,
+                "VGS-GPU-024",
+                format!("{}: {bytes} bytes of device memory: {e}", desc.name),
+            )
+            .help("close other programs that use the GPU, use fewer splats or a smaller ROI")
+        })?;
+        *self.by_purpose.entry(purpose).or_default() += allocation.size();
+        self.peak = self.peak.max(self.by_purpose.values().sum());
+        Ok(allocation)
+    }
+
+    /// Sends something dropped to the graveyard; `last` is the last submission that may use it.
+    pub(super) fn retire(
+        &mut self,
+        last: u64,
+        remains: Remains,
+        allocation: Allocation,
+        purpose: &'static str,
+    ) {
+        if let Some(bytes) = self.by_purpose.get_mut(purpose) {
+            *bytes -= allocation.size();
+        }
+        self.graveyard.push((last, remains, allocation));
     }
 
     /// # Safety
@@ -139,19 +191,12 @@ impl<T: Pod> Buffer<T> {
         if data.is_empty() {
             return Ok(());
         }
-        let bytes = bytemuck::cast_slice::<T, u8>(data);
-        let mut staging = self.gpu.raw::<T>(
-            &format!("{} upload", self.name),
-            "staging",
-            data.len(),
-            MemoryLocation::CpuToGpu,
-        )?;
-        staging.mapped_bytes()?[..bytes.len()].copy_from_slice(bytes);
+        let staging = self.gpu.staged(&format!("{} upload", self.name), data)?;
         let mut recorder = self.gpu.record()?;
         recorder.copy_bytes(
             (staging.handle, 0),
             (self.handle, (start * size_of::<T>()) as u64),
-            bytes.len() as u64,
+            size_of_val(data) as u64,
             &self.name,
         );
         let ticket = recorder.submit()?;
@@ -177,12 +222,8 @@ impl<T: Pod> Buffer<T> {
 impl<T> Drop for Buffer<T> {
     fn drop(&mut self) {
         let last = lock(&self.gpu.0.queue).last_value();
-        let mut memory = lock(&self.gpu.0.memory);
         if let Some(allocation) = self.allocation.take() {
-            if let Some(bytes) = memory.by_purpose.get_mut(self.purpose) {
-                *bytes -= allocation.size();
-            }
-            memory.graveyard.push((last, self.handle, allocation));
+            lock(&self.gpu.0.memory).retire(last, Remains::Buffer(self.handle), allocation, self.purpose);
         }
     }
 }
@@ -214,6 +255,14 @@ impl Gpu {
         self.raw(name, "staging", len, MemoryLocation::GpuToCpu)
     }
 
+    /// A buffer in host memory that holds `data`, to be copied from.
+    pub(super) fn staged<T: Pod>(&self, name: &str, data: &[T]) -> Result<Buffer<T>> {
+        let bytes = bytemuck::cast_slice::<T, u8>(data);
+        let mut staging = self.raw::<T>(name, "staging", data.len(), MemoryLocation::CpuToGpu)?;
+        staging.mapped_bytes()?[..bytes.len()].copy_from_slice(bytes);
+        Ok(staging)
+    }
+
     /// A storage buffer that holds `data`.
     pub fn upload<T: Pod>(&self, name: &str, purpose: &'static str, data: &[T]) -> Result<Buffer<T>> {
         let mut buffer = self.buffer(name, purpose, data.len())?;
@@ -235,6 +284,7 @@ impl Gpu {
             .size(bytes)
             .usage(
                 vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::INDIRECT_BUFFER
                     | vk::BufferUsageFlags::TRANSFER_SRC
                     | vk::BufferUsageFlags::TRANSFER_DST,
             )
@@ -245,34 +295,17 @@ impl Gpu {
             (handle, context.device.get_buffer_memory_requirements(handle))
         };
         context.name(handle, name);
-        let mut memory = lock(&context.memory);
-        let Some(allocator) = &mut memory.allocator else {
-            return Err(Error::new(Kind::Internal, "VGS-GPU-023", "the device is being destroyed"));
-        };
-        let made = allocator.allocate(&AllocationCreateDesc {
-            name,
-            requirements,
-            location,
-            linear: true,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        });
-        let bound = made
-            .map_err(|e| {
-                Error::new(
-                    Kind::Temporary,
-                    "VGS-GPU-024",
-                    format!("{name}: {bytes} bytes of device memory: {e}"),
-                )
-                .help("close other programs that use the GPU, use fewer splats or a smaller ROI")
-            })
-            .and_then(|allocation| {
-                // SAFETY: memory and offset are the allocator's answer to this buffer's requirements.
-                let bound = unsafe {
-                    context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset())
-                };
-                check(name, bound).map(|()| allocation)
-            });
-        let allocation = match bound {
+        let made = lock(&context.memory).allocate(
+            &AllocationCreateDesc {
+                name,
+                requirements,
+                location,
+                linear: true,
+                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+            },
+            purpose,
+        );
+        let allocation = match made {
             Ok(allocation) => allocation,
             Err(e) => {
                 // SAFETY: the buffer was never used.
@@ -280,10 +313,11 @@ impl Gpu {
                 return Err(e);
             }
         };
-        *memory.by_purpose.entry(purpose).or_default() += allocation.size();
-        memory.peak = memory.peak.max(memory.by_purpose.values().sum());
-        drop(memory);
-        Ok(Buffer {
+        // SAFETY: memory and offset are the allocator's answer to this buffer's requirements.
+        let bound =
+            unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+        // From here on `Drop` cleans up.
+        let buffer = Buffer {
             gpu: Gpu(Arc::clone(&self.0)),
             handle,
             allocation: Some(allocation),
@@ -291,6 +325,7 @@ impl Gpu {
             name: name.to_owned(),
             purpose,
             element: PhantomData,
-        })
+        };
+        check(name, bound).map(|()| buffer)
     }
 }

@@ -12,6 +12,8 @@
 #![allow(unsafe_code, reason = "calls into Vulkan; see the module text for the rules that hold throughout")]
 
 mod boot;
+mod draw;
+mod image;
 mod kernel;
 mod memory;
 mod recorder;
@@ -24,6 +26,8 @@ use ash::vk;
 use crate::error::{Error, Kind, Result};
 
 pub use boot::{Boot, DeviceDescription, GpuOptions, devices};
+pub use draw::{Drawing, DrawPass};
+pub use image::{Format, Image};
 pub use kernel::Kernel;
 pub use memory::Buffer;
 pub use recorder::{Recorder, Ticket};
@@ -53,6 +57,10 @@ pub struct Limits {
     pub timestamp_period: f32,
     /// Most workgroups along x in one dispatch.
     pub workgroups: u32,
+    /// Most texels along an axis of a volume.
+    pub volume_edge: u32,
+    /// Most pixels along an axis of a picture.
+    pub picture_edge: u32,
 }
 
 /// Everything that lives as long as the device. Field order is irrelevant: `Drop` destroys by hand, in order.
@@ -66,6 +74,8 @@ struct Context {
     queue_family: u32,
     timeline: vk::Semaphore,
     pipeline_cache: vk::PipelineCache,
+    /// Linear, clamped to the edge: the one sampler of the engine.
+    sampler: vk::Sampler,
     queue: Mutex<recorder::Submissions>,
     memory: Mutex<memory::Memory>,
     profile: Mutex<BTreeMap<String, PassTime>>,
@@ -166,6 +176,7 @@ impl Drop for Context {
             lock(&self.memory).destroy(&self.device);
             boot::save_pipeline_cache(&self.device, self.pipeline_cache, &self.description);
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
+            self.device.destroy_sampler(self.sampler, None);
             self.device.destroy_semaphore(self.timeline, None);
             self.instance.destroy_device(&self.device);
         }

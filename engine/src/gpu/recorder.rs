@@ -7,9 +7,9 @@ use std::sync::Arc;
 use ash::vk;
 use ash::vk::Handle as _;
 use bytemuck::Pod;
-use shaders_glsl::Access;
+use shaders_glsl::{Access, Resource, Shader};
 
-use super::{Buffer, Context, Gpu, Kernel, boot, check, lock};
+use super::{Buffer, Context, Gpu, Image, Kernel, boot, check, image, lock};
 use crate::error::{Error, Kind, Result};
 
 /// Timestamps in one submission: two per pass.
@@ -80,9 +80,10 @@ impl Gpu {
             context.device.cmd_reset_query_pool(slot.commands, slot.queries, 0, QUERIES);
         }
         let mut recorder =
-            Recorder { gpu: self.clone(), slot: Some(slot), passes: Vec::new(), touched: HashMap::new() };
-        // Whatever earlier submissions wrote is visible to this one.
+            Recorder { gpu: self.clone(), slot: Some(slot), passes: Vec::new(), touched: HashMap::new(), wide: true };
+        // Whatever earlier submissions wrote, drawings too, is visible to this one.
         recorder.barrier();
+        recorder.wide = false;
         Ok(recorder)
     }
 
@@ -164,16 +165,33 @@ fn new_slot(context: &Context) -> Result<Slot> {
 
 /// One submission being recorded.
 pub struct Recorder {
-    gpu: Gpu,
+    pub(super) gpu: Gpu,
     /// `None` once submitted.
     slot: Option<Slot>,
     passes: Vec<String>,
-    /// Buffers touched since the last barrier, and whether one was written.
-    touched: HashMap<vk::Buffer, bool>,
+    /// What was touched since the last barrier, and whether it was written.
+    touched: HashMap<Resident, bool>,
+    /// Whether barriers reach the graphics stages and indirect arguments, too; they need it from the first use on.
+    pub(super) wide: bool,
+}
+
+/// A resource as hazards are tracked: by its handle, which is unique only within its kind.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum Resident {
+    Buffer(vk::Buffer),
+    Image(vk::Image),
+}
+
+/// A resource bound to the next place in the shader.
+#[derive(Clone, Copy)]
+enum Bound {
+    Buffer(vk::Buffer),
+    Texture(vk::ImageView),
+    Image(vk::ImageView),
 }
 
 impl Recorder {
-    fn commands(&self) -> vk::CommandBuffer {
+    pub(super) fn commands(&self) -> vk::CommandBuffer {
         self.slot.as_ref().map_or(vk::CommandBuffer::null(), |s| s.commands)
     }
 
@@ -181,43 +199,50 @@ impl Recorder {
     /// know, a list of buffer barriers costs more than it saves.
     fn barrier(&mut self) {
         self.touched.clear();
-        let stages = vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER;
+        let mut stages = vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER;
+        let mut writes = vk::AccessFlags2::SHADER_STORAGE_WRITE | vk::AccessFlags2::TRANSFER_WRITE;
+        let mut reads = vk::AccessFlags2::SHADER_STORAGE_READ
+            | vk::AccessFlags2::SHADER_SAMPLED_READ
+            | vk::AccessFlags2::TRANSFER_READ;
+        if self.wide {
+            stages |= vk::PipelineStageFlags2::VERTEX_SHADER
+                | vk::PipelineStageFlags2::FRAGMENT_SHADER
+                | vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT
+                | vk::PipelineStageFlags2::DRAW_INDIRECT;
+            writes |= vk::AccessFlags2::COLOR_ATTACHMENT_WRITE;
+            reads |= vk::AccessFlags2::COLOR_ATTACHMENT_READ | vk::AccessFlags2::INDIRECT_COMMAND_READ;
+        }
         let barrier = [vk::MemoryBarrier2::default()
             .src_stage_mask(stages)
-            .src_access_mask(vk::AccessFlags2::SHADER_STORAGE_WRITE | vk::AccessFlags2::TRANSFER_WRITE)
+            .src_access_mask(writes)
             .dst_stage_mask(stages)
-            .dst_access_mask(
-                vk::AccessFlags2::SHADER_STORAGE_READ
-                    | vk::AccessFlags2::SHADER_STORAGE_WRITE
-                    | vk::AccessFlags2::TRANSFER_READ
-                    | vk::AccessFlags2::TRANSFER_WRITE,
-            )];
+            .dst_access_mask(reads | writes)];
         let info = vk::DependencyInfo::default().memory_barriers(&barrier);
         // SAFETY: the command buffer is recording.
         unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
     }
 
     /// Places a barrier if one of the coming accesses meets an earlier one and either writes.
-    fn touch(&mut self, accesses: &[(vk::Buffer, bool)]) {
+    pub(super) fn touch(&mut self, accesses: &[(Resident, bool)]) {
         let hazard = accesses
             .iter()
-            .any(|(buffer, write)| self.touched.get(buffer).is_some_and(|written| *write || *written));
+            .any(|(resident, write)| self.touched.get(resident).is_some_and(|written| *write || *written));
         if hazard {
             self.barrier();
         }
-        for (buffer, write) in accesses {
-            *self.touched.entry(*buffer).or_default() |= write;
+        for (resident, write) in accesses {
+            *self.touched.entry(*resident).or_default() |= write;
         }
     }
 
     /// Starts a pass of `kernel`.
     pub fn pass<'a>(&'a mut self, kernel: &'a Kernel) -> Pass<'a> {
-        Pass { recorder: self, kernel, buffers: Vec::new(), push: Vec::new() }
+        Pass { recorder: self, kernel, bindings: Bindings::default(), push: Vec::new() }
     }
 
     /// Fills a buffer with zeros.
     pub fn clear<T: Pod>(&mut self, buffer: &Buffer<T>) {
-        self.touch(&[(buffer.handle(), true)]);
+        self.touch(&[(Resident::Buffer(buffer.handle()), true)]);
         // SAFETY: recording; buffers are made with TRANSFER_DST and whole words.
         unsafe {
             self.gpu.0.device.cmd_fill_buffer(self.commands(), buffer.handle(), 0, vk::WHOLE_SIZE, 0);
@@ -254,12 +279,104 @@ impl Recorder {
         bytes: u64,
         name: &str,
     ) {
-        self.touch(&[(from, false), (to, true)]);
+        self.touch(&[(Resident::Buffer(from), false), (Resident::Buffer(to), true)]);
         let region = [vk::BufferCopy { src_offset: from_offset, dst_offset: to_offset, size: bytes }];
         self.label(name, |gpu, commands| {
             // SAFETY: recording; ranges were checked by the callers; usage has both transfer bits.
             unsafe { gpu.0.device.cmd_copy_buffer(commands, from, to, &region) };
         });
+    }
+
+    /// Brings a new image into the layout that it keeps, and clears it.
+    pub(super) fn begin_image(&mut self, image: &Image) {
+        let layout = [vk::ImageMemoryBarrier2::default()
+            .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+            .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .new_layout(vk::ImageLayout::GENERAL)
+            .image(image.handle())
+            .subresource_range(image::whole())];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&layout);
+        // SAFETY: recording; the image is new, nothing else uses it.
+        unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
+        self.clear_image(image, [0.0; 4]);
+    }
+
+    /// Fills an image with one colour.
+    pub fn clear_image(&mut self, image: &Image, colour: [f32; 4]) {
+        self.touch(&[(Resident::Image(image.handle()), true)]);
+        let colour = vk::ClearColorValue { float32: colour };
+        let range = [image::whole()];
+        // SAFETY: recording; images have TRANSFER_DST and stay in the general layout.
+        unsafe {
+            self.gpu.0.device.cmd_clear_color_image(
+                self.commands(),
+                image.handle(),
+                vk::ImageLayout::GENERAL,
+                &colour,
+                &range,
+            );
+        }
+    }
+
+    pub(super) fn copy_image<T: Pod>(&mut self, from: &Image, to: &Buffer<T>, region: vk::BufferImageCopy) {
+        self.touch(&[(Resident::Image(from.handle()), false), (Resident::Buffer(to.handle()), true)]);
+        self.label(from.name(), |gpu, commands| {
+            // SAFETY: recording; the caller made the buffer as large as the image.
+            unsafe {
+                gpu.0.device.cmd_copy_image_to_buffer(
+                    commands,
+                    from.handle(),
+                    vk::ImageLayout::GENERAL,
+                    to.handle(),
+                    &[region],
+                );
+            }
+        });
+    }
+
+    pub(super) fn fill_image<T: Pod>(&mut self, from: &Buffer<T>, to: &Image, region: vk::BufferImageCopy) {
+        self.touch(&[(Resident::Buffer(from.handle()), false), (Resident::Image(to.handle()), true)]);
+        self.label(to.name(), |gpu, commands| {
+            // SAFETY: recording; the caller made the buffer as large as the image.
+            unsafe {
+                gpu.0.device.cmd_copy_buffer_to_image(
+                    commands,
+                    from.handle(),
+                    to.handle(),
+                    vk::ImageLayout::GENERAL,
+                    &[region],
+                );
+            }
+        });
+    }
+
+    /// Runs `record` inside a debug label and, as far as there are queries, between two timestamps at `stage`.
+    pub(super) fn timed(
+        &mut self,
+        name: &str,
+        stage: vk::PipelineStageFlags2,
+        record: impl FnOnce(&Context, vk::CommandBuffer),
+    ) {
+        let query = self.passes.len() as u32 * 2;
+        let queries = self.slot.as_ref().map_or(vk::QueryPool::null(), |s| s.queries);
+        let timed = query + 2 <= QUERIES && !queries.is_null();
+        self.label(name, |gpu, commands| {
+            let context: &Arc<Context> = &gpu.0;
+            // SAFETY: recording; the two queries were reset when recording began.
+            unsafe {
+                if timed {
+                    context.device.cmd_write_timestamp2(commands, stage, queries, query);
+                }
+                record(context, commands);
+                if timed {
+                    context.device.cmd_write_timestamp2(commands, stage, queries, query + 1);
+                }
+            }
+        });
+        if timed {
+            self.passes.push(name.to_owned());
+        }
     }
 
     fn label(&self, name: &str, record: impl FnOnce(&Gpu, vk::CommandBuffer)) {
@@ -332,73 +449,170 @@ impl Drop for Recorder {
     }
 }
 
-/// One pass being described. The order of `read` and `write` is the order of the bindings in the shader. A
-/// mismatch with the shader is a bug of the caller and panics with the name of kernel and binding.
+/// What a pass binds, checked against its shaders. A mismatch is a bug of the caller and panics with the name of shader
+/// and binding.
+#[derive(Default)]
+pub(super) struct Bindings {
+    bound: Vec<Bound>,
+    pub(super) accesses: Vec<(Resident, bool)>,
+}
+
+impl Bindings {
+    /// The next place of `shader`, which must have this access.
+    fn next(&self, shader: &Shader, bindings: &[shaders_glsl::Binding], name: &str, write: bool) -> Resource {
+        let Some(binding) = bindings.get(self.bound.len()) else {
+            panic!("{} has {} bindings; {name} is one too many", shader.name, bindings.len())
+        };
+        assert_eq!(
+            binding.access != Access::Read,
+            write,
+            "{}: {} is {:?} in the shader, {name} is bound otherwise",
+            shader.name,
+            binding.name,
+            binding.access,
+        );
+        binding.resource
+    }
+
+    /// `stride` is what the elements of the shader's array must measure, bytes.
+    pub(super) fn buffer<T: Pod>(
+        &mut self,
+        shader: &Shader,
+        bindings: &[shaders_glsl::Binding],
+        buffer: &Buffer<T>,
+        stride: usize,
+        write: bool,
+    ) {
+        let resource = self.next(shader, bindings, buffer.name(), write);
+        assert_eq!(
+            resource,
+            Resource::Buffer { stride },
+            "{}: {} is not what the shader has there, or its elements differ in size",
+            shader.name,
+            buffer.name()
+        );
+        self.bound.push(Bound::Buffer(buffer.handle()));
+        self.accesses.push((Resident::Buffer(buffer.handle()), write));
+    }
+
+    fn image(&mut self, shader: &Shader, image: &Image, write: bool) {
+        let resource = self.next(shader, shader.bindings, image.name(), write);
+        let (expected, bound) = match write {
+            false => (Resource::Texture, Bound::Texture(image.view)),
+            true => (Resource::Image, Bound::Image(image.view)),
+        };
+        assert_eq!(resource, expected, "{}: {} is not what the shader has there", shader.name, image.name());
+        self.bound.push(bound);
+        self.accesses.push((Resident::Image(image.handle()), write));
+    }
+
+    /// Pushes the descriptors.
+    ///
+    /// # Safety
+    /// `commands` is recording, and `layout` is what the shader of these bindings was made with.
+    pub(super) unsafe fn push(
+        &self,
+        context: &Context,
+        commands: vk::CommandBuffer,
+        point: vk::PipelineBindPoint,
+        layout: vk::PipelineLayout,
+    ) {
+        let general = vk::ImageLayout::GENERAL;
+        let mut buffers = Vec::with_capacity(self.bound.len());
+        let mut images = Vec::with_capacity(self.bound.len());
+        for bound in &self.bound {
+            let (mut buffer, mut image) =
+                (vk::DescriptorBufferInfo::default(), vk::DescriptorImageInfo::default().image_layout(general));
+            match *bound {
+                Bound::Buffer(handle) => buffer = buffer.buffer(handle).range(vk::WHOLE_SIZE),
+                Bound::Texture(view) => image = image.image_view(view).sampler(context.sampler),
+                Bound::Image(view) => image = image.image_view(view),
+            }
+            buffers.push([buffer]);
+            images.push([image]);
+        }
+        let writes: Vec<_> = (0u32..)
+            .zip(&self.bound)
+            .zip(buffers.iter().zip(&images))
+            .map(|((number, bound), (buffer, image))| {
+                let write = vk::WriteDescriptorSet::default().dst_binding(number);
+                match bound {
+                    Bound::Buffer(_) => {
+                        write.descriptor_type(vk::DescriptorType::STORAGE_BUFFER).buffer_info(buffer)
+                    }
+                    Bound::Texture(_) => {
+                        write.descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER).image_info(image)
+                    }
+                    Bound::Image(_) => {
+                        write.descriptor_type(vk::DescriptorType::STORAGE_IMAGE).image_info(image)
+                    }
+                }
+            })
+            .collect();
+        if !writes.is_empty() {
+            // SAFETY: as the caller promises; what is bound is alive and of the kinds of the layout.
+            unsafe { context.push_descriptor.cmd_push_descriptor_set(commands, point, layout, 0, &writes) };
+        }
+    }
+}
+
+/// One pass being described. The order in which resources are bound is the order of the bindings in the shader.
 pub struct Pass<'a> {
     recorder: &'a mut Recorder,
     kernel: &'a Kernel,
-    buffers: Vec<(vk::Buffer, bool)>,
+    bindings: Bindings,
     push: Vec<u8>,
+}
+
+/// How many workgroups.
+enum Groups {
+    Of([u32; 3]),
+    /// Read from a buffer at this byte.
+    From(vk::Buffer, u64),
 }
 
 impl<'a> Pass<'a> {
     /// Binds the next buffer for reading.
     #[must_use]
     pub fn read<T: Pod>(self, buffer: &'a Buffer<T>) -> Self {
-        self.bind(buffer, false)
+        self.bind(buffer, size_of::<T>(), false)
     }
 
     /// Binds the next buffer for writing (or reading and writing).
     #[must_use]
     pub fn write<T: Pod>(self, buffer: &'a mut Buffer<T>) -> Self {
-        self.bind(buffer, true)
+        self.bind(buffer, size_of::<T>(), true)
     }
 
     /// Binds the next buffer for reading where the shader sees rows of any type as plain words.
     #[must_use]
     pub fn read_words<T: Pod>(self, buffer: &'a Buffer<T>) -> Self {
-        self.bind_rows(buffer, size_of::<u32>(), false)
+        self.bind(buffer, size_of::<u32>(), false)
     }
 
     /// Binds the next buffer for writing where the shader sees rows of any type as plain words.
     #[must_use]
     pub fn write_words<T: Pod>(self, buffer: &'a mut Buffer<T>) -> Self {
-        self.bind_rows(buffer, size_of::<u32>(), true)
+        self.bind(buffer, size_of::<u32>(), true)
     }
 
-    fn bind<T: Pod>(self, buffer: &Buffer<T>, write: bool) -> Self {
-        self.bind_rows(buffer, size_of::<T>(), write)
+    /// Binds the next image, to be sampled.
+    #[must_use]
+    pub fn sample(mut self, image: &'a Image) -> Self {
+        self.bindings.image(self.kernel.shader, image, false);
+        self
     }
 
-    /// `stride` is what the elements of the shader's array must measure, bytes.
-    fn bind_rows<T: Pod>(mut self, buffer: &Buffer<T>, stride: usize, write: bool) -> Self {
+    /// Binds the next image, to be written.
+    #[must_use]
+    pub fn write_image(mut self, image: &'a mut Image) -> Self {
+        self.bindings.image(self.kernel.shader, image, true);
+        self
+    }
+
+    fn bind<T: Pod>(mut self, buffer: &Buffer<T>, stride: usize, write: bool) -> Self {
         let shader = self.kernel.shader;
-        let Some(binding) = shader.bindings.get(self.buffers.len()) else {
-            panic!(
-                "{} has {} bindings; {} is one too many",
-                shader.name,
-                shader.bindings.len(),
-                buffer.name()
-            )
-        };
-        assert_eq!(
-            binding.access != Access::Read,
-            write,
-            "{}: {} is {:?} in the shader, {} is bound otherwise",
-            shader.name,
-            binding.name,
-            binding.access,
-            buffer.name()
-        );
-        assert_eq!(
-            binding.stride,
-            stride,
-            "{}: elements of {} and {} differ in size",
-            shader.name,
-            binding.name,
-            buffer.name()
-        );
-        self.buffers.push((buffer.handle(), write));
+        self.bindings.buffer(shader, shader.bindings, buffer, stride, write);
         self
     }
 
@@ -411,67 +625,53 @@ impl<'a> Pass<'a> {
 
     /// Records the pass over `x` workgroups; none at all for 0.
     pub fn dispatch(self, x: u32) {
-        let Pass { recorder, kernel, buffers, push } = self;
-        let shader = kernel.shader;
-        assert_eq!(buffers.len(), shader.bindings.len(), "{}: a buffer is missing", shader.name);
-        assert_eq!(push.len(), shader.push_bytes, "{}: push constants differ in size", shader.name);
-        assert!(x <= recorder.gpu.0.limits.workgroups, "{}: {x} workgroups are too many", shader.name);
-        if x == 0 {
-            return;
+        self.dispatch_3d([x, 1, 1]);
+    }
+
+    /// Records the pass over so many workgroups along x, y and z; none at all where one is 0.
+    pub fn dispatch_3d(self, groups: [u32; 3]) {
+        let most = self.recorder.gpu.0.limits.workgroups;
+        let name = self.kernel.shader.name;
+        // Every device allows 65535 along y and z.
+        assert!(groups[0] <= most && groups[1].max(groups[2]) <= 65535, "{name}: {groups:?} workgroups are too many");
+        if !groups.contains(&0) {
+            self.record(Groups::Of(groups));
         }
-        recorder.touch(&buffers);
-        let infos: Vec<_> = buffers
-            .iter()
-            .map(|(b, _)| [vk::DescriptorBufferInfo { buffer: *b, offset: 0, range: vk::WHOLE_SIZE }])
-            .collect();
-        let writes: Vec<_> = infos
-            .iter()
-            .enumerate()
-            .map(|(i, info)| {
-                vk::WriteDescriptorSet::default()
-                    .dst_binding(i as u32)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
-                    .buffer_info(info)
-            })
-            .collect();
-        let query = recorder.passes.len() as u32 * 2;
-        let queries = recorder.slot.as_ref().map_or(vk::QueryPool::null(), |s| s.queries);
-        let timed = query + 2 <= QUERIES && !queries.is_null();
-        recorder.label(shader.name, |gpu, commands| {
-            let context: &Arc<Context> = &gpu.0;
+    }
+
+    /// Records the pass over as many workgroups as `counts[index]` says when it runs.
+    pub fn dispatch_indirect(self, counts: &Buffer<[u32; 3]>, index: usize) {
+        assert!(index < counts.len(), "{}: no such row", counts.name());
+        let handle = counts.handle();
+        self.record(Groups::From(handle, (index * size_of::<[u32; 3]>()) as u64));
+    }
+
+    fn record(self, groups: Groups) {
+        let Pass { recorder, kernel, mut bindings, push } = self;
+        let shader = kernel.shader;
+        assert_eq!(bindings.bound.len(), shader.bindings.len(), "{}: a resource is missing", shader.name);
+        assert_eq!(push.len(), shader.push_bytes, "{}: push constants differ in size", shader.name);
+        if let Groups::From(buffer, _) = groups {
+            recorder.wide = true;
+            bindings.accesses.push((Resident::Buffer(buffer), false));
+        }
+        recorder.touch(&bindings.accesses);
+        recorder.timed(shader.name, vk::PipelineStageFlags2::COMPUTE_SHADER, |context, commands| {
             let device = &context.device;
-            // SAFETY: recording; pipeline, layout and buffers are live, the reflected layout matches what is pushed,
-            // and the two queries were reset when recording began.
+            // SAFETY: recording; pipeline, layout and resources are live, the reflected layout matches what is pushed,
+            // and indirect counts lie in a buffer made for them.
             unsafe {
                 device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline);
-                context.push_descriptor.cmd_push_descriptor_set(
-                    commands,
-                    vk::PipelineBindPoint::COMPUTE,
-                    kernel.layout,
-                    0,
-                    &writes,
-                );
+                bindings.push(context, commands, vk::PipelineBindPoint::COMPUTE, kernel.layout);
                 if !push.is_empty() {
-                    device.cmd_push_constants(
-                        commands,
-                        kernel.layout,
-                        vk::ShaderStageFlags::COMPUTE,
-                        0,
-                        &push,
-                    );
+                    let stages = vk::ShaderStageFlags::COMPUTE;
+                    device.cmd_push_constants(commands, kernel.layout, stages, 0, &push);
                 }
-                if timed {
-                    let stage = vk::PipelineStageFlags2::COMPUTE_SHADER;
-                    device.cmd_write_timestamp2(commands, stage, queries, query);
-                    device.cmd_dispatch(commands, x, 1, 1);
-                    device.cmd_write_timestamp2(commands, stage, queries, query + 1);
-                } else {
-                    device.cmd_dispatch(commands, x, 1, 1);
+                match groups {
+                    Groups::Of([x, y, z]) => device.cmd_dispatch(commands, x, y, z),
+                    Groups::From(buffer, offset) => device.cmd_dispatch_indirect(commands, buffer, offset),
                 }
             }
         });
-        if timed {
-            recorder.passes.push(shader.name.to_owned());
-        }
     }
 }

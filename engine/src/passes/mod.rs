@@ -1,6 +1,7 @@
 //! One file per kernel or group of kernels that belong together: the pipelines, the scratch buffers, and how they are
 //! recorded. A pass knows buffers and counts; what they mean for a fit is `fit`'s business.
 
+pub mod activity;
 pub mod adam;
 pub mod bin;
 pub mod gradient;
@@ -12,7 +13,9 @@ pub mod rasterise;
 pub mod rows;
 pub mod scan;
 mod storage;
+pub mod tiles;
 
+pub use activity::Activity;
 pub use adam::Adam;
 pub use bin::Binner;
 pub use gradient::Gradient;
@@ -25,6 +28,7 @@ pub use rows::Rows;
 pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
 pub use storage::Storage;
+pub use tiles::TileBinner;
 
 use crate::gpu::Gpu;
 

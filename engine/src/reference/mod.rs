@@ -5,6 +5,7 @@
 //! Twins use plain loops over all samples and all splats. They are for tests and never touch the GPU.
 
 pub mod adam;
+pub mod eye;
 pub mod half;
 pub mod loss;
 pub mod moments_to_grad;
@@ -15,6 +16,7 @@ pub mod raymarch;
 pub mod rows;
 pub mod samples;
 pub mod scan;
+pub mod slab;
 pub mod splat_bounds;
 pub mod splat_to_volume;
 pub mod splat_to_volume_grad;

@@ -78,7 +78,7 @@ pub struct Adjoint {
     pub weight: f64,
 }
 
-fn vec3(v: [f32; 3]) -> DVec3 {
+pub(super) fn vec3(v: [f32; 3]) -> DVec3 {
     DVec3::from_array(v.map(f64::from))
 }
 

@@ -1,1 +1,240 @@
 //! Rendering: a scene of splats or of a volume, seen through a transfer function.
+//!
+//! A [`Scene`] holds splats, a volume or both, in one space: world mm RAS less the scene's origin. A [`Look`] says what is
+//! seen of it and may change at any time. A [`Mode`] turns it into pictures; [`MODES`] lists them. All modes see the same
+//! medium, with extinction σ(x) = O(x) τ(V(x)) (1/mm) and colour C(V(x)), by emission and absorption (Max 1995), use the
+//! same light, and give the same depth; they differ in what stands for V and O and in how the integral is taken.
+//!
+//! Colours are display-referred: numbers of an sRGB picture, added up as they are, as VTK and Slicer do.
+
+mod camera;
+mod cloud;
+mod look;
+mod medium;
+mod slab;
+mod target;
+
+pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
+pub use cloud::Cloud;
+pub use look::{ClipPlane, Classification, Look, LookBuffers, PLANES};
+pub use medium::{Medium, MediumSource};
+pub use target::Target;
+
+use glam::DVec3;
+use shaders_glsl::types::View;
+
+use crate::error::{Error, Kind, Result};
+use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::splat::SplatSet;
+
+/// What is rendered, on the device.
+pub struct Scene {
+    gpu: Gpu,
+    /// Zero of the scene's space in the world, mm RAS.
+    pub origin: DVec3,
+    /// The splats, if there are any.
+    pub cloud: Option<Cloud>,
+    /// The volume, if there is one.
+    pub medium: Option<Medium>,
+    look: Look,
+    buffers: LookBuffers,
+}
+
+impl Scene {
+    /// Of splats, of a volume, or of both, at first seen as `look` says.
+    pub fn new(gpu: &Gpu, splats: Option<&SplatSet>, volume: Option<&MediumSource<'_>>, look: &Look) -> Result<Self> {
+        let origin = match (splats, volume) {
+            (Some(set), _) => set.origin_mm,
+            (None, Some(source)) => source.centre(),
+            (None, None) => {
+                return Err(Error::new(Kind::NothingToDo, "VGS-RENDER-001", "a scene of nothing")
+                    .help("give splats, a volume, or both"));
+            }
+        };
+        let cloud = splats.map(|set| Cloud::new(gpu, set)).transpose()?;
+        let medium = volume.map(|source| Medium::new(gpu, source, origin)).transpose()?;
+        let range = range_of(cloud.as_ref(), medium.as_ref());
+        let buffers = LookBuffers::new(gpu, look, range, origin)?;
+        let mut scene = Scene { gpu: gpu.clone(), origin, cloud, medium, look: look.clone(), buffers };
+        scene.list_active()?;
+        Ok(scene)
+    }
+
+    /// Changes how the scene is seen. Nothing that is in flight is disturbed.
+    pub fn set_look(&mut self, look: &Look) -> Result<()> {
+        let range = range_of(self.cloud.as_ref(), self.medium.as_ref());
+        self.buffers = LookBuffers::new(&self.gpu, look, range, self.origin)?;
+        self.look = look.clone();
+        self.list_active()
+    }
+
+    /// How the scene is seen.
+    pub fn look(&self) -> &Look {
+        &self.look
+    }
+
+    pub(crate) fn look_buffers(&self) -> &LookBuffers {
+        &self.buffers
+    }
+
+    /// Corners of the box around all there is, mm RAS.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        let cloud = self.cloud.as_ref().map(|c| c.bounds);
+        let medium = self.medium.as_ref().map(|m| m.bounds);
+        let [low, high] = match (cloud, medium) {
+            (Some(a), Some(b)) => [a[0].min(b[0]), a[1].max(b[1])],
+            (a, b) => a.or(b).unwrap_or_default(),
+        };
+        [low + self.origin, high + self.origin]
+    }
+
+    fn list_active(&mut self) -> Result<()> {
+        let mut recorder = self.gpu.record()?;
+        if let Some(cloud) = &mut self.cloud {
+            cloud.record_activity(&mut recorder, &self.buffers);
+        }
+        if let Some(medium) = &mut self.medium {
+            medium.record_occupancy(&mut recorder, &self.buffers);
+        }
+        recorder.submit()?;
+        Ok(())
+    }
+}
+
+/// Least and greatest intensity of all there is.
+fn range_of(cloud: Option<&Cloud>, medium: Option<&Medium>) -> [f64; 2] {
+    match (cloud.map(|c| c.range), medium.map(|m| m.range)) {
+        (Some(a), Some(b)) => [a[0].min(b[0]), a[1].max(b[1])],
+        (a, b) => a.or(b).unwrap_or([0.0, 1.0]),
+    }
+}
+
+/// What a mode is made for; to change one of these is to make the mode anew.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Width and height of the pictures, pixels.
+    pub size: [u32; 2],
+    /// Views that are rendered at once: 1, or 2 for a headset.
+    pub views: u32,
+    /// Whether colour is kept in floats rather than in halves.
+    pub precise: bool,
+    /// Whether depth is kept.
+    pub depth: bool,
+    /// Distance of the slabs in units of [`Cloud::sigma_mm`]; of the samples of a volume in units of its voxels.
+    pub step: f64,
+    /// How the transfer function is applied; by the look's own choice where nothing is said.
+    pub classification: Option<Classification>,
+    /// Rays end where less light than this would pass.
+    pub dark: f32,
+}
+
+impl Settings {
+    /// One view of this size, at full quality.
+    pub fn new(size: [u32; 2]) -> Self {
+        Settings { size, views: 1, precise: false, depth: false, step: 1.0, classification: None, dark: 1.0 / 512.0 }
+    }
+}
+
+/// A way to render a scene.
+pub trait Mode {
+    /// Records the rendering of `views`, one for each layer of the target. The target is overwritten.
+    fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        scene: &Scene,
+        views: &Buffer<View>,
+        target: &mut Target,
+    ) -> Result<()>;
+
+    /// Looks at what a frame that has finished needed, and makes room where that was more than there was. Whether the
+    /// frame must be rendered again.
+    fn settle(&mut self) -> Result<bool> {
+        Ok(false)
+    }
+}
+
+/// A row of [`MODES`].
+pub struct ModeRow {
+    /// Name on the command line and in tables.
+    pub name: &'static str,
+    /// What it is, in a line.
+    pub about: &'static str,
+    /// Whether it renders splats rather than the volume.
+    pub of_splats: bool,
+    make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
+}
+
+/// The modes, from the most accurate to the fastest.
+pub static MODES: [ModeRow; 2] = [
+    ModeRow {
+        name: "exact",
+        about: "the splats' field in steps of a tenth of a standard deviation",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(slab::Slab::exact(gpu, scene, settings)?)),
+    },
+    ModeRow {
+        name: "slab",
+        about: "the splats' field in slabs, classified after it is added up",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(slab::Slab::new(gpu, scene, settings)?)),
+    },
+];
+
+/// The row of a mode.
+pub fn mode(name: &str) -> Result<&'static ModeRow> {
+    MODES.iter().find(|m| m.name == name).ok_or_else(|| {
+        let names: Vec<_> = MODES.iter().map(|m| m.name).collect();
+        Error::new(Kind::Usage, "VGS-RENDER-002", format!("there is no mode {name:?}"))
+            .help(format!("modes are {}", names.join(", ")))
+    })
+}
+
+/// A mode with its target and its views: what renders a scene offscreen.
+pub struct Renderer {
+    gpu: Gpu,
+    mode: Box<dyn Mode>,
+    views: Buffer<View>,
+    /// What was rendered last.
+    pub target: Target,
+}
+
+impl Renderer {
+    /// Fails where the scene has not what the mode renders.
+    pub fn new(gpu: &Gpu, mode: &ModeRow, scene: &Scene, settings: &Settings) -> Result<Self> {
+        let there = if mode.of_splats { scene.cloud.is_some() } else { scene.medium.is_some() };
+        if !there {
+            let needed = if mode.of_splats { "splats" } else { "a volume" };
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-RENDER-003",
+                format!("mode {} needs {needed}, and the scene has none", mode.name),
+            )
+            .help("choose another --mode, or give what is missing"));
+        }
+        Ok(Renderer {
+            gpu: gpu.clone(),
+            mode: (mode.make)(gpu, scene, settings)?,
+            views: gpu.buffer("views", "views", settings.views as usize)?,
+            target: Target::new(gpu, settings.size, settings.views, settings.precise, settings.depth)?,
+        })
+    }
+
+    /// Renders one picture for each camera and waits for them.
+    ///
+    /// # Panics
+    /// If there are not as many cameras as the settings had views.
+    pub fn render(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<()> {
+        let views: Vec<View> = cameras.iter().map(|c| c.view(scene.origin)).collect();
+        assert_eq!(views.len(), self.views.len(), "one camera a view");
+        self.views.write_range(0, &views)?;
+        loop {
+            let mut recorder = self.gpu.record()?;
+            self.mode.record(&mut recorder, scene, &self.views, &mut self.target)?;
+            let ticket = recorder.submit()?;
+            self.gpu.wait(ticket)?;
+            if !self.mode.settle()? {
+                return Ok(());
+            }
+        }
+    }
+}

@@ -1,1 +1,15 @@
 //! Transfer functions: from an intensity to colour and opacity per millimetre.
+//!
+//! A [`TransferFunction`] has control points over intensity (HU for CT) and is linear between them. Its opacity α per
+//! millimetre stands for the extinction τ = −ln(1 − α) in 1/mm. [`presets`] has those with a name, [`window_level`]
+//! makes a grey ramp, and a [`Table`] is what a renderer uploads and looks up.
+
+mod function;
+pub mod presets;
+mod table;
+mod window;
+
+pub use function::{ColourPoint, MAX_INTENSITY, MAX_OPACITY, Material, OpacityPoint, TransferFunction};
+pub use presets::{PRESETS, Preset, Scale, preset};
+pub use table::Table;
+pub use window::{WINDOW_OPACITY, WINDOWS, Window, window, window_level};

@@ -1,0 +1,288 @@
+//! Images on explicit memory: volumes that are sampled, and pictures that passes write. They stay in the general layout
+//! from birth on, so that nobody keeps track of layouts.
+
+use std::sync::Arc;
+
+use ash::vk;
+use bytemuck::Pod;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use super::memory::Remains;
+use super::{Context, Gpu, check, lock};
+use crate::error::{Error, Kind, Result};
+
+/// What a texel is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// Four 32-bit floats.
+    Rgba32f,
+    /// Four 16-bit floats.
+    Rgba16f,
+    /// One 32-bit float.
+    R32f,
+    /// One 16-bit fraction, 0 to 1.
+    R16,
+    /// Two 16-bit fractions, 0 to 1.
+    Rg16,
+}
+
+impl Format {
+    pub(super) fn vk(self) -> vk::Format {
+        match self {
+            Format::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
+            Format::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
+            Format::R32f => vk::Format::R32_SFLOAT,
+            Format::R16 => vk::Format::R16_UNORM,
+            Format::Rg16 => vk::Format::R16G16_UNORM,
+        }
+    }
+
+    /// Bytes of a texel.
+    pub fn bytes(self) -> usize {
+        match self {
+            Format::Rgba32f => 16,
+            Format::Rgba16f => 8,
+            Format::R32f | Format::Rg16 => 4,
+            Format::R16 => 2,
+        }
+    }
+}
+
+/// An image in device memory: a volume, or a picture of one or more layers.
+pub struct Image {
+    gpu: Gpu,
+    handle: vk::Image,
+    pub(super) view: vk::ImageView,
+    /// `None` only inside `Drop`.
+    allocation: Option<Allocation>,
+    size: [u32; 3],
+    layers: u32,
+    pub(super) format: Format,
+    name: String,
+    purpose: &'static str,
+}
+
+impl Image {
+    /// Width, height and depth, texels.
+    pub fn size(&self) -> [u32; 3] {
+        self.size
+    }
+
+    /// Layers of a picture; 1 for a volume.
+    pub fn layers(&self) -> u32 {
+        self.layers
+    }
+
+    /// What a texel is made of.
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Name of the image.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(super) fn handle(&self) -> vk::Image {
+        self.handle
+    }
+
+    fn region(&self) -> vk::BufferImageCopy {
+        vk::BufferImageCopy::default()
+            .image_subresource(
+                vk::ImageSubresourceLayers::default()
+                    .aspect_mask(vk::ImageAspectFlags::COLOR)
+                    .layer_count(self.layers),
+            )
+            .image_extent(vk::Extent3D { width: self.size[0], height: self.size[1], depth: self.size[2] })
+    }
+
+    fn texels(&self) -> usize {
+        self.size.iter().map(|&n| n as usize).product::<usize>() * self.layers as usize
+    }
+
+    /// Reads all texels back, layer after layer, x fastest. Waits for the device.
+    ///
+    /// # Panics
+    /// If `T` has not the size of a texel.
+    pub fn read<T: Pod>(&self) -> Result<Vec<T>> {
+        assert_eq!(size_of::<T>(), self.format.bytes(), "{}: texels differ in size", self.name);
+        let staging = self.gpu.readback::<T>(&format!("{} read back", self.name), self.texels())?;
+        let mut recorder = self.gpu.record()?;
+        recorder.copy_image(self, &staging, self.region());
+        let ticket = recorder.submit()?;
+        self.gpu.wait(ticket)?;
+        Ok(staging.mapped()?.to_vec())
+    }
+
+    /// Overwrites all texels. Waits for the device.
+    ///
+    /// # Panics
+    /// If `data` is not one `T` of a texel's size for every texel.
+    pub fn write<T: Pod>(&mut self, data: &[T]) -> Result<()> {
+        assert_eq!(size_of::<T>(), self.format.bytes(), "{}: texels differ in size", self.name);
+        assert_eq!(data.len(), self.texels(), "{}: number of texels", self.name);
+        let staging = self.gpu.staged(&format!("{} upload", self.name), data)?;
+        let mut recorder = self.gpu.record()?;
+        recorder.fill_image(&staging, self, self.region());
+        let ticket = recorder.submit()?;
+        self.gpu.wait(ticket)
+    }
+}
+
+impl Drop for Image {
+    fn drop(&mut self) {
+        let last = lock(&self.gpu.0.queue).last_value();
+        if let Some(allocation) = self.allocation.take() {
+            lock(&self.gpu.0.memory).retire(
+                last,
+                Remains::Image(self.handle, self.view),
+                allocation,
+                self.purpose,
+            );
+        }
+    }
+}
+
+impl Gpu {
+    /// A volume of `size` texels to be sampled with trilinear interpolation and clamped at its faces; all zero.
+    pub fn volume(
+        &self,
+        name: &str,
+        purpose: &'static str,
+        format: Format,
+        size: [u32; 3],
+    ) -> Result<Image> {
+        let most = self.0.limits.volume_edge;
+        if size.iter().any(|&n| n > most) {
+            return Err(Error::new(
+                Kind::Unavailable,
+                "VGS-GPU-026",
+                format!("{name} has {size:?} voxels; {} samples at most {most} along an axis", self.0.description.name),
+            )
+            .help("use a smaller region of interest or a coarser volume"));
+        }
+        let usage =
+            vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::TRANSFER_SRC;
+        self.image(name, purpose, format, size, 1, vk::ImageType::TYPE_3D, usage)
+    }
+
+    /// A picture of `size` pixels and so many layers that kernels write and drawings are drawn to; all zero.
+    pub fn picture(
+        &self,
+        name: &str,
+        purpose: &'static str,
+        format: Format,
+        size: [u32; 2],
+        layers: u32,
+    ) -> Result<Image> {
+        let most = self.0.limits.picture_edge;
+        if size.iter().any(|&n| n > most || n == 0) {
+            return Err(Error::new(
+                Kind::Unavailable,
+                "VGS-GPU-027",
+                format!("a picture of {}x{} pixels; {} draws 1 to {most} along an axis", size[0], size[1], self.0.description.name),
+            )
+            .help("choose another --size"));
+        }
+        let usage = vk::ImageUsageFlags::STORAGE
+            | vk::ImageUsageFlags::COLOR_ATTACHMENT
+            | vk::ImageUsageFlags::SAMPLED
+            | vk::ImageUsageFlags::TRANSFER_DST
+            | vk::ImageUsageFlags::TRANSFER_SRC;
+        self.image(name, purpose, format, [size[0], size[1], 1], layers, vk::ImageType::TYPE_2D, usage)
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "private; the two callers above fix most of them")]
+    fn image(
+        &self,
+        name: &str,
+        purpose: &'static str,
+        format: Format,
+        size: [u32; 3],
+        layers: u32,
+        kind: vk::ImageType,
+        usage: vk::ImageUsageFlags,
+    ) -> Result<Image> {
+        let context: &Context = &self.0;
+        let [width, height, depth] = size;
+        let info = vk::ImageCreateInfo::default()
+            .image_type(kind)
+            .format(format.vk())
+            .extent(vk::Extent3D { width, height, depth })
+            .mip_levels(1)
+            .array_layers(layers)
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .tiling(vk::ImageTiling::OPTIMAL)
+            .usage(usage)
+            .sharing_mode(vk::SharingMode::EXCLUSIVE)
+            .initial_layout(vk::ImageLayout::UNDEFINED);
+        // SAFETY: the device is live; sizes were checked against its limits by the callers.
+        let (handle, requirements) = unsafe {
+            let handle = check(name, context.device.create_image(&info, None))?;
+            (handle, context.device.get_image_memory_requirements(handle))
+        };
+        context.name(handle, name);
+        let mut image = Image {
+            gpu: Gpu(Arc::clone(&self.0)),
+            handle,
+            view: vk::ImageView::null(),
+            allocation: None,
+            size,
+            layers,
+            format,
+            name: name.to_owned(),
+            purpose,
+        };
+        let placed = lock(&context.memory).allocate(
+            &AllocationCreateDesc {
+                name,
+                requirements,
+                location: MemoryLocation::GpuOnly,
+                linear: false,
+                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+            },
+            purpose,
+        );
+        let allocation = match placed {
+            Ok(allocation) => allocation,
+            Err(e) => {
+                // SAFETY: the image was never used; without an allocation its `Drop` does nothing.
+                unsafe { context.device.destroy_image(handle, None) };
+                return Err(e);
+            }
+        };
+        let (memory, offset) = {
+            // SAFETY: read only to bind; the allocation outlives the image.
+            unsafe { (allocation.memory(), allocation.offset()) }
+        };
+        // From here on `Drop` cleans up.
+        image.allocation = Some(allocation);
+        // SAFETY: memory and offset are the allocator's answer to this image's requirements.
+        check(name, unsafe { context.device.bind_image_memory(handle, memory, offset) })?;
+        let view_kind = match kind {
+            vk::ImageType::TYPE_3D => vk::ImageViewType::TYPE_3D,
+            _ => vk::ImageViewType::TYPE_2D_ARRAY,
+        };
+        let view_info = vk::ImageViewCreateInfo::default()
+            .image(handle)
+            .view_type(view_kind)
+            .format(format.vk())
+            .subresource_range(whole());
+        // SAFETY: the image is bound to memory and has the usage that the view inherits.
+        image.view = check(name, unsafe { context.device.create_image_view(&view_info, None) })?;
+        let mut recorder = self.record()?;
+        recorder.begin_image(&image);
+        recorder.submit()?;
+        Ok(image)
+    }
+}
+
+/// All layers of an image.
+pub(super) fn whole() -> vk::ImageSubresourceRange {
+    vk::ImageSubresourceRange::default()
+        .aspect_mask(vk::ImageAspectFlags::COLOR)
+        .level_count(1)
+        .layer_count(vk::REMAINING_ARRAY_LAYERS)
+}

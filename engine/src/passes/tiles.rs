@@ -1,0 +1,163 @@
+//! Splats to the tiles and blocks of planes that they reach: projection, pairs sorted by (view, tile, block), and where
+//! the pairs of each begin.
+
+use shaders_glsl as glsl;
+use shaders_glsl::types::{EmitParams, ProjectParams, Projected, RangeParams, TileGrid, View};
+
+use super::{RadixSort, Scan};
+use crate::error::{Error, Kind, Result};
+use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
+use crate::splat::{self, Splat};
+
+/// Pixels along the edge of a tile.
+pub const TILE: u32 = 16;
+/// Invocations of a workgroup of the kernels that own a splat.
+const GROUP: usize = 64;
+/// Pairs of one workgroup of `brick_ranges`.
+const PAIR_GROUP: u32 = 256;
+/// Most rows of projected splats: a pair keeps 8 of its 32 bits for the parts of a tile.
+const MOST_ROWS: usize = 1 << 24;
+
+/// Sorts the splats of all views into tiles and blocks.
+pub struct TileBinner {
+    gpu: Gpu,
+    project: Kernel,
+    emit: Kernel,
+    ranges: Kernel,
+    scan: Scan,
+    sort: RadixSort,
+    /// Splats as each view sees them, [view][place among the active ones].
+    pub projected: Buffer<Projected>,
+    boxes: Buffer<[u32; 4]>,
+    pair_counts: Buffer<u32>,
+    pair_offsets: Buffer<u32>,
+    /// First pair of each (view, tile, block), and the total.
+    pub starts: Buffer<u32>,
+    needed: Buffer<u32>,
+    lists: usize,
+    views: u32,
+    splat_count: usize,
+}
+
+impl TileBinner {
+    /// For so many splats in so many views of a grid.
+    pub fn new(
+        gpu: &Gpu,
+        kernel: splat::Kernel,
+        grid: &TileGrid,
+        views: u32,
+        splat_count: usize,
+    ) -> Result<Self> {
+        let rows = splat_count * views as usize;
+        if rows > MOST_ROWS {
+            return Err(Error::new(
+                Kind::Unavailable,
+                "VGS-RENDER-010",
+                format!("{splat_count} splats in {views} views; there can be {MOST_ROWS} rows in all"),
+            )
+            .help("render fewer splats, or one view at a time"));
+        }
+        let lists = (views * grid.tiles[0] * grid.tiles[1] * grid.blocks) as usize;
+        Ok(TileBinner {
+            gpu: gpu.clone(),
+            project: Kernel::new(gpu, &glsl::PROJECT_SPLATS, &[kernel.id()])?,
+            emit: Kernel::new(gpu, &glsl::EMIT_TILE_PAIRS, &[kernel.id()])?,
+            ranges: Kernel::new(gpu, &glsl::BRICK_RANGES, &[])?,
+            scan: Scan::new(gpu, rows)?,
+            sort: RadixSort::new(gpu, (rows * 8).max(4096))?,
+            projected: gpu.buffer("projected splats", "views", rows)?,
+            boxes: gpu.buffer("boxes of tiles", "views", rows)?,
+            pair_counts: gpu.buffer("pair counts", "sorting", rows)?,
+            pair_offsets: gpu.buffer("pair offsets", "sorting", rows + 1)?,
+            starts: gpu.buffer("pair starts", "sorting", lists + 1)?,
+            needed: gpu.readback("pairs needed", 1)?,
+            lists,
+            views,
+            splat_count,
+        })
+    }
+
+    /// Pairs that fit the buffers.
+    pub fn capacity(&self) -> usize {
+        self.sort.capacity()
+    }
+
+    /// Pairs that the last frame that has finished needed.
+    pub fn needed(&self) -> Result<usize> {
+        Ok(self.needed.mapped()?[0] as usize)
+    }
+
+    /// Makes room for at least `pairs`, with a margin. Nothing may be in flight.
+    pub fn grow(&mut self, pairs: usize) -> Result<()> {
+        let limits = self.gpu.limits();
+        let most = (limits.storage_range as usize / size_of::<u32>())
+            .min(limits.workgroups as usize * PAIR_GROUP as usize - 1);
+        if pairs > most {
+            return Err(Error::new(
+                Kind::Temporary,
+                "VGS-RENDER-011",
+                format!("{pairs} pairs of a splat and a tile are needed at once; this device binds at most {most}"),
+            )
+            .help("render a smaller picture, fewer splats, or with a greater --step"));
+        }
+        self.sort = RadixSort::new(&self.gpu, (pairs + pairs / 4).min(most))?;
+        Ok(())
+    }
+
+    /// Records projection and sorting of the active splats.
+    pub fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        grid: &TileGrid,
+        background: f32,
+        views: &Buffer<View>,
+        splats: &Buffer<Splat>,
+        (active, count): (&Buffer<u32>, &Buffer<u32>),
+    ) {
+        let rows = self.splat_count * self.views as usize;
+        let groups = [self.splat_count.div_ceil(GROUP) as u32, self.views, 1];
+        recorder
+            .pass(&self.project)
+            .read(views)
+            .read(splats)
+            .read(active)
+            .read(count)
+            .write(&mut self.projected)
+            .write(&mut self.boxes)
+            .write(&mut self.pair_counts)
+            .push(&ProjectParams { grid: *grid, background })
+            .dispatch_3d(groups);
+        self.scan.record(recorder, &self.pair_counts, rows, &mut self.pair_offsets);
+        recorder.copy(&self.pair_offsets, rows, &mut self.needed, 0, 1);
+        let (keys, values) = self.sort.input();
+        recorder
+            .pass(&self.emit)
+            .read(views)
+            .read(&self.projected)
+            .read(&self.boxes)
+            .read(&self.pair_offsets)
+            .write(keys)
+            .write(values)
+            .push(&EmitParams { grid: *grid })
+            .dispatch_3d(groups);
+        let capacity = self.sort.capacity() as u32;
+        let bits = self.key_bits();
+        let (keys, _) = self.sort.record(recorder, &self.pair_offsets, rows, bits);
+        recorder
+            .pass(&self.ranges)
+            .read(&self.pair_offsets)
+            .read(keys)
+            .write(&mut self.starts)
+            .push(&RangeParams { slot_count: self.lists as u32, count_index: rows as u32, capacity })
+            .dispatch((capacity + 1).div_ceil(PAIR_GROUP));
+    }
+
+    fn key_bits(&self) -> u32 {
+        usize::BITS - self.lists.leading_zeros()
+    }
+
+    /// The value of each sorted pair: row of the projected splat, and parts of the tile in the upper 8 bits.
+    pub fn pairs(&self) -> &Buffer<u32> {
+        self.sort.sorted_values(self.key_bits())
+    }
+}

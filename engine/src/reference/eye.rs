@@ -1,0 +1,107 @@
+//! What all twins of a render mode share: rays, light and the sum along a ray.
+
+use glam::{DMat3, DVec3};
+use shaders_glsl::types::View;
+
+use super::types::vec3;
+use crate::transfer::Material;
+
+/// One eye, in f64. Eye space: x to the right, y up, z the distance along the viewing direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Eye {
+    /// Where it is, mm in the space of the scene.
+    pub position: DVec3,
+    /// Rotation from the scene to eye space.
+    pub turn: DMat3,
+    /// x/z of the left and the right edge of the picture, y/z of the upper and the lower one.
+    pub tangents: [f64; 4],
+}
+
+impl From<&View> for Eye {
+    fn from(v: &View) -> Self {
+        let rows = DMat3::from_cols(vec3(v.right), vec3(v.up), vec3(v.forward));
+        Eye { position: vec3(v.eye), turn: rows.transpose(), tangents: v.tangents.map(f64::from) }
+    }
+}
+
+impl Eye {
+    /// A point of the scene in eye space.
+    pub fn seen(&self, x: DVec3) -> DVec3 {
+        self.turn * (x - self.position)
+    }
+
+    /// The ray through a place of a picture of `size` pixels, in pixels from its upper left corner: in eye space, of
+    /// depth 1.
+    pub fn ray(&self, place: [f64; 2], size: [u32; 2]) -> DVec3 {
+        let [left, right, up, down] = self.tangents;
+        let part = |axis: usize| place[axis] / f64::from(size[axis]);
+        DVec3::new(left + (right - left) * part(0), up + (down - up) * part(1), 1.0)
+    }
+
+    /// The same ray in the scene: a point at depth z is position + z times this.
+    pub fn direction(&self, ray: DVec3) -> DVec3 {
+        self.turn.transpose() * ray
+    }
+
+    /// Depths between which a ray is inside all clip planes (n · x + d ≥ 0).
+    pub fn clipped(&self, ray: DVec3, planes: &[[f64; 4]]) -> [f64; 2] {
+        let direction = self.direction(ray);
+        let mut range = [0.0f64, f64::INFINITY];
+        for &[x, y, z, d] in planes {
+            let normal = DVec3::new(x, y, z);
+            let at = normal.dot(self.position) + d;
+            let slope = normal.dot(direction);
+            if slope > 0.0 {
+                range[0] = range[0].max(-at / slope);
+            } else if slope < 0.0 {
+                range[1] = range[1].min(-at / slope);
+            } else if at < 0.0 {
+                range[1] = -1.0;
+            }
+        }
+        range
+    }
+}
+
+/// Blinn and Phong with one light above the viewer's left shoulder; both sides of a surface are lit alike. Gradient and
+/// ray are in eye space.
+pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material) -> DVec3 {
+    let Some(normal) = gradient.try_normalize() else { return base };
+    let light = DVec3::new(-0.4, 0.5, -1.0).normalize();
+    let halfway = (light - ray.normalize()).normalize();
+    let diffuse = normal.dot(light).abs();
+    let shine = normal.dot(halfway).abs().powf(material.power);
+    (base * (material.ambient + material.diffuse * diffuse) + material.specular * shine).min(DVec3::ONE)
+}
+
+/// What a ray has gathered, front to back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gathered {
+    /// Σ C α T.
+    pub colour: DVec3,
+    /// T: the light that still passes.
+    pub clear: f64,
+    /// Σ z α T.
+    pub depth: f64,
+}
+
+impl Default for Gathered {
+    fn default() -> Self {
+        Gathered { colour: DVec3::ZERO, clear: 1.0, depth: 0.0 }
+    }
+}
+
+impl Gathered {
+    /// Behind all so far comes something of this colour and opacity at a depth.
+    pub fn add(&mut self, colour: DVec3, opacity: f64, depth: f64) {
+        let share = self.clear * opacity;
+        self.colour += colour * share;
+        self.depth += depth * share;
+        self.clear -= share;
+    }
+
+    /// Premultiplied colour and opacity.
+    pub fn pixel(&self) -> [f64; 4] {
+        [self.colour.x, self.colour.y, self.colour.z, 1.0 - self.clear]
+    }
+}

@@ -1,0 +1,128 @@
+//! `project_splats`, `emit_tile_pairs` and `slab`: the splats' field at planes across the view, classified, summed up.
+//! Plainly: every splat at every plane of every ray, without tiles and blocks.
+
+use glam::{DMat3, DVec3};
+
+use super::Splat;
+use super::eye::{Eye, Gathered, lit};
+use crate::splat::{Field, Kernel};
+use crate::transfer::{Material, Table};
+
+/// A splat in eye space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Centre, mm.
+    pub mean: DVec3,
+    /// S⁻¹Rᵀ in eye space: x - mean to the whitened distance.
+    pub whitening: DMat3,
+    /// Half size of the box around the support, mm.
+    pub extent: DVec3,
+    /// a of the weight a κ(q).
+    pub amplitude: f64,
+    /// Intensity relative to the background.
+    pub intensity: f64,
+}
+
+/// Splats whose centre is nearer to the eye than this are not shown, mm.
+pub const NEAREST: f64 = 1.0;
+
+/// A splat (mm, intensity as in the set) as an eye sees it; nothing if it is behind the eye or too near.
+pub fn seen(splat: &Splat, eye: &Eye, kernel: Kernel, background: f64) -> Option<Seen> {
+    let mean = eye.seen(splat.mean);
+    let axes = eye.turn * DMat3::from_quat(splat.rotation);
+    let scale = splat.log_scale.exp();
+    let spans = axes * DMat3::from_diagonal(scale);
+    let squares = (0..3).map(|k| spans.col(k) * spans.col(k)).sum::<DVec3>();
+    (mean.z > NEAREST).then(|| Seen {
+        mean,
+        whitening: DMat3::from_diagonal(scale.recip()) * axes.transpose(),
+        extent: (squares * kernel.support_q()).map(f64::sqrt),
+        amplitude: kernel.peak(splat.log_scale.to_array()) / (1.0 + (-splat.opacity_logit).exp()),
+        intensity: splat.intensity - background,
+    })
+}
+
+/// Where the planes are, mm along the viewing direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Planes {
+    /// Where the first slab begins; plane k is at first + (k + ½) spacing.
+    pub first: f64,
+    /// From plane to plane.
+    pub spacing: f64,
+    /// How many.
+    pub count: u32,
+}
+
+/// What is done with the field.
+pub struct Look<'a> {
+    /// The transfer function.
+    pub table: &'a Table,
+    /// Material of what is shaded.
+    pub material: &'a Material,
+    /// v0 of the shaded gradient.
+    pub dark: f64,
+    /// Clip planes: n · x + d < 0 is cut away.
+    pub planes: &'a [[f64; 4]],
+    /// Whether the transfer function is integrated between planes.
+    pub segments: bool,
+    /// Rays end where less light than this would pass.
+    pub least_light: f64,
+}
+
+/// W, the value relative to the background, and the gradients of Σw and Σwc at a point of eye space.
+fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> (f64, f64, DVec3, DVec3) {
+    let (mut w, mut s) = (0.0, 0.0);
+    let (mut gw, mut gs) = (DVec3::ZERO, DVec3::ZERO);
+    for splat in splats {
+        let u = splat.whitening * (x - splat.mean);
+        let q = u.length_squared();
+        if q >= kernel.support_q() {
+            continue;
+        }
+        let weight = splat.amplitude * kernel.value(q);
+        w += weight;
+        s += weight * splat.intensity;
+        // slope is -2 dκ/dq and dq/dx = 2 (S⁻¹Rᵀ)ᵀ u.
+        let gradient = splat.whitening.transpose() * u * (-splat.amplitude * kernel.slope(q));
+        gw += gradient;
+        gs += gradient * splat.intensity;
+    }
+    (w, s, gw, gs)
+}
+
+/// What a ray gathers.
+pub fn ray(splats: &[Seen], field: &Field, eye: &Eye, ray: DVec3, planes: &Planes, look: &Look<'_>) -> Gathered {
+    let [epsilon, w0, background] = [field.epsilon, field.occupancy_w0, field.background].map(f64::from);
+    let range = eye.clipped(ray, look.planes);
+    let mut gathered = Gathered::default();
+    let mut before: Option<(f64, f64)> = None;
+    for k in 0..planes.count {
+        let z = planes.first + (f64::from(k) + 0.5) * planes.spacing;
+        let (w, s, gw, gs) = field_at(splats, field.kernel, ray * z);
+        if w <= 0.0 || gathered.clear <= look.least_light || z < range[0] || z > range[1] {
+            before = None;
+            continue;
+        }
+        let relative = s / (w + epsilon);
+        let (v, o) = (background + relative, w / (w + w0));
+        let (colour, extinction, occupancy) = match (look.segments, before) {
+            (false, _) => (look.table.point(v).0, look.table.point(v).1, o),
+            (true, None) => (look.table.segment(v, v).0, look.table.segment(v, v).1, 0.5 * o),
+            (true, Some((vb, ob))) => {
+                let (colour, extinction) = look.table.segment(vb, v);
+                (colour, extinction, 0.5 * (ob + o))
+            }
+        };
+        before = Some((v, o));
+        let opacity = 1.0 - (-occupancy * extinction * planes.spacing * ray.length()).exp();
+        let base = if look.material.shade {
+            let slope = (gs - gw * relative) / (w + epsilon);
+            let gradient = slope * o + gw * ((v - look.dark) * w0 / (w + w0).powi(2));
+            lit(colour, gradient, ray, look.material)
+        } else {
+            colour
+        };
+        gathered.add(base, opacity, z);
+    }
+    gathered
+}

@@ -1,0 +1,154 @@
+//! The splats of a scene on the device, and which of them a transfer function can show.
+//!
+//! A splat whose own intensity is transparent still holds down the field beside it, so it may only be left out where
+//! nothing that it reaches is visible. Within its support the field is a weighted mean of the intensities of the splats
+//! that reach there, too; [`intervals`] bounds these, once for a scene. A transfer function then drops exactly the splats
+//! whose interval it shows nothing of.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use super::look::LookBuffers;
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::passes::Activity;
+use crate::splat::{Activations, Field, Splat, SplatSet};
+
+/// Most cells of the grid that intervals are found with.
+const MOST_CELLS: f64 = 4e6;
+
+/// The splats of a scene.
+pub struct Cloud {
+    rows: Buffer<Splat>,
+    /// How they add up.
+    pub field: Field,
+    /// Number of splats.
+    pub count: usize,
+    /// Standard deviation of the middle splat along its shortest axis, mm: what steps along a ray are measured in.
+    pub sigma_mm: f64,
+    /// Least and greatest intensity.
+    pub range: [f64; 2],
+    /// Corners of the box around all supports, mm in the space of the scene.
+    pub bounds: [DVec3; 2],
+    intervals: Buffer<[f32; 2]>,
+    labels: Buffer<u32>,
+    activity: Activity,
+}
+
+impl Cloud {
+    pub(super) fn new(gpu: &Gpu, set: &SplatSet) -> Result<Self> {
+        let splats = &set.splats;
+        let count = splats.len();
+        let reach = reaches(splats, set.field.kernel.support_q());
+        let mut shortest: Vec<f32> = splats.iter().map(|s| s.scale().into_iter().fold(f32::INFINITY, f32::min)).collect();
+        let middle = count / 2;
+        let sigma_mm = match shortest.is_empty() {
+            true => 1.0,
+            false => f64::from(*shortest.select_nth_unstable_by(middle, f32::total_cmp).1),
+        };
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for (splat, reach) in splats.iter().zip(&reach) {
+            let c = f64::from(splat.intensity);
+            range = [range[0].min(c), range[1].max(c)];
+            let mean = Vec3::from_array(splat.mean);
+            bounds = [bounds[0].min((mean - reach).as_dvec3()), bounds[1].max((mean + reach).as_dvec3())];
+        }
+        if count == 0 {
+            (range, bounds) = ([0.0, 1.0], [DVec3::splat(-1.0), DVec3::ONE]);
+        }
+        let labels = vec![0u32; count];
+        Ok(Cloud {
+            rows: gpu.upload("splats", "splats", splats)?,
+            field: set.field,
+            count,
+            sigma_mm,
+            range,
+            bounds,
+            intervals: gpu.upload("intervals of intensity", "splats", &intervals(splats, &reach))?,
+            labels: gpu.upload("labels", "splats", &labels)?,
+            activity: Activity::new(gpu, count)?,
+        })
+    }
+
+    /// Lists what a look can show. To be recorded when the look has changed.
+    pub(super) fn record_activity(&mut self, recorder: &mut Recorder, look: &LookBuffers) {
+        self.activity.record(recorder, &look.rows, &look.visible, &self.intervals, &self.labels);
+    }
+
+    /// Rows in mm in the space of the scene.
+    pub(super) fn rows(&self) -> &Buffer<Splat> {
+        &self.rows
+    }
+
+    /// Indices of the splats that the look can show, and in one element how many they are.
+    pub(super) fn active(&self) -> (&Buffer<u32>, &Buffer<u32>) {
+        (&self.activity.active, &self.activity.count)
+    }
+
+    /// How many splats the look can show. Waits for the device.
+    pub fn active_count(&self) -> Result<usize> {
+        Ok(self.activity.count.read()?[0] as usize)
+    }
+}
+
+/// Half sizes of the boxes around the supports, mm.
+fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
+    splats
+        .par_iter()
+        .map(|splat| {
+            let axes = splat.axes();
+            let scale = DVec3::from_array(splat.scale().map(f64::from));
+            let squares = (0..3).map(|k| (axes.col(k) * scale[k]).powf(2.0)).sum::<DVec3>();
+            (squares * support_q).powf(0.5).as_vec3()
+        })
+        .collect()
+}
+
+/// Bounds of the field within the support of each splat: least and greatest intensity of all splats whose boxes share a
+/// cell of a regular grid with its own.
+fn intervals(splats: &[Splat], reach: &[Vec3]) -> Vec<[f32; 2]> {
+    let mut sizes: Vec<f32> = reach.iter().map(|r| r.max_element()).collect();
+    if sizes.is_empty() {
+        return Vec::new();
+    }
+    let middle = sizes.len() / 2;
+    let typical = *sizes.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for splat in splats {
+        let mean = Vec3::from_array(splat.mean);
+        (low, high) = (low.min(mean), high.max(mean));
+    }
+    // What reaches beyond the box of the centres falls into its outermost cells.
+    let extent = high - low;
+    let volume = f64::from(extent.x + typical) * f64::from(extent.y + typical) * f64::from(extent.z + typical);
+    let edge = typical.max((volume / MOST_CELLS).cbrt() as f32).max(f32::MIN_POSITIVE);
+    let cells = (extent / edge).floor().as_uvec3() + 1;
+    let span = |i: usize| {
+        let mean = Vec3::from_array(splats[i].mean);
+        let at = |x: Vec3| ((x - low) / edge).floor().max(Vec3::ZERO).as_uvec3().min(cells - 1);
+        (at(mean - reach[i]), at(mean + reach[i]))
+    };
+    let each = |i: usize, visit: &mut dyn FnMut(usize)| {
+        let (from, to) = span(i);
+        for z in from.z..=to.z {
+            for y in from.y..=to.y {
+                for x in from.x..=to.x {
+                    visit(((z * cells.y + y) * cells.x + x) as usize);
+                }
+            }
+        }
+    };
+    let join = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+    let mut bounds = vec![[f32::INFINITY, f32::NEG_INFINITY]; (cells.x * cells.y * cells.z) as usize];
+    for (i, splat) in splats.iter().enumerate() {
+        each(i, &mut |cell| bounds[cell] = join(bounds[cell], [splat.intensity; 2]));
+    }
+    (0..splats.len())
+        .into_par_iter()
+        .map(|i| {
+            let mut own = [splats[i].intensity; 2];
+            each(i, &mut |cell| own = join(own, bounds[cell]));
+            own
+        })
+        .collect()
+}

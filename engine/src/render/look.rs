@@ -1,0 +1,146 @@
+//! What can change while one looks: the transfer function, clip planes, hidden labels. On the device it is a table of a
+//! few thousand rows, so a change costs nothing that grows with the scene.
+
+use glam::{DVec3, DVec4};
+use shaders_glsl::types;
+
+use crate::error::{Error, Kind, Result};
+use crate::gpu::{Buffer, Gpu};
+use crate::transfer::{Table, TransferFunction};
+
+/// Most clip planes at a time; a box takes six.
+pub const PLANES: usize = 8;
+
+/// A clip plane in the world: what has normal · x < offset is cut away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClipPlane {
+    /// Unit vector, RAS, towards what stays.
+    pub normal: DVec3,
+    /// mm RAS.
+    pub offset: f64,
+}
+
+impl ClipPlane {
+    /// The planes that keep the box between two corners, mm RAS.
+    pub fn around(low: DVec3, high: DVec3) -> [Self; 6] {
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        std::array::from_fn(|i| {
+            let axis = axes[i / 2];
+            match i % 2 {
+                0 => ClipPlane { normal: axis, offset: low.dot(axis) },
+                _ => ClipPlane { normal: -axis, offset: -high.dot(axis) },
+            }
+        })
+    }
+}
+
+/// How a transfer function is applied along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Classification {
+    /// At the samples.
+    Point,
+    /// Integrated between samples (Engel, Kraus, Ertl 2001): for functions that change faster than the samples follow.
+    PreIntegrated,
+}
+
+/// How a scene looks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// From intensity to colour and opacity per mm, and the material of what is shaded.
+    pub transfer: TransferFunction,
+    /// Everything beyond one of these is cut away.
+    pub clip: Vec<ClipPlane>,
+    /// Splats of these labels are not there.
+    pub hidden: Vec<u8>,
+}
+
+impl Look {
+    /// A transfer function and nothing cut away or hidden.
+    pub fn new(transfer: TransferFunction) -> Self {
+        Look { transfer, clip: Vec::new(), hidden: Vec::new() }
+    }
+
+    /// Point sampling does where opacity changes by little over the distance that the intensity moves between samples.
+    /// A band narrower than [`NARROW`] of intensity asks for integration.
+    pub fn classification(&self) -> Classification {
+        let points = self.transfer.opacities();
+        let narrow = points.windows(2).any(|p| {
+            (p[1].opacity - p[0].opacity).abs() > 0.02 && p[1].intensity - p[0].intensity < NARROW
+        });
+        if narrow { Classification::PreIntegrated } else { Classification::Point }
+    }
+}
+
+/// A ramp of opacity over less than this, HU, is narrow.
+const NARROW: f64 = 60.0;
+
+/// A look on the device.
+pub struct LookBuffers {
+    pub(super) rows: Buffer<types::Look>,
+    pub(super) points: Buffer<[u32; 2]>,
+    pub(super) integrals: Buffer<[u32; 4]>,
+    /// For each entry of the table how many entries before it are visible; one more than there are entries.
+    pub(super) visible: Buffer<u32>,
+    /// Whether surfaces are lit.
+    pub shaded: bool,
+}
+
+impl LookBuffers {
+    /// The look of a scene whose intensities lie in `range` and whose zero is at `origin` in the world, mm RAS.
+    pub(super) fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
+        if look.clip.len() > PLANES {
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-LOOK-001",
+                format!("{} clip planes; there can be {PLANES}", look.clip.len()),
+            )
+            .help("a box takes six planes"));
+        }
+        let table = Table::new(&look.transfer, range);
+        let points: Vec<[u32; 2]> = table.points.iter().map(|&p| packed(p)).collect();
+        let mut visible = vec![0];
+        for point in &table.points {
+            visible.push(visible[visible.len() - 1] + u32::from(point[3] > 0.0));
+        }
+        let mut planes = [[0.0; 4]; PLANES];
+        for (to, plane) in planes.iter_mut().zip(&look.clip) {
+            let row: DVec4 = plane.normal.extend(plane.normal.dot(origin) - plane.offset);
+            *to = row.as_vec4().to_array();
+        }
+        let mut hidden = [0; 8];
+        for &label in &look.hidden {
+            hidden[usize::from(label) / 32] |= 1 << (label % 32);
+        }
+        let material = look.transfer.material;
+        let [low, high] = look.transfer.visible().unwrap_or(range);
+        let dark = if low.is_finite() { low } else { range[0].min(high) };
+        let row = types::Look {
+            first: table.first as f32,
+            inverse_step: (1.0 / table.step) as f32,
+            last: (table.len() - 1) as f32,
+            integral_unit: table.integral_unit as f32,
+            dark: dark as f32,
+            ambient: material.ambient as f32,
+            diffuse: material.diffuse as f32,
+            specular: material.specular as f32,
+            power: material.power as f32,
+            plane_count: look.clip.len() as u32,
+            planes,
+            hidden,
+        };
+        Ok(LookBuffers {
+            rows: gpu.upload("look", "transfer function", &[row])?,
+            points: gpu.upload("transfer function", "transfer function", &points)?,
+            integrals: gpu.upload("integrals of the transfer function", "transfer function", &table.integrals)?,
+            visible: gpu.upload("visible entries", "transfer function", &visible)?,
+            shaded: material.shade,
+        })
+    }
+}
+
+/// Colour in three 16-bit fractions and extinction as a half: 8 bytes a lookup.
+fn packed([r, g, b, extinction]: [f32; 4]) -> [u32; 2] {
+    let fraction = |v: f32| (v.clamp(0.0, 1.0) * 65535.0).round() as u32;
+    let half = u32::from(half::f16::from_f32(extinction).to_bits());
+    [fraction(r) | fraction(g) << 16, fraction(b) | half << 16]
+}

@@ -1,0 +1,156 @@
+//! Slabs: the splats' field added up at planes across the view, classified after that. With planes a tenth as far apart
+//! the same is the oracle of the other modes, `exact`.
+
+use glam::DVec3;
+use shaders_glsl as glsl;
+use shaders_glsl::types::{SlabParams, TileGrid, View};
+
+use super::{Classification, Cloud, Mode, Scene, Settings, Target};
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
+use crate::passes::{Shape, TileBinner};
+use crate::passes::tiles::TILE;
+
+/// Planes that a ray adds up at a time.
+const PLANES: u32 = 8;
+/// Parts of a tile.
+const PARTS: u32 = 8;
+/// Planes of `exact` for one of `slab`.
+const EXACT: u32 = 10;
+/// Most blocks along the depth: slabs become thicker beyond that.
+const MOST_BLOCKS: u32 = 512;
+
+/// The mode `slab`, and with a refinement `exact`.
+pub struct Slab {
+    gpu: Gpu,
+    /// For each way to classify and with or without light, made when it is first needed.
+    kernels: Vec<((Classification, bool), Kernel)>,
+    bins: TileBinner,
+    grid: TileGrid,
+    settings: Settings,
+}
+
+impl Slab {
+    /// Slabs of `settings.step` standard deviations.
+    pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+        Self::with_refinement(gpu, scene, settings, false)
+    }
+
+    /// Planes a tenth of a standard deviation apart, whatever the settings say, each classified at a point.
+    pub fn exact(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+        let settings = Settings {
+            step: 1.0,
+            classification: Some(Classification::Point),
+            dark: settings.dark.min(1e-4),
+            ..settings.clone()
+        };
+        Self::with_refinement(gpu, scene, &settings, true)
+    }
+
+    fn with_refinement(gpu: &Gpu, scene: &Scene, settings: &Settings, exact: bool) -> Result<Self> {
+        let cloud = cloud_of(scene);
+        let grid = tile_grid(cloud, settings, if exact { EXACT } else { 1 });
+        Ok(Slab {
+            gpu: gpu.clone(),
+            kernels: Vec::new(),
+            bins: TileBinner::new(gpu, cloud.field.kernel, &grid, settings.views, cloud.count)?,
+            grid,
+            settings: settings.clone(),
+
+        })
+    }
+
+    /// The kernel for a way to classify, made if it is not there yet.
+    fn kernel(&mut self, scene: &Scene) -> Result<usize> {
+        let classification = self.settings.classification.unwrap_or_else(|| scene.look().classification());
+        let wanted = (classification, scene.look_buffers().shaded);
+        if let Some(at) = self.kernels.iter().position(|(made_for, _)| *made_for == wanted) {
+            return Ok(at);
+        }
+        let constants = [
+            cloud_of(scene).field.kernel.id(),
+            Shape::of(&self.gpu) as u32,
+            u32::from(wanted.0 == Classification::PreIntegrated),
+            u32::from(wanted.1),
+            u32::from(self.settings.depth),
+        ];
+        self.kernels.push((wanted, Kernel::new(&self.gpu, &glsl::SLAB, &constants)?));
+        Ok(self.kernels.len() - 1)
+    }
+}
+
+/// The renderer makes this mode only for scenes that have splats.
+fn cloud_of(scene: &Scene) -> &Cloud {
+    scene.cloud.as_ref().expect("a scene with splats")
+}
+
+/// Tiles for the picture, blocks for a ball around all splats.
+fn tile_grid(cloud: &Cloud, settings: &Settings, refinement: u32) -> TileGrid {
+    let [low, high] = cloud.bounds;
+    let centre: DVec3 = (low + high) * 0.5;
+    let radius = (high - low).length() * 0.5;
+    let slab = settings.step * cloud.sigma_mm;
+    let blocks = (2.0 * radius / (slab * f64::from(PLANES))).ceil().clamp(1.0, f64::from(MOST_BLOCKS));
+    let spacing = slab.max(2.0 * radius / (blocks * f64::from(PLANES)));
+    TileGrid {
+        size: settings.size,
+        tiles: settings.size.map(|n| n.div_ceil(TILE)),
+        centre: centre.as_vec3().to_array(),
+        radius: radius as f32,
+        spacing: (spacing / f64::from(refinement)) as f32,
+        planes: PLANES * refinement,
+        blocks: blocks as u32,
+        splat_count: cloud.count as u32,
+        capacity: 0,
+    }
+}
+
+impl Mode for Slab {
+    fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        scene: &Scene,
+        views: &Buffer<View>,
+        target: &mut Target,
+    ) -> Result<()> {
+        let kernel = self.kernel(scene)?;
+        let (cloud, look) = (cloud_of(scene), scene.look_buffers());
+        let grid = TileGrid { capacity: self.bins.capacity() as u32, ..self.grid };
+        let field = cloud.field;
+        let active = cloud.active();
+        self.bins.record(recorder, &grid, field.background, views, cloud.rows(), active);
+        let columns = match Shape::of(&self.gpu) {
+            Shape::OneByOne => grid.tiles[0] * PARTS,
+            Shape::SideBySide => grid.tiles[0],
+        };
+        recorder
+            .pass(&self.kernels[kernel].1)
+            .read(views)
+            .read(&look.rows)
+            .read(&look.points)
+            .read(&look.integrals)
+            .read(&self.bins.starts)
+            .read(self.bins.pairs())
+            .read(&self.bins.projected)
+            .write_image(&mut target.colour)
+            .write_image(&mut target.depth)
+            .push(&SlabParams {
+                grid,
+                background: field.background,
+                epsilon: field.epsilon,
+                occupancy_w0: field.occupancy_w0,
+                dark: self.settings.dark,
+            })
+            .dispatch_3d([columns, grid.tiles[1], self.settings.views]);
+        Ok(())
+    }
+
+    fn settle(&mut self) -> Result<bool> {
+        let needed = self.bins.needed()?;
+        let again = needed > self.bins.capacity();
+        if again {
+            self.bins.grow(needed)?;
+        }
+        Ok(again)
+    }
+}

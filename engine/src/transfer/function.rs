@@ -1,0 +1,410 @@
+//! A transfer function: control points, and the lines between them.
+
+use glam::DVec3;
+
+use crate::error::{Error, Kind, Result};
+
+/// Greatest opacity per millimetre that is told apart from 1, for which the extinction would be infinite.
+pub const MAX_OPACITY: f64 = 0.9995;
+/// Control points lie within this distance of 0, so that `f32` holds all that follows from them.
+pub const MAX_INTENSITY: f64 = 1e36;
+/// What files may exceed 1 (or fall below 0) by: the last digit of a rounded number.
+const ROUNDING: f64 = 1e-6;
+
+/// The colour at an intensity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColourPoint {
+    /// Intensity, HU for CT.
+    pub intensity: f64,
+    /// Red, green, blue from 0 to 1, display-referred: the numbers of an sRGB picture.
+    pub colour: DVec3,
+}
+
+/// The opacity at an intensity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpacityPoint {
+    /// Intensity, HU for CT; for gradient opacity the magnitude of the gradient of the intensity.
+    pub intensity: f64,
+    /// Share of light that a millimetre absorbs, 0 to 1.
+    pub opacity: f64,
+}
+
+/// How a surface answers to light, as in VTK and Slicer (Blinn-Phong).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Whether there is shading at all; without it colours appear as they are.
+    pub shade: bool,
+    /// Share of the colour that needs no light.
+    pub ambient: f64,
+    /// Share of the colour that follows the angle to the light.
+    pub diffuse: f64,
+    /// Strength of the highlight.
+    pub specular: f64,
+    /// Exponent of the highlight: greater is smaller.
+    pub power: f64,
+}
+
+impl Default for Material {
+    /// What VTK starts with: no shading.
+    fn default() -> Self {
+        Material { shade: false, ambient: 0.1, diffuse: 0.7, specular: 0.2, power: 10.0 }
+    }
+}
+
+/// Colour and opacity per millimetre over intensity: linear between control points, constant beyond them. Two points
+/// at one intensity are a step; the later one holds from there on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TransferFunction {
+    /// Name for people; may be empty.
+    pub name: String,
+    /// Answer to light.
+    pub material: Material,
+    colours: Vec<ColourPoint>,
+    opacities: Vec<OpacityPoint>,
+    gradient_opacities: Vec<OpacityPoint>,
+}
+
+/// A control point: where it is, and what may be between two of them.
+pub(super) trait Point: Copy {
+    type Value: Copy + std::ops::Mul<f64, Output = Self::Value> + std::ops::Add<Output = Self::Value>;
+    fn intensity(&self) -> f64;
+    fn value(&self) -> Self::Value;
+}
+
+impl Point for ColourPoint {
+    type Value = DVec3;
+    fn intensity(&self) -> f64 {
+        self.intensity
+    }
+    fn value(&self) -> DVec3 {
+        self.colour
+    }
+}
+
+impl Point for OpacityPoint {
+    type Value = f64;
+    fn intensity(&self) -> f64 {
+        self.intensity
+    }
+    fn value(&self) -> f64 {
+        self.opacity
+    }
+}
+
+/// The side from which a function is looked at; it matters only where there is a step.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum From {
+    Below,
+    Above,
+}
+
+/// The value of the lines through sorted `points` at `v`.
+pub(super) fn interpolate<P: Point>(points: &[P], v: f64, from: From) -> P::Value {
+    let next = points.partition_point(|p| match from {
+        From::Above => p.intensity() <= v,
+        From::Below => p.intensity() < v,
+    });
+    if next == 0 {
+        return points[0].value();
+    }
+    let low = points[next - 1];
+    let Some(high) = points.get(next) else { return low.value() };
+    let share = (v - low.intensity()) / (high.intensity() - low.intensity());
+    low.value() * (1.0 - share) + high.value() * share
+}
+
+/// Extinction in 1/mm of an opacity per millimetre.
+pub(super) fn extinction_of(opacity: f64) -> f64 {
+    -(-opacity.min(MAX_OPACITY)).ln_1p()
+}
+
+/// Sorted by intensity, in the given order where intensities are equal, of which only the first and the last count.
+fn sorted<P: Point>(mut points: Vec<P>) -> Vec<P> {
+    points.sort_by(|a, b| a.intensity().total_cmp(&b.intensity()));
+    let same = |i: usize, j: usize, all: &[P]| all[i].intensity() == all[j].intensity();
+    let keep: Vec<bool> = (0..points.len())
+        .map(|i| {
+            let between = i > 0 && i + 1 < points.len();
+            !(between && same(i - 1, i, &points) && same(i, i + 1, &points))
+        })
+        .collect();
+    points.iter().zip(keep).filter(|(_, keep)| *keep).map(|(p, _)| *p).collect()
+}
+
+fn invalid(message: String) -> Error {
+    Error::new(Kind::BadData, "VGS-TF-001", message)
+        .help("intensities must be finite numbers, colours and opacities between 0 and 1")
+}
+
+fn check_intensity(what: &str, index: usize, intensity: f64) -> Result<()> {
+    if intensity.abs() <= MAX_INTENSITY {
+        return Ok(());
+    }
+    Err(invalid(format!("{what} point {}: its intensity is {intensity}", index + 1)))
+}
+
+fn share(what: &str, index: usize, value: f64) -> Result<f64> {
+    if (-ROUNDING..=1.0 + ROUNDING).contains(&value) {
+        return Ok(value.clamp(0.0, 1.0));
+    }
+    Err(invalid(format!("{what} point {}: {value} is not between 0 and 1", index + 1)))
+}
+
+fn checked_opacities(what: &str, points: Vec<OpacityPoint>) -> Result<Vec<OpacityPoint>> {
+    let check = |(i, p): (usize, OpacityPoint)| {
+        check_intensity(what, i, p.intensity)?;
+        Ok(OpacityPoint { intensity: p.intensity, opacity: share(what, i, p.opacity)? })
+    };
+    points.into_iter().enumerate().map(check).collect::<Result<_>>().map(sorted)
+}
+
+fn checked_colours(points: Vec<ColourPoint>) -> Result<Vec<ColourPoint>> {
+    let check = |(i, p): (usize, ColourPoint)| {
+        check_intensity("colour", i, p.intensity)?;
+        let [r, g, b] = p.colour.to_array().map(|value| share("colour", i, value));
+        Ok(ColourPoint { intensity: p.intensity, colour: DVec3::new(r?, g?, b?) })
+    };
+    points.into_iter().enumerate().map(check).collect::<Result<_>>().map(sorted)
+}
+
+impl TransferFunction {
+    /// From control points in any order; points at one intensity stay in the order in which they are given.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] if there is no colour or no opacity, if a number is not finite or too large, if a colour or
+    /// an opacity is not between 0 and 1, or if a coefficient of the material is negative.
+    pub fn new(
+        name: impl Into<String>,
+        colours: Vec<ColourPoint>,
+        opacities: Vec<OpacityPoint>,
+        material: Material,
+    ) -> Result<Self> {
+        for (what, count) in [("colour", colours.len()), ("opacity", opacities.len())] {
+            if count == 0 {
+                let message = format!("the transfer function has no {what} points");
+                return Err(Error::new(Kind::BadData, "VGS-TF-002", message)
+                    .help("give at least one control point of colour and one of opacity"));
+            }
+        }
+        let Material { ambient, diffuse, specular, power, .. } = material;
+        for (what, value) in
+            [("ambient", ambient), ("diffuse", diffuse), ("specular", specular), ("specular power", power)]
+        {
+            if !(0.0..=f64::from(f32::MAX)).contains(&value) {
+                let message = format!("the {what} coefficient of the material is {value}");
+                return Err(Error::new(Kind::BadData, "VGS-TF-003", message)
+                    .help("coefficients of a material are 0 or more"));
+            }
+        }
+        Ok(TransferFunction {
+            name: name.into(),
+            material,
+            colours: checked_colours(colours)?,
+            opacities: checked_opacities("opacity", opacities)?,
+            gradient_opacities: Vec::new(),
+        })
+    }
+
+    /// With opacity factors over the magnitude of the gradient, as VTK has them. They are kept for saving; nothing
+    /// here draws them.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] as in [`TransferFunction::new`].
+    pub fn with_gradient_opacity(mut self, points: Vec<OpacityPoint>) -> Result<Self> {
+        self.gradient_opacities = checked_opacities("gradient opacity", points)?;
+        Ok(self)
+    }
+
+    /// Control points of colour, sorted; at most two at one intensity.
+    pub fn colours(&self) -> &[ColourPoint] {
+        &self.colours
+    }
+
+    /// Control points of opacity per millimetre, sorted; at most two at one intensity.
+    pub fn opacities(&self) -> &[OpacityPoint] {
+        &self.opacities
+    }
+
+    /// Control points of gradient opacity; often none.
+    pub fn gradient_opacities(&self) -> &[OpacityPoint] {
+        &self.gradient_opacities
+    }
+
+    /// Whether there is a gradient opacity other than 1, which would change the picture if it were drawn.
+    pub fn depends_on_gradient(&self) -> bool {
+        self.gradient_opacities.iter().any(|p| p.opacity != 1.0)
+    }
+
+    /// Colour and opacity per millimetre at an intensity.
+    pub fn at(&self, v: f64) -> (DVec3, f64) {
+        self.side(v, From::Above)
+    }
+
+    pub(super) fn side(&self, v: f64, from: From) -> (DVec3, f64) {
+        (interpolate(&self.colours, v, from), interpolate(&self.opacities, v, from))
+    }
+
+    /// Extinction at an intensity, 1/mm.
+    pub fn extinction(&self, v: f64) -> f64 {
+        extinction_of(interpolate(&self.opacities, v, From::Above))
+    }
+
+    /// From the least to the greatest intensity with an opacity, ±∞ where there is one beyond the last control point;
+    /// nothing if all is transparent. Inside there may be transparent stretches.
+    pub fn visible(&self) -> Option<[f64; 2]> {
+        let points = &self.opacities;
+        let first = points.iter().position(|p| p.opacity > 0.0)?;
+        let last = points.iter().rposition(|p| p.opacity > 0.0)?;
+        // Opacity rises from the last transparent point and falls to the next one.
+        let low = if first == 0 { f64::NEG_INFINITY } else { points[first - 1].intensity };
+        let high = points.get(last + 1).map_or(f64::INFINITY, |p| p.intensity);
+        Some([low, high])
+    }
+
+    /// From the first to the last control point of colour or opacity.
+    pub fn extent(&self) -> [f64; 2] {
+        let ends = |first: f64, last: f64, other: [f64; 2]| [first.min(other[0]), last.max(other[1])];
+        let colours = (self.colours[0].intensity, self.colours[self.colours.len() - 1].intensity);
+        let opacities = [self.opacities[0].intensity, self.opacities[self.opacities.len() - 1].intensity];
+        ends(colours.0, colours.1, opacities)
+    }
+
+    /// The same function of intensities that are greater by `by`.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] if control points would leave ±[`MAX_INTENSITY`].
+    pub fn shifted(&self, by: f64) -> Result<Self> {
+        self.moved(|v| v + by, 1.0)
+    }
+
+    /// The same function of other intensities: those from `from[0]` to `from[1]` become `to[0]` to `to[1]`, and the
+    /// rest goes along.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] if a range is empty or not finite, [`Kind::BadData`] if control points would leave
+    /// ±[`MAX_INTENSITY`].
+    pub fn stretched(&self, from: [f64; 2], to: [f64; 2]) -> Result<Self> {
+        for [low, high] in [from, to] {
+            if !(low < high && (high - low).is_finite()) {
+                let message = format!("cannot stretch a transfer function over {low} to {high}");
+                return Err(Error::new(Kind::Usage, "VGS-TF-004", message)
+                    .help("give two different finite intensities, the smaller one first"));
+            }
+        }
+        let factor = (to[1] - to[0]) / (from[1] - from[0]);
+        self.moved(|v| to[0] + (v - from[0]) * factor, factor)
+    }
+
+    fn moved(&self, place: impl Fn(f64) -> f64, factor: f64) -> Result<Self> {
+        let colours = self.colours.iter().map(|p| ColourPoint { intensity: place(p.intensity), ..*p });
+        let opacities = self.opacities.iter().map(|p| OpacityPoint { intensity: place(p.intensity), ..*p });
+        // Gradients of an intensity are differences of it: no shift reaches them.
+        let gradients =
+            self.gradient_opacities.iter().map(|p| OpacityPoint { intensity: p.intensity * factor, ..*p });
+        TransferFunction::new(self.name.clone(), colours.collect(), opacities.collect(), self.material)?
+            .with_gradient_opacity(gradients.collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn opacity(points: &[(f64, f64)]) -> Vec<OpacityPoint> {
+        points.iter().map(|&(intensity, opacity)| OpacityPoint { intensity, opacity }).collect()
+    }
+
+    fn grey(points: &[(f64, f64)]) -> Vec<ColourPoint> {
+        points.iter().map(|&(intensity, g)| ColourPoint { intensity, colour: DVec3::splat(g) }).collect()
+    }
+
+    fn tf(opacities: &[(f64, f64)]) -> TransferFunction {
+        TransferFunction::new("t", grey(&[(0.0, 0.2), (100.0, 1.0)]), opacity(opacities), Material::default())
+            .unwrap()
+    }
+
+    #[test]
+    fn linear_between_points_and_constant_beyond() {
+        let f = tf(&[(100.0, 0.5), (0.0, 0.1)]);
+        for (v, colour, alpha) in
+            [(-1e9, 0.2, 0.1), (0.0, 0.2, 0.1), (25.0, 0.4, 0.2), (100.0, 1.0, 0.5), (1e9, 1.0, 0.5)]
+        {
+            let (c, a) = f.at(v);
+            assert!((c - DVec3::splat(colour)).abs().max_element() < 1e-12, "{v}: {c}");
+            assert!((a - alpha).abs() < 1e-12, "{v}: {a}");
+        }
+        assert!((f.extinction(200.0) - 2f64.ln()).abs() < 1e-12);
+        assert_eq!(tf(&[(0.0, 1.0)]).extinction(0.0), -(1.0 - MAX_OPACITY).ln());
+    }
+
+    #[test]
+    fn of_several_points_at_one_intensity_the_last_holds_to_the_right() {
+        let f = tf(&[(50.0, 0.2), (50.0, 0.9), (50.0, 0.4), (0.0, 0.0), (100.0, 0.8)]);
+        assert_eq!(f.opacities().len(), 4, "the middle one of three counts for nothing");
+        assert_eq!(f.at(50.0).1, 0.4);
+        assert!((f.side(50.0, From::Below).1 - 0.2).abs() < 1e-12);
+        assert!((f.at(49.999).1 - 0.2).abs() < 1e-4);
+        assert!((f.at(75.0).1 - 0.6).abs() < 1e-12);
+    }
+
+    #[test]
+    fn visible_reaches_to_the_transparent_neighbours() {
+        let inf = f64::INFINITY;
+        for (points, expected) in [
+            (&[(0.0, 0.0), (10.0, 0.0)][..], None),
+            (&[(0.0, 0.0), (10.0, 0.0), (20.0, 0.5)], Some([10.0, inf])),
+            (&[(0.0, 0.0), (0.0, 0.5), (30.0, 0.5), (30.0, 0.0)], Some([0.0, 30.0])),
+            (&[(0.0, 0.3)], Some([-inf, inf])),
+            (&[(0.0, 0.3), (10.0, 0.0), (20.0, 0.0), (30.0, 0.1), (40.0, 0.0)], Some([-inf, 40.0])),
+        ] {
+            assert_eq!(tf(points).visible(), expected, "{points:?}");
+        }
+    }
+
+    #[test]
+    fn shifted_and_stretched() {
+        let f = tf(&[(0.0, 0.0), (100.0, 0.5)])
+            .with_gradient_opacity(opacity(&[(0.0, 0.0), (50.0, 1.0)]))
+            .unwrap();
+        let moved = f.shifted(-40.0).unwrap();
+        let wide = f.stretched([0.0, 100.0], [1000.0, 3000.0]).unwrap();
+        for v in [-20.0, 10.0, 33.3, 120.0] {
+            assert!((moved.at(v - 40.0).1 - f.at(v).1).abs() < 1e-12);
+            assert!((wide.at(1000.0 + 20.0 * v).1 - f.at(v).1).abs() < 1e-12);
+            assert!((wide.at(1000.0 + 20.0 * v).0 - f.at(v).0).length() < 1e-12);
+        }
+        assert_eq!(moved.gradient_opacities()[1].intensity, 50.0);
+        assert_eq!(wide.gradient_opacities()[1].intensity, 1000.0);
+        assert_eq!(wide.extent(), [1000.0, 3000.0]);
+        assert_eq!(f.stretched([1.0, 1.0], [0.0, 1.0]).unwrap_err().code, "VGS-TF-004");
+        assert_eq!(f.stretched([0.0, 1.0], [f64::NAN, 1.0]).unwrap_err().code, "VGS-TF-004");
+        assert_eq!(f.shifted(f64::NAN).unwrap_err().code, "VGS-TF-001");
+    }
+
+    #[test]
+    fn what_makes_no_function_is_refused() {
+        let ok = || grey(&[(0.0, 0.5)]);
+        let material = Material::default();
+        let new = TransferFunction::new;
+        for (result, code, text) in [
+            (new("", vec![], opacity(&[(0.0, 0.0)]), material), "VGS-TF-002", "no colour points"),
+            (new("", ok(), vec![], material), "VGS-TF-002", "no opacity points"),
+            (new("", ok(), opacity(&[(0.0, 0.1), (f64::NAN, 0.0)]), material), "VGS-TF-001", "point 2"),
+            (new("", ok(), opacity(&[(f64::INFINITY, 0.0)]), material), "VGS-TF-001", "inf"),
+            (new("", ok(), opacity(&[(0.0, 1.1)]), material), "VGS-TF-001", "1.1 is not between"),
+            (new("", ok(), opacity(&[(0.0, f64::NAN)]), material), "VGS-TF-001", "NaN"),
+            (new("", grey(&[(0.0, -0.5)]), opacity(&[(0.0, 0.0)]), material), "VGS-TF-001", "-0.5"),
+            (
+                new("", ok(), opacity(&[(0.0, 0.0)]), Material { power: -1.0, ..material }),
+                "VGS-TF-003",
+                "specular power",
+            ),
+        ] {
+            let error = result.unwrap_err();
+            assert_eq!((error.kind, error.code), (Kind::BadData, code));
+            assert!(error.message.contains(text), "{}", error.message);
+        }
+        let rounded = new("", ok(), opacity(&[(0.0, 1.000_000_4)]), material).unwrap();
+        assert_eq!(rounded.at(0.0).1, 1.0);
+    }
+}

@@ -1,0 +1,22 @@
+// What of a look is not a table.
+#ifndef LOOK_ROW_GLSL
+#define LOOK_ROW_GLSL
+#extension GL_EXT_scalar_block_layout : require
+
+// See types.rs.
+struct Look {
+    float first;
+    float inverse_step;
+    float last;
+    float integral_unit;
+    float dark;
+    float ambient;
+    float diffuse;
+    float specular;
+    float power;
+    uint plane_count;
+    vec4 planes[8];
+    uint hidden[8];
+};
+
+#endif

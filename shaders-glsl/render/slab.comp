@@ -1,0 +1,191 @@
+#version 460
+// Slabs: along every ray, Σw and Σwc at eight planes at a time, then V = b + Σwc / (Σw + ε) and O = Σw / (Σw + w0), and only
+// then the transfer function; front to back, until no light is left (after the sheet buffers of Mueller and Crawfis 1998,
+// classified after reconstruction). Nothing is sorted within a block of planes: sums have no order.
+//
+// A tile has eight parts of 4 x 8 pixels; 8 invocations own a part, 4 pixels each. With GROUP = 64 the parts of a tile go
+// side by side. With GROUP = 8 a workgroup is one part: then all loads of splats are uniform, which a CPU driver turns
+// into scalar ones. The result has the same bits.
+#extension GL_KHR_shader_subgroup_vote : require
+#extension GL_EXT_control_flow_attributes : require
+#extension GL_EXT_shader_image_load_formatted : require
+#include "kernel.glsl"
+#include "look.glsl"
+#include "tiles.glsl"
+layout(local_size_x_id = 1) in;
+layout(constant_id = 1) const uint GROUP = 64;
+layout(constant_id = 2) const uint SEGMENTS = 0; // 1: the transfer function is integrated between planes
+layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
+layout(constant_id = 4) const uint DEPTH = 0;    // 1: depth is written
+layout(push_constant, scalar) uniform SlabParams {
+    TileGrid grid;
+    float background;
+    float epsilon;
+    float occupancy_w0;
+    float dark;
+} p;
+layout(scalar, binding = 4) readonly buffer Starts { uint starts[]; };
+layout(scalar, binding = 5) readonly buffer Values { uint values[]; };
+layout(scalar, binding = 6) readonly buffer ProjectedRows { Projected projected[]; };
+layout(binding = 7) writeonly uniform image2DArray colour_image;
+layout(binding = 8) writeonly uniform image2DArray depth_image;
+
+const uint PLANES = 8;
+const uint PIXELS = 4;
+
+// Σw, Σwc and, where there is light, their gradients in eye space.
+float weight[PLANES * PIXELS];
+float value[PLANES * PIXELS];
+vec3 weight_slope[PLANES * PIXELS];
+vec3 value_slope[PLANES * PIXELS];
+
+void add(Projected s, vec2 ray[PIXELS], float depths[PLANES], uint from) {
+    float a[4];
+    float zz[4];
+    [[unroll]] for (uint k = 0; k < 4; ++k) {
+        float z = depths[from + k];
+        a[k] = s.along.x * ((z - s.depth) / z);
+        zz[k] = z * z;
+    }
+    [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+        vec2 d = ray[n] - s.centre;
+        float lean = s.along.y * d.x + s.along.z * d.y;
+        float u = s.across.x * d.x + s.across.y * d.y;
+        float v = s.across.z * d.y;
+        float aside = u * u + v * v;
+        [[unroll]] for (uint k = 0; k < 4; ++k) {
+            uint at = (from + k) * PIXELS + n;
+            float t = a[k] + lean;
+            float q = zz[k] * (t * t + aside);
+            if (SHADED == 1) {
+                vec2 kernel = kernel_value_slope(q) * s.amplitude;
+                weight[at] += kernel.x;
+                value[at] += kernel.x * s.intensity;
+                vec3 h = vec3(
+                    s.along.y * t + s.across.x * u,
+                    s.along.z * t + s.across.y * u + s.across.z * v,
+                    s.along.x * t);
+                h.z -= dot(s.centre, h.xy);
+                h *= -kernel.y * depths[from + k];
+                weight_slope[at] += h;
+                value_slope[at] += h * s.intensity;
+            } else {
+                float w = s.amplitude * kernel_value(q);
+                weight[at] += w;
+                value[at] += w * s.intensity;
+            }
+        }
+    }
+}
+
+void main() {
+    uint lane = gl_LocalInvocationIndex & 7u;
+    uint part = gl_LocalInvocationIndex >> 3;
+    uint column = gl_WorkGroupID.x;
+    if (GROUP == 8) {
+        part = gl_WorkGroupID.x & 7u;
+        column = gl_WorkGroupID.x >> 3;
+    }
+    uvec2 tile = uvec2(column, gl_WorkGroupID.y);
+    View v = views[gl_WorkGroupID.z];
+    uvec2 pixel = tile * TILE + uvec2((part & 3u) * 4, (part >> 2) * 8) + uvec2(lane & 3u, lane >> 2);
+    uint first_list = ((gl_WorkGroupID.z * p.grid.tiles.y + tile.y) * p.grid.tiles.x + tile.x) * p.grid.blocks;
+    uint row = gl_WorkGroupID.z * p.grid.splat_count;
+
+    vec2 ray[PIXELS];
+    float path[PIXELS]; // mm of ray per plane
+    vec2 range[PIXELS]; // depths that the clip planes leave
+    vec3 colour[PIXELS];
+    float clear[PIXELS];
+    float depth[PIXELS];
+    vec2 before[PIXELS]; // V and O at the plane before
+    [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+        ray[n] = ray_tangents(v, vec2(pixel + uvec2(0, 2 * n)) + 0.5, p.grid.size);
+        path[n] = p.grid.spacing * length(vec3(ray[n], 1.0));
+        range[n] = look_clipped(v.eye, ray_direction(v, ray[n]), vec2(0.0, 3e38));
+        colour[n] = vec3(0.0);
+        clear[n] = 1.0;
+        depth[n] = 0.0;
+        before[n] = vec2(0.0);
+    }
+
+    float first = first_depth(p.grid, v);
+    uint rounds = p.grid.planes / PLANES;
+    for (uint block = 0; block < p.grid.blocks; ++block) {
+        uint start = min(starts[first_list + block], p.grid.capacity);
+        uint end = min(starts[first_list + block + 1], p.grid.capacity);
+        if (start == end) {
+            [[unroll]] for (uint n = 0; n < PIXELS; ++n) before[n] = vec2(0.0);
+            continue;
+        }
+        for (uint round = 0; round < rounds; ++round) {
+            float depths[PLANES];
+            [[unroll]] for (uint k = 0; k < PLANES; ++k) {
+                depths[k] = first + (float((block * rounds + round) * PLANES + k) + 0.5) * p.grid.spacing;
+            }
+            [[unroll]] for (uint i = 0; i < PLANES * PIXELS; ++i) {
+                weight[i] = 0.0;
+                value[i] = 0.0;
+                if (SHADED == 1) {
+                    weight_slope[i] = vec3(0.0);
+                    value_slope[i] = vec3(0.0);
+                }
+            }
+            for (uint i = start; i < end; ++i) {
+                uint pair = values[i];
+                if ((pair >> (24 + part) & 1u) == 0) continue;
+                Projected s = projected[pair & 0xFFFFFFu];
+                float near = s.depth - s.reach, far = s.depth + s.reach;
+                if (far >= depths[0] && near <= depths[3]) add(s, ray, depths, 0);
+                if (far >= depths[4] && near <= depths[7]) add(s, ray, depths, 4);
+            }
+            [[unroll]] for (uint k = 0; k < PLANES; ++k) {
+                float z = depths[k];
+                [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+                    uint at = k * PIXELS + n;
+                    float w = weight[at];
+                    bool there = w > 0.0 && clear[n] > p.dark && z >= range[n].x && z <= range[n].y;
+                    if (!subgroupAny(there)) {
+                        before[n] = vec2(0.0);
+                        continue;
+                    }
+                    float inverse = 1.0 / (w + p.epsilon);
+                    float relative = value[at] * inverse;
+                    vec2 here = vec2(p.background + relative, w / (w + p.occupancy_w0));
+                    vec4 got;
+                    float occupancy = here.y;
+                    if (SEGMENTS == 1) {
+                        got = look_segment(before[n].y > 0.0 ? before[n].x : here.x, here.x);
+                        occupancy = 0.5 * (before[n].y + here.y);
+                    } else {
+                        got = look_point(here.x);
+                    }
+                    before[n] = there ? here : vec2(0.0);
+                    float opacity = 1.0 - exp(-occupancy * got.a * path[n]);
+                    if (!there) opacity = 0.0;
+                    vec3 base = got.rgb;
+                    if (SHADED == 1) {
+                        vec3 slope = (value_slope[at] - relative * weight_slope[at]) * inverse;
+                        float fall = p.occupancy_w0 / ((w + p.occupancy_w0) * (w + p.occupancy_w0));
+                        vec3 gradient = here.y * slope + (here.x - look_rows[0].dark) * fall * weight_slope[at];
+                        base = look_lit(base, gradient, vec3(ray[n], 1.0));
+                    }
+                    float share = clear[n] * opacity;
+                    colour[n] += share * base;
+                    depth[n] += share * z;
+                    clear[n] -= share;
+                }
+            }
+        }
+        bool open = false;
+        [[unroll]] for (uint n = 0; n < PIXELS; ++n) open = open || clear[n] > p.dark;
+        if (!subgroupAny(open)) break;
+    }
+    [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+        uvec2 to = pixel + uvec2(0, 2 * n);
+        if (any(greaterThanEqual(to, p.grid.size))) continue;
+        ivec3 at = ivec3(to, gl_WorkGroupID.z);
+        imageStore(colour_image, at, vec4(colour[n], 1.0 - clear[n]));
+        if (DEPTH == 1) imageStore(depth_image, at, vec4(depth[n]));
+    }
+}
