@@ -4,9 +4,8 @@ use std::f64::consts::TAU;
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::image::{
-    self, Animation, Annotation, Image, WriteOptions, annotate, orientation_labels, write_animation,
-};
+use engine::image::file::{self, Animation, write_animation};
+use engine::image::{self, Annotation, Image, WriteOptions, annotate, orientation_labels};
 use engine::render::{Camera, Renderer, Scene};
 use engine::{Error, Kind, Result};
 use glam::DVec3;
@@ -45,7 +44,7 @@ pub struct Turntable {
 impl Output {
     /// The files that will be written.
     pub fn files(&self, turntable: &Turntable) -> Result<Vec<PathBuf>> {
-        let format = image::of_extension(&self.output)?;
+        let format = file::of_extension(&self.output)?;
         match turntable.turntable {
             Some(count) if turntable.sequence => Ok((0..count).map(|i| self.numbered(i, count)).collect()),
             Some(_) if format.depth => {
@@ -59,7 +58,7 @@ impl Output {
 
     /// Whether the format has a place for depth.
     pub fn wants_depth(&self) -> bool {
-        image::of_extension(&self.output).is_ok_and(|f| f.depth)
+        file::of_extension(&self.output).is_ok_and(|f| f.depth)
     }
 
     fn numbered(&self, index: u32, count: u32) -> PathBuf {

@@ -12,6 +12,7 @@ use engine::render::{
     Camera, ClipPlane, FOV_DEGREES, Look, MediumSource, ModeRow, Renderer, Scene, Settings, mode,
 };
 use engine::splat::{self, SplatSet};
+use engine::volume::Volume;
 use engine::{Error, Kind, Result, transfer};
 use serde::Serialize;
 
@@ -175,7 +176,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let source = volume.as_ref().map(|volume| MediumSource { volume, roi: roi.as_ref() });
     // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
     let shown = set.as_ref().filter(|_| row.of_splats);
-    let look = arguments.look(shown)?;
+    let look = arguments.look(shown, intensities(shown, volume.as_ref()))?;
     let gpu = arguments.device.boot()?;
     let scene = Scene::new(&gpu, shown, source.as_ref(), &look)?;
     let camera = arguments.camera(&scene)?;
@@ -210,8 +211,9 @@ impl Arguments {
         Ok(row)
     }
 
-    fn look(&self, splats: Option<&SplatSet>) -> Result<Look> {
-        let mut transfer = transfer::load(&self.tf)?;
+    /// `range` are the intensities that are there; some presets are stretched over them.
+    fn look(&self, splats: Option<&SplatSet>, range: [f64; 2]) -> Result<Look> {
+        let mut transfer = transfer::load(&self.tf, range)?;
         if self.tf_shift != 0.0 {
             transfer = transfer.shifted(self.tf_shift)?;
         }
@@ -282,4 +284,16 @@ fn read_splats(path: &Path) -> Result<SplatSet> {
         return Err(Error::new(Kind::BadData, "VGS-CLI-040", "the file holds no usable splat").file(path));
     }
     Ok(set)
+}
+
+/// Least and greatest intensity of what is shown.
+fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
+    let range = match (set, volume) {
+        (Some(set), _) => set.splats.iter().map(|s| s.intensity).fold(None, |range: Option<[f32; 2]>, c| {
+            Some(range.map_or([c, c], |[low, high]| [low.min(c), high.max(c)]))
+        }),
+        (None, Some(volume)) => volume.min_max().map(|(low, high)| [low, high]),
+        (None, None) => None,
+    };
+    range.unwrap_or([0.0, 1.0]).map(f64::from)
 }
