@@ -240,7 +240,7 @@ fn no_pass_holds_the_device_for_long_and_memory_is_accounted_for() {
         assert!(time.calls > 0 && time.longest_ms <= time.total_ms);
         assert!(time.longest_ms < 500.0, "{name} took {} ms", time.longest_ms);
     }
-    for shader in shaders_glsl::ALL {
+    for shader in shaders_glsl::ALL.iter().filter(|s| s.folder != "render") {
         assert!(profile.iter().any(|(name, _)| name == shader.name), "{} has no time", shader.name);
     }
     assert!(gpu.take_profile().is_empty(), "taking the profile empties it");

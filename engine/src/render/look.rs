@@ -76,18 +76,21 @@ const NARROW: f64 = 60.0;
 
 /// A look on the device.
 pub struct LookBuffers {
-    pub(super) rows: Buffer<types::Look>,
-    pub(super) points: Buffer<[u32; 2]>,
-    pub(super) integrals: Buffer<[u32; 4]>,
+    /// The row.
+    pub rows: Buffer<types::Look>,
+    /// Colour and extinction of each entry, packed.
+    pub points: Buffer<[u32; 2]>,
+    /// Their integrals.
+    pub integrals: Buffer<[u32; 4]>,
     /// For each entry of the table how many entries before it are visible; one more than there are entries.
-    pub(super) visible: Buffer<u32>,
+    pub visible: Buffer<u32>,
     /// Whether surfaces are lit.
     pub shaded: bool,
 }
 
 impl LookBuffers {
     /// The look of a scene whose intensities lie in `range` and whose zero is at `origin` in the world, mm RAS.
-    pub(super) fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
+    pub fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
         if look.clip.len() > PLANES {
             return Err(Error::new(
                 Kind::Usage,

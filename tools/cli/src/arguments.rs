@@ -3,7 +3,7 @@
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 use crate::failure::Stop;
-use crate::{compare, eval, fit, info, phantom, rasterize};
+use crate::{compare, eval, fit, info, phantom, rasterize, render};
 
 /// Version and, where the build knew it, the commit.
 pub const VERSION: &str = if env!("VGS_COMMIT").is_empty() {
@@ -54,6 +54,7 @@ pub enum Command {
     Fit(Box<fit::Arguments>),
     Eval(eval::Arguments),
     Rasterize(rasterize::Arguments),
+    Render(Box<render::Arguments>),
     Compare(compare::Arguments),
     Info(info::Arguments),
     /// Lists the Vulkan devices of this machine

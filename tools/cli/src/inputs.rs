@@ -69,24 +69,12 @@ pub struct Case {
 impl Case {
     /// Reads both.
     pub fn read(volume_path: &Path, read: &ReadArguments, region: &RoiArguments) -> Result<Case> {
-        let labels: LabelChoice = match &region.roi_label {
-            Some(text) => text.parse()?,
-            None => LabelChoice::Whole,
-        };
-        let volume = Volume::read(volume_path, &read.options())?;
-        let roi = match (&region.roi, region.roi_threshold) {
-            (Some(path), _) => {
-                // The index chooses a volume of the series; a mask is a single one.
-                let options = ReadOptions { volume_index: None, ..read.options() };
-                let mask = Volume::read(path, &options)?;
-                Roi::from_mask(&mask, &labels, &volume).map_err(|e| named(e, path))?
-            }
-            (None, Some([low, high])) => {
-                Roi::from_threshold(&volume, low, high).map_err(|e| named(e, volume_path))?
-            }
+        let volume = volume_of(volume_path, read)?;
+        let (mask, label) = (region.roi.as_deref(), region.roi_label.as_deref());
+        let roi = region_of(&volume, read, mask, region.roi_threshold, label)
+            .map_err(|e| named(e, volume_path))?
             // The flags are a required group.
-            (None, None) => unreachable!("a region of interest is required"),
-        };
+            .unwrap_or_else(|| unreachable!("a region of interest is required"));
         tracing::info!(
             "{}: {:?} voxels, {} in the region of interest",
             volume_path.display(),
@@ -105,6 +93,33 @@ impl Case {
     pub fn full_range(&self) -> [f32; 2] {
         self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()
     }
+}
+
+/// Reads a volume.
+pub fn volume_of(path: &Path, read: &ReadArguments) -> Result<Volume> {
+    Volume::read(path, &read.options())
+}
+
+/// The region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU; nothing where
+/// neither is given.
+pub fn region_of(
+    volume: &Volume,
+    read: &ReadArguments,
+    mask: Option<&Path>,
+    threshold: Option<[f32; 2]>,
+    labels: Option<&str>,
+) -> Result<Option<Roi>> {
+    let labels: LabelChoice = match labels {
+        Some(text) => text.parse()?,
+        None => LabelChoice::Whole,
+    };
+    if let Some(path) = mask {
+        // The index chooses a volume of the series; a mask is a single one.
+        let options = ReadOptions { volume_index: None, ..read.options() };
+        let mask = Volume::read(path, &options)?;
+        return Roi::from_mask(&mask, &labels, volume).map_err(|e| named(e, path)).map(Some);
+    }
+    threshold.map(|[low, high]| Roi::from_threshold(volume, low, high)).transpose()
 }
 
 fn named(error: Error, path: &Path) -> Error {
