@@ -64,9 +64,9 @@ impl Look {
     /// A band narrower than [`NARROW`] of intensity asks for integration.
     pub fn classification(&self) -> Classification {
         let points = self.transfer.opacities();
-        let narrow = points.windows(2).any(|p| {
-            (p[1].opacity - p[0].opacity).abs() > 0.02 && p[1].intensity - p[0].intensity < NARROW
-        });
+        let narrow = points
+            .windows(2)
+            .any(|p| (p[1].opacity - p[0].opacity).abs() > 0.02 && p[1].intensity - p[0].intensity < NARROW);
         if narrow { Classification::PreIntegrated } else { Classification::Point }
     }
 }
@@ -134,7 +134,11 @@ impl LookBuffers {
         Ok(LookBuffers {
             rows: gpu.upload("look", "transfer function", &[row])?,
             points: gpu.upload("transfer function", "transfer function", &points)?,
-            integrals: gpu.upload("integrals of the transfer function", "transfer function", &table.integrals)?,
+            integrals: gpu.upload(
+                "integrals of the transfer function",
+                "transfer function",
+                &table.integrals,
+            )?,
             visible: gpu.upload("visible entries", "transfer function", &visible)?,
             shaded: material.shade,
         })

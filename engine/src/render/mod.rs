@@ -16,7 +16,7 @@ mod target;
 
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::Cloud;
-pub use look::{ClipPlane, Classification, Look, LookBuffers, PLANES};
+pub use look::{Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};
 pub use target::Target;
 
@@ -42,7 +42,12 @@ pub struct Scene {
 
 impl Scene {
     /// Of splats, of a volume, or of both, at first seen as `look` says.
-    pub fn new(gpu: &Gpu, splats: Option<&SplatSet>, volume: Option<&MediumSource<'_>>, look: &Look) -> Result<Self> {
+    pub fn new(
+        gpu: &Gpu,
+        splats: Option<&SplatSet>,
+        volume: Option<&MediumSource<'_>>,
+        look: &Look,
+    ) -> Result<Self> {
         let origin = match (splats, volume) {
             (Some(set), _) => set.origin_mm,
             (None, Some(source)) => source.centre(),
@@ -131,7 +136,15 @@ pub struct Settings {
 impl Settings {
     /// One view of this size, at full quality.
     pub fn new(size: [u32; 2]) -> Self {
-        Settings { size, views: 1, precise: false, depth: false, step: 1.0, classification: None, dark: 1.0 / 512.0 }
+        Settings {
+            size,
+            views: 1,
+            precise: false,
+            depth: false,
+            step: 1.0,
+            classification: None,
+            dark: 1.0 / 512.0,
+        }
     }
 }
 

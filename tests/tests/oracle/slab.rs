@@ -40,8 +40,10 @@ fn stage(seed: u64, kernel: splat::Kernel, count: usize) -> Stage {
             s
         })
         .collect();
-    let outside = Camera::from_side("anterior-left-superior", DVec3::ZERO, 40.0, 40.0, 1.3).expect("a camera");
-    let inside = Camera::from_side("posterior", DVec3::new(2.0, -30.0, 1.0), 20.0, 150.0, 1.3).expect("a camera");
+    let outside =
+        Camera::from_side("anterior-left-superior", DVec3::ZERO, 40.0, 40.0, 1.3).expect("a camera");
+    let inside =
+        Camera::from_side("posterior", DVec3::new(2.0, -30.0, 1.0), 20.0, 150.0, 1.3).expect("a camera");
     let mut views: Vec<View> = [outside, inside].iter().map(|c| c.view(DVec3::ZERO)).collect();
     views[0].tangents[0] *= 0.6;
     views[0].tangents[3] *= 1.2;
@@ -127,7 +129,9 @@ pub fn project_splats() {
                 amplitudes.push((f64::from(p.amplitude), seen.amplitude));
                 reaches.push((f64::from(p.reach), seen.extent.z));
                 for _ in 0..4 {
-                    let aside = DVec3::from_array(std::array::from_fn(|k| rng.random_range(-1.0..1.0) * seen.extent[k]));
+                    let aside = DVec3::from_array(std::array::from_fn(|k| {
+                        rng.random_range(-1.0..1.0) * seen.extent[k]
+                    }));
                     let x = seen.mean + aside;
                     if x.z > twin::NEAREST {
                         let wanted = (seen.whitening * (x - seen.mean)).length_squared();
@@ -270,7 +274,11 @@ pub fn slab() {
             // be on either side of it.
             let label = format!("slab: {} segments {segments} shade {shade} shape {shape}", row.name);
             assert_close(&label, Bound::new(1.5e-3, 0.0).outliers(0.01, 0.1), colours);
-            assert_close(&format!("{label}, depth"), Bound::new(0.15, 1e-3).outliers(0.01, 20.0), depth_pairs);
+            assert_close(
+                &format!("{label}, depth"),
+                Bound::new(0.15, 1e-3).outliers(0.01, 20.0),
+                depth_pairs,
+            );
         }
     }
 }

@@ -132,7 +132,8 @@ impl Steps {
             bar.set_position(done);
             bar.set_message(text());
         } else if self.lines && self.last_line.elapsed() >= LINE_EVERY {
-            let _ = writeln!(std::io::stderr(), "{:>3.0} %: {}", 100.0 * done as f64 / self.count as f64, text());
+            let _ =
+                writeln!(std::io::stderr(), "{:>3.0} %: {}", 100.0 * done as f64 / self.count as f64, text());
             self.last_line = Instant::now();
         }
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use engine::render::{CameraFile, ClipPlane, Classification};
+use engine::render::{CameraFile, Classification, ClipPlane};
 use engine::splat::SplatSet;
 use engine::{Error, Kind};
 use glam::DVec3;
@@ -22,7 +22,11 @@ impl FromStr for Size {
             Ok(&[w, h]) => [w, h],
             _ => return Err("width and height in pixels are needed, as 1920x1080".into()),
         };
-        if size.iter().all(|n| (1..=16384).contains(n)) { Ok(Size(size)) } else { Err("1 to 16384 pixels".into()) }
+        if size.iter().all(|n| (1..=16384).contains(n)) {
+            Ok(Size(size))
+        } else {
+            Err("1 to 16384 pixels".into())
+        }
     }
 }
 
@@ -43,7 +47,8 @@ impl FromStr for Background {
         };
         let hex = || {
             let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
-            let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|b| f32::from(b) / 255.0);
+            let byte =
+                |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|b| f32::from(b) / 255.0);
             Some([byte(0)?, byte(2)?, byte(4)?])
         };
         let colour = named.or_else(hex);
@@ -62,7 +67,8 @@ impl FromStr for Clip {
         let wrong = || "x<MM, y>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 (mm, patient RAS)".to_owned();
         if let Some(corners) = text.strip_prefix("box:") {
             let numbers: Result<Vec<f64>, _> = corners.split(',').map(|t| t.trim().parse::<f64>()).collect();
-            let numbers = numbers.ok().filter(|n| n.len() == 6 && n.iter().all(|v| v.is_finite())).ok_or_else(wrong)?;
+            let numbers =
+                numbers.ok().filter(|n| n.len() == 6 && n.iter().all(|v| v.is_finite())).ok_or_else(wrong)?;
             let (a, b) = (DVec3::from_slice(&numbers[..3]), DVec3::from_slice(&numbers[3..]));
             return Ok(Clip(ClipPlane::around(a.min(b), a.max(b)).to_vec()));
         }
@@ -151,10 +157,15 @@ pub fn on_off(text: &str) -> Result<bool, String> {
 }
 
 /// A label by its number, or by its name in the splats.
-pub fn label(text: &str, _splats: Option<&SplatSet>) -> engine::Result<u8> {
-    text.trim().parse::<u8>().map_err(|_| {
+pub fn label(text: &str, splats: Option<&SplatSet>) -> engine::Result<u8> {
+    let text = text.trim();
+    let names = splats.map(|set| set.label_names.as_slice()).unwrap_or_default();
+    let named = names.iter().find(|(_, name)| name.eq_ignore_ascii_case(text)).map(|&(label, _)| label);
+    named.or_else(|| text.parse().ok()).ok_or_else(|| {
+        let known: Vec<_> = names.iter().map(|(label, name)| format!("{name} ({label})")).collect();
+        let known = if known.is_empty() { "numbers from 0 to 255".to_owned() } else { known.join(", ") };
         Error::new(Kind::Usage, "VGS-CLI-092", format!("no label is called {text:?}"))
-            .help("labels are numbers from 0 to 255, or names that the splats know")
+            .help(format!("the labels of these splats are {known}"))
     })
 }
 

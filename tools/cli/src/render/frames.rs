@@ -47,11 +47,9 @@ impl Output {
         let format = file::of_extension(&self.output)?;
         match turntable.turntable {
             Some(count) if turntable.sequence => Ok((0..count).map(|i| self.numbered(i, count)).collect()),
-            Some(_) if format.depth => {
-                Err(Error::new(Kind::Usage, "VGS-CLI-093", "an animation is a PNG")
-                    .file(&self.output)
-                    .help("choose a name that ends in .png, or --sequence for one file a frame"))
-            }
+            Some(_) if format.depth => Err(Error::new(Kind::Usage, "VGS-CLI-093", "an animation is a PNG")
+                .file(&self.output)
+                .help("choose a name that ends in .png, or --sequence for one file a frame")),
             _ => Ok(vec![self.output.clone()]),
         }
     }

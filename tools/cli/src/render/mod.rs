@@ -47,7 +47,13 @@ pub struct Arguments {
     #[arg(long, value_name = "PRESET|FILE", default_value = "CT-Bone", help_heading = "Picture")]
     tf: String,
     /// Moves the transfer function along the intensities, HU
-    #[arg(long, value_name = "HU", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Picture")]
+    #[arg(
+        long,
+        value_name = "HU",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        help_heading = "Picture"
+    )]
     tf_shift: f64,
     /// Lights surfaces, or not; as the transfer function says by default
     #[arg(long, value_name = "on|off", help_heading = "Picture", value_parser = arguments::on_off)]
@@ -169,7 +175,13 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let roi = match &volume {
         Some(volume) => {
             let region = &arguments.region;
-            region_of(volume, &arguments.read, region.roi.as_deref(), region.roi_threshold, region.roi_label.as_deref())?
+            region_of(
+                volume,
+                &arguments.read,
+                region.roi.as_deref(),
+                region.roi_threshold,
+                region.roi_label.as_deref(),
+            )?
         }
         None => None,
     };
@@ -271,7 +283,11 @@ impl Arguments {
         for (purpose, bytes) in gpu.memory_by_purpose() {
             tracing::info!("device memory for {purpose}: {:.1} MB", bytes as f64 * 1e-6);
         }
-        let what = if frames > 1 { format!("{frames} frames, {seconds:.3} s each") } else { format!("{seconds:.3} s") };
+        let what = if frames > 1 {
+            format!("{frames} frames, {seconds:.3} s each")
+        } else {
+            format!("{seconds:.3} s")
+        };
         console.say(&format!("{}: {what}, mode {}", files[0].display(), row.name));
         Ok(())
     }
