@@ -1,18 +1,25 @@
 #version 460
 // Projects the active splats for every view, and counts the (tile, block) pairs of each. One invocation owns a splat of a
 // view. Rows of splats that cannot be seen stay as they are and have no pairs.
-#include "splat.glsl"
 #include "kernel.glsl"
+#include "rows.glsl"
 #include "tiles.glsl"
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform ProjectParams { TileGrid grid; float background; } p;
+layout(constant_id = 1) const uint PACKED = 0; // 1: 16 bytes a splat
+layout(push_constant, scalar) uniform ProjectParams { TileGrid grid; PackedRange range; float background; } p;
 layout(scalar, binding = 0) readonly buffer Views { View views[]; };
-layout(scalar, binding = 1) readonly buffer Splats { Splat splats[]; };
-layout(scalar, binding = 2) readonly buffer Active { uint active_splats[]; };
-layout(scalar, binding = 3) readonly buffer Counts { uint counts[]; };
-layout(scalar, binding = 4) writeonly buffer ProjectedRows { Projected projected[]; };
-layout(scalar, binding = 5) writeonly buffer Boxes { uvec4 boxes[]; };
-layout(scalar, binding = 6) writeonly buffer PairCounts { uint pair_counts[]; };
+layout(scalar, binding = 1) readonly buffer Rows { uvec4 rows[]; };
+layout(scalar, binding = 2) readonly buffer Chunks { PackedChunk chunks[]; };
+layout(scalar, binding = 3) readonly buffer Active { uint active_splats[]; };
+layout(scalar, binding = 4) readonly buffer Counts { uint counts[]; };
+layout(scalar, binding = 5) writeonly buffer ProjectedRows { Projected projected[]; };
+layout(scalar, binding = 6) writeonly buffer Boxes { uvec4 boxes[]; };
+layout(scalar, binding = 7) writeonly buffer PairCounts { uint pair_counts[]; };
+
+Splat splat_at(uint i) {
+    if (PACKED == 1) return unpack(rows[i], chunks[i / PACKED_CHUNK], p.range);
+    return full_splat(rows[3 * i], rows[3 * i + 1], rows[3 * i + 2]);
+}
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -22,7 +29,7 @@ void main() {
     pair_counts[at] = 0;
     if (i >= counts[0]) return;
     View v = views[gl_WorkGroupID.y];
-    Splat s = splats[active_splats[i]];
+    Splat s = splat_at(active_splats[i]);
     vec3 mean = turned(v, s.mean - v.eye);
     if (!(mean.z > NEAREST)) return;
 

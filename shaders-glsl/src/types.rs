@@ -243,13 +243,6 @@ shared! {
         /// Greatest intensity.
         intensity_high: f32,
     }
-    /// Push constants of `unpack`.
-    UnpackParams {
-        /// Ranges of the set.
-        range: PackedRange,
-        /// Splats.
-        splat_count: u32,
-    }
     /// One eye. Eye space: x to the right, y up, z the distance along the viewing direction, mm.
     View {
         /// Where the eye is, mm in the space of the scene.
@@ -315,6 +308,8 @@ shared! {
     ProjectParams {
         /// Tiles and planes.
         grid: TileGrid,
+        /// Of packed rows.
+        range: PackedRange,
         /// b of the field.
         background: f32,
     }

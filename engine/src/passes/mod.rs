@@ -12,9 +12,9 @@ pub mod radix_sort;
 pub mod rasterise;
 pub mod rows;
 pub mod scan;
+pub mod splat_rows;
 mod storage;
 pub mod tiles;
-pub mod unpack;
 
 pub use activity::Activity;
 pub use adam::Adam;
@@ -28,9 +28,9 @@ pub use rasterise::Rasteriser;
 pub use rows::Rows;
 pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
+pub use splat_rows::SplatRows;
 pub use storage::Storage;
 pub use tiles::TileBinner;
-pub use unpack::{PackedSplats, Unpack};
 
 use crate::gpu::Gpu;
 

@@ -4,10 +4,10 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{EmitParams, ProjectParams, Projected, RangeParams, TileGrid, View};
 
-use super::{RadixSort, Scan};
+use super::{RadixSort, Scan, SplatRows};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-use crate::splat::{self, Splat};
+use crate::splat;
 
 /// Pixels along the edge of a tile.
 pub const TILE: u32 = 16;
@@ -40,10 +40,11 @@ pub struct TileBinner {
 }
 
 impl TileBinner {
-    /// For so many splats in so many views of a grid.
+    /// For so many splats, packed or not, in so many views of a grid.
     pub fn new(
         gpu: &Gpu,
         kernel: splat::Kernel,
+        packed: bool,
         grid: &TileGrid,
         views: u32,
         splat_count: usize,
@@ -60,7 +61,7 @@ impl TileBinner {
         let lists = (views * grid.tiles[0] * grid.tiles[1] * grid.blocks) as usize;
         Ok(TileBinner {
             gpu: gpu.clone(),
-            project: Kernel::new(gpu, &glsl::PROJECT_SPLATS, &[kernel.id()])?,
+            project: Kernel::new(gpu, &glsl::PROJECT_SPLATS, &[kernel.id(), u32::from(packed)])?,
             emit: Kernel::new(gpu, &glsl::EMIT_TILE_PAIRS, &[kernel.id()])?,
             ranges: Kernel::new(gpu, &glsl::BRICK_RANGES, &[])?,
             scan: Scan::new(gpu, rows)?,
@@ -113,7 +114,7 @@ impl TileBinner {
         grid: &TileGrid,
         background: f32,
         views: &Buffer<View>,
-        splats: &Buffer<Splat>,
+        splats: &SplatRows,
         (active, count): (&Buffer<u32>, &Buffer<u32>),
     ) {
         let rows = self.splat_count * self.views as usize;
@@ -121,13 +122,14 @@ impl TileBinner {
         recorder
             .pass(&self.project)
             .read(views)
-            .read(splats)
+            .read(&splats.rows)
+            .read(&splats.chunks)
             .read(active)
             .read(count)
             .write(&mut self.projected)
             .write(&mut self.boxes)
             .write(&mut self.pair_counts)
-            .push(&ProjectParams { grid: *grid, background })
+            .push(&ProjectParams { grid: *grid, range: splats.range, background })
             .dispatch_3d(groups);
         self.scan.record(recorder, &self.pair_counts, rows, &mut self.pair_offsets);
         recorder.copy(&self.pair_offsets, rows, &mut self.needed, 0, 1);

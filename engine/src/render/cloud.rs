@@ -8,17 +8,27 @@
 use super::look::LookBuffers;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::passes::Activity;
-use crate::splat::{Activations, Field, Splat, SplatSet};
+use crate::passes::{Activity, SplatRows};
+use crate::splat::{Activations, Field, Packed, Splat, SplatSet};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
 
+/// How splats are kept on the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// As they were fitted, 48 bytes each.
+    #[default]
+    Full,
+    /// 16 bytes each; see [`Packed`].
+    Packed,
+}
+
 /// The splats of a scene.
 pub struct Cloud {
-    rows: Buffer<Splat>,
+    rows: SplatRows,
     /// How they add up.
     pub field: Field,
     /// Number of splats.
@@ -35,8 +45,13 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    pub(super) fn new(gpu: &Gpu, set: &SplatSet) -> Result<Self> {
-        let splats = &set.splats;
+    pub(super) fn new(gpu: &Gpu, set: &SplatSet, precision: Precision) -> Result<Self> {
+        // Packed splats lie in an order of their own; all that is computed here is of what is shown.
+        // Colours would have to follow; standard splats stay as they are.
+        let packed = (precision == Precision::Packed && set.colours.is_none())
+            .then(|| Packed::new(&set.splats, set.labels.as_deref()));
+        let unpacked = packed.as_ref().map(Packed::unpack_all);
+        let splats = unpacked.as_ref().unwrap_or(&set.splats);
         let count = splats.len();
         let reach = reaches(splats, set.field.kernel.support_q());
         let mut shortest: Vec<f32> =
@@ -57,12 +72,17 @@ impl Cloud {
         if count == 0 {
             (range, bounds) = ([0.0, 1.0], [DVec3::splat(-1.0), DVec3::ONE]);
         }
-        let labels: Vec<u32> = match &set.labels {
-            Some(labels) => labels.iter().map(|&l| u32::from(l)).collect(),
-            None => vec![0; count],
+        let labels: Vec<u32> = match (&packed, &set.labels) {
+            (Some(packed), _) => (0..count).map(|row| u32::from(packed.label(row))).collect(),
+            (None, Some(labels)) => labels.iter().map(|&l| u32::from(l)).collect(),
+            (None, None) => vec![0; count],
+        };
+        let rows = match &packed {
+            Some(packed) => SplatRows::packed(gpu, packed)?,
+            None => SplatRows::full(gpu, splats)?,
         };
         Ok(Cloud {
-            rows: gpu.upload("splats", "splats", splats)?,
+            rows,
             field: set.field,
             count,
             sigma_mm,
@@ -80,7 +100,7 @@ impl Cloud {
     }
 
     /// Rows in mm in the space of the scene.
-    pub(super) fn rows(&self) -> &Buffer<Splat> {
+    pub(super) fn rows(&self) -> &SplatRows {
         &self.rows
     }
 

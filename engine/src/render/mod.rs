@@ -15,7 +15,7 @@ mod slab;
 mod target;
 
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
-pub use cloud::Cloud;
+pub use cloud::{Cloud, Precision};
 pub use look::{Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};
 pub use target::Target;
@@ -48,6 +48,17 @@ impl Scene {
         volume: Option<&MediumSource<'_>>,
         look: &Look,
     ) -> Result<Self> {
+        Self::with_precision(gpu, splats, volume, look, Precision::Full)
+    }
+
+    /// The same with splats kept in a precision of the caller's choice.
+    pub fn with_precision(
+        gpu: &Gpu,
+        splats: Option<&SplatSet>,
+        volume: Option<&MediumSource<'_>>,
+        look: &Look,
+        precision: Precision,
+    ) -> Result<Self> {
         let origin = match (splats, volume) {
             (Some(set), _) => set.origin_mm,
             (None, Some(source)) => source.centre(),
@@ -56,7 +67,7 @@ impl Scene {
                     .help("give splats, a volume, or both"));
             }
         };
-        let cloud = splats.map(|set| Cloud::new(gpu, set)).transpose()?;
+        let cloud = splats.map(|set| Cloud::new(gpu, set, precision)).transpose()?;
         let medium = volume.map(|source| Medium::new(gpu, source, origin)).transpose()?;
         let range = range_of(cloud.as_ref(), medium.as_ref());
         let buffers = LookBuffers::new(gpu, look, range, origin)?;

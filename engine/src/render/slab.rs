@@ -53,7 +53,14 @@ impl Slab {
         Ok(Slab {
             gpu: gpu.clone(),
             kernels: Vec::new(),
-            bins: TileBinner::new(gpu, cloud.field.kernel, &grid, settings.views, cloud.count)?,
+            bins: TileBinner::new(
+                gpu,
+                cloud.field.kernel,
+                cloud.rows().packed,
+                &grid,
+                settings.views,
+                cloud.count,
+            )?,
             grid,
             settings: settings.clone(),
         })

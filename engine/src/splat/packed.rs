@@ -17,7 +17,7 @@
 //! are lost. Where intensities run far out of the volume's range, the kernel is cut off sharply and ε is small, as in
 //! the paper's profile, single samples at the rim of a splat flip: there 48 to 63 dB are left.
 //!
-//! `include/packed.glsl` reads the same rows in f32; [`Packed::unpack`] is the f64 twin of `unpack.comp`.
+//! `include/packed.glsl` reads the same rows in f32.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 

@@ -4,12 +4,12 @@ use std::collections::HashMap;
 
 use engine::gpu::{Gpu, Kernel};
 use engine::passes::tiles::TILE;
-use engine::passes::{Activity, TileBinner};
+use engine::passes::{Activity, SplatRows, TileBinner};
 use engine::reference::eye::Eye;
 use engine::reference::slab as twin;
 use engine::render::{Camera, Look, LookBuffers};
 use engine::splat::kernel::KERNELS;
-use engine::splat::{self, Field, Splat};
+use engine::splat::{self, Field, Packed, Splat};
 use engine::transfer::{Material, Table, preset};
 use glam::{DVec3, Vec3};
 use rand::RngExt;
@@ -84,16 +84,21 @@ impl Stage {
 
 /// The passes up to the sorted pairs, all splats active.
 fn binned(gpu: &Gpu, stage: &Stage) -> (TileBinner, TileGrid) {
+    bin(gpu, stage, &SplatRows::full(gpu, &stage.splats).unwrap())
+}
+
+/// The same with rows of the caller's choice.
+fn bin(gpu: &Gpu, stage: &Stage, splats: &SplatRows) -> (TileBinner, TileGrid) {
     let count = stage.splats.len();
     let views = gpu.upload("views", "test", &stage.views).unwrap();
-    let splats = gpu.upload("splats", "test", &stage.splats).unwrap();
     let active = gpu.upload("active", "test", &(0..count as u32).collect::<Vec<_>>()).unwrap();
     let counts = gpu.upload("count", "test", &[count as u32]).unwrap();
     let mut bins =
-        TileBinner::new(gpu, stage.field.kernel, &stage.grid, stage.views.len() as u32, count).unwrap();
+        TileBinner::new(gpu, stage.field.kernel, splats.packed, &stage.grid, stage.views.len() as u32, count)
+            .unwrap();
     loop {
         let grid = TileGrid { capacity: bins.capacity() as u32, ..stage.grid };
-        run(gpu, |r| bins.record(r, &grid, stage.field.background, &views, &splats, (&active, &counts)));
+        run(gpu, |r| bins.record(r, &grid, stage.field.background, &views, splats, (&active, &counts)));
         let needed = bins.needed().unwrap();
         if needed <= bins.capacity() {
             return (bins, grid);
@@ -114,8 +119,16 @@ fn squared_distance(p: &Projected, ray: DVec3, z: f64) -> f64 {
 pub fn project_splats() {
     let gpu = Device::boot();
     for row in &KERNELS {
-        let stage = stage(3 + u64::from(row.kernel.id()), row.kernel, 200);
-        let (bins, _) = binned(&gpu, &stage);
+        let mut stage = stage(3 + u64::from(row.kernel.id()), row.kernel, 200);
+        // The Gaussian from packed rows: its twin sees what they unpack to.
+        let packed = (row.kernel == splat::Kernel::Gaussian).then(|| Packed::new(&stage.splats, None));
+        let (bins, _) = match &packed {
+            Some(packed) => {
+                stage.splats = packed.unpack_all();
+                bin(&gpu, &stage, &SplatRows::packed(&gpu, packed).unwrap())
+            }
+            None => binned(&gpu, &stage),
+        };
         let got = bins.projected.read().unwrap();
         let mut rng = random(99);
         let (mut amplitudes, mut distances, mut reaches) = (Vec::new(), Vec::new(), Vec::new());

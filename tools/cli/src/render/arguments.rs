@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use engine::render::{CameraFile, Classification, ClipPlane};
+use engine::render::{CameraFile, Classification, ClipPlane, Precision};
 use engine::splat::SplatSet;
 use engine::{Error, Kind};
 use glam::DVec3;
@@ -145,6 +145,15 @@ pub fn zoom(text: &str) -> Result<f64, String> {
 /// Parses a step.
 pub fn step(text: &str) -> Result<f64, String> {
     number(text, 0.01..=100.0)
+}
+
+/// Parses a precision.
+pub fn precision(text: &str) -> Result<Precision, String> {
+    match text {
+        "full" => Ok(Precision::Full),
+        "packed" => Ok(Precision::Packed),
+        _ => Err("full or packed".into()),
+    }
 }
 
 /// Parses `on` or `off`.

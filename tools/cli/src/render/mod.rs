@@ -9,7 +9,7 @@ use std::time::Instant;
 use clap::{ArgGroup, Args};
 use engine::gpu::Gpu;
 use engine::render::{
-    Camera, ClipPlane, FOV_DEGREES, Look, MediumSource, ModeRow, Renderer, Scene, Settings, mode,
+    Camera, ClipPlane, FOV_DEGREES, Look, MediumSource, ModeRow, Precision, Renderer, Scene, Settings, mode,
 };
 use engine::splat::{self, SplatSet};
 use engine::volume::Volume;
@@ -94,6 +94,10 @@ pub struct Arguments {
     #[arg(long, value_name = "WAY", default_value = "auto", help_heading = "Quality",
           value_parser = arguments::classification)]
     classification: arguments::Classified,
+    /// How splats are kept on the device: full (48 bytes each) or packed (16 bytes)
+    #[arg(long, value_name = "full|packed", default_value = "full", help_heading = "Quality",
+          value_parser = arguments::precision)]
+    precision: Precision,
     #[command(flatten)]
     turntable: Turntable,
     #[command(flatten)]
@@ -190,7 +194,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let shown = set.as_ref().filter(|_| row.of_splats);
     let look = arguments.look(shown, intensities(shown, volume.as_ref()))?;
     let gpu = arguments.device.boot()?;
-    let scene = Scene::new(&gpu, shown, source.as_ref(), &look)?;
+    let scene = Scene::with_precision(&gpu, shown, source.as_ref(), &look, arguments.precision)?;
     let camera = arguments.camera(&scene)?;
     let settings = Settings {
         depth: arguments.output.wants_depth(),
