@@ -476,7 +476,7 @@ fn n17_quaternions_of_any_length() {
     let field = Field::default();
     let fitted = |rotation: [f32; 4]| {
         let splats = case.start().into_iter().map(|s| Splat { rotation, ..s }).collect();
-        let set = SplatSet { splats, origin_mm: DVec3::ZERO, field, has_intensity: true, iterations: None };
+        let set = SplatSet { splats, field, ..SplatSet::default() };
         let start = set.to_voxel(&DAffine3::IDENTITY);
         for s in &start {
             let length = s.rotation.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
