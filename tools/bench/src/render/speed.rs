@@ -52,7 +52,7 @@ pub fn measure(
     let mut record = Record {
         key: unit.key(),
         splats: set.splats.len(),
-        of_colours: !set.has_intensity,
+        of_colours: set.colours.is_some(),
         roi_voxels: place.roi.weight_sum(),
         ..Record::default()
     };

@@ -76,6 +76,9 @@ fn all_sections_run_on_the_phantom_and_only_once() {
         !eyes.is_empty() && eyes.iter().all(|row| row.sights.len() == 4 && row.psnr() > 40.0),
         "{eyes:?}"
     );
+    let packed: Vec<_> = comparisons(Section::Storage, Role::Packed).collect();
+    assert!(packed.iter().all(|row| row.psnr() > 40.0 && row.packed_bytes > Some(300 * 16)), "{packed:?}");
+    assert_eq!(packed.len(), 1);
     assert_eq!(has("volume"), of(Section::EndToEnd).next().is_some());
     assert_eq!(
         has("volume"),
