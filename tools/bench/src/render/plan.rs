@@ -139,6 +139,7 @@ impl Plan {
                 });
             }
         }
+        plan.left_out.dedup();
         Ok(plan)
     }
 }

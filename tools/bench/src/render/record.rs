@@ -36,7 +36,7 @@ pub struct Sight {
     pub ssim: f64,
     /// Mean of FLIP.
     pub flip: f64,
-    /// Of this one frame, which was not repeated.
+    /// Of this one frame.
     pub cost: Cost,
 }
 

@@ -204,7 +204,7 @@ impl Report<'_> {
         let title = format!(
             "## Error of the modes\n\nPictures of {size}×{size} pixels of the same splats, against mode `exact`. Numbers after a \
              name are the distance of the slabs in standard deviations of the middle splat; `point` classifies at the samples, \
-             `integrated` between them. The cost is that of frames that were not repeated."
+             `integrated` between them. The cost is the median over the views, after a first frame."
         );
         let modes = self.pictures(Section::RendererError, &[Role::Reference, Role::Mode]);
         let mut text = Table { title, columns: self.columns(), rows: modes }.markdown();
