@@ -1,0 +1,113 @@
+//! `vgs render` on a phantom and a quick fit of it.
+
+mod support;
+
+use engine::image::{Picture, psnr, read};
+use support::{Folder, fit};
+
+/// A folder with splats of a phantom.
+fn folder() -> Folder {
+    let folder = Folder::new(40);
+    let ended = folder.run(&fit("s.ply", &["--no-eval", "--iterations", "24", "--splats", "800", "--offsets", "4"]));
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    folder
+}
+
+fn picture(folder: &Folder, name: &str) -> Picture {
+    read(folder.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// Pixels in which something is to be seen, over black.
+fn seen(picture: &Picture) -> usize {
+    picture.image.pixels.iter().filter(|p| p[0] + p[1] + p[2] > 0.05).count()
+}
+
+#[test]
+fn a_picture_of_splats_is_like_that_of_their_volume() {
+    let folder = folder();
+    let shared = ["--tf", "CT-Bones-Steep", "--size", "96x80", "--camera", "anterior-left", "--shade", "off"];
+    fn of<'a>(more: &[&'a str], shared: &[&'a str]) -> Vec<&'a str> {
+        [&["render"], more, shared].concat()
+    }
+    let json = folder.run(&of(&["s.ply", "-o", "slab.png", "--json"], &shared)).json();
+    assert_eq!(json["mode"], "slab");
+    assert_eq!((json["size"].clone(), json["frames"].as_u64()), (serde_json::json!([96, 80]), Some(1)));
+    assert!(json["active_splats"].as_u64() <= json["splats"].as_u64() && json["seconds_per_frame"].as_f64() > Some(0.0));
+    let slab = picture(&folder, "slab.png");
+    assert_eq!(slab.image.size, [96, 80]);
+    assert!((300..7000).contains(&seen(&slab)), "{}", seen(&slab));
+
+    for (name, more) in [("exact", ["--mode", "exact"]), ("packed", ["--precision", "packed"])] {
+        let output = format!("{name}.png");
+        let ended = folder.run(&of(&[&["s.ply", "-o", &output], more.as_slice()].concat(), &shared));
+        assert_eq!(ended.code, 0, "{}", ended.err);
+        let db = psnr(&slab.image, &picture(&folder, &output).image).expect("pictures of one size");
+        println!("{name}: {db:.1} dB");
+        assert!(db > 30.0, "{name}: {db}");
+    }
+}
+
+#[test]
+fn outputs_are_what_was_asked_for() {
+    let folder = folder();
+    let run = |more: &[&str]| {
+        let ended = folder.run(&[&["render", "s.ply", "--size", "120x100", "--tf", "CT-Soft-Tissue"], more].concat());
+        assert_eq!(ended.code, 0, "{more:?}: {}", ended.err);
+        ended
+    };
+    // Floats and depth: what is seen is as far away as the camera, give or take the scene.
+    run(&["-o", "a.exr", "--background", "transparent"]);
+    let exr = picture(&folder, "a.exr");
+    let depth = exr.depth.expect("EXR has depth");
+    let near: Vec<f32> = depth.iter().copied().filter(|d| d.is_finite()).collect();
+    assert!(near.len() > 500 && near.iter().all(|d| (10.0..500.0).contains(d)), "{} pixels", near.len());
+    assert!(exr.image.pixels.iter().any(|p| p[3] == 0.0) && exr.image.pixels.iter().any(|p| p[3] > 0.5));
+
+    run(&["-o", "white.png", "--background", "white"]);
+    assert_eq!(picture(&folder, "white.png").image.at(0, 0), [1.0; 4]);
+    // Letters and a bar are white on black, at the borders and below.
+    run(&["-o", "plain.png"]);
+    run(&["-o", "told.png", "--orientation", "--scale-bar"]);
+    let (plain, told) = (picture(&folder, "plain.png"), picture(&folder, "told.png"));
+    let changed = plain.image.pixels.iter().zip(&told.image.pixels).filter(|(a, b)| a != b).count();
+    assert!((20..3000).contains(&changed), "{changed} pixels");
+    // Half of it is cut away.
+    run(&["-o", "cut.png", "--clip", "x<0"]);
+    assert!(seen(&picture(&folder, "cut.png")) < seen(&plain));
+
+    run(&["-o", "turn.png", "--turntable", "4"]);
+    let bytes = folder.read("turn.png");
+    assert!(bytes.windows(4).any(|w| w == b"acTL"), "an animated PNG");
+    run(&["-o", "frame.png", "--turntable", "3", "--sequence"]);
+    let frames: Vec<Picture> = (0..3).map(|i| picture(&folder, &format!("frame-00{i}.png"))).collect();
+    assert!(frames[0].image == plain.image && frames[1].image != frames[0].image);
+    folder.write("cam.json", r#"{"eye_mm": [0, 400, 0], "target_mm": [0, 0, 0], "fov_deg": 20}"#);
+    run(&["-o", "cam.png", "--camera", "cam.json"]);
+}
+
+#[test]
+fn what_cannot_be_rendered_is_refused_and_nothing_is_written() {
+    let folder = folder();
+    folder.write("broken.json", "{\"eye_mm\": [0, 1]}");
+    folder.write("there.png", "mine");
+    let before = folder.contents();
+    for (code, arguments, told) in [
+        (2, &["s.ply", "-o", "a.jpg"][..], "jpg"),
+        (2, &["s.ply", "-o", "a.png", "--tf", "CT-Bnoe"], "CT-Bone"),
+        (2, &["s.ply", "-o", "a.png", "--camera", "above"], "superior"),
+        (2, &["s.ply", "-o", "a.png", "--camera", "broken.json"], "eye_mm"),
+        (2, &["s.ply", "-o", "a.png", "--mode", "slob"], "slab"),
+        (2, &["s.ply", "-o", "a.png", "--mode", "volume"], "--volume"),
+        (2, &["--volume", "ct.nii.gz", "-o", "a.png", "--mode", "slab"], "PLY"),
+        (2, &["s.ply", "-o", "a.png", "--hide-label", "liver"], "label"),
+        (2, &["s.ply", "-o", "a.exr", "--turntable", "4"], "png"),
+        (2, &["-o", "a.png"], "--volume"),
+        (66, &["none.ply", "-o", "a.png"], "none.ply"),
+        (73, &["s.ply", "-o", "there.png"], "--force"),
+    ] {
+        let ended = folder.run(&[&["render"], arguments].concat());
+        assert_eq!(ended.code, code, "{arguments:?}: {}", ended.err);
+        assert!(ended.err.to_lowercase().contains(&told.to_lowercase()), "{arguments:?}: {}", ended.err);
+    }
+    assert_eq!(folder.contents(), before);
+}
