@@ -21,6 +21,12 @@ vec4 look_point(float v) {
     return look_entry(uint(clamp(floor(at), 0.0, look_rows[0].last)));
 }
 
+// Opacity of a stretch of ray, mm: occupancy is a factor of the opacity per mm, 1 - exp(-extinction), so that a faint
+// occupancy stays faint however opaque the transfer function is.
+float look_opacity(float extinction, float occupancy, float path) {
+    return 1.0 - exp(path * log(1.0 - occupancy * (1.0 - exp(-extinction))));
+}
+
 // Mean colour and mean extinction of a segment on which the intensity goes evenly from one value to another.
 vec4 look_segment(float from, float to) {
     float a = (min(from, to) - look_rows[0].first) * look_rows[0].inverse_step;

@@ -165,7 +165,7 @@ void main() {
                         got = look_point(here.x);
                     }
                     before[n] = there ? here : vec2(0.0);
-                    float opacity = 1.0 - exp(-occupancy * got.a * path[n]);
+                    float opacity = look_opacity(got.a, occupancy, path[n]);
                     if (!there) opacity = 0.0;
                     vec3 base = got.rgb;
                     if (SHADED == 1) {

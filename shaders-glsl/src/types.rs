@@ -341,6 +341,46 @@ shared! {
         /// Splats.
         count: u32,
     }
+    /// A volume in an image, and its bricks; see `include/bricks.glsl`.
+    BrickGrid {
+        /// Voxels of the image.
+        texels: [u32; 3],
+        /// Bricks along x, y, z.
+        bricks: [u32; 3],
+        /// Logarithm to base 2 of the edges of a brick, voxels.
+        shift: [u32; 3],
+    }
+    /// Push constants of `occupancy_mark`.
+    OccupancyParams {
+        /// Bricks.
+        count: u32,
+        /// Distance of a brick that cannot be seen.
+        most: u32,
+    }
+    /// Push constants of `occupancy_spread`.
+    SpreadParams {
+        /// The bricks.
+        grid: BrickGrid,
+        /// Along which axis.
+        axis: u32,
+    }
+    /// Push constants of `raymarch`.
+    RaymarchParams {
+        /// The image and its bricks.
+        grid: BrickGrid,
+        /// Rows of the affine from the scene, mm, to voxels of the image.
+        voxel_from_scene: [[f32; 4]; 3],
+        /// Intensity that the fraction 0 stands for.
+        first: f32,
+        /// Intensity from the fraction 0 to 1.
+        span: f32,
+        /// Width and height of the picture, pixels.
+        size: [u32; 2],
+        /// Length of a cell, mm.
+        step: f32,
+        /// Rays end where less light than this would pass.
+        dark: f32,
+    }
     /// A splat as one eye sees it; see `include/projected.glsl`.
     Projected {
         /// x/z and y/z of its centre.

@@ -1,11 +1,28 @@
-//! The volume of a scene on the device.
+//! The volume of a scene on the device: intensity and occupancy in an image that is sampled with trilinear interpolation,
+//! and the intervals of intensity of its bricks, by which empty space is leapt over.
+//!
+//! With a region the image is the region's box with a border of one voxel, and holds (V, M): outside the region there is
+//! nothing, and V and M are interpolated each for itself. Without one it is the whole volume and holds V; its occupancy
+//! is 1 up to the outermost voxel centres and fades to 0 over one voxel.
+//!
+//! Both are 16-bit fractions. Whole numbers that span at most 65535, as those of every CT do, are kept exactly: one unit is
+//! a whole number of steps. Other intensities are rounded to 1/65535 of their range, masks to 1/65535.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+use shaders_glsl::types::BrickGrid;
 
 use super::look::LookBuffers;
-use crate::error::Result;
-use crate::gpu::{Gpu, Recorder};
+use crate::error::{Error, Kind, Result};
+use crate::gpu::{Buffer, Format, Gpu, Image, Recorder};
+use crate::passes::Occupancy;
 use crate::volume::{Roi, Volume};
+
+/// Greatest value of a 16-bit fraction.
+const STEPS: f64 = 65535.0;
+/// Edge of a brick along the axis of the shortest voxel edge, as a logarithm to base 2. Along the others it is the power
+/// of two that comes closest to the same length.
+const BRICK_SHIFT: u32 = 3;
 
 /// A volume and where it is: outside the region there is nothing; without one all of the volume is there.
 pub struct MediumSource<'a> {
@@ -29,21 +46,266 @@ pub struct Medium {
     pub range: [f64; 2],
     /// Corners of the box around it, mm in the space of the scene.
     pub bounds: [DVec3; 2],
+    /// The shortest edge of a voxel, mm.
+    pub spacing_mm: f64,
+    image: Image,
+    scale: Scale,
+    voxel_from_scene: DAffine3,
+    occupancy: Occupancy,
+}
+
+/// Which intensities the fractions 0 and 1 stand for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Scale {
+    pub first: f64,
+    pub span: f64,
+}
+
+impl Scale {
+    /// For intensities between two, which are whole numbers or not.
+    fn of([low, high]: [f64; 2], whole: bool) -> Self {
+        let extent = high - low;
+        let span = match whole && extent <= STEPS {
+            true => STEPS / (STEPS / extent.max(1.0)).floor(),
+            false => extent,
+        };
+        Scale { first: low, span: if span > 0.0 { span } else { 1.0 } }
+    }
+
+    fn fraction(self, v: f32) -> u16 {
+        ((f64::from(v) - self.first) / self.span * STEPS).round().clamp(0.0, STEPS) as u16
+    }
+
+    fn value(self, fraction: u16) -> f64 {
+        self.first + self.span * (f64::from(fraction) / STEPS)
+    }
+}
+
+/// The part of a volume that is kept, x fastest.
+struct Cut {
+    /// Voxel of the volume that the first texel is; -1 where it lies before the volume.
+    low: [i64; 3],
+    size: [usize; 3],
+    values: Vec<u16>,
+    mask: Option<Vec<u16>>,
+    scale: Scale,
+}
+
+impl Cut {
+    fn new(source: &MediumSource<'_>) -> Self {
+        let volume = source.volume;
+        let mask: Option<Vec<u16>> = match source.roi {
+            Some(roi) => Some(roi.weight.par_iter().map(|&w| to_fraction(w)).collect()),
+            // Where a volume has no value it is not there.
+            None if volume.samples.par_iter().all(|v| v.is_finite()) => None,
+            None => Some(volume.samples.par_iter().map(|v| to_fraction(f32::from(u8::from(v.is_finite())))).collect()),
+        };
+        let (low, size) = match &mask {
+            None => ([0; 3], volume.size),
+            Some(mask) => around(mask, volume.size),
+        };
+        let at = |x: usize, y: usize, z: usize| {
+            let inside = |k: usize, place: usize| (low[k] + place as i64).clamp(0, volume.size[k] as i64 - 1) as usize;
+            volume.samples[volume.index(inside(0, x), inside(1, y), inside(2, z))]
+        };
+        let rows = |row: usize| (0..size[0]).map(move |x| (x, row % size[1], row / size[1]));
+        let (low_value, high_value, whole) = (0..size[1] * size[2])
+            .into_par_iter()
+            .map(|row| {
+                let finite = rows(row).map(|(x, y, z)| at(x, y, z)).filter(|v| v.is_finite());
+                finite.fold((f32::INFINITY, f32::NEG_INFINITY, true), |(low, high, whole), v| {
+                    (low.min(v), high.max(v), whole && v.fract() == 0.0)
+                })
+            })
+            .reduce(|| (f32::INFINITY, f32::NEG_INFINITY, true), |a, b| (a.0.min(b.0), a.1.max(b.1), a.2 && b.2));
+        let range = if low_value <= high_value { [f64::from(low_value), f64::from(high_value)] } else { [0.0, 1.0] };
+        let scale = Scale::of(range, whole);
+        let filled = |of: &(dyn Fn(usize, usize, usize) -> u16 + Sync)| {
+            let mut all = vec![0; size.iter().product()];
+            all.par_chunks_mut(size[0]).enumerate().for_each(|(row, out)| {
+                for ((x, y, z), out) in rows(row).zip(out) {
+                    *out = of(x, y, z);
+                }
+            });
+            all
+        };
+        let values = filled(&|x, y, z| {
+            let v = at(x, y, z);
+            scale.fraction(if v.is_finite() { v } else { range[0] as f32 })
+        });
+        let mask = mask.map(|mask| {
+            filled(&|x, y, z| {
+                let place = [x, y, z];
+                let voxel: [i64; 3] = std::array::from_fn(|k| low[k] + place[k] as i64);
+                match (0..3).all(|k| (0..volume.size[k] as i64).contains(&voxel[k])) {
+                    true => mask[volume.index(voxel[0] as usize, voxel[1] as usize, voxel[2] as usize)],
+                    false => 0,
+                }
+            })
+        });
+        Cut { low, size, values, mask, scale }
+    }
+
+    /// Intervals of intensity of all bricks. A brick's has all that is looked up for places in it and up to a voxel away,
+    /// so that of a step into or out of it nothing is lost, either.
+    fn intervals(&self, grid: &BrickGrid) -> Vec<[f32; 2]> {
+        let [bx, by, bz] = grid.bricks.map(|n| n as usize);
+        (0..bx * by * bz)
+            .into_par_iter()
+            .map(|brick| {
+                let brick = [brick % bx, brick / bx % by, brick / (bx * by)];
+                let [xs, ys, zs]: [std::ops::RangeInclusive<usize>; 3] = std::array::from_fn(|k| {
+                    // Brick 0 begins one voxel before the image.
+                    let edge = 1i64 << grid.shift[k];
+                    let from = brick[k] as i64 * edge - 2;
+                    let to = from + edge + 2;
+                    let last = self.size[k] as i64 - 1;
+                    from.clamp(0, last) as usize..=to.clamp(0, last) as usize
+                });
+                let (mut least, mut greatest, mut there) = (u16::MAX, 0, self.mask.is_none());
+                for z in zs {
+                    for y in ys.clone() {
+                        let row = (z * self.size[1] + y) * self.size[0];
+                        let row = row + xs.start()..row + xs.end() + 1;
+                        for &v in &self.values[row.clone()] {
+                            (least, greatest) = (least.min(v), greatest.max(v));
+                        }
+                        there = there || self.mask.as_ref().is_some_and(|mask| mask[row].iter().any(|&m| m > 0));
+                    }
+                }
+                match there {
+                    true => [least, greatest].map(|v| self.scale.value(v) as f32),
+                    false => [f32::INFINITY, f32::NEG_INFINITY],
+                }
+            })
+            .collect()
+    }
+}
+
+fn to_fraction(m: f32) -> u16 {
+    (f64::from(m) * STEPS).round().clamp(0.0, STEPS) as u16
+}
+
+/// The box around all that is there, with a border of one voxel.
+fn around(mask: &[u16], size: [usize; 3]) -> ([i64; 3], [usize; 3]) {
+    let (low, high) = mask
+        .par_chunks(size[0])
+        .enumerate()
+        .filter_map(|(row, line)| {
+            let first = line.iter().position(|&m| m > 0)?;
+            let last = line.iter().rposition(|&m| m > 0)?;
+            let (y, z) = (row % size[1], row / size[1]);
+            Some(([first, y, z], [last, y, z]))
+        })
+        .reduce(
+            || ([usize::MAX; 3], [0; 3]),
+            |a, b| {
+                let low = std::array::from_fn(|k| a.0[k].min(b.0[k]));
+                (low, std::array::from_fn(|k| a.1[k].max(b.1[k])))
+            },
+        );
+    if low[0] > high[0] {
+        return ([-1; 3], [3; 3]);
+    }
+    (low.map(|v| v as i64 - 1), std::array::from_fn(|k| high[k] - low[k] + 3))
+}
+
+/// Bricks for an image of this size.
+fn brick_grid(size: [usize; 3], spacing: DVec3) -> BrickGrid {
+    let texels = size.map(|n| n as u32);
+    let shift = spacing.to_array().map(|mm| {
+        let coarser = (mm / spacing.min_element()).log2().round();
+        (f64::from(BRICK_SHIFT) - coarser).clamp(1.0, f64::from(BRICK_SHIFT)) as u32
+    });
+    // Places go from one voxel before the first to one behind the last.
+    let bricks = std::array::from_fn(|k| (texels[k] + 1).div_ceil(1 << shift[k]));
+    BrickGrid { texels, bricks, shift }
 }
 
 impl Medium {
-    pub(super) fn new(_: &Gpu, source: &MediumSource<'_>, origin: DVec3) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, source: &MediumSource<'_>, origin: DVec3) -> Result<Self> {
         let volume = source.volume;
-        let last = DVec3::from_array(volume.size.map(|n| n as f64 - 0.5));
+        if volume.is_empty() {
+            return Err(Error::new(Kind::NothingToDo, "VGS-RENDER-021", "a volume without voxels"));
+        }
+        let cut = Cut::new(source);
+        let spacing = volume.spacing_mm();
+        let low = DVec3::from_array(cut.low.map(|v| v as f64));
+        let scene_from_voxel = DAffine3::from_translation(-origin)
+            * volume.world_from_voxel
+            * DAffine3::from_translation(low);
+        let voxel_from_scene = scene_from_voxel.inverse();
+        if !voxel_from_scene.is_finite() {
+            return Err(Error::new(
+                Kind::BadData,
+                "VGS-RENDER-022",
+                "the volume's voxel axes lie in one plane: its affine cannot be inverted",
+            )
+            .help("repair the affine in the volume's header"));
+        }
+        let texels = cut.size.map(|n| n as u32);
+        let image = match &cut.mask {
+            None => {
+                let mut image = gpu.volume("volume", "volume", Format::R16, texels)?;
+                image.write(&cut.values)?;
+                image
+            }
+            Some(mask) => {
+                let mut image = gpu.volume("volume and mask", "volume", Format::Rg16, texels)?;
+                let both: Vec<[u16; 2]> = cut.values.iter().zip(mask).map(|(&v, &m)| [v, m]).collect();
+                image.write(&both)?;
+                image
+            }
+        };
+        let (least, greatest) =
+            cut.values.iter().fold((u16::MAX, 0), |(low, high), &v| (low.min(v), high.max(v)));
+        // The faces where the occupancy is one half: the border of a region is not shown.
+        let edge = if cut.mask.is_some() { 0.5 } else { -0.5 };
+        let last = DVec3::from_array(cut.size.map(|n| n as f64 - 1.0)) - edge;
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        for corner in 0..8u32 {
-            let at = |axis: u32| if corner >> axis & 1 == 1 { last[axis as usize] } else { -0.5 };
-            let place = volume.world_from_voxel.transform_point3(DVec3::new(at(0), at(1), at(2))) - origin;
+        for corner in 0..8 {
+            let at = |axis: usize| if corner >> axis & 1 == 1 { last[axis] } else { edge };
+            let place = scene_from_voxel.transform_point3(DVec3::new(at(0), at(1), at(2)));
             bounds = [bounds[0].min(place), bounds[1].max(place)];
         }
-        let stats = volume.gather_stats();
-        Ok(Medium { range: [f64::from(stats.min), f64::from(stats.max)], bounds })
+        let grid = brick_grid(cut.size, spacing);
+        Ok(Medium {
+            range: [cut.scale.value(least), cut.scale.value(greatest)],
+            bounds,
+            spacing_mm: spacing.min_element(),
+            image,
+            scale: cut.scale,
+            voxel_from_scene,
+            occupancy: Occupancy::new(gpu, grid, &cut.intervals(&grid))?,
+        })
     }
 
-    pub(super) fn record_occupancy(&mut self, _: &mut Recorder, _: &LookBuffers) {}
+    /// Finds out which bricks a look can show. To be recorded when the look has changed.
+    pub(super) fn record_occupancy(&mut self, recorder: &mut Recorder, look: &LookBuffers) {
+        self.occupancy.record(recorder, &look.rows, &look.visible);
+    }
+
+    /// Intensities as fractions of the scale, and occupancies where the volume has a region.
+    pub(super) fn image(&self) -> &Image {
+        &self.image
+    }
+
+    pub(super) fn scale(&self) -> Scale {
+        self.scale
+    }
+
+    pub(super) fn grid(&self) -> BrickGrid {
+        self.occupancy.grid()
+    }
+
+    /// For each brick how many bricks away the next one is that can be seen.
+    pub(super) fn distances(&self) -> &Buffer<u32> {
+        &self.occupancy.distances
+    }
+
+    /// Rows of the affine from the scene, mm, to voxels of the image.
+    pub(super) fn voxel_from_scene(&self) -> [[f32; 4]; 3] {
+        let m = self.voxel_from_scene;
+        [0, 1, 2].map(|k| m.matrix3.row(k).extend(m.translation[k]).as_vec4().to_array())
+    }
 }

@@ -1,0 +1,85 @@
+//! Which bricks of a volume a look can show something of, and how far each is from the next of them: what a ray march
+//! leaps over empty space by.
+
+use shaders_glsl as glsl;
+use shaders_glsl::types::{BrickGrid, Look, OccupancyParams, SpreadParams};
+
+use crate::error::{Error, Kind, Result};
+use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
+
+/// Invocations of a workgroup.
+const GROUP: usize = 64;
+/// Distance, in bricks, of what is farther away than that or farther than anything.
+pub const FARTHEST: u32 = 32;
+
+/// Marks bricks and measures distances between them.
+pub struct Occupancy {
+    mark: Kernel,
+    spread: Kernel,
+    grid: BrickGrid,
+    intervals: Buffer<[f32; 2]>,
+    /// For each brick the Chebyshev distance to the nearest that can be seen, in bricks; at most [`FARTHEST`].
+    pub distances: Buffer<u32>,
+    scratch: Buffer<u32>,
+}
+
+impl Occupancy {
+    /// For bricks that hold these intervals of intensity, x fastest; an interval that ends before it begins holds
+    /// nothing.
+    ///
+    /// # Panics
+    /// If there is not one interval for each brick.
+    pub fn new(gpu: &Gpu, grid: BrickGrid, intervals: &[[f32; 2]]) -> Result<Self> {
+        let count: usize = grid.bricks.iter().map(|&n| n as usize).product();
+        assert_eq!(intervals.len(), count, "one interval for each brick");
+        let limits = gpu.limits();
+        let most = (limits.storage_range as usize / size_of::<[f32; 2]>())
+            .min(limits.workgroups as usize * GROUP)
+            .min(u32::MAX as usize);
+        if count > most {
+            return Err(Error::new(
+                Kind::Unavailable,
+                "VGS-RENDER-020",
+                format!("a volume of {count} bricks; this device takes at most {most}"),
+            )
+            .help("use a smaller region of interest or a coarser volume"));
+        }
+        Ok(Occupancy {
+            mark: Kernel::new(gpu, &glsl::OCCUPANCY_MARK, &[])?,
+            spread: Kernel::new(gpu, &glsl::OCCUPANCY_SPREAD, &[])?,
+            grid,
+            intervals: gpu.upload("intervals of bricks", "volume", intervals)?,
+            distances: gpu.buffer("distances of bricks", "volume", count)?,
+            scratch: gpu.buffer("distances so far", "volume", count)?,
+        })
+    }
+
+    /// The bricks.
+    pub fn grid(&self) -> BrickGrid {
+        self.grid
+    }
+
+    /// Records it for a look. `visible[i]` is how many entries of the look's table before `i` are visible.
+    pub fn record(&mut self, recorder: &mut Recorder, look: &Buffer<Look>, visible: &Buffer<u32>) {
+        let count = self.intervals.len();
+        let groups = count.div_ceil(GROUP) as u32;
+        recorder
+            .pass(&self.mark)
+            .read(look)
+            .read(visible)
+            .read(&self.intervals)
+            .write(&mut self.scratch)
+            .push(&OccupancyParams { count: count as u32, most: FARTHEST })
+            .dispatch(groups);
+        let (mut from, mut to) = (&mut self.scratch, &mut self.distances);
+        for axis in 0..3 {
+            recorder
+                .pass(&self.spread)
+                .read(from)
+                .write(to)
+                .push(&SpreadParams { grid: self.grid, axis })
+                .dispatch(groups);
+            std::mem::swap(&mut from, &mut to);
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! The mode `volume`: the CT itself, its rays marched through the voxels. What the splats' modes are measured against.
+
+use shaders_glsl as glsl;
+use shaders_glsl::types::{RaymarchParams, View};
+
+use super::{Classification, Medium, Mode, Scene, Settings, Target};
+use crate::error::{Error, Kind, Result};
+use crate::gpu::{Buffer, Format, Gpu, Kernel, Recorder};
+use crate::passes::Shape;
+
+/// Samples nearer to each other than this, in voxels, would change nothing but the time.
+const LEAST_STEP: f64 = 0.01;
+
+/// The mode `volume`.
+pub struct Raymarch {
+    gpu: Gpu,
+    /// For each way to classify and with or without light, made when it is first needed.
+    kernels: Vec<((Classification, bool), Kernel)>,
+    settings: Settings,
+}
+
+impl Raymarch {
+    /// Samples `settings.step` of the shortest voxel edge apart.
+    pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+        if !(settings.step >= LEAST_STEP && settings.step.is_finite()) {
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-RENDER-023",
+                format!("samples {} voxels apart; the least is {LEAST_STEP}", settings.step),
+            )
+            .help("choose another --step; 0.5 is fine for pictures, 0.25 for measuring"));
+        }
+        let mut mode = Raymarch { gpu: gpu.clone(), kernels: Vec::new(), settings: settings.clone() };
+        mode.kernel(scene)?;
+        Ok(mode)
+    }
+
+    /// The kernel for a way to classify, made if it is not there yet.
+    fn kernel(&mut self, scene: &Scene) -> Result<usize> {
+        let classification = self.settings.classification.unwrap_or_else(|| scene.look().classification());
+        let wanted = (classification, scene.look_buffers().shaded);
+        if let Some(at) = self.kernels.iter().position(|(made_for, _)| *made_for == wanted) {
+            return Ok(at);
+        }
+        let constants = [
+            Shape::of(&self.gpu) as u32,
+            u32::from(medium_of(scene).image().format() == Format::Rg16),
+            u32::from(wanted.0 == Classification::PreIntegrated),
+            u32::from(wanted.1),
+            u32::from(self.settings.depth),
+            u32::from(self.settings.jitter),
+        ];
+        self.kernels.push((wanted, Kernel::new(&self.gpu, &glsl::RAYMARCH, &constants)?));
+        Ok(self.kernels.len() - 1)
+    }
+}
+
+/// The renderer makes this mode only for scenes that have a volume.
+fn medium_of(scene: &Scene) -> &Medium {
+    scene.medium.as_ref().expect("a scene with a volume")
+}
+
+impl Mode for Raymarch {
+    fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        scene: &Scene,
+        views: &Buffer<View>,
+        target: &mut Target,
+    ) -> Result<()> {
+        let kernel = self.kernel(scene)?;
+        let (medium, look) = (medium_of(scene), scene.look_buffers());
+        // Pixels of a workgroup; see the kernel.
+        let group = match Shape::of(&self.gpu) {
+            Shape::OneByOne => [4, 2],
+            Shape::SideBySide => [8, 8],
+        };
+        let [width, height] = self.settings.size;
+        recorder
+            .pass(&self.kernels[kernel].1)
+            .read(views)
+            .read(&look.rows)
+            .read(&look.points)
+            .read(&look.integrals)
+            .sample(medium.image())
+            .read(medium.distances())
+            .write_image(&mut target.colour)
+            .write_image(&mut target.depth)
+            .push(&RaymarchParams {
+                grid: medium.grid(),
+                voxel_from_scene: medium.voxel_from_scene(),
+                first: medium.scale().first as f32,
+                span: medium.scale().span as f32,
+                size: self.settings.size,
+                step: (self.settings.step * medium.spacing_mm) as f32,
+                dark: self.settings.dark,
+            })
+            .dispatch_3d([width.div_ceil(group[0]), height.div_ceil(group[1]), self.settings.views]);
+        Ok(())
+    }
+}
