@@ -154,7 +154,7 @@ impl<'a> Fitter<'a> {
         if count == 0 {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
-        let bricks = Arc::new(Bricks::around(roi, terms::shell(config)));
+        let bricks = Arc::new(Bricks::around_and_beyond(roi, terms::shell(config)));
         let scaling = Scaling::new(volume, roi, config);
         let work = Work::new(gpu, &bricks, count, config)?;
         let grid = &work.rasteriser.grid;

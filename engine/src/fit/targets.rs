@@ -89,7 +89,7 @@ pub fn sample(
         let x = voxel.as_dvec3() + offset;
         let hu = volume.sample_clipped(x, scaling.range, scaling.background);
         let value = (hu - f64::from(scaling.background)) / f64::from(scaling.unit);
-        Target::new(value as f32, roi.membership(x) as f32)
+        Target::new(value as f32, roi.trilinear(x) as f32)
     })
 }
 

@@ -74,6 +74,11 @@ pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material) -> DVe
     (base * (material.ambient + material.diffuse * diffuse) + material.specular * shine).min(DVec3::ONE)
 }
 
+/// Opacity of a stretch of ray, mm: occupancy is a factor of the opacity per mm, 1 − exp(−extinction).
+pub fn opacity(extinction: f64, occupancy: f64, path: f64) -> f64 {
+    1.0 - (path * (1.0 - occupancy * (1.0 - (-extinction).exp())).ln()).exp()
+}
+
 /// What a ray has gathered, front to back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gathered {

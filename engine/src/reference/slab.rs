@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3};
 
 use super::Splat;
-use super::eye::{Eye, Gathered, lit};
+use super::eye::{Eye, Gathered, lit, opacity};
 use crate::splat::{Field, Kernel};
 use crate::transfer::{Material, Table};
 
@@ -121,7 +121,7 @@ pub fn ray(
             }
         };
         before = Some((v, o));
-        let opacity = 1.0 - (-occupancy * extinction * planes.spacing * ray.length()).exp();
+        let opacity = opacity(extinction, occupancy, planes.spacing * ray.length());
         let base = if look.material.shade {
             let slope = (gs - gw * relative) / (w + epsilon);
             let gradient = slope * o + gw * ((v - look.dark) * w0 / (w + w0).powi(2));

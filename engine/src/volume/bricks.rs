@@ -48,11 +48,22 @@ impl Bricks {
     /// Bricks over every voxel of the volume that lies within `shell` voxels of a voxel of the ROI along each axis (a
     /// cube around each voxel, not a ball).
     pub fn around(roi: &Roi, shell: u32) -> Self {
+        let size = IVec3::from_array(roi.size.map(|n| n as i32));
+        Self::near(roi, shell, IVec3::ZERO, size - 1)
+    }
+
+    /// The same, also beyond the faces of the volume: there is nothing there, and a fit is to know it. Where the region
+    /// is cut off by the end of the scan, splats would else bulge out of it.
+    pub fn around_and_beyond(roi: &Roi, shell: u32) -> Self {
+        Self::near(roi, shell, IVec3::MIN, IVec3::MAX)
+    }
+
+    /// Around the region, from voxel `first` to voxel `last`.
+    fn near(roi: &Roi, shell: u32, first: IVec3, last: IVec3) -> Self {
         let reach = shell as i32;
         let (low, high) = bounding_box(roi);
-        let size = IVec3::from_array(roi.size.map(|n| n as i32));
-        let low = (low - reach).max(IVec3::ZERO);
-        let high = (high + reach).min(size - 1);
+        let low = (low - reach).max(first);
+        let high = (high + reach).min(last);
         let near = within(roi, low, high, shell as usize);
         let extent = (high - low + 1).max(IVec3::ZERO).as_uvec3();
         Self::of_box(low, extent, |v| near[((v.z * extent.y + v.y) * extent.x + v.x) as usize])
@@ -175,9 +186,18 @@ fn within(roi: &Roi, low: IVec3, high: IVec3, reach: usize) -> Vec<bool> {
     }
     let mut near = vec![false; ex * ey * ez];
     near.par_chunks_mut(ex).enumerate().for_each(|(row, out)| {
-        let (y, z) = (row % ey + low.y as usize, row / ey + low.z as usize);
-        let base = (z * roi.size[1] + y) * roi.size[0] + low.x as usize;
-        spread(&|x| roi.weight[base + x] > 0.0, ex, reach, |x| out[x] = true);
+        // Rows beyond the volume have nothing of the region, nor have the ends of the others.
+        let [nx, ny, nz] = roi.size;
+        let (y, z) = ((row % ey) as i32 + low.y, (row / ey) as i32 + low.z);
+        if y < 0 || z < 0 || y >= ny as i32 || z >= nz as i32 {
+            return;
+        }
+        let start = (z as usize * ny + y as usize) * nx;
+        let weights = &roi.weight[start..start + nx];
+        let is_set = |x: usize| {
+            usize::try_from(x as i32 + low.x).is_ok_and(|x| weights.get(x).is_some_and(|&w| w > 0.0))
+        };
+        spread(&is_set, ex, reach, |x| out[x] = true);
     });
     near.par_chunks_mut(ex * ey).for_each(|slice| {
         let from = slice.to_vec();
@@ -225,25 +245,27 @@ mod tests {
         for s in seeds {
             roi.weight[(s.z as usize * 20 + s.y as usize) * 30 + s.x as usize] = 1.0;
         }
-        let bricks = Bricks::around(&roi, 4);
-        let mut expected = 0;
-        for z in 0..25 {
-            for y in 0..20 {
-                for x in 0..30 {
-                    let v = IVec3::new(x, y, z);
-                    let near = seeds.iter().any(|&s| (v - s).abs().max_element() <= 4);
-                    expected += usize::from(near);
-                    let local = (v - bricks.origin).as_uvec3();
-                    let inside = v.cmpge(bricks.origin).all() && (local / 8).cmplt(bricks.grid).all();
-                    let found = inside && {
-                        let b = local / 8;
-                        let slot = bricks.slots[((b.z * bricks.grid.y + b.y) * bricks.grid.x + b.x) as usize];
-                        slot != NO_SLOT && bricks.is_active(slot as usize, brick_morton(local % 8))
-                    };
-                    assert_eq!(found, near, "{v}");
+        for (bricks, beyond) in [(Bricks::around(&roi, 4), 0), (Bricks::around_and_beyond(&roi, 4), 6)] {
+            let mut expected = 0;
+            for z in -beyond..25 + beyond {
+                for y in -beyond..20 + beyond {
+                    for x in -beyond..30 + beyond {
+                        let v = IVec3::new(x, y, z);
+                        let near = seeds.iter().any(|&s| (v - s).abs().max_element() <= 4);
+                        expected += usize::from(near);
+                        let local = (v - bricks.origin).as_uvec3();
+                        let inside = v.cmpge(bricks.origin).all() && (local / 8).cmplt(bricks.grid).all();
+                        let found = inside && {
+                            let b = local / 8;
+                            let slot =
+                                bricks.slots[((b.z * bricks.grid.y + b.y) * bricks.grid.x + b.x) as usize];
+                            slot != NO_SLOT && bricks.is_active(slot as usize, brick_morton(local % 8))
+                        };
+                        assert_eq!(found, near, "{v}");
+                    }
                 }
             }
+            assert_eq!(bricks.active_count(), expected);
         }
-        assert_eq!(bricks.active_count(), expected);
     }
 }

@@ -8,7 +8,8 @@ use support::{Folder, fit};
 /// A folder with splats of a phantom.
 fn folder() -> Folder {
     let folder = Folder::new(40);
-    let ended = folder.run(&fit("s.ply", &["--no-eval", "--iterations", "24", "--splats", "800", "--offsets", "4"]));
+    let ended =
+        folder.run(&fit("s.ply", &["--no-eval", "--iterations", "24", "--splats", "800", "--offsets", "4"]));
     assert_eq!(ended.code, 0, "{}", ended.err);
     folder
 }
@@ -32,7 +33,10 @@ fn a_picture_of_splats_is_like_that_of_their_volume() {
     let json = folder.run(&of(&["s.ply", "-o", "slab.png", "--json"], &shared)).json();
     assert_eq!(json["mode"], "slab");
     assert_eq!((json["size"].clone(), json["frames"].as_u64()), (serde_json::json!([96, 80]), Some(1)));
-    assert!(json["active_splats"].as_u64() <= json["splats"].as_u64() && json["seconds_per_frame"].as_f64() > Some(0.0));
+    assert!(
+        json["active_splats"].as_u64() <= json["splats"].as_u64()
+            && json["seconds_per_frame"].as_f64() > Some(0.0)
+    );
     let slab = picture(&folder, "slab.png");
     assert_eq!(slab.image.size, [96, 80]);
     assert!((300..7000).contains(&seen(&slab)), "{}", seen(&slab));
@@ -51,7 +55,8 @@ fn a_picture_of_splats_is_like_that_of_their_volume() {
 fn outputs_are_what_was_asked_for() {
     let folder = folder();
     let run = |more: &[&str]| {
-        let ended = folder.run(&[&["render", "s.ply", "--size", "120x100", "--tf", "CT-Soft-Tissue"], more].concat());
+        let ended =
+            folder.run(&[&["render", "s.ply", "--size", "120x100", "--tf", "CT-Soft-Tissue"], more].concat());
         assert_eq!(ended.code, 0, "{more:?}: {}", ended.err);
         ended
     };
