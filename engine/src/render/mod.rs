@@ -7,7 +7,9 @@
 //!
 //! Colours are display-referred: numbers of an sRGB picture, added up as they are, as VTK and Slicer do.
 
+mod alpha;
 mod camera;
+mod centres;
 mod cloud;
 mod look;
 mod medium;
@@ -178,7 +180,7 @@ pub struct ModeRow {
 }
 
 /// The modes, from the most accurate to the fastest.
-pub static MODES: [ModeRow; 2] = [
+pub static MODES: [ModeRow; 3] = [
     ModeRow {
         name: "exact",
         about: "the splats' field in steps of a tenth of a standard deviation",
@@ -190,6 +192,12 @@ pub static MODES: [ModeRow; 2] = [
         about: "the splats' field in slabs, classified after it is added up",
         of_splats: true,
         make: |gpu, scene, settings| Ok(Box::new(slab::Slab::new(gpu, scene, settings)?)),
+    },
+    ModeRow {
+        name: "alpha",
+        about: "sorted splats, each of one colour, blended: the fastest",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(alpha::Alpha::new(gpu, scene, settings)?)),
     },
 ];
 
