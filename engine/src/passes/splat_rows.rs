@@ -38,4 +38,15 @@ impl SplatRows {
             packed: true,
         })
     }
+
+    /// The splats as kernels see them. Waits for the device.
+    pub fn read(&self) -> Result<Vec<Splat>> {
+        let rows = self.rows.read()?;
+        if !self.packed {
+            return Ok(bytemuck::cast_slice::<[u32; 4], Splat>(&rows).to_vec());
+        }
+        let packed =
+            Packed { splats: rows, chunks: self.chunks.read()?, range: self.range, order: Vec::new() };
+        Ok(packed.unpack_all())
+    }
 }

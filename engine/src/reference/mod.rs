@@ -11,6 +11,7 @@ pub mod loss;
 pub mod moments_to_grad;
 pub mod objective;
 pub mod pairs;
+pub mod quads;
 pub mod radix;
 pub mod raymarch;
 pub mod rows;

@@ -5,6 +5,7 @@
 
 mod bins;
 mod optimiser;
+mod quads;
 mod slab;
 mod sorting;
 mod volume;
@@ -38,6 +39,7 @@ oracle! {
     volume: splat_to_volume overlap_sums loss_mse loss_occupancy loss_dice loss_leak splat_to_volume_grad
         moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
+    quads: project_quads;
     slab: mark_active list_active project_splats emit_tile_pairs slab;
 }
 
