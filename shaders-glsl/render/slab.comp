@@ -141,14 +141,18 @@ void main() {
             }
             [[unroll]] for (uint k = 0; k < PLANES; ++k) {
                 float z = depths[k];
+                bool any_there = false;
+                [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+                    any_there = any_there || (weight[k * PIXELS + n] > 0.0 && clear[n] > p.dark);
+                }
+                if (!subgroupAny(any_there)) {
+                    [[unroll]] for (uint n = 0; n < PIXELS; ++n) before[n] = vec2(0.0);
+                    continue;
+                }
                 [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
                     uint at = k * PIXELS + n;
                     float w = weight[at];
                     bool there = w > 0.0 && clear[n] > p.dark && z >= range[n].x && z <= range[n].y;
-                    if (!subgroupAny(there)) {
-                        before[n] = vec2(0.0);
-                        continue;
-                    }
                     float inverse = 1.0 / (w + p.epsilon);
                     float relative = value[at] * inverse;
                     vec2 here = vec2(p.background + relative, w / (w + p.occupancy_w0));

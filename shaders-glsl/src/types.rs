@@ -221,6 +221,35 @@ shared! {
         /// Upper corner of the sample grid, voxels.
         max_mean: [f32; 3],
     }
+    /// What the rows of a chunk of packed splats are measured by; see `include/packed.glsl`.
+    PackedChunk {
+        /// Lower corner of the box of the means.
+        low: [f32; 3],
+        /// Least log scale of any axis.
+        log_scale_low: f32,
+        /// Upper corner of the box of the means.
+        high: [f32; 3],
+        /// Greatest log scale of any axis.
+        log_scale_high: f32,
+    }
+    /// What all rows of a packed set are measured by.
+    PackedRange {
+        /// Least opacity logit.
+        logit_low: f32,
+        /// Greatest opacity logit.
+        logit_high: f32,
+        /// Least intensity.
+        intensity_low: f32,
+        /// Greatest intensity.
+        intensity_high: f32,
+    }
+    /// Push constants of `unpack`.
+    UnpackParams {
+        /// Ranges of the set.
+        range: PackedRange,
+        /// Splats.
+        splat_count: u32,
+    }
     /// One eye. Eye space: x to the right, y up, z the distance along the viewing direction, mm.
     View {
         /// Where the eye is, mm in the space of the scene.

@@ -10,6 +10,7 @@ pub mod close;
 pub mod device;
 pub mod fitting;
 pub mod golden;
+pub mod picture;
 pub mod scene;
 pub mod step;
 pub mod storage;

@@ -240,7 +240,7 @@ fn no_pass_holds_the_device_for_long_and_memory_is_accounted_for() {
         assert!(time.calls > 0 && time.longest_ms <= time.total_ms);
         assert!(time.longest_ms < 500.0, "{name} took {} ms", time.longest_ms);
     }
-    for shader in shaders_glsl::ALL {
+    for shader in shaders_glsl::ALL.iter().filter(|s| s.folder != "render") {
         assert!(profile.iter().any(|(name, _)| name == shader.name), "{} has no time", shader.name);
     }
     assert!(gpu.take_profile().is_empty(), "taking the profile empties it");
@@ -476,7 +476,7 @@ fn n17_quaternions_of_any_length() {
     let field = Field::default();
     let fitted = |rotation: [f32; 4]| {
         let splats = case.start().into_iter().map(|s| Splat { rotation, ..s }).collect();
-        let set = SplatSet { splats, origin_mm: DVec3::ZERO, field, has_intensity: true, iterations: None };
+        let set = SplatSet { splats, field, ..SplatSet::default() };
         let start = set.to_voxel(&DAffine3::IDENTITY);
         for s in &start {
             let length = s.rotation.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();

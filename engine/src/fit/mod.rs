@@ -8,6 +8,7 @@
 mod config;
 pub mod evaluate;
 pub mod init;
+pub mod labels;
 mod pause;
 mod profiles;
 mod state;

@@ -411,8 +411,7 @@ impl Gpu {
             .synchronization2(true)
             .maintenance4(true)
             .dynamic_rendering(true);
-        let basic =
-            vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(true);
+        let basic = vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(true);
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&extensions)

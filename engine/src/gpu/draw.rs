@@ -43,11 +43,17 @@ impl Drawing {
         views: u32,
     ) -> Result<Self> {
         let name = vertex.name;
-        assert!(vertex.stage == Stage::Vertex && fragment.stage == Stage::Fragment, "{name}: a pair of shaders");
+        assert!(
+            vertex.stage == Stage::Vertex && fragment.stage == Stage::Fragment,
+            "{name}: a pair of shaders"
+        );
         let mut bindings: Vec<Binding> = vertex.bindings.iter().chain(fragment.bindings).copied().collect();
         bindings.sort_by_key(|b| b.number);
         bindings.dedup_by_key(|b| b.number);
-        assert!(bindings.iter().map(|b| b.number).eq(0..bindings.len() as u32), "{name}: bindings count up from 0");
+        assert!(
+            bindings.iter().map(|b| b.number).eq(0..bindings.len() as u32),
+            "{name}: bindings count up from 0"
+        );
         let push_bytes = vertex.push_bytes.max(fragment.push_bytes);
         let context = Arc::clone(&gpu.0);
         let set_layout = kernel::set_layout(&context, name, &bindings, STAGES)?;
@@ -117,17 +123,16 @@ impl Drawing {
             .view_mask(view_mask(self.views))
             .color_attachment_formats(&formats);
         let modules = [kernel::module(context, vertex)?, kernel::module(context, fragment)?];
-        let stages = [
-            (vk::ShaderStageFlags::VERTEX, modules[0]),
-            (vk::ShaderStageFlags::FRAGMENT, modules[1]),
-        ]
-        .map(|(stage, module)| {
-            vk::PipelineShaderStageCreateInfo::default()
-                .stage(stage)
-                .module(module)
-                .name(c"main")
-                .specialization_info(&special)
-        });
+        let stages =
+            [(vk::ShaderStageFlags::VERTEX, modules[0]), (vk::ShaderStageFlags::FRAGMENT, modules[1])].map(
+                |(stage, module)| {
+                    vk::PipelineShaderStageCreateInfo::default()
+                        .stage(stage)
+                        .module(module)
+                        .name(c"main")
+                        .specialization_info(&special)
+                },
+            );
         let info = [vk::GraphicsPipelineCreateInfo::default()
             .stages(&stages)
             .vertex_input_state(&input)
@@ -141,8 +146,10 @@ impl Drawing {
             .push_next(&mut rendering)];
         // SAFETY: modules and layout are live; the modules may go once the pipeline is made.
         let made = unsafe {
-            let made =
-                context.device.create_graphics_pipelines(context.pipeline_cache, &info, None).map_err(|(_, e)| e);
+            let made = context
+                .device
+                .create_graphics_pipelines(context.pipeline_cache, &info, None)
+                .map_err(|(_, e)| e);
             for module in modules {
                 context.device.destroy_shader_module(module, None);
             }
@@ -211,7 +218,10 @@ impl<'a> DrawPass<'a> {
         let name = drawing.vertex.name;
         assert_eq!(bindings.accesses.len(), drawing.bindings.len(), "{name}: a buffer is missing");
         assert_eq!(push.len(), drawing.push_bytes, "{name}: push constants differ in size");
-        assert!(pictures.iter().map(|p| p.format).eq(drawing.formats.iter().copied()), "{name}: formats differ");
+        assert!(
+            pictures.iter().map(|p| p.format).eq(drawing.formats.iter().copied()),
+            "{name}: formats differ"
+        );
         assert!(pictures.iter().all(|p| p.layers() == drawing.views), "{name}: one layer a view");
         assert!(index < arguments.len(), "{}: no such row", arguments.name());
         bindings.accesses.push((Resident::Buffer(arguments.handle()), false));

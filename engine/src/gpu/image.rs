@@ -147,24 +147,22 @@ impl Drop for Image {
 
 impl Gpu {
     /// A volume of `size` texels to be sampled with trilinear interpolation and clamped at its faces; all zero.
-    pub fn volume(
-        &self,
-        name: &str,
-        purpose: &'static str,
-        format: Format,
-        size: [u32; 3],
-    ) -> Result<Image> {
+    pub fn volume(&self, name: &str, purpose: &'static str, format: Format, size: [u32; 3]) -> Result<Image> {
         let most = self.0.limits.volume_edge;
         if size.iter().any(|&n| n > most) {
             return Err(Error::new(
                 Kind::Unavailable,
                 "VGS-GPU-026",
-                format!("{name} has {size:?} voxels; {} samples at most {most} along an axis", self.0.description.name),
+                format!(
+                    "{name} has {size:?} voxels; {} samples at most {most} along an axis",
+                    self.0.description.name
+                ),
             )
             .help("use a smaller region of interest or a coarser volume"));
         }
-        let usage =
-            vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::TRANSFER_SRC;
+        let usage = vk::ImageUsageFlags::SAMPLED
+            | vk::ImageUsageFlags::TRANSFER_DST
+            | vk::ImageUsageFlags::TRANSFER_SRC;
         self.image(name, purpose, format, size, 1, vk::ImageType::TYPE_3D, usage)
     }
 
@@ -182,7 +180,10 @@ impl Gpu {
             return Err(Error::new(
                 Kind::Unavailable,
                 "VGS-GPU-027",
-                format!("a picture of {}x{} pixels; {} draws 1 to {most} along an axis", size[0], size[1], self.0.description.name),
+                format!(
+                    "a picture of {}x{} pixels; {} draws 1 to {most} along an axis",
+                    size[0], size[1], self.0.description.name
+                ),
             )
             .help("choose another --size"));
         }

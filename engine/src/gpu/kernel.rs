@@ -42,7 +42,8 @@ pub(super) fn set_layout<'a>(
 
 /// The shader as the driver takes it; to be destroyed when the pipeline is made.
 pub(super) fn module(context: &Context, shader: &Shader) -> Result<vk::ShaderModule> {
-    let code: Vec<u32> = shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
+    let code: Vec<u32> =
+        shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
     let info = vk::ShaderModuleCreateInfo::default().code(&code);
     // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
     check(shader.name, unsafe { context.device.create_shader_module(&info, None) })

@@ -26,7 +26,7 @@ use ash::vk;
 use crate::error::{Error, Kind, Result};
 
 pub use boot::{Boot, DeviceDescription, GpuOptions, devices};
-pub use draw::{Drawing, DrawPass};
+pub use draw::{DrawPass, Drawing};
 pub use image::{Format, Image};
 pub use kernel::Kernel;
 pub use memory::Buffer;

@@ -79,8 +79,13 @@ impl Gpu {
             check("recording", context.device.begin_command_buffer(slot.commands, &begin))?;
             context.device.cmd_reset_query_pool(slot.commands, slot.queries, 0, QUERIES);
         }
-        let mut recorder =
-            Recorder { gpu: self.clone(), slot: Some(slot), passes: Vec::new(), touched: HashMap::new(), wide: true };
+        let mut recorder = Recorder {
+            gpu: self.clone(),
+            slot: Some(slot),
+            passes: Vec::new(),
+            touched: HashMap::new(),
+            wide: true,
+        };
         // Whatever earlier submissions wrote, drawings too, is visible to this one.
         recorder.barrier();
         recorder.wide = false;
@@ -521,8 +526,10 @@ impl Bindings {
         let mut buffers = Vec::with_capacity(self.bound.len());
         let mut images = Vec::with_capacity(self.bound.len());
         for bound in &self.bound {
-            let (mut buffer, mut image) =
-                (vk::DescriptorBufferInfo::default(), vk::DescriptorImageInfo::default().image_layout(general));
+            let (mut buffer, mut image) = (
+                vk::DescriptorBufferInfo::default(),
+                vk::DescriptorImageInfo::default().image_layout(general),
+            );
             match *bound {
                 Bound::Buffer(handle) => buffer = buffer.buffer(handle).range(vk::WHOLE_SIZE),
                 Bound::Texture(view) => image = image.image_view(view).sampler(context.sampler),
@@ -633,7 +640,10 @@ impl<'a> Pass<'a> {
         let most = self.recorder.gpu.0.limits.workgroups;
         let name = self.kernel.shader.name;
         // Every device allows 65535 along y and z.
-        assert!(groups[0] <= most && groups[1].max(groups[2]) <= 65535, "{name}: {groups:?} workgroups are too many");
+        assert!(
+            groups[0] <= most && groups[1].max(groups[2]) <= 65535,
+            "{name}: {groups:?} workgroups are too many"
+        );
         if !groups.contains(&0) {
             self.record(Groups::Of(groups));
         }

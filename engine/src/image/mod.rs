@@ -1,12 +1,22 @@
 //! Pictures: files, measures of difference, lettering.
 //!
 //! [`Image`] is what a renderer shows and what all else here works on. `file` reads and writes (a row of
-//! [`file::FORMATS`] for each format), `measure` tells how different two pictures are.
+//! [`file::FORMATS`] for each format), `measure` and `flip` tell how different two pictures are and `difference` shows
+//! it, `lettering` writes on pictures with the letters of `font`, and `annotate` writes what a medical picture must say.
 
+pub mod annotate;
+pub mod difference;
 pub mod file;
+pub mod flip;
+pub mod font;
+pub mod lettering;
 pub mod measure;
 
+pub use annotate::{Annotation, annotate, orientation_labels};
+pub use difference::{DifferenceMap, difference_picture};
 pub use file::{Picture, WriteOptions, read, write};
+pub use flip::{Flip, flip};
+pub use lettering::{Align, shortened, text_width};
 pub use measure::{Difference, largest_difference, psnr, ssim};
 
 use crate::{Error, Kind, Result};

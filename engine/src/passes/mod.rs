@@ -15,6 +15,7 @@ pub mod rows;
 pub mod scan;
 mod storage;
 pub mod tiles;
+pub mod unpack;
 
 pub use activity::Activity;
 pub use adam::Adam;
@@ -31,6 +32,7 @@ pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
 pub use storage::Storage;
 pub use tiles::TileBinner;
+pub use unpack::{PackedSplats, Unpack};
 
 use crate::gpu::Gpu;
 

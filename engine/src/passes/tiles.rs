@@ -96,7 +96,9 @@ impl TileBinner {
             return Err(Error::new(
                 Kind::Temporary,
                 "VGS-RENDER-011",
-                format!("{pairs} pairs of a splat and a tile are needed at once; this device binds at most {most}"),
+                format!(
+                    "{pairs} pairs of a splat and a tile are needed at once; this device binds at most {most}"
+                ),
             )
             .help("render a smaller picture, fewer splats, or with a greater --step"));
         }

@@ -91,7 +91,14 @@ fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> (f64, f64, DVec3, DVec
 }
 
 /// What a ray gathers.
-pub fn ray(splats: &[Seen], field: &Field, eye: &Eye, ray: DVec3, planes: &Planes, look: &Look<'_>) -> Gathered {
+pub fn ray(
+    splats: &[Seen],
+    field: &Field,
+    eye: &Eye,
+    ray: DVec3,
+    planes: &Planes,
+    look: &Look<'_>,
+) -> Gathered {
     let [epsilon, w0, background] = [field.epsilon, field.occupancy_w0, field.background].map(f64::from);
     let range = eye.clipped(ray, look.planes);
     let mut gathered = Gathered::default();

@@ -62,8 +62,9 @@ impl Camera {
     /// At `eye`, looking at `target`, with `up` upwards in the picture.
     pub fn looking(eye: DVec3, target: DVec3, up: DVec3, fov: Fov) -> Result<Self> {
         let bad = |found: &str| {
-            Err(Error::new(Kind::Usage, "VGS-CAM-001", format!("a camera {found}"))
-                .help("give an eye, a target apart from it, and an up that is not the direction between them"))
+            Err(Error::new(Kind::Usage, "VGS-CAM-001", format!("a camera {found}")).help(
+                "give an eye, a target apart from it, and an up that is not the direction between them",
+            ))
         };
         let (Some(forward), true) = ((target - eye).try_normalize(), eye.is_finite()) else {
             return bad("whose eye is where it looks, or nowhere");
@@ -71,9 +72,9 @@ impl Camera {
         let Some(right) = forward.cross(up).try_normalize() else {
             return bad("whose up is the direction it looks in");
         };
-        if !(fov.left < fov.right && fov.down < fov.up)
-            || ![fov.left, fov.right, fov.up, fov.down].iter().all(|t| t.is_finite())
-        {
+        let finite = [fov.left, fov.right, fov.up, fov.down].iter().all(|t| t.is_finite());
+        let empty = fov.left >= fov.right || fov.down >= fov.up;
+        if empty || !finite {
             return bad("whose field of view is empty");
         }
         Ok(Camera { eye, right, up: right.cross(forward), fov })
@@ -89,7 +90,10 @@ impl Camera {
             let Some(side) = found else {
                 let names: Vec<_> = SIDES.iter().map(|s| s.names[0]).collect();
                 return Err(Error::new(Kind::Usage, "VGS-CAM-002", format!("no side is called {part:?}"))
-                    .help(format!("sides are {} or their first letters, and several joined by '-'", names.join(", "))));
+                    .help(format!(
+                        "sides are {} or their first letters, and several joined by '-'",
+                        names.join(", ")
+                    )));
             };
             towards += side.towards;
             up = if up == DVec3::ZERO { side.up } else { DVec3::Z };
@@ -175,7 +179,12 @@ impl CameraFile {
             .help("fov_deg is between 0.01 and 170"));
         }
         let at = DVec3::from_array;
-        Camera::looking(at(self.eye_mm), at(self.target_mm), at(self.up), Fov::symmetric(self.fov_deg, aspect))
+        Camera::looking(
+            at(self.eye_mm),
+            at(self.target_mm),
+            at(self.up),
+            Fov::symmetric(self.fov_deg, aspect),
+        )
     }
 }
 
@@ -195,13 +204,19 @@ mod tests {
         let above = at("S");
         assert!(above.eye.z > 40.0 && above.up == DVec3::Y);
         let oblique = at("anterior-left-superior");
-        assert!((oblique.eye - DVec3::splat(5.0)).normalize().distance(DVec3::new(-1.0, 1.0, 1.0).normalize()) < 1e-12);
+        assert!(
+            (oblique.eye - DVec3::splat(5.0)).normalize().distance(DVec3::new(-1.0, 1.0, 1.0).normalize())
+                < 1e-12
+        );
         assert!(oblique.up.z > 0.5);
         // The ball touches the edge of the picture.
         let angle = (10.0 / (front.eye - DVec3::splat(5.0)).length()).asin();
         assert!((angle - 15f64.to_radians()).abs() < 1e-12, "{angle}");
         for name in ["", "above", "left-right"] {
-            assert_eq!(Camera::from_side(name, DVec3::ZERO, 1.0, 30.0, 1.0).expect_err(name).kind, Kind::Usage);
+            assert_eq!(
+                Camera::from_side(name, DVec3::ZERO, 1.0, 30.0, 1.0).expect_err(name).kind,
+                Kind::Usage
+            );
         }
     }
 

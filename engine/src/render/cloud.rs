@@ -5,13 +5,13 @@
 //! that reach there, too; [`intervals`] bounds these, once for a scene. A transfer function then drops exactly the splats
 //! whose interval it shows nothing of.
 
-use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use super::look::LookBuffers;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::Activity;
 use crate::splat::{Activations, Field, Splat, SplatSet};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
@@ -39,7 +39,8 @@ impl Cloud {
         let splats = &set.splats;
         let count = splats.len();
         let reach = reaches(splats, set.field.kernel.support_q());
-        let mut shortest: Vec<f32> = splats.iter().map(|s| s.scale().into_iter().fold(f32::INFINITY, f32::min)).collect();
+        let mut shortest: Vec<f32> =
+            splats.iter().map(|s| s.scale().into_iter().fold(f32::INFINITY, f32::min)).collect();
         let middle = count / 2;
         let sigma_mm = match shortest.is_empty() {
             true => 1.0,
@@ -56,7 +57,10 @@ impl Cloud {
         if count == 0 {
             (range, bounds) = ([0.0, 1.0], [DVec3::splat(-1.0), DVec3::ONE]);
         }
-        let labels = vec![0u32; count];
+        let labels: Vec<u32> = match &set.labels {
+            Some(labels) => labels.iter().map(|&l| u32::from(l)).collect(),
+            None => vec![0; count],
+        };
         Ok(Cloud {
             rows: gpu.upload("splats", "splats", splats)?,
             field: set.field,
@@ -120,7 +124,8 @@ fn intervals(splats: &[Splat], reach: &[Vec3]) -> Vec<[f32; 2]> {
     }
     // What reaches beyond the box of the centres falls into its outermost cells.
     let extent = high - low;
-    let volume = f64::from(extent.x + typical) * f64::from(extent.y + typical) * f64::from(extent.z + typical);
+    let volume =
+        f64::from(extent.x + typical) * f64::from(extent.y + typical) * f64::from(extent.z + typical);
     let edge = typical.max((volume / MOST_CELLS).cbrt() as f32).max(f32::MIN_POSITIVE);
     let cells = (extent / edge).floor().as_uvec3() + 1;
     let span = |i: usize| {

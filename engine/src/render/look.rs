@@ -64,9 +64,9 @@ impl Look {
     /// A band narrower than [`NARROW`] of intensity asks for integration.
     pub fn classification(&self) -> Classification {
         let points = self.transfer.opacities();
-        let narrow = points.windows(2).any(|p| {
-            (p[1].opacity - p[0].opacity).abs() > 0.02 && p[1].intensity - p[0].intensity < NARROW
-        });
+        let narrow = points
+            .windows(2)
+            .any(|p| (p[1].opacity - p[0].opacity).abs() > 0.02 && p[1].intensity - p[0].intensity < NARROW);
         if narrow { Classification::PreIntegrated } else { Classification::Point }
     }
 }
@@ -76,18 +76,21 @@ const NARROW: f64 = 60.0;
 
 /// A look on the device.
 pub struct LookBuffers {
-    pub(super) rows: Buffer<types::Look>,
-    pub(super) points: Buffer<[u32; 2]>,
-    pub(super) integrals: Buffer<[u32; 4]>,
+    /// The row.
+    pub rows: Buffer<types::Look>,
+    /// Colour and extinction of each entry, packed.
+    pub points: Buffer<[u32; 2]>,
+    /// Their integrals.
+    pub integrals: Buffer<[u32; 4]>,
     /// For each entry of the table how many entries before it are visible; one more than there are entries.
-    pub(super) visible: Buffer<u32>,
+    pub visible: Buffer<u32>,
     /// Whether surfaces are lit.
     pub shaded: bool,
 }
 
 impl LookBuffers {
     /// The look of a scene whose intensities lie in `range` and whose zero is at `origin` in the world, mm RAS.
-    pub(super) fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
+    pub fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
         if look.clip.len() > PLANES {
             return Err(Error::new(
                 Kind::Usage,
@@ -131,7 +134,11 @@ impl LookBuffers {
         Ok(LookBuffers {
             rows: gpu.upload("look", "transfer function", &[row])?,
             points: gpu.upload("transfer function", "transfer function", &points)?,
-            integrals: gpu.upload("integrals of the transfer function", "transfer function", &table.integrals)?,
+            integrals: gpu.upload(
+                "integrals of the transfer function",
+                "transfer function",
+                &table.integrals,
+            )?,
             visible: gpu.upload("visible entries", "transfer function", &visible)?,
             shaded: material.shade,
         })

@@ -98,14 +98,17 @@ impl Cut {
             Some(roi) => Some(roi.weight.par_iter().map(|&w| to_fraction(w)).collect()),
             // Where a volume has no value it is not there.
             None if volume.samples.par_iter().all(|v| v.is_finite()) => None,
-            None => Some(volume.samples.par_iter().map(|v| to_fraction(f32::from(u8::from(v.is_finite())))).collect()),
+            None => Some(
+                volume.samples.par_iter().map(|v| to_fraction(f32::from(u8::from(v.is_finite())))).collect(),
+            ),
         };
         let (low, size) = match &mask {
             None => ([0; 3], volume.size),
             Some(mask) => around(mask, volume.size),
         };
         let at = |x: usize, y: usize, z: usize| {
-            let inside = |k: usize, place: usize| (low[k] + place as i64).clamp(0, volume.size[k] as i64 - 1) as usize;
+            let inside =
+                |k: usize, place: usize| (low[k] + place as i64).clamp(0, volume.size[k] as i64 - 1) as usize;
             volume.samples[volume.index(inside(0, x), inside(1, y), inside(2, z))]
         };
         let rows = |row: usize| (0..size[0]).map(move |x| (x, row % size[1], row / size[1]));
@@ -117,8 +120,12 @@ impl Cut {
                     (low.min(v), high.max(v), whole && v.fract() == 0.0)
                 })
             })
-            .reduce(|| (f32::INFINITY, f32::NEG_INFINITY, true), |a, b| (a.0.min(b.0), a.1.max(b.1), a.2 && b.2));
-        let range = if low_value <= high_value { [f64::from(low_value), f64::from(high_value)] } else { [0.0, 1.0] };
+            .reduce(
+                || (f32::INFINITY, f32::NEG_INFINITY, true),
+                |a, b| (a.0.min(b.0), a.1.max(b.1), a.2 && b.2),
+            );
+        let range =
+            if low_value <= high_value { [f64::from(low_value), f64::from(high_value)] } else { [0.0, 1.0] };
         let scale = Scale::of(range, whole);
         let filled = |of: &(dyn Fn(usize, usize, usize) -> u16 + Sync)| {
             let mut all = vec![0; size.iter().product()];
@@ -170,7 +177,8 @@ impl Cut {
                         for &v in &self.values[row.clone()] {
                             (least, greatest) = (least.min(v), greatest.max(v));
                         }
-                        there = there || self.mask.as_ref().is_some_and(|mask| mask[row].iter().any(|&m| m > 0));
+                        there =
+                            there || self.mask.as_ref().is_some_and(|mask| mask[row].iter().any(|&m| m > 0));
                     }
                 }
                 match there {
@@ -231,9 +239,8 @@ impl Medium {
         let cut = Cut::new(source);
         let spacing = volume.spacing_mm();
         let low = DVec3::from_array(cut.low.map(|v| v as f64));
-        let scene_from_voxel = DAffine3::from_translation(-origin)
-            * volume.world_from_voxel
-            * DAffine3::from_translation(low);
+        let scene_from_voxel =
+            DAffine3::from_translation(-origin) * volume.world_from_voxel * DAffine3::from_translation(low);
         let voxel_from_scene = scene_from_voxel.inverse();
         if !voxel_from_scene.is_finite() {
             return Err(Error::new(

@@ -17,7 +17,7 @@ mod target;
 
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::Cloud;
-pub use look::{ClipPlane, Classification, Look, LookBuffers, PLANES};
+pub use look::{Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};
 pub use target::Target;
 
@@ -43,7 +43,12 @@ pub struct Scene {
 
 impl Scene {
     /// Of splats, of a volume, or of both, at first seen as `look` says.
-    pub fn new(gpu: &Gpu, splats: Option<&SplatSet>, volume: Option<&MediumSource<'_>>, look: &Look) -> Result<Self> {
+    pub fn new(
+        gpu: &Gpu,
+        splats: Option<&SplatSet>,
+        volume: Option<&MediumSource<'_>>,
+        look: &Look,
+    ) -> Result<Self> {
         let origin = match (splats, volume) {
             (Some(set), _) => set.origin_mm,
             (None, Some(source)) => source.centre(),

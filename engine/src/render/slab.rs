@@ -8,8 +8,8 @@ use shaders_glsl::types::{SlabParams, TileGrid, View};
 use super::{Classification, Cloud, Mode, Scene, Settings, Target};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-use crate::passes::{Shape, TileBinner};
 use crate::passes::tiles::TILE;
+use crate::passes::{Shape, TileBinner};
 
 /// Planes that a ray adds up at a time.
 const PLANES: u32 = 8;
@@ -56,7 +56,6 @@ impl Slab {
             bins: TileBinner::new(gpu, cloud.field.kernel, &grid, settings.views, cloud.count)?,
             grid,
             settings: settings.clone(),
-
         })
     }
 

@@ -59,7 +59,11 @@ impl Target {
     pub fn read_depth(&self, view: u32) -> Result<Vec<f32>> {
         let weighted = self.layer(self.depth.read::<f32>()?, view);
         let colour = self.read_colour(view)?;
-        Ok(weighted.iter().zip(&colour).map(|(&d, c)| if c[3] > 0.0 { d / c[3] } else { f32::INFINITY }).collect())
+        Ok(weighted
+            .iter()
+            .zip(&colour)
+            .map(|(&d, c)| if c[3] > 0.0 { d / c[3] } else { f32::INFINITY })
+            .collect())
     }
 
     fn layer<T: Copy>(&self, all: Vec<T>, view: u32) -> Vec<T> {

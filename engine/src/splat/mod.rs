@@ -2,11 +2,15 @@
 //!
 //! A [`Splat`] holds raw parameters (logit, ln σ, quaternion); [`activation`] says what they stand for and [`kernel`]
 //! how a splat fades with distance. A fit works in voxel space, a [`SplatSet`] lives in the world; [`space`] leads
-//! from one to the other. [`FORMATS`] lists the files: a new format is one module with `sniff`, `read`, `write` and
+//! from one to the other. [`harmonics`] are the colours of splats that have no intensity, [`packed`] is a set in 16 bytes
+//! a splat. [`FORMATS`] lists the files: a new format is one module with `sniff`, `read`, `write` and
 //! `describe`, and one row.
 
 pub mod activation;
+pub mod harmonics;
 pub mod kernel;
+mod labels;
+pub mod packed;
 pub mod ply;
 pub mod space;
 
@@ -18,7 +22,10 @@ use glam::DVec3;
 use serde::Serialize;
 
 pub use activation::Activations;
+pub use harmonics::Harmonics;
 pub use kernel::Kernel;
+pub use labels::{LabelCount, label_name};
+pub use packed::Packed;
 pub use shaders_glsl::types::Splat;
 
 use crate::error::{Error, Kind, Result};
@@ -35,8 +42,31 @@ pub struct SplatSet {
     /// Whether intensities are physical (HU for CT). Otherwise they are the luminance of a colour, about 0 to 1, and
     /// a transfer function over HU means nothing for them.
     pub has_intensity: bool,
+    /// The colours of a set of ordinary 3D Gaussian splatting; nothing where the splats have an intensity, which a
+    /// transfer function colours.
+    pub colours: Option<Harmonics>,
+    /// Which structure each splat belongs to, by the labels of the label map it was fitted to; 0 is none of them.
+    pub labels: Option<Vec<u8>>,
+    /// Names of labels, at most one for each, in ascending order; see [`label_name`].
+    pub label_names: Vec<(u8, String)>,
     /// Iterations of the fit that made the set; nothing where the file does not say.
     pub iterations: Option<u32>,
+}
+
+impl Default for SplatSet {
+    /// No splats, whose intensities would be physical.
+    fn default() -> Self {
+        SplatSet {
+            splats: Vec::new(),
+            origin_mm: DVec3::ZERO,
+            field: Field::default(),
+            has_intensity: true,
+            colours: None,
+            labels: None,
+            label_names: Vec::new(),
+            iterations: None,
+        }
+    }
 }
 
 /// How splats add up to V̂(x) = b + Σ w (c − b) / (Σ w + ε), with w = α κ(q), and to the occupancy
@@ -96,6 +126,10 @@ pub struct Summary {
     pub kernel: &'static str,
     /// Whether intensities are physical (HU) rather than the luminance of a colour.
     pub has_intensity: bool,
+    /// Degree of the spherical harmonics of the colours; absent where the splats have an intensity.
+    pub harmonics_degree: Option<u8>,
+    /// The labels that splats have, ascending; empty where the file gives none.
+    pub labels: Vec<LabelCount>,
     /// Least and greatest intensity, absent without splats.
     pub intensity_range: Option<[f32; 2]>,
     /// Least and greatest mean along each axis, mm RAS with the origin added; absent without splats.
@@ -195,10 +229,7 @@ mod tests {
         let at = |name: &str| folder.path().join(name);
         let set = SplatSet {
             splats: vec![Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() }],
-            origin_mm: DVec3::ZERO,
-            field: Field::default(),
-            has_intensity: true,
-            iterations: None,
+            ..SplatSet::default()
         };
         write(&at("a.PLY"), &set, false).expect("the extension in capitals is the same format");
         std::fs::rename(at("a.PLY"), at("a.dat")).expect("renaming");

@@ -2,19 +2,23 @@
 //!
 //! **What we write**: binary little endian; element `vertex` with the 17 float properties `x y z nx ny nz f_dc_0..2
 //! opacity scale_0..2 rot_0..3` that every reader of the 3DGS convention accepts (opacity is a logit, scale is ln σ,
-//! rot is w, x, y, z); then a second element `splat_intensity` with one float `intensity` per splat. An additional
+//! rot is w, x, y, z); then a second element `splat_intensity` with one float `intensity` per splat and, for a set with
+//! labels, one uchar `label`, whose names are comments `vgs.label 5 liver`. An additional
 //! vertex property would break readers with a fixed row; a second element is skipped by all that were tried. Means
 //! are mm RAS minus a stated origin, scales ln mm. Comments, after the vertex properties because some readers take the
 //! third line for the count, hold the rest of a [`SplatSet`](super::SplatSet) in decimal text that reads back to the
-//! same bits. `f_dc` is a grey from the intensity by a black-white ramp over the intensities of the set (paper 3.2).
+//! same bits. `f_dc` is a grey from the intensity by a black-white ramp over the intensities of the set (paper 3.2). A
+//! set with colours has these as `f_dc` and, between it and `opacity`, `f_rest`; it has no element for the intensity.
 //!
 //! An ordinary viewer draws Gaussians to 3 σ and does not divide by Σ w, so what it shows of a set is an approximation,
 //! most of all for the compact kernel.
 //!
 //! **What we read**: the above, and plain 3DGS files: properties in any order and of any scalar type, with or without
-//! normals and higher harmonics (which are ignored: a splat has one intensity), any byte order, ASCII. Without our
-//! comments the kernel is the Gaussian and the background the mean intensity. The intensity comes from the second
-//! element, else from a vertex property `hu` or `intensity`, else it is the luminance of the colour.
+//! normals, any byte order, ASCII. Without our comments the kernel is the Gaussian, the background the mean intensity,
+//! and means are taken as they are (which axis of an ordinary file points up is not known). The intensity comes from the
+//! second element, else from a vertex property `hu` or `intensity`. A file without it is a set with colours: their
+//! harmonics are kept whole (0, 9, 24 or 45 properties `f_rest`, all of red first, then green, then blue), and the
+//! intensity is the luminance of the first of them. Beside an intensity colours are ignored.
 //!
 //! Every input ends as a set or as an error of class `BadData`, at a cost that the file's length bounds.
 
@@ -34,11 +38,19 @@ pub use write::write;
 /// The row of this format in [`super::FORMATS`].
 pub const FORMAT: Format = Format { name: "ply", sniff, read, write, describe };
 
-/// Degree-0 spherical harmonic, 1 / (2√π): colour = ½ + SH0 · f_dc.
-const SH0: f32 = 0.282_094_8;
-
 /// The second element, one row per vertex.
 const INTENSITY_ELEMENT: &str = "splat_intensity";
+
+/// The property of the second element that holds the label.
+const LABEL_PROPERTY: &str = "label";
+
+/// The colour of degree 0; [`rest_property`] names the others.
+const COLOUR_PROPERTIES: [&str; 3] = ["f_dc_0", "f_dc_1", "f_dc_2"];
+
+/// The vertex property of a harmonic beyond degree 0: all of red by rising degree, then green, then blue.
+fn rest_property(index: usize) -> String {
+    format!("f_rest_{index}")
+}
 
 fn sniff(start: &[u8]) -> bool {
     start.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))

@@ -43,7 +43,7 @@ impl SplatSet {
         let offset = world_from_voxel.translation - origin_mm;
         let splats =
             splats.par_iter().map(|splat| transformed(splat, &linear, |x| linear * x + offset)).collect();
-        SplatSet { splats, origin_mm, field, has_intensity: true, iterations: None }
+        SplatSet { splats, origin_mm, field, ..SplatSet::default() }
     }
 }
 

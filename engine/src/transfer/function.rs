@@ -136,9 +136,10 @@ fn invalid(message: String) -> Error {
         .help("intensities must be finite numbers, colours and opacities between 0 and 1")
 }
 
-fn check_intensity(what: &str, index: usize, intensity: f64) -> Result<()> {
+fn checked_intensity(what: &str, index: usize, intensity: f64) -> Result<f64> {
     if intensity.abs() <= MAX_INTENSITY {
-        return Ok(());
+        // Without the sign of -0, which would sort before 0.
+        return Ok(intensity + 0.0);
     }
     Err(invalid(format!("{what} point {}: its intensity is {intensity}", index + 1)))
 }
@@ -152,17 +153,17 @@ fn share(what: &str, index: usize, value: f64) -> Result<f64> {
 
 fn checked_opacities(what: &str, points: Vec<OpacityPoint>) -> Result<Vec<OpacityPoint>> {
     let check = |(i, p): (usize, OpacityPoint)| {
-        check_intensity(what, i, p.intensity)?;
-        Ok(OpacityPoint { intensity: p.intensity, opacity: share(what, i, p.opacity)? })
+        let intensity = checked_intensity(what, i, p.intensity)?;
+        Ok(OpacityPoint { intensity, opacity: share(what, i, p.opacity)? })
     };
     points.into_iter().enumerate().map(check).collect::<Result<_>>().map(sorted)
 }
 
 fn checked_colours(points: Vec<ColourPoint>) -> Result<Vec<ColourPoint>> {
     let check = |(i, p): (usize, ColourPoint)| {
-        check_intensity("colour", i, p.intensity)?;
+        let intensity = checked_intensity("colour", i, p.intensity)?;
         let [r, g, b] = p.colour.to_array().map(|value| share("colour", i, value));
-        Ok(ColourPoint { intensity: p.intensity, colour: DVec3::new(r?, g?, b?) })
+        Ok(ColourPoint { intensity, colour: DVec3::new(r?, g?, b?) })
     };
     points.into_iter().enumerate().map(check).collect::<Result<_>>().map(sorted)
 }

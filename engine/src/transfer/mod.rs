@@ -2,13 +2,16 @@
 //!
 //! A [`TransferFunction`] has control points over intensity (HU for CT) and is linear between them. Its opacity α per
 //! millimetre stands for the extinction τ = −ln(1 − α) in 1/mm. [`presets`] has those with a name, [`window_level`]
-//! makes a grey ramp, and a [`Table`] is what a renderer uploads and looks up.
+//! makes a grey ramp, [`load`] finds either by what a user typed, or reads one of the [`FORMATS`] of other programs, and
+//! [`save`] writes one. A [`Table`] is what a renderer uploads and looks up.
 
+mod file;
 mod function;
 pub mod presets;
 mod table;
 mod window;
 
+pub use file::{FORMATS, Format, load, read, save};
 pub use function::{ColourPoint, MAX_INTENSITY, MAX_OPACITY, Material, OpacityPoint, TransferFunction};
 pub use presets::{PRESETS, Preset, Scale, preset};
 pub use table::Table;

@@ -5,6 +5,7 @@
 
 pub mod bricks;
 pub mod inv3;
+mod labels;
 pub mod nifti;
 pub mod phantom;
 pub mod resample;
@@ -18,6 +19,7 @@ use glam::{DAffine3, DVec3};
 
 use crate::{Error, Kind, Result};
 pub use bricks::Bricks;
+pub use labels::Labels;
 pub use roi::{LabelChoice, Roi};
 use source::Source;
 

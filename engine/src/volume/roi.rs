@@ -117,6 +117,12 @@ impl Roi {
         }
         let weight = match relate(mask, volume)? {
             Grids::Same => on_mask_grid.weight,
+            Grids::Assumed => {
+                tracing::warn!(
+                    "volume or mask has no orientation: they are taken to be on one grid, since their sizes agree"
+                );
+                on_mask_grid.weight
+            }
             Grids::Differ => resample(&on_mask_grid, mask, volume)?,
         };
         Roi::new(weight, volume)
@@ -264,7 +270,7 @@ fn list(mask: &Volume) -> String {
 }
 
 /// Label values of numbers and names.
-fn resolve(names: &[String], mask: &Volume) -> Result<Vec<i32>> {
+pub(super) fn resolve(names: &[String], mask: &Volume) -> Result<Vec<i32>> {
     let present = present_labels(mask);
     let unknown = |name: &str| {
         Error::new(Kind::Usage, "VGS-ROI-010", format!("the mask has no label '{name}'"))
@@ -297,13 +303,18 @@ fn distinct_up_to(samples: &[f32], most: usize) -> Option<usize> {
     Some(seen.len())
 }
 
-enum Grids {
+/// How the grids of a mask and a volume relate.
+pub(super) enum Grids {
+    /// They are one.
     Same,
+    /// One of them has no orientation; their sizes agree, so they are taken to be one.
+    Assumed,
+    /// They lie differently in the same space.
     Differ,
 }
 
 /// Whether two volumes lie on one grid, to a thousandth of a voxel at every corner.
-fn relate(mask: &Volume, volume: &Volume) -> Result<Grids> {
+pub(super) fn relate(mask: &Volume, volume: &Volume) -> Result<Grids> {
     let volume_from_mask = volume.voxel_from_world() * mask.world_from_voxel;
     let apart = mask
         .voxel_corners()
@@ -317,10 +328,7 @@ fn relate(mask: &Volume, volume: &Volume) -> Result<Grids> {
         return Ok(Grids::Differ);
     }
     if mask.size == volume.size {
-        tracing::warn!(
-            "volume or mask has no orientation: they are taken to be on one grid, since their sizes agree"
-        );
-        return Ok(Grids::Same);
+        return Ok(Grids::Assumed);
     }
     let message = format!(
         "mask ({:?} voxels) and volume ({:?} voxels) cannot be related: one of them has no orientation",

@@ -5,6 +5,9 @@
 
 mod bins;
 mod optimiser;
+mod packed;
+mod raymarch;
+mod slab;
 mod sorting;
 mod volume;
 
@@ -37,6 +40,9 @@ oracle! {
     volume: splat_to_volume overlap_sums loss_mse loss_occupancy loss_dice loss_leak splat_to_volume_grad
         moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
+    packed: unpack;
+    slab: mark_active list_active project_splats emit_tile_pairs slab;
+    raymarch: occupancy_mark occupancy_spread raymarch;
 }
 
 /// Records one pass, runs it and waits.

@@ -4,6 +4,7 @@
 
 mod paper;
 mod passes;
+mod render;
 mod report;
 mod scene;
 
@@ -20,7 +21,8 @@ Examples:
   bench passes                      forward and backward passes, growth with splats and with ROI voxels
   bench passes --quick              the same in half a minute
   bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md
-  bench paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; bench paper --help"
+  bench paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; bench paper --help
+  bench render --data DIR --quick   pictures against what they should be, and their time; bench render --help"
 )]
 struct Arguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
@@ -36,6 +38,8 @@ enum What {
     Passes(passes::Arguments),
     /// The paper's tables: the paper's figures, ours with --profile paper, and ours by default.
     Paper(paper::Arguments),
+    /// Pictures of all modes against what they should be, and what frames cost.
+    Render(render::Arguments),
 }
 
 fn main() -> std::process::ExitCode {
@@ -57,5 +61,6 @@ fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.what {
         What::Passes(a) => passes::run(&Gpu::new(&options)?, a),
         What::Paper(a) => paper::run(&options, a),
+        What::Render(a) => render::run(&options, a),
     }
 }

@@ -3,7 +3,7 @@
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 use crate::failure::Stop;
-use crate::{eval, fit, info, phantom, rasterize};
+use crate::{compare, eval, fit, info, phantom, rasterize, render};
 
 /// Version and, where the build knew it, the commit.
 pub const VERSION: &str = if env!("VGS_COMMIT").is_empty() {
@@ -33,7 +33,7 @@ missing, 69 no usable device, 70 fault of this program or a fit that diverged,
 signal with what was reached written.
 
 Volumes: NIfTI (.nii, .nii.gz, .hdr and .img) and InVesalius projects (.inv3).
-Splats: PLY. For looking, not for diagnosis.";
+Splats: PLY. Pictures: PNG and EXR. For looking, not for diagnosis.";
 
 /// How much is said, and in which form.
 #[derive(Args, Clone, Debug)]
@@ -54,6 +54,8 @@ pub enum Command {
     Fit(Box<fit::Arguments>),
     Eval(eval::Arguments),
     Rasterize(rasterize::Arguments),
+    Render(Box<render::Arguments>),
+    Compare(compare::Arguments),
     Info(info::Arguments),
     /// Lists the Vulkan devices of this machine
     Devices,

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use engine::fit::evaluate::{self, Evaluation};
+use engine::fit::labels::label;
 use engine::fit::{FitConfig, Scaling};
 use engine::output::write_atomic;
 use engine::splat::{self, SplatSet};
@@ -96,7 +97,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let _lock = Lock::take(&files.splats, &signals)?;
     // Another run may have written them before it gave the lock away.
     outputs::check(&files.list(), &inputs, force)?;
-    let case = Case::read(&arguments.volume, &arguments.read, &arguments.region)?;
+    let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
     let checkpoints = Checkpoints::new(
         &arguments.checkpoint,
         &files.splats,
@@ -143,10 +144,13 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
 
     let background = Scaling::new(&fitted.volume, &fitted.roi, fit_config).background;
     let field = config.field(background);
-    let set = SplatSet {
+    let mut set = SplatSet {
         iterations: Some(outcome.iterations),
         ..SplatSet::from_voxel(&outcome.splats, &fitted.volume.world_from_voxel, field)
     };
+    if let Some(labels) = &labels {
+        label(&mut set, labels);
+    }
     splat::write(&files.splats, &set, force)?;
 
     let evaluating = Instant::now();

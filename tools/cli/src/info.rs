@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::splat::{self, Summary};
+use engine::splat::{self, LabelCount, Summary};
 use engine::volume::nifti::{self, Header};
 use engine::volume::{Stats, Volume};
 use engine::{Error, Result};
@@ -212,6 +212,12 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
         let unit = if s.has_intensity { "HU" } else { "luminance of the colour; the file holds no HU" };
         out.add("intensity", format!("{low} to {high} {unit}"));
     }
+    if let Some(degree) = s.harmonics_degree {
+        out.add("colours", format!("spherical harmonics of degree {degree}"));
+    }
+    if !s.labels.is_empty() {
+        out.add("labels", joined(&s.labels.iter().map(label_text).collect::<Vec<_>>(), ", "));
+    }
     if let Some([low, high]) = s.bounding_box_mm {
         let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
         out.add("means", format!("({}) to ({}) mm RAS", point(low), point(high)));
@@ -225,4 +231,14 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     let elements: Vec<_> = s.elements.iter().map(|(name, n)| format!("{name} ({n})")).collect();
     out.add("elements", elements.join(", "));
     out.add("properties", s.properties.join(" "));
+}
+
+/// A label with its name and how many splats have it.
+fn label_text(count: &LabelCount) -> String {
+    let LabelCount { label, name, splats } = count;
+    match (label, name) {
+        (0, _) => format!("none ({splats})"),
+        (_, Some(name)) => format!("{label} {name} ({splats})"),
+        (_, None) => format!("{label} ({splats})"),
+    }
 }

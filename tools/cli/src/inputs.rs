@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
-use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
+use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
 use engine::{Error, Result};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -53,7 +53,7 @@ pub struct RoiArguments {
     /// Instead of a mask: the voxels from LOW to HIGH, HU
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
     pub roi_threshold: Option<[f32; 2]>,
-    /// Which labels of the mask, by number or name
+    /// Which labels of the mask, by number or name; a fit keeps the label of each splat
     #[arg(long, value_name = "N|NAME,...", requires = "roi")]
     pub roi_label: Option<String>,
 }
@@ -69,31 +69,43 @@ pub struct Case {
 impl Case {
     /// Reads both.
     pub fn read(volume_path: &Path, read: &ReadArguments, region: &RoiArguments) -> Result<Case> {
-        let labels: LabelChoice = match &region.roi_label {
-            Some(text) => text.parse()?,
-            None => LabelChoice::Whole,
+        Ok(Case::with_mask(volume_path, read, region)?.0)
+    }
+
+    /// Reads both, and the labels if some of a label map were chosen.
+    pub fn read_labelled(
+        volume_path: &Path,
+        read: &ReadArguments,
+        region: &RoiArguments,
+    ) -> Result<(Case, Option<Labels>)> {
+        let (case, mask) = Case::with_mask(volume_path, read, region)?;
+        let labels = match (&region.roi, mask) {
+            (Some(path), Some((mask, choice))) => {
+                Labels::chosen(&mask, &choice, &case.volume).map_err(|e| named(e, path))?
+            }
+            _ => None,
         };
-        let volume = Volume::read(volume_path, &read.options())?;
-        let roi = match (&region.roi, region.roi_threshold) {
-            (Some(path), _) => {
-                // The index chooses a volume of the series; a mask is a single one.
-                let options = ReadOptions { volume_index: None, ..read.options() };
-                let mask = Volume::read(path, &options)?;
-                Roi::from_mask(&mask, &labels, &volume).map_err(|e| named(e, path))?
-            }
-            (None, Some([low, high])) => {
-                Roi::from_threshold(&volume, low, high).map_err(|e| named(e, volume_path))?
-            }
+        Ok((case, labels))
+    }
+
+    fn with_mask(
+        volume_path: &Path,
+        read: &ReadArguments,
+        region: &RoiArguments,
+    ) -> Result<(Case, Option<Mask>)> {
+        let volume = volume_of(volume_path, read)?;
+        let (mask, label) = (region.roi.as_deref(), region.roi_label.as_deref());
+        let (roi, mask) = region_with_mask(&volume, read, mask, region.roi_threshold, label)
+            .map_err(|e| named(e, volume_path))?
             // The flags are a required group.
-            (None, None) => unreachable!("a region of interest is required"),
-        };
+            .unwrap_or_else(|| unreachable!("a region of interest is required"));
         tracing::info!(
             "{}: {:?} voxels, {} in the region of interest",
             volume_path.display(),
             volume.size,
             roi.voxel_count()
         );
-        Ok(Case { volume, roi })
+        Ok((Case { volume, roi }, mask))
     }
 
     /// Both on a grid of blocks of `factor` voxels along each axis.
@@ -105,6 +117,49 @@ impl Case {
     pub fn full_range(&self) -> [f32; 2] {
         self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()
     }
+}
+
+/// Reads a volume.
+pub fn volume_of(path: &Path, read: &ReadArguments) -> Result<Volume> {
+    Volume::read(path, &read.options())
+}
+
+/// The region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU; nothing where
+/// neither is given.
+pub fn region_of(
+    volume: &Volume,
+    read: &ReadArguments,
+    mask: Option<&Path>,
+    threshold: Option<[f32; 2]>,
+    labels: Option<&str>,
+) -> Result<Option<Roi>> {
+    Ok(region_with_mask(volume, read, mask, threshold, labels)?.map(|(roi, _)| roi))
+}
+
+/// A mask as its file has it, and what was chosen of it.
+type Mask = (Volume, LabelChoice);
+
+/// The same, with the mask that the region comes from.
+fn region_with_mask(
+    volume: &Volume,
+    read: &ReadArguments,
+    mask: Option<&Path>,
+    threshold: Option<[f32; 2]>,
+    labels: Option<&str>,
+) -> Result<Option<(Roi, Option<Mask>)>> {
+    let labels: LabelChoice = match labels {
+        Some(text) => text.parse()?,
+        None => LabelChoice::Whole,
+    };
+    if let Some(path) = mask {
+        // The index chooses a volume of the series; a mask is a single one.
+        let options = ReadOptions { volume_index: None, ..read.options() };
+        let mask = Volume::read(path, &options)?;
+        let roi = Roi::from_mask(&mask, &labels, volume).map_err(|e| named(e, path))?;
+        return Ok(Some((roi, Some((mask, labels)))));
+    }
+    let roi = threshold.map(|[low, high]| Roi::from_threshold(volume, low, high)).transpose()?;
+    Ok(roi.map(|roi| (roi, None)))
 }
 
 fn named(error: Error, path: &Path) -> Error {

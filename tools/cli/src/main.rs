@@ -1,14 +1,16 @@
 //! The command line of vgs.
 //!
-//! One file for each command (`fit`, `eval`, `rasterize`, `info`, `devices`, `phantom`): its flags, and `run`. What
-//! they share: `inputs` (volume and region of interest), `settings` (hyper-parameters from flags, environment and
-//! file), `optimise` (the loop of a fit), `report` (figures, run record, curve), `picture` (the comparison as PNG),
-//! and the ways to talk: `console` (stdout and logs), `failure` (errors and exit codes), `progress`, `signals`.
+//! One file for each command (`fit`, `eval`, `rasterize`, `render`, `compare`, `info`, `devices`, `phantom`): its flags,
+//! and `run`. What they share: `inputs` (volume and region of interest), `settings` (hyper-parameters from flags,
+//! environment and file), `optimise` (the loop of a fit), `report` (figures, run record, curve), `picture` (the
+//! comparison as PNG), and the ways to talk: `console` (stdout and logs), `failure` (errors and exit codes),
+//! `progress`, `signals`.
 #![forbid(unsafe_code)]
 
 mod arguments;
 mod checkpoint;
 mod clock;
+mod compare;
 mod console;
 mod devices;
 mod eval;
@@ -23,6 +25,7 @@ mod phantom;
 mod picture;
 mod progress;
 mod rasterize;
+mod render;
 mod report;
 mod settings;
 mod signals;
@@ -39,6 +42,8 @@ fn main() -> std::process::ExitCode {
             Command::Fit(arguments) => fit::run(&arguments, &console),
             Command::Eval(arguments) => eval::run(&arguments, &console),
             Command::Rasterize(arguments) => rasterize::run(&arguments, &console),
+            Command::Render(arguments) => render::run(&arguments, &console),
+            Command::Compare(arguments) => compare::run(&arguments, &console),
             Command::Info(arguments) => info::run(&arguments, &console),
             Command::Phantom(arguments) => phantom::run(&arguments, &console),
             Command::Devices => devices::run(&console),

@@ -101,6 +101,52 @@ impl Display {
     }
 }
 
+/// The display of work that is a number of like steps.
+pub struct Steps {
+    bar: Option<ProgressBar>,
+    lines: bool,
+    what: &'static str,
+    count: u64,
+    start: Instant,
+    last_line: Instant,
+}
+
+impl Steps {
+    /// `count` times `what`; nothing is shown for a single one.
+    pub fn new(console: &Console, what: &'static str, count: u64) -> Self {
+        let now = Instant::now();
+        let shown = !console.json && !console.quiet && count > 1;
+        let bar = (shown && console::stderr_has_colour()).then(|| {
+            let style = ProgressStyle::with_template("{bar:20} {percent:>3}% {wide_msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            terminal().add(ProgressBar::new(count).with_style(style))
+        });
+        Steps { lines: shown && bar.is_none(), bar, what, count, start: now, last_line: now }
+    }
+
+    /// Shows that `done` steps are done.
+    pub fn done(&mut self, done: u64) {
+        let left = self.start.elapsed().as_secs_f64() * (self.count - done) as f64 / done.max(1) as f64;
+        let text = || format!("{} {done} of {}, {} left", self.what, self.count, seconds(left));
+        if let Some(bar) = &self.bar {
+            bar.set_position(done);
+            bar.set_message(text());
+        } else if self.lines && self.last_line.elapsed() >= LINE_EVERY {
+            let _ =
+                writeln!(std::io::stderr(), "{:>3.0} %: {}", 100.0 * done as f64 / self.count as f64, text());
+            self.last_line = Instant::now();
+        }
+    }
+}
+
+impl Drop for Steps {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
 impl Drop for Display {
     fn drop(&mut self) {
         if let Some(bar) = &self.bar {

@@ -56,6 +56,12 @@ const ROWS: &[Row] = &[
         says: &["no label '7'"],
     },
     Row {
+        name: "a label that no splat can carry",
+        arguments: &["fit", "ct.nii.gz", "--roi", "atlas.nii", "--roi-label", "300", "-o", "x.ply"],
+        exit: 65,
+        says: &["VGS-ROI-013", "atlas.nii: label 300", "renumber"],
+    },
+    Row {
         name: "no voxel is between the thresholds",
         arguments: &["fit", "ct.nii.gz", "--roi-threshold", "20000,30000", "-o", "x.ply"],
         exit: 3,
@@ -256,6 +262,10 @@ fn bad_inputs_are_refused_and_nothing_is_touched() {
     folder.write("zero.nii", nifti(16, -7.5, |_| 0));
     folder.write("far.nii", nifti(16, 900.0, |_| 1));
     folder.write("labels.nii", nifti(16, -7.5, |i| if i % 2 == 0 { 0 } else { 5 }));
+    // The same with a slope of 60.
+    let mut atlas = nifti(16, -7.5, |i| if i % 2 == 0 { 0 } else { 5 });
+    atlas[112..116].copy_from_slice(&60f32.to_le_bytes());
+    folder.write("atlas.nii", atlas);
     folder.write("taken.ply", "precious");
     folder.write("half.csv", "precious");
     folder.write("typo.toml", "iteratons = 5\n");

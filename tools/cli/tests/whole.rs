@@ -2,8 +2,9 @@
 
 mod support;
 
+use engine::splat;
 use engine::volume::resample::{AREA, downsampling_loss};
-use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
+use engine::volume::{LabelChoice, ReadOptions, Roi, Volume, nifti};
 use support::{Folder, fit};
 
 #[test]
@@ -112,6 +113,90 @@ fn a_working_grid_is_fitted_and_judged_on_the_native_one() {
     assert!((db(&again) - db(&coarse)).abs() < 0.01, "{again}");
     let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
     assert!(record["working_grid"].is_null());
+}
+
+/// A label map in `labels.nii` with its names: the mask, whose left half (up to the middle of the grid) is 5 and whose
+/// right half is 200; 7 around a corner.
+fn write_labels(folder: &Folder, name: &str) {
+    let mask = Volume::read(folder.path("mask.nii.gz"), &ReadOptions::default()).expect("the mask");
+    let [nx, ny, nz] = mask.size;
+    let value = |i: usize| match mask.samples[i] {
+        m if m > 0.5 => [5.0, 200.0][usize::from(2 * (i % nx) >= nx)],
+        _ => f32::from(u8::from(i == nx * ny * nz - 1)) * 7.0,
+    };
+    let map = Volume { samples: (0..mask.len()).map(value).collect(), ..mask.clone() };
+    nifti::write(folder.path("plain.nii"), &map, true).expect("a label map");
+    // Our writer leaves names out, so the extension is put in by hand: size, code, text, up to a multiple of 16.
+    let mut file = folder.read("plain.nii");
+    let mut text = format!(
+        "<CaretExtension><LabelTable><Label Key=\"5\">{name}</Label><Label Key=\"7\">other</Label></LabelTable>\
+         </CaretExtension>"
+    )
+    .into_bytes();
+    text.resize((8 + text.len()).next_multiple_of(16) - 8, 0);
+    let size = 8 + text.len();
+    let extension = [&(size as i32).to_le_bytes()[..], &[0; 4], &text].concat();
+    file[108..112].copy_from_slice(&(352.0 + size as f32).to_le_bytes());
+    file[348] = 1;
+    file.splice(352..352, extension);
+    folder.write("labels.nii", file);
+}
+
+#[test]
+fn splats_keep_the_labels_of_the_map() {
+    let folder = Folder::new(28);
+    write_labels(&folder, "left  part");
+    let mut arguments = fit("a.ply", &["--no-eval", "--roi-label", "Left  part,200", "--force"]);
+    let at = arguments.iter().position(|a| *a == "mask.nii.gz").expect("the mask");
+    arguments[at] = "labels.nii";
+    for more in [&["--quiet"][..], &["--quiet", "--working-grid", "2"]] {
+        let ended = folder.run(&[&arguments[..], more].concat());
+        assert_eq!((ended.code, ended.err.as_str()), (0, ""));
+        let set = splat::read(&folder.path("a.ply"), &splat::ReadOptions::default()).expect("splats");
+        assert_eq!(set.label_names, [(5, "left part".to_owned())]);
+        let labels = set.labels.as_ref().expect("labels");
+        let ct = Volume::read(folder.path("ct.nii.gz"), &ReadOptions::default()).expect("the volume");
+        let middle = ct.size[0] as f32 / 2.0 - 0.5;
+        let mut halves = [0; 2];
+        for (splat, &label) in set.to_voxel(&ct.world_from_voxel).iter().zip(labels) {
+            // Some lie a little outside the region, where the nearest voxel may be across the middle.
+            if (splat.mean[0] - middle).abs() > 1.0 {
+                let half = usize::from(splat.mean[0] > middle);
+                assert_eq!(label, [5, 200][half], "{:?}", splat.mean);
+                halves[half] += 1;
+            }
+        }
+        assert!(halves.iter().all(|&n| n > 4), "{halves:?}");
+        assert!(labels.iter().all(|&label| label > 0), "outside the region it is the nearest label");
+        let count = |wanted: u8| labels.iter().filter(|&&label| label == wanted).count();
+        let info = folder.run(&["info", "a.ply"]).out;
+        let line = format!("5 left part ({}), 200 ({})", count(5), count(200));
+        assert!(info.contains(&line), "{line} in {info}");
+        let told = folder.run(&["info", "a.ply", "--json"]).json();
+        let expected = serde_json::json!([
+            {"label": 5, "name": "left part", "splats": count(5)},
+            {"label": 200, "name": null, "splats": count(200)},
+        ]);
+        assert_eq!(told["labels"], expected);
+    }
+    // A mask without labels gives none.
+    assert_eq!(folder.run(&fit("b.ply", &["--no-eval", "--quiet"])).code, 0);
+    assert_eq!(folder.run(&["info", "b.ply", "--json"]).json()["labels"], serde_json::json!([]));
+}
+
+#[test]
+fn harmonics_are_told() {
+    let folder = Folder::new(8);
+    let rest: String = (0..24).map(|i| format!("property float f_rest_{i}\n")).collect();
+    let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+    let names: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
+    let row = format!("0 0 0 1 0 0 0 0 0 0 1 0 0 0{}", " 0.5".repeat(24));
+    folder.write(
+        "sh.ply",
+        format!("ply\nformat ascii 1.0\nelement vertex 1\n{names}{rest}end_header\n{row}\n"),
+    );
+    assert!(folder.run(&["info", "sh.ply"]).out.contains("spherical harmonics of degree 2"));
+    assert_eq!(folder.run(&["info", "sh.ply", "--json"]).json()["harmonics_degree"], 2);
 }
 
 #[test]

@@ -1,12 +1,13 @@
 //! Files of pictures: a format is one module with `read` and `write`, and one row of [`FORMATS`].
 
+mod exr;
 mod png;
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-pub use png::{Animation, write_animation};
+pub use png::{Animation, encode as encode_png, write_animation};
 
 use super::{Image, check_size, room};
 use crate::{Error, Kind, Result};
@@ -46,7 +47,7 @@ pub struct Format {
 type Encode = fn(&Image, Option<&[f32]>, &mut dyn io::Write) -> io::Result<()>;
 
 /// All formats; the first is the usual one.
-pub const FORMATS: &[Format] = &[png::FORMAT];
+pub const FORMATS: &[Format] = &[png::FORMAT, exr::FORMAT];
 
 /// DEFLATE, the densest packing in these formats, cannot do better than 1032 : 1, so a longer claim is false before
 /// anything is allocated.

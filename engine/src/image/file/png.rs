@@ -73,6 +73,14 @@ pub fn write_animation(
 }
 
 fn write(image: &Image, _: Option<&[f32]>, out: &mut dyn Write) -> io::Result<()> {
+    encode(image, out)
+}
+
+/// Writes a PNG of 8 bits to a stream, with opacity if any pixel is not opaque.
+///
+/// # Errors
+/// Those of `out`, and a picture without pixels.
+pub fn encode(image: &Image, out: &mut dyn Write) -> io::Result<()> {
     let opaque = image.pixels.iter().all(|pixel| pixel[3] >= 1.0);
     let mut writer = encoder(out, image.size, opaque).write_header()?;
     writer.write_image_data(&bytes(image, opaque))?;

@@ -103,6 +103,99 @@ fn pngs_of_other_programs_are_read() {
 }
 
 #[test]
+fn an_exr_comes_back_with_its_depth() {
+    let (folder, mut image) = (Folder::new(), picture());
+    image.pixels[8] = [1.75, -0.25, 0.5, 0.75]; // Nothing is clamped.
+    let depth: Vec<f32> = (0..35).map(|i| if i % 5 == 0 { f32::INFINITY } else { 0.1 * i as f32 }).collect();
+    let plain = WriteOptions::default();
+    write(folder.at("a.exr"), &image, None, &plain).unwrap();
+    write(folder.at("b.exr"), &image, Some(&depth), &plain).unwrap();
+    write(folder.at("c.exr"), &image, Some(&depth), &plain).unwrap();
+    let [a, b] = ["a.exr", "b.exr"].map(|name| read(folder.at(name)).unwrap());
+    near(&a.image, &image, 1e-6);
+    assert_eq!((a.depth, b.image), (None, a.image));
+    assert_eq!(b.depth, Some(depth));
+    assert_eq!(fs::read(folder.at("b.exr")).unwrap(), fs::read(folder.at("c.exr")).unwrap());
+    let background = Some([0.5, 0.5, 0.5]);
+    write(folder.at("d.exr"), &image, None, &WriteOptions { background, force: false }).unwrap();
+    near(&read(folder.at("d.exr")).unwrap().image, &image.over([0.5; 3]), 1e-6);
+}
+
+/// What other programs see in such a file: linear light, premultiplied.
+#[test]
+fn an_exr_holds_linear_light() {
+    let folder = Folder::new();
+    let image = Image { size: [2, 1], pixels: vec![[0.25, 0.01, 0.5, 0.5], [0.0; 4]] };
+    write(folder.at("a.exr"), &image, Some(&[7.5, 1e9]), &WriteOptions::default()).unwrap();
+    let file = ::exr::prelude::read_first_flat_layer_from_file(folder.at("a.exr")).unwrap();
+    let channels = &file.layer_data.channel_data.list;
+    let values: Vec<(String, Vec<f32>)> =
+        channels.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect();
+    // sRGB 0.5, 0.02 and 1 as linear light, times the opacity.
+    let expected = [("A", 0.5), ("B", 0.5), ("G", 0.5 * 0.02 / 12.92), ("R", 0.5 * 0.214_041_14), ("Z", 7.5)];
+    assert_eq!(values.len(), expected.len());
+    for ((name, found), (expected_name, expected)) in values.iter().zip(expected) {
+        assert_eq!(name, expected_name);
+        assert!((f64::from(found[0]) - expected).abs() < 1e-6, "{name}: {}", found[0]);
+        assert_eq!(found[1], if name == "Z" { 1e9 } else { 0.0 });
+    }
+}
+
+/// Halves, and no opacity.
+#[test]
+fn exrs_of_other_programs_are_read() {
+    use ::exr::prelude::{WritableImage, f16};
+    let folder = Folder::new();
+    let write = |name: &str, value: f32| {
+        let channels = ::exr::image::SpecificChannels::rgb(|_: ::exr::math::Vec2<usize>| {
+            (f16::from_f32(value), f16::ZERO, f16::ONE)
+        });
+        ::exr::prelude::Image::from_channels((3, 2), channels).write().to_file(folder.at(name)).unwrap();
+    };
+    write("a.exr", 0.214_041);
+    near(&read(folder.at("a.exr")).unwrap().image, &Image::new([3, 2], [0.5, 0.0, 1.0, 1.0]), 3e-4);
+    write("nan.exr", f32::NAN);
+    assert_eq!(read(folder.at("nan.exr")).unwrap_err().code, "VGS-IMG-025");
+    let grey = ::exr::image::SpecificChannels::build()
+        .with_channel("Y")
+        .with_pixel_fn(|_: ::exr::math::Vec2<usize>| (1.0_f32,));
+    ::exr::prelude::Image::from_channels((3, 2), grey).write().to_file(folder.at("grey.exr")).unwrap();
+    assert_eq!(read(folder.at("grey.exr")).unwrap_err().code, "VGS-IMG-024");
+}
+
+/// Bytes that were altered or are missing: an error or a picture of the same size, and no panic.
+#[test]
+fn damaged_files_are_no_panic() {
+    let folder = Folder::new();
+    let image = Image::new([40, 30], [0.2, 0.1, 0.4, 0.5]);
+    for name in ["a.png", "a.exr"] {
+        let depth = vec![1.5; 1200];
+        let depth = name.ends_with("exr").then_some(depth.as_slice());
+        write(folder.at(name), &image, depth, &WriteOptions::default()).unwrap();
+        let good = fs::read(folder.at(name)).unwrap();
+        let (damaged, whole) = (folder.at("damaged"), read(folder.at(name)).unwrap());
+        // Some file systems flush a file that is written over; a new one they do not.
+        let put = |bytes: &[u8]| {
+            let _ = fs::remove_file(&damaged);
+            fs::write(&damaged, bytes).unwrap();
+        };
+        for place in 0..good.len().min(700) {
+            for value in [0xff, good[place] ^ 0x80] {
+                let mut bad = good.clone();
+                bad[place] = value;
+                put(&bad);
+                if let Err(error) = read(&damaged) {
+                    assert!(matches!(error.kind, Kind::BadData), "{name}, byte {place}: {error}");
+                }
+            }
+            put(&good[..place]);
+            // Where only the end mark is missing, all pixels are there.
+            assert!(read(&damaged).map_or(true, |picture| picture == whole), "{name} cut to {place} bytes");
+        }
+    }
+}
+
+#[test]
 fn an_animation_holds_its_frames() {
     let folder = Folder::new();
     let (path, size) = (folder.at("a.png"), [3, 2]);

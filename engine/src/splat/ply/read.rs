@@ -1,7 +1,7 @@
 //! Reading splat sets from PLY, ours and those of others.
 
 use std::fs::File;
-use std::io::{BufReader, Read, Seek};
+use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
 use glam::DVec3;
@@ -9,9 +9,10 @@ use ply_rs::ply::{ElementDef, PropertyType};
 
 use super::header::{Header, bad, quoted};
 use super::rows::{self, Column};
-use super::{FORMAT, INTENSITY_ELEMENT, SH0, comments};
+use super::{COLOUR_PROPERTIES, FORMAT, INTENSITY_ELEMENT, LABEL_PROPERTY, comments, rest_property};
 use crate::error::{Error, Kind, Result};
-use crate::splat::{ReadOptions, Splat, SplatSet, Summary, defect};
+use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, SH0, basis_count};
+use crate::splat::{Harmonics, ReadOptions, Splat, SplatSet, Summary, defect};
 
 /// Luminance of linear RGB (Rec. 709).
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
@@ -23,13 +24,12 @@ const INTENSITY_PROPERTIES: [&str; 2] = ["hu", "intensity"];
 const SPLAT_PROPERTIES: [&str; INTENSITY_SLOT] =
     ["x", "y", "z", "opacity", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2"];
 
-/// The colour, where there is no intensity; it follows the splat's floats in a row.
-const COLOUR_PROPERTIES: [&str; 3] = ["f_dc_0", "f_dc_1", "f_dc_2"];
-
 /// Where the intensity stands among the floats of a [`Splat`].
 const INTENSITY_SLOT: usize = 11;
 const SPLAT_SLOTS: usize = INTENSITY_SLOT + 1;
-const ROW_SLOTS: usize = SPLAT_SLOTS + COLOUR_PROPERTIES.len();
+/// A row holds the floats of a splat and, where there is no intensity, those of its harmonics: of degree 0, or of any.
+const GREY_SLOTS: usize = SPLAT_SLOTS + 3;
+const ALL_SLOTS: usize = SPLAT_SLOTS + 3 * MAX_BASIS;
 
 /// Reads a splat set; the module above says what is accepted.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<SplatSet> {
@@ -57,6 +57,8 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         properties: vertex.map(|e| e.properties.keys().cloned().collect()).unwrap_or_default(),
         kernel: set.field.kernel.name(),
         has_intensity: set.has_intensity,
+        harmonics_degree: set.colours.as_ref().map(|colours| colours.degree),
+        labels: set.label_counts(),
         intensity_range: bounds(|splat| [splat.intensity; 3]).map(|range| range.map(|v| v[0])),
         bounding_box_mm: bounds(|splat| splat.mean).map(|corners| corners.map(world)),
         origin_mm: set.origin_mm.to_array(),
@@ -88,7 +90,7 @@ fn open(path: &Path, options: &ReadOptions) -> Result<Loaded> {
         tracing::warn!(%file, "the file holds no usable splat");
     }
     if !loaded.set.has_intensity {
-        tracing::info!(%file, "no intensity: transfer functions act on the luminance of the colour");
+        tracing::info!(%file, "no intensity: what acts on intensities acts on the luminance of the colour");
     }
     Ok(loaded)
 }
@@ -105,7 +107,8 @@ pub(super) fn load(
         bad("VGS-PLY-013", format!("no element `vertex`; the file has: {}", names.join(", ")))
     })?;
     let beside = header.element(INTENSITY_ELEMENT);
-    let layout = Layout::of(vertex, beside.is_some())?;
+    let beside_columns = beside.map(|(_, element)| Beside::of(element, vertex.count)).transpose()?;
+    let layout = Layout::of(vertex, beside_columns.as_ref().is_some_and(Beside::has_intensity))?;
     if vertex.count as u64 > options.max_splats {
         let message = format!("{} splats, at most {} are allowed", vertex.count, options.max_splats);
         return Err(bad("VGS-PLY-014", message).help("raise the limit if the file is meant to be so big"));
@@ -122,38 +125,65 @@ pub(super) fn load(
     }
     let stated = comments::read(&header.comments)?;
 
-    let mut splats: Vec<Splat> = Vec::new();
-    splats.try_reserve_exact(vertex.count).map_err(|_| {
-        let needed = vertex.count.saturating_mul(size_of::<Splat>());
-        let message = format!("no memory for {} splats: {needed} bytes are needed", vertex.count);
-        Error::new(Kind::HostMemory, "VGS-PLY-015", message)
-    })?;
-    splats.resize(vertex.count, Splat::default());
+    let count = vertex.count;
+    let mut splats = zeros::<Splat>(count)?;
+    let mut coefficients = zeros::<f32>(count.saturating_mul(layout.colour_slots()))?;
+    let mut labels = match &beside_columns {
+        Some(beside) if beside.label.is_some() => Some(zeros::<u8>(count)?),
+        _ => None,
+    };
     for (index, element) in header.elements.iter().enumerate().take(last + 1) {
         if index == vertex_index {
-            rows::read(&mut source, &header, element, &layout.columns, |i, row| {
-                layout.fill(&mut splats[i], row);
-            })?;
-        } else if element.name == INTENSITY_ELEMENT {
-            let columns = [Column { property: intensity_property(element, vertex.count)?, slot: 0 }];
-            rows::read(&mut source, &header, element, &columns, |i, &[c]: &[f32; 1]| {
-                splats[i].intensity = c;
-            })?;
+            let mut fill = |i: usize, row: &[f32]| layout.fill(&mut splats[i], &mut coefficients, i, row);
+            match layout.degree {
+                None | Some(0) => rows::read(
+                    &mut source,
+                    &header,
+                    element,
+                    &layout.columns,
+                    |i, row: &[f32; GREY_SLOTS]| fill(i, row),
+                )?,
+                Some(_) => rows::read(
+                    &mut source,
+                    &header,
+                    element,
+                    &layout.columns,
+                    |i, row: &[f32; ALL_SLOTS]| fill(i, row),
+                )?,
+            }
+        } else if let Some(beside) = beside_columns.as_ref().filter(|_| element.name == INTENSITY_ELEMENT) {
+            beside.read(&mut source, &header, element, &mut splats, labels.as_deref_mut())?;
         } else {
             rows::skip(&mut source, &header, element)?;
         }
     }
-    let dropped = drop_unusable(&mut splats, options.strict)?;
 
-    let sum: f64 = splats.iter().map(|splat| f64::from(splat.intensity)).sum();
-    let set = SplatSet {
+    let mut set = SplatSet {
         origin_mm: stated.origin_mm.unwrap_or_default(),
-        field: stated.field((sum / splats.len().max(1) as f64) as f32),
         has_intensity: layout.source != Source::Colour && stated.physical.unwrap_or(true),
         iterations: stated.iterations,
+        colours: layout.degree.map(|degree| Harmonics { degree, coefficients }),
+        labels,
         splats,
+        ..SplatSet::default()
     };
+    let dropped = drop_unusable(&mut set, options.strict)?;
+    let sum: f64 = set.splats.iter().map(|splat| f64::from(splat.intensity)).sum();
+    set.field = stated.field((sum / set.splats.len().max(1) as f64) as f32);
+    set.label_names = stated.label_names;
     Ok(Loaded { set, header, dropped, bytes })
+}
+
+/// `count` zeros; the header's counts were compared with the file's length, which a disk may hold and memory not.
+fn zeros<T: bytemuck::Zeroable + Clone>(count: usize) -> Result<Vec<T>> {
+    let mut all = Vec::new();
+    all.try_reserve_exact(count).map_err(|_| {
+        let needed = count.saturating_mul(size_of::<T>());
+        let message = format!("no memory for the splats: {needed} bytes more are needed");
+        Error::new(Kind::HostMemory, "VGS-PLY-015", message)
+    })?;
+    all.resize(count, T::zeroed());
+    Ok(all)
 }
 
 /// Where the intensity of a splat comes from.
@@ -169,19 +199,21 @@ enum Source {
 
 /// Which vertex property goes where.
 struct Layout {
-    /// To the slots of a row: the 12 floats of a splat, then the colour.
+    /// To the slots of a row: the 12 floats of a splat, then the harmonics.
     columns: Vec<Column>,
     source: Source,
+    /// Degree of the harmonics, where the colour is what the file has.
+    degree: Option<u8>,
 }
 
 impl Layout {
     fn of(vertex: &ElementDef, intensity_beside: bool) -> Result<Layout> {
-        let position = |name: &&str| vertex.properties.get_index_of(*name);
+        let position = |name: &str| vertex.properties.get_index_of(name);
         let list = vertex.properties.values().find(|p| matches!(p.data_type, PropertyType::List(..)));
         if let Some(list) = list {
             return Err(bad("VGS-PLY-018", format!("vertex property `{}` is a list", quoted(&list.name))));
         }
-        let intensity = INTENSITY_PROPERTIES.iter().find_map(position);
+        let intensity = INTENSITY_PROPERTIES.iter().find_map(|name| position(name));
         let source = match intensity {
             _ if intensity_beside => Source::Element,
             Some(_) => Source::Property,
@@ -201,14 +233,24 @@ impl Layout {
             .iter()
             .filter_map(|(name, slot)| Some(Column { property: position(name)?, slot: *slot }))
             .collect();
-        if source == Source::Property {
-            columns.extend(intensity.map(|property| Column { property, slot: INTENSITY_SLOT }));
+        let mut degree = None;
+        match source {
+            Source::Element => {}
+            Source::Property => {
+                columns.extend(intensity.map(|property| Column { property, slot: INTENSITY_SLOT }));
+            }
+            Source::Colour => degree = Some(rest_columns(vertex, &mut columns)?),
         }
-        Ok(Layout { columns, source })
+        Ok(Layout { columns, source, degree })
     }
 
-    /// Takes over a row; an intensity that comes from its own element stays.
-    fn fill(&self, splat: &mut Splat, row: &[f32; ROW_SLOTS]) {
+    /// Floats of the harmonics of a splat.
+    fn colour_slots(&self) -> usize {
+        self.degree.map_or(0, |degree| 3 * basis_count(degree))
+    }
+
+    /// Takes over row `index`; an intensity that comes from its own element stays.
+    fn fill(&self, splat: &mut Splat, coefficients: &mut [f32], index: usize, row: &[f32]) {
         let intensity = match self.source {
             Source::Element => splat.intensity,
             Source::Property => row[INTENSITY_SLOT],
@@ -218,30 +260,121 @@ impl Layout {
         };
         let values: [f32; SPLAT_SLOTS] = std::array::from_fn(|slot| row[slot]);
         *splat = Splat { intensity, ..bytemuck::cast(values) };
+        let colour = self.colour_slots();
+        coefficients[index * colour..][..colour].copy_from_slice(&row[SPLAT_SLOTS..][..colour]);
     }
 }
 
-/// The property of the intensity element that holds the value.
-fn intensity_property(element: &ElementDef, splat_count: usize) -> Result<usize> {
-    if element.count != splat_count {
-        let message = format!("{} intensities for {splat_count} splats", element.count);
-        return Err(bad("VGS-PLY-020", message));
+/// Adds the columns of the harmonics beyond degree 0 and returns the degree. In the file they stand channel by channel,
+/// so without their right number nobody can tell where green begins.
+fn rest_columns(vertex: &ElementDef, columns: &mut Vec<Column>) -> Result<u8> {
+    let present = vertex.properties.keys().filter(|name| name.starts_with("f_rest_")).count();
+    let degree =
+        (0..=MAX_DEGREE).find(|&degree| 3 * (basis_count(degree) - 1) == present).ok_or_else(|| {
+            bad("VGS-PLY-024", format!("{present} properties f_rest, 0, 9, 24 or 45 were expected"))
+                .help("write spherical harmonics of degree 0 to 3, all coefficients of a degree")
+        })?;
+    let per_channel = basis_count(degree) - 1;
+    for index in 0..present {
+        let name = rest_property(index);
+        let property = vertex.properties.get_index_of(name.as_str()).ok_or_else(|| {
+            bad("VGS-PLY-024", format!("{present} properties f_rest, but `{name}` is not one of them"))
+                .help("they count from 0 without gaps")
+        })?;
+        let (channel, k) = (index / per_channel, 1 + index % per_channel);
+        columns.push(Column { property, slot: SPLAT_SLOTS + 3 * k + channel });
     }
-    let scalar = |name: &&str| {
-        let (index, _, property) = element.properties.get_full(*name)?;
-        matches!(property.data_type, PropertyType::Scalar(_)).then_some(index)
-    };
-    INTENSITY_PROPERTIES.iter().find_map(scalar).ok_or_else(|| {
-        bad("VGS-PLY-021", format!("element `{INTENSITY_ELEMENT}` has no property `intensity` or `hu`"))
-    })
+    Ok(degree)
+}
+
+/// Where the element beside the vertices holds what.
+struct Beside {
+    intensity: Option<usize>,
+    label: Option<usize>,
+}
+
+impl Beside {
+    fn of(element: &ElementDef, splat_count: usize) -> Result<Beside> {
+        if element.count != splat_count {
+            let message = format!("{} intensities for {splat_count} splats", element.count);
+            return Err(bad("VGS-PLY-020", message));
+        }
+        let scalar = |name: &str| {
+            let (index, _, property) = element.properties.get_full(name)?;
+            matches!(property.data_type, PropertyType::Scalar(_)).then_some(index)
+        };
+        let beside = Beside {
+            intensity: INTENSITY_PROPERTIES.iter().find_map(|name| scalar(name)),
+            label: scalar(LABEL_PROPERTY),
+        };
+        if beside.intensity.is_none() && beside.label.is_none() {
+            return Err(bad(
+                "VGS-PLY-021",
+                format!(
+                    "element `{INTENSITY_ELEMENT}` has no property `intensity`, `hu` or `{LABEL_PROPERTY}`"
+                ),
+            ));
+        }
+        Ok(beside)
+    }
+
+    fn has_intensity(&self) -> bool {
+        self.intensity.is_some()
+    }
+
+    fn read(
+        &self,
+        source: &mut impl BufRead,
+        header: &Header,
+        element: &ElementDef,
+        splats: &mut [Splat],
+        mut labels: Option<&mut [u8]>,
+    ) -> Result<()> {
+        let column = |property: Option<usize>, slot| property.map(|property| Column { property, slot });
+        let columns: Vec<_> = column(self.intensity, 0).into_iter().chain(column(self.label, 1)).collect();
+        let mut wrong = None;
+        rows::read(source, header, element, &columns, |i, &[intensity, label]: &[f32; 2]| {
+            if self.has_intensity() {
+                splats[i].intensity = intensity;
+            }
+            if let Some(labels) = &mut labels {
+                labels[i] = label as u8;
+                if f32::from(labels[i]) != label {
+                    wrong.get_or_insert((i, label));
+                }
+            }
+        })?;
+        match wrong {
+            Some((index, label)) => {
+                let message =
+                    format!("splat {index} has the label {label}, whole numbers to 255 are allowed");
+                Err(bad("VGS-PLY-025", message).help("number the labels from 1 to 255; 0 is none"))
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 /// Removes the splats that cannot be used and returns their number; with `strict`, the first is an error.
-fn drop_unusable(splats: &mut Vec<Splat>, strict: bool) -> Result<usize> {
-    if strict && let Some((index, why)) = splats.iter().enumerate().find_map(|(i, s)| Some((i, defect(s)?))) {
-        return Err(bad("VGS-PLY-022", format!("splat {index} is unusable: {why}")));
+fn drop_unusable(set: &mut SplatSet, strict: bool) -> Result<usize> {
+    let SplatSet { splats, colours, labels, .. } = set;
+    let why = |i: usize| {
+        let colour = || colours.as_ref().is_some_and(|colours| !colours.of(i).iter().all(|c| c.is_finite()));
+        defect(&splats[i]).or_else(|| colour().then_some("a value is not finite"))
+    };
+    let Some((first, reason)) = (0..splats.len()).find_map(|i| Some((i, why(i)?))) else { return Ok(0) };
+    if strict {
+        return Err(bad("VGS-PLY-022", format!("splat {first} is unusable: {reason}")));
     }
-    let before = splats.len();
-    splats.retain(|splat| defect(splat).is_none());
-    Ok(before - splats.len())
+    let kept: Vec<usize> = (0..splats.len()).filter(|&i| why(i).is_none()).collect();
+    let dropped = splats.len() - kept.len();
+    if let Some(colours) = colours {
+        let of_kept = kept.iter().flat_map(|&i| colours.of(i)).copied().collect();
+        colours.coefficients = of_kept;
+    }
+    if let Some(labels) = labels {
+        *labels = kept.iter().map(|&i| labels[i]).collect();
+    }
+    *splats = kept.into_iter().map(|i| splats[i]).collect();
+    Ok(dropped)
 }

@@ -9,8 +9,12 @@ use super::read::{Loaded, load};
 use super::write::{check, encode};
 use super::{describe, read, write};
 use crate::error::{Kind, Result};
+use crate::splat::harmonics::SH0;
 use crate::splat::kernel::KERNELS;
 use crate::splat::{Field, Kernel, ReadOptions, Splat, SplatSet};
+
+mod colours;
+mod labels;
 
 const STRICT: ReadOptions = ReadOptions { strict: true, max_splats: 1_000_000 };
 const LENIENT: ReadOptions = ReadOptions { strict: false, ..STRICT };
@@ -42,8 +46,8 @@ fn sample(count: usize) -> SplatSet {
         splats: splats.collect(),
         origin_mm: DVec3::new(-1e5, 0.1, 33.0),
         field,
-        has_intensity: true,
         iterations: Some(400),
+        ..SplatSet::default()
     }
 }
 
@@ -112,7 +116,7 @@ fn our_files_have_the_layout_that_every_reader_accepts() {
     // The ramp: black for the least intensity, white for the greatest.
     let grey = |row: usize| {
         let at = end + row * 68 + 24;
-        0.5 + super::SH0 * f32::from_le_bytes(file[at..at + 4].try_into().expect("four bytes"))
+        0.5 + SH0 * f32::from_le_bytes(file[at..at + 4].try_into().expect("four bytes"))
     };
     for (row, expected) in [(0, 0.0), (1, 0.5), (2, 1.0)] {
         assert!((grey(row) - expected).abs() < 1e-6, "row {row}: {}", grey(row));
@@ -273,7 +277,7 @@ fn files_of_others_are_read() {
                 row[4] = 1.0;
                 file(le, &plain, &little(&row))
             },
-            0.5 + 0.7152 * super::SH0,
+            0.5 + 0.7152 * SH0,
             false,
         ),
     ];
@@ -532,9 +536,15 @@ proptest! {
         occupancy_w0 in 1e-30..1.0f32,
         kernel in prop::sample::select(KERNELS.map(|row| row.kernel).to_vec()),
         has_intensity: bool,
+        labelled: bool,
+        names in prop::collection::btree_map(1..=u8::MAX, "[!-~]{1,20}( [à-ü(]{1,9})?", 0..9),
     ) {
         let field = Field { kernel, background, epsilon, occupancy_w0 };
-        let set = SplatSet { splats, origin_mm: DVec3::from_array(origin), field, has_intensity, iterations: None };
+        let labels = labelled.then(|| splats.iter().map(|s| s.mean[0].to_bits() as u8).collect());
+        let label_names = names.into_iter().collect();
+        let origin_mm = DVec3::from_array(origin);
+        let set =
+            SplatSet { splats, origin_mm, field, has_intensity, labels, label_names, ..SplatSet::default() };
         let read = loaded(&encoded(&set), &STRICT).expect("our own file").set;
         prop_assert_eq!(bytemuck::cast_slice::<_, u32>(&read.splats), bytemuck::cast_slice::<_, u32>(&set.splats));
         prop_assert_eq!(SplatSet { splats: Vec::new(), ..read }, SplatSet { splats: Vec::new(), ..set });

@@ -7,10 +7,10 @@
 
 mod baselines;
 mod job;
-mod library;
+pub mod library;
 mod plan;
 mod plot;
-mod progress;
+pub mod progress;
 mod prototype;
 mod published;
 mod results;

@@ -13,10 +13,10 @@ use super::library::Place;
 /// Samples in the support of a splat of the paper's size, where spacings are equal.
 const SAMPLES_A_SPLAT: f64 = 2000.0;
 /// Samples evaluated by the default profile for each voxel of the region, and what a splat costs besides, in samples.
-const SAMPLES_A_VOXEL: f64 = 25.0;
-const SMALL_SPLAT: f64 = 150.0;
+pub const SAMPLES_A_VOXEL: f64 = 25.0;
+pub const SMALL_SPLAT: f64 = 150.0;
 /// Evaluations a second.
-const RATE: f64 = 1e8;
+pub const RATE: f64 = 1e8;
 /// Of the loss, a brick, seconds.
 const BRICK: f64 = 20e-6;
 /// Of a measurement on the host, a voxel, seconds.

@@ -1,7 +1,6 @@
 //! The picture of a comparison: slices of CT, splats and difference above shaded views of both, with their scales.
 
 mod canvas;
-mod font;
 mod slices;
 mod solid;
 mod subject;
@@ -10,11 +9,12 @@ use std::path::Path;
 
 use engine::Result;
 use engine::gpu::Gpu;
+use engine::image::{Align, shortened};
 use engine::output::write_atomic;
 use engine::splat::SplatSet;
 
 use crate::inputs::Case;
-use canvas::{Align, Canvas, Colour, text_width};
+use canvas::{Canvas, Colour};
 use solid::Solids;
 use subject::{Subject, diverging, grey};
 
@@ -59,9 +59,15 @@ fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
     let height = solids_top + solids.height() + 60 + MARGIN;
     let mut canvas = Canvas::new(WIDTH, height, BACKGROUND);
 
-    canvas.text([MARGIN, MARGIN], 3, Align::Left, TEXT, &shortened(title, 3));
+    canvas.text([MARGIN, MARGIN], 3, Align::Left, TEXT, &shortened(title, 3, WIDTH - 2 * MARGIN));
     for (i, line) in lines.iter().enumerate() {
-        canvas.text([MARGIN, MARGIN + 34 + 22 * i], 2, Align::Left, DIM_TEXT, &shortened(line, 2));
+        canvas.text(
+            [MARGIN, MARGIN + 34 + 22 * i],
+            2,
+            Align::Left,
+            DIM_TEXT,
+            &shortened(line, 2, WIDTH - 2 * MARGIN),
+        );
     }
     let left: [usize; 3] = std::array::from_fn(|i| MARGIN + i * (PANEL + GAP));
     for (name, x) in slices::columns(subject.name).iter().zip(left) {
@@ -103,14 +109,4 @@ fn bar(canvas: &mut Canvas, at: [usize; 2], labels: [&str; 3], colour: impl Fn(f
     for (share, label) in labels.into_iter().enumerate() {
         canvas.text([x + share * BAR / 2, at[1] + 18], 2, Align::Middle, DIM_TEXT, label);
     }
-}
-
-/// Text that fits the picture's width.
-fn shortened(text: &str, scale: usize) -> String {
-    let room = WIDTH - 2 * MARGIN;
-    if text_width(text, scale) <= room {
-        return text.to_owned();
-    }
-    let keep = room / (font::ADVANCE * scale) - 3;
-    text.chars().take(keep).chain("...".chars()).collect()
 }

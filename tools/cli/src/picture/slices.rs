@@ -1,9 +1,10 @@
 //! The three orthogonal slices through the centre of the region: CT, splats, and their difference.
 
+use engine::image::Align;
 use glam::DVec3;
 
 use super::PANEL;
-use super::canvas::{Align, Canvas, Colour};
+use super::canvas::{Canvas, Colour};
 use super::subject::{Subject, diverging, grey};
 
 /// A slice as radiologists look at it: letters are directions of the patient.

@@ -1,0 +1,81 @@
+//! Slicer's `presets.xml` and scenes (MRML): elements `VolumeProperty` with lists of numbers in their attributes.
+
+use std::collections::BTreeMap;
+
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+
+use super::super::{Material, TransferFunction};
+use super::{Entry, broken, list};
+use crate::error::Result;
+
+type Attributes = BTreeMap<String, String>;
+
+pub fn sniff(text: &str) -> bool {
+    text.trim_start().starts_with('<')
+}
+
+pub fn read(text: &str) -> Result<Vec<Entry>> {
+    let mut reader = Reader::from_str(text);
+    let mut entries = Vec::new();
+    loop {
+        let line = |reader: &Reader<&[u8]>| {
+            let at = usize::try_from(reader.buffer_position()).unwrap_or(usize::MAX).min(text.len());
+            text.as_bytes()[..at].iter().filter(|b| **b == b'\n').count() + 1
+        };
+        let event = reader.read_event();
+        match event.map_err(|e| broken(format!("line {}: not well-formed XML: {e}", line(&reader))))? {
+            Event::Start(e) | Event::Empty(e) if e.local_name().as_ref() == b"VolumeProperty" => {
+                let attributes =
+                    attributes(&e).map_err(|e| broken(format!("line {}: {}", line(&reader), e.message)))?;
+                entries.push(entry(&attributes));
+            }
+            Event::Eof => return Ok(entries),
+            _ => {}
+        }
+    }
+}
+
+fn attributes(element: &BytesStart) -> Result<Attributes> {
+    let pair = |attribute: std::result::Result<quick_xml::events::attributes::Attribute, _>| {
+        let attribute =
+            attribute.map_err(|e: quick_xml::events::attributes::AttrError| broken(e.to_string()))?;
+        let name = String::from_utf8_lossy(attribute.key.local_name().as_ref()).into_owned();
+        let value = attribute.unescape_value().map_err(|e| broken(format!("attribute {name}: {e}")))?;
+        Ok((name, value.into_owned()))
+    };
+    element.attributes().map(pair).collect()
+}
+
+fn entry(attributes: &Attributes) -> Entry {
+    let name = attributes.get("name").cloned().unwrap_or_default();
+    let function = function(&name, attributes).map_err(|mut e| {
+        e.message = format!("VolumeProperty {name:?}: {}", e.message);
+        e
+    });
+    Entry { name, function }
+}
+
+fn function(name: &str, attributes: &Attributes) -> Result<TransferFunction> {
+    let needed =
+        |key: &str| attributes.get(key).ok_or_else(|| broken(format!("there is no attribute {key}")));
+    let opacities = list::opacities("scalarOpacity", needed("scalarOpacity")?)?;
+    let colours = list::colours("colorTransfer", needed("colorTransfer")?)?;
+    let coefficient = |key: &str, default: f64| match attributes.get(key) {
+        None => Ok(default),
+        Some(text) => text.trim().parse().map_err(|_| broken(format!("{key} is {text:?}"))),
+    };
+    let default = Material::default();
+    let material = Material {
+        shade: coefficient("shade", 0.0)? != 0.0,
+        ambient: coefficient("ambient", default.ambient)?,
+        diffuse: coefficient("diffuse", default.diffuse)?,
+        specular: coefficient("specular", default.specular)?,
+        power: coefficient("specularPower", default.power)?,
+    };
+    let gradient = match attributes.get("gradientOpacity") {
+        Some(text) if !matches!(text.trim(), "" | "0") => list::opacities("gradientOpacity", text)?,
+        _ => Vec::new(),
+    };
+    TransferFunction::new(name, colours, opacities, material)?.with_gradient_opacity(gradient)
+}

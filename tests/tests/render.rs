@@ -1,0 +1,332 @@
+//! What holds of rendering without any reference, and the golden pictures.
+#![forbid(unsafe_code)]
+
+use engine::gpu::Gpu;
+use engine::image::{Image, psnr};
+use engine::reference::eye::Eye;
+use engine::reference::slab as twin;
+use engine::render::{Camera, ClipPlane, Fov, Look, MODES, ModeRow, Renderer, Scene, Settings, mode};
+use engine::splat::{Field, Kernel, Splat, SplatSet};
+use engine::transfer::{Table, TransferFunction, preset};
+use glam::{DVec3, Vec3};
+use rand::RngExt;
+use vgs_tests::scene::{random, splat};
+use vgs_tests::{Bound, Device, assert_close, picture};
+
+const SIZE: [u32; 2] = [72, 56];
+
+/// Splats in a ball of 30 mm about a place far from the world's origin, soft and dense ones apart from each other.
+fn set(count: usize, kernel: Kernel) -> SplatSet {
+    let mut rng = random(21);
+    let splats = (0..count)
+        .map(|_| {
+            let mut s = splat(&mut rng, Vec3::splat(50.0));
+            s.mean = s.mean.map(|v| v - 25.0);
+            s.log_scale = s.log_scale.map(|v| v + 0.9);
+            s.intensity = if s.mean[0] > 0.0 {
+                rng.random_range(-80.0f32..60.0)
+            } else {
+                rng.random_range(300.0f32..900.0)
+            };
+            s
+        })
+        .collect();
+    SplatSet {
+        splats,
+        origin_mm: DVec3::new(-120.0, 340.0, 1000.0),
+        field: Field { kernel, background: 200.0, ..Field::default() },
+        has_intensity: true,
+        ..SplatSet::default()
+    }
+}
+
+/// No splats, with intensities all the same.
+fn empty() -> SplatSet {
+    SplatSet { has_intensity: true, ..SplatSet::default() }
+}
+
+fn look(name: &str, shade: bool) -> Look {
+    let mut transfer: TransferFunction = preset(name).expect("a preset").over([-100.0, 900.0]);
+    transfer.material.shade = shade;
+    Look::new(transfer)
+}
+
+fn settings() -> Settings {
+    Settings { precise: true, ..Settings::new(SIZE) }
+}
+
+/// A camera that sees all of the scene from the patient's left front.
+fn camera(scene: &Scene) -> Camera {
+    let [low, high] = scene.bounds();
+    let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
+    Camera::from_side("anterior-left", (low + high) * 0.5, (high - low).length() * 0.35, 40.0, aspect)
+        .expect("a camera")
+}
+
+fn render(gpu: &Gpu, row: &ModeRow, scene: &Scene, settings: &Settings, cameras: &[Camera]) -> Vec<Image> {
+    let mut renderer = Renderer::new(gpu, row, scene, settings).expect("a renderer");
+    renderer.render(scene, cameras).expect("a frame");
+    (0..settings.views)
+        .map(|view| Image {
+            size: settings.size.map(|n| n as usize),
+            pixels: renderer.target.read_colour(view).expect("a picture"),
+        })
+        .collect()
+}
+
+fn of_splats() -> impl Iterator<Item = &'static ModeRow> {
+    MODES.iter().filter(|row| row.of_splats)
+}
+
+/// What the twin sees of a set, at planes as the mode places them.
+fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, step: f64) -> Image {
+    let cloud = scene.cloud.as_ref().expect("splats");
+    let eye = Eye::from(&camera.view(scene.origin));
+    let background = f64::from(set.field.background);
+    let splats: Vec<_> =
+        set.splats.iter().filter_map(|s| twin::seen(&s.into(), &eye, set.field.kernel, background)).collect();
+    let [low, high] = cloud.bounds;
+    let radius = (high - low).length() * 0.5;
+    let spacing = cloud.sigma_mm * step;
+    let first = (eye.seen((low + high) * 0.5).z - radius).max(1.0);
+    let planes = twin::Planes { first, spacing, count: (2.0 * radius / spacing).ceil() as u32 + 8 };
+    let table = Table::new(&look.transfer, cloud.range);
+    let [visible, _] = look.transfer.visible().expect("something to see");
+    let twin_look = twin::Look {
+        table: &table,
+        material: &look.transfer.material,
+        dark: if visible.is_finite() { visible } else { cloud.range[0] },
+        planes: &[],
+        segments: false,
+        least_light: 1e-4,
+    };
+    let size = SIZE.map(|n| n as usize);
+    let pixels = (0..size[0] * size[1])
+        .map(|i| {
+            let ray = eye.ray([(i % size[0]) as f64 + 0.5, (i / size[0]) as f64 + 0.5], SIZE);
+            twin::ray(&splats, &set.field, &eye, ray, &planes, &twin_look).pixel().map(|v| v as f32)
+        })
+        .collect();
+    Image { size, pixels }
+}
+
+#[test]
+fn pictures_are_those_of_the_twins() {
+    let gpu = Device::boot();
+    for (name, kernel, look) in [
+        ("slab-soft", Kernel::Compact, look("CT-Soft-Tissue", false)),
+        ("slab-bone-lit", Kernel::Gaussian, look("CT-Bone", true)),
+    ] {
+        let set = set(150, kernel);
+        let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
+        let camera = camera(&scene);
+        let settings = Settings {
+            step: 0.5,
+            dark: 1e-4,
+            classification: Some(engine::render::Classification::Point),
+            ..settings()
+        };
+        let found = render(&gpu, mode("slab").expect("a mode"), &scene, &settings, &[camera]);
+        picture::check(name, &found[0], || twin_picture(&set, &scene, &camera, &look, 0.5));
+    }
+}
+
+#[test]
+fn what_a_look_cannot_show_is_dropped_and_nothing_else() {
+    let gpu = Device::boot();
+    // Small ones, the soft apart from the dense.
+    let mut set = set(150, Kernel::Compact);
+    for s in &mut set.splats {
+        s.log_scale = s.log_scale.map(|v| v - 1.2);
+        s.mean[0] += 12.0f32.copysign(s.mean[0]);
+    }
+    let look = look("CT-Bone", false);
+    let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
+    let active = scene.cloud.as_ref().expect("splats").active_count().expect("a count");
+    assert!((20..140).contains(&active), "{active} of 150");
+    let camera = camera(&scene);
+    let settings = Settings {
+        step: 0.5,
+        dark: 1e-4,
+        classification: Some(engine::render::Classification::Point),
+        ..settings()
+    };
+    let found = render(&gpu, mode("slab").expect("a mode"), &scene, &settings, &[camera]);
+    // The twin has all splats.
+    let wanted = twin_picture(&set, &scene, &camera, &look, 0.5);
+    let pairs = found[0]
+        .pixels
+        .iter()
+        .zip(&wanted.pixels)
+        .flat_map(|(g, w)| (0..4).map(|c| (f64::from(g[c]), f64::from(w[c]))));
+    assert_close("active splats", Bound::new(3e-3, 0.0).outliers(0.01, 0.1), pairs);
+}
+
+#[test]
+fn no_camera_gives_a_pixel_that_is_no_number() {
+    let gpu = Device::boot();
+    let set = set(60, Kernel::Compact);
+    let settings = || Settings { size: [40, 31], ..settings() };
+    for shade in [false, true] {
+        let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", shade)).expect("a scene");
+        let [low, high] = scene.bounds();
+        let centre = (low + high) * 0.5;
+        let first = set.origin_mm + DVec3::from_array(set.splats[0].mean.map(f64::from));
+        let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
+        let at = |eye: DVec3, target: DVec3, fov: Fov| {
+            Camera::looking(eye, target, DVec3::Z, fov).expect("a camera")
+        };
+        let usual = Fov::symmetric(40.0, aspect);
+        let cameras = [
+            ("0.1 mm from a splat", at(first + DVec3::Y * 0.1, first, usual)),
+            ("in a splat", at(first, centre + DVec3::X, usual)),
+            ("all behind", at(centre + DVec3::Y * 100.0, centre + DVec3::Y * 200.0, usual)),
+            ("1 degree", at(centre + DVec3::Y * 4000.0, centre, Fov::symmetric(1.0, aspect))),
+            ("150 degrees", at(centre + DVec3::Y * 10.0, centre, Fov::symmetric(150.0, aspect))),
+            (
+                "asymmetric",
+                at(centre + DVec3::Y * 90.0, centre, Fov { left: -1.4, right: 0.7, up: 0.9, down: -1.2 }),
+            ),
+        ];
+        for row in of_splats() {
+            for (name, camera) in &cameras {
+                let mut renderer = Renderer::new(&gpu, row, &scene, &Settings { depth: true, ..settings() })
+                    .expect("a renderer");
+                renderer.render(&scene, &[*camera]).expect("a frame");
+                let pixels = renderer.target.read_colour(0).expect("a picture");
+                let depth = renderer.target.read_depth(0).expect("depth");
+                assert!(
+                    pixels.iter().flatten().all(|v| v.is_finite() && (-1e-3..=1.01).contains(v)),
+                    "{}: {name}",
+                    row.name
+                );
+                assert!(!depth.iter().any(|d| d.is_nan()), "{}: {name}: depth", row.name);
+                let seen = pixels.iter().filter(|p| p[3] > 0.01).count();
+                assert_eq!(seen == 0, *name == "all behind", "{}: {name}: {seen} pixels", row.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn views_do_not_depend_on_each_other() {
+    let gpu = Device::boot();
+    let set = set(120, Kernel::Gaussian);
+    let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Soft-Tissue", false)).expect("a scene");
+    let [left, right] = camera(&scene).eyes(20.0);
+    let two = Settings { views: 2, ..settings() };
+    for row in of_splats().filter(|row| row.name != "alpha") {
+        let both = render(&gpu, row, &scene, &two, &[left, right]);
+        let swapped = render(&gpu, row, &scene, &two, &[right, left]);
+        assert_eq!(both[0], swapped[1], "{}: eyes swapped, pictures swapped", row.name);
+        assert_eq!(both[1], swapped[0], "{}", row.name);
+        let alone = render(&gpu, row, &scene, &settings(), &[left]);
+        assert_eq!(both[0], alone[0], "{}: an eye alone sees the same", row.name);
+        assert_ne!(both[0], both[1], "{}: the eyes are apart", row.name);
+    }
+}
+
+#[test]
+fn the_order_of_splats_and_the_place_in_the_world_change_only_rounding() {
+    let gpu = Device::boot();
+    let set = set(120, Kernel::Compact);
+    let look = look("CT-Bone", false);
+    let mut turned_round = set.clone();
+    turned_round.splats.reverse();
+    let mut elsewhere = set.clone();
+    elsewhere.origin_mm += DVec3::new(1e5, -1e5, 1e5);
+    for row in of_splats() {
+        let picture = |set: &SplatSet| {
+            let scene = Scene::new(&gpu, Some(set), None, &look).expect("a scene");
+            let camera = camera(&scene);
+            render(&gpu, row, &scene, &settings(), &[camera]).remove(0)
+        };
+        let first = picture(&set);
+        assert_eq!(first, picture(&set), "{}: the same bits", row.name);
+        let least = if row.name == "alpha" { 50.0 } else { 80.0 };
+        for (what, other) in [("order", picture(&turned_round)), ("place", picture(&elsewhere))] {
+            let db = psnr(&first, &other).expect("pictures of one size");
+            println!("{}: {what}: {db:.1} dB", row.name);
+            assert!(db > least, "{}: {what}: {db}", row.name);
+        }
+    }
+}
+
+#[test]
+fn clip_planes_cut_and_no_splats_show_nothing() {
+    let gpu = Device::boot();
+    let set = set(120, Kernel::Compact);
+    let all = look("CT-Soft-Tissue", false);
+    let mut scene = Scene::new(&gpu, Some(&set), None, &all).expect("a scene");
+    let camera = camera(&scene);
+    let [low, high] = scene.bounds();
+    let centre = (low + high) * 0.5;
+    for row in of_splats() {
+        let mut renderer =
+            Renderer::new(&gpu, row, &scene, &Settings { depth: true, ..settings() }).expect("a renderer");
+        let mut opacity = |scene: &Scene| {
+            renderer.render(scene, &[camera]).expect("a frame");
+            let depth = renderer.target.read_depth(0).expect("depth");
+            let sum: f32 = renderer.target.read_colour(0).expect("a picture").iter().map(|p| p[3]).sum();
+            (sum, depth.iter().copied().fold(f32::INFINITY, f32::min))
+        };
+        scene.set_look(&all).expect("a look");
+        let (whole, nearest) = opacity(&scene);
+        // The half towards the viewer is cut away: less is seen, and from further back.
+        let towards = -camera.forward();
+        let plane = ClipPlane { normal: -towards, offset: -towards.dot(centre) };
+        scene.set_look(&Look { clip: vec![plane], ..all.clone() }).expect("a look");
+        let (half, behind) = opacity(&scene);
+        assert!(half < 0.9 * whole && half > 0.05 * whole, "{}: {half} of {whole}", row.name);
+        assert!(behind > nearest + 3.0, "{}: {behind} after {nearest} mm", row.name);
+        // A box beside everything leaves nothing.
+        let clip = ClipPlane::around(high + 10.0, high + 20.0).to_vec();
+        scene.set_look(&Look { clip, ..all.clone() }).expect("a look");
+        assert_eq!(opacity(&scene).0, 0.0, "{}", row.name);
+        scene.set_look(&all).expect("a look");
+        assert_eq!(opacity(&scene).0, whole, "{}: as before", row.name);
+    }
+    let nothing = Scene::new(&gpu, Some(&empty()), None, &all).expect("a scene of no splats");
+    for row in of_splats() {
+        let picture = render(&gpu, row, &nothing, &settings(), &[camera]);
+        assert!(picture[0].pixels.iter().all(|p| *p == [0.0; 4]), "{}", row.name);
+    }
+}
+
+#[test]
+fn one_wide_splat_absorbs_by_its_thickness() {
+    // A splat so wide that V and O are the same all along the rays, cut to a slice of 20 mm by two planes.
+    let gpu = Device::boot();
+    let wide = Splat {
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        log_scale: [5.0; 3],
+        opacity_logit: 12.0,
+        intensity: 500.0,
+        ..Splat::default()
+    };
+    let set =
+        SplatSet { splats: vec![wide], field: Field { background: 500.0, ..Field::default() }, ..empty() };
+    let opacity_per_mm = 0.04;
+    let transfer = TransferFunction::new(
+        "flat",
+        vec![engine::transfer::ColourPoint { intensity: 0.0, colour: DVec3::new(1.0, 0.5, 0.25) }],
+        vec![engine::transfer::OpacityPoint { intensity: 0.0, opacity: opacity_per_mm }],
+        Default::default(),
+    )
+    .expect("a transfer function");
+    let clip = ClipPlane::around(DVec3::new(-500.0, -10.0, -500.0), DVec3::new(500.0, 10.0, 500.0)).to_vec();
+    let look = Look { clip, ..Look::new(transfer) };
+    let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
+    let camera =
+        Camera::looking(DVec3::Y * 900.0, DVec3::ZERO, DVec3::Z, Fov::symmetric(1.0, 1.3)).expect("a camera");
+    // sigma is 148 mm: fine planes are asked for.
+    let settings = Settings { step: 0.02, ..settings() };
+    let found = render(&gpu, mode("slab").expect("a mode"), &scene, &settings, &[camera]);
+    // Over these 20 mm the weight falls from 1 to 0.997, so O is 1/1.05.
+    let occupancy = 1.0 / 1.05;
+    let expected = 1.0 - (occupancy * 20.0 * (1.0f64 - opacity_per_mm).ln()).exp();
+    for pixel in &found[0].pixels {
+        assert!((f64::from(pixel[3]) - expected).abs() < 0.05, "{pixel:?} for {expected}");
+        assert!((pixel[1] / pixel[0] - 0.5).abs() < 1e-3 && (pixel[2] / pixel[0] - 0.25).abs() < 1e-3);
+    }
+}

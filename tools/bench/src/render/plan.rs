@@ -1,0 +1,169 @@
+//! What is to be done, a unit at a time: a subject of a section with all that its figures depend on. Its key names the
+//! file of its record.
+
+use std::path::Path;
+
+use engine::fit::FitConfig;
+use engine::render::{MODES, ModeRow};
+use engine::splat;
+use engine::{Error, Result};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use super::config::{Case, Config, Orbit, Part, Rendering, Section, Subject, Transfer};
+
+/// Where the splats of a unit come from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub enum Source {
+    /// A fit.
+    Fit(Box<FitConfig>),
+    /// A file, with the hash of what is in it.
+    File(std::path::PathBuf, String),
+}
+
+/// A subject of a section. Two with the same fields give the same pictures.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Unit {
+    /// What is done.
+    pub section: Section,
+    /// The volume.
+    pub case: Case,
+    /// Its splats.
+    pub source: Source,
+    /// Transfer functions.
+    pub transfers: Vec<Transfer>,
+    /// What is measured.
+    pub renderings: Vec<Rendering>,
+    /// What pictures are compared with, where one rendering is for all.
+    pub reference: Option<Rendering>,
+    /// What renders for two eyes.
+    pub stereo: Vec<Rendering>,
+    /// The numbers of the section. Its names stand for what is in the other fields, without what cannot be measured.
+    pub part: Part,
+    /// All views.
+    pub orbit: Orbit,
+    /// Device and driver.
+    pub device: String,
+}
+
+impl Unit {
+    /// Name of the record's file without its ending: what a person looks for, then a hash of everything.
+    pub fn key(&self) -> String {
+        let subject = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+        let case: String = self.case.name.chars().map(subject).collect();
+        format!("{}-{case}-{}-{}", self.section.name(), self.amount().replace(' ', "-"), hash(self))
+    }
+
+    /// How many splats, as the configuration says it.
+    pub fn amount(&self) -> String {
+        match &self.source {
+            Source::File(..) => "file".into(),
+            Source::Fit(config) if config.splats > 0 => config.splats.to_string(),
+            Source::Fit(config) => format!("{} a voxel", config.density),
+        }
+    }
+
+    /// For people.
+    pub fn title(&self) -> String {
+        format!(
+            "{}: {}, splats: {}, {size}×{size}",
+            self.section.name(),
+            self.case.name,
+            self.amount(),
+            size = self.part.size
+        )
+    }
+
+    /// The places of the views in the orbit.
+    pub fn views(&self) -> Vec<usize> {
+        if self.part.views.is_empty() { (0..self.orbit.count).collect() } else { self.part.views.clone() }
+    }
+}
+
+/// Hash of whatever can be written, of 10 digits.
+pub fn hash(value: &impl Serialize) -> String {
+    let text = serde_json::to_string(value).expect("only numbers and names");
+    Sha256::digest(text).iter().take(5).map(|b| format!("{b:02x}")).collect()
+}
+
+/// All units of the sections, and what cannot be measured.
+pub struct Plan {
+    /// In the order of the sections and of their subjects.
+    pub units: Vec<Unit>,
+    /// Lines that say what is left out and why.
+    pub left_out: Vec<String>,
+}
+
+impl Plan {
+    /// Of a configuration that was checked.
+    pub fn new(config: &Config, sections: &[Section], device: &str) -> Result<Self> {
+        let mut plan = Plan { units: Vec::new(), left_out: Vec::new() };
+        for (&section, part) in config.parts.iter().filter(|(section, _)| sections.contains(section)) {
+            let there = |name: &String| -> Result<Option<Rendering>> {
+                let rendering = config.rendering(name)?;
+                Ok(mode_row(rendering).map(|_| rendering.clone()))
+            };
+            let mut all = |names: &[String]| -> Result<Vec<Rendering>> {
+                let mut list = Vec::new();
+                for name in names {
+                    match there(name)? {
+                        Some(rendering) => list.push(rendering),
+                        None => plan.left_out.push(missing(section, config.rendering(name)?)),
+                    }
+                }
+                Ok(list)
+            };
+            let (renderings, stereo) = (all(&part.renderings)?, all(&part.stereo)?);
+            let reference = part.reference.as_ref().map(&there).transpose()?.flatten();
+            if let (Some(name), None) = (&part.reference, &reference) {
+                plan.left_out.push(format!("{}, all of it", missing(section, config.rendering(name)?)));
+                continue;
+            }
+            let transfers = part
+                .transfers
+                .iter()
+                .map(|name| config.transfer(name).cloned())
+                .collect::<Result<Vec<_>>>()?;
+            for subject in &part.subjects {
+                plan.units.push(Unit {
+                    section,
+                    case: config.case(&subject.case)?.clone(),
+                    source: source(config, subject)?,
+                    transfers: transfers.clone(),
+                    renderings: renderings.clone(),
+                    reference: reference.clone(),
+                    stereo: stereo.clone(),
+                    part: Part { subjects: Vec::new(), budget_minutes: None, ..part.clone() },
+                    orbit: config.orbit,
+                    device: device.to_owned(),
+                });
+            }
+        }
+        plan.left_out.dedup();
+        Ok(plan)
+    }
+}
+
+/// The mode of a rendering, if this build has it.
+pub fn mode_row(rendering: &Rendering) -> Option<&'static ModeRow> {
+    MODES.iter().find(|row| row.name == rendering.mode)
+}
+
+fn missing(section: Section, rendering: &Rendering) -> String {
+    format!("{}: {} is left out: this build has no mode {:?}", section.name(), rendering.name, rendering.mode)
+}
+
+fn source(config: &Config, subject: &Subject) -> Result<Source> {
+    let Some(path) = &subject.ply else { return Ok(Source::Fit(Box::new(config.fit(subject)?))) };
+    Ok(Source::File(path.clone(), file_hash(path)?))
+}
+
+fn file_hash(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, "reading splats", &e))?;
+    Ok(Sha256::digest(bytes).iter().take(5).map(|b| format!("{b:02x}")).collect())
+}
+
+/// Splats of a file.
+pub fn read_splats(path: &Path) -> Result<splat::SplatSet> {
+    splat::read(path, &splat::ReadOptions::default())
+}

@@ -1,0 +1,284 @@
+//! What is rendered: volumes with their regions, splats (fitted once and kept), cameras, transfer functions.
+
+use std::path::{Path, PathBuf};
+
+use engine::fit::{FitConfig, Fitter};
+use engine::gpu::{Gpu, GpuOptions};
+use engine::image::Image;
+use engine::render::{Camera, Renderer, Scene, Settings};
+use engine::splat::{self, SplatSet};
+use engine::transfer::{TransferFunction, preset};
+use engine::volume::{Roi, Volume};
+use engine::{Error, Kind, Result};
+use glam::DVec3;
+
+use super::config::{Case, Orbit, Rendering, Transfer};
+use super::cost::{self, Cost};
+use super::plan::{Source, Unit, hash, mode_row, read_splats};
+use crate::paper::library::help;
+use crate::paper::progress::{RATE, SAMPLES_A_VOXEL, SMALL_SPLAT};
+
+/// A case, read.
+pub struct Place {
+    /// Intensities.
+    pub volume: Volume,
+    /// The region.
+    pub roi: Roi,
+    /// Least and greatest intensity of the whole volume.
+    pub range: [f64; 2],
+    /// Median intensity of the region.
+    pub middle: f64,
+    /// Middle of the box around the region, mm RAS.
+    pub centre: DVec3,
+    /// From there to the farthest corner of a voxel of the region, mm.
+    pub radius: f64,
+}
+
+impl Place {
+    /// Of a volume with its region.
+    pub fn new(volume: Volume, roi: Roi) -> Self {
+        let [width, height, _] = volume.size;
+        let inside = || {
+            let at = move |i: usize| {
+                DVec3::new((i % width) as f64, (i / width % height) as f64, (i / (width * height)) as f64)
+            };
+            roi.weight.iter().enumerate().filter(|&(_, &weight)| weight > 0.0).map(move |(i, _)| (i, at(i)))
+        };
+        let world = volume.world_from_voxel;
+        let (low, high) = inside().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), (_, voxel)| {
+            let place = world.transform_point3(voxel);
+            (low.min(place), high.max(place))
+        });
+        let centre = (low + high) * 0.5;
+        let farthest =
+            inside().map(|(_, voxel)| world.transform_point3(voxel).distance(centre)).fold(0.0, f64::max);
+        let corner = world.matrix3 * DVec3::splat(0.5);
+        let mut values: Vec<f32> =
+            inside().map(|(i, _)| volume.samples[i]).filter(|v| v.is_finite()).collect();
+        let half = values.len() / 2;
+        let middle = if values.is_empty() {
+            0.0
+        } else {
+            f64::from(*values.select_nth_unstable_by(half, f32::total_cmp).1)
+        };
+        let range = volume.min_max().map_or([0.0, 1.0], |(low, high)| [low, high].map(f64::from));
+        Place { range, middle, centre, radius: farthest + corner.length(), volume, roi }
+    }
+
+    fn read(case: &Case, data: &Path) -> Result<Self> {
+        let scene = match case.phantom {
+            Some(edge) => crate::scene::Scene::phantom(edge)?,
+            None => {
+                let folder = data.join(&case.folder);
+                crate::scene::Scene::read(&folder.join(&case.volume), &folder.join(&case.mask))
+                    .map_err(help)?
+            }
+        };
+        Ok(Place::new(scene.volume, scene.roi))
+    }
+
+    /// The cameras of an orbit, in each of which the region fills the picture.
+    pub fn cameras(&self, orbit: &Orbit, views: &[usize]) -> Result<Vec<Camera>> {
+        let front = Camera::from_side("anterior", self.centre, self.radius, orbit.fov, 1.0)?;
+        let camera = |&view: &usize| {
+            let elevation = if view.is_multiple_of(2) { orbit.elevation } else { -orbit.elevation };
+            let azimuth = 360.0 / orbit.count as f64 * view as f64;
+            front.turned(self.centre, front.right, -elevation.to_radians()).turned(
+                self.centre,
+                DVec3::Z,
+                azimuth.to_radians(),
+            )
+        };
+        Ok(views.iter().map(camera).collect())
+    }
+
+    /// The transfer function for this volume.
+    pub fn transfer(&self, transfer: &Transfer) -> Result<TransferFunction> {
+        let mut function = match (&transfer.preset, transfer.band) {
+            (Some(name), _) => preset(name)?.over(self.range),
+            (None, width) => {
+                // The preset of a band, moved.
+                let band = preset(BAND)?.over(self.range);
+                let half = width.unwrap_or(0.0) * 0.5;
+                let from = band.visible().unwrap_or_default();
+                band.stretched(from, [self.middle - half, self.middle + half])?
+            }
+        };
+        if let Some(shade) = transfer.shade {
+            function.material.shade = shade;
+        }
+        Ok(function)
+    }
+
+    /// Bytes of the volume within the box of the region and a voxel around it, with 16 bits of intensity and 8 of mask a
+    /// voxel.
+    pub fn bytes(&self) -> u64 {
+        volume_bytes(&self.roi)
+    }
+}
+
+/// The preset that is a band of intensities.
+const BAND: &str = "CT-Skin";
+
+/// Bytes of a volume that is cropped to the box of its region and a voxel around it: 16 bits of intensity and 8 of mask a
+/// voxel.
+pub fn volume_bytes(roi: &Roi) -> u64 {
+    let [width, height, _] = roi.size;
+    let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
+    for (i, _) in roi.weight.iter().enumerate().filter(|&(_, &weight)| weight > 0.0) {
+        for (axis, at) in [i % width, i / width % height, i / (width * height)].into_iter().enumerate() {
+            (low[axis], high[axis]) = (low[axis].min(at), high[axis].max(at));
+        }
+    }
+    let edge = |axis: usize| (high[axis] + 2).min(roi.size[axis]) - low[axis].saturating_sub(1);
+    if low[0] > high[0] { 0 } else { (0..3).map(|axis| edge(axis) as u64).product::<u64>() * 3 }
+}
+
+/// Cases and splats, from files or made.
+pub struct Library<'a> {
+    data: &'a Path,
+    /// Where fitted splats are kept.
+    splats: PathBuf,
+    options: &'a GpuOptions,
+    /// The case that was read last: units of one case follow each other.
+    last: Option<(Case, Place)>,
+}
+
+impl<'a> Library<'a> {
+    /// Of a data folder, with fitted splats in `splats`.
+    pub fn new(data: &'a Path, splats: &Path, options: &'a GpuOptions) -> Result<Self> {
+        std::fs::create_dir_all(splats).map_err(|e| Error::io(splats, "making the folder", &e))?;
+        Ok(Library { data, splats: splats.to_owned(), options, last: None })
+    }
+
+    /// The case, read if it was not just now.
+    pub fn place(&mut self, case: &Case) -> Result<&Place> {
+        if self.last.as_ref().is_none_or(|(last, _)| last != case) {
+            // The old one first: two may not fit.
+            self.last = None;
+            eprintln!("    reading {}", case.source());
+            self.last = Some((case.clone(), Place::read(case, self.data)?));
+        }
+        Ok(&self.last.as_ref().expect("it was just read").1)
+    }
+
+    /// Seconds that the fit of a unit may take on two cores; 0 where its splats are there.
+    pub fn fit_seconds(&mut self, unit: &Unit) -> Result<f64> {
+        let Source::Fit(config) = &unit.source else { return Ok(0.0) };
+        if self.path(&unit.case, config).exists() {
+            return Ok(0.0);
+        }
+        let voxels = self.place(&unit.case)?.roi.weight_sum();
+        let samples = voxels * SAMPLES_A_VOXEL + config.splat_count(voxels) as f64 * SMALL_SPLAT;
+        Ok(f64::from(config.iterations) * 2.0 * samples / RATE)
+    }
+
+    /// The splats of a unit, fitted if they are not there, with its case.
+    pub fn splats(&mut self, unit: &Unit) -> Result<(SplatSet, &Place)> {
+        let path = match &unit.source {
+            Source::File(path, _) => path.clone(),
+            Source::Fit(config) => {
+                let path = self.path(&unit.case, config);
+                if !path.exists() {
+                    let gpu = Gpu::new(self.options)?;
+                    let set = fit(&gpu, self.place(&unit.case)?, config)?;
+                    // What is measured is what is read back, now and later.
+                    splat::write(&path, &set, true)?;
+                }
+                path
+            }
+        };
+        Ok((read_splats(&path)?, self.place(&unit.case)?))
+    }
+
+    fn path(&self, case: &Case, config: &FitConfig) -> PathBuf {
+        let name: String =
+            case.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
+        let amount = if config.splats > 0 { config.splats.to_string() } else { config.density.to_string() };
+        // What it is called is no part of what it is.
+        let content = (&case.folder, &case.volume, &case.mask, case.phantom, config);
+        self.splats.join(format!("{name}-{amount}-{}.ply", hash(&content)))
+    }
+}
+
+fn fit(gpu: &Gpu, place: &Place, config: &FitConfig) -> Result<SplatSet> {
+    let count = config.splat_count(place.roi.weight_sum());
+    eprintln!("    fitting {count} splats, {} iterations", config.iterations);
+    let first = (config.initialiser()?.run)(&place.volume, &place.roi, count, config.seed, &config.init());
+    let mut fitter = Fitter::new(gpu, &place.volume, &place.roi, &first, config)?;
+    loop {
+        // The count goes back where buffers had to grow: only after waiting it is final.
+        if fitter.iteration() >= config.iterations {
+            let splats = fitter.splats()?;
+            if fitter.iteration() >= config.iterations {
+                let field = config.field(fitter.scaling().background);
+                let set = SplatSet::from_voxel(&splats, &place.volume.world_from_voxel, field);
+                return Ok(SplatSet { iterations: Some(config.iterations), ..set });
+            }
+        }
+        fitter.step(f64::from(fitter.iteration()) / f64::from(config.iterations))?;
+    }
+}
+
+/// A renderer whose frames are measured.
+pub struct TimedRenderer {
+    gpu: Gpu,
+    renderer: Renderer,
+}
+
+impl TimedRenderer {
+    /// `precise`: colour in floats, for comparisons; otherwise in halves, as for a screen.
+    ///
+    /// # Panics
+    /// If this build lacks the mode: plans have none such.
+    pub fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        rendering: &Rendering,
+        size: u32,
+        views: u32,
+        precise: bool,
+    ) -> Result<Self> {
+        let row = mode_row(rendering).expect("a plan has modes that are there");
+        let settings = Settings {
+            views,
+            precise,
+            step: rendering.step,
+            classification: rendering.classification.map(Into::into),
+            ..Settings::new([size; 2])
+        };
+        Ok(TimedRenderer { gpu: gpu.clone(), renderer: Renderer::new(gpu, row, scene, &settings)? })
+    }
+
+    /// Renders a frame and waits for it.
+    pub fn frame(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<(Cost, cost::Passes)> {
+        cost::measure(&self.gpu, || self.renderer.render(scene, cameras))
+    }
+
+    /// What was rendered last.
+    pub fn picture(&self, view: u32) -> Result<Image> {
+        let size = self.renderer.target.size().map(|n| n as usize);
+        Ok(Image { size, pixels: self.renderer.target.read_colour(view)? })
+    }
+}
+
+/// Whether anything can be seen in a picture, by an eye that tells 256 steps apart.
+pub fn shows_something(picture: &Image) -> bool {
+    picture.pixels.iter().any(|p| p[3] >= 1.0 / 255.0)
+}
+
+/// Refuses figures of a program that breaks the rules of Vulkan. There is something to hear only where the validation layers
+/// are on, as in tests.
+pub fn check_validation(gpu: &Gpu) -> Result<()> {
+    match gpu.validation_messages().first() {
+        None => Ok(()),
+        Some(first) => {
+            Err(Error::new(Kind::Internal, "VGS-BEN-028", format!("the validation layers say: {first}")))
+        }
+    }
+}
+
+/// Whether all of a picture are numbers.
+pub fn is_finite(picture: &Image) -> bool {
+    picture.pixels.iter().flatten().all(|v| v.is_finite())
+}

@@ -1,0 +1,199 @@
+//! The values of the flags of `vgs render`.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use engine::render::{CameraFile, Classification, ClipPlane};
+use engine::splat::SplatSet;
+use engine::{Error, Kind};
+use glam::DVec3;
+
+/// Width and height.
+#[derive(Clone, Copy, Debug)]
+pub struct Size(pub [u32; 2]);
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let sides: Result<Vec<u32>, _> = text.split(['x', 'X', ',']).map(|t| t.trim().parse()).collect();
+        let size = match sides.as_deref() {
+            Ok(&[n]) => [n, n],
+            Ok(&[w, h]) => [w, h],
+            _ => return Err("width and height in pixels are needed, as 1920x1080".into()),
+        };
+        if size.iter().all(|n| (1..=16384).contains(n)) {
+            Ok(Size(size))
+        } else {
+            Err("1 to 16384 pixels".into())
+        }
+    }
+}
+
+/// What is behind everything; nothing keeps the opacity.
+#[derive(Clone, Copy, Debug)]
+pub struct Background(pub Option<[f32; 3]>);
+
+impl FromStr for Background {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let named = match text.to_lowercase().as_str() {
+            "transparent" | "none" => return Ok(Background(None)),
+            "black" => Some([0.0; 3]),
+            "white" => Some([1.0; 3]),
+            "grey" | "gray" => Some([0.5; 3]),
+            _ => None,
+        };
+        let hex = || {
+            let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
+            let byte =
+                |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|b| f32::from(b) / 255.0);
+            Some([byte(0)?, byte(2)?, byte(4)?])
+        };
+        let colour = named.or_else(hex);
+        colour.map(|c| Background(Some(c))).ok_or_else(|| "black, white, grey, #rrggbb or transparent".into())
+    }
+}
+
+/// Planes that cut away.
+#[derive(Clone, Debug)]
+pub struct Clip(pub Vec<ClipPlane>);
+
+impl FromStr for Clip {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || "x<MM, y>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 (mm, patient RAS)".to_owned();
+        if let Some(corners) = text.strip_prefix("box:") {
+            let numbers: Result<Vec<f64>, _> = corners.split(',').map(|t| t.trim().parse::<f64>()).collect();
+            let numbers =
+                numbers.ok().filter(|n| n.len() == 6 && n.iter().all(|v| v.is_finite())).ok_or_else(wrong)?;
+            let (a, b) = (DVec3::from_slice(&numbers[..3]), DVec3::from_slice(&numbers[3..]));
+            return Ok(Clip(ClipPlane::around(a.min(b), a.max(b)).to_vec()));
+        }
+        let mut letters = text.trim().chars();
+        let axis = match letters.next().map(|c| c.to_ascii_lowercase()) {
+            Some('x') => DVec3::X,
+            Some('y') => DVec3::Y,
+            Some('z') => DVec3::Z,
+            _ => return Err(wrong()),
+        };
+        let side = letters.next();
+        let at: f64 = letters.as_str().trim().parse().map_err(|_| wrong())?;
+        match side {
+            _ if !at.is_finite() => Err(wrong()),
+            Some('<') => Ok(Clip(vec![ClipPlane { normal: axis, offset: at }])),
+            Some('>') => Ok(Clip(vec![ClipPlane { normal: -axis, offset: -at }])),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+/// From where one looks.
+#[derive(Clone, Debug)]
+pub enum View {
+    /// A side of the patient.
+    Side(String),
+    /// A camera that was written down.
+    File(CameraFile),
+}
+
+impl FromStr for View {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if !text.to_lowercase().ends_with(".json") {
+            return Ok(View::Side(text.to_owned()));
+        }
+        let content = std::fs::read_to_string(Path::new(text)).map_err(|e| format!("{text}: {e}"))?;
+        serde_json::from_str(&content).map(View::File).map_err(|e| {
+            format!("{text}: {e}; needed: {{\"eye_mm\": [x, y, z], \"target_mm\": [x, y, z], \"up\": [0, 0, 1], \"fov_deg\": 30}}")
+        })
+    }
+}
+
+/// How a transfer function is applied; by its own shape where nothing is said.
+#[derive(Clone, Copy, Debug)]
+pub struct Classified(pub Option<Classification>);
+
+/// Parses a classification.
+pub fn classification(text: &str) -> Result<Classified, String> {
+    match text {
+        "auto" => Ok(Classified(None)),
+        "point" => Ok(Classified(Some(Classification::Point))),
+        "pre-integrated" => Ok(Classified(Some(Classification::PreIntegrated))),
+        _ => Err("auto, point or pre-integrated".into()),
+    }
+}
+
+fn number(text: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, String> {
+    let found = text.trim().parse::<f64>().ok().filter(|v| range.contains(v));
+    found.ok_or_else(|| format!("a number from {} to {} is needed", range.start(), range.end()))
+}
+
+/// Parses a field of view, degrees.
+pub fn degrees(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=170.0)
+}
+
+/// Parses a magnification.
+pub fn zoom(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=1000.0)
+}
+
+/// Parses a step.
+pub fn step(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=100.0)
+}
+
+/// Parses `on` or `off`.
+pub fn on_off(text: &str) -> Result<bool, String> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("on or off".into()),
+    }
+}
+
+/// A label by its number, or by its name in the splats.
+pub fn label(text: &str, splats: Option<&SplatSet>) -> engine::Result<u8> {
+    let text = text.trim();
+    let names = splats.map(|set| set.label_names.as_slice()).unwrap_or_default();
+    let named = names.iter().find(|(_, name)| name.eq_ignore_ascii_case(text)).map(|&(label, _)| label);
+    named.or_else(|| text.parse().ok()).ok_or_else(|| {
+        let known: Vec<_> = names.iter().map(|(label, name)| format!("{name} ({label})")).collect();
+        let known = if known.is_empty() { "numbers from 0 to 255".to_owned() } else { known.join(", ") };
+        Error::new(Kind::Usage, "VGS-CLI-092", format!("no label is called {text:?}"))
+            .help(format!("the labels of these splats are {known}"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_backgrounds_and_clips() {
+        assert_eq!("1920x1080".parse::<Size>().unwrap().0, [1920, 1080]);
+        assert_eq!("64".parse::<Size>().unwrap().0, [64, 64]);
+        for text in ["", "0x5", "5x", "1x2x3", "99999x1", "-1x4"] {
+            assert!(text.parse::<Size>().is_err(), "{text}");
+        }
+        assert_eq!("#ff0080".parse::<Background>().unwrap().0.unwrap()[0], 1.0);
+        assert!("transparent".parse::<Background>().unwrap().0.is_none());
+        for text in ["", "#ff00", "#gg0000", "pink", "#é2345"] {
+            assert!(text.parse::<Background>().is_err(), "{text}");
+        }
+        let behind = "y>20".parse::<Clip>().unwrap().0[0];
+        // What has y > 20 is cut away.
+        assert!(behind.normal.dot(DVec3::new(0.0, 21.0, 0.0)) < behind.offset);
+        assert!(behind.normal.dot(DVec3::new(0.0, 19.0, 0.0)) > behind.offset);
+        let kept = "box:10,0,0,-10,5,5".parse::<Clip>().unwrap().0;
+        assert!(kept.iter().all(|p| p.normal.dot(DVec3::new(0.0, 1.0, 1.0)) > p.offset));
+        assert!(kept.iter().any(|p| p.normal.dot(DVec3::new(11.0, 1.0, 1.0)) < p.offset));
+        for text in ["", "x", "x<", "w<3", "x=3", "x<nan", "box:1,2,3", "é<3"] {
+            assert!(text.parse::<Clip>().is_err(), "{text}");
+        }
+    }
+}
