@@ -75,7 +75,7 @@ pub fn occupancy_spread() {
                     .read(&from)
                     .write(&mut to)
                     .push(&SpreadParams { grid, axis: axis as u32 })
-                    .dispatch(count.div_ceil(64) as u32);
+                    .dispatch_3d([grid.bricks[0].div_ceil(8), grid.bricks[1].div_ceil(8), grid.bricks[2]]);
             });
             wanted = bricks_twin::occupancy_spread(&wanted, bricks, axis);
             assert_eq!(to.read().unwrap(), wanted, "{bricks:?} along {axis}");
