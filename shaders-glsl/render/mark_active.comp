@@ -17,6 +17,8 @@ void main() {
     vec2 at = (intervals[i] - look_rows[0].first) * look_rows[0].inverse_step;
     vec2 entry = clamp(vec2(floor(at.x), ceil(at.y)), 0.0, look_rows[0].last);
     bool visible = visible_before[uint(entry.y) + 1] > visible_before[uint(entry.x)];
+    // An interval that ends before it begins: a splat on which no transfer function acts.
+    visible = visible || intervals[i].y < intervals[i].x;
     uint label = labels[i];
     bool hidden = (look_rows[0].hidden[label >> 5] >> (label & 31u) & 1u) != 0;
     flags[i] = visible && !hidden ? 1 : 0;

@@ -403,6 +403,54 @@ shared! {
         /// Intensity relative to the background.
         intensity: f32,
     }
+    /// The field at the centre of a splat, and what of the field's extinction is put down to it.
+    Centre {
+        /// V.
+        intensity: f32,
+        /// s: the occupancy that is put down to the splat, at its centre.
+        share: f32,
+        /// Half of the intensities that the splat stands for: V ± this.
+        spread: f32,
+        /// ∇(O V), 1/mm.
+        slope: [f32; 3],
+        /// ∇O, 1/mm.
+        occupancy_slope: [f32; 3],
+    }
+    /// A splat as mode alpha draws it for one view; see `include/quad.glsl`.
+    Quad {
+        /// Of the ellipse, on a picture from -1 to 1 with y downwards.
+        centre: [f32; 2],
+        /// From the unit circle to the ellipse γ = 6: centre + (x u + y v, z v).
+        axes: [f32; 3],
+        /// Part of these axes at which the opacity ends; 0 where the splat is not seen.
+        edge: f32,
+        /// Optical depth through the centre; for standard splats the opacity.
+        thickness: f32,
+        /// z of the centre, mm.
+        depth: f32,
+        /// Colour, not premultiplied.
+        colour: [f32; 3],
+    }
+    /// Push constants of `project_quads`.
+    QuadParams {
+        /// Width and height of the picture, pixels.
+        size: [u32; 2],
+        /// Centre of a ball around the scene, mm.
+        centre: [f32; 3],
+        /// Radius of that ball, mm.
+        radius: f32,
+        /// Views.
+        view_count: u32,
+        /// Splats, and rows of quads of one view.
+        splat_count: u32,
+        /// Spherical harmonics of each colour of a standard splat.
+        coefficients: u32,
+    }
+    /// Push constants of `alpha`.
+    AlphaParams {
+        /// Rows of quads of one view.
+        splat_count: u32,
+    }
 }
 
 /// What a sample should be, as the loss kernels read it: two 16-bit signed fractions.

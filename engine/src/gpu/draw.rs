@@ -1,4 +1,4 @@
-//! Drawings: a vertex and a fragment shader whose quads are blended into pictures, all views at once (multiview).
+//! Drawings: a vertex and a fragment shader whose triangles are blended into pictures, all views at once (multiview).
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::recorder::{Bindings, Resident};
 use super::{Buffer, Context, Format, Gpu, Image, Recorder, boot, check, kernel, lock};
 use crate::error::Result;
 
-/// A graphics pipeline that draws triangle strips without vertex buffers and blends premultiplied colours over what is
+/// A graphics pipeline that draws triangles without vertex buffers and blends premultiplied colours over what is
 /// there: result = source + (1 - source alpha) · target, in every picture alike.
 pub struct Drawing {
     context: Arc<Context>,
@@ -97,7 +97,7 @@ impl Drawing {
             vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
         let input = vk::PipelineVertexInputStateCreateInfo::default();
         let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
-            .topology(vk::PrimitiveTopology::TRIANGLE_STRIP);
+            .topology(vk::PrimitiveTopology::TRIANGLE_LIST);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let raster = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)

@@ -100,6 +100,11 @@ impl RadixSort {
         (&self.keys[from], &self.values[from])
     }
 
+    /// The keys as [`RadixSort::record`] with the same `bits` left them.
+    pub fn sorted_keys(&self, bits: u32) -> &Buffer<u32> {
+        &self.keys[(bits.div_ceil(DIGIT_BITS) % 2) as usize]
+    }
+
     /// The values as [`RadixSort::record`] with the same `bits` left them.
     pub fn sorted_values(&self, bits: u32) -> &Buffer<u32> {
         &self.values[(bits.div_ceil(DIGIT_BITS) % 2) as usize]

@@ -12,6 +12,7 @@ pub mod moments_to_grad;
 pub mod objective;
 pub mod occupancy;
 pub mod pairs;
+pub mod quads;
 pub mod radix;
 pub mod raymarch;
 pub mod rows;

@@ -5,16 +5,30 @@
 //! that reach there, too; [`intervals`] bounds these, once for a scene. A transfer function then drops exactly the splats
 //! whose interval it shows nothing of.
 
+use std::sync::OnceLock;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use shaders_glsl::types::Centre;
+
+use super::centres::centres;
 use super::look::LookBuffers;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::Activity;
-use crate::splat::{Activations, Field, Splat, SplatSet};
-use glam::{DVec3, Vec3};
-use rayon::prelude::*;
+use crate::splat::harmonics::basis_count;
+use crate::splat::{Activations, Field, Harmonics, Splat, SplatSet};
 
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
+
+/// What is particular to standard splats, those of ordinary 3D Gaussian splatting: they have colours instead of an
+/// intensity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Standard {
+    /// Spherical harmonics of each colour.
+    pub(super) coefficients: u32,
+}
 
 /// The splats of a scene.
 pub struct Cloud {
@@ -32,6 +46,11 @@ pub struct Cloud {
     intervals: Buffer<[f32; 2]>,
     labels: Buffer<u32>,
     activity: Activity,
+    /// Only mode alpha needs them.
+    centres: OnceLock<Buffer<Centre>>,
+    /// Coefficients of spherical harmonics, two halves a word; of standard splats only.
+    harmonics: Buffer<u32>,
+    standard: Option<Standard>,
 }
 
 impl Cloud {
@@ -61,6 +80,11 @@ impl Cloud {
             Some(labels) => labels.iter().map(|&l| u32::from(l)).collect(),
             None => vec![0; count],
         };
+        // No transfer function acts on colours: `mark_active` takes an interval that ends before it begins for that.
+        let intervals = match set.colours {
+            Some(_) => vec![[1.0, 0.0]; count],
+            None => intervals(splats, &reach),
+        };
         Ok(Cloud {
             rows: gpu.upload("splats", "splats", splats)?,
             field: set.field,
@@ -68,9 +92,16 @@ impl Cloud {
             sigma_mm,
             range,
             bounds,
-            intervals: gpu.upload("intervals of intensity", "splats", &intervals(splats, &reach))?,
+            intervals: gpu.upload("intervals of intensity", "splats", &intervals)?,
             labels: gpu.upload("labels", "splats", &labels)?,
             activity: Activity::new(gpu, count)?,
+            centres: OnceLock::new(),
+            harmonics: gpu.upload(
+                "spherical harmonics",
+                "splats",
+                &set.colours.as_ref().map_or(vec![0], halves),
+            )?,
+            standard: set.colours.as_ref().map(|c| Standard { coefficients: basis_count(c.degree) as u32 }),
         })
     }
 
@@ -84,6 +115,25 @@ impl Cloud {
         &self.rows
     }
 
+    /// What the splats show: the field at their centres, or their spherical harmonics where they are standard splats; the
+    /// other of the two is of no use. The first call makes it, and waits for the device.
+    pub(super) fn faces(&self, gpu: &Gpu) -> Result<(&Buffer<Centre>, &Buffer<u32>)> {
+        if let Some(made) = self.centres.get() {
+            return Ok((made, &self.harmonics));
+        }
+        let rows = match self.standard {
+            Some(_) => vec![Centre::default()],
+            None => centres(&self.rows.read()?, &self.field),
+        };
+        let made = gpu.upload("field at the centres", "splats", &rows)?;
+        Ok((self.centres.get_or_init(|| made), &self.harmonics))
+    }
+
+    /// Whether these are standard splats, and of which kind.
+    pub(super) fn standard(&self) -> Option<Standard> {
+        self.standard
+    }
+
     /// Indices of the splats that the look can show, and in one element how many they are.
     pub(super) fn active(&self) -> (&Buffer<u32>, &Buffer<u32>) {
         (&self.activity.active, &self.activity.count)
@@ -93,6 +143,12 @@ impl Cloud {
     pub fn active_count(&self) -> Result<usize> {
         Ok(self.activity.count.read()?[0] as usize)
     }
+}
+
+/// Coefficients as halves, two in a word.
+fn halves(colours: &Harmonics) -> Vec<u32> {
+    let half = |v: &f32| u32::from(half::f16::from_f32(*v).to_bits());
+    colours.coefficients.chunks(2).map(|pair| half(&pair[0]) | pair.get(1).map_or(0, half) << 16).collect()
 }
 
 /// Half sizes of the boxes around the supports, mm.

@@ -7,7 +7,9 @@
 //!
 //! Colours are display-referred: numbers of an sRGB picture, added up as they are, as VTK and Slicer do.
 
+mod alpha;
 mod camera;
+mod centres;
 mod cloud;
 mod look;
 mod medium;
@@ -184,7 +186,7 @@ pub struct ModeRow {
 }
 
 /// The modes, from the most accurate to the fastest.
-pub static MODES: [ModeRow; 3] = [
+pub static MODES: [ModeRow; 4] = [
     ModeRow {
         name: "volume",
         about: "the CT itself, ray-marched with trilinear sampling: the reference",
@@ -202,6 +204,12 @@ pub static MODES: [ModeRow; 3] = [
         about: "the splats' field in slabs, classified after it is added up",
         of_splats: true,
         make: |gpu, scene, settings| Ok(Box::new(slab::Slab::new(gpu, scene, settings)?)),
+    },
+    ModeRow {
+        name: "alpha",
+        about: "sorted splats, each of one colour, blended: the fastest",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(alpha::Alpha::new(gpu, scene, settings)?)),
     },
 ];
 

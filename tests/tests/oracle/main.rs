@@ -6,6 +6,7 @@
 mod bins;
 mod optimiser;
 mod packed;
+mod quads;
 mod raymarch;
 mod slab;
 mod sorting;
@@ -41,6 +42,7 @@ oracle! {
         moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
     packed: unpack;
+    quads: project_quads;
     slab: mark_active list_active project_splats emit_tile_pairs slab;
     raymarch: occupancy_mark occupancy_spread raymarch;
 }

@@ -1,0 +1,104 @@
+//! Splats to quads: one for each view, in one order for all views, and how many there are to draw.
+
+use shaders_glsl as glsl;
+use shaders_glsl::types::{Centre, Look, Quad, QuadParams, View};
+
+use super::{RadixSort, Shape};
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
+use crate::splat::Splat;
+
+/// Invocations of a workgroup of `project_quads`.
+const GROUP: usize = 64;
+/// Bits of the sort key: steps of 1/260,000 of the scene. `project_quads` has the same number.
+pub const ORDER_BITS: u32 = 18;
+
+/// Vertices of a quad on a device; `include/alpha.glsl` says why. The picture is the same.
+pub fn corners(gpu: &Gpu) -> u32 {
+    match Shape::of(gpu) {
+        Shape::OneByOne => 3,
+        Shape::SideBySide => 6,
+    }
+}
+
+/// What quads are made from, besides views and constants.
+pub struct QuadSources<'a> {
+    /// The look: its row, points and integrals.
+    pub look: (&'a Buffer<Look>, &'a Buffer<[u32; 2]>, &'a Buffer<[u32; 4]>),
+    /// All splats.
+    pub splats: &'a Buffer<Splat>,
+    /// The field at their centres; not looked at for standard splats.
+    pub centres: &'a Buffer<Centre>,
+    /// Spherical harmonics of standard splats, two halves a word; not looked at for others.
+    pub harmonics: &'a Buffer<u32>,
+    /// Indices of the splats that the look can show, and in one element how many they are.
+    pub active: (&'a Buffer<u32>, &'a Buffer<u32>),
+}
+
+/// Projects splats to quads and sorts them back to front.
+pub struct Quads {
+    sort: RadixSort,
+    /// Quads, [view][place among the active splats].
+    pub rows: Buffer<Quad>,
+    /// What to draw: vertices, one instance, and from which on.
+    pub arguments: Buffer<[u32; 4]>,
+    splat_count: usize,
+}
+
+impl Quads {
+    /// For so many splats in so many views.
+    pub fn new(gpu: &Gpu, views: u32, splat_count: usize) -> Result<Self> {
+        Ok(Quads {
+            sort: RadixSort::new(gpu, splat_count)?,
+            rows: gpu.buffer("quads", "views", splat_count * views as usize)?,
+            arguments: gpu.buffer("quads to draw", "views", 1)?,
+            splat_count,
+        })
+    }
+
+    /// A `project_quads` for quads of so many vertices, of standard splats or of others, with light or without.
+    pub fn kernel(gpu: &Gpu, corners: u32, standard: bool, shaded: bool) -> Result<Kernel> {
+        Kernel::new(gpu, &glsl::PROJECT_QUADS, &[corners, u32::from(standard), u32::from(shaded)])
+    }
+
+    /// Records projection, by a [`Quads::kernel`], and sorting of the active splats.
+    pub fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        kernel: &Kernel,
+        views: &Buffer<View>,
+        sources: &QuadSources<'_>,
+        params: &QuadParams,
+    ) {
+        recorder.clear(&self.arguments);
+        let (keys, values) = self.sort.input();
+        recorder
+            .pass(kernel)
+            .read(views)
+            .read(sources.look.0)
+            .read(sources.look.1)
+            .read(sources.look.2)
+            .read(sources.splats)
+            .read(sources.centres)
+            .read(sources.harmonics)
+            .read(sources.active.0)
+            .read(sources.active.1)
+            .write(&mut self.rows)
+            .write(keys)
+            .write(values)
+            .write_words(&mut self.arguments)
+            .push(params)
+            .dispatch(self.splat_count.div_ceil(GROUP) as u32);
+        self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);
+    }
+
+    /// Sort keys from back to front.
+    pub fn sorted_keys(&self) -> &Buffer<u32> {
+        self.sort.sorted_keys(ORDER_BITS)
+    }
+
+    /// Rows of the quads from back to front; those that no view shows come last.
+    pub fn order(&self) -> &Buffer<u32> {
+        self.sort.sorted_values(ORDER_BITS)
+    }
+}

@@ -1,0 +1,112 @@
+//! Alpha: every splat a quad of one colour, that of the field at its centre, blended back to front.
+//!
+//! The cheapest mode, and one that any rasteriser can do. Where `slab` classifies what it has added up, this one adds up
+//! what it has classified: see `centres` for what it puts down to each splat. The transfer function is looked up once
+//! for a splat and frame. One order serves all views: back to front along the mean of the viewing directions. Clip planes
+//! take whole splats, by their centres.
+//!
+//! Standard splats, which have colours of their own instead of an intensity, are drawn as their inventors do (Kerbl et al.
+//! 2023): opacity α exp(−γ/2) in the plane of the picture, widened by 0.3 pixels², at most 0.99, ended at 1/255; colour
+//! from spherical harmonics. No transfer function and no light acts on them.
+
+use glam::DVec3;
+use shaders_glsl as glsl;
+use shaders_glsl::types::{AlphaParams, QuadParams, View};
+
+use super::{Cloud, Mode, Scene, Settings, Target};
+use crate::error::Result;
+use crate::gpu::{Buffer, Drawing, Format, Gpu, Kernel, Recorder};
+use crate::passes::Quads;
+use crate::passes::quads::{QuadSources, corners};
+
+/// The mode `alpha`.
+pub struct Alpha {
+    gpu: Gpu,
+    /// With light or without, made when it is first needed.
+    kernels: Vec<(bool, Kernel)>,
+    quads: Quads,
+    drawing: Drawing,
+    params: QuadParams,
+    depth: bool,
+}
+
+impl Alpha {
+    /// For a scene with splats.
+    pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+        let cloud = cloud_of(scene);
+        let [low, high] = cloud.bounds;
+        let centre: DVec3 = (low + high) * 0.5;
+        let colour = if settings.precise { Format::Rgba32f } else { Format::Rgba16f };
+        let (fragment, formats) = match settings.depth {
+            false => (&glsl::ALPHA_FRAG, vec![colour]),
+            true => (&glsl::ALPHA_DEPTH_FRAG, vec![colour, Format::R32f]),
+        };
+        let constants = [corners(gpu), u32::from(cloud.standard().is_some())];
+        Ok(Alpha {
+            gpu: gpu.clone(),
+            kernels: Vec::new(),
+            quads: Quads::new(gpu, settings.views, cloud.count)?,
+            drawing: Drawing::new(gpu, &glsl::ALPHA_VERT, fragment, &constants, &formats, settings.views)?,
+            params: QuadParams {
+                size: settings.size,
+                centre: centre.as_vec3().to_array(),
+                radius: ((high - low).length() * 0.5) as f32,
+                view_count: settings.views,
+                splat_count: cloud.count as u32,
+                coefficients: cloud.standard().map_or(0, |s| s.coefficients),
+            },
+            depth: settings.depth,
+        })
+    }
+
+    /// The kernel for the look, made if it is not there yet.
+    fn kernel(&mut self, scene: &Scene) -> Result<usize> {
+        let standard = cloud_of(scene).standard().is_some();
+        let shaded = scene.look_buffers().shaded && !standard;
+        if let Some(at) = self.kernels.iter().position(|(made_for, _)| *made_for == shaded) {
+            return Ok(at);
+        }
+        self.kernels.push((shaded, Quads::kernel(&self.gpu, corners(&self.gpu), standard, shaded)?));
+        Ok(self.kernels.len() - 1)
+    }
+}
+
+/// The renderer makes this mode only for scenes that have splats.
+fn cloud_of(scene: &Scene) -> &Cloud {
+    scene.cloud.as_ref().expect("a scene with splats")
+}
+
+impl Mode for Alpha {
+    fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        scene: &Scene,
+        views: &Buffer<View>,
+        target: &mut Target,
+    ) -> Result<()> {
+        let kernel = self.kernel(scene)?;
+        let (cloud, look) = (cloud_of(scene), scene.look_buffers());
+        let (centres, harmonics) = cloud.faces(&self.gpu)?;
+        let sources = QuadSources {
+            look: (&look.rows, &look.points, &look.integrals),
+            splats: cloud.rows(),
+            centres,
+            harmonics,
+            active: cloud.active(),
+        };
+        self.quads.record(recorder, &self.kernels[kernel].1, views, &sources, &self.params);
+        recorder.clear_image(&target.colour, [0.0; 4]);
+        let mut pictures = vec![&mut target.colour];
+        if self.depth {
+            recorder.clear_image(&target.depth, [0.0; 4]);
+            pictures.push(&mut target.depth);
+        }
+        recorder
+            .draw(&self.drawing)
+            .read(&self.quads.rows)
+            .read(self.quads.order())
+            .push(&AlphaParams { splat_count: self.params.splat_count })
+            .over(&mut pictures, &self.quads.arguments, 0);
+        Ok(())
+    }
+}

@@ -1,0 +1,12 @@
+#version 460
+// A splat where a ray crosses it.
+#include "alpha.glsl"
+layout(location = 0) noperspective in vec2 place;
+layout(location = 1) flat in vec4 colour;
+layout(location = 0) out vec4 result;
+
+void main() {
+    float opacity = opacity_at(place, colour.a);
+    if (opacity == 0.0) discard;
+    result = vec4(colour.rgb, 1.0) * opacity;
+}

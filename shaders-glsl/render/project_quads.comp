@@ -1,0 +1,145 @@
+#version 460
+// The quads of the active splats, one for each view, and their place in the order that all views share: back to front along
+// the mean of the viewing directions, which for parallel eyes is exact for both (by the distance from the middle of the
+// eyes it would be for none). One invocation owns a splat. A splat that no view shows is sorted behind all others and not
+// counted; so is one whose centre a clip plane cuts away.
+#include "splat.glsl"
+#include "look.glsl"
+#include "quad.glsl"
+#include "harmonics.glsl"
+layout(local_size_x = 64) in;
+layout(constant_id = 0) const uint CORNERS = 6;  // vertices of a quad, see alpha.glsl
+layout(constant_id = 1) const uint STANDARD = 0; // 1: colour and opacity are the splat's own
+layout(constant_id = 2) const uint SHADED = 0;   // 1: with the gradient's light
+layout(push_constant, scalar) uniform QuadParams {
+    uvec2 size;
+    vec3 centre;
+    float radius;
+    uint view_count;
+    uint splat_count;
+    uint coefficients;
+} p;
+layout(scalar, binding = 4) readonly buffer Splats { Splat splats[]; };
+layout(scalar, binding = 5) readonly buffer Centres { Centre centres[]; };
+layout(scalar, binding = 6) readonly buffer Harmonics { uint harmonic_halves[]; };
+layout(scalar, binding = 7) readonly buffer Active { uint active_splats[]; };
+layout(scalar, binding = 8) readonly buffer Counts { uint counts[]; };
+layout(scalar, binding = 9) writeonly buffer Quads { Quad quads[]; };
+layout(scalar, binding = 10) writeonly buffer Keys { uint keys[]; };
+layout(scalar, binding = 11) writeonly buffer Values { uint values[]; };
+layout(scalar, binding = 12) buffer Arguments { uint arguments[]; }; // vertices, instances, first vertex, first instance
+
+const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
+const uint LAST = (1u << 18) - 1; // key of what is not seen
+const Quad UNSEEN = Quad(vec2(0.0), vec3(0.0), 0.0, 0.0, 0.0, vec3(0.0));
+
+// Sets centre, axes and depth; gives √6/√A, half of the length of ray in the support, mm.
+float project(View v, Splat s, vec3 mean, inout Quad r) {
+    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y (Gram-Schmidt).
+    mat3 axes = rotation_matrix(s.rotation);
+    vec3 e0 = turned(v, axes[0]), e1 = turned(v, axes[1]), e2 = turned(v, axes[2]);
+    vec3 wide = vec3(e0.x, e1.x, e2.x), high = vec3(e0.y, e1.y, e2.y), deep = vec3(e0.z, e1.z, e2.z);
+    vec3 inverse = exp(-s.log_scale);
+    vec2 tangents = mean.xy / mean.z;
+    vec3 a = (wide * tangents.x + high * tangents.y + deep) * inverse, b = wide * inverse, c = high * inverse;
+    float along = length(a);
+    vec3 e = a / along;
+    b -= dot(e, b) * e;
+    c -= dot(e, c) * e;
+    float bb = length(b);
+    e = b / bb;
+    float bc = dot(e, c);
+    float cc = length(c - bc * e);
+    // From tangents to the picture, both axes from -1 to 1.
+    vec2 scale = 2.0 / vec2(v.tangents.y - v.tangents.x, v.tangents.w - v.tangents.z);
+    r.centre = (tangents - v.tangents.xz) * scale - 1.0;
+    r.axes = 2.4494897 / mean.z * vec3(scale.x / bb, -scale.x * bc / (bb * cc), scale.y / cc);
+    r.depth = mean.z;
+    return 2.4494897 * length(vec3(tangents, 1.0)) / along;
+}
+
+// Axes of the ellipse whose covariance on the picture is larger by 0.3 pixels² along x and along y.
+vec3 widened(vec3 axes) {
+    vec2 pixel = 2.0 / vec2(p.size);
+    vec2 more = 6.0 * 0.3 * pixel * pixel;
+    float xx = dot(axes.xy, axes.xy) + more.x;
+    float xy = axes.y * axes.z;
+    float zz = sqrt(axes.z * axes.z + more.y);
+    float y = xy / zz;
+    return vec3(sqrt(xx - y * y), y, zz);
+}
+
+// Colour of a standard splat, seen along a unit vector.
+vec3 own_colour(uint splat, vec3 direction) {
+    float basis[16] = harmonics(direction);
+    vec3 colour = vec3(0.5);
+    for (uint k = 0; k < p.coefficients; ++k) {
+        for (uint channel = 0; channel < 3; ++channel) {
+            uint at = (splat * p.coefficients + k) * 3 + channel;
+            colour[channel] += basis[k] * unpackHalf2x16(harmonic_halves[at >> 1])[at & 1];
+        }
+    }
+    return max(colour, 0.0);
+}
+
+// The splat as a view shows it.
+Quad quad_of(View v, uint splat, Splat s, vec4 look) {
+    Quad r = UNSEEN;
+    vec3 mean = turned(v, s.mean - v.eye);
+    if (!(mean.z > NEAREST)) return r;
+    float half_path = project(v, s, mean, r);
+    if (STANDARD == 1) {
+        r.thickness = 1.0 / (1.0 + exp(-s.opacity_logit));
+        if (!(r.thickness > LEAST_OPACITY)) return UNSEEN;
+        r.edge = sqrt(log(r.thickness / LEAST_OPACITY) * (1.0 / 3.0));
+        r.axes = widened(r.axes);
+        r.colour = own_colour(splat, normalize(s.mean - v.eye));
+    } else {
+        Centre f = centres[splat];
+        r.thickness = look.a * f.share * 1.1780972 * half_path; // 3π/8
+        if (!(r.thickness > LEAST_DEPTH)) return UNSEEN;
+        r.edge = sqrt(1.0 - sqrt(LEAST_DEPTH / r.thickness));
+        r.colour = look.rgb;
+        if (SHADED == 1) {
+            vec3 gradient = turned(v, f.slope - look_rows[0].dark * f.occupancy_slope);
+            r.colour = look_lit(look.rgb, gradient, mean);
+        }
+    }
+    vec2 half_size = r.edge * vec2(length(r.axes.xy), abs(r.axes.z));
+    if (any(greaterThan(abs(r.centre) - half_size, vec2(1.0)))) return UNSEEN;
+    return r;
+}
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i == 0) arguments[1] = 1;
+    if (i >= min(counts[0], p.splat_count)) return;
+    uint splat = active_splats[i];
+    Splat s = splats[splat];
+    bool kept = true;
+    for (uint k = 0; k < look_rows[0].plane_count; ++k) {
+        vec4 plane = look_rows[0].planes[k];
+        if (dot(plane.xyz, s.mean) + plane.w < 0.0) kept = false;
+    }
+    vec4 look = vec4(0.0);
+    if (STANDARD == 0) {
+        Centre f = centres[splat];
+        look = look_segment(f.intensity - f.spread, f.intensity + f.spread);
+    }
+    bool seen = false;
+    for (uint view = 0; view < p.view_count; ++view) {
+        Quad quad = UNSEEN;
+        if (kept) quad = quad_of(views[view], splat, s, look);
+        quads[view * p.splat_count + i] = quad;
+        if (quad.edge > 0.0) seen = true;
+    }
+    vec3 forward = views[0].forward + views[p.view_count - 1].forward;
+    float part = 0.5 + 0.5 * dot(forward, p.centre - s.mean) / (p.radius * max(length(forward), 1e-6));
+    uint key = LAST;
+    if (seen) {
+        key = uint(clamp(part, 0.0, 1.0) * float(LAST - 1));
+        atomicAdd(arguments[0], CORNERS);
+    }
+    keys[i] = key;
+    values[i] = i;
+}
