@@ -96,10 +96,8 @@ void main() {
     // No direction is quite parallel to a face, so that nothing is divided by 0.
     direction = mix(direction, vec3(1e-20), lessThan(abs(direction), vec3(1e-20)));
     vec3 inverse = 1.0 / direction;
-    float margin = 0.0;
-    if (MASKED == 0) margin = 1.0;
-    vec3 a = (-margin - origin) * inverse;
-    vec3 b = (vec3(p.grid.texels - 1) + margin - origin) * inverse;
+    // One voxel beyond the outermost centres there is nothing.
+    vec3 a = (-1.0 - origin) * inverse, b = (vec3(p.grid.texels) - origin) * inverse;
     vec3 enters = min(a, b), leaves = max(a, b);
     vec2 range = look_clipped(v.eye, toward, vec2(NEAREST, 3e38));
     range.x = max(range.x, max(enters.x, max(enters.y, enters.z)));
@@ -126,9 +124,11 @@ void main() {
     vec2 before = vec2(0.0, -1.0); // V and O at the end of the cell before; O < 0: not known
     while (k <= last && subgroupAny(open)) {
         float from = max((k + shift) * dz, range.x), to = min((k + 1.0 + shift) * dz, range.y);
+        open = open && from < range.y;
         bool there = open && from < to;
         float z = 0.5 * (from + to);
         if (SEGMENTS == 1) z = to;
+        if (!there) z = NEAREST; // anything finite: it is not used
         vec3 at = origin + z * direction;
         bool leap = false;
         if (k >= until) {
@@ -176,7 +176,7 @@ void main() {
             colour += share * base;
             depth += share * z;
             clear -= share;
-            open = open && clear > p.dark && to < range.y;
+            open = open && clear > p.dark;
             k += 1.0;
         }
     }

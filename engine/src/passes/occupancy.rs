@@ -7,10 +7,12 @@ use shaders_glsl::types::{BrickGrid, Look, OccupancyParams, SpreadParams};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Invocations of a workgroup.
+/// Bricks of a workgroup that marks.
 const GROUP: usize = 64;
+/// Edge of the square of bricks of a workgroup that measures distances.
+const SQUARE: u32 = 8;
 /// Distance, in bricks, of what is farther away than that or farther than anything.
-pub const FARTHEST: u32 = 32;
+pub const FARTHEST: u32 = 16;
 
 /// Marks bricks and measures distances between them.
 pub struct Occupancy {
@@ -62,7 +64,6 @@ impl Occupancy {
     /// Records it for a look. `visible[i]` is how many entries of the look's table before `i` are visible.
     pub fn record(&mut self, recorder: &mut Recorder, look: &Buffer<Look>, visible: &Buffer<u32>) {
         let count = self.intervals.len();
-        let groups = count.div_ceil(GROUP) as u32;
         recorder
             .pass(&self.mark)
             .read(look)
@@ -70,7 +71,8 @@ impl Occupancy {
             .read(&self.intervals)
             .write(&mut self.scratch)
             .push(&OccupancyParams { count: count as u32, most: FARTHEST })
-            .dispatch(groups);
+            .dispatch(count.div_ceil(GROUP) as u32);
+        let [x, y, z] = self.grid.bricks;
         let (mut from, mut to) = (&mut self.scratch, &mut self.distances);
         for axis in 0..3 {
             recorder
@@ -78,7 +80,7 @@ impl Occupancy {
                 .read(from)
                 .write(to)
                 .push(&SpreadParams { grid: self.grid, axis })
-                .dispatch(groups);
+                .dispatch_3d([x.div_ceil(SQUARE), y.div_ceil(SQUARE), z]);
             std::mem::swap(&mut from, &mut to);
         }
     }

@@ -10,6 +10,7 @@ pub mod half;
 pub mod loss;
 pub mod moments_to_grad;
 pub mod objective;
+pub mod occupancy;
 pub mod pairs;
 pub mod quads;
 pub mod radix;

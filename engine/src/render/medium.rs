@@ -22,7 +22,7 @@ use crate::volume::{Roi, Volume};
 const STEPS: f64 = 65535.0;
 /// Edge of a brick along the axis of the shortest voxel edge, as a logarithm to base 2. Along the others it is the power
 /// of two that comes closest to the same length.
-const BRICK_SHIFT: u32 = 3;
+const BRICK_SHIFT: u32 = 2;
 
 /// A volume and where it is: outside the region there is nothing; without one all of the volume is there.
 pub struct MediumSource<'a> {

@@ -6,6 +6,7 @@
 mod bins;
 mod optimiser;
 mod quads;
+mod raymarch;
 mod slab;
 mod sorting;
 mod volume;
@@ -41,6 +42,7 @@ oracle! {
     optimiser: adam gather_rows scatter_rows;
     quads: project_quads;
     slab: mark_active list_active project_splats emit_tile_pairs slab;
+    raymarch: occupancy_mark occupancy_spread raymarch;
 }
 
 /// Records one pass, runs it and waits.

@@ -1,7 +1,10 @@
 //! The shaded views: the CT in its region and the splats, from the same place with the same transfer function.
 
-use engine::reference::raymarch::{Camera, ControlPoint, Medium, TransferFunction, render};
-use glam::{DVec2, DVec3};
+use engine::reference::eye::Eye;
+use engine::reference::raymarch::{Medium, render};
+use engine::reference::slab::Look;
+use engine::transfer::{ColourPoint, MAX_INTENSITY, Material, OpacityPoint, Table, TransferFunction};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 
 use super::canvas::{Canvas, Colour};
 use super::subject::Subject;
@@ -18,11 +21,19 @@ const RAMP: [(f64, [f64; 3]); 4] = [
 /// Extinction at the ends of the ramp, per voxel: most of the light ends at the surface.
 const EXTINCTION: [f64; 2] = [0.9, 2.5];
 
-/// The two views, ready to be drawn.
+/// How surfaces answer to light.
+const MATERIAL: Material =
+    Material { shade: true, ambient: 0.25, diffuse: 0.75, specular: 0.12, power: 30.0 };
+/// Distance of the eye in extents of the picture: rays are as good as parallel.
+const DISTANCE: f64 = 1e4;
+
+/// The two views, ready to be drawn. Lengths are in mean edges of a voxel, so that the same function serves all grids.
 pub struct Solids {
     media: [Medium; 2],
     transfer: TransferFunction,
-    camera: Camera,
+    range: [f64; 2],
+    eye: Eye,
+    size: [u32; 2],
     step: f64,
 }
 
@@ -30,44 +41,67 @@ impl Solids {
     /// In images of `width` by at most `height` pixels.
     pub fn new(subject: &Subject, width: usize, height: usize) -> Self {
         let ct = &subject.ct;
-        let medium = |hu: &[f32], occupancy: &[f32]| Medium::new(ct.size, ct.world_from_voxel, hu, occupancy);
+        let spacing = ct.spacing_mm();
+        let edge = spacing.element_sum() / 3.0;
+        let scene_from_voxel = DAffine3::from_scale(DVec3::splat(1.0 / edge)) * ct.world_from_voxel;
+        let medium = |hu: &[f32], occupancy: &[f32]| {
+            Medium::new(ct.size, scene_from_voxel, &continued(ct.size, hu, occupancy), Some(occupancy))
+        };
         let media = [medium(&ct.samples, &subject.roi.weight), medium(&subject.hu, &subject.occupancy)];
         let forward = -TOWARDS_VIEWER.normalize();
         let right = forward.cross(DVec3::Z).normalize();
         let up = right.cross(forward);
         let (low, high) = subject
             .region()
-            .map(|voxel| ct.world_from_voxel.transform_point3(voxel))
+            .map(|voxel| scene_from_voxel.transform_point3(voxel))
             .map(|p| DVec2::new(p.dot(right), p.dot(up)))
             .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
         // A region without a voxel of weight one half has no box: any view of it is empty.
         let (low, high) = if low.cmple(high).all() { (low, high) } else { (DVec2::ZERO, DVec2::ONE) };
-        let extent = high - low + 2.0 * ct.spacing_mm().max_element();
-        let mm_per_pixel = (extent.x / width as f64).max(extent.y / height as f64);
-        let rows = ((extent.y / mm_per_pixel).ceil() as usize).clamp(1, height);
+        let extent = high - low + 2.0 * spacing.max_element() / edge;
+        let per_pixel = (extent.x / width as f64).max(extent.y / height as f64);
+        let rows = ((extent.y / per_pixel).ceil() as usize).clamp(1, height);
         let middle = (low + high) / 2.0;
-        let depth = ct.world_from_voxel.transform_point3(subject.centre).dot(forward);
+        let depth = scene_from_voxel.transform_point3(subject.centre).dot(forward);
         let target = right * middle.x + up * middle.y + forward * depth;
-        let spacing = ct.spacing_mm();
+        let distance = DISTANCE * extent.max_element();
+        let [x, y] = [width, rows].map(|n| 0.5 * per_pixel * n as f64 / distance);
+        let transfer = transfer(subject);
+        let [low, high] = transfer.extent();
         Solids {
             media,
-            transfer: transfer(subject, spacing.element_sum() / 3.0),
-            camera: Camera { target, right, up, mm_per_pixel, size: [width, rows] },
-            step: 0.4 * spacing.min_element(),
+            transfer,
+            range: [low, high],
+            eye: Eye {
+                position: target - forward * distance,
+                turn: DMat3::from_cols(right, up, forward).transpose(),
+                tangents: [-x, x, y, -y],
+            },
+            size: [width as u32, rows as u32],
+            step: 0.4 * spacing.min_element() / edge,
         }
     }
 
     /// Height of the images, pixels.
     pub fn height(&self) -> usize {
-        self.camera.size[1]
+        self.size[1] as usize
     }
 
     /// Marches the rays of one view and draws it over `background`.
     pub fn draw(&self, canvas: &mut Canvas, which: usize, at: [usize; 2], background: Colour) {
-        let image = render(&self.media[which], &self.transfer, &self.camera, self.step);
-        let [width, _] = self.camera.size;
-        canvas.image(at, self.camera.size, |x, y| {
-            let [r, g, b, a] = image[y * width + x];
+        let look = Look {
+            table: &Table::new(&self.transfer, self.range),
+            material: &MATERIAL,
+            // All of the region is visible: its surface is where the occupancy falls, whatever the intensity.
+            dark: 2.0 * self.range[0] - self.range[1],
+            planes: &[],
+            segments: false,
+            least_light: 1e-3,
+        };
+        let image = render(&self.media[which], &self.eye, self.size, &look, self.step);
+        let size = self.size.map(|n| n as usize);
+        canvas.image(at, size, |x, y| {
+            let [r, g, b, a] = image[y * size[0] + x];
             let over = |light: f32, below: u8| {
                 (255.0 * light + f32::from(below) * (1.0 - a)).round().clamp(0.0, 255.0) as u8
             };
@@ -77,20 +111,47 @@ impl Solids {
 
     /// The colour that stands for a share of the region's range, unlit.
     pub fn ramp(&self, share: f64) -> Colour {
-        let (first, last) = (self.transfer.0.first(), self.transfer.0.last());
-        let (low, high) = first.zip(last).map_or((0.0, 1.0), |(a, b)| (a.hu, b.hu));
-        let colour = self.transfer.at(low + (high - low) * share).0;
-        (colour * 255.0).to_array().map(|v| v.round() as u8)
+        let [low, high] = self.range;
+        (self.transfer.at(low + (high - low) * share).0 * 255.0).to_array().map(|v| v.round() as u8)
     }
 }
 
-fn transfer(subject: &Subject, voxel_mm: f64) -> TransferFunction {
+fn transfer(subject: &Subject) -> TransferFunction {
     let [low, high] = subject.percentiles.map(f64::from);
     let span = (high - low).max(1.0);
-    let point = |(share, colour): (f64, [f64; 3])| ControlPoint {
-        hu: low + span * share,
-        colour: DVec3::from_array(colour),
-        extinction: (EXTINCTION[0] + (EXTINCTION[1] - EXTINCTION[0]) * share) / voxel_mm,
-    };
-    TransferFunction(RAMP.map(point).to_vec())
+    let at = |share: f64| (low + span * share).clamp(-MAX_INTENSITY, MAX_INTENSITY);
+    let colours =
+        RAMP.map(|(share, colour)| ColourPoint { intensity: at(share), colour: DVec3::from_array(colour) });
+    let opacities = [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| {
+        let extinction = EXTINCTION[0] + (EXTINCTION[1] - EXTINCTION[0]) * share;
+        OpacityPoint { intensity: at(share), opacity: 1.0 - (-extinction).exp() }
+    });
+    TransferFunction::new("region", colours.to_vec(), opacities.to_vec(), MATERIAL)
+        .expect("finite intensities, and opacities between 0 and 1")
+}
+
+/// Intensities with those of the region continued by one voxel, as the mean of the neighbours that are in it: what is
+/// outside does not colour the surface.
+fn continued(size: [usize; 3], values: &[f32], occupancy: &[f32]) -> Vec<f32> {
+    let mut out = values.to_vec();
+    for (i, value) in out.iter_mut().enumerate().filter(|(i, _)| occupancy[*i] <= 0.0) {
+        let at = [i % size[0], i / size[0] % size[1], i / (size[0] * size[1])];
+        let [xs, ys, zs] = [0, 1, 2].map(|k| at[k].saturating_sub(1)..(at[k] + 2).min(size[k]));
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for z in zs {
+            for y in ys.clone() {
+                for x in xs.clone() {
+                    let near = x + size[0] * (y + size[1] * z);
+                    if occupancy[near] > 0.0 && values[near].is_finite() {
+                        sum += occupancy[near] * values[near];
+                        weight += occupancy[near];
+                    }
+                }
+            }
+        }
+        if weight > 0.0 {
+            *value = sum / weight;
+        }
+    }
+    out
 }

@@ -1,0 +1,356 @@
+//! The mode `volume`: which bricks can be seen, how far the others are from them, and rays through the voxels.
+
+use engine::gpu::{Format, Gpu, Image, Kernel};
+use engine::passes::Occupancy;
+use engine::passes::occupancy::FARTHEST;
+use engine::reference::eye::Eye;
+use engine::reference::occupancy as bricks_twin;
+use engine::reference::raymarch as twin;
+use engine::reference::slab::Look as TwinLook;
+use engine::render::{Camera, Look, LookBuffers, Target};
+use engine::transfer::{Material, Table, preset};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use rand::RngExt;
+use shaders_glsl::types::{BrickGrid, OccupancyParams, RaymarchParams, SpreadParams, View};
+use vgs_tests::scene::random;
+use vgs_tests::{Bound, Device, assert_close};
+
+use super::run;
+
+const RANGE: [f64; 2] = [-1000.0, 2000.0];
+
+pub fn occupancy_mark() {
+    let gpu = Device::boot();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::OCCUPANCY_MARK, &[]).unwrap();
+    for (name, count) in [("CT-Skin", 1000usize), ("CT-Soft-Tissue", 64), ("CT-Bones-Steep", 1)] {
+        let look = Look::new(preset(name).unwrap().over(RANGE));
+        let table = Table::new(&look.transfer, RANGE);
+        let buffers = LookBuffers::new(&gpu, &look, RANGE, DVec3::ZERO).unwrap();
+        let mut rng = random(count as u64);
+        let intervals: Vec<[f32; 2]> = (0..count)
+            .map(|i| {
+                // Whole numbers, so that f32 and f64 agree on which entry they are.
+                let a = rng.random_range(-1500i32..2500) as f32;
+                match i % 5 {
+                    0 => [f32::INFINITY, f32::NEG_INFINITY],
+                    1 => [a, a],
+                    _ => [a, a + rng.random_range(0i32..300) as f32],
+                }
+            })
+            .collect();
+        let on_device = gpu.upload("intervals", "test", &intervals).unwrap();
+        let mut distances = gpu.buffer::<u32>("distances", "test", count).unwrap();
+        run(&gpu, |r| {
+            r.pass(&kernel)
+                .read(&buffers.rows)
+                .read(&buffers.visible)
+                .read(&on_device)
+                .write(&mut distances)
+                .push(&OccupancyParams { count: count as u32, most: 9 })
+                .dispatch(count.div_ceil(64) as u32);
+        });
+        let wanted = bricks_twin::occupancy_mark(&intervals, &table, 9);
+        assert!(count < 10 || wanted.contains(&0) && wanted.contains(&9), "{name}: both kinds");
+        assert_eq!(distances.read().unwrap(), wanted, "{name}");
+    }
+}
+
+pub fn occupancy_spread() {
+    let gpu = Device::boot();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::OCCUPANCY_SPREAD, &[]).unwrap();
+    let mut rng = random(8);
+    for (bricks, most) in
+        [([1, 1, 1], 5), ([70, 1, 3], 32), ([5, 40, 2], 32), ([9, 8, 7], 3), ([13, 11, 12], 32)]
+    {
+        let grid = BrickGrid { texels: [8; 3], bricks: bricks.map(|n: usize| n as u32), shift: [3; 3] };
+        let count: usize = bricks.iter().product();
+        let marks: Vec<u32> =
+            (0..count).map(|_| if rng.random_range(0..60) == 0 { 0 } else { most }).collect();
+        let mut wanted = marks.clone();
+        let mut from = gpu.upload("from", "test", &marks).unwrap();
+        let mut to = gpu.buffer::<u32>("to", "test", count).unwrap();
+        for axis in 0..3 {
+            run(&gpu, |r| {
+                r.pass(&kernel)
+                    .read(&from)
+                    .write(&mut to)
+                    .push(&SpreadParams { grid, axis: axis as u32 })
+                    .dispatch_3d([grid.bricks[0].div_ceil(8), grid.bricks[1].div_ceil(8), grid.bricks[2]]);
+            });
+            wanted = bricks_twin::occupancy_spread(&wanted, bricks, axis);
+            assert_eq!(to.read().unwrap(), wanted, "{bricks:?} along {axis}");
+            std::mem::swap(&mut from, &mut to);
+        }
+        // All three make the Chebyshev distance.
+        let place = |i: usize| [i % bricks[0], i / bricks[0] % bricks[1], i / (bricks[0] * bricks[1])];
+        for (i, &distance) in wanted.iter().enumerate() {
+            let to = |j: usize| (0..3).map(|k| place(i)[k].abs_diff(place(j)[k]) as u32).max().unwrap_or(0);
+            let nearest = (0..count).filter(|&j| marks[j] == 0).map(to).min().unwrap_or(most);
+            assert_eq!(distance, nearest.min(most), "brick {i} of {bricks:?}");
+        }
+    }
+}
+
+/// Voxels, where they are, and two eyes that see them: one asymmetric from outside, one wide from among them.
+struct Stage {
+    size: [usize; 3],
+    values: Vec<u16>,
+    mask: Option<Vec<u16>>,
+    scene_from_voxel: DAffine3,
+    views: Vec<View>,
+}
+
+const SIZE: [u32; 2] = [50, 38];
+const FIRST: f64 = -600.0;
+const SPAN: f64 = 65535.0 / 32.0;
+
+/// Blobs of random intensity, with a soft mask or without one; voxels of 1.3 × 0.9 × 2.5 mm, oblique and left-handed.
+fn stage(seed: u64, masked: bool) -> Stage {
+    let mut rng = random(seed);
+    let size = [26, 31, 14];
+    let blobs: Vec<(DVec3, f64, f64)> = (0..14)
+        .map(|_| {
+            let at = DVec3::from_array(size.map(|n| rng.random_range(0.0..n as f64)));
+            (at, rng.random_range(1.5..5.0), rng.random_range(200.0..1500.0))
+        })
+        .collect();
+    let places = || {
+        (0..size[2]).flat_map(move |z| (0..size[1]).flat_map(move |y| (0..size[0]).map(move |x| [x, y, z])))
+    };
+    let values = places()
+        .map(|p| {
+            // Air, where nothing is to be seen, but for the blobs.
+            let x = DVec3::from_array(p.map(|v| v as f64));
+            let v = blobs
+                .iter()
+                .map(|(at, r, v)| v * (-0.5 * (x - at).length_squared() / (r * r)).exp())
+                .sum::<f64>()
+                - 500.0;
+            ((v.clamp(-600.0, 1400.0) - FIRST) / SPAN * 65535.0).round() as u16
+        })
+        .collect();
+    // A ball that is cut off at the border, as masks in images are.
+    let mask = masked.then(|| {
+        places()
+            .map(|p| {
+                let border = (0..3).any(|k| p[k] == 0 || p[k] == size[k] - 1);
+                let away = (DVec3::from_array(p.map(|v| v as f64)) - DVec3::new(11.0, 16.0, 6.0)).length();
+                if border { 0 } else { ((12.0 - away).clamp(0.0, 3.0) / 3.0 * 65535.0).round() as u16 }
+            })
+            .collect()
+    });
+    let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -0.5, 1.1));
+    let linear = turn * DMat3::from_diagonal(DVec3::new(-1.3, 0.9, 2.5));
+    let centre = DVec3::from_array(size.map(|n| 0.5 * (n as f64 - 1.0)));
+    let scene_from_voxel = DAffine3::from_mat3_translation(linear, -(linear * centre));
+    let outside = Camera::from_side("anterior-left-superior", DVec3::ZERO, 22.0, 40.0, 1.3).unwrap();
+    let inside = Camera::from_side("posterior", DVec3::new(1.0, -8.0, 2.0), 5.0, 140.0, 1.3).unwrap();
+    let mut views: Vec<View> = [outside, inside].iter().map(|c| c.view(DVec3::ZERO)).collect();
+    views[0].tangents[0] *= 0.6;
+    views[0].tangents[3] *= 1.2;
+    Stage { size, values, mask, scene_from_voxel, views }
+}
+
+impl Stage {
+    fn image(&self, gpu: &Gpu) -> Image {
+        let texels = self.size.map(|n| n as u32);
+        match &self.mask {
+            None => {
+                let mut image = gpu.volume("volume", "test", Format::R16, texels).unwrap();
+                image.write(&self.values).unwrap();
+                image
+            }
+            Some(mask) => {
+                let mut image = gpu.volume("volume", "test", Format::Rg16, texels).unwrap();
+                let both: Vec<[u16; 2]> = self.values.iter().zip(mask).map(|(&v, &m)| [v, m]).collect();
+                image.write(&both).unwrap();
+                image
+            }
+        }
+    }
+
+    fn intensities(&self) -> Vec<f32> {
+        self.values.iter().map(|&v| (FIRST + SPAN * f64::from(v) / 65535.0) as f32).collect()
+    }
+
+    fn medium(&self) -> twin::Medium {
+        let mask: Option<Vec<f32>> =
+            self.mask.as_ref().map(|mask| mask.iter().map(|&m| (f64::from(m) / 65535.0) as f32).collect());
+        twin::Medium::new(self.size, self.scene_from_voxel, &self.intensities(), mask.as_deref())
+    }
+
+    /// Bricks of 4 × 4 × 2 voxels with the intervals of all that their places and those a voxel away look up.
+    fn bricks(&self) -> (BrickGrid, Vec<[f32; 2]>) {
+        let shift = [2u32, 2, 1];
+        let texels = self.size.map(|n| n as u32);
+        let bricks: [u32; 3] = std::array::from_fn(|k| (texels[k] + 1).div_ceil(1 << shift[k]));
+        let values = self.intensities();
+        let intervals = (0..bricks.iter().product::<u32>())
+            .map(|i| {
+                let brick = [i % bricks[0], i / bricks[0] % bricks[1], i / (bricks[0] * bricks[1])];
+                let mut interval = [f32::INFINITY, f32::NEG_INFINITY];
+                let mut there = self.mask.is_none();
+                let reach = |k: usize| {
+                    let from = (brick[k] << shift[k]) as i64 - 2;
+                    let last = self.size[k] as i64 - 1;
+                    let to = from + (1 << shift[k]) + 2;
+                    from.clamp(0, last) as usize..=to.clamp(0, last) as usize
+                };
+                for z in reach(2) {
+                    for y in reach(1) {
+                        for x in reach(0) {
+                            let at = x + self.size[0] * (y + self.size[1] * z);
+                            interval = [interval[0].min(values[at]), interval[1].max(values[at])];
+                            there |= self.mask.as_ref().is_some_and(|m| m[at] > 0);
+                        }
+                    }
+                }
+                if there { interval } else { [f32::INFINITY, f32::NEG_INFINITY] }
+            })
+            .collect();
+        (BrickGrid { texels, bricks, shift }, intervals)
+    }
+}
+
+/// A row of what the kernel is compared in.
+struct Row {
+    preset: &'static str,
+    masked: bool,
+    segments: bool,
+    shade: bool,
+    jitter: bool,
+    group: u32,
+}
+
+pub fn raymarch() {
+    let gpu = Device::boot();
+    let row = |preset, masked, segments, shade, jitter, group| Row {
+        preset,
+        masked,
+        segments,
+        shade,
+        jitter,
+        group,
+    };
+    for (i, row) in [
+        row("CT-Soft-Tissue", false, false, false, false, 8),
+        row("CT-Soft-Tissue", true, true, true, true, 64),
+        row("CT-Bone", true, false, true, false, 64),
+        row("CT-Bone", false, true, false, true, 8),
+        row("CT-Skin", true, true, false, false, 8),
+        row("CT-Skin", false, true, true, false, 64),
+    ]
+    .iter()
+    .enumerate()
+    {
+        compare(&gpu, row, 300 + i as u64);
+    }
+}
+
+fn compare(gpu: &Device, row: &Row, seed: u64) {
+    let stage = stage(seed, row.masked);
+    let mut transfer = preset(row.preset).unwrap().over(RANGE);
+    transfer.material = Material { shade: row.shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0 };
+    let look = Look::new(transfer);
+    let range = [FIRST, FIRST + SPAN];
+    let table = Table::new(&look.transfer, range);
+    let mut buffers = LookBuffers::new(gpu, &look, range, DVec3::ZERO).unwrap();
+    let cut = [[0.6f32, 0.0, 0.8, 9.0], [0.0, -1.0, 0.0, 14.0]];
+    let mut row_on_device = buffers.rows.read().unwrap()[0];
+    row_on_device.plane_count = 2;
+    row_on_device.planes[..2].copy_from_slice(&cut);
+    buffers.rows.write_range(0, &[row_on_device]).unwrap();
+
+    let image = stage.image(gpu);
+    let views = gpu.upload("views", "test", &stage.views).unwrap();
+    let (grid, intervals) = stage.bricks();
+    let mut occupancy = Occupancy::new(gpu, grid, &intervals).unwrap();
+    run(gpu, |r| occupancy.record(r, &buffers.rows, &buffers.visible));
+    let distances = occupancy.distances.read().unwrap();
+    let empty = distances.iter().filter(|&&d| d > 0).count();
+    assert!(
+        empty > 50 && distances.contains(&0),
+        "{}: {empty} of {} bricks are empty",
+        row.preset,
+        distances.len()
+    );
+    assert!(distances.iter().all(|&d| d <= FARTHEST));
+    let nothing_skipped = gpu.upload("distances", "test", &vec![0u32; distances.len()]).unwrap();
+
+    let inverse = stage.scene_from_voxel.inverse();
+    let (step, dark) = (0.55, 1e-3);
+    let params = RaymarchParams {
+        grid,
+        voxel_from_scene: [0, 1, 2]
+            .map(|k| inverse.matrix3.row(k).extend(inverse.translation[k]).as_vec4().to_array()),
+        first: FIRST as f32,
+        span: SPAN as f32,
+        size: SIZE,
+        step,
+        dark,
+    };
+    let constants = [row.masked, row.segments, row.shade, true, row.jitter].map(u32::from);
+    let constants: Vec<u32> = [row.group].into_iter().chain(constants).collect();
+    let kernel = Kernel::new(gpu, &shaders_glsl::RAYMARCH, &constants).unwrap();
+    let tile = if row.group == 8 { [4, 2] } else { [8, 8] };
+    let render = |distances| {
+        let mut target = Target::new(gpu, SIZE, 2, true, true).unwrap();
+        run(gpu, |r| {
+            r.pass(&kernel)
+                .read(&views)
+                .read(&buffers.rows)
+                .read(&buffers.points)
+                .read(&buffers.integrals)
+                .sample(&image)
+                .read(distances)
+                .write_image(&mut target.colour)
+                .write_image(&mut target.depth)
+                .push(&params)
+                .dispatch_3d([SIZE[0].div_ceil(tile[0]), SIZE[1].div_ceil(tile[1]), 2]);
+        });
+        target
+    };
+    let target = render(&occupancy.distances);
+    let whole = render(&nothing_skipped);
+
+    let twin_look = TwinLook {
+        table: &table,
+        material: &look.transfer.material,
+        dark: f64::from(row_on_device.dark),
+        planes: &cut.map(|p| p.map(f64::from)),
+        segments: row.segments,
+        least_light: f64::from(dark),
+    };
+    let medium = stage.medium();
+    let depths: Vec<f32> = target.depth.read().unwrap();
+    let (mut colours, mut depth_pairs, mut skips) = (Vec::new(), Vec::new(), Vec::new());
+    let mut opaque = [0; 2];
+    for (v, view) in (0u32..).zip(&stage.views) {
+        let eye = Eye::from(view);
+        let got = target.read_colour(v).unwrap();
+        skips.extend(got.iter().flatten().zip(whole.read_colour(v).unwrap().iter().flatten()).map(pair));
+        for (i, pixel) in got.iter().enumerate() {
+            let at = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
+            let ray = eye.ray(at.map(|x| f64::from(x) + 0.5), SIZE);
+            let shift = if row.jitter { twin::noise(at, v) } else { 0.0 };
+            let wanted = twin::ray(&medium, &eye, ray, &twin_look, f64::from(step), shift);
+            opaque[v as usize] += usize::from(wanted.clear < 0.9);
+            colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));
+            depth_pairs.push((f64::from(depths[v as usize * got.len() + i]), wanted.depth));
+        }
+    }
+    let label = format!(
+        "raymarch: {} masked {} segments {} shade {} group {}",
+        row.preset, row.masked, row.segments, row.shade, row.group
+    );
+    assert!(opaque.iter().all(|&n| n > 200), "{label}: both eyes see something: {opaque:?}");
+    // An intensity at the border between two entries of the table may take either, a cell at a clip plane may be there or
+    // not, and a share at the threshold may find its light or not.
+    assert_close(&label, Bound::new(5e-4, 0.0).outliers(0.002, 0.05), colours);
+    assert_close(&format!("{label}, depth"), Bound::new(0.02, 1e-4).outliers(0.002, 5.0), depth_pairs);
+    assert_close(&format!("{label}, skipped or not"), Bound::new(0.0, 0.0), skips);
+}
+
+fn pair((a, b): (&f32, &f32)) -> (f64, f64) {
+    (f64::from(*a), f64::from(*b))
+}

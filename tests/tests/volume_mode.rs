@@ -1,0 +1,378 @@
+//! What holds of the mode `volume` without any reference.
+#![forbid(unsafe_code)]
+
+use engine::error::Kind;
+use engine::gpu::{Gpu, GpuOptions};
+use engine::image::Image;
+use engine::reference::eye::Eye;
+use engine::reference::raymarch as twin;
+use engine::reference::slab::Look as TwinLook;
+use engine::render::{
+    Camera, Classification, ClipPlane, Fov, Look, MediumSource, Renderer, Scene, Settings, mode,
+};
+use engine::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction, preset};
+use engine::volume::{Roi, Volume};
+use glam::{DAffine3, DMat3, DVec3};
+use vgs_tests::{Device, picture};
+
+const SIZE: [u32; 2] = [72, 56];
+
+/// A ball of bone with a soft shell, in voxels of 1 × 1 × 2 mm, far from the world's origin.
+fn volume() -> Volume {
+    let size = [40, 36, 20];
+    let samples = places(size)
+        .map(|[x, y, z]| {
+            let at = DVec3::new(x as f64 - 19.0, y as f64 - 18.0, 2.0 * (z as f64 - 9.5));
+            let away = at.length() + 1.5 * (0.7 * at.x).sin();
+            let v = if away < 9.0 { 700.0 } else { 60.0 };
+            (v - 1060.0 * ((away - 15.0) / 3.0).clamp(0.0, 1.0)).round() as f32
+        })
+        .collect();
+    let affine = DAffine3::from_mat3_translation(
+        DMat3::from_diagonal(DVec3::new(1.0, 1.0, 2.0)),
+        DVec3::new(-300.0, 120.0, 800.0),
+    );
+    Volume::new(size, affine, samples)
+}
+
+fn places(size: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+    (0..size.iter().product()).map(move |i| [i % size[0], i / size[0] % size[1], i / (size[0] * size[1])])
+}
+
+fn constant(size: [usize; 3], value: f32) -> Volume {
+    Volume::new(size, DAffine3::from_scale(DVec3::new(0.8, 1.1, 1.7)), vec![value; size.iter().product()])
+}
+
+/// Half of a volume along x, with a soft edge.
+fn half(volume: &Volume) -> Roi {
+    let middle = volume.size[0] as f32 * 0.5;
+    let weight = places(volume.size).map(|[x, _, _]| (middle - x as f32).clamp(0.0, 2.0) / 2.0).collect();
+    Roi::new(weight, volume).expect("a region")
+}
+
+fn look(name: &str, shade: bool) -> Look {
+    let mut transfer = preset(name).expect("a preset").over([-1000.0, 1000.0]);
+    transfer.material.shade = shade;
+    Look::new(transfer)
+}
+
+/// The same extinction everywhere.
+fn fog(extinction: f64) -> Look {
+    let colours = vec![ColourPoint { intensity: 0.0, colour: DVec3::new(0.8, 0.4, 0.2) }];
+    let opacities = vec![OpacityPoint { intensity: 0.0, opacity: 1.0 - (-extinction).exp() }];
+    Look::new(TransferFunction::new("fog", colours, opacities, Material::default()).expect("a function"))
+}
+
+fn settings() -> Settings {
+    Settings { precise: true, step: 0.5, ..Settings::new(SIZE) }
+}
+
+fn scene(gpu: &Gpu, volume: &Volume, roi: Option<&Roi>, look: &Look) -> Scene {
+    Scene::new(gpu, None, Some(&MediumSource { volume, roi }), look).expect("a scene")
+}
+
+fn render(gpu: &Gpu, scene: &Scene, settings: &Settings, cameras: &[Camera]) -> Vec<Image> {
+    let row = mode("volume").expect("the mode");
+    let mut renderer = Renderer::new(gpu, row, scene, settings).expect("a renderer");
+    renderer.render(scene, cameras).expect("a frame");
+    (0..settings.views)
+        .map(|view| Image {
+            size: settings.size.map(|n| n as usize),
+            pixels: renderer.target.read_colour(view).expect("a picture"),
+        })
+        .collect()
+}
+
+fn camera(scene: &Scene) -> Camera {
+    let [low, high] = scene.bounds();
+    let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
+    Camera::from_side("anterior-left", (low + high) * 0.5, (high - low).length() * 0.35, 40.0, aspect)
+        .expect("a camera")
+}
+
+fn worst(a: &Image, b: &Image) -> f32 {
+    a.pixels.iter().flatten().zip(b.pixels.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// Peak signal-to-noise ratio, dB.
+fn psnr(a: &Image, b: &Image) -> f64 {
+    engine::image::psnr(a, b).expect("pictures of one size")
+}
+
+fn visible(image: &Image) -> usize {
+    image.pixels.iter().filter(|p| p[3] > 0.05).count()
+}
+
+#[test]
+fn pictures_are_those_of_the_twin() {
+    let gpu = Device::boot();
+    let volume = volume();
+    let roi = half(&volume);
+    for (name, roi, look) in [
+        ("volume-soft", None, look("CT-Soft-Tissue", false)),
+        ("volume-bone-lit", Some(&roi), look("CT-Bone", true)),
+    ] {
+        let scene = scene(&gpu, &volume, roi, &look);
+        let camera = camera(&scene);
+        let settings = Settings { dark: 1e-4, classification: Some(Classification::Point), ..settings() };
+        let found = render(&gpu, &scene, &settings, &[camera]);
+        picture::check(name, &found[0], || {
+            let scene_from_voxel = DAffine3::from_translation(-scene.origin) * volume.world_from_voxel;
+            let mask = roi.map(|roi| roi.weight.as_slice());
+            let medium = twin::Medium::new(volume.size, scene_from_voxel, &volume.samples, mask);
+            let [visible, _] = look.transfer.visible().expect("something to see");
+            let twin_look = TwinLook {
+                table: &Table::new(&look.transfer, [-1000.0, 700.0]),
+                material: &look.transfer.material,
+                dark: visible,
+                planes: &[],
+                segments: false,
+                least_light: 1e-4,
+            };
+            let eye = Eye::from(&camera.view(scene.origin));
+            Image {
+                size: SIZE.map(|n| n as usize),
+                pixels: twin::render(&medium, &eye, SIZE, &twin_look, 0.5),
+            }
+        });
+    }
+}
+
+/// What is the same everywhere absorbs by its thickness alone, at any step, with clip planes or without.
+#[test]
+fn fog_absorbs_by_its_thickness() {
+    let gpu = Device::boot();
+    let volume = constant([30, 24, 20], 40.0);
+    let size = DVec3::new(30.0 * 0.8, 24.0 * 1.1, 20.0 * 1.7);
+    for extinction in [0.005, 0.05, 0.3] {
+        let look = fog(extinction);
+        for step in [0.25, 1.0, 3.0] {
+            for classification in [Classification::Point, Classification::PreIntegrated] {
+                let settings = Settings {
+                    step,
+                    dark: 1e-5,
+                    classification: Some(classification),
+                    ..Settings { size: [9, 9], ..settings() }
+                };
+                for cut in [None, Some(ClipPlane { normal: DVec3::Y, offset: 9.3 })] {
+                    let look = Look { clip: cut.into_iter().collect(), ..look.clone() };
+                    let scene = scene(&gpu, &volume, None, &look);
+                    // From so far that the middle ray is along y.
+                    let [low, high] = scene.bounds();
+                    assert!(((high - low) - size).length() < 1e-3, "{low} {high}");
+                    let camera =
+                        Camera::from_side("anterior", (low + high) * 0.5, 1.0, 1.0, 1.0).expect("a camera");
+                    let middle = render(&gpu, &scene, &settings, &[camera])[0].pixels[40];
+                    let thickness = if cut.is_some() { high.y - 9.3 } else { size.y };
+                    let expected = 1.0 - (-extinction * thickness).exp();
+                    // The faces are ramps of O over two voxels, which coarse steps see less exactly.
+                    let bound = if step > 1.0 { 0.03 } else { 5e-3 };
+                    let found = f64::from(middle[3]);
+                    assert!(
+                        (found - expected).abs() < bound,
+                        "{found} for {expected}: step {step}, extinction {extinction}, {classification:?}, {cut:?}"
+                    );
+                    assert!((middle[1] - 0.5 * middle[0]).abs() < 1e-4, "{middle:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn halving_the_step_converges() {
+    let gpu = Device::boot();
+    let volume = volume();
+    for (classification, floors) in
+        [(Classification::Point, [43.0, 49.0, 54.0]), (Classification::PreIntegrated, [38.0, 44.0, 50.0])]
+    {
+        let scene = scene(&gpu, &volume, Some(&half(&volume)), &look("CT-Soft-Tissue", true));
+        let camera = camera(&scene);
+        let at = |step: f64| {
+            let settings = Settings { step, dark: 1e-4, classification: Some(classification), ..settings() };
+            render(&gpu, &scene, &settings, &[camera]).remove(0)
+        };
+        let finest = at(0.06);
+        let found = [1.0, 0.5, 0.25].map(|step| psnr(&at(step), &finest));
+        println!("{classification:?}: {found:.1?} dB");
+        assert!(visible(&finest) > 500);
+        assert!(found.iter().zip(floors).all(|(found, floor)| *found > floor), "{found:?}");
+        assert!(found[0] < found[1] && found[1] < found[2], "{found:?}");
+    }
+}
+
+#[test]
+fn jitter_is_noise_about_the_same_picture() {
+    let gpu = Device::boot();
+    let volume = volume();
+    let scene = scene(&gpu, &volume, None, &look("CT-Soft-Tissue", false));
+    let camera = camera(&scene);
+    let plain = render(&gpu, &scene, &settings(), &[camera]).remove(0);
+    let jittered = Settings { jitter: true, ..settings() };
+    let noisy = render(&gpu, &scene, &jittered, &[camera]).remove(0);
+    assert_eq!(noisy, render(&gpu, &scene, &jittered, &[camera]).remove(0), "the same noise every time");
+    assert!(worst(&plain, &noisy) > 1e-4, "there is noise");
+    assert!(psnr(&plain, &noisy) > 35.0, "{} dB", psnr(&plain, &noisy));
+}
+
+/// Cameras inside the volume, behind it, with the narrowest and widest fields of view and those of a headset; nothing
+/// that is not a number, and what must be seen is.
+#[test]
+fn strange_cameras_see_numbers() {
+    let gpu = Device::boot();
+    let volume = volume();
+    for (roi, look) in [(None, look("CT-Soft-Tissue", true)), (Some(half(&volume)), look("CT-Skin", true))] {
+        let scene = scene(&gpu, &volume, roi.as_ref(), &look);
+        let [low, high] = scene.bounds();
+        let centre = (low + high) * 0.5;
+        let symmetric = |degrees| Fov::symmetric(degrees, 1.3);
+        let headset = Fov { left: -1.4, right: 0.9, up: 1.1, down: -1.3 };
+        let far = DVec3::Y * 5e3;
+        for (eye, target, fov, seen) in [
+            (centre, centre + DVec3::Y, symmetric(150.0), true),
+            (centre, centre - DVec3::Z, symmetric(1.0), true),
+            (low, centre, symmetric(90.0), true),
+            (centre + far, centre, symmetric(1.0), true),
+            (centre + far, centre + 2.0 * far, symmetric(150.0), false),
+            (centre + DVec3::X * 60.0, centre, headset, true),
+            // Along an axis, through voxel centres and along faces.
+            (DVec3::new(-300.0, 119.0, 810.0), DVec3::new(-300.0, 200.0, 810.0), symmetric(1.0), false),
+            (centre + far * 1e6, centre, symmetric(1.0), false),
+        ] {
+            let camera = Camera::looking(eye, target, DVec3::new(0.1, 0.2, 1.0), fov).expect("a camera");
+            for settings in
+                [settings(), Settings { classification: Some(Classification::PreIntegrated), ..settings() }]
+            {
+                let image = render(&gpu, &scene, &settings, &[camera]).remove(0);
+                assert!(image.pixels.iter().flatten().all(|v| (0.0..=1.0001).contains(v)), "{eye} {fov:?}");
+                assert_eq!(visible(&image) > 0, seen, "{eye} to {target}, {fov:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn two_views_are_the_pictures_of_either() {
+    let gpu = Device::boot();
+    let volume = volume();
+    let scene = scene(&gpu, &volume, Some(&half(&volume)), &look("CT-Bone", true));
+    let cameras = camera(&scene).eyes(64.0);
+    let both = render(&gpu, &scene, &Settings { views: 2, ..settings() }, &cameras);
+    for (camera, image) in cameras.iter().zip(&both) {
+        assert_eq!(*image, render(&gpu, &scene, &settings(), &[*camera]).remove(0));
+    }
+    assert!(worst(&both[0], &both[1]) > 0.1);
+}
+
+/// A look that is set later gives the same bits as one from the start, and what a look cannot show is not there.
+#[test]
+fn looks_change() {
+    let gpu = Device::boot();
+    let volume = volume();
+    let mut changed = scene(&gpu, &volume, None, &look("CT-Lung", false));
+    let camera = camera(&changed);
+    for name in ["CT-Bone", "CT-Soft-Tissue", "CT-Skin"] {
+        changed.set_look(&look(name, true)).expect("a look");
+        let fresh = scene(&gpu, &volume, None, &look(name, true));
+        let found = render(&gpu, &changed, &settings(), &[camera]).remove(0);
+        assert!(visible(&found) > 100, "{name}");
+        assert_eq!(found, render(&gpu, &fresh, &settings(), &[camera]).remove(0), "{name}");
+    }
+    let nothing = constant(volume.size, -1000.0);
+    let empty = scene(&gpu, &nothing, None, &look("CT-Bone", true));
+    assert_eq!(visible(&render(&gpu, &empty, &settings(), &[camera]).remove(0)), 0);
+}
+
+/// A region is what the volume is with all else transparent: around it nothing changes the picture.
+#[test]
+fn outside_the_region_is_nothing() {
+    let gpu = Device::boot();
+    let volume = volume();
+    let look = look("CT-Soft-Tissue", true);
+    // A region well inside, so that its box has voxels around it.
+    let weight = places(volume.size).map(|[x, y, z]| {
+        f32::from(u8::from((8..20).contains(&x) && (5..30).contains(&y) && (4..13).contains(&z)))
+    });
+    let roi = Roi::new(weight.collect(), &volume).expect("a region");
+    let first = scene(&gpu, &volume, Some(&roi), &look);
+    let [low, high] = first.bounds();
+    let expected = volume.world_from_voxel.transform_point3(DVec3::new(7.5, 4.5, 3.5));
+    assert!((low - expected).length() < 1e-6 && (high - low - DVec3::new(12.0, 25.0, 18.0)).length() < 1e-6);
+    let camera = camera(&first);
+    let found = render(&gpu, &first, &settings(), &[camera]).remove(0);
+    assert!(visible(&found) > 300);
+    // Voxels two away from it are in no interpolation.
+    let mut other = volume.clone();
+    for ([x, y, z], v) in places(volume.size).zip(&mut other.samples) {
+        if !((6..22).contains(&x) && (3..32).contains(&y) && (2..15).contains(&z)) {
+            *v = 500.0;
+        }
+    }
+    let second = scene(&gpu, &other, Some(&roi), &look);
+    assert_eq!(found, render(&gpu, &second, &settings(), &[camera]).remove(0));
+}
+
+/// Voxels without a value are as outside a region, and leave their neighbours as they are.
+#[test]
+fn what_is_not_finite_is_not_there() {
+    let gpu = Device::boot();
+    let mut volume = volume();
+    for ([x, _, _], v) in places(volume.size).zip(&mut volume.samples) {
+        if x >= 20 {
+            *v = if x % 2 == 0 { f32::NAN } else { f32::INFINITY };
+        }
+    }
+    let weight: Vec<f32> = places(volume.size).map(|[x, _, _]| f32::from(u8::from(x < 20))).collect();
+    let roi = Roi::new(weight, &volume).expect("a region");
+    let look = look("CT-Soft-Tissue", true);
+    let bare = scene(&gpu, &volume, None, &look);
+    let camera = camera(&bare);
+    let found = render(&gpu, &bare, &settings(), &[camera]).remove(0);
+    assert!(found.pixels.iter().flatten().all(|v| v.is_finite()) && visible(&found) > 300);
+    let masked = scene(&gpu, &volume, Some(&roi), &look);
+    assert_eq!(found, render(&gpu, &masked, &settings(), &[camera]).remove(0));
+    // Nothing but holes: an empty picture.
+    volume.samples.fill(f32::NAN);
+    let hollow = scene(&gpu, &volume, None, &look);
+    assert_eq!(visible(&render(&gpu, &hollow, &settings(), &[camera]).remove(0)), 0);
+}
+
+#[test]
+fn wrong_settings_and_volumes_are_refused() {
+    let gpu = Device::boot();
+    let volume = volume();
+    let look = look("CT-Bone", true);
+    let scene = scene(&gpu, &volume, None, &look);
+    for step in [0.0, -1.0, 1e-9, f64::NAN, f64::INFINITY] {
+        let row = mode("volume").expect("the mode");
+        let error =
+            Renderer::new(&gpu, row, &scene, &Settings { step, ..settings() }).err().expect("an error");
+        assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-RENDER-023"), "{step}");
+    }
+    let flat = Volume { world_from_voxel: DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0)), ..volume.clone() };
+    let error = Scene::new(&gpu, None, Some(&MediumSource { volume: &flat, roi: None }), &look)
+        .err()
+        .expect("an error");
+    assert_eq!(error.code, "VGS-RENDER-022");
+    assert!(gpu.memory_by_purpose()["volume"] >= 2 * volume.len() as u64);
+    let edge = gpu.limits().volume_edge as usize + 1;
+    let long = Volume::new([edge, 1, 1], DAffine3::IDENTITY, vec![0.0; edge]);
+    let error = Scene::new(&gpu, None, Some(&MediumSource { volume: &long, roi: None }), &look)
+        .err()
+        .expect("an error");
+    assert_eq!((error.kind, error.code), (Kind::Unavailable, "VGS-GPU-026"));
+}
+
+/// A device that binds little at once still renders: bricks are few.
+#[test]
+fn small_devices_render_the_same() {
+    let volume = volume();
+    let look = look("CT-Soft-Tissue", true);
+    let picture = |gpu: &Device| {
+        let scene = scene(gpu, &volume, None, &look);
+        render(gpu, &scene, &settings(), &[camera(&scene)]).remove(0)
+    };
+    let whole = picture(&Device::boot());
+    let options = GpuOptions { storage_range_limit: Some(1 << 20), ..GpuOptions::default() };
+    assert_eq!(whole, picture(&Device::boot_with(options)));
+}
