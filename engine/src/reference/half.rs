@@ -15,7 +15,7 @@ pub fn half(v: f64) -> f64 {
     ((size / step).round_ties_even() * step).copysign(v)
 }
 
-/// Half a step of the f16 around a number: the most that [`half`] changes it by, up to [`HALF_MAX`].
+/// Half a step of the f16 around a number: the most that [`half()`] changes it by, up to [`HALF_MAX`].
 pub fn half_step(v: f64) -> f64 {
     (v.abs().log2().floor().max(-14.0) - 11.0).exp2()
 }

@@ -2,13 +2,13 @@
 //! rendering", 1995).
 //!
 //! A medium is an intensity V and an occupancy O on a voxel grid, interpolated each for itself. The extinction is
-//! σ = O τ(V); a ray is cut into cells of one step Δ, each of opacity 1 − exp(−σ Δ). Without bricks and packets: every cell
+//! opacity O (1 − exp(−τ(V))) per mm; a ray is cut into cells of one step Δ. Without bricks and packets: every cell
 //! of every ray, but for blocks of voxels that hold nothing. An eye that is far away sees as an orthographic one does.
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::eye::{Eye, Gathered, lit};
+use super::eye::{Eye, Gathered, lit, opacity};
 use super::slab::{Look, NEAREST};
 use crate::volume::trilinear;
 
@@ -190,7 +190,7 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
         } else {
             (look.table.point(v), o)
         };
-        let opacity = 1.0 - (-occupancy * extinction * (to - from) * ray.length()).exp();
+        let opacity = opacity(extinction, occupancy, (to - from) * ray.length());
         let share = gathered.clear * opacity;
         let mut base = colour;
         if look.material.shade {
@@ -258,14 +258,18 @@ mod tests {
 
     #[test]
     fn a_slab_absorbs_by_its_thickness() {
-        // Trilinear edges: the integral of the occupancy along the ray is exactly 8; without a mask it is 16.
+        // Trilinear edges: the occupancy is 1 over 7 voxels and falls to 0 over one on each side; without a mask it is 1
+        // over 15 likewise.
         let whole = Medium::new([16; 3], DAffine3::IDENTITY, &vec![100.0; 4096], None);
-        for (medium, thickness) in [(slab(), 8.0), (whole, 16.0)] {
+        for (medium, thickness) in [(slab(), 7.0), (whole, 15.0)] {
             for extinction in [0.01, 0.1, 0.5] {
                 let tf = flat(extinction, Material::default());
                 let table = Table::new(&tf, [0.0, 200.0]);
                 let image = render(&medium, &eye(), [5, 5], &look(&table, &tf.material), 0.05);
-                let expected = 1.0 - (-thickness * extinction).exp();
+                // ∫ ln(1 − α t) dt from 0 to 1, with α the opacity per mm.
+                let alpha: f64 = 1.0 - (-extinction).exp();
+                let edge = (extinction * (1.0 - alpha) - alpha) / alpha;
+                let expected = 1.0 - (-thickness * extinction + 2.0 * edge).exp();
                 for pixel in image {
                     assert!((f64::from(pixel[3]) - expected).abs() < 2e-4, "{pixel:?} against {expected}");
                     assert!(

@@ -61,7 +61,7 @@ impl Look {
     }
 
     /// Point sampling does where opacity changes by little over the distance that the intensity moves between samples.
-    /// A band narrower than [`NARROW`] of intensity asks for integration.
+    /// A band narrower than 60 HU of intensity asks for integration.
     pub fn classification(&self) -> Classification {
         let points = self.transfer.opacities();
         let narrow = points

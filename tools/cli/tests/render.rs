@@ -106,7 +106,7 @@ fn what_cannot_be_rendered_is_refused_and_nothing_is_written() {
         (2, &["--volume", "ct.nii.gz", "-o", "a.png", "--mode", "slab"], "PLY"),
         (2, &["s.ply", "-o", "a.png", "--hide-label", "liver"], "label"),
         (2, &["s.ply", "-o", "a.exr", "--turntable", "4"], "png"),
-        (2, &["-o", "a.png"], "--volume"),
+        (2, &["-o", "a.png"], "<SPLATS>"),
         (66, &["none.ply", "-o", "a.png"], "none.ply"),
         (73, &["s.ply", "-o", "there.png"], "--force"),
     ] {

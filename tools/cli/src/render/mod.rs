@@ -87,7 +87,7 @@ pub struct Arguments {
     /// A bar of a round length in mm, true in the plane through the middle of the scene
     #[arg(long, help_heading = "Picture")]
     scale_bar: bool,
-    /// Steps along a ray: standard deviations of the splats, or voxels of the volume; smaller is finer
+    /// Steps along a ray: standard deviations of the splats, or voxels of the volume; smaller is finer [default: 0.5]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = arguments::step)]
     step: Option<f64>,
     /// How the transfer function is applied: point, pre-integrated, or auto
@@ -120,6 +120,9 @@ struct VolumeRegion {
     #[arg(long, value_name = "N|NAME,...", requires = "roi")]
     roi_label: Option<String>,
 }
+
+/// Steps of a still picture: fine enough that lit surfaces show no rings.
+const STEP: f64 = 0.5;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -198,7 +201,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let camera = arguments.camera(&scene)?;
     let settings = Settings {
         depth: arguments.output.wants_depth(),
-        step: arguments.step.unwrap_or(Settings::new([1, 1]).step),
+        step: arguments.step.unwrap_or(STEP),
         classification: arguments.classification.0,
         precise: true,
         ..Settings::new(arguments.size.0)
