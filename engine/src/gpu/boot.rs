@@ -258,6 +258,10 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
             }
         }
     }
+    let operations = vk::SubgroupFeatureFlags::VOTE | vk::SubgroupFeatureFlags::ARITHMETIC;
+    if !subgroup.supported_operations.contains(operations) {
+        missing.push("subgroup vote and arithmetic".to_owned());
+    }
     for needed in EXTENSIONS {
         if !extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(needed)) {
             missing.push(format!("extension {}", needed.to_string_lossy()));
@@ -466,6 +470,11 @@ impl Parts {
             workgroups: properties.limits.max_compute_work_group_count[0],
             volume_edge: properties.limits.max_image_dimension3_d,
             picture_edge: properties.limits.max_image_dimension2_d,
+            filters_fractions: [vk::Format::R16_UNORM, vk::Format::R16G16_UNORM].iter().all(|&format| {
+                // SAFETY: plain query.
+                let found = unsafe { handle.get_physical_device_format_properties(physical, format) };
+                found.optimal_tiling_features.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
+            }),
         };
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore_info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);

@@ -160,6 +160,14 @@ impl Gpu {
             )
             .help("use a smaller region of interest or a coarser volume"));
         }
+        if !self.0.limits.filters_fractions {
+            return Err(Error::new(
+                Kind::Unavailable,
+                "VGS-GPU-028",
+                format!("{} does not interpolate volumes of 16 bits", self.0.description.name),
+            )
+            .help("render the splats, or choose another --device"));
+        }
         let usage = vk::ImageUsageFlags::SAMPLED
             | vk::ImageUsageFlags::TRANSFER_DST
             | vk::ImageUsageFlags::TRANSFER_SRC;

@@ -61,6 +61,8 @@ pub struct Limits {
     pub volume_edge: u32,
     /// Most pixels along an axis of a picture.
     pub picture_edge: u32,
+    /// Whether volumes of 16-bit fractions can be sampled with interpolation.
+    pub filters_fractions: bool,
 }
 
 /// Everything that lives as long as the device. Field order is irrelevant: `Drop` destroys by hand, in order.
