@@ -26,8 +26,7 @@ fn psnr(gpu: &Device, set: &SplatSet, volume: &Volume, roi: &Roi) -> [f64; 2] {
     let (full, got) = (sample(set.splats.clone()), sample(packed.unpack_all()));
     let (mut count, mut hu, mut occupancy) = (0.0, 0.0, 0.0);
     for slot in 0..bricks.len() {
-        let inside =
-            bricks.map_samples(slot..slot + 1, false, |voxel| roi.membership(voxel.as_dvec3()) > 0.5);
+        let inside = bricks.map_samples(slot..slot + 1, false, |voxel| roi.trilinear(voxel.as_dvec3()) > 0.5);
         let at = slot * SAMPLES..(slot + 1) * SAMPLES;
         for ((a, b), _) in full[at.clone()].iter().zip(&got[at]).zip(inside).filter(|(_, inside)| *inside) {
             count += 1.0;

@@ -188,7 +188,7 @@ fn compare(
     for (slot, samples) in got.chunks(SAMPLES).enumerate() {
         let wanted = bricks.map_samples(slot..slot + 1, idle, |voxel| {
             let x = voxel.as_dvec3() + shift;
-            let m = roi.membership(x);
+            let m = roi.trilinear(x);
             let weight = if between && !roi.soft { f64::from(u8::from(m > 0.5)) } else { m };
             [weight, volume.sample_clipped(x, clip, f32::NAN), m, 0.0]
         });

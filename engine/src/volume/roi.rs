@@ -10,7 +10,7 @@ use std::str::FromStr;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Volume, trilinear};
+use super::Volume;
 use crate::{Error, Kind, Result};
 
 /// Grids whose corners agree to this many voxels are the same grid: writers round affines to f32 and less.
@@ -149,11 +149,6 @@ impl Roi {
     /// Sum of the weights, in voxels.
     pub fn weight_sum(&self) -> f64 {
         self.weight.iter().map(|&w| f64::from(w)).sum()
-    }
-
-    /// Trilinear membership at `x` (voxel space), clamped to the edge.
-    pub fn membership(&self, x: DVec3) -> f64 {
-        trilinear(self.size, x, |i| f64::from(self.weight[i]))
     }
 
     /// Trilinear weight at a point in voxel space. Voxels outside the grid count as zero, so the weight fades over
