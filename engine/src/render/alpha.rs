@@ -13,9 +13,9 @@ use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::types::{AlphaParams, QuadParams, View};
 
-use super::{Cloud, Mode, Scene, Settings, Target};
+use super::{Mode, Scene, Settings, Target, Variants};
 use crate::error::Result;
-use crate::gpu::{Buffer, Drawing, Format, Gpu, Kernel, Recorder};
+use crate::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
 use crate::passes::Quads;
 use crate::passes::quads::{QuadSources, corners};
 
@@ -23,7 +23,7 @@ use crate::passes::quads::{QuadSources, corners};
 pub struct Alpha {
     gpu: Gpu,
     /// With light or without, made when it is first needed.
-    kernels: Vec<(bool, Kernel)>,
+    kernels: Variants<bool>,
     quads: Quads,
     drawing: Drawing,
     params: QuadParams,
@@ -33,7 +33,7 @@ pub struct Alpha {
 impl Alpha {
     /// For a scene with splats.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
-        let cloud = cloud_of(scene);
+        let cloud = scene.splats();
         let [low, high] = cloud.bounds;
         let centre: DVec3 = (low + high) * 0.5;
         let colour = if settings.precise { Format::Rgba32f } else { Format::Rgba16f };
@@ -44,7 +44,7 @@ impl Alpha {
         let constants = [corners(gpu), u32::from(cloud.standard().is_some())];
         Ok(Alpha {
             gpu: gpu.clone(),
-            kernels: Vec::new(),
+            kernels: Variants::new(),
             quads: Quads::new(gpu, settings.views, cloud.count)?,
             drawing: Drawing::new(gpu, &glsl::ALPHA_VERT, fragment, &constants, &formats, settings.views)?,
             params: QuadParams {
@@ -62,20 +62,12 @@ impl Alpha {
 
     /// The kernel for the look, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
-        let standard = cloud_of(scene).standard().is_some();
-        let packed = cloud_of(scene).rows().packed;
+        let standard = scene.splats().standard().is_some();
+        let packed = scene.splats().rows().packed;
         let shaded = scene.look_buffers().shaded && !standard;
-        if let Some(at) = self.kernels.iter().position(|(made_for, _)| *made_for == shaded) {
-            return Ok(at);
-        }
-        self.kernels.push((shaded, Quads::kernel(&self.gpu, corners(&self.gpu), standard, shaded, packed)?));
-        Ok(self.kernels.len() - 1)
+        let gpu = &self.gpu;
+        self.kernels.find(shaded, |&shaded| Quads::kernel(gpu, corners(gpu), standard, shaded, packed))
     }
-}
-
-/// The renderer makes this mode only for scenes that have splats.
-fn cloud_of(scene: &Scene) -> &Cloud {
-    scene.cloud.as_ref().expect("a scene with splats")
 }
 
 impl Mode for Alpha {
@@ -87,7 +79,7 @@ impl Mode for Alpha {
         target: &mut Target,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
-        let (cloud, look) = (cloud_of(scene), scene.look_buffers());
+        let (cloud, look) = (scene.splats(), scene.look_buffers());
         let (centres, harmonics) = cloud.faces(&self.gpu)?;
         let sources = QuadSources {
             look: (&look.rows, &look.points, &look.integrals),
@@ -96,7 +88,7 @@ impl Mode for Alpha {
             harmonics,
             active: cloud.active(),
         };
-        self.quads.record(recorder, &self.kernels[kernel].1, views, &sources, &self.params);
+        self.quads.record(recorder, &self.kernels[kernel], views, &sources, &self.params);
         recorder.clear_image(&target.colour, [0.0; 4]);
         let mut pictures = vec![&mut target.colour];
         if self.depth {

@@ -16,12 +16,14 @@ mod medium;
 mod raymarch;
 mod slab;
 mod target;
+mod variants;
 
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::{Cloud, Precision};
 pub use look::{Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};
 pub use target::Target;
+use variants::Variants;
 
 use glam::DVec3;
 use shaders_glsl::types::View;
@@ -90,6 +92,16 @@ impl Scene {
     /// How the scene is seen.
     pub fn look(&self) -> &Look {
         &self.look
+    }
+
+    /// The splats, for a mode of splats: a renderer makes one only where there are some.
+    fn splats(&self) -> &Cloud {
+        self.cloud.as_ref().expect("a scene with splats")
+    }
+
+    /// The volume, for a mode of volumes: a renderer makes one only where there is one.
+    fn volume(&self) -> &Medium {
+        self.medium.as_ref().expect("a scene with a volume")
     }
 
     pub(crate) fn look_buffers(&self) -> &LookBuffers {
@@ -164,6 +176,14 @@ impl Settings {
             classification: None,
             dark: 1.0 / 512.0,
         }
+    }
+}
+
+impl Settings {
+    /// How a scene is classified, and whether it is lit: what kernels are made for.
+    fn variant(&self, scene: &Scene) -> (Classification, bool) {
+        let classification = self.classification.unwrap_or_else(|| scene.look().classification());
+        (classification, scene.look_buffers().shaded)
     }
 }
 

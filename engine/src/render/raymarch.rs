@@ -3,7 +3,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{RaymarchParams, View};
 
-use super::{Classification, Medium, Mode, Scene, Settings, Target};
+use super::{Classification, Mode, Scene, Settings, Target, Variants};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Format, Gpu, Kernel, Recorder};
 use crate::passes::Shape;
@@ -15,7 +15,7 @@ const LEAST_STEP: f64 = 0.01;
 pub struct Raymarch {
     gpu: Gpu,
     /// For each way to classify and with or without light, made when it is first needed.
-    kernels: Vec<((Classification, bool), Kernel)>,
+    kernels: Variants<(Classification, bool)>,
     settings: Settings,
 }
 
@@ -30,34 +30,26 @@ impl Raymarch {
             )
             .help("choose another --step; 0.5 is fine for pictures, 0.25 for measuring"));
         }
-        let mut mode = Raymarch { gpu: gpu.clone(), kernels: Vec::new(), settings: settings.clone() };
+        let mut mode = Raymarch { gpu: gpu.clone(), kernels: Variants::new(), settings: settings.clone() };
         mode.kernel(scene)?;
         Ok(mode)
     }
 
     /// The kernel for a way to classify, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
-        let classification = self.settings.classification.unwrap_or_else(|| scene.look().classification());
-        let wanted = (classification, scene.look_buffers().shaded);
-        if let Some(at) = self.kernels.iter().position(|(made_for, _)| *made_for == wanted) {
-            return Ok(at);
-        }
-        let constants = [
-            Shape::of(&self.gpu) as u32,
-            u32::from(medium_of(scene).image().format() == Format::Rg16),
-            u32::from(wanted.0 == Classification::PreIntegrated),
-            u32::from(wanted.1),
-            u32::from(self.settings.depth),
-            u32::from(self.settings.jitter),
-        ];
-        self.kernels.push((wanted, Kernel::new(&self.gpu, &glsl::RAYMARCH, &constants)?));
-        Ok(self.kernels.len() - 1)
+        let (gpu, settings) = (&self.gpu, &self.settings);
+        self.kernels.find(settings.variant(scene), |(classification, shaded)| {
+            let constants = [
+                Shape::of(gpu) as u32,
+                u32::from(scene.volume().image().format() == Format::Rg16),
+                u32::from(*classification == Classification::PreIntegrated),
+                u32::from(*shaded),
+                u32::from(settings.depth),
+                u32::from(settings.jitter),
+            ];
+            Kernel::new(gpu, &glsl::RAYMARCH, &constants)
+        })
     }
-}
-
-/// The renderer makes this mode only for scenes that have a volume.
-fn medium_of(scene: &Scene) -> &Medium {
-    scene.medium.as_ref().expect("a scene with a volume")
 }
 
 impl Mode for Raymarch {
@@ -69,7 +61,7 @@ impl Mode for Raymarch {
         target: &mut Target,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
-        let (medium, look) = (medium_of(scene), scene.look_buffers());
+        let (medium, look) = (scene.volume(), scene.look_buffers());
         // Pixels of a workgroup; see the kernel.
         let group = match Shape::of(&self.gpu) {
             Shape::OneByOne => [4, 2],
@@ -77,7 +69,7 @@ impl Mode for Raymarch {
         };
         let [width, height] = self.settings.size;
         recorder
-            .pass(&self.kernels[kernel].1)
+            .pass(&self.kernels[kernel])
             .read(views)
             .read(&look.rows)
             .read(&look.points)

@@ -5,7 +5,7 @@ use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::types::{SlabParams, TileGrid, View};
 
-use super::{Classification, Cloud, Mode, Scene, Settings, Target};
+use super::{Classification, Cloud, Mode, Scene, Settings, Target, Variants};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::passes::tiles::TILE;
@@ -24,7 +24,7 @@ const MOST_BLOCKS: u32 = 512;
 pub struct Slab {
     gpu: Gpu,
     /// For each way to classify and with or without light, made when it is first needed.
-    kernels: Vec<((Classification, bool), Kernel)>,
+    kernels: Variants<(Classification, bool)>,
     bins: TileBinner,
     grid: TileGrid,
     settings: Settings,
@@ -48,11 +48,11 @@ impl Slab {
     }
 
     fn with_refinement(gpu: &Gpu, scene: &Scene, settings: &Settings, exact: bool) -> Result<Self> {
-        let cloud = cloud_of(scene);
+        let cloud = scene.splats();
         let grid = tile_grid(cloud, settings, if exact { EXACT } else { 1 });
         Ok(Slab {
             gpu: gpu.clone(),
-            kernels: Vec::new(),
+            kernels: Variants::new(),
             bins: TileBinner::new(
                 gpu,
                 cloud.field.kernel,
@@ -68,26 +68,18 @@ impl Slab {
 
     /// The kernel for a way to classify, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
-        let classification = self.settings.classification.unwrap_or_else(|| scene.look().classification());
-        let wanted = (classification, scene.look_buffers().shaded);
-        if let Some(at) = self.kernels.iter().position(|(made_for, _)| *made_for == wanted) {
-            return Ok(at);
-        }
-        let constants = [
-            cloud_of(scene).field.kernel.id(),
-            Shape::of(&self.gpu) as u32,
-            u32::from(wanted.0 == Classification::PreIntegrated),
-            u32::from(wanted.1),
-            u32::from(self.settings.depth),
-        ];
-        self.kernels.push((wanted, Kernel::new(&self.gpu, &glsl::SLAB, &constants)?));
-        Ok(self.kernels.len() - 1)
+        let (gpu, settings) = (&self.gpu, &self.settings);
+        self.kernels.find(settings.variant(scene), |(classification, shaded)| {
+            let constants = [
+                scene.splats().field.kernel.id(),
+                Shape::of(gpu) as u32,
+                u32::from(*classification == Classification::PreIntegrated),
+                u32::from(*shaded),
+                u32::from(settings.depth),
+            ];
+            Kernel::new(gpu, &glsl::SLAB, &constants)
+        })
     }
-}
-
-/// The renderer makes this mode only for scenes that have splats.
-fn cloud_of(scene: &Scene) -> &Cloud {
-    scene.cloud.as_ref().expect("a scene with splats")
 }
 
 /// Tiles for the picture, blocks for a ball around all splats.
@@ -120,7 +112,7 @@ impl Mode for Slab {
         target: &mut Target,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
-        let (cloud, look) = (cloud_of(scene), scene.look_buffers());
+        let (cloud, look) = (scene.splats(), scene.look_buffers());
         let grid = TileGrid { capacity: self.bins.capacity() as u32, ..self.grid };
         let field = cloud.field;
         let active = cloud.active();
@@ -130,7 +122,7 @@ impl Mode for Slab {
             Shape::SideBySide => grid.tiles[0],
         };
         recorder
-            .pass(&self.kernels[kernel].1)
+            .pass(&self.kernels[kernel])
             .read(views)
             .read(&look.rows)
             .read(&look.points)

@@ -132,11 +132,16 @@ impl Row {
     /// The subject that stands beside this row; of several the first that was measured.
     fn here<'a>(&self, report: &Report<'a>, units: &[&'a Unit]) -> Here<'a> {
         let fits = |unit: &&&Unit| {
+            // Whose splats a file holds is known once it was read; until then it may be anybody's.
+            let read = report.records.get(&unit.key());
             self.is_case(unit)
                 && match (self.method, &unit.source) {
                     (Method::Volume, _) => true,
-                    (Method::Standard(_), Source::File(..)) => true,
+                    (Method::Standard(_), Source::File(..)) => read.is_none_or(|record| record.of_colours),
                     (Method::Ours(n), Source::Fit(config)) => config.splats == n * 1000,
+                    (Method::Ours(n), Source::File(..)) => {
+                        read.is_some_and(|record| !record.of_colours && record.splats == n * 1000)
+                    }
                     _ => false,
                 }
         };
