@@ -1,1 +1,6 @@
 //! The desktop viewer.
+
+pub mod history;
+pub mod orbit;
+pub mod state;
+pub mod transfer;
