@@ -369,15 +369,18 @@ impl State {
     /// Writes a session file, whole or not at all.
     ///
     /// # Errors
-    /// As [`engine::output::write_atomic`].
+    /// As [`engine::output::write_atomic`] and [`State::text`].
     pub fn write(&self, path: impl AsRef<Path>, force: bool) -> Result<()> {
-        let text = self.text();
+        let text = self.text()?;
         engine::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
     }
 
     /// The text of a session file.
-    pub fn text(&self) -> String {
-        toml::to_string(self).expect("numbers, strings and lists of them")
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] if the path of a file is not UTF-8, which TOML cannot say.
+    pub fn text(&self) -> Result<String> {
+        toml_text(self)
     }
 
     /// From the text of a session file.
@@ -437,6 +440,14 @@ impl State {
 /// The engine's row of a mode.
 pub fn mode_row(name: &'static str) -> &'static render::ModeRow {
     render::mode(name).expect("names of modes are the engine's")
+}
+
+/// As TOML. Paths are all that may fail.
+pub(crate) fn toml_text(value: &impl Serialize) -> Result<String> {
+    toml::to_string(value).map_err(|e| {
+        Error::new(Kind::Usage, "VGS-VIEW-005", format!("cannot be written as TOML: {e}"))
+            .help("give files names in UTF-8")
+    })
 }
 
 /// A text file of at most so many bytes.

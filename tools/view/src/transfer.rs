@@ -8,6 +8,9 @@ use engine::transfer::{ColourPoint, Material, OpacityPoint, TransferFunction};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+/// Windows end within this distance of 0; far beyond any unit, and far from where numbers run out.
+const FARTHEST: f64 = 1e12;
+
 /// A control point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -49,6 +52,25 @@ impl Transfer {
             material: function.material,
             points: joint(function),
             gradient_opacities,
+        }
+    }
+
+    /// From the first to the last point, shift included: the window that the function spans.
+    pub fn window(&self) -> [f64; 2] {
+        let end = |p: Option<&Point>| p.map_or(0.0, |p| p.intensity + self.shift);
+        [end(self.points.first()), end(self.points.last())]
+    }
+
+    /// Moves and stretches all points so that they span this window. Points at one intensity are only moved, and a window
+    /// that is empty or not finite changes nothing.
+    pub fn set_window(&mut self, [low, high]: [f64; 2]) {
+        let [old_low, old_high] = self.window();
+        let factor = if old_high > old_low { (high - low) / (old_high - old_low) } else { 1.0 };
+        if !(low < high && low.abs() <= FARTHEST && high.abs() <= FARTHEST && factor.is_finite()) {
+            return;
+        }
+        for point in &mut self.points {
+            point.intensity = low + (point.intensity + self.shift - old_low) * factor - self.shift;
         }
     }
 
@@ -132,6 +154,27 @@ mod tests {
         let shifted = Transfer { shift: 7.0, ..transfer }.function().expect("a function");
         assert_eq!(shifted.at(57.0).1, 0.9);
         assert!((shifted.at(56.999).1 - 0.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_window_is_moved_and_stretched() {
+        let mut transfer = Transfer::new(&PRESETS[0].over([0.0, 1.0]));
+        let before = transfer.clone();
+        let [low, high] = transfer.window();
+        transfer.shift = 25.0;
+        assert_eq!(transfer.window(), [low + 25.0, high + 25.0]);
+        transfer.set_window([-100.0, 900.0]);
+        let [a, b] = transfer.window();
+        assert!((a + 100.0).abs() < 1e-9 && (b - 900.0).abs() < 1e-9 && transfer.shift == 25.0);
+        transfer.set_window([low + 25.0, high + 25.0]);
+        for (p, q) in transfer.points.iter().zip(&before.points) {
+            assert!((p.intensity - q.intensity).abs() < 1e-9);
+        }
+        let kept = transfer.clone();
+        for bad in [[1.0, 1.0], [2.0, 1.0], [f64::NAN, 1.0], [0.0, f64::INFINITY], [0.0, 1e300]] {
+            transfer.set_window(bad);
+        }
+        assert_eq!(transfer, kept);
     }
 
     #[test]

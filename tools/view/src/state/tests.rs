@@ -35,7 +35,7 @@ fn full() -> State {
 #[test]
 fn what_is_written_is_read_back_equal() {
     for state in [full(), State::new(&PRESETS[1].over([0.0, 1.0]))] {
-        let text = state.text();
+        let text = state.text().expect("UTF-8");
         assert_eq!(State::parse(&text).unwrap_or_else(|e| panic!("{e}\n{text}")), state);
     }
 }
@@ -58,7 +58,7 @@ fn files_are_found_from_the_session_file() {
 
 #[test]
 fn a_short_file_takes_defaults() {
-    let text = full().text();
+    let text = full().text().expect("UTF-8");
     let transfer =
         &text[text.find("[transfer]").expect("a section")..text.find("[[objects]]").expect("rows")];
     let state = State::parse(&format!("version = 1\n{transfer}")).expect("the rest has defaults");
@@ -68,7 +68,7 @@ fn a_short_file_takes_defaults() {
 
 #[test]
 fn what_is_wrong_is_named() {
-    let text = full().text();
+    let text = full().text().expect("UTF-8");
     for (from, to, code, word) in [
         ("version = 1", "version = 2", "VGS-VIEW-001", "version 2"),
         ("version = 1", "version = 1\nflavour = 3", "VGS-VIEW-002", "flavour"),
@@ -154,4 +154,13 @@ fn modes_are_those_of_the_engine() {
     }
     assert!(!mode_row(full().mode_of(Subject::Volume)).of_splats);
     assert!(Orbit::default().check().is_ok());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_name_that_is_no_text_is_an_error() {
+    use std::os::unix::ffi::OsStrExt;
+    let mut state = full();
+    state.files.splats[0] = std::ffi::OsStr::from_bytes(b"\xff.ply").into();
+    assert_eq!(state.text().expect_err("no UTF-8").code, "VGS-VIEW-005");
 }
