@@ -100,8 +100,9 @@ pub fn annotate(image: &mut Image, annotation: &Annotation) {
     }
 }
 
-/// Length in pixels and label of the scale bar of a picture of `width` pixels.
-fn scale_bar(mm_per_pixel: f64, width: usize) -> Option<(usize, String)> {
+/// Length in pixels and label of the scale bar of a picture of `width` pixels: a round length of at most a quarter of the
+/// width. None where there is none of a pixel or more.
+pub fn scale_bar(mm_per_pixel: f64, width: usize) -> Option<(usize, String)> {
     let mm = round_down(mm_per_pixel * width as f64 / 4.0)?;
     let pixels = (mm / mm_per_pixel).round();
     (pixels >= 1.0).then(|| (pixels as usize, format!("{mm} mm")))

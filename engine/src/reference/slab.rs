@@ -69,8 +69,8 @@ pub struct Look<'a> {
     pub least_light: f64,
 }
 
-/// W, the value relative to the background, and the gradients of Σw and Σwc at a point of eye space.
-fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> (f64, f64, DVec3, DVec3) {
+/// Σw, Σwc with c relative to the background, and the gradients of both, at a point of eye space.
+pub fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> (f64, f64, DVec3, DVec3) {
     let (mut w, mut s) = (0.0, 0.0);
     let (mut gw, mut gs) = (DVec3::ZERO, DVec3::ZERO);
     for splat in splats {

@@ -3,13 +3,13 @@
 //! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it gives back; then it asks
 //! [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with [`App::camera`] and the state's look.
 
-use egui::{
-    CentralPanel, CollapsingHeader, Panel, PointerButton, Pos2, Rect, Response, ScrollArea, Sense, Ui,
-};
+mod picture;
+
+use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
 use engine::error::{Error, Result};
 use engine::render::Camera;
 use engine::transfer::PRESETS;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use crate::actions::{Action, pressed};
 use crate::editor::Editor;
@@ -18,15 +18,11 @@ use crate::history::History;
 use crate::panels::notice::Message;
 use crate::panels::status::Reading;
 use crate::panels::{self, menu::Menus};
+use crate::prompt::{Answer, Prompt, Purpose};
 use crate::settings::Settings;
-use crate::state::{Distance, Edited, SplatMode, State, Subject};
+use crate::state::{Edited, SplatMode, State, Subject};
 use crate::theme;
 use crate::transfer::Transfer;
-
-/// A drag across so many points of the screen turns by a degree.
-const POINTS_PER_DEGREE: f64 = 3.0;
-/// A drag across so many points changes the window by a factor of e.
-const POINTS_PER_E: f64 = 250.0;
 
 /// Least and greatest width of the panels at the side, points of the screen.
 const PANEL: [f32; 2] = [384.0, 640.0];
@@ -65,7 +61,11 @@ pub struct App {
     measuring: Option<Option<DVec3>>,
     keys: bool,
     message: Option<Message>,
+    prompt: Option<Prompt>,
+    /// What is in the hand while a button is down.
+    grip: Option<picture::Held>,
     picture: Rect,
+    pixels_per_point: f32,
     held: bool,
     reading: Option<Reading>,
     styled: bool,
@@ -84,7 +84,10 @@ impl App {
             measuring: None,
             keys: false,
             message: None,
+            prompt: None,
+            grip: None,
             picture: Rect::NOTHING,
+            pixels_per_point: 1.0,
             held: false,
             reading: None,
             styled: false,
@@ -172,7 +175,7 @@ impl App {
         }
         let left = actions.into_iter().filter_map(|action| self.act(action, facts)).collect();
         self.held = context.input(|i| i.pointer.any_down() || !i.keys_down.is_empty());
-        self.history.observe(&self.state.edited(), self.held || context.text_edit_focused());
+        self.remember(self.held || context.text_edit_focused());
         left
     }
 
@@ -183,8 +186,12 @@ impl App {
             Action::Open(_) | Action::Screenshot { .. } | Action::Record { .. } | Action::Quit => {
                 return Some(action);
             }
-            Action::AskOpen | Action::AskSave | Action::AskScreenshot | Action::AskRecord => {}
-            Action::AskTransfer | Action::AskSaveTransfer => {}
+            Action::AskOpen => self.ask(Purpose::Open),
+            Action::AskSave => self.ask(Purpose::Save),
+            Action::AskScreenshot => self.ask(Purpose::Screenshot),
+            Action::AskRecord => self.ask(Purpose::Record),
+            Action::AskTransfer => self.ask(Purpose::Transfer),
+            Action::AskSaveTransfer => self.ask(Purpose::SaveTransfer),
             Action::Save { path, force } => {
                 let written = state.write(&path, force);
                 self.said(written, || format!("The session is in {}.", path.display()));
@@ -239,6 +246,7 @@ impl App {
             },
             Action::Cancel => {
                 self.measuring = None;
+                self.prompt = None;
                 self.keys = false;
                 self.message = None;
             }
@@ -252,6 +260,22 @@ impl App {
             Action::ToggleKeys => self.keys = !self.keys,
         }
         None
+    }
+
+    /// Makes a step of what has changed, unless something is held. Files that were opened begin a new history.
+    fn remember(&mut self, held: bool) {
+        let edited = self.state.edited();
+        if edited.has_objects_of(self.history.now()) {
+            self.history.observe(&edited, held);
+        } else {
+            self.history.restart(edited);
+        }
+    }
+
+    fn ask(&mut self, purpose: Purpose) {
+        let size = self.picture.size() * self.pixels_per_point;
+        let size = [size.x, size.y].map(|n| (n.round() as u32).max(16));
+        self.prompt = Some(Prompt::new(purpose, &self.state.files, size));
     }
 
     fn said(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
@@ -313,7 +337,16 @@ impl App {
 
     /// What lies over everything.
     fn windows(&mut self, context: &egui::Context, facts: &Facts<'_>, actions: &mut Vec<Action>) {
-        let _ = &actions;
+        if let Some(prompt) = &mut self.prompt {
+            match prompt.show(context) {
+                Answer::Open => {}
+                Answer::Cancelled => self.prompt = None,
+                Answer::Do(action) => {
+                    self.prompt = None;
+                    actions.push(action);
+                }
+            }
+        }
         if self.state.show.overlay {
             panels::overlay::show(context, self.picture, facts, self.state.quality.target_frame_ms);
         }
@@ -328,82 +361,6 @@ impl App {
             if let Err(error) = self.settings.write() {
                 self.report(&error);
             }
-        }
-    }
-
-    /// The picture's place, and the mouse in it.
-    fn central(&mut self, ui: &mut Ui, facts: &Facts<'_>) {
-        let rect = ui.available_rect_before_wrap();
-        self.picture = rect;
-        if !(rect.width() >= 1.0 && rect.height() >= 1.0) {
-            return;
-        }
-        if let (true, Some(bounds)) = (self.fit, facts.bounds) {
-            self.state.orbit.fit(bounds, self.aspect());
-            self.fit = false;
-        }
-        let response = ui.allocate_rect(rect, Sense::click_and_drag());
-        self.lead(ui, &response);
-        self.point(&response, facts);
-    }
-
-    /// Fractions of the picture from its upper left corner.
-    fn place(&self, at: Pos2) -> DVec2 {
-        let size = self.picture.size();
-        let from = at - self.picture.min;
-        DVec2::new(f64::from(from.x / size.x), f64::from(from.y / size.y))
-    }
-
-    /// Turns, moves and zooms the camera; window and level.
-    fn lead(&mut self, ui: &Ui, response: &Response) {
-        let aspect = self.aspect();
-        let by = response.drag_delta();
-        let (x, y) = (f64::from(by.x), f64::from(by.y));
-        let size = self.picture.size();
-        let shift = ui.input(|i| i.modifiers.shift);
-        if response.dragged_by(PointerButton::Middle)
-            || (shift && response.dragged_by(PointerButton::Primary))
-        {
-            let by = DVec2::new(x / f64::from(size.x), y / f64::from(size.y));
-            self.state.orbit.pan(by, aspect);
-        } else if response.dragged_by(PointerButton::Primary) {
-            self.state.orbit.turn(-x / POINTS_PER_DEGREE, y / POINTS_PER_DEGREE);
-        } else if response.dragged_by(PointerButton::Secondary) && by != egui::Vec2::ZERO {
-            let [low, high] = self.state.transfer.window();
-            let (width, level) = (high - low, (low + high) * 0.5);
-            let half = 0.5 * width * (x / POINTS_PER_E).exp();
-            let level = level - width * y / POINTS_PER_E;
-            self.state.transfer.set_window([level - half, level + half]);
-        }
-        if let Some(at) = response.hover_pos() {
-            let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
-            let factor = (-f64::from(scroll) / POINTS_PER_E).exp() / f64::from(pinch);
-            if factor != 1.0 {
-                self.state.orbit.zoom(factor, self.place(at), aspect);
-            }
-        }
-    }
-
-    /// Reads what is under the cursor, measures, and moves the pivot.
-    fn point(&mut self, response: &Response, facts: &Facts<'_>) {
-        let aspect = self.aspect();
-        let hit = |at: Pos2| {
-            let place = self.place(at);
-            (facts.depth)(place).map(|depth| self.state.orbit.at_depth(place, depth, aspect))
-        };
-        let under = response.hover_pos().and_then(hit);
-        self.reading = under.map(|at_mm| Reading { at_mm, intensity: (facts.sample)(at_mm) });
-        let Some(at_mm) = under else { return };
-        if let (Some(first), true) = (self.measuring, response.clicked()) {
-            match first {
-                None => self.measuring = Some(Some(at_mm)),
-                Some(from_mm) => {
-                    self.state.distances.push(Distance { from_mm, to_mm: at_mm });
-                    self.measuring = Some(None);
-                }
-            }
-        } else if response.double_clicked() {
-            self.state.orbit.pivot_mm = at_mm;
         }
     }
 }

@@ -12,6 +12,9 @@ const ARROW: f64 = 0.35;
 /// The crop box keeps this share of the scene's half diagonal as its least thickness.
 const THINNEST: f64 = 1e-3;
 
+/// Square of the sine between an axis and the view below which one looks along the axis: 10°.
+const NARROW_SLANT: f64 = 0.03;
+
 /// What can be taken hold of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handle {
@@ -124,20 +127,21 @@ pub fn drag(
 }
 
 /// How far along `axis` (a unit vector) through `at` a drag leads, mm: both ends of it are put where the ray through them
-/// comes nearest to the axis. 0 where one looks along it.
+/// comes nearest to the axis. Where one looks along the axis, upwards is away from the viewer.
 fn along(orbit: &Orbit, aspect: f64, at: DVec3, axis: DVec3, [from, to]: [DVec2; 2]) -> f64 {
+    let eye = orbit.eye_mm();
+    let between = at - eye;
+    let slant = axis.dot(between.normalize_or_zero());
+    if 1.0 - slant * slant < NARROW_SLANT {
+        return (from.y - to.y) * orbit.height_mm() * slant.signum();
+    }
     let nearest = |place: DVec2| {
-        let eye = orbit.eye_mm();
         let ray = (orbit.at_pivot(place, aspect) - eye).normalize();
         let across = axis.dot(ray);
-        let squared_sine = 1.0 - across * across;
-        let between = at - eye;
-        (squared_sine > 1e-4).then(|| (ray.dot(between) * across - axis.dot(between)) / squared_sine)
+        // Beside the handle a ray may run along the axis after all; then it is nearest nowhere, or far away.
+        (ray.dot(between) * across - axis.dot(between)) / (1.0 - across * across).max(0.1 * NARROW_SLANT)
     };
-    match (nearest(from), nearest(to)) {
-        (Some(a), Some(b)) => b - a,
-        _ => 0.0,
-    }
+    nearest(to) - nearest(from)
 }
 
 /// The direction from `middle` to the point that is seen at a place, of the ball about `middle` through `tip`; on the

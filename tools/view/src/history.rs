@@ -30,6 +30,11 @@ impl<T: Clone + PartialEq> History<T> {
         self.future.clear();
     }
 
+    /// What there was when it was last looked at.
+    pub fn now(&self) -> &T {
+        &self.now
+    }
+
     /// Forgets all steps: what there is now is the beginning.
     pub fn restart(&mut self, now: T) {
         *self = History::new(now);
@@ -120,6 +125,6 @@ mod tests {
         }
         assert_eq!((steps, there), (MOST, 9 * MOST));
         history.restart(3);
-        assert!(!history.can_undo() && !history.can_redo());
+        assert!(!history.can_undo() && !history.can_redo() && *history.now() == 3);
     }
 }

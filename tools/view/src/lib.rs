@@ -4,6 +4,7 @@
 //! neither windows nor the device. [`App`] puts them together.
 
 pub mod actions;
+pub mod annotations;
 pub mod app;
 pub mod editor;
 pub mod facts;
@@ -12,6 +13,8 @@ pub mod histogram;
 pub mod history;
 pub mod orbit;
 pub mod panels;
+pub mod pick;
+pub mod prompt;
 pub mod settings;
 pub mod state;
 pub mod theme;
@@ -22,5 +25,6 @@ pub use app::{App, Changes};
 pub use facts::{Facts, Statistics};
 pub use histogram::Histogram;
 pub use orbit::Orbit;
+pub use pick::Probe;
 pub use settings::Settings;
 pub use state::State;

@@ -209,6 +209,14 @@ pub struct Edited {
     distances: Vec<Distance>,
 }
 
+impl Edited {
+    /// Whether the list of objects is of the same fits and labels.
+    pub fn has_objects_of(&self, other: &Edited) -> bool {
+        let key = |o: &Object| (o.file, o.label);
+        self.objects.iter().map(key).eq(other.objects.iter().map(key))
+    }
+}
+
 impl SplatMode {
     /// All of them, in the order in which one steps through them.
     pub const ALL: [SplatMode; 3] = [SplatMode::Slab, SplatMode::Alpha, SplatMode::Exact];
@@ -246,21 +254,6 @@ impl Object {
     /// A fit or one of its labels, visible and as the transfer function shows it.
     pub fn new(file: usize, label: Option<u8>, name: impl Into<String>) -> Self {
         Object { file, label, name: name.into(), visible: true, tint: None, opacity: 1.0 }
-    }
-
-    /// The transfer function of this object alone: a tint keeps how bright the function is, not its hue.
-    ///
-    /// # Errors
-    /// As [`TransferFunction::new`].
-    pub fn seen_through(&self, transfer: &Transfer) -> Result<TransferFunction> {
-        let mut own = transfer.clone();
-        for point in &mut own.points {
-            point.opacity *= self.opacity;
-            if let Some(tint) = self.tint {
-                point.colour = tint * point.colour.max_element();
-            }
-        }
-        own.function()
     }
 }
 
@@ -340,14 +333,11 @@ impl State {
         }
     }
 
-    /// Brings back what was there. A list of objects of other files is left as it is.
+    /// Brings back what was there.
     pub fn restore(&mut self, edited: Edited) {
         let Edited { transfer, background, objects, clip, distances } = edited;
-        let keys = |rows: &[Object]| rows.iter().map(|o| (o.file, o.label)).collect::<Vec<_>>();
-        if keys(&objects) == keys(&self.objects) {
-            self.objects = objects;
-        }
-        (self.transfer, self.background, self.clip, self.distances) = (transfer, background, clip, distances);
+        (self.transfer, self.background, self.objects) = (transfer, background, objects);
+        (self.clip, self.distances) = (clip, distances);
     }
 
     /// Reads a session file. Paths in it that are not absolute begin at its folder.

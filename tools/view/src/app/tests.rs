@@ -1,4 +1,5 @@
-use egui::{Context, Event, Key, Modifiers, RawInput, Shape, pos2, vec2};
+use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
+use glam::DVec2;
 
 use super::*;
 use crate::orbit::Side;
@@ -300,4 +301,115 @@ fn nothing_changes_by_itself_and_no_window_is_too_small() {
         output.drop_without_applying_deltas();
         assert!(bench.app.aspect() > 0.0 && bench.app.camera().eye.is_finite());
     }
+}
+
+#[test]
+fn a_point_of_the_editor_is_dragged_and_undone() {
+    let mut bench = Bench::new();
+    let before = bench.app.state.transfer.clone();
+    let last = before.points.len() - 1;
+    // The points are the circles of the editor; the last one is drawn last.
+    let mut circles = bench.shapes.iter().filter_map(|clipped| match &clipped.shape {
+        Shape::Circle(circle) if circle.radius == 4.5 => Some(circle.center),
+        _ => None,
+    });
+    let at = circles.next_back().expect("points of the editor");
+    bench.drag(at, vec2(-10.0, 30.0), PointerButton::Primary, Modifiers::NONE);
+    let moved = bench.app.state.transfer.points[last];
+    assert!(moved.intensity < before.points[last].intensity && moved.opacity < before.points[last].opacity);
+    assert!(bench.app.take_changes().look);
+    bench.press(Key::Z, Modifiers::COMMAND);
+    assert_eq!(bench.app.state.transfer, before);
+    bench.press(Key::Y, Modifiers::COMMAND);
+    assert_eq!(bench.app.state.transfer.points[last], moved);
+}
+
+#[test]
+fn a_face_of_the_crop_box_is_dragged_in_the_picture() {
+    let mut bench = Bench::new();
+    bench.app.state.orbit.turn(30.0, 20.0);
+    bench.press(Key::X, Modifiers::NONE);
+    bench.press(Key::F, Modifiers::NONE);
+    let orbit = bench.app.state.orbit;
+    let on_screen = |bench: &Bench, x: DVec3| {
+        let (place, _) = orbit.seen(x, bench.app.aspect()).expect("before the eye");
+        let size = bench.app.picture().size();
+        bench.app.picture().min + vec2(place.x as f32 * size.x, place.y as f32 * size.y)
+    };
+    let from = on_screen(&bench, DVec3::new(-100.0, 0.0, 0.0));
+    let to = on_screen(&bench, DVec3::new(-40.0, 0.0, 0.0));
+    bench.drag(from, to - from, PointerButton::Primary, Modifiers::NONE);
+    assert_eq!(bench.app.state.orbit, orbit, "the camera stays");
+    let low = bench.app.state.clip.crop.expect("a box").low_mm;
+    assert!((low.x + 40.0).abs() < 0.1 && low.y == -100.0, "{low}");
+    assert!(bench.app.take_changes().look);
+    bench.press(Key::H, Modifiers::NONE);
+    bench.drag(to, from - to, PointerButton::Primary, Modifiers::NONE);
+    assert_ne!(bench.app.state.orbit, orbit, "without handles a drag turns");
+}
+
+#[test]
+fn the_line_of_the_split_follows_the_mouse() {
+    let mut bench = Bench::new();
+    bench.press(Key::B, Modifiers::NONE);
+    let picture = bench.app.picture();
+    let by = vec2(-0.25 * picture.width(), 0.0);
+    bench.drag(picture.center() + vec2(2.0, 80.0), by, PointerButton::Primary, Modifiers::NONE);
+    let split = bench.app.state.split.expect("both");
+    assert!((split - 0.25).abs() < 0.01, "{split}");
+    assert_eq!(bench.app.take_changes(), Changes { rendering: true, ..Changes::default() });
+    bench.find("volume");
+}
+
+#[test]
+fn letters_and_scale_are_over_the_picture() {
+    let mut bench = Bench::new();
+    bench.app.fit_soon();
+    bench.rest();
+    for letter in ["R", "L", "S", "I", "50 mm"] {
+        assert!(bench.app.picture().contains(bench.find(letter)), "{letter}");
+    }
+    bench.press(Key::A, Modifiers::NONE);
+    assert!(bench.find("L").x > bench.find("R").x, "the patient's left is at the right");
+    bench.press(Key::P, Modifiers::NONE);
+    assert!(bench.find("L").x < bench.find("R").x);
+}
+
+#[test]
+fn a_file_is_asked_for_and_written_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut bench = Bench::new();
+    bench.app.state.files.splats = vec![folder.path().join("a.ply")];
+    let path = folder.path().join("session.toml");
+    bench.press(Key::S, Modifiers::COMMAND);
+    let save = bench.find("Save");
+    bench.click(save);
+    assert_eq!(State::read(&path).expect("a session"), bench.app.state);
+    let written = std::fs::read(&path).expect("a file");
+    bench.press(Key::Escape, Modifiers::NONE);
+    bench.app.state.transfer.shift = 5.0;
+    // Enter does not replace what is there; the button says that it would.
+    bench.press(Key::S, Modifiers::COMMAND);
+    bench.press(Key::Enter, Modifiers::NONE);
+    assert_eq!(std::fs::read(&path).expect("a file"), written);
+    let replace = bench.find("Replace");
+    bench.click(replace);
+    assert_eq!(State::read(&path).expect("a session").transfer.shift, 5.0);
+    bench.press(Key::O, Modifiers::COMMAND);
+    bench.find("session.toml");
+    bench.press(Key::Escape, Modifiers::NONE);
+    assert!(bench.app.prompt.is_none());
+}
+
+#[test]
+fn opening_files_is_no_step_of_undo() {
+    let mut bench = Bench::new();
+    bench.press(Key::PageDown, Modifiers::NONE);
+    assert!(bench.app.history.can_undo());
+    bench.app.state.set_objects(vec![Object::new(0, None, "another fit")]);
+    bench.rest();
+    assert!(!bench.app.history.can_undo());
+    let transfer = bench.app.state.transfer.clone();
+    bench.press(Key::Z, Modifiers::COMMAND);
+    assert_eq!((bench.app.state.transfer.clone(), bench.app.state.objects.len()), (transfer, 1));
 }

@@ -66,11 +66,12 @@ fn a_plane_follows_the_cursor_along_its_normal() {
     let places = [place(&orbit, from), place(&orbit, target)];
     drag(&mut clip, Handle::Offset(0), BOUNDS, &orbit, ASPECT, places);
     assert!((clip.planes[0].offset_mm - 40.0).abs() < 1e-6, "{}", clip.planes[0].offset_mm);
-    // Looking along the normal there is no way to say how far.
+    // Looking along the normal, upwards is away from the viewer, which here is towards what stays.
     let mut front = orbit;
     front.look_from(Side::Anterior);
-    drag(&mut clip, Handle::Offset(0), BOUNDS, &front, ASPECT, [DVec2::splat(0.5), DVec2::splat(0.5001)]);
-    assert!((clip.planes[0].offset_mm - 40.0).abs() < 1e-6);
+    drag(&mut clip, Handle::Offset(0), BOUNDS, &front, ASPECT, [DVec2::splat(0.5), DVec2::new(0.5, 0.45)]);
+    let expected = 40.0 + 0.05 * front.height_mm();
+    assert!((clip.planes[0].offset_mm - expected).abs() < 1e-6, "{}", clip.planes[0].offset_mm);
 }
 
 #[test]

@@ -1,0 +1,190 @@
+//! What is painted over the picture: the patient's sides, the scale, distances, handles, the line of the split.
+
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
+use engine::image::{annotate::scale_bar, orientation_labels};
+use glam::{DVec2, DVec3};
+
+use crate::handles::{Handle, Placed, edges, handles, outline};
+use crate::orbit::Orbit;
+use crate::panels::status::Reading;
+use crate::state::{Clip, Distance, State};
+use crate::theme::{ACCENT, SIGNAL};
+
+/// Free space to the border of the picture, points of the screen.
+const MARGIN: f32 = 10.0;
+
+/// The picture that is painted over.
+pub struct Over<'a> {
+    /// Where it is painted.
+    pub painter: &'a Painter,
+    /// Where the picture is, points of the screen.
+    pub rect: Rect,
+    /// Its camera.
+    pub orbit: &'a Orbit,
+    /// Its width over its height.
+    pub aspect: f64,
+}
+
+impl Over<'_> {
+    /// The letters and the scale bar.
+    pub fn annotations(&self, state: &State, oriented: bool) {
+        if state.show.orientation && oriented {
+            self.letters();
+        }
+        if state.show.scale_bar {
+            self.scale();
+        }
+    }
+
+    /// The patient's sides at the four borders.
+    fn letters(&self) {
+        let [right, up, _] = self.orbit.axes();
+        let r = self.rect.shrink(MARGIN);
+        let places = [
+            (r.left_center(), Align2::LEFT_CENTER),
+            (r.right_center(), Align2::RIGHT_CENTER),
+            (r.center_top(), Align2::CENTER_TOP),
+            (r.center_bottom(), Align2::CENTER_BOTTOM),
+        ];
+        for (text, (at, align)) in orientation_labels(right, up).into_iter().zip(places) {
+            self.text(at, align, &text, 18.0, Color32::WHITE);
+        }
+    }
+
+    /// A bar of a round length, true at the depth of the pivot.
+    fn scale(&self) {
+        let mm_per_point = self.orbit.height_mm() / f64::from(self.rect.height());
+        let Some((length, text)) = scale_bar(mm_per_point, self.rect.width() as usize) else { return };
+        let from = self.rect.left_bottom() + vec2(MARGIN, -MARGIN);
+        let to = from + vec2(length as f32, 0.0);
+        for (stroke, ends) in
+            [(Stroke::new(4.0, Color32::BLACK), 1.0), (Stroke::new(2.0, Color32::WHITE), 0.0)]
+        {
+            let out = vec2(ends, 0.0);
+            self.painter.line_segment([from - out, to + out], stroke);
+            for end in [from, to] {
+                self.painter.line_segment([end, end - vec2(0.0, 6.0)], stroke);
+            }
+        }
+        self.text(from - vec2(0.0, 9.0), Align2::LEFT_BOTTOM, &text, 13.0, Color32::WHITE);
+    }
+
+    /// The line between splats and volume, with its grip and the names of both halves.
+    pub fn split(&self, share: f64) {
+        let x = self.rect.left() + share as f32 * self.rect.width();
+        self.painter.vline(x, self.rect.y_range(), Stroke::new(3.0, Color32::from_black_alpha(160)));
+        self.painter.vline(x, self.rect.y_range(), Stroke::new(1.0, Color32::WHITE));
+        self.painter.circle(
+            pos2(x, self.rect.center().y),
+            6.0,
+            Color32::WHITE,
+            Stroke::new(1.5, Color32::BLACK),
+        );
+        let y = self.rect.top() + MARGIN + 22.0;
+        self.text(pos2(x - MARGIN, y), Align2::RIGHT_TOP, "splats", 13.0, Color32::WHITE);
+        self.text(pos2(x + MARGIN, y), Align2::LEFT_TOP, "volume", 13.0, Color32::WHITE);
+    }
+
+    /// Lines that were measured, each with its length; and one that is begun, to where the cursor is.
+    pub fn distances(&self, distances: &[Distance], begun: Option<(DVec3, Option<DVec3>)>) {
+        for distance in distances {
+            self.distance(distance, Color32::WHITE);
+        }
+        match begun {
+            Some((from_mm, Some(to_mm))) => self.distance(&Distance { from_mm, to_mm }, SIGNAL),
+            Some((from_mm, None)) => self.cross(from_mm, SIGNAL),
+            None => {}
+        }
+    }
+
+    fn distance(&self, distance: &Distance, colour: Color32) {
+        let (Some(from), Some(to)) = (self.at(distance.from_mm), self.at(distance.to_mm)) else { return };
+        self.painter.line_segment([from, to], Stroke::new(3.0, Color32::from_black_alpha(180)));
+        self.painter.line_segment([from, to], Stroke::new(1.4, colour));
+        self.cross(distance.from_mm, colour);
+        self.cross(distance.to_mm, colour);
+        let middle = from + (to - from) * 0.5 + vec2(0.0, -6.0);
+        self.text(middle, Align2::CENTER_BOTTOM, &format!("{:.1} mm", distance.mm()), 13.0, colour);
+    }
+
+    fn cross(&self, x: DVec3, colour: Color32) {
+        let Some(at) = self.at(x) else { return };
+        for (width, colour) in [(3.0, Color32::BLACK), (1.4, colour)] {
+            for arm in [vec2(5.0, 0.0), vec2(0.0, 5.0)] {
+                self.painter.line_segment([at - arm, at + arm], Stroke::new(width, colour));
+            }
+        }
+    }
+
+    /// The outlines of planes and of the box, and their handles; the one under the cursor or in the hand is bright.
+    pub fn handles(&self, clip: &Clip, bounds: [DVec3; 2], bright: Option<Handle>) {
+        let thin = Stroke::new(1.0, ACCENT.gamma_multiply(0.7));
+        for plane in clip.planes.iter().filter(|plane| plane.on) {
+            let corners = outline(plane.normal, plane.offset_mm, bounds);
+            for (i, from) in corners.iter().enumerate() {
+                self.line(*from, corners[(i + 1) % corners.len()], thin);
+            }
+        }
+        for crop in clip.crop.iter().filter(|crop| crop.on) {
+            for [from, to] in edges([crop.low_mm, crop.high_mm]) {
+                self.line(from, to, thin);
+            }
+        }
+        let placed = handles(clip, bounds);
+        for pair in placed.windows(2) {
+            if let [Placed { handle: Handle::Offset(_), at_mm: foot }, Placed { at_mm: tip, .. }] = pair {
+                self.line(*foot, *tip, Stroke::new(2.0, ACCENT));
+            }
+        }
+        for Placed { handle, at_mm } in placed {
+            let Some(at) = self.at(at_mm) else { continue };
+            let fill = if bright == Some(handle) { SIGNAL } else { ACCENT };
+            let edge = Stroke::new(1.5, Color32::BLACK);
+            match handle {
+                Handle::Normal(_) => _ = self.painter.circle(at, 4.5, fill, edge),
+                Handle::Offset(_) => _ = self.painter.circle(at, 6.0, fill, edge),
+                Handle::Face { .. } => {
+                    let square = Rect::from_center_size(at, vec2(10.0, 10.0));
+                    self.painter.rect(square, 1.0, fill, edge, egui::StrokeKind::Outside);
+                }
+            }
+        }
+    }
+
+    /// What is under the cursor, beside it.
+    pub fn reading(&self, cursor: Pos2, reading: &Reading, unit: &str) {
+        let place = format!("({:.1}, {:.1}, {:.1}) mm", reading.at_mm.x, reading.at_mm.y, reading.at_mm.z);
+        let text = match reading.intensity {
+            Some(v) => format!("{v:.0}{unit}\n{place}"),
+            None => place,
+        };
+        self.text(cursor + vec2(14.0, 10.0), Align2::LEFT_TOP, &text, 12.0, SIGNAL);
+    }
+
+    /// Where a point (mm RAS) is on the screen; nothing behind the eye.
+    fn at(&self, x: DVec3) -> Option<Pos2> {
+        let (place, _) = self.orbit.seen(x, self.aspect)?;
+        let size = self.rect.size();
+        // Far outside of the screen numbers would run out in f32.
+        let DVec2 { x, y } = place.clamp(DVec2::splat(-1e3), DVec2::splat(1e3));
+        Some(self.rect.min + vec2(x as f32 * size.x, y as f32 * size.y))
+    }
+
+    fn line(&self, from: DVec3, to: DVec3, stroke: Stroke) {
+        if let (Some(from), Some(to)) = (self.at(from), self.at(to)) {
+            self.painter.line_segment([from, to], stroke);
+        }
+    }
+
+    /// Text with a dark outline: legible on any picture.
+    fn text(&self, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) {
+        let font = FontId::proportional(size);
+        let galley = self.painter.layout_no_wrap(text.to_owned(), font, colour);
+        let corner = align.anchor_size(at, galley.size()).min;
+        for (dx, dy) in [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)] {
+            let outline = egui::epaint::TextShape::new(corner + vec2(dx, dy), galley.clone(), Color32::BLACK);
+            self.painter.add(Shape::Text(outline.with_override_text_color(Color32::BLACK)));
+        }
+        self.painter.galley(corner, galley, colour);
+    }
+}

@@ -1,0 +1,193 @@
+//! The picture between the panels: what the mouse does in it, and what is painted over it.
+
+use egui::{CursorIcon, PointerButton, Pos2, Response, Sense, Ui};
+use glam::DVec2;
+
+use super::App;
+use crate::annotations::Over;
+use crate::facts::Facts;
+use crate::handles::{self, Handle};
+use crate::panels::status::Reading;
+use crate::state::{Distance, State};
+
+/// A drag across so many points of the screen turns by a degree.
+const POINTS_PER_DEGREE: f64 = 3.0;
+/// A drag across so many points changes the window by a factor of e.
+const POINTS_PER_E: f64 = 250.0;
+
+/// Handles are taken hold of from this far, points of the screen.
+const REACH: f32 = 9.0;
+/// The line of the split stays this share of the picture away from its borders.
+const SPLIT_EDGE: f64 = 0.02;
+/// What the mouse has taken hold of in the picture, other than the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Grip {
+    /// A handle of a clip plane or of the crop box.
+    Handle(Handle),
+    /// The line between splats and volume.
+    Split,
+}
+
+/// What is in the hand, and where the mouse was last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Held {
+    what: Grip,
+    at: Pos2,
+}
+
+impl App {
+    /// The picture's place, and the mouse in it.
+    pub(super) fn central(&mut self, ui: &mut Ui, facts: &Facts<'_>) {
+        let rect = ui.available_rect_before_wrap();
+        self.picture = rect;
+        self.pixels_per_point = ui.pixels_per_point();
+        if !(rect.width() >= 1.0 && rect.height() >= 1.0) {
+            return;
+        }
+        if let (true, Some(bounds)) = (self.fit, facts.bounds) {
+            self.state.orbit.fit(bounds, self.aspect());
+            self.fit = false;
+        }
+        let response = ui.allocate_rect(rect, Sense::click_and_drag());
+        let over = self.grip(ui, &response, facts);
+        if self.grip.is_none() {
+            self.lead(ui, &response);
+        }
+        self.point(&response, facts);
+        self.paint(ui, &response, facts, over);
+    }
+
+    /// Takes hold of handles and of the line of the split, and moves them. What is under the cursor or in the hand.
+    fn grip(&mut self, ui: &Ui, response: &Response, facts: &Facts<'_>) -> Option<Grip> {
+        let primary = PointerButton::Primary;
+        if response.drag_started_by(primary) && !ui.input(|i| i.modifiers.shift) {
+            // A drag is known as one only when the mouse has moved a little.
+            let origin = ui.input(|i| i.pointer.press_origin());
+            self.grip = origin.and_then(|at| Some(Held { what: self.grip_at(at, facts)?, at }));
+        }
+        if !response.dragged_by(primary) {
+            self.grip = None;
+        }
+        let held = self.grip.map(|held| held.what);
+        let over = held.or_else(|| response.hover_pos().and_then(|at| self.grip_at(at, facts)));
+        if over.is_some() {
+            let icon =
+                if over == Some(Grip::Split) { CursorIcon::ResizeHorizontal } else { CursorIcon::Grab };
+            ui.ctx().set_cursor_icon(icon);
+        }
+        let aspect = self.aspect();
+        let (Some(held), Some(at)) = (&mut self.grip, response.interact_pointer_pos()) else { return over };
+        let before = std::mem::replace(&mut held.at, at);
+        let what = held.what;
+        let places = [self.place(before), self.place(at)];
+        match (what, facts.bounds) {
+            (Grip::Split, _) => self.state.split = Some(places[1].x.clamp(SPLIT_EDGE, 1.0 - SPLIT_EDGE)),
+            (Grip::Handle(handle), Some(bounds)) => {
+                let State { clip, orbit, .. } = &mut self.state;
+                handles::drag(clip, handle, bounds, orbit, aspect, places);
+            }
+            (Grip::Handle(_), None) => {}
+        }
+        over
+    }
+
+    /// What there is to take hold of at a place of the screen.
+    fn grip_at(&self, at: Pos2, facts: &Facts<'_>) -> Option<Grip> {
+        let place = self.place(at);
+        let size = self.picture.size();
+        let reach = f64::from(REACH / size.y);
+        let State { clip, orbit, show, split, .. } = &self.state;
+        if let (true, Some(bounds)) = (show.handles, facts.bounds) {
+            let placed = handles::handles(clip, bounds);
+            if let Some(handle) = handles::hit(&placed, orbit, self.aspect(), place, reach) {
+                return Some(Grip::Handle(handle));
+            }
+        }
+        let near = |split: f64| (place.x - split).abs() * f64::from(size.x) < f64::from(REACH);
+        split.is_some_and(near).then_some(Grip::Split)
+    }
+
+    /// What is painted over the picture.
+    fn paint(&self, ui: &Ui, response: &Response, facts: &Facts<'_>, over: Option<Grip>) {
+        let Some(bounds) = facts.bounds else { return };
+        let state = &self.state;
+        let painter = ui.painter_at(self.picture);
+        let paint =
+            Over { painter: &painter, rect: self.picture, orbit: &state.orbit, aspect: self.aspect() };
+        if state.show.handles {
+            let bright =
+                over.and_then(|grip| if let Grip::Handle(handle) = grip { Some(handle) } else { None });
+            paint.handles(&state.clip, bounds, bright);
+        }
+        if let Some(split) = state.split {
+            paint.split(split);
+        }
+        paint.annotations(state, facts.oriented);
+        let begun = self.measuring.flatten().map(|from| (from, self.reading.map(|r| r.at_mm)));
+        paint.distances(&state.distances, begun);
+        if let (Some(_), Some(reading), Some(cursor)) = (self.measuring, &self.reading, response.hover_pos())
+        {
+            paint.reading(cursor, reading, facts.unit);
+        }
+    }
+
+    /// Fractions of the picture from its upper left corner.
+    fn place(&self, at: Pos2) -> DVec2 {
+        let size = self.picture.size();
+        let from = at - self.picture.min;
+        DVec2::new(f64::from(from.x / size.x), f64::from(from.y / size.y))
+    }
+
+    /// Turns, moves and zooms the camera; window and level.
+    fn lead(&mut self, ui: &Ui, response: &Response) {
+        let aspect = self.aspect();
+        let by = response.drag_delta();
+        let (x, y) = (f64::from(by.x), f64::from(by.y));
+        let size = self.picture.size();
+        let shift = ui.input(|i| i.modifiers.shift);
+        if response.dragged_by(PointerButton::Middle)
+            || (shift && response.dragged_by(PointerButton::Primary))
+        {
+            let by = DVec2::new(x / f64::from(size.x), y / f64::from(size.y));
+            self.state.orbit.pan(by, aspect);
+        } else if response.dragged_by(PointerButton::Primary) {
+            self.state.orbit.turn(-x / POINTS_PER_DEGREE, y / POINTS_PER_DEGREE);
+        } else if response.dragged_by(PointerButton::Secondary) && by != egui::Vec2::ZERO {
+            let [low, high] = self.state.transfer.window();
+            let (width, level) = (high - low, (low + high) * 0.5);
+            let half = 0.5 * width * (x / POINTS_PER_E).exp();
+            let level = level - width * y / POINTS_PER_E;
+            self.state.transfer.set_window([level - half, level + half]);
+        }
+        if let Some(at) = response.hover_pos() {
+            let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));
+            let factor = (-f64::from(scroll) / POINTS_PER_E).exp() / f64::from(pinch);
+            if factor != 1.0 {
+                self.state.orbit.zoom(factor, self.place(at), aspect);
+            }
+        }
+    }
+
+    /// Reads what is under the cursor, measures, and moves the pivot.
+    fn point(&mut self, response: &Response, facts: &Facts<'_>) {
+        let aspect = self.aspect();
+        let hit = |at: Pos2| {
+            let place = self.place(at);
+            (facts.depth)(place).map(|depth| self.state.orbit.at_depth(place, depth, aspect))
+        };
+        let under = response.hover_pos().and_then(hit);
+        self.reading = under.map(|at_mm| Reading { at_mm, intensity: (facts.sample)(at_mm) });
+        let Some(at_mm) = under else { return };
+        if let (Some(first), true) = (self.measuring, response.clicked()) {
+            match first {
+                None => self.measuring = Some(Some(at_mm)),
+                Some(from_mm) => {
+                    self.state.distances.push(Distance { from_mm, to_mm: at_mm });
+                    self.measuring = Some(None);
+                }
+            }
+        } else if response.double_clicked() {
+            self.state.orbit.pivot_mm = at_mm;
+        }
+    }
+}

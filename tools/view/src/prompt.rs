@@ -1,0 +1,263 @@
+//! Asks for a file: what is to be done with it, its path, and what lies in its folder.
+
+use std::path::{Path, PathBuf};
+
+use egui::{Context, DragValue, Id, Key, Modal, ScrollArea, TextEdit, Ui};
+
+use crate::actions::Action;
+use crate::panels::row;
+use crate::state::Files;
+
+/// Most entries of a folder that are listed.
+const MOST: usize = 500;
+/// Pictures are at most so many pixels wide or high: what every device can render.
+const WIDEST: u32 = 8192;
+
+/// What a file is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// To be opened.
+    Open,
+    /// To hold the session.
+    Save,
+    /// To hold a picture.
+    Screenshot,
+    /// To hold a turntable.
+    Record,
+    /// To take a transfer function from.
+    Transfer,
+    /// To hold the transfer function.
+    SaveTransfer,
+}
+
+impl Purpose {
+    /// Title, the button that does it, and the endings of names that are listed.
+    fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
+        let data: &[&str] = &[".ply", ".toml", ".nii", ".nii.gz", ".hdr", ".img", ".inv3"];
+        match self {
+            Purpose::Open => ("Open splats, a volume, a mask or a session", "Open", data),
+            Purpose::Save => ("Save the session", "Save", &[".toml"]),
+            Purpose::Screenshot => ("Screenshot", "Write", &[".png", ".exr"]),
+            Purpose::Record => ("Record a turntable", "Record", &[".png"]),
+            Purpose::Transfer => {
+                ("Open a transfer function", "Open", &[".vp.json", ".json", ".xml", ".mrml", ".vp"])
+            }
+            Purpose::SaveTransfer => ("Save the transfer function", "Save", &[".vp.json"]),
+        }
+    }
+
+    /// Whether the file is written.
+    fn writes(self) -> bool {
+        !matches!(self, Purpose::Open | Purpose::Transfer)
+    }
+
+    /// What a new file is called at first.
+    fn suggestion(self) -> &'static str {
+        match self {
+            Purpose::Open | Purpose::Transfer => "",
+            Purpose::Save => "session.toml",
+            Purpose::Screenshot => "picture.png",
+            Purpose::Record => "turntable.png",
+            Purpose::SaveTransfer => "transfer.vp.json",
+        }
+    }
+}
+
+/// A question for a file that is open.
+#[derive(Clone, Debug)]
+pub struct Prompt {
+    /// What for.
+    purpose: Purpose,
+    path: String,
+    size: [u32; 2],
+    frames: u32,
+    /// The folder that was listed last, and what is in it: names, folders with a slash.
+    listed: Option<(PathBuf, Vec<String>)>,
+}
+
+/// What became of a question.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answer {
+    /// It is still open.
+    Open,
+    /// Nothing is to be done.
+    Cancelled,
+    /// This is to be done.
+    Do(Action),
+}
+
+impl Prompt {
+    /// Asks, first in the folder of the files that are open, for a picture of `size` pixels.
+    pub fn new(purpose: Purpose, files: &Files, size: [u32; 2]) -> Self {
+        let near = files.splats.first().or(files.volume.as_ref()).and_then(|p| p.parent());
+        let folder = near.filter(|p| p.is_dir()).map_or_else(std::env::current_dir, |p| Ok(p.to_owned()));
+        let path = folder.unwrap_or_default().join(purpose.suggestion()).to_string_lossy().into_owned();
+        Prompt { purpose, path, size, frames: 120, listed: None }
+    }
+
+    /// Shows the question.
+    pub fn show(&mut self, context: &Context) -> Answer {
+        let modal = Modal::new(Id::new("prompt")).show(context, |ui| {
+            ui.set_width(560.0);
+            self.content(ui)
+        });
+        if modal.inner == Answer::Open && modal.should_close() { Answer::Cancelled } else { modal.inner }
+    }
+
+    fn content(&mut self, ui: &mut Ui) -> Answer {
+        let (title, word, endings) = self.purpose.words();
+        ui.heading(title);
+        let id = ui.make_persistent_id("path");
+        let first = ui.data(|data| data.get_temp::<bool>(id).is_none());
+        let field = ui.add(TextEdit::singleline(&mut self.path).id(id).desired_width(f32::INFINITY));
+        if first {
+            ui.data_mut(|data| data.insert_temp(id, true));
+            field.request_focus();
+        }
+        let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
+        let double = self.list(ui, endings);
+        if matches!(self.purpose, Purpose::Screenshot | Purpose::Record) {
+            self.sizes(ui);
+        }
+        let path = PathBuf::from(&self.path);
+        let there = path.is_file();
+        let force = there && self.purpose.writes();
+        let good = if self.purpose.writes() { path.file_name().is_some() && !path.is_dir() } else { there };
+        let mut answer = Answer::Open;
+        ui.horizontal(|ui| {
+            let word = if force { "Replace" } else { word };
+            let done = ui.add_enabled(good, egui::Button::new(word)).clicked();
+            // A file that would be lost is replaced by a click alone.
+            if done || (good && !force && (entered || double)) {
+                answer = Answer::Do(self.action(path.clone(), force));
+            }
+            if ui.button("Cancel").clicked() {
+                answer = Answer::Cancelled;
+            }
+            if force {
+                ui.colored_label(crate::theme::SIGNAL, "the file exists");
+            } else if !good && !self.path.is_empty() && !path.is_dir() {
+                ui.weak("there is no such file");
+            }
+        });
+        if answer != Answer::Open {
+            ui.data_mut(|data| data.remove::<bool>(id));
+        }
+        answer
+    }
+
+    /// What lies in the folder; whether a file was double clicked.
+    fn list(&mut self, ui: &mut Ui, endings: &[&str]) -> bool {
+        let path = PathBuf::from(&self.path);
+        let folder =
+            if path.is_dir() { path.clone() } else { path.parent().map(Path::to_owned).unwrap_or_default() };
+        if self.listed.as_ref().is_none_or(|(listed, _)| *listed != folder) {
+            self.listed = Some((folder.clone(), entries(&folder, endings)));
+        }
+        let Some((_, names)) = &self.listed else { return false };
+        let (mut chosen, mut double) = (None, false);
+        ScrollArea::vertical().max_height(220.0).auto_shrink([false, true]).show(ui, |ui| {
+            for name in std::iter::once("../").chain(names.iter().map(String::as_str)) {
+                let here = path.file_name().is_some_and(|own| own.to_string_lossy() == name);
+                let entry = ui.selectable_label(here, name);
+                if entry.clicked() || entry.double_clicked() {
+                    chosen = Some(name.to_owned());
+                    double = entry.double_clicked() && !name.ends_with('/');
+                }
+            }
+        });
+        if let Some(name) = chosen {
+            let next = match name.as_str() {
+                "../" => folder.parent().map_or(folder.clone(), Path::to_owned),
+                _ => folder.join(name.trim_end_matches('/')),
+            };
+            let keep = self.purpose.writes() && name.ends_with('/');
+            let next = if keep { next.join(path.file_name().unwrap_or_default()) } else { next };
+            self.path = next.to_string_lossy().into_owned();
+        }
+        double
+    }
+
+    fn sizes(&mut self, ui: &mut Ui) {
+        row(ui, "Size", "width and height of the picture", |ui| {
+            for side in &mut self.size {
+                ui.add(DragValue::new(side).range(16..=WIDEST).suffix(" px"));
+            }
+            for (text, size) in [("1080p", [1920, 1080]), ("4K", [3840, 2160]), ("square", [2048, 2048])] {
+                if ui.small_button(text).on_hover_text(format!("{} × {}", size[0], size[1])).clicked() {
+                    self.size = size;
+                }
+            }
+        });
+        if self.purpose == Purpose::Record {
+            row(ui, "Frames", "of the full turn", |ui| {
+                ui.add(DragValue::new(&mut self.frames).range(2..=3600))
+            });
+        }
+    }
+
+    fn action(&self, path: PathBuf, force: bool) -> Action {
+        let Prompt { size, frames, .. } = *self;
+        match self.purpose {
+            Purpose::Open => Action::Open(vec![path]),
+            Purpose::Save => Action::Save { path, force },
+            Purpose::Screenshot => Action::Screenshot { path, size, force },
+            Purpose::Record => Action::Record { path, size, frames, force },
+            Purpose::Transfer => Action::Transfer(path.to_string_lossy().into_owned()),
+            Purpose::SaveTransfer => Action::SaveTransfer { path, force },
+        }
+    }
+}
+
+/// Folders, with a slash, and files with one of these endings, in order; nothing hidden, nothing of what cannot be read.
+fn entries(folder: &Path, endings: &[&str]) -> Vec<String> {
+    let Ok(found) = std::fs::read_dir(folder) else { return Vec::new() };
+    let name = |entry: std::fs::DirEntry| {
+        let name = entry.file_name().into_string().ok().filter(|name| !name.starts_with('.'))?;
+        let lower = name.to_lowercase();
+        // Of a link what it leads to.
+        if entry.path().is_dir() {
+            Some((0, format!("{name}/")))
+        } else {
+            endings.iter().any(|end| lower.ends_with(end)).then_some((1, name))
+        }
+    };
+    let mut names: Vec<_> = found.flatten().filter_map(name).collect();
+    names.sort();
+    names.into_iter().take(MOST).map(|(_, name)| name).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_come_first_and_only_what_can_be_opened() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["b.PLY", "a.nii.gz", "notes.txt", ".hidden.ply"] {
+            std::fs::write(folder.path().join(name), "").expect("a file");
+        }
+        std::fs::create_dir(folder.path().join("z")).expect("a folder");
+        let (_, _, endings) = Purpose::Open.words();
+        assert_eq!(entries(folder.path(), endings), ["z/", "a.nii.gz", "b.PLY"]);
+        assert!(entries(&folder.path().join("none"), endings).is_empty());
+    }
+
+    #[test]
+    fn an_answer_is_the_action_of_its_purpose() {
+        let prompt = |purpose| Prompt::new(purpose, &Files::default(), [640, 480]);
+        let path = PathBuf::from("x");
+        let size = [640, 480];
+        for (purpose, expected) in [
+            (Purpose::Open, Action::Open(vec![path.clone()])),
+            (Purpose::Save, Action::Save { path: path.clone(), force: true }),
+            (Purpose::Screenshot, Action::Screenshot { path: path.clone(), size, force: true }),
+            (Purpose::Record, Action::Record { path: path.clone(), size, frames: 120, force: true }),
+            (Purpose::Transfer, Action::Transfer("x".into())),
+            (Purpose::SaveTransfer, Action::SaveTransfer { path: path.clone(), force: true }),
+        ] {
+            assert_eq!(prompt(purpose).action(path.clone(), true), expected);
+        }
+        assert!(prompt(Purpose::Save).path.ends_with("session.toml"));
+    }
+}
