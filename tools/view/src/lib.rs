@@ -3,6 +3,8 @@
 //! What is shown is plain data ([`State`], the session file); panels draw it into any [`egui::Ui`] and change it, and know
 //! neither windows nor the device. [`App`] puts them together.
 
+#![forbid(unsafe_code)]
+
 pub mod actions;
 pub mod annotations;
 pub mod app;
