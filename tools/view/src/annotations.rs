@@ -103,8 +103,14 @@ impl Over<'_> {
         self.painter.line_segment([from, to], Stroke::new(1.4, colour));
         self.cross(distance.from_mm, colour);
         self.cross(distance.to_mm, colour);
-        let middle = from + (to - from) * 0.5 + vec2(0.0, -6.0);
-        self.text(middle, Align2::CENTER_BOTTOM, &format!("{:.1} mm", distance.mm()), 13.0, colour);
+        let middle = from + (to - from) * 0.5;
+        // On the side of the line where it does not run into the text.
+        let falls = (to.x - from.x) * (to.y - from.y) > 0.0;
+        let (at, align) = match falls {
+            true => (middle + vec2(6.0, -3.0), Align2::LEFT_BOTTOM),
+            false => (middle + vec2(6.0, 3.0), Align2::LEFT_TOP),
+        };
+        self.text(at, align, &format!("{:.1} mm", distance.mm()), 13.0, colour);
     }
 
     fn cross(&self, x: DVec3, colour: Color32) {

@@ -1,21 +1,73 @@
 //! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor.
 
 use engine::splat::{Activations, Field, Splat, SplatSet};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, UVec3};
 
-/// The field of a splat set at single points. Splats are listed by slabs across the set's longest axis, so that a point asks
-/// only those whose boxes may hold it.
+/// Most cells of the grid.
+const MOST_CELLS: f64 = 4e6;
+/// Splats that reach more cells than this are asked at every point instead.
+const FEW: usize = 64;
+
+/// The field of a splat set at single points. Splats are listed by the cells of a grid, so that a point asks only those whose
+/// boxes may hold it.
 pub struct Probe {
     field: Field,
     origin: DVec3,
     splats: Vec<Ellipsoid>,
-    /// The axis that slabs lie across, where the first begins, and how thick they are, mm.
-    axis: usize,
-    first: f64,
-    thickness: f64,
-    /// Where the splats of each slab begin in `listed`; one more than there are slabs.
+    grid: Grid,
+    /// Where the splats of each cell begin in `listed`; one more than there are cells.
     starts: Vec<u32>,
     listed: Vec<u32>,
+    /// Those that reach many cells.
+    large: Vec<u32>,
+}
+
+/// Cells over the box of a set, x fastest.
+struct Grid {
+    low: DVec3,
+    /// Edges of a cell, mm.
+    edge: DVec3,
+    size: UVec3,
+}
+
+impl Grid {
+    /// Cells twice as large as the mean splat, so that most splats reach a few.
+    fn over(splats: &[Ellipsoid]) -> Self {
+        let count = splats.len().max(1) as f64;
+        let mut mean = DVec3::ZERO;
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for s in splats {
+            mean += s.reach * (2.0 / count);
+            (low, high) = (low.min(s.mean - s.reach), high.max(s.mean + s.reach));
+        }
+        let extent = if splats.is_empty() { DVec3::ZERO } else { high - low };
+        let mut edge = (2.0 * mean).max(DVec3::splat(f64::MIN_POSITIVE));
+        let cells = (extent / edge + 1.0).element_product();
+        if cells > MOST_CELLS {
+            edge = edge.max(extent / MOST_CELLS.cbrt().floor());
+        }
+        Grid { low, edge, size: (extent / edge).floor().as_uvec3() + 1 }
+    }
+
+    fn len(&self) -> usize {
+        self.size.element_product() as usize
+    }
+
+    /// The cell of a point; beyond the grid the nearest one.
+    fn cell(&self, x: DVec3) -> UVec3 {
+        ((x - self.low) / self.edge).floor().max(DVec3::ZERO).as_uvec3().min(self.size - 1)
+    }
+
+    fn index(&self, cell: UVec3) -> usize {
+        ((cell.z * self.size.y + cell.y) * self.size.x + cell.x) as usize
+    }
+
+    /// The cells that a splat's box reaches.
+    fn reached(&self, splat: &Ellipsoid) -> impl Iterator<Item = usize> {
+        let [from, to] = [splat.mean - splat.reach, splat.mean + splat.reach].map(|x| self.cell(x));
+        let row = move |y, z| (from.x..=to.x).map(move |x| self.index(UVec3::new(x, y, z)));
+        (from.z..=to.z).flat_map(move |z| (from.y..=to.y).flat_map(move |y| row(y, z)))
+    }
 }
 
 /// A splat as the field needs it.
@@ -45,70 +97,46 @@ impl Probe {
     /// Of a set; its splats are copied.
     pub fn new(set: &SplatSet) -> Self {
         let splats: Vec<Ellipsoid> = set.splats.iter().map(|s| ellipsoid(s, &set.field)).collect();
-        let (low, high) = splats.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), s| {
-            (low.min(s.mean - s.reach), high.max(s.mean + s.reach))
-        });
-        let extent = if splats.is_empty() { DVec3::ONE } else { high - low };
-        let axis = extent.max_position();
-        // As thick as the mean splat is long: then a splat is listed about twice.
-        let mean = splats.iter().map(|s| 2.0 * s.reach[axis]).sum::<f64>() / splats.len().max(1) as f64;
-        let thickness = mean.max(extent[axis] / 65536.0).max(f64::MIN_POSITIVE);
-        let mut probe = Probe {
-            field: set.field,
-            origin: set.origin_mm,
-            splats,
-            axis,
-            first: low[axis],
-            thickness,
-            starts: Vec::new(),
-            listed: Vec::new(),
-        };
-        probe.list((extent[axis] / thickness) as usize + 1);
-        probe
-    }
-
-    /// Lists the splats by slabs: counts, prefix sums, then the splats themselves.
-    fn list(&mut self, slabs: usize) {
-        let spans: Vec<[usize; 2]> = self
-            .splats
-            .iter()
-            .map(|s| {
-                let end = |x: f64| self.slab(x).min(slabs - 1);
-                let (mean, reach) = (s.mean[self.axis], s.reach[self.axis]);
-                [end(mean - reach), end(mean + reach)]
-            })
-            .collect();
-        let mut starts = vec![0u32; slabs + 1];
-        spans.iter().flat_map(|&[from, to]| from..=to).for_each(|slab| starts[slab + 1] += 1);
-        for i in 0..slabs {
+        let grid = Grid::over(&splats);
+        // Counts, prefix sums, then the splats themselves.
+        let mut starts = vec![0u32; grid.len() + 1];
+        let mut large = Vec::new();
+        for (i, splat) in splats.iter().enumerate() {
+            if grid.reached(splat).nth(FEW).is_some() {
+                large.push(i as u32);
+            } else {
+                grid.reached(splat).for_each(|cell| starts[cell + 1] += 1);
+            }
+        }
+        for i in 0..grid.len() {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut listed = vec![0; starts[slabs] as usize];
-        for (i, &[from, to]) in spans.iter().enumerate() {
-            for slab in from..=to {
-                listed[next[slab] as usize] = i as u32;
-                next[slab] += 1;
+        let mut listed = vec![0; starts[grid.len()] as usize];
+        let mut is_large = large.iter().copied().peekable();
+        for (i, splat) in splats.iter().enumerate() {
+            if is_large.next_if_eq(&(i as u32)).is_some() {
+                continue;
+            }
+            for cell in grid.reached(splat) {
+                listed[next[cell] as usize] = i as u32;
+                next[cell] += 1;
             }
         }
-        (self.starts, self.listed) = (starts, listed);
-    }
-
-    /// The slab of a place along the axis; beyond the last one a greater number.
-    fn slab(&self, x: f64) -> usize {
-        ((x - self.first) / self.thickness).max(0.0) as usize
+        Probe { field: set.field, origin: set.origin_mm, splats, grid, starts, listed, large }
     }
 
     /// The field at a point, mm RAS; nothing where no splat reaches.
     pub fn at(&self, x_mm: DVec3) -> Option<Reading> {
         let x = x_mm - self.origin;
-        if !x.is_finite() || x[self.axis] < self.first {
+        if !x.is_finite() || self.splats.is_empty() {
             return None;
         }
-        let slab = self.slab(x[self.axis]);
-        let [from, to] = [*self.starts.get(slab)?, *self.starts.get(slab + 1)?];
+        // A point beyond the grid asks the nearest cell, whose splats do not reach it.
+        let cell = self.grid.index(self.grid.cell(x));
+        let [from, to] = [self.starts[cell], self.starts[cell + 1]];
         let (mut weight, mut sum) = (0.0, 0.0);
-        for &i in &self.listed[from as usize..to as usize] {
+        for &i in self.listed[from as usize..to as usize].iter().chain(&self.large) {
             let splat = &self.splats[i as usize];
             if (x - splat.mean).abs().cmple(splat.reach).all() {
                 let q = (splat.whitening * (x - splat.mean)).length_squared();
@@ -222,10 +250,11 @@ mod tests {
     #[test]
     fn splats_are_listed_a_few_times() {
         let mut set = set(Kernel::Compact, 3000);
-        // One that reaches through all slabs, as a fit may have.
+        // One that reaches through all cells, as a fit may have.
         set.splats[0].set_scale([300.0; 3]);
         let probe = Probe::new(&set);
-        assert!(probe.listed.len() < 4 * set.splats.len(), "{}", probe.listed.len());
-        assert!(probe.starts.len() > 20);
+        assert_eq!(probe.large, [0]);
+        let most = probe.starts.windows(2).map(|w| w[1] - w[0]).max().unwrap_or(0) as usize;
+        assert!(probe.listed.len() < 8 * set.splats.len() && most < set.splats.len() / 5, "{most}");
     }
 }

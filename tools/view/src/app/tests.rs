@@ -413,3 +413,30 @@ fn opening_files_is_no_step_of_undo() {
     bench.press(Key::Z, Modifiers::COMMAND);
     assert_eq!((bench.app.state.transfer.clone(), bench.app.state.objects.len()), (transfer, 1));
 }
+
+#[test]
+fn all_letters_can_be_drawn() {
+    let mut bench = Bench::new();
+    bench.app.state.objects[1].visible = false;
+    for action in [Action::ToggleKeys, Action::ToggleOverlay, Action::Clip, Action::Crop, Action::AskRecord] {
+        bench.app.act(action, &Facts::default());
+    }
+    bench.rest();
+    let texts: Vec<_> = bench
+        .shapes
+        .iter()
+        .filter_map(|clipped| match &clipped.shape {
+            Shape::Text(shape) => Some(shape.galley.job.clone()),
+            _ => None,
+        })
+        .collect();
+    assert!(texts.len() > 60, "{} texts", texts.len());
+    for job in texts {
+        // The families share all fonts beyond ASCII.
+        let font = egui::FontId::default();
+        let drawn = job.text.chars().filter(|c| !c.is_ascii());
+        let missing: String =
+            bench.context.fonts_mut(|fonts| drawn.filter(|c| !fonts.has_glyph(&font, *c)).collect());
+        assert!(missing.is_empty(), "{missing:?} of {:?}", job.text);
+    }
+}

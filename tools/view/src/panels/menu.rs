@@ -71,7 +71,19 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
                 item(ui, true, action, actions);
             }
         });
+        ui.separator();
+        plain(ui, "Undo", menus.can_undo, Action::Undo, actions);
+        plain(ui, "Redo", menus.can_redo, Action::Redo, actions);
     });
+}
+
+/// A button without a frame, explained by the table of keys.
+fn plain(ui: &mut Ui, text: &str, enabled: bool, action: Action, actions: &mut Vec<Action>) {
+    let button = ui.add_enabled(enabled, Button::new(text).frame(false));
+    if button.clicked() {
+        actions.push(action.clone());
+    }
+    super::explained(ui, button, &action);
 }
 
 /// A row of a menu, as the table of keys names it.

@@ -74,7 +74,7 @@ fn point(ui: &mut Ui, state: &mut State, editor: &mut Editor, facts: &Facts<'_>)
         if minus.on_hover_text("remove the chosen point (Delete); two stay").clicked() {
             editor.remove(transfer);
         }
-        if ui.button("↔").on_hover_text("all intensities in view; the wheel zooms").clicked() {
+        if ui.button("All").on_hover_text("all intensities in view; the wheel zooms").clicked() {
             editor.view_all();
         }
         let Some(index) = editor.selected(transfer) else {
