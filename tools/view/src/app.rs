@@ -168,8 +168,9 @@ impl App {
         self.frame(ui, facts, &mut actions);
         let context = ui.ctx().clone();
         self.windows(&context, facts, &mut actions);
-        // Widgets have taken what is theirs by now.
-        if !context.text_edit_focused() {
+        // Widgets have taken what is theirs by now, and a question has to be answered first.
+        let asks = self.prompt.is_some() || !self.settings.notice_seen;
+        if !asks && !context.text_edit_focused() {
             let focus = context.egui_wants_keyboard_input();
             actions.extend(context.input_mut(|i| pressed(i, focus)));
         }
@@ -318,7 +319,7 @@ impl App {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.sections(ui, facts, actions));
             });
         }
-        CentralPanel::no_frame().show(ui, |ui| self.central(ui, facts));
+        CentralPanel::no_frame().show(ui, |ui| self.central(ui, facts, actions));
     }
 
     fn sections(&mut self, ui: &mut Ui, facts: &Facts<'_>, actions: &mut Vec<Action>) {
@@ -346,6 +347,9 @@ impl App {
                     actions.push(action);
                 }
             }
+        }
+        if context.input(|i| !i.raw.hovered_files.is_empty()) {
+            panels::welcome::hovered(context, self.picture);
         }
         if self.state.show.overlay {
             panels::overlay::show(context, self.picture, facts, self.state.quality.target_frame_ms);

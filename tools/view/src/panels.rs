@@ -11,6 +11,7 @@ pub mod overlay;
 pub mod quality;
 pub mod status;
 pub mod transfer;
+pub mod welcome;
 
 use egui::{Align, Color32, Layout, Response, Ui, WidgetText};
 use glam::DVec3;

@@ -4,10 +4,11 @@ use egui::{CursorIcon, PointerButton, Pos2, Response, Sense, Ui};
 use glam::DVec2;
 
 use super::App;
+use crate::actions::Action;
 use crate::annotations::Over;
 use crate::facts::Facts;
 use crate::handles::{self, Handle};
-use crate::panels::status::Reading;
+use crate::panels::{self, status::Reading};
 use crate::state::{Distance, State};
 
 /// A drag across so many points of the screen turns by a degree.
@@ -37,11 +38,18 @@ pub(super) struct Held {
 
 impl App {
     /// The picture's place, and the mouse in it.
-    pub(super) fn central(&mut self, ui: &mut Ui, facts: &Facts<'_>) {
+    pub(super) fn central(&mut self, ui: &mut Ui, facts: &Facts<'_>, actions: &mut Vec<Action>) {
         let rect = ui.available_rect_before_wrap();
         self.picture = rect;
         self.pixels_per_point = ui.pixels_per_point();
         if !(rect.width() >= 1.0 && rect.height() >= 1.0) {
+            return;
+        }
+        if facts.bounds.is_none() {
+            self.reading = None;
+            if facts.progress.is_none() {
+                panels::welcome::show(ui, rect, &self.settings.recent, actions);
+            }
             return;
         }
         if let (true, Some(bounds)) = (self.fit, facts.bounds) {

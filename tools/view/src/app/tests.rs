@@ -272,6 +272,35 @@ fn the_notice_is_shown_until_it_is_read() {
 }
 
 #[test]
+fn a_question_is_answered_before_keys_count() {
+    let mut bench = Bench::new();
+    bench.app.settings.notice_seen = false;
+    bench.press(Key::L, Modifiers::NONE);
+    assert_eq!(bench.app.state.orbit.azimuth_deg, 0.0);
+    bench.app.settings.notice_seen = true;
+    bench.press(Key::L, Modifiers::NONE);
+    assert_eq!(bench.app.state.orbit.azimuth_deg, 90.0);
+}
+
+#[test]
+fn where_nothing_is_open_recent_files_are_offered() {
+    let mut bench = Bench::new();
+    bench.app.settings.recent = vec!["/data/heart.ply".into()];
+    let mut shapes = Vec::new();
+    for _ in 0..2 {
+        let input = RawInput { screen_rect: Some(SCREEN), ..RawInput::default() };
+        let output = bench.context.run_ui(input, |ui| {
+            bench.app.ui(ui, &Facts::default());
+        });
+        shapes.clone_from(&output.shapes);
+        output.drop_without_applying_deltas();
+    }
+    bench.shapes = shapes;
+    assert!(bench.app.picture().contains(bench.find("heart.ply")));
+    bench.find("Nothing is open");
+}
+
+#[test]
 fn what_fails_is_said() {
     let mut bench = Bench::new();
     bench.app.act(Action::Transfer("no such thing".into()), &Facts::default());
