@@ -1,1 +1,4 @@
 //! The desktop viewer.
+
+pub mod composer;
+pub mod painter;
