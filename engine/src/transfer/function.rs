@@ -1,6 +1,7 @@
 //! A transfer function: control points, and the lines between them.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Kind, Result};
 
@@ -30,7 +31,8 @@ pub struct OpacityPoint {
 }
 
 /// How a surface answers to light, as in VTK and Slicer (Blinn-Phong).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Material {
     /// Whether there is shading at all; without it colours appear as they are.
     pub shade: bool,

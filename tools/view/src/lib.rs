@@ -1,4 +1,29 @@
 //! The desktop viewer.
+//!
+//! What is shown is plain data ([`State`], the session file); panels draw it into any [`egui::Ui`] and change it, and know
+//! neither windows nor the device. [`App`] puts them together.
+#![forbid(unsafe_code)]
 
+pub mod actions;
+pub mod app;
 pub mod composer;
+pub mod editor;
+pub mod facts;
+pub mod handles;
+pub mod histogram;
+pub mod history;
+pub mod orbit;
 pub mod painter;
+pub mod panels;
+pub mod settings;
+pub mod state;
+pub mod theme;
+pub mod transfer;
+
+pub use actions::Action;
+pub use app::{App, Changes};
+pub use facts::{Facts, Statistics};
+pub use histogram::Histogram;
+pub use orbit::Orbit;
+pub use settings::Settings;
+pub use state::State;

@@ -1,0 +1,236 @@
+//! Everything that can be asked of the viewer, by a key, a menu or a script.
+
+use std::path::PathBuf;
+
+use egui::{Key, KeyboardShortcut, Modifiers};
+
+use crate::orbit::Side;
+
+/// What is asked for. [`crate::App::act`] does what concerns the state, and hands on what concerns files and the window.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Asks for a file to open.
+    AskOpen,
+    /// Opens splats, a volume, a mask or a session; for the window.
+    Open(Vec<PathBuf>),
+    /// Asks where the session is written.
+    AskSave,
+    /// Writes the session file.
+    Save {
+        /// Ends in `.toml`.
+        path: PathBuf,
+        /// Whether an existing file is replaced.
+        force: bool,
+    },
+    /// Asks for size and name of a picture.
+    AskScreenshot,
+    /// Renders and writes a picture; for the window.
+    Screenshot {
+        /// Its format follows from its ending.
+        path: PathBuf,
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// Whether an existing file is replaced.
+        force: bool,
+    },
+    /// Asks for size, frames and name of a turntable.
+    AskRecord,
+    /// Renders and writes a full turn about the body's axis through the pivot; for the window.
+    Record {
+        /// An animated PNG.
+        path: PathBuf,
+        /// Width and height, pixels.
+        size: [u32; 2],
+        /// Frames of the turn.
+        frames: u32,
+        /// Whether an existing file is replaced.
+        force: bool,
+    },
+    /// Asks for a transfer function's file.
+    AskTransfer,
+    /// Takes a transfer function: a preset, a window or a file, as `--tf` takes it.
+    Transfer(String),
+    /// Asks where the transfer function is written.
+    AskSaveTransfer,
+    /// Writes the transfer function.
+    SaveTransfer {
+        /// Ends in `.vp.json`.
+        path: PathBuf,
+        /// Whether an existing file is replaced.
+        force: bool,
+    },
+    /// Ends the program; for the window.
+    Quit,
+    /// One step back.
+    Undo,
+    /// One step forward again.
+    Redo,
+    /// From splats to volume and back.
+    Flip,
+    /// Both side by side, or one alone again.
+    Split,
+    /// The next mode of splats.
+    NextMode,
+    /// The next preset of the transfer function.
+    NextPreset,
+    /// The one before.
+    PreviousPreset,
+    /// Shows all of the scene.
+    Fit,
+    /// Looks from a side.
+    View(Side),
+    /// Turns the camera: azimuth and elevation, degrees.
+    Turn([f64; 2]),
+    /// Takes up the tool that measures distances, or lays it down.
+    Measure,
+    /// Clip plane on or off; the first time one that halves the scene as it is looked at.
+    Clip,
+    /// Crop box on or off; the first time the box around the scene.
+    Crop,
+    /// Lays down the tool, closes what is open.
+    Cancel,
+    /// Panels on or off.
+    TogglePanels,
+    /// Frame times on or off.
+    ToggleOverlay,
+    /// Letters and scale bar on or off.
+    ToggleAnnotations,
+    /// Handles of clip planes and crop box on or off.
+    ToggleHandles,
+    /// The list of keys, opened or closed.
+    ToggleKeys,
+}
+
+/// A row of [`KEYS`].
+pub struct Binding {
+    /// The key with its modifiers; the command key is Ctrl except on a Mac.
+    pub key: KeyboardShortcut,
+    /// Name in menus.
+    pub name: &'static str,
+    /// What it does, for the list of keys.
+    pub help: &'static str,
+    /// What is done.
+    pub action: Action,
+}
+
+const fn row(
+    modifiers: Modifiers,
+    key: Key,
+    name: &'static str,
+    help: &'static str,
+    action: Action,
+) -> Binding {
+    Binding { key: KeyboardShortcut::new(modifiers, key), name, help, action }
+}
+
+const NONE: Modifiers = Modifiers::NONE;
+const COMMAND: Modifiers = Modifiers::COMMAND;
+const COMMAND_SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
+/// A press of an arrow key turns by this, degrees.
+const TURN: f64 = 5.0;
+
+/// All keys. Of two rows with one key the one with more modifiers comes first.
+pub static KEYS: &[Binding] = &[
+    row(COMMAND, Key::O, "Open…", "open splats, a volume, a mask or a session", Action::AskOpen),
+    row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
+    row(COMMAND, Key::P, "Screenshot…", "write a picture of any size", Action::AskScreenshot),
+    row(COMMAND, Key::R, "Record turntable…", "write a full turn as an animation", Action::AskRecord),
+    row(
+        COMMAND,
+        Key::T,
+        "Open transfer function…",
+        "take colours and opacities from a file",
+        Action::AskTransfer,
+    ),
+    row(COMMAND, Key::Q, "Quit", "end the program", Action::Quit),
+    row(COMMAND_SHIFT, Key::Z, "Redo", "one step forward again", Action::Redo),
+    row(COMMAND, Key::Z, "Undo", "one step back", Action::Undo),
+    row(COMMAND, Key::Y, "Redo", "one step forward again", Action::Redo),
+    row(NONE, Key::Space, "Flip", "from splats to the volume and back", Action::Flip),
+    row(NONE, Key::B, "Both", "splats and volume side by side", Action::Split),
+    row(NONE, Key::M, "Next mode", "the next way to render splats", Action::NextMode),
+    row(NONE, Key::PageDown, "Next preset", "the next transfer function", Action::NextPreset),
+    row(NONE, Key::PageUp, "Previous preset", "the transfer function before", Action::PreviousPreset),
+    row(NONE, Key::F, "Fit", "show all of the scene", Action::Fit),
+    row(NONE, Key::A, "Anterior", "look from the front", Action::View(Side::Anterior)),
+    row(NONE, Key::P, "Posterior", "look from the back", Action::View(Side::Posterior)),
+    row(NONE, Key::L, "Left", "look from the patient's left", Action::View(Side::Left)),
+    row(NONE, Key::R, "Right", "look from the patient's right", Action::View(Side::Right)),
+    row(NONE, Key::S, "Superior", "look from the head", Action::View(Side::Superior)),
+    row(NONE, Key::I, "Inferior", "look from the feet", Action::View(Side::Inferior)),
+    row(NONE, Key::ArrowLeft, "Turn left", "turn the camera", Action::Turn([-TURN, 0.0])),
+    row(NONE, Key::ArrowRight, "Turn right", "turn the camera", Action::Turn([TURN, 0.0])),
+    row(NONE, Key::ArrowUp, "Turn up", "turn the camera", Action::Turn([0.0, TURN])),
+    row(NONE, Key::ArrowDown, "Turn down", "turn the camera", Action::Turn([0.0, -TURN])),
+    row(NONE, Key::D, "Measure", "distance between two points", Action::Measure),
+    row(NONE, Key::C, "Clip plane", "clip plane on or off", Action::Clip),
+    row(NONE, Key::X, "Crop box", "crop box on or off", Action::Crop),
+    row(NONE, Key::H, "Handles", "handles of plane and box on or off", Action::ToggleHandles),
+    row(NONE, Key::T, "Annotations", "letters and scale bar on or off", Action::ToggleAnnotations),
+    row(NONE, Key::O, "Frame times", "frame times, passes and memory", Action::ToggleOverlay),
+    row(NONE, Key::F2, "Panels", "panels on or off", Action::TogglePanels),
+    row(NONE, Key::Escape, "Cancel", "lay down the tool, close what is open", Action::Cancel),
+    row(NONE, Key::Questionmark, "Keys", "this list", Action::ToggleKeys),
+    row(NONE, Key::F1, "Keys", "this list", Action::ToggleKeys),
+];
+
+/// The first row of an action.
+pub fn binding(action: &Action) -> Option<&'static Binding> {
+    KEYS.iter().find(|row| row.action == *action)
+}
+
+/// Takes the keys that were pressed from the input, in the order of the table. Where a widget has the focus, arrows and the
+/// space bar are its own.
+pub fn pressed(input: &mut egui::InputState, focus: bool) -> Vec<Action> {
+    let own = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown, Key::Space];
+    let mut actions = Vec::new();
+    for row in KEYS.iter().filter(|row| !(focus && own.contains(&row.key.logical_key))) {
+        for _ in 0..input.count_and_consume_key(row.key.modifiers, row.key.logical_key) {
+            actions.push(row.action.clone());
+        }
+    }
+    actions
+}
+
+#[cfg(test)]
+mod tests {
+    use egui::{Context, Event, RawInput};
+
+    use super::*;
+
+    fn press(modifiers: Modifiers, key: Key, focus: bool) -> Vec<Action> {
+        let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
+        let input =
+            RawInput { events: vec![Event::ModifiersChanged(modifiers), event], ..RawInput::default() };
+        let mut found = Vec::new();
+        let context = Context::default();
+        let output = context.run_ui(input, |ui| found.extend(ui.input_mut(|i| pressed(i, focus))));
+        output.drop_without_applying_deltas();
+        found
+    }
+
+    #[test]
+    fn each_key_does_what_its_row_says() {
+        for row in KEYS {
+            let found = press(row.key.modifiers, row.key.logical_key, false);
+            assert!(found.len() == 1 && found[0] == row.action, "{}: {found:?}", row.name);
+        }
+        assert_eq!(press(NONE, Key::F35, false), []);
+        assert_eq!(
+            press(Modifiers::SHIFT, Key::Questionmark, false),
+            [Action::ToggleKeys],
+            "as on most keyboards"
+        );
+        assert_eq!(press(NONE, Key::Space, true), []);
+        assert_eq!(press(NONE, Key::F, true), [Action::Fit]);
+    }
+
+    #[test]
+    fn no_key_is_given_twice() {
+        for (i, a) in KEYS.iter().enumerate() {
+            for b in &KEYS[i + 1..] {
+                assert!(a.key != b.key, "{} and {}", a.name, b.name);
+            }
+        }
+    }
+}

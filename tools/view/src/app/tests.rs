@@ -1,0 +1,303 @@
+use egui::{Context, Event, Key, Modifiers, RawInput, Shape, pos2, vec2};
+
+use super::*;
+use crate::orbit::Side;
+use crate::state::Object;
+
+const SCREEN: Rect = Rect { min: Pos2::ZERO, max: pos2(1200.0, 800.0) };
+
+/// An app in a window that is not there.
+struct Bench {
+    context: Context,
+    app: App,
+    time: f64,
+    shapes: Vec<egui::epaint::ClippedShape>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let mut state = State::new(&PRESETS[0].over([-1000.0, 2000.0]));
+        state.files.splats = vec!["a.ply".into()];
+        state.objects = vec![Object::new(0, Some(1), "liver"), Object::new(0, Some(2), "aorta")];
+        let mut settings = Settings::default();
+        settings.notice_seen = true;
+        let mut bench = Bench {
+            context: Context::default(),
+            app: App::new(state, settings),
+            time: 0.0,
+            shapes: Vec::new(),
+        };
+        // Panels know their size after the first frame.
+        bench.rest();
+        bench
+    }
+
+    /// A frame with these events. The scene is a ball of 100 mm seen at its nearest point.
+    fn frame(&mut self, events: Vec<Event>, modifiers: Modifiers) -> Vec<Action> {
+        self.time += 0.05;
+        let events = [vec![Event::ModifiersChanged(modifiers)], events].concat();
+        let input =
+            RawInput { screen_rect: Some(SCREEN), time: Some(self.time), events, ..RawInput::default() };
+        let distance = self.app.state.orbit.distance_mm;
+        let depth = move |_: DVec2| Some(distance - 100.0);
+        let facts = Facts {
+            bounds: Some([DVec3::splat(-100.0), DVec3::splat(100.0)]),
+            range: [-1000.0, 2000.0],
+            unit: " HU",
+            splats: Some(1000),
+            volume: true,
+            object_splats: &[600, 400],
+            depth: &depth,
+            sample: &|x| Some(x.y),
+            ..Facts::default()
+        };
+        let mut actions = Vec::new();
+        let output = self.context.run_ui(input, |ui| actions.extend(self.app.ui(ui, &facts)));
+        self.shapes.clone_from(&output.shapes);
+        output.drop_without_applying_deltas();
+        actions
+    }
+
+    fn rest(&mut self) {
+        self.frame(Vec::new(), Modifiers::NONE);
+        self.frame(Vec::new(), Modifiers::NONE);
+    }
+
+    fn press(&mut self, key: Key, modifiers: Modifiers) -> Vec<Action> {
+        let event = |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
+        let actions = self.frame(vec![event(true)], modifiers);
+        self.frame(vec![event(false)], Modifiers::NONE);
+        self.rest();
+        actions
+    }
+
+    fn button(
+        &mut self,
+        pos: Pos2,
+        button: PointerButton,
+        pressed: bool,
+        modifiers: Modifiers,
+    ) -> Vec<Action> {
+        let event = Event::PointerButton { pos, button, pressed, modifiers };
+        self.frame(vec![Event::PointerMoved(pos), event], modifiers)
+    }
+
+    fn click(&mut self, at: Pos2) -> Vec<Action> {
+        self.frame(vec![Event::PointerMoved(at)], Modifiers::NONE);
+        self.button(at, PointerButton::Primary, true, Modifiers::NONE);
+        let actions = self.button(at, PointerButton::Primary, false, Modifiers::NONE);
+        // So that the next click is none of a double click.
+        self.time += 1.0;
+        self.rest();
+        actions
+    }
+
+    /// Drags in ten moves.
+    fn drag(&mut self, from: Pos2, by: egui::Vec2, button: PointerButton, modifiers: Modifiers) {
+        self.frame(vec![Event::PointerMoved(from)], modifiers);
+        self.button(from, button, true, modifiers);
+        for i in 1..=10 {
+            self.frame(vec![Event::PointerMoved(from + by * (i as f32 / 10.0))], modifiers);
+        }
+        self.button(from + by, button, false, modifiers);
+        self.rest();
+    }
+
+    /// The middle of a text on the screen.
+    fn find(&self, text: &str) -> Pos2 {
+        let found = self.shapes.iter().find_map(|clipped| match &clipped.shape {
+            Shape::Text(shape) if shape.galley.text() == text => Some(shape.visual_bounding_rect().center()),
+            _ => None,
+        });
+        found.unwrap_or_else(|| panic!("{text:?} is not on the screen"))
+    }
+
+    fn middle(&self) -> Pos2 {
+        self.app.picture().center()
+    }
+}
+
+#[test]
+fn the_picture_is_what_the_panels_leave() {
+    let mut bench = Bench::new();
+    let with = bench.app.picture();
+    assert!(with.width() > 500.0 && with.width() < 950.0 && with.height() > 600.0, "{with}");
+    bench.press(Key::F2, Modifiers::NONE);
+    assert_eq!(bench.app.picture(), SCREEN);
+}
+
+#[test]
+fn a_drag_turns_and_the_wheel_zooms() {
+    let mut bench = Bench::new();
+    let middle = bench.middle();
+    let before = bench.app.state.orbit;
+    bench.app.take_changes();
+    bench.drag(middle, vec2(90.0, -60.0), PointerButton::Primary, Modifiers::NONE);
+    let orbit = bench.app.state.orbit;
+    assert!((orbit.azimuth_deg + 30.0).abs() < 0.1 && (orbit.elevation_deg + 20.0).abs() < 0.1, "{orbit:?}");
+    assert_eq!(bench.app.take_changes(), Changes { camera: true, ..Changes::default() });
+    assert!(!bench.app.take_changes().any(), "changes are taken once");
+
+    bench.drag(middle, vec2(50.0, 0.0), PointerButton::Middle, Modifiers::NONE);
+    let moved = bench.app.state.orbit;
+    assert!(moved.pivot_mm != before.pivot_mm && moved.azimuth_deg == orbit.azimuth_deg);
+    bench.drag(middle, vec2(-50.0, 0.0), PointerButton::Primary, Modifiers::SHIFT);
+    assert!(bench.app.state.orbit.pivot_mm.distance(before.pivot_mm) < 1e-3, "moved back with Shift");
+
+    let wheel = Event::MouseWheel {
+        unit: egui::MouseWheelUnit::Line,
+        delta: vec2(0.0, 3.0),
+        phase: egui::TouchPhase::Move,
+        modifiers: Modifiers::NONE,
+    };
+    bench.frame(vec![Event::PointerMoved(middle), wheel], Modifiers::NONE);
+    bench.rest();
+    assert!(bench.app.state.orbit.distance_mm < before.distance_mm);
+}
+
+#[test]
+fn a_right_drag_is_window_and_level_and_one_step_of_undo() {
+    let mut bench = Bench::new();
+    let before = bench.app.state.transfer.window();
+    let middle = bench.middle();
+    bench.drag(middle, vec2(100.0, 0.0), PointerButton::Secondary, Modifiers::NONE);
+    let wide = bench.app.state.transfer.window();
+    assert!(wide[1] - wide[0] > 1.3 * (before[1] - before[0]), "{before:?} {wide:?}");
+    assert!((wide[0] + wide[1] - before[0] - before[1]).abs() < 1e-6, "the level stays");
+    bench.drag(middle, vec2(0.0, -50.0), PointerButton::Secondary, Modifiers::NONE);
+    let high = bench.app.state.transfer.window();
+    assert!(high[0] > wide[0] && (high[1] - high[0] - wide[1] + wide[0]).abs() < 1e-6);
+    bench.press(Key::Z, Modifiers::COMMAND);
+    assert_eq!(bench.app.state.transfer.window(), wide);
+    bench.press(Key::Z, Modifiers::COMMAND);
+    assert_eq!(bench.app.state.transfer.window(), before);
+    bench.press(Key::Z, Modifiers::COMMAND | Modifiers::SHIFT);
+    assert_eq!(bench.app.state.transfer.window(), wide);
+}
+
+#[test]
+fn an_eye_hides_its_object() {
+    let mut bench = Bench::new();
+    bench.app.take_changes();
+    let eye = bench.find("👁");
+    bench.click(eye);
+    assert_eq!(bench.app.state.objects.iter().map(|o| o.visible).collect::<Vec<_>>(), [false, true]);
+    assert!(bench.app.take_changes().look);
+    assert_eq!(bench.app.state.look(Some(0)).expect("a look").hidden, [1]);
+    bench.press(Key::Z, Modifiers::COMMAND);
+    assert!(bench.app.state.objects[0].visible);
+}
+
+#[test]
+fn keys_do_what_the_table_says() {
+    let mut bench = Bench::new();
+    for (key, side) in [(Key::S, Side::Superior), (Key::L, Side::Left), (Key::A, Side::Anterior)] {
+        bench.press(key, Modifiers::NONE);
+        let mut expected = bench.app.state.orbit;
+        expected.look_from(side);
+        assert_eq!(bench.app.state.orbit, expected);
+    }
+    bench.press(Key::Space, Modifiers::NONE);
+    assert_eq!(bench.app.state.shown, Subject::Volume);
+    bench.press(Key::B, Modifiers::NONE);
+    assert_eq!(bench.app.state.split, Some(0.5));
+    bench.press(Key::M, Modifiers::NONE);
+    assert_eq!(bench.app.state.mode, SplatMode::Alpha);
+    bench.press(Key::PageDown, Modifiers::NONE);
+    assert_eq!(bench.app.state.transfer.name, PRESETS[1].name);
+    bench.press(Key::PageUp, Modifiers::NONE);
+    bench.press(Key::PageUp, Modifiers::NONE);
+    assert_eq!(bench.app.state.transfer.name, PRESETS[PRESETS.len() - 1].name);
+    assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), [Action::Quit]);
+    bench.press(Key::Questionmark, Modifiers::NONE);
+    bench.find("show all of the scene");
+    bench.press(Key::Escape, Modifiers::NONE);
+    assert!(!bench.app.keys);
+}
+
+#[test]
+fn fit_shows_the_scene() {
+    let mut bench = Bench::new();
+    bench.press(Key::F, Modifiers::NONE);
+    let orbit = bench.app.state.orbit;
+    let (place, _) =
+        orbit.seen(DVec3::new(-100.0, 100.0, 100.0), bench.app.aspect()).expect("before the eye");
+    assert!(place.x < 1.0 && place.y > 0.0 && orbit.pivot_mm == DVec3::ZERO, "{place}");
+}
+
+#[test]
+fn a_distance_is_measured_where_the_depth_is() {
+    let mut bench = Bench::new();
+    bench.press(Key::D, Modifiers::NONE);
+    let middle = bench.middle();
+    bench.click(middle);
+    bench.click(middle + vec2(100.0, 0.0));
+    let orbit = bench.app.state.orbit;
+    let [distance] = bench.app.state.distances[..] else { panic!("one distance") };
+    // 100 mm before the pivot the picture is narrower by the ratio of the depths.
+    let mm_per_point = orbit.height_mm() / f64::from(bench.app.picture().height());
+    let expected = 100.0 * mm_per_point * (orbit.distance_mm - 100.0) / orbit.distance_mm;
+    assert!((distance.mm() - expected).abs() < 1e-3, "{} {expected}", distance.mm());
+    assert!((distance.from_mm.y - 100.0).abs() < 1e-9, "{:?}", distance.from_mm);
+    bench.press(Key::Escape, Modifiers::NONE);
+    bench.click(middle);
+    assert_eq!(bench.app.state.distances.len(), 1);
+    let reading = bench.app.reading.expect("the cursor is over the scene");
+    assert_eq!(reading.intensity, Some(reading.at_mm.y));
+}
+
+#[test]
+fn clip_and_crop_begin_with_the_scene() {
+    let mut bench = Bench::new();
+    bench.press(Key::C, Modifiers::NONE);
+    bench.press(Key::X, Modifiers::NONE);
+    let clip = &bench.app.state.clip;
+    assert_eq!(clip.planes().len(), 7);
+    assert!(clip.planes[0].normal.y < -0.999 && clip.planes[0].offset_mm.abs() < 1e-9, "{clip:?}");
+    bench.press(Key::C, Modifiers::NONE);
+    assert_eq!(bench.app.state.clip.planes().len(), 6);
+    bench.press(Key::Z, Modifiers::COMMAND);
+    assert_eq!(bench.app.state.clip.planes().len(), 7);
+}
+
+#[test]
+fn the_notice_is_shown_until_it_is_read() {
+    let mut bench = Bench::new();
+    bench.app.settings.notice_seen = false;
+    bench.rest();
+    let read = bench.find("I understand");
+    bench.click(read);
+    assert!(bench.app.settings.notice_seen);
+}
+
+#[test]
+fn what_fails_is_said() {
+    let mut bench = Bench::new();
+    bench.app.act(Action::Transfer("no such thing".into()), &Facts::default());
+    bench.rest();
+    assert!(bench.app.message.as_ref().is_some_and(|m| m.bad && m.text.contains("VGS-TF-006")));
+    let before = bench.app.state.transfer.clone();
+    assert_eq!(bench.app.state.transfer, before);
+    bench.press(Key::Escape, Modifiers::NONE);
+    assert_eq!(bench.app.message, None);
+}
+
+#[test]
+fn nothing_changes_by_itself_and_no_window_is_too_small() {
+    let mut bench = Bench::new();
+    bench.rest();
+    bench.app.take_changes();
+    let state = bench.app.state.clone();
+    bench.rest();
+    assert_eq!(bench.app.state, state);
+    assert!(!bench.app.take_changes().any() && !bench.app.held());
+    for size in [vec2(0.0, 0.0), vec2(1.0, 1.0), vec2(40.0, 2000.0)] {
+        let input =
+            RawInput { screen_rect: Some(Rect::from_min_size(Pos2::ZERO, size)), ..RawInput::default() };
+        let output = bench.context.run_ui(input, |ui| {
+            bench.app.ui(ui, &Facts::default());
+        });
+        output.drop_without_applying_deltas();
+        assert!(bench.app.aspect() > 0.0 && bench.app.camera().eye.is_finite());
+    }
+}

@@ -1,0 +1,67 @@
+//! The camera: sides to look from, pivot, distance and field of view.
+
+use egui::{DragValue, Slider, Ui};
+
+use super::{ask, colour_button, row};
+use crate::actions::Action;
+use crate::orbit::{FOV_RANGE, Side};
+use crate::state::State;
+
+/// Shows the camera and changes it.
+pub fn show(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
+    for pair in Side::ALL.chunks(2) {
+        ui.columns(2, |columns| {
+            for (ui, &side) in columns.iter_mut().zip(pair) {
+                ui.vertical_centered_justified(|ui| {
+                    ask(ui, capitalised(side.name()), Action::View(side), actions)
+                });
+            }
+        });
+    }
+    ui.horizontal(|ui| ask(ui, "Fit", Action::Fit, actions));
+    let orbit = &mut state.orbit;
+    row(ui, "Azimuth", "about the body's axis: 0 in front, 90 at the patient's left", |ui| {
+        let mut azimuth = orbit.azimuth_deg;
+        if ui.add(DragValue::new(&mut azimuth).speed(0.5).suffix("°").max_decimals(1)).changed() {
+            orbit.turn(azimuth - orbit.azimuth_deg, 0.0);
+        }
+    });
+    row(ui, "Elevation", "90 above the head, -90 below the feet", |ui| {
+        let value = DragValue::new(&mut orbit.elevation_deg).speed(0.5).range(-90.0..=90.0);
+        ui.add(value.suffix("°").max_decimals(1));
+    });
+    row(ui, "Distance", "from the eye to the pivot", |ui| {
+        let speed = orbit.distance_mm * 0.005;
+        let value = DragValue::new(&mut orbit.distance_mm).speed(speed).range(1.0..=1e6);
+        ui.add(value.suffix(" mm").max_decimals(1));
+    });
+    row(ui, "Field of view", "from the upper to the lower edge; what is at the pivot keeps its size", |ui| {
+        let mut fov = orbit.fov_deg;
+        let slider = Slider::new(&mut fov, FOV_RANGE[0]..=FOV_RANGE[1]).suffix("°").fixed_decimals(0);
+        if ui.add(slider).changed() {
+            orbit.set_fov(fov);
+        }
+    });
+    row(
+        ui,
+        "Pivot R A S",
+        "what the camera turns about, mm to the right, to the front and to the head",
+        |ui| {
+            for axis in 0..3 {
+                ui.add(DragValue::new(&mut orbit.pivot_mm[axis]).speed(0.5).max_decimals(1));
+            }
+            ui.label("mm");
+        },
+    );
+    row(ui, "Background", "behind everything", |ui| {
+        colour_button(ui, &mut state.background, "the colour behind everything")
+    });
+    ui.checkbox(&mut state.show.orientation, "Letters of the patient's sides")
+        .on_hover_text("R right, L left, A anterior, P posterior, S superior, I inferior");
+    ui.checkbox(&mut state.show.scale_bar, "Scale bar").on_hover_text("true at the depth of the pivot");
+}
+
+fn capitalised(word: &str) -> String {
+    let mut letters = word.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}

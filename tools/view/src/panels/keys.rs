@@ -1,0 +1,49 @@
+//! The list of keys, and what the mouse does.
+
+use egui::{Context, Grid, KeyboardShortcut, Window};
+
+use crate::actions::KEYS;
+
+/// What the mouse does in the picture.
+const MOUSE: [(&str, &str); 8] = [
+    ("Drag", "turn about the pivot"),
+    ("Shift+Drag, middle", "move"),
+    ("Wheel", "nearer and farther, towards the cursor"),
+    ("Right drag", "window and level: across wider, up higher"),
+    ("Double click", "turn about this point from now on"),
+    ("In the editor: drag", "move a point; with Shift finer"),
+    ("Double click, Insert", "add a point"),
+    ("Delete", "remove the point"),
+];
+
+/// Shows the list in a window that can be closed.
+pub fn show(context: &Context, open: &mut bool) {
+    Window::new("Keys").open(open).resizable(false).collapsible(false).show(context, |ui| {
+        ui.columns(2, |columns| {
+            let (left, right) = KEYS.split_at(KEYS.len() / 2);
+            for (i, (ui, rows)) in columns.iter_mut().zip([left, right]).enumerate() {
+                Grid::new(("keys", i)).num_columns(2).spacing([14.0, 3.0]).show(ui, |ui| {
+                    for row in rows {
+                        ui.monospace(name_of(ui.ctx(), &row.key));
+                        ui.label(row.help);
+                        ui.end_row();
+                    }
+                });
+            }
+        });
+        ui.separator();
+        Grid::new("mouse").num_columns(2).spacing([14.0, 3.0]).show(ui, |ui| {
+            for (what, help) in MOUSE {
+                ui.monospace(what);
+                ui.label(help);
+                ui.end_row();
+            }
+        });
+    });
+}
+
+/// Name of a key, as it is printed on keyboards.
+fn name_of(context: &Context, key: &KeyboardShortcut) -> String {
+    let name = context.format_shortcut(key);
+    name.replace(key.logical_key.name(), key.logical_key.symbol_or_name())
+}

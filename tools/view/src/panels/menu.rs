@@ -1,0 +1,84 @@
+//! The menus: files, editing, the view.
+
+use std::path::PathBuf;
+
+use egui::{Button, MenuBar, Ui};
+
+use crate::actions::{Action, binding};
+use crate::orbit::Side;
+
+/// What the menus need to know.
+pub struct Menus<'a> {
+    /// Recent files, the latest first.
+    pub recent: &'a [PathBuf],
+    /// Whether there is a step back.
+    pub can_undo: bool,
+    /// Whether there is a step forward.
+    pub can_redo: bool,
+}
+
+/// Shows the menus.
+pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
+    MenuBar::new().ui(ui, |ui| {
+        ui.menu_button("File", |ui| {
+            item(ui, true, Action::AskOpen, actions);
+            ui.add_enabled_ui(!menus.recent.is_empty(), |ui| {
+                ui.menu_button("Recent", |ui| {
+                    for path in menus.recent {
+                        let name = path.file_name().unwrap_or_default().to_string_lossy();
+                        if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
+                            actions.push(Action::Open(vec![path.clone()]));
+                        }
+                    }
+                });
+            });
+            ui.separator();
+            for action in [Action::AskSave, Action::AskScreenshot, Action::AskRecord] {
+                item(ui, true, action, actions);
+            }
+            ui.separator();
+            item(ui, true, Action::Quit, actions);
+        });
+        ui.menu_button("Edit", |ui| {
+            item(ui, menus.can_undo, Action::Undo, actions);
+            item(ui, menus.can_redo, Action::Redo, actions);
+            ui.separator();
+            for action in [Action::AskTransfer, Action::NextPreset, Action::PreviousPreset] {
+                item(ui, true, action, actions);
+            }
+            ui.separator();
+            for action in [Action::Measure, Action::Clip, Action::Crop] {
+                item(ui, true, action, actions);
+            }
+        });
+        ui.menu_button("View", |ui| {
+            for side in Side::ALL {
+                item(ui, true, Action::View(side), actions);
+            }
+            item(ui, true, Action::Fit, actions);
+            ui.separator();
+            for action in [Action::Flip, Action::Split, Action::NextMode] {
+                item(ui, true, action, actions);
+            }
+            ui.separator();
+            for action in [
+                Action::TogglePanels,
+                Action::ToggleOverlay,
+                Action::ToggleAnnotations,
+                Action::ToggleHandles,
+                Action::ToggleKeys,
+            ] {
+                item(ui, true, action, actions);
+            }
+        });
+    });
+}
+
+/// A row of a menu, as the table of keys names it.
+fn item(ui: &mut Ui, enabled: bool, action: Action, actions: &mut Vec<Action>) {
+    let Some(row) = binding(&action) else { return };
+    let button = Button::new(row.name).shortcut_text(ui.ctx().format_shortcut(&row.key));
+    if ui.add_enabled(enabled, button).on_hover_text(row.help).clicked() {
+        actions.push(action);
+    }
+}

@@ -1,0 +1,59 @@
+//! The notice that users see once, and messages about what went wrong.
+
+use egui::{Align2, Context, Id, Modal, RichText, Window, vec2};
+use engine::Error;
+
+use crate::theme::SIGNAL;
+
+/// Says that this is not for diagnosis. Whether it was read.
+pub fn show(context: &Context) -> bool {
+    let modal = Modal::new(Id::new("notice")).show(context, |ui| {
+        ui.set_max_width(380.0);
+        ui.heading("Not for diagnosis");
+        ui.label(
+            "vgs shows an approximation of medical volumes for research and teaching. It is no medical device. Do not base \
+             a diagnosis, a measurement for treatment, or any other clinical decision on what it shows.",
+        );
+        ui.add_space(6.0);
+        ui.button("I understand").on_hover_text("this is asked once").clicked()
+    });
+    modal.inner
+}
+
+/// What there is to say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Message {
+    /// What happened.
+    pub text: String,
+    /// What to do; may be empty.
+    pub help: String,
+    /// Whether something went wrong.
+    pub bad: bool,
+}
+
+impl From<&Error> for Message {
+    fn from(error: &Error) -> Self {
+        Message { text: format!("{error} [{}]", error.code), help: error.help.clone(), bad: true }
+    }
+}
+
+/// Shows a message until it is closed. Whether it was.
+pub fn message(context: &Context, message: &Message) -> bool {
+    let mut open = true;
+    let title =
+        if message.bad { RichText::new("It did not work").color(SIGNAL) } else { RichText::new("Done") };
+    Window::new(title)
+        .id(Id::new("message"))
+        .open(&mut open)
+        .anchor(Align2::LEFT_BOTTOM, vec2(12.0, -40.0))
+        .resizable(false)
+        .collapsible(false)
+        .show(context, |ui| {
+            ui.set_max_width(460.0);
+            ui.label(&message.text);
+            if !message.help.is_empty() {
+                ui.weak(&message.help);
+            }
+        });
+    !open
+}

@@ -1,0 +1,55 @@
+//! The line at the bottom: what is under the cursor, the last distance, what is being done.
+
+use egui::{ProgressBar, Ui};
+use glam::DVec3;
+
+use crate::facts::Facts;
+use crate::state::State;
+
+/// What is seen under the cursor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// Where, mm RAS.
+    pub at_mm: DVec3,
+    /// Intensity there, HU for CT; nothing where it is not known.
+    pub intensity: Option<f64>,
+}
+
+/// Shows the line.
+pub fn show(ui: &mut Ui, state: &State, facts: &Facts<'_>, reading: Option<&Reading>, scale: Option<f64>) {
+    ui.horizontal(|ui| {
+        match reading {
+            None => _ = ui.weak("point at something"),
+            Some(Reading { at_mm, intensity }) => {
+                if let Some(v) = intensity {
+                    ui.monospace(format!("{v:7.1}{}", facts.unit))
+                        .on_hover_text("intensity of the surface under the cursor");
+                }
+                ui.monospace(format!("({:.1}, {:.1}, {:.1}) mm RAS", at_mm.x, at_mm.y, at_mm.z))
+                    .on_hover_text("right, anterior, superior of the scanner's zero");
+            }
+        }
+        if let Some(distance) = state.distances.last() {
+            ui.separator();
+            ui.monospace(format!("distance {:.1} mm", distance.mm()))
+                .on_hover_text("the last one that was measured");
+        }
+        if let Some(mm) = scale {
+            ui.separator();
+            ui.monospace(format!("{mm:.3} mm/pixel")).on_hover_text("at the depth of the pivot");
+        }
+        if let Some((what, share)) = facts.progress {
+            ui.separator();
+            match share {
+                Some(share) => _ = ui.add(ProgressBar::new(share).desired_width(160.0).text(what)),
+                None => {
+                    ui.spinner();
+                    ui.label(what);
+                }
+            }
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.weak("not for diagnosis").on_hover_text("for research and teaching; no medical device");
+        });
+    });
+}

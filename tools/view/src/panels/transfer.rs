@@ -1,0 +1,146 @@
+//! The transfer function: presets, windows, the editor, shift, light.
+
+use egui::{ComboBox, DragValue, Slider, Ui};
+use engine::transfer::{PRESETS, WINDOWS};
+
+use super::{ask, colour_button, row};
+use crate::actions::Action;
+use crate::editor::widget::{self, Backdrop};
+use crate::editor::{Editor, full_range};
+use crate::facts::Facts;
+use crate::state::State;
+
+/// Height of the editor, points of the screen.
+const TALL: f32 = 190.0;
+
+/// Shows the transfer function and changes it.
+pub fn show(
+    ui: &mut Ui,
+    state: &mut State,
+    editor: &mut Editor,
+    facts: &Facts<'_>,
+    actions: &mut Vec<Action>,
+) {
+    choices(ui, state, facts, actions);
+    let backdrop =
+        Backdrop { range: facts.range, splats: facts.splat_histogram, volume: facts.volume_histogram };
+    widget::show(ui, editor, &mut state.transfer, &backdrop, TALL);
+    point(ui, state, editor, facts);
+    window_row(ui, state, facts);
+    shift_row(ui, state, facts);
+    light(ui, state);
+}
+
+/// Presets, windows, files.
+fn choices(ui: &mut Ui, state: &State, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        ComboBox::from_id_salt("preset").selected_text(&state.transfer.name).width(150.0).show_ui(ui, |ui| {
+            for preset in PRESETS {
+                let chosen = state.transfer.name == preset.name;
+                if ui.selectable_label(chosen, preset.name).on_hover_text(preset.about).clicked() {
+                    actions.push(Action::Transfer(preset.name.to_owned()));
+                }
+            }
+        });
+        ComboBox::from_id_salt("window").selected_text("Window").width(70.0).show_ui(ui, |ui| {
+            for window in WINDOWS {
+                let help = format!("W {} L {}{}", window.width, window.level, facts.unit);
+                if ui.selectable_label(false, window.name).on_hover_text(help).clicked() {
+                    actions.push(Action::Transfer(format!("window:{}", window.name)));
+                }
+            }
+        });
+        ask(ui, "Open…", Action::AskTransfer, actions);
+        ask(ui, "Save…", Action::AskSaveTransfer, actions)
+            .on_hover_text("write it to a file as a Slicer volume property");
+    });
+}
+
+/// The chosen point in numbers, and what can be done to the points.
+fn point(ui: &mut Ui, state: &mut State, editor: &mut Editor, facts: &Facts<'_>) {
+    let transfer = &mut state.transfer;
+    let full = full_range(transfer, facts.range);
+    ui.horizontal(|ui| {
+        if ui
+            .button("+")
+            .on_hover_text("add a point beside the chosen one (Insert, or double click)")
+            .clicked()
+        {
+            editor.add_beside(transfer, full);
+        }
+        let chosen = editor.selected(transfer);
+        let enough = transfer.points.len() > 2 && chosen.is_some();
+        let minus = ui.add_enabled(enough, egui::Button::new("−"));
+        if minus.on_hover_text("remove the chosen point (Delete); two stay").clicked() {
+            editor.remove(transfer);
+        }
+        if ui.button("↔").on_hover_text("all intensities in view; the wheel zooms").clicked() {
+            editor.view_all();
+        }
+        let Some(index) = editor.selected(transfer) else {
+            ui.weak("choose a point, or double click for a new one");
+            return;
+        };
+        let mut colour = transfer.points[index].colour;
+        if colour_button(ui, &mut colour, "the point's colour") {
+            editor.colour(transfer, colour);
+        }
+        let point = transfer.points[index];
+        let (mut at, mut percent) = (point.intensity + transfer.shift, 100.0 * point.opacity);
+        let speed = ((full[1] - full[0]) / 1000.0).max(1e-6);
+        let value = DragValue::new(&mut at).speed(speed).max_decimals(1).suffix(facts.unit);
+        let moved = ui.add(value).on_hover_text("the point's intensity").changed();
+        let value =
+            DragValue::new(&mut percent).speed(0.1).range(0.0..=100.0).max_decimals(2).suffix(" %/mm");
+        let raised = ui.add(value).on_hover_text("share of light that a millimetre absorbs").changed();
+        if moved || raised {
+            editor.move_to(transfer, at, percent / 100.0, full);
+        }
+    });
+}
+
+fn shift_row(ui: &mut Ui, state: &mut State, facts: &Facts<'_>) {
+    row(ui, "Shift", "moves all points", |ui| {
+        let span = facts.range[1] - facts.range[0];
+        let slider = Slider::new(&mut state.transfer.shift, -0.25 * span..=0.25 * span);
+        ui.add(slider.suffix(facts.unit).clamping(egui::SliderClamping::Never).max_decimals(1));
+        if ui.small_button("0").on_hover_text("no shift").clicked() {
+            state.transfer.shift = 0.0;
+        }
+    });
+}
+
+/// Width and level of the window that the points span.
+fn window_row(ui: &mut Ui, state: &mut State, facts: &Facts<'_>) {
+    let [low, high] = state.transfer.window();
+    let (mut width, mut level) = (high - low, (low + high) * 0.5);
+    row(ui, "Window", "width and level: from the first to the last point, and the middle", |ui| {
+        let speed = ((facts.range[1] - facts.range[0]) / 1000.0).max(1e-6);
+        let value = |v| DragValue::new(v).speed(speed).max_decimals(1).suffix(facts.unit);
+        let wide = ui.add(value(&mut width).prefix("W ").range(speed..=f64::MAX));
+        let high = ui.add(value(&mut level).prefix("L "));
+        if wide.changed() || high.changed() {
+            state.transfer.set_window([level - 0.5 * width, level + 0.5 * width]);
+        }
+    });
+}
+
+fn light(ui: &mut Ui, state: &mut State) {
+    let material = &mut state.transfer.material;
+    ui.checkbox(&mut material.shade, "Light").on_hover_text("Blinn and Phong, from above the left shoulder");
+    ui.add_enabled_ui(material.shade, |ui| {
+        for (name, help, value, most) in [
+            ("Ambient", "share of the colour that needs no light", &mut material.ambient, 1.0),
+            (
+                "Diffuse",
+                "share of the colour that follows the angle to the light",
+                &mut material.diffuse,
+                1.0,
+            ),
+            ("Specular", "strength of the highlight", &mut material.specular, 1.0),
+            ("Power", "exponent of the highlight: greater is smaller", &mut material.power, 100.0),
+        ] {
+            row(ui, name, help, |ui| ui.add(Slider::new(value, 0.0..=most).max_decimals(2)));
+        }
+    });
+}

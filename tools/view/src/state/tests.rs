@@ -1,0 +1,166 @@
+use engine::transfer::PRESETS;
+
+use super::*;
+
+fn full() -> State {
+    let mut state = State::new(&PRESETS[0].over([-1000.0, 2000.0]));
+    state.shown = Subject::Volume;
+    state.mode = SplatMode::Exact;
+    state.split = Some(0.25);
+    state.background = DVec3::new(0.1, 0.2, 0.3);
+    state.files = Files {
+        splats: vec!["/data/a.ply".into(), "/data/b.ply".into()],
+        volume: Some("/data/ct.nii.gz".into()),
+        roi: Some("/data/mask.nii.gz".into()),
+    };
+    state.orbit = Orbit { azimuth_deg: 33.3, elevation_deg: -12.25, distance_mm: 1e3 / 3.0, ..state.orbit };
+    state.quality =
+        Quality { step: 1.5, splat_budget: Some(100_000), target_frame_ms: 11.1, adaptive: false };
+    state.show.overlay = true;
+    state.clip = Clip {
+        planes: vec![Plane { on: true, normal: DVec3::new(0.6, 0.0, 0.8), offset_mm: -7.5 }],
+        crop: Some(CropBox { on: true, low_mm: DVec3::splat(-50.0), high_mm: DVec3::splat(60.0) }),
+    };
+    state.transfer.shift = -40.0;
+    state.transfer.gradient_opacities = vec![[0.0, 0.5], [100.0, 1.0]];
+    state.objects = vec![
+        Object { tint: Some(DVec3::X), opacity: 0.4, ..Object::new(0, Some(5), "liver") },
+        Object { visible: false, ..Object::new(0, Some(7), "aorta") },
+        Object::new(1, None, "b"),
+    ];
+    state.distances = vec![Distance { from_mm: DVec3::ZERO, to_mm: DVec3::new(3.0, 4.0, 0.0) }];
+    state
+}
+
+#[test]
+fn what_is_written_is_read_back_equal() {
+    for state in [full(), State::new(&PRESETS[1].over([0.0, 1.0]))] {
+        let text = state.text().expect("UTF-8");
+        assert_eq!(State::parse(&text).unwrap_or_else(|e| panic!("{e}\n{text}")), state);
+    }
+}
+
+#[test]
+fn files_are_found_from_the_session_file() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("session.toml");
+    let mut state = full();
+    state.files.splats[0] = "near.ply".into();
+    state.write(&path, false).expect("written");
+    let read = State::read(&path).expect("read");
+    assert_eq!(read.files.splats[0], folder.path().join("near.ply"));
+    assert_eq!(read.files.volume, state.files.volume);
+    assert_eq!(state.write(&path, false).expect_err("it exists").code, "VGS-OUT-001");
+    state.write(&path, true).expect("replaced");
+    let missing = State::read(folder.path().join("none.toml")).expect_err("missing");
+    assert_eq!(missing.kind, Kind::Missing);
+}
+
+#[test]
+fn a_short_file_takes_defaults() {
+    let text = full().text().expect("UTF-8");
+    let transfer =
+        &text[text.find("[transfer]").expect("a section")..text.find("[[objects]]").expect("rows")];
+    let state = State::parse(&format!("version = 1\n{transfer}")).expect("the rest has defaults");
+    assert_eq!(state.quality, Quality::default());
+    assert_eq!(state.orbit, Orbit::default());
+}
+
+#[test]
+fn what_is_wrong_is_named() {
+    let text = full().text().expect("UTF-8");
+    for (from, to, code, word) in [
+        ("version = 1", "version = 2", "VGS-VIEW-001", "version 2"),
+        ("version = 1", "version = 1\nflavour = 3", "VGS-VIEW-002", "flavour"),
+        ("mode = \"exact\"", "mode = \"pretty\"", "VGS-VIEW-002", "pretty"),
+        ("split = 0.25", "split = 1.25", "VGS-VIEW-003", "split"),
+        ("split = 0.25", "split = nan", "VGS-VIEW-003", "split"),
+        ("step = 1.5", "step = 0.0", "VGS-VIEW-003", "step"),
+        ("splat_budget = 100000", "splat_budget = 0", "VGS-VIEW-003", "splat_budget"),
+        ("fov_deg = 30.0", "fov_deg = 300.0", "VGS-VIEW-003", "fov_deg"),
+        ("offset_mm = -7.5", "offset_mm = inf", "VGS-VIEW-003", "planes"),
+        ("file = 1", "file = 2", "VGS-VIEW-003", "objects"),
+        ("opacity = 0.4", "opacity = 1.4", "VGS-VIEW-003", "objects"),
+    ] {
+        assert!(text.contains(from), "{from}\n{text}");
+        let error = State::parse(&text.replace(from, to)).expect_err(to);
+        assert_eq!(error.code, code, "{to}: {error}");
+        assert!(error.message.contains(word), "{to}: {error}");
+    }
+    assert_eq!(State::parse("not toml at all").expect_err("nonsense").code, "VGS-VIEW-002");
+}
+
+#[test]
+fn clip_planes_keep_the_box() {
+    let mut state = full();
+    let inside = |clip: &Clip, x: DVec3| clip.planes().iter().all(|p| p.normal.dot(x) >= p.offset);
+    assert_eq!(state.clip.planes().len(), 7);
+    assert!(inside(&state.clip, DVec3::ZERO));
+    assert!(!inside(&state.clip, DVec3::new(0.0, 61.0, 0.0)));
+    assert!(!inside(&state.clip, DVec3::new(-20.0, 0.0, 0.0)), "beyond the plane");
+    state.clip.planes[0].on = false;
+    assert!(inside(&state.clip, DVec3::new(-20.0, 0.0, 0.0)));
+    state.clip.planes[0] = Plane { on: true, normal: DVec3::ZERO, offset_mm: 1.0 };
+    assert_eq!(state.clip.planes().len(), 6, "a plane without a direction cuts nothing");
+}
+
+#[test]
+fn objects_of_a_session_keep_their_settings() {
+    let mut state = full();
+    state.set_objects(vec![
+        Object::new(0, Some(5), "renamed"),
+        Object::new(0, Some(9), "spleen"),
+        Object::new(1, None, "b"),
+    ]);
+    let rows: Vec<_> = state.objects.iter().map(|o| (o.name.as_str(), o.opacity)).collect();
+    assert_eq!(rows, [("liver", 0.4), ("spleen", 1.0), ("b", 1.0)]);
+    state.objects[1].visible = false;
+    assert_eq!(state.look(Some(0)).expect("a look").hidden, [9]);
+    assert!(state.look(Some(1)).expect("a look").hidden.is_empty());
+    assert!(state.look(None).expect("a look").hidden.is_empty());
+}
+
+#[test]
+fn undo_does_not_touch_objects_of_other_files() {
+    let mut state = full();
+    let before = state.edited();
+    state.transfer.shift = 9.0;
+    state.orbit.distance_mm = 77.0;
+    state.objects[0].visible = false;
+    state.restore(before.clone());
+    assert_eq!((state.transfer.shift, state.objects[0].visible), (-40.0, true));
+    assert_eq!(state.orbit.distance_mm, 77.0, "the camera stays");
+    state.set_objects(vec![Object::new(0, None, "other")]);
+    state.restore(before);
+    assert_eq!(state.objects.len(), 1);
+}
+
+#[test]
+fn a_tint_keeps_the_brightness() {
+    let state = full();
+    let own = state.objects[0].seen_through(&state.transfer).expect("a function");
+    let all = state.transfer.function().expect("a function");
+    for v in [100.0, 300.0, 800.0] {
+        let ((c, o), (d, p)) = (own.at(v), all.at(v));
+        assert!(c.y == 0.0 && c.z == 0.0 && c.x > 0.0, "{c}");
+        assert!((o - 0.4 * p).abs() < 1e-12 && c.x <= d.max_element() + 1e-12);
+    }
+}
+
+#[test]
+fn modes_are_those_of_the_engine() {
+    for mode in SplatMode::ALL {
+        assert!(mode_row(mode.name()).of_splats);
+    }
+    assert!(!mode_row(full().mode_of(Subject::Volume)).of_splats);
+    assert!(Orbit::default().check().is_ok());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_name_that_is_no_text_is_an_error() {
+    use std::os::unix::ffi::OsStrExt;
+    let mut state = full();
+    state.files.splats[0] = std::ffi::OsStr::from_bytes(b"\xff.ply").into();
+    assert_eq!(state.text().expect_err("no UTF-8").code, "VGS-VIEW-005");
+}
