@@ -448,6 +448,39 @@ shared! {
         /// Rows of quads of one view.
         splat_count: u32,
     }
+    /// Push constants of `show`.
+    ShowParams {
+        /// Width and height of the window, pixels.
+        window: [f32; 2],
+        /// What is covered: left, top, right, bottom, pixels.
+        area: [f32; 4],
+        /// Where the picture lies, the same.
+        picture: [f32; 4],
+        /// Display-referred and opaque.
+        background: [f32; 4],
+        /// Left of this is the first picture, from it on the second; pixels.
+        split: f32,
+        /// Layer of the first picture.
+        first: u32,
+        /// Layer of the second picture.
+        second: u32,
+    }
+    /// Push constants of `panels`.
+    PanelParams {
+        /// Width and height of the window, points.
+        window: [f32; 2],
+    }
+    /// A corner of a triangle of the panels.
+    PanelVertex {
+        /// Points, from the window's upper left corner.
+        place: [f32; 2],
+        /// 0 to 1 in the texture.
+        texel: [f32; 2],
+        /// Premultiplied sRGB, a byte each, red lowest.
+        colour: u32,
+        /// Row of the clip rectangles.
+        clip: u32,
+    }
 }
 
 /// What a sample should be, as the loss kernels read it: two 16-bit signed fractions.

@@ -1,10 +1,11 @@
 //! Instance and device: what is there, what is needed, and what is missing.
 
-use std::ffi::{CStr, CString, c_void};
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 use ash::vk;
+use raw_window_handle::HasDisplayHandle;
 use serde::Serialize;
 
 use super::{Context, Gpu, Limits, check, lock, memory, recorder};
@@ -19,6 +20,31 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Plans with a storage-buffer range of at most so many bytes, as a smaller device has; for tests.
     pub storage_range_limit: Option<u64>,
+    /// What pictures are to be shown in, if in anything.
+    pub windows: Option<Windows>,
+}
+
+/// The windows of a display, as far as booting needs to know them: what Vulkan calls them.
+#[derive(Clone, Debug)]
+pub struct Windows(&'static [*const c_char]);
+
+// SAFETY: the pointers are to constant strings.
+unsafe impl Send for Windows {}
+// SAFETY: as above.
+unsafe impl Sync for Windows {}
+
+impl Windows {
+    /// Those of this display.
+    pub fn of(display: &impl HasDisplayHandle) -> Result<Self> {
+        let unavailable = |what: String| {
+            Error::new(Kind::Unavailable, "VGS-GPU-007", what)
+                .help("without a display, `vgs render` writes pictures to files")
+        };
+        let handle = display.display_handle().map_err(|e| unavailable(format!("no display: {e}")))?;
+        ash_window::enumerate_required_extensions(handle.as_raw())
+            .map(Windows)
+            .map_err(|e| unavailable(format!("Vulkan has no windows on this display: {e}")))
+    }
 }
 
 /// One Vulkan device as it describes itself.
@@ -98,8 +124,8 @@ const API: u32 = vk::API_VERSION_1_3;
 
 /// The instance with its loader and message catcher; destroyed after the device.
 pub(super) struct Instance {
-    _entry: ash::Entry,
-    handle: ash::Instance,
+    pub(super) entry: ash::Entry,
+    pub(super) handle: ash::Instance,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     messages: Box<Messages>,
 }
@@ -107,7 +133,7 @@ pub(super) struct Instance {
 type Messages = Mutex<Vec<String>>;
 
 impl Instance {
-    fn new(boot: &dyn Boot, validation: bool) -> Result<Self> {
+    fn new(boot: &dyn Boot, validation: bool, windows: Option<&Windows>) -> Result<Self> {
         // SAFETY: loading the Vulkan loader runs its initialisers; it is the system's own library.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
             Error::new(Kind::Unavailable, "VGS-GPU-001", format!("no Vulkan loader: {e}"))
@@ -128,7 +154,9 @@ impl Instance {
         let offered = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
         let debug = validation
             || offered.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
-        let extensions: Vec<_> = debug.then_some(ash::ext::debug_utils::NAME.as_ptr()).into_iter().collect();
+        let mut extensions: Vec<_> =
+            debug.then_some(ash::ext::debug_utils::NAME.as_ptr()).into_iter().collect();
+        extensions.extend(windows.iter().flat_map(|windows| windows.0));
 
         let app =
             vk::ApplicationInfo::default().application_name(c"vgs").engine_name(c"vgs").api_version(API);
@@ -162,7 +190,7 @@ impl Instance {
                 check("creating the message catcher", made).map(|m| (utils, m))
             })
             .transpose()?;
-        Ok(Instance { _entry: entry, handle, messenger, messages })
+        Ok(Instance { entry, handle, messenger, messages })
     }
 
     pub(super) fn messages(&self) -> Vec<String> {
@@ -306,6 +334,13 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
     }
 }
 
+/// Whether a device has an extension.
+fn offers(instance: &ash::Instance, physical: vk::PhysicalDevice, extension: &CStr) -> bool {
+    // SAFETY: plain enumeration.
+    let offered = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+    offered.iter().any(|e| e.extension_name_as_c_str() == Ok(extension))
+}
+
 /// A family that has both compute and graphics: the fit and the renderer share one queue.
 fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u32> {
     // SAFETY: plain query.
@@ -316,7 +351,7 @@ fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Optio
 
 /// All Vulkan devices of this machine, usable or not.
 pub fn devices() -> Result<Vec<DeviceDescription>> {
-    let instance = Instance::new(&Own, false)?;
+    let instance = Instance::new(&Own, false, None)?;
     let list = instance
         .physical_devices()
         .map(|found| found.iter().enumerate().map(|(i, &p)| describe(&instance.handle, i, p)).collect());
@@ -377,7 +412,7 @@ fn choose<'a>(list: &'a [DeviceDescription], wanted: Option<&str>) -> Result<&'a
 impl Gpu {
     /// Boots with instance and device made by `boot`.
     pub fn with_boot(boot: &dyn Boot, options: &GpuOptions) -> Result<Self> {
-        let instance = Instance::new(boot, options.validation)?;
+        let instance = Instance::new(boot, options.validation, options.windows.as_ref())?;
         match Self::on_instance(boot, options, &instance) {
             Ok(parts) => Ok(Gpu(Arc::new(parts.with(instance)))),
             Err(e) => {
@@ -401,12 +436,23 @@ impl Gpu {
         }
         .clone();
         let physical = physicals[description.index];
+        if options.windows.is_some() && !offers(&instance.handle, physical, ash::khr::swapchain::NAME) {
+            return Err(Error::new(
+                Kind::Unavailable,
+                "VGS-GPU-008",
+                format!("{} cannot show pictures in a window (VK_KHR_swapchain)", description.name),
+            )
+            .help("choose another --device, or write pictures to files with `vgs render`"));
+        }
         let family = queue_family(&instance.handle, physical).unwrap_or_default();
 
         let priorities = [1.0];
         let queues =
             [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-        let extensions: Vec<_> = EXTENSIONS.iter().map(|e| e.as_ptr()).collect();
+        let mut extensions: Vec<_> = EXTENSIONS.iter().map(|e| e.as_ptr()).collect();
+        if options.windows.is_some() {
+            extensions.push(ash::khr::swapchain::NAME.as_ptr());
+        }
         // Single feature structs, not Vulkan12Features: an OpenXR runtime may chain its own timeline struct.
         let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default().timeline_semaphore(true);
         let mut scalar = vk::PhysicalDeviceScalarBlockLayoutFeatures::default().scalar_block_layout(true);
@@ -431,6 +477,7 @@ impl Gpu {
 
 /// The device half of a [`Context`], before it takes the instance.
 struct Parts {
+    physical: vk::PhysicalDevice,
     description: DeviceDescription,
     limits: Limits,
     device: ash::Device,
@@ -503,6 +550,7 @@ impl Parts {
                 .messenger
                 .is_some()
                 .then(|| ash::ext::debug_utils::Device::new(handle, &device)),
+            physical,
             description,
             limits,
             device,
@@ -518,6 +566,7 @@ impl Parts {
     fn with(self, instance: Instance) -> Context {
         Context {
             instance,
+            physical: self.physical,
             description: self.description,
             limits: self.limits,
             device: self.device,

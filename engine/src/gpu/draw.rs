@@ -1,5 +1,6 @@
 //! Drawings: a vertex and a fragment shader whose triangles are blended into pictures, all views at once (multiview).
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use ash::vk;
@@ -178,7 +179,14 @@ impl Drop for Drawing {
     }
 }
 
-/// One drawing being described. Buffers are only read; they are bound in the order of the bindings of the shaders.
+/// Which vertices are drawn.
+enum Vertices {
+    Of(Range<u32>),
+    /// Read from a buffer at this byte.
+    From(vk::Buffer, u64),
+}
+
+/// One drawing being described. Resources are only read; they are bound in the order of the bindings of the shaders.
 pub struct DrawPass<'a> {
     recorder: &'a mut Recorder,
     drawing: &'a Drawing,
@@ -201,6 +209,13 @@ impl<'a> DrawPass<'a> {
         self
     }
 
+    /// Binds the next image, to be sampled.
+    #[must_use]
+    pub fn sample(mut self, image: &'a Image) -> Self {
+        self.bindings.image(self.drawing.vertex, &self.drawing.bindings, image, false);
+        self
+    }
+
     /// Sets the push constants.
     #[must_use]
     pub fn push<P: Pod>(mut self, params: &P) -> Self {
@@ -212,19 +227,34 @@ impl<'a> DrawPass<'a> {
     /// instances, first vertex, first instance.
     ///
     /// # Panics
-    /// If pictures, buffers or push constants are not those that the drawing was made for.
+    /// If pictures, resources or push constants are not those that the drawing was made for.
     pub fn over(self, pictures: &mut [&mut Image], arguments: &Buffer<[u32; 4]>, index: usize) {
+        assert!(index < arguments.len(), "{}: no such row", arguments.name());
+        let offset = (index * size_of::<[u32; 4]>()) as u64;
+        self.record(pictures, Vertices::From(arguments.handle(), offset));
+    }
+
+    /// Records the drawing of a range of vertices into `pictures`, over what they hold.
+    ///
+    /// # Panics
+    /// As [`DrawPass::over`].
+    pub fn vertices_over(self, pictures: &mut [&mut Image], vertices: Range<u32>) {
+        self.record(pictures, Vertices::Of(vertices));
+    }
+
+    fn record(self, pictures: &mut [&mut Image], vertices: Vertices) {
         let DrawPass { recorder, drawing, mut bindings, push } = self;
         let name = drawing.vertex.name;
-        assert_eq!(bindings.accesses.len(), drawing.bindings.len(), "{name}: a buffer is missing");
+        assert_eq!(bindings.accesses.len(), drawing.bindings.len(), "{name}: a resource is missing");
         assert_eq!(push.len(), drawing.push_bytes, "{name}: push constants differ in size");
         assert!(
             pictures.iter().map(|p| p.format).eq(drawing.formats.iter().copied()),
             "{name}: formats differ"
         );
         assert!(pictures.iter().all(|p| p.layers() == drawing.views), "{name}: one layer a view");
-        assert!(index < arguments.len(), "{}: no such row", arguments.name());
-        bindings.accesses.push((Resident::Buffer(arguments.handle()), false));
+        if let Vertices::From(buffer, _) = vertices {
+            bindings.accesses.push((Resident::Buffer(buffer), false));
+        }
         bindings.accesses.extend(pictures.iter().map(|p| (Resident::Image(p.handle()), true)));
         recorder.wide = true;
         recorder.touch(&bindings.accesses);
@@ -246,7 +276,6 @@ impl<'a> DrawPass<'a> {
             .view_mask(view_mask(drawing.views))
             .color_attachments(&attachments);
         let viewport = [vk::Viewport::default().width(width as f32).height(height as f32).max_depth(1.0)];
-        let arguments_at = (arguments.handle(), (index * size_of::<[u32; 4]>()) as u64);
         recorder.timed(name, vk::PipelineStageFlags2::ALL_GRAPHICS, |context, commands| {
             let device = &context.device;
             // SAFETY: recording; pipeline, pictures and buffers are live and of the kinds that the pipeline was made
@@ -260,7 +289,12 @@ impl<'a> DrawPass<'a> {
                 }
                 device.cmd_set_viewport(commands, 0, &viewport);
                 device.cmd_set_scissor(commands, 0, &[area]);
-                device.cmd_draw_indirect(commands, arguments_at.0, arguments_at.1, 1, 0);
+                match vertices {
+                    Vertices::Of(range) => device.cmd_draw(commands, range.len() as u32, 1, range.start, 0),
+                    Vertices::From(buffer, offset) => {
+                        device.cmd_draw_indirect(commands, buffer, offset, 1, 0)
+                    }
+                }
                 device.cmd_end_rendering(commands);
             }
         });

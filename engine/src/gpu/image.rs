@@ -1,5 +1,8 @@
 //! Images on explicit memory: volumes that are sampled, and pictures that passes write. They stay in the general layout
 //! from birth on, so that nobody keeps track of layouts.
+//!
+//! A foreign picture is one of a swapchain: somebody else owns it and lends it for a frame. It is in the general
+//! layout between [`Recorder::borrow_image`] and [`Recorder::return_image`], and in no layout that matters outside.
 
 use std::sync::Arc;
 
@@ -9,7 +12,7 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
 use super::memory::Remains;
-use super::{Context, Gpu, check, lock};
+use super::{Context, Gpu, Recorder, check, lock};
 use crate::error::{Error, Kind, Result};
 
 /// What a texel is made of.
@@ -25,6 +28,14 @@ pub enum Format {
     R16,
     /// Two 16-bit fractions, 0 to 1.
     Rg16,
+    /// Four bytes, fractions 0 to 1, as they are.
+    Rgba8,
+    /// The same with blue first: what most screens take.
+    Bgra8,
+    /// Four bytes that hold sRGB: passes read and write linear light.
+    Srgba8,
+    /// The same with blue first.
+    Sbgra8,
 }
 
 impl Format {
@@ -35,7 +46,16 @@ impl Format {
             Format::R32f => vk::Format::R32_SFLOAT,
             Format::R16 => vk::Format::R16_UNORM,
             Format::Rg16 => vk::Format::R16G16_UNORM,
+            Format::Rgba8 => vk::Format::R8G8B8A8_UNORM,
+            Format::Bgra8 => vk::Format::B8G8R8A8_UNORM,
+            Format::Srgba8 => vk::Format::R8G8B8A8_SRGB,
+            Format::Sbgra8 => vk::Format::B8G8R8A8_SRGB,
         }
+    }
+
+    /// Whether passes see linear light where memory holds sRGB.
+    pub fn is_srgb(self) -> bool {
+        matches!(self, Format::Srgba8 | Format::Sbgra8)
     }
 
     /// Bytes of a texel.
@@ -44,6 +64,7 @@ impl Format {
             Format::Rgba32f => 16,
             Format::Rgba16f => 8,
             Format::R32f | Format::Rg16 => 4,
+            Format::Rgba8 | Format::Bgra8 | Format::Srgba8 | Format::Sbgra8 => 4,
             Format::R16 => 2,
         }
     }
@@ -54,8 +75,10 @@ pub struct Image {
     gpu: Gpu,
     handle: vk::Image,
     pub(super) view: vk::ImageView,
-    /// `None` only inside `Drop`.
+    /// `None` inside `Drop`, and where somebody else owns the image.
     allocation: Option<Allocation>,
+    /// The layout in which the owner wants it back, where that is somebody else.
+    pub(super) lent_in: Option<vk::ImageLayout>,
     size: [u32; 3],
     layers: u32,
     pub(super) format: Format,
@@ -131,16 +154,45 @@ impl Image {
     }
 }
 
+impl Recorder {
+    /// Overwrites a rectangle of a picture of one layer, from `corner` on, with what `texels` holds, rows from the top.
+    ///
+    /// # Panics
+    /// If the rectangle is not inside, or `texels` is not one `T` of a texel's size for each texel of it.
+    pub fn write_rectangle<T: Pod>(
+        &mut self,
+        image: &mut Image,
+        corner: [u32; 2],
+        size: [u32; 2],
+        texels: &[T],
+    ) -> Result<()> {
+        let name = &image.name;
+        assert_eq!(size_of::<T>(), image.format.bytes(), "{name}: texels differ in size");
+        assert_eq!(texels.len(), (size[0] * size[1]) as usize, "{name}: number of texels");
+        assert!(
+            (0..2).all(|i| corner[i] + size[i] <= image.size[i]) && image.layers == 1,
+            "{name}: a rectangle outside"
+        );
+        let staging = self.gpu.staged(&format!("{name} upload"), texels)?;
+        let region = image
+            .region()
+            .image_offset(vk::Offset3D { x: corner[0] as i32, y: corner[1] as i32, z: 0 })
+            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 });
+        self.fill_image(&staging, image, region);
+        self.keep(staging);
+        Ok(())
+    }
+}
+
 impl Drop for Image {
     fn drop(&mut self) {
         let last = lock(&self.gpu.0.queue).last_value();
-        if let Some(allocation) = self.allocation.take() {
-            lock(&self.gpu.0.memory).retire(
-                last,
-                Remains::Image(self.handle, self.view),
-                allocation,
-                self.purpose,
-            );
+        let mut memory = lock(&self.gpu.0.memory);
+        match self.allocation.take() {
+            Some(allocation) => {
+                memory.retire(last, Remains::Image(self.handle, self.view), allocation, self.purpose);
+            }
+            None => memory.retire_view(last, self.view),
         }
     }
 }
@@ -195,12 +247,53 @@ impl Gpu {
             )
             .help("choose another --size"));
         }
-        let usage = vk::ImageUsageFlags::STORAGE
-            | vk::ImageUsageFlags::COLOR_ATTACHMENT
+        let mut usage = vk::ImageUsageFlags::COLOR_ATTACHMENT
             | vk::ImageUsageFlags::SAMPLED
             | vk::ImageUsageFlags::TRANSFER_DST
             | vk::ImageUsageFlags::TRANSFER_SRC;
+        // Kernels write floats; few devices let them write what screens take.
+        if matches!(format, Format::Rgba32f | Format::Rgba16f | Format::R32f) {
+            usage |= vk::ImageUsageFlags::STORAGE;
+        }
         self.image(name, purpose, format, [size[0], size[1], 1], layers, vk::ImageType::TYPE_2D, usage)
+    }
+
+    /// A picture that somebody else owns, such as an image of a swapchain.
+    ///
+    /// # Safety
+    /// `handle` is a colour image of this device with so many layers of this format and size, made for colour
+    /// attachments; its owner wants it back in the layout `lent_in`, and keeps it until this picture was dropped and
+    /// the device has finished with it.
+    pub unsafe fn foreign_picture(
+        &self,
+        name: &str,
+        handle: vk::Image,
+        format: Format,
+        size: [u32; 2],
+        layers: u32,
+        lent_in: vk::ImageLayout,
+    ) -> Result<Image> {
+        let context: &Context = &self.0;
+        context.name(handle, name);
+        let info = vk::ImageViewCreateInfo::default()
+            .image(handle)
+            .view_type(vk::ImageViewType::TYPE_2D_ARRAY)
+            .format(format.vk())
+            .subresource_range(whole());
+        // SAFETY: as the caller promises.
+        let view = check(name, unsafe { context.device.create_image_view(&info, None) })?;
+        Ok(Image {
+            gpu: self.clone(),
+            handle,
+            view,
+            allocation: None,
+            lent_in: Some(lent_in),
+            size: [size[0], size[1], 1],
+            layers,
+            format,
+            name: name.to_owned(),
+            purpose: "of others",
+        })
     }
 
     #[expect(clippy::too_many_arguments, reason = "private; the two callers above fix most of them")]
@@ -238,6 +331,7 @@ impl Gpu {
             handle,
             view: vk::ImageView::null(),
             allocation: None,
+            lent_in: None,
             size,
             layers,
             format,

@@ -20,7 +20,7 @@ pub(super) struct Memory {
     /// `None` only while the device is being destroyed.
     allocator: Option<Allocator>,
     /// What was dropped, with the timeline value after which nothing uses it.
-    graveyard: Vec<(u64, Remains, Allocation)>,
+    graveyard: Vec<(u64, Remains, Option<Allocation>)>,
     pub(super) by_purpose: BTreeMap<&'static str, u64>,
     pub(super) peak: u64,
 }
@@ -29,6 +29,8 @@ pub(super) struct Memory {
 pub(super) enum Remains {
     Buffer(vk::Buffer),
     Image(vk::Image, vk::ImageView),
+    /// Of an image that somebody else owns.
+    View(vk::ImageView),
 }
 
 impl Memory {
@@ -62,10 +64,13 @@ impl Memory {
                         device.destroy_image_view(view, None);
                         device.destroy_image(image, None);
                     }
+                    Remains::View(view) => device.destroy_image_view(view, None),
                 }
             }
-            // Freeing what this allocator gave cannot fail.
-            let _ = allocator.free(allocation);
+            if let Some(allocation) = allocation {
+                // Freeing what this allocator gave cannot fail.
+                let _ = allocator.free(allocation);
+            }
         }
     }
 
@@ -103,7 +108,12 @@ impl Memory {
         if let Some(bytes) = self.by_purpose.get_mut(purpose) {
             *bytes -= allocation.size();
         }
-        self.graveyard.push((last, remains, allocation));
+        self.graveyard.push((last, remains, Some(allocation)));
+    }
+
+    /// Sends the view of somebody else's image to the graveyard.
+    pub(super) fn retire_view(&mut self, last: u64, view: vk::ImageView) {
+        self.graveyard.push((last, Remains::View(view), None));
     }
 
     /// # Safety
@@ -211,6 +221,13 @@ impl<T: Pod> Buffer<T> {
         Ok(bytemuck::cast_slice(&bytes[..self.len * size_of::<T>()]))
     }
 
+    /// What a buffer of [`Gpu::mapped`] holds. What is written is seen by the submissions that follow; none that reads it
+    /// may be in flight meanwhile.
+    pub fn mapped_mut(&mut self) -> Result<&mut [T]> {
+        let bytes = self.len * size_of::<T>();
+        Ok(bytemuck::cast_slice_mut(&mut self.mapped_bytes()?[..bytes]))
+    }
+
     fn mapped_bytes(&mut self) -> Result<&mut [u8]> {
         let name = &self.name;
         self.allocation.as_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(|| {
@@ -253,6 +270,14 @@ impl Gpu {
     /// A buffer in host memory that passes are copied into, to be read without a submission of its own.
     pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
         self.raw(name, "staging", len, MemoryLocation::GpuToCpu)
+    }
+
+    /// A buffer that the host writes and passes read, without a copy between: for the little that changes in each
+    /// frame.
+    pub fn mapped<T: Pod>(&self, name: &str, purpose: &'static str, len: usize) -> Result<Buffer<T>> {
+        let mut buffer = self.raw::<T>(name, purpose, len, MemoryLocation::CpuToGpu)?;
+        buffer.mapped_bytes()?.fill(0);
+        Ok(buffer)
     }
 
     /// A buffer in host memory that holds `data`, to be copied from.

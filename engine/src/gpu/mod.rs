@@ -17,6 +17,7 @@ mod image;
 mod kernel;
 mod memory;
 mod recorder;
+mod surface;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -25,12 +26,13 @@ use ash::vk;
 
 use crate::error::{Error, Kind, Result};
 
-pub use boot::{Boot, DeviceDescription, GpuOptions, devices};
+pub use boot::{Boot, DeviceDescription, GpuOptions, Windows, devices};
 pub use draw::{DrawPass, Drawing};
 pub use image::{Format, Image};
 pub use kernel::Kernel;
 pub use memory::Buffer;
 pub use recorder::{Recorder, Ticket};
+pub use surface::{Acquired, Surface};
 
 /// A booted Vulkan device. Cheap to clone; all clones are the same device.
 #[derive(Clone)]
@@ -68,6 +70,7 @@ pub struct Limits {
 /// Everything that lives as long as the device. Field order is irrelevant: `Drop` destroys by hand, in order.
 struct Context {
     instance: boot::Instance,
+    physical: vk::PhysicalDevice,
     description: DeviceDescription,
     limits: Limits,
     device: ash::Device,

@@ -1,6 +1,7 @@
 //! Recording and submitting passes. A pass is a sentence: kernel, reads, writes, constants, dispatch.
 //! The recorder places the barriers, opens a debug label and takes two timestamps per pass.
 
+use std::any::Any;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -21,7 +22,7 @@ pub struct Ticket(pub(super) u64);
 
 /// The queue and the command buffers that go round.
 pub(super) struct Submissions {
-    queue: vk::Queue,
+    pub(super) queue: vk::Queue,
     last: u64,
     free: Vec<Slot>,
     flying: Vec<Flight>,
@@ -85,6 +86,7 @@ impl Gpu {
             passes: Vec::new(),
             touched: HashMap::new(),
             wide: true,
+            kept: Vec::new(),
         };
         // Whatever earlier submissions wrote, drawings too, is visible to this one.
         recorder.barrier();
@@ -178,6 +180,8 @@ pub struct Recorder {
     touched: HashMap<Resident, bool>,
     /// Whether barriers reach the graphics stages and indirect arguments, too; they need it from the first use on.
     pub(super) wide: bool,
+    /// Staging buffers that the recorded copies read.
+    kept: Vec<Box<dyn Any>>,
 }
 
 /// A resource as hazards are tracked: by its handle, which is unique only within its kind.
@@ -290,6 +294,41 @@ impl Recorder {
             // SAFETY: recording; ranges were checked by the callers; usage has both transfer bits.
             unsafe { gpu.0.device.cmd_copy_buffer(commands, from, to, &region) };
         });
+    }
+
+    /// Takes a foreign picture over from its owner; what it held is gone.
+    pub fn borrow_image(&mut self, image: &Image) {
+        assert!(image.lent_in.is_some(), "{} is not a foreign picture", image.name());
+        let stage = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
+        let layout = vk::ImageMemoryBarrier2::default()
+            // What the wait for the owner's semaphore holds back.
+            .src_stage_mask(stage)
+            .dst_stage_mask(stage)
+            .dst_access_mask(
+                vk::AccessFlags2::COLOR_ATTACHMENT_READ | vk::AccessFlags2::COLOR_ATTACHMENT_WRITE,
+            )
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .new_layout(vk::ImageLayout::GENERAL);
+        self.change_layout(image, layout);
+    }
+
+    /// Gives a foreign picture back; drawings are all that wrote it.
+    pub fn return_image(&mut self, image: &Image) {
+        let Some(lent_in) = image.lent_in else { panic!("{} is not a foreign picture", image.name()) };
+        let layout = vk::ImageMemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+            .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+            .old_layout(vk::ImageLayout::GENERAL)
+            .new_layout(lent_in);
+        self.change_layout(image, layout);
+    }
+
+    fn change_layout(&mut self, image: &Image, barrier: vk::ImageMemoryBarrier2<'_>) {
+        let barrier = [barrier.image(image.handle()).subresource_range(image::whole())];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barrier);
+        // SAFETY: recording; the picture is lent to us for this frame.
+        unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
     }
 
     /// Brings a new image into the layout that it keeps, and clears it.
@@ -405,8 +444,22 @@ impl Recorder {
         std::mem::replace(self, gpu.record()?).submit()
     }
 
+    /// Keeps a staging buffer until this is submitted: only then does its end know what it must wait for.
+    pub(super) fn keep<T: Pod>(&mut self, staging: Buffer<T>) {
+        self.kept.push(Box::new(staging));
+    }
+
     /// Ends recording and hands the work to the device.
-    pub fn submit(mut self) -> Result<Ticket> {
+    pub fn submit(self) -> Result<Ticket> {
+        self.submit_between(None, None)
+    }
+
+    /// The same after `wait` was signalled, as far as colour is written, and signalling `signal` at the end.
+    pub(super) fn submit_between(
+        mut self,
+        wait: Option<vk::Semaphore>,
+        signal: Option<vk::Semaphore>,
+    ) -> Result<Ticket> {
         let Some(slot) = self.slot.take() else {
             return Err(Error::new(Kind::Internal, "VGS-GPU-040", "submitted twice"));
         };
@@ -421,12 +474,25 @@ impl Recorder {
         let mut queue = lock(&context.queue);
         let value = queue.last + 1;
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(slot.commands)];
-        let signals = [vk::SemaphoreSubmitInfo::default()
-            .semaphore(context.timeline)
-            .value(value)
-            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
-        let submit =
-            [vk::SubmitInfo2::default().command_buffer_infos(&commands).signal_semaphore_infos(&signals)];
+        let at_end = |semaphore| {
+            vk::SemaphoreSubmitInfo::default()
+                .semaphore(semaphore)
+                .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        };
+        let mut signals = vec![at_end(context.timeline).value(value)];
+        signals.extend(signal.map(at_end));
+        let waits: Vec<_> = wait
+            .map(|semaphore| {
+                vk::SemaphoreSubmitInfo::default()
+                    .semaphore(semaphore)
+                    .stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+            })
+            .into_iter()
+            .collect();
+        let submit = [vk::SubmitInfo2::default()
+            .wait_semaphore_infos(&waits)
+            .command_buffer_infos(&commands)
+            .signal_semaphore_infos(&signals)];
         // SAFETY: the queue is ours alone while locked; the command buffer is complete.
         let submitted = unsafe {
             context.device.cmd_pipeline_barrier2(slot.commands, &dependency);
@@ -441,6 +507,8 @@ impl Recorder {
         }
         queue.last = value;
         queue.flying.push(Flight { value, slot, passes: std::mem::take(&mut self.passes) });
+        // What was kept is dropped after this, with a submission to wait for.
+        drop(queue);
         Ok(Ticket(value))
     }
 }
@@ -500,8 +568,14 @@ impl Bindings {
         self.accesses.push((Resident::Buffer(buffer.handle()), write));
     }
 
-    fn image(&mut self, shader: &Shader, image: &Image, write: bool) {
-        let resource = self.next(shader, shader.bindings, image.name(), write);
+    pub(super) fn image(
+        &mut self,
+        shader: &Shader,
+        bindings: &[shaders_glsl::Binding],
+        image: &Image,
+        write: bool,
+    ) {
+        let resource = self.next(shader, bindings, image.name(), write);
         let (expected, bound) = match write {
             false => (Resource::Texture, Bound::Texture(image.view)),
             true => (Resource::Image, Bound::Image(image.view)),
@@ -606,14 +680,16 @@ impl<'a> Pass<'a> {
     /// Binds the next image, to be sampled.
     #[must_use]
     pub fn sample(mut self, image: &'a Image) -> Self {
-        self.bindings.image(self.kernel.shader, image, false);
+        let shader = self.kernel.shader;
+        self.bindings.image(shader, shader.bindings, image, false);
         self
     }
 
     /// Binds the next image, to be written.
     #[must_use]
     pub fn write_image(mut self, image: &'a mut Image) -> Self {
-        self.bindings.image(self.kernel.shader, image, true);
+        let shader = self.kernel.shader;
+        self.bindings.image(shader, shader.bindings, image, true);
         self
     }
 

@@ -2,18 +2,21 @@
 //!
 //! What is shown is plain data ([`State`], the session file); panels draw it into any [`egui::Ui`] and change it, and know
 //! neither windows nor the device. [`App`] puts them together.
+#![forbid(unsafe_code)]
 
 #![forbid(unsafe_code)]
 
 pub mod actions;
 pub mod annotations;
 pub mod app;
+pub mod composer;
 pub mod editor;
 pub mod facts;
 pub mod handles;
 pub mod histogram;
 pub mod history;
 pub mod orbit;
+pub mod painter;
 pub mod panels;
 pub mod pick;
 pub mod prompt;
