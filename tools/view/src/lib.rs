@@ -4,8 +4,6 @@
 //! neither windows nor the device. [`App`] puts them together.
 #![forbid(unsafe_code)]
 
-#![forbid(unsafe_code)]
-
 pub mod actions;
 pub mod annotations;
 pub mod app;
