@@ -16,7 +16,6 @@ struct Look {
     float power;
     uint plane_count;
     vec4 planes[8];
-    uint hidden[8];
 };
 
 #endif

@@ -3,6 +3,7 @@
 // the mean of the viewing directions, which for parallel eyes is exact for both (by the distance from the middle of the
 // eyes it would be for none). One invocation owns a splat. A splat that no view shows is sorted behind all others and not
 // counted; so is one whose centre a clip plane cuts away.
+#include "appearance.glsl"
 #include "rows.glsl"
 #include "look.glsl"
 #include "quad.glsl"
@@ -12,6 +13,7 @@ layout(constant_id = 0) const uint CORNERS = 6;  // vertices of a quad, see alph
 layout(constant_id = 1) const uint STANDARD = 0; // 1: colour and opacity are the splat's own
 layout(constant_id = 2) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 3) const uint PACKED = 0;   // 1: 16 bytes a splat
+layout(constant_id = 4) const uint OBJECTS = 0;  // 1: objects have tints and opacities
 layout(push_constant, scalar) uniform QuadParams {
     uvec2 size;
     vec3 centre;
@@ -31,6 +33,8 @@ layout(scalar, binding = 10) writeonly buffer Quads { Quad quads[]; };
 layout(scalar, binding = 11) writeonly buffer Keys { uint keys[]; };
 layout(scalar, binding = 12) writeonly buffer Values { uint values[]; };
 layout(scalar, binding = 13) buffer Arguments { uint arguments[]; }; // vertices, instances, first vertex, first instance
+layout(scalar, binding = 14) readonly buffer ActiveObjects { uint active_objects[]; };
+layout(scalar, binding = 15) readonly buffer Appearances { Appearance appearances[]; };
 
 Splat splat_at(uint i) {
     if (PACKED == 1) return unpack(rows[i], chunks[i / PACKED_CHUNK], p.range);
@@ -90,18 +94,18 @@ vec3 own_colour(uint splat, vec3 direction) {
     return max(colour, 0.0);
 }
 
-// The splat as a view shows it.
-Quad quad_of(View v, uint splat, Splat s, vec4 look) {
+// The splat as a view shows it. `look` has colour and extinction, the object's appearance in them.
+Quad quad_of(View v, uint splat, Splat s, vec4 look, Appearance object) {
     Quad r = UNSEEN;
     vec3 mean = turned(v, s.mean - v.eye);
     if (!(mean.z > NEAREST)) return r;
     float half_path = project(v, s, mean, r);
     if (STANDARD == 1) {
-        r.thickness = 1.0 / (1.0 + exp(-s.opacity_logit));
+        r.thickness = object.opacity / (1.0 + exp(-s.opacity_logit));
         if (!(r.thickness > LEAST_OPACITY)) return UNSEEN;
         r.edge = sqrt(log(r.thickness / LEAST_OPACITY) * (1.0 / 3.0));
         r.axes = widened(r.axes);
-        r.colour = own_colour(splat, normalize(s.mean - v.eye));
+        r.colour = tinted(own_colour(splat, normalize(s.mean - v.eye)), object.tint);
     } else {
         Centre f = centres[splat];
         r.thickness = look.a * f.share * 1.1780972 * half_path; // 3π/8
@@ -129,15 +133,22 @@ void main() {
         vec4 plane = look_rows[0].planes[k];
         if (dot(plane.xyz, s.mean) + plane.w < 0.0) kept = false;
     }
+    Appearance object = Appearance(vec4(0.0), 1.0, 1);
+    if (OBJECTS == 1) object = appearances[active_objects[i]];
     vec4 look = vec4(0.0);
     if (STANDARD == 0) {
         Centre f = centres[splat];
         look = look_segment(f.intensity - f.spread, f.intensity + f.spread);
+        if (OBJECTS == 1) {
+            look.rgb = tinted(look.rgb, object.tint);
+            // As a factor of the opacity per mm, like the occupancy.
+            if (object.opacity < 1.0) look.a = -log(1.0 - object.opacity * (1.0 - exp(-look.a)));
+        }
     }
     bool seen = false;
     for (uint view = 0; view < p.view_count; ++view) {
         Quad quad = UNSEEN;
-        if (kept) quad = quad_of(views[view], splat, s, look);
+        if (kept) quad = quad_of(views[view], splat, s, look, object);
         quads[view * p.splat_count + i] = quad;
         if (quad.edge > 0.0) seen = true;
     }

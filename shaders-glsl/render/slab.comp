@@ -9,6 +9,7 @@
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_EXT_shader_image_load_formatted : require
+#include "appearance.glsl"
 #include "kernel.glsl"
 #include "look.glsl"
 #include "tiles.glsl"
@@ -17,6 +18,7 @@ layout(constant_id = 1) const uint GROUP = 64;
 layout(constant_id = 2) const uint SEGMENTS = 0; // 1: the transfer function is integrated between planes
 layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 4) const uint DEPTH = 0;    // 1: depth is written
+layout(constant_id = 5) const uint OBJECTS = 0;  // 1: objects have tints and opacities
 layout(push_constant, scalar) uniform SlabParams {
     TileGrid grid;
     float background;
@@ -29,17 +31,21 @@ layout(scalar, binding = 5) readonly buffer Values { uint values[]; };
 layout(scalar, binding = 6) readonly buffer ProjectedRows { Projected projected[]; };
 layout(binding = 7) writeonly uniform image2DArray colour_image;
 layout(binding = 8) writeonly uniform image2DArray depth_image;
+layout(scalar, binding = 9) readonly buffer ActiveObjects { uint active_objects[]; };
+layout(scalar, binding = 10) readonly buffer Appearances { Appearance appearances[]; };
 
 const uint PLANES = 8;
 const uint PIXELS = 4;
 
-// Σw, Σwc and, where there is light, their gradients in eye space.
+// Σw, Σwc and, where there is light, their gradients in eye space; Σw times tint and opacity of the splats' objects.
 float weight[PLANES * PIXELS];
 float value[PLANES * PIXELS];
 vec3 weight_slope[PLANES * PIXELS];
 vec3 value_slope[PLANES * PIXELS];
+vec4 tint[PLANES * PIXELS];
+float shown[PLANES * PIXELS];
 
-void add(Projected s, vec2 ray[PIXELS], float depths[PLANES], uint from) {
+void add(Projected s, Appearance object, vec2 ray[PIXELS], float depths[PLANES], uint from) {
     float a[4];
     float zz[4];
     [[unroll]] for (uint k = 0; k < 4; ++k) {
@@ -57,10 +63,10 @@ void add(Projected s, vec2 ray[PIXELS], float depths[PLANES], uint from) {
             uint at = (from + k) * PIXELS + n;
             float t = a[k] + lean;
             float q = zz[k] * (t * t + aside);
+            float w;
             if (SHADED == 1) {
                 vec2 kernel = kernel_value_slope(q) * s.amplitude;
-                weight[at] += kernel.x;
-                value[at] += kernel.x * s.intensity;
+                w = kernel.x;
                 vec3 h = vec3(
                     s.along.y * t + s.across.x * u,
                     s.along.z * t + s.across.y * u + s.across.z * v,
@@ -70,9 +76,13 @@ void add(Projected s, vec2 ray[PIXELS], float depths[PLANES], uint from) {
                 weight_slope[at] += h;
                 value_slope[at] += h * s.intensity;
             } else {
-                float w = s.amplitude * kernel_value(q);
-                weight[at] += w;
-                value[at] += w * s.intensity;
+                w = s.amplitude * kernel_value(q);
+            }
+            weight[at] += w;
+            value[at] += w * s.intensity;
+            if (OBJECTS == 1) {
+                tint[at] += w * object.tint;
+                shown[at] += w * object.opacity;
             }
         }
     }
@@ -130,14 +140,20 @@ void main() {
                     weight_slope[i] = vec3(0.0);
                     value_slope[i] = vec3(0.0);
                 }
+                if (OBJECTS == 1) {
+                    tint[i] = vec4(0.0);
+                    shown[i] = 0.0;
+                }
             }
             for (uint i = start; i < end; ++i) {
                 uint pair = values[i];
                 if ((pair >> (24 + part) & 1u) == 0) continue;
                 Projected s = projected[pair & 0xFFFFFFu];
+                Appearance object = Appearance(vec4(0.0), 1.0, 1);
+                if (OBJECTS == 1) object = appearances[active_objects[(pair & 0xFFFFFFu) - row]];
                 float near = s.depth - s.reach, far = s.depth + s.reach;
-                if (far >= depths[0] && near <= depths[3]) add(s, ray, depths, 0);
-                if (far >= depths[4] && near <= depths[7]) add(s, ray, depths, 4);
+                if (far >= depths[0] && near <= depths[3]) add(s, object, ray, depths, 0);
+                if (far >= depths[4] && near <= depths[7]) add(s, object, ray, depths, 4);
             }
             [[unroll]] for (uint k = 0; k < PLANES; ++k) {
                 float z = depths[k];
@@ -156,6 +172,13 @@ void main() {
                     float inverse = 1.0 / (w + p.epsilon);
                     float relative = value[at] * inverse;
                     vec2 here = vec2(p.background + relative, w / (w + p.occupancy_w0));
+                    float full = here.y; // O before the objects' opacity
+                    vec4 own = vec4(0.0);
+                    if (OBJECTS == 1) {
+                        float part = 1.0 / max(w, 1e-30);
+                        own = tint[at] * part;
+                        here.y *= shown[at] * part;
+                    }
                     vec4 got;
                     float occupancy = here.y;
                     if (SEGMENTS == 1) {
@@ -168,10 +191,11 @@ void main() {
                     float opacity = look_opacity(got.a, occupancy, path[n]);
                     if (!there) opacity = 0.0;
                     vec3 base = got.rgb;
+                    if (OBJECTS == 1) base = tinted(base, own);
                     if (SHADED == 1) {
                         vec3 slope = (value_slope[at] - relative * weight_slope[at]) * inverse;
                         float fall = p.occupancy_w0 / ((w + p.occupancy_w0) * (w + p.occupancy_w0));
-                        vec3 gradient = here.y * slope + (here.x - look_rows[0].dark) * fall * weight_slope[at];
+                        vec3 gradient = full * slope + (here.x - look_rows[0].dark) * fall * weight_slope[at];
                         base = look_lit(base, gradient, vec3(ray[n], 1.0));
                     }
                     float share = clear[n] * opacity;

@@ -280,8 +280,15 @@ shared! {
         plane_count: u32,
         /// Clip planes: what has n · x + d < 0 is cut away; x in mm in the space of the scene.
         planes: [[f32; 4]; 8],
-        /// One bit for each label, set where splats of that label are hidden.
-        hidden: [u32; 8],
+    }
+    /// How an object of a scene is shown; see `include/appearance.glsl`.
+    Appearance {
+        /// A colour, and the share of the transfer function's colour that it replaces, 0 or 1; zeros where there is none.
+        tint: [f32; 4],
+        /// Factor of the occupancy.
+        opacity: f32,
+        /// 0 where its splats are left out.
+        visible: u32,
     }
     /// How a picture is cut into tiles and the depth of a scene into slabs; see `include/tiles.glsl`.
     TileGrid {
@@ -340,6 +347,13 @@ shared! {
     ListParams {
         /// Splats.
         count: u32,
+    }
+    /// Push constants of `limit_active`.
+    LimitParams {
+        /// Splats.
+        count: u32,
+        /// Most splats that stay.
+        budget: u32,
     }
     /// A volume in an image, and its bricks; see `include/bricks.glsl`.
     BrickGrid {

@@ -3,12 +3,14 @@
 
 use engine::gpu::Gpu;
 use engine::image::{Image, psnr};
-use engine::reference::eye::Eye;
+use engine::reference::eye::{self, Eye};
 use engine::reference::slab as twin;
-use engine::render::{Camera, ClipPlane, Fov, Look, MODES, ModeRow, Renderer, Scene, Settings, mode};
+use engine::render::{
+    Appearance, Camera, ClipPlane, Fov, Look, MODES, ModeRow, Renderer, Scene, Settings, mode,
+};
 use engine::splat::{Field, Kernel, Splat, SplatSet};
 use engine::transfer::{Table, TransferFunction, preset};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, DVec4, Vec3};
 use rand::RngExt;
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close, picture};
@@ -83,8 +85,17 @@ fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, ste
     let cloud = scene.cloud.as_ref().expect("splats");
     let eye = Eye::from(&camera.view(scene.origin));
     let background = f64::from(set.field.background);
-    let splats: Vec<_> =
-        set.splats.iter().filter_map(|s| twin::seen(&s.into(), &eye, set.field.kernel, background)).collect();
+    let appearance = |splat: usize| {
+        let label = set.labels.as_ref().map_or(0, |labels| labels[splat]);
+        let shown = look.objects.get(&label).copied().unwrap_or_default();
+        let tint = shown.tint.map_or(DVec4::ZERO, |t| Vec3::from_array(t).as_dvec3().extend(1.0));
+        eye::Appearance { tint, opacity: f64::from(shown.opacity) }
+    };
+    let seen = |(i, s): (usize, &Splat)| {
+        let seen = twin::seen(&s.into(), &eye, set.field.kernel, background)?;
+        Some(twin::Seen { appearance: appearance(i), ..seen })
+    };
+    let splats: Vec<_> = set.splats.iter().enumerate().filter_map(seen).collect();
     let [low, high] = cloud.bounds;
     let radius = (high - low).length() * 0.5;
     let spacing = cloud.sigma_mm * step;
@@ -113,11 +124,16 @@ fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, ste
 #[test]
 fn pictures_are_those_of_the_twins() {
     let gpu = Device::boot();
+    let tint = |tint, opacity| Appearance { tint: Some(tint), opacity, ..Appearance::default() };
+    let objects = [(1, tint([0.1, 0.4, 1.0], 0.3)), (2, tint([1.0, 0.3, 0.1], 1.0))];
     for (name, kernel, look) in [
         ("slab-soft", Kernel::Compact, look("CT-Soft-Tissue", false)),
         ("slab-bone-lit", Kernel::Gaussian, look("CT-Bone", true)),
+        ("slab-objects", Kernel::Compact, Look { objects: objects.into(), ..look("CT-Soft-Tissue", true) }),
     ] {
-        let set = set(150, kernel);
+        let mut set = set(150, kernel);
+        // Two objects that overlap in a wide strip.
+        set.labels = Some(set.splats.iter().map(|s| if s.mean[2] > 0.0 { 1 } else { 2 }).collect());
         let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
         let camera = camera(&scene);
         let settings = Settings {

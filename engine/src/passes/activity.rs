@@ -1,13 +1,13 @@
-//! Which splats a look can show: marked, counted, listed.
+//! Which splats a look can show: marked, limited to a budget where there is one, counted, listed.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{ActivityParams, ListParams, Look};
+use shaders_glsl::types::{ActivityParams, Appearance, LimitParams, ListParams, Look};
 
-use super::Scan;
+use super::{Rows, Scan};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Invocations of a workgroup of the two kernels.
+/// Invocations of a workgroup of the kernels.
 const GROUP: usize = 64;
 
 /// The list of active splats.
@@ -19,9 +19,25 @@ pub struct Activity {
     places: Buffer<u32>,
     /// Indices of the active splats, in order.
     pub active: Buffer<u32>,
+    /// The objects that these belong to.
+    pub active_objects: Buffer<u32>,
     /// How many there are, in its only element.
     pub count: Buffer<u32>,
     splat_count: usize,
+}
+
+/// What a listing is made from.
+pub struct ActivitySources<'a> {
+    /// The row of the look.
+    pub look: &'a Buffer<Look>,
+    /// How many entries of the look's table before each are visible; one more than there are entries.
+    pub visible: &'a Buffer<u32>,
+    /// How each object is shown, by its number.
+    pub appearances: &'a Buffer<Appearance>,
+    /// Least and greatest intensity that each splat may show.
+    pub intervals: &'a Buffer<[f32; 2]>,
+    /// The number of each splat's object.
+    pub objects: &'a Buffer<u32>,
 }
 
 impl Activity {
@@ -34,39 +50,80 @@ impl Activity {
             flags: gpu.buffer("activity", "sorting", splat_count)?,
             places: gpu.buffer("places of active splats", "sorting", splat_count + 1)?,
             active: gpu.buffer("active splats", "splats", splat_count)?,
+            active_objects: gpu.buffer("objects of active splats", "splats", splat_count)?,
             count: gpu.buffer("number of active splats", "splats", 1)?,
             splat_count,
         })
     }
 
-    /// Records the listing. `visible[i]` is how many entries of the look's table before `i` are visible; `intervals` are
-    /// the least and greatest intensity that each splat may show.
+    /// Records the listing; with a budget, of so many splats at most, the first ones of a ranking.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
-        look: &Buffer<Look>,
-        visible: &Buffer<u32>,
-        intervals: &Buffer<[f32; 2]>,
-        labels: &Buffer<u32>,
+        sources: &ActivitySources<'_>,
+        budget: Option<(&mut Ranking, usize)>,
     ) {
         let count = self.splat_count as u32;
         let groups = self.splat_count.div_ceil(GROUP) as u32;
         recorder
             .pass(&self.mark)
-            .read(look)
-            .read(visible)
-            .read(intervals)
-            .read(labels)
+            .read(sources.look)
+            .read(sources.visible)
+            .read(sources.intervals)
+            .read(sources.objects)
+            .read(sources.appearances)
             .write(&mut self.flags)
             .push(&ActivityParams { count })
             .dispatch(groups);
+        if let Some((ranking, budget)) = budget {
+            ranking.rows.gather(recorder, &self.flags, &ranking.order, 0, &mut ranking.flags);
+            self.scan.record(recorder, &ranking.flags, self.splat_count, &mut self.places);
+            recorder
+                .pass(&ranking.limit)
+                .read(&self.places)
+                .read(&ranking.ranks)
+                .write(&mut self.flags)
+                .push(&LimitParams { count, budget: u32::try_from(budget).unwrap_or(u32::MAX) })
+                .dispatch(groups);
+        }
         self.scan.record(recorder, &self.flags, self.splat_count, &mut self.places);
         recorder
             .pass(&self.list)
             .read(&self.places)
+            .read(sources.objects)
             .write(&mut self.active)
+            .write(&mut self.active_objects)
             .push(&ListParams { count })
             .dispatch(groups);
         recorder.copy(&self.places, self.splat_count, &mut self.count, 0, 1);
+    }
+}
+
+/// An order of importance of the splats, for listings with a budget.
+pub struct Ranking {
+    rows: Rows,
+    limit: Kernel,
+    order: Buffer<u32>,
+    ranks: Buffer<u32>,
+    flags: Buffer<u32>,
+}
+
+impl Ranking {
+    /// `order` has all splats, the most important first.
+    ///
+    /// # Panics
+    /// If it is no order of all splats.
+    pub fn new(gpu: &Gpu, order: &[u32]) -> Result<Self> {
+        let mut ranks = vec![0; order.len()];
+        for (rank, &splat) in (0..).zip(order) {
+            ranks[splat as usize] = rank;
+        }
+        Ok(Ranking {
+            rows: Rows::new(gpu)?,
+            limit: Kernel::new(gpu, &glsl::LIMIT_ACTIVE, &[])?,
+            order: gpu.upload("splats by importance", "splats", order)?,
+            ranks: gpu.upload("ranks of the splats", "splats", &ranks)?,
+            flags: gpu.buffer("activity by importance", "sorting", order.len())?,
+        })
     }
 }

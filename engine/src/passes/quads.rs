@@ -1,7 +1,7 @@
 //! Splats to quads: one for each view, in one order for all views, and how many there are to draw.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{Centre, Look, Quad, QuadParams, View};
+use shaders_glsl::types::{Appearance, Centre, Look, Quad, QuadParams, View};
 
 use super::{RadixSort, Shape, SplatRows};
 use crate::error::Result;
@@ -32,6 +32,23 @@ pub struct QuadSources<'a> {
     pub harmonics: &'a Buffer<u32>,
     /// Indices of the splats that the look can show, and in one element how many they are.
     pub active: (&'a Buffer<u32>, &'a Buffer<u32>),
+    /// The objects that these splats belong to, and how each object is shown.
+    pub objects: (&'a Buffer<u32>, &'a Buffer<Appearance>),
+}
+
+/// What a `project_quads` is made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QuadVariant {
+    /// Vertices of a quad; see [`corners`].
+    pub corners: u32,
+    /// Whether colour and opacity are the splats' own.
+    pub standard: bool,
+    /// Whether surfaces are lit.
+    pub shaded: bool,
+    /// Whether rows are packed.
+    pub packed: bool,
+    /// Whether objects have tints and opacities.
+    pub objects: bool,
 }
 
 /// Projects splats to quads and sorts them back to front.
@@ -55,14 +72,11 @@ impl Quads {
         })
     }
 
-    /// A `project_quads` for quads of so many vertices, of standard splats or of others, with light or without, from
-    /// packed rows or full ones.
-    pub fn kernel(gpu: &Gpu, corners: u32, standard: bool, shaded: bool, packed: bool) -> Result<Kernel> {
-        Kernel::new(
-            gpu,
-            &glsl::PROJECT_QUADS,
-            &[corners, u32::from(standard), u32::from(shaded), u32::from(packed)],
-        )
+    /// A `project_quads`.
+    pub fn kernel(gpu: &Gpu, variant: QuadVariant) -> Result<Kernel> {
+        let QuadVariant { corners, standard, shaded, packed, objects } = variant;
+        let [standard, shaded, packed, objects] = [standard, shaded, packed, objects].map(u32::from);
+        Kernel::new(gpu, &glsl::PROJECT_QUADS, &[corners, standard, shaded, packed, objects])
     }
 
     /// Records projection, by a [`Quads::kernel`], and sorting of the active splats.
@@ -92,6 +106,8 @@ impl Quads {
             .write(keys)
             .write(values)
             .write_words(&mut self.arguments)
+            .read(sources.objects.0)
+            .read(sources.objects.1)
             .push(&QuadParams { range: sources.splats.range, ..*params })
             .dispatch(self.splat_count.div_ceil(GROUP) as u32);
         self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);

@@ -1,6 +1,6 @@
 //! What all twins of a render mode share: rays, light and the sum along a ray.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, DVec4};
 use shaders_glsl::types::View;
 
 use super::types::vec3;
@@ -72,6 +72,27 @@ pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material) -> DVe
     let diffuse = normal.dot(light).abs();
     let shine = normal.dot(halfway).abs().powf(material.power);
     (base * (material.ambient + material.diffuse * diffuse) + material.specular * shine).min(DVec3::ONE)
+}
+
+/// How a splat's object is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Appearance {
+    /// A colour, and the share of the transfer function's colour that it replaces.
+    pub tint: DVec4,
+    /// Factor of the occupancy.
+    pub opacity: f64,
+}
+
+impl Default for Appearance {
+    /// As the transfer function alone has it.
+    fn default() -> Self {
+        Appearance { tint: DVec4::ZERO, opacity: 1.0 }
+    }
+}
+
+/// A colour of the transfer function with so much of a tint in place of it.
+pub fn tinted(colour: DVec3, tint: DVec4) -> DVec3 {
+    colour * (1.0 - tint.w) + tint.truncate()
 }
 
 /// Opacity of a stretch of ray, mm: occupancy is a factor of the opacity per mm, 1 − exp(−extinction).

@@ -4,6 +4,7 @@
 //!
 //! Twins use plain loops over all samples and all splats. They are for tests and never touch the GPU.
 
+pub mod activity;
 pub mod adam;
 pub mod eye;
 pub mod half;

@@ -6,7 +6,7 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 use shaders_glsl::types::Centre;
 
 use super::Splat;
-use super::eye::{Eye, Gathered, lit};
+use super::eye::{Appearance, Eye, Gathered, lit, tinted};
 use super::slab::NEAREST;
 use super::types::vec3;
 use crate::transfer::{Material, Table};
@@ -78,9 +78,16 @@ impl Quad {
     }
 }
 
-/// The quad of a splat on a picture of `size` pixels; nothing where it is not to be seen: behind the eye or too near, cut
+/// The quad of a splat of an object on a picture of `size` pixels; nothing where it is not to be seen: behind the eye or too near, cut
 /// away, too faint, or beside the picture.
-pub fn quad(splat: &Splat, face: &Face<'_>, eye: &Eye, size: [u32; 2], look: &Look<'_>) -> Option<Quad> {
+pub fn quad(
+    splat: &Splat,
+    face: &Face<'_>,
+    object: &Appearance,
+    eye: &Eye,
+    size: [u32; 2],
+    look: &Look<'_>,
+) -> Option<Quad> {
     let mean = eye.seen(splat.mean);
     let cut = look.planes.iter().any(|&[x, y, z, d]| DVec3::new(x, y, z).dot(splat.mean) + d < 0.0);
     if mean.z <= NEAREST || cut {
@@ -111,11 +118,15 @@ pub fn quad(splat: &Splat, face: &Face<'_>, eye: &Eye, size: [u32; 2], look: &Lo
     let (thickness, standard, colour) = match face {
         Face::Own(colour) => {
             covariance += DMat2::from_diagonal(DVec2::splat(0.3));
-            (1.0 / (1.0 + (-splat.opacity_logit).exp()), true, *colour)
+            let opacity = object.opacity / (1.0 + (-splat.opacity_logit).exp());
+            (opacity, true, tinted(*colour, object.tint))
         }
         Face::Field(field) => {
             let [v, spread] = [field.intensity, field.spread].map(f64::from);
             let (base, extinction) = look.table.segment(v - spread, v + spread);
+            let base = tinted(base, object.tint);
+            // A factor of the opacity per mm.
+            let extinction = -(1.0 - object.opacity * (1.0 - (-extinction).exp())).ln();
             // ∫ (1 - A l²/6)^(3/2) dl with A per mm of ray.
             let path = ray.length() * (DRAWN_Q / along).sqrt() * std::f64::consts::PI * 0.375;
             let gradient = eye.turn * (vec3(field.slope) - vec3(field.occupancy_slope) * look.dark);

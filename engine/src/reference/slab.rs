@@ -1,10 +1,10 @@
 //! `project_splats`, `emit_tile_pairs` and `slab`: the splats' field at planes across the view, classified, summed up.
 //! Plainly: every splat at every plane of every ray, without tiles and blocks.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, DVec4};
 
 use super::Splat;
-use super::eye::{Eye, Gathered, lit, opacity};
+use super::eye::{Appearance, Eye, Gathered, lit, opacity, tinted};
 use crate::splat::{Field, Kernel};
 use crate::transfer::{Material, Table};
 
@@ -21,12 +21,15 @@ pub struct Seen {
     pub amplitude: f64,
     /// Intensity relative to the background.
     pub intensity: f64,
+    /// How its object is shown.
+    pub appearance: Appearance,
 }
 
 /// Splats whose centre is nearer to the eye than this are not shown, mm.
 pub const NEAREST: f64 = 1.0;
 
-/// A splat (mm, intensity as in the set) as an eye sees it; nothing if it is behind the eye or too near.
+/// A splat (mm, intensity as in the set) as an eye sees it, of an object without an appearance of its own; nothing if it
+/// is behind the eye or too near.
 pub fn seen(splat: &Splat, eye: &Eye, kernel: Kernel, background: f64) -> Option<Seen> {
     let mean = eye.seen(splat.mean);
     let axes = eye.turn * DMat3::from_quat(splat.rotation);
@@ -39,6 +42,7 @@ pub fn seen(splat: &Splat, eye: &Eye, kernel: Kernel, background: f64) -> Option
         extent: (squares * kernel.support_q()).map(f64::sqrt),
         amplitude: kernel.peak(splat.log_scale.to_array()) / (1.0 + (-splat.opacity_logit).exp()),
         intensity: splat.intensity - background,
+        appearance: Appearance::default(),
     })
 }
 
@@ -69,10 +73,26 @@ pub struct Look<'a> {
     pub least_light: f64,
 }
 
-/// Σw, Σwc with c relative to the background, and the gradients of both, at a point of eye space.
-pub fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> (f64, f64, DVec3, DVec3) {
-    let (mut w, mut s) = (0.0, 0.0);
-    let (mut gw, mut gs) = (DVec3::ZERO, DVec3::ZERO);
+/// Sums over all splats at a point of eye space, intensities relative to the background.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sums {
+    /// Σw.
+    pub w: f64,
+    /// Σwc.
+    pub s: f64,
+    /// Gradient of Σw, 1/mm.
+    pub gw: DVec3,
+    /// Gradient of Σwc, per mm.
+    pub gs: DVec3,
+    /// Σw times the tints of the objects.
+    pub tint: DVec4,
+    /// Σw times their opacities.
+    pub opacity: f64,
+}
+
+/// The sums of all splats at a point.
+pub fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> Sums {
+    let mut sums = Sums::default();
     for splat in splats {
         let u = splat.whitening * (x - splat.mean);
         let q = u.length_squared();
@@ -80,14 +100,16 @@ pub fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> (f64, f64, DVec3, 
             continue;
         }
         let weight = splat.amplitude * kernel.value(q);
-        w += weight;
-        s += weight * splat.intensity;
+        sums.w += weight;
+        sums.s += weight * splat.intensity;
+        sums.tint += splat.appearance.tint * weight;
+        sums.opacity += splat.appearance.opacity * weight;
         // slope is -2 dκ/dq and dq/dx = 2 (S⁻¹Rᵀ)ᵀ u.
         let gradient = splat.whitening.transpose() * u * (-splat.amplitude * kernel.slope(q));
-        gw += gradient;
-        gs += gradient * splat.intensity;
+        sums.gw += gradient;
+        sums.gs += gradient * splat.intensity;
     }
-    (w, s, gw, gs)
+    sums
 }
 
 /// What a ray gathers.
@@ -105,13 +127,14 @@ pub fn ray(
     let mut before: Option<(f64, f64)> = None;
     for k in 0..planes.count {
         let z = planes.first + (f64::from(k) + 0.5) * planes.spacing;
-        let (w, s, gw, gs) = field_at(splats, field.kernel, ray * z);
+        let Sums { w, s, gw, gs, tint, opacity: shown } = field_at(splats, field.kernel, ray * z);
         if w <= 0.0 || gathered.clear <= look.least_light || z < range[0] || z > range[1] {
             before = None;
             continue;
         }
         let relative = s / (w + epsilon);
-        let (v, o) = (background + relative, w / (w + w0));
+        let (v, full) = (background + relative, w / (w + w0));
+        let o = full * shown / w;
         let (colour, extinction, occupancy) = match (look.segments, before) {
             (false, _) => (look.table.point(v).0, look.table.point(v).1, o),
             (true, None) => (look.table.segment(v, v).0, look.table.segment(v, v).1, 0.5 * o),
@@ -120,11 +143,13 @@ pub fn ray(
                 (colour, extinction, 0.5 * (ob + o))
             }
         };
-        before = Some((v, o));
+        // What does not show at all has no share in the segment behind it.
+        before = (o > 0.0).then_some((v, o));
         let opacity = opacity(extinction, occupancy, planes.spacing * ray.length());
+        let colour = tinted(colour, tint / w);
         let base = if look.material.shade {
             let slope = (gs - gw * relative) / (w + epsilon);
-            let gradient = slope * o + gw * ((v - look.dark) * w0 / (w + w0).powi(2));
+            let gradient = slope * full + gw * ((v - look.dark) * w0 / (w + w0).powi(2));
             lit(colour, gradient, ray, look.material)
         } else {
             colour

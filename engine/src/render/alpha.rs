@@ -17,13 +17,13 @@ use super::{Mode, Scene, Settings, Target, Variants};
 use crate::error::Result;
 use crate::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
 use crate::passes::Quads;
-use crate::passes::quads::{QuadSources, corners};
+use crate::passes::quads::{QuadSources, QuadVariant, corners};
 
 /// The mode `alpha`.
 pub struct Alpha {
     gpu: Gpu,
-    /// With light or without, made when it is first needed.
-    kernels: Variants<bool>,
+    /// For what the look requires, made when it is first needed.
+    kernels: Variants<QuadVariant>,
     quads: Quads,
     drawing: Drawing,
     params: QuadParams,
@@ -62,11 +62,16 @@ impl Alpha {
 
     /// The kernel for the look, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
-        let standard = scene.splats().standard().is_some();
-        let packed = scene.splats().rows().packed;
-        let shaded = scene.look_buffers().shaded && !standard;
-        let gpu = &self.gpu;
-        self.kernels.find(shaded, |&shaded| Quads::kernel(gpu, corners(gpu), standard, shaded, packed))
+        let (cloud, look, gpu) = (scene.splats(), scene.look_buffers(), &self.gpu);
+        let standard = cloud.standard().is_some();
+        let variant = QuadVariant {
+            corners: corners(gpu),
+            standard,
+            shaded: look.shaded && !standard,
+            packed: cloud.rows().packed,
+            objects: look.objects_differ,
+        };
+        self.kernels.find(variant, |&variant| Quads::kernel(gpu, variant))
     }
 }
 
@@ -87,6 +92,7 @@ impl Mode for Alpha {
             centres,
             harmonics,
             active: cloud.active(),
+            objects: (cloud.active_objects(), &look.appearances),
         };
         self.quads.record(recorder, &self.kernels[kernel], views, &sources, &self.params);
         recorder.clear_image(&target.colour, [0.0; 4]);

@@ -12,12 +12,14 @@ use rayon::prelude::*;
 use shaders_glsl::types::Centre;
 
 use super::centres::centres;
+use super::importance::by_importance;
 use super::look::LookBuffers;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::passes::activity::{ActivitySources, Ranking};
 use crate::passes::{Activity, SplatRows};
 use crate::splat::harmonics::basis_count;
-use crate::splat::{Activations, Field, Harmonics, Packed, Splat, SplatSet};
+use crate::splat::{Activations, Field, Harmonics, Object, Packed, Splat, SplatSet};
 
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
@@ -53,9 +55,15 @@ pub struct Cloud {
     pub range: [f64; 2],
     /// Corners of the box around all supports, mm in the space of the scene.
     pub bounds: [DVec3; 2],
+    /// Its objects, by ascending number.
+    pub objects: Vec<Object>,
     intervals: Buffer<[f32; 2]>,
-    labels: Buffer<u32>,
+    /// The number of each splat's object.
+    object_numbers: Buffer<u32>,
     activity: Activity,
+    /// Most splats that a look lists, and their order of importance.
+    budget: Option<usize>,
+    ranking: Option<Ranking>,
     /// Only mode alpha needs them.
     centres: OnceLock<Buffer<Centre>>,
     /// Coefficients of spherical harmonics, two halves a word; of standard splats only.
@@ -91,7 +99,7 @@ impl Cloud {
         if count == 0 {
             (range, bounds) = ([0.0, 1.0], [DVec3::splat(-1.0), DVec3::ONE]);
         }
-        let labels: Vec<u32> = match (&packed, &set.labels) {
+        let object_numbers: Vec<u32> = match (&packed, &set.labels) {
             (Some(packed), _) => (0..count).map(|row| u32::from(packed.label(row))).collect(),
             (None, Some(labels)) => labels.iter().map(|&l| u32::from(l)).collect(),
             (None, None) => vec![0; count],
@@ -113,8 +121,11 @@ impl Cloud {
             range,
             bounds,
             intervals: gpu.upload("intervals of intensity", "splats", &intervals)?,
-            labels: gpu.upload("labels", "splats", &labels)?,
+            objects: set.objects(),
+            object_numbers: gpu.upload("objects of splats", "splats", &object_numbers)?,
             activity: Activity::new(gpu, count)?,
+            budget: None,
+            ranking: None,
             centres: OnceLock::new(),
             harmonics: gpu.upload(
                 "spherical harmonics",
@@ -127,7 +138,25 @@ impl Cloud {
 
     /// Lists what a look can show. To be recorded when the look has changed.
     pub(super) fn record_activity(&mut self, recorder: &mut Recorder, look: &LookBuffers) {
-        self.activity.record(recorder, &look.rows, &look.visible, &self.intervals, &self.labels);
+        let sources = ActivitySources {
+            look: &look.rows,
+            visible: &look.visible,
+            appearances: &look.appearances,
+            intervals: &self.intervals,
+            objects: &self.object_numbers,
+        };
+        self.activity.record(recorder, &sources, self.ranking.as_mut().zip(self.budget));
+    }
+
+    /// Lists at most so many splats from now on, the most important of those that a look can show. The first budget
+    /// makes the order of importance, and waits for the device.
+    pub(super) fn set_budget(&mut self, gpu: &Gpu, budget: Option<usize>) -> Result<()> {
+        self.budget = budget.filter(|&most| most < self.count);
+        if self.budget.is_some() && self.ranking.is_none() {
+            let order = by_importance(&self.rows.read()?, &self.field);
+            self.ranking = Some(Ranking::new(gpu, &order)?);
+        }
+        Ok(())
     }
 
     /// Rows in mm in the space of the scene.
@@ -159,7 +188,12 @@ impl Cloud {
         (&self.activity.active, &self.activity.count)
     }
 
-    /// How many splats the look can show. Waits for the device.
+    /// The objects that these splats belong to.
+    pub(super) fn active_objects(&self) -> &Buffer<u32> {
+        &self.activity.active_objects
+    }
+
+    /// How many splats are rendered: those that the look can show, as far as the budget goes. Waits for the device.
     pub fn active_count(&self) -> Result<usize> {
         Ok(self.activity.count.read()?[0] as usize)
     }

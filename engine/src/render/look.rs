@@ -1,5 +1,7 @@
-//! What can change while one looks: the transfer function, clip planes, hidden labels. On the device it is a table of a
+//! What can change while one looks: the transfer function, clip planes, how objects appear. On the device it is tables of a
 //! few thousand rows, so a change costs nothing that grows with the scene.
+
+use std::collections::BTreeMap;
 
 use glam::{DVec3, DVec4};
 use shaders_glsl::types;
@@ -10,6 +12,8 @@ use crate::transfer::{Table, TransferFunction};
 
 /// Most clip planes at a time; a box takes six.
 pub const PLANES: usize = 8;
+/// Objects that can have an appearance: as many as a label can number.
+const OBJECTS: usize = 256;
 
 /// A clip plane in the world: what has normal · x < offset is cut away.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +47,38 @@ pub enum Classification {
     PreIntegrated,
 }
 
+/// How an object of a scene is shown, one part of [`Look`]. An object is the splats of one label ([`crate::splat::Object`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Appearance {
+    /// Whether its splats are there. Where others overlapped them, these fill the gap.
+    pub visible: bool,
+    /// A display-referred colour, 0 to 1, in place of the transfer function's; lit as that is.
+    pub tint: Option<[f32; 3]>,
+    /// Factor of the opacity per mm, 0 to 1. At 0 nothing of the object is seen, but it holds its place in the field.
+    pub opacity: f32,
+}
+
+impl Default for Appearance {
+    /// As the transfer function alone has it.
+    fn default() -> Self {
+        Appearance { visible: true, tint: None, opacity: 1.0 }
+    }
+}
+
+impl Appearance {
+    /// Whether the object, where it is seen, looks as the transfer function alone has it.
+    fn is_plain(&self) -> bool {
+        !self.visible || self.tint.is_none() && self.opacity >= 1.0
+    }
+
+    /// The row of the device's table. What is out of range, NaN too, is brought to the nearest end.
+    fn row(&self) -> types::Appearance {
+        let unit = |v: f32| if v > 0.0 { v.min(1.0) } else { 0.0 };
+        let tint = self.tint.map_or([0.0; 4], |[r, g, b]| [unit(r), unit(g), unit(b), 1.0]);
+        types::Appearance { tint, opacity: unit(self.opacity), visible: u32::from(self.visible) }
+    }
+}
+
 /// How a scene looks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
@@ -50,14 +86,15 @@ pub struct Look {
     pub transfer: TransferFunction,
     /// Everything beyond one of these is cut away.
     pub clip: Vec<ClipPlane>,
-    /// Splats of these labels are not there.
-    pub hidden: Vec<u8>,
+    /// How objects are shown, by their number; what is not listed is shown as by default. Splats only: modes of a volume
+    /// show all of it.
+    pub objects: BTreeMap<u8, Appearance>,
 }
 
 impl Look {
-    /// A transfer function and nothing cut away or hidden.
+    /// A transfer function, nothing cut away, all objects as it has them.
     pub fn new(transfer: TransferFunction) -> Self {
-        Look { transfer, clip: Vec::new(), hidden: Vec::new() }
+        Look { transfer, clip: Vec::new(), objects: BTreeMap::new() }
     }
 
     /// Point sampling does where opacity changes by little over the distance that the intensity moves between samples.
@@ -84,8 +121,12 @@ pub struct LookBuffers {
     pub integrals: Buffer<[u32; 4]>,
     /// For each entry of the table how many entries before it are visible; one more than there are entries.
     pub visible: Buffer<u32>,
+    /// How each object is shown, by its number.
+    pub appearances: Buffer<types::Appearance>,
     /// Whether surfaces are lit.
     pub shaded: bool,
+    /// Whether some object has a tint or an opacity; otherwise kernels need not look for them.
+    pub objects_differ: bool,
 }
 
 impl LookBuffers {
@@ -110,9 +151,9 @@ impl LookBuffers {
             let row: DVec4 = plane.normal.extend(plane.normal.dot(origin) - plane.offset);
             *to = row.as_vec4().to_array();
         }
-        let mut hidden = [0; 8];
-        for &label in &look.hidden {
-            hidden[usize::from(label) / 32] |= 1 << (label % 32);
+        let mut appearances = [Appearance::default().row(); OBJECTS];
+        for (&number, appearance) in &look.objects {
+            appearances[usize::from(number)] = appearance.row();
         }
         let material = look.transfer.material;
         let [low, high] = look.transfer.visible().unwrap_or(range);
@@ -129,7 +170,6 @@ impl LookBuffers {
             power: material.power as f32,
             plane_count: look.clip.len() as u32,
             planes,
-            hidden,
         };
         Ok(LookBuffers {
             rows: gpu.upload("look", "transfer function", &[row])?,
@@ -140,7 +180,9 @@ impl LookBuffers {
                 &table.integrals,
             )?,
             visible: gpu.upload("visible entries", "transfer function", &visible)?,
+            appearances: gpu.upload("appearances of objects", "transfer function", &appearances)?,
             shaded: material.shade,
+            objects_differ: !look.objects.values().all(Appearance::is_plain),
         })
     }
 }

@@ -11,6 +11,7 @@ mod alpha;
 mod camera;
 mod centres;
 mod cloud;
+mod importance;
 mod look;
 mod medium;
 mod raymarch;
@@ -20,7 +21,7 @@ mod variants;
 
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::{Cloud, Precision};
-pub use look::{Classification, ClipPlane, Look, LookBuffers, PLANES};
+pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};
 pub use target::Target;
 use variants::Variants;
@@ -30,7 +31,7 @@ use shaders_glsl::types::View;
 
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::splat::SplatSet;
+use crate::splat::{Object, SplatSet};
 
 /// What is rendered, on the device.
 pub struct Scene {
@@ -89,6 +90,15 @@ impl Scene {
         self.list_active()
     }
 
+    /// Renders at most so many splats from now on: of those that the look can show the most important ones, by opacity
+    /// times volume. For viewers that trade splats for time; the first budget takes as long as sorting all splats.
+    pub fn set_splat_budget(&mut self, budget: Option<usize>) -> Result<()> {
+        if let Some(cloud) = &mut self.cloud {
+            cloud.set_budget(&self.gpu, budget)?;
+        }
+        self.list_active()
+    }
+
     /// How the scene is seen.
     pub fn look(&self) -> &Look {
         &self.look
@@ -102,6 +112,11 @@ impl Scene {
     /// The volume, for a mode of volumes: a renderer makes one only where there is one.
     fn volume(&self) -> &Medium {
         self.medium.as_ref().expect("a scene with a volume")
+    }
+
+    /// What of the scene a look can show, hide and colour apart, by ascending number; nothing where there are no splats.
+    pub fn objects(&self) -> &[Object] {
+        self.cloud.as_ref().map_or(&[], |cloud| &cloud.objects)
     }
 
     pub(crate) fn look_buffers(&self) -> &LookBuffers {

@@ -23,8 +23,8 @@ const MOST_BLOCKS: u32 = 512;
 /// The mode `slab`, and with a refinement `exact`.
 pub struct Slab {
     gpu: Gpu,
-    /// For each way to classify and with or without light, made when it is first needed.
-    kernels: Variants<(Classification, bool)>,
+    /// For each way to classify, with or without light and appearances of objects, made when it is first needed.
+    kernels: Variants<(Classification, bool, bool)>,
     bins: TileBinner,
     grid: TileGrid,
     settings: Settings,
@@ -69,13 +69,16 @@ impl Slab {
     /// The kernel for a way to classify, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
-        self.kernels.find(settings.variant(scene), |(classification, shaded)| {
+        let (classification, shaded) = settings.variant(scene);
+        let objects = scene.look_buffers().objects_differ;
+        self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
                 scene.splats().field.kernel.id(),
                 Shape::of(gpu) as u32,
                 u32::from(*classification == Classification::PreIntegrated),
                 u32::from(*shaded),
                 u32::from(settings.depth),
+                u32::from(*objects),
             ];
             Kernel::new(gpu, &glsl::SLAB, &constants)
         })
@@ -132,6 +135,8 @@ impl Mode for Slab {
             .read(&self.bins.projected)
             .write_image(&mut target.colour)
             .write_image(&mut target.depth)
+            .read(cloud.active_objects())
+            .read(&look.appearances)
             .push(&SlabParams {
                 grid,
                 background: field.background,

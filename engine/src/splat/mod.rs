@@ -3,13 +3,14 @@
 //! A [`Splat`] holds raw parameters (logit, ln σ, quaternion); [`activation`] says what they stand for and [`kernel`]
 //! how a splat fades with distance. A fit works in voxel space, a [`SplatSet`] lives in the world; [`space`] leads
 //! from one to the other. [`harmonics`] are the colours of splats that have no intensity, [`packed`] is a set in 16 bytes
-//! a splat. [`FORMATS`] lists the files: a new format is one module with `sniff`, `read`, `write` and
+//! a splat. [`join`] makes one set of several, whose labels are the objects of a scene. [`FORMATS`] lists the files: a new format is one module with `sniff`, `read`, `write` and
 //! `describe`, and one row.
 
 pub mod activation;
 pub mod harmonics;
 pub mod kernel;
 mod labels;
+mod objects;
 pub mod packed;
 pub mod ply;
 pub mod space;
@@ -25,6 +26,7 @@ pub use activation::Activations;
 pub use harmonics::Harmonics;
 pub use kernel::Kernel;
 pub use labels::{LabelCount, label_name};
+pub use objects::{MOST_OBJECTS, Object, join};
 pub use packed::Packed;
 pub use shaders_glsl::types::Splat;
 

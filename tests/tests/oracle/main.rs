@@ -41,7 +41,7 @@ oracle! {
         moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
     quads: project_quads;
-    slab: mark_active list_active project_splats emit_tile_pairs slab;
+    slab: mark_active limit_active list_active project_splats emit_tile_pairs slab;
     raymarch: occupancy_mark occupancy_spread raymarch;
 }
 

@@ -1,17 +1,19 @@
 //! The slab mode: what a look can show, projection, pairs of splats and tiles, and the sum along rays.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use engine::gpu::{Gpu, Kernel};
+use engine::passes::activity::{ActivitySources, Ranking};
 use engine::passes::tiles::TILE;
 use engine::passes::{Activity, SplatRows, TileBinner};
-use engine::reference::eye::Eye;
+use engine::reference::activity::limit_active as limited;
+use engine::reference::eye::{self, Eye};
 use engine::reference::slab as twin;
-use engine::render::{Camera, Look, LookBuffers};
+use engine::render::{Appearance, Camera, Look, LookBuffers};
 use engine::splat::kernel::KERNELS;
 use engine::splat::{self, Field, Packed, Splat};
 use engine::transfer::{Material, Table, preset};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, DVec4, Vec3};
 use rand::RngExt;
 use shaders_glsl::types::{Projected, SlabParams, TileGrid, View};
 use vgs_tests::scene::{random, splat};
@@ -25,6 +27,23 @@ struct Stage {
     field: Field,
     views: Vec<View>,
     grid: TileGrid,
+}
+
+/// How the objects of a stage are shown; splat i belongs to object i % 4.
+fn appearances() -> BTreeMap<u8, Appearance> {
+    let plain = Appearance::default();
+    BTreeMap::from([
+        (0, Appearance { tint: Some([0.9, 0.2, 0.1]), ..plain }),
+        (1, Appearance { opacity: 0.3, ..plain }),
+        (3, Appearance { tint: Some([0.0, 0.5, 1.0]), opacity: 0.0, ..plain }),
+    ])
+}
+
+/// The same for the twins.
+fn appearance(splat: usize) -> eye::Appearance {
+    let shown = appearances().get(&(splat as u8 % 4)).copied().unwrap_or_default();
+    let tint = shown.tint.map_or(DVec4::ZERO, |t| Vec3::from_array(t).as_dvec3().extend(1.0));
+    eye::Appearance { tint, opacity: f64::from(shown.opacity) }
 }
 
 const SIZE: [u32; 2] = [52, 40];
@@ -223,11 +242,13 @@ pub fn slab() {
     let gpu = Device::boot();
     let mut transfer = preset("CT-Bone").unwrap().over([-1000.0, 2000.0]);
     let cut = [[0.6f32, 0.0, 0.8, 12.0], [0.0, -1.0, 0.0, 25.0]];
-    for (row, (segments, shade)) in KERNELS.iter().zip([(false, false), (true, false), (false, true)]) {
+    let plain = [(false, false, false), (true, false, false), (false, true, false)];
+    let varied = plain.map(|(segments, shade, _)| (segments, shade, true));
+    for (row, (segments, shade, objects)) in KERNELS.iter().cycle().zip(plain.into_iter().chain(varied)) {
         for shape in [8u32, 64] {
             let stage = stage(70 + u64::from(row.kernel.id()), row.kernel, 60);
             transfer.material = Material { shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0 };
-            let look = Look::new(transfer.clone());
+            let look = Look { objects: appearances(), ..Look::new(transfer.clone()) };
             let table = Table::new(&look.transfer, [-300.0, 1300.0]);
             let mut buffers = LookBuffers::new(&gpu, &look, [-300.0, 1300.0], DVec3::ZERO).unwrap();
             let mut row_on_device = buffers.rows.read().unwrap()[0];
@@ -235,10 +256,13 @@ pub fn slab() {
             row_on_device.planes[..2].copy_from_slice(&cut);
             buffers.rows.write_range(0, &[row_on_device]).unwrap();
             let (bins, grid) = binned(&gpu, &stage);
-            let constants = [row.kernel.id(), shape, u32::from(segments), u32::from(shade), 1];
+            let constants =
+                [row.kernel.id(), shape, u32::from(segments), u32::from(shade), 1, u32::from(objects)];
             let kernel = Kernel::new(&gpu, &shaders_glsl::SLAB, &constants).unwrap();
             let mut target = engine::render::Target::new(&gpu, SIZE, 2, true, true).unwrap();
             let views = gpu.upload("views", "test", &stage.views).unwrap();
+            let numbers: Vec<u32> = (0..stage.splats.len() as u32).map(|i| i % 4).collect();
+            let numbers = gpu.upload("objects", "test", &numbers).unwrap();
             let params = SlabParams {
                 grid,
                 background: stage.field.background,
@@ -257,6 +281,8 @@ pub fn slab() {
                     .read(&bins.projected)
                     .write_image(&mut target.colour)
                     .write_image(&mut target.depth)
+                    .read(&numbers)
+                    .read(&buffers.appearances)
                     .push(&params)
                     .dispatch_3d([grid.tiles[0] * if shape == 8 { 8 } else { 1 }, grid.tiles[1], 2]);
             });
@@ -272,20 +298,28 @@ pub fn slab() {
             let (mut colours, mut depth_pairs, mut opaque) = (Vec::new(), Vec::new(), 0);
             for (v, eye) in stage.eyes().iter().enumerate() {
                 let got = target.read_colour(v as u32).unwrap();
-                let seen: Vec<_> = stage.seen(eye).into_iter().flatten().collect();
+                let shown = |(i, splat): (usize, Option<twin::Seen>)| match objects {
+                    true => splat.map(|s| twin::Seen { appearance: appearance(i), ..s }),
+                    false => splat,
+                };
+                let seen: Vec<_> = stage.seen(eye).into_iter().enumerate().filter_map(shown).collect();
                 for (i, pixel) in got.iter().enumerate() {
                     let place = [(i as u32 % SIZE[0]) as f64 + 0.5, (i as u32 / SIZE[0]) as f64 + 0.5];
                     let ray = eye.ray(place, SIZE);
                     let wanted = twin::ray(&seen, &stage.field, eye, ray, &stage.planes(eye), &twin_look);
-                    opaque += usize::from(wanted.clear < 0.5);
+                    // Two of four objects are faint.
+                    opaque += usize::from(wanted.clear < if objects { 0.8 } else { 0.5 });
                     colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));
                     depth_pairs.push((f64::from(depths[v * got.len() + i]), wanted.depth));
                 }
             }
-            assert!(opaque > 500, "the scene is to be seen: {opaque}");
+            assert!(opaque > 400, "the scene is to be seen: {opaque}");
             // An intensity at the border between two entries of the table may take either; a plane at a clip plane may
             // be on either side of it.
-            let label = format!("slab: {} segments {segments} shade {shade} shape {shape}", row.name);
+            let label = format!(
+                "slab: {} segments {segments} shade {shade} objects {objects} shape {shape}",
+                row.name
+            );
             assert_close(&label, Bound::new(1.5e-3, 0.0).outliers(0.01, 0.1), colours);
             assert_close(
                 &format!("{label}, depth"),
@@ -298,7 +332,15 @@ pub fn slab() {
 
 pub fn mark_active() {
     let gpu = Device::boot();
-    let look = Look { hidden: vec![3, 200], ..Look::new(preset("CT-Skin").unwrap().over([-1000.0, 2000.0])) };
+    let hidden = Appearance { visible: false, ..Appearance::default() };
+    let look = Look {
+        objects: BTreeMap::from([
+            (3, hidden),
+            (7, Appearance { opacity: 0.0, ..Appearance::default() }),
+            (200, hidden),
+        ]),
+        ..Look::new(preset("CT-Skin").unwrap().over([-1000.0, 2000.0]))
+    };
     let range = [-1000.0, 2000.0];
     let buffers = LookBuffers::new(&gpu, &look, range, DVec3::ZERO).unwrap();
     let [low, high] = look.transfer.visible().unwrap();
@@ -315,19 +357,26 @@ pub fn mark_active() {
     let intervals: Vec<_> =
         intervals.into_iter().enumerate().map(|(i, v)| if free(i) { [1.0, 0.0] } else { v }).collect();
     let labels: Vec<u32> = (0..count).map(|i| [0, 3, 7, 200][i % 4]).collect();
+    let sources = ActivitySources {
+        look: &buffers.rows,
+        visible: &buffers.visible,
+        appearances: &buffers.appearances,
+        intervals: &gpu.upload("intervals", "test", &intervals).unwrap(),
+        objects: &gpu.upload("objects", "test", &labels).unwrap(),
+    };
     let mut activity = Activity::new(&gpu, count).unwrap();
-    let intervals_on_device = gpu.upload("intervals", "test", &intervals).unwrap();
-    let labels_on_device = gpu.upload("labels", "test", &labels).unwrap();
-    run(&gpu, |r| {
-        activity.record(r, &buffers.rows, &buffers.visible, &intervals_on_device, &labels_on_device);
-    });
-    let found = activity.count.read().unwrap()[0] as usize;
-    let active = activity.active.read_range(0, found).unwrap();
+    let mut list = |budget: Option<(&mut Ranking, usize)>| {
+        run(&gpu, |r| activity.record(r, &sources, budget));
+        let found = activity.count.read().unwrap()[0] as usize;
+        activity.active.read_range(0, found).unwrap()
+    };
+    let active = list(None);
+    let found = active.len();
     assert!(active.windows(2).all(|p| p[0] < p[1]), "in order");
     for i in 0..count {
         let there = active.binary_search(&(i as u32)).is_ok();
         let [from, to] = intervals[i].map(f64::from);
-        let shown = !look.hidden.contains(&(labels[i] as u8));
+        let shown = ![3, 200].contains(&labels[i]);
         // An entry of the table more on each side.
         if free(i) {
             assert_eq!(there, shown, "splat {i}, whatever the transfer function");
@@ -341,6 +390,50 @@ pub fn mark_active() {
         }
     }
     assert!((30..900).contains(&found), "{found}");
+
+    // With a budget, the first ones of an order; in the order of the splats all the same.
+    let mut order: Vec<u32> = (0..count as u32).collect();
+    order.sort_by_key(|&i| i.wrapping_mul(2_654_435_761));
+    let mut ranking = Ranking::new(&gpu, &order).unwrap();
+    let flags: Vec<bool> = (0..count as u32).map(|i| active.binary_search(&i).is_ok()).collect();
+    for budget in [0, 1, 17, found - 1, found, count] {
+        let kept = limited(&flags, &order, budget);
+        let wanted: Vec<u32> = (0..count as u32).filter(|&i| kept[i as usize]).collect();
+        assert_eq!(list(Some((&mut ranking, budget))), wanted, "a budget of {budget}");
+        assert_eq!(wanted.len(), budget.min(found));
+    }
+}
+
+pub fn limit_active() {
+    let gpu = Device::boot();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::LIMIT_ACTIVE, &[]).unwrap();
+    let mut rng = random(7);
+    for (count, budget) in [(1usize, 0u32), (1, 1), (64, 20), (65, 3), (3000, 1000), (3000, 4000)] {
+        let flags: Vec<bool> = (0..count).map(|_| rng.random_range(0..3) > 0).collect();
+        let mut order: Vec<u32> = (0..count as u32).collect();
+        for i in 1..count {
+            order.swap(i, rng.random_range(0..=i));
+        }
+        let (mut ranks, mut places) = (vec![0u32; count], vec![0u32]);
+        for (rank, &splat) in (0..).zip(&order) {
+            ranks[splat as usize] = rank;
+            places.push(places[places.len() - 1] + u32::from(flags[splat as usize]));
+        }
+        let words: Vec<u32> = flags.iter().map(|&f| u32::from(f)).collect();
+        let mut on_device = gpu.upload("flags", "test", &words).unwrap();
+        let (places, ranks) = (gpu.upload("places", "test", &places), gpu.upload("ranks", "test", &ranks));
+        let (places, ranks) = (places.unwrap(), ranks.unwrap());
+        run(&gpu, |r| {
+            r.pass(&kernel)
+                .read(&places)
+                .read(&ranks)
+                .write(&mut on_device)
+                .push(&shaders_glsl::types::LimitParams { count: count as u32, budget })
+                .dispatch(count.div_ceil(64) as u32);
+        });
+        let wanted = limited(&flags, &order, budget as usize);
+        assert_eq!(on_device.read().unwrap(), wanted.iter().map(|&f| u32::from(f)).collect::<Vec<_>>());
+    }
 }
 
 pub fn list_active() {
@@ -354,15 +447,22 @@ pub fn list_active() {
             places.push(places[places.len() - 1] + flag);
         }
         let on_device = gpu.upload("places", "test", &places).unwrap();
+        let numbers: Vec<u32> = (0..count as u32).map(|i| i * 7 % 256).collect();
+        let numbers_on_device = gpu.upload("objects", "test", &numbers).unwrap();
         let mut active = gpu.buffer::<u32>("active", "test", count).unwrap();
+        let mut objects = gpu.buffer::<u32>("active objects", "test", count).unwrap();
         run(&gpu, |r| {
             r.pass(&kernel)
                 .read(&on_device)
+                .read(&numbers_on_device)
                 .write(&mut active)
+                .write(&mut objects)
                 .push(&shaders_glsl::types::ListParams { count: count as u32 })
                 .dispatch(count.div_ceil(64) as u32);
         });
         let wanted: Vec<u32> = (0..count as u32).filter(|&i| flags[i as usize] == 1).collect();
         assert_eq!(active.read_range(0, wanted.len()).unwrap(), wanted);
+        let wanted: Vec<u32> = wanted.iter().map(|&i| numbers[i as usize]).collect();
+        assert_eq!(objects.read_range(0, wanted.len()).unwrap(), wanted);
     }
 }

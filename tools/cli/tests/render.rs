@@ -91,6 +91,42 @@ fn outputs_are_what_was_asked_for() {
 }
 
 #[test]
+fn files_are_objects_of_one_picture() {
+    let folder = folder();
+    std::fs::copy(folder.path("s.ply"), folder.path("t.ply")).expect("a second file");
+    let shared = ["--tf", "CT-Bones-Steep", "--size", "64x64", "--shade", "off", "--json"];
+    let run = |more: &[&str]| folder.run(&[&["render"], more, shared.as_slice()].concat()).json();
+    let alone = run(&["s.ply", "-o", "alone.png"]);
+    let count = alone["splats"].as_u64().expect("a count");
+    assert_eq!(alone["objects"], serde_json::json!([{"number": 1, "name": "s", "splats": count}]));
+
+    let both = run(&["s.ply", "t.ply", "-o", "both.png"]);
+    assert_eq!(both["splats"].as_u64(), Some(2 * count));
+    let objects = [1, 2].map(|number| ["s", "t"][number - 1]).map(|name| (name, count));
+    for (object, (name, splats)) in both["objects"].as_array().expect("objects").iter().zip(objects) {
+        assert_eq!((object["name"].as_str(), object["splats"].as_u64()), (Some(name), Some(splats)));
+    }
+    // Without the second one the first is as it was alone.
+    for (output, more) in [("o.png", ["--object", "t:hidden"]), ("h.png", ["--hide-label", "2"])] {
+        run(&[&["s.ply", "t.ply", "-o", output], more.as_slice()].concat());
+        let (a, b) = (picture(&folder, "alone.png"), picture(&folder, output));
+        let db = psnr(&a.image, &b.image).expect("pictures of one size");
+        assert!(db > 50.0, "{output}: {db}");
+    }
+
+    run(&["s.ply", "t.ply", "-o", "red.png", "--object", "s:colour=#ff0000", "--object", "2:colour=#ff0000"]);
+    let (red, plain) = (picture(&folder, "red.png"), picture(&folder, "both.png"));
+    assert!(red.image.pixels.iter().all(|p| p[1] == 0.0 && p[2] == 0.0) && seen(&red) > 100);
+    run(&["s.ply", "-o", "faint.png", "--object", "s:opacity=0.01"]);
+    let sum = |picture: &Picture| picture.image.pixels.iter().map(|p| p[0]).sum::<f32>();
+    assert!(sum(&picture(&folder, "faint.png")) < 0.5 * sum(&plain));
+
+    let few = run(&["s.ply", "-o", "few.png", "--splat-budget", "100"]);
+    assert!(alone["active_splats"].as_u64() > Some(100));
+    assert_eq!(few["active_splats"], 100);
+}
+
+#[test]
 fn what_cannot_be_rendered_is_refused_and_nothing_is_written() {
     let folder = folder();
     folder.write("broken.json", "{\"eye_mm\": [0, 1]}");
@@ -105,6 +141,12 @@ fn what_cannot_be_rendered_is_refused_and_nothing_is_written() {
         (2, &["s.ply", "-o", "a.png", "--mode", "volume"], "--volume"),
         (2, &["--volume", "ct.nii.gz", "-o", "a.png", "--mode", "slab"], "PLY"),
         (2, &["s.ply", "-o", "a.png", "--hide-label", "liver"], "label"),
+        (2, &["s.ply", "-o", "a.png", "--object", "liver:hidden"], "s (1)"),
+        (2, &["s.ply", "-o", "a.png", "--object", "s:colour=red"], "#rrggbb"),
+        (2, &["s.ply", "-o", "a.png", "--object", "s:opacity=1.5"], "from 0 to 1"),
+        (2, &["s.ply", "-o", "a.png", "--splat-budget", "0"], "splat-budget"),
+        (2, &["--volume", "ct.nii.gz", "-o", "a.png", "--object", "1:hidden"], "volume has no objects"),
+        (66, &["s.ply", "none.ply", "-o", "a.png"], "none.ply"),
         (2, &["s.ply", "-o", "a.exr", "--turntable", "4"], "png"),
         (2, &["-o", "a.png"], "<SPLATS>"),
         (66, &["none.ply", "-o", "a.png"], "none.ply"),

@@ -1,10 +1,11 @@
 //! The values of the flags of `vgs render`.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
 
-use engine::render::{CameraFile, Classification, ClipPlane, Precision};
-use engine::splat::SplatSet;
+use engine::render::{Appearance, CameraFile, Classification, ClipPlane, Precision};
+use engine::splat::Object;
 use engine::{Error, Kind};
 use glam::DVec3;
 
@@ -45,14 +46,87 @@ impl FromStr for Background {
             "grey" | "gray" => Some([0.5; 3]),
             _ => None,
         };
-        let hex = || {
-            let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
-            let byte =
-                |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|b| f32::from(b) / 255.0);
-            Some([byte(0)?, byte(2)?, byte(4)?])
-        };
-        let colour = named.or_else(hex);
+        let colour = named.or_else(|| hex_colour(text));
         colour.map(|c| Background(Some(c))).ok_or_else(|| "black, white, grey, #rrggbb or transparent".into())
+    }
+}
+
+/// The colour #rrggbb.
+fn hex_colour(text: &str) -> Option<[f32; 3]> {
+    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
+    let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|b| f32::from(b) / 255.0);
+    Some([byte(0)?, byte(2)?, byte(4)?])
+}
+
+/// How the objects of a name are to be shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObjectChange {
+    called: String,
+    hidden: bool,
+    colour: Option<[f32; 3]>,
+    opacity: Option<f32>,
+}
+
+impl FromStr for ObjectChange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong =
+            || "NAME:colour=#rrggbb,opacity=0.4 or NAME:hidden; NAME is a name or a number".to_owned();
+        let (called, words) = text.rsplit_once(':').ok_or_else(wrong)?;
+        let mut change = ObjectChange::hiding(called);
+        change.hidden = false;
+        for word in words.split(',').map(str::trim) {
+            match word.split_once('=') {
+                None if word == "hidden" => change.hidden = true,
+                Some(("colour" | "color", colour)) => {
+                    change.colour = Some(hex_colour(colour).ok_or("a colour is #rrggbb")?);
+                }
+                Some(("opacity", opacity)) => change.opacity = Some(number(opacity, 0.0..=1.0)? as f32),
+                _ => return Err(wrong()),
+            }
+        }
+        Ok(change)
+    }
+}
+
+impl ObjectChange {
+    /// The change that hides the objects of a name.
+    pub fn hiding(called: &str) -> Self {
+        ObjectChange { called: called.trim().to_owned(), hidden: true, colour: None, opacity: None }
+    }
+
+    /// Changes the appearances of all objects that are called so: by number, by name, or by a part of the name before
+    /// or after its slash.
+    pub fn apply(
+        &self,
+        objects: &[Object],
+        appearances: &mut BTreeMap<u8, Appearance>,
+    ) -> engine::Result<()> {
+        let mut found = false;
+        for object in objects.iter().filter(|object| self.means(object)) {
+            found = true;
+            let appearance = appearances.entry(object.number).or_default();
+            appearance.visible &= !self.hidden;
+            appearance.tint = self.colour.or(appearance.tint);
+            appearance.opacity = self.opacity.unwrap_or(appearance.opacity);
+        }
+        if found {
+            return Ok(());
+        }
+        let known: Vec<_> = objects.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
+        let help = match known.as_slice() {
+            [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
+            known => format!("objects are labels and files; here there are {}", known.join(", ")),
+        };
+        Err(Error::new(Kind::Usage, "VGS-CLI-092", format!("no object is called {:?}", self.called))
+            .help(help))
+    }
+
+    fn means(&self, object: &Object) -> bool {
+        let same = |name: &str| name.eq_ignore_ascii_case(&self.called);
+        let part = object.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
+        same(&object.name) || part || self.called.parse() == Ok(object.number)
     }
 }
 
@@ -165,22 +239,44 @@ pub fn on_off(text: &str) -> Result<bool, String> {
     }
 }
 
-/// A label by its number, or by its name in the splats.
-pub fn label(text: &str, splats: Option<&SplatSet>) -> engine::Result<u8> {
-    let text = text.trim();
-    let names = splats.map(|set| set.label_names.as_slice()).unwrap_or_default();
-    let named = names.iter().find(|(_, name)| name.eq_ignore_ascii_case(text)).map(|&(label, _)| label);
-    named.or_else(|| text.parse().ok()).ok_or_else(|| {
-        let known: Vec<_> = names.iter().map(|(label, name)| format!("{name} ({label})")).collect();
-        let known = if known.is_empty() { "numbers from 0 to 255".to_owned() } else { known.join(", ") };
-        Error::new(Kind::Usage, "VGS-CLI-092", format!("no label is called {text:?}"))
-            .help(format!("the labels of these splats are {known}"))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn objects_are_changed_by_number_name_and_part_of_a_name() {
+        let names = ["bones", "organs/liver", "organs/label 5"];
+        let object = |(number, name): (u8, &&str)| Object { number, name: (*name).to_owned(), splats: 1 };
+        let objects: Vec<_> = (1..).zip(&names).map(object).collect();
+        let changed = |texts: &[&str]| {
+            let mut appearances = BTreeMap::new();
+            for text in texts {
+                let change: ObjectChange = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
+                change.apply(&objects, &mut appearances).unwrap_or_else(|e| panic!("{text}: {e}"));
+            }
+            appearances
+        };
+        let red = Appearance { tint: Some([1.0, 0.0, 0.0]), opacity: 0.5, visible: true };
+        for text in ["1:colour=#ff0000,opacity=0.5", " Bones : opacity=0.5, color=#FF0000"] {
+            assert_eq!(changed(&[text]), BTreeMap::from([(1, red)]), "{text}");
+        }
+        let hidden = Appearance { visible: false, ..Appearance::default() };
+        assert_eq!(changed(&["organs:hidden"]), BTreeMap::from([(2, hidden), (3, hidden)]));
+        assert_eq!(changed(&["label 5:hidden"]), BTreeMap::from([(3, hidden)]));
+        // One after the other, the later ones on top.
+        let both = Appearance { opacity: 0.25, visible: false, ..red };
+        assert_eq!(
+            changed(&["liver:colour=#ff0000,opacity=0.5", "organs/liver:opacity=0.25,hidden"]),
+            BTreeMap::from([(2, both)])
+        );
+        for text in ["", "1", "1:", "1:red", "1:colour=red", "1:opacity=2", "1:opacity=nan", "1:hidden=yes"] {
+            assert!(text.parse::<ObjectChange>().is_err(), "{text}");
+        }
+        for name in ["5", "heart", ""] {
+            let error = ObjectChange::hiding(name).apply(&objects, &mut BTreeMap::new()).expect_err(name);
+            assert!(error.code == "VGS-CLI-092" && error.help.contains("organs/liver (2)"), "{}", error.help);
+        }
+    }
 
     #[test]
     fn sizes_backgrounds_and_clips() {

@@ -3,6 +3,7 @@
 mod arguments;
 mod frames;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -21,16 +22,16 @@ use crate::console::Console;
 use crate::failure::Stop;
 use crate::inputs::{ReadArguments, region_of, volume_of};
 use crate::outputs;
-use arguments::{Background, Clip, Size, View};
+use arguments::{Background, Clip, ObjectChange, Size, View};
 use frames::{Output, Turntable};
 
 /// Renders splats or a volume through a transfer function
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Arguments {
-    /// The splats (PLY)
+    /// The splats (PLY); several files are shown together, in the space of the patient
     #[arg(required_unless_present = "volume")]
-    splats: Option<PathBuf>,
+    splats: Vec<PathBuf>,
     /// A volume: with --mode volume, or without splats, it is what is rendered
     #[arg(long, value_name = "VOLUME", help_heading = "Volume")]
     volume: Option<PathBuf>,
@@ -78,7 +79,11 @@ pub struct Arguments {
     /// Cuts away: x<MM, x>MM (patient RAS; also y and z), box:X0,Y0,Z0,X1,Y1,Z1 keeps a box; may be repeated
     #[arg(long, value_name = "PLANE|BOX", allow_hyphen_values = true, help_heading = "Picture")]
     clip: Vec<Clip>,
-    /// Hides splats of these labels, by number or name
+    /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per mm), hidden.
+    /// Each file is an object, or each of its labels; may be repeated
+    #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
+    object: Vec<ObjectChange>,
+    /// Hides objects: --hide-label ribs,5 is --object ribs:hidden --object 5:hidden
     #[arg(long, value_name = "N|NAME,...", value_delimiter = ',', help_heading = "Picture")]
     hide_label: Vec<String>,
     /// Letters at the edges: which way is right, left, anterior, posterior, superior, inferior
@@ -98,6 +103,9 @@ pub struct Arguments {
     #[arg(long, value_name = "full|packed", default_value = "full", help_heading = "Quality",
           value_parser = arguments::precision)]
     precision: Precision,
+    /// Renders at most so many splats: the most important ones of those that can be seen
+    #[arg(long, value_name = "N", help_heading = "Quality", value_parser = clap::value_parser!(u32).range(1..))]
+    splat_budget: Option<u32>,
     #[command(flatten)]
     turntable: Turntable,
     #[command(flatten)]
@@ -129,6 +137,7 @@ Examples:
   vgs render bones.ply -o bones.png
   vgs render bones.ply -o bones.png --tf CT-Bones-Steep --camera left --orientation --scale-bar
   vgs render body.ply -o soft.exr --tf CT-Soft-Tissue --clip 'y>20'
+  vgs render bones.ply vessels.ply -o both.png --object vessels:colour=#c03020 --object bones:opacity=0.2
   vgs render --volume ct.nii.gz --roi bones.nii.gz -o ct.png --tf CT-Bone
   vgs render bones.ply -o turn.png --turntable 60
   vgs render bones.ply -o frame.png --turntable 60 --sequence
@@ -155,6 +164,7 @@ struct Printed {
     size: [u32; 2],
     splats: Option<usize>,
     active_splats: Option<usize>,
+    objects: Vec<PrintedObject>,
     frames: u32,
     seconds_per_frame: f64,
     device_bytes: u64,
@@ -162,19 +172,25 @@ struct Printed {
     driver: String,
 }
 
+/// An object of the scene.
+#[derive(Serialize)]
+struct PrintedObject {
+    number: u8,
+    name: String,
+    splats: usize,
+}
+
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
     let files = arguments.output.files(&arguments.turntable)?;
     let written: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-    let inputs: Vec<&Path> = [&arguments.splats, &arguments.volume, &arguments.region.roi]
-        .into_iter()
-        .flatten()
-        .map(PathBuf::as_path)
-        .collect();
+    let volumes = [&arguments.volume, &arguments.region.roi].into_iter().flatten();
+    let inputs: Vec<&Path> = arguments.splats.iter().chain(volumes).map(PathBuf::as_path).collect();
     outputs::check(&written, &inputs, arguments.output.force)?;
     let row = arguments.mode_row()?;
-    let set = arguments.splats.as_deref().map(read_splats).transpose()?;
-    let wants_volume = !row.of_splats || set.is_none();
+    // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
+    let set = if row.of_splats { Some(read_splats(&arguments.splats)?) } else { None };
+    let wants_volume = set.is_none();
     let volume = match &arguments.volume {
         Some(path) if wants_volume => Some(volume_of(path, &arguments.read)?),
         _ => None,
@@ -193,11 +209,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         None => None,
     };
     let source = volume.as_ref().map(|volume| MediumSource { volume, roi: roi.as_ref() });
-    // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
-    let shown = set.as_ref().filter(|_| row.of_splats);
-    let look = arguments.look(shown, intensities(shown, volume.as_ref()))?;
+    let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()))?;
     let gpu = arguments.device.boot()?;
-    let scene = Scene::with_precision(&gpu, shown, source.as_ref(), &look, arguments.precision)?;
+    let mut scene = Scene::with_precision(&gpu, set.as_ref(), source.as_ref(), &look, arguments.precision)?;
+    if let Some(budget) = arguments.splat_budget {
+        scene.set_splat_budget(Some(budget as usize))?;
+    }
     let camera = arguments.camera(&scene)?;
     let settings = Settings {
         depth: arguments.output.wants_depth(),
@@ -217,9 +234,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
 
 impl Arguments {
     fn mode_row(&self) -> Result<&'static ModeRow> {
-        let name = self.mode.unwrap_or(if self.splats.is_some() { "slab" } else { "volume" });
+        let name = self.mode.unwrap_or(if self.splats.is_empty() { "volume" } else { "slab" });
         let row = mode(name)?;
-        if row.of_splats && self.splats.is_none() {
+        if row.of_splats && self.splats.is_empty() {
             return Err(Error::new(Kind::Usage, "VGS-CLI-090", format!("--mode {name} renders splats"))
                 .help("give a PLY, or --mode volume"));
         }
@@ -230,7 +247,7 @@ impl Arguments {
         Ok(row)
     }
 
-    /// `range` are the intensities that are there; some presets are stretched over them.
+    /// How `splats` are to be seen. `range` are the intensities that are there; some presets are stretched over them.
     fn look(&self, splats: Option<&SplatSet>, range: [f64; 2]) -> Result<Look> {
         let mut transfer = transfer::load(&self.tf, range)?;
         if self.tf_shift != 0.0 {
@@ -240,8 +257,14 @@ impl Arguments {
             transfer.material.shade = shade;
         }
         let clip: Vec<ClipPlane> = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
-        let hidden = self.hide_label.iter().map(|l| arguments::label(l, splats)).collect::<Result<_>>()?;
-        Ok(Look { transfer, clip, hidden })
+        let there = splats.map(SplatSet::objects).unwrap_or_default();
+        let mut objects = BTreeMap::new();
+        for change in
+            self.object.iter().cloned().chain(self.hide_label.iter().map(|l| ObjectChange::hiding(l)))
+        {
+            change.apply(&there, &mut objects)?;
+        }
+        Ok(Look { transfer, clip, objects })
     }
 
     fn camera(&self, scene: &Scene) -> Result<Camera> {
@@ -277,6 +300,11 @@ impl Arguments {
                 size: self.size.0,
                 splats: cloud.map(|c| c.count),
                 active_splats: active,
+                objects: scene
+                    .objects()
+                    .iter()
+                    .map(|o| PrintedObject { number: o.number, name: o.name.clone(), splats: o.splats })
+                    .collect(),
                 frames,
                 seconds_per_frame: seconds,
                 device_bytes: gpu.memory_by_purpose().values().sum(),
@@ -285,7 +313,8 @@ impl Arguments {
             });
         }
         if let (Some(cloud), Some(active)) = (cloud, active) {
-            console.say(&format!("{active} of {} splats can be seen", cloud.count));
+            let verb = if self.splat_budget.is_some() { "are rendered" } else { "can be seen" };
+            console.say(&format!("{active} of {} splats {verb}", cloud.count));
         }
         for (purpose, bytes) in gpu.memory_by_purpose() {
             tracing::info!("device memory for {purpose}: {:.1} MB", bytes as f64 * 1e-6);
@@ -300,13 +329,16 @@ impl Arguments {
     }
 }
 
-/// Reads splats of any kind.
-fn read_splats(path: &Path) -> Result<SplatSet> {
-    let set = splat::read(path, &splat::ReadOptions::default())?;
-    if set.splats.is_empty() {
-        return Err(Error::new(Kind::BadData, "VGS-CLI-040", "the file holds no usable splat").file(path));
-    }
-    Ok(set)
+/// Reads splats of any kind, of several files as one set. Objects are called after the files.
+fn read_splats(paths: &[PathBuf]) -> Result<SplatSet> {
+    let read = |path: &PathBuf| {
+        let set = splat::read(path, &splat::ReadOptions::default())?;
+        if set.splats.is_empty() {
+            return Err(Error::new(Kind::BadData, "VGS-CLI-040", "the file holds no usable splat").file(path));
+        }
+        Ok((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set))
+    };
+    splat::join(paths.iter().map(read).collect::<Result<_>>()?)
 }
 
 /// Least and greatest intensity of what is shown.

@@ -1,0 +1,285 @@
+//! Objects: the parts of a set that are shown, hidden and coloured apart. They are its labels. [`join`] makes one set of
+//! several, so that parts of one body that were fitted apart lie in one scene.
+//!
+//! A joined set is one field: where objects overlap, V̂ = b + Σ w (c − b) / (Σ w + ε) goes over all their splats, as it does
+//! between the splats of one fit. That is right for parts of one body, which share the tissue at their borders.
+
+use glam::DVec3;
+
+use super::harmonics::basis_count;
+use super::{Field, Harmonics, SplatSet, label_name};
+use crate::error::{Error, Kind, Result};
+
+/// Most objects of a joined set: those that a label other than 0 can number.
+pub const MOST_OBJECTS: usize = 255;
+
+/// A part of a set that has a look of its own: the splats of one label.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Object {
+    /// Its number: the label of its splats; 0 for those of no label.
+    pub number: u8,
+    /// The name of the label, or words that stand for it; never empty.
+    pub name: String,
+    /// How many splats it has.
+    pub splats: usize,
+}
+
+impl SplatSet {
+    /// The objects by ascending number; of a set without labels, all of its splats are one.
+    pub fn objects(&self) -> Vec<Object> {
+        if self.labels.is_none() {
+            return vec![Object { number: 0, name: "splats".to_owned(), splats: self.splats.len() }];
+        }
+        let name = |number, name: Option<String>| match (number, name) {
+            (_, Some(name)) => name,
+            (0, None) => "unlabelled".to_owned(),
+            (_, None) => format!("label {number}"),
+        };
+        let counts = self.label_counts().into_iter();
+        counts.map(|c| Object { number: c.label, name: name(c.label, c.name), splats: c.splats }).collect()
+    }
+}
+
+/// One set of all `sets`, which come with a name each. A set without labels becomes one object of that name. A set that
+/// comes alone keeps its labels; of several each label becomes an object called "set/label", and the objects are
+/// numbered from 1 on in the order of sets and labels.
+///
+/// The origin is the centre of the box of all means, in whole mm. The background is the mean of all splats' backgrounds:
+/// it weighs ε against Σ w in V̂, so where anything is to be seen it moves V̂ by a small part of what the backgrounds differ.
+///
+/// # Errors
+/// Sets that do not add up to one field: splats with intensities and splats with colours, other kernels, other ε or w₀;
+/// and more than [`MOST_OBJECTS`] objects.
+pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
+    let Some(((first_name, first), others)) = sets.split_first() else { return Ok(SplatSet::default()) };
+    for (name, set) in others {
+        if let Some((what, help)) = discord(first, set) {
+            let message = format!("{first_name} and {name} cannot be one scene: {what}");
+            return Err(Error::new(Kind::BadData, "VGS-SPLAT-003", message).help(help));
+        }
+    }
+    let alone = sets.len() == 1;
+    if alone && first.labels.is_some() {
+        return Ok(sets.into_iter().next().map(|(_, set)| set).unwrap_or_default());
+    }
+    let Numbered { labels, names: label_names } = numbered(&sets)?;
+    let origin_mm = if alone { first.origin_mm } else { common_origin(&sets) };
+    let field = Field { background: mean_background(&sets), ..first.field };
+    let has_intensity = first.has_intensity;
+    let colours = first.colours.is_some().then(|| joined_colours(&sets));
+    let iterations =
+        first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
+    let mut splats = Vec::with_capacity(labels.len());
+    for (_, set) in sets {
+        let apart = set.origin_mm - origin_mm;
+        splats.extend(set.splats.into_iter().map(|mut splat| {
+            if apart != DVec3::ZERO {
+                splat.mean = (DVec3::from_array(splat.mean.map(f64::from)) + apart).as_vec3().to_array();
+            }
+            splat
+        }));
+    }
+    Ok(SplatSet {
+        splats,
+        origin_mm,
+        field,
+        has_intensity,
+        colours,
+        labels: Some(labels),
+        label_names,
+        iterations,
+    })
+}
+
+/// What of two sets does not add up to one field, and what to do about it.
+fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
+    const FIT: &str = "fit both with the same --kernel, --epsilon and --occupancy-w0, or render them apart";
+    let kind = |set: &SplatSet| match (&set.colours, set.has_intensity) {
+        (Some(_), _) => "colours",
+        (None, true) => "intensities",
+        (None, false) => "luminances",
+    };
+    if kind(a) != kind(b) {
+        let what = format!("the splats of one have {}, those of the other {}", kind(a), kind(b));
+        return Some((what, "render splats of vgs and splats of other programs apart"));
+    }
+    let (a, b) = (&a.field, &b.field);
+    if a.kernel != b.kernel {
+        let [a, b] = [a, b].map(|field| field.kernel.row().name);
+        return Some((format!("the kernel of one is {a}, that of the other {b}"), FIT));
+    }
+    let numbers = [("ε", a.epsilon, b.epsilon), ("w₀", a.occupancy_w0, b.occupancy_w0)];
+    let (name, a, b) = numbers.into_iter().find(|(_, a, b)| a != b)?;
+    Some((format!("{name} of one is {a}, that of the other {b}"), FIT))
+}
+
+/// The objects of a joined set.
+struct Numbered {
+    /// The number of each splat's object.
+    labels: Vec<u8>,
+    /// The objects' names by number.
+    names: Vec<(u8, String)>,
+}
+
+fn numbered(sets: &[(String, SplatSet)]) -> Result<Numbered> {
+    let (mut labels, mut names) = (Vec::new(), Vec::new());
+    for (name, set) in sets {
+        let mut numbers = [0; 256];
+        for object in set.objects() {
+            let name = match set.labels {
+                Some(_) => format!("{name}/{}", object.name),
+                None => name.clone(),
+            };
+            names.push(match label_name(&name) {
+                empty if empty.is_empty() => "splats".to_owned(),
+                name => name,
+            });
+            numbers[usize::from(object.number)] = names.len();
+        }
+        if names.len() > MOST_OBJECTS {
+            let message = format!("{} objects up to {name}; a scene can have {MOST_OBJECTS}", names.len());
+            return Err(Error::new(Kind::BadData, "VGS-SPLAT-004", message)
+                .help("give fewer files, or files of fewer labels"));
+        }
+        match &set.labels {
+            Some(old) => labels.extend(old.iter().map(|&label| numbers[usize::from(label)] as u8)),
+            None => labels.resize(labels.len() + set.splats.len(), numbers[0] as u8),
+        }
+    }
+    Ok(Numbered { labels, names: (1..=u8::MAX).zip(names).collect() })
+}
+
+/// Centre of the box of all means, rounded to whole mm, so that f32 means keep their digits; mm RAS.
+fn common_origin(sets: &[(String, SplatSet)]) -> DVec3 {
+    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for (_, set) in sets {
+        for splat in &set.splats {
+            let x = DVec3::from_array(splat.mean.map(f64::from)) + set.origin_mm;
+            bounds = [bounds[0].min(x), bounds[1].max(x)];
+        }
+    }
+    let centre = (bounds[0] + bounds[1]) * 0.5;
+    if centre.is_finite() { centre.round() } else { DVec3::ZERO }
+}
+
+fn mean_background(sets: &[(String, SplatSet)]) -> f32 {
+    let count: f64 = sets.iter().map(|(_, set)| set.splats.len() as f64).sum();
+    let first = sets[0].1.field.background;
+    if count == 0.0 || sets.iter().all(|(_, set)| set.field.background == first) {
+        return first;
+    }
+    let sum: f64 = sets.iter().map(|(_, s)| f64::from(s.field.background) * s.splats.len() as f64).sum();
+    (sum / count) as f32
+}
+
+/// The colours of all sets, at the highest degree of any; what a set has not is 0.
+fn joined_colours(sets: &[(String, SplatSet)]) -> Harmonics {
+    let colours = || sets.iter().filter_map(|(_, set)| set.colours.as_ref());
+    let degree = colours().map(|c| c.degree).max().unwrap_or(0);
+    let stride = 3 * basis_count(degree);
+    let mut coefficients = Vec::new();
+    for row in colours().flat_map(|c| c.coefficients.chunks(c.stride())) {
+        let end = coefficients.len() + stride;
+        coefficients.extend_from_slice(row);
+        coefficients.resize(end, 0.0);
+    }
+    Harmonics { degree, coefficients }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::splat::{Kernel, Splat};
+
+    fn at(origin: DVec3, means: &[[f32; 3]]) -> SplatSet {
+        let splat = |&mean: &[f32; 3]| Splat { mean, rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        SplatSet { splats: means.iter().map(splat).collect(), origin_mm: origin, ..SplatSet::default() }
+    }
+
+    fn named(sets: &[(&str, &SplatSet)]) -> Vec<(String, SplatSet)> {
+        sets.iter().map(|&(name, set)| (name.to_owned(), set.clone())).collect()
+    }
+
+    #[test]
+    fn what_is_joined_stays_where_it_was_and_is_told_apart() {
+        let bones = at(DVec3::new(100.0, -20.0, 1000.0), &[[0.5, 0.0, 0.0], [1.5, 2.0, -3.0]]);
+        let mut organs = at(DVec3::new(-50.0, 0.0, 900.0), &[[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]]);
+        organs.labels = Some(vec![5, 0, 9, 5]);
+        organs.label_names = vec![(5, "liver".to_owned())];
+        organs.field.background = 30.0;
+        let joined = join(named(&[("bones", &bones), ("organs", &organs)])).expect("they fit together");
+        let world =
+            |set: &SplatSet, i: usize| DVec3::from_array(set.splats[i].mean.map(f64::from)) + set.origin_mm;
+        for i in 0..6 {
+            let before = if i < 2 { world(&bones, i) } else { world(&organs, i - 2) };
+            assert!(world(&joined, i).distance(before) < 1e-5, "splat {i}");
+        }
+        assert_eq!(joined.labels, Some(vec![1, 1, 3, 2, 4, 3]));
+        let objects: Vec<_> = joined.objects().into_iter().map(|o| (o.number, o.name, o.splats)).collect();
+        let wanted =
+            [(1, "bones", 2), (2, "organs/unlabelled", 1), (3, "organs/liver", 2), (4, "organs/label 9", 1)];
+        assert_eq!(objects, wanted.map(|(number, name, splats)| (number, name.to_owned(), splats)));
+        assert_eq!(joined.field.background, 20.0, "the mean of 2 at 0 and 4 at 30");
+        assert_eq!(joined.label_defect(), None, "a file can hold it");
+    }
+
+    #[test]
+    fn one_set_keeps_its_labels_and_gets_a_name_without_them() {
+        let mut set = at(DVec3::ONE, &[[0.0; 3], [1.0; 3]]);
+        assert_eq!(set.objects(), [Object { number: 0, name: "splats".into(), splats: 2 }]);
+        let named_set = join(named(&[("bones", &set)])).expect("a set");
+        assert_eq!(named_set.objects(), [Object { number: 1, name: "bones".into(), splats: 2 }]);
+        assert_eq!((named_set.origin_mm, &named_set.splats), (set.origin_mm, &set.splats));
+        set.labels = Some(vec![7, 7]);
+        assert_eq!(join(named(&[("bones", &set)])).expect("a set"), set);
+        assert_eq!(set.objects(), [Object { number: 7, name: "label 7".into(), splats: 2 }]);
+        assert_eq!(join(Vec::new()).expect("nothing"), SplatSet::default());
+    }
+
+    #[test]
+    fn colours_are_joined_at_the_highest_degree() {
+        let mut low = at(DVec3::ZERO, &[[0.0; 3]]);
+        low.has_intensity = false;
+        let mut high = low.clone();
+        low.colours = Some(Harmonics { degree: 0, coefficients: vec![1.0, 2.0, 3.0] });
+        high.colours = Some(Harmonics { degree: 1, coefficients: (0..12u8).map(f32::from).collect() });
+        let joined = join(named(&[("low", &low), ("high", &high)])).expect("two sets of colours");
+        let colours = joined.colours.expect("colours");
+        let direction = [0.6, 0.0, 0.8];
+        for (i, set) in [low, high].iter().enumerate() {
+            let before = set.colours.as_ref().expect("colours").colour(0, direction);
+            assert_eq!(colours.colour(i, direction), before, "set {i}");
+        }
+    }
+
+    #[test]
+    fn sets_that_do_not_add_up_are_refused() {
+        let set = at(DVec3::ZERO, &[[0.0; 3]]);
+        let with = |change: &dyn Fn(&mut SplatSet)| {
+            let mut other = set.clone();
+            change(&mut other);
+            other
+        };
+        let many = with(&|s| {
+            s.splats = vec![s.splats[0]; 200];
+            s.labels = Some((0..200).collect());
+        });
+        for (other, code, word) in [
+            (with(&|s| s.field.kernel = Kernel::Gaussian), "VGS-SPLAT-003", "kernel"),
+            (with(&|s| s.field.epsilon *= 2.0), "VGS-SPLAT-003", "ε"),
+            (with(&|s| s.field.occupancy_w0 *= 2.0), "VGS-SPLAT-003", "w₀"),
+            (with(&|s| s.has_intensity = false), "VGS-SPLAT-003", "luminances"),
+            (
+                with(&|s| s.colours = Some(Harmonics { degree: 0, coefficients: vec![0.0; 3] })),
+                "VGS-SPLAT-003",
+                "colours",
+            ),
+        ] {
+            let error = join(named(&[("a", &set), ("b", &other)])).expect_err(word);
+            assert_eq!((error.kind, error.code), (Kind::BadData, code));
+            assert!(error.message.contains(word) && error.message.starts_with("a and b"), "{error}");
+        }
+        let error = join(named(&[("a", &many), ("b", &many)])).expect_err("400 objects");
+        assert_eq!(error.code, "VGS-SPLAT-004");
+    }
+}
