@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! fit, render -> passes -> gpu          fit, render, passes -> volume, splat          reference -> volume, splat
-//! render, reference -> transfer          render -> image
+//! render, reference -> transfer          render -> image, budget
 //! gpu      knows Vulkan, never medicine
 //! volume   samples, masks, regions of interest and their files; never gpu
 //! splat    splat sets, their parameters and their files; never gpu
@@ -14,10 +14,12 @@
 //! fit      the optimisation: initialisation, the step, evaluation
 //! render   a scene of splats or of a volume, seen through a transfer function in one of several modes
 //! reference  the f64 twin of every kernel; never gpu
+//! budget   which quality frames can afford, from the times of those that have finished; pure, uses nothing
 //! output   files that appear whole or not at all; used by all that write
 //! ```
 #![deny(unsafe_code)]
 
+pub mod budget;
 pub mod error;
 pub mod fit;
 pub mod gpu;

@@ -3,7 +3,7 @@
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 use crate::failure::Stop;
-use crate::{compare, eval, fit, info, phantom, rasterize, render};
+use crate::{compare, eval, fit, info, phantom, rasterize, render, view};
 
 /// Version and, where the build knew it, the commit.
 pub const VERSION: &str = if env!("VGS_COMMIT").is_empty() {
@@ -55,6 +55,7 @@ pub enum Command {
     Eval(eval::Arguments),
     Rasterize(rasterize::Arguments),
     Render(Box<render::Arguments>),
+    View(view::Arguments),
     Compare(compare::Arguments),
     Info(info::Arguments),
     /// Lists the Vulkan devices of this machine

@@ -1,6 +1,6 @@
 //! The command line of vgs.
 //!
-//! One file for each command (`fit`, `eval`, `rasterize`, `render`, `compare`, `info`, `devices`, `phantom`): its flags,
+//! One file for each command (`fit`, `eval`, `rasterize`, `render`, `compare`, `view`, `info`, `devices`, `phantom`): its flags,
 //! and `run`. What they share: `inputs` (volume and region of interest), `settings` (hyper-parameters from flags,
 //! environment and file), `optimise` (the loop of a fit), `report` (figures, run record, curve), `picture` (the
 //! comparison as PNG), and the ways to talk: `console` (stdout and logs), `failure` (errors and exit codes),
@@ -29,11 +29,13 @@ mod render;
 mod report;
 mod settings;
 mod signals;
+mod view;
 
 use arguments::Command;
 use console::Console;
 
 fn main() -> std::process::ExitCode {
+    let start = std::time::Instant::now();
     failure::guard(|| {
         let cli = arguments::parse()?;
         let console = Console::new(&cli.talk);
@@ -43,6 +45,7 @@ fn main() -> std::process::ExitCode {
             Command::Eval(arguments) => eval::run(&arguments, &console),
             Command::Rasterize(arguments) => rasterize::run(&arguments, &console),
             Command::Render(arguments) => render::run(&arguments, &console),
+            Command::View(arguments) => view::run(&arguments, start),
             Command::Compare(arguments) => compare::run(&arguments, &console),
             Command::Info(arguments) => info::run(&arguments, &console),
             Command::Phantom(arguments) => phantom::run(&arguments, &console),

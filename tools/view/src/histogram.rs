@@ -18,18 +18,15 @@ pub struct Histogram {
 impl Histogram {
     /// Of splats: each counts by its weight a integrated over space, which is in proportion to opacity × volume. Nothing
     /// for splats without an intensity.
-    pub fn of_splats<'a>(sets: impl IntoIterator<Item = &'a SplatSet> + Clone) -> Option<Self> {
-        let sets = || sets.clone().into_iter().filter(|set| set.has_intensity);
-        let values = sets().flat_map(|set| &set.splats).map(|s| f64::from(s.intensity));
-        let rows = sets().flat_map(|set| {
-            set.splats.iter().map(|splat| {
-                let log_scale = splat.log_scale.map(f64::from);
-                let volume = log_scale.iter().sum::<f64>().exp();
-                let weight = f64::from(splat.opacity()) * set.field.kernel.peak(log_scale) * volume;
-                (f64::from(splat.intensity), weight)
-            })
+    pub fn of_splats(set: &SplatSet) -> Option<Self> {
+        let values = || set.splats.iter().map(|s| f64::from(s.intensity));
+        let rows = set.splats.iter().map(|splat| {
+            let log_scale = splat.log_scale.map(f64::from);
+            let volume = log_scale.iter().sum::<f64>().exp();
+            let weight = f64::from(splat.opacity()) * set.field.kernel.peak(log_scale) * volume;
+            (f64::from(splat.intensity), weight)
         });
-        Histogram::of(range_of(values)?, rows)
+        if set.has_intensity { Histogram::of(range_of(values())?, rows) } else { None }
     }
 
     /// Of the voxels of a volume, each by its weight in the region; of all voxels without one. Samples that are not finite
@@ -89,14 +86,14 @@ mod tests {
             splats: vec![splat(0.0, 0.5, [1.0; 3]), splat(512.0, 0.25, [2.0, 4.0, 1.0])],
             ..SplatSet::default()
         };
-        let histogram = Histogram::of_splats([&set]).expect("two splats");
+        let histogram = Histogram::of_splats(&set).expect("two splats");
         assert_eq!(histogram.range, [0.0, 512.0]);
         let [first, last] = [histogram.bins[0], histogram.bins[BINS - 1]];
         assert!((first - 0.5).abs() < 1e-6 && (last - 2.0).abs() < 1e-5, "{first} {last}");
         assert!((histogram.bins.iter().sum::<f64>() - first - last).abs() < 1e-12);
         set.has_intensity = false;
-        assert_eq!(Histogram::of_splats([&set]), None);
-        assert_eq!(Histogram::of_splats([&SplatSet::default()]), None);
+        assert_eq!(Histogram::of_splats(&set), None);
+        assert_eq!(Histogram::of_splats(&SplatSet::default()), None);
     }
 
     #[test]

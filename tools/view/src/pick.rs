@@ -172,7 +172,7 @@ fn ellipsoid(splat: &Splat, field: &Field) -> Ellipsoid {
 mod tests {
     use engine::reference;
     use engine::reference::eye::Eye;
-    use engine::reference::slab::{field_at, seen};
+    use engine::reference::slab::{Sums, field_at, seen};
     use engine::splat::Kernel;
 
     use super::*;
@@ -224,7 +224,7 @@ mod tests {
             for _ in 0..2000 {
                 let x =
                     DVec3::new(f64::from(next()) * 50.0, f64::from(next()) * 70.0, f64::from(next()) * 340.0);
-                let (w, s, ..) = field_at(&all, kernel, x);
+                let Sums { w, s, .. } = field_at(&all, kernel, x);
                 let found = probe.at(x + set.origin_mm);
                 assert_eq!(found.is_some(), w > 0.0, "{x}");
                 let Some(found) = found else { continue };

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use engine::error::{Error, Kind, Result};
-use engine::render::{self, ClipPlane, Look, PLANES};
+use engine::render::{self, Appearance, ClipPlane, Look, PLANES};
 use engine::transfer::TransferFunction;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -233,7 +233,7 @@ impl SplatMode {
 
 impl Default for Quality {
     fn default() -> Self {
-        Quality { step: 1.0, splat_budget: None, target_frame_ms: 1000.0 / 60.0, adaptive: true }
+        Quality { step: 0.5, splat_budget: None, target_frame_ms: 1000.0 / 60.0, adaptive: true }
     }
 }
 
@@ -254,6 +254,12 @@ impl Object {
     /// A fit or one of its labels, visible and as the transfer function shows it.
     pub fn new(file: usize, label: Option<u8>, name: impl Into<String>) -> Self {
         Object { file, label, name: name.into(), visible: true, tint: None, opacity: 1.0 }
+    }
+
+    /// How the renderer shows it.
+    fn appearance(&self) -> Appearance {
+        let tint = self.tint.map(|colour| colour.as_vec3().to_array());
+        Appearance { visible: self.visible, tint, opacity: self.opacity as f32 }
     }
 }
 
@@ -301,14 +307,14 @@ impl State {
         }
     }
 
-    /// How the splats of a file, or the volume, are seen: hidden labels are those of the file.
+    /// How a scene is seen: `numbers` are those by which it knows the rows of [`State::objects`]; none for a volume.
     ///
     /// # Errors
     /// As [`TransferFunction::new`].
-    pub fn look(&self, file: Option<usize>) -> Result<Look> {
-        let rows = self.objects.iter().filter(|o| Some(o.file) == file && !o.visible);
-        let hidden = rows.filter_map(|o| o.label).collect();
-        Ok(Look { transfer: self.transfer.function()?, clip: self.clip.planes(), hidden })
+    pub fn look(&self, numbers: &[u8]) -> Result<Look> {
+        let objects = numbers.iter().zip(&self.objects).map(|(number, row)| (*number, row.appearance()));
+        let objects = objects.collect();
+        Ok(Look { transfer: self.transfer.function()?, clip: self.clip.planes(), objects })
     }
 
     /// Puts what was found in the files into the list. Rows that are there already, from a session file, stay as they are;

@@ -1,0 +1,248 @@
+//! A screen of its own for a program with a window, a hand on its mouse and keys, and an eye on what it shows.
+#![allow(dead_code, reason = "every test file is a crate of its own and uses a part of this")]
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use crate::support::{Ended, Folder, finish};
+
+/// Longest that a test waits for a window to do something.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A virtual screen.
+pub struct Screen {
+    server: Child,
+    display: String,
+    file: PathBuf,
+}
+
+fn tool(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name)
+}
+
+impl Screen {
+    /// Nothing, with a sentence, where there is no Xvfb.
+    pub fn new() -> Option<Self> {
+        let mut server = Command::new(tool("xvfb"))
+            .args(["sh", "-c", "echo $DISPLAY $VGS_SCREEN; exec cat"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .ok()?;
+        let mut line = String::new();
+        BufReader::new(server.stdout.as_mut()?).read_line(&mut line).ok()?;
+        let Some((display, file)) = line.trim().split_once(' ') else {
+            println!("skipped: there is no virtual screen; `tools/setup window` brings one");
+            assert!(std::env::var_os("CI").is_none(), "CI has a virtual screen");
+            return None;
+        };
+        Some(Screen { display: display.to_owned(), file: file.into(), server })
+    }
+
+    /// The screen as X numbers it.
+    pub fn display(&self) -> &str {
+        &self.display
+    }
+
+    /// Moves the mouse, presses keys: the arguments of xdotool.
+    pub fn hand(&self, arguments: &[&str]) {
+        let mut command = match std::env::var_os("VGS_RUNNER") {
+            Some(runner) => {
+                let mut command = Command::new(runner);
+                command.arg("xdotool");
+                command
+            }
+            None => Command::new("xdotool"),
+        };
+        let status = command.args(arguments).env("DISPLAY", &self.display).status().expect("xdotool starts");
+        assert!(status.success(), "xdotool {arguments:?}");
+    }
+
+    /// What is shown: width, height, and red, green, blue of each pixel, rows from the top.
+    pub fn look(&self) -> Shot {
+        Shot::of(&fs::read(&self.file).expect("the screen's file"))
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        // Its command ends with its input, and the screen with its command.
+        drop(self.server.stdin.take());
+        let _ = self.server.wait();
+    }
+}
+
+/// A picture of the screen.
+#[derive(Clone, PartialEq)]
+pub struct Shot {
+    pub size: [usize; 2],
+    pub pixels: Vec<[u8; 3]>,
+}
+
+impl Shot {
+    /// From a file of xwd: a header of big-endian words, colours, then rows of four bytes a pixel, blue first.
+    fn of(xwd: &[u8]) -> Self {
+        let word = |i: usize| u32::from_be_bytes(xwd[4 * i..4 * i + 4].try_into().expect("a word")) as usize;
+        let [header, width, height, bits, stride, colours] = [0, 4, 5, 11, 12, 19].map(word);
+        assert_eq!(bits, 32, "bits of a pixel");
+        let start = header + 12 * colours;
+        let pixels = (0..height).flat_map(|y| {
+            let row = &xwd[start + y * stride..][..4 * width];
+            row.as_chunks::<4>().0.iter().map(|&[b, g, r, _]| [r, g, b])
+        });
+        Shot { size: [width, height], pixels: pixels.collect() }
+    }
+
+    pub fn at(&self, x: usize, y: usize) -> [u8; 3] {
+        self.pixels[y * self.size[0] + x]
+    }
+
+    /// Pixels within left, top, right, bottom that satisfy something.
+    pub fn count(&self, [left, top, right, bottom]: [usize; 4], is: impl Fn([u8; 3]) -> bool) -> usize {
+        (top..bottom).map(|y| (left..right).filter(|&x| is(self.at(x, y))).count()).sum()
+    }
+
+    /// Pixels within left, top, right, bottom that differ by more than noise.
+    pub fn differences(&self, other: &Shot, area: [usize; 4]) -> usize {
+        let [left, top, right, bottom] = area;
+        let differ =
+            |x: usize, y: usize| self.at(x, y).iter().zip(other.at(x, y)).any(|(a, b)| a.abs_diff(b) > 8);
+        (top..bottom).map(|y| (left..right).filter(|&x| differ(x, y)).count()).sum()
+    }
+
+    /// Writes it beside the test's other results, to be looked at: a folder that `VGS_SHOTS` names.
+    pub fn keep(&self, name: &str) {
+        let Some(folder) = std::env::var_os("VGS_SHOTS") else { return };
+        let pixels = self.pixels.iter().map(|p| {
+            let [r, g, b] = p.map(|v| f32::from(v) / 255.0);
+            [r, g, b, 1.0]
+        });
+        let image = engine::image::Image { size: self.size, pixels: pixels.collect() };
+        let path = Path::new(&folder).join(format!("{name}.png"));
+        engine::image::write(
+            &path,
+            &image,
+            None,
+            &engine::image::WriteOptions { background: None, force: true },
+        )
+        .expect("a picture");
+    }
+}
+
+/// `vgs view` on a screen.
+pub struct Viewer<'a> {
+    screen: &'a Screen,
+    child: Option<Child>,
+    log: Arc<Mutex<String>>,
+}
+
+impl<'a> Viewer<'a> {
+    /// Starts it in a folder and waits for its first picture.
+    pub fn start(screen: &'a Screen, folder: &Folder, arguments: &[&str]) -> Self {
+        let mut child = folder
+            .command(&[&["view", "-vv"], arguments].concat())
+            .env("DISPLAY", &screen.display)
+            .env_remove("WAYLAND_DISPLAY")
+            .env("XDG_CONFIG_HOME", folder.path("config"))
+            .spawn()
+            .expect("the viewer starts");
+        let log = Arc::new(Mutex::new(String::new()));
+        let (lines, kept) = (BufReader::new(child.stderr.take().expect("stderr")).lines(), Arc::clone(&log));
+        std::thread::spawn(move || {
+            for line in lines.map_while(Result::ok) {
+                let mut kept = kept.lock().expect("the log");
+                kept.push_str(&line);
+                kept.push('\n');
+            }
+        });
+        Viewer { screen, child: Some(child), log }
+    }
+
+    /// What it has said.
+    pub fn log(&self) -> String {
+        self.log.lock().expect("the log").clone()
+    }
+
+    /// Frames that were shown, and those with a picture among them that was rendered in full.
+    pub fn frames(&self) -> [usize; 2] {
+        let log = self.log();
+        ["frame shown", "picture rendered in full"].map(|what| log.matches(what).count())
+    }
+
+    /// Waits until something holds.
+    pub fn wait(&mut self, what: &str, mut holds: impl FnMut(&Self) -> bool) {
+        let begin = Instant::now();
+        while !holds(self) {
+            let ended = self.child.as_mut().and_then(|c| c.try_wait().ok().flatten());
+            assert!(ended.is_none(), "the viewer ended before {what}:\n{}", self.log());
+            assert!(begin.elapsed() < PATIENCE, "no {what} after {PATIENCE:?}:\n{}", self.log());
+            sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// Waits until no frame has come for a while.
+    pub fn settle(&mut self) {
+        let mut last = (self.frames(), Instant::now());
+        self.wait("rest", |viewer| {
+            let now = viewer.frames();
+            if now != last.0 {
+                last = (now, Instant::now());
+            }
+            last.1.elapsed() > Duration::from_millis(700)
+        });
+    }
+
+    /// Does something with mouse or keys, and waits until a picture in full has answered it.
+    pub fn act(&mut self, arguments: &[&str]) -> Shot {
+        let before = self.frames()[1];
+        self.screen.hand(arguments);
+        self.wait(&format!("answer to {arguments:?}"), |viewer| viewer.frames()[1] > before);
+        self.settle();
+        self.screen.look()
+    }
+
+    /// CPU time of the process so far, s (Linux, 100 ticks a second).
+    pub fn cpu_seconds(&self) -> f64 {
+        let id = self.child.as_ref().expect("it runs").id();
+        let stat = fs::read_to_string(format!("/proc/{id}/stat")).expect("a process");
+        let fields: Vec<&str> = stat.rsplit(')').next().expect("fields").split_whitespace().collect();
+        let ticks: f64 = [11, 12].map(|i: usize| fields[i].parse::<f64>().expect("ticks")).iter().sum();
+        ticks / 100.0
+    }
+
+    /// Ends it by its key, and gives how it ended.
+    pub fn quit(mut self) -> Ended {
+        self.screen.hand(&["key", "ctrl+q"]);
+        self.wait_for_end()
+    }
+
+    fn wait_for_end(&mut self) -> Ended {
+        let begin = Instant::now();
+        let mut child = self.child.take().expect("it runs");
+        while child.try_wait().expect("a child").is_none() {
+            if begin.elapsed() > PATIENCE {
+                let _ = child.kill();
+                panic!("the viewer does not end:\n{}", self.log());
+            }
+            sleep(Duration::from_millis(20));
+        }
+        let mut ended = finish(child);
+        ended.err = self.log();
+        ended
+    }
+}
+
+impl Drop for Viewer<'_> {
+    fn drop(&mut self) {
+        if let Some(mut child) = self.child.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}

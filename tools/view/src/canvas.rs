@@ -1,0 +1,241 @@
+//! What is on the device for a window: the scenes with their pictures, and what puts these and the panels on its surface.
+
+use std::sync::Arc;
+
+use egui::epaint::ClippedPrimitive;
+use egui::{Rect, TexturesDelta};
+use engine::Result;
+use engine::gpu::{Gpu, Surface};
+use engine::render::{Camera, Look, Scene, Settings};
+use glam::{DVec2, DVec3};
+use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+
+use crate::composer::{Area, Composer, Composition, Layer};
+use crate::painter::{Painter, Painting};
+use crate::stage::{Stage, Way};
+use crate::state::{State, Subject, mode_row};
+
+/// What is on the device for a window.
+pub struct Canvas {
+    // In this order: what draws on the surface goes before it.
+    splats: Option<Stage>,
+    volume: Option<Stage>,
+    composer: Composer,
+    painter: Painter,
+    /// Changes of textures that no frame has carried out yet.
+    textures: TexturesDelta,
+    /// What the picture shows: one subject, or two with a split between them.
+    shown: Vec<(Subject, Way)>,
+    surface: Surface,
+    gpu: Gpu,
+}
+
+/// The panels of a frame.
+pub struct Overlay {
+    /// What egui made of them.
+    pub primitives: Vec<ClippedPrimitive>,
+    /// New and freed textures.
+    pub textures: TexturesDelta,
+    /// Pixels of a point.
+    pub pixels_per_point: f32,
+    /// Where the picture lies, points.
+    pub picture: Rect,
+}
+
+/// What the picture shows and how it is rendered: each subject in full, or at this scale of its size where it must be fast.
+pub fn ways(
+    state: &State,
+    size: [u32; 2],
+    fast: Option<f64>,
+    there: impl Fn(Subject) -> bool,
+) -> Vec<(Subject, Way)> {
+    let subjects = match state.split {
+        Some(_) => vec![Subject::Splats, Subject::Volume],
+        None => vec![state.shown],
+    };
+    let scale = fast.unwrap_or(1.0);
+    let size = size.map(|n| ((f64::from(n) * scale).round() as u32).max(1));
+    // What moves shows no rings: twice the step.
+    let step = state.quality.step * if fast.is_some() { 2.0 } else { 1.0 };
+    let settings = Settings { depth: fast.is_none(), step, ..Settings::new(size) };
+    let way = |subject| Way { mode: mode_row(state.mode_of(subject)), settings: settings.clone() };
+    subjects.into_iter().filter(|&s| there(s)).map(|subject| (subject, way(subject))).collect()
+}
+
+impl Canvas {
+    /// Of a window whose display the device was booted for; `size` in pixels.
+    pub fn new<W>(gpu: &Gpu, window: Arc<W>, size: [u32; 2]) -> Result<Self>
+    where
+        W: HasDisplayHandle + HasWindowHandle + 'static,
+    {
+        let surface = Surface::new(gpu, window, size)?;
+        let format = surface.format();
+        Ok(Canvas {
+            splats: None,
+            volume: None,
+            composer: Composer::new(gpu, format)?,
+            painter: Painter::new(gpu, format)?,
+            textures: TexturesDelta::default(),
+            shown: Vec::new(),
+            surface,
+            gpu: gpu.clone(),
+        })
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Follows the window to another size, pixels.
+    pub fn resize(&mut self, size: [u32; 2]) {
+        self.surface.resize(size);
+    }
+
+    /// What is on the device of a subject.
+    pub fn stage(&self, subject: Subject) -> Option<&Stage> {
+        match subject {
+            Subject::Splats => self.splats.as_ref(),
+            Subject::Volume => self.volume.as_ref(),
+        }
+    }
+
+    /// Shows a scene as this subject, or nothing.
+    pub fn set_scene(&mut self, subject: Subject, scene: Option<Scene>) {
+        let stage = scene.map(|scene| Stage::new(&self.gpu, scene));
+        match subject {
+            Subject::Splats => self.splats = stage,
+            Subject::Volume => self.volume = stage,
+        }
+        self.shown.clear();
+    }
+
+    /// Changes how a subject is seen.
+    pub fn set_look(&mut self, subject: Subject, look: &Look) -> Result<()> {
+        let stage = match subject {
+            Subject::Splats => &mut self.splats,
+            Subject::Volume => &mut self.volume,
+        };
+        stage.as_mut().map_or(Ok(()), |stage| stage.set_look(look))
+    }
+
+    /// Renders at most so many splats from now on.
+    pub fn set_splat_budget(&mut self, budget: Option<u64>) -> Result<()> {
+        let budget = budget.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+        self.splats.as_mut().map_or(Ok(()), |stage| stage.scene.set_splat_budget(budget))
+    }
+
+    /// Whether there is no picture to show.
+    pub fn is_blank(&self) -> bool {
+        self.shown.is_empty()
+    }
+
+    /// Corners of the box around all there is, mm RAS.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        let stages = [&self.splats, &self.volume].into_iter().flatten();
+        stages.map(|stage| stage.scene.bounds()).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+    }
+
+    /// Renders what is to be shown, and waits. Gives what it took, ms.
+    pub fn render(&mut self, ways: Vec<(Subject, Way)>, camera: Camera) -> Result<f64> {
+        let mut ms = 0.0;
+        for (subject, way) in &ways {
+            let stage = match subject {
+                Subject::Splats => &mut self.splats,
+                Subject::Volume => &mut self.volume,
+            };
+            if let Some(stage) = stage {
+                ms += stage.render(way, camera)?;
+            }
+        }
+        self.shown = ways;
+        Ok(ms)
+    }
+
+    /// Depth at a place of the picture (fractions from its upper left corner), mm along the viewing direction.
+    pub fn depth_at(&self, place: DVec2, split: Option<f64>) -> Option<f64> {
+        let right = split.is_some_and(|split| place.x >= split) && self.shown.len() > 1;
+        let (subject, way) = self.shown.get(usize::from(right))?;
+        self.stage(*subject)?.depth_at(way, place)
+    }
+
+    /// Puts the picture and the panels on the surface. Whether there was one: a minimised window has none.
+    pub fn present(&mut self, state: &State, mut overlay: Overlay, before: impl FnOnce()) -> Result<bool> {
+        self.textures.append(std::mem::take(&mut overlay.textures));
+        let Some(acquired) = self.surface.acquire()? else { return Ok(false) };
+        let mut recorder = self.gpu.record()?;
+        self.painter.update(&mut recorder, &mut self.textures)?;
+        let size = self.surface.size().map(|n| n as f32);
+        let place = pixels(overlay.picture, overlay.pixels_per_point);
+        let blank = self.painter.blank();
+        let layer = |at: usize| {
+            let (subject, way) = self.shown.get(at)?;
+            let picture = match subject {
+                Subject::Splats => self.splats.as_ref(),
+                Subject::Volume => self.volume.as_ref(),
+            };
+            Some(Layer { picture: picture?.colour(way)?, layer: 0 })
+        };
+        let what = Composition {
+            first: layer(0).unwrap_or(Layer { picture: blank, layer: 0 }),
+            second: layer(1),
+            split: place[0] + state.split.unwrap_or(1.0) as f32 * (place[2] - place[0]),
+            area: [0.0, 0.0, size[0], size[1]],
+            place,
+            background: state.background.as_vec3().into(),
+        };
+        let window = self.surface.borrow(&mut recorder, &acquired);
+        self.composer.compose(&mut recorder, &what, window);
+        let painting =
+            Painting { primitives: &overlay.primitives, points: size.map(|n| n / overlay.pixels_per_point) };
+        self.painter.paint(&mut recorder, &painting, window)?;
+        before();
+        self.surface.present(recorder, acquired)?;
+        self.painter.forget(&mut self.textures);
+        Ok(true)
+    }
+}
+
+/// A rectangle in whole pixels.
+pub fn pixels(rect: Rect, pixels_per_point: f32) -> Area {
+    [rect.min.x, rect.min.y, rect.max.x, rect.max.y].map(|n| (n * pixels_per_point).round())
+}
+
+/// Width and height of a rectangle, whole pixels; nothing where there is no room for a picture.
+pub fn size(rect: Rect, pixels_per_point: f32) -> Option<[u32; 2]> {
+    let [left, top, right, bottom] = pixels(rect, pixels_per_point);
+    let size = [right - left, bottom - top];
+    size.iter().all(|n| (1.0..=16384.0).contains(n)).then(|| size.map(|n| n as u32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state() -> State {
+        State::new(&engine::transfer::load("CT-Bone", [-1000.0, 2000.0]).expect("a preset"))
+    }
+
+    #[test]
+    fn what_is_there_is_shown_in_full_or_fast() {
+        let mut state = state();
+        let names = |ways: &[(Subject, Way)]| ways.iter().map(|(_, way)| way.mode.name).collect::<Vec<_>>();
+        let full = ways(&state, [300, 200], None, |_| true);
+        assert_eq!(names(&full), ["slab"]);
+        assert_eq!((full[0].1.settings.size, full[0].1.settings.depth), ([300, 200], true));
+        state.split = Some(0.5);
+        let fast = ways(&state, [300, 1], Some(0.25), |_| true);
+        assert_eq!(names(&fast), ["slab", "volume"]);
+        assert_eq!((fast[1].1.settings.size, fast[1].1.settings.depth), ([75, 1], false));
+        assert_eq!(names(&ways(&state, [9, 9], None, |s| s == Subject::Volume)), ["volume"]);
+    }
+
+    #[test]
+    fn a_picture_without_room_has_no_size() {
+        let rect = |w: f32, h: f32| Rect::from_min_size(egui::pos2(10.2, 0.0), egui::vec2(w, h));
+        assert_eq!(size(rect(100.0, 50.0), 1.5), Some([150, 75]));
+        assert_eq!(size(rect(0.0, 50.0), 1.0), None);
+        assert_eq!(size(Rect::NOTHING, 1.0), None);
+        assert_eq!(size(rect(f32::NAN, 50.0), 1.0), None);
+    }
+}

@@ -1,0 +1,139 @@
+//! What was read, on the host: splats, the volume, and what was counted from them.
+
+use std::sync::Arc;
+
+use engine::Result;
+use engine::gpu::Gpu;
+use engine::render::{Look, Scene};
+use engine::splat::SplatSet;
+use glam::DVec3;
+
+use crate::histogram::Histogram;
+use crate::loader::{Loaded, Shown, Splats};
+use crate::pick::Probe;
+use crate::state::{State, Subject};
+
+/// What was read.
+#[derive(Default)]
+pub struct Content {
+    /// The splats of all files.
+    pub splats: Option<Arc<Splats>>,
+    /// The volume.
+    pub volume: Option<Arc<Shown>>,
+    /// Intensities of the splats.
+    pub splat_histogram: Option<Histogram>,
+    /// Intensities of the volume within its region.
+    pub volume_histogram: Option<Histogram>,
+    /// The splats' field at points.
+    probe: Option<Probe>,
+}
+
+impl Content {
+    /// Takes what was loaded; gives the subject that has to be shown anew, or what went wrong.
+    pub fn take(&mut self, loaded: Loaded) -> Result<Option<Subject>> {
+        match loaded {
+            Loaded::Splats(splats) => {
+                self.splats = Some(splats);
+                (self.splat_histogram, self.probe) = (None, None);
+                return Ok(Some(Subject::Splats));
+            }
+            Loaded::Volume(shown) => {
+                self.volume = Some(shown);
+                self.volume_histogram = None;
+                return Ok(Some(Subject::Volume));
+            }
+            Loaded::SplatHistogram(histogram) => self.splat_histogram = histogram,
+            Loaded::VolumeHistogram(histogram) => self.volume_histogram = histogram,
+            Loaded::Probe(probe) => self.probe = Some(probe),
+            Loaded::Written(_) => {}
+            Loaded::Failed(error) => return Err(error),
+        }
+        Ok(None)
+    }
+
+    /// Forgets a subject.
+    pub fn forget(&mut self, subject: Subject) {
+        match subject {
+            Subject::Splats => (self.splats, self.splat_histogram, self.probe) = (None, None, None),
+            Subject::Volume => (self.volume, self.volume_histogram) = (None, None),
+        }
+    }
+
+    /// The same without what was counted; shared, not copied.
+    pub fn sources(&self) -> Self {
+        Content { splats: self.splats.clone(), volume: self.volume.clone(), ..Content::default() }
+    }
+
+    /// Whether there is something of a subject.
+    pub fn has(&self, subject: Subject) -> bool {
+        match subject {
+            Subject::Splats => self.splats.is_some(),
+            Subject::Volume => self.volume.is_some(),
+        }
+    }
+
+    fn set(&self) -> Option<&SplatSet> {
+        self.splats.as_ref().map(|splats| &splats.set)
+    }
+
+    /// Least and greatest intensity of all there is.
+    pub fn range(&self) -> [f64; 2] {
+        let splats = self.set().into_iter().flat_map(|set| &set.splats).map(|s| f64::from(s.intensity));
+        let volume = self.volume.iter().filter_map(|v| v.volume.min_max());
+        let ends = volume.flat_map(|(low, high)| [f64::from(low), f64::from(high)]);
+        let all = splats.chain(ends).filter(|c| c.is_finite());
+        let wider =
+            |range: Option<[f64; 2]>, c: f64| Some(range.map_or([c, c], |[a, b]| [a.min(c), b.max(c)]));
+        all.fold(None, wider).unwrap_or([0.0, 1.0])
+    }
+
+    /// Whether it is known how the patient lies.
+    pub fn oriented(&self) -> bool {
+        self.volume.as_ref().is_none_or(|v| v.volume.oriented)
+    }
+
+    /// What follows an intensity in texts: " HU" for CT, nothing for what has no unit.
+    pub fn unit(&self) -> &'static str {
+        match &self.volume {
+            Some(shown) if !shown.volume.is_ct() => "",
+            _ => " HU",
+        }
+    }
+
+    /// Intensity at a point, mm RAS, of the volume, or of the splats' field where there is no volume; nothing outside.
+    pub fn sample(&self, at_mm: DVec3) -> Option<f64> {
+        let Some(Shown { volume, roi }) = self.volume.as_deref() else {
+            return self.probe.as_ref()?.at(at_mm).map(|reading| reading.intensity);
+        };
+        let voxel = volume.voxel_from_world().transform_point3(at_mm);
+        let last = DVec3::from_array(volume.size.map(|n| n as f64 - 0.5));
+        let inside = voxel.cmpge(DVec3::splat(-0.5)).all() && voxel.cmple(last).all();
+        let seen = inside && roi.as_ref().is_none_or(|roi| roi.trilinear(voxel) > 0.0);
+        seen.then(|| volume.trilinear(voxel))
+    }
+
+    /// How a subject looks.
+    ///
+    /// # Errors
+    /// As [`State::look`].
+    pub fn look(&self, subject: Subject, state: &State) -> Result<Look> {
+        let splats = self.splats.as_ref().filter(|_| subject == Subject::Splats);
+        let numbers: Vec<u8> = splats.iter().flat_map(|s| &s.objects).map(|(_, number, _)| *number).collect();
+        state.look(&numbers)
+    }
+
+    /// The scene of a subject; none where there is nothing of it.
+    pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &State) -> Result<Option<Scene>> {
+        let look = self.look(subject, state)?;
+        let splats = self.set().filter(|_| subject == Subject::Splats);
+        let volume = self.volume.as_ref().filter(|_| subject == Subject::Volume).map(|shown| shown.source());
+        if splats.is_none() && volume.is_none() {
+            return Ok(None);
+        }
+        let mut scene = Scene::new(gpu, splats, volume.as_ref(), &look)?;
+        if let Some(budget) = state.quality.splat_budget {
+            scene.set_splat_budget(Some(budget as usize))?;
+        }
+        Ok(Some(scene))
+    }
+}

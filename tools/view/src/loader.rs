@@ -1,0 +1,339 @@
+//! Reads files beside the window: splats, the volume and its region, and what is counted from them.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Instant;
+
+use engine::render::MediumSource;
+use engine::splat::{self, SplatSet};
+use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
+use engine::{Error, Kind, Result};
+
+use crate::histogram::Histogram;
+use crate::pick::Probe;
+use crate::state::{Files, Object, State};
+
+/// A volume and the part of it that is shown.
+pub struct Shown {
+    /// The volume.
+    pub volume: Volume,
+    /// Its region; all of it where there is none.
+    pub roi: Option<Roi>,
+}
+
+impl Shown {
+    /// For a scene.
+    pub fn source(&self) -> MediumSource<'_> {
+        MediumSource { volume: &self.volume, roi: self.roi.as_ref() }
+    }
+}
+
+/// The splats of all files, as one field.
+pub struct Splats {
+    /// All of them.
+    pub set: SplatSet,
+    /// The rows of the list of objects, with the number that the set knows each by and how many splats it has.
+    pub objects: Vec<(Object, u8, usize)>,
+}
+
+impl Splats {
+    /// Of files with what they hold.
+    ///
+    /// # Errors
+    /// As [`splat::join`].
+    pub fn join(files: Vec<(PathBuf, SplatSet)>) -> Result<Self> {
+        let mut rows = Vec::new();
+        let mut named = Vec::new();
+        for (file, (path, set)) in files.into_iter().enumerate() {
+            let has_labels = set.labels.is_some();
+            let own =
+                set.objects().into_iter().map(|o| Object::new(file, has_labels.then_some(o.number), ""));
+            rows.extend(own);
+            named.push((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set));
+        }
+        let set = splat::join(named)?;
+        // Joining numbers the objects in the order of files and labels.
+        let objects = rows.into_iter().zip(set.objects());
+        let objects = objects.map(|(row, o)| (Object { name: o.name, ..row }, o.number, o.splats)).collect();
+        Ok(Splats { set, objects })
+    }
+}
+
+/// What was loaded.
+pub enum Loaded {
+    /// All splat files.
+    Splats(Arc<Splats>),
+    /// What tells the intensity of the splats' field at a point.
+    Probe(Probe),
+    /// The volume.
+    Volume(Arc<Shown>),
+    /// Intensities of the splats.
+    SplatHistogram(Option<Histogram>),
+    /// Intensities of the volume within its region.
+    VolumeHistogram(Option<Histogram>),
+    /// A file was written.
+    Written(PathBuf),
+    /// Something could not be read; the rest goes on.
+    Failed(Error),
+}
+
+/// What files are, by their names and by what is open already.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sorted {
+    /// A session takes the place of everything.
+    pub session: Option<PathBuf>,
+    /// What is open when these were opened.
+    pub files: Files,
+}
+
+/// Adds files to those that are open: splats to splats; a volume, and after it (or with it, where the name says mask,
+/// label, roi or seg) its region.
+///
+/// # Errors
+/// [`Kind::Usage`] for a file that is none of these.
+pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
+    let mut sorted = Sorted { session: None, files: open.clone() };
+    for path in added {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let is_volume = [".nii", ".nii.gz", ".hdr", ".img", ".inv3"].iter().any(|end| name.ends_with(end));
+        if name.ends_with(".ply") {
+            if !sorted.files.splats.contains(path) {
+                sorted.files.splats.push(path.clone());
+            }
+        } else if name.ends_with(".toml") {
+            sorted.session = Some(path.clone());
+        } else if is_volume && ["mask", "label", "roi", "seg"].iter().any(|word| name.contains(word)) {
+            sorted.files.roi = Some(path.clone());
+        } else if is_volume {
+            sorted.files.volume = Some(path.clone());
+        } else {
+            return Err(Error::new(Kind::Usage, "VGS-VIEW-020", "not a file that can be shown")
+                .file(path)
+                .help(
+                    "splats are .ply; volumes and masks .nii, .nii.gz, .hdr, .img or .inv3; sessions .toml",
+                ));
+        }
+    }
+    if sorted.files.roi.is_some() && sorted.files.volume.is_none() {
+        // A mask alone is looked at as what it is.
+        sorted.files.volume = sorted.files.roi.take();
+    }
+    Ok(sorted)
+}
+
+impl Sorted {
+    /// The session, or nothing where there is none among them.
+    pub fn state(&self) -> Option<Result<State>> {
+        self.session.as_deref().map(State::read)
+    }
+}
+
+/// Reads in threads of its own; whoever waits is woken for each thing that is there.
+pub struct Loader {
+    wake: Arc<dyn Fn() + Send + Sync>,
+    sender: Sender<(u64, Message)>,
+    receiver: Receiver<(u64, Message)>,
+    /// Which call of [`Loader::open`] is the latest; what earlier ones still bring is not wanted.
+    turn: u64,
+    /// What is being done, and which part of it is done.
+    doing: Vec<(String, Option<f32>)>,
+}
+
+/// The turn of what is wanted whatever is opened meanwhile.
+const ALWAYS: u64 = 0;
+
+enum Message {
+    /// Also when a part of it is done, 0 to 1.
+    Doing(String, Option<f32>),
+    Ended(String),
+    Loaded(Loaded),
+}
+
+impl Loader {
+    /// `wake` is called from other threads.
+    pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
+        let (sender, receiver) = channel();
+        Loader { wake: Arc::new(wake), sender, receiver, turn: 0, doing: Vec::new() }
+    }
+
+    /// Begins to read files; what was being read before is forgotten. Of files that `had` has already, nothing is read.
+    pub fn open(&mut self, files: &Files, had: &Files) {
+        self.turn += 1;
+        self.doing.clear();
+        let turn = self.turn;
+        let (splats, volume, roi) = (files.splats.clone(), files.volume.clone(), files.roi.clone());
+        if splats != had.splats && !splats.is_empty() {
+            self.spawn(turn, move |tell| tell.splats(&splats));
+        }
+        if let Some(volume) = volume
+            && (Some(&volume), &roi) != (had.volume.as_ref(), &had.roi)
+        {
+            self.spawn(turn, move |tell| tell.volume(&volume, roi.as_deref()));
+        }
+    }
+
+    fn spawn(&self, turn: u64, job: impl FnOnce(&Teller) + Send + 'static) {
+        let teller = Teller { wake: Arc::clone(&self.wake), sender: self.sender.clone(), turn };
+        std::thread::spawn(move || job(&teller));
+    }
+
+    /// What has been loaded since the last call.
+    pub fn take(&mut self) -> Vec<Loaded> {
+        let mut loaded = Vec::new();
+        while let Ok((turn, message)) = self.receiver.try_recv() {
+            if turn != self.turn && turn != ALWAYS {
+                continue;
+            }
+            match message {
+                Message::Doing(what, part) => match self.doing.iter_mut().find(|d| d.0 == what) {
+                    Some(row) => row.1 = part,
+                    None => self.doing.push((what, part)),
+                },
+                Message::Ended(what) => self.doing.retain(|d| d.0 != what),
+                Message::Loaded(what) => loaded.push(what),
+            }
+        }
+        loaded
+    }
+
+    /// What is being done, and which part of it is done where that is known.
+    pub fn doing(&self) -> Option<(&str, Option<f32>)> {
+        self.doing.first().map(|(what, part)| (what.as_str(), *part))
+    }
+
+    /// Writes a file beside the window; `write` is given what it tells its progress to, from 0 to 1.
+    pub fn write(
+        &self,
+        path: PathBuf,
+        write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
+    ) {
+        self.spawn(ALWAYS, move |tell| {
+            let what = format!("writing {}", path.file_name().unwrap_or_default().to_string_lossy());
+            let mut progress = |part| tell.say(Message::Doing(what.clone(), Some(part)));
+            if tell.during(what.clone(), || write(&mut progress)).is_some() {
+                tell.say(Message::Loaded(Loaded::Written(path)));
+            }
+        });
+    }
+}
+
+/// The thread's end of the channel. Nobody may be listening any more: then nothing is said.
+struct Teller {
+    wake: Arc<dyn Fn() + Send + Sync>,
+    sender: Sender<(u64, Message)>,
+    turn: u64,
+}
+
+impl Teller {
+    fn say(&self, message: Message) {
+        let _ = self.sender.send((self.turn, message));
+        (self.wake)();
+    }
+
+    fn during<T>(&self, what: String, job: impl FnOnce() -> Result<T>) -> Option<T> {
+        self.say(Message::Doing(what.clone(), None));
+        let start = Instant::now();
+        let result = job();
+        tracing::debug!("{what}: {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
+        let value = match result {
+            Ok(value) => Some(value),
+            Err(error) => {
+                self.say(Message::Loaded(Loaded::Failed(error)));
+                None
+            }
+        };
+        self.say(Message::Ended(what));
+        value
+    }
+
+    fn splats(&self, paths: &[PathBuf]) {
+        let sets = self.during("reading splats".to_owned(), || {
+            let sets = paths.iter().map(|path| Ok((path.clone(), read_splats(path)?)));
+            Splats::join(sets.collect::<Result<_>>()?).map(Arc::new)
+        });
+        let Some(splats) = sets else { return };
+        self.say(Message::Loaded(Loaded::Splats(Arc::clone(&splats))));
+        let counted = self.during("counting intensities of splats".to_owned(), || {
+            Ok((Histogram::of_splats(&splats.set), Probe::new(&splats.set)))
+        });
+        let Some((histogram, probe)) = counted else { return };
+        self.say(Message::Loaded(Loaded::SplatHistogram(histogram)));
+        self.say(Message::Loaded(Loaded::Probe(probe)));
+    }
+
+    fn volume(&self, path: &Path, roi: Option<&Path>) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let shown = self.during(format!("reading {name}"), || read_volume(path, roi).map(Arc::new));
+        let Some(shown) = shown else { return };
+        self.say(Message::Loaded(Loaded::Volume(Arc::clone(&shown))));
+        let histogram = self.during(format!("counting intensities of {name}"), || {
+            Ok(Histogram::of_volume(&shown.volume, shown.roi.as_ref()))
+        });
+        self.say(Message::Loaded(Loaded::VolumeHistogram(histogram.flatten())));
+    }
+}
+
+fn read_splats(path: &Path) -> Result<SplatSet> {
+    let set = splat::read(path, &splat::ReadOptions::default())?;
+    if set.splats.is_empty() {
+        return Err(Error::new(Kind::BadData, "VGS-VIEW-021", "the file holds no usable splat").file(path));
+    }
+    Ok(set)
+}
+
+fn read_volume(path: &Path, roi: Option<&Path>) -> Result<Shown> {
+    let options = ReadOptions::default();
+    let volume = Volume::read(path, &options)?;
+    let roi = roi
+        .map(|mask| {
+            let named = |e: Error| if e.file.is_some() { e } else { e.file(mask) };
+            Volume::read(mask, &options)
+                .and_then(|mask| Roi::from_mask(&mask, &LabelChoice::Whole, &volume))
+                .map_err(named)
+        })
+        .transpose()?;
+    Ok(Shown { volume, roi })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn paths(names: &[&str]) -> Vec<PathBuf> {
+        names.iter().map(PathBuf::from).collect()
+    }
+
+    #[test]
+    fn files_are_known_by_their_names() {
+        let sorted = sort(&Files::default(), &paths(&["b.ply", "ct.nii.gz", "mask_bones.nii.gz"])).unwrap();
+        assert_eq!(sorted.files.splats, paths(&["b.ply"]));
+        assert_eq!(sorted.files.volume, Some("ct.nii.gz".into()));
+        assert_eq!(sorted.files.roi, Some("mask_bones.nii.gz".into()));
+        let more = sort(&sorted.files, &paths(&["a.PLY", "b.ply"])).unwrap();
+        assert_eq!(more.files.splats, paths(&["b.ply", "a.PLY"]), "none is open twice");
+        assert_eq!(more.files.volume, sorted.files.volume, "what is open stays");
+        let alone = sort(&Files::default(), &paths(&["mask.nii"])).unwrap();
+        assert_eq!((alone.files.volume, alone.files.roi), (Some("mask.nii".into()), None));
+        assert_eq!(sort(&more.files, &paths(&["s.toml"])).unwrap().session, Some("s.toml".into()));
+        let error = sort(&Files::default(), &paths(&["x.docx"])).unwrap_err();
+        assert_eq!((error.kind, error.file), (Kind::Usage, Some("x.docx".into())));
+    }
+
+    #[test]
+    fn what_is_missing_is_said_and_the_rest_is_read() {
+        let (sender, woken) = channel();
+        let mut loader = Loader::new(move || sender.send(()).expect("the test listens"));
+        let folder = tempfile::tempdir().unwrap();
+        let nothing = folder.path().join("none.ply");
+        let files = Files { splats: vec![nothing.clone()], ..Files::default() };
+        loader.open(&files, &Files::default());
+        let mut loaded = Vec::new();
+        while loaded.is_empty() {
+            woken.recv_timeout(std::time::Duration::from_secs(20)).expect("an answer");
+            loaded.extend(loader.take());
+        }
+        let [Loaded::Failed(error)] = loaded.as_slice() else { panic!("one failure") };
+        assert_eq!((error.kind, error.file.as_ref()), (Kind::Missing, Some(&nothing)));
+    }
+}

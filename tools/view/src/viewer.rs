@@ -1,0 +1,346 @@
+//! The viewer: what was read, what the user wants, and the frames that show it.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use engine::Result;
+use engine::budget::{Controller, Ladder};
+use glam::DVec2;
+use winit::window::Window;
+
+use crate::actions::Action;
+use crate::app::App;
+use crate::canvas::{self, Canvas, Overlay, ways};
+use crate::content::Content;
+use crate::export::Export;
+use crate::facts::{Facts, Statistics};
+use crate::loader::{Loaded, Loader, sort};
+use crate::report::Report;
+use crate::settings::Settings;
+use crate::state::{Files, State, Subject};
+use crate::window::{LOST, Next};
+
+/// Edges of pictures relative to the full size, from rung to rung of the ladder of what moves.
+const SCALES: [f64; 6] = [1.0, 0.8, 0.63, 0.5, 0.35, 0.25];
+/// What a picture that moves waits for before it is rendered in full.
+const REST: Duration = Duration::from_millis(150);
+
+/// The window with what draws in it.
+pub struct Pane {
+    /// What is on the device.
+    pub canvas: Canvas,
+    /// From winit's events to egui's.
+    pub input: egui_winit::State,
+    /// The window.
+    pub window: Arc<Window>,
+}
+
+/// The viewer.
+pub struct Viewer {
+    app: App,
+    content: Content,
+    loader: Loader,
+    statistics: Statistics,
+    /// What was measured.
+    pub report: Report,
+    /// How many splats each row of the list of objects has.
+    object_splats: Vec<usize>,
+    range: [f64; 2],
+    controller: Controller,
+    /// When the picture moved last; nothing once it was rendered in full.
+    moved: Option<Instant>,
+    /// What the pictures on the device were rendered for.
+    size: Option<[u32; 2]>,
+    /// Whether pictures have to be rendered whatever the user does.
+    stale: bool,
+    /// When the first event came that no frame has answered yet.
+    happened: Option<Instant>,
+    /// The splat budget that the scene has.
+    budget: Option<u64>,
+    /// Whether the camera is to show everything once something is there.
+    fits: bool,
+}
+
+/// Costs of the rungs: half of what a picture takes is per pixel squared, the rest is per splat.
+fn ladder() -> Ladder {
+    Ladder::new(SCALES.map(|scale| 0.25 + 0.75 * scale * scale))
+}
+
+impl Viewer {
+    /// Begins to read the files of the state.
+    pub fn new(
+        state: State,
+        keeps_camera: bool,
+        settings: Settings,
+        mut loader: Loader,
+        report: Report,
+    ) -> Self {
+        loader.open(&state.files, &Files::default());
+        let budget_ms = state.quality.target_frame_ms;
+        Viewer {
+            app: App::new(state, settings),
+            content: Content::default(),
+            loader,
+            statistics: Statistics::new(),
+            report,
+            object_splats: Vec::new(),
+            range: [0.0, 1.0],
+            controller: Controller::new(ladder(), budget_ms),
+            moved: None,
+            size: None,
+            stale: true,
+            happened: None,
+            budget: None,
+            fits: !keeps_camera,
+        }
+    }
+
+    /// Title of the window.
+    pub fn title(&self) -> String {
+        let files = &self.app.state.files;
+        let names = files.splats.iter().chain(&files.volume).filter_map(|p| p.file_name());
+        let names: Vec<_> = names.map(|n| n.to_string_lossy()).collect();
+        if names.is_empty() { "vgs".to_owned() } else { format!("{} - vgs", names.join(", ")) }
+    }
+
+    /// Something happened that a frame may have to answer.
+    pub fn happened(&mut self) {
+        self.happened.get_or_insert_with(Instant::now);
+    }
+
+    /// Puts what is there on a new device.
+    pub fn attend(&mut self, canvas: &mut Canvas) -> Result<()> {
+        let chosen = canvas.gpu().description();
+        self.statistics.device = format!("{} ({})", chosen.name, chosen.driver);
+        for subject in [Subject::Splats, Subject::Volume] {
+            self.set_scene(canvas, subject)?;
+        }
+        Ok(())
+    }
+
+    /// Takes what was loaded, and puts it on the device.
+    pub fn take_loaded(&mut self, canvas: &mut Canvas) -> Result<()> {
+        for loaded in self.loader.take() {
+            if let Loaded::Written(path) = &loaded {
+                self.app.done(format!("Written: {}", path.display()));
+            }
+            match self.content.take(loaded) {
+                Ok(Some(subject)) => self.set_scene(canvas, subject)?,
+                Ok(None) => {}
+                Err(error) => self.app.report(&error),
+            }
+        }
+        Ok(())
+    }
+
+    fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
+        self.range = self.content.range();
+        if subject == Subject::Splats {
+            let rows = self.content.splats.iter().flat_map(|splats| &splats.objects);
+            let (rows, counts) = rows.map(|(object, _, splats)| (object.clone(), *splats)).unzip();
+            self.app.state.set_objects(rows);
+            self.object_splats = counts;
+        } else if !self.content.has(Subject::Splats) && self.content.has(Subject::Volume) {
+            self.app.state.shown = Subject::Volume;
+        }
+        let start = Instant::now();
+        match self.content.scene(canvas.gpu(), subject, &self.app.state) {
+            Ok(scene) => canvas.set_scene(subject, scene),
+            Err(error) if error.code == LOST => return Err(error),
+            // What the device has no room for is not shown; the rest goes on.
+            Err(error) => self.app.report(&error),
+        }
+        tracing::debug!("{subject:?} on the device: {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
+        if self.fits && self.content.has(subject) {
+            self.app.fit_soon();
+            self.fits = false;
+        }
+        self.budget = self.app.state.quality.splat_budget;
+        self.stale |= self.app.state.shown == subject || self.app.state.split.is_some();
+        Ok(())
+    }
+
+    /// Draws a frame: panels, and the picture where it has changed.
+    pub fn draw(&mut self, pane: &mut Pane) -> Result<Next> {
+        let happened = self.happened.take();
+        let input = pane.input.take_egui_input(&pane.window);
+        let context = pane.input.egui_ctx().clone();
+        let mut actions = Vec::new();
+        let Viewer { app, content, loader, statistics, object_splats, range, .. } = self;
+        let split = app.state.split;
+        let canvas = &pane.canvas;
+        let depth = |place: DVec2| canvas.depth_at(place, split);
+        let sample = |at_mm| content.sample(at_mm);
+        let facts = Facts {
+            bounds: canvas.bounds(),
+            range: *range,
+            unit: content.unit(),
+            oriented: content.oriented(),
+            splats: content.has(Subject::Splats).then(|| object_splats.iter().sum()),
+            volume: content.has(Subject::Volume),
+            object_splats,
+            splat_histogram: content.splat_histogram.as_ref(),
+            volume_histogram: content.volume_histogram.as_ref(),
+            statistics,
+            progress: loader.doing(),
+            depth: &depth,
+            sample: &sample,
+        };
+        let mut output = context.run_ui(input, |ui| actions = app.ui(ui, &facts));
+        pane.input.handle_platform_output(&pane.window, std::mem::take(&mut output.platform_output));
+        let mut quit = false;
+        for action in actions {
+            quit |= self.act(action, &mut pane.canvas)?;
+        }
+        let overlay = Overlay {
+            primitives: context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point),
+            textures: std::mem::take(&mut output.textures_delta),
+            pixels_per_point: output.pixels_per_point,
+            picture: self.app.picture(),
+        };
+        let edited = self.render(&mut pane.canvas, &overlay)?;
+        let window = &pane.window;
+        let shown = pane.canvas.present(&self.app.state, overlay, || window.pre_present_notify())?;
+        if shown {
+            let with_picture = !pane.canvas.is_blank();
+            self.report.shown(with_picture, happened.filter(|_| edited));
+            tracing::debug!("frame shown");
+        }
+        let egui = output.viewport_output.values().map(|v| v.repaint_delay).min();
+        let rest = self.moved.map(|at| REST.saturating_sub(at.elapsed()));
+        let again = egui.into_iter().chain(rest).min().filter(|after| *after < Duration::from_secs(3600));
+        if again.is_some_and(|after| after.is_zero()) {
+            window.request_redraw();
+        }
+        Ok(Next { again: again.filter(|after| !after.is_zero()), quit })
+    }
+
+    /// Renders the picture where that is needed. Whether the look was changed.
+    fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
+        let changes = self.app.take_changes();
+        let size = canvas::size(overlay.picture, overlay.pixels_per_point);
+        if changes.look {
+            self.set_look(canvas)?;
+        }
+        let quality = self.app.state.quality;
+        if quality.splat_budget != self.budget {
+            self.budget = quality.splat_budget;
+            canvas.set_splat_budget(self.budget)?;
+        }
+        self.controller.set_budget_ms(quality.target_frame_ms);
+        let moves = quality.adaptive && changes.any() && self.app.held() && size == self.size;
+        // Something at once; the rest follows.
+        let first = quality.adaptive && canvas.is_blank();
+        let rested = self.moved.is_some_and(|at| at.elapsed() >= REST || !quality.adaptive);
+        let (Some(pixels), true) = (size, self.stale || changes.any() || size != self.size || rested) else {
+            return Ok(changes.look);
+        };
+        let rung = if first { SCALES.len() - 1 } else { self.controller.rung() };
+        let fast = (moves || first).then(|| SCALES[rung]);
+        let ways = ways(&self.app.state, pixels, fast, |subject| self.content.has(subject));
+        if ways.is_empty() {
+            return Ok(false);
+        }
+        let ms = canvas.render(ways, self.app.camera())?;
+        if moves {
+            self.controller.finished(rung, ms);
+        }
+        tracing::debug!("picture rendered {}: {ms:.1} ms", if fast.is_some() { "fast" } else { "in full" });
+        self.moved = fast.is_some().then(Instant::now);
+        self.size = size;
+        self.stale = false;
+        self.count(canvas, ms);
+        Ok(changes.look)
+    }
+
+    fn set_look(&mut self, canvas: &mut Canvas) -> Result<()> {
+        for subject in [Subject::Splats, Subject::Volume] {
+            match self.content.look(subject, &self.app.state) {
+                Ok(look) => canvas.set_look(subject, &look)?,
+                Err(error) => self.app.report(&error),
+            }
+        }
+        Ok(())
+    }
+
+    /// Keeps the statistics of a picture that took so long, ms.
+    fn count(&mut self, canvas: &Canvas, ms: f64) {
+        self.report.rendered(ms);
+        let statistics = &mut self.statistics;
+        statistics.frame(ms);
+        let passes = canvas.gpu().take_profile();
+        statistics.passes = passes.into_iter().map(|(name, time)| (name, time.total_ms)).collect();
+        statistics.memory = canvas.gpu().memory_by_purpose();
+        statistics.step = Some(self.app.state.quality.step);
+        let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
+        statistics.active_splats = cloud.and_then(|cloud| cloud.active_count().ok());
+    }
+
+    /// Does what only the window can do. Whether that is to end.
+    fn act(&mut self, action: Action, canvas: &mut Canvas) -> Result<bool> {
+        match action {
+            Action::Quit => return Ok(true),
+            Action::Open(paths) => match self.open(&paths) {
+                Ok(gone) => {
+                    for subject in gone {
+                        self.content.forget(subject);
+                        self.set_scene(canvas, subject)?;
+                    }
+                }
+                Err(error) => self.app.report(&error),
+            },
+            Action::Screenshot { path, size, force } => {
+                self.export(canvas, path, size, move |export, path, _| export.still(path, force));
+            }
+            Action::Record { path, size, frames, force } => {
+                self.export(canvas, path, size, move |export, path, progress| {
+                    export.turntable(path, frames, force, progress)
+                });
+            }
+            _ => {}
+        }
+        Ok(false)
+    }
+
+    /// Writes a file beside the window.
+    fn export(
+        &mut self,
+        canvas: &Canvas,
+        path: PathBuf,
+        size: [u32; 2],
+        write: impl FnOnce(&Export, &Path, &mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
+    ) {
+        let export = Export::new(canvas.gpu(), &self.app.state, &self.content, size);
+        self.loader.write(path.clone(), move |progress| write(&export, &path, progress));
+    }
+
+    /// Begins to read files. Gives the subjects that a session has nothing of.
+    fn open(&mut self, paths: &[PathBuf]) -> Result<Vec<Subject>> {
+        let sorted = sort(&self.app.state.files, paths)?;
+        let had = self.app.state.files.clone();
+        if let Some(state) = sorted.state().transpose()? {
+            self.app.begin(state);
+            self.fits = false;
+        } else {
+            self.app.state.files = sorted.files;
+            self.fits |= had == Files::default();
+        }
+        for path in paths {
+            self.app.settings.opened(path);
+        }
+        if let Err(error) = self.app.settings.write() {
+            self.app.report(&error);
+        }
+        let files = &self.app.state.files;
+        let mut gone = Vec::new();
+        if files.splats.is_empty() {
+            gone.push(Subject::Splats);
+        }
+        if files.volume.is_none() {
+            gone.push(Subject::Volume);
+        }
+        self.loader.open(files, &had);
+        Ok(gone)
+    }
+}

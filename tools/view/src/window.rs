@@ -1,0 +1,218 @@
+//! The window: winit's events in, frames out. A frame is drawn when something has happened, and not otherwise.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use egui::ViewportId;
+use engine::gpu::{Gpu, GpuOptions, Windows};
+use engine::{Error, Kind, Result};
+use winit::application::ApplicationHandler;
+use winit::dpi::{LogicalSize, PhysicalSize};
+use winit::event::{StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
+use winit::window::{Window, WindowId};
+
+use crate::canvas::Canvas;
+use crate::loader::Loader;
+use crate::report::Report;
+use crate::settings::Settings;
+use crate::state::State;
+use crate::viewer::{Pane, Viewer};
+
+/// What the viewer begins with.
+pub struct Start {
+    /// What is shown; its files are read.
+    pub state: State,
+    /// Whether the camera stands where the state says; otherwise where it shows everything.
+    pub keeps_camera: bool,
+    /// What is remembered of the user.
+    pub settings: Settings,
+    /// How the device is booted; `windows` is filled in.
+    pub gpu: GpuOptions,
+    /// When the program was started.
+    pub since: Instant,
+}
+
+/// Wakes the event loop: something was read or written.
+#[derive(Debug)]
+struct Woken;
+
+/// Code of the error of a lost device.
+pub const LOST: &str = "VGS-GPU-012";
+
+/// Opens the window and stays until it is closed. Gives what was measured.
+///
+/// # Errors
+/// [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; what the device says where
+/// it fails, after one attempt to begin anew where it was lost.
+pub fn run(start: Start) -> Result<Report> {
+    let events = EventLoop::<Woken>::with_user_event().build().map_err(|e| no_window(&e))?;
+    let proxy = events.create_proxy();
+    let loader = Loader::new(move || {
+        // The loop may have ended: then nobody is interested.
+        let _ = proxy.send_event(Woken);
+    });
+    let Start { state, keeps_camera, settings, gpu, since } = start;
+    let viewer = Viewer::new(state, keeps_camera, settings, loader, Report::new(since));
+    let mut program = Program { viewer, options: gpu, pane: None, wake_at: None, lost: 0, failure: None };
+    events.run_app(&mut program).map_err(|e| no_window(&e))?;
+    match program.failure {
+        Some(error) => Err(error),
+        None => Ok(program.viewer.report),
+    }
+}
+
+fn no_window(why: &dyn std::fmt::Display) -> Error {
+    Error::new(Kind::Unavailable, "VGS-VIEW-030", format!("no window can be opened: {why}")).help(
+        "a display is needed (DISPLAY or WAYLAND_DISPLAY); without one, `vgs render` writes pictures to files",
+    )
+}
+
+struct Program {
+    viewer: Viewer,
+    options: GpuOptions,
+    pane: Option<Pane>,
+    /// When egui wants another frame by itself, as for a tooltip.
+    wake_at: Option<Instant>,
+    /// How often the device was lost.
+    lost: u32,
+    failure: Option<Error>,
+}
+
+/// Opens the window and boots the device for it; or, where there is a window already, the device alone.
+fn open(
+    event_loop: &ActiveEventLoop,
+    options: &GpuOptions,
+    title: String,
+    window: Option<Arc<Window>>,
+) -> Result<Pane> {
+    let window = match window {
+        Some(window) => window,
+        None => {
+            let attributes = Window::default_attributes()
+                .with_title(title)
+                .with_inner_size(LogicalSize::new(1280.0, 800.0))
+                .with_min_inner_size(LogicalSize::new(320.0, 240.0));
+            Arc::new(event_loop.create_window(attributes).map_err(|e| no_window(&e))?)
+        }
+    };
+    let gpu = Gpu::new(&GpuOptions { windows: Some(Windows::of(&*window)?), ..options.clone() })?;
+    let chosen = gpu.description();
+    tracing::info!("device: {} ({}, {})", chosen.name, chosen.kind, chosen.driver);
+    let input = egui_winit::State::new(
+        egui::Context::default(),
+        ViewportId::ROOT,
+        &*window,
+        Some(window.scale_factor() as f32),
+        None,
+        Some(gpu.limits().picture_edge as usize),
+    );
+    let canvas = Canvas::new(&gpu, Arc::clone(&window), pixels(window.inner_size()))?;
+    Ok(Pane { canvas, input, window })
+}
+
+fn pixels(size: PhysicalSize<u32>) -> [u32; 2] {
+    [size.width, size.height]
+}
+
+impl Program {
+    fn begin(&mut self, event_loop: &ActiveEventLoop, window: Option<Arc<Window>>) {
+        match open(event_loop, &self.options, self.viewer.title(), window) {
+            Ok(mut pane) => {
+                pane.window.request_redraw();
+                if let Err(error) = self.viewer.attend(&mut pane.canvas) {
+                    return self.fail(event_loop, error);
+                }
+                self.pane = Some(pane);
+            }
+            Err(error) => self.fail(event_loop, error),
+        }
+    }
+
+    fn draw(&mut self, event_loop: &ActiveEventLoop) {
+        let Some(pane) = &mut self.pane else { return };
+        match self.viewer.draw(pane) {
+            Ok(next) => {
+                self.wake_at = next.again.map(|after| Instant::now() + after);
+                if next.quit {
+                    event_loop.exit();
+                }
+            }
+            Err(error) if error.code == LOST && self.lost == 0 => {
+                tracing::warn!("{error}; beginning anew");
+                self.lost += 1;
+                let window = self.pane.take().map(|pane| Arc::clone(&pane.window));
+                self.begin(event_loop, window);
+            }
+            Err(error) => self.fail(event_loop, error),
+        }
+    }
+
+    fn fail(&mut self, event_loop: &ActiveEventLoop, error: Error) {
+        self.failure.get_or_insert(error);
+        event_loop.exit();
+    }
+}
+
+impl ApplicationHandler<Woken> for Program {
+    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(pane)) = (cause, &self.pane) {
+            self.wake_at = None;
+            pane.window.request_redraw();
+        }
+    }
+
+    fn resumed(&mut self, event_loop: &ActiveEventLoop) {
+        if self.pane.is_none() {
+            self.begin(event_loop, None);
+        }
+    }
+
+    fn user_event(&mut self, event_loop: &ActiveEventLoop, _: Woken) {
+        let Some(pane) = &mut self.pane else { return };
+        match self.viewer.take_loaded(&mut pane.canvas) {
+            Ok(()) => pane.window.request_redraw(),
+            Err(error) => self.fail(event_loop, error),
+        }
+        if let Some(pane) = &self.pane {
+            pane.window.set_title(&self.viewer.title());
+        }
+    }
+
+    fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some(pane) = &mut self.pane else { return };
+        match &event {
+            WindowEvent::RedrawRequested => return self.draw(event_loop),
+            WindowEvent::CloseRequested => return event_loop.exit(),
+            WindowEvent::Resized(size) => {
+                pane.canvas.resize(pixels(*size));
+                pane.window.request_redraw();
+            }
+            _ => {}
+        }
+        if pane.input.on_window_event(&pane.window, &event).repaint {
+            self.viewer.happened();
+            pane.window.request_redraw();
+        }
+    }
+
+    fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
+        event_loop.set_control_flow(match self.wake_at {
+            Some(at) => ControlFlow::WaitUntil(at),
+            None => ControlFlow::Wait,
+        });
+    }
+
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        // The device goes before the connection to the display.
+        self.pane = None;
+    }
+}
+
+/// What becomes of the loop after a frame.
+pub struct Next {
+    /// Draw again after so long, though nothing may have happened.
+    pub again: Option<Duration>,
+    /// The user wants to end.
+    pub quit: bool,
+}
