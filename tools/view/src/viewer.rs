@@ -136,9 +136,9 @@ impl Viewer {
 
     fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         self.range = self.content.range();
-        if subject == Subject::Splats {
-            let rows = self.content.splats.iter().flat_map(|splats| &splats.objects);
-            let (rows, counts) = rows.map(|(object, _, splats)| (object.clone(), *splats)).unzip();
+        if let (Subject::Splats, Some(splats)) = (subject, &self.content.splats) {
+            let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
+            let (rows, counts) = rows.unzip();
             self.app.state.set_objects(rows);
             self.object_splats = counts;
         } else if !self.content.has(Subject::Splats) && self.content.has(Subject::Volume) {
