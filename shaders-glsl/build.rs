@@ -15,7 +15,7 @@ use spirq::ty::{AccessType, DescriptorType, Type};
 use spirq::var::Variable;
 
 /// The folders that hold kernels; `include/` holds what they share.
-const FOLDERS: [&str; 4] = ["common", "fit", "render", "window"];
+const FOLDERS: [&str; 5] = ["common", "fit", "headset", "render", "window"];
 /// Endings of the files that are compiled, what glslang and the table call their stage.
 const STAGES: [(&str, shaderc::ShaderKind, &str); 3] = [
     ("comp", shaderc::ShaderKind::Compute, "Compute"),

@@ -479,6 +479,15 @@ shared! {
         /// Layer of the second picture.
         second: u32,
     }
+    /// Push constants of `eyes`.
+    EyesParams {
+        /// Edges of what was rendered, as parts of the picture's.
+        part: [f32; 2],
+        /// Texture coordinates beyond which a sample would take in what was not rendered.
+        most: [f32; 2],
+        /// Premultiplied and display-referred.
+        background: [f32; 4],
+    }
     /// Push constants of `panels`.
     PanelParams {
         /// Width and height of the window, points.

@@ -8,7 +8,7 @@ use ash::vk;
 use raw_window_handle::HasDisplayHandle;
 use serde::Serialize;
 
-use super::{Context, Gpu, Limits, check, lock, memory, recorder};
+use super::{Context, Counters, Gpu, Limits, check, lock, memory, submissions};
 use crate::error::{Error, Kind, Result};
 
 /// How to boot.
@@ -576,9 +576,10 @@ impl Parts {
             timeline: self.timeline,
             pipeline_cache: self.pipeline_cache,
             sampler: self.sampler,
-            queue: Mutex::new(recorder::Submissions::new(self.queue)),
+            queue: Mutex::new(submissions::Submissions::new(self.queue)),
             memory: Mutex::new(self.memory),
-            profile: Mutex::default(),
+            times: Mutex::default(),
+            counters: Counters::default(),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use ash::vk;
 use bytemuck::Pod;
@@ -79,6 +80,7 @@ impl Drawing {
         // SAFETY: the device is live; the create-info lives on this stack.
         drawing.layout = check(name, unsafe { context.device.create_pipeline_layout(&layout_info, None) })?;
         drawing.pipeline = drawing.build(vertex, fragment, constants)?;
+        context.counters.pipelines.fetch_add(1, Ordering::Relaxed);
         if let Some(debug) = &context.debug_utils {
             let name = boot::c_name(name);
             let info =
@@ -192,12 +194,13 @@ pub struct DrawPass<'a> {
     drawing: &'a Drawing,
     bindings: Bindings,
     push: Vec<u8>,
+    size: Option<[u32; 2]>,
 }
 
 impl Recorder {
     /// Starts a drawing.
     pub fn draw<'a>(&'a mut self, drawing: &'a Drawing) -> DrawPass<'a> {
-        DrawPass { recorder: self, drawing, bindings: Bindings::default(), push: Vec::new() }
+        DrawPass { recorder: self, drawing, bindings: Bindings::default(), push: Vec::new(), size: None }
     }
 }
 
@@ -223,6 +226,13 @@ impl<'a> DrawPass<'a> {
         self
     }
 
+    /// Draws into the upper left corner of the pictures, of so many pixels, instead of all over them.
+    #[must_use]
+    pub fn within(mut self, size: [u32; 2]) -> Self {
+        self.size = Some(size);
+        self
+    }
+
     /// Records the drawing into `pictures`, over what they hold. `arguments[index]` says when it runs: vertices,
     /// instances, first vertex, first instance.
     ///
@@ -243,7 +253,7 @@ impl<'a> DrawPass<'a> {
     }
 
     fn record(self, pictures: &mut [&mut Image], vertices: Vertices) {
-        let DrawPass { recorder, drawing, mut bindings, push } = self;
+        let DrawPass { recorder, drawing, mut bindings, push, size } = self;
         let name = drawing.vertex.name;
         assert_eq!(bindings.accesses.len(), drawing.bindings.len(), "{name}: a resource is missing");
         assert_eq!(push.len(), drawing.push_bytes, "{name}: push constants differ in size");
@@ -258,7 +268,9 @@ impl<'a> DrawPass<'a> {
         bindings.accesses.extend(pictures.iter().map(|p| (Resident::Image(p.handle()), true)));
         recorder.wide = true;
         recorder.touch(&bindings.accesses);
-        let [width, height, _] = pictures[0].size();
+        let whole = [pictures[0].size()[0], pictures[0].size()[1]];
+        let [width, height] = size.unwrap_or(whole);
+        assert!(width <= whole[0] && height <= whole[1], "{name}: larger than the pictures");
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let attachments: Vec<_> = pictures
             .iter()

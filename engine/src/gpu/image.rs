@@ -5,6 +5,7 @@
 //! layout between [`Recorder::borrow_image`] and [`Recorder::return_image`], and in no layout that matters outside.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use ash::vk;
 use bytemuck::Pod;
@@ -360,6 +361,7 @@ impl Gpu {
             // SAFETY: read only to bind; the allocation outlives the image.
             unsafe { (allocation.memory(), allocation.offset()) }
         };
+        context.counters.allocations.fetch_add(1, Ordering::Relaxed);
         // From here on `Drop` cleans up.
         image.allocation = Some(allocation);
         // SAFETY: memory and offset are the allocator's answer to this image's requirements.

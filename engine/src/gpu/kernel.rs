@@ -1,6 +1,7 @@
 //! Compute pipelines made from reflected shaders. Push descriptors: no pools, no sets to own.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use ash::vk;
 use shaders_glsl::{Binding, Resource, Shader};
@@ -111,6 +112,7 @@ impl Kernel {
             made
         };
         kernel.pipeline = check(shader.name, made)?[0];
+        context.counters.pipelines.fetch_add(1, Ordering::Relaxed);
         if let Some(debug) = &context.debug_utils {
             let name = boot::c_name(shader.name);
             let info =

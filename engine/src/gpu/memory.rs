@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use ash::vk;
 use bytemuck::Pod;
@@ -341,6 +342,7 @@ impl Gpu {
         // SAFETY: memory and offset are the allocator's answer to this buffer's requirements.
         let bound =
             unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+        context.counters.allocations.fetch_add(1, Ordering::Relaxed);
         // From here on `Drop` cleans up.
         let buffer = Buffer {
             gpu: Gpu(Arc::clone(&self.0)),

@@ -17,9 +17,12 @@ mod image;
 mod kernel;
 mod memory;
 mod recorder;
+mod submissions;
 mod surface;
+mod timing;
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use ash::vk;
@@ -31,23 +34,14 @@ pub use draw::{DrawPass, Drawing};
 pub use image::{Format, Image};
 pub use kernel::Kernel;
 pub use memory::Buffer;
-pub use recorder::{Recorder, Ticket};
+pub use recorder::Recorder;
+pub use submissions::Ticket;
 pub use surface::{Acquired, Surface};
+pub use timing::PassTime;
 
 /// A booted Vulkan device. Cheap to clone; all clones are the same device.
 #[derive(Clone)]
 pub struct Gpu(Arc<Context>);
-
-/// Time and calls of one named pass, from GPU timestamps.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PassTime {
-    /// How often the pass ran.
-    pub calls: u64,
-    /// Sum over all calls, milliseconds of device time.
-    pub total_ms: f64,
-    /// The longest single call, milliseconds.
-    pub longest_ms: f64,
-}
 
 /// What the device reported about itself, and the limits that this engine plans with.
 #[derive(Clone, Debug)]
@@ -67,6 +61,24 @@ pub struct Limits {
     pub filters_fractions: bool,
 }
 
+/// How often something was done that a frame loop must not do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Hitches {
+    /// Allocations of device memory for a buffer or an image.
+    pub allocations: u64,
+    /// Pipelines that were made.
+    pub pipelines: u64,
+    /// Waits of the host for the device.
+    pub waits: u64,
+}
+
+#[derive(Default)]
+struct Counters {
+    allocations: AtomicU64,
+    pipelines: AtomicU64,
+    waits: AtomicU64,
+}
+
 /// Everything that lives as long as the device. Field order is irrelevant: `Drop` destroys by hand, in order.
 struct Context {
     instance: boot::Instance,
@@ -81,9 +93,10 @@ struct Context {
     pipeline_cache: vk::PipelineCache,
     /// Linear, clamped to the edge: the one sampler of the engine.
     sampler: vk::Sampler,
-    queue: Mutex<recorder::Submissions>,
+    queue: Mutex<submissions::Submissions>,
     memory: Mutex<memory::Memory>,
-    profile: Mutex<BTreeMap<String, PassTime>>,
+    times: Mutex<timing::Times>,
+    counters: Counters,
 }
 
 /// A poisoned mutex means that another thread panicked while holding it; its data are counters and handles that
@@ -126,16 +139,12 @@ impl Gpu {
         &self.0.limits
     }
 
-    /// Device time by pass since the last call of this or since the start, slowest first.
-    pub fn take_profile(&self) -> Vec<(String, PassTime)> {
-        let mut rows: Vec<_> = std::mem::take(&mut *lock(&self.0.profile)).into_iter().collect();
-        rows.sort_by(|a, b| b.1.total_ms.total_cmp(&a.1.total_ms));
-        rows
-    }
-
-    /// Device time of one pass since the last [`Gpu::take_profile`].
-    pub fn pass_time(&self, name: &str) -> PassTime {
-        lock(&self.0.profile).get(name).copied().unwrap_or_default()
+    /// What was done since the start that a frame loop must not do.
+    pub fn hitches(&self) -> Hitches {
+        let Counters { allocations, pipelines, waits } = &self.0.counters;
+        let [allocations, pipelines, waits] =
+            [allocations, pipelines, waits].map(|counter| counter.load(Ordering::Relaxed));
+        Hitches { allocations, pipelines, waits }
     }
 
     /// Bytes of device memory in use now, by purpose.

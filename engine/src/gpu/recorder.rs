@@ -10,58 +10,9 @@ use ash::vk::Handle as _;
 use bytemuck::Pod;
 use shaders_glsl::{Access, Resource, Shader};
 
-use super::{Buffer, Context, Gpu, Image, Kernel, boot, check, image, lock};
+use super::submissions::{Flight, QUERIES, Slot, new_slot};
+use super::{Buffer, Context, Gpu, Image, Kernel, Ticket, boot, check, image, lock};
 use crate::error::{Error, Kind, Result};
-
-/// Timestamps in one submission: two per pass.
-const QUERIES: u32 = 512;
-
-/// A submission: the value that the timeline reaches when the device has finished it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Ticket(pub(super) u64);
-
-/// The queue and the command buffers that go round.
-pub(super) struct Submissions {
-    pub(super) queue: vk::Queue,
-    last: u64,
-    free: Vec<Slot>,
-    flying: Vec<Flight>,
-}
-
-struct Slot {
-    pool: vk::CommandPool,
-    commands: vk::CommandBuffer,
-    queries: vk::QueryPool,
-}
-
-struct Flight {
-    value: u64,
-    slot: Slot,
-    passes: Vec<String>,
-}
-
-impl Submissions {
-    pub(super) fn new(queue: vk::Queue) -> Self {
-        Submissions { queue, last: 0, free: Vec::new(), flying: Vec::new() }
-    }
-
-    pub(super) fn last_value(&self) -> u64 {
-        self.last
-    }
-
-    /// # Safety
-    /// The device must be idle.
-    pub(super) unsafe fn destroy(&mut self, device: &ash::Device) {
-        let flying = self.flying.drain(..).map(|f| f.slot);
-        for slot in self.free.drain(..).chain(flying) {
-            // SAFETY: as the caller promises.
-            unsafe {
-                device.destroy_command_pool(slot.pool, None);
-                device.destroy_query_pool(slot.queries, None);
-            }
-        }
-    }
-}
 
 impl Gpu {
     /// Starts recording.
@@ -92,81 +43,6 @@ impl Gpu {
         recorder.barrier();
         recorder.wide = false;
         Ok(recorder)
-    }
-
-    /// Waits until the device has finished `ticket`, then counts its timestamps and frees what it was the last to use.
-    pub fn wait(&self, ticket: Ticket) -> Result<()> {
-        let context = &self.0;
-        let semaphores = [context.timeline];
-        let values = [ticket.0];
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the timeline is live. No time limit: submissions are kept short, and a hung device is lost.
-        check("waiting for the device", unsafe { context.device.wait_semaphores(&info, u64::MAX) })?;
-        self.collect()
-    }
-
-    /// Takes finished submissions out of flight.
-    fn collect(&self) -> Result<()> {
-        let context = &self.0;
-        // SAFETY: the timeline is live.
-        let passed = check("asking the timeline", unsafe {
-            context.device.get_semaphore_counter_value(context.timeline)
-        })?;
-        let done: Vec<Flight> = lock(&context.queue).flying.extract_if(.., |f| f.value <= passed).collect();
-        for flight in done {
-            if context.limits.timestamp_period > 0.0 && !flight.passes.is_empty() {
-                let mut ticks = vec![0u64; flight.passes.len() * 2];
-                // SAFETY: the submission that wrote these queries has finished.
-                let read = unsafe {
-                    context.device.get_query_pool_results(
-                        flight.slot.queries,
-                        0,
-                        &mut ticks,
-                        vk::QueryResultFlags::TYPE_64,
-                    )
-                };
-                check("reading timestamps", read)?;
-                let mut profile = lock(&context.profile);
-                for (name, [from, to]) in flight.passes.iter().zip(ticks.as_chunks::<2>().0) {
-                    let ms =
-                        to.saturating_sub(*from) as f64 * f64::from(context.limits.timestamp_period) * 1e-6;
-                    let row = profile.entry(name.clone()).or_default();
-                    row.calls += 1;
-                    row.total_ms += ms;
-                    row.longest_ms = row.longest_ms.max(ms);
-                }
-            }
-            lock(&context.queue).free.push(flight.slot);
-        }
-        lock(&context.memory).bury(&context.device, passed);
-        Ok(())
-    }
-}
-
-fn new_slot(context: &Context) -> Result<Slot> {
-    let device = &context.device;
-    let pool_info = vk::CommandPoolCreateInfo::default()
-        .flags(vk::CommandPoolCreateFlags::TRANSIENT)
-        .queue_family_index(context.queue_family);
-    let query_info =
-        vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(QUERIES);
-    // SAFETY: the device is live; what is made first is destroyed if a later step fails.
-    unsafe {
-        let pool = check("creating a command pool", device.create_command_pool(&pool_info, None))?;
-        let allocate = vk::CommandBufferAllocateInfo::default()
-            .command_pool(pool)
-            .level(vk::CommandBufferLevel::PRIMARY)
-            .command_buffer_count(1);
-        let made = device
-            .allocate_command_buffers(&allocate)
-            .and_then(|c| device.create_query_pool(&query_info, None).map(|q| (c[0], q)));
-        match made {
-            Ok((commands, queries)) => Ok(Slot { pool, commands, queries }),
-            Err(e) => {
-                device.destroy_command_pool(pool, None);
-                check("creating commands", Err(e))
-            }
-        }
     }
 }
 

@@ -16,7 +16,8 @@ pub struct Activity {
     list: Kernel,
     scan: Scan,
     flags: Buffer<u32>,
-    places: Buffer<u32>,
+    /// How many active splats come before each splat; and in the last element how many there are.
+    pub places: Buffer<u32>,
     /// Indices of the active splats, in order.
     pub active: Buffer<u32>,
     /// The objects that these belong to.

@@ -58,7 +58,6 @@ pub struct Quads {
     pub rows: Buffer<Quad>,
     /// What to draw: vertices, one instance, and from which on.
     pub arguments: Buffer<[u32; 4]>,
-    splat_count: usize,
 }
 
 impl Quads {
@@ -68,7 +67,6 @@ impl Quads {
             sort: RadixSort::new(gpu, splat_count)?,
             rows: gpu.buffer("quads", "views", splat_count * views as usize)?,
             arguments: gpu.buffer("quads to draw", "views", 1)?,
-            splat_count,
         })
     }
 
@@ -79,7 +77,8 @@ impl Quads {
         Kernel::new(gpu, &glsl::PROJECT_QUADS, &[corners, standard, shaded, packed, objects])
     }
 
-    /// Records projection, by a [`Quads::kernel`], and sorting of the active splats.
+    /// Records projection, by a [`Quads::kernel`], and sorting of the active splats, of which there are at most
+    /// `params.splat_count`.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -109,7 +108,7 @@ impl Quads {
             .read(sources.objects.0)
             .read(sources.objects.1)
             .push(&QuadParams { range: sources.splats.range, ..*params })
-            .dispatch(self.splat_count.div_ceil(GROUP) as u32);
+            .dispatch(params.splat_count.div_ceil(GROUP as u32));
         self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);
     }
 

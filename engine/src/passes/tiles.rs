@@ -34,13 +34,14 @@ pub struct TileBinner {
     /// First pair of each (view, tile, block), and the total.
     pub starts: Buffer<u32>,
     needed: Buffer<u32>,
+    /// (View, tile, block)s of the grid that was recorded last.
     lists: usize,
     views: u32,
     splat_count: usize,
 }
 
 impl TileBinner {
-    /// For so many splats, packed or not, in so many views of a grid.
+    /// For so many splats, packed or not, in so many views of a grid or of grids with fewer tiles, blocks and splats.
     pub fn new(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -58,7 +59,7 @@ impl TileBinner {
             )
             .help("render fewer splats, or one view at a time"));
         }
-        let lists = (views * grid.tiles[0] * grid.tiles[1] * grid.blocks) as usize;
+        let lists = lists(grid, views);
         Ok(TileBinner {
             gpu: gpu.clone(),
             project: Kernel::new(gpu, &glsl::PROJECT_SPLATS, &[kernel.id(), u32::from(packed)])?,
@@ -108,28 +109,35 @@ impl TileBinner {
     }
 
     /// Records projection and sorting of the active splats.
+    ///
+    /// # Panics
+    /// If the grid has more tiles and blocks, or splats, than what this was made for.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
         grid: &TileGrid,
         background: f32,
         views: &Buffer<View>,
-        splats: &SplatRows,
+        all: &SplatRows,
         (active, count): (&Buffer<u32>, &Buffer<u32>),
     ) {
-        let rows = self.splat_count * self.views as usize;
-        let groups = [self.splat_count.div_ceil(GROUP) as u32, self.views, 1];
+        self.lists = lists(grid, self.views);
+        assert!(self.lists < self.starts.len(), "{}: {} lists", self.starts.name(), self.lists);
+        let splats = grid.splat_count as usize;
+        assert!(splats <= self.splat_count, "{}: {splats} splats", self.projected.name());
+        let rows = splats * self.views as usize;
+        let groups = [splats.div_ceil(GROUP) as u32, self.views, 1];
         recorder
             .pass(&self.project)
             .read(views)
-            .read(&splats.rows)
-            .read(&splats.chunks)
+            .read(&all.rows)
+            .read(&all.chunks)
             .read(active)
             .read(count)
             .write(&mut self.projected)
             .write(&mut self.boxes)
             .write(&mut self.pair_counts)
-            .push(&ProjectParams { grid: *grid, range: splats.range, background })
+            .push(&ProjectParams { grid: *grid, range: all.range, background })
             .dispatch_3d(groups);
         self.scan.record(recorder, &self.pair_counts, rows, &mut self.pair_offsets);
         recorder.copy(&self.pair_offsets, rows, &mut self.needed, 0, 1);
@@ -164,4 +172,9 @@ impl TileBinner {
     pub fn pairs(&self) -> &Buffer<u32> {
         self.sort.sorted_values(self.key_bits())
     }
+}
+
+/// How many (view, tile, block)s there are.
+fn lists(grid: &TileGrid, views: u32) -> usize {
+    (views * grid.tiles[0] * grid.tiles[1] * grid.blocks) as usize
 }

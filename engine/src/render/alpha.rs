@@ -13,7 +13,7 @@ use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::types::{AlphaParams, QuadParams, View};
 
-use super::{Mode, Scene, Settings, Target, Variants};
+use super::{Mode, Quality, Scene, Settings, Target, Variants};
 use crate::error::Result;
 use crate::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
 use crate::passes::Quads;
@@ -25,6 +25,8 @@ pub struct Alpha {
     /// For what the look requires, made when it is first needed.
     kernels: Variants<QuadVariant>,
     quads: Quads,
+    /// Splats of the frame that the look can show.
+    count: Buffer<u32>,
     drawing: Drawing,
     params: QuadParams,
     depth: bool,
@@ -46,6 +48,7 @@ impl Alpha {
             gpu: gpu.clone(),
             kernels: Variants::new(),
             quads: Quads::new(gpu, settings.views, cloud.count)?,
+            count: gpu.buffer("splats of the frame", "views", 1)?,
             drawing: Drawing::new(gpu, &glsl::ALPHA_VERT, fragment, &constants, &formats, settings.views)?,
             params: QuadParams {
                 size: settings.size,
@@ -82,19 +85,24 @@ impl Mode for Alpha {
         scene: &Scene,
         views: &Buffer<View>,
         target: &mut Target,
+        quality: &Quality,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
         let (cloud, look) = (scene.splats(), scene.look_buffers());
         let (centres, harmonics) = cloud.faces(&self.gpu)?;
+        let splats = cloud.shown(quality);
+        cloud.count_active(recorder, splats, &mut self.count);
         let sources = QuadSources {
             look: (&look.rows, &look.points, &look.integrals),
             splats: cloud.rows(),
             centres,
             harmonics,
-            active: cloud.active(),
+            active: (cloud.active(), &self.count),
             objects: (cloud.active_objects(), &look.appearances),
         };
-        self.quads.record(recorder, &self.kernels[kernel], views, &sources, &self.params);
+        let size = quality.size(self.params.size);
+        let params = QuadParams { size, splat_count: splats as u32, ..self.params };
+        self.quads.record(recorder, &self.kernels[kernel], views, &sources, &params);
         recorder.clear_image(&target.colour, [0.0; 4]);
         let mut pictures = vec![&mut target.colour];
         if self.depth {
@@ -105,7 +113,8 @@ impl Mode for Alpha {
             .draw(&self.drawing)
             .read(&self.quads.rows)
             .read(self.quads.order())
-            .push(&AlphaParams { splat_count: self.params.splat_count })
+            .push(&AlphaParams { splat_count: params.splat_count })
+            .within(size)
             .over(&mut pictures, &self.quads.arguments, 0);
         Ok(())
     }

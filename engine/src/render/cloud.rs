@@ -11,15 +11,15 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use shaders_glsl::types::Centre;
 
+use super::Quality;
 use super::centres::centres;
-use super::importance::by_importance;
 use super::look::LookBuffers;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::activity::{ActivitySources, Ranking};
 use crate::passes::{Activity, SplatRows};
 use crate::splat::harmonics::basis_count;
-use crate::splat::{Activations, Field, Harmonics, Object, Packed, Splat, SplatSet};
+use crate::splat::{Activations, Field, Harmonics, Object, Packed, Splat, SplatSet, by_importance};
 
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
@@ -183,9 +183,19 @@ impl Cloud {
         self.standard
     }
 
-    /// Indices of the splats that the look can show, and in one element how many they are.
-    pub(super) fn active(&self) -> (&Buffer<u32>, &Buffer<u32>) {
-        (&self.activity.active, &self.activity.count)
+    /// Indices of the splats that the look can show, in their order.
+    pub(super) fn active(&self) -> &Buffer<u32> {
+        &self.activity.active
+    }
+
+    /// How many splats, the first ones, a quality shows. Packed splats are in an order of places: of them it shows all.
+    pub(super) fn shown(&self, quality: &Quality) -> usize {
+        if self.rows.packed { self.count } else { quality.splat_count(self.count) }
+    }
+
+    /// Records the count of those among the first `splats` of the scene.
+    pub(super) fn count_active(&self, recorder: &mut Recorder, splats: usize, count: &mut Buffer<u32>) {
+        recorder.copy(&self.activity.places, splats, count, 0, 1);
     }
 
     /// The objects that these splats belong to.

@@ -11,7 +11,8 @@ mod alpha;
 mod camera;
 mod centres;
 mod cloud;
-mod importance;
+mod frames;
+mod ladder;
 mod look;
 mod medium;
 mod raymarch;
@@ -21,6 +22,8 @@ mod variants;
 
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::{Cloud, Precision};
+pub use frames::{Finished, Frame, Frames};
+pub use ladder::{LADDER, Quality, Rung, ladder};
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};
 pub use target::Target;
@@ -204,13 +207,15 @@ impl Settings {
 
 /// A way to render a scene.
 pub trait Mode {
-    /// Records the rendering of `views`, one for each layer of the target. The target is overwritten.
+    /// Records the rendering of `views`, one for each layer of the target. The part of the target that the quality takes is
+    /// overwritten.
     fn record(
         &mut self,
         recorder: &mut Recorder,
         scene: &Scene,
         views: &Buffer<View>,
         target: &mut Target,
+        quality: &Quality,
     ) -> Result<()>;
 
     /// Looks at what a frame that has finished needed, and makes room where that was more than there was. Whether the
@@ -229,6 +234,23 @@ pub struct ModeRow {
     /// Whether it renders splats rather than the volume.
     pub of_splats: bool,
     make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
+}
+
+impl ModeRow {
+    /// Fails where the scene has not what the mode renders.
+    fn make(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Box<dyn Mode>> {
+        let there = if self.of_splats { scene.cloud.is_some() } else { scene.medium.is_some() };
+        if !there {
+            let needed = if self.of_splats { "splats" } else { "a volume" };
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-RENDER-003",
+                format!("mode {} needs {needed}, and the scene has none", self.name),
+            )
+            .help("choose another --mode, or give what is missing"));
+        }
+        (self.make)(gpu, scene, settings)
+    }
 }
 
 /// The modes, from the most accurate to the fastest.
@@ -280,19 +302,9 @@ pub struct Renderer {
 impl Renderer {
     /// Fails where the scene has not what the mode renders.
     pub fn new(gpu: &Gpu, mode: &ModeRow, scene: &Scene, settings: &Settings) -> Result<Self> {
-        let there = if mode.of_splats { scene.cloud.is_some() } else { scene.medium.is_some() };
-        if !there {
-            let needed = if mode.of_splats { "splats" } else { "a volume" };
-            return Err(Error::new(
-                Kind::Usage,
-                "VGS-RENDER-003",
-                format!("mode {} needs {needed}, and the scene has none", mode.name),
-            )
-            .help("choose another --mode, or give what is missing"));
-        }
         Ok(Renderer {
             gpu: gpu.clone(),
-            mode: (mode.make)(gpu, scene, settings)?,
+            mode: mode.make(gpu, scene, settings)?,
             views: gpu.buffer("views", "views", settings.views as usize)?,
             target: Target::new(gpu, settings.size, settings.views, settings.precise, settings.depth)?,
         })
@@ -308,7 +320,7 @@ impl Renderer {
         self.views.write_range(0, &views)?;
         loop {
             let mut recorder = self.gpu.record()?;
-            self.mode.record(&mut recorder, scene, &self.views, &mut self.target)?;
+            self.mode.record(&mut recorder, scene, &self.views, &mut self.target, &Quality::FULL)?;
             let ticket = recorder.submit()?;
             self.gpu.wait(ticket)?;
             if !self.mode.settle()? {

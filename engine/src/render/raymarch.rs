@@ -3,7 +3,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{RaymarchParams, View};
 
-use super::{Classification, Mode, Scene, Settings, Target, Variants};
+use super::{Classification, Mode, Quality, Scene, Settings, Target, Variants};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Format, Gpu, Kernel, Recorder};
 use crate::passes::Shape;
@@ -59,6 +59,7 @@ impl Mode for Raymarch {
         scene: &Scene,
         views: &Buffer<View>,
         target: &mut Target,
+        quality: &Quality,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
         let (medium, look) = (scene.volume(), scene.look_buffers());
@@ -67,7 +68,7 @@ impl Mode for Raymarch {
             Shape::OneByOne => [4, 2],
             Shape::SideBySide => [8, 8],
         };
-        let [width, height] = self.settings.size;
+        let size @ [width, height] = quality.size(self.settings.size);
         recorder
             .pass(&self.kernels[kernel])
             .read(views)
@@ -83,8 +84,8 @@ impl Mode for Raymarch {
                 voxel_from_scene: medium.voxel_from_scene(),
                 first: medium.scale().first as f32,
                 span: medium.scale().span as f32,
-                size: self.settings.size,
-                step: (self.settings.step * medium.spacing_mm) as f32,
+                size,
+                step: (self.settings.step * quality.coarseness * medium.spacing_mm) as f32,
                 dark: self.settings.dark,
             })
             .dispatch_3d([width.div_ceil(group[0]), height.div_ceil(group[1]), self.settings.views]);

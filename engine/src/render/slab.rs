@@ -5,7 +5,7 @@ use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::types::{SlabParams, TileGrid, View};
 
-use super::{Classification, Cloud, Mode, Scene, Settings, Target, Variants};
+use super::{Classification, Cloud, Mode, Quality, Scene, Settings, Target, Variants};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::passes::tiles::TILE;
@@ -26,8 +26,11 @@ pub struct Slab {
     /// For each way to classify, with or without light and appearances of objects, made when it is first needed.
     kernels: Variants<(Classification, bool, bool)>,
     bins: TileBinner,
-    grid: TileGrid,
+    /// Splats of the frame that the look can show.
+    count: Buffer<u32>,
     settings: Settings,
+    /// Planes for one of `slab`.
+    refinement: u32,
 }
 
 impl Slab {
@@ -49,7 +52,8 @@ impl Slab {
 
     fn with_refinement(gpu: &Gpu, scene: &Scene, settings: &Settings, exact: bool) -> Result<Self> {
         let cloud = scene.splats();
-        let grid = tile_grid(cloud, settings, if exact { EXACT } else { 1 });
+        let refinement = if exact { EXACT } else { 1 };
+        let grid = tile_grid(cloud, settings, &Quality::FULL, refinement);
         Ok(Slab {
             gpu: gpu.clone(),
             kernels: Variants::new(),
@@ -61,8 +65,9 @@ impl Slab {
                 settings.views,
                 cloud.count,
             )?,
-            grid,
+            count: gpu.buffer("splats of the frame", "views", 1)?,
             settings: settings.clone(),
+            refinement,
         })
     }
 
@@ -86,22 +91,23 @@ impl Slab {
 }
 
 /// Tiles for the picture, blocks for a ball around all splats.
-fn tile_grid(cloud: &Cloud, settings: &Settings, refinement: u32) -> TileGrid {
+fn tile_grid(cloud: &Cloud, settings: &Settings, quality: &Quality, refinement: u32) -> TileGrid {
     let [low, high] = cloud.bounds;
     let centre: DVec3 = (low + high) * 0.5;
     let radius = (high - low).length() * 0.5;
-    let slab = settings.step * cloud.sigma_mm;
+    let slab = settings.step * quality.coarseness * cloud.sigma_mm;
     let blocks = (2.0 * radius / (slab * f64::from(PLANES))).ceil().clamp(1.0, f64::from(MOST_BLOCKS));
     let spacing = slab.max(2.0 * radius / (blocks * f64::from(PLANES)));
+    let size = quality.size(settings.size);
     TileGrid {
-        size: settings.size,
-        tiles: settings.size.map(|n| n.div_ceil(TILE)),
+        size,
+        tiles: size.map(|n| n.div_ceil(TILE)),
         centre: centre.as_vec3().to_array(),
         radius: radius as f32,
         spacing: (spacing / f64::from(refinement)) as f32,
         planes: PLANES * refinement,
         blocks: blocks as u32,
-        splat_count: cloud.count as u32,
+        splat_count: cloud.shown(quality) as u32,
         capacity: 0,
     }
 }
@@ -113,12 +119,17 @@ impl Mode for Slab {
         scene: &Scene,
         views: &Buffer<View>,
         target: &mut Target,
+        quality: &Quality,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
         let (cloud, look) = (scene.splats(), scene.look_buffers());
-        let grid = TileGrid { capacity: self.bins.capacity() as u32, ..self.grid };
+        let grid = TileGrid {
+            capacity: self.bins.capacity() as u32,
+            ..tile_grid(cloud, &self.settings, quality, self.refinement)
+        };
         let field = cloud.field;
-        let active = cloud.active();
+        cloud.count_active(recorder, grid.splat_count as usize, &mut self.count);
+        let active = (cloud.active(), &self.count);
         self.bins.record(recorder, &grid, field.background, views, cloud.rows(), active);
         let columns = match Shape::of(&self.gpu) {
             Shape::OneByOne => grid.tiles[0] * PARTS,

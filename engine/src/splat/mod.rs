@@ -8,7 +8,8 @@
 
 pub mod activation;
 pub mod harmonics;
-pub mod kernel;
+pub mod importance;
+mod kernel;
 mod labels;
 mod objects;
 pub mod packed;
@@ -24,6 +25,7 @@ use serde::Serialize;
 
 pub use activation::Activations;
 pub use harmonics::Harmonics;
+pub use importance::by_importance;
 pub use kernel::Kernel;
 pub use labels::{LabelCount, label_name};
 pub use objects::{MOST_OBJECTS, Object, join};
@@ -67,6 +69,33 @@ impl Default for SplatSet {
             labels: None,
             label_names: Vec::new(),
             iterations: None,
+        }
+    }
+}
+
+impl SplatSet {
+    /// Sorts the splats by importance, the most important first: any number of the first splats then stands for the whole
+    /// as well as so many can. The field stays what it is.
+    pub fn order_by_importance(&mut self) {
+        let order = by_importance(&self.splats, &self.field);
+        self.take(&order.iter().map(|&i| i as usize).collect::<Vec<_>>());
+    }
+
+    /// Keeps the first splats.
+    pub fn truncate(&mut self, count: usize) {
+        self.take(&(0..count.min(self.splats.len())).collect::<Vec<_>>());
+    }
+
+    /// Keeps the splats of these rows, in this order.
+    fn take(&mut self, rows: &[usize]) {
+        self.splats = rows.iter().map(|&i| self.splats[i]).collect();
+        if let Some(labels) = &mut self.labels {
+            *labels = rows.iter().map(|&i| labels[i]).collect();
+        }
+        if let Some(colours) = &mut self.colours {
+            let stride = colours.stride();
+            let of = |&i: &usize| colours.coefficients[i * stride..][..stride].iter().copied();
+            colours.coefficients = rows.iter().flat_map(of).collect();
         }
     }
 }
@@ -245,6 +274,30 @@ mod tests {
         }
         let missing = read(&at("missing"), &ReadOptions::default()).expect_err("no such file");
         assert_eq!(missing.kind, Kind::Missing);
+    }
+
+    #[test]
+    fn the_most_important_splats_come_first_with_what_belongs_to_them() {
+        let weighing = |opacity_logit, size: f32| Splat {
+            opacity_logit,
+            log_scale: [size, 0.0, -1.0],
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            ..Splat::default()
+        };
+        let splats = vec![weighing(0.0, 0.0), weighing(0.0, 2.0), weighing(-9.0, 2.0), weighing(5.0, 2.0)];
+        let coefficients = (0..12).map(|i| i as f32).collect();
+        let mut set = SplatSet {
+            splats: splats.clone(),
+            labels: Some(vec![0, 1, 2, 3]),
+            colours: Some(Harmonics { degree: 0, coefficients }),
+            ..SplatSet::default()
+        };
+        set.order_by_importance();
+        assert_eq!(set.labels.as_deref(), Some(&[3, 1, 0, 2][..]));
+        assert_eq!(set.splats, [3, 1, 0, 2].map(|i| splats[i]));
+        set.truncate(2);
+        assert_eq!(set.labels.as_deref(), Some(&[3, 1][..]));
+        assert_eq!(set.colours.expect("colours").coefficients, [9.0, 10.0, 11.0, 3.0, 4.0, 5.0]);
     }
 
     #[test]

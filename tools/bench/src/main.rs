@@ -2,11 +2,14 @@
 //! reports medians with device and driver.
 #![forbid(unsafe_code)]
 
+mod budget;
+mod ladder;
 mod paper;
 mod passes;
 mod render;
 mod report;
 mod scene;
+mod xr;
 
 use clap::{Parser, Subcommand};
 use engine::Result;
@@ -22,7 +25,10 @@ Examples:
   bench passes --quick              the same in half a minute
   bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md
   bench paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; bench paper --help
-  bench render --data DIR --quick   pictures against what they should be, and their time; bench render --help"
+  bench render --data DIR --quick   pictures against what they should be, and their time; bench render --help
+  bench ladder bones.ply            what each rung of the frame budget's ladder costs and gives up
+  bench budget --plot traces.svg    the frame-budget controller on simulated GPUs
+  bench xr bones.ply                sessions in a simulated headset at several budgets"
 )]
 struct Arguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
@@ -38,6 +44,12 @@ enum What {
     Passes(passes::Arguments),
     /// The paper's tables: the paper's figures, ours with --profile paper, and ours by default.
     Paper(paper::Arguments),
+    /// Rungs of the renderer's ladder: cost and loss of each.
+    Ladder(ladder::Arguments),
+    /// The frame-budget controller on simulated GPUs.
+    Budget(budget::Arguments),
+    /// Sessions in a simulated headset: intervals, missed frames, use of the budget, rungs, latency.
+    Xr(xr::Arguments),
     /// Pictures of all modes against what they should be, and what frames cost.
     Render(render::Arguments),
 }
@@ -61,6 +73,9 @@ fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.what {
         What::Passes(a) => passes::run(&Gpu::new(&options)?, a),
         What::Paper(a) => paper::run(&options, a),
+        What::Ladder(a) => ladder::run(&Gpu::new(&options)?, a),
+        What::Budget(a) => budget::run(a),
+        What::Xr(a) => xr::run(&Gpu::new(&options)?, a),
         What::Render(a) => render::run(&options, a),
     }
 }

@@ -1,11 +1,11 @@
-//! Which splats a scene can do without: their order of importance, for a budget.
+//! Which splats a set can do without: their order of importance.
 
 use rayon::prelude::*;
 
-use crate::splat::{Activations, Field, Splat};
+use super::{Activations, Field, Splat};
 
 /// All splats, the most important first: by a σ₁ σ₂ σ₃, which is ∫ w but for a factor that all share; of equals the first.
-pub(super) fn by_importance(splats: &[Splat], field: &Field) -> Vec<u32> {
+pub fn by_importance(splats: &[Splat], field: &Field) -> Vec<u32> {
     // In logarithms, because the product leaves the floats where the limits of scales are reached.
     let importance = |s: &Splat| {
         let log_scale = s.log_scale.map(f64::from);

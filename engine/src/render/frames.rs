@@ -1,0 +1,143 @@
+//! Frame after frame without waiting for the device, each on a rung of a ladder.
+//!
+//! Recording comes first and the views last: [`Frames::submit`] writes them where the kernels will read them, just
+//! before the device gets to see the frame. Nothing is allocated, made or waited for, unless a frame needs more room
+//! than all before it: then it lacks some splats, and the next one has the room.
+
+use shaders_glsl::types::View;
+
+use super::{Camera, Mode, Rung, Scene, Settings, Target, mode};
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu, Recorder, Ticket};
+
+/// Frames that may be in flight at once: one on the device, one recorded behind it, one of which the news is under way.
+const IN_FLIGHT: usize = 3;
+
+/// Renders frames of a scene.
+pub struct Frames {
+    gpu: Gpu,
+    rungs: Vec<Rung>,
+    /// The mode of each rung, by its place in `modes`.
+    mode_of: Vec<usize>,
+    modes: Vec<Box<dyn Mode>>,
+    /// Written in turn; each may be written again when the frame that reads it has finished.
+    views: Vec<Buffer<View>>,
+    readers: Vec<Option<Ticket>>,
+    next: usize,
+    /// Frames that have not been reported as finished, with their rungs.
+    flying: Vec<(Ticket, usize)>,
+    /// Pictures of the frame that was recorded last, in the upper left corner as large as its rung says.
+    pub target: Target,
+}
+
+/// A frame being recorded.
+pub struct Frame {
+    /// Where what shows the picture is recorded.
+    pub recorder: Recorder,
+    /// The rung that it is rendered on.
+    pub rung: usize,
+    /// Width and height of its pictures, pixels.
+    pub size: [u32; 2],
+    slot: usize,
+}
+
+/// A frame that the device has finished.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Finished {
+    /// Its submission.
+    pub ticket: Ticket,
+    /// The rung that it was rendered on.
+    pub rung: usize,
+    /// Device time from its first pass to the end of its last one, ms.
+    pub gpu_ms: f64,
+}
+
+impl Frames {
+    /// For a scene, with the modes of all rungs made.
+    pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings, rungs: &[Rung]) -> Result<Self> {
+        let mut names: Vec<&str> = rungs.iter().map(|r| r.mode).collect();
+        names.dedup();
+        let modes = names.iter().map(|name| mode(name)?.make(gpu, scene, settings)).collect::<Result<_>>()?;
+        let views = |slot| gpu.mapped(&format!("views {slot}"), "views", settings.views as usize);
+        Ok(Frames {
+            gpu: gpu.clone(),
+            mode_of: rungs.iter().filter_map(|r| names.iter().position(|name| *name == r.mode)).collect(),
+            rungs: rungs.to_vec(),
+            modes,
+            views: (0..IN_FLIGHT).map(views).collect::<Result<_>>()?,
+            readers: vec![None; IN_FLIGHT],
+            next: 0,
+            flying: Vec::with_capacity(2 * IN_FLIGHT),
+            target: Target::new(gpu, settings.size, settings.views, settings.precise, settings.depth)?,
+        })
+    }
+
+    /// The rungs.
+    pub fn rungs(&self) -> &[Rung] {
+        &self.rungs
+    }
+
+    /// Renders the scene once on every rung as `cameras` see it, and waits: afterwards all kernels are made, and all
+    /// buffers hold what such frames need, with a margin.
+    pub fn warm_up(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<()> {
+        for rung in 0..self.rungs.len() {
+            let frame = self.begin(scene, rung)?;
+            let ticket = self.submit(frame, scene, cameras)?;
+            self.gpu.wait(ticket)?;
+            self.finished()?;
+        }
+        Ok(())
+    }
+
+    /// Starts a frame and records its rendering.
+    pub fn begin(&mut self, scene: &Scene, rung: usize) -> Result<Frame> {
+        let slot = self.next;
+        if let Some(reader) = self.readers[slot].take()
+            && !self.gpu.has_finished(reader)?
+        {
+            self.gpu.wait(reader)?;
+        }
+        self.next = (slot + 1) % IN_FLIGHT;
+        let mut recorder = self.gpu.record()?;
+        let Rung { quality, .. } = &self.rungs[rung];
+        self.modes[self.mode_of[rung]].record(
+            &mut recorder,
+            scene,
+            &self.views[slot],
+            &mut self.target,
+            quality,
+        )?;
+        Ok(Frame { recorder, rung, size: quality.size(self.target.size()), slot })
+    }
+
+    /// Says where the eyes are and hands the frame to the device.
+    ///
+    /// # Panics
+    /// If there are not as many cameras as the settings had views.
+    pub fn submit(&mut self, frame: Frame, scene: &Scene, cameras: &[Camera]) -> Result<Ticket> {
+        let views = self.views[frame.slot].mapped_mut()?;
+        assert_eq!(cameras.len(), views.len(), "one camera a view");
+        for (view, camera) in views.iter_mut().zip(cameras) {
+            *view = camera.view(scene.origin);
+        }
+        let ticket = frame.recorder.submit()?;
+        self.readers[frame.slot] = Some(ticket);
+        self.flying.push((ticket, frame.rung));
+        Ok(ticket)
+    }
+
+    /// Frames that have finished since the last call of this. Makes room where one of them lacked it.
+    pub fn finished(&mut self) -> Result<Vec<Finished>> {
+        let mut out = Vec::new();
+        for (ticket, gpu_ms) in self.gpu.take_finished()? {
+            if let Some(at) = self.flying.iter().position(|&(t, _)| t == ticket) {
+                let (ticket, rung) = self.flying.swap_remove(at);
+                out.push(Finished { ticket, rung, gpu_ms });
+            }
+        }
+        for &Finished { rung, .. } in &out {
+            self.modes[self.mode_of[rung]].settle()?;
+        }
+        Ok(out)
+    }
+}

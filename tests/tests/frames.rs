@@ -1,0 +1,189 @@
+//! Frames without waiting: what they show, what they cost the loop, and what is said of them afterwards.
+#![forbid(unsafe_code)]
+
+use std::time::Duration;
+
+use engine::gpu::{Gpu, Ticket};
+use engine::render::{
+    Camera, Fov, Frames, LADDER, Look, Quality, Renderer, Rung, Scene, Settings, ladder, mode,
+};
+use engine::splat::{Field, SplatSet};
+use engine::transfer::preset;
+use glam::{DVec3, Vec3};
+use rand::RngExt;
+use vgs_tests::Device;
+use vgs_tests::scene::{random, splat};
+
+const SIZE: [u32; 2] = [80, 64];
+
+/// Each thing that can be given up, in both modes of the ladder.
+fn rungs() -> Vec<Rung> {
+    let rung = |mode, resolution, coarseness, splats| Rung {
+        mode,
+        quality: Quality { resolution, coarseness, splats },
+        cost: 1.0,
+    };
+    vec![
+        rung("slab", 1.0, 1.0, 1.0),
+        rung("slab", 0.85, 1.0, 1.0),
+        rung("slab", 1.0, 2.0, 1.0),
+        rung("slab", 0.5, 1.5, 0.6),
+        rung("alpha", 1.0, 1.0, 1.0),
+        rung("alpha", 0.7, 1.0, 0.3),
+        rung("alpha", 0.5, 1.0, 0.1),
+    ]
+}
+
+/// Splats in ten blocks of 30, each with a label of its own.
+fn scene(gpu: &Gpu) -> Scene {
+    scene_without(gpu, &[])
+}
+
+fn scene_without(gpu: &Gpu, hidden: &[u8]) -> Scene {
+    let mut rng = random(31);
+    let splats = (0..300)
+        .map(|_| {
+            let mut s = splat(&mut rng, Vec3::splat(50.0));
+            s.intensity = rng.random_range(100.0f32..900.0);
+            s
+        })
+        .collect();
+    let origin_mm = DVec3::new(-120.0, 340.0, 1000.0);
+    let labels = Some((0..300).map(|i| (i / 30) as u8).collect());
+    let set = SplatSet {
+        splats,
+        origin_mm,
+        field: Field::default(),
+        has_intensity: true,
+        labels,
+        ..SplatSet::default()
+    };
+    let transfer = preset("CT-Bone").expect("a preset").over([-100.0, 900.0]);
+    let look = Look { hidden: hidden.to_vec(), ..Look::new(transfer) };
+    Scene::new(gpu, Some(&set), None, &look).expect("a scene")
+}
+
+fn settings() -> Settings {
+    Settings { views: 2, ..Settings::new(SIZE) }
+}
+
+/// Two eyes with asymmetric fields of view, turned towards each other by 2 x 4 degrees.
+fn eyes(scene: &Scene) -> [Camera; 2] {
+    let [low, high] = scene.bounds();
+    let centre = (low + high) * 0.5;
+    let head =
+        Camera::from_side("anterior", centre, (high - low).length() * 0.4, 40.0, 1.25).expect("a head");
+    let [left, right] = head.eyes(63.0);
+    let canted = |eye: Camera, degrees: f64| eye.turned(eye.eye, eye.up, f64::to_radians(degrees));
+    let fov = Fov { left: -0.5, right: 0.36, up: 0.35, down: -0.4 };
+    let mirrored = Fov { left: -fov.right, right: -fov.left, ..fov };
+    [Camera { fov, ..canted(left, -4.0) }, Camera { fov: mirrored, ..canted(right, 4.0) }]
+}
+
+/// Waits for a frame without the waits that are counted.
+fn until_finished(gpu: &Gpu, ticket: Ticket) {
+    while !gpu.has_finished(ticket).expect("a live device") {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// On every rung the picture is that of a renderer made for its size and step, of a scene in which the splats beyond its
+/// part are hidden, bit for bit, in both views.
+#[test]
+fn each_rung_shows_what_a_renderer_made_for_it_shows() {
+    let gpu = Device::boot();
+    let scene = scene(&gpu);
+    let cameras = eyes(&scene);
+    let mut frames = Frames::new(&gpu, &scene, &settings(), &rungs()).expect("frames");
+    frames.warm_up(&scene, &cameras).expect("all rungs");
+    for (number, rung) in rungs().iter().enumerate() {
+        let frame = frames.begin(&scene, number).expect("a frame");
+        let size = frame.size;
+        let ticket = frames.submit(frame, &scene, &cameras).expect("submitted");
+        gpu.wait(ticket).expect("rendered");
+        assert_eq!(size, rung.quality.size(SIZE));
+        let rest: Vec<u8> = (rung.quality.splat_count(300).div_ceil(30) as u8..10).collect();
+        assert_eq!(rung.quality.splat_count(300) % 30, 0, "whole blocks");
+        let part = scene_without(&gpu, &rest);
+        let alone = Settings { size, step: settings().step * rung.quality.coarseness, ..settings() };
+        let mut renderer =
+            Renderer::new(&gpu, mode(rung.mode).expect("a mode"), &part, &alone).expect("alone");
+        renderer.render(&part, &cameras).expect("a picture");
+        for view in 0..2 {
+            let wide = frames.target.read_colour(view).expect("the target");
+            let row = |y: usize| &wide[y * SIZE[0] as usize..][..size[0] as usize];
+            let corner: Vec<_> = (0..size[1] as usize).flat_map(row).copied().collect();
+            let expected = renderer.target.read_colour(view).expect("the picture");
+            assert!(expected.iter().any(|p| p[3] > 0.1), "rung {number}: something is seen");
+            assert!(corner == expected, "rung {number}, view {view}: other bits");
+        }
+    }
+}
+
+/// After a warm-up a frame allocates nothing, makes no pipeline and waits for nothing, whatever its rung; and each is
+/// reported once, with its rung and a time.
+#[test]
+fn frames_cause_no_hitches_and_are_all_reported() {
+    let gpu = Device::boot();
+    let scene = scene(&gpu);
+    let head = eyes(&scene);
+    let mut frames = Frames::new(&gpu, &scene, &settings(), &rungs()).expect("frames");
+    frames.warm_up(&scene, &head).expect("all rungs");
+    // The first frames of a loop make the command buffers that are in flight at the same time.
+    let before = gpu.hitches();
+    let mut reported = Vec::new();
+    let mut last = None;
+    let count = 4 * rungs().len();
+    for number in 0..count {
+        let turned = head.map(|eye| eye.turned(scene.bounds()[0], DVec3::Z, 0.01 * number as f64));
+        let frame = frames.begin(&scene, number % rungs().len()).expect("a frame");
+        let ticket = frames.submit(frame, &scene, &turned).expect("submitted");
+        // As a display does: the next frame is not begun while three are in flight.
+        if let Some(earlier) = last.replace(ticket) {
+            until_finished(&gpu, earlier);
+        }
+        reported.extend(frames.finished().expect("news"));
+    }
+    until_finished(&gpu, last.expect("frames"));
+    reported.extend(frames.finished().expect("news"));
+    assert_eq!(gpu.hitches(), before);
+    let found: Vec<_> = reported.iter().map(|f| f.rung).collect();
+    assert_eq!(found, (0..count).map(|n| n % rungs().len()).collect::<Vec<_>>());
+    assert!(reported.iter().all(|f| f.gpu_ms > 0.0 && f.gpu_ms < 60_000.0), "{reported:?}");
+    assert!(reported.is_sorted_by_key(|f| f.ticket));
+}
+
+/// A frame that needs more room than all before it makes room for the next.
+#[test]
+fn a_frame_that_needs_more_room_makes_it() {
+    let gpu = Device::boot();
+    let scene = scene(&gpu);
+    let far = eyes(&scene);
+    // Everything is before the eyes from near by, in many tiles.
+    let fov = Fov::symmetric(90.0, 1.25);
+    let centre = (scene.bounds()[0] + scene.bounds()[1]) * 0.5;
+    let near = far.map(|eye| Camera { eye: centre - eye.forward() * 30.0, fov, ..eye });
+    let size = [640, 512];
+    let settings = Settings { size, ..settings() };
+    let rungs = &LADDER[..1];
+    let mut frames = Frames::new(&gpu, &scene, &settings, rungs).expect("frames");
+    frames.warm_up(&scene, &far).expect("a first frame");
+    let picture = |frames: &mut Frames| {
+        let frame = frames.begin(&scene, 0).expect("a frame");
+        let ticket = frames.submit(frame, &scene, &near).expect("submitted");
+        gpu.wait(ticket).expect("rendered");
+        frames.finished().expect("news");
+        frames.target.read_colour(0).expect("a picture")
+    };
+    picture(&mut frames);
+    let second = picture(&mut frames);
+    let mut renderer = Renderer::new(&gpu, mode("slab").expect("a mode"), &scene, &settings).expect("alone");
+    renderer.render(&scene, &near).expect("a picture");
+    assert!(second == renderer.target.read_colour(0).expect("a picture"), "the second frame is whole");
+}
+
+#[test]
+fn the_ladder_goes_down() {
+    assert_eq!(ladder(&LADDER).len(), LADDER.len());
+    assert_eq!(LADDER[0].quality, Quality::FULL);
+}

@@ -1,0 +1,146 @@
+//! A session in a simulated headset, whose head follows a script in real time: how regular frames are, what they cost, which
+//! rungs they take, and how old their poses are. One row for each number of splats and each budget.
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use engine::gpu::Gpu;
+use engine::render::{LADDER, Look, Scene};
+use engine::splat::{self, ReadOptions, SplatSet};
+use engine::{Result, output, transfer};
+use xr_app::headset::simulated::{Script, Simulated};
+use xr_app::statistics::{Distribution, Report};
+use xr_app::viewer::{Options, Viewer};
+
+use crate::budget::write_plot;
+use crate::report::{Table, finish};
+
+/// Frames at the start that do not count: the controller finds its rung.
+const SETTLING: usize = 60;
+
+/// Sessions in a simulated headset
+#[derive(Args)]
+pub struct Arguments {
+    /// The splats (PLY)
+    splats: PathBuf,
+    /// Numbers of splats, of which the heaviest are taken
+    #[arg(long, value_delimiter = ',', default_values_t = [100_000, 250_000])]
+    counts: Vec<usize>,
+    /// Budgets, ms; the display shows frames in such a period
+    #[arg(long, value_delimiter = ',', default_values_t = [50.0, 200.0])]
+    budgets: Vec<f64>,
+    /// Frames of a session
+    #[arg(long, default_value_t = 300)]
+    frames: u64,
+    /// Width and height of an eye's picture, pixels
+    #[arg(long, num_args = 2, value_names = ["WIDTH", "HEIGHT"], default_values_t = [160, 160])]
+    size: Vec<u32>,
+    /// Transfer function
+    #[arg(long, default_value = "CT-Bone")]
+    tf: String,
+    /// Writes frame times and rungs as a plot (SVG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Writes the table as Markdown
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
+    /// Writes all reports (JSON)
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Replaces files
+    #[arg(long)]
+    force: bool,
+}
+
+/// Runs the sessions.
+pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
+    let mut set = splat::read(&arguments.splats, &ReadOptions::default())?;
+    set.order_by_weight();
+    let mut reports = Vec::new();
+    for &count in &arguments.counts {
+        let mut part = set.clone();
+        part.truncate(count);
+        for &budget in &arguments.budgets {
+            reports.push((part.splats.len(), budget, session(gpu, &part, budget, arguments)?));
+        }
+    }
+    let rows = reports.iter().map(|(splats, budget, report)| row(*splats, *budget, report)).collect();
+    let [width, height] = [arguments.size[0], arguments.size[1]];
+    let title = format!(
+        "Sessions in a simulated headset: {}, {}, two eyes of {width}x{height}, {} frames, of which the first {SETTLING} do not \
+         count for device times and rungs; {} ({})",
+        arguments.splats.file_name().unwrap_or_default().display(),
+        arguments.tf,
+        arguments.frames,
+        gpu.description().name,
+        gpu.description().driver
+    );
+    let columns = vec![
+        "splats",
+        "period / ms",
+        "interval p50 / p99 / ms",
+        "periods without a frame",
+        "device p50 / p99 / ms",
+        "over budget / %",
+        "mean rung",
+        "changes of rung",
+        "motion to photon p50 / p99 / ms",
+    ];
+    if let Some(path) = &arguments.plot {
+        let traces: Vec<_> = reports
+            .iter()
+            .map(|(splats, budget, report)| {
+                let frames = report.samples.iter().map(|s| (s.rung, s.gpu_ms / s.budget_ms)).collect();
+                (format!("{splats} splats, a frame each {budget} ms"), frames)
+            })
+            .collect();
+        write_plot(path, &traces, arguments.force)?;
+    }
+    if let Some(path) = &arguments.json {
+        output::write_atomic(path, arguments.force, |w| {
+            serde_json::to_writer_pretty(w, &reports).map_err(Into::into)
+        })?;
+    }
+    finish(&[Table { title, columns, rows }], arguments.markdown.as_deref(), None, arguments.force)
+}
+
+fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Result<Report> {
+    let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
+        [low.min(f64::from(s.intensity)), high.max(f64::from(s.intensity))]
+    });
+    let look = Look::new(transfer::load(&arguments.tf, range)?);
+    let scene = Scene::new(gpu, Some(set), None, &look)?;
+    let script = Script {
+        eye_size: [arguments.size[0], arguments.size[1]],
+        rate_hz: 1000.0 / budget,
+        frames: Some(arguments.frames),
+        ..Script::default()
+    };
+    let mut headset = Simulated::new(gpu, script)?;
+    let options =
+        Options { rungs: LADDER.to_vec(), budget_ms: None, rung: None, background: [0.0; 3], frames: None };
+    let mut viewer = Viewer::new(gpu, scene, &headset, options)?;
+    viewer.run(&mut headset, &AtomicBool::new(false))?;
+    Ok(viewer.report(&headset))
+}
+
+fn row(splats: usize, period: f64, report: &Report) -> Vec<String> {
+    let two =
+        |d: Option<Distribution>| d.map_or("-".to_owned(), |d| format!("{:.0} / {:.0}", d.median, d.p99));
+    let settled = &report.samples[SETTLING.min(report.samples.len())..];
+    let count = settled.len().max(1) as f64;
+    let late = settled.iter().filter(|s| s.gpu_ms > s.budget_ms).count() as f64;
+    let changes = settled.windows(2).filter(|pair| pair[0].rung != pair[1].rung).count();
+    vec![
+        splats.to_string(),
+        format!("{period:.0}"),
+        two(report.interval_ms),
+        report.missed.to_string(),
+        two(Distribution::of(settled.iter().map(|s| s.gpu_ms))),
+        format!("{:.1}", 100.0 * late / count),
+        format!("{:.1}", settled.iter().map(|s| s.rung as f64).sum::<f64>() / count),
+        changes.to_string(),
+        two(report.latency_ms),
+    ]
+}

@@ -1,0 +1,274 @@
+//! What the program is told on its command line, and what it does with that.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use clap::{Parser, ValueEnum};
+use engine::gpu::{Gpu, GpuOptions};
+use engine::image::{self, Image, WriteOptions};
+use engine::render::{LADDER, Look, Rung, Scene};
+use engine::splat::{self, ReadOptions, SplatSet};
+use engine::{Error, Kind, Result, output, transfer};
+
+use crate::headset::openxr::{OpenXr, OpenXrOptions};
+use crate::headset::simulated::{Script, Simulated};
+use crate::headset::{Blend, Headset};
+use crate::memory;
+use crate::statistics::Report;
+use crate::viewer::{Options, Viewer};
+
+/// Shows splats in a headset, through OpenXR
+#[derive(Parser, Debug)]
+#[command(name = "vgs-xr", version, after_help = EXAMPLES)]
+pub struct Arguments {
+    /// The splats (PLY)
+    pub splats: PathBuf,
+    /// Transfer function: a preset, a file, or window:WIDTH,LEVEL
+    #[arg(long, value_name = "PRESET|FILE", default_value = "CT-Bone")]
+    pub tf: String,
+    /// The same without a headset: poses and clock follow a script
+    #[arg(long)]
+    pub simulated: bool,
+    /// Ends after so many frames
+    #[arg(long, value_name = "N")]
+    pub frames: Option<u64>,
+    /// What is behind the picture: the headset's first choice by default
+    #[arg(long, value_enum)]
+    pub blend: Option<Behind>,
+    /// Frames a second, where the headset leaves the choice
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
+    /// Edges of the eyes' pictures, as a part of what the headset recommends
+    #[arg(long, value_name = "PART", default_value_t = 1.0, value_parser = part)]
+    pub resolution: f64,
+    /// Device time that a frame may take; 9/10 of the display's period by default
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub budget: Option<f64>,
+    /// Stays on a rung of the ladder of qualities, 0 the best, instead of keeping to the budget
+    #[arg(long, value_name = "N")]
+    pub rung: Option<usize>,
+    /// Device memory that may be used, MiB: splats are packed, and if need be only the most important ones are shown
+    #[arg(long, value_name = "MIB", value_parser = positive)]
+    pub memory_budget: Option<f64>,
+    /// Writes what was measured (JSON)
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Writes what the left and the right eye saw last, side by side
+    #[arg(long, value_name = "FILE.png")]
+    pub picture: Option<PathBuf>,
+    /// Replaces files
+    #[arg(long)]
+    pub force: bool,
+    /// Device by index or part of its name, for --simulated; a headset is bound to its own
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<String>,
+    /// Turns on the validation layers of Vulkan, and fails if they have anything to say
+    #[arg(long)]
+    pub validation: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  vgs-xr bones.ply
+  vgs-xr body.ply --tf CT-Soft-Tissue --blend alpha
+  vgs-xr bones.ply --simulated --frames 300 --report session.json --picture eyes.png
+  tools/monado cargo run -p vgs-xr -- bones.ply --frames 200
+
+Hands: grab with one to move, with both to scale and turn. Right thumbstick: up and down the level, sideways the
+width of the window. First button: next preset (right), last preset (left). Second button: a cutting plane in the
+hand (right), everything back (left).
+
+For looking, not for diagnosis.";
+
+/// What is behind the picture.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Behind {
+    /// A background
+    Opaque,
+    /// The room, to which the picture is added
+    Additive,
+    /// The room, where the picture is transparent
+    Alpha,
+}
+
+impl From<Behind> for Blend {
+    fn from(behind: Behind) -> Self {
+        match behind {
+            Behind::Opaque => Blend::Opaque,
+            Behind::Additive => Blend::Additive,
+            Behind::Alpha => Blend::Alpha,
+        }
+    }
+}
+
+fn part(text: &str) -> std::result::Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "a number is needed")?;
+    if (0.05..=2.0).contains(&value) { Ok(value) } else { Err("0.05 to 2".into()) }
+}
+
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "a number is needed")?;
+    if value > 0.0 && value.is_finite() { Ok(value) } else { Err("a number above 0 is needed".into()) }
+}
+
+/// Runs the program.
+pub fn run(arguments: &Arguments) -> Result<()> {
+    for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
+        output::check_writable(path, arguments.force)?;
+    }
+    let rungs = rungs(arguments)?;
+    let set = splat::read(&arguments.splats, &ReadOptions::default())?;
+    if set.splats.is_empty() {
+        return Err(
+            Error::new(Kind::BadData, "VGS-XR-020", "the file holds no usable splat").file(&arguments.splats)
+        );
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // A second signal ends the program at once.
+        let registered = signal_hook::flag::register_conditional_shutdown(signal, 130, Arc::clone(&stop))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)));
+        registered.map_err(|e| Error::new(Kind::Internal, "VGS-XR-021", format!("signals: {e}")))?;
+    }
+    let gpu_options = GpuOptions {
+        device: arguments.device.clone(),
+        validation: arguments.validation,
+        ..GpuOptions::default()
+    };
+    if arguments.simulated {
+        let gpu = Gpu::new(&gpu_options)?;
+        let script = Script::default();
+        let script = Script {
+            eye_size: script.eye_size.map(|n| ((f64::from(n) * arguments.resolution).round() as u32).max(1)),
+            rate_hz: arguments.rate.unwrap_or(script.rate_hz),
+            blend: arguments.blend.map_or(script.blend, Into::into),
+            ..script
+        };
+        let mut headset = Simulated::new(&gpu, script)?;
+        show(arguments, &gpu, set, rungs, &mut headset, &stop)
+    } else {
+        let options = OpenXrOptions {
+            blend: arguments.blend.map(Into::into),
+            rate_hz: arguments.rate,
+            resolution: Some(arguments.resolution),
+        };
+        let (gpu, mut headset) = OpenXr::start(&gpu_options, &options)?;
+        show(arguments, &gpu, set, rungs, &mut headset, &stop)
+    }
+}
+
+/// The rungs, less those that the splats do not have.
+fn rungs(arguments: &Arguments) -> Result<Vec<Rung>> {
+    match arguments.rung {
+        Some(rung) if rung >= LADDER.len() => {
+            Err(Error::new(Kind::Usage, "VGS-XR-022", format!("--rung {rung}"))
+                .help(format!("rungs are 0 to {}", LADDER.len() - 1)))
+        }
+        _ => Ok(LADDER.to_vec()),
+    }
+}
+
+fn show(
+    arguments: &Arguments,
+    gpu: &Gpu,
+    mut set: SplatSet,
+    rungs: Vec<Rung>,
+    headset: &mut dyn Headset,
+    stop: &AtomicBool,
+) -> Result<()> {
+    let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
+        [low.min(f64::from(s.intensity)), high.max(f64::from(s.intensity))]
+    });
+    let look = Look::new(transfer::load(&arguments.tf, range)?);
+    // Splats with colours of their own have one mode.
+    let rungs: Vec<Rung> = rungs.into_iter().filter(|r| set.colours.is_none() || r.mode == "alpha").collect();
+    // Rungs and memory budgets keep the first splats.
+    set.order_by_weight();
+    let options = Options {
+        rung: arguments.rung.map(|rung| rung.min(rungs.len() - 1)),
+        rungs,
+        budget_ms: arguments.budget,
+        background: [0.0; 3],
+        frames: arguments.frames,
+    };
+    let mut viewer = memory::within(gpu, arguments.memory_budget, set, |set, precision| {
+        let scene = Scene::with_precision(gpu, Some(set), None, &look, precision)?;
+        Viewer::new(gpu, scene, headset, options.clone())
+    })?;
+    announce(headset);
+    let ended = viewer.run(headset, stop);
+    // What was measured is worth keeping however it ended.
+    let report = viewer.report(headset);
+    print(&report, viewer.placement().scale);
+    if let Some(path) = &arguments.report {
+        output::write_atomic(path, arguments.force, |w| {
+            serde_json::to_writer_pretty(w, &report).map_err(Into::into)
+        })?;
+    }
+    if let Some(path) = &arguments.picture {
+        write_picture(path, &viewer, arguments.force)?;
+    }
+    ended?;
+    let messages = gpu.validation_messages();
+    if messages.is_empty() {
+        return Ok(());
+    }
+    Err(Error::new(
+        Kind::Internal,
+        "VGS-XR-023",
+        format!("the validation layers have {} messages:\n{}", messages.len(), messages.join("\n")),
+    ))
+}
+
+fn announce(headset: &dyn Headset) {
+    let about = headset.description();
+    let [width, height] = about.eye_size;
+    println!(
+        "{} on {}: {width}x{height} pixels an eye, {:?} background",
+        about.system, about.runtime, about.blend
+    );
+}
+
+fn print(report: &Report, scale: f64) {
+    println!(
+        "{} frames, {} missed, {} over the budget, {} changes of quality",
+        report.frames, report.missed, report.over_budget, report.rung_changes
+    );
+    for (what, found) in [("device time", report.gpu_ms), ("motion to photon", report.latency_ms)] {
+        if let Some(d) = found {
+            println!(
+                "{what}: median {:.1} ms, 95 % {:.1}, 99 % {:.1}, most {:.1}",
+                d.median, d.p95, d.p99, d.most
+            );
+        }
+    }
+    println!("scale {scale:.2}; 1 is real size");
+    for (purpose, bytes) in &report.device_bytes {
+        println!("device memory for {purpose}: {:.1} MB", *bytes as f64 * 1e-6);
+    }
+}
+
+/// What both eyes saw last, side by side, over black.
+fn write_picture(path: &Path, viewer: &Viewer, force: bool) -> Result<()> {
+    let target = &viewer.frames().target;
+    let size = viewer.shown_size();
+    let width = target.size()[0] as usize;
+    let eyes = [target.read_colour(0)?, target.read_colour(1)?];
+    let [w, h] = size.map(|n| n as usize);
+    let pixels =
+        (0..h).flat_map(|y| eyes.iter().flat_map(move |eye| eye[y * width..][..w].iter().copied())).collect();
+    let both = Image { size: [2 * w, h], pixels };
+    image::write(path, &both, None, &WriteOptions { background: Some([0.0; 3]), force })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_are_sound() {
+        use clap::CommandFactory as _;
+        Arguments::command().debug_assert();
+    }
+}

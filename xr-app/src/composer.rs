@@ -1,0 +1,53 @@
+//! Puts what was rendered into the pictures of the eyes.
+
+use engine::Result;
+use engine::gpu::{Drawing, Format, Gpu, Image, Recorder};
+use engine::render::Target;
+use shaders_glsl as glsl;
+use shaders_glsl::types::EyesParams;
+
+use crate::headset::Blend;
+
+/// What puts pictures into those of a headset.
+pub struct Composer {
+    drawing: Drawing,
+    /// Display-referred, premultiplied.
+    background: [f32; 4],
+    /// Whether what is drawn is no cover for what the picture held.
+    translucent: bool,
+}
+
+impl Composer {
+    /// For pictures of a format. `background` is behind what was rendered where the headset shows no room there.
+    pub fn new(gpu: &Gpu, format: Format, blend: Blend, background: [f32; 3]) -> Result<Self> {
+        let linear = [u32::from(format.is_srgb())];
+        let [r, g, b] = background;
+        Ok(Composer {
+            drawing: Drawing::new(gpu, &glsl::EYES_VERT, &glsl::EYES_FRAG, &linear, &[format], 2)?,
+            background: match blend {
+                Blend::Opaque => [r, g, b, 1.0],
+                Blend::Additive => [0.0, 0.0, 0.0, 1.0],
+                Blend::Alpha => [0.0; 4],
+            },
+            translucent: blend == Blend::Alpha,
+        })
+    }
+
+    /// Records it. `size` is the part of the target that was rendered, pixels.
+    pub fn compose(&self, recorder: &mut Recorder, rendered: &Target, size: [u32; 2], eyes: &mut Image) {
+        if self.translucent {
+            recorder.clear_image(eyes, [0.0; 4]);
+        }
+        let whole = rendered.size();
+        let part = |axis: usize, less: f32| (size[axis] as f32 - less) / whole[axis] as f32;
+        recorder
+            .draw(&self.drawing)
+            .sample(&rendered.colour)
+            .push(&EyesParams {
+                part: [part(0, 0.0), part(1, 0.0)],
+                most: [part(0, 0.5), part(1, 0.5)],
+                background: self.background,
+            })
+            .vertices_over(&mut [eyes], 0..3);
+    }
+}

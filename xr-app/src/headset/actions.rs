@@ -1,0 +1,188 @@
+//! Hands as OpenXR knows them: actions, and what they are bound to on the controllers that people have.
+
+use engine::Result;
+use glam::DVec2;
+use openxr as xr;
+
+use super::openxr::{pose_of, said};
+use super::{Hand, Hands};
+
+/// The two hands, as paths name them.
+const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
+
+/// What an action is bound to on a controller, below the hand's path; the same for both hands, or by hand.
+struct Profile {
+    path: &'static str,
+    /// Whether the runtime must have XR_EXT_hand_interaction for it.
+    hands: bool,
+    squeeze: &'static str,
+    select: Option<&'static str>,
+    stick: Option<&'static str>,
+    next: Option<[&'static str; 2]>,
+    other: Option<[&'static str; 2]>,
+}
+
+/// Where there is one button, it grabs.
+const PROFILES: [Profile; 5] = [
+    Profile {
+        path: "/interaction_profiles/khr/simple_controller",
+        hands: false,
+        squeeze: "input/select/click",
+        select: None,
+        stick: None,
+        next: Some(["input/menu/click"; 2]),
+        other: None,
+    },
+    Profile {
+        path: "/interaction_profiles/oculus/touch_controller",
+        hands: false,
+        squeeze: "input/squeeze/value",
+        select: Some("input/trigger/value"),
+        stick: Some("input/thumbstick"),
+        next: Some(["input/x/click", "input/a/click"]),
+        other: Some(["input/y/click", "input/b/click"]),
+    },
+    Profile {
+        path: "/interaction_profiles/valve/index_controller",
+        hands: false,
+        squeeze: "input/squeeze/value",
+        select: Some("input/trigger/value"),
+        stick: Some("input/thumbstick"),
+        next: Some(["input/a/click"; 2]),
+        other: Some(["input/b/click"; 2]),
+    },
+    Profile {
+        path: "/interaction_profiles/microsoft/motion_controller",
+        hands: false,
+        squeeze: "input/squeeze/click",
+        select: Some("input/trigger/value"),
+        stick: Some("input/thumbstick"),
+        next: Some(["input/trackpad/click"; 2]),
+        other: Some(["input/menu/click"; 2]),
+    },
+    Profile {
+        path: "/interaction_profiles/ext/hand_interaction_ext",
+        hands: true,
+        squeeze: "input/grasp_ext/value",
+        select: Some("input/pinch_ext/value"),
+        stick: None,
+        next: None,
+        other: None,
+    },
+];
+
+/// The actions of both hands.
+pub(super) struct Actions {
+    set: xr::ActionSet,
+    hands: [xr::Path; 2],
+    grip: [xr::Space; 2],
+    aim: [xr::Space; 2],
+    squeeze: xr::Action<f32>,
+    select: xr::Action<bool>,
+    stick: xr::Action<xr::Vector2f>,
+    next: xr::Action<bool>,
+    other: xr::Action<bool>,
+}
+
+impl Actions {
+    /// Makes and binds the actions, for good: a session takes them once.
+    pub(super) fn new(
+        instance: &xr::Instance,
+        session: &xr::Session<xr::Vulkan>,
+        hand_interaction: bool,
+    ) -> Result<Self> {
+        Self::make(instance, session, hand_interaction).map_err(|e| said("binding the controllers", e))
+    }
+
+    fn make(
+        instance: &xr::Instance,
+        session: &xr::Session<xr::Vulkan>,
+        hand_interaction: bool,
+    ) -> xr::Result<Self> {
+        let set = instance.create_action_set("hands", "Hands", 0)?;
+        let hands = [instance.string_to_path(HANDS[0])?, instance.string_to_path(HANDS[1])?];
+        let grip = set.create_action::<xr::Posef>("grip", "Where a hand holds", &hands)?;
+        let aim = set.create_action::<xr::Posef>("aim", "Where a hand points", &hands)?;
+        let squeeze = set.create_action::<f32>("grab", "Grab", &hands)?;
+        let select = set.create_action::<bool>("select", "Select", &hands)?;
+        let stick = set.create_action::<xr::Vector2f>("window", "Window and level", &hands)?;
+        let next = set.create_action::<bool>("preset", "Last and next preset", &hands)?;
+        let other = set.create_action::<bool>("cut", "Reset, and cut", &hands)?;
+        for profile in PROFILES.iter().filter(|p| !p.hands || hand_interaction) {
+            let mut bindings = Vec::new();
+            for (side, hand) in HANDS.iter().enumerate() {
+                let path = |end: &str| instance.string_to_path(&format!("{hand}/{end}"));
+                bindings.push(xr::Binding::new(&grip, path("input/grip/pose")?));
+                bindings.push(xr::Binding::new(&aim, path("input/aim/pose")?));
+                bindings.push(xr::Binding::new(&squeeze, path(profile.squeeze)?));
+                if let Some(end) = profile.select {
+                    bindings.push(xr::Binding::new(&select, path(end)?));
+                }
+                if let Some(end) = profile.stick {
+                    bindings.push(xr::Binding::new(&stick, path(end)?));
+                }
+                for (action, ends) in [(&next, profile.next), (&other, profile.other)] {
+                    if let Some(ends) = ends {
+                        bindings.push(xr::Binding::new(action, path(ends[side])?));
+                    }
+                }
+            }
+            match instance
+                .suggest_interaction_profile_bindings(instance.string_to_path(profile.path)?, &bindings)
+            {
+                // A runtime may not know a controller; then nobody has one there.
+                Ok(()) | Err(xr::sys::Result::ERROR_PATH_UNSUPPORTED) => {}
+                Err(e) => return Err(e),
+            }
+        }
+        session.attach_action_sets(&[&set])?;
+        let space =
+            |action: &xr::Action<xr::Posef>, hand| action.create_space(session, hand, xr::Posef::IDENTITY);
+        Ok(Actions {
+            grip: [space(&grip, hands[0])?, space(&grip, hands[1])?],
+            aim: [space(&aim, hands[0])?, space(&aim, hands[1])?],
+            set,
+            hands,
+            squeeze,
+            select,
+            stick,
+            next,
+            other,
+        })
+    }
+
+    /// What the hands do at a time, in a space.
+    pub(super) fn hands(
+        &self,
+        session: &xr::Session<xr::Vulkan>,
+        room: &xr::Space,
+        time: xr::Time,
+    ) -> Result<Hands> {
+        self.read(session, room, time).map_err(|e| said("asking the controllers", e))
+    }
+
+    fn read(&self, session: &xr::Session<xr::Vulkan>, room: &xr::Space, time: xr::Time) -> xr::Result<Hands> {
+        session.sync_actions(&[xr::ActiveActionSet::new(&self.set)])?;
+        let mut out = [Hand::default(); 2];
+        for (side, hand) in out.iter_mut().enumerate() {
+            let at = self.hands[side];
+            let pose = |space: &xr::Space| {
+                let found = space.locate(room, time)?;
+                let known =
+                    xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
+                Ok(found.location_flags.contains(known).then(|| pose_of(&found.pose)))
+            };
+            let stick = self.stick.state(session, at)?.current_state;
+            *hand = Hand {
+                grip: pose(&self.grip[side])?,
+                aim: pose(&self.aim[side])?,
+                squeeze: f64::from(self.squeeze.state(session, at)?.current_state),
+                select: self.select.state(session, at)?.current_state,
+                stick: DVec2::new(f64::from(stick.x), f64::from(stick.y)),
+                next: self.next.state(session, at)?.current_state,
+                other: self.other.state(session, at)?.current_state,
+            };
+        }
+        Ok(out)
+    }
+}

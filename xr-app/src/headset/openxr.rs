@@ -1,0 +1,552 @@
+//! A headset through OpenXR (XR_KHR_vulkan_enable2): the runtime makes instance and device of Vulkan, lends pictures of a
+//! swapchain with a layer for each eye, and says when and from where to draw.
+//!
+//! This is the one file of the program with `unsafe` code: handles of Vulkan go to the runtime and come back.
+#![allow(unsafe_code, reason = "handles of Vulkan pass between the engine and the runtime")]
+
+use std::cell::Cell;
+
+use ash::vk;
+use ash::vk::Handle as _;
+use engine::gpu::{Boot, Format, Gpu, GpuOptions, Image, Recorder};
+use engine::render::Fov;
+use engine::{Error, Kind, Result};
+use glam::{DQuat, DVec3};
+use openxr as xr;
+
+use super::actions::Actions;
+use super::{Blend, Description, Event, Eye, Eyes, Hands, Headset, Pose, State, Timing};
+
+const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
+
+/// What a user may choose about a headset.
+#[derive(Clone, Debug, Default)]
+pub struct OpenXrOptions {
+    /// What is behind the picture; the runtime's first choice where nothing is said.
+    pub blend: Option<Blend>,
+    /// Frames a second, where the runtime lets programs choose.
+    pub rate_hz: Option<f64>,
+    /// Edges of the pictures as a part of what the runtime recommends.
+    pub resolution: Option<f64>,
+}
+
+/// A headset with a session of OpenXR. Fields are dropped in their order: pictures before the swapchain that owns their
+/// images, and the device last of all.
+pub struct OpenXr {
+    description: Description,
+    pictures: Vec<Image>,
+    swapchain: xr::Swapchain<xr::Vulkan>,
+    actions: Actions,
+    room: xr::Space,
+    frames: xr::FrameStream<xr::Vulkan>,
+    waiter: xr::FrameWaiter,
+    session: xr::Session<xr::Vulkan>,
+    instance: xr::Instance,
+    events: Box<xr::EventDataBuffer>,
+    running: bool,
+    /// The picture that is lent.
+    lent: Option<usize>,
+    /// The last poses that were known.
+    last: Option<[Eye; 2]>,
+    gpu: Gpu,
+}
+
+/// An error of the runtime.
+pub(super) fn said(doing: &str, e: xr::sys::Result) -> Error {
+    use xr::sys::Result as R;
+    match e {
+        R::ERROR_INSTANCE_LOST | R::ERROR_SESSION_LOST | R::ERROR_RUNTIME_FAILURE => {
+            Error::new(Kind::Temporary, "VGS-XR-010", format!("{doing}: the OpenXR runtime was lost ({e})"))
+                .help("start the runtime and this program again")
+        }
+        e => Error::new(Kind::Internal, "VGS-XR-011", format!("{doing}: the OpenXR runtime said {e}")),
+    }
+}
+
+fn unavailable(code: &'static str, what: String) -> Error {
+    Error::new(Kind::Unavailable, code, what).help(
+        "start the headset's runtime and connect the headset; `--simulated` needs neither, and `tools/monado` runs a \
+         program with a runtime for tests",
+    )
+}
+
+/// The runtime with its device, before Vulkan is there.
+struct Runtime {
+    instance: xr::Instance,
+    system: xr::SystemId,
+    extensions: xr::ExtensionSet,
+    /// What the session is bound to; known once the device was made.
+    binding: Cell<Option<xr::vulkan::SessionCreateInfo>>,
+}
+
+impl Runtime {
+    fn new() -> Result<Self> {
+        // SAFETY: loading the OpenXR loader runs its initialisers; it is the system's own library.
+        let entry = unsafe { xr::Entry::load(&()) }
+            .map_err(|e| unavailable("VGS-XR-001", format!("no OpenXR loader: {e}")))?;
+        let offered = entry
+            .enumerate_extensions()
+            .map_err(|e| unavailable("VGS-XR-002", format!("no OpenXR runtime is installed ({e})")))?;
+        if !offered.khr_vulkan_enable2 {
+            return Err(unavailable(
+                "VGS-XR-003",
+                "the OpenXR runtime does not know XR_KHR_vulkan_enable2".into(),
+            ));
+        }
+        let mut extensions = xr::ExtensionSet::default();
+        extensions.khr_vulkan_enable2 = true;
+        extensions.khr_convert_timespec_time = offered.khr_convert_timespec_time;
+        extensions.fb_display_refresh_rate = offered.fb_display_refresh_rate;
+        extensions.ext_hand_interaction = offered.ext_hand_interaction;
+        let about = xr::ApplicationInfo {
+            application_name: "vgs-xr",
+            application_version: 1,
+            engine_name: "vgs",
+            engine_version: 1,
+            api_version: xr::Version::new(1, 0, 0),
+        };
+        let instance = entry
+            .create_instance(&about, &extensions, &[], &())
+            .map_err(|e| unavailable("VGS-XR-002", format!("no OpenXR runtime answers ({e})")))?;
+        let system = instance
+            .system(xr::FormFactor::HEAD_MOUNTED_DISPLAY)
+            .map_err(|e| unavailable("VGS-XR-004", format!("the OpenXR runtime has no headset ({e})")))?;
+        // To be asked before Vulkan is made.
+        instance.graphics_requirements::<xr::Vulkan>(system).map_err(|e| said("asking for Vulkan", e))?;
+        Ok(Runtime { instance, system, extensions, binding: Cell::new(None) })
+    }
+
+    /// Names of the extensions in use.
+    fn names(&self) -> Vec<&'static str> {
+        [
+            (self.extensions.khr_vulkan_enable2, "XR_KHR_vulkan_enable2"),
+            (self.extensions.khr_convert_timespec_time, "XR_KHR_convert_timespec_time"),
+            (self.extensions.fb_display_refresh_rate, "XR_FB_display_refresh_rate"),
+            (self.extensions.ext_hand_interaction, "XR_EXT_hand_interaction"),
+        ]
+        .into_iter()
+        .filter_map(|(used, name)| used.then_some(name))
+        .collect()
+    }
+}
+
+/// A result of Vulkan that came through the runtime.
+fn made<T>(doing: &str, result: xr::Result<std::result::Result<T, i32>>) -> Result<T> {
+    result.map_err(|e| said(doing, e))?.map_err(|code| {
+        let e = vk::Result::from_raw(code);
+        Error::new(
+            Kind::Unavailable,
+            "VGS-XR-005",
+            format!("{doing} through the OpenXR runtime: Vulkan said {e}"),
+        )
+    })
+}
+
+impl Boot for Runtime {
+    fn create_instance(
+        &self,
+        entry: &ash::Entry,
+        info: &vk::InstanceCreateInfo<'_>,
+    ) -> Result<ash::Instance> {
+        // SAFETY: both function types are vkGetInstanceProcAddr; the create-info lives until the call returns.
+        let handle = unsafe {
+            let loader = std::mem::transmute::<
+                vk::PFN_vkGetInstanceProcAddr,
+                xr::sys::platform::VkGetInstanceProcAddr,
+            >(entry.static_fn().get_instance_proc_addr);
+            self.instance.create_vulkan_instance(self.system, loader, std::ptr::from_ref(info).cast())
+        };
+        let handle = vk::Instance::from_raw(made("creating the Vulkan instance", handle)? as u64);
+        // SAFETY: the runtime made it just now, with this loader.
+        Ok(unsafe { ash::Instance::load(entry.static_fn(), handle) })
+    }
+
+    fn required_device(&self, instance: &ash::Instance) -> Result<Option<vk::PhysicalDevice>> {
+        // SAFETY: the instance was made by the runtime.
+        let found = unsafe {
+            self.instance.vulkan_graphics_device(self.system, instance.handle().as_raw() as *const _)
+        };
+        let found = found.map_err(|e| said("asking for the headset's GPU", e))?;
+        Ok(Some(vk::PhysicalDevice::from_raw(found as u64)))
+    }
+
+    fn create_device(
+        &self,
+        instance: &ash::Instance,
+        physical: vk::PhysicalDevice,
+        info: &vk::DeviceCreateInfo<'_>,
+    ) -> Result<ash::Device> {
+        // SAFETY: `info` has at least one queue; the function type is as above, and the loader of the instance is the one
+        // that gave it.
+        let (handle, queue_family_index) = unsafe {
+            let entry = ash::Entry::load()
+                .map_err(|e| unavailable("VGS-XR-006", format!("no Vulkan loader: {e}")))?;
+            let loader = std::mem::transmute::<
+                vk::PFN_vkGetInstanceProcAddr,
+                xr::sys::platform::VkGetInstanceProcAddr,
+            >(entry.static_fn().get_instance_proc_addr);
+            let family = (*info.p_queue_create_infos).queue_family_index;
+            let raw = physical.as_raw() as *const _;
+            (
+                self.instance.create_vulkan_device(self.system, loader, raw, std::ptr::from_ref(info).cast()),
+                family,
+            )
+        };
+        let handle = vk::Device::from_raw(made("creating the Vulkan device", handle)? as u64);
+        self.binding.set(Some(xr::vulkan::SessionCreateInfo {
+            instance: instance.handle().as_raw() as *const _,
+            physical_device: physical.as_raw() as *const _,
+            device: handle.as_raw() as *const _,
+            queue_family_index,
+            queue_index: 0,
+        }));
+        // SAFETY: the runtime made it just now, from this instance.
+        Ok(unsafe { ash::Device::load(instance.fp_v1_0(), handle) })
+    }
+}
+
+impl OpenXr {
+    /// Boots Vulkan through the runtime and opens a session on its headset.
+    pub fn start(gpu_options: &GpuOptions, options: &OpenXrOptions) -> Result<(Gpu, Self)> {
+        let runtime = Runtime::new()?;
+        let gpu = Gpu::with_boot(&runtime, gpu_options)?;
+        let Runtime { ref instance, system, .. } = runtime;
+        let Some(binding) = runtime.binding.take() else {
+            return Err(Error::new(Kind::Internal, "VGS-XR-012", "no device was made"));
+        };
+        // SAFETY: the handles are those of `gpu`, which is kept until the session has gone; its queue is used from the
+        // thread that uses the session, and only from there.
+        let opened = unsafe {
+            instance.create_session_with_guard::<xr::Vulkan>(system, &binding, Box::new(gpu.clone()))
+        };
+        let (session, waiter, frames) = opened.map_err(|e| said("opening a session", e))?;
+        let description = describe(&runtime, &session, options)?;
+        let [width, height] = description.eye_size;
+        let swapchain = session
+            .create_swapchain(&xr::SwapchainCreateInfo {
+                create_flags: xr::SwapchainCreateFlags::EMPTY,
+                usage_flags: xr::SwapchainUsageFlags::COLOR_ATTACHMENT
+                    | xr::SwapchainUsageFlags::SAMPLED
+                    | xr::SwapchainUsageFlags::TRANSFER_SRC
+                    | xr::SwapchainUsageFlags::TRANSFER_DST,
+                format: vulkan_format(description.format),
+                sample_count: 1,
+                width,
+                height,
+                face_count: 1,
+                array_size: 2,
+                mip_count: 1,
+            })
+            .map_err(|e| said("making pictures for the eyes", e))?;
+        let images = swapchain.enumerate_images().map_err(|e| said("asking for pictures", e))?;
+        let pictures = images
+            .iter()
+            .map(|&image| {
+                // SAFETY: the image belongs to the swapchain, which outlives the pictures; it was asked for with two layers,
+                // this size and format, and OpenXR wants colour images back as attachments.
+                unsafe {
+                    gpu.foreign_picture(
+                        "eyes",
+                        vk::Image::from_raw(image),
+                        description.format,
+                        description.eye_size,
+                        2,
+                        vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+                    )
+                }
+            })
+            .collect::<Result<_>>()?;
+        let room = session
+            .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
+            .map_err(|e| said("asking for the room", e))?;
+        let actions = Actions::new(instance, &session, runtime.extensions.ext_hand_interaction)?;
+        let headset = OpenXr {
+            description,
+            pictures,
+            swapchain,
+            actions,
+            room,
+            frames,
+            waiter,
+            session,
+            instance: runtime.instance.clone(),
+            events: Box::new(xr::EventDataBuffer::new()),
+            running: false,
+            lent: None,
+            last: None,
+            gpu: gpu.clone(),
+        };
+        Ok((gpu, headset))
+    }
+
+    /// The time on the runtime's clock, if it can be read.
+    fn now_ns(&self) -> Option<i64> {
+        self.instance.exts().khr_convert_timespec_time.as_ref()?;
+        self.instance.now().ok().map(xr::Time::as_nanos)
+    }
+}
+
+/// What the runtime says about itself and its headset, and what is chosen of it.
+fn describe(
+    runtime: &Runtime,
+    session: &xr::Session<xr::Vulkan>,
+    options: &OpenXrOptions,
+) -> Result<Description> {
+    let Runtime { instance, system, .. } = runtime;
+    let asked = |e| said("asking about the headset", e);
+    let about = instance.properties().map_err(asked)?;
+    let device = instance.system_properties(*system).map_err(asked)?;
+    let views = instance.enumerate_view_configuration_views(*system, STEREO).map_err(asked)?;
+    let Some(view) = views.first().filter(|_| views.len() == 2) else {
+        return Err(unavailable("VGS-XR-007", format!("{} eyes; stereo needs 2", views.len())));
+    };
+    let part = options.resolution.unwrap_or(1.0);
+    let edge = |recommended: u32, most: u32| ((f64::from(recommended) * part).round() as u32).clamp(1, most);
+    let offered = session.enumerate_swapchain_formats().map_err(asked)?;
+    let wanted = [Format::Srgba8, Format::Sbgra8, Format::Rgba8, Format::Bgra8];
+    let Some(format) = wanted.into_iter().find(|&f| offered.contains(&vulkan_format(f))) else {
+        return Err(unavailable("VGS-XR-008", "the runtime takes no pictures of 8 bits a channel".into()));
+    };
+    let blends = instance.enumerate_environment_blend_modes(*system, STEREO).map_err(asked)?;
+    let blend = match options.blend {
+        None => blends.first().map_or(Blend::Opaque, |&b| blend_from(b)),
+        Some(wanted) if blends.contains(&blend_mode(wanted)) => wanted,
+        Some(wanted) => {
+            let names: Vec<_> =
+                blends.iter().map(|&b| format!("{:?}", blend_from(b)).to_lowercase()).collect();
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-XR-009",
+                format!("this headset has no {} background", format!("{wanted:?}").to_lowercase()),
+            )
+            .help(format!("it has {}", names.join(", "))));
+        }
+    };
+    let mut rate_hz = None;
+    if runtime.extensions.fb_display_refresh_rate {
+        if let Some(wanted) = options.rate_hz {
+            let rates = session.enumerate_display_refresh_rates().map_err(asked)?;
+            let Some(&rate) = rates.iter().find(|&&r| (f64::from(r) - wanted).abs() < 0.5) else {
+                let rates: Vec<_> = rates.iter().map(|r| format!("{r:.0}")).collect();
+                return Err(Error::new(Kind::Usage, "VGS-XR-013", format!("no display rate of {wanted} Hz"))
+                    .help(format!("this headset has {} Hz", rates.join(", "))));
+            };
+            session.request_display_refresh_rate(rate).map_err(asked)?;
+        }
+        rate_hz = session.get_display_refresh_rate().ok().map(f64::from).filter(|&r| r > 0.0);
+    }
+    Ok(Description {
+        runtime: format!("{} {}", about.runtime_name, about.runtime_version),
+        system: device.system_name,
+        eye_size: [
+            edge(view.recommended_image_rect_width, view.max_image_rect_width),
+            edge(view.recommended_image_rect_height, view.max_image_rect_height),
+        ],
+        format,
+        blend,
+        rate_hz,
+        extensions: runtime.names(),
+    })
+}
+
+fn vulkan_format(format: Format) -> u32 {
+    let format = match format {
+        Format::Srgba8 => vk::Format::R8G8B8A8_SRGB,
+        Format::Sbgra8 => vk::Format::B8G8R8A8_SRGB,
+        Format::Bgra8 => vk::Format::B8G8R8A8_UNORM,
+        _ => vk::Format::R8G8B8A8_UNORM,
+    };
+    format.as_raw() as u32
+}
+
+fn blend_mode(blend: Blend) -> xr::EnvironmentBlendMode {
+    match blend {
+        Blend::Opaque => xr::EnvironmentBlendMode::OPAQUE,
+        Blend::Additive => xr::EnvironmentBlendMode::ADDITIVE,
+        Blend::Alpha => xr::EnvironmentBlendMode::ALPHA_BLEND,
+    }
+}
+
+fn blend_from(mode: xr::EnvironmentBlendMode) -> Blend {
+    match mode {
+        xr::EnvironmentBlendMode::ADDITIVE => Blend::Additive,
+        xr::EnvironmentBlendMode::ALPHA_BLEND => Blend::Alpha,
+        _ => Blend::Opaque,
+    }
+}
+
+pub(super) fn pose_of(pose: &xr::Posef) -> Pose {
+    let (p, q) = (pose.position, pose.orientation);
+    let orientation = DQuat::from_xyzw(f64::from(q.x), f64::from(q.y), f64::from(q.z), f64::from(q.w));
+    Pose {
+        position: DVec3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z)),
+        orientation: orientation.normalize(),
+    }
+}
+
+fn pose_to(pose: &Pose) -> xr::Posef {
+    let (p, q) = (pose.position, pose.orientation);
+    xr::Posef {
+        position: xr::Vector3f { x: p.x as f32, y: p.y as f32, z: p.z as f32 },
+        orientation: xr::Quaternionf { x: q.x as f32, y: q.y as f32, z: q.z as f32, w: q.w as f32 },
+    }
+}
+
+fn fov_of(fov: &xr::Fovf) -> Fov {
+    let tangent = |angle: f32| f64::from(angle).tan();
+    Fov {
+        left: tangent(fov.angle_left),
+        right: tangent(fov.angle_right),
+        up: tangent(fov.angle_up),
+        down: tangent(fov.angle_down),
+    }
+}
+
+fn fov_to(fov: &Fov) -> xr::Fovf {
+    let angle = |tangent: f64| tangent.atan() as f32;
+    xr::Fovf {
+        angle_left: angle(fov.left),
+        angle_right: angle(fov.right),
+        angle_up: angle(fov.up),
+        angle_down: angle(fov.down),
+    }
+}
+
+fn time(ns: i64) -> xr::Time {
+    xr::Time::from_nanos(ns)
+}
+
+impl Headset for OpenXr {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn poll(&mut self) -> Result<Vec<Event>> {
+        let mut out = Vec::new();
+        loop {
+            let event =
+                self.instance.poll_event(&mut self.events).map_err(|e| said("asking what happened", e))?;
+            let Some(event) = event else { return Ok(out) };
+            match event {
+                xr::Event::SessionStateChanged(e) => match e.state() {
+                    xr::SessionState::IDLE => out.push(Event::State(State::Idle)),
+                    xr::SessionState::READY => {
+                        self.session.begin(STEREO).map_err(|e| said("beginning the session", e))?;
+                        self.running = true;
+                    }
+                    xr::SessionState::SYNCHRONIZED => out.push(Event::State(State::Synchronized)),
+                    xr::SessionState::VISIBLE => out.push(Event::State(State::Visible)),
+                    xr::SessionState::FOCUSED => out.push(Event::State(State::Focused)),
+                    xr::SessionState::STOPPING => {
+                        self.session.end().map_err(|e| said("ending the session", e))?;
+                        self.running = false;
+                        out.push(Event::State(State::Stopping));
+                    }
+                    xr::SessionState::EXITING => out.push(Event::State(State::Over)),
+                    xr::SessionState::LOSS_PENDING => out.push(Event::State(State::Lost)),
+                    _ => {}
+                },
+                xr::Event::InstanceLossPending(_) => out.push(Event::State(State::Lost)),
+                xr::Event::ReferenceSpaceChangePending(_) => out.push(Event::Recentred),
+                xr::Event::DisplayRefreshRateChangedFB(e) => {
+                    out.push(Event::Rate(f64::from(e.to_display_refresh_rate())));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn running(&self) -> bool {
+        self.running
+    }
+
+    fn wait(&mut self) -> Result<Timing> {
+        let state = self.waiter.wait().map_err(|e| said("waiting for a frame", e))?;
+        self.frames.begin().map_err(|e| said("beginning a frame", e))?;
+        Ok(Timing {
+            display_ns: state.predicted_display_time.as_nanos(),
+            period_ns: state.predicted_display_period.as_nanos(),
+            visible: state.should_render,
+        })
+    }
+
+    fn hands(&mut self, timing: &Timing) -> Result<Hands> {
+        self.actions.hands(&self.session, &self.room, time(timing.display_ns))
+    }
+
+    fn lend(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
+        let index = self.swapchain.acquire_image().map_err(|e| said("asking for a picture", e))? as usize;
+        self.lent = Some(index);
+        recorder.borrow_image(&self.pictures[index]);
+        Ok(&mut self.pictures[index])
+    }
+
+    fn give_back(&mut self, recorder: &mut Recorder) -> Result<()> {
+        let index = self.lent.expect("a picture was lent");
+        recorder.return_image(&self.pictures[index]);
+        // The compositor may still read it: only now does the device need it.
+        self.swapchain.wait_image(xr::Duration::INFINITE).map_err(|e| said("waiting for a picture", e))
+    }
+
+    fn eyes(&mut self, timing: &Timing) -> Result<Eyes> {
+        let asked_ns = self.now_ns();
+        let (flags, views) = self
+            .session
+            .locate_views(STEREO, time(timing.display_ns), &self.room)
+            .map_err(|e| said("asking where the eyes are", e))?;
+        let tracked = flags.contains(xr::ViewStateFlags::ORIENTATION_VALID);
+        let found = [0, 1].map(|eye| Eye { pose: pose_of(&views[eye].pose), fov: fov_of(&views[eye].fov) });
+        let eyes = match self.last {
+            Some(last) if !tracked => last,
+            _ => found,
+        };
+        self.last = Some(eyes);
+        Ok(Eyes { eyes, tracked, asked_ns })
+    }
+
+    fn end(&mut self, timing: &Timing, seen: Option<&[Eye; 2]>) -> Result<()> {
+        let ended = |e| said("showing a frame", e);
+        if self.lent.take().is_some() {
+            self.swapchain.release_image().map_err(ended)?;
+        }
+        let blend = blend_mode(self.description.blend);
+        let Some(eyes) = seen else {
+            return self.frames.end(time(timing.display_ns), blend, &[]).map_err(ended);
+        };
+        let [width, height] = self.description.eye_size.map(|n| n as i32);
+        let rectangle =
+            xr::Rect2Di { offset: xr::Offset2Di { x: 0, y: 0 }, extent: xr::Extent2Di { width, height } };
+        let views = [0, 1].map(|eye| {
+            let picture = xr::SwapchainSubImage::new()
+                .swapchain(&self.swapchain)
+                .image_array_index(eye as u32)
+                .image_rect(rectangle);
+            xr::CompositionLayerProjectionView::new()
+                .pose(pose_to(&eyes[eye].pose))
+                .fov(fov_to(&eyes[eye].fov))
+                .sub_image(picture)
+        });
+        let mut layer = xr::CompositionLayerProjection::new().space(&self.room).views(&views);
+        if self.description.blend == Blend::Alpha {
+            layer = layer.layer_flags(xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA);
+        }
+        self.frames.end(time(timing.display_ns), blend, &[&layer]).map_err(ended)
+    }
+
+    fn request_exit(&mut self) -> Result<()> {
+        match self.session.request_exit() {
+            Ok(()) => Ok(()),
+            // Nothing was begun: there is nothing to end.
+            Err(xr::sys::Result::ERROR_SESSION_NOT_RUNNING) => Ok(()),
+            Err(e) => Err(said("ending the session", e)),
+        }
+    }
+}
+
+impl Drop for OpenXr {
+    fn drop(&mut self) {
+        // The views of the pictures go before the images that the swapchain owns.
+        self.pictures.clear();
+        let _ = self.gpu.wait_idle();
+    }
+}

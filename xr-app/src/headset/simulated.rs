@@ -1,0 +1,196 @@
+//! A headset without a headset: poses, hands and the clock follow a script, and pictures stay where they are.
+
+use std::time::{Duration, Instant};
+
+use engine::Result;
+use engine::gpu::{Format, Gpu, Image, Recorder};
+use engine::render::Fov;
+use glam::{DQuat, DVec3};
+
+use super::{Blend, Description, Event, Eye, Eyes, Hands, Headset, Pose, State, Timing};
+
+/// Pictures that go round, as in the swapchains of runtimes.
+const PICTURES: usize = 3;
+/// Distance of the eyes, metres.
+const EYES_APART: f64 = 0.063;
+
+/// What a simulated headset does.
+pub struct Script {
+    /// Width and height of the pictures of an eye, pixels.
+    pub eye_size: [u32; 2],
+    /// Frames a second.
+    pub rate_hz: f64,
+    /// What is behind the picture.
+    pub blend: Blend,
+    /// Whether frames come at this rate, or as fast as they are ended, on a clock that jumps.
+    pub real_time: bool,
+    /// Frames after which the headset asks to end, if it does.
+    pub frames: Option<u64>,
+    /// What an eye sees; the other one is its mirror image.
+    pub left_fov: Fov,
+    /// Where the head is, by the seconds since the start, and whether that is known.
+    pub head: fn(f64) -> (Pose, bool),
+    /// What the hands do, by the seconds since the start.
+    pub hands: fn(f64) -> Hands,
+    /// What happens, by the number of the frame; besides start and end.
+    pub events: fn(u64) -> Option<Event>,
+}
+
+impl Default for Script {
+    fn default() -> Self {
+        Script {
+            eye_size: [640, 720],
+            rate_hz: 72.0,
+            blend: Blend::Opaque,
+            real_time: true,
+            frames: None,
+            left_fov: Fov { left: -1.0, right: 0.84, up: 0.9, down: -1.0 },
+            head: |seconds| (sway(seconds), true),
+            hands: |_| Hands::default(),
+            events: |_| None,
+        }
+    }
+}
+
+/// A head that sways about the room's middle, looking at a point half a metre ahead.
+pub fn sway(seconds: f64) -> Pose {
+    let angle = 0.4 * (0.7 * seconds).sin();
+    let height = 0.1 * (0.45 * seconds).sin();
+    let target = DVec3::new(0.0, 0.0, -0.6);
+    let position = target + 0.6 * DVec3::new(angle.sin(), height, angle.cos());
+    Pose { position, orientation: DQuat::from_rotation_y(angle) * DQuat::from_rotation_x(-height) }
+}
+
+/// A simulated headset.
+pub struct Simulated {
+    script: Script,
+    description: Description,
+    pictures: Vec<Image>,
+    start: Instant,
+    frame: u64,
+    /// Period of the display that the next frame is for.
+    tick: u64,
+    begun: bool,
+    leaving: bool,
+    over: bool,
+    /// What was shown last.
+    pub shown: Option<[Eye; 2]>,
+}
+
+impl Simulated {
+    /// A headset that does what the script says.
+    pub fn new(gpu: &Gpu, script: Script) -> Result<Self> {
+        let pictures = (0..PICTURES)
+            .map(|n| gpu.picture(&format!("eyes {n}"), "eyes", Format::Rgba8, script.eye_size, 2))
+            .collect::<Result<_>>()?;
+        let description = Description {
+            runtime: "simulated".to_owned(),
+            system: "simulated headset".to_owned(),
+            eye_size: script.eye_size,
+            format: Format::Rgba8,
+            blend: script.blend,
+            rate_hz: Some(script.rate_hz),
+            extensions: Vec::new(),
+        };
+        Ok(Simulated {
+            script,
+            description,
+            pictures,
+            start: Instant::now(),
+            frame: 0,
+            tick: 0,
+            begun: false,
+            leaving: false,
+            over: false,
+            shown: None,
+        })
+    }
+
+    /// The picture that was shown last.
+    pub fn picture(&self) -> &Image {
+        &self.pictures[(self.frame as usize + PICTURES - 1) % PICTURES]
+    }
+
+    fn period(&self) -> Duration {
+        Duration::from_secs_f64(1.0 / self.script.rate_hz)
+    }
+
+    fn index(&self) -> usize {
+        self.frame as usize % PICTURES
+    }
+}
+
+impl Headset for Simulated {
+    fn description(&self) -> &Description {
+        &self.description
+    }
+
+    fn poll(&mut self) -> Result<Vec<Event>> {
+        let mut events = Vec::new();
+        if !self.begun {
+            self.begun = true;
+            self.start = Instant::now();
+            events.extend([State::Synchronized, State::Visible, State::Focused].map(Event::State));
+        }
+        events.extend((self.script.events)(self.frame));
+        if !self.over && (self.leaving || self.script.frames.is_some_and(|n| self.frame >= n)) {
+            self.over = true;
+            events.extend([State::Stopping, State::Over].map(Event::State));
+        }
+        Ok(events)
+    }
+
+    fn running(&self) -> bool {
+        self.begun && !self.over
+    }
+
+    fn wait(&mut self) -> Result<Timing> {
+        let period = self.period();
+        if self.script.real_time {
+            // Who comes late gets the next period that has not begun.
+            let now = self.start.elapsed();
+            self.tick = self.tick.max((now.as_nanos().div_ceil(period.as_nanos())) as u64);
+            std::thread::sleep((period * self.tick as u32).saturating_sub(now));
+        }
+        self.tick += 1;
+        let period_ns = period.as_nanos() as i64;
+        // Seen a period after it is due, as on a display that shows one picture while the next is drawn.
+        Ok(Timing { display_ns: self.tick as i64 * period_ns, period_ns, visible: true })
+    }
+
+    fn hands(&mut self, timing: &Timing) -> Result<Hands> {
+        Ok((self.script.hands)(timing.display_ns as f64 * 1e-9))
+    }
+
+    fn lend(&mut self, _: &mut Recorder) -> Result<&mut Image> {
+        let index = self.index();
+        Ok(&mut self.pictures[index])
+    }
+
+    fn give_back(&mut self, _: &mut Recorder) -> Result<()> {
+        Ok(())
+    }
+
+    fn eyes(&mut self, timing: &Timing) -> Result<Eyes> {
+        let (head, tracked) = (self.script.head)(timing.display_ns as f64 * 1e-9);
+        let left = self.script.left_fov;
+        let right = Fov { left: -left.right, right: -left.left, ..left };
+        let eye = |side: f64, fov| Eye {
+            pose: Pose { position: head.place(DVec3::X * (side * EYES_APART)), ..head },
+            fov,
+        };
+        let asked_ns = self.script.real_time.then(|| self.start.elapsed().as_nanos() as i64);
+        Ok(Eyes { eyes: [eye(-0.5, left), eye(0.5, right)], tracked, asked_ns })
+    }
+
+    fn end(&mut self, _: &Timing, seen: Option<&[Eye; 2]>) -> Result<()> {
+        self.shown = seen.copied();
+        self.frame += 1;
+        Ok(())
+    }
+
+    fn request_exit(&mut self) -> Result<()> {
+        self.leaving = true;
+        Ok(())
+    }
+}

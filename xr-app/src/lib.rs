@@ -1,0 +1,23 @@
+//! Splats in a headset: stereo through OpenXR, within the frame budget.
+//!
+//! ```text
+//! main ─► viewer ─► headset (openxr or simulated): clock, eyes, hands, pictures
+//!                ─► controls ─► placement          what hands do to the patient
+//!                ─► composer                       what was rendered, into the pictures of the eyes
+//!                ─► statistics                     what is reported
+//!      ─► memory                                   what fits on the device
+//! ```
+//!
+//! `headset::openxr` is the only file with unsafe code; everything else runs and is tested without a runtime.
+#![deny(unsafe_code)]
+
+pub mod arguments;
+pub mod composer;
+pub mod controls;
+pub mod headset;
+pub mod memory;
+pub mod placement;
+pub mod statistics;
+pub mod viewer;
+
+pub use arguments::{Arguments, run};

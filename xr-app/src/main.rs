@@ -1,0 +1,20 @@
+//! `vgs-xr`: splats in a headset.
+#![forbid(unsafe_code)]
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use xr_app::Arguments;
+
+fn main() -> ExitCode {
+    match xr_app::run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error[{}]: {e}", e.code);
+            if !e.help.is_empty() {
+                eprintln!("  help: {}", e.help);
+            }
+            ExitCode::from(e.kind.exit_code())
+        }
+    }
+}

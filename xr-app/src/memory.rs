@@ -1,0 +1,63 @@
+//! Keeps what is on the device within a budget of bytes: first splats are packed, then the lightest ones left out.
+
+use engine::gpu::Gpu;
+use engine::render::Precision;
+use engine::splat::SplatSet;
+use engine::{Error, Kind, Result};
+
+/// Where splats are left out, what remains is to take this part of the budget at most by reckoning, so that it seldom has to
+/// be reckoned again.
+const MARGIN: f64 = 0.95;
+
+/// Makes something of a set, by `make`, that takes at most so many MiB of device memory, and says so where it is not all of
+/// it. What is made is measured, not guessed: where it is too large it is made again of less. The set begins with the splats
+/// that weigh most.
+pub fn within<T>(
+    gpu: &Gpu,
+    budget_mib: Option<f64>,
+    mut set: SplatSet,
+    mut make: impl FnMut(&SplatSet, Precision) -> Result<T>,
+) -> Result<T> {
+    let Some(budget) = budget_mib.map(|mib| mib * f64::from(1 << 20)) else {
+        return make(&set, Precision::Full);
+    };
+    let all = set.splats.len();
+    let mut precision = Precision::Full;
+    loop {
+        let made = make(&set, precision)?;
+        let used = gpu.memory_by_purpose().values().sum::<u64>() as f64;
+        if used <= budget {
+            let count = set.splats.len();
+            match precision {
+                _ if count < all => {
+                    eprintln!(
+                        "note: {count} of {all} splats fit into the memory budget; the lightest are left out"
+                    );
+                }
+                Precision::Packed => eprintln!("note: splats are packed, to keep to the memory budget"),
+                Precision::Full => {}
+            }
+            return Ok(made);
+        }
+        drop(made);
+        gpu.wait_idle()?;
+        if precision == Precision::Full && set.colours.is_none() {
+            precision = Precision::Packed;
+            continue;
+        }
+        let fewer = (set.splats.len() as f64 * (budget / used).min(1.0) * MARGIN) as usize;
+        if fewer == 0 || set.splats.len() == 1 {
+            return Err(Error::new(
+                Kind::Unavailable,
+                "VGS-XR-024",
+                format!(
+                    "{:.0} MiB are needed without any splat; the budget is {:.0}",
+                    used / 1048576.0,
+                    budget / 1048576.0
+                ),
+            )
+            .help("choose a larger --memory-budget, or a smaller --resolution"));
+        }
+        set.truncate(fewer);
+    }
+}

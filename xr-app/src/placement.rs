@@ -1,0 +1,168 @@
+//! Where the patient is in the room, and how large.
+
+use engine::render::Camera;
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::headset::{Eye, Pose};
+
+/// mm in a metre.
+const MM: f64 = 1000.0;
+/// Smallest and greatest magnification.
+const SCALES: [f64; 2] = [0.05, 50.0];
+/// From the head to the patient's middle at the start, metres; further where the patient is large.
+const REACH: f64 = 0.6;
+
+/// Room from patient: turned, magnified, and moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// The patient's point that stays with `position`, mm RAS.
+    pub centre_mm: DVec3,
+    /// Where that point is in the room, metres.
+    pub position: DVec3,
+    /// From the patient's axes (right, anterior, superior) to those of the room.
+    pub orientation: DQuat,
+    /// Magnification; 1 is real size.
+    pub scale: f64,
+}
+
+impl Placement {
+    /// In real size before a head, upright, the face to the viewer.
+    pub fn before(head: &Pose, centre_mm: DVec3, radius_mm: f64) -> Self {
+        // Level, whatever the head does.
+        let ahead = (head.forward() * DVec3::new(1.0, 0.0, 1.0)).try_normalize().unwrap_or(DVec3::NEG_Z);
+        let distance = REACH.max(1.5 * radius_mm / MM);
+        // The patient's right is at the viewer's left, anterior towards the viewer, superior up.
+        let right = ahead.cross(DVec3::Y);
+        let axes = DMat3::from_cols(-right, -ahead, DVec3::Y);
+        Placement {
+            centre_mm,
+            position: head.position + ahead * distance,
+            orientation: DQuat::from_mat3(&axes),
+            scale: 1.0,
+        }
+    }
+
+    /// Where a point of the patient is in the room, metres.
+    pub fn room(&self, mm: DVec3) -> DVec3 {
+        self.position + self.orientation * ((mm - self.centre_mm) * (self.scale / MM))
+    }
+
+    /// Which point of the patient is there in the room, mm RAS.
+    pub fn patient(&self, room: DVec3) -> DVec3 {
+        self.centre_mm + self.orientation.inverse() * (room - self.position) * (MM / self.scale)
+    }
+
+    /// A direction of the room, in the patient.
+    pub fn patient_direction(&self, room: DVec3) -> DVec3 {
+        self.orientation.inverse() * room
+    }
+
+    /// An eye of the room as a camera in the patient.
+    pub fn camera(&self, eye: &Eye) -> Camera {
+        let axis = |v: DVec3| self.patient_direction(eye.pose.orientation * v);
+        Camera {
+            eye: self.patient(eye.pose.position),
+            right: axis(DVec3::X),
+            up: axis(DVec3::Y),
+            fov: eye.fov,
+        }
+    }
+
+    /// Carried from a hand's pose to its next.
+    #[must_use]
+    pub fn carried(&self, from: &Pose, to: &Pose) -> Self {
+        let turn = (to.orientation * from.orientation.inverse()).normalize();
+        Placement {
+            position: to.position + turn * (self.position - from.position),
+            orientation: (turn * self.orientation).normalize(),
+            ..*self
+        }
+    }
+
+    /// Held by two hands that have moved: turned with the line between them, scaled with its length, moved with its middle.
+    /// Turning about that line is left out: two points do not say it.
+    #[must_use]
+    pub fn stretched(&self, from: [DVec3; 2], to: [DVec3; 2]) -> Self {
+        let (before, after) = (from[1] - from[0], to[1] - to[0]);
+        let (Some(a), Some(b)) = (before.try_normalize(), after.try_normalize()) else { return *self };
+        let wanted = self.scale * after.length() / before.length();
+        let scale = wanted.clamp(SCALES[0], SCALES[1]);
+        let turn = DQuat::from_rotation_arc(a, b);
+        let (old, new) = ((from[0] + from[1]) * 0.5, (to[0] + to[1]) * 0.5);
+        Placement {
+            position: new + turn * (self.position - old) * (scale / self.scale),
+            orientation: (turn * self.orientation).normalize(),
+            scale,
+            ..*self
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::render::Fov;
+
+    use super::*;
+
+    fn near(a: DVec3, b: DVec3) -> bool {
+        a.distance(b) < 1e-9
+    }
+
+    fn placed() -> Placement {
+        Placement::before(
+            &Pose { position: DVec3::new(0.0, 1.6, 0.0), ..Pose::IDENTITY },
+            DVec3::splat(50.0),
+            100.0,
+        )
+    }
+
+    #[test]
+    fn a_patient_stands_in_real_size_and_faces_the_viewer() {
+        let p = placed();
+        assert!(near(p.room(p.centre_mm), DVec3::new(0.0, 1.6, -0.6)));
+        let moved = |mm: DVec3| p.room(p.centre_mm + mm) - p.room(p.centre_mm);
+        assert!(near(moved(DVec3::X * 10.0), DVec3::NEG_X * 0.01), "10 mm are 10 mm; right is at the left");
+        assert!(near(moved(DVec3::Y * 10.0), DVec3::Z * 0.01), "anterior is towards the viewer");
+        assert!(near(moved(DVec3::Z * 10.0), DVec3::Y * 0.01), "superior is up");
+        let place = DVec3::new(3.0, -4.0, 5.0);
+        assert!(near(p.patient(p.room(place)), place));
+    }
+
+    #[test]
+    fn the_viewer_sees_what_stands_there() {
+        let p = placed();
+        let pose = Pose { position: DVec3::new(0.0, 1.6, 0.0), ..Pose::IDENTITY };
+        let camera = p.camera(&Eye { pose, fov: Fov::symmetric(90.0, 1.0) });
+        assert!(near(camera.forward(), DVec3::NEG_Y), "from the front to the back");
+        assert!(near(camera.up, DVec3::Z) && near(camera.right, DVec3::NEG_X));
+        assert!((camera.eye.distance(p.centre_mm) - 600.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_hand_keeps_hold_of_what_it_grabbed() {
+        let p = placed();
+        let from = Pose { position: DVec3::new(0.1, 1.5, -0.5), orientation: DQuat::from_rotation_y(0.3) };
+        let to = Pose { position: DVec3::new(-0.2, 1.1, -0.3), orientation: DQuat::from_rotation_x(1.1) };
+        let held = p.patient(from.position);
+        let carried = p.carried(&from, &to);
+        assert!(near(carried.room(held), to.position));
+        let ahead = p.patient(from.place(DVec3::NEG_Z * 0.1));
+        assert!(near(carried.room(ahead), to.place(DVec3::NEG_Z * 0.1)), "turned with the hand");
+        assert_eq!(carried.scale, 1.0);
+    }
+
+    #[test]
+    fn two_hands_keep_hold_of_two_points() {
+        let p = placed();
+        let from = [DVec3::new(-0.1, 1.5, -0.5), DVec3::new(0.1, 1.5, -0.5)];
+        let to = [DVec3::new(-0.3, 1.4, -0.4), DVec3::new(0.1, 1.7, -0.6)];
+        let held = from.map(|room| p.patient(room));
+        let stretched = p.stretched(from, to);
+        for (point, hand) in held.into_iter().zip(to) {
+            assert!(near(stretched.room(point), hand));
+        }
+        let wide = to.map(|room| room * 1e6);
+        assert_eq!(p.stretched(from, wide).scale, 50.0, "there is a limit");
+        assert_eq!(p.stretched([from[0]; 2], to), p, "hands in one place say nothing");
+    }
+}

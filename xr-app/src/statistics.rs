@@ -1,0 +1,238 @@
+//! What is measured of the frames: how regular they were, what they cost, on which rung, and how old their poses.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use engine::gpu::{Gpu, Hitches};
+use engine::render::{Finished, Fov, Rung};
+use serde::Serialize;
+
+use crate::headset::{Description, Eye, Eyes, Timing};
+
+/// Frames that are kept: twelve minutes at 90 Hz.
+const KEPT: usize = 1 << 16;
+
+/// A frame that has finished.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Sample {
+    /// The rung that it was rendered on.
+    pub rung: usize,
+    /// Device time, ms.
+    pub gpu_ms: f64,
+    /// What it might have taken, ms.
+    pub budget_ms: f64,
+}
+
+/// Percentiles of something.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Distribution {
+    /// The middle one.
+    pub median: f64,
+    /// 95 of 100 are at most this.
+    pub p95: f64,
+    /// 99 of 100 are at most this.
+    pub p99: f64,
+    /// The greatest.
+    pub most: f64,
+}
+
+impl Distribution {
+    /// Of some numbers; none of no numbers.
+    pub fn of(numbers: impl Iterator<Item = f64>) -> Option<Self> {
+        let mut sorted: Vec<f64> = numbers.filter(|v| v.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().checked_sub(1)?;
+        // The least number that so many of 100 do not exceed.
+        let at = |part: f64| sorted[((sorted.len() as f64 * part).ceil() as usize).clamp(1, last + 1) - 1];
+        Some(Distribution { median: at(0.5), p95: at(0.95), p99: at(0.99), most: sorted[last] })
+    }
+}
+
+/// Collects what is measured.
+#[derive(Default)]
+pub struct Statistics {
+    frames: u64,
+    invisible: u64,
+    untracked: u64,
+    missed: u64,
+    last: Option<Timing>,
+    intervals_ms: VecDeque<f64>,
+    latencies_ms: VecDeque<f64>,
+    samples: VecDeque<Sample>,
+    eyes: Option<[Eye; 2]>,
+}
+
+impl Statistics {
+    /// Frames that the headset asked for.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// A frame is about to be rendered, or not, where nobody sees it.
+    pub fn began(&mut self, timing: &Timing) {
+        self.frames += 1;
+        self.invisible += u64::from(!timing.visible);
+        if let Some(last) = self.last.replace(*timing) {
+            let interval = timing.display_ns - last.display_ns;
+            keep(&mut self.intervals_ms, interval as f64 * 1e-6);
+            // Periods that went by without a new frame.
+            let periods = (interval as f64 / timing.period_ns.max(1) as f64).round() as u64;
+            self.missed += periods.saturating_sub(1);
+        }
+    }
+
+    /// The eyes were asked for.
+    pub fn looked(&mut self, timing: &Timing, eyes: &Eyes) {
+        self.untracked += u64::from(!eyes.tracked);
+        self.eyes = Some(eyes.eyes);
+        if let Some(asked) = eyes.asked_ns {
+            keep(&mut self.latencies_ms, (timing.display_ns - asked) as f64 * 1e-6);
+        }
+    }
+
+    /// A frame has finished.
+    pub fn finished(&mut self, frame: &Finished, budget_ms: f64) {
+        keep(&mut self.samples, Sample { rung: frame.rung, gpu_ms: frame.gpu_ms, budget_ms });
+    }
+
+    /// All there is to say.
+    pub fn report(&self, gpu: &Gpu, headset: &Description, rungs: &[Rung], hitches: Hitches) -> Report {
+        let samples = || self.samples.iter();
+        let mut frames_on = vec![0; rungs.len()];
+        samples().for_each(|s| frames_on[s.rung] += 1);
+        let pairs = samples().zip(samples().skip(1));
+        Report {
+            runtime: headset.runtime.clone(),
+            headset: headset.system.clone(),
+            device: gpu.description().name.clone(),
+            driver: gpu.description().driver.clone(),
+            eye_size: headset.eye_size,
+            extensions: headset.extensions.clone(),
+            period_ms: self.last.map_or(0.0, |t| t.period_ns as f64 * 1e-6),
+            frames: self.frames,
+            rendered: self.frames - self.invisible,
+            untracked: self.untracked,
+            missed: self.missed,
+            interval_ms: Distribution::of(self.intervals_ms.iter().copied()),
+            gpu_ms: Distribution::of(samples().map(|s| s.gpu_ms)),
+            budget_use: Distribution::of(samples().map(|s| s.gpu_ms / s.budget_ms)),
+            over_budget: samples().filter(|s| s.gpu_ms > s.budget_ms).count() as u64,
+            rung_changes: pairs.filter(|(a, b)| a.rung != b.rung).count() as u64,
+            frames_on,
+            latency_ms: Distribution::of(self.latencies_ms.iter().copied()),
+            allocations: hitches.allocations,
+            pipelines: hitches.pipelines,
+            waits: hitches.waits,
+            device_bytes: gpu.memory_by_purpose(),
+            eyes: self.eyes.map(|eyes| eyes.map(|eye| SeenBy::from(&eye))),
+            samples: samples().copied().collect(),
+        }
+    }
+}
+
+fn keep<T>(all: &mut VecDeque<T>, one: T) {
+    if all.len() == KEPT {
+        all.pop_front();
+    }
+    all.push_back(one);
+}
+
+/// What a session was like.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Name and version of the runtime.
+    pub runtime: String,
+    /// Name of the headset.
+    pub headset: String,
+    /// Name of the Vulkan device.
+    pub device: String,
+    /// Its driver.
+    pub driver: String,
+    /// Width and height of the pictures of an eye, pixels.
+    pub eye_size: [u32; 2],
+    /// Extensions in use.
+    pub extensions: Vec<&'static str>,
+    /// From frame to frame of the display, ms, at last.
+    pub period_ms: f64,
+    /// Frames that the headset asked for.
+    pub frames: u64,
+    /// Those that somebody saw.
+    pub rendered: u64,
+    /// Frames with poses that were not known and are the last ones.
+    pub untracked: u64,
+    /// Periods of the display without a new frame.
+    pub missed: u64,
+    /// Between the times at which frames are seen.
+    pub interval_ms: Option<Distribution>,
+    /// Device time.
+    pub gpu_ms: Option<Distribution>,
+    /// Device time as a part of the budget.
+    pub budget_use: Option<Distribution>,
+    /// Frames that took more than the budget.
+    pub over_budget: u64,
+    /// How often the rung changed.
+    pub rung_changes: u64,
+    /// Frames on each rung.
+    pub frames_on: Vec<u64>,
+    /// From asking for poses to the light of the frame (motion to photon), ms.
+    pub latency_ms: Option<Distribution>,
+    /// Allocations of device memory within the loop.
+    pub allocations: u64,
+    /// Pipelines that were made within the loop.
+    pub pipelines: u64,
+    /// Waits of the host for the device within the loop.
+    pub waits: u64,
+    /// Device memory by purpose, bytes.
+    pub device_bytes: BTreeMap<&'static str, u64>,
+    /// Where the eyes were at last.
+    pub eyes: Option<[SeenBy; 2]>,
+    /// Frames in their order.
+    pub samples: Vec<Sample>,
+}
+
+/// An eye, as it is reported.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct SeenBy {
+    /// Where it was in the room, metres.
+    pub position: [f64; 3],
+    /// Where it looked.
+    pub forward: [f64; 3],
+    /// Tangent of the angle to the left edge of what it saw.
+    pub left: f64,
+    /// To the right edge.
+    pub right: f64,
+    /// To the upper edge.
+    pub up: f64,
+    /// To the lower edge.
+    pub down: f64,
+}
+
+impl From<&Eye> for SeenBy {
+    fn from(eye: &Eye) -> Self {
+        let Fov { left, right, up, down } = eye.fov;
+        let (position, forward) = (eye.pose.position.to_array(), eye.pose.forward().to_array());
+        SeenBy { position, forward, left, right, up, down }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_those_of_the_numbers() {
+        let d = Distribution::of((1..=100).map(f64::from)).expect("numbers");
+        assert_eq!((d.median, d.p95, d.p99, d.most), (50.0, 95.0, 99.0, 100.0));
+        assert_eq!(Distribution::of([7.0].into_iter()).map(|d| d.p99), Some(7.0));
+        assert_eq!(Distribution::of(std::iter::empty()), None);
+    }
+
+    #[test]
+    fn periods_without_a_frame_are_missed() {
+        let mut statistics = Statistics::default();
+        for display_ms in [0, 10, 20, 50, 60] {
+            let display_ns = display_ms * 1_000_000;
+            statistics.began(&Timing { display_ns, period_ns: 10_000_000, visible: true });
+        }
+        assert_eq!(statistics.missed, 2);
+    }
+}

@@ -1,0 +1,221 @@
+//! The loop: what happens between a headset's call for a frame and the frame.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use engine::Result;
+use engine::budget::{Controller, budget_ms};
+use engine::gpu::{Gpu, Hitches};
+use engine::render::{Camera, Fov, Frames, Rung, Scene, Settings, ladder};
+use glam::DVec3;
+
+use crate::composer::Composer;
+use crate::controls::Controls;
+use crate::headset::{Event, Eye, Headset, Pose, State, Timing};
+use crate::placement::Placement;
+use crate::statistics::{Report, Statistics};
+
+/// How the scene is shown.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Ways to render, the best first.
+    pub rungs: Vec<Rung>,
+    /// Device time of a frame, ms; from the display's rate where nothing is said.
+    pub budget_ms: Option<f64>,
+    /// The rung to stay on, if the controller is not to choose.
+    pub rung: Option<usize>,
+    /// Behind everything, display-referred, where the headset shows no room there.
+    pub background: [f32; 3],
+    /// Ends after so many frames.
+    pub frames: Option<u64>,
+}
+
+/// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones find their
+/// buffers large enough: the whole patient, and nearer.
+const WARM_UP: [f64; 3] = [0.6, 0.35, 0.2];
+
+/// Shows a scene in a headset.
+pub struct Viewer {
+    gpu: Gpu,
+    scene: Scene,
+    frames: Frames,
+    composer: Composer,
+    controller: Controller,
+    options: Options,
+    controls: Controls,
+    statistics: Statistics,
+    /// Whether the patient is to be put before the viewer again.
+    place: bool,
+    over: bool,
+    shown_size: [u32; 2],
+    /// What was counted before the first frame.
+    before: Hitches,
+}
+
+impl Viewer {
+    /// For a scene in a headset.
+    pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
+        let about = headset.description();
+        let settings = Settings { views: 2, ..Settings::new(about.eye_size) };
+        let frames = Frames::new(gpu, &scene, &settings, &options.rungs)?;
+        let composer = Composer::new(gpu, about.format, about.blend, options.background)?;
+        let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
+        let range = scene.cloud.as_ref().map_or([0.0, 1.0], |cloud| cloud.range);
+        let controls = Controls::new(placed(&scene, &Pose::IDENTITY), scene.look(), range);
+        let mut viewer = Viewer {
+            gpu: gpu.clone(),
+            frames,
+            composer,
+            controller: Controller::new(ladder(&options.rungs), budget),
+            options,
+            controls,
+            statistics: Statistics::default(),
+            place: true,
+            over: false,
+            shown_size: about.eye_size,
+            before: Hitches::default(),
+            scene,
+        };
+        viewer.warm_up()?;
+        viewer.before = gpu.hitches();
+        Ok(viewer)
+    }
+
+    fn warm_up(&mut self) -> Result<()> {
+        let placement = &self.controls.placement;
+        for distance in WARM_UP {
+            let position = placement.position + DVec3::Z * distance;
+            let fov = Fov { left: -1.0, right: 1.0, up: 1.0, down: -1.0 };
+            let eye = Eye { pose: Pose { position, ..Pose::IDENTITY }, fov };
+            self.frames.warm_up(&self.scene, &[placement.camera(&eye); 2])?;
+        }
+        Ok(())
+    }
+
+    /// Runs until the headset ends the session, or until `stop` is set and the headset has ended it.
+    pub fn run(&mut self, headset: &mut dyn Headset, stop: &AtomicBool) -> Result<()> {
+        let mut asked = false;
+        while !self.over {
+            for event in headset.poll()? {
+                self.happened(event);
+            }
+            let enough = self.options.frames.is_some_and(|n| self.statistics.frames() >= n);
+            if (enough || stop.load(Ordering::Relaxed)) && !std::mem::replace(&mut asked, true) {
+                self.over |= !headset.running();
+                headset.request_exit()?;
+            }
+            if headset.running() {
+                self.frame(headset)?;
+            } else if !self.over {
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        }
+        self.gpu.wait_idle()?;
+        self.note_finished()
+    }
+
+    fn happened(&mut self, event: Event) {
+        match event {
+            Event::State(State::Over | State::Lost) => self.over = true,
+            Event::State(_) => {}
+            Event::Recentred => self.place = true,
+            Event::Rate(hz) if self.options.budget_ms.is_none() => {
+                self.controller.set_budget_ms(budget_ms(hz))
+            }
+            Event::Rate(_) => {}
+        }
+    }
+
+    /// One frame, from the headset's call for it to its end.
+    fn frame(&mut self, headset: &mut dyn Headset) -> Result<()> {
+        let timing = headset.wait()?;
+        self.statistics.began(&timing);
+        self.keep_to_budget(&timing)?;
+        if !timing.visible {
+            return headset.end(&timing, None);
+        }
+        if self.place {
+            self.put_before(headset, &timing)?;
+        }
+        let hands = headset.hands(&timing)?;
+        if let Some(look) = self.controls.update(&hands, timing.period_ns as f64 * 1e-9)? {
+            self.scene.set_look(&look)?;
+        }
+        let rung = self.options.rung.unwrap_or_else(|| self.controller.rung());
+        let mut frame = self.frames.begin(&self.scene, rung)?;
+        let eyes = headset.lend(&mut frame.recorder)?;
+        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, eyes);
+        headset.give_back(&mut frame.recorder)?;
+        self.shown_size = frame.size;
+        // All is recorded: now, and not before, it is asked where the eyes are.
+        let seen = headset.eyes(&timing)?;
+        self.statistics.looked(&timing, &seen);
+        let cameras: [Camera; 2] = seen.eyes.map(|eye| self.controls.placement.camera(&eye));
+        self.frames.submit(frame, &self.scene, &cameras)?;
+        headset.end(&timing, Some(&seen.eyes))
+    }
+
+    /// Lets the controller know what has finished, and what the display's rate allows.
+    fn keep_to_budget(&mut self, timing: &Timing) -> Result<()> {
+        if self.options.budget_ms.is_none() && timing.period_ns > 0 {
+            self.controller.set_budget_ms(budget_ms(1e9 / timing.period_ns as f64));
+        }
+        self.note_finished()
+    }
+
+    fn note_finished(&mut self) -> Result<()> {
+        for frame in self.frames.finished()? {
+            self.controller.finished(frame.rung, frame.gpu_ms);
+            self.statistics.finished(&frame, self.controller.budget_ms());
+        }
+        Ok(())
+    }
+
+    /// Puts the patient before the viewer, as soon as it is known where that is.
+    fn put_before(&mut self, headset: &mut dyn Headset, timing: &Timing) -> Result<()> {
+        let found = headset.eyes(timing)?;
+        if found.tracked {
+            let [left, right] = found.eyes.map(|eye| eye.pose);
+            let head = Pose { position: (left.position + right.position) * 0.5, ..left };
+            self.controls.place(placed(&self.scene, &head));
+            self.place = false;
+        }
+        Ok(())
+    }
+
+    /// Where the patient is.
+    pub fn placement(&self) -> &Placement {
+        &self.controls.placement
+    }
+
+    /// What is shown.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Width and height of what was rendered last, pixels.
+    pub fn shown_size(&self) -> [u32; 2] {
+        self.shown_size
+    }
+
+    /// What was rendered last, before it was put into the pictures of the eyes.
+    pub fn frames(&self) -> &Frames {
+        &self.frames
+    }
+
+    /// What the session was like so far.
+    pub fn report(&self, headset: &dyn Headset) -> Report {
+        let now = self.gpu.hitches();
+        let hitches = Hitches {
+            allocations: now.allocations - self.before.allocations,
+            pipelines: now.pipelines - self.before.pipelines,
+            waits: now.waits - self.before.waits,
+        };
+        self.statistics.report(&self.gpu, headset.description(), &self.options.rungs, hitches)
+    }
+}
+
+fn placed(scene: &Scene, head: &Pose) -> Placement {
+    let [low, high] = scene.bounds();
+    Placement::before(head, (low + high) * 0.5, (high - low).length() * 0.5)
+}

@@ -1,0 +1,199 @@
+//! The whole loop without a runtime: what the eyes see, what hands do, what happens to a session, and what a frame costs
+//! the host.
+#![forbid(unsafe_code)]
+
+use std::sync::atomic::AtomicBool;
+
+use engine::gpu::{Gpu, GpuOptions};
+use engine::render::{Fov, LADDER, Look, Renderer, Scene, Settings, mode};
+use engine::splat::{Field, Splat, SplatSet};
+use engine::transfer::preset;
+use glam::{DQuat, DVec3};
+use xr_app::headset::simulated::{Script, Simulated, sway};
+use xr_app::headset::{Blend, Event, Hand, Hands, Headset, Pose};
+use xr_app::viewer::{Options, Viewer};
+
+/// A device with validation layers, which must have nothing to say in the end.
+fn device() -> Gpu {
+    Gpu::new(&GpuOptions { validation: true, ..GpuOptions::default() })
+        .expect("a device with validation layers")
+}
+
+fn silent(gpu: &Gpu) {
+    gpu.wait_idle().expect("a live device");
+    assert_eq!(gpu.validation_messages(), Vec::<String>::new());
+}
+
+/// A cross of dense splats, longer at the patient's left and head, so that a mirrored picture is another one.
+fn scene(gpu: &Gpu) -> Scene {
+    let splat = |mean: [f32; 3], intensity| Splat {
+        mean,
+        opacity_logit: 3.0,
+        rotation: [1.0, 0.0, 0.0, 0.0],
+        log_scale: [1.6; 3],
+        intensity,
+    };
+    let mut splats = vec![];
+    for i in 0..20 {
+        let t = 6.0 * i as f32;
+        splats.push(splat([-t, 0.0, 0.0], 700.0));
+        splats.push(splat([0.0, 0.0, 0.5 * t], 500.0));
+        splats.push(splat([0.3 * t, 0.0, 0.0], 900.0));
+        splats.push(splat([0.0, 0.3 * t, 0.0], 1200.0));
+    }
+    let set = SplatSet {
+        splats,
+        field: Field::default(),
+        origin_mm: DVec3::new(9.0, 80.0, -400.0),
+        ..SplatSet::default()
+    };
+    let look = Look::new(preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]));
+    Scene::new(gpu, Some(&set), None, &look).expect("a scene")
+}
+
+fn script(frames: u64) -> Script {
+    Script { eye_size: [96, 112], real_time: false, frames: Some(frames), ..Script::default() }
+}
+
+fn options() -> Options {
+    Options {
+        rungs: LADDER.to_vec(),
+        budget_ms: Some(1e9),
+        rung: None,
+        background: [0.2, 0.1, 0.0],
+        frames: None,
+    }
+}
+
+fn session(gpu: &Gpu, script: Script, options: Options) -> (Viewer, Simulated) {
+    let mut headset = Simulated::new(gpu, script).expect("a headset");
+    let mut viewer = Viewer::new(gpu, scene(gpu), &headset, options).expect("a viewer");
+    viewer.run(&mut headset, &AtomicBool::new(false)).expect("a session");
+    (viewer, headset)
+}
+
+/// The pictures of both eyes are those of the offscreen renderer for the poses that were shown, over the background, to
+/// 1 of 255; and they are different ones.
+#[test]
+fn eyes_see_what_the_renderer_shows() {
+    let gpu = device();
+    let (viewer, headset) = session(&gpu, script(12), options());
+    let shown = headset.shown.expect("a frame was shown");
+    let cameras = shown.map(|eye| viewer.placement().camera(&eye));
+    let size = headset.description().eye_size;
+    let settings = Settings { views: 2, ..Settings::new(size) };
+    let mut renderer =
+        Renderer::new(&gpu, mode("slab").expect("a mode"), viewer.scene(), &settings).expect("a renderer");
+    renderer.render(viewer.scene(), &cameras).expect("a picture");
+    let found: Vec<[u8; 4]> = headset.picture().read().expect("the picture");
+    let texels = (size[0] * size[1]) as usize;
+    let mut covered = [0, 0];
+    for eye in 0..2 {
+        let expected = renderer.target.read_colour(eye as u32).expect("a picture");
+        for (found, expected) in found[eye * texels..].iter().zip(&expected) {
+            covered[eye] += usize::from(expected[3] > 0.5);
+            for (channel, background) in [0.2, 0.1, 0.0].into_iter().enumerate() {
+                let wanted = (expected[channel] + (1.0 - expected[3]) * background).clamp(0.0, 1.0) * 255.0;
+                assert!((f32::from(found[channel]) - wanted).abs() <= 1.0, "{found:?}, {expected:?}");
+            }
+            assert_eq!(found[3], 255, "opaque");
+        }
+    }
+    assert!(covered.iter().all(|&n| n > 20), "{covered:?} pixels are covered");
+    assert!(found[..texels] != found[texels..], "two eyes, two pictures");
+    silent(&gpu);
+}
+
+/// Where the room is behind the picture it is premultiplied with its opacity, and nothing is left of older frames.
+#[test]
+fn the_room_shows_through_where_there_is_nothing() {
+    let gpu = device();
+    for (blend, nothing) in [(Blend::Alpha, [0, 0, 0, 0]), (Blend::Additive, [0, 0, 0, 255])] {
+        let (_, headset) = session(&gpu, Script { blend, ..script(8) }, options());
+        let found: Vec<[u8; 4]> = headset.picture().read().expect("the picture");
+        assert_eq!(found[0], nothing, "{blend:?}: the corner");
+        assert!(found.iter().any(|p| p[0] > 100 && p[3] > 200), "{blend:?}: something is seen");
+    }
+    silent(&gpu);
+}
+
+/// After the start no frame allocates device memory or makes a pipeline, whatever rungs are taken.
+#[test]
+fn frames_allocate_nothing() {
+    let gpu = device();
+    // A budget that nothing fits, so that the controller goes all the way down.
+    let tight = Options { budget_ms: Some(1e-6), ..options() };
+    let (viewer, headset) = session(&gpu, script(60), tight);
+    let report = viewer.report(&headset);
+    assert_eq!((report.allocations, report.pipelines), (0, 0));
+    assert_eq!(report.frames, 60);
+    assert_eq!(report.samples.last().expect("frames").rung, LADDER.len() - 1, "down to the last rung");
+    assert!(report.frames_on[0] < 10, "at once: {:?}", report.frames_on);
+    silent(&gpu);
+}
+
+/// A script in which the head stays where it is.
+fn still(frames: u64, hands: fn(f64) -> Hands) -> Script {
+    Script { head: |_| (Pose::IDENTITY, true), hands, ..script(frames) }
+}
+
+/// A right hand that holds from the start and moves 1 cm to the right with each frame of 72 a second.
+fn carrying(seconds: f64) -> Hands {
+    let position = DVec3::new(0.01 * (seconds * 72.0).round(), 0.0, -0.4);
+    let grip = Pose { position, orientation: DQuat::IDENTITY };
+    [Hand::default(), Hand { grip: Some(grip), squeeze: 1.0, ..Hand::default() }]
+}
+
+#[test]
+fn a_hand_carries_the_patient_along() {
+    let gpu = device();
+    let (resting, _) = session(&gpu, still(10, |_| Hands::default()), options());
+    let (carried, _) = session(&gpu, still(10, carrying), options());
+    let moved = carried.placement().position - resting.placement().position;
+    assert!((moved - DVec3::X * 0.09).length() < 1e-9, "nine steps of 1 cm: {moved}");
+    assert_eq!(carried.placement().scale, 1.0);
+    silent(&gpu);
+}
+
+/// The patient stands before the viewer when the head is first known; after the viewer has turned and recentred, there.
+#[test]
+fn recentring_puts_the_patient_before_the_viewer() {
+    let gpu = device();
+    fn turning(seconds: f64) -> (Pose, bool) {
+        let turned = Pose { orientation: DQuat::from_rotation_y(-1.0), ..Pose::IDENTITY };
+        // Unknown in the first frames, and lost in some later ones.
+        let frame = (seconds * 72.0).round() as u64;
+        let known = !(frame <= 3 || (8..10).contains(&frame));
+        (if frame > 5 { turned } else { Pose::IDENTITY }, known)
+    }
+    let turned = Script { head: turning, ..script(20) };
+    let (viewer, headset) = session(&gpu, turned, options());
+    assert!(viewer.placement().position.z < -0.1 && viewer.placement().position.x.abs() < 1e-9);
+    assert_eq!(viewer.report(&headset).untracked, 5);
+    let recentred =
+        Script { head: turning, events: |frame| (frame == 15).then_some(Event::Recentred), ..script(20) };
+    let (viewer, _) = session(&gpu, recentred, options());
+    assert!(viewer.placement().position.x > 0.1, "to the right: {}", viewer.placement().position);
+    silent(&gpu);
+}
+
+#[test]
+fn a_stop_ends_the_session_by_the_headset() {
+    let gpu = device();
+    let mut headset = Simulated::new(&gpu, Script { frames: None, ..script(0) }).expect("a headset");
+    let mut viewer = Viewer::new(&gpu, scene(&gpu), &headset, options()).expect("a viewer");
+    viewer.run(&mut headset, &AtomicBool::new(true)).expect("a session");
+    assert!(!headset.running());
+    silent(&gpu);
+}
+
+#[test]
+fn the_swaying_head_looks_ahead() {
+    for tenth in 0..100 {
+        let pose = sway(f64::from(tenth) * 0.1);
+        let ahead = (DVec3::NEG_Z * 0.6 - pose.position).normalize();
+        assert!(pose.forward().dot(ahead) > 0.99, "{pose:?}");
+    }
+    let fov = Script::default().left_fov;
+    assert!(fov.left.abs() > fov.right && fov != Fov::symmetric(90.0, 1.0), "an eye sees more outwards");
+}
