@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use engine::gpu::{Gpu, Ticket};
 use engine::render::{
-    Camera, Fov, Frames, LADDER, Look, Quality, Renderer, Rung, Scene, Settings, ladder, mode,
+    Appearance, Camera, Fov, Frames, LADDER, Look, Quality, Renderer, Rung, Scene, Settings, ladder, mode,
 };
 use engine::splat::{Field, SplatSet};
 use engine::transfer::preset;
@@ -59,7 +59,8 @@ fn scene_without(gpu: &Gpu, hidden: &[u8]) -> Scene {
         ..SplatSet::default()
     };
     let transfer = preset("CT-Bone").expect("a preset").over([-100.0, 900.0]);
-    let look = Look { hidden: hidden.to_vec(), ..Look::new(transfer) };
+    let hide = |&number| (number, Appearance { visible: false, ..Appearance::default() });
+    let look = Look { objects: hidden.iter().map(hide).collect(), ..Look::new(transfer) };
     Scene::new(gpu, Some(&set), None, &look).expect("a scene")
 }
 

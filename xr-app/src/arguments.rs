@@ -184,7 +184,7 @@ fn show(
     // Splats with colours of their own have one mode.
     let rungs: Vec<Rung> = rungs.into_iter().filter(|r| set.colours.is_none() || r.mode == "alpha").collect();
     // Rungs and memory budgets keep the first splats.
-    set.order_by_weight();
+    set.order_by_importance();
     let options = Options {
         rung: arguments.rung.map(|rung| rung.min(rungs.len() - 1)),
         rungs,

@@ -1,8 +1,10 @@
 //! What hands do to the scene: one carries it, two stretch and turn it, thumbsticks move window and level, buttons change
 //! presets, hold a cutting plane, and put everything back.
 
+use std::collections::BTreeMap;
+
 use engine::Result;
-use engine::render::{ClipPlane, Look};
+use engine::render::{Appearance, ClipPlane, Look};
 use engine::transfer::{PRESETS, TransferFunction, preset};
 use glam::DVec3;
 
@@ -46,7 +48,7 @@ pub struct Controls {
     /// Whether the right hand holds a plane.
     cutting: bool,
     clip: Vec<ClipPlane>,
-    hidden: Vec<u8>,
+    objects: BTreeMap<u8, Appearance>,
 }
 
 impl Controls {
@@ -64,7 +66,7 @@ impl Controls {
             width: 1.0,
             cutting: false,
             clip: look.clip.clone(),
-            hidden: look.hidden.clone(),
+            objects: look.objects.clone(),
         }
     }
 
@@ -142,7 +144,7 @@ impl Controls {
         if let Some(grip) = right.grip.filter(|_| self.cutting) {
             clip.push(self.plane(&grip));
         }
-        Ok(Look { transfer: self.transfer()?, clip, hidden: self.hidden.clone() })
+        Ok(Look { transfer: self.transfer()?, clip, objects: self.objects.clone() })
     }
 
     /// The transfer function, moved and widened about its middle.

@@ -1,4 +1,4 @@
-//! Keeps what is on the device within a budget of bytes: first splats are packed, then the lightest ones left out.
+//! Keeps what is on the device within a budget of bytes: first splats are packed, then the least important ones left out.
 
 use engine::gpu::Gpu;
 use engine::render::Precision;
@@ -11,7 +11,7 @@ const MARGIN: f64 = 0.95;
 
 /// Makes something of a set, by `make`, that takes at most so many MiB of device memory, and says so where it is not all of
 /// it. What is made is measured, not guessed: where it is too large it is made again of less. The set begins with the splats
-/// that weigh most.
+/// that matter most.
 pub fn within<T>(
     gpu: &Gpu,
     budget_mib: Option<f64>,
@@ -31,7 +31,7 @@ pub fn within<T>(
             match precision {
                 _ if count < all => {
                     eprintln!(
-                        "note: {count} of {all} splats fit into the memory budget; the lightest are left out"
+                        "note: {count} of {all} splats fit into the memory budget; the least important are left out"
                     );
                 }
                 Precision::Packed => eprintln!("note: splats are packed, to keep to the memory budget"),

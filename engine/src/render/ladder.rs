@@ -55,11 +55,11 @@ const fn rung(mode: &'static str, resolution: f64, coarseness: f64, splats: f64,
     Rung { mode, quality: Quality { resolution, coarseness, splats }, cost }
 }
 
-/// The mode that classifies before it adds up comes first, then coarser pictures, then the lightest splats are left out.
+/// The mode that classifies before it adds up comes first, then coarser pictures, then the least important splats are left out.
 ///
 /// Measured on a CPU driver (lavapipe, 250,000 splats of bones, two eyes of 240 x 240 pixels). There coarser pictures and
-/// thicker slabs save nothing in mode `slab` (1.2 to 1.4 of the first rung at resolutions of 0.7 and 0.85), and lighter
-/// splats left out make rays end later. On a GPU that may be otherwise: `bench ladder` measures it.
+/// thicker slabs save nothing in mode `slab` (1.2 to 1.4 of the first rung at resolutions of 0.7 and 0.85), and less
+/// important splats left out make rays end later. On a GPU that may be otherwise: `bench ladder` measures it.
 pub static LADDER: [Rung; 6] = [
     rung("slab", 1.0, 1.0, 1.0, 1.0),
     rung("alpha", 0.85, 1.0, 1.0, 0.48),

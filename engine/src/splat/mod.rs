@@ -8,8 +8,8 @@
 
 pub mod activation;
 pub mod harmonics;
-pub mod importance;
-mod kernel;
+mod importance;
+pub mod kernel;
 mod labels;
 mod objects;
 pub mod packed;

@@ -46,7 +46,7 @@ pub struct Arguments {
 /// Runs the benchmark.
 pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
     let mut set = splat::read(&arguments.splats, &ReadOptions::default())?;
-    set.order_by_weight();
+    set.order_by_importance();
     let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
         [low.min(f64::from(s.intensity)), high.max(f64::from(s.intensity))]
     });

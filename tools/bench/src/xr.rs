@@ -24,7 +24,7 @@ const SETTLING: usize = 60;
 pub struct Arguments {
     /// The splats (PLY)
     splats: PathBuf,
-    /// Numbers of splats, of which the heaviest are taken
+    /// Numbers of splats, of which the most important are taken
     #[arg(long, value_delimiter = ',', default_values_t = [100_000, 250_000])]
     counts: Vec<usize>,
     /// Budgets, ms; the display shows frames in such a period
@@ -56,7 +56,7 @@ pub struct Arguments {
 /// Runs the sessions.
 pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
     let mut set = splat::read(&arguments.splats, &ReadOptions::default())?;
-    set.order_by_weight();
+    set.order_by_importance();
     let mut reports = Vec::new();
     for &count in &arguments.counts {
         let mut part = set.clone();
