@@ -188,7 +188,7 @@ fn what_is_edited_measured_and_written_is_there_again() {
     let mm = from.iter().zip(&to).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
     // The phantom has an edge of 40 mm and fills most of 760 pixels.
     assert!(distances.len() == 1 && mm > 1.0 && mm < 20.0, "{mm} mm");
-    let picture = engine::image::read(&folder.path("shot.png")).expect("a picture").image;
+    let picture = engine::image::read(folder.path("shot.png")).expect("a picture").image;
     assert!(picture.size[0] > 800 && picture.size[1] > 600, "{:?}", picture.size);
     assert!(picture.pixels.iter().filter(|p| p[3] > 0.1 && p[0] > 0.1).count() > 10_000);
     let report: serde_json::Value = serde_json::from_str(&folder.text("r.json")).expect("JSON");
