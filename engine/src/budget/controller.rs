@@ -78,6 +78,14 @@ impl Controller {
         }
     }
 
+    /// Takes note of what a frame on the best rung has taken or would take, ms, though it was not one of those in a row that
+    /// have to be in time: where the best rung is the present one and that is too long, there need not be late frames first.
+    pub fn foresee(&mut self, gpu_ms: f64) {
+        if self.rung == 0 && gpu_ms.is_finite() && gpu_ms > self.budget_ms {
+            self.go_down(gpu_ms);
+        }
+    }
+
     /// What frames take now, ms, where that is too much: the shortest of those late in a row, or where the trend leads to.
     fn overload(&self) -> Option<f64> {
         let latest = self.times.iter().rev().take(LATE).copied().reduce(f64::min);
@@ -136,4 +144,21 @@ fn third_largest<'a>(times: impl Iterator<Item = &'a f64>) -> f64 {
         }
     }
     top[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_best_rung_that_is_too_slow_is_left_before_a_frame_is_late() {
+        let mut controller = Controller::new(Ladder::new([1.0, 0.5, 0.25]), 10.0);
+        controller.foresee(8.0);
+        controller.foresee(f64::NAN);
+        assert_eq!(controller.rung(), 0);
+        controller.foresee(30.0);
+        assert_eq!(controller.rung(), 2, "a quarter of 30 ms is in time, a half is not");
+        controller.foresee(1000.0);
+        assert_eq!(controller.rung(), 2, "what the best rung takes says nothing of this one");
+    }
 }

@@ -11,24 +11,6 @@ use support::{Folder, fit};
 /// Where the picture is, well within its edges: the panels are at the right.
 const PICTURE: [usize; 4] = [100, 100, 800, 600];
 
-/// A turn, as slowly as a hand: what happens between two frames is one event for panels.
-const DRAG: [&str; 14] = [
-    "mousedown",
-    "1",
-    "sleep",
-    "0.2",
-    "mousemove",
-    "500",
-    "350",
-    "sleep",
-    "0.2",
-    "mousemove",
-    "600",
-    "380",
-    "mouseup",
-    "1",
-];
-
 fn folder() -> Folder {
     let folder = Folder::new(40);
     let ended =
@@ -74,7 +56,7 @@ fn a_session_with_mouse_and_keys() {
     assert!(seen > 10_000, "{seen} pixels of the phantom");
 
     // Turned by the mouse, and by a key to where it stood before.
-    let turned = viewer.act(&DRAG);
+    let turned = viewer.drag("1", ["450", "350"], ["600", "380"]);
     assert!(viewer.log().contains("picture rendered fast"), "coarser while it moves");
     turned.keep("turned");
     assert!(turned.differences(&first, PICTURE) > 500, "turned");
@@ -107,13 +89,6 @@ fn without_notice(folder: &Folder) {
     std::fs::write(folder.path("config/vgs/view.toml"), "notice_seen = true\n").expect("settings");
 }
 
-/// A drag from the middle of the picture with a button, as slowly as a hand.
-fn drag<'a>(button: &'a str, [x, y]: [&'a str; 2]) -> [&'a str; 14] {
-    let take = ["mousemove", "450", "380", "mousedown", button, "sleep", "0.2"];
-    let pull = ["mousemove", x, y, "sleep", "0.2", "mouseup", button];
-    std::array::from_fn(|i| if i < take.len() { take[i] } else { pull[i - take.len()] })
-}
-
 /// What a session file says.
 fn toml(folder: &Folder, name: &str) -> toml::Table {
     folder.text(name).parse().expect("a session")
@@ -136,7 +111,7 @@ fn what_is_edited_measured_and_written_is_there_again() {
     let seen = first.count(PICTURE, bright);
 
     // Window and level by the right button; undone and done again by keys.
-    let wider = viewer.act(&drag("3", ["560", "380"]));
+    let wider = viewer.drag("3", ["450", "380"], ["560", "380"]);
     wider.keep("edit-window");
     assert!(wider.differences(&first, PICTURE) > 1000, "a wider window");
     screen.hand(&["mousemove", "450", "380"]);
@@ -154,9 +129,16 @@ fn what_is_edited_measured_and_written_is_there_again() {
     viewer.act(&["key", "c"]);
 
     // A distance between two points of the surface, then everything into a session, and a picture.
-    screen.hand(&["key", "d", "sleep", "0.3", "mousemove", "420", "380", "sleep", "0.3", "click", "1"]);
-    screen.hand(&["sleep", "0.3", "mousemove", "480", "380", "sleep", "0.3", "click", "1"]);
-    viewer.settle();
+    for step in [
+        &["key", "d"][..],
+        &["mousemove", "420", "380"],
+        &["click", "1"],
+        &["mousemove", "480", "380"],
+        &["click", "1"],
+    ] {
+        screen.hand(step);
+        viewer.settle();
+    }
     screen.look().keep("edit-distance");
     screen.hand(&[
         "key", "Escape", "key", "a", "sleep", "0.3", "key", "Right", "key", "ctrl+s", "sleep", "0.5",
@@ -255,22 +237,7 @@ fn a_window_of_other_sizes_and_scales() {
     let fine = screen.look();
     fine.keep("scale-2");
     assert!(fine.differences(&first, [0, 0, 1280, 720]) > 10_000, "another scale");
-    let turned = viewer.act(&[
-        "mousemove",
-        "200",
-        "400",
-        "mousedown",
-        "1",
-        "sleep",
-        "0.2",
-        "mousemove",
-        "300",
-        "400",
-        "sleep",
-        "0.2",
-        "mouseup",
-        "1",
-    ]);
+    let turned = viewer.drag("1", ["200", "400"], ["300", "400"]);
     assert!(turned.differences(&fine, [100, 150, 700, 700]) > 500, "turned");
     assert_eq!(viewer.quit().code, 0);
 }

@@ -179,16 +179,19 @@ pub fn binding(action: &Action) -> Option<&'static Binding> {
     KEYS.iter().find(|row| row.action == *action)
 }
 
-/// Takes the keys that were pressed from the input, in the order of the table. Where a widget has the focus, arrows and the
-/// space bar are its own.
+/// Takes the keys that were pressed from the input, in the order in which they were. Where a widget has the focus, arrows and
+/// the space bar are its own.
 pub fn pressed(input: &mut egui::InputState, focus: bool) -> Vec<Action> {
     let own = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown, Key::Space];
     let mut actions = Vec::new();
-    for row in KEYS.iter().filter(|row| !(focus && own.contains(&row.key.logical_key))) {
-        for _ in 0..input.count_and_consume_key(row.key.modifiers, row.key.logical_key) {
-            actions.push(row.action.clone());
-        }
-    }
+    input.events.retain(|event| {
+        let egui::Event::Key { key, modifiers, pressed: true, .. } = event else { return true };
+        let is_pressed =
+            |row: &&Binding| row.key.logical_key == *key && modifiers.matches_logically(row.key.modifiers);
+        let row = KEYS.iter().find(is_pressed).filter(|_| !(focus && own.contains(key)));
+        actions.extend(row.map(|row| row.action.clone()));
+        row.is_none()
+    });
     actions
 }
 
@@ -199,9 +202,16 @@ mod tests {
     use super::*;
 
     fn press(modifiers: Modifiers, key: Key, focus: bool) -> Vec<Action> {
-        let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
-        let input =
-            RawInput { events: vec![Event::ModifiersChanged(modifiers), event], ..RawInput::default() };
+        press_all(&[(modifiers, key)], focus)
+    }
+
+    /// All between two frames.
+    fn press_all(keys: &[(Modifiers, Key)], focus: bool) -> Vec<Action> {
+        let events = keys.iter().flat_map(|&(modifiers, key)| {
+            let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };
+            [Event::ModifiersChanged(modifiers), event]
+        });
+        let input = RawInput { events: events.collect(), ..RawInput::default() };
         let mut found = Vec::new();
         let context = Context::default();
         let output = context.run_ui(input, |ui| found.extend(ui.input_mut(|i| pressed(i, focus))));
@@ -223,6 +233,8 @@ mod tests {
         );
         assert_eq!(press(NONE, Key::Space, true), []);
         assert_eq!(press(NONE, Key::F, true), [Action::Fit]);
+        let both = [(NONE, Key::Escape), (COMMAND, Key::S)];
+        assert_eq!(press_all(&both, false), [Action::Cancel, Action::AskSave], "in their order");
     }
 
     #[test]

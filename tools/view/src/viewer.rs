@@ -256,6 +256,9 @@ impl Viewer {
         let ms = canvas.render(ways, self.app.camera())?;
         if moves {
             self.controller.finished(rung, ms);
+        } else if !fast {
+            // What moves next need not find out that it would be too slow in full.
+            self.controller.foresee(ms);
         }
         tracing::debug!("picture rendered {}: {ms:.1} ms", if fast { "fast" } else { "in full" });
         self.moved = fast.then(Instant::now);

@@ -197,16 +197,36 @@ impl<'a> Viewer<'a> {
         }
     }
 
-    /// Waits until no frame has come for a while.
+    /// Waits until no frame has come for a while and none is being made, however slow the machine is.
     pub fn settle(&mut self) {
-        let mut last = (self.frames(), Instant::now());
+        let mut last = ((self.frames(), self.cpu_seconds()), Instant::now());
         self.wait("rest", |viewer| {
-            let now = viewer.frames();
+            let now = (viewer.frames(), viewer.cpu_seconds());
             if now != last.0 {
                 last = (now, Instant::now());
             }
             last.1.elapsed() > Duration::from_millis(700)
         });
+    }
+
+    /// Drags with a button, so slowly that no two events fall into one frame: between two frames panels take a press and its
+    /// release for a click.
+    pub fn drag(&mut self, button: &str, from: [&str; 2], to: [&str; 2]) -> Shot {
+        let before = self.frames()[1];
+        let screen = self.screen;
+        let [x, y] = from;
+        for step in [
+            &["mousemove", x, y][..],
+            &["mousedown", button],
+            &["mousemove", to[0], to[1]],
+            &["mouseup", button],
+        ] {
+            screen.hand(step);
+            self.settle();
+        }
+        self.wait(&format!("answer to a drag from {from:?} to {to:?}"), |viewer| viewer.frames()[1] > before);
+        self.settle();
+        screen.look()
     }
 
     /// Does something with mouse or keys, and waits until a picture in full has answered it.
