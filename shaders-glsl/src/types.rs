@@ -493,6 +493,17 @@ shared! {
         /// Width and height of the window, points.
         window: [f32; 2],
     }
+    /// A rectangle of egui's screen on a plane in the room.
+    Sheet {
+        /// Outside of this nothing is painted: left, top, right, bottom; points.
+        clip: [f32; 4],
+        /// Where the screen's zero is, mm in the space of the scene.
+        zero: [f32; 3],
+        /// A point to the right, mm.
+        right: [f32; 3],
+        /// A point down, mm.
+        down: [f32; 3],
+    }
     /// A corner of a triangle of the panels.
     PanelVertex {
         /// Points, from the window's upper left corner.

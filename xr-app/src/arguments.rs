@@ -15,6 +15,7 @@ use crate::headset::openxr::{OpenXr, OpenXrOptions};
 use crate::headset::simulated::{Script, Simulated};
 use crate::headset::{Blend, Headset};
 use crate::memory;
+use crate::pointing::Known;
 use crate::statistics::Report;
 use crate::viewer::{Options, Viewer};
 
@@ -22,8 +23,9 @@ use crate::viewer::{Options, Viewer};
 #[derive(Parser, Debug)]
 #[command(name = "vgs-xr", version, after_help = EXAMPLES)]
 pub struct Arguments {
-    /// The splats (PLY)
-    pub splats: PathBuf,
+    /// The splats (PLY); several files become one scene
+    #[arg(required = true)]
+    pub splats: Vec<PathBuf>,
     /// Transfer function: a preset, a file, or window:WIDTH,LEVEL
     #[arg(long, value_name = "PRESET|FILE", default_value = "CT-Bone")]
     pub tf: String,
@@ -51,6 +53,9 @@ pub struct Arguments {
     /// Device memory that may be used, MiB: splats are packed, and if need be only the most important ones are shown
     #[arg(long, value_name = "MIB", value_parser = positive)]
     pub memory_budget: Option<f64>,
+    /// Shows the panel from the start
+    #[arg(long)]
+    pub panel: bool,
     /// Writes what was measured (JSON)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -77,7 +82,8 @@ Examples:
 
 Hands: grab with one to move, with both to scale and turn. Right thumbstick: up and down the level, sideways the
 width of the window. First button: next preset (right), last preset (left). Second button: a cutting plane in the
-hand (right), everything back (left).
+hand (right), everything back (left). Thumbstick pressed: the panel, on which the trigger clicks; with its button
+Measure the trigger places ends of distances where the ray meets the patient.
 
 For looking, not for diagnosis.";
 
@@ -118,12 +124,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         output::check_writable(path, arguments.force)?;
     }
     let rungs = rungs(arguments)?;
-    let set = splat::read(&arguments.splats, &ReadOptions::default())?;
-    if set.splats.is_empty() {
-        return Err(
-            Error::new(Kind::BadData, "VGS-XR-020", "the file holds no usable splat").file(&arguments.splats)
-        );
-    }
+    let set = read(&arguments.splats)?;
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         // A second signal ends the program at once.
@@ -156,6 +157,18 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let (gpu, mut headset) = OpenXr::start(&gpu_options, &options)?;
         show(arguments, &gpu, set, rungs, &mut headset, &stop)
     }
+}
+
+/// The splats of all files as one set, whose objects are those of the files.
+fn read(paths: &[PathBuf]) -> Result<SplatSet> {
+    let one = |path: &PathBuf| {
+        let set = splat::read(path, &ReadOptions::default())?;
+        if set.splats.is_empty() {
+            return Err(Error::new(Kind::BadData, "VGS-XR-020", "the file holds no usable splat").file(path));
+        }
+        Ok((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set))
+    };
+    splat::join(paths.iter().map(one).collect::<Result<_>>()?)
 }
 
 /// The rungs, less those that the splats do not have.
@@ -191,10 +204,13 @@ fn show(
         budget_ms: arguments.budget,
         background: [0.0; 3],
         frames: arguments.frames,
+        panel: arguments.panel,
     };
     let mut viewer = memory::within(gpu, arguments.memory_budget, set, |set, precision| {
         let scene = Scene::with_precision(gpu, Some(set), None, &look, precision)?;
-        Viewer::new(gpu, scene, headset, options.clone())
+        let mut viewer = Viewer::new(gpu, scene, headset, options.clone())?;
+        viewer.know(Known::of(set));
+        Ok(viewer)
     })?;
     announce(headset);
     let ended = viewer.run(headset, stop);
@@ -207,7 +223,7 @@ fn show(
         })?;
     }
     if let Some(path) = &arguments.picture {
-        write_picture(path, &viewer, arguments.force)?;
+        write_picture(path, &mut viewer, arguments.force)?;
     }
     ended?;
     let messages = gpu.validation_messages();
@@ -250,15 +266,14 @@ fn print(report: &Report, scale: f64) {
 }
 
 /// What both eyes saw last, side by side, over black.
-fn write_picture(path: &Path, viewer: &Viewer, force: bool) -> Result<()> {
-    let target = &viewer.frames().target;
-    let size = viewer.shown_size();
-    let width = target.size()[0] as usize;
-    let eyes = [target.read_colour(0)?, target.read_colour(1)?];
-    let [w, h] = size.map(|n| n as usize);
-    let pixels =
-        (0..h).flat_map(|y| eyes.iter().flat_map(move |eye| eye[y * width..][..w].iter().copied())).collect();
-    let both = Image { size: [2 * w, h], pixels };
+fn write_picture(path: &Path, viewer: &mut Viewer, force: bool) -> Result<()> {
+    let eyes = viewer.picture()?;
+    let [width, height, _] = eyes.size().map(|n| n as usize);
+    let texels = eyes.read::<[u8; 4]>()?;
+    let eye = |at: usize| texels[at * width * height..][..width * height].chunks(width);
+    let rows = eye(0).zip(eye(1)).flat_map(|(left, right)| left.iter().chain(right));
+    let pixels = rows.map(|texel| texel.map(|byte| f32::from(byte) / 255.0)).collect();
+    let both = Image { size: [2 * width, height], pixels };
     image::write(path, &both, None, &WriteOptions { background: Some([0.0; 3]), force })
 }
 

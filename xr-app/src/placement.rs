@@ -57,6 +57,11 @@ impl Placement {
         self.orientation.inverse() * room
     }
 
+    /// A step in the room, metres, as one in the patient, mm.
+    pub fn patient_offset(&self, room: DVec3) -> DVec3 {
+        self.patient_direction(room) * (MM / self.scale)
+    }
+
     /// An eye of the room as a camera in the patient.
     pub fn camera(&self, eye: &Eye) -> Camera {
         let axis = |v: DVec3| self.patient_direction(eye.pose.orientation * v);

@@ -84,6 +84,15 @@ pub struct Hand {
     pub next: bool,
     /// The second button: clip plane on and off with the right hand, reset with the left.
     pub other: bool,
+    /// The button that shows and hides the panel.
+    pub panel: bool,
+}
+
+impl Hand {
+    /// The ray that it points with, if it is known where it is.
+    pub fn ray(&self) -> Option<Pose> {
+        self.aim.or(self.grip)
+    }
 }
 
 /// Left and right.
