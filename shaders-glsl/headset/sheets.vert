@@ -1,11 +1,13 @@
 #version 460
 // Triangles of egui on planes in the room, as both eyes see them: a point of the screen is a place on the plane of its
-// row. Behind an eye, and nearer than NEAR, nothing is drawn.
+// row. Behind an eye, and nearer than the range of depths, nothing is drawn.
 #extension GL_EXT_multiview : require
 #include "panels.glsl"
 #include "sheets.glsl"
 #include "view.glsl"
-const float NEAR = 0.05; // mm of the patient, who may be 50 times as large as life
+layout(push_constant, scalar) uniform SheetsParams {
+    vec2 range; // as in eyes.glsl
+} p;
 layout(scalar, binding = 0) readonly buffer Vertices { PanelVertex vertices[]; };
 layout(scalar, binding = 1) readonly buffer Indices { uint indices[]; };
 layout(scalar, binding = 2) readonly buffer Sheets { Sheet sheets[]; };
@@ -28,5 +30,6 @@ void main() {
     // From tangents to the picture, whose y runs down; z is the distance along the viewing direction.
     vec2 low = vec2(view.tangents.x, view.tangents.z), high = vec2(view.tangents.y, view.tangents.w);
     vec2 part = (2.0 * seen.xy - (low + high) * seen.z) / (high - low);
-    gl_Position = vec4(part, seen.z - NEAR, seen.z);
+    float depth = p.range.y * (seen.z - p.range.x) / (p.range.y - p.range.x);
+    gl_Position = vec4(part, min(depth, seen.z), seen.z);
 }

@@ -487,6 +487,24 @@ shared! {
         most: [f32; 2],
         /// Premultiplied and display-referred.
         background: [f32; 4],
+        /// Distances along the viewing direction of depths 0 and 1, mm.
+        range: [f32; 2],
+    }
+    /// Push constants of `mirror`.
+    MirrorParams {
+        /// Width and height of the window, pixels.
+        window: [f32; 2],
+        /// Width and height of the picture of an eye, pixels.
+        eye: [f32; 2],
+        /// The layer that is shown, or the first of several.
+        first: u32,
+        /// How many are shown, side by side.
+        count: u32,
+    }
+    /// Push constants of `sheets`.
+    SheetsParams {
+        /// As in [`EyesParams`].
+        range: [f32; 2],
     }
     /// Push constants of `panels`.
     PanelParams {

@@ -15,6 +15,7 @@ use crate::headset::openxr::{OpenXr, OpenXrOptions};
 use crate::headset::simulated::{Script, Simulated};
 use crate::headset::{Blend, Headset};
 use crate::memory;
+use crate::mirror::{Opened, Shown};
 use crate::pointing::Known;
 use crate::statistics::Report;
 use crate::viewer::{Options, Viewer};
@@ -56,6 +57,9 @@ pub struct Arguments {
     /// Shows the panel from the start
     #[arg(long)]
     pub panel: bool,
+    /// Shows what the eyes see in a window, too
+    #[arg(long, value_name = "EYES", value_enum, num_args = 0..=1, require_equals = true, default_missing_value = "both")]
+    pub mirror: Option<Shown>,
     /// Writes what was measured (JSON)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -132,9 +136,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)));
         registered.map_err(|e| Error::new(Kind::Internal, "VGS-XR-021", format!("signals: {e}")))?;
     }
+    let window = arguments.mirror.map(|_| Opened::new()).transpose()?;
     let gpu_options = GpuOptions {
         device: arguments.device.clone(),
         validation: arguments.validation,
+        windows: window.as_ref().map(Opened::windows).transpose()?,
         ..GpuOptions::default()
     };
     if arguments.simulated {
@@ -147,7 +153,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             ..script
         };
         let mut headset = Simulated::new(&gpu, script)?;
-        show(arguments, &gpu, set, rungs, &mut headset, &stop)
+        show(arguments, &gpu, set, rungs, &mut headset, window, &stop)
     } else {
         let options = OpenXrOptions {
             blend: arguments.blend.map(Into::into),
@@ -155,7 +161,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             resolution: Some(arguments.resolution),
         };
         let (gpu, mut headset) = OpenXr::start(&gpu_options, &options)?;
-        show(arguments, &gpu, set, rungs, &mut headset, &stop)
+        show(arguments, &gpu, set, rungs, &mut headset, window, &stop)
     }
 }
 
@@ -188,6 +194,7 @@ fn show(
     mut set: SplatSet,
     rungs: Vec<Rung>,
     headset: &mut dyn Headset,
+    window: Option<Opened>,
     stop: &AtomicBool,
 ) -> Result<()> {
     let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
@@ -212,11 +219,18 @@ fn show(
         viewer.know(Known::of(set));
         Ok(viewer)
     })?;
+    if let (Some(window), Some(shown)) = (window, arguments.mirror) {
+        let about = headset.description();
+        viewer.mirror(window.show(gpu, shown, about.format, about.eye_size)?);
+    }
     announce(headset);
     let ended = viewer.run(headset, stop);
     // What was measured is worth keeping however it ended.
     let report = viewer.report(headset);
-    print(&report, viewer.placement().scale);
+    print(&report);
+    if let Some([shown, skipped]) = viewer.mirrored() {
+        println!("the window showed {shown} frames and had no picture for {skipped}");
+    }
     if let Some(path) = &arguments.report {
         output::write_atomic(path, arguments.force, |w| {
             serde_json::to_writer_pretty(w, &report).map_err(Into::into)
@@ -246,7 +260,7 @@ fn announce(headset: &dyn Headset) {
     );
 }
 
-fn print(report: &Report, scale: f64) {
+fn print(report: &Report) {
     println!(
         "{} frames, {} missed, {} over the budget, {} changes of quality",
         report.frames, report.missed, report.over_budget, report.rung_changes
@@ -259,7 +273,7 @@ fn print(report: &Report, scale: f64) {
             );
         }
     }
-    println!("scale {scale:.2}; 1 is real size");
+    println!("scale {:.2}; 1 is real size", report.scale);
     for (purpose, bytes) in &report.device_bytes {
         println!("device memory for {purpose}: {:.1} MB", *bytes as f64 * 1e-6);
     }

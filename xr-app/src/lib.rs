@@ -5,6 +5,7 @@
 //!                ─► controls ─► placement          what hands do to the patient
 //!                ─► pointing ─► panel, sheets      what hands point at: egui's panel, readings, distances
 //!                ─► composer                       what was rendered, into the pictures of the eyes
+//!                ─► mirror                         the same in a window of the desktop
 //!                ─► statistics                     what is reported
 //!      ─► memory                                   what fits on the device
 //! ```
@@ -17,6 +18,7 @@ pub mod composer;
 pub mod controls;
 pub mod headset;
 pub mod memory;
+pub mod mirror;
 pub mod panel;
 pub mod placement;
 pub mod pointing;

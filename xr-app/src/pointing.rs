@@ -3,7 +3,7 @@
 
 use egui::{Rect, pos2};
 use engine::Result;
-use engine::gpu::{Buffer, Format, Gpu, Image, Recorder};
+use engine::gpu::{Buffer, Gpu, Recorder};
 use engine::render::Look;
 use engine::splat::SplatSet;
 use glam::{DQuat, DVec3};
@@ -15,7 +15,7 @@ use view::pick::{Met, Probe};
 use view::state::Distance;
 
 use crate::controls::{Button, Controls};
-use crate::headset::{Hand, Hands, Pose};
+use crate::headset::{Description, Hand, Hands, Lent, Pose};
 use crate::panel::{Content, LENGTH, Mark, Panel, Pointer, SIZE, scrolled};
 use crate::sheets::{Plane, Sheets};
 
@@ -66,16 +66,16 @@ pub struct Pointing {
 }
 
 impl Pointing {
-    /// At nothing, in pictures of this format; `object_splats` are the splats of each object.
+    /// At nothing, before this headset; `object_splats` are the splats of each object.
     pub fn new(
         gpu: &Gpu,
-        format: Format,
+        about: &Description,
         controls: &mut Controls,
         object_splats: Vec<usize>,
     ) -> Result<Self> {
         let mut pointing = Pointing {
             panel: Panel::new(),
-            sheets: Sheets::new(gpu, format)?,
+            sheets: Sheets::new(gpu, about.format, about.depth)?,
             known: None,
             object_splats,
             place: None,
@@ -292,7 +292,7 @@ impl Pointing {
         turn: (usize, &Buffer<View>),
         controls: &Controls,
         origin: DVec3,
-        eyes: &mut Image,
+        eyes: &mut Lent<'_>,
     ) -> Result<()> {
         self.sheets.draw(recorder, turn, (&controls.placement, origin), &self.planes, eyes)
     }

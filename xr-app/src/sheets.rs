@@ -8,14 +8,14 @@ use egui::TexturesDelta;
 use egui::epaint::ClippedPrimitive;
 use egui::{Pos2, pos2};
 use engine::Result;
-use engine::gpu::{Buffer, Drawing, Format, Gpu, Image, Recorder};
+use engine::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
 use engine::render::IN_FLIGHT;
 use glam::DVec3;
 use shaders_glsl as glsl;
-use shaders_glsl::types::{PanelVertex, Sheet, View};
+use shaders_glsl::types::{PanelVertex, Sheet, SheetsParams, View};
 use view::painter::{Mesh, Textures, fill};
 
-use crate::headset::Pose;
+use crate::headset::{Lent, Pose};
 use crate::placement::Placement;
 
 /// Room for this many corners, indices and rectangles from the start on: a panel with labels takes a third of it.
@@ -77,7 +77,8 @@ struct Slot {
 pub struct Sheets {
     gpu: Gpu,
     drawing: Drawing,
-    format: Format,
+    /// The format of the pictures, and whether they have depth.
+    kind: (Format, bool),
     textures: Textures,
     changes: TexturesDelta,
     mesh: Mesh,
@@ -88,8 +89,8 @@ pub struct Sheets {
 }
 
 impl Sheets {
-    /// Over pictures of this format, with a layer for each eye.
-    pub fn new(gpu: &Gpu, format: Format) -> Result<Self> {
+    /// Over pictures of this format, with or without depth, with a layer for each eye.
+    pub fn new(gpu: &Gpu, format: Format, depth: bool) -> Result<Self> {
         let slot = |n| {
             let name = |what: &str| format!("{what} of sheets {n}");
             Ok(Slot {
@@ -101,8 +102,8 @@ impl Sheets {
         };
         Ok(Sheets {
             gpu: gpu.clone(),
-            drawing: drawing(gpu, format)?,
-            format,
+            drawing: drawing(gpu, (format, depth))?,
+            kind: (format, depth),
             textures: Textures::new(gpu),
             changes: TexturesDelta::default(),
             mesh: Mesh::default(),
@@ -142,7 +143,7 @@ impl Sheets {
         (slot, views): (usize, &Buffer<View>),
         (placement, origin): (&Placement, DVec3),
         planes: &[Plane],
-        eyes: &mut Image,
+        eyes: &mut Lent<'_>,
     ) -> Result<()> {
         if self.mesh.indices.is_empty() {
             return Ok(());
@@ -164,7 +165,8 @@ impl Sheets {
         };
         let rows: Vec<Sheet> = self.mesh.clips.iter().zip(&self.plane_of).map(row).collect();
         fill(&self.gpu, sheets, &rows)?;
-        let other = (eyes.format() != self.format).then(|| drawing(&self.gpu, eyes.format())).transpose()?;
+        let kind = (eyes.colour.format(), eyes.depth.is_some());
+        let other = (kind != self.kind).then(|| drawing(&self.gpu, kind)).transpose()?;
         let drawing = other.as_ref().unwrap_or(&self.drawing);
         for (id, range) in &self.mesh.runs {
             let Some(texture) = self.textures.get(*id) else { continue };
@@ -175,7 +177,8 @@ impl Sheets {
                 .read(sheets)
                 .sample(texture)
                 .read(views)
-                .vertices_over(&mut [&mut *eyes], range.clone());
+                .push(&SheetsParams { range: placement.depth_range() })
+                .vertices_over(&mut eyes.pictures(), range.clone());
         }
         Ok(())
     }
@@ -188,9 +191,11 @@ impl Drop for Sheets {
     }
 }
 
-fn drawing(gpu: &Gpu, format: Format) -> Result<Drawing> {
+fn drawing(gpu: &Gpu, (format, depth): (Format, bool)) -> Result<Drawing> {
     let linear = [u32::from(format.is_srgb())];
-    Drawing::new(gpu, &glsl::SHEETS_VERT, &glsl::PANELS_FRAG, &linear, &[format], 2)
+    let formats = [format, Format::D32f];
+    let formats = if depth { &formats[..] } else { &formats[..1] };
+    Drawing::new(gpu, &glsl::SHEETS_VERT, &glsl::PANELS_FRAG, &linear, formats, 2)
 }
 
 #[cfg(test)]

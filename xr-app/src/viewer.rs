@@ -11,7 +11,8 @@ use glam::DVec3;
 
 use crate::composer::Composer;
 use crate::controls::Controls;
-use crate::headset::{Blend, Event, Eye, Headset, Pose, State, Timing};
+use crate::headset::{Blend, Event, Eye, Headset, Lent, Pose, State, Timing};
+use crate::mirror::Mirror;
 use crate::placement::Placement;
 use crate::pointing::{Known, Pointing};
 use crate::statistics::{Report, Statistics};
@@ -47,6 +48,7 @@ pub struct Viewer {
     options: Options,
     controls: Controls,
     pointing: Pointing,
+    mirror: Option<Mirror>,
     /// Where the head was in the last frame.
     head: Pose,
     /// The turn of the last frame.
@@ -64,15 +66,15 @@ impl Viewer {
     /// For a scene in a headset.
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
-        let settings = Settings { views: 2, ..Settings::new(about.eye_size) };
+        let settings = Settings { views: 2, depth: about.depth, ..Settings::new(about.eye_size) };
         let frames = Frames::new(gpu, &scene, &settings, &options.rungs)?;
-        let composer = Composer::new(gpu, about.format, about.blend, options.background)?;
+        let composer = Composer::new(gpu, about.format, about.depth, about.blend, options.background)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
         let range = scene.cloud.as_ref().map_or([0.0, 1.0], |cloud| cloud.range);
         let mut controls =
             Controls::new(placed(&scene, &Pose::IDENTITY), scene.look(), scene.objects(), range);
         let object_splats = scene.objects().iter().map(|object| object.splats).collect();
-        let pointing = Pointing::new(gpu, about.format, &mut controls, object_splats)?;
+        let pointing = Pointing::new(gpu, about, &mut controls, object_splats)?;
         let mut viewer = Viewer {
             gpu: gpu.clone(),
             frames,
@@ -81,6 +83,7 @@ impl Viewer {
             options,
             controls,
             pointing,
+            mirror: None,
             head: Pose::IDENTITY,
             slot: 0,
             statistics: Statistics::default(),
@@ -98,6 +101,17 @@ impl Viewer {
     /// Gives the viewer what is known of the splats on the host, without which hands read and measure nothing.
     pub fn know(&mut self, known: Known) {
         self.pointing.know(known);
+    }
+
+    /// Shows what the eyes see in a window of the desktop, too; who closes it ends the session.
+    pub fn mirror(&mut self, mirror: Mirror) {
+        self.mirror = Some(mirror);
+        self.before = self.gpu.hitches();
+    }
+
+    /// Frames that the window has shown, and frames for which it had no picture.
+    pub fn mirrored(&self) -> Option<[u64; 2]> {
+        self.mirror.as_ref().map(Mirror::counts)
     }
 
     fn warm_up(&mut self) -> Result<()> {
@@ -119,7 +133,8 @@ impl Viewer {
                 self.happened(event);
             }
             let enough = self.options.frames.is_some_and(|n| self.statistics.frames() >= n);
-            if (enough || stop.load(Ordering::Relaxed)) && !std::mem::replace(&mut asked, true) {
+            let closed = self.mirror.as_ref().is_some_and(Mirror::closed);
+            if (enough || closed || stop.load(Ordering::Relaxed)) && !std::mem::replace(&mut asked, true) {
                 self.over |= !headset.running();
                 headset.request_exit()?;
             }
@@ -165,11 +180,15 @@ impl Viewer {
         }
         let rung = self.options.rung.unwrap_or_else(|| self.controller.rung());
         let mut frame = self.frames.begin(&self.scene, rung)?;
-        let eyes = headset.lend(&mut frame.recorder)?;
+        let mut eyes = headset.lend(&mut frame.recorder)?;
+        let range = self.controls.placement.depth_range();
         self.pointing.prepare(&mut frame.recorder)?;
-        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, eyes);
+        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, range, &mut eyes);
         let turn = (frame.slot, self.frames.views(frame.slot));
-        self.pointing.draw(&mut frame.recorder, turn, &self.controls, self.scene.origin, eyes)?;
+        self.pointing.draw(&mut frame.recorder, turn, &self.controls, self.scene.origin, &mut eyes)?;
+        if let Some(mirror) = &mut self.mirror {
+            mirror.take(&mut frame.recorder, eyes.colour)?;
+        }
         headset.give_back(&mut frame.recorder)?;
         (self.shown_size, self.slot) = (frame.size, frame.slot);
         // All is recorded: now, and not before, it is asked where the eyes are.
@@ -178,7 +197,8 @@ impl Viewer {
         self.head = head(&seen.eyes);
         let cameras: [Camera; 2] = seen.eyes.map(|eye| self.controls.placement.camera(&eye));
         self.frames.submit(frame, &self.scene, &cameras)?;
-        headset.end(&timing, Some(&seen.eyes))
+        headset.end(&timing, Some(&seen.eyes))?;
+        self.mirror.as_mut().map_or(Ok(()), Mirror::show)
     }
 
     /// Lets the controller know what has finished, and what the display's rate allows.
@@ -234,13 +254,14 @@ impl Viewer {
     /// What both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the device.
     pub fn picture(&mut self) -> Result<Image> {
         let format = Format::Rgba8;
-        let [r, g, b] = self.options.background;
-        let composer = Composer::new(&self.gpu, format, Blend::Opaque, [r, g, b])?;
+        let composer = Composer::new(&self.gpu, format, false, Blend::Opaque, self.options.background)?;
         let mut eyes = self.gpu.picture("both eyes", "pictures", format, self.frames.target.size(), 2)?;
         let mut recorder = self.gpu.record()?;
-        composer.compose(&mut recorder, &self.frames.target, self.shown_size, &mut eyes);
+        let range = self.controls.placement.depth_range();
+        let mut lent = Lent { colour: &mut eyes, depth: None };
+        composer.compose(&mut recorder, &self.frames.target, self.shown_size, range, &mut lent);
         let turn = (self.slot, self.frames.views(self.slot));
-        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut eyes)?;
+        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut lent)?;
         let ticket = recorder.submit()?;
         self.gpu.wait(ticket)?;
         Ok(eyes)
@@ -269,7 +290,8 @@ impl Viewer {
             pipelines: now.pipelines - self.before.pipelines,
             waits: now.waits - self.before.waits,
         };
-        self.statistics.report(&self.gpu, headset.description(), &self.options.rungs, hitches)
+        let (about, placement) = (headset.description(), &self.controls.placement);
+        self.statistics.report(&self.gpu, about, &self.options.rungs, placement, hitches)
     }
 }
 

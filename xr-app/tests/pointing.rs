@@ -132,7 +132,12 @@ fn balls() -> SplatSet {
             if x * x + y * y + z * z > 81.0 {
                 continue;
             }
-            let mut splat = Splat { mean: [middle + x, y, z], intensity: 1200.0, ..Splat::default() };
+            let mut splat = Splat {
+                mean: [middle + x, y, z],
+                intensity: 1200.0,
+                rotation: [1.0, 0.0, 0.0, 0.0],
+                ..Splat::default()
+            };
             splat.set_opacity(0.95);
             splat.set_scale([2.0; 3]);
             set.splats.push(splat);

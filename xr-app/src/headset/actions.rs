@@ -4,7 +4,8 @@ use engine::Result;
 use glam::DVec2;
 use openxr as xr;
 
-use super::openxr::{pose_of, said};
+use super::convert::pose_of;
+use super::openxr::said;
 use super::{Hand, Hands};
 
 /// The two hands, as paths name them.

@@ -23,7 +23,7 @@ pub fn silent(gpu: &Gpu) {
 }
 
 /// A cross of dense splats, longer at the patient's left and head, so that a mirrored picture is another one.
-pub fn scene(gpu: &Gpu) -> Scene {
+pub fn set() -> SplatSet {
     let splat = |mean: [f32; 3], intensity| Splat {
         mean,
         opacity_logit: 3.0,
@@ -39,14 +39,17 @@ pub fn scene(gpu: &Gpu) -> Scene {
         splats.push(splat([0.3 * t, 0.0, 0.0], 900.0));
         splats.push(splat([0.0, 0.3 * t, 0.0], 1200.0));
     }
-    let set = SplatSet {
+    SplatSet {
         splats,
         field: Field::default(),
         origin_mm: DVec3::new(9.0, 80.0, -400.0),
         ..SplatSet::default()
-    };
+    }
+}
+
+pub fn scene(gpu: &Gpu) -> Scene {
     let look = Look::new(preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]));
-    Scene::new(gpu, Some(&set), None, &look).expect("a scene")
+    Scene::new(gpu, Some(&set()), None, &look).expect("a scene")
 }
 
 pub fn script(frames: u64) -> Script {

@@ -91,7 +91,12 @@ fn wall() -> SplatSet {
     let mut labels = Vec::new();
     for i in 0..20 * 11 * 11 {
         let [x, y, z] = [i % 20, i / 20 % 11, i / 220].map(|n| 2.0 * n as f32);
-        let mut splat = Splat { mean: [40.0 + x, y, z], intensity: 400.0 + 10.0 * x, ..Splat::default() };
+        let mut splat = Splat {
+            mean: [40.0 + x, y, z],
+            intensity: 400.0 + 10.0 * x,
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            ..Splat::default()
+        };
         splat.set_opacity(0.9);
         splat.set_scale([1.4, 1.5, 1.6]);
         set.splats.push(splat);
