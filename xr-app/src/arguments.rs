@@ -136,7 +136,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)));
         registered.map_err(|e| Error::new(Kind::Internal, "VGS-XR-021", format!("signals: {e}")))?;
     }
-    let window = arguments.mirror.map(|_| Opened::new()).transpose()?;
+    let window = arguments.mirror.map(Opened::new).transpose()?;
     let gpu_options = GpuOptions {
         device: arguments.device.clone(),
         validation: arguments.validation,
@@ -219,9 +219,9 @@ fn show(
         viewer.know(Known::of(set));
         Ok(viewer)
     })?;
-    if let (Some(window), Some(shown)) = (window, arguments.mirror) {
+    if let Some(window) = window {
         let about = headset.description();
-        viewer.mirror(window.show(gpu, shown, about.format, about.eye_size)?);
+        viewer.mirror(window.show(gpu, about.format, about.eye_size)?);
     }
     announce(headset);
     let ended = viewer.run(headset, stop);

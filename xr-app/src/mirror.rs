@@ -17,7 +17,7 @@ use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::platform::pump_events::EventLoopExtPumpEvents as _;
 use winit::window::{Window, WindowId};
 
-/// Height of the window at the start, pixels; as wide as the eyes need.
+/// Height of the window at the start, and width for each eye, pixels.
 const HEIGHT: u32 = 480;
 
 /// What the window shows.
@@ -45,6 +45,7 @@ impl Shown {
 /// What winit tells.
 #[derive(Default)]
 struct Pane {
+    eyes: u32,
     window: Option<Arc<Window>>,
     failure: Option<String>,
     closed: bool,
@@ -56,9 +57,8 @@ impl ApplicationHandler for Pane {
         if self.window.is_some() {
             return;
         }
-        let attributes = Window::default_attributes()
-            .with_title("vgs-xr")
-            .with_inner_size(PhysicalSize::new(2 * HEIGHT, HEIGHT));
+        let size = PhysicalSize::new(self.eyes * HEIGHT, HEIGHT);
+        let attributes = Window::default_attributes().with_title("vgs-xr").with_inner_size(size);
         match events.create_window(attributes) {
             Ok(window) => self.window = Some(Arc::new(window)),
             Err(e) => self.failure = Some(e.to_string()),
@@ -79,19 +79,20 @@ pub struct Opened {
     events: EventLoop<()>,
     pane: Pane,
     window: Arc<Window>,
+    shown: Shown,
 }
 
 impl Opened {
-    /// Opens a window; from the main thread.
+    /// Opens a window for so much; from the main thread.
     ///
     /// # Errors
     /// [`Kind::Unavailable`] without a display.
-    pub fn new() -> Result<Self> {
+    pub fn new(shown: Shown) -> Result<Self> {
         let mut events = EventLoop::new().map_err(|e| no_window(&e.to_string()))?;
-        let mut pane = Pane::default();
+        let mut pane = Pane { eyes: shown.layers()[1], ..Pane::default() };
         events.pump_app_events(Some(Duration::ZERO), &mut pane);
         match &pane.window {
-            Some(window) => Ok(Opened { window: Arc::clone(window), events, pane }),
+            Some(window) => Ok(Opened { window: Arc::clone(window), shown, events, pane }),
             None => Err(no_window(pane.failure.as_deref().unwrap_or("it does not come up"))),
         }
     }
@@ -101,13 +102,10 @@ impl Opened {
         Windows::of(&*self.window)
     }
 
-    /// Shows so much of pictures of a format with this width and height, a layer for each eye.
-    pub fn show(self, gpu: &Gpu, shown: Shown, format: Format, eye: [u32; 2]) -> Result<Mirror> {
-        let [first, count] = shown.layers();
-        let width = u64::from(HEIGHT) * u64::from(count * eye[0]) / u64::from(eye[1]);
-        let wanted = PhysicalSize::new(width.clamp(1, 4096) as u32, HEIGHT);
-        let size = self.window.request_inner_size(wanted).unwrap_or_else(|| self.window.inner_size());
-        let size = [size.width, size.height];
+    /// Shows pictures of a format with this width and height, a layer for each eye.
+    pub fn show(self, gpu: &Gpu, format: Format, eye: [u32; 2]) -> Result<Mirror> {
+        let PhysicalSize { width, height } = self.window.inner_size();
+        let size = [width, height];
         let surface = Surface::new(gpu, Arc::clone(&self.window), size)?;
         let linear = [u32::from(format.is_srgb())];
         Ok(Mirror {
@@ -116,7 +114,7 @@ impl Opened {
             copy: copy(gpu, size)?,
             acquired: None,
             surface,
-            layers: [first, count],
+            layers: self.shown.layers(),
             eye,
             skipped: 0,
             shown: 0,
