@@ -6,7 +6,8 @@ use engine::fit::{FitConfig, Fitter};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
 use engine::render::{Camera, Renderer, Scene, Settings};
-use engine::splat::{self, SplatSet};
+use engine::splat::harmonics::{MAX_DEGREE, SH0, basis_count};
+use engine::splat::{self, Harmonics, SplatSet};
 use engine::transfer::{TransferFunction, preset};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result};
@@ -188,7 +189,12 @@ impl<'a> Library<'a> {
                 path
             }
         };
-        Ok((read_splats(&path)?, self.place(&unit.case)?))
+        let mut set = read_splats(&path)?;
+        let place = self.place(&unit.case)?;
+        if unit.coloured && set.colours.is_none() {
+            set.colours = Some(colours(&set, &place.transfer(&unit.transfers[0])?));
+        }
+        Ok((set, place))
     }
 
     fn path(&self, case: &Case, config: &FitConfig) -> PathBuf {
@@ -199,6 +205,17 @@ impl<'a> Library<'a> {
         let content = (&case.folder, &case.volume, &case.mask, case.phantom, config);
         self.splats.join(format!("{name}-{amount}-{}.ply", hash(&content)))
     }
+}
+
+/// Spherical harmonics of the degree of standard splats, which show from all sides what a transfer function makes of the
+/// intensities: as many bytes and operations as those of a scene that was learned from pictures.
+fn colours(set: &SplatSet, transfer: &TransferFunction) -> Harmonics {
+    let mut coefficients = vec![0.0; set.splats.len() * basis_count(MAX_DEGREE) * 3];
+    for (splat, row) in set.splats.iter().zip(coefficients.chunks_mut(basis_count(MAX_DEGREE) * 3)) {
+        let (colour, _) = transfer.at(f64::from(splat.intensity));
+        row[..3].copy_from_slice(&((colour.as_vec3() - 0.5) / SH0).to_array());
+    }
+    Harmonics { degree: MAX_DEGREE, coefficients }
 }
 
 fn fit(gpu: &Gpu, place: &Place, config: &FitConfig) -> Result<SplatSet> {
