@@ -198,7 +198,7 @@ impl Mirror {
         let window = self.surface.borrow(&mut recorder, &acquired);
         let area = [0.0, 0.0, size[0], size[1]];
         let what = Composition {
-            first: Layer { picture: &self.copy, layer: 0 },
+            first: Layer { picture: &self.copy, layer: 0, part: [1.0, 1.0] },
             second: None,
             split: size[0],
             area,
