@@ -6,6 +6,7 @@
 //! the background in spans of the HU range ([`Scaling`]).
 
 mod config;
+pub mod errors;
 pub mod evaluate;
 pub mod init;
 pub mod labels;

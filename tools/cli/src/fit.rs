@@ -181,6 +181,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
             &gpu,
             &set,
             &case,
+            None,
             &eval::names(&files.splats, &arguments.volume),
             evaluation,
         )?;

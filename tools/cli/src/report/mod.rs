@@ -1,6 +1,7 @@
 //! What a command tells at its end: figures as text and as JSON, and how numbers are written.
 
 pub mod curve;
+pub mod errors;
 pub mod record;
 
 use engine::fit::evaluate::{Evaluation, Metrics};
