@@ -149,6 +149,9 @@ pub struct Summary {
     pub splats: usize,
     /// Splats that were dropped because a value is unusable.
     pub dropped: usize,
+    /// Splats whose thin axes were widened, because they were longer than
+    /// [`ANISOTROPY_LIMIT`](activation::ANISOTROPY_LIMIT) times their width.
+    pub widened: usize,
     /// Elements of the file with their counts, in file order.
     pub elements: Vec<(String, u64)>,
     /// Properties of a splat, in file order.
@@ -312,6 +315,7 @@ mod tests {
             (Splat { log_scale: [0.0, -1e3, 0.0], ..good }, false),
             (Splat { log_scale: [0.0, 0.0, 1e3], ..good }, false),
             (Splat { intensity: f32::INFINITY, ..good }, false),
+            (Splat { intensity: f32::MIN, ..good }, true),
         ];
         for (splat, usable) in rows {
             assert_eq!(defect(&splat).is_none(), usable, "{splat:?}");
