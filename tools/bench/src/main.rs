@@ -3,12 +3,15 @@
 #![forbid(unsafe_code)]
 
 mod budget;
+mod cost;
 mod ladder;
 mod paper;
 mod passes;
 mod render;
 mod report;
 mod scene;
+mod store;
+mod trade;
 mod xr;
 
 use clap::{Parser, Subcommand};
@@ -26,6 +29,7 @@ Examples:
   bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md
   bench paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; bench paper --help
   bench render --data DIR --quick   pictures against what they should be, and their time; bench render --help
+  bench trade fit ct.nii.gz --roi bones.nii.gz   what a fit's accuracy costs; bench trade fit --help
   bench ladder bones.ply            what each rung of the frame budget's ladder costs and gives up
   bench budget --plot traces.svg    the frame-budget controller on simulated GPUs
   bench xr bones.ply                sessions in a simulated headset at several budgets"
@@ -50,6 +54,9 @@ enum What {
     Budget(budget::Arguments),
     /// Sessions in a simulated headset: intervals, missed frames, use of the budget, rungs, latency.
     Xr(xr::Arguments),
+    /// What accuracy costs, of fits and of pictures, and where the front is.
+    #[command(subcommand)]
+    Trade(trade::What),
     /// Pictures of all modes against what they should be, and what frames cost.
     Render(render::Arguments),
 }
@@ -77,5 +84,6 @@ fn run(arguments: &Arguments) -> Result<()> {
         What::Budget(a) => budget::run(a),
         What::Xr(a) => xr::run(&Gpu::new(&options)?, a),
         What::Render(a) => render::run(&options, a),
+        What::Trade(trade::What::Fit(a)) => trade::fit::run(&options, a),
     }
 }

@@ -8,7 +8,7 @@ use engine::transfer::TransferFunction;
 use engine::{Error, Kind, Result};
 
 use super::config::{Classify, Rendering, Section};
-use super::cost::Cost;
+use crate::cost::Cost;
 use super::plan::{Unit, mode_row};
 use super::record::{Comparison, Record, Role, Sight};
 use super::scenes::{Place, TimedRenderer, check_validation, is_finite, shows_something, volume_bytes};

@@ -6,7 +6,7 @@ use engine::{Error, Kind, Result};
 use serde::Serialize;
 
 use super::config::Config;
-use super::cost::Cost;
+use crate::cost::Cost;
 use super::plan::Unit;
 use super::record::Record;
 use super::report::Report;

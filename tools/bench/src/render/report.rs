@@ -3,7 +3,7 @@
 use engine::gpu::DeviceDescription;
 
 use super::config::{Config, Section};
-use super::cost::{Cost, mean, median, percentile};
+use crate::cost::{Cost, mean, median, percentile};
 use super::goals::{self, Found};
 use super::plan::{Plan, Source, Unit};
 use super::record::{Comparison, Record, Records, Role, Timing};

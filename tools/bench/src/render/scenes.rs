@@ -13,10 +13,11 @@ use engine::{Error, Kind, Result};
 use glam::DVec3;
 
 use super::config::{Case, Orbit, Rendering, Transfer};
-use super::cost::{self, Cost};
-use super::plan::{Source, Unit, hash, mode_row, read_splats};
+use crate::cost::{self, Cost};
+use super::plan::{Source, Unit, mode_row, read_splats};
 use crate::paper::library::help;
 use crate::paper::progress::{RATE, SAMPLES_A_VOXEL, SMALL_SPLAT};
+use crate::store::hash;
 
 /// A case, read.
 pub struct Place {

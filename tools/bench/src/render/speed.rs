@@ -11,7 +11,7 @@ use engine::splat::SplatSet;
 
 use super::accuracy::{checked, mse};
 use super::config::{Classify, Rendering};
-use super::cost::Passes;
+use crate::cost::Passes;
 use super::plan::{Unit, mode_row};
 use super::record::{Record, Timing};
 use super::scenes::{Place, TimedRenderer, check_validation, shows_something};

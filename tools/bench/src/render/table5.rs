@@ -1,7 +1,7 @@
 //! The paper's Table 5 with our own frames beside it.
 
 use super::config::Section;
-use super::cost::median;
+use crate::cost::median;
 use super::plan::{Source, Unit};
 use super::record::{Record, Timing};
 use super::report::{Report, dash, ms, thousands};
