@@ -94,8 +94,8 @@ impl Store {
 mod tests {
     use super::*;
     use crate::paper::job::tests::job;
-    use crate::paper::runs::tests::record;
     use crate::paper::runs::Record;
+    use crate::paper::runs::tests::record;
 
     #[test]
     fn a_result_comes_back_and_only_by_its_own_key() {

@@ -89,6 +89,46 @@ fn phantom_fit_eval_rasterize_info() {
 }
 
 #[test]
+fn a_fit_says_before_what_it_will_cost() {
+    let folder = Folder::new(28);
+    let dry = folder.run(&fit("a.ply", &["--dry-run", "--json"])).json();
+    let left = std::fs::read_dir(folder.path("."))
+        .expect("the folder")
+        .filter(|entry| entry.as_ref().is_ok_and(|e| e.file_name().to_string_lossy().starts_with("a.")));
+    assert_eq!(left.count(), 0, "a dry run writes nothing");
+    assert_eq!((&dry["splats"], &dry["iterations"]), (&60.into(), &24.into()));
+    assert!(dry["seconds"].as_f64().is_some_and(|s| s > 0.0), "{dry}");
+
+    let ended = folder.run(&fit("a.ply", &["--explain"]));
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    assert!(ended.err.contains("will cost") && ended.err.contains("24 iterations"), "{}", ended.err);
+    let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
+    let (estimate, ratio) = (&record["estimate"]["estimate"], &record["estimate"]["ratio"]);
+    assert_eq!(estimate["file_bytes"], dry["file_bytes"]);
+    assert_eq!(estimate["file_bytes"].as_u64(), Some(folder.read("a.ply").len() as u64), "exact");
+    assert_eq!(ratio["file_bytes"], 1.0);
+    let memory = ratio["device_peak_bytes"].as_f64().expect("a number");
+    assert!((memory - 1.0).abs() < 0.03, "{memory}");
+    assert!(ratio["seconds"].as_f64().is_some_and(|r| r > 0.0), "{ratio}");
+
+    // The fit is the same as without.
+    let plain = folder.run(&fit("b.ply", &["--json"]));
+    assert_eq!(plain.code, 0, "{}", plain.err);
+    assert!(folder.read("a.ply") == folder.read("b.ply"));
+    let record: serde_json::Value = serde_json::from_str(&folder.text("b.run.json")).expect("a record");
+    assert!(record["estimate"].is_null());
+
+    // A quality as it is says what errors it gives; existing files are no matter.
+    let quality = ["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "a.ply", "--quality", "preview"];
+    let told = folder.run(&[&quality[..], &["--dry-run", "--json"]].concat()).json();
+    assert!(
+        told["rmse_hu"].as_f64() > Some(0.0) && told["p99_hu"].as_f64() > told["rmse_hu"].as_f64(),
+        "{told}"
+    );
+    assert!(dry["rmse_hu"].is_null());
+}
+
+#[test]
 fn a_working_grid_is_fitted_and_judged_on_the_native_one() {
     let folder = Folder::new(28);
     let native = folder.run(&fit("a.ply", &["--json"])).json();

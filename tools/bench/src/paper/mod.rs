@@ -143,18 +143,22 @@ impl Runner<'_> {
         for job in jobs {
             queue.push((estimate(job, self.library.place(&job.folder, &job.mask)?), *job));
         }
-        Ok(carry_out(queue, |job| job.title(), |job| {
-            let place = self.library.place(&job.folder, &job.mask)?;
-            let record = runs::run(job, place, self.options, self.judge, |p| {
-                eprintln!("    iteration {}: {:.2} dB, {:.1} s", p.iteration, p.psnr(), p.seconds);
-            })?;
-            if let Some(at) = record.diverged_at {
-                eprintln!("    diverged before iteration {at}");
-            }
-            self.report.store.save(&record)?;
-            results.add(record);
-            self.report.write(results)
-        }))
+        Ok(carry_out(
+            queue,
+            |job| job.title(),
+            |job| {
+                let place = self.library.place(&job.folder, &job.mask)?;
+                let record = runs::run(job, place, self.options, self.judge, |p| {
+                    eprintln!("    iteration {}: {:.2} dB, {:.1} s", p.iteration, p.psnr(), p.seconds);
+                })?;
+                if let Some(at) = record.diverged_at {
+                    eprintln!("    diverged before iteration {at}");
+                }
+                self.report.store.save(&record)?;
+                results.add(record);
+                self.report.write(results)
+            },
+        ))
     }
 }
 

@@ -133,11 +133,15 @@ mod tests {
     #[test]
     fn short_jobs_come_first_and_one_that_fails_ends_no_other() {
         let mut order = Vec::new();
-        let failed = carry_out(vec![(3.0, "c"), (1.0, "a"), (2.0, "b")], |j| (*j).to_owned(), |&j| {
-            order.push(j);
-            let error = Error::new(engine::Kind::Internal, "VGS-BEN-000", "no");
-            if j == "a" { Err(error) } else { Ok(()) }
-        });
+        let failed = carry_out(
+            vec![(3.0, "c"), (1.0, "a"), (2.0, "b")],
+            |j| (*j).to_owned(),
+            |&j| {
+                order.push(j);
+                let error = Error::new(engine::Kind::Internal, "VGS-BEN-000", "no");
+                if j == "a" { Err(error) } else { Ok(()) }
+            },
+        );
         assert_eq!((order, failed.len()), (vec!["a", "b", "c"], 1));
         assert!(all_done(&failed, 3, "jobs").is_err_and(|e| e.message.starts_with("1 of 3 jobs failed")));
         assert!(all_done(&[], 3, "jobs").is_ok());

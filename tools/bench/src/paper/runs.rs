@@ -301,10 +301,7 @@ impl Bench<'_> {
         Last {
             soft_dice: evaluation.on_grid.soft_dice,
             occupancy_rmse: evaluation.on_grid.occupancy_rmse,
-            errors: Some(Errors {
-                rmse_hu: evaluation.on_grid.rmse_hu,
-                p99_hu: evaluation.on_grid.p99_hu,
-            }),
+            errors: Some(Errors { rmse_hu: evaluation.on_grid.rmse_hu, p99_hu: evaluation.on_grid.p99_hu }),
             held_out: (self.job.held_out > 0).then(|| HeldOut {
                 worst: evaluation.worst_psnr_db(),
                 mean: evaluation.mean_psnr_db(),
@@ -345,7 +342,12 @@ pub mod tests {
             device_peak_bytes: 5_000_000,
             frozen: 0,
             driver: "none".into(),
-            cost: Some(FitCost { setup_seconds: 0.6, seconds: 9.0, core_seconds: Some(17.0), file_bytes: 999 }),
+            cost: Some(FitCost {
+                setup_seconds: 0.6,
+                seconds: 9.0,
+                core_seconds: Some(17.0),
+                file_bytes: 999,
+            }),
             job,
         }
     }
@@ -378,7 +380,10 @@ pub mod tests {
         assert!(errors.p99_hu > errors.rmse_hu && errors.rmse_hu > 0.0, "{errors:?}");
         let cost = record.cost.expect("it did not diverge");
         assert!(cost.setup_seconds > 0.0 && cost.seconds > cost.setup_seconds);
-        assert!((60 * 72..60 * 72 + 2000).contains(&cost.file_bytes), "72 bytes a splat and a header: {cost:?}");
+        assert!(
+            (60 * 72..60 * 72 + 2000).contains(&cost.file_bytes),
+            "72 bytes a splat and a header: {cost:?}"
+        );
         // The start is the initialisation itself, over the range of the whole volume.
         let c = &job.config;
         let first = (c.initialiser().expect("a row").run)(

@@ -4,15 +4,15 @@
 //! `speed`) in scenes of volumes and fitted splats (`scenes`) and kept as a file (`record`), so that nothing is measured
 //! twice. Reports are made from the files and written after every unit (`report`, `table5`, `goals`, `export`, `plot`).
 
-mod accuracy;
-mod config;
+pub mod accuracy;
+pub mod config;
 mod export;
 mod goals;
 mod plan;
 mod plot;
-mod record;
+pub mod record;
 mod report;
-mod scenes;
+pub mod scenes;
 mod speed;
 mod table5;
 #[cfg(test)]

@@ -13,8 +13,8 @@ use engine::{Error, Kind, Result};
 use glam::DVec3;
 
 use super::config::{Case, Orbit, Rendering, Transfer};
-use crate::cost::{self, Cost};
 use super::plan::{Source, Unit, mode_row, read_splats};
+use crate::cost::{self, Cost};
 use crate::paper::library::help;
 use crate::paper::progress::{RATE, SAMPLES_A_VOXEL, SMALL_SPLAT};
 use crate::store::hash;
@@ -176,20 +176,22 @@ impl<'a> Library<'a> {
 
     /// The splats of a unit, fitted if they are not there, with its case.
     pub fn splats(&mut self, unit: &Unit) -> Result<(SplatSet, &Place)> {
-        let path = match &unit.source {
-            Source::File(path, _) => path.clone(),
-            Source::Fit(config) => {
-                let path = self.path(&unit.case, config);
-                if !path.exists() {
-                    let gpu = Gpu::new(self.options)?;
-                    let set = fit(&gpu, self.place(&unit.case)?, config)?;
-                    // What is measured is what is read back, now and later.
-                    splat::write(&path, &set, true)?;
-                }
-                path
-            }
-        };
-        Ok((read_splats(&path)?, self.place(&unit.case)?))
+        match &unit.source {
+            Source::File(path, _) => Ok((read_splats(path)?, self.place(&unit.case)?)),
+            Source::Fit(config) => self.fitted(&unit.case, config),
+        }
+    }
+
+    /// The splats of a fit, made if they are not there, with its case.
+    pub fn fitted(&mut self, case: &Case, config: &FitConfig) -> Result<(SplatSet, &Place)> {
+        let path = self.path(case, config);
+        if !path.exists() {
+            let gpu = Gpu::new(self.options)?;
+            let set = fit(&gpu, self.place(case)?, config)?;
+            // What is measured is what is read back, now and later.
+            splat::write(&path, &set, true)?;
+        }
+        Ok((read_splats(&path)?, self.place(case)?))
     }
 
     fn path(&self, case: &Case, config: &FitConfig) -> PathBuf {

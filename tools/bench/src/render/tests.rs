@@ -7,11 +7,11 @@ use engine::render::MODES;
 use engine::transfer::Material;
 use glam::DVec3;
 
-use crate::cost::{Cost, Passes};
 use super::plan::Source;
 use super::record::{Comparison, Role, Sight, Timing};
 use super::scenes::{Place, volume_bytes};
 use super::*;
+use crate::cost::{Cost, Passes};
 use crate::scene::Scene;
 use crate::store::hash;
 

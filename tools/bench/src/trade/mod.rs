@@ -3,6 +3,7 @@
 pub mod fit;
 mod front;
 mod plot;
+pub mod render;
 
 use clap::Subcommand;
 
@@ -11,4 +12,6 @@ use clap::Subcommand;
 pub enum What {
     /// Fits: error against seconds, bytes of the file and device memory.
     Fit(fit::Arguments),
+    /// Pictures: error against the time of a frame, and the ladder of the frame budget.
+    Render(render::Arguments),
 }

@@ -78,8 +78,7 @@ fn draw_panel<DB: DrawingBackend>(
 where
     DB::ErrorType: 'static,
 {
-    let all: Vec<Point> =
-        panel.series.iter().flat_map(|s| &s.points).copied().filter(drawable).collect();
+    let all: Vec<Point> = panel.series.iter().flat_map(|s| &s.points).copied().filter(drawable).collect();
     let place = |p: &Point| (p.cost.log10(), p.gain);
     let range = |of: fn(&Point) -> f64, least: f64| {
         let low = all.iter().map(of).fold(f64::INFINITY, f64::min);
@@ -110,8 +109,7 @@ where
         .bold_line_style(GRID)
         .light_line_style(TRANSPARENT)
         .draw()?;
-    let mut best: Vec<Point> =
-        all.iter().zip(front(&all)).filter(|(_, on)| *on).map(|(p, _)| *p).collect();
+    let mut best: Vec<Point> = all.iter().zip(front(&all)).filter(|(_, on)| *on).map(|(p, _)| *p).collect();
     best.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     chart.draw_series(LineSeries::new(best.iter().map(place), INK.mix(0.5).stroke_width(2)))?;
     for (series, colour) in panel.series.iter().zip(COLOURS.iter().cycle()) {
@@ -160,8 +158,9 @@ mod tests {
         let text = svg("Fits", &[panel(good), panel(Vec::new())], 2).expect("a plot");
         assert!(text.contains("a case") && text.contains("grid") && text.contains("fine"));
         assert!(!text.contains("NaN") && !text.contains("inf"));
-        assert_eq!([0.1234, 1.234, 12.34, 123.4, 12345.0].map(three_digits), [
-            "0.123", "1.23", "12.3", "123", "12345"
-        ]);
+        assert_eq!(
+            [0.1234, 1.234, 12.34, 123.4, 12345.0].map(three_digits),
+            ["0.123", "1.23", "12.3", "123", "12345"]
+        );
     }
 }

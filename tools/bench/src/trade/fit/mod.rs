@@ -90,12 +90,16 @@ pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
     eprintln!("{} fits: {} to do", report.rows.len(), missing.len());
     let count = missing.len();
     let titles: Vec<String> = report.rows.iter().map(|m| m.row.job.title()).collect();
-    let failed = carry_out(missing, |&i| titles[i].clone(), |&i| {
-        let record = runs::run(&report.rows[i].row.job, &place, options, &judge, |_| {})?;
-        store.save(&record)?;
-        report.rows[i].record = Some(record);
-        report.write(&store)
-    });
+    let failed = carry_out(
+        missing,
+        |&i| titles[i].clone(),
+        |&i| {
+            let record = runs::run(&report.rows[i].row.job, &place, options, &judge, |_| {})?;
+            store.save(&record)?;
+            report.rows[i].record = Some(record);
+            report.write(&store)
+        },
+    );
     report.write(&store)?;
     println!("{}", report.markdown());
     eprintln!("written: {}", store.file("fit.md").display());
@@ -123,7 +127,9 @@ fn check_place(record: &Record, place: &Place, store: &Store) -> Result<()> {
         return Ok(());
     }
     let message = "the results here are those of another volume or mask of the same name";
-    Err(Error::new(Kind::BadData, "VGS-BEN-031", message).file(store.file("runs")).help("choose another --out"))
+    Err(Error::new(Kind::BadData, "VGS-BEN-031", message)
+        .file(store.file("runs"))
+        .help("choose another --out"))
 }
 
 /// The name of a file without its endings.
@@ -173,7 +179,8 @@ mod tests {
         assert_eq!(csv.lines().count(), 1 + 10);
         assert!(!csv.contains("NaN") && csv.contains("mixed"), "{csv}");
         let json: serde_json::Value =
-            serde_json::from_str(&std::fs::read_to_string(file("out/fit.json")).expect("a file")).expect("JSON");
+            serde_json::from_str(&std::fs::read_to_string(file("out/fit.json")).expect("a file"))
+                .expect("JSON");
         assert!(json["rows"][0]["psnr_worst_db"].is_f64(), "{json}");
         // What is there is not run again, and the report still has it.
         a.only = vec![Part::Grid];

@@ -111,10 +111,8 @@ impl Report {
     fn figures(&self) -> Vec<Figures> {
         let mut all: Vec<Figures> = self.rows.iter().filter_map(Figures::of).collect();
         for (k, (_, cost)) in COSTS.iter().enumerate() {
-            let points: Vec<Point> = all
-                .iter()
-                .map(|f| Point { cost: cost(f, self.is_cpu), gain: f.psnr_worst_db })
-                .collect();
+            let points: Vec<Point> =
+                all.iter().map(|f| Point { cost: cost(f, self.is_cpu), gain: f.psnr_worst_db }).collect();
             for (figures, on) in all.iter_mut().zip(front(&points)) {
                 figures.on_front[k] = on;
             }
@@ -209,12 +207,7 @@ impl Report {
             is_cpu: bool,
             rows: Vec<Figures>,
         }
-        let all = All {
-            title: &self.title,
-            device: &self.device,
-            is_cpu: self.is_cpu,
-            rows: self.figures(),
-        };
+        let all = All { title: &self.title, device: &self.device, is_cpu: self.is_cpu, rows: self.figures() };
         serde_json::to_string_pretty(&all)
             .map_err(|e| Error::new(Kind::Internal, "VGS-BEN-026", format!("writing JSON failed: {e}")))
     }
@@ -239,8 +232,10 @@ impl Report {
                 let mut names: Vec<String> =
                     all.iter().filter(|f| part(f, Part::Grid)).map(|f| f.name.clone()).collect();
                 names.dedup();
-                let mut shown: Vec<Series> =
-                    names.iter().map(|name| series(name, &|f| part(f, Part::Grid) && f.name == *name)).collect();
+                let mut shown: Vec<Series> = names
+                    .iter()
+                    .map(|name| series(name, &|f| part(f, Part::Grid) && f.name == *name))
+                    .collect();
                 shown.push(series("one thing other", &|f| part(f, Part::Spokes)));
                 shown.push(series("--quality", &|f| part(f, Part::Qualities)));
                 let named = all.iter().filter(|f| part(f, Part::Qualities));
