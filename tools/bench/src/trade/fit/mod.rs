@@ -198,7 +198,7 @@ mod tests {
     fn cases_are_called_by_what_tells_them_apart() {
         assert_eq!(case_name(Path::new("data/ct-skull/ct.nii.gz")), "ct-skull");
         assert_eq!(case_name(Path::new("data/skull.nii")), "skull");
-        assert_eq!(case_name(Path::new("ct.nii")), "");
+        assert_eq!(case_name(Path::new("ct.nii")), "ct");
         assert_eq!(stem(Path::new("a/mask_bones.nii.gz")), "mask_bones");
     }
 }

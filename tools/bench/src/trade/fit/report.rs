@@ -68,6 +68,13 @@ const COSTS: [Cost; 3] = [
     ("device memory / MB", |f, _| f.device_peak_bytes as f64 * 1e-6),
 ];
 
+/// What a fit gives: title of the axis, and the figure, of which more is better.
+type Gain = (&'static str, fn(&Figures) -> f64);
+
+/// The gains of a fit.
+const GAINS: [Gain; 2] =
+    [("PSNR, worst between voxels / dB", |f| f.psnr_worst_db), ("− 99th percentile of |ΔHU|", |f| -f.p99_hu)];
+
 impl Figures {
     /// Seconds; of a CPU driver those of all cores, which other programs do not lengthen.
     fn time(&self, is_cpu: bool) -> f64 {
@@ -214,13 +221,8 @@ impl Report {
 
     fn svg(&self) -> Result<String> {
         let all = self.figures();
-        let gains: [(&str, fn(&Figures) -> f64); 2] = [
-            ("PSNR, worst between voxels / dB", |f| f.psnr_worst_db),
-            // Downwards is worse, as in the panels above.
-            ("− 99th percentile of |ΔHU|", |f| -f.p99_hu),
-        ];
         let mut panels = Vec::new();
-        for (gain, of) in gains {
+        for (gain, of) in GAINS {
             for (k, (cost, figure)) in COSTS.iter().enumerate() {
                 let unit = if k == 0 && self.is_cpu { "time of the fit / core-s" } else { cost };
                 let point = |f: &Figures| Point { cost: figure(f, self.is_cpu), gain: of(f) };
