@@ -8,4 +8,6 @@ layout(push_constant, scalar) uniform ShowParams {
     float split;     // left of this the first picture, from it on the second; pixels
     uint first;      // layer of the first picture
     uint second;     // layer of the second
+    vec2 first_part; // edges of what is shown of the first picture, as parts of its own
+    vec2 second_part;
 } p;

@@ -478,6 +478,10 @@ shared! {
         first: u32,
         /// Layer of the second picture.
         second: u32,
+        /// Edges of what is shown of the first picture, from its upper left corner, as parts of its own.
+        first_part: [f32; 2],
+        /// The same of the second picture.
+        second_part: [f32; 2],
     }
     /// Push constants of `eyes`.
     EyesParams {

@@ -42,8 +42,8 @@ fn two_pictures_lie_side_by_side_over_the_background() {
         let green = plain(gpu, 2, &[[0.0; 4], [0.0, 1.0, 0.0, 1.0]]);
         let composer = Composer::new(gpu, format).expect("a composer");
         let what = Composition {
-            first: Layer { picture: &red, layer: 0 },
-            second: Some(Layer { picture: &green, layer: 1 }),
+            first: Layer { picture: &red, layer: 0, part: [1.0; 2] },
+            second: Some(Layer { picture: &green, layer: 1, part: [1.0; 2] }),
             split: 32.0,
             area: [0.0, 0.0, 64.0, 48.0],
             place: [16.0, 8.0, 48.0, 40.0],
@@ -67,6 +67,33 @@ fn two_pictures_lie_side_by_side_over_the_background() {
             assert!(near, "{format:?} {x},{y}: {found:?} instead of {expect:?}");
         }
     }
+}
+
+#[test]
+fn of_a_picture_rendered_coarsely_only_its_corner_is_seen() {
+    let device = Device::boot();
+    let gpu: &Gpu = &device;
+    let mut shown = window(gpu, Format::Rgba8);
+    let mut picture = gpu.picture("coarse", "tests", Format::Rgba32f, [8, 8], 1).expect("a picture");
+    // Blue in the corner of 4 x 2 pixels, red left over from before everywhere else.
+    let texel_of =
+        |i: usize| if i % 8 < 4 && i / 8 < 2 { [0.0f32, 0.0, 1.0, 1.0] } else { [1.0, 0.0, 0.0, 1.0] };
+    picture.write(&(0..64).map(texel_of).collect::<Vec<_>>()).expect("texels");
+    let composer = Composer::new(gpu, Format::Rgba8).expect("a composer");
+    let what = Composition {
+        first: Layer { picture: &picture, layer: 0, part: [0.5, 0.25] },
+        second: None,
+        split: 0.0,
+        area: [0.0, 0.0, 64.0, 48.0],
+        place: [0.0, 0.0, 64.0, 48.0],
+        background: [0.0; 3],
+    };
+    let mut recorder = gpu.record().expect("a recorder");
+    composer.compose(&mut recorder, &what, &mut shown);
+    let ticket = recorder.submit().expect("submitted");
+    gpu.wait(ticket).expect("finished");
+    let found = shown.read::<[u8; 4]>().expect("texels");
+    assert!(found.iter().all(|&texel| texel == [0, 0, 255, 255]), "nothing of the rest bleeds in");
 }
 
 /// Runs egui for two frames, so that sizes have settled, and paints the second.

@@ -20,6 +20,8 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Plans with a storage-buffer range of at most so many bytes, as a smaller device has; for tests.
     pub storage_range_limit: Option<u64>,
+    /// Behaves as a device that is lost at this submission, counted from 1; for tests.
+    pub lost_at: Option<u64>,
     /// What pictures are to be shown in, if in anything.
     pub windows: Option<Windows>,
 }
@@ -414,7 +416,11 @@ impl Gpu {
     pub fn with_boot(boot: &dyn Boot, options: &GpuOptions) -> Result<Self> {
         let instance = Instance::new(boot, options.validation, options.windows.as_ref())?;
         match Self::on_instance(boot, options, &instance) {
-            Ok(parts) => Ok(Gpu(Arc::new(parts.with(instance)))),
+            Ok(parts) => {
+                let context = parts.with(instance);
+                super::lock(&context.queue).lost_at = options.lost_at;
+                Ok(Gpu(Arc::new(context)))
+            }
             Err(e) => {
                 // SAFETY: the device was not made, or was destroyed on the way out.
                 unsafe { instance.destroy() };

@@ -18,6 +18,8 @@ pub struct Ticket(pub(super) u64);
 pub(super) struct Submissions {
     pub(super) queue: vk::Queue,
     pub(super) last: u64,
+    /// [`super::GpuOptions::lost_at`].
+    pub(super) lost_at: Option<u64>,
     pub(super) free: Vec<Slot>,
     pub(super) flying: Vec<Flight>,
 }
@@ -38,7 +40,11 @@ pub(super) struct Flight {
 
 impl Submissions {
     pub(super) fn new(queue: vk::Queue) -> Self {
-        Submissions { queue, last: 0, free: Vec::new(), flying: Vec::new() }
+        Submissions { queue, last: 0, lost_at: None, free: Vec::new(), flying: Vec::new() }
+    }
+
+    pub(super) fn is_lost(&self) -> bool {
+        self.lost_at.is_some_and(|at| self.last + 1 >= at)
     }
 
     pub(super) fn last_value(&self) -> u64 {

@@ -315,12 +315,21 @@ impl Renderer {
     /// # Panics
     /// If there are not as many cameras as the settings had views.
     pub fn render(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<()> {
+        self.render_at(scene, cameras, &Quality::FULL)
+    }
+
+    /// As [`Self::render`], with something given up: the pictures lie in the upper left corner of the target, as large as
+    /// [`Quality::size`] says.
+    ///
+    /// # Panics
+    /// If there are not as many cameras as the settings had views.
+    pub fn render_at(&mut self, scene: &Scene, cameras: &[Camera], quality: &Quality) -> Result<()> {
         let views: Vec<View> = cameras.iter().map(|c| c.view(scene.origin)).collect();
         assert_eq!(views.len(), self.views.len(), "one camera a view");
         self.views.write_range(0, &views)?;
         loop {
             let mut recorder = self.gpu.record()?;
-            self.mode.record(&mut recorder, scene, &self.views, &mut self.target, &Quality::FULL)?;
+            self.mode.record(&mut recorder, scene, &self.views, &mut self.target, quality)?;
             let ticket = recorder.submit()?;
             self.gpu.wait(ticket)?;
             if !self.mode.settle()? {

@@ -73,16 +73,26 @@ pub struct DeviceArguments {
     /// Largest storage-buffer range that is used, bytes: to see on any device what a small one does
     #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_FORCE_SSBO_LIMIT", hide = true)]
     pub storage_range_limit: Option<u64>,
+    /// Behaves as if the device were lost at this submission, counted from 1: to see on any device what is done then
+    #[arg(long, value_name = "N", hide = true)]
+    pub lost_at: Option<u64>,
 }
 
 impl DeviceArguments {
-    /// Boots the device.
-    pub fn boot(&self) -> engine::Result<engine::gpu::Gpu> {
-        let gpu = engine::gpu::Gpu::new(&engine::gpu::GpuOptions {
+    /// How the device is booted.
+    pub fn options(&self) -> engine::gpu::GpuOptions {
+        engine::gpu::GpuOptions {
             device: self.device.clone(),
             storage_range_limit: self.storage_range_limit,
-            ..Default::default()
-        })?;
+            lost_at: self.lost_at,
+            windows: None,
+            validation: false,
+        }
+    }
+
+    /// Boots the device.
+    pub fn boot(&self) -> engine::Result<engine::gpu::Gpu> {
+        let gpu = engine::gpu::Gpu::new(&self.options())?;
         let chosen = gpu.description();
         tracing::info!("device: {} ({}, {})", chosen.name, chosen.kind, chosen.driver);
         Ok(gpu)

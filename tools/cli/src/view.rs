@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use engine::gpu::GpuOptions;
 use engine::{Error, Kind, Result, transfer};
 use view::loader;
 use view::settings::Settings;
@@ -62,7 +61,7 @@ pub fn run(arguments: &Arguments, since: Instant) -> std::result::Result<u8, Sto
         tracing::warn!("{error}; going on without");
         Settings::default()
     });
-    let gpu = GpuOptions { device: arguments.device.device.clone(), ..GpuOptions::default() };
+    let gpu = arguments.device.options();
     let report = window::run(Start { state, keeps_camera, settings, gpu, since })?;
     if let Some(path) = &arguments.report {
         let text = serde_json::to_string_pretty(&report)

@@ -101,6 +101,209 @@ fn a_session_with_mouse_and_keys() {
     assert!(report["frames"].as_u64() >= report["pictures"].as_u64(), "{report}");
 }
 
+/// The notice has been read, so that it is not in the way.
+fn without_notice(folder: &Folder) {
+    std::fs::create_dir_all(folder.path("config/vgs")).expect("a folder");
+    std::fs::write(folder.path("config/vgs/view.toml"), "notice_seen = true\n").expect("settings");
+}
+
+/// A drag from the middle of the picture with a button, as slowly as a hand.
+fn drag<'a>(button: &'a str, [x, y]: [&'a str; 2]) -> [&'a str; 14] {
+    let take = ["mousemove", "450", "380", "mousedown", button, "sleep", "0.2"];
+    let pull = ["mousemove", x, y, "sleep", "0.2", "mouseup", button];
+    std::array::from_fn(|i| if i < take.len() { take[i] } else { pull[i - take.len()] })
+}
+
+/// What a session file says.
+fn toml(folder: &Folder, name: &str) -> toml::Table {
+    folder.text(name).parse().expect("a session")
+}
+
+#[test]
+fn what_is_edited_measured_and_written_is_there_again() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let arguments = ["s.ply", "--tf", "CT-Soft-Tissue", "--report", "r.json"];
+    let mut viewer = Viewer::start(&screen, &folder, &arguments);
+    viewer.wait("the first picture", |v| v.frames()[1] > 0);
+    viewer.settle();
+    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
+    screen.hand(&["mousemove", "450", "380"]);
+    viewer.settle();
+    let first = screen.look();
+    first.keep("edit-first");
+    let seen = first.count(PICTURE, bright);
+
+    // Window and level by the right button; undone and done again by keys.
+    let wider = viewer.act(&drag("3", ["560", "380"]));
+    wider.keep("edit-window");
+    assert!(wider.differences(&first, PICTURE) > 1000, "a wider window");
+    screen.hand(&["mousemove", "450", "380"]);
+    let undone = viewer.act(&["key", "ctrl+z"]);
+    assert!(undone.differences(&first, PICTURE) < 50, "undone");
+    let redone = viewer.act(&["key", "ctrl+y"]);
+    assert!(redone.differences(&wider, PICTURE) < 50, "done again");
+    viewer.act(&["key", "ctrl+z"]);
+
+    // A plane halves the body.
+    let cut = viewer.act(&["key", "c"]);
+    cut.keep("edit-clip");
+    let left = cut.count(PICTURE, bright);
+    assert!(left < seen * 9 / 10, "{left} of {seen} pixels are left");
+    viewer.act(&["key", "c"]);
+
+    // A distance between two points of the surface, then everything into a session, and a picture.
+    screen.hand(&["key", "d", "sleep", "0.3", "mousemove", "420", "380", "sleep", "0.3", "click", "1"]);
+    screen.hand(&["sleep", "0.3", "mousemove", "480", "380", "sleep", "0.3", "click", "1"]);
+    viewer.settle();
+    screen.look().keep("edit-distance");
+    screen.hand(&[
+        "key", "Escape", "key", "a", "sleep", "0.3", "key", "Right", "key", "ctrl+s", "sleep", "0.5",
+    ]);
+    let enter = |name: &str| {
+        let path = folder.path(name).to_string_lossy().into_owned();
+        screen.hand(&["key", "ctrl+a", "sleep", "0.2", "type", "--delay", "20", &path]);
+        screen.look().keep(&format!("edit-prompt-{name}"));
+        screen.hand(&["key", "Return"]);
+    };
+    enter("kept.toml");
+    viewer.wait("the session", |_| folder.path("kept.toml").is_file());
+    screen.hand(&["sleep", "0.5", "key", "ctrl+p", "sleep", "0.5"]);
+    enter("shot.png");
+    viewer.wait("the picture", |_| folder.path("shot.png").is_file());
+    viewer.settle();
+    screen.hand(&["mousemove", "450", "700"]);
+    viewer.settle();
+    let last = screen.look();
+    last.keep("edit-last");
+    assert_eq!(viewer.quit().code, 0);
+
+    let session = toml(&folder, "kept.toml");
+    let distances = session["distances"].as_array().expect("distances");
+    let place = |name: &str| -> Vec<f64> {
+        distances[0][name].as_array().expect("a point").iter().map(|v| v.as_float().expect("mm")).collect()
+    };
+    let (from, to) = (place("from_mm"), place("to_mm"));
+    let mm = from.iter().zip(&to).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    // The phantom has an edge of 40 mm and fills most of 760 pixels.
+    assert!(distances.len() == 1 && mm > 1.0 && mm < 20.0, "{mm} mm");
+    let picture = engine::image::read(folder.path("shot.png")).expect("a picture").image;
+    assert!(picture.size[0] > 800 && picture.size[1] > 600, "{:?}", picture.size);
+    assert!(picture.pixels.iter().filter(|p| p[3] > 0.1 && p[0] > 0.1).count() > 10_000);
+    let report: serde_json::Value = serde_json::from_str(&folder.text("r.json")).expect("JSON");
+    let edits = report["edits_ms"].as_array().expect("edits");
+    assert!(!edits.is_empty() && edits.iter().all(|ms| ms.as_f64() > Some(0.0)), "{report}");
+
+    // The session brings all of it back.
+    let mut again = Viewer::start(&screen, &folder, &["kept.toml"]);
+    again.wait("the first picture", |v| v.frames()[1] > 0);
+    again.settle();
+    screen.hand(&["search", "--name", "vgs", "windowfocus", "mousemove", "450", "700"]);
+    again.settle();
+    let back = screen.look();
+    back.keep("edit-back");
+    assert!(back.differences(&last, PICTURE) < 50, "{} pixels differ", back.differences(&last, PICTURE));
+    assert_eq!(again.quit().code, 0);
+}
+
+#[test]
+fn a_window_of_other_sizes_and_scales() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let start = |environment: &[(&str, &str)]| {
+        let mut viewer =
+            Viewer::start_with(&screen, &folder, &["s.ply", "--tf", "CT-Soft-Tissue"], environment);
+        viewer.wait("the first picture", |v| v.frames()[1] > 0);
+        viewer.settle();
+        screen.hand(&["search", "--name", "vgs", "windowfocus", "mousemove", "200", "200"]);
+        viewer.settle();
+        viewer
+    };
+    let mut viewer = start(&[]);
+    let first = viewer.act(&["key", "l"]);
+    // Every size that the mouse passes through while it pulls an edge, the smallest allowed one among them.
+    for step in 0..12 {
+        let [width, height] = [1280 - 80 * step, 800 - 45 * step].map(|n: u32| n.to_string());
+        screen.hand(&["search", "--name", "vgs", "windowsize", &width, &height]);
+    }
+    viewer.settle();
+    let small = screen.look();
+    small.keep("small");
+    assert!(small.differences(&first, PICTURE) > 1000, "smaller");
+    assert!(
+        small.count([0, 25, 400, 280], bright) > 5000,
+        "panels leave room for a picture in a narrow window"
+    );
+    // Out of sight and back: nothing is drawn in between, and nothing is lost.
+    screen.hand(&["search", "--name", "vgs", "windowunmap", "--sync"]);
+    viewer.settle();
+    screen.hand(&["search", "--name", "vgs", "windowmap", "--sync"]);
+    screen.hand(&["search", "--name", "vgs", "windowsize", "1280", "800"]);
+    viewer.settle();
+    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
+    viewer.act(&["key", "a"]);
+    let back = viewer.act(&["key", "l"]);
+    back.keep("back");
+    // The mouse's arrow may lie elsewhere.
+    assert!(back.differences(&first, PICTURE) < 400, "{} pixels differ", back.differences(&first, PICTURE));
+    assert_eq!(viewer.quit().code, 0);
+
+    // A screen of twice the scale: letters twice as large, a picture as fine as its pixels, and the mouse acts where it is.
+    let mut viewer = start(&[("WINIT_X11_SCALE_FACTOR", "2")]);
+    let fine = screen.look();
+    fine.keep("scale-2");
+    assert!(fine.differences(&first, [0, 0, 1280, 720]) > 10_000, "another scale");
+    let turned = viewer.act(&[
+        "mousemove",
+        "200",
+        "400",
+        "mousedown",
+        "1",
+        "sleep",
+        "0.2",
+        "mousemove",
+        "300",
+        "400",
+        "sleep",
+        "0.2",
+        "mouseup",
+        "1",
+    ]);
+    assert!(turned.differences(&fine, [100, 150, 700, 700]) > 500, "turned");
+    assert_eq!(viewer.quit().code, 0);
+}
+
+#[test]
+fn a_lost_device_is_made_again() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let arguments = ["s.ply", "--tf", "CT-Soft-Tissue"];
+    let shot = |more: &[&str]| {
+        let mut viewer = Viewer::start(&screen, &folder, &[&arguments, more].concat());
+        viewer.wait("the first picture", |v| v.frames()[1] > 0);
+        viewer.settle();
+        screen.hand(&["search", "--name", "vgs", "windowfocus", "mousemove", "450", "700"]);
+        viewer.settle();
+        let seen = viewer.act(&["key", "l"]);
+        let log = viewer.log();
+        assert_eq!(viewer.quit().code, 0);
+        (seen, log)
+    };
+    let (whole, log) = shot(&[]);
+    assert!(!log.contains("beginning anew"));
+    // In the middle of the upload, and between two frames.
+    for at in ["3", "30"] {
+        let (again, log) = shot(&["--lost-at", at]);
+        again.keep(&format!("lost-{at}"));
+        assert!(log.contains("the device was lost; beginning anew"), "{at}: {log}");
+        let differing = again.differences(&whole, [0, 0, 1280, 720]);
+        assert!(differing < 500, "{at}: {differing} pixels differ");
+    }
+}
+
 #[test]
 fn without_a_display_it_names_another_way() {
     let folder = folder();

@@ -21,7 +21,6 @@ use crate::panels::{self, menu::Menus};
 use crate::prompt::{Answer, Prompt, Purpose};
 use crate::settings::Settings;
 use crate::state::{Edited, SplatMode, State, Subject};
-use crate::theme;
 use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
@@ -68,7 +67,6 @@ pub struct App {
     pixels_per_point: f32,
     held: bool,
     reading: Option<Reading>,
-    styled: bool,
 }
 
 impl App {
@@ -90,7 +88,6 @@ impl App {
             pixels_per_point: 1.0,
             held: false,
             reading: None,
-            styled: false,
         }
     }
 
@@ -156,10 +153,6 @@ impl App {
 
     /// Lays out a frame and does what the user asks; gives what only the window can do.
     pub fn ui(&mut self, ui: &mut Ui, facts: &Facts<'_>) -> Vec<Action> {
-        if !self.styled {
-            theme::apply(ui.ctx());
-            self.styled = true;
-        }
         let mut actions = Vec::new();
         let dropped: Vec<_> = ui.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
         if !dropped.is_empty() {
@@ -315,9 +308,17 @@ impl App {
                 let scale = facts.bounds.map(|_| self.state.orbit.height_mm() / pixels);
                 panels::status::show(ui, &self.state, facts, self.reading.as_ref(), scale);
             });
-            Panel::right("panels").default_size(PANEL[0]).size_range(PANEL[0]..=PANEL[1]).show(ui, |ui| {
-                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| self.sections(ui, facts, actions));
-            });
+            // In a narrow window they would leave no picture.
+            if ui.available_width() >= 1.5 * PANEL[0] {
+                Panel::right("panels").default_size(PANEL[0]).size_range(PANEL[0]..=PANEL[1]).show(
+                    ui,
+                    |ui| {
+                        ScrollArea::vertical()
+                            .auto_shrink(false)
+                            .show(ui, |ui| self.sections(ui, facts, actions));
+                    },
+                );
+            }
         }
         CentralPanel::no_frame().show(ui, |ui| self.central(ui, facts, actions));
     }

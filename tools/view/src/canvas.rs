@@ -6,7 +6,7 @@ use egui::epaint::ClippedPrimitive;
 use egui::{Rect, TexturesDelta};
 use engine::Result;
 use engine::gpu::{Gpu, Surface};
-use engine::render::{Camera, Look, Scene, Settings};
+use engine::render::{Camera, Look, Quality, Scene, Settings};
 use glam::{DVec2, DVec3};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
@@ -34,31 +34,33 @@ pub struct Canvas {
 pub struct Overlay {
     /// What egui made of them.
     pub primitives: Vec<ClippedPrimitive>,
-    /// New and freed textures.
-    pub textures: TexturesDelta,
     /// Pixels of a point.
     pub pixels_per_point: f32,
     /// Where the picture lies, points.
     pub picture: Rect,
 }
 
-/// What the picture shows and how it is rendered: each subject in full, or at this scale of its size where it must be fast.
+/// What the picture shows and how it is rendered: splats in this mode, a volume in the only one that there is, both with
+/// this given up.
 pub fn ways(
     state: &State,
     size: [u32; 2],
-    fast: Option<f64>,
+    mode: &'static str,
+    quality: Quality,
     there: impl Fn(Subject) -> bool,
 ) -> Vec<(Subject, Way)> {
     let subjects = match state.split {
         Some(_) => vec![Subject::Splats, Subject::Volume],
         None => vec![state.shown],
     };
-    let scale = fast.unwrap_or(1.0);
-    let size = size.map(|n| ((f64::from(n) * scale).round() as u32).max(1));
-    // What moves shows no rings: twice the step.
-    let step = state.quality.step * if fast.is_some() { 2.0 } else { 1.0 };
-    let settings = Settings { depth: fast.is_none(), step, ..Settings::new(size) };
-    let way = |subject| Way { mode: mode_row(state.mode_of(subject)), settings: settings.clone() };
+    let settings = Settings { depth: true, step: state.quality.step, ..Settings::new(size) };
+    let way = |subject| {
+        let name = match subject {
+            Subject::Splats => mode,
+            Subject::Volume => state.mode_of(subject),
+        };
+        Way { mode: mode_row(name), settings: settings.clone(), quality }
+    };
     subjects.into_iter().filter(|&s| there(s)).map(|subject| (subject, way(subject))).collect()
 }
 
@@ -159,9 +161,13 @@ impl Canvas {
         self.stage(*subject)?.depth_at(way, place)
     }
 
+    /// Takes what panels of later frames need: new and freed textures.
+    pub fn take_textures(&mut self, changes: TexturesDelta) {
+        self.textures.append(changes);
+    }
+
     /// Puts the picture and the panels on the surface. Whether there was one: a minimised window has none.
-    pub fn present(&mut self, state: &State, mut overlay: Overlay, before: impl FnOnce()) -> Result<bool> {
-        self.textures.append(std::mem::take(&mut overlay.textures));
+    pub fn present(&mut self, state: &State, overlay: Overlay, before: impl FnOnce()) -> Result<bool> {
         let Some(acquired) = self.surface.acquire()? else { return Ok(false) };
         let mut recorder = self.gpu.record()?;
         self.painter.update(&mut recorder, &mut self.textures)?;
@@ -170,14 +176,15 @@ impl Canvas {
         let blank = self.painter.blank();
         let layer = |at: usize| {
             let (subject, way) = self.shown.get(at)?;
-            let picture = match subject {
+            let stage = match subject {
                 Subject::Splats => self.splats.as_ref(),
                 Subject::Volume => self.volume.as_ref(),
             };
-            Some(Layer { picture: picture?.colour(way)?, layer: 0 })
+            stage?.layer(way)
         };
+        let nothing = Layer { picture: blank, layer: 0, part: [1.0; 2] };
         let what = Composition {
-            first: layer(0).unwrap_or(Layer { picture: blank, layer: 0 }),
+            first: layer(0).unwrap_or(nothing),
             second: layer(1),
             split: place[0] + state.split.unwrap_or(1.0) as f32 * (place[2] - place[0]),
             area: [0.0, 0.0, size[0], size[1]],
@@ -193,6 +200,13 @@ impl Canvas {
         self.surface.present(recorder, acquired)?;
         self.painter.forget(&mut self.textures);
         Ok(true)
+    }
+}
+
+impl Drop for Canvas {
+    fn drop(&mut self) {
+        // No frame is going to carry them out, which egui would take for a mistake.
+        self.textures.clear();
     }
 }
 
@@ -220,14 +234,15 @@ mod tests {
     fn what_is_there_is_shown_in_full_or_fast() {
         let mut state = state();
         let names = |ways: &[(Subject, Way)]| ways.iter().map(|(_, way)| way.mode.name).collect::<Vec<_>>();
-        let full = ways(&state, [300, 200], None, |_| true);
+        let full = ways(&state, [300, 200], "slab", Quality::FULL, |_| true);
         assert_eq!(names(&full), ["slab"]);
-        assert_eq!((full[0].1.settings.size, full[0].1.settings.depth), ([300, 200], true));
+        assert_eq!((full[0].1.settings.size, full[0].1.quality), ([300, 200], Quality::FULL));
         state.split = Some(0.5);
-        let fast = ways(&state, [300, 1], Some(0.25), |_| true);
-        assert_eq!(names(&fast), ["slab", "volume"]);
-        assert_eq!((fast[1].1.settings.size, fast[1].1.settings.depth), ([75, 1], false));
-        assert_eq!(names(&ways(&state, [9, 9], None, |s| s == Subject::Volume)), ["volume"]);
+        let coarse = Quality { resolution: 0.25, ..Quality::FULL };
+        let fast = ways(&state, [300, 200], "alpha", coarse, |_| true);
+        assert_eq!(names(&fast), ["alpha", "volume"]);
+        assert_eq!((fast[1].1.settings.size, fast[1].1.quality), ([300, 200], coarse));
+        assert_eq!(names(&ways(&state, [9, 9], "slab", coarse, |s| s == Subject::Volume)), ["volume"]);
     }
 
     #[test]

@@ -18,6 +18,8 @@ pub struct Layer<'a> {
     pub picture: &'a Image,
     /// Which of its layers.
     pub layer: u32,
+    /// Edges of what is shown of it, from its upper left corner, as parts of its own.
+    pub part: [f32; 2],
 }
 
 /// What is put where.
@@ -60,6 +62,8 @@ impl Composer {
                 split: if what.second.is_some() { what.split } else { f32::MAX },
                 first: what.first.layer,
                 second: second.layer,
+                first_part: what.first.part,
+                second_part: second.part,
             })
             .vertices_over(&mut [window], 0..6);
     }

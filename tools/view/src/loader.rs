@@ -52,7 +52,9 @@ impl Splats {
             rows.extend(own);
             named.push((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set));
         }
-        let set = splat::join(named)?;
+        let mut set = splat::join(named)?;
+        // The first of them stand for all while the picture moves.
+        set.order_by_importance();
         // Joining numbers the objects in the order of files and labels.
         let objects = rows.into_iter().zip(set.objects());
         let objects = objects.map(|(row, o)| (Object { name: o.name, ..row }, o.number, o.splats)).collect();
@@ -200,6 +202,13 @@ impl Loader {
     /// What is being done, and which part of it is done where that is known.
     pub fn doing(&self) -> Option<(&str, Option<f32>)> {
         self.doing.first().map(|(what, part)| (what.as_str(), *part))
+    }
+
+    /// Does something beside the window that makes later things faster.
+    pub fn prepare(&self, what: &'static str, job: impl FnOnce() -> Result<()> + Send + 'static) {
+        self.spawn(self.turn, move |tell| {
+            tell.during(what.to_owned(), job);
+        });
     }
 
     /// Writes a file beside the window; `write` is given what it tells its progress to, from 0 to 1.

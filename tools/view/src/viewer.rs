@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use engine::Result;
-use engine::budget::{Controller, Ladder};
+use engine::budget::Controller;
+use engine::render::{Cloud, LADDER, Quality, ladder};
 use glam::DVec2;
 use winit::window::Window;
 
@@ -21,8 +22,8 @@ use crate::settings::Settings;
 use crate::state::{Files, State, Subject};
 use crate::window::{LOST, Next};
 
-/// Edges of pictures relative to the full size, from rung to rung of the ladder of what moves.
-const SCALES: [f64; 6] = [1.0, 0.8, 0.63, 0.5, 0.35, 0.25];
+/// What is given up in the first picture, for something to be there at once.
+const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0, splats: 1.0 };
 /// What a picture that moves waits for before it is rendered in full.
 const REST: Duration = Duration::from_millis(150);
 
@@ -58,13 +59,10 @@ pub struct Viewer {
     happened: Option<Instant>,
     /// The splat budget that the scene has.
     budget: Option<u64>,
+    /// Whether what the splats move faster with is there or being made.
+    prepared: bool,
     /// Whether the camera is to show everything once something is there.
     fits: bool,
-}
-
-/// Costs of the rungs: half of what a picture takes is per pixel squared, the rest is per splat.
-fn ladder() -> Ladder {
-    Ladder::new(SCALES.map(|scale| 0.25 + 0.75 * scale * scale))
 }
 
 impl Viewer {
@@ -86,12 +84,13 @@ impl Viewer {
             report,
             object_splats: Vec::new(),
             range: [0.0, 1.0],
-            controller: Controller::new(ladder(), budget_ms),
+            controller: Controller::new(ladder(&LADDER), budget_ms),
             moved: None,
             size: None,
             stale: true,
             happened: None,
             budget: None,
+            prepared: false,
             fits: !keeps_camera,
         }
     }
@@ -121,21 +120,23 @@ impl Viewer {
 
     /// Takes what was loaded, and puts it on the device.
     pub fn take_loaded(&mut self, canvas: &mut Canvas) -> Result<()> {
+        let mut new = Vec::new();
         for loaded in self.loader.take() {
             if let Loaded::Written(path) = &loaded {
                 self.app.done(format!("Written: {}", path.display()));
             }
             match self.content.take(loaded) {
-                Ok(Some(subject)) => self.set_scene(canvas, subject)?,
-                Ok(None) => {}
+                Ok(subject) => new.extend(subject),
                 Err(error) => self.app.report(&error),
             }
         }
-        Ok(())
+        // What was loaded is kept whatever becomes of the device.
+        new.into_iter().try_for_each(|subject| self.set_scene(canvas, subject))
     }
 
     fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         self.range = self.content.range();
+        self.prepared &= subject != Subject::Splats;
         if let (Subject::Splats, Some(splats)) = (subject, &self.content.splats) {
             let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
             let (rows, counts) = rows.unzip();
@@ -188,6 +189,7 @@ impl Viewer {
             sample: &sample,
         };
         let mut output = context.run_ui(input, |ui| actions = app.ui(ui, &facts));
+        pane.canvas.take_textures(std::mem::take(&mut output.textures_delta));
         pane.input.handle_platform_output(&pane.window, std::mem::take(&mut output.platform_output));
         let mut quit = false;
         for action in actions {
@@ -195,7 +197,6 @@ impl Viewer {
         }
         let overlay = Overlay {
             primitives: context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point),
-            textures: std::mem::take(&mut output.textures_delta),
             pixels_per_point: output.pixels_per_point,
             picture: self.app.picture(),
         };
@@ -236,9 +237,19 @@ impl Viewer {
         let (Some(pixels), true) = (size, self.stale || changes.any() || size != self.size || rested) else {
             return Ok(changes.look);
         };
-        let rung = if first { SCALES.len() - 1 } else { self.controller.rung() };
-        let fast = (moves || first).then(|| SCALES[rung]);
-        let ways = ways(&self.app.state, pixels, fast, |subject| self.content.has(subject));
+        let fast = moves || first;
+        let rung = self.controller.rung();
+        let given_up = match (first, moves) {
+            (true, _) => FIRST,
+            (false, true) => LADDER[rung].quality,
+            (false, false) => Quality::FULL,
+        };
+        // The first rung is what the user has chosen, and so is every other as long as a faster mode would have to be
+        // waited for.
+        let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
+        let other = moves && rung > 0 && cloud.is_some_and(Cloud::has_faces);
+        let mode = if other { LADDER[rung].mode } else { self.app.state.mode_of(Subject::Splats) };
+        let ways = ways(&self.app.state, pixels, mode, given_up, |subject| self.content.has(subject));
         if ways.is_empty() {
             return Ok(false);
         }
@@ -246,12 +257,25 @@ impl Viewer {
         if moves {
             self.controller.finished(rung, ms);
         }
-        tracing::debug!("picture rendered {}: {ms:.1} ms", if fast.is_some() { "fast" } else { "in full" });
-        self.moved = fast.is_some().then(Instant::now);
+        tracing::debug!("picture rendered {}: {ms:.1} ms", if fast { "fast" } else { "in full" });
+        self.moved = fast.then(Instant::now);
+        if !fast && !self.prepared {
+            self.prepare(canvas)?;
+        }
         self.size = size;
         self.stale = false;
         self.count(canvas, ms);
         Ok(changes.look)
+    }
+
+    /// Begins to make, beside the window, what the splats move faster with.
+    fn prepare(&mut self, canvas: &Canvas) -> Result<()> {
+        let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
+        if let Some(cloud) = cloud.filter(|cloud| !cloud.has_faces()) {
+            self.loader.prepare("making what moves fast", cloud.preparation(canvas.gpu())?);
+        }
+        self.prepared = true;
+        Ok(())
     }
 
     fn set_look(&mut self, canvas: &mut Canvas) -> Result<()> {

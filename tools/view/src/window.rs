@@ -17,6 +17,7 @@ use crate::loader::Loader;
 use crate::report::Report;
 use crate::settings::Settings;
 use crate::state::State;
+use crate::theme;
 use crate::viewer::{Pane, Viewer};
 
 /// What the viewer begins with.
@@ -54,7 +55,7 @@ pub fn run(start: Start) -> Result<Report> {
     });
     let Start { state, keeps_camera, settings, gpu, since } = start;
     let viewer = Viewer::new(state, keeps_camera, settings, loader, Report::new(since));
-    let mut program = Program { viewer, options: gpu, pane: None, wake_at: None, lost: 0, failure: None };
+    let mut program = Program { viewer, options: gpu, pane: None, wake_at: None, lost: false, failure: None };
     events.run_app(&mut program).map_err(|e| no_window(&e))?;
     match program.failure {
         Some(error) => Err(error),
@@ -74,8 +75,8 @@ struct Program {
     pane: Option<Pane>,
     /// When egui wants another frame by itself, as for a tooltip.
     wake_at: Option<Instant>,
-    /// How often the device was lost.
-    lost: u32,
+    /// Whether the device was lost.
+    lost: bool,
     failure: Option<Error>,
 }
 
@@ -99,8 +100,11 @@ fn open(
     let gpu = Gpu::new(&GpuOptions { windows: Some(Windows::of(&*window)?), ..options.clone() })?;
     let chosen = gpu.description();
     tracing::info!("device: {} ({}, {})", chosen.name, chosen.kind, chosen.driver);
+    // A context of its own for each device: it has to send its textures to the new one.
+    let context = egui::Context::default();
+    theme::apply(&context);
     let input = egui_winit::State::new(
-        egui::Context::default(),
+        context,
         ViewportId::ROOT,
         &*window,
         Some(window.scale_factor() as f32),
@@ -138,17 +142,20 @@ impl Program {
                     event_loop.exit();
                 }
             }
-            Err(error) if error.code == LOST && self.lost == 0 => {
-                tracing::warn!("{error}; beginning anew");
-                self.lost += 1;
-                let window = self.pane.take().map(|pane| Arc::clone(&pane.window));
-                self.begin(event_loop, window);
-            }
             Err(error) => self.fail(event_loop, error),
         }
     }
 
+    /// Begins anew where the device was lost for the first time; otherwise it was the end.
     fn fail(&mut self, event_loop: &ActiveEventLoop, error: Error) {
+        if error.code == LOST && !self.lost {
+            tracing::warn!("{error}; beginning anew");
+            self.lost = true;
+            self.options.lost_at = None;
+            // All of the old device goes before there is a new one.
+            let window = self.pane.take().map(|pane| pane.window);
+            return self.begin(event_loop, window);
+        }
         self.failure.get_or_insert(error);
         event_loop.exit();
     }

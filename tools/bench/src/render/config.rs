@@ -173,6 +173,15 @@ pub struct Subject {
     /// File of splats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ply: Option<PathBuf>,
+    /// Whether the splats are rendered as standard ones, with colours of their own in place of an intensity.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub coloured: bool,
+}
+
+/// What files leave out.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+pub(super) fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// What a section does.

@@ -10,7 +10,7 @@ use engine::{Error, Result};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::config::{Case, Config, Orbit, Part, Rendering, Section, Subject, Transfer};
+use super::config::{Case, Config, Orbit, Part, Rendering, Section, Subject, Transfer, is_false};
 use crate::store::hash;
 
 /// Where the splats of a unit come from.
@@ -31,6 +31,9 @@ pub struct Unit {
     pub case: Case,
     /// Its splats.
     pub source: Source,
+    /// Whether they get colours in place of intensities.
+    #[serde(skip_serializing_if = "is_false")]
+    pub coloured: bool,
     /// Transfer functions.
     pub transfers: Vec<Transfer>,
     /// What is measured.
@@ -57,11 +60,12 @@ impl Unit {
 
     /// How many splats, as the configuration says it.
     pub fn amount(&self) -> String {
-        match &self.source {
+        let amount = match &self.source {
             Source::File(..) => "file".into(),
             Source::Fit(config) if config.splats > 0 => config.splats.to_string(),
             Source::Fit(config) => format!("{} a voxel", config.density),
-        }
+        };
+        if self.coloured { amount + " coloured" } else { amount }
     }
 
     /// For people.
@@ -124,6 +128,7 @@ impl Plan {
                     section,
                     case: config.case(&subject.case)?.clone(),
                     source: source(config, subject)?,
+                    coloured: subject.coloured,
                     transfers: transfers.clone(),
                     renderings: renderings.clone(),
                     reference: reference.clone(),

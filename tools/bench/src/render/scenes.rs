@@ -6,7 +6,8 @@ use engine::fit::{FitConfig, Fitter};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
 use engine::render::{Camera, Renderer, Scene, Settings};
-use engine::splat::{self, SplatSet};
+use engine::splat::harmonics::{MAX_DEGREE, SH0, basis_count};
+use engine::splat::{self, Harmonics, SplatSet};
 use engine::transfer::{TransferFunction, preset};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result};
@@ -176,14 +177,20 @@ impl<'a> Library<'a> {
 
     /// The splats of a unit, fitted if they are not there, with its case.
     pub fn splats(&mut self, unit: &Unit) -> Result<(SplatSet, &Place)> {
-        match &unit.source {
-            Source::File(path, _) => Ok((read_splats(path)?, self.place(&unit.case)?)),
-            Source::Fit(config) => self.fitted(&unit.case, config),
+        let path = match &unit.source {
+            Source::File(path, _) => path.clone(),
+            Source::Fit(config) => self.fitted(&unit.case, config)?,
+        };
+        let mut set = read_splats(&path)?;
+        let place = self.place(&unit.case)?;
+        if unit.coloured && set.colours.is_none() {
+            set.colours = Some(colours(&set, &place.transfer(&unit.transfers[0])?));
         }
+        Ok((set, place))
     }
 
-    /// The splats of a fit, made if they are not there, with its case.
-    pub fn fitted(&mut self, case: &Case, config: &FitConfig) -> Result<(SplatSet, &Place)> {
+    /// The file of a fit's splats, made if it is not there.
+    pub fn fitted(&mut self, case: &Case, config: &FitConfig) -> Result<PathBuf> {
         let path = self.path(case, config);
         if !path.exists() {
             let gpu = Gpu::new(self.options)?;
@@ -191,7 +198,7 @@ impl<'a> Library<'a> {
             // What is measured is what is read back, now and later.
             splat::write(&path, &set, true)?;
         }
-        Ok((read_splats(&path)?, self.place(case)?))
+        Ok(path)
     }
 
     fn path(&self, case: &Case, config: &FitConfig) -> PathBuf {
@@ -202,6 +209,17 @@ impl<'a> Library<'a> {
         let content = (&case.folder, &case.volume, &case.mask, case.phantom, config);
         self.splats.join(format!("{name}-{amount}-{}.ply", hash(&content)))
     }
+}
+
+/// Spherical harmonics of the degree of standard splats, which show from all sides what a transfer function makes of the
+/// intensities: as many bytes and operations as those of a scene that was learned from pictures.
+fn colours(set: &SplatSet, transfer: &TransferFunction) -> Harmonics {
+    let mut coefficients = vec![0.0; set.splats.len() * basis_count(MAX_DEGREE) * 3];
+    for (splat, row) in set.splats.iter().zip(coefficients.chunks_mut(basis_count(MAX_DEGREE) * 3)) {
+        let (colour, _) = transfer.at(f64::from(splat.intensity));
+        row[..3].copy_from_slice(&((colour.as_vec3() - 0.5) / SH0).to_array());
+    }
+    Harmonics { degree: MAX_DEGREE, coefficients }
 }
 
 fn fit(gpu: &Gpu, place: &Place, config: &FitConfig) -> Result<SplatSet> {

@@ -137,12 +137,18 @@ impl Row {
             self.is_case(unit)
                 && match (self.method, &unit.source) {
                     (Method::Volume, _) => true,
-                    (Method::Standard(_), Source::File(..)) => read.is_none_or(|record| record.of_colours),
-                    (Method::Ours(n), Source::Fit(config)) => config.splats == n * 1000,
+                    // Whatever a file holds where nobody has said that it is to be coloured.
+                    (Method::Standard(_), Source::File(..)) if !unit.coloured => {
+                        read.is_none_or(|record| record.of_colours)
+                    }
+                    (Method::Standard(n), Source::File(..)) => {
+                        read.is_none_or(|record| record.splats == n * 1000)
+                    }
+                    (Method::Standard(n), Source::Fit(config)) => unit.coloured && config.splats == n * 1000,
+                    (Method::Ours(n), Source::Fit(config)) => !unit.coloured && config.splats == n * 1000,
                     (Method::Ours(n), Source::File(..)) => {
                         read.is_some_and(|record| !record.of_colours && record.splats == n * 1000)
                     }
-                    _ => false,
                 }
         };
         let candidates: Vec<&&Unit> = units.iter().filter(fits).collect();

@@ -286,6 +286,7 @@ fn report_of(section: Section, is_cpu: bool, fill: impl Fn(&Unit) -> Option<Reco
             section,
             case: config.case(&subject.case).expect("a case").clone(),
             source: Source::Fit(Box::new(config.fit(subject).expect("a fit"))),
+            coloured: subject.coloured,
             transfers: vec![config.transfer("steep bone").expect("a function").clone()],
             renderings: config.renderings.clone(),
             reference: None,
@@ -394,15 +395,15 @@ fn speed_tells_medians_and_the_ratio_of_each_round() {
 #[test]
 fn the_papers_table_has_ours_or_the_reason_beside_it() {
     let text = report_of(Section::Table5, true, |unit| {
-        (unit.case.name == "bones" && unit.amount() == "250000").then(|| Record {
-            splats: 250_000,
-            timings: vec![
-                timing("volume", "volume", [1000.0, 2000.0, 3000.0]),
-                timing("slab", "slab", [250.0, 200.0, 600.0]),
-                timing("alpha", "alpha", [20.0, 10.0, 30.0]),
-            ],
-            ..Record::default()
-        })
+        let volume = timing("volume", "volume", [1000.0, 2000.0, 3000.0]);
+        let own =
+            [timing("slab", "slab", [250.0, 200.0, 600.0]), timing("alpha", "alpha", [20.0, 10.0, 30.0])];
+        let timings = match (unit.case.name.as_str(), unit.amount().as_str()) {
+            ("bones", "250000") => [vec![volume], own.to_vec()].concat(),
+            ("bones", "250000 coloured") => vec![volume, timing("alpha", "alpha", [40.0, 30.0, 60.0])],
+            _ => return None,
+        };
+        Some(Record { splats: 250_000, of_colours: unit.coloured, timings, ..Record::default() })
     });
     let ours = line(&text, &["| ours |", "Case 4", "250k"]);
     assert!(
@@ -411,7 +412,8 @@ fn the_papers_table_has_ours_or_the_reason_beside_it() {
     );
     assert!(line(&text, &["volume rendering", "Case 4"]).contains("| 125 | volume 1.00 | volume 2000 |"));
     assert!(line(&text, &["volume rendering", "Case 1"]).contains("| 107 | — (not measured yet) |"));
-    assert!(line(&text, &["3DGS", "Case 6"]).contains("| 265 | — (no PLY of 3DGS in the configuration) |"));
+    assert!(line(&text, &["3DGS", "Case 4"]).contains("| 250k | 281 | alpha 50 |"));
+    assert!(line(&text, &["3DGS", "Case 6"]).contains("| 265 | — (not measured yet) |"));
     assert!(line(&text, &["| ours |", "Case 6", "1000k"]).contains("| 143 | — (not measured yet) |"));
     assert_eq!(text.matches("| ours |").count(), 9);
 }

@@ -145,11 +145,22 @@ pub struct Viewer<'a> {
 impl<'a> Viewer<'a> {
     /// Starts it in a folder and waits for its first picture.
     pub fn start(screen: &'a Screen, folder: &Folder, arguments: &[&str]) -> Self {
+        Self::start_with(screen, folder, arguments, &[])
+    }
+
+    /// The same with something of its environment changed.
+    pub fn start_with(
+        screen: &'a Screen,
+        folder: &Folder,
+        arguments: &[&str],
+        environment: &[(&str, &str)],
+    ) -> Self {
         let mut child = folder
             .command(&[&["view", "-vv"], arguments].concat())
             .env("DISPLAY", &screen.display)
             .env_remove("WAYLAND_DISPLAY")
             .env("XDG_CONFIG_HOME", folder.path("config"))
+            .envs(environment.iter().copied())
             .spawn()
             .expect("the viewer starts");
         let log = Arc::new(Mutex::new(String::new()));

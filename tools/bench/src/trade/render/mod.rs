@@ -19,6 +19,7 @@ use self::shots::{Record, Unit};
 use crate::paper::progress::{all_done, carry_out};
 use crate::render::config::{Config, Subject};
 use crate::render::scenes::Library;
+use crate::scene::splats_by_importance;
 use crate::store::Store;
 
 /// Cases of `bench render`'s configuration, with the splats per voxel that it has for them.
