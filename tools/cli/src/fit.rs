@@ -99,7 +99,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let mut inputs = vec![arguments.volume.as_path()];
     inputs.extend(arguments.region.roi.as_deref());
     // What an interrupted fit has written is its own to replace.
-    // A dry run replaces nothing.
+    // A dry run writes nothing that could replace anything.
     let force = arguments.force || arguments.checkpoint.resume || arguments.dry_run;
     outputs::check(&files.list(), &inputs, force)?;
     check_extension(&files.splats)?;

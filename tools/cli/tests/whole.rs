@@ -105,8 +105,10 @@ fn a_fit_says_before_what_it_will_cost() {
     let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
     let (estimate, ratio) = (&record["estimate"]["estimate"], &record["estimate"]["ratio"]);
     assert_eq!(estimate["file_bytes"], dry["file_bytes"]);
-    assert_eq!(estimate["file_bytes"].as_u64(), Some(folder.read("a.ply").len() as u64), "exact");
-    assert_eq!(ratio["file_bytes"], 1.0);
+    // The origin that the header states, in whole mm, may have a digit more.
+    let told = estimate["file_bytes"].as_u64().expect("bytes");
+    assert!(told.abs_diff(folder.read("a.ply").len() as u64) <= 6, "{told}");
+    assert!(ratio["file_bytes"].as_f64().is_some_and(|r| (r - 1.0).abs() < 2e-3), "{ratio}");
     let memory = ratio["device_peak_bytes"].as_f64().expect("a number");
     assert!((memory - 1.0).abs() < 0.03, "{memory}");
     assert!(ratio["seconds"].as_f64().is_some_and(|r| r > 0.0), "{ratio}");

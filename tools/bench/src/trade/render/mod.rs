@@ -91,9 +91,8 @@ pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
         missing,
         |unit| unit.title(),
         |unit| {
-            let (mut set, place) = library.fitted(&unit.case, &unit.fit)?;
-            set.order_by_importance();
-            let record = shots::measure(unit, place, &set, &gpu)?;
+            let set = splats_by_importance(&library.fitted(&unit.case, &unit.fit)?)?;
+            let record = shots::measure(unit, library.place(&unit.case)?, &set, &gpu)?;
             store.save(&record)?;
             report.records.push(record);
             report.write(&store)
@@ -123,7 +122,8 @@ fn units(a: &Arguments, device: &str) -> Result<Vec<Unit>> {
     };
     let mut units = Vec::new();
     for (name, density) in cases {
-        let subject = Subject { case: name.clone(), density: Some(*density), splats: None, ply: None };
+        let (case, density) = (name.clone(), Some(*density));
+        let subject = Subject { case, density, splats: None, ply: None, coloured: false };
         let fit = config.fit(&subject)?;
         let iterations = if a.quick { QUICK_ITERATIONS } else { fit.iterations };
         for transfer in transfers {
