@@ -491,11 +491,40 @@ shared! {
         most: [f32; 2],
         /// Premultiplied and display-referred.
         background: [f32; 4],
+        /// Distances along the viewing direction of depths 0 and 1, mm.
+        range: [f32; 2],
+    }
+    /// Push constants of `mirror`.
+    MirrorParams {
+        /// Width and height of the window, pixels.
+        window: [f32; 2],
+        /// Width and height of the picture of an eye, pixels.
+        eye: [f32; 2],
+        /// The layer that is shown, or the first of several.
+        first: u32,
+        /// How many are shown, side by side.
+        count: u32,
+    }
+    /// Push constants of `sheets`.
+    SheetsParams {
+        /// As in [`EyesParams`].
+        range: [f32; 2],
     }
     /// Push constants of `panels`.
     PanelParams {
         /// Width and height of the window, points.
         window: [f32; 2],
+    }
+    /// A rectangle of egui's screen on a plane in the room.
+    Sheet {
+        /// Outside of this nothing is painted: left, top, right, bottom; points.
+        clip: [f32; 4],
+        /// Where the screen's zero is, mm in the space of the scene.
+        zero: [f32; 3],
+        /// A point to the right, mm.
+        right: [f32; 3],
+        /// A point down, mm.
+        down: [f32; 3],
     }
     /// A corner of a triangle of the panels.
     PanelVertex {

@@ -15,6 +15,8 @@ use crate::headset::openxr::{OpenXr, OpenXrOptions};
 use crate::headset::simulated::{Script, Simulated};
 use crate::headset::{Blend, Headset};
 use crate::memory;
+use crate::mirror::{Opened, Shown};
+use crate::pointing::Known;
 use crate::statistics::Report;
 use crate::viewer::{Options, Viewer};
 
@@ -22,8 +24,9 @@ use crate::viewer::{Options, Viewer};
 #[derive(Parser, Debug)]
 #[command(name = "vgs-xr", version, after_help = EXAMPLES)]
 pub struct Arguments {
-    /// The splats (PLY)
-    pub splats: PathBuf,
+    /// The splats (PLY); several files become one scene
+    #[arg(required = true)]
+    pub splats: Vec<PathBuf>,
     /// Transfer function: a preset, a file, or window:WIDTH,LEVEL
     #[arg(long, value_name = "PRESET|FILE", default_value = "CT-Bone")]
     pub tf: String,
@@ -51,6 +54,12 @@ pub struct Arguments {
     /// Device memory that may be used, MiB: splats are packed, and if need be only the most important ones are shown
     #[arg(long, value_name = "MIB", value_parser = positive)]
     pub memory_budget: Option<f64>,
+    /// Shows the panel from the start
+    #[arg(long)]
+    pub panel: bool,
+    /// Shows what the eyes see in a window, too
+    #[arg(long, value_name = "EYES", value_enum, num_args = 0..=1, require_equals = true, default_missing_value = "both")]
+    pub mirror: Option<Shown>,
     /// Writes what was measured (JSON)
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
@@ -77,7 +86,8 @@ Examples:
 
 Hands: grab with one to move, with both to scale and turn. Right thumbstick: up and down the level, sideways the
 width of the window. First button: next preset (right), last preset (left). Second button: a cutting plane in the
-hand (right), everything back (left).
+hand (right), everything back (left). Thumbstick pressed: the panel, on which the trigger clicks; with its button
+Measure the trigger places ends of distances where the ray meets the patient.
 
 For looking, not for diagnosis.";
 
@@ -118,12 +128,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         output::check_writable(path, arguments.force)?;
     }
     let rungs = rungs(arguments)?;
-    let set = splat::read(&arguments.splats, &ReadOptions::default())?;
-    if set.splats.is_empty() {
-        return Err(
-            Error::new(Kind::BadData, "VGS-XR-020", "the file holds no usable splat").file(&arguments.splats)
-        );
-    }
+    let set = read(&arguments.splats)?;
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         // A second signal ends the program at once.
@@ -131,9 +136,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&stop)));
         registered.map_err(|e| Error::new(Kind::Internal, "VGS-XR-021", format!("signals: {e}")))?;
     }
+    let window = arguments.mirror.map(Opened::new).transpose()?;
     let gpu_options = GpuOptions {
         device: arguments.device.clone(),
         validation: arguments.validation,
+        windows: window.as_ref().map(Opened::windows).transpose()?,
         ..GpuOptions::default()
     };
     if arguments.simulated {
@@ -146,7 +153,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             ..script
         };
         let mut headset = Simulated::new(&gpu, script)?;
-        show(arguments, &gpu, set, rungs, &mut headset, &stop)
+        show(arguments, &gpu, set, rungs, &mut headset, window, &stop)
     } else {
         let options = OpenXrOptions {
             blend: arguments.blend.map(Into::into),
@@ -154,8 +161,20 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             resolution: Some(arguments.resolution),
         };
         let (gpu, mut headset) = OpenXr::start(&gpu_options, &options)?;
-        show(arguments, &gpu, set, rungs, &mut headset, &stop)
+        show(arguments, &gpu, set, rungs, &mut headset, window, &stop)
     }
+}
+
+/// The splats of all files as one set, whose objects are those of the files.
+fn read(paths: &[PathBuf]) -> Result<SplatSet> {
+    let one = |path: &PathBuf| {
+        let set = splat::read(path, &ReadOptions::default())?;
+        if set.splats.is_empty() {
+            return Err(Error::new(Kind::BadData, "VGS-XR-020", "the file holds no usable splat").file(path));
+        }
+        Ok((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set))
+    };
+    splat::join(paths.iter().map(one).collect::<Result<_>>()?)
 }
 
 /// The rungs, less those that the splats do not have.
@@ -175,6 +194,7 @@ fn show(
     mut set: SplatSet,
     rungs: Vec<Rung>,
     headset: &mut dyn Headset,
+    window: Option<Opened>,
     stop: &AtomicBool,
 ) -> Result<()> {
     let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
@@ -191,23 +211,33 @@ fn show(
         budget_ms: arguments.budget,
         background: [0.0; 3],
         frames: arguments.frames,
+        panel: arguments.panel,
     };
     let mut viewer = memory::within(gpu, arguments.memory_budget, set, |set, precision| {
         let scene = Scene::with_precision(gpu, Some(set), None, &look, precision)?;
-        Viewer::new(gpu, scene, headset, options.clone())
+        let mut viewer = Viewer::new(gpu, scene, headset, options.clone())?;
+        viewer.know(Known::of(set));
+        Ok(viewer)
     })?;
+    if let Some(window) = window {
+        let about = headset.description();
+        viewer.mirror(window.show(gpu, about.format, about.eye_size)?);
+    }
     announce(headset);
     let ended = viewer.run(headset, stop);
     // What was measured is worth keeping however it ended.
     let report = viewer.report(headset);
-    print(&report, viewer.placement().scale);
+    print(&report);
+    if let Some([shown, skipped]) = viewer.mirrored() {
+        println!("the window showed {shown} frames and had no picture for {skipped}");
+    }
     if let Some(path) = &arguments.report {
         output::write_atomic(path, arguments.force, |w| {
             serde_json::to_writer_pretty(w, &report).map_err(Into::into)
         })?;
     }
     if let Some(path) = &arguments.picture {
-        write_picture(path, &viewer, arguments.force)?;
+        write_picture(path, &mut viewer, arguments.force)?;
     }
     ended?;
     let messages = gpu.validation_messages();
@@ -230,7 +260,7 @@ fn announce(headset: &dyn Headset) {
     );
 }
 
-fn print(report: &Report, scale: f64) {
+fn print(report: &Report) {
     println!(
         "{} frames, {} missed, {} over the budget, {} changes of quality",
         report.frames, report.missed, report.over_budget, report.rung_changes
@@ -243,22 +273,21 @@ fn print(report: &Report, scale: f64) {
             );
         }
     }
-    println!("scale {scale:.2}; 1 is real size");
+    println!("scale {:.2}; 1 is real size", report.scale);
     for (purpose, bytes) in &report.device_bytes {
         println!("device memory for {purpose}: {:.1} MB", *bytes as f64 * 1e-6);
     }
 }
 
 /// What both eyes saw last, side by side, over black.
-fn write_picture(path: &Path, viewer: &Viewer, force: bool) -> Result<()> {
-    let target = &viewer.frames().target;
-    let size = viewer.shown_size();
-    let width = target.size()[0] as usize;
-    let eyes = [target.read_colour(0)?, target.read_colour(1)?];
-    let [w, h] = size.map(|n| n as usize);
-    let pixels =
-        (0..h).flat_map(|y| eyes.iter().flat_map(move |eye| eye[y * width..][..w].iter().copied())).collect();
-    let both = Image { size: [2 * w, h], pixels };
+fn write_picture(path: &Path, viewer: &mut Viewer, force: bool) -> Result<()> {
+    let eyes = viewer.picture()?;
+    let [width, height, _] = eyes.size().map(|n| n as usize);
+    let texels = eyes.read::<[u8; 4]>()?;
+    let eye = |at: usize| texels[at * width * height..][..width * height].chunks(width);
+    let rows = eye(0).zip(eye(1)).flat_map(|(left, right)| left.iter().chain(right));
+    let pixels = rows.map(|texel| texel.map(|byte| f32::from(byte) / 255.0)).collect();
+    let both = Image { size: [2 * width, height], pixels };
     image::write(path, &both, None, &WriteOptions { background: Some([0.0; 3]), force })
 }
 

@@ -1,16 +1,17 @@
 //! Puts what was rendered into the pictures of the eyes.
 
 use engine::Result;
-use engine::gpu::{Drawing, Format, Gpu, Image, Recorder};
+use engine::gpu::{Drawing, Format, Gpu, Recorder};
 use engine::render::Target;
 use shaders_glsl as glsl;
 use shaders_glsl::types::EyesParams;
 
-use crate::headset::Blend;
+use crate::headset::{Blend, Lent};
 
 /// What puts pictures into those of a headset.
 pub struct Composer {
     drawing: Drawing,
+    depth: bool,
     /// Display-referred, premultiplied.
     background: [f32; 4],
     /// Whether what is drawn is no cover for what the picture held.
@@ -18,12 +19,18 @@ pub struct Composer {
 }
 
 impl Composer {
-    /// For pictures of a format. `background` is behind what was rendered where the headset shows no room there.
-    pub fn new(gpu: &Gpu, format: Format, blend: Blend, background: [f32; 3]) -> Result<Self> {
+    /// For pictures of a format, with or without depth. `background` is behind what was rendered where the headset shows no
+    /// room there.
+    pub fn new(gpu: &Gpu, format: Format, depth: bool, blend: Blend, background: [f32; 3]) -> Result<Self> {
         let linear = [u32::from(format.is_srgb())];
         let [r, g, b] = background;
+        let (fragment, formats) = match depth {
+            true => (&glsl::EYES_DEPTH_FRAG, &[format, Format::D32f][..]),
+            false => (&glsl::EYES_FRAG, &[format][..]),
+        };
         Ok(Composer {
-            drawing: Drawing::new(gpu, &glsl::EYES_VERT, &glsl::EYES_FRAG, &linear, &[format], 2)?,
+            drawing: Drawing::new(gpu, &glsl::EYES_VERT, fragment, &linear, formats, 2)?,
+            depth,
             background: match blend {
                 Blend::Opaque => [r, g, b, 1.0],
                 Blend::Additive => [0.0, 0.0, 0.0, 1.0],
@@ -33,21 +40,31 @@ impl Composer {
         })
     }
 
-    /// Records it. `size` is the part of the target that was rendered, pixels.
-    pub fn compose(&self, recorder: &mut Recorder, rendered: &Target, size: [u32; 2], eyes: &mut Image) {
+    /// Records it. `size` is the part of the target that was rendered, pixels, and `range` the distances of depths 0 and 1, mm.
+    pub fn compose(
+        &self,
+        recorder: &mut Recorder,
+        rendered: &Target,
+        size: [u32; 2],
+        range: [f32; 2],
+        eyes: &mut Lent<'_>,
+    ) {
         if self.translucent {
-            recorder.clear_image(eyes, [0.0; 4]);
+            recorder.clear_image(eyes.colour, [0.0; 4]);
         }
         let whole = rendered.size();
         let part = |axis: usize, less: f32| (size[axis] as f32 - less) / whole[axis] as f32;
-        recorder
-            .draw(&self.drawing)
-            .sample(&rendered.colour)
+        let mut drawing = recorder.draw(&self.drawing).sample(&rendered.colour);
+        if self.depth {
+            drawing = drawing.sample(&rendered.depth);
+        }
+        drawing
             .push(&EyesParams {
                 part: [part(0, 0.0), part(1, 0.0)],
                 most: [part(0, 0.5), part(1, 0.5)],
                 background: self.background,
+                range,
             })
-            .vertices_over(&mut [eyes], 0..3);
+            .vertices_over(&mut eyes.pictures(), 0..3);
     }
 }

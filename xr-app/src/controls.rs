@@ -1,12 +1,13 @@
 //! What hands do to the scene: one carries it, two stretch and turn it, thumbsticks move window and level, buttons change
 //! presets, hold a cutting plane, and put everything back.
 
-use std::collections::BTreeMap;
-
 use engine::Result;
-use engine::render::{Appearance, ClipPlane, Look};
-use engine::transfer::{PRESETS, TransferFunction, preset};
+use engine::render::{ClipPlane, Look};
+use engine::splat::Object;
+use engine::transfer::{PRESETS, load};
 use glam::DVec3;
+use view::state::{self, State};
+use view::transfer::Transfer;
 
 use crate::headset::{Hand, Hands, Pose};
 use crate::placement::Placement;
@@ -22,51 +23,79 @@ const NARROWEST: f64 = 0.05;
 
 /// Whether a button went down.
 #[derive(Clone, Copy, Default)]
-struct Button(bool);
+pub struct Button(bool);
 
 impl Button {
-    fn pressed(&mut self, down: bool) -> bool {
+    /// Whether it is down now and was not at the last call.
+    pub fn pressed(&mut self, down: bool) -> bool {
         !std::mem::replace(&mut self.0, down) && down
     }
+}
+
+/// What was shown last.
+#[derive(PartialEq)]
+struct Shown {
+    transfer: Transfer,
+    objects: Vec<state::Object>,
+    cut: Option<ClipPlane>,
 }
 
 /// What hands have done so far.
 pub struct Controls {
     /// Where the patient is.
     pub placement: Placement,
+    /// What is shown of it: hands change it, and the panel.
+    pub state: State,
+    /// Least and greatest intensity of the scene.
+    pub range: [f64; 2],
     home: Placement,
     /// Where each hand that holds was in the frame before.
     held: [Option<Pose>; 2],
     next: [Button; 2],
     other: [Button; 2],
-    /// The transfer function before it was moved.
-    base: TransferFunction,
-    range: [f64; 2],
-    /// How far level has been moved, HU, and by how much the window is wider.
-    shift: f64,
-    width: f64,
+    /// The transfer function before it was moved, and the objects as they were at the start.
+    base: Transfer,
+    base_objects: Vec<state::Object>,
     /// Whether the right hand holds a plane.
     cutting: bool,
     clip: Vec<ClipPlane>,
-    objects: BTreeMap<u8, Appearance>,
+    /// By which the scene knows the rows of the objects.
+    numbers: Vec<u8>,
+    shown: Shown,
 }
 
 impl Controls {
-    /// Nothing done yet, to a scene with intensities in `range`.
-    pub fn new(placement: Placement, look: &Look, range: [f64; 2]) -> Self {
+    /// Nothing done yet, to a scene of these objects with intensities in `range`.
+    pub fn new(placement: Placement, look: &Look, objects: &[Object], range: [f64; 2]) -> Self {
+        let mut state = State::new(&look.transfer);
+        let row = |object: &Object| {
+            let row = state::Object::new(0, Some(object.number), &object.name);
+            match look.objects.get(&object.number) {
+                None => row,
+                Some(seen) => state::Object {
+                    visible: seen.visible,
+                    tint: seen.tint.map(|colour| DVec3::from_array(colour.map(f64::from))),
+                    opacity: f64::from(seen.opacity),
+                    ..row
+                },
+            }
+        };
+        state.objects = objects.iter().map(row).collect();
+        let shown = Shown { transfer: state.transfer.clone(), objects: state.objects.clone(), cut: None };
         Controls {
             placement,
+            base: state.transfer.clone(),
+            base_objects: state.objects.clone(),
+            state,
+            range,
             home: placement,
             held: [None; 2],
             next: Default::default(),
             other: Default::default(),
-            base: look.transfer.clone(),
-            range,
-            shift: 0.0,
-            width: 1.0,
             cutting: false,
             clip: look.clip.clone(),
-            objects: look.objects.clone(),
+            numbers: objects.iter().map(|object| object.number).collect(),
+            shown,
         }
     }
 
@@ -76,30 +105,37 @@ impl Controls {
         self.held = [None; 2];
     }
 
+    /// Whether a hand holds the patient.
+    pub fn holds(&self, side: usize) -> bool {
+        self.held[side].is_some()
+    }
+
     /// Takes note of what the hands do in a frame that lasts so long, and says what the scene looks like now if that has
-    /// changed.
+    /// changed, by whatever hand.
     pub fn update(&mut self, hands: &Hands, seconds: f64) -> Result<Option<Look>> {
         self.carry(hands);
-        let mut changed = false;
         for (side, step) in [(0, PRESETS.len() - 1), (1, 1)] {
             if self.next[side].pressed(hands[side].next) {
-                self.choose(step)?;
-                changed = true;
+                let now = PRESETS.iter().position(|p| p.name == self.preset()).unwrap_or(PRESETS.len() - 1);
+                self.choose(PRESETS[(now + step) % PRESETS.len()].name)?;
             }
         }
         if self.other[0].pressed(hands[0].other) {
             self.placement = self.home;
-            (self.shift, self.width) = (0.0, 1.0);
+            (self.state.transfer, self.state.objects) = (self.base.clone(), self.base_objects.clone());
             self.cutting = false;
-            changed = true;
         }
-        if self.other[1].pressed(hands[1].other) {
-            self.cutting = !self.cutting;
-            changed = true;
+        self.cutting ^= self.other[1].pressed(hands[1].other);
+        self.window(&hands[1], seconds);
+        let cut = hands[1].grip.filter(|_| self.cutting).map(|grip| self.plane(&grip));
+        let State { transfer, objects, .. } = &self.state;
+        if (transfer, objects, cut) == (&self.shown.transfer, &self.shown.objects, self.shown.cut) {
+            return Ok(None);
         }
-        changed |= self.window(&hands[1], seconds);
-        changed |= self.cutting && hands[1].grip.is_some();
-        changed.then(|| self.look(&hands[1])).transpose()
+        self.shown = Shown { transfer: transfer.clone(), objects: objects.clone(), cut };
+        let mut look = self.state.look(&self.numbers)?;
+        look.clip = self.clip.iter().copied().chain(cut).collect();
+        Ok(Some(look))
     }
 
     /// One hand carries, two stretch.
@@ -121,41 +157,25 @@ impl Controls {
         };
     }
 
-    /// The thumbstick: sideways the width, up and down the level. Whether anything moved.
-    fn window(&mut self, hand: &Hand, seconds: f64) -> bool {
+    /// The thumbstick: sideways the width, up and down the level.
+    fn window(&mut self, hand: &Hand, seconds: f64) {
         let beyond = |v: f64| v.signum() * (v.abs() - RESTS).max(0.0) / (1.0 - RESTS);
         let (x, y) = (beyond(hand.stick.x), beyond(hand.stick.y));
-        self.shift += y * PER_SECOND * seconds * (self.range[1] - self.range[0]);
-        self.width = (self.width * (x * 4.0 * PER_SECOND * seconds).exp()).max(NARROWEST);
-        x != 0.0 || y != 0.0
+        if (x, y) == (0.0, 0.0) {
+            return;
+        }
+        let [low, high] = self.state.transfer.window();
+        let least = NARROWEST * (self.base.window()[1] - self.base.window()[0]);
+        let half = 0.5 * ((high - low) * (x * 4.0 * PER_SECOND * seconds).exp()).max(least);
+        let level = (low + high) * 0.5 + y * PER_SECOND * seconds * (self.range[1] - self.range[0]);
+        self.state.transfer.set_window([level - half, level + half]);
     }
 
-    /// The preset so many rows further in the table.
-    fn choose(&mut self, step: usize) -> Result<()> {
-        let now = PRESETS.iter().position(|p| p.name == self.base.name).unwrap_or(PRESETS.len() - 1);
-        let name = PRESETS[(now + step) % PRESETS.len()].name;
-        self.base = preset(name)?.over(self.range);
-        (self.shift, self.width) = (0.0, 1.0);
+    /// Takes a transfer function: a preset, a window or a file.
+    pub fn choose(&mut self, name: &str) -> Result<()> {
+        self.state.transfer = Transfer::new(&load(name, self.range)?);
+        self.base = self.state.transfer.clone();
         Ok(())
-    }
-
-    fn look(&self, right: &Hand) -> Result<Look> {
-        let mut clip = self.clip.clone();
-        if let Some(grip) = right.grip.filter(|_| self.cutting) {
-            clip.push(self.plane(&grip));
-        }
-        Ok(Look { transfer: self.transfer()?, clip, objects: self.objects.clone() })
-    }
-
-    /// The transfer function, moved and widened about its middle.
-    fn transfer(&self) -> Result<TransferFunction> {
-        let [low, high] = self.base.extent();
-        let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
-        if (self.shift, self.width) == (0.0, 1.0) || half <= 0.0 {
-            return Ok(self.base.clone());
-        }
-        let to = [-1.0, 1.0].map(|side| middle + self.shift + side * half * self.width);
-        self.base.stretched([low, high], to)
     }
 
     /// A plane across the hand, like a blade in it: what lies to the left of it, as the hand sees it, is cut away.
@@ -166,12 +186,13 @@ impl Controls {
 
     /// Name of the transfer function.
     pub fn preset(&self) -> &str {
-        &self.base.name
+        &self.state.transfer.name
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use engine::transfer::preset;
     use glam::{DQuat, DVec2};
 
     use super::*;
@@ -181,7 +202,8 @@ mod tests {
     fn controls() -> Controls {
         let head = Pose { position: DVec3::new(0.0, 1.6, 0.0), ..Pose::IDENTITY };
         let look = Look::new(preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]));
-        Controls::new(Placement::before(&head, DVec3::ZERO, 100.0), &look, [-1000.0, 2000.0])
+        let objects = [3, 7].map(|number| Object { number, name: format!("label {number}"), splats: 1 });
+        Controls::new(Placement::before(&head, DVec3::ZERO, 100.0), &look, &objects, [-1000.0, 2000.0])
     }
 
     fn at(x: f64, squeeze: f64) -> Hand {
@@ -238,7 +260,7 @@ mod tests {
     #[test]
     fn the_stick_moves_the_window_and_reset_puts_everything_back() {
         let mut c = controls();
-        let start = (c.placement, c.base.extent());
+        let start = (c.placement, c.state.transfer.window());
         let stick = Hand { stick: DVec2::new(0.1, 1.0), ..Hand::default() };
         let look = (0..72).map(|_| c.update(&[Hand::default(), stick], FRAME).expect("no error")).last();
         let moved = look.flatten().expect("it changed").transfer.extent();
@@ -254,6 +276,20 @@ mod tests {
         let reset = Hand { other: true, ..Hand::default() };
         let look = c.update(&[reset, Hand::default()], FRAME).expect("no error").expect("it changed");
         assert_eq!((c.placement, look.transfer.extent()), start);
+    }
+
+    #[test]
+    fn what_is_edited_elsewhere_is_shown_and_put_back() {
+        let mut c = controls();
+        let idle = [Hand::default(); 2];
+        assert!(c.update(&idle, FRAME).expect("no error").is_none());
+        c.state.objects[1].visible = false;
+        let look = c.update(&idle, FRAME).expect("no error").expect("it changed");
+        assert!(look.objects[&3].visible && !look.objects[&7].visible);
+        assert!(c.update(&idle, FRAME).expect("no error").is_none(), "once");
+        let reset = Hand { other: true, ..Hand::default() };
+        let look = c.update(&[reset, Hand::default()], FRAME).expect("no error").expect("it changed");
+        assert!(look.objects[&7].visible);
     }
 
     #[test]

@@ -3,7 +3,9 @@
 //! ```text
 //! main ─► viewer ─► headset (openxr or simulated): clock, eyes, hands, pictures
 //!                ─► controls ─► placement          what hands do to the patient
+//!                ─► pointing ─► panel, sheets      what hands point at: egui's panel, readings, distances
 //!                ─► composer                       what was rendered, into the pictures of the eyes
+//!                ─► mirror                         the same in a window of the desktop
 //!                ─► statistics                     what is reported
 //!      ─► memory                                   what fits on the device
 //! ```
@@ -16,7 +18,11 @@ pub mod composer;
 pub mod controls;
 pub mod headset;
 pub mod memory;
+pub mod mirror;
+pub mod panel;
 pub mod placement;
+pub mod pointing;
+pub mod sheets;
 pub mod statistics;
 pub mod viewer;
 

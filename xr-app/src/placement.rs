@@ -3,7 +3,7 @@
 use engine::render::Camera;
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::headset::{Eye, Pose};
+use crate::headset::{DEPTH_RANGE, Eye, Pose};
 
 /// mm in a metre.
 const MM: f64 = 1000.0;
@@ -55,6 +55,16 @@ impl Placement {
     /// A direction of the room, in the patient.
     pub fn patient_direction(&self, room: DVec3) -> DVec3 {
         self.orientation.inverse() * room
+    }
+
+    /// A step in the room, metres, as one in the patient, mm.
+    pub fn patient_offset(&self, room: DVec3) -> DVec3 {
+        self.patient_direction(room) * (MM / self.scale)
+    }
+
+    /// The range of depths in the patient, mm.
+    pub fn depth_range(&self) -> [f32; 2] {
+        DEPTH_RANGE.map(|metres| (metres * MM / self.scale) as f32)
     }
 
     /// An eye of the room as a camera in the patient.

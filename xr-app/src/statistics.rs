@@ -7,6 +7,7 @@ use engine::render::{Finished, Fov, Rung};
 use serde::Serialize;
 
 use crate::headset::{Description, Eye, Eyes, Timing};
+use crate::placement::Placement;
 
 /// Frames that are kept: twelve minutes at 90 Hz.
 const KEPT: usize = 1 << 16;
@@ -95,7 +96,14 @@ impl Statistics {
     }
 
     /// All there is to say.
-    pub fn report(&self, gpu: &Gpu, headset: &Description, rungs: &[Rung], hitches: Hitches) -> Report {
+    pub fn report(
+        &self,
+        gpu: &Gpu,
+        headset: &Description,
+        rungs: &[Rung],
+        placement: &Placement,
+        hitches: Hitches,
+    ) -> Report {
         let samples = || self.samples.iter();
         let mut frames_on = vec![0; rungs.len()];
         samples().for_each(|s| frames_on[s.rung] += 1);
@@ -124,6 +132,8 @@ impl Statistics {
             waits: hitches.waits,
             device_bytes: gpu.memory_by_purpose(),
             eyes: self.eyes.map(|eyes| eyes.map(|eye| SeenBy::from(&eye))),
+            patient: placement.position.to_array(),
+            scale: placement.scale,
             samples: samples().copied().collect(),
         }
     }
@@ -185,6 +195,10 @@ pub struct Report {
     pub device_bytes: BTreeMap<&'static str, u64>,
     /// Where the eyes were at last.
     pub eyes: Option<[SeenBy; 2]>,
+    /// Where the patient's middle was at last, in the room, metres.
+    pub patient: [f64; 3],
+    /// Magnification of the patient at last; 1 is real size.
+    pub scale: f64,
     /// Frames in their order.
     pub samples: Vec<Sample>,
 }

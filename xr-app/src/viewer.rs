@@ -5,14 +5,16 @@ use std::time::Duration;
 
 use engine::Result;
 use engine::budget::{Controller, budget_ms};
-use engine::gpu::{Gpu, Hitches};
+use engine::gpu::{Format, Gpu, Hitches, Image};
 use engine::render::{Camera, Fov, Frames, Rung, Scene, Settings, ladder};
 use glam::DVec3;
 
 use crate::composer::Composer;
 use crate::controls::Controls;
-use crate::headset::{Event, Eye, Headset, Pose, State, Timing};
+use crate::headset::{Blend, Event, Eye, Headset, Lent, Pose, State, Timing};
+use crate::mirror::Mirror;
 use crate::placement::Placement;
+use crate::pointing::{Known, Pointing};
 use crate::statistics::{Report, Statistics};
 
 /// How the scene is shown.
@@ -28,6 +30,8 @@ pub struct Options {
     pub background: [f32; 3],
     /// Ends after so many frames.
     pub frames: Option<u64>,
+    /// Whether the panel is there from the start.
+    pub panel: bool,
 }
 
 /// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones find their
@@ -43,6 +47,12 @@ pub struct Viewer {
     controller: Controller,
     options: Options,
     controls: Controls,
+    pointing: Pointing,
+    mirror: Option<Mirror>,
+    /// Where the head was in the last frame.
+    head: Pose,
+    /// The turn of the last frame.
+    slot: usize,
     statistics: Statistics,
     /// Whether the patient is to be put before the viewer again.
     place: bool,
@@ -56,12 +66,15 @@ impl Viewer {
     /// For a scene in a headset.
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
-        let settings = Settings { views: 2, ..Settings::new(about.eye_size) };
+        let settings = Settings { views: 2, depth: about.depth, ..Settings::new(about.eye_size) };
         let frames = Frames::new(gpu, &scene, &settings, &options.rungs)?;
-        let composer = Composer::new(gpu, about.format, about.blend, options.background)?;
+        let composer = Composer::new(gpu, about.format, about.depth, about.blend, options.background)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
         let range = scene.cloud.as_ref().map_or([0.0, 1.0], |cloud| cloud.range);
-        let controls = Controls::new(placed(&scene, &Pose::IDENTITY), scene.look(), range);
+        let mut controls =
+            Controls::new(placed(&scene, &Pose::IDENTITY), scene.look(), scene.objects(), range);
+        let object_splats = scene.objects().iter().map(|object| object.splats).collect();
+        let pointing = Pointing::new(gpu, about, &mut controls, object_splats)?;
         let mut viewer = Viewer {
             gpu: gpu.clone(),
             frames,
@@ -69,6 +82,10 @@ impl Viewer {
             controller: Controller::new(ladder(&options.rungs), budget),
             options,
             controls,
+            pointing,
+            mirror: None,
+            head: Pose::IDENTITY,
+            slot: 0,
             statistics: Statistics::default(),
             place: true,
             over: false,
@@ -79,6 +96,22 @@ impl Viewer {
         viewer.warm_up()?;
         viewer.before = gpu.hitches();
         Ok(viewer)
+    }
+
+    /// Gives the viewer what is known of the splats on the host, without which hands read and measure nothing.
+    pub fn know(&mut self, known: Known) {
+        self.pointing.know(known);
+    }
+
+    /// Shows what the eyes see in a window of the desktop, too; who closes it ends the session.
+    pub fn mirror(&mut self, mirror: Mirror) {
+        self.mirror = Some(mirror);
+        self.before = self.gpu.hitches();
+    }
+
+    /// Frames that the window has shown, and frames for which it had no picture.
+    pub fn mirrored(&self) -> Option<[u64; 2]> {
+        self.mirror.as_ref().map(Mirror::counts)
     }
 
     fn warm_up(&mut self) -> Result<()> {
@@ -100,7 +133,8 @@ impl Viewer {
                 self.happened(event);
             }
             let enough = self.options.frames.is_some_and(|n| self.statistics.frames() >= n);
-            if (enough || stop.load(Ordering::Relaxed)) && !std::mem::replace(&mut asked, true) {
+            let closed = self.mirror.as_ref().is_some_and(Mirror::closed);
+            if (enough || closed || stop.load(Ordering::Relaxed)) && !std::mem::replace(&mut asked, true) {
                 self.over |= !headset.running();
                 headset.request_exit()?;
             }
@@ -138,21 +172,33 @@ impl Viewer {
             self.put_before(headset, &timing)?;
         }
         let hands = headset.hands(&timing)?;
-        if let Some(look) = self.controls.update(&hands, timing.period_ns as f64 * 1e-9)? {
+        let [seconds, period] = [timing.display_ns, timing.period_ns].map(|ns| ns as f64 * 1e-9);
+        let (look, time) = (self.scene.look(), (seconds, period));
+        let hands = self.pointing.update(&hands, &self.head, &mut self.controls, look, time)?;
+        if let Some(look) = self.controls.update(&hands, period)? {
             self.scene.set_look(&look)?;
         }
         let rung = self.options.rung.unwrap_or_else(|| self.controller.rung());
         let mut frame = self.frames.begin(&self.scene, rung)?;
-        let eyes = headset.lend(&mut frame.recorder)?;
-        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, eyes);
+        let mut eyes = headset.lend(&mut frame.recorder)?;
+        let range = self.controls.placement.depth_range();
+        self.pointing.prepare(&mut frame.recorder)?;
+        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, range, &mut eyes);
+        let turn = (frame.slot, self.frames.views(frame.slot));
+        self.pointing.draw(&mut frame.recorder, turn, &self.controls, self.scene.origin, &mut eyes)?;
+        if let Some(mirror) = &mut self.mirror {
+            mirror.take(&mut frame.recorder, eyes.colour)?;
+        }
         headset.give_back(&mut frame.recorder)?;
-        self.shown_size = frame.size;
+        (self.shown_size, self.slot) = (frame.size, frame.slot);
         // All is recorded: now, and not before, it is asked where the eyes are.
         let seen = headset.eyes(&timing)?;
         self.statistics.looked(&timing, &seen);
+        self.head = head(&seen.eyes);
         let cameras: [Camera; 2] = seen.eyes.map(|eye| self.controls.placement.camera(&eye));
         self.frames.submit(frame, &self.scene, &cameras)?;
-        headset.end(&timing, Some(&seen.eyes))
+        headset.end(&timing, Some(&seen.eyes))?;
+        self.mirror.as_mut().map_or(Ok(()), Mirror::show)
     }
 
     /// Lets the controller know what has finished, and what the display's rate allows.
@@ -175,10 +221,12 @@ impl Viewer {
     fn put_before(&mut self, headset: &mut dyn Headset, timing: &Timing) -> Result<()> {
         let found = headset.eyes(timing)?;
         if found.tracked {
-            let [left, right] = found.eyes.map(|eye| eye.pose);
-            let head = Pose { position: (left.position + right.position) * 0.5, ..left };
-            self.controls.place(placed(&self.scene, &head));
+            self.head = head(&found.eyes);
+            self.controls.place(placed(&self.scene, &self.head));
             self.place = false;
+            if self.options.panel && self.pointing.panel().is_none() {
+                self.pointing.toggle(&self.head);
+            }
         }
         Ok(())
     }
@@ -186,6 +234,37 @@ impl Viewer {
     /// Where the patient is.
     pub fn placement(&self) -> &Placement {
         &self.controls.placement
+    }
+
+    /// What hands have done.
+    pub fn controls(&self) -> &Controls {
+        &self.controls
+    }
+
+    /// What hands point at.
+    pub fn pointing(&self) -> &Pointing {
+        &self.pointing
+    }
+
+    /// What hands point at, to be changed from without.
+    pub fn pointing_mut(&mut self) -> &mut Pointing {
+        &mut self.pointing
+    }
+
+    /// What both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the device.
+    pub fn picture(&mut self) -> Result<Image> {
+        let format = Format::Rgba8;
+        let composer = Composer::new(&self.gpu, format, false, Blend::Opaque, self.options.background)?;
+        let mut eyes = self.gpu.picture("both eyes", "pictures", format, self.frames.target.size(), 2)?;
+        let mut recorder = self.gpu.record()?;
+        let range = self.controls.placement.depth_range();
+        let mut lent = Lent { colour: &mut eyes, depth: None };
+        composer.compose(&mut recorder, &self.frames.target, self.shown_size, range, &mut lent);
+        let turn = (self.slot, self.frames.views(self.slot));
+        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut lent)?;
+        let ticket = recorder.submit()?;
+        self.gpu.wait(ticket)?;
+        Ok(eyes)
     }
 
     /// What is shown.
@@ -211,8 +290,15 @@ impl Viewer {
             pipelines: now.pipelines - self.before.pipelines,
             waits: now.waits - self.before.waits,
         };
-        self.statistics.report(&self.gpu, headset.description(), &self.options.rungs, hitches)
+        let (about, placement) = (headset.description(), &self.controls.placement);
+        self.statistics.report(&self.gpu, about, &self.options.rungs, placement, hitches)
     }
+}
+
+/// Between the eyes, looking as the left one does.
+fn head(eyes: &[Eye; 2]) -> Pose {
+    let [left, right] = eyes.map(|eye| eye.pose);
+    Pose { position: (left.position + right.position) * 0.5, ..left }
 }
 
 fn placed(scene: &Scene, head: &Pose) -> Placement {

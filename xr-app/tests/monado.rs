@@ -85,6 +85,11 @@ fn two_hundred_frames_under_monado() {
     assert!(report["frames"].as_u64() >= Some(200), "{report}");
     assert!(report["rendered"].as_u64() >= Some(150), "{report}");
     assert!(report["runtime"].as_str().is_some_and(|r| r.starts_with("Monado")));
+    let extensions = report["extensions"].as_array().expect("a list");
+    assert!(
+        extensions.iter().any(|name| name == "XR_KHR_composition_layer_depth"),
+        "Monado takes depth: {extensions:?}"
+    );
     assert_eq!((report["allocations"].as_u64(), report["pipelines"].as_u64()), (Some(0), Some(0)));
     assert!(
         report["latency_ms"]["median"].as_f64() > Some(0.0),
@@ -132,7 +137,7 @@ fn without_a_runtime_the_help_names_a_way() {
 }
 
 /// A packet of Monado's remote driver (struct r_remote_data, 376 bytes): canted views of asymmetric fields, and a right hand
-/// that pulls its trigger and grip.
+/// that holds on, and moves 2 cm a second to the right.
 fn packet(seconds: f32) -> Vec<u8> {
     let mut out = b"mndrmt3\0".to_vec();
     let floats = |out: &mut Vec<u8>, values: &[f32]| values.iter().for_each(|v| out.extend(v.to_le_bytes()));
@@ -147,7 +152,7 @@ fn packet(seconds: f32) -> Vec<u8> {
     floats(&mut out, &[0.0, 0.0, 0.0, 1.0, 0.0, 1.6, 0.0]);
     out.extend([1, 0, 0, 0]);
     for side in [-1.0f32, 1.0] {
-        let x = if side > 0.0 { 0.2 + 0.05 * seconds.min(2.0) } else { -0.2 };
+        let x = if side > 0.0 { 0.2 + 0.02 * seconds } else { -0.2 };
         floats(&mut out, &[0.0, 0.0, 0.0, 1.0, x, 1.3, -0.4]);
         floats(&mut out, &[0.0; 6]);
         floats(&mut out, &[0.0; 5]);
@@ -162,7 +167,7 @@ fn packet(seconds: f32) -> Vec<u8> {
     out
 }
 
-/// Views that are canted and asymmetric, sent from without: the session runs and its layers are silent.
+/// Views that are canted and asymmetric and a hand that grabs, sent from without: the session runs and its layers are silent.
 #[test]
 fn views_from_a_remote_driver() {
     let Some(tools) = tools() else { return };
@@ -201,6 +206,9 @@ fn views_from_a_remote_driver() {
     }
     let output = running.wait_with_output().expect("a child");
     let report = report(folder.path(), &output);
+    // The head is at the middle from left to right, and the patient stood before it until the hand carried it along.
+    let carried = report["patient"][0].as_f64().expect("a number");
+    assert!((0.02..1.0).contains(&carried), "carried by {carried} m");
     let eyes = report["eyes"].as_array().expect("both eyes");
     for (eye, side) in eyes.iter().zip([-1.0, 1.0]) {
         let part = |name: &str| eye[name].as_f64().expect("a number");

@@ -2,75 +2,16 @@
 //! the host.
 #![forbid(unsafe_code)]
 
+mod support;
+
 use std::sync::atomic::AtomicBool;
 
-use engine::gpu::{Gpu, GpuOptions};
-use engine::render::{Fov, LADDER, Look, Renderer, Scene, Settings, mode};
-use engine::splat::{Field, Splat, SplatSet};
-use engine::transfer::preset;
+use engine::render::{Fov, LADDER, Renderer, Settings, mode};
 use glam::{DQuat, DVec3};
+use support::{device, options, scene, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated, sway};
 use xr_app::headset::{Blend, Event, Hand, Hands, Headset, Pose};
 use xr_app::viewer::{Options, Viewer};
-
-/// A device with validation layers, which must have nothing to say in the end.
-fn device() -> Gpu {
-    Gpu::new(&GpuOptions { validation: true, ..GpuOptions::default() })
-        .expect("a device with validation layers")
-}
-
-fn silent(gpu: &Gpu) {
-    gpu.wait_idle().expect("a live device");
-    assert_eq!(gpu.validation_messages(), Vec::<String>::new());
-}
-
-/// A cross of dense splats, longer at the patient's left and head, so that a mirrored picture is another one.
-fn scene(gpu: &Gpu) -> Scene {
-    let splat = |mean: [f32; 3], intensity| Splat {
-        mean,
-        opacity_logit: 3.0,
-        rotation: [1.0, 0.0, 0.0, 0.0],
-        log_scale: [1.6; 3],
-        intensity,
-    };
-    let mut splats = vec![];
-    for i in 0..20 {
-        let t = 6.0 * i as f32;
-        splats.push(splat([-t, 0.0, 0.0], 700.0));
-        splats.push(splat([0.0, 0.0, 0.5 * t], 500.0));
-        splats.push(splat([0.3 * t, 0.0, 0.0], 900.0));
-        splats.push(splat([0.0, 0.3 * t, 0.0], 1200.0));
-    }
-    let set = SplatSet {
-        splats,
-        field: Field::default(),
-        origin_mm: DVec3::new(9.0, 80.0, -400.0),
-        ..SplatSet::default()
-    };
-    let look = Look::new(preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]));
-    Scene::new(gpu, Some(&set), None, &look).expect("a scene")
-}
-
-fn script(frames: u64) -> Script {
-    Script { eye_size: [96, 112], real_time: false, frames: Some(frames), ..Script::default() }
-}
-
-fn options() -> Options {
-    Options {
-        rungs: LADDER.to_vec(),
-        budget_ms: Some(1e9),
-        rung: None,
-        background: [0.2, 0.1, 0.0],
-        frames: None,
-    }
-}
-
-fn session(gpu: &Gpu, script: Script, options: Options) -> (Viewer, Simulated) {
-    let mut headset = Simulated::new(gpu, script).expect("a headset");
-    let mut viewer = Viewer::new(gpu, scene(gpu), &headset, options).expect("a viewer");
-    viewer.run(&mut headset, &AtomicBool::new(false)).expect("a session");
-    (viewer, headset)
-}
 
 /// The pictures of both eyes are those of the offscreen renderer for the poses that were shown, over the background, to
 /// 1 of 255; and they are different ones.

@@ -13,7 +13,8 @@ use super::{Buffer, Context, Format, Gpu, Image, Recorder, boot, check, kernel, 
 use crate::error::Result;
 
 /// A graphics pipeline that draws triangles without vertex buffers and blends premultiplied colours over what is
-/// there: result = source + (1 - source alpha) · target, in every picture alike.
+/// there: result = source + (1 - source alpha) · target, in every picture alike. The depth of what is drawn last replaces the
+/// one before, where there is a picture of depth.
 pub struct Drawing {
     context: Arc<Context>,
     vertex: &'static Shader,
@@ -32,7 +33,7 @@ const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
 
 impl Drawing {
     /// Builds the pipeline. `constants` are the specialisation constants of both shaders in id order; `formats` are those
-    /// of the pictures; `views` is the number of layers that are drawn at once.
+    /// of the pictures, of which the last may be depth; `views` is the number of layers that are drawn at once.
     ///
     /// # Panics
     /// If the shaders are no pair: the stages, or bindings or push constants that differ.
@@ -117,14 +118,20 @@ impl Drawing {
             .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
             .alpha_blend_op(vk::BlendOp::ADD)
             .color_write_mask(vk::ColorComponentFlags::RGBA);
-        let attachments = vec![over; self.formats.len()];
+        let formats: Vec<_> = self.formats.iter().filter(|f| !f.is_depth()).map(|f| f.vk()).collect();
+        let attachments = vec![over; formats.len()];
+        let depth = self.formats.iter().find(|f| f.is_depth()).map(|f| f.vk());
+        let deep = vk::PipelineDepthStencilStateCreateInfo::default()
+            .depth_test_enable(depth.is_some())
+            .depth_write_enable(depth.is_some())
+            .depth_compare_op(vk::CompareOp::ALWAYS);
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
         let dynamic_states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic_states);
-        let formats: Vec<_> = self.formats.iter().map(|f| f.vk()).collect();
         let mut rendering = vk::PipelineRenderingCreateInfo::default()
             .view_mask(view_mask(self.views))
-            .color_attachment_formats(&formats);
+            .color_attachment_formats(&formats)
+            .depth_attachment_format(depth.unwrap_or(vk::Format::UNDEFINED));
         let modules = [kernel::module(context, vertex)?, kernel::module(context, fragment)?];
         let stages =
             [(vk::ShaderStageFlags::VERTEX, modules[0]), (vk::ShaderStageFlags::FRAGMENT, modules[1])].map(
@@ -144,6 +151,7 @@ impl Drawing {
             .rasterization_state(&raster)
             .multisample_state(&samples)
             .color_blend_state(&blend)
+            .depth_stencil_state(&deep)
             .dynamic_state(&dynamic)
             .layout(self.layout)
             .push_next(&mut rendering)];
@@ -272,21 +280,23 @@ impl<'a> DrawPass<'a> {
         let [width, height] = size.unwrap_or(whole);
         assert!(width <= whole[0] && height <= whole[1], "{name}: larger than the pictures");
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
-        let attachments: Vec<_> = pictures
-            .iter()
-            .map(|p| {
-                vk::RenderingAttachmentInfo::default()
-                    .image_view(p.view)
-                    .image_layout(vk::ImageLayout::GENERAL)
-                    .load_op(vk::AttachmentLoadOp::LOAD)
-                    .store_op(vk::AttachmentStoreOp::STORE)
-            })
-            .collect();
-        let rendering = vk::RenderingInfo::default()
+        let attachment = |p: &&mut Image| {
+            vk::RenderingAttachmentInfo::default()
+                .image_view(p.view)
+                .image_layout(vk::ImageLayout::GENERAL)
+                .load_op(vk::AttachmentLoadOp::LOAD)
+                .store_op(vk::AttachmentStoreOp::STORE)
+        };
+        let attachments: Vec<_> = pictures.iter().filter(|p| !p.format.is_depth()).map(attachment).collect();
+        let depth = pictures.iter().find(|p| p.format.is_depth()).map(attachment);
+        let mut rendering = vk::RenderingInfo::default()
             .render_area(area)
             .layer_count(1)
             .view_mask(view_mask(drawing.views))
             .color_attachments(&attachments);
+        if let Some(depth) = &depth {
+            rendering = rendering.depth_attachment(depth);
+        }
         let viewport = [vk::Viewport::default().width(width as f32).height(height as f32).max_depth(1.0)];
         recorder.timed(name, vk::PipelineStageFlags2::ALL_GRAPHICS, |context, commands| {
             let device = &context.device;

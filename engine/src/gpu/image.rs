@@ -37,6 +37,8 @@ pub enum Format {
     Srgba8,
     /// The same with blue first.
     Sbgra8,
+    /// One 32-bit float of depth, which drawings write as they write no other.
+    D32f,
 }
 
 impl Format {
@@ -51,7 +53,17 @@ impl Format {
             Format::Bgra8 => vk::Format::B8G8R8A8_UNORM,
             Format::Srgba8 => vk::Format::R8G8B8A8_SRGB,
             Format::Sbgra8 => vk::Format::B8G8R8A8_SRGB,
+            Format::D32f => vk::Format::D32_SFLOAT,
         }
+    }
+
+    /// Whether it is depth rather than colour.
+    pub fn is_depth(self) -> bool {
+        self == Format::D32f
+    }
+
+    pub(super) fn aspect(self) -> vk::ImageAspectFlags {
+        if self.is_depth() { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR }
     }
 
     /// Whether passes see linear light where memory holds sRGB.
@@ -64,7 +76,7 @@ impl Format {
         match self {
             Format::Rgba32f => 16,
             Format::Rgba16f => 8,
-            Format::R32f | Format::Rg16 => 4,
+            Format::R32f | Format::Rg16 | Format::D32f => 4,
             Format::Rgba8 | Format::Bgra8 | Format::Srgba8 | Format::Sbgra8 => 4,
             Format::R16 => 2,
         }
@@ -116,7 +128,7 @@ impl Image {
         vk::BufferImageCopy::default()
             .image_subresource(
                 vk::ImageSubresourceLayers::default()
-                    .aspect_mask(vk::ImageAspectFlags::COLOR)
+                    .aspect_mask(self.format.aspect())
                     .layer_count(self.layers),
             )
             .image_extent(vk::Extent3D { width: self.size[0], height: self.size[1], depth: self.size[2] })
@@ -248,7 +260,11 @@ impl Gpu {
             )
             .help("choose another --size"));
         }
-        let mut usage = vk::ImageUsageFlags::COLOR_ATTACHMENT
+        let attachment = match format.is_depth() {
+            true => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+            false => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+        };
+        let mut usage = attachment
             | vk::ImageUsageFlags::SAMPLED
             | vk::ImageUsageFlags::TRANSFER_DST
             | vk::ImageUsageFlags::TRANSFER_SRC;
@@ -262,8 +278,8 @@ impl Gpu {
     /// A picture that somebody else owns, such as an image of a swapchain.
     ///
     /// # Safety
-    /// `handle` is a colour image of this device with so many layers of this format and size, made for colour
-    /// attachments; its owner wants it back in the layout `lent_in`, and keeps it until this picture was dropped and
+    /// `handle` is an image of this device with so many layers of this format and size, made for attachments of its kind,
+    /// colour or depth; its owner wants it back in the layout `lent_in`, and keeps it until this picture was dropped and
     /// the device has finished with it.
     pub unsafe fn foreign_picture(
         &self,
@@ -280,7 +296,7 @@ impl Gpu {
             .image(handle)
             .view_type(vk::ImageViewType::TYPE_2D_ARRAY)
             .format(format.vk())
-            .subresource_range(whole());
+            .subresource_range(whole(format));
         // SAFETY: as the caller promises.
         let view = check(name, unsafe { context.device.create_image_view(&info, None) })?;
         Ok(Image {
@@ -374,7 +390,7 @@ impl Gpu {
             .image(handle)
             .view_type(view_kind)
             .format(format.vk())
-            .subresource_range(whole());
+            .subresource_range(whole(format));
         // SAFETY: the image is bound to memory and has the usage that the view inherits.
         image.view = check(name, unsafe { context.device.create_image_view(&view_info, None) })?;
         let mut recorder = self.record()?;
@@ -385,9 +401,9 @@ impl Gpu {
 }
 
 /// All layers of an image.
-pub(super) fn whole() -> vk::ImageSubresourceRange {
+pub(super) fn whole(format: Format) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange::default()
-        .aspect_mask(vk::ImageAspectFlags::COLOR)
+        .aspect_mask(format.aspect())
         .level_count(1)
         .layer_count(vk::REMAINING_ARRAY_LAYERS)
 }

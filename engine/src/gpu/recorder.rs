@@ -60,6 +60,25 @@ pub struct Recorder {
     kept: Vec<Box<dyn Any>>,
 }
 
+/// Where drawings write depth.
+const DEPTH_TESTS: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
+    vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS.as_raw()
+        | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS.as_raw(),
+);
+
+/// At which stages drawings have an image attached, and how they read and write it there.
+fn attached(image: &Image) -> (vk::PipelineStageFlags2, vk::AccessFlags2, vk::AccessFlags2) {
+    use vk::AccessFlags2 as Access;
+    match image.format().is_depth() {
+        true => (DEPTH_TESTS, Access::DEPTH_STENCIL_ATTACHMENT_READ, Access::DEPTH_STENCIL_ATTACHMENT_WRITE),
+        false => (
+            vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT,
+            Access::COLOR_ATTACHMENT_READ,
+            Access::COLOR_ATTACHMENT_WRITE,
+        ),
+    }
+}
+
 /// A resource as hazards are tracked: by its handle, which is unique only within its kind.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Resident {
@@ -93,9 +112,13 @@ impl Recorder {
             stages |= vk::PipelineStageFlags2::VERTEX_SHADER
                 | vk::PipelineStageFlags2::FRAGMENT_SHADER
                 | vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT
+                | DEPTH_TESTS
                 | vk::PipelineStageFlags2::DRAW_INDIRECT;
-            writes |= vk::AccessFlags2::COLOR_ATTACHMENT_WRITE;
-            reads |= vk::AccessFlags2::COLOR_ATTACHMENT_READ | vk::AccessFlags2::INDIRECT_COMMAND_READ;
+            writes |=
+                vk::AccessFlags2::COLOR_ATTACHMENT_WRITE | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE;
+            reads |= vk::AccessFlags2::COLOR_ATTACHMENT_READ
+                | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ
+                | vk::AccessFlags2::INDIRECT_COMMAND_READ;
         }
         let barrier = [vk::MemoryBarrier2::default()
             .src_stage_mask(stages)
@@ -175,14 +198,12 @@ impl Recorder {
     /// Takes a foreign picture over from its owner; what it held is gone.
     pub fn borrow_image(&mut self, image: &Image) {
         assert!(image.lent_in.is_some(), "{} is not a foreign picture", image.name());
-        let stage = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
+        let (stage, read, write) = attached(image);
         let layout = vk::ImageMemoryBarrier2::default()
             // What the wait for the owner's semaphore holds back.
             .src_stage_mask(stage)
             .dst_stage_mask(stage)
-            .dst_access_mask(
-                vk::AccessFlags2::COLOR_ATTACHMENT_READ | vk::AccessFlags2::COLOR_ATTACHMENT_WRITE,
-            )
+            .dst_access_mask(read | write)
             .old_layout(vk::ImageLayout::UNDEFINED)
             .new_layout(vk::ImageLayout::GENERAL);
         self.change_layout(image, layout);
@@ -191,17 +212,18 @@ impl Recorder {
     /// Gives a foreign picture back; drawings are all that wrote it.
     pub fn return_image(&mut self, image: &Image) {
         let Some(lent_in) = image.lent_in else { panic!("{} is not a foreign picture", image.name()) };
+        let (stage, _, write) = attached(image);
         let layout = vk::ImageMemoryBarrier2::default()
-            .src_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
-            .src_access_mask(vk::AccessFlags2::COLOR_ATTACHMENT_WRITE)
-            .dst_stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+            .src_stage_mask(stage)
+            .src_access_mask(write)
+            .dst_stage_mask(stage)
             .old_layout(vk::ImageLayout::GENERAL)
             .new_layout(lent_in);
         self.change_layout(image, layout);
     }
 
     fn change_layout(&mut self, image: &Image, barrier: vk::ImageMemoryBarrier2<'_>) {
-        let barrier = [barrier.image(image.handle()).subresource_range(image::whole())];
+        let barrier = [barrier.image(image.handle()).subresource_range(image::whole(image.format()))];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barrier);
         // SAFETY: recording; the picture is lent to us for this frame.
         unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
@@ -215,27 +237,27 @@ impl Recorder {
             .old_layout(vk::ImageLayout::UNDEFINED)
             .new_layout(vk::ImageLayout::GENERAL)
             .image(image.handle())
-            .subresource_range(image::whole())];
+            .subresource_range(image::whole(image.format()))];
         let info = vk::DependencyInfo::default().image_memory_barriers(&layout);
         // SAFETY: recording; the image is new, nothing else uses it.
         unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
         self.clear_image(image, [0.0; 4]);
     }
 
-    /// Fills an image with one colour.
+    /// Fills an image with one colour, or with a depth, the first of the four numbers.
     pub fn clear_image(&mut self, image: &Image, colour: [f32; 4]) {
         self.touch(&[(Resident::Image(image.handle()), true)]);
-        let colour = vk::ClearColorValue { float32: colour };
-        let range = [image::whole()];
+        let (commands, handle, layout) = (self.commands(), image.handle(), vk::ImageLayout::GENERAL);
+        let (device, range) = (&self.gpu.0.device, [image::whole(image.format())]);
         // SAFETY: recording; images have TRANSFER_DST and stay in the general layout.
         unsafe {
-            self.gpu.0.device.cmd_clear_color_image(
-                self.commands(),
-                image.handle(),
-                vk::ImageLayout::GENERAL,
-                &colour,
-                &range,
-            );
+            if image.format().is_depth() {
+                let depth = vk::ClearDepthStencilValue { depth: colour[0], stencil: 0 };
+                device.cmd_clear_depth_stencil_image(commands, handle, layout, &depth, &range);
+            } else {
+                let colour = vk::ClearColorValue { float32: colour };
+                device.cmd_clear_color_image(commands, handle, layout, &colour, &range);
+            }
         }
     }
 

@@ -113,6 +113,22 @@ impl Surface {
         if let Some(ticket) = self.last.take() {
             self.gpu.wait(ticket)?;
         }
+        self.acquire_within(u64::MAX)
+    }
+
+    /// The next picture, if there is one at once; `None` as well while the frame before is not finished. Waits only where the
+    /// window has another size.
+    pub fn acquire_at_once(&mut self) -> Result<Option<Acquired>> {
+        if let Some(ticket) = self.last {
+            if !self.gpu.has_finished(ticket)? {
+                return Ok(None);
+            }
+            self.last = None;
+        }
+        self.acquire_within(0)
+    }
+
+    fn acquire_within(&mut self, timeout_ns: u64) -> Result<Option<Acquired>> {
         // A second time where the swapchain has turned out to be too old.
         for _ in 0..2 {
             if self.stale {
@@ -121,13 +137,14 @@ impl Surface {
             let Some(swapchain) = &self.swapchain else { return Ok(None) };
             // SAFETY: the semaphore is not pending: the submission that waited for it has finished.
             let asked = unsafe {
-                self.loader.acquire_next_image(swapchain.handle, u64::MAX, self.lent, vk::Fence::null())
+                self.loader.acquire_next_image(swapchain.handle, timeout_ns, self.lent, vk::Fence::null())
             };
             match asked {
                 Ok((index, suboptimal)) => {
                     self.stale = suboptimal;
                     return Ok(Some(Acquired(index)));
                 }
+                Err(vk::Result::NOT_READY | vk::Result::TIMEOUT) => return Ok(None),
                 Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.stale = true,
                 Err(e) => return check("asking for a picture of the window", Err(e)),
             }

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder, Ticket};
 
 /// Frames that may be in flight at once: one on the device, one recorded behind it, one of which the news is under way.
-const IN_FLIGHT: usize = 3;
+pub const IN_FLIGHT: usize = 3;
 
 /// Renders frames of a scene.
 pub struct Frames {
@@ -38,7 +38,8 @@ pub struct Frame {
     pub rung: usize,
     /// Width and height of its pictures, pixels.
     pub size: [u32; 2],
-    slot: usize,
+    /// Which of [`IN_FLIGHT`] turns it takes: what the host has written for the last frame of this turn is no longer read.
+    pub slot: usize,
 }
 
 /// A frame that the device has finished.
@@ -70,6 +71,11 @@ impl Frames {
             flying: Vec::with_capacity(2 * IN_FLIGHT),
             target: Target::new(gpu, settings.size, settings.views, settings.precise, settings.depth)?,
         })
+    }
+
+    /// The views of a frame of this turn, as kernels and drawings will read them.
+    pub fn views(&self, slot: usize) -> &Buffer<View> {
+        &self.views[slot]
     }
 
     /// The rungs.

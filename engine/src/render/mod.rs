@@ -22,7 +22,7 @@ mod variants;
 
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::{Cloud, Precision};
-pub use frames::{Finished, Frame, Frames};
+pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
 pub use ladder::{LADDER, Quality, Rung, ladder};
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};

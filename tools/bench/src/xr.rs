@@ -106,8 +106,14 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Res
         ..Script::default()
     };
     let mut headset = Simulated::new(gpu, script)?;
-    let options =
-        Options { rungs: LADDER.to_vec(), budget_ms: None, rung: None, background: [0.0; 3], frames: None };
+    let options = Options {
+        rungs: LADDER.to_vec(),
+        budget_ms: None,
+        rung: None,
+        background: [0.0; 3],
+        frames: None,
+        panel: false,
+    };
     let mut viewer = Viewer::new(gpu, scene, &headset, options)?;
     viewer.run(&mut headset, &AtomicBool::new(false))?;
     Ok(viewer.report(&headset))

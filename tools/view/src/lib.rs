@@ -1,12 +1,14 @@
 //! The desktop viewer.
 //!
 //! What is shown is plain data ([`State`], the session file); panels draw it into any [`egui::Ui`] and change it, and know
-//! neither windows nor the device. [`App`] puts them together; [`window::run`] shows it in a window.
+//! neither windows nor the device. [`App`] puts them together; `window::run` shows it in a window. Without the feature `window`
+//! the rest is there alone, for programs that show panels elsewhere.
 #![forbid(unsafe_code)]
 
 pub mod actions;
 pub mod annotations;
 pub mod app;
+#[cfg(feature = "window")]
 pub mod canvas;
 pub mod composer;
 pub mod content;
@@ -28,7 +30,9 @@ pub mod stage;
 pub mod state;
 pub mod theme;
 pub mod transfer;
+#[cfg(feature = "window")]
 pub mod viewer;
+#[cfg(feature = "window")]
 pub mod window;
 
 pub use actions::Action;

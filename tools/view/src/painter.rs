@@ -17,7 +17,7 @@ use shaders_glsl::types::{PanelParams, PanelVertex};
 pub struct Painter {
     gpu: Gpu,
     drawing: Drawing,
-    textures: HashMap<TextureId, Image>,
+    textures: Textures,
     blank: Image,
     vertices: Buffer<PanelVertex>,
     indices: Buffer<u32>,
@@ -34,12 +34,68 @@ pub struct Painting<'a> {
 
 /// All triangles, as the shader takes them.
 #[derive(Default)]
-struct Mesh {
-    vertices: Vec<PanelVertex>,
-    indices: Vec<u32>,
-    clips: Vec<[f32; 4]>,
+pub struct Mesh {
+    /// Corners; each names its row of `clips`.
+    pub vertices: Vec<PanelVertex>,
+    /// Three for each triangle.
+    pub indices: Vec<u32>,
+    /// Rectangles outside of which nothing is painted: left, top, right, bottom; points.
+    pub clips: Vec<[f32; 4]>,
     /// Indices that share a texture, in painting order.
-    runs: Vec<(TextureId, Range<u32>)>,
+    pub runs: Vec<(TextureId, Range<u32>)>,
+}
+
+/// egui's textures on the device.
+pub struct Textures {
+    gpu: Gpu,
+    pictures: HashMap<TextureId, Image>,
+}
+
+impl Textures {
+    /// None yet.
+    pub fn new(gpu: &Gpu) -> Self {
+        Textures { gpu: gpu.clone(), pictures: HashMap::new() }
+    }
+
+    /// The texture of this name, if it is not gone.
+    pub fn get(&self, id: TextureId) -> Option<&Image> {
+        self.pictures.get(&id)
+    }
+
+    /// Brings the textures up to date. Those that egui frees are kept until after the frame: see [`Textures::forget`].
+    pub fn update(&mut self, recorder: &mut Recorder, changes: &mut TexturesDelta) -> Result<()> {
+        for (id, deltas) in changes.set.drain() {
+            for delta in deltas {
+                self.write(recorder, id, &delta)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, recorder: &mut Recorder, id: TextureId, delta: &ImageDelta) -> Result<()> {
+        let ImageData::Color(image) = &delta.image;
+        let size = image.size.map(|n| n as u32);
+        let texels: Vec<[u8; 4]> = image.pixels.iter().map(|pixel| pixel.to_array()).collect();
+        let corner = match delta.pos {
+            Some(corner) => corner.map(|n| n as u32),
+            None => {
+                let texture = self.gpu.picture("panel texture", "panels", Format::Rgba8, size, 1)?;
+                self.pictures.insert(id, texture);
+                [0, 0]
+            }
+        };
+        let texture = self.pictures.get_mut(&id).ok_or_else(|| {
+            Error::new(Kind::Internal, "VGS-VIEW-090", format!("a change of the unknown texture {id:?}"))
+        })?;
+        recorder.write_rectangle(texture, corner, size, &texels)
+    }
+
+    /// Drops textures that egui no longer needs; what is in flight keeps its memory.
+    pub fn forget(&mut self, changes: &mut TexturesDelta) {
+        for id in changes.free.drain() {
+            self.pictures.remove(&id);
+        }
+    }
 }
 
 impl Painter {
@@ -49,7 +105,7 @@ impl Painter {
         Ok(Painter {
             gpu: gpu.clone(),
             drawing: Drawing::new(gpu, &glsl::PANELS_VERT, &glsl::PANELS_FRAG, &linear, &[format], 1)?,
-            textures: HashMap::new(),
+            textures: Textures::new(gpu),
             blank: gpu.picture("nothing", "panels", Format::Rgba8, [1, 1], 1)?,
             vertices: gpu.mapped("panel vertices", "panels", 1)?,
             indices: gpu.mapped("panel indices", "panels", 1)?,
@@ -62,39 +118,14 @@ impl Painter {
         &self.blank
     }
 
-    /// Brings the textures up to date. Those that egui frees are kept until after the frame: see [`Painter::forget`].
+    /// Brings the textures up to date, as [`Textures::update`].
     pub fn update(&mut self, recorder: &mut Recorder, changes: &mut TexturesDelta) -> Result<()> {
-        for (id, deltas) in changes.set.drain() {
-            for delta in deltas {
-                self.write_texture(recorder, id, &delta)?;
-            }
-        }
-        Ok(())
+        self.textures.update(recorder, changes)
     }
 
-    fn write_texture(&mut self, recorder: &mut Recorder, id: TextureId, delta: &ImageDelta) -> Result<()> {
-        let ImageData::Color(image) = &delta.image;
-        let size = image.size.map(|n| n as u32);
-        let texels: Vec<[u8; 4]> = image.pixels.iter().map(|pixel| pixel.to_array()).collect();
-        let corner = match delta.pos {
-            Some(corner) => corner.map(|n| n as u32),
-            None => {
-                let texture = self.gpu.picture("panel texture", "panels", Format::Rgba8, size, 1)?;
-                self.textures.insert(id, texture);
-                [0, 0]
-            }
-        };
-        let texture = self.textures.get_mut(&id).ok_or_else(|| {
-            Error::new(Kind::Internal, "VGS-VIEW-090", format!("a change of the unknown texture {id:?}"))
-        })?;
-        recorder.write_rectangle(texture, corner, size, &texels)
-    }
-
-    /// Drops textures that egui no longer needs; what is in flight keeps its memory.
+    /// Drops textures that egui no longer needs, as [`Textures::forget`].
     pub fn forget(&mut self, changes: &mut TexturesDelta) {
-        for id in changes.free.drain() {
-            self.textures.remove(&id);
-        }
+        self.textures.forget(changes);
     }
 
     /// Records the panels over `picture`. No earlier painting may be in flight.
@@ -110,7 +141,7 @@ impl Painter {
         fill(&self.gpu, &mut self.clips, &mesh.clips)?;
         for (id, range) in mesh.runs {
             // A texture that was freed while something still shows it is not worth an error.
-            let Some(texture) = self.textures.get(&id) else { continue };
+            let Some(texture) = self.textures.get(id) else { continue };
             recorder
                 .draw(&self.drawing)
                 .read(&self.vertices)
@@ -124,8 +155,8 @@ impl Painter {
     }
 }
 
-/// Copies `data` to the start of `buffer`, which grows by doubling.
-fn fill<T: bytemuck::Pod>(gpu: &Gpu, buffer: &mut Buffer<T>, data: &[T]) -> Result<()> {
+/// Copies `data` to the start of `buffer`, which grows by doubling and which nothing in flight may read.
+pub fn fill<T: bytemuck::Pod>(gpu: &Gpu, buffer: &mut Buffer<T>, data: &[T]) -> Result<()> {
     if buffer.len() < data.len() {
         let (name, len) = (buffer.name().to_owned(), data.len().next_power_of_two());
         *buffer = gpu.mapped(&name, "panels", len)?;
@@ -135,10 +166,10 @@ fn fill<T: bytemuck::Pod>(gpu: &Gpu, buffer: &mut Buffer<T>, data: &[T]) -> Resu
 }
 
 impl Mesh {
-    fn of(primitives: &[ClippedPrimitive]) -> Self {
+    /// Of what egui made of a frame; what belongs to painters of one graphics library is left out.
+    pub fn of(primitives: &[ClippedPrimitive]) -> Self {
         let mut all = Mesh::default();
         for ClippedPrimitive { clip_rect, primitive } in primitives {
-            // Callbacks are for painters of one graphics library; the panels have none.
             let Primitive::Mesh(mesh) = primitive else { continue };
             all.add(*clip_rect, mesh);
         }

@@ -1,5 +1,6 @@
 //! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor.
 
+use engine::render::Look;
 use engine::splat::{Activations, Field, Splat, SplatSet};
 use glam::{DMat3, DVec3, UVec3};
 
@@ -7,6 +8,12 @@ use glam::{DMat3, DVec3, UVec3};
 const MOST_CELLS: f64 = 4e6;
 /// Splats that reach more cells than this are asked at every point instead.
 const FEW: usize = 64;
+/// Where this much of the light is gone, a ray has met something.
+const MET: f64 = 0.5;
+/// Samples along a ray are this part of the middle splat's shortest standard deviation apart.
+const STEP: f64 = 0.5;
+/// Nearest that samples may be, mm.
+const LEAST_STEP: f64 = 0.05;
 
 /// The field of a splat set at single points. Splats are listed by the cells of a grid, so that a point asks only those whose
 /// boxes may hold it.
@@ -20,6 +27,8 @@ pub struct Probe {
     listed: Vec<u32>,
     /// Those that reach many cells.
     large: Vec<u32>,
+    /// Between samples along a ray, mm.
+    step: f64,
 }
 
 /// Cells over the box of a set, x fastest.
@@ -62,6 +71,16 @@ impl Grid {
         ((cell.z * self.size.y + cell.y) * self.size.x + cell.x) as usize
     }
 
+    /// Between which distances a ray is within the grid, from 0 on.
+    fn range(&self, from: DVec3, direction: DVec3) -> Option<[f64; 2]> {
+        let high = self.low + self.edge * self.size.as_dvec3();
+        let (a, b) = ((self.low - from) / direction, (high - from) / direction);
+        // A ray along a face has 0/0 there, which no comparison takes.
+        let near = a.min(b).to_array().into_iter().fold(0.0, f64::max);
+        let far = a.max(b).to_array().into_iter().fold(f64::INFINITY, f64::min);
+        (near < far && far.is_finite()).then_some([near, far])
+    }
+
     /// The cells that a splat's box reaches.
     fn reached(&self, splat: &Ellipsoid) -> impl Iterator<Item = usize> {
         let [from, to] = [splat.mean - splat.reach, splat.mean + splat.reach].map(|x| self.cell(x));
@@ -82,6 +101,8 @@ struct Ellipsoid {
     amplitude: f64,
     /// Relative to the background.
     intensity: f64,
+    /// Number of its object.
+    object: u8,
 }
 
 /// V̂ and O at a point.
@@ -93,10 +114,46 @@ pub struct Reading {
     pub occupancy: f64,
 }
 
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Met {
+    /// From where the ray starts, mm.
+    pub distance_mm: f64,
+    /// Where, mm RAS.
+    pub at_mm: DVec3,
+    /// V̂ there, HU for CT, of what is shown.
+    pub intensity: f64,
+}
+
+/// What of a field a look shows: the share of each object's opacity, nothing of those that are hidden.
+struct Shown([Option<f64>; 256]);
+
+impl Shown {
+    const ALL: Self = Shown([Some(1.0); 256]);
+
+    fn of(look: &Look) -> Self {
+        let mut shown = Self::ALL;
+        for (&number, appearance) in &look.objects {
+            shown.0[usize::from(number)] = appearance.visible.then(|| f64::from(appearance.opacity));
+        }
+        shown
+    }
+}
+
+/// Sums over the splats at a point: of w, of w (c − b), and of w times the share of the opacity.
+#[derive(Default)]
+struct Sums {
+    weight: f64,
+    intensity: f64,
+    opacity: f64,
+}
+
 impl Probe {
     /// Of a set; its splats are copied.
     pub fn new(set: &SplatSet) -> Self {
-        let splats: Vec<Ellipsoid> = set.splats.iter().map(|s| ellipsoid(s, &set.field)).collect();
+        let object = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
+        let rows = set.splats.iter().enumerate();
+        let splats: Vec<Ellipsoid> = rows.map(|(i, s)| ellipsoid(s, &set.field, object(i))).collect();
         let grid = Grid::over(&splats);
         // Counts, prefix sums, then the splats themselves.
         let mut starts = vec![0u32; grid.len() + 1];
@@ -123,38 +180,96 @@ impl Probe {
                 next[cell] += 1;
             }
         }
-        Probe { field: set.field, origin: set.origin_mm, splats, grid, starts, listed, large }
+        let shortest = |s: &Splat| s.scale().into_iter().fold(f32::INFINITY, f32::min);
+        let mut shortest: Vec<f32> = set.splats.iter().map(shortest).collect();
+        let middle = shortest.len() / 2;
+        let step = match shortest.is_empty() {
+            true => LEAST_STEP,
+            false => STEP * f64::from(*shortest.select_nth_unstable_by(middle, f32::total_cmp).1),
+        };
+        let (field, origin, step) = (set.field, set.origin_mm, step.max(LEAST_STEP));
+        Probe { field, origin, splats, grid, starts, listed, large, step }
     }
 
     /// The field at a point, mm RAS; nothing where no splat reaches.
     pub fn at(&self, x_mm: DVec3) -> Option<Reading> {
-        let x = x_mm - self.origin;
+        let sums = self.sums(x_mm - self.origin, &Shown::ALL);
+        (sums.weight > 0.0).then(|| Reading {
+            intensity: self.intensity(&sums),
+            occupancy: sums.weight / (sums.weight + f64::from(self.field.occupancy_w0)),
+        })
+    }
+
+    /// The first point of a ray that a look shows: where half of the light is gone, of what is there between `from_mm`
+    /// (RAS) and the end of the splats. The opacity O(x) α(V̂(x)) per mm is that of the modes of splats, which classify
+    /// after adding up; clip planes cut, hidden objects leave their place to others.
+    pub fn along(&self, from_mm: DVec3, direction: DVec3, look: &Look) -> Option<Met> {
+        let direction = direction.try_normalize().filter(|_| from_mm.is_finite())?;
+        let mut range = self.grid.range(from_mm - self.origin, direction)?;
+        for plane in &look.clip {
+            // The plane cuts where normal · x < offset.
+            let (over, rise) = (plane.normal.dot(from_mm) - plane.offset, plane.normal.dot(direction));
+            match rise {
+                _ if rise > 0.0 => range[0] = range[0].max(-over / rise),
+                _ if rise < 0.0 => range[1] = range[1].min(-over / rise),
+                _ if over < 0.0 => return None,
+                _ => {}
+            }
+        }
+        let shown = Shown::of(look);
+        let w0 = f64::from(self.field.occupancy_w0);
+        let mut left = -MET.ln();
+        let count = ((range[1] - range[0]) / self.step).ceil().max(0.0) as usize;
+        for k in 0..count {
+            let from = range[0] + k as f64 * self.step;
+            let path = self.step.min(range[1] - from);
+            let sums = self.sums(from_mm + direction * (from + 0.5 * path) - self.origin, &shown);
+            if sums.weight <= 0.0 {
+                continue;
+            }
+            let intensity = self.intensity(&sums);
+            let share = sums.opacity / (sums.weight + w0) * look.transfer.at(intensity).1;
+            // Optical depth of the stretch.
+            let depth = -path * (1.0 - share).max(f64::MIN_POSITIVE).ln();
+            if depth < left {
+                left -= depth;
+                continue;
+            }
+            let distance_mm = from + path * left / depth;
+            return Some(Met { distance_mm, at_mm: from_mm + direction * distance_mm, intensity });
+        }
+        None
+    }
+
+    fn intensity(&self, sums: &Sums) -> f64 {
+        f64::from(self.field.background) + sums.intensity / (sums.weight + f64::from(self.field.epsilon))
+    }
+
+    /// The sums at a point in the space of the set.
+    fn sums(&self, x: DVec3, shown: &Shown) -> Sums {
+        let mut sums = Sums::default();
         if !x.is_finite() || self.splats.is_empty() {
-            return None;
+            return sums;
         }
         // A point beyond the grid asks the nearest cell, whose splats do not reach it.
         let cell = self.grid.index(self.grid.cell(x));
         let [from, to] = [self.starts[cell], self.starts[cell + 1]];
-        let (mut weight, mut sum) = (0.0, 0.0);
         for &i in self.listed[from as usize..to as usize].iter().chain(&self.large) {
             let splat = &self.splats[i as usize];
+            let Some(opacity) = shown.0[usize::from(splat.object)] else { continue };
             if (x - splat.mean).abs().cmple(splat.reach).all() {
                 let q = (splat.whitening * (x - splat.mean)).length_squared();
                 let w = splat.amplitude * self.field.kernel.value(q);
-                weight += w;
-                sum += w * splat.intensity;
+                sums.weight += w;
+                sums.intensity += w * splat.intensity;
+                sums.opacity += w * opacity;
             }
         }
-        let [epsilon, w0, background] =
-            [self.field.epsilon, self.field.occupancy_w0, self.field.background].map(f64::from);
-        (weight > 0.0).then(|| Reading {
-            intensity: background + sum / (weight + epsilon),
-            occupancy: weight / (weight + w0),
-        })
+        sums
     }
 }
 
-fn ellipsoid(splat: &Splat, field: &Field) -> Ellipsoid {
+fn ellipsoid(splat: &Splat, field: &Field, object: u8) -> Ellipsoid {
     let axes = splat.axes();
     let log_scale = splat.log_scale.map(f64::from);
     let scale = DVec3::from_array(log_scale).exp();
@@ -165,96 +280,9 @@ fn ellipsoid(splat: &Splat, field: &Field) -> Ellipsoid {
         reach: (squares * field.kernel.support_q()).map(f64::sqrt),
         amplitude: field.kernel.peak(log_scale) / (1.0 + (-f64::from(splat.opacity_logit)).exp()),
         intensity: f64::from(splat.intensity) - f64::from(field.background),
+        object,
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use engine::reference;
-    use engine::reference::eye::Eye;
-    use engine::reference::slab::{Sums, field_at, seen};
-    use engine::splat::Kernel;
-
-    use super::*;
-
-    /// Numbers from 0 to 1, the same each time.
-    fn numbers(mut seed: u64) -> impl FnMut() -> f32 {
-        move || {
-            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (seed >> 40) as f32 / (1u64 << 24) as f32
-        }
-    }
-
-    fn set(kernel: Kernel, count: usize) -> SplatSet {
-        let mut next = numbers(7);
-        let splats = (0..count)
-            .map(|_| {
-                let mut splat = Splat {
-                    mean: [40.0 * next(), 60.0 * next(), 20.0 + 300.0 * next()],
-                    rotation: [next() - 0.5, next() - 0.5, next() - 0.5, next() - 0.5],
-                    intensity: 1000.0 * next() - 300.0,
-                    ..Splat::default()
-                };
-                splat.set_opacity(next());
-                splat.set_scale([0.5 + 4.0 * next(), 0.5 + 4.0 * next(), 0.5 + 4.0 * next()]);
-                splat
-            })
-            .collect();
-        let field = Field { kernel, background: -100.0, ..Field::default() };
-        SplatSet { splats, origin_mm: DVec3::new(5.0, -7.0, 1000.0), field, ..SplatSet::default() }
-    }
-
-    #[test]
-    fn it_is_the_field_of_the_twin() {
-        for kernel in [Kernel::Compact, Kernel::Gaussian, Kernel::Density] {
-            let set = set(kernel, 400);
-            let probe = Probe::new(&set);
-            let eye = Eye { position: DVec3::ZERO, turn: DMat3::IDENTITY, tangents: [0.0; 4] };
-            // Twins take unit quaternions.
-            let twin = |s: &Splat| {
-                let twin = reference::Splat::from(s);
-                reference::Splat { rotation: twin.rotation.normalize(), ..twin }
-            };
-            let background = f64::from(set.field.background);
-            let all: Vec<_> =
-                set.splats.iter().filter_map(|s| seen(&twin(s), &eye, kernel, background)).collect();
-            assert_eq!(all.len(), set.splats.len());
-            let mut next = numbers(3);
-            let mut inside = 0;
-            for _ in 0..2000 {
-                let x =
-                    DVec3::new(f64::from(next()) * 50.0, f64::from(next()) * 70.0, f64::from(next()) * 340.0);
-                let Sums { w, s, .. } = field_at(&all, kernel, x);
-                let found = probe.at(x + set.origin_mm);
-                assert_eq!(found.is_some(), w > 0.0, "{x}");
-                let Some(found) = found else { continue };
-                inside += 1;
-                let v = -100.0 + s / (w + f64::from(set.field.epsilon));
-                let o = w / (w + f64::from(set.field.occupancy_w0));
-                assert!((found.intensity - v).abs() < 1e-6, "{x}: {} {v}", found.intensity);
-                assert!((found.occupancy - o).abs() < 1e-9, "{x}");
-            }
-            assert!(inside > 200, "{inside} points within splats");
-        }
-    }
-
-    #[test]
-    fn beyond_the_splats_is_nothing() {
-        let probe = Probe::new(&set(Kernel::Compact, 50));
-        for x in [DVec3::splat(1e9), DVec3::splat(-1e9), DVec3::NAN, DVec3::INFINITY] {
-            assert_eq!(probe.at(x), None, "{x}");
-        }
-        assert_eq!(Probe::new(&SplatSet::default()).at(DVec3::ZERO), None);
-    }
-
-    #[test]
-    fn splats_are_listed_a_few_times() {
-        let mut set = set(Kernel::Compact, 3000);
-        // One that reaches through all cells, as a fit may have.
-        set.splats[0].set_scale([300.0; 3]);
-        let probe = Probe::new(&set);
-        assert_eq!(probe.large, [0]);
-        let most = probe.starts.windows(2).map(|w| w[1] - w[0]).max().unwrap_or(0) as usize;
-        assert!(probe.listed.len() < 8 * set.splats.len() && most < set.splats.len() / 5, "{most}");
-    }
-}
+mod tests;

@@ -4,7 +4,8 @@ use engine::Result;
 use glam::DVec2;
 use openxr as xr;
 
-use super::openxr::{pose_of, said};
+use super::convert::pose_of;
+use super::openxr::said;
 use super::{Hand, Hands};
 
 /// The two hands, as paths name them.
@@ -18,20 +19,26 @@ struct Profile {
     squeeze: &'static str,
     select: Option<&'static str>,
     stick: Option<&'static str>,
-    next: Option<[&'static str; 2]>,
-    other: Option<[&'static str; 2]>,
+    next: [Option<&'static str>; 2],
+    other: [Option<&'static str>; 2],
+    panel: [Option<&'static str>; 2],
 }
 
-/// Where there is one button, it grabs.
+const NONE: [Option<&str>; 2] = [None; 2];
+/// Where pressing it is free for the panel.
+const STICK: [Option<&str>; 2] = [Some("input/thumbstick/click"); 2];
+
+/// Where there is one button, it grabs, and clicks on the panel.
 const PROFILES: [Profile; 5] = [
     Profile {
         path: "/interaction_profiles/khr/simple_controller",
         hands: false,
         squeeze: "input/select/click",
-        select: None,
+        select: Some("input/select/click"),
         stick: None,
-        next: Some(["input/menu/click"; 2]),
-        other: None,
+        next: [None, Some("input/menu/click")],
+        other: NONE,
+        panel: [Some("input/menu/click"), None],
     },
     Profile {
         path: "/interaction_profiles/oculus/touch_controller",
@@ -39,8 +46,9 @@ const PROFILES: [Profile; 5] = [
         squeeze: "input/squeeze/value",
         select: Some("input/trigger/value"),
         stick: Some("input/thumbstick"),
-        next: Some(["input/x/click", "input/a/click"]),
-        other: Some(["input/y/click", "input/b/click"]),
+        next: [Some("input/x/click"), Some("input/a/click")],
+        other: [Some("input/y/click"), Some("input/b/click")],
+        panel: STICK,
     },
     Profile {
         path: "/interaction_profiles/valve/index_controller",
@@ -48,8 +56,9 @@ const PROFILES: [Profile; 5] = [
         squeeze: "input/squeeze/value",
         select: Some("input/trigger/value"),
         stick: Some("input/thumbstick"),
-        next: Some(["input/a/click"; 2]),
-        other: Some(["input/b/click"; 2]),
+        next: [Some("input/a/click"); 2],
+        other: [Some("input/b/click"); 2],
+        panel: STICK,
     },
     Profile {
         path: "/interaction_profiles/microsoft/motion_controller",
@@ -57,8 +66,9 @@ const PROFILES: [Profile; 5] = [
         squeeze: "input/squeeze/click",
         select: Some("input/trigger/value"),
         stick: Some("input/thumbstick"),
-        next: Some(["input/trackpad/click"; 2]),
-        other: Some(["input/menu/click"; 2]),
+        next: [Some("input/trackpad/click"); 2],
+        other: [Some("input/menu/click"); 2],
+        panel: STICK,
     },
     Profile {
         path: "/interaction_profiles/ext/hand_interaction_ext",
@@ -66,8 +76,9 @@ const PROFILES: [Profile; 5] = [
         squeeze: "input/grasp_ext/value",
         select: Some("input/pinch_ext/value"),
         stick: None,
-        next: None,
-        other: None,
+        next: NONE,
+        other: NONE,
+        panel: NONE,
     },
 ];
 
@@ -82,6 +93,7 @@ pub(super) struct Actions {
     stick: xr::Action<xr::Vector2f>,
     next: xr::Action<bool>,
     other: xr::Action<bool>,
+    panel: xr::Action<bool>,
 }
 
 impl Actions {
@@ -108,6 +120,7 @@ impl Actions {
         let stick = set.create_action::<xr::Vector2f>("window", "Window and level", &hands)?;
         let next = set.create_action::<bool>("preset", "Last and next preset", &hands)?;
         let other = set.create_action::<bool>("cut", "Reset, and cut", &hands)?;
+        let panel = set.create_action::<bool>("panel", "Show and hide the panel", &hands)?;
         for profile in PROFILES.iter().filter(|p| !p.hands || hand_interaction) {
             let mut bindings = Vec::new();
             for (side, hand) in HANDS.iter().enumerate() {
@@ -121,9 +134,11 @@ impl Actions {
                 if let Some(end) = profile.stick {
                     bindings.push(xr::Binding::new(&stick, path(end)?));
                 }
-                for (action, ends) in [(&next, profile.next), (&other, profile.other)] {
-                    if let Some(ends) = ends {
-                        bindings.push(xr::Binding::new(action, path(ends[side])?));
+                for (action, ends) in
+                    [(&next, profile.next), (&other, profile.other), (&panel, profile.panel)]
+                {
+                    if let Some(end) = ends[side] {
+                        bindings.push(xr::Binding::new(action, path(end)?));
                     }
                 }
             }
@@ -148,6 +163,7 @@ impl Actions {
             stick,
             next,
             other,
+            panel,
         })
     }
 
@@ -181,6 +197,7 @@ impl Actions {
                 stick: DVec2::new(f64::from(stick.x), f64::from(stick.y)),
                 next: self.next.state(session, at)?.current_state,
                 other: self.other.state(session, at)?.current_state,
+                panel: self.panel.state(session, at)?.current_state,
             };
         }
         Ok(out)

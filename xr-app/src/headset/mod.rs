@@ -4,6 +4,7 @@
 //! as OpenXR has it. Times are nanoseconds of a clock of the headset's own.
 
 mod actions;
+mod convert;
 pub mod openxr;
 pub mod simulated;
 
@@ -84,6 +85,15 @@ pub struct Hand {
     pub next: bool,
     /// The second button: clip plane on and off with the right hand, reset with the left.
     pub other: bool,
+    /// The button that shows and hides the panel.
+    pub panel: bool,
+}
+
+impl Hand {
+    /// The ray that it points with, if it is known where it is.
+    pub fn ray(&self) -> Option<Pose> {
+        self.aim.or(self.grip)
+    }
 }
 
 /// Left and right.
@@ -145,8 +155,28 @@ pub struct Description {
     pub blend: Blend,
     /// Frames a second, where the runtime says so before the first frame.
     pub rate_hz: Option<f64>,
+    /// Whether it takes the depth of what an eye sees, to move the picture with the head.
+    pub depth: bool,
     /// Extensions in use.
     pub extensions: Vec<&'static str>,
+}
+
+/// Distances along the viewing direction that depths 0 and 1 stand for, metres: depth = far (z - near) / (z (far - near)).
+pub const DEPTH_RANGE: [f64; 2] = [0.05, 100.0];
+
+/// What a headset lends for a frame, with a layer for each eye.
+pub struct Lent<'a> {
+    /// The picture.
+    pub colour: &'a mut Image,
+    /// Its depth, where the headset takes that.
+    pub depth: Option<&'a mut Image>,
+}
+
+impl Lent<'_> {
+    /// All of it, to be drawn over.
+    pub fn pictures(&mut self) -> Vec<&mut Image> {
+        std::iter::once(&mut *self.colour).chain(self.depth.as_deref_mut()).collect()
+    }
 }
 
 /// A headset with a session. A frame is [`wait`](Headset::wait), [`lend`](Headset::lend), [`give_back`](Headset::give_back),
@@ -162,13 +192,13 @@ pub trait Headset {
     fn wait(&mut self) -> Result<Timing>;
     /// What the hands will do when a frame is seen.
     fn hands(&mut self, timing: &Timing) -> Result<Hands>;
-    /// The picture of the frame, with a layer for each eye. What it holds is not defined.
-    fn lend(&mut self, recorder: &mut Recorder) -> Result<&mut Image>;
-    /// Gives that picture back, as far as recording goes, and waits until the device may draw into it.
+    /// The pictures of the frame. What they hold is not defined.
+    fn lend(&mut self, recorder: &mut Recorder) -> Result<Lent<'_>>;
+    /// Gives them back, as far as recording goes, and waits until the device may draw into them.
     fn give_back(&mut self, recorder: &mut Recorder) -> Result<()>;
     /// Where the eyes will be when a frame is seen: to be asked as late as possible.
     fn eyes(&mut self, timing: &Timing) -> Result<Eyes>;
-    /// Ends a frame. With eyes, shows the picture that was lent, as these eyes saw it.
+    /// Ends a frame. With eyes, shows what was lent, as these eyes saw it.
     fn end(&mut self, timing: &Timing, seen: Option<&[Eye; 2]>) -> Result<()>;
     /// Asks for the end of the session, which comes as an event.
     fn request_exit(&mut self) -> Result<()>;

@@ -9,13 +9,12 @@ use std::cell::Cell;
 use ash::vk;
 use ash::vk::Handle as _;
 use engine::gpu::{Boot, Format, Gpu, GpuOptions, Image, Recorder};
-use engine::render::Fov;
 use engine::{Error, Kind, Result};
-use glam::{DQuat, DVec3};
 use openxr as xr;
 
 use super::actions::Actions;
-use super::{Blend, Description, Event, Eye, Eyes, Hands, Headset, Pose, State, Timing};
+use super::convert::{fov_of, fov_to, pose_of, pose_to, time};
+use super::{Blend, DEPTH_RANGE, Description, Event, Eye, Eyes, Hands, Headset, Lent, State, Timing};
 
 const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
@@ -34,8 +33,8 @@ pub struct OpenXrOptions {
 /// images, and the device last of all.
 pub struct OpenXr {
     description: Description,
-    pictures: Vec<Image>,
-    swapchain: xr::Swapchain<xr::Vulkan>,
+    colour: Chain,
+    depth: Option<Chain>,
     actions: Actions,
     room: xr::Space,
     frames: xr::FrameStream<xr::Vulkan>,
@@ -44,8 +43,6 @@ pub struct OpenXr {
     instance: xr::Instance,
     events: Box<xr::EventDataBuffer>,
     running: bool,
-    /// The picture that is lent.
-    lent: Option<usize>,
     /// The last poses that were known.
     last: Option<[Eye; 2]>,
     gpu: Gpu,
@@ -98,6 +95,7 @@ impl Runtime {
         extensions.khr_convert_timespec_time = offered.khr_convert_timespec_time;
         extensions.fb_display_refresh_rate = offered.fb_display_refresh_rate;
         extensions.ext_hand_interaction = offered.ext_hand_interaction;
+        extensions.khr_composition_layer_depth = offered.khr_composition_layer_depth;
         let about = xr::ApplicationInfo {
             application_name: "vgs-xr",
             application_version: 1,
@@ -123,6 +121,7 @@ impl Runtime {
             (self.extensions.khr_convert_timespec_time, "XR_KHR_convert_timespec_time"),
             (self.extensions.fb_display_refresh_rate, "XR_FB_display_refresh_rate"),
             (self.extensions.ext_hand_interaction, "XR_EXT_hand_interaction"),
+            (self.extensions.khr_composition_layer_depth, "XR_KHR_composition_layer_depth"),
         ]
         .into_iter()
         .filter_map(|(used, name)| used.then_some(name))
@@ -205,6 +204,81 @@ impl Boot for Runtime {
     }
 }
 
+/// Pictures of the runtime, with a layer for each eye, that it lends one at a time. They go before the swapchain that owns
+/// their images.
+struct Chain {
+    pictures: Vec<Image>,
+    lent: Option<usize>,
+    swapchain: xr::Swapchain<xr::Vulkan>,
+}
+
+impl Chain {
+    fn new(gpu: &Gpu, session: &xr::Session<xr::Vulkan>, format: Format, size: [u32; 2]) -> Result<Self> {
+        let (attachment, layout) = match format.is_depth() {
+            true => (
+                xr::SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+                vk::ImageLayout::DEPTH_STENCIL_ATTACHMENT_OPTIMAL,
+            ),
+            false => (xr::SwapchainUsageFlags::COLOR_ATTACHMENT, vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
+        };
+        let [width, height] = size;
+        let swapchain = session
+            .create_swapchain(&xr::SwapchainCreateInfo {
+                create_flags: xr::SwapchainCreateFlags::EMPTY,
+                usage_flags: attachment
+                    | xr::SwapchainUsageFlags::SAMPLED
+                    | xr::SwapchainUsageFlags::TRANSFER_SRC
+                    | xr::SwapchainUsageFlags::TRANSFER_DST,
+                format: vulkan_format(format),
+                sample_count: 1,
+                width,
+                height,
+                face_count: 1,
+                array_size: 2,
+                mip_count: 1,
+            })
+            .map_err(|e| said("making pictures for the eyes", e))?;
+        let images = swapchain.enumerate_images().map_err(|e| said("asking for pictures", e))?;
+        let picture = |&image: &u64| {
+            // SAFETY: the image belongs to the swapchain, which outlives the pictures; it was asked for with two layers, this
+            // size and format, and OpenXR wants images back as attachments of their kind.
+            unsafe { gpu.foreign_picture("eyes", vk::Image::from_raw(image), format, size, 2, layout) }
+        };
+        let pictures = images.iter().map(picture).collect::<Result<_>>()?;
+        Ok(Chain { pictures, lent: None, swapchain })
+    }
+
+    fn lend(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
+        let index = self.swapchain.acquire_image().map_err(|e| said("asking for a picture", e))? as usize;
+        self.lent = Some(index);
+        recorder.borrow_image(&self.pictures[index]);
+        Ok(&mut self.pictures[index])
+    }
+
+    fn give_back(&mut self, recorder: &mut Recorder) -> Result<()> {
+        let index = self.lent.expect("a picture was lent");
+        recorder.return_image(&self.pictures[index]);
+        // The compositor may still read it: only now does the device need it.
+        self.swapchain.wait_image(xr::Duration::INFINITE).map_err(|e| said("waiting for a picture", e))
+    }
+
+    fn release(&mut self) -> Result<()> {
+        match self.lent.take() {
+            Some(_) => self.swapchain.release_image().map_err(|e| said("showing a frame", e)),
+            None => Ok(()),
+        }
+    }
+
+    /// The layer of an eye.
+    fn part(&self, eye: usize, [width, height]: [u32; 2]) -> xr::SwapchainSubImage<'_, xr::Vulkan> {
+        let extent = xr::Extent2Di { width: width as i32, height: height as i32 };
+        xr::SwapchainSubImage::new()
+            .swapchain(&self.swapchain)
+            .image_array_index(eye as u32)
+            .image_rect(xr::Rect2Di { offset: xr::Offset2Di { x: 0, y: 0 }, extent })
+    }
+}
+
 impl OpenXr {
     /// Boots Vulkan through the runtime and opens a session on its headset.
     pub fn start(gpu_options: &GpuOptions, options: &OpenXrOptions) -> Result<(Gpu, Self)> {
@@ -221,49 +295,17 @@ impl OpenXr {
         };
         let (session, waiter, frames) = opened.map_err(|e| said("opening a session", e))?;
         let description = describe(&runtime, &session, options)?;
-        let [width, height] = description.eye_size;
-        let swapchain = session
-            .create_swapchain(&xr::SwapchainCreateInfo {
-                create_flags: xr::SwapchainCreateFlags::EMPTY,
-                usage_flags: xr::SwapchainUsageFlags::COLOR_ATTACHMENT
-                    | xr::SwapchainUsageFlags::SAMPLED
-                    | xr::SwapchainUsageFlags::TRANSFER_SRC
-                    | xr::SwapchainUsageFlags::TRANSFER_DST,
-                format: vulkan_format(description.format),
-                sample_count: 1,
-                width,
-                height,
-                face_count: 1,
-                array_size: 2,
-                mip_count: 1,
-            })
-            .map_err(|e| said("making pictures for the eyes", e))?;
-        let images = swapchain.enumerate_images().map_err(|e| said("asking for pictures", e))?;
-        let pictures = images
-            .iter()
-            .map(|&image| {
-                // SAFETY: the image belongs to the swapchain, which outlives the pictures; it was asked for with two layers,
-                // this size and format, and OpenXR wants colour images back as attachments.
-                unsafe {
-                    gpu.foreign_picture(
-                        "eyes",
-                        vk::Image::from_raw(image),
-                        description.format,
-                        description.eye_size,
-                        2,
-                        vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
-                    )
-                }
-            })
-            .collect::<Result<_>>()?;
+        let chain = |format| Chain::new(&gpu, &session, format, description.eye_size);
+        let colour = chain(description.format)?;
+        let depth = description.depth.then(|| chain(Format::D32f)).transpose()?;
         let room = session
             .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
             .map_err(|e| said("asking for the room", e))?;
         let actions = Actions::new(instance, &session, runtime.extensions.ext_hand_interaction)?;
         let headset = OpenXr {
             description,
-            pictures,
-            swapchain,
+            colour,
+            depth,
             actions,
             room,
             frames,
@@ -272,7 +314,6 @@ impl OpenXr {
             instance: runtime.instance.clone(),
             events: Box::new(xr::EventDataBuffer::new()),
             running: false,
-            lent: None,
             last: None,
             gpu: gpu.clone(),
         };
@@ -345,6 +386,8 @@ fn describe(
         format,
         blend,
         rate_hz,
+        depth: runtime.extensions.khr_composition_layer_depth
+            && offered.contains(&vulkan_format(Format::D32f)),
         extensions: runtime.names(),
     })
 }
@@ -354,6 +397,7 @@ fn vulkan_format(format: Format) -> u32 {
         Format::Srgba8 => vk::Format::R8G8B8A8_SRGB,
         Format::Sbgra8 => vk::Format::B8G8R8A8_SRGB,
         Format::Bgra8 => vk::Format::B8G8R8A8_UNORM,
+        Format::D32f => vk::Format::D32_SFLOAT,
         _ => vk::Format::R8G8B8A8_UNORM,
     };
     format.as_raw() as u32
@@ -373,47 +417,6 @@ fn blend_from(mode: xr::EnvironmentBlendMode) -> Blend {
         xr::EnvironmentBlendMode::ALPHA_BLEND => Blend::Alpha,
         _ => Blend::Opaque,
     }
-}
-
-pub(super) fn pose_of(pose: &xr::Posef) -> Pose {
-    let (p, q) = (pose.position, pose.orientation);
-    let orientation = DQuat::from_xyzw(f64::from(q.x), f64::from(q.y), f64::from(q.z), f64::from(q.w));
-    Pose {
-        position: DVec3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z)),
-        orientation: orientation.normalize(),
-    }
-}
-
-fn pose_to(pose: &Pose) -> xr::Posef {
-    let (p, q) = (pose.position, pose.orientation);
-    xr::Posef {
-        position: xr::Vector3f { x: p.x as f32, y: p.y as f32, z: p.z as f32 },
-        orientation: xr::Quaternionf { x: q.x as f32, y: q.y as f32, z: q.z as f32, w: q.w as f32 },
-    }
-}
-
-fn fov_of(fov: &xr::Fovf) -> Fov {
-    let tangent = |angle: f32| f64::from(angle).tan();
-    Fov {
-        left: tangent(fov.angle_left),
-        right: tangent(fov.angle_right),
-        up: tangent(fov.angle_up),
-        down: tangent(fov.angle_down),
-    }
-}
-
-fn fov_to(fov: &Fov) -> xr::Fovf {
-    let angle = |tangent: f64| tangent.atan() as f32;
-    xr::Fovf {
-        angle_left: angle(fov.left),
-        angle_right: angle(fov.right),
-        angle_up: angle(fov.up),
-        angle_down: angle(fov.down),
-    }
-}
-
-fn time(ns: i64) -> xr::Time {
-    xr::Time::from_nanos(ns)
 }
 
 impl Headset for OpenXr {
@@ -474,18 +477,15 @@ impl Headset for OpenXr {
         self.actions.hands(&self.session, &self.room, time(timing.display_ns))
     }
 
-    fn lend(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
-        let index = self.swapchain.acquire_image().map_err(|e| said("asking for a picture", e))? as usize;
-        self.lent = Some(index);
-        recorder.borrow_image(&self.pictures[index]);
-        Ok(&mut self.pictures[index])
+    fn lend(&mut self, recorder: &mut Recorder) -> Result<Lent<'_>> {
+        let colour = self.colour.lend(recorder)?;
+        let depth = self.depth.as_mut().map(|depth| depth.lend(recorder)).transpose()?;
+        Ok(Lent { colour, depth })
     }
 
     fn give_back(&mut self, recorder: &mut Recorder) -> Result<()> {
-        let index = self.lent.expect("a picture was lent");
-        recorder.return_image(&self.pictures[index]);
-        // The compositor may still read it: only now does the device need it.
-        self.swapchain.wait_image(xr::Duration::INFINITE).map_err(|e| said("waiting for a picture", e))
+        self.colour.give_back(recorder)?;
+        self.depth.as_mut().map_or(Ok(()), |depth| depth.give_back(recorder))
     }
 
     fn eyes(&mut self, timing: &Timing) -> Result<Eyes> {
@@ -506,25 +506,39 @@ impl Headset for OpenXr {
 
     fn end(&mut self, timing: &Timing, seen: Option<&[Eye; 2]>) -> Result<()> {
         let ended = |e| said("showing a frame", e);
-        if self.lent.take().is_some() {
-            self.swapchain.release_image().map_err(ended)?;
-        }
+        self.colour.release()?;
+        self.depth.as_mut().map_or(Ok(()), Chain::release)?;
         let blend = blend_mode(self.description.blend);
         let Some(eyes) = seen else {
             return self.frames.end(time(timing.display_ns), blend, &[]).map_err(ended);
         };
-        let [width, height] = self.description.eye_size.map(|n| n as i32);
-        let rectangle =
-            xr::Rect2Di { offset: xr::Offset2Di { x: 0, y: 0 }, extent: xr::Extent2Di { width, height } };
+        let size = self.description.eye_size;
+        let [near_z, far_z] = DEPTH_RANGE.map(|metres| metres as f32);
+        let depths = self.depth.as_ref().map(|depth| {
+            [0, 1].map(|eye| xr::sys::CompositionLayerDepthInfoKHR {
+                ty: xr::sys::CompositionLayerDepthInfoKHR::TYPE,
+                next: std::ptr::null(),
+                sub_image: depth.part(eye, size).into_raw(),
+                min_depth: 0.0,
+                max_depth: 1.0,
+                near_z,
+                far_z,
+            })
+        });
         let views = [0, 1].map(|eye| {
-            let picture = xr::SwapchainSubImage::new()
-                .swapchain(&self.swapchain)
-                .image_array_index(eye as u32)
-                .image_rect(rectangle);
-            xr::CompositionLayerProjectionView::new()
+            let view = xr::CompositionLayerProjectionView::new()
                 .pose(pose_to(&eyes[eye].pose))
                 .fov(fov_to(&eyes[eye].fov))
-                .sub_image(picture)
+                .sub_image(self.colour.part(eye, size));
+            let Some(depths) = &depths else { return view };
+            let next = std::ptr::from_ref(&depths[eye]).cast();
+            // SAFETY: what the chain points to lives until the frame has ended, as does all else of the view.
+            unsafe {
+                xr::CompositionLayerProjectionView::from_raw(xr::sys::CompositionLayerProjectionView {
+                    next,
+                    ..view.into_raw()
+                })
+            }
         });
         let mut layer = xr::CompositionLayerProjection::new().space(&self.room).views(&views);
         if self.description.blend == Blend::Alpha {
@@ -546,7 +560,8 @@ impl Headset for OpenXr {
 impl Drop for OpenXr {
     fn drop(&mut self) {
         // The views of the pictures go before the images that the swapchain owns.
-        self.pictures.clear();
+        self.colour.pictures.clear();
+        self.depth.iter_mut().for_each(|depth| depth.pictures.clear());
         let _ = self.gpu.wait_idle();
     }
 }

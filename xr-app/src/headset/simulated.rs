@@ -7,7 +7,7 @@ use engine::gpu::{Format, Gpu, Image, Recorder};
 use engine::render::Fov;
 use glam::{DQuat, DVec3};
 
-use super::{Blend, Description, Event, Eye, Eyes, Hands, Headset, Pose, State, Timing};
+use super::{Blend, Description, Event, Eye, Eyes, Hands, Headset, Lent, Pose, State, Timing};
 
 /// Pictures that go round, as in the swapchains of runtimes.
 const PICTURES: usize = 3;
@@ -22,6 +22,8 @@ pub struct Script {
     pub rate_hz: f64,
     /// What is behind the picture.
     pub blend: Blend,
+    /// Whether depth is taken.
+    pub depth: bool,
     /// Whether frames come at this rate, or as fast as they are ended, on a clock that jumps.
     pub real_time: bool,
     /// Frames after which the headset asks to end, if it does.
@@ -42,6 +44,7 @@ impl Default for Script {
             eye_size: [640, 720],
             rate_hz: 72.0,
             blend: Blend::Opaque,
+            depth: false,
             real_time: true,
             frames: None,
             left_fov: Fov { left: -1.0, right: 0.84, up: 0.9, down: -1.0 },
@@ -66,6 +69,7 @@ pub struct Simulated {
     script: Script,
     description: Description,
     pictures: Vec<Image>,
+    depths: Vec<Image>,
     start: Instant,
     frame: u64,
     /// Period of the display that the next frame is for.
@@ -80,9 +84,12 @@ pub struct Simulated {
 impl Simulated {
     /// A headset that does what the script says.
     pub fn new(gpu: &Gpu, script: Script) -> Result<Self> {
-        let pictures = (0..PICTURES)
-            .map(|n| gpu.picture(&format!("eyes {n}"), "eyes", Format::Rgba8, script.eye_size, 2))
-            .collect::<Result<_>>()?;
+        let make = |name: &str, format| {
+            let picture = |n| gpu.picture(&format!("{name} {n}"), "eyes", format, script.eye_size, 2);
+            (0..PICTURES).map(picture).collect::<Result<Vec<_>>>()
+        };
+        let pictures = make("eyes", Format::Rgba8)?;
+        let depths = if script.depth { make("depth of eyes", Format::D32f)? } else { Vec::new() };
         let description = Description {
             runtime: "simulated".to_owned(),
             system: "simulated headset".to_owned(),
@@ -90,12 +97,14 @@ impl Simulated {
             format: Format::Rgba8,
             blend: script.blend,
             rate_hz: Some(script.rate_hz),
+            depth: script.depth,
             extensions: Vec::new(),
         };
         Ok(Simulated {
             script,
             description,
             pictures,
+            depths,
             start: Instant::now(),
             frame: 0,
             tick: 0,
@@ -109,6 +118,11 @@ impl Simulated {
     /// The picture that was shown last.
     pub fn picture(&self) -> &Image {
         &self.pictures[(self.frame as usize + PICTURES - 1) % PICTURES]
+    }
+
+    /// The depth that was shown with it, where it is taken.
+    pub fn depth(&self) -> Option<&Image> {
+        self.depths.get((self.frame as usize + PICTURES - 1) % PICTURES)
     }
 
     fn period(&self) -> Duration {
@@ -162,9 +176,9 @@ impl Headset for Simulated {
         Ok((self.script.hands)(timing.display_ns as f64 * 1e-9))
     }
 
-    fn lend(&mut self, _: &mut Recorder) -> Result<&mut Image> {
+    fn lend(&mut self, _: &mut Recorder) -> Result<Lent<'_>> {
         let index = self.index();
-        Ok(&mut self.pictures[index])
+        Ok(Lent { colour: &mut self.pictures[index], depth: self.depths.get_mut(index) })
     }
 
     fn give_back(&mut self, _: &mut Recorder) -> Result<()> {

@@ -22,25 +22,35 @@ pub fn show(
     actions: &mut Vec<Action>,
 ) {
     choices(ui, state, facts, actions);
+    curve(ui, state, editor, facts);
+    light(ui, state);
+}
+
+/// Shows the curve with its points, window and shift, and changes them.
+pub fn curve(ui: &mut Ui, state: &mut State, editor: &mut Editor, facts: &Facts<'_>) {
     let backdrop =
         Backdrop { range: facts.range, splats: facts.splat_histogram, volume: facts.volume_histogram };
     widget::show(ui, editor, &mut state.transfer, &backdrop, TALL);
     point(ui, state, editor, facts);
     window_row(ui, state, facts);
     shift_row(ui, state, facts);
-    light(ui, state);
+}
+
+/// Shows the names of all presets, to choose one of them.
+pub fn presets(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
+    for preset in PRESETS {
+        let chosen = state.transfer.name == preset.name;
+        if ui.selectable_label(chosen, preset.name).on_hover_text(preset.about).clicked() {
+            actions.push(Action::Transfer(preset.name.to_owned()));
+        }
+    }
 }
 
 /// Presets, windows, files.
 fn choices(ui: &mut Ui, state: &State, facts: &Facts<'_>, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         ComboBox::from_id_salt("preset").selected_text(&state.transfer.name).width(150.0).show_ui(ui, |ui| {
-            for preset in PRESETS {
-                let chosen = state.transfer.name == preset.name;
-                if ui.selectable_label(chosen, preset.name).on_hover_text(preset.about).clicked() {
-                    actions.push(Action::Transfer(preset.name.to_owned()));
-                }
-            }
+            presets(ui, state, actions);
         });
         ComboBox::from_id_salt("window").selected_text("Window").width(70.0).show_ui(ui, |ui| {
             for window in WINDOWS {
@@ -125,7 +135,8 @@ fn window_row(ui: &mut Ui, state: &mut State, facts: &Facts<'_>) {
     });
 }
 
-fn light(ui: &mut Ui, state: &mut State) {
+/// Shows how the transfer function's colours answer to light, and changes it.
+pub fn light(ui: &mut Ui, state: &mut State) {
     let material = &mut state.transfer.material;
     ui.checkbox(&mut material.shade, "Light").on_hover_text("Blinn and Phong, from above the left shoulder");
     ui.add_enabled_ui(material.shade, |ui| {

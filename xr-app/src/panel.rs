@@ -1,0 +1,328 @@
+//! The panel in the room, and marks beside it: egui's part. The sections are those of the desktop viewer.
+//!
+//! Everything is on one screen of egui's. The panel takes its left part; each mark has a rectangle of its own far to the
+//! right of it, so that what egui makes can be told apart by where it is clipped. egui runs when there is something new:
+//! the pointer, what is shown, or a time that egui has asked for.
+
+use std::time::Duration;
+
+use egui::epaint::ClippedPrimitive;
+use egui::{
+    Align2, CentralPanel, Color32, Context, CornerRadius, Event, FontId, Id, LayerId, Modifiers,
+    MouseWheelUnit, Order, Painter, PointerButton, Pos2, RawInput, Rect, ScrollArea, TexturesDelta,
+    TouchPhase, Ui, Vec2, ViewportId, ViewportInfo, pos2, vec2,
+};
+use view::actions::Action;
+use view::editor::Editor;
+use view::facts::Facts;
+use view::panels;
+use view::state::State;
+use view::theme::{self, ACCENT, SIGNAL};
+
+/// Width and height of the panel, points; in the room a point is a millimetre.
+pub const SIZE: Vec2 = Vec2::new(400.0, 560.0);
+/// Texels of a point: as fine as a headset with 25 pixels a degree shows it from 0.9 m.
+const PIXELS_PER_POINT: f32 = 1.6;
+/// Rectangles of marks begin at multiples of this, points.
+const APART: f32 = 1000.0;
+/// Length of a beam or a line on the screen, points; in the room it is stretched to what it is there.
+pub const LENGTH: f32 = 800.0;
+/// Where a mark's place is in its rectangle, points: the start of a line, the middle of a cursor, the foot of a text.
+pub const ANCHOR: Pos2 = pos2(90.0, 100.0);
+/// A pointer that moves less than this, points, has not moved: hands tremble.
+const STILL: f32 = 0.7;
+/// A hand that pulls a trigger moves; what moves less than this meanwhile is a click, points.
+const CLICK: f32 = 16.0;
+/// A thumbstick at its end scrolls so many points a second.
+const SCROLL: f32 = 600.0;
+
+/// Something that is drawn in the room.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mark {
+    /// The ray of a hand.
+    Beam,
+    /// Where it ends.
+    Cursor,
+    /// Between two ends of a distance.
+    Line,
+    /// A few words above and beside a place.
+    Text(String),
+    /// A length, below the middle of its line.
+    Length(String),
+}
+
+/// A pointer on the panel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pointer {
+    /// Where, points.
+    pub at: Pos2,
+    /// Whether it clicks.
+    pub down: bool,
+    /// The thumbstick, up positive.
+    pub scroll: f32,
+}
+
+/// What egui makes of the panel and the marks.
+pub struct Made {
+    /// Triangles.
+    pub primitives: Vec<ClippedPrimitive>,
+    /// New and freed textures.
+    pub textures: TexturesDelta,
+    /// What is asked for.
+    pub actions: Vec<Action>,
+}
+
+/// The panel.
+pub struct Panel {
+    context: Context,
+    editor: Editor,
+    shown: bool,
+    pointer: Option<Pointer>,
+    marks: Vec<Mark>,
+    /// When egui wants to run again by itself, seconds.
+    again: f64,
+}
+
+/// What the sections show, and what they change.
+pub struct Content<'a> {
+    /// What is edited.
+    pub state: &'a mut State,
+    /// What is known.
+    pub facts: &'a Facts<'a>,
+    /// Whether the tool that measures is taken up.
+    pub measuring: bool,
+    /// Magnification; 1 is real size.
+    pub scale: f64,
+}
+
+impl Panel {
+    /// Not shown.
+    pub fn new() -> Self {
+        let context = Context::default();
+        theme::apply(&context);
+        context.all_styles_mut(|style| style.spacing.interact_size.y = 26.0);
+        context.options_mut(|options| options.input_options.max_click_dist = CLICK);
+        Panel {
+            context,
+            editor: Editor::default(),
+            shown: false,
+            pointer: None,
+            marks: Vec::new(),
+            again: f64::NEG_INFINITY,
+        }
+    }
+
+    /// The place of a mark's anchor on the screen, by its number.
+    pub fn anchor(mark: usize) -> Pos2 {
+        ANCHOR + vec2(APART * (mark + 1) as f32, 0.0)
+    }
+
+    /// What is clipped to this belongs to the panel, 0, or to a mark, one more than its number.
+    pub fn sheet(clip: Rect) -> usize {
+        (clip.min.x / APART).floor().max(0.0) as usize
+    }
+
+    /// Something that it shows was changed from without.
+    pub fn refresh(&mut self) {
+        self.again = f64::NEG_INFINITY;
+    }
+
+    /// Runs egui if there is anything new at this time, seconds.
+    pub fn update(
+        &mut self,
+        seconds: f64,
+        shown: bool,
+        pointer: Option<Pointer>,
+        marks: Vec<Mark>,
+        content: &mut Content<'_>,
+    ) -> Option<Made> {
+        let events = self.events(pointer);
+        let same = shown == self.shown && marks == self.marks && events.is_empty();
+        if same && seconds < self.again {
+            return None;
+        }
+        (self.shown, self.marks) = (shown, marks);
+        let info = ViewportInfo { native_pixels_per_point: Some(PIXELS_PER_POINT), ..Default::default() };
+        let input = RawInput {
+            viewports: [(ViewportId::ROOT, info)].into_iter().collect(),
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, SIZE)),
+            time: Some(seconds),
+            events,
+            ..RawInput::default()
+        };
+        let mut actions = Vec::new();
+        let Panel { context, editor, marks, .. } = self;
+        let mut output = context.run_ui(input, |ui| {
+            if shown {
+                CentralPanel::default().show(ui, |ui| sections(ui, editor, content, &mut actions));
+            }
+            for (number, mark) in marks.iter().enumerate() {
+                paint(ui.ctx(), number, mark);
+            }
+        });
+        let delay = output.viewport_output.values().map(|v| v.repaint_delay).min().unwrap_or(Duration::MAX);
+        self.again = seconds + delay.as_secs_f64();
+        let shapes = std::mem::take(&mut output.shapes);
+        let primitives = self.context.tessellate(shapes, output.pixels_per_point);
+        let textures = std::mem::take(&mut output.textures_delta);
+        Some(Made { primitives, textures, actions })
+    }
+
+    /// What the pointer does, as egui takes it.
+    fn events(&mut self, now: Option<Pointer>) -> Vec<Event> {
+        let before = self.pointer;
+        let button = |pos, pressed| Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers: Modifiers::NONE,
+        };
+        let mut events = Vec::new();
+        let Some(now) = now else {
+            if let Some(before) = before {
+                events.extend(before.down.then(|| button(before.at, false)));
+                events.push(Event::PointerGone);
+            }
+            self.pointer = None;
+            return events;
+        };
+        let moved = before.is_none_or(|before| (before.at - now.at).length() > STILL);
+        let at = before.filter(|_| !moved).map_or(now.at, |before| before.at);
+        if moved {
+            events.push(Event::PointerMoved(at));
+        }
+        if now.down != before.is_some_and(|before| before.down) {
+            events.push(button(at, now.down));
+        }
+        if now.scroll != 0.0 {
+            events.push(Event::MouseWheel {
+                unit: MouseWheelUnit::Point,
+                delta: vec2(0.0, now.scroll),
+                phase: TouchPhase::Move,
+                modifiers: Modifiers::NONE,
+            });
+        }
+        self.pointer = Some(Pointer { at, ..now });
+        events
+    }
+}
+
+impl Default for Panel {
+    fn default() -> Self {
+        Panel::new()
+    }
+}
+
+/// Points that a thumbstick scrolls in so many seconds.
+pub fn scrolled(stick: f64, seconds: f64) -> f32 {
+    SCROLL * (stick * seconds) as f32
+}
+
+fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut Content<'_>, actions: &mut Vec<Action>) {
+    let Content { state, facts, measuring, scale } = content;
+    ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        let size = if (*scale - 1.0).abs() < 5e-3 { " (real size)" } else { "" };
+        ui.weak(format!("Scale {scale:.2}{size}. For looking, not for diagnosis."));
+        ui.separator();
+        ui.horizontal_wrapped(|ui| panels::transfer::presets(ui, state, actions));
+        ui.separator();
+        panels::transfer::curve(ui, state, editor, facts);
+        ui.separator();
+        panels::measure::show(ui, state, *measuring, actions);
+        ui.separator();
+        panels::objects::show(ui, state, facts);
+        ui.separator();
+        panels::transfer::light(ui, state);
+    });
+}
+
+/// Paints a mark into its rectangle.
+fn paint(context: &Context, number: usize, mark: &Mark) {
+    let anchor = Panel::anchor(number);
+    let whole = Rect::from_min_size(anchor - ANCHOR.to_vec2(), vec2(APART - 1.0, 2.0 * ANCHOR.y));
+    let layer = LayerId::new(Order::Tooltip, Id::new("marks"));
+    let painter = Painter::new(context.clone(), layer, whole);
+    let line = |width: f32| {
+        let half = vec2(0.0, 0.5 * width);
+        Rect::from_min_max(anchor - half, anchor + vec2(LENGTH, 0.0) + half)
+    };
+    match mark {
+        Mark::Beam => _ = painter.rect_filled(line(2.0), 0.0, ACCENT.gamma_multiply(0.6)),
+        Mark::Cursor => {
+            painter.circle_filled(anchor, 5.0, Color32::BLACK);
+            painter.circle_filled(anchor, 3.5, Color32::WHITE);
+        }
+        Mark::Line => {
+            painter.rect_filled(line(3.0), 0.0, Color32::from_black_alpha(180));
+            painter.rect_filled(line(1.4), 0.0, SIGNAL);
+        }
+        Mark::Text(text) => words(&painter, anchor + vec2(12.0, -12.0), Align2::LEFT_BOTTOM, text),
+        Mark::Length(text) => words(&painter, anchor + vec2(0.0, 12.0), Align2::CENTER_TOP, text),
+    }
+}
+
+fn words(painter: &Painter, at: Pos2, align: Align2, text: &str) {
+    let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(13.0), SIGNAL);
+    let place = align.anchor_size(at, galley.size());
+    painter.rect_filled(place.expand(5.0), CornerRadius::same(4), Color32::from_black_alpha(190));
+    painter.galley(place.min, galley, SIGNAL);
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::transfer::preset;
+
+    use super::*;
+
+    fn state() -> State {
+        State::new(&preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]))
+    }
+
+    /// Runs a panel once at a time with a pointer.
+    fn run(panel: &mut Panel, state: &mut State, seconds: f64, pointer: Option<Pointer>) -> Option<Made> {
+        let facts = Facts { range: [-1000.0, 2000.0], ..Facts::default() };
+        let mut content = Content { state, facts: &facts, measuring: false, scale: 1.0 };
+        let marks = vec![Mark::Text("7 HU".into()), Mark::Cursor];
+        let mut made = panel.update(seconds, true, pointer, marks, &mut content);
+        made.iter_mut().for_each(|made| made.textures.clear());
+        made
+    }
+
+    #[test]
+    fn egui_runs_when_there_is_something_new() {
+        let (mut panel, mut state) = (Panel::new(), state());
+        // Sizes settle in the first runs.
+        let mut at = 0.0;
+        let mut step = |panel: &mut Panel, state: &mut State, pointer| {
+            at += 0.1;
+            run(panel, state, at, pointer)
+        };
+        (0..4).for_each(|_| _ = step(&mut panel, &mut state, None));
+        for _ in 0..20 {
+            assert!(step(&mut panel, &mut state, None).is_none(), "nothing is new");
+        }
+        let pointer = |x, down| Some(Pointer { at: pos2(x, 300.0), down, scroll: 0.0 });
+        assert!(step(&mut panel, &mut state, pointer(10.0, false)).is_some(), "a pointer");
+        (0..10).for_each(|_| _ = step(&mut panel, &mut state, pointer(10.0, false)));
+        assert!(step(&mut panel, &mut state, pointer(10.3, false)).is_none(), "it trembles");
+        assert!(step(&mut panel, &mut state, pointer(12.0, false)).is_some(), "it moves");
+        panel.refresh();
+        assert!(step(&mut panel, &mut state, pointer(12.0, false)).is_some(), "something has changed");
+    }
+
+    #[test]
+    fn marks_are_told_from_the_panel_by_where_they_are() {
+        let (mut panel, mut state) = (Panel::new(), state());
+        let made = run(&mut panel, &mut state, 0.0, None).expect("a first run");
+        let mut sheets: Vec<usize> = made.primitives.iter().map(|p| Panel::sheet(p.clip_rect)).collect();
+        sheets.sort_unstable();
+        sheets.dedup();
+        assert_eq!(sheets, [0, 1, 2]);
+        for primitive in &made.primitives {
+            let egui::epaint::Primitive::Mesh(mesh) = &primitive.primitive else { continue };
+            let sheet = Panel::sheet(primitive.clip_rect);
+            let bounds = mesh.calc_bounds();
+            assert!(sheet == 0 || primitive.clip_rect.contains_rect(bounds), "{sheet}: {bounds:?}");
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! The program itself, with a simulated headset: its memory budget, and its window on the desktop.
+#![forbid(unsafe_code)]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use engine::splat::{self, Activations as _, Splat, SplatSet};
+use serde_json::Value;
+
+/// A folder with a scene of so many splats in a cube of 12 cm.
+fn folder(count: usize) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let edge = (count as f64).cbrt().ceil() as usize;
+    let splats = (0..count).map(|i| {
+        let [x, y, z] = [i % edge, i / edge % edge, i / edge / edge].map(|n| 120.0 * n as f32 / edge as f32);
+        let mut splat = Splat {
+            mean: [x, y, z],
+            intensity: 500.0 + x,
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            ..Splat::default()
+        };
+        splat.set_opacity(0.5);
+        splat.set_scale([60.0 / edge as f32; 3]);
+        splat
+    });
+    let set = SplatSet { splats: splats.collect(), ..SplatSet::default() };
+    splat::write(&folder.path().join("scene.ply"), &set, false).expect("a file");
+    folder
+}
+
+fn tool(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools").join(name)
+}
+
+/// Ends as it ends.
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(tool("run"))
+        .arg(env!("CARGO_BIN_EXE_vgs-xr"))
+        .args(["scene.ply", "--simulated", "--resolution", "0.2", "--report", "report.json", "--force"])
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("tools/run starts")
+}
+
+/// What it says on stderr, and MiB of device memory in the end, after a run that ended well.
+fn used(folder: &Path, arguments: &[&str]) -> (String, f64) {
+    let output = run(folder, arguments);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    let report = std::fs::read(folder.join("report.json")).expect("a report");
+    let report: Value = serde_json::from_slice(&report).expect("JSON");
+    let bytes = report["device_bytes"].as_object().expect("purposes").values();
+    (said, bytes.map(|v| v.as_f64().expect("bytes")).sum::<f64>() / f64::from(1 << 20))
+}
+
+#[test]
+fn a_memory_budget_is_kept_to_or_refused() {
+    let folder = folder(60_000);
+    let folder = folder.path();
+    let frames = ["--frames", "3", "--rung", "5"];
+    let (said, all) = used(folder, &frames);
+    assert_eq!(said, "");
+    let within = |mib: f64| {
+        let budget = format!("{mib:.3}");
+        used(folder, &[&frames[..], &["--memory-budget", &budget]].concat())
+    };
+    let (said, packed) = within(all - 0.5);
+    assert!(said.contains("packed") && packed <= all - 0.5, "{packed} of {all} MiB: {said}");
+    let (said, fewer) = within(all * 0.7);
+    assert!(said.contains("of 60000 splats fit") && fewer <= all * 0.7, "{fewer} of {all} MiB: {said}");
+    let refused = run(folder, &[&frames[..], &["--memory-budget", "0.5"]].concat());
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success() && said.contains("VGS-XR-024"), "{said}");
+}
+
+/// The bright pixels of the screen in the left and in the right half of the window, after a file of xwd: a header of big-endian
+/// words, colours, then rows of four bytes a pixel, blue first.
+fn bright(xwd: &[u8], window: [usize; 2]) -> [usize; 2] {
+    let word =
+        |at: usize| u32::from_be_bytes(xwd[4 * at..4 * at + 4].try_into().expect("four bytes")) as usize;
+    let (header, width, row, colours) = (word(0), word(4), word(12), word(19));
+    assert!(width >= window[0], "the window fits on the screen");
+    let texels = &xwd[header + 12 * colours..];
+    let mut found = [0; 2];
+    for y in 0..window[1] {
+        for x in 0..window[0] {
+            let texel = &texels[y * row + 4 * x..][..3];
+            found[usize::from(2 * x >= window[0])] += usize::from(texel.iter().all(|&c| c > 90));
+        }
+    }
+    found
+}
+
+/// A window on a virtual screen shows what both eyes see, or one; it lies in the screen's upper left corner, where no window
+/// manager moves it.
+#[test]
+fn a_window_shows_what_the_eyes_see() {
+    let folder = folder(3000);
+    let there = Command::new(tool("xvfb")).arg("true").output().expect("tools/xvfb starts");
+    if !there.status.success() {
+        println!("skipped: there is no virtual screen; `tools/setup window` brings one");
+        assert!(std::env::var_os("CI").is_none(), "CI has a virtual screen");
+        return;
+    }
+    // Of one eye the window is half as wide.
+    for eyes in ["both", "left"] {
+        let script = format!(
+            "{run} {program} scene.ply --simulated --resolution 0.2 --rate 20 --rung 1 --validation --mirror={eyes} & \
+             sleep 6; cp $VGS_SCREEN shot.xwd; kill -INT $!; wait $!",
+            run = tool("run").display(),
+            program = env!("CARGO_BIN_EXE_vgs-xr")
+        );
+        let output = Command::new(tool("xvfb"))
+            .args(["bash", "-c", &script])
+            .current_dir(folder.path())
+            .output()
+            .expect("tools/xvfb starts");
+        let said = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat();
+        assert!(output.status.success(), "{said}");
+        let shot = std::fs::read(folder.path().join("shot.xwd")).expect("the screen");
+        let [left, right] = bright(&shot, [960, 480]);
+        assert!(left > 1000, "{eyes}: {left} bright pixels on the left: {said}");
+        assert!(
+            if eyes == "both" { right > 1000 } else { right == 0 },
+            "{eyes}: {right} on the right: {said}"
+        );
+        let shown = said
+            .lines()
+            .find_map(|l| l.strip_prefix("the window showed ")?.split(' ').next()?.parse::<u64>().ok());
+        assert!(shown > Some(5), "{said}");
+    }
+}
