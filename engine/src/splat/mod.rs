@@ -214,7 +214,7 @@ pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
     (named(path)?.write)(path, set, force)
 }
 
-/// Bytes of the file that [`write`] makes of `set`.
+/// Bytes of the file that [`write()`] makes of `set`.
 pub fn file_bytes(path: &Path, set: &SplatSet) -> Result<u64> {
     Ok((named(path)?.bytes)(set))
 }

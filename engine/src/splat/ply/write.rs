@@ -22,7 +22,7 @@ pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
     crate::output::write_atomic(path, force, |out| encode(set, out))
 }
 
-/// Bytes of the file that [`write`] makes of `set`.
+/// Bytes of the file that [`write()`] makes of `set`.
 pub fn bytes(set: &SplatSet) -> u64 {
     let mut count = Count(0);
     // Counting cannot fail.
