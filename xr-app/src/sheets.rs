@@ -79,6 +79,8 @@ pub struct Sheets {
     drawing: Drawing,
     /// The format of the pictures, and whether they have depth.
     kind: (Format, bool),
+    /// For pictures of another kind, kept because what was recorded needs it until it has run.
+    other: Option<((Format, bool), Drawing)>,
     textures: Textures,
     changes: TexturesDelta,
     mesh: Mesh,
@@ -104,6 +106,7 @@ impl Sheets {
             gpu: gpu.clone(),
             drawing: drawing(gpu, (format, depth))?,
             kind: (format, depth),
+            other: None,
             textures: Textures::new(gpu),
             changes: TexturesDelta::default(),
             mesh: Mesh::default(),
@@ -135,8 +138,8 @@ impl Sheets {
     }
 
     /// Records the sheets over the pictures of both eyes, which see the scene as `views` say: patients placed so, with the
-    /// scene's zero at `origin`. `slot` is the frame's turn. For pictures of another format than the headset's a pipeline is
-    /// made and thrown away.
+    /// scene's zero at `origin`. `slot` is the frame's turn. For pictures of another kind than the headset's a pipeline
+    /// is made first.
     pub fn draw(
         &mut self,
         recorder: &mut Recorder,
@@ -166,8 +169,13 @@ impl Sheets {
         let rows: Vec<Sheet> = self.mesh.clips.iter().zip(&self.plane_of).map(row).collect();
         fill(&self.gpu, sheets, &rows)?;
         let kind = (eyes.colour.format(), eyes.depth.is_some());
-        let other = (kind != self.kind).then(|| drawing(&self.gpu, kind)).transpose()?;
-        let drawing = other.as_ref().unwrap_or(&self.drawing);
+        if kind != self.kind && self.other.as_ref().is_none_or(|(made, _)| *made != kind) {
+            self.other = Some((kind, drawing(&self.gpu, kind)?));
+        }
+        let drawing = match &self.other {
+            Some((made, other)) if *made == kind => other,
+            _ => &self.drawing,
+        };
         for (id, range) in &self.mesh.runs {
             let Some(texture) = self.textures.get(*id) else { continue };
             recorder

@@ -78,7 +78,7 @@ fn report(folder: &Path, output: &Output) -> Value {
 fn two_hundred_frames_under_monado() {
     let Some(tools) = tools() else { return };
     let folder = folder();
-    let output = program(&tools, folder.path(), &["--frames", "200", "--picture", "eyes.png"])
+    let output = program(&tools, folder.path(), &["--frames", "200", "--panel", "--picture", "eyes.png"])
         .output()
         .expect("tools");
     let report = report(folder.path(), &output);
