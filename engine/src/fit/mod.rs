@@ -12,6 +12,7 @@ pub mod init;
 pub mod labels;
 mod pause;
 mod profiles;
+mod qualities;
 mod state;
 mod subset;
 mod targets;
@@ -26,6 +27,7 @@ use shaders_glsl::types::{AdamParams, Target};
 
 pub use config::{Background, FitConfig, Parameter, ScaleUnit, Storage};
 pub use profiles::{PROFILES, Profile};
+pub use qualities::{QUALITIES, QualityPreset};
 pub use state::State;
 pub use targets::{Scaling, offsets, sample};
 

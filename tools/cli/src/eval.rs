@@ -261,7 +261,7 @@ fn in_volume(set: &SplatSet, case: &Case, path: &Path) -> Result<Vec<Splat>> {
 
 fn csv(evaluation: &Evaluation) -> String {
     let mut out = String::from(
-        "offset_x,offset_y,offset_z,psnr_db,mmse,rmse_hu,occupancy_rmse,soft_dice,range_low,range_high\n",
+        "offset_x,offset_y,offset_z,psnr_db,mmse,rmse_hu,p99_hu,occupancy_rmse,soft_dice,range_low,range_high\n",
     );
     let [low, high] = evaluation.range;
     for m in std::iter::once(&evaluation.on_grid).chain(&evaluation.between) {
@@ -269,8 +269,8 @@ fn csv(evaluation: &Evaluation) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             out,
-            "{x},{y},{z},{},{},{},{},{},{low},{high}",
-            m.psnr_db, m.mmse, m.rmse_hu, m.occupancy_rmse, m.soft_dice
+            "{x},{y},{z},{},{},{},{},{},{},{low},{high}",
+            m.psnr_db, m.mmse, m.rmse_hu, m.p99_hu, m.occupancy_rmse, m.soft_dice
         );
     }
     out
