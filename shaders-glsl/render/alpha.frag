@@ -1,7 +1,7 @@
 #version 460
 // A splat where a ray crosses it.
 #include "alpha.glsl"
-layout(location = 0) noperspective in vec2 place;
+layout(location = 0) in vec2 place;
 layout(location = 1) flat in vec4 colour;
 layout(location = 0) out vec4 result;
 

@@ -6,7 +6,7 @@ use engine::gpu::Gpu;
 use engine::splat::Splat;
 use engine::volume::phantom::Phantom;
 use engine::volume::{Roi, Volume};
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 /// A volume, a region and how to fit it.
 #[derive(Clone)]
@@ -25,6 +25,18 @@ impl Case {
         let phantom = Phantom::new(size, DVec3::new(1.0, 1.0, 1.2), 5);
         let (volume, roi) = (phantom.volume(), phantom.roi().expect("the phantom has bones"));
         Case { volume, roi, config: FitConfig { iterations, ..FitConfig::default() } }
+    }
+
+    /// A cube of side `n` whose values rise and fall, in a region that is a ball.
+    pub fn ball(n: usize, radius: f64, config: FitConfig) -> Self {
+        let centre = DVec3::splat((n as f64 - 1.0) / 2.0);
+        let at = |i: usize| DVec3::new((i % n) as f64, (i / n % n) as f64, (i / (n * n)) as f64);
+        let value = |p: DVec3| (100.0 * (0.4 * p.x).sin() + 80.0 * (0.3 * p.y + 0.2 * p.z).cos()) as f32;
+        let count = n * n * n;
+        let volume = Volume::new([n; 3], DAffine3::IDENTITY, (0..count).map(|i| value(at(i))).collect());
+        let inside = |i: usize| f32::from(u8::from(at(i).distance(centre) <= radius));
+        let roi = Roi::new((0..count).map(inside).collect(), &volume).expect("a ball");
+        Case { volume, roi, config }
     }
 
     /// The first splats.

@@ -1,125 +1,13 @@
 //! What holds of rendering without any reference, and the golden pictures.
 #![forbid(unsafe_code)]
 
-use engine::gpu::Gpu;
-use engine::image::{Image, psnr};
-use engine::reference::eye::{self, Eye};
-use engine::reference::slab as twin;
-use engine::render::{
-    Appearance, Camera, ClipPlane, Fov, Look, MODES, ModeRow, Renderer, Scene, Settings, mode,
-};
+use engine::image::psnr;
+use engine::render::{Appearance, Camera, ClipPlane, Fov, Look, Renderer, Scene, Settings, mode};
 use engine::splat::{Field, Kernel, Splat, SplatSet};
-use engine::transfer::{Table, TransferFunction, preset};
-use glam::{DVec3, DVec4, Vec3};
-use rand::RngExt;
-use vgs_tests::scene::{random, splat};
+use engine::transfer::TransferFunction;
+use glam::DVec3;
+use vgs_tests::rendering::{camera, empty, look, of_splats, render, set, settings, twin_picture};
 use vgs_tests::{Bound, Device, assert_close, picture};
-
-const SIZE: [u32; 2] = [72, 56];
-
-/// Splats in a ball of 30 mm about a place far from the world's origin, soft and dense ones apart from each other.
-fn set(count: usize, kernel: Kernel) -> SplatSet {
-    let mut rng = random(21);
-    let splats = (0..count)
-        .map(|_| {
-            let mut s = splat(&mut rng, Vec3::splat(50.0));
-            s.mean = s.mean.map(|v| v - 25.0);
-            s.log_scale = s.log_scale.map(|v| v + 0.9);
-            s.intensity = if s.mean[0] > 0.0 {
-                rng.random_range(-80.0f32..60.0)
-            } else {
-                rng.random_range(300.0f32..900.0)
-            };
-            s
-        })
-        .collect();
-    SplatSet {
-        splats,
-        origin_mm: DVec3::new(-120.0, 340.0, 1000.0),
-        field: Field { kernel, background: 200.0, ..Field::default() },
-        has_intensity: true,
-        ..SplatSet::default()
-    }
-}
-
-/// No splats, with intensities all the same.
-fn empty() -> SplatSet {
-    SplatSet { has_intensity: true, ..SplatSet::default() }
-}
-
-fn look(name: &str, shade: bool) -> Look {
-    let mut transfer: TransferFunction = preset(name).expect("a preset").over([-100.0, 900.0]);
-    transfer.material.shade = shade;
-    Look::new(transfer)
-}
-
-fn settings() -> Settings {
-    Settings { precise: true, ..Settings::new(SIZE) }
-}
-
-/// A camera that sees all of the scene from the patient's left front.
-fn camera(scene: &Scene) -> Camera {
-    let [low, high] = scene.bounds();
-    let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
-    Camera::from_side("anterior-left", (low + high) * 0.5, (high - low).length() * 0.35, 40.0, aspect)
-        .expect("a camera")
-}
-
-fn render(gpu: &Gpu, row: &ModeRow, scene: &Scene, settings: &Settings, cameras: &[Camera]) -> Vec<Image> {
-    let mut renderer = Renderer::new(gpu, row, scene, settings).expect("a renderer");
-    renderer.render(scene, cameras).expect("a frame");
-    (0..settings.views)
-        .map(|view| Image {
-            size: settings.size.map(|n| n as usize),
-            pixels: renderer.target.read_colour(view).expect("a picture"),
-        })
-        .collect()
-}
-
-fn of_splats() -> impl Iterator<Item = &'static ModeRow> {
-    MODES.iter().filter(|row| row.of_splats)
-}
-
-/// What the twin sees of a set, at planes as the mode places them.
-fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, step: f64) -> Image {
-    let cloud = scene.cloud.as_ref().expect("splats");
-    let eye = Eye::from(&camera.view(scene.origin));
-    let background = f64::from(set.field.background);
-    let appearance = |splat: usize| {
-        let label = set.labels.as_ref().map_or(0, |labels| labels[splat]);
-        let shown = look.objects.get(&label).copied().unwrap_or_default();
-        let tint = shown.tint.map_or(DVec4::ZERO, |t| Vec3::from_array(t).as_dvec3().extend(1.0));
-        eye::Appearance { tint, opacity: f64::from(shown.opacity) }
-    };
-    let seen = |(i, s): (usize, &Splat)| {
-        let seen = twin::seen(&s.into(), &eye, set.field.kernel, background)?;
-        Some(twin::Seen { appearance: appearance(i), ..seen })
-    };
-    let splats: Vec<_> = set.splats.iter().enumerate().filter_map(seen).collect();
-    let [low, high] = cloud.bounds;
-    let radius = (high - low).length() * 0.5;
-    let spacing = cloud.sigma_mm * step;
-    let first = (eye.seen((low + high) * 0.5).z - radius).max(1.0);
-    let planes = twin::Planes { first, spacing, count: (2.0 * radius / spacing).ceil() as u32 + 8 };
-    let table = Table::new(&look.transfer, cloud.range);
-    let [visible, _] = look.transfer.visible().expect("something to see");
-    let twin_look = twin::Look {
-        table: &table,
-        material: &look.transfer.material,
-        dark: if visible.is_finite() { visible } else { cloud.range[0] },
-        planes: &[],
-        segments: false,
-        least_light: 1e-4,
-    };
-    let size = SIZE.map(|n| n as usize);
-    let pixels = (0..size[0] * size[1])
-        .map(|i| {
-            let ray = eye.ray([(i % size[0]) as f64 + 0.5, (i / size[0]) as f64 + 0.5], SIZE);
-            twin::ray(&splats, &set.field, &eye, ray, &planes, &twin_look).pixel().map(|v| v as f32)
-        })
-        .collect();
-    Image { size, pixels }
-}
 
 #[test]
 fn pictures_are_those_of_the_twins() {
@@ -176,52 +64,6 @@ fn what_a_look_cannot_show_is_dropped_and_nothing_else() {
         .zip(&wanted.pixels)
         .flat_map(|(g, w)| (0..4).map(|c| (f64::from(g[c]), f64::from(w[c]))));
     assert_close("active splats", Bound::new(3e-3, 0.0).outliers(0.01, 0.1), pairs);
-}
-
-#[test]
-fn no_camera_gives_a_pixel_that_is_no_number() {
-    let gpu = Device::boot();
-    let set = set(60, Kernel::Compact);
-    let settings = || Settings { size: [40, 31], ..settings() };
-    for shade in [false, true] {
-        let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", shade)).expect("a scene");
-        let [low, high] = scene.bounds();
-        let centre = (low + high) * 0.5;
-        let first = set.origin_mm + DVec3::from_array(set.splats[0].mean.map(f64::from));
-        let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
-        let at = |eye: DVec3, target: DVec3, fov: Fov| {
-            Camera::looking(eye, target, DVec3::Z, fov).expect("a camera")
-        };
-        let usual = Fov::symmetric(40.0, aspect);
-        let cameras = [
-            ("0.1 mm from a splat", at(first + DVec3::Y * 0.1, first, usual)),
-            ("in a splat", at(first, centre + DVec3::X, usual)),
-            ("all behind", at(centre + DVec3::Y * 100.0, centre + DVec3::Y * 200.0, usual)),
-            ("1 degree", at(centre + DVec3::Y * 4000.0, centre, Fov::symmetric(1.0, aspect))),
-            ("150 degrees", at(centre + DVec3::Y * 10.0, centre, Fov::symmetric(150.0, aspect))),
-            (
-                "asymmetric",
-                at(centre + DVec3::Y * 90.0, centre, Fov { left: -1.4, right: 0.7, up: 0.9, down: -1.2 }),
-            ),
-        ];
-        for row in of_splats() {
-            for (name, camera) in &cameras {
-                let mut renderer = Renderer::new(&gpu, row, &scene, &Settings { depth: true, ..settings() })
-                    .expect("a renderer");
-                renderer.render(&scene, &[*camera]).expect("a frame");
-                let pixels = renderer.target.read_colour(0).expect("a picture");
-                let depth = renderer.target.read_depth(0).expect("depth");
-                assert!(
-                    pixels.iter().flatten().all(|v| v.is_finite() && (-1e-3..=1.01).contains(v)),
-                    "{}: {name}",
-                    row.name
-                );
-                assert!(!depth.iter().any(|d| d.is_nan()), "{}: {name}: depth", row.name);
-                let seen = pixels.iter().filter(|p| p[3] > 0.01).count();
-                assert_eq!(seen == 0, *name == "all behind", "{}: {name}: {seen} pixels", row.name);
-            }
-        }
-    }
 }
 
 #[test]

@@ -3,13 +3,14 @@
 //! On-grid figures alone can be gamed (a fit may be right at the voxels and wrong between them), so the same figures
 //! are taken at sub-voxel offsets against the trilinear volume, and the worst stands beside the first.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::targets;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::Rasteriser;
-use crate::splat::activation::normalised;
+use crate::splat::activation::{limit_anisotropy, normalised};
 use crate::splat::{Field, Splat};
 use crate::volume::bricks::SAMPLES;
 use crate::volume::{Bricks, Roi, Volume};
@@ -26,6 +27,8 @@ pub struct Metrics {
     pub psnr_db: f64,
     /// Root mean square intensity error in the ROI, HU.
     pub rmse_hu: f64,
+    /// 99th percentile of |V̂ - V| in the ROI, HU: the least error that 99 % of the weight does not exceed.
+    pub p99_hu: f64,
     /// Root mean square of O - M over ROI and shell.
     pub occupancy_rmse: f64,
     /// 2 Σ O M / (Σ O² + Σ M²) over ROI and shell.
@@ -132,20 +135,30 @@ pub struct Sampler {
     rasteriser: Rasteriser,
     splats: crate::gpu::Buffer<Splat>,
     background: f32,
+    /// HU per unit of the intensities on the device.
+    unit: f64,
     occupancy_w0: f32,
 }
+
+/// Intensities further than this from the background, HU, go to the device as parts of the furthest: otherwise their
+/// products with weights could leave f32.
+const FAR_HU: f64 = 1e12;
 
 impl Sampler {
     /// For the samples of `bricks`; splats in voxel coordinates of the volume and HU.
     pub fn new(gpu: &Gpu, splats: &[Splat], field: &Field, bricks: &Bricks) -> Result<Self> {
         let origin = bricks.origin.as_vec3().to_array();
+        let away = |s: &Splat| f64::from(s.intensity) - f64::from(field.background);
+        let furthest = splats.iter().map(|s| away(s).abs()).filter(|v| v.is_finite()).fold(0.0, f64::max);
+        let unit = if furthest > FAR_HU { furthest } else { 1.0 };
         // Relative to the background, so that an uncovered sample has it exactly.
         let local: Vec<Splat> = splats
             .iter()
             .map(|s| Splat {
                 mean: std::array::from_fn(|i| s.mean[i] - origin[i]),
-                intensity: s.intensity - field.background,
+                intensity: (away(s) / unit) as f32,
                 rotation: normalised(s.rotation),
+                log_scale: limit_anisotropy(s.log_scale),
                 ..*s
             })
             .collect();
@@ -153,6 +166,7 @@ impl Sampler {
             rasteriser: Rasteriser::new(gpu, field.kernel, field.epsilon, bricks, local.len())?,
             splats: gpu.upload("splats", "splats", &local)?,
             background: field.background,
+            unit,
             occupancy_w0: field.occupancy_w0,
         })
     }
@@ -163,7 +177,9 @@ impl Sampler {
         Ok(got
             .into_iter()
             .map(|r| FieldSample {
-                hu: r.value + self.background,
+                // The hull of the intensities is finite; only rounding could lead out of f32.
+                hu: (f64::from(r.value) * self.unit + f64::from(self.background))
+                    .clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32,
                 occupancy: r.weight / (r.weight + self.occupancy_w0),
                 weight: r.weight,
             })
@@ -185,6 +201,7 @@ fn compare(
     // Per sample: (weight, weighted squared error in HU, O, M); summed in a fixed order below.
     let idle = [0.0f64, 0.0, -1.0, 0.0];
     let mut totals = [0.0f64; 6];
+    let mut errors = Vec::new();
     for (slot, samples) in got.chunks(SAMPLES).enumerate() {
         let wanted = bricks.map_samples(slot..slot + 1, idle, |voxel| {
             let x = voxel.as_dvec3() + shift;
@@ -200,6 +217,7 @@ fn compare(
                 let error = f64::from(s.hu) - hu;
                 totals[0] += weight;
                 totals[1] += weight * error * error;
+                errors.push([error.abs() as f32, weight as f32]);
             }
             let o = f64::from(s.occupancy);
             totals[2] += 1.0;
@@ -217,7 +235,36 @@ fn compare(
         mmse,
         psnr_db: -10.0 * mmse.log10(),
         rmse_hu: mse_hu.sqrt(),
+        p99_hu: percentile(&mut errors, 0.99),
         occupancy_rmse: (occupancy / count.max(1.0)).sqrt(),
         soft_dice: if squares > 0.0 { 2.0 * both / squares } else { 1.0 },
+    }
+}
+
+/// The least error that `share` of all weight does not exceed, of rows (error, weight); 0 of nothing.
+fn percentile(errors: &mut [[f32; 2]], share: f64) -> f64 {
+    errors.par_sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    let whole: f64 = errors.iter().map(|e| f64::from(e[1])).sum();
+    let mut below = 0.0;
+    let reached = errors.iter().find(|e| {
+        below += f64::from(e[1]);
+        below >= share * whole
+    });
+    reached.or(errors.last()).map_or(0.0, |e| f64::from(e[0]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::percentile;
+
+    #[test]
+    fn a_percentile_counts_weight_not_samples() {
+        let mut hundred: Vec<[f32; 2]> = (1..=100).rev().map(|e| [e as f32, 1.0]).collect();
+        assert_eq!(percentile(&mut hundred, 0.99), 99.0);
+        assert_eq!(percentile(&mut hundred, 1.0), 100.0);
+        // One sample that weighs as much as all others together.
+        assert_eq!(percentile(&mut [[7.0, 3.0], [1.0, 1.0], [2.0, 1.0], [3.0, 1.0]], 0.5), 3.0);
+        assert_eq!(percentile(&mut [[7.0, 3.0], [1.0, 1.0], [2.0, 1.0], [3.0, 1.0]], 0.51), 7.0);
+        assert_eq!(percentile(&mut [], 0.99), 0.0);
     }
 }

@@ -6,11 +6,13 @@
 //! the background in spans of the HU range ([`Scaling`]).
 
 mod config;
+pub mod errors;
 pub mod evaluate;
 pub mod init;
 pub mod labels;
 mod pause;
 mod profiles;
+mod qualities;
 mod state;
 mod subset;
 mod targets;
@@ -25,6 +27,7 @@ use shaders_glsl::types::{AdamParams, Target};
 
 pub use config::{Background, FitConfig, Parameter, ScaleUnit, Storage};
 pub use profiles::{PROFILES, Profile};
+pub use qualities::{QUALITIES, QualityPreset};
 pub use state::State;
 pub use targets::{Scaling, offsets, sample};
 

@@ -25,7 +25,9 @@ pub fn splat_to_volume(
             total += w;
             sum += w * footprint.intensity;
         }
-        Reconstruction { weight: total, value: sum / (total + epsilon) }
+        // Without ε a sample that no splat reaches has the background too.
+        let value = if total > 0.0 { sum / (total + epsilon) } else { 0.0 };
+        Reconstruction { weight: total, value }
     };
     positions.iter().map(at).collect()
 }

@@ -1,7 +1,12 @@
 //! What can be given up to render faster, in the order in which it is missed least.
 
+use std::sync::LazyLock;
+
+use serde::Deserialize;
+
 #[cfg(doc)]
 use super::Settings;
+use super::mode;
 use crate::budget;
 #[cfg(doc)]
 use crate::splat::SplatSet;
@@ -47,29 +52,69 @@ pub struct Rung {
     pub mode: &'static str,
     /// What is given up within the mode.
     pub quality: Quality,
-    /// Device time relative to the first rung; measured by `bench ladder`.
+    /// Time of a frame relative to the first rung; measured by `bench trade render`.
     pub cost: f64,
 }
 
-const fn rung(mode: &'static str, resolution: f64, coarseness: f64, splats: f64, cost: f64) -> Rung {
-    Rung { mode, quality: Quality { resolution, coarseness, splats }, cost }
+/// The rungs of viewers, the best first: those of the front of PSNR against cost that `bench trade render --ladder` measures.
+/// It writes `ladder.toml`, which says on what.
+///
+/// # Panics
+/// If that file is not in order, which a test sees to.
+pub static LADDER: LazyLock<Vec<Rung>> = LazyLock::new(|| {
+    let file: File = toml::from_str(include_str!("ladder.toml")).expect("ladder.toml is of this form");
+    file.rungs.iter().map(Row::rung).collect()
+});
+
+/// What `ladder.toml` holds.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(rename = "rung")]
+    rungs: Vec<Row>,
 }
 
-/// The mode that classifies before it adds up comes first, then coarser pictures, then the least important splats are left out.
-///
-/// Measured on a CPU driver (lavapipe, 250,000 splats of bones, two eyes of 240 x 240 pixels). There coarser pictures and
-/// thicker slabs save nothing in mode `slab` (1.2 to 1.4 of the first rung at resolutions of 0.7 and 0.85), and less
-/// important splats left out make rays end later. On a GPU that may be otherwise: `bench ladder` measures it.
-pub static LADDER: [Rung; 6] = [
-    rung("slab", 1.0, 1.0, 1.0, 1.0),
-    rung("alpha", 0.85, 1.0, 1.0, 0.48),
-    rung("alpha", 0.7, 1.0, 0.6, 0.29),
-    rung("alpha", 0.6, 1.0, 0.3, 0.15),
-    rung("alpha", 0.5, 1.0, 0.15, 0.08),
-    rung("alpha", 0.5, 1.0, 0.05, 0.02),
-];
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    mode: String,
+    resolution: f64,
+    coarseness: f64,
+    splats: f64,
+    cost: f64,
+    /// For people.
+    #[serde(rename = "psnr")]
+    _psnr: f64,
+}
+
+impl Row {
+    fn rung(&self) -> Rung {
+        Rung {
+            mode: mode(&self.mode).expect("ladder.toml names modes that there are").name,
+            quality: Quality {
+                resolution: self.resolution,
+                coarseness: self.coarseness,
+                splats: self.splats,
+            },
+            cost: self.cost,
+        }
+    }
+}
 
 /// The costs of rungs, for a controller.
 pub fn ladder(rungs: &[Rung]) -> budget::Ladder {
     budget::Ladder::new(rungs.iter().map(|r| r.cost))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ladder_begins_with_all_and_goes_down() {
+        assert_eq!((LADDER[0].quality, LADDER[0].cost), (Quality::FULL, 1.0));
+        // Refuses costs that do not fall.
+        assert_eq!(ladder(&LADDER).len(), LADDER.len());
+        assert!(LADDER.len() > 1);
+    }
 }

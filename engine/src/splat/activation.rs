@@ -1,7 +1,7 @@
 //! From raw parameters to what they stand for: opacity, scale and rotation, with the limits that keep them finite.
 //!
 //! Limits (f32): a logit of α = 0 or 1 is infinite, so α is kept in [[`OPACITY_MIN`], [`OPACITY_MAX`]] when it is
-//! set; σ is kept where σ² and 1/σ² are finite. Rotations are built in f64 and accept any quaternion.
+//! set; σ is kept where σ² and 1/σ² are finite, and a needle is kept as thick as f32 can measure distances from. Rotations are built in f64 and accept any quaternion.
 
 use glam::{DMat3, DQuat};
 
@@ -13,6 +13,9 @@ pub const OPACITY_MIN: f32 = 1e-7;
 pub const OPACITY_MAX: f32 = 1.0 - f32::EPSILON / 2.0;
 /// Greatest |ln σ|: beyond it σ² or 1/σ² nears the end of f32.
 pub const LOG_SCALE_LIMIT: f32 = 40.0;
+/// Most that the longest σ of a splat may be of its shortest. At 10⁴ the f32 whitened distance q is right to 10⁻² within
+/// the support; at 10⁶ it is off by a half (docs/numerics.md, N4).
+pub const ANISOTROPY_LIMIT: f32 = 1e4;
 
 /// What the raw parameters of a splat stand for.
 pub trait Activations {
@@ -75,6 +78,13 @@ pub fn normalised(rotation: [f32; 4]) -> [f32; 4] {
     [q.w, q.x, q.y, q.z].map(|v| v as f32)
 }
 
+/// ln σ, the thin axes widened to the longest less ln [`ANISOTROPY_LIMIT`].
+pub fn limit_anisotropy(log_scale: [f32; 3]) -> [f32; 3] {
+    let longest = log_scale.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let least = longest - ANISOTROPY_LIMIT.ln();
+    log_scale.map(|log| log.max(least))
+}
+
 /// Rotation matrix of the quaternion `rotation` (w, x, y, z) of any length; the identity where it is zero or not
 /// finite.
 pub fn rotation_matrix(rotation: [f32; 4]) -> DMat3 {
@@ -108,6 +118,15 @@ mod tests {
         }
         splat.set_scale([0.0, 2.0, f32::INFINITY]);
         assert_eq!(splat.log_scale, [-LOG_SCALE_LIMIT, 2f32.ln(), LOG_SCALE_LIMIT]);
+    }
+
+    #[test]
+    fn needles_have_a_least_thickness() {
+        let usual = [0.0, -9.2, -3.0];
+        assert_eq!(limit_anisotropy(usual), usual, "1 : 9897 is allowed");
+        let widened = limit_anisotropy([2.0, -20.0, -7.0]);
+        assert_eq!((widened[0], widened[2]), (2.0, -7.0));
+        assert!((widened[1] - (2.0 - 1e4f32.ln())).abs() < 1e-6);
     }
 
     #[test]

@@ -149,6 +149,9 @@ pub struct Summary {
     pub splats: usize,
     /// Splats that were dropped because a value is unusable.
     pub dropped: usize,
+    /// Splats whose thin axes were widened, because they were longer than
+    /// [`ANISOTROPY_LIMIT`](activation::ANISOTROPY_LIMIT) times their width.
+    pub widened: usize,
     /// Elements of the file with their counts, in file order.
     pub elements: Vec<(String, u64)>,
     /// Properties of a splat, in file order.
@@ -187,6 +190,8 @@ pub struct Format {
     pub read: fn(&Path, &ReadOptions) -> Result<SplatSet>,
     /// Writes a file whole or not at all; an existing one is replaced only if the last argument says so.
     pub write: fn(&Path, &SplatSet, bool) -> Result<()>,
+    /// Bytes of the file that it writes.
+    pub bytes: fn(&SplatSet) -> u64,
     /// Reads a file and tells what it holds.
     pub describe: fn(&Path, &ReadOptions) -> Result<Summary>,
 }
@@ -209,14 +214,22 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
 
 /// Writes `set` in the format that the extension of `path` names; replaces an existing file only with `force`.
 pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
+    (named(path)?.write)(path, set, force)
+}
+
+/// Bytes of the file that [`write()`] makes of `set`.
+pub fn file_bytes(path: &Path, set: &SplatSet) -> Result<u64> {
+    Ok((named(path)?.bytes)(set))
+}
+
+/// The format that the extension of `path` names.
+fn named(path: &Path) -> Result<&'static Format> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    let format =
-        FORMATS.iter().find(|format| format.name.eq_ignore_ascii_case(extension)).ok_or_else(|| {
-            Error::new(Kind::Usage, "VGS-SPLAT-002", format!("no splat format is called {extension:?}"))
-                .file(path)
-                .help(format!("use one of these extensions: {}", format_names()))
-        })?;
-    (format.write)(path, set, force)
+    FORMATS.iter().find(|format| format.name.eq_ignore_ascii_case(extension)).ok_or_else(|| {
+        Error::new(Kind::Usage, "VGS-SPLAT-002", format!("no splat format is called {extension:?}"))
+            .file(path)
+            .help(format!("use one of these extensions: {}", format_names()))
+    })
 }
 
 fn sniffed(path: &Path) -> Result<&'static Format> {
@@ -263,6 +276,8 @@ mod tests {
             ..SplatSet::default()
         };
         write(&at("a.PLY"), &set, false).expect("the extension in capitals is the same format");
+        let length = std::fs::metadata(at("a.PLY")).expect("a file").len();
+        assert_eq!(file_bytes(&at("b.ply"), &set).expect("a format"), length, "known before it is written");
         std::fs::rename(at("a.PLY"), at("a.dat")).expect("renaming");
         assert_eq!(read(&at("a.dat"), &ReadOptions::default()).expect("a PLY by content"), set);
         assert_eq!(write(&at("a.splat"), &set, false).expect_err("no such format").code, "VGS-SPLAT-002");
@@ -312,6 +327,7 @@ mod tests {
             (Splat { log_scale: [0.0, -1e3, 0.0], ..good }, false),
             (Splat { log_scale: [0.0, 0.0, 1e3], ..good }, false),
             (Splat { intensity: f32::INFINITY, ..good }, false),
+            (Splat { intensity: f32::MIN, ..good }, true),
         ];
         for (splat, usable) in rows {
             assert_eq!(defect(&splat).is_none(), usable, "{splat:?}");

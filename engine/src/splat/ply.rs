@@ -33,10 +33,10 @@ mod write;
 use super::Format;
 
 pub use read::{describe, read};
-pub use write::write;
+pub use write::{bytes, write};
 
 /// The row of this format in [`super::FORMATS`].
-pub const FORMAT: Format = Format { name: "ply", sniff, read, write, describe };
+pub const FORMAT: Format = Format { name: "ply", sniff, read, write, bytes, describe };
 
 /// The second element, one row per vertex.
 const INTENSITY_ELEMENT: &str = "splat_intensity";

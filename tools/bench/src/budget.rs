@@ -9,7 +9,7 @@ use engine::render::{LADDER, ladder};
 use engine::{Error, Kind, Result, output};
 use plotters::prelude::*;
 
-use crate::report::{Table, finish};
+use crate::report::{Outputs, Table};
 
 /// What the best rung takes, in units of the budget.
 const EXCESS: f64 = 1.7;
@@ -33,15 +33,8 @@ pub struct Arguments {
     /// Writes the traces as a plot (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
-    /// Writes the table as Markdown
-    #[arg(long, value_name = "FILE")]
-    markdown: Option<PathBuf>,
-    /// Writes it as JSON
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Replaces files
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// Runs the simulations.
@@ -85,9 +78,9 @@ pub fn run(arguments: &Arguments) -> Result<()> {
                 ((*name).to_owned(), frames.iter().map(|f| (f.rung, f.gpu_ms / budget)).collect())
             })
             .collect();
-        write_plot(path, &parts, arguments.force)?;
+        write_plot(path, &parts, arguments.outputs.force)?;
     }
-    finish(&[table], arguments.markdown.as_deref(), arguments.json.as_deref(), arguments.force)
+    arguments.outputs.finish(&[table])
 }
 
 /// A frame's rung, and its time as a part of the budget.

@@ -3,12 +3,14 @@
 #![forbid(unsafe_code)]
 
 mod budget;
-mod ladder;
+mod cost;
 mod paper;
 mod passes;
 mod render;
 mod report;
 mod scene;
+mod store;
+mod trade;
 mod xr;
 
 use clap::{Parser, Subcommand};
@@ -26,7 +28,8 @@ Examples:
   bench passes --volume ct.nii.gz --roi bones.nii.gz --density 0.1 --markdown passes.md
   bench paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; bench paper --help
   bench render --data DIR --quick   pictures against what they should be, and their time; bench render --help
-  bench ladder bones.ply            what each rung of the frame budget's ladder costs and gives up
+  bench trade fit ct.nii.gz --roi bones.nii.gz   what a fit's accuracy costs; bench trade fit --help
+  bench trade render --data DIR     what a picture's accuracy costs, and the ladder of the frame budget
   bench budget --plot traces.svg    the frame-budget controller on simulated GPUs
   bench xr bones.ply                sessions in a simulated headset at several budgets"
 )]
@@ -44,12 +47,13 @@ enum What {
     Passes(passes::Arguments),
     /// The paper's tables: the paper's figures, ours with --profile paper, and ours by default.
     Paper(paper::Arguments),
-    /// Rungs of the renderer's ladder: cost and loss of each.
-    Ladder(ladder::Arguments),
     /// The frame-budget controller on simulated GPUs.
     Budget(budget::Arguments),
     /// Sessions in a simulated headset: intervals, missed frames, use of the budget, rungs, latency.
     Xr(xr::Arguments),
+    /// What accuracy costs, of fits and of pictures, and where the front is.
+    #[command(subcommand)]
+    Trade(trade::What),
     /// Pictures of all modes against what they should be, and what frames cost.
     Render(render::Arguments),
 }
@@ -73,9 +77,10 @@ fn run(arguments: &Arguments) -> Result<()> {
     match &arguments.what {
         What::Passes(a) => passes::run(&Gpu::new(&options)?, a),
         What::Paper(a) => paper::run(&options, a),
-        What::Ladder(a) => ladder::run(&Gpu::new(&options)?, a),
         What::Budget(a) => budget::run(a),
         What::Xr(a) => xr::run(&Gpu::new(&options)?, a),
         What::Render(a) => render::run(&options, a),
+        What::Trade(trade::What::Fit(a)) => trade::fit::run(&options, a),
+        What::Trade(trade::What::Render(a)) => trade::render::run(&options, a),
     }
 }

@@ -18,7 +18,7 @@ use engine::volume::bricks::{NO_SLOT, SAMPLES, brick_morton};
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
-use crate::report::{self, Table};
+use crate::report::{Outputs, Table};
 use crate::scene::{Fitted, Scene};
 
 #[derive(Args)]
@@ -44,15 +44,8 @@ pub struct Arguments {
     /// Smaller scenes.
     #[arg(long)]
     quick: bool,
-    /// Writes the tables as Markdown.
-    #[arg(long)]
-    markdown: Option<PathBuf>,
-    /// Writes the tables as JSON.
-    #[arg(long)]
-    json: Option<PathBuf>,
-    /// Replaces existing files.
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 pub fn run(gpu: &Gpu, a: &Arguments) -> Result<()> {
@@ -75,7 +68,7 @@ pub fn run(gpu: &Gpu, a: &Arguments) -> Result<()> {
     tables.push(table(format!("Growth with splats, on {device}"), rows));
     let rows = edges.iter().map(|&e| measure(gpu, &Scene::phantom(e)?, 0.05, a)).collect::<Result<_>>()?;
     tables.push(table(format!("Growth with ROI voxels, on {device}"), rows));
-    report::finish(&tables, a.markdown.as_deref(), a.json.as_deref(), a.force)
+    a.outputs.finish(&tables)
 }
 
 /// What one scene costs.

@@ -1,7 +1,8 @@
 //! Rows of figures as a table for people, Markdown, CSV and JSON.
 
-use std::path::Path;
+use std::path::PathBuf;
 
+use clap::Args;
 use engine::{Result, output};
 use serde::Serialize;
 
@@ -28,15 +29,38 @@ impl Table {
     }
 }
 
-/// Prints all tables and writes them to the files that were asked for.
-pub fn finish(tables: &[Table], markdown: Option<&Path>, json: Option<&Path>, force: bool) -> Result<()> {
-    let text = tables.iter().map(Table::markdown).collect::<Vec<_>>().join("\n");
-    println!("{text}");
-    if let Some(path) = markdown {
-        output::write_atomic(path, force, |w| w.write_all(text.as_bytes()))?;
+/// Where tables go besides the terminal.
+#[derive(Args)]
+pub struct Outputs {
+    /// Writes the tables as Markdown
+    #[arg(long, value_name = "FILE")]
+    pub markdown: Option<PathBuf>,
+    /// Writes what was measured as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Replaces files
+    #[arg(long)]
+    pub force: bool,
+}
+
+impl Outputs {
+    /// Prints all tables and writes them to the files that were asked for.
+    pub fn finish(&self, tables: &[Table]) -> Result<()> {
+        self.finish_with(tables, &tables)
     }
-    if let Some(path) = json {
-        output::write_atomic(path, force, |w| serde_json::to_writer_pretty(w, tables).map_err(Into::into))?;
+
+    /// The same with JSON of something else.
+    pub fn finish_with(&self, tables: &[Table], json: &impl Serialize) -> Result<()> {
+        let text = tables.iter().map(Table::markdown).collect::<Vec<_>>().join("\n");
+        println!("{text}");
+        if let Some(path) = &self.markdown {
+            output::write_atomic(path, self.force, |w| w.write_all(text.as_bytes()))?;
+        }
+        if let Some(path) = &self.json {
+            output::write_atomic(path, self.force, |w| {
+                serde_json::to_writer_pretty(w, json).map_err(Into::into)
+            })?;
+        }
+        Ok(())
     }
-    Ok(())
 }

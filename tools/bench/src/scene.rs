@@ -1,15 +1,22 @@
 //! What is measured: a volume with its region of interest, and splats that were fitted to it for a while, because the
 //! cost of a pass depends on the splats' shapes and those of a fit are not those it starts from.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use engine::Result;
 use engine::fit::{FitConfig, Fitter, Scaling};
 use engine::gpu::Gpu;
-use engine::splat::Splat;
+use engine::splat::{self, Splat, SplatSet};
 use engine::volume::phantom::Phantom;
 use engine::volume::{Bricks, LabelChoice, ReadOptions, Roi, Volume};
 use glam::DVec3;
+
+/// Splats of a file, the most important first.
+pub fn splats_by_importance(path: &Path) -> Result<SplatSet> {
+    let mut set = splat::read(path, &splat::ReadOptions::default())?;
+    set.order_by_importance();
+    Ok(set)
+}
 
 /// A volume and where to look.
 pub struct Scene {
@@ -29,7 +36,7 @@ impl Scene {
     }
 
     /// A CT and its mask.
-    pub fn read(volume: &PathBuf, mask: &PathBuf) -> Result<Self> {
+    pub fn read(volume: &Path, mask: &Path) -> Result<Self> {
         let options = ReadOptions::default();
         let read = Volume::read(volume, &options)?;
         let roi = Roi::from_mask(&Volume::read(mask, &options)?, &LabelChoice::Whole, &read)?;

@@ -7,14 +7,15 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use engine::gpu::Gpu;
 use engine::render::{LADDER, Look, Scene};
-use engine::splat::{self, ReadOptions, SplatSet};
-use engine::{Result, output, transfer};
+use engine::splat::SplatSet;
+use engine::{Result, transfer};
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::statistics::{Distribution, Report};
 use xr_app::viewer::{Options, Viewer};
 
 use crate::budget::write_plot;
-use crate::report::{Table, finish};
+use crate::report::{Outputs, Table};
+use crate::scene::splats_by_importance;
 
 /// Frames at the start that do not count: the controller finds its rung.
 const SETTLING: usize = 60;
@@ -42,21 +43,13 @@ pub struct Arguments {
     /// Writes frame times and rungs as a plot (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
-    /// Writes the table as Markdown
-    #[arg(long, value_name = "FILE")]
-    markdown: Option<PathBuf>,
-    /// Writes all reports (JSON)
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Replaces files
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    outputs: Outputs,
 }
 
 /// Runs the sessions.
 pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
-    let mut set = splat::read(&arguments.splats, &ReadOptions::default())?;
-    set.order_by_importance();
+    let set = splats_by_importance(&arguments.splats)?;
     let mut reports = Vec::new();
     for &count in &arguments.counts {
         let mut part = set.clone();
@@ -95,14 +88,9 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
                 (format!("{splats} splats, a frame each {budget} ms"), frames)
             })
             .collect();
-        write_plot(path, &traces, arguments.force)?;
+        write_plot(path, &traces, arguments.outputs.force)?;
     }
-    if let Some(path) = &arguments.json {
-        output::write_atomic(path, arguments.force, |w| {
-            serde_json::to_writer_pretty(w, &reports).map_err(Into::into)
-        })?;
-    }
-    finish(&[Table { title, columns, rows }], arguments.markdown.as_deref(), None, arguments.force)
+    arguments.outputs.finish_with(&[Table { title, columns, rows }], &reports)
 }
 
 fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Result<Report> {

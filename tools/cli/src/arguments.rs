@@ -24,7 +24,7 @@ pub struct Cli {
 
 const AFTER_HELP: &str = "\
 A flag wins over the environment (VGS_ and the flag's name, as VGS_DEVICE),
-that over --config, that over --profile.
+that over --config, that over --quality, that over --profile.
 
 Exit codes: 0 done, 2 wrong usage, 3 nothing to do, 65 bad input, 66 input
 missing, 69 no usable device, 70 fault of this program or a fit that diverged,

@@ -4,11 +4,13 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::{self, Evaluation};
 use engine::gpu::Gpu;
 use engine::output::write_atomic;
 use engine::splat::{self, Splat, SplatSet};
+use engine::volume::nifti;
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
@@ -19,6 +21,7 @@ use crate::fit::EVAL_SEED;
 use crate::inputs::{Case, ReadArguments, RoiArguments};
 use crate::outputs;
 use crate::picture;
+use crate::report::errors::Errors;
 use crate::report::record::host_peak_bytes;
 use crate::report::{Quality, psnr, quality_table};
 
@@ -51,6 +54,12 @@ pub struct Arguments {
     /// Slices and shaded views of CT, splats and difference
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     picture: Option<PathBuf>,
+    /// Where the slices of the picture meet: in the middle of the region, or at its worst voxel
+    #[arg(long, value_enum, default_value_t, requires = "picture", help_heading = "Output")]
+    slices: Slices,
+    /// The signed error at each voxel, splats less volume, on the volume's grid; 0 outside the region
+    #[arg(long, value_name = "FILE.nii.gz", help_heading = "Output")]
+    map: Option<PathBuf>,
     /// All figures of all grids as a table
     #[arg(long, value_name = "FILE.csv", help_heading = "Output")]
     table: Option<PathBuf>,
@@ -61,11 +70,22 @@ pub struct Arguments {
     device: DeviceArguments,
 }
 
+/// Where the slices of a picture meet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ValueEnum)]
+pub enum Slices {
+    /// In the centre of mass of the region.
+    #[default]
+    Centre,
+    /// Where the error is largest.
+    Worst,
+}
+
 const EXAMPLES: &str = "\
 Examples:
   vgs eval bones.ply ct.nii.gz --roi bones.nii.gz
   vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --range -1024,3071 --json
-  vgs eval skull.ply skull.inv3 --roi-threshold 226,3071 --picture skull.png --table skull.csv";
+  vgs eval skull.ply skull.inv3 --roi-threshold 226,3071 --picture skull.png --table skull.csv
+  vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --map error.nii.gz --picture error.png --slices worst";
 
 /// What `--json` prints.
 #[derive(Serialize)]
@@ -73,6 +93,8 @@ struct Output {
     splats: usize,
     #[serde(flatten)]
     quality: Quality,
+    /// Where the error is.
+    errors: Errors,
     /// Of the fit; null where the file does not say.
     iterations: Option<u32>,
     seconds: f64,
@@ -87,17 +109,25 @@ struct Output {
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
     let start = Instant::now();
-    let written: Vec<&Path> =
-        [&arguments.picture, &arguments.table].into_iter().flatten().map(PathBuf::as_path).collect();
+    let written: Vec<&Path> = [&arguments.picture, &arguments.table, &arguments.map]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
     let mut inputs = vec![arguments.splats.as_path(), arguments.volume.as_path()];
     inputs.extend(arguments.region.roi.as_deref());
     outputs::check(&written, &inputs, arguments.force)?;
+    if let Some(map) = &arguments.map {
+        nifti::check_name(map)?;
+    }
 
     let set = read_splats(&arguments.splats)?;
-    let case = Case::read(&arguments.volume, &arguments.read, &arguments.region)?;
+    let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
     let splats = in_volume(&set, &case, &arguments.splats)?;
     let gpu = arguments.device.boot()?;
     let evaluation = arguments.evaluate(&gpu, &set, &splats, &case)?;
+    let map = ErrorMap::new(&gpu, &splats, &set.field, &case.volume, &case.roi)?;
+    let errors = Errors::of(&map, &case.volume, labels.as_ref());
 
     if let Some(path) = &arguments.picture {
         draw(
@@ -106,6 +136,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
             &gpu,
             &set,
             &case,
+            (arguments.slices == Slices::Worst).then(|| map.worst_voxel()),
             &names(&arguments.splats, &arguments.volume),
             &evaluation,
         )?;
@@ -113,11 +144,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     if let Some(path) = &arguments.table {
         write_atomic(path, arguments.force, |out| out.write_all(csv(&evaluation).as_bytes()))?;
     }
+    if let Some(path) = &arguments.map {
+        nifti::write(path, &map.volume(), arguments.force)?;
+    }
     if console.json {
         let description = gpu.description();
         console.json_data(&Output {
             splats: splats.len(),
             quality: Quality::of(&evaluation),
+            errors,
             iterations: set.iterations,
             seconds: start.elapsed().as_secs_f64(),
             device_peak_bytes: gpu.peak_bytes(),
@@ -129,7 +164,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         })?;
     } else {
         let head = format!("{} splats in {} voxels\n", splats.len(), case.roi.voxel_count());
-        console.data(&(head + &quality_table(&evaluation)))?;
+        console.data(&(head + &quality_table(&evaluation) + &errors.table(&case.volume)))?;
     }
     Ok(0)
 }
@@ -157,13 +192,15 @@ pub fn names(splats: &Path, volume: &Path) -> String {
     format!("{splats} and {volume}")
 }
 
-/// Writes the picture of an evaluation.
+/// Writes the picture of an evaluation; its slices meet at the voxel `at`, or in the middle of the region.
+#[expect(clippy::too_many_arguments, reason = "what a picture shows, once")]
 pub fn draw(
     path: &Path,
     force: bool,
     gpu: &Gpu,
     set: &SplatSet,
     case: &Case,
+    at: Option<usize>,
     title: &str,
     evaluation: &Evaluation,
 ) -> Result<()> {
@@ -180,7 +217,19 @@ pub fn draw(
         case.roi.voxel_count(),
         quality.soft_dice
     );
-    picture::write(path, force, gpu, set, case, title, &[psnr_line, size_line])
+    let subject = picture::Subject::new(gpu, set, &case.volume, &case.roi, at)?;
+    let mut lines = vec![psnr_line, size_line];
+    lines.extend(at.map(|i| {
+        let [nx, ny, _] = case.volume.size;
+        let error = subject.error(subject.centre);
+        format!(
+            "slices meet at the worst voxel, {} {} {}: {error:+.0}{unit}",
+            i % nx,
+            i / nx % ny,
+            i / (nx * ny)
+        )
+    }));
+    picture::write(path, force, &subject, title, &lines)
 }
 
 /// Reads splats that have an intensity in HU.
@@ -212,7 +261,7 @@ fn in_volume(set: &SplatSet, case: &Case, path: &Path) -> Result<Vec<Splat>> {
 
 fn csv(evaluation: &Evaluation) -> String {
     let mut out = String::from(
-        "offset_x,offset_y,offset_z,psnr_db,mmse,rmse_hu,occupancy_rmse,soft_dice,range_low,range_high\n",
+        "offset_x,offset_y,offset_z,psnr_db,mmse,rmse_hu,p99_hu,occupancy_rmse,soft_dice,range_low,range_high\n",
     );
     let [low, high] = evaluation.range;
     for m in std::iter::once(&evaluation.on_grid).chain(&evaluation.between) {
@@ -220,8 +269,8 @@ fn csv(evaluation: &Evaluation) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             out,
-            "{x},{y},{z},{},{},{},{},{},{low},{high}",
-            m.psnr_db, m.mmse, m.rmse_hu, m.occupancy_rmse, m.soft_dice
+            "{x},{y},{z},{},{},{},{},{},{},{low},{high}",
+            m.psnr_db, m.mmse, m.rmse_hu, m.p99_hu, m.occupancy_rmse, m.soft_dice
         );
     }
     out

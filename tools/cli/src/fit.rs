@@ -9,7 +9,7 @@ use engine::fit::evaluate::{self, Evaluation};
 use engine::fit::labels::label;
 use engine::fit::{FitConfig, Scaling};
 use engine::output::write_atomic;
-use engine::splat::{self, SplatSet};
+use engine::splat::{self, Splat, SplatSet};
 use engine::{Error, Kind, Result};
 
 use crate::arguments::{DeviceArguments, VERSION, duration, range};
@@ -17,6 +17,7 @@ use crate::checkpoint::{self, CheckpointArguments, Checkpoints};
 use crate::clock;
 use crate::console::Console;
 use crate::eval;
+use crate::explain::{self, Checked};
 use crate::failure::Stop;
 use crate::inputs::{Case, InputRecord, ReadArguments, RoiArguments};
 use crate::lock::Lock;
@@ -56,6 +57,13 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Output",
           value_parser = clap::value_parser!(u32).range(0..=64))]
     eval_offsets: u32,
+    /// Says first what the fit will cost on this device: time, memory, file, error. The record then has both that and what
+    /// it came to
+    #[arg(long, help_heading = "Output", conflicts_with = "resume")]
+    explain: bool,
+    /// Says it and does not fit; nothing is written
+    #[arg(long, help_heading = "Output", conflicts_with_all = ["resume", "explain"])]
+    dry_run: bool,
     #[command(flatten)]
     checkpoint: CheckpointArguments,
     #[command(flatten)]
@@ -73,6 +81,7 @@ pub struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --quality fine --dry-run     what that would cost
   vgs fit ct.nii.gz --roi labels.nii.gz --roi-label liver,aorta -o organs.ply --density 0.2
   vgs fit skull.inv3 --roi-threshold 226,3071 -o skull.ply --time-budget 5m
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json
@@ -90,11 +99,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let mut inputs = vec![arguments.volume.as_path()];
     inputs.extend(arguments.region.roi.as_deref());
     // What an interrupted fit has written is its own to replace.
-    let force = arguments.force || arguments.checkpoint.resume;
+    // A dry run writes nothing that could replace anything.
+    let force = arguments.force || arguments.checkpoint.resume || arguments.dry_run;
     outputs::check(&files.list(), &inputs, force)?;
     check_extension(&files.splats)?;
     let signals = Signals::install()?;
-    let _lock = Lock::take(&files.splats, &signals)?;
+    let _lock = if arguments.dry_run { None } else { Some(Lock::take(&files.splats, &signals)?) };
     // Another run may have written them before it gave the lock away.
     outputs::check(&files.list(), &inputs, force)?;
     let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
@@ -125,7 +135,57 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     };
     timings.initialise = initialising.elapsed().as_secs_f64();
 
-    let schedule = arguments.schedule(&settings, start.elapsed());
+    let background = Scaling::new(&fitted.volume, &fitted.roi, fit_config).background;
+    let field = config.field(background);
+    let set_of = |splats: &[Splat], iterations: u32| {
+        let mut set = SplatSet {
+            iterations: Some(iterations),
+            ..SplatSet::from_voxel(splats, &fitted.volume.world_from_voxel, field)
+        };
+        if let Some(labels) = &labels {
+            label(&mut set, labels);
+        }
+        set
+    };
+    let protocol = (!arguments.no_eval).then(|| evaluate::Protocol {
+        offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
+        range: arguments.eval_range.unwrap_or_else(|| case.full_range()),
+        shell: config.shell,
+    });
+    let before = start.elapsed();
+    let schedule = arguments.schedule(&settings, before);
+    let estimate = match &begin {
+        Start::Splats(first) if arguments.explain || arguments.dry_run => {
+            Some(explain::estimate(&explain::Plan {
+                gpu: &arguments.device.boot()?,
+                fitted,
+                native: &case,
+                config: fit_config,
+                field,
+                first,
+                schedule,
+                protocol: protocol.clone(),
+                set: &set_of(first, config.iterations),
+                output: &files.splats,
+                quality: settings.plain_quality(),
+                before,
+            })?)
+        }
+        _ => None,
+    };
+    if let Some(estimate) = &estimate {
+        timings.calibrate = estimate.calibration_seconds;
+        if !arguments.dry_run {
+            console.say(&explain::text(estimate));
+        } else if console.json {
+            console.json_data(estimate)?;
+        } else {
+            console.data(&(explain::text(estimate) + "\n"))?;
+        }
+    }
+    if arguments.dry_run {
+        return Ok(0);
+    }
     let job = Job {
         gpu: &gpu,
         case: fitted,
@@ -142,21 +202,13 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         tracing::warn!("{} updates of splats were left out: a gradient was not finite", outcome.frozen);
     }
 
-    let background = Scaling::new(&fitted.volume, &fitted.roi, fit_config).background;
-    let field = config.field(background);
-    let mut set = SplatSet {
-        iterations: Some(outcome.iterations),
-        ..SplatSet::from_voxel(&outcome.splats, &fitted.volume.world_from_voxel, field)
-    };
-    if let Some(labels) = &labels {
-        label(&mut set, labels);
-    }
+    let set = set_of(&outcome.splats, outcome.iterations);
     splat::write(&files.splats, &set, force)?;
 
     let evaluating = Instant::now();
-    let wanted = !arguments.no_eval && matches!(outcome.end, End::Finished) && signals.exit_code().is_none();
-    let evaluation = match wanted {
-        true => {
+    let wanted = matches!(outcome.end, End::Finished) && signals.exit_code().is_none();
+    let evaluation = match protocol.filter(|_| wanted) {
+        Some(protocol) => {
             // Of a working grid to the native one; without it they are there, and nothing need be rounded.
             let native = working.as_ref().map(|_| set.to_voxel(&case.volume.world_from_voxel));
             Some(evaluate::evaluate(
@@ -165,14 +217,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
                 &field,
                 &case.volume,
                 &case.roi,
-                &evaluate::Protocol {
-                    offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
-                    range: arguments.eval_range.unwrap_or_else(|| case.full_range()),
-                    shell: config.shell,
-                },
+                &protocol,
             )?)
         }
-        false => None,
+        None => None,
     };
     if let (Some(path), Some(evaluation)) = (&files.picture, &evaluation) {
         eval::draw(
@@ -181,6 +229,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
             &gpu,
             &set,
             &case,
+            None,
             &eval::names(&files.splats, &arguments.volume),
             evaluation,
         )?;
@@ -225,6 +274,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
             roi: RoiRecord::of(&grid.case.roi, &grid.case.volume),
         }),
         profile: &settings.profile,
+        quality: settings.quality.as_deref(),
         explicit: &settings.explicit,
         config,
         time_budget_seconds: arguments.time_budget.map(|t| t.as_secs_f64()),
@@ -234,6 +284,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
             device_by_purpose: outcome.device_bytes.clone(),
             device_peak_bytes: results.device_peak_bytes,
             host_peak_bytes: results.host_peak_bytes,
+        },
+        estimate: match estimate {
+            Some(estimate) => Some(Checked::new(estimate, &results, splat::file_bytes(&files.splats, &set)?)),
+            None => None,
         },
         results: &results,
     };

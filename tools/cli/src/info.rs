@@ -207,7 +207,12 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     out.add("format", format!("{}, {}, {}", s.format.to_uppercase(), s.encoding, bytes(s.file_bytes)));
     let dropped =
         if s.dropped > 0 { format!(" ({} unusable ones dropped)", s.dropped) } else { String::new() };
-    out.add("splats", format!("{}{dropped}", s.splats));
+    let widened = if s.widened > 0 {
+        format!(" ({} thinner than 1/10000 of their length widened)", s.widened)
+    } else {
+        String::new()
+    };
+    out.add("splats", format!("{}{dropped}{widened}", s.splats));
     if let Some([low, high]) = s.intensity_range {
         let unit = if s.has_intensity { "HU" } else { "luminance of the colour; the file holds no HU" };
         out.add("intensity", format!("{low} to {high} {unit}"));

@@ -67,11 +67,6 @@ pub struct Case {
 }
 
 impl Case {
-    /// Reads both.
-    pub fn read(volume_path: &Path, read: &ReadArguments, region: &RoiArguments) -> Result<Case> {
-        Ok(Case::with_mask(volume_path, read, region)?.0)
-    }
-
     /// Reads both, and the labels if some of a label map were chosen.
     pub fn read_labelled(
         volume_path: &Path,

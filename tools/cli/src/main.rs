@@ -14,6 +14,7 @@ mod compare;
 mod console;
 mod devices;
 mod eval;
+mod explain;
 mod failure;
 mod fit;
 mod info;

@@ -1,4 +1,5 @@
-//! The hyper-parameters of a fit, from four places: a profile, a file, the environment, flags; later ones win.
+//! The hyper-parameters of a fit, from five places: a profile, a quality, a file, the environment, flags; later ones
+//! win.
 //!
 //! Keys, flags, types and defaults all come from [`FitConfig`]; a new field there is a flag here without a word.
 
@@ -6,14 +7,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
-use engine::fit::{FitConfig, PROFILES, Profile};
+use engine::fit::{FitConfig, PROFILES, Profile, QUALITIES, QualityPreset};
 use engine::{Error, Kind, Result};
 use serde_json::{Map, Value};
 
-/// The flags: a profile, a file, and one for every field of [`FitConfig`].
+/// The flags: a profile, a quality, a file, and one for every field of [`FitConfig`].
 #[derive(Clone, Debug)]
 pub struct SettingsArguments {
     profile: String,
+    quality: Option<String>,
     config: Option<PathBuf>,
     /// Text by key, of the flags and variables that were given.
     given: BTreeMap<&'static str, String>,
@@ -26,6 +28,8 @@ pub struct Settings {
     pub config: FitConfig,
     /// Name of the profile that they started from.
     pub profile: String,
+    /// Name of the quality that this was put at, if one was asked for.
+    pub quality: Option<String>,
     /// Keys that a file, a variable or a flag has set.
     pub explicit: Vec<String>,
 }
@@ -33,7 +37,11 @@ pub struct Settings {
 impl SettingsArguments {
     /// Puts all places together and checks the result.
     pub fn resolve(&self) -> Result<Settings> {
-        let mut values = values_of(&Profile::named(&self.profile)?.config()?);
+        let profile = Profile::named(&self.profile)?.config()?;
+        let mut values = values_of(&match &self.quality {
+            Some(name) => QualityPreset::named(name)?.of(&profile)?,
+            None => profile,
+        });
         let mut explicit = Vec::new();
         if let Some(path) = &self.config {
             for (key, value) in read_file(path)? {
@@ -51,7 +59,7 @@ impl SettingsArguments {
         let config: FitConfig = serde_json::from_value(Value::Object(values))
             .map_err(|e| wrong_value("the configuration", &e.to_string()))?;
         config.check()?;
-        Ok(Settings { config, profile: self.profile.clone(), explicit })
+        Ok(Settings { config, profile: self.profile.clone(), quality: self.quality.clone(), explicit })
     }
 }
 
@@ -59,6 +67,12 @@ impl Settings {
     /// Whether a file, a variable or a flag has set this key.
     pub fn is_explicit(&self, key: &str) -> bool {
         self.explicit.iter().any(|k| k == key)
+    }
+
+    /// The quality, if the default profile was put at it and nothing was changed: what it gives was measured.
+    pub fn plain_quality(&self) -> Option<&'static QualityPreset> {
+        let measured = self.explicit.is_empty() && self.profile == PROFILES[0].name;
+        self.quality.as_deref().filter(|_| measured).and_then(|name| QualityPreset::named(name).ok())
     }
 }
 
@@ -161,6 +175,7 @@ impl FromArgMatches for SettingsArguments {
             .filter_map(|field| matches.get_one::<String>(field.key).map(|text| (field.key, text.clone())));
         Ok(SettingsArguments {
             profile: matches.get_one::<String>("profile").cloned().unwrap_or_default(),
+            quality: matches.get_one::<String>("quality").cloned(),
             config: matches.get_one::<PathBuf>("config").cloned(),
             given: given.collect(),
         })
@@ -183,6 +198,14 @@ impl Args for SettingsArguments {
             .env("VGS_PROFILE")
             .hide_env(true)
             .help(format!("Hyper-parameters to start from: {}", profiles.collect::<Vec<_>>().join("; ")));
+        let qualities = QUALITIES.iter().map(|row| format!("{} ({})", row.name, row.about));
+        let quality =
+            Arg::new("quality").long("quality").value_name("NAME").env("VGS_QUALITY").hide_env(true).help(
+                format!(
+                    "Error against cost, on whatever profile: {}; the profile as it is where nothing is said",
+                    qualities.collect::<Vec<_>>().join("; ")
+                ),
+            );
         let config = Arg::new("config")
             .long("config")
             .value_name("FILE.toml")
@@ -211,7 +234,7 @@ impl Args for SettingsArguments {
                 .help_heading("Hyper-parameters")
                 .help(format!("{} [default: {shown}]", field.doc.trim().trim_end_matches('.')))
         });
-        command.next_help_heading("Settings").arg(profile).arg(config).args(fields)
+        command.next_help_heading("Settings").arg(profile).arg(quality).arg(config).args(fields)
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -225,12 +248,34 @@ mod tests {
 
     fn resolve(given: &[(&'static str, &str)]) -> Result<Settings> {
         let given = given.iter().map(|&(k, v)| (k, v.to_owned())).collect();
-        SettingsArguments { profile: "default".into(), config: None, given }.resolve()
+        SettingsArguments { profile: "default".into(), quality: None, config: None, given }.resolve()
     }
 
     #[test]
     fn nothing_given_is_the_default() {
         assert_eq!(resolve(&[]).unwrap().config, FitConfig::default());
+    }
+
+    #[test]
+    fn a_quality_changes_a_profile_and_a_flag_changes_both() {
+        let resolve = |profile: &str, quality: &str, given: &[(&'static str, &str)]| {
+            let given = given.iter().map(|&(k, v)| (k, v.to_owned())).collect();
+            let quality = Some(quality.to_owned());
+            SettingsArguments { profile: profile.into(), quality, config: None, given }.resolve()
+        };
+        let bones = Profile::named("bones").unwrap().config().unwrap();
+        let fine = resolve("bones", "fine", &[]).unwrap();
+        assert_eq!(fine.config, QualityPreset::named("fine").unwrap().of(&bones).unwrap());
+        assert_ne!(fine.config, bones);
+        assert!(fine.plain_quality().is_none(), "measured with the default profile alone");
+        assert_eq!(resolve("default", "fine", &[]).unwrap().plain_quality().unwrap().name, "fine");
+        let flagged = resolve("default", "fine", &[("iterations", "7")]).unwrap();
+        assert_eq!(
+            (flagged.config.iterations, flagged.config.density),
+            (7, { QualityPreset::named("fine").unwrap().of(&FitConfig::default()).unwrap().density })
+        );
+        assert!(flagged.plain_quality().is_none());
+        assert!(resolve("default", "best", &[]).is_err_and(|e| e.help.contains("preview")));
     }
 
     #[test]

@@ -158,6 +158,12 @@ const ROWS: &[Row] = &[
         says: &["\"best\"", "profiles: default"],
     },
     Row {
+        name: "a quality that is not there",
+        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--quality", "best"],
+        exit: 2,
+        says: &["\"best\"", "qualities: preview"],
+    },
+    Row {
         name: "a device that is not there",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--device", "no such device"],
         exit: 69,

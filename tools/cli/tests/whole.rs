@@ -18,6 +18,7 @@ fn phantom_fit_eval_rasterize_info() {
         "psnr_mean_offset_db",
         "mmse",
         "rmse_hu",
+        "p99_hu",
         "range",
         "occupancy_rmse",
         "soft_dice",
@@ -85,6 +86,48 @@ fn phantom_fit_eval_rasterize_info() {
     assert!(volume["max"].as_f64().is_some_and(|hu| (100.0..2000.0).contains(&hu)), "{volume}");
     assert!(weight["min"] == 0.0 && weight["max"].as_f64().is_some_and(|w| w > 0.1), "{weight}");
     assert!(folder.run(&["info", "a.ply"]).out.contains("60"));
+}
+
+#[test]
+fn a_fit_says_before_what_it_will_cost() {
+    let folder = Folder::new(28);
+    let dry = folder.run(&fit("a.ply", &["--dry-run", "--json"])).json();
+    let left = std::fs::read_dir(folder.path("."))
+        .expect("the folder")
+        .filter(|entry| entry.as_ref().is_ok_and(|e| e.file_name().to_string_lossy().starts_with("a.")));
+    assert_eq!(left.count(), 0, "a dry run writes nothing");
+    assert_eq!((&dry["splats"], &dry["iterations"]), (&60.into(), &24.into()));
+    assert!(dry["seconds"].as_f64().is_some_and(|s| s > 0.0), "{dry}");
+
+    let ended = folder.run(&fit("a.ply", &["--explain"]));
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    assert!(ended.err.contains("will cost") && ended.err.contains("24 iterations"), "{}", ended.err);
+    let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
+    let (estimate, ratio) = (&record["estimate"]["estimate"], &record["estimate"]["ratio"]);
+    assert_eq!(estimate["file_bytes"], dry["file_bytes"]);
+    // The origin that the header states, in whole mm, may have a digit more.
+    let told = estimate["file_bytes"].as_u64().expect("bytes");
+    assert!(told.abs_diff(folder.read("a.ply").len() as u64) <= 6, "{told}");
+    assert!(ratio["file_bytes"].as_f64().is_some_and(|r| (r - 1.0).abs() < 2e-3), "{ratio}");
+    let memory = ratio["device_peak_bytes"].as_f64().expect("a number");
+    assert!((memory - 1.0).abs() < 0.03, "{memory}");
+    assert!(ratio["seconds"].as_f64().is_some_and(|r| r > 0.0), "{ratio}");
+
+    // The fit is the same as without.
+    let plain = folder.run(&fit("b.ply", &["--json"]));
+    assert_eq!(plain.code, 0, "{}", plain.err);
+    assert!(folder.read("a.ply") == folder.read("b.ply"));
+    let record: serde_json::Value = serde_json::from_str(&folder.text("b.run.json")).expect("a record");
+    assert!(record["estimate"].is_null());
+
+    // A quality as it is says what errors it gives; existing files are no matter.
+    let quality = ["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "a.ply", "--quality", "preview"];
+    let told = folder.run(&[&quality[..], &["--dry-run", "--json"]].concat()).json();
+    assert!(
+        told["rmse_hu"].as_f64() > Some(0.0) && told["p99_hu"].as_f64() > told["rmse_hu"].as_f64(),
+        "{told}"
+    );
+    assert!(dry["rmse_hu"].is_null());
 }
 
 #[test]
@@ -239,7 +282,7 @@ fn a_constant_volume_is_fitted_exactly() {
     let base = ["fit", "mask.nii.gz", "--roi-threshold", "1,1", "-o", "a.ply"];
     let result = folder.run(&[&base[..], &more].concat()).json();
     assert_eq!(result["psnr_db"], "inf", "{result}");
-    assert_eq!(result["rmse_hu"], 0.0);
+    assert_eq!((&result["rmse_hu"], &result["p99_hu"]), (&0.0.into(), &0.0.into()));
 }
 
 #[test]

@@ -11,6 +11,7 @@ use super::header::{Header, bad, quoted};
 use super::rows::{self, Column};
 use super::{COLOUR_PROPERTIES, FORMAT, INTENSITY_ELEMENT, LABEL_PROPERTY, comments, rest_property};
 use crate::error::{Error, Kind, Result};
+use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, SH0, basis_count};
 use crate::splat::{Harmonics, ReadOptions, Splat, SplatSet, Summary, defect};
 
@@ -38,7 +39,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SplatSet> {
 
 /// Reads a splat set and tells what the file holds.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, header, dropped, bytes } = open(path, options)?;
+    let Loaded { set, header, dropped, widened, bytes } = open(path, options)?;
     let bounds = |value: fn(&Splat) -> [f32; 3]| {
         let first = value(set.splats.first()?);
         Some(set.splats.iter().map(value).fold([first; 2], |[low, high], v| {
@@ -53,6 +54,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         file_bytes: bytes,
         splats: set.splats.len(),
         dropped,
+        widened,
         elements: header.elements.iter().map(|e| (e.name.clone(), e.count as u64)).collect(),
         properties: vertex.map(|e| e.properties.keys().cloned().collect()).unwrap_or_default(),
         kernel: set.field.kernel.name(),
@@ -74,6 +76,7 @@ pub(super) struct Loaded {
     pub set: SplatSet,
     pub header: Header,
     pub dropped: usize,
+    pub widened: usize,
     pub bytes: u64,
 }
 
@@ -85,6 +88,9 @@ fn open(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let file = path.display();
     if loaded.dropped > 0 {
         tracing::warn!(%file, dropped = loaded.dropped, "unusable splats were dropped");
+    }
+    if loaded.widened > 0 {
+        tracing::warn!(%file, widened = loaded.widened, "splats thinner than 1/10000 of their length were widened");
     }
     if loaded.set.splats.is_empty() {
         tracing::warn!(%file, "the file holds no usable splat");
@@ -168,10 +174,11 @@ pub(super) fn load(
         ..SplatSet::default()
     };
     let dropped = drop_unusable(&mut set, options.strict)?;
+    let widened = widen(&mut set.splats);
     let sum: f64 = set.splats.iter().map(|splat| f64::from(splat.intensity)).sum();
     set.field = stated.field((sum / set.splats.len().max(1) as f64) as f32);
     set.label_names = stated.label_names;
-    Ok(Loaded { set, header, dropped, bytes })
+    Ok(Loaded { set, header, dropped, widened, bytes })
 }
 
 /// `count` zeros; the header's counts were compared with the file's length, which a disk may hold and memory not.
@@ -353,6 +360,17 @@ impl Beside {
             None => Ok(()),
         }
     }
+}
+
+/// Widens the splats that are too thin for their length and returns their number.
+fn widen(splats: &mut [Splat]) -> usize {
+    let mut widened = 0;
+    for splat in splats {
+        let log_scale = limit_anisotropy(splat.log_scale);
+        widened += usize::from(log_scale != splat.log_scale);
+        splat.log_scale = log_scale;
+    }
+    widened
 }
 
 /// Removes the splats that cannot be used and returns their number; with `strict`, the first is an error.

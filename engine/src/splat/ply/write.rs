@@ -22,6 +22,28 @@ pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
     crate::output::write_atomic(path, force, |out| encode(set, out))
 }
 
+/// Bytes of the file that [`write()`] makes of `set`.
+pub fn bytes(set: &SplatSet) -> u64 {
+    let mut count = Count(0);
+    // Counting cannot fail.
+    let _ = encode(set, &mut count);
+    count.0
+}
+
+/// Where bytes are counted and go no further.
+struct Count(u64);
+
+impl Write for Count {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0 += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
 pub(super) fn check(set: &SplatSet) -> Result<()> {
     if set.splats.is_empty() {
         return Err(Error::new(Kind::NothingToDo, "VGS-PLY-011", "there are no splats to write"));

@@ -19,7 +19,7 @@ use super::source::Source;
 use super::{ReadOptions, Volume, axis_codes_of, reserve_samples, spacing_of};
 use crate::{Error, Kind, Result};
 use header::{Parsed, SIZE_1, SIZE_2};
-pub use write::write;
+pub use write::{check_name, write};
 
 /// The longest run of extensions that is looked at; longer ones are skipped.
 const MAX_EXTENSIONS: u64 = 16 << 20;

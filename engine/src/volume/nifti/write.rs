@@ -27,16 +27,7 @@ const FLOAT32: i16 = 16;
 /// [`write_atomic`].
 pub fn write(path: impl AsRef<Path>, volume: &Volume, force: bool) -> Result<()> {
     let path = path.as_ref();
-    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let gzip = name.ends_with(".nii.gz");
-    if !gzip && !name.ends_with(".nii") {
-        return Err(Error::new(
-            Kind::Usage,
-            "VGS-NII-020",
-            "the name of a NIfTI output must end in .nii or .nii.gz",
-        )
-        .file(path));
-    }
+    let gzip = check_name(path)?;
     let det = volume.world_from_voxel.matrix3.determinant();
     if volume.samples.is_empty() || !volume.world_from_voxel.is_finite() || !det.is_normal() {
         let message = "cannot write a volume without voxels or with a singular affine";
@@ -54,6 +45,20 @@ pub fn write(path: impl AsRef<Path>, volume: &Volume, force: bool) -> Result<()>
             write_samples(out, &volume.samples)
         }
     })
+}
+
+/// Whether a file of this name is compressed.
+///
+/// # Errors
+/// [`Kind::Usage`] for a name that ends neither in `.nii` nor in `.nii.gz`.
+pub fn check_name(path: &Path) -> Result<bool> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let gzip = name.ends_with(".nii.gz");
+    if !gzip && !name.ends_with(".nii") {
+        let message = "the name of a NIfTI output must end in .nii or .nii.gz";
+        return Err(Error::new(Kind::Usage, "VGS-NII-020", message).file(path));
+    }
+    Ok(gzip)
 }
 
 fn write_samples(out: &mut dyn Write, samples: &[f32]) -> io::Result<()> {

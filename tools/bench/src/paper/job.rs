@@ -3,7 +3,8 @@
 use engine::Result;
 use engine::fit::FitConfig;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
+
+use crate::store::hash;
 
 /// Iterations between two measurements.
 pub const MEASURE_EVERY: u32 = 50;
@@ -46,9 +47,7 @@ pub struct Job {
 impl Job {
     /// Name of the result's file without its ending: what a person looks for, then a hash of everything.
     pub fn key(&self) -> String {
-        let text = serde_json::to_string(self).expect("a job has only numbers and names");
-        let hash: String = Sha256::digest(text).iter().take(5).map(|b| format!("{b:02x}")).collect();
-        format!("{}-{}-{}-{}-{hash}", self.folder, self.mask, self.config.splats, self.profile)
+        format!("{}-{}-{}-{}-{}", self.folder, self.mask, self.config.splats, self.profile, hash(self))
     }
 
     /// Refuses a configuration that cannot run, naming the job.

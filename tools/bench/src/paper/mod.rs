@@ -1,12 +1,12 @@
 //! `bench paper`: the paper's tables, ours beside them.
 //!
 //! A *run* is a fit of one row with one profile (`job`, `plan`), measured on the way (`runs`) and kept as a file
-//! (`store`), so that nothing is computed twice. Reports are made from the files and written after every run
+//! ([`crate::store`]), so that nothing is computed twice. Reports are made from the files and written after every run
 //! (`tables`, `studies`, `plot`). `published` has the paper's figures, `prototype` those of a CPU prototype, and
 //! `baselines` compares downsampled volumes, which need no fit.
 
 mod baselines;
-mod job;
+pub mod job;
 pub mod library;
 mod plan;
 mod plot;
@@ -14,13 +14,11 @@ pub mod progress;
 mod prototype;
 mod published;
 mod results;
-mod runs;
-mod store;
+pub mod runs;
 mod studies;
 mod tables;
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use engine::gpu::{Gpu, GpuOptions};
@@ -29,9 +27,9 @@ use engine::{Error, Result};
 use self::job::Job;
 use self::library::Library;
 use self::plan::{Effort, Plan};
-use self::progress::{Series, estimate};
+use self::progress::{all_done, carry_out, estimate};
 use self::results::Results;
-use self::store::Store;
+use crate::store::Store;
 
 /// What `--only` may name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -116,7 +114,7 @@ pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
     let mut results = Results::default();
     let mut missing = Vec::new();
     for job in &jobs {
-        match if a.force { None } else { store.load(job)? } {
+        match if a.force { None } else { store.load(&job.key())? } {
             Some(record) => results.add(record),
             None => missing.push(*job),
         }
@@ -127,13 +125,7 @@ pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
         .all(&missing, &mut results)?;
     println!("{}", report.markdown(&results));
     eprintln!("written: {}", store.file("paper.md").display());
-    match failed.first() {
-        None => Ok(()),
-        Some(first) => {
-            let message = format!("{} of {} runs failed, the first: {first}", failed.len(), missing.len());
-            Err(Error { message, file: None, ..first.clone() })
-        }
-    }
+    all_done(&failed, missing.len(), "runs")
 }
 
 /// What carries out runs, one after the other.
@@ -149,36 +141,24 @@ impl Runner<'_> {
     fn all(&mut self, jobs: &[&Job], results: &mut Results) -> Result<Vec<Error>> {
         let mut queue = Vec::new();
         for job in jobs {
-            queue.push((estimate(job, self.library.place(&job.folder, &job.mask)?), job));
+            queue.push((estimate(job, self.library.place(&job.folder, &job.mask)?), *job));
         }
-        // The short ones first: a series that is stopped has then filled the most rows.
-        queue.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        let mut series = Series::new(queue.iter().map(|(estimated, _)| estimated).sum());
-        let mut failed = Vec::new();
-        for (i, (estimated, job)) in queue.into_iter().enumerate() {
-            eprintln!("[{}/{}] {}; {}", i + 1, jobs.len(), job.title(), series.tell());
-            let begin = Instant::now();
-            let place = self.library.place(&job.folder, &job.mask)?;
-            let record = runs::run(job, place, self.options, self.judge, |p| {
-                eprintln!("    iteration {}: {:.2} dB, {:.1} s", p.iteration, p.psnr(), p.seconds);
-            });
-            match record {
-                Ok(record) => {
-                    if let Some(at) = record.diverged_at {
-                        eprintln!("    diverged before iteration {at}");
-                    }
-                    self.report.store.save(&record)?;
-                    results.add(record);
-                    self.report.write(results)?;
+        Ok(carry_out(
+            queue,
+            |job| job.title(),
+            |job| {
+                let place = self.library.place(&job.folder, &job.mask)?;
+                let record = runs::run(job, place, self.options, self.judge, |p| {
+                    eprintln!("    iteration {}: {:.2} dB, {:.1} s", p.iteration, p.psnr(), p.seconds);
+                })?;
+                if let Some(at) = record.diverged_at {
+                    eprintln!("    diverged before iteration {at}");
                 }
-                Err(e) => {
-                    eprintln!("    failed: {e}");
-                    failed.push(e);
-                }
-            }
-            series.finished(estimated, begin.elapsed());
-        }
-        Ok(failed)
+                self.report.store.save(&record)?;
+                results.add(record);
+                self.report.write(results)
+            },
+        ))
     }
 }
 

@@ -3,17 +3,19 @@
 //! Measurements rasterise all splats at the voxel centres, on a device object of their own, so that neither their time nor
 //! their memory is part of what the fit is said to cost.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use engine::Result;
 use engine::fit::Fitter;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::gpu::{Gpu, GpuOptions};
-use engine::splat::{Field, Splat};
+use engine::splat::{self, Field, Splat, SplatSet};
 use serde::{Deserialize, Serialize};
 
 use super::job::{HELD_OUT_SEED, Job, Range};
 use super::library::Place;
+use crate::cost::cpu_ms;
+use crate::store::Keep;
 
 /// A measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,8 +44,20 @@ pub struct Last {
     pub soft_dice: f64,
     /// On the grid, over ROI and shell.
     pub occupancy_rmse: f64,
+    /// On the grid, HU; nothing in files of before these were kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub errors: Option<Errors>,
     /// Between the voxels, where that was asked for.
     pub held_out: Option<HeldOut>,
+}
+
+/// Errors of the intensity, HU.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Root mean square.
+    pub rmse_hu: f64,
+    /// 99th percentile of the absolute error.
+    pub p99_hu: f64,
 }
 
 /// Figures at offsets that the fit has not seen.
@@ -80,6 +94,54 @@ pub struct Record {
     pub frozen: u32,
     /// Driver of the device.
     pub driver: String,
+    /// What the whole fit cost; nothing in files of before this was kept, nor of a fit that diverged.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<FitCost>,
+}
+
+/// From the volume in memory to the last splats, without measurements.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitCost {
+    /// Until the first iteration: first splats, targets, kernels.
+    pub setup_seconds: f64,
+    /// All of it.
+    pub seconds: f64,
+    /// CPU time of it, user and system, all threads; nothing where the system does not tell.
+    pub core_seconds: Option<f64>,
+    /// Of the PLY of the last splats.
+    pub file_bytes: u64,
+}
+
+/// Time and CPU time, seconds.
+#[derive(Clone, Copy, Debug, Default)]
+struct Spent {
+    wall: f64,
+    core: Option<f64>,
+}
+
+/// Counts what passes from now on.
+struct Clock(Instant, Option<f64>);
+
+impl Clock {
+    fn start() -> Self {
+        Clock(Instant::now(), cpu_ms())
+    }
+
+    fn add_to(self, spent: &mut Spent) {
+        spent.wall += self.0.elapsed().as_secs_f64();
+        let core = self.1.zip(cpu_ms()).map(|(from, to)| 1e-3 * (to - from));
+        spent.core = core.map(|core| spent.core.unwrap_or_default() + core);
+    }
+}
+
+impl Keep for Record {
+    fn key(&self) -> String {
+        self.job.key()
+    }
+
+    fn defect(&self) -> Option<&'static str> {
+        self.points.is_empty().then_some("this result has no measurement")
+    }
 }
 
 impl Record {
@@ -119,7 +181,8 @@ pub fn run(
 ) -> Result<Record> {
     let Place { scene, .. } = place;
     let config = &job.config;
-    let initialising = Instant::now();
+    let mut setup = Spent::default();
+    let initialising = Clock::start();
     let first = (config.initialiser()?.run)(
         &scene.volume,
         &scene.roi,
@@ -127,10 +190,13 @@ pub fn run(
         config.seed,
         &config.init(),
     );
-    let initialise_seconds = initialising.elapsed().as_secs_f64();
+    initialising.add_to(&mut setup);
+    let initialise_seconds = setup.wall;
     let gpu = Gpu::new(options)?;
+    let preparing = Clock::start();
     let mut fitter = Fitter::new(&gpu, &scene.volume, &scene.roi, &first, config)?;
     drop(first);
+    preparing.add_to(&mut setup);
     let bench = Bench { job, place, judge, field: config.field(fitter.scaling().background) };
     let mut record = Record {
         job: job.clone(),
@@ -143,16 +209,17 @@ pub fn run(
         device_peak_bytes: 0,
         frozen: 0,
         driver: gpu.description().driver.clone(),
+        cost: None,
     };
-    let mut spent = Duration::ZERO;
+    let mut spent = Spent::default();
     loop {
-        let begin = Instant::now();
+        let begin = Clock::start();
         // The count goes back where buffers had to grow: only after waiting it is final, and one that was measured may
         // come again.
         let measured = record.end().map(|p| p.iteration);
         let due = |iteration: u32| job.measured_at(iteration) && Some(iteration) > measured;
         let splats = if due(fitter.iteration()) { Some(fitter.splats()?) } else { None };
-        spent += begin.elapsed();
+        begin.add_to(&mut spent);
         let iteration = fitter.iteration();
         if let Some(splats) = splats.filter(|_| due(iteration)) {
             let is_last = iteration >= config.iterations;
@@ -162,17 +229,23 @@ pub fn run(
                 record.diverged_at = Some(iteration);
                 break;
             }
-            let point = Point { iteration, seconds: spent.as_secs_f64(), splats: splats.len(), mmse };
+            let point = Point { iteration, seconds: spent.wall, splats: splats.len(), mmse };
             saw(&point);
             record.points.push(point);
             if is_last {
                 record.last = Some(bench.last(&evaluation));
+                record.cost = Some(FitCost {
+                    setup_seconds: setup.wall,
+                    seconds: setup.wall + spent.wall,
+                    core_seconds: setup.core.zip(spent.core).map(|(a, b)| a + b),
+                    file_bytes: bench.file_bytes(&splats)?,
+                });
                 break;
             }
         }
-        let begin = Instant::now();
+        let begin = Clock::start();
         fitter.step(f64::from(iteration) / f64::from(config.iterations))?;
-        spent += begin.elapsed();
+        begin.add_to(&mut spent);
     }
     record.device_peak_bytes = gpu.peak_bytes();
     record.frozen = fitter.frozen()?;
@@ -217,10 +290,18 @@ impl Bench<'_> {
         evaluate::evaluate(self.judge, splats, &self.field, &scene.volume, &scene.roi, &protocol)
     }
 
+    fn file_bytes(&self, splats: &[Splat]) -> Result<u64> {
+        let world = &self.place.scene.volume.world_from_voxel;
+        let iterations = Some(self.job.config.iterations);
+        let set = SplatSet { iterations, ..SplatSet::from_voxel(splats, world, self.field) };
+        splat::file_bytes("a.ply".as_ref(), &set)
+    }
+
     fn last(&self, evaluation: &Evaluation) -> Last {
         Last {
             soft_dice: evaluation.on_grid.soft_dice,
             occupancy_rmse: evaluation.on_grid.occupancy_rmse,
+            errors: Some(Errors { rmse_hu: evaluation.on_grid.rmse_hu, p99_hu: evaluation.on_grid.p99_hu }),
             held_out: (self.job.held_out > 0).then(|| HeldOut {
                 worst: evaluation.worst_psnr_db(),
                 mean: evaluation.mean_psnr_db(),
@@ -251,6 +332,7 @@ pub mod tests {
             last: Some(Last {
                 soft_dice: 0.9,
                 occupancy_rmse: 0.1,
+                errors: Some(Errors { rmse_hu: 20.0, p99_hu: 70.0 }),
                 held_out: Some(HeldOut { worst: 40.0, mean: 41.0, occupancy_rmse: 0.05 }),
             }),
             diverged_at: None,
@@ -260,6 +342,12 @@ pub mod tests {
             device_peak_bytes: 5_000_000,
             frozen: 0,
             driver: "none".into(),
+            cost: Some(FitCost {
+                setup_seconds: 0.6,
+                seconds: 9.0,
+                core_seconds: Some(17.0),
+                file_bytes: 999,
+            }),
             job,
         }
     }
@@ -288,6 +376,14 @@ pub mod tests {
         assert!(record.points.windows(2).all(|p| p[0].seconds < p[1].seconds), "time goes on");
         assert!(record.device_peak_bytes > 0 && record.frozen == 0 && record.diverged_at.is_none());
         assert!(record.last.is_some_and(|l| l.soft_dice > 0.1 && l.held_out.is_some()));
+        let errors = record.last.and_then(|l| l.errors).expect("errors");
+        assert!(errors.p99_hu > errors.rmse_hu && errors.rmse_hu > 0.0, "{errors:?}");
+        let cost = record.cost.expect("it did not diverge");
+        assert!(cost.setup_seconds > 0.0 && cost.seconds > cost.setup_seconds);
+        assert!(
+            (60 * 72..60 * 72 + 2000).contains(&cost.file_bytes),
+            "72 bytes a splat and a header: {cost:?}"
+        );
         // The start is the initialisation itself, over the range of the whole volume.
         let c = &job.config;
         let first = (c.initialiser().expect("a row").run)(

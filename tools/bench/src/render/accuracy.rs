@@ -8,10 +8,10 @@ use engine::transfer::TransferFunction;
 use engine::{Error, Kind, Result};
 
 use super::config::{Classify, Rendering, Section};
-use super::cost::Cost;
 use super::plan::{Unit, mode_row};
 use super::record::{Comparison, Record, Role, Sight};
 use super::scenes::{Place, TimedRenderer, check_validation, is_finite, shows_something, volume_bytes};
+use crate::cost::Cost;
 
 /// Distance of the eyes, mm.
 const EYES_MM: f64 = 64.0;
@@ -163,7 +163,8 @@ pub fn checked(picture: Image, rendering: &Rendering) -> Result<Image> {
     Err(Error::new(Kind::Internal, "VGS-BEN-024", message))
 }
 
-fn sight(view: usize, reference: &Image, test: &Image, cost: Cost) -> Result<Sight> {
+/// How far a picture is from what it should be.
+pub fn sight(view: usize, reference: &Image, test: &Image, cost: Cost) -> Result<Sight> {
     Ok(Sight {
         view,
         mse: mse(reference, test)?,

@@ -6,10 +6,10 @@ use engine::{Error, Kind, Result};
 use serde::Serialize;
 
 use super::config::Config;
-use super::cost::Cost;
 use super::plan::Unit;
 use super::record::Record;
 use super::report::Report;
+use crate::cost::Cost;
 
 /// What `render.json` holds.
 #[derive(Serialize)]

@@ -4,16 +4,15 @@
 //! `speed`) in scenes of volumes and fitted splats (`scenes`) and kept as a file (`record`), so that nothing is measured
 //! twice. Reports are made from the files and written after every unit (`report`, `table5`, `goals`, `export`, `plot`).
 
-mod accuracy;
-mod config;
-mod cost;
+pub mod accuracy;
+pub mod config;
 mod export;
 mod goals;
 mod plan;
 mod plot;
-mod record;
+pub mod record;
 mod report;
-mod scenes;
+pub mod scenes;
 mod speed;
 mod table5;
 #[cfg(test)]
@@ -29,10 +28,12 @@ use engine::{Error, Kind, Result};
 
 use self::config::{Config, Section};
 use self::plan::{Plan, Unit};
-use self::record::{Record, Records, Store};
+use self::record::{Record, Records};
 use self::report::{Device, Report, db, ms};
 use self::scenes::Library;
-use crate::paper::progress::Series;
+use crate::cost::median;
+use crate::paper::progress::{Series, all_done};
+use crate::store::Store;
 
 #[derive(Args)]
 #[command(after_help = "\
@@ -106,7 +107,7 @@ pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
     let mut records = Records::new();
     let mut missing = Vec::new();
     for unit in &plan.units {
-        match if a.force { None } else { store.load(unit)? } {
+        match if a.force { None } else { store.load::<Record>(&unit.key())? } {
             Some(record) => drop(records.insert(record.key.clone(), record)),
             None => missing.push(unit),
         }
@@ -134,14 +135,7 @@ pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
     let failed = runner.all(&missing)?;
     println!("{}", runner.report().markdown());
     eprintln!("written: {}", store.file("render.md").display());
-    match failed.first() {
-        None => Ok(()),
-        Some(first) => {
-            let message =
-                format!("{} of {} subjects failed, the first: {first}", failed.len(), missing.len());
-            Err(Error { message, file: None, ..first.clone() })
-        }
-    }
+    all_done(&failed, missing.len(), "subjects")
 }
 
 /// Rough time of a frame of 1024² pixels of the most accurate mode and of any other on two cores, seconds; what the first
@@ -233,7 +227,7 @@ impl Runner<'_> {
         }
         if unit.section.is_timed() {
             return speed::measure(unit, place, &set, self.options, &mut |row| {
-                let wall = cost::median(&row.each(|cost| cost.wall_ms));
+                let wall = median(&row.each(|cost| cost.wall_ms));
                 eprintln!("    {}, {}: {} ms", row.transfer, row.rendering, ms(wall));
             });
         }

@@ -11,6 +11,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::config::{Case, Config, Orbit, Part, Rendering, Section, Subject, Transfer, is_false};
+use crate::store::hash;
 
 /// Where the splats of a unit come from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -82,12 +83,6 @@ impl Unit {
     pub fn views(&self) -> Vec<usize> {
         if self.part.views.is_empty() { (0..self.orbit.count).collect() } else { self.part.views.clone() }
     }
-}
-
-/// Hash of whatever can be written, of 10 digits.
-pub fn hash(value: &impl Serialize) -> String {
-    let text = serde_json::to_string(value).expect("only numbers and names");
-    Sha256::digest(text).iter().take(5).map(|b| format!("{b:02x}")).collect()
 }
 
 /// All units of the sections, and what cannot be measured.

@@ -1,13 +1,11 @@
-//! What was measured, and the files it is kept in: what is there is not measured again.
+//! What was measured.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
-use engine::{Error, Kind, Result, output};
 use serde::{Deserialize, Serialize};
 
-use super::cost::{Cost, Passes, mean, median};
-use super::plan::Unit;
+use crate::cost::{Cost, Passes, mean, median};
+use crate::store::Keep;
 
 /// What a row of pictures shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -150,65 +148,11 @@ pub struct Record {
     pub left_out: Vec<String>,
 }
 
+impl Keep for Record {
+    fn key(&self) -> String {
+        self.key.clone()
+    }
+}
+
 /// Records by key.
 pub type Records = BTreeMap<String, Record>;
-
-/// The folder of the results.
-pub struct Store {
-    folder: PathBuf,
-}
-
-impl Store {
-    /// In this folder, which is made if it is missing.
-    pub fn open(folder: &Path) -> Result<Self> {
-        let store = Store { folder: folder.to_owned() };
-        std::fs::create_dir_all(folder.join("runs"))
-            .map_err(|e| Error::io(folder, "making the folder", &e))?;
-        Ok(store)
-    }
-
-    /// A file of the folder that is no record.
-    pub fn file(&self, name: &str) -> PathBuf {
-        self.folder.join(name)
-    }
-
-    fn path(&self, key: &str) -> PathBuf {
-        self.folder.join("runs").join(format!("{key}.json"))
-    }
-
-    /// The record of a unit, if there is one.
-    ///
-    /// # Errors
-    /// [`Kind::BadData`] if the file is no record, or that of another unit.
-    pub fn load(&self, unit: &Unit) -> Result<Option<Record>> {
-        let key = unit.key();
-        let path = self.path(&key);
-        let text = match std::fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(Error::io(&path, "reading", &e)),
-        };
-        let bad = |message: String| {
-            Err(Error::new(Kind::BadData, "VGS-BEN-023", message)
-                .file(&path)
-                .help("delete the file, or measure all of it again with --force"))
-        };
-        match serde_json::from_str::<Record>(&text) {
-            Err(e) => bad(format!("this is no record of bench render: {e}")),
-            Ok(record) if record.key != key => bad(format!("this is the record of {}", record.key)),
-            Ok(record) => Ok(Some(record)),
-        }
-    }
-
-    /// Keeps a record, whole or not at all.
-    pub fn save(&self, record: &Record) -> Result<()> {
-        output::write_atomic(self.path(&record.key), true, |w| {
-            serde_json::to_writer_pretty(w, record).map_err(Into::into)
-        })
-    }
-
-    /// Writes a report beside the records, in place of an older one.
-    pub fn report(&self, name: &str, text: &str) -> Result<()> {
-        output::write_atomic(self.file(name), true, |w| w.write_all(text.as_bytes()))
-    }
-}

@@ -3,11 +3,11 @@
 use engine::gpu::DeviceDescription;
 
 use super::config::{Config, Section};
-use super::cost::{Cost, mean, median, percentile};
 use super::goals::{self, Found};
 use super::plan::{Plan, Source, Unit};
 use super::record::{Comparison, Record, Records, Role, Timing};
 use super::table5;
+use crate::cost::{Cost, mean, median, percentile};
 use crate::report::Table;
 
 /// Bytes of a splat, packed and in full.

@@ -14,10 +14,11 @@ use engine::{Error, Kind, Result};
 use glam::DVec3;
 
 use super::config::{Case, Orbit, Rendering, Transfer};
-use super::cost::{self, Cost};
-use super::plan::{Source, Unit, hash, mode_row, read_splats};
+use super::plan::{Source, Unit, mode_row, read_splats};
+use crate::cost::{self, Cost};
 use crate::paper::library::help;
 use crate::paper::progress::{RATE, SAMPLES_A_VOXEL, SMALL_SPLAT};
+use crate::store::hash;
 
 /// A case, read.
 pub struct Place {
@@ -178,16 +179,7 @@ impl<'a> Library<'a> {
     pub fn splats(&mut self, unit: &Unit) -> Result<(SplatSet, &Place)> {
         let path = match &unit.source {
             Source::File(path, _) => path.clone(),
-            Source::Fit(config) => {
-                let path = self.path(&unit.case, config);
-                if !path.exists() {
-                    let gpu = Gpu::new(self.options)?;
-                    let set = fit(&gpu, self.place(&unit.case)?, config)?;
-                    // What is measured is what is read back, now and later.
-                    splat::write(&path, &set, true)?;
-                }
-                path
-            }
+            Source::Fit(config) => self.fitted(&unit.case, config)?,
         };
         let mut set = read_splats(&path)?;
         let place = self.place(&unit.case)?;
@@ -195,6 +187,18 @@ impl<'a> Library<'a> {
             set.colours = Some(colours(&set, &place.transfer(&unit.transfers[0])?));
         }
         Ok((set, place))
+    }
+
+    /// The file of a fit's splats, made if it is not there.
+    pub fn fitted(&mut self, case: &Case, config: &FitConfig) -> Result<PathBuf> {
+        let path = self.path(case, config);
+        if !path.exists() {
+            let gpu = Gpu::new(self.options)?;
+            let set = fit(&gpu, self.place(case)?, config)?;
+            // What is measured is what is read back, now and later.
+            splat::write(&path, &set, true)?;
+        }
+        Ok(path)
     }
 
     fn path(&self, case: &Case, config: &FitConfig) -> PathBuf {

@@ -11,10 +11,10 @@ use engine::splat::SplatSet;
 
 use super::accuracy::{checked, mse};
 use super::config::{Classify, Rendering};
-use super::cost::Passes;
 use super::plan::{Unit, mode_row};
 use super::record::{Record, Timing};
 use super::scenes::{Place, TimedRenderer, check_validation, shows_something};
+use crate::cost::Passes;
 
 /// A picture that is farther than this from the most accurate one is another picture, and its time means nothing, dB.
 const LEAST_PSNR: f64 = 15.0;

@@ -1,10 +1,10 @@
 //! The paper's Table 5 with our own frames beside it.
 
 use super::config::Section;
-use super::cost::median;
 use super::plan::{Source, Unit};
 use super::record::{Record, Timing};
 use super::report::{Report, dash, ms, thousands};
+use crate::cost::median;
 use crate::report::Table;
 
 /// What a row of the paper renders.

@@ -7,12 +7,13 @@ use engine::render::MODES;
 use engine::transfer::Material;
 use glam::DVec3;
 
-use super::cost::{Cost, Passes};
-use super::plan::{Source, hash};
+use super::plan::Source;
 use super::record::{Comparison, Role, Sight, Timing};
 use super::scenes::{Place, volume_bytes};
 use super::*;
+use crate::cost::{Cost, Passes};
 use crate::scene::Scene;
+use crate::store::hash;
 
 const PHANTOM: &str = include_str!("phantom.toml");
 

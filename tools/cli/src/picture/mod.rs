@@ -8,15 +8,13 @@ mod subject;
 use std::path::Path;
 
 use engine::Result;
-use engine::gpu::Gpu;
 use engine::image::{Align, shortened};
 use engine::output::write_atomic;
-use engine::splat::SplatSet;
 
-use crate::inputs::Case;
 use canvas::{Canvas, Colour};
 use solid::Solids;
-use subject::{Subject, diverging, grey};
+pub use subject::Subject;
+use subject::{diverging, grey};
 
 /// Width of a slice's panel, pixels.
 const PANEL: usize = 440;
@@ -33,17 +31,8 @@ const TEXT: Colour = [235, 235, 235];
 const DIM_TEXT: Colour = [166, 172, 182];
 
 /// Draws and writes the picture as PNG. `title` is its first line, `lines` the ones below.
-pub fn write(
-    path: &Path,
-    force: bool,
-    gpu: &Gpu,
-    set: &SplatSet,
-    case: &Case,
-    title: &str,
-    lines: &[String],
-) -> Result<()> {
-    let subject = Subject::new(gpu, set, &case.volume, &case.roi)?;
-    let canvas = compose(&subject, title, lines);
+pub fn write(path: &Path, force: bool, subject: &Subject, title: &str, lines: &[String]) -> Result<()> {
+    let canvas = compose(subject, title, lines);
     write_atomic(path, force, |out| canvas.write_png(out))
 }
 

@@ -46,6 +46,15 @@ impl Plane {
         Plane { across, down, pixels }
     }
 
+    /// The pixel where the slices meet.
+    fn pixel(&self, subject: &Subject) -> [usize; 2] {
+        [(self.across, self.pixels[0]), (self.down, self.pixels[1])].map(|((axis, forward), count)| {
+            let share = (subject.centre[axis] + 0.5) / subject.ct.size[axis] as f64;
+            let share = if forward { share } else { 1.0 - share };
+            (share * count as f64) as usize
+        })
+    }
+
     /// Voxel coordinates of a pixel in the slice through the centre.
     fn voxel(&self, subject: &Subject, column: usize, row: usize) -> DVec3 {
         let mut voxel = subject.centre;
@@ -57,6 +66,18 @@ impl Plane {
             voxel[axis] = share * subject.ct.size[axis] as f64 - 0.5;
         }
         voxel
+    }
+}
+
+/// Four strokes around a pixel of a slice; they end at its edges.
+fn mark(canvas: &mut Canvas, [x, y]: [usize; 2], [width, height]: [usize; 2], at: [usize; 2]) {
+    for away in 7..14i64 {
+        for [dx, dy] in [[away, 0], [-away, 0], [0, away], [0, -away]] {
+            let place = [at[0] as i64 + dx, at[1] as i64 + dy];
+            if (0..width as i64).contains(&place[0]) && (0..height as i64).contains(&place[1]) {
+                canvas.image([x + place[0] as usize, y + place[1] as usize], [1, 1], |_, _| LETTERS);
+            }
+        }
     }
 }
 
@@ -105,6 +126,9 @@ pub fn draw_row(
     for (column, &x) in left.iter().enumerate() {
         let x = x + (PANEL - width) / 2;
         canvas.image([x, top], plane.pixels, |px, py| colour(subject, column, plane.voxel(subject, px, py)));
+        if subject.marked {
+            mark(canvas, [x, top], plane.pixels, plane.pixel(subject));
+        }
         if column == 0 {
             over(canvas, [x + 6, top + 6], view.name);
         }

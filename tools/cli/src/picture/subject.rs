@@ -25,8 +25,10 @@ pub struct Subject {
     pub hu: Vec<f32>,
     /// O of the splats.
     pub occupancy: Vec<f32>,
-    /// Centre of mass of the region, voxels of this grid.
+    /// Where the slices meet, voxels of this grid.
     pub centre: DVec3,
+    /// Whether the slices show where they meet.
+    pub marked: bool,
     /// HU of the region that 3 and 96 of a hundred voxels lie below: metal and a few specks do not set the scale.
     pub percentiles: [f32; 2],
     /// What the volume is called.
@@ -38,8 +40,9 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Cuts out the box and evaluates the splats on it.
-    pub fn new(gpu: &Gpu, set: &SplatSet, volume: &Volume, roi: &Roi) -> Result<Self> {
+    /// Cuts out the box and evaluates the splats on it. The slices meet at the voxel `at` of the volume, by its index, or
+    /// in the middle of the region.
+    pub fn new(gpu: &Gpu, set: &SplatSet, volume: &Volume, roi: &Roi, at: Option<usize>) -> Result<Self> {
         let (low, size) = bounds(roi);
         let cut = |samples: &[f32]| -> Vec<f32> {
             let mut out = Vec::with_capacity(size.iter().product());
@@ -73,13 +76,18 @@ impl Subject {
 
         let mut inside: Vec<f32> = marked(&roi).map(|i| ct.samples[i]).collect();
         let mut errors: Vec<f32> = marked(&roi).map(|i| (hu[i] - ct.samples[i]).abs()).collect();
-        let centre = centre_of_mass(&roi);
+        let place = |i: usize| {
+            let [nx, ny, _] = volume.size;
+            DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64) - shift
+        };
+        let centre = at.map_or_else(|| centre_of_mass(&roi), place);
         Ok(Subject {
             percentiles: [percentile(&mut inside, 0.03), percentile(&mut inside, 0.96)],
             name: if volume.is_ct() { "CT" } else { "volume" },
             unit: volume.unit(),
             difference: round_up(percentile(&mut errors, 0.98)),
             centre,
+            marked: at.is_some(),
             ct,
             roi,
             hu,
@@ -105,6 +113,11 @@ impl Subject {
     /// Trilinear sample of any quantity on this grid.
     pub fn sample(&self, values: &[f32], voxel: DVec3) -> f32 {
         trilinear(self.ct.size, voxel, |i| f64::from(values[i])) as f32
+    }
+
+    /// V̂ - V at a place.
+    pub fn error(&self, voxel: DVec3) -> f32 {
+        self.sample(&self.hu, voxel) - self.sample(&self.ct.samples, voxel)
     }
 
     /// Grey of a value in the window.

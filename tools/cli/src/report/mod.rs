@@ -1,6 +1,7 @@
 //! What a command tells at its end: figures as text and as JSON, and how numbers are written.
 
 pub mod curve;
+pub mod errors;
 pub mod record;
 
 use engine::fit::evaluate::{Evaluation, Metrics};
@@ -22,6 +23,8 @@ pub struct Quality {
     pub mmse: f64,
     /// Root mean square error on the grid, HU.
     pub rmse_hu: f64,
+    /// 99th percentile of the absolute error on the grid, HU.
+    pub p99_hu: f64,
     /// What the PSNR is over, HU.
     pub range: [f32; 2],
     /// Root mean square of occupancy less mask over ROI and shell, at the offsets between voxels.
@@ -44,6 +47,7 @@ impl Quality {
             psnr_mean_offset_db: evaluation.mean_psnr_db(),
             mmse: grid.mmse,
             rmse_hu: grid.rmse_hu,
+            p99_hu: grid.p99_hu,
             range: evaluation.range,
             occupancy_rmse: evaluation.occupancy_rmse(),
             occupancy_rmse_on_grid: grid.occupancy_rmse,
@@ -74,6 +78,7 @@ pub fn quality_table(evaluation: &Evaluation) -> String {
             name,
             psnr(m.psnr_db, evaluation.range),
             format!("{:.2}", m.rmse_hu),
+            format!("{:.2}", m.p99_hu),
             format!("{:.4}", m.occupancy_rmse),
             format!("{:.4}", m.soft_dice),
         ]
@@ -87,13 +92,13 @@ pub fn quality_table(evaluation: &Evaluation) -> String {
         let worst = psnr(evaluation.worst_psnr_db(), evaluation.range);
         let mean = psnr(evaluation.mean_psnr_db(), evaluation.range);
         let occupancy = format!("{:.4}", evaluation.occupancy_rmse());
-        rows.push(["worst between", &worst, "", "", ""].map(str::to_owned).to_vec());
-        rows.push(["mean between", &mean, "", &occupancy, ""].map(str::to_owned).to_vec());
+        rows.push(["worst between", &worst, "", "", "", ""].map(str::to_owned).to_vec());
+        rows.push(["mean between", &mean, "", "", &occupancy, ""].map(str::to_owned).to_vec());
     }
     let [low, high] = evaluation.range;
     let unit = evaluation.unit;
     let rmse = if unit.is_empty() { "RMSE" } else { "RMSE, HU" };
-    let heads = ["", "PSNR", rmse, "occupancy RMSE", "soft Dice"];
+    let heads = ["", "PSNR", rmse, "99 % within", "occupancy RMSE", "soft Dice"];
     format!("PSNR over {low} to {high}{unit}:\n{}", table(&heads, &rows))
 }
 

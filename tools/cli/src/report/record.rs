@@ -8,6 +8,7 @@ use engine::volume::{Roi, Volume};
 use serde::Serialize;
 
 use super::Quality;
+use crate::explain::Checked;
 use crate::inputs::InputRecord;
 
 /// The record. Field names are part of the interface.
@@ -32,6 +33,8 @@ pub struct RunRecord<'a> {
     /// The coarser grid that was fitted, if `working_grid` asks for one; the results are on the native one.
     pub working_grid: Option<WorkingRecord>,
     pub profile: &'a str,
+    /// The quality that the profile was fitted at, if one was asked for.
+    pub quality: Option<&'a str>,
     /// Keys that were not left at the profile's value.
     pub explicit: &'a [String],
     pub config: &'a FitConfig,
@@ -40,6 +43,8 @@ pub struct RunRecord<'a> {
     pub device: &'a DeviceDescription,
     pub timings: Timings,
     pub memory: Memory,
+    /// What `--explain` said, and how right it was.
+    pub estimate: Option<Checked>,
     pub results: &'a Results,
 }
 
@@ -120,6 +125,8 @@ pub struct WorkingRecord {
 pub struct Timings {
     pub read: f64,
     pub initialise: f64,
+    /// Of `--explain`; in no other figure but the total.
+    pub calibrate: f64,
     pub fit: f64,
     pub evaluate: f64,
     pub total: f64,

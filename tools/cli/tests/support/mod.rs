@@ -19,7 +19,9 @@ pub fn vgs() -> Command {
         }
         None => Command::new(program),
     };
-    for variable in ["VGS_DEVICE", "VGS_CONFIG", "VGS_PROFILE", "VGS_MAX_BYTES", "VGS_ITERATIONS"] {
+    for variable in
+        ["VGS_DEVICE", "VGS_CONFIG", "VGS_PROFILE", "VGS_QUALITY", "VGS_MAX_BYTES", "VGS_ITERATIONS"]
+    {
         command.env_remove(variable);
     }
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());

@@ -59,13 +59,14 @@ pub fn measure(gpu: &Gpu, frame: impl FnOnce() -> Result<()>) -> Result<(Cost, P
 
 /// CPU time of this process so far, ms.
 #[cfg(unix)]
-fn cpu_ms() -> Option<f64> {
+pub fn cpu_ms() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Some(time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6)
 }
 
+/// Nothing: the system does not tell.
 #[cfg(not(unix))]
-fn cpu_ms() -> Option<f64> {
+pub fn cpu_ms() -> Option<f64> {
     None
 }
 

@@ -1,0 +1,144 @@
+//! Qualities: points on the front of error against cost, as small changes of whatever profile they are put on.
+//!
+//! Each is a plain TOML file in `qualities/`: `density_times`, by which the profile's splats per voxel (or its number of
+//! splats) are multiplied, and keys of [`FitConfig`] that take the place of the profile's. They were chosen from what
+//! `bench trade fit` measures; `docs/choosing.md` has what each costs and gives.
+
+use serde::Deserialize;
+
+use super::FitConfig;
+use crate::error::{Error, Kind, Result};
+
+/// A row of [`QUALITIES`].
+pub struct QualityPreset {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// What it is for, in a few words.
+    pub about: &'static str,
+    /// The file.
+    pub toml: &'static str,
+    /// Root mean square error at the voxels, of the default profile at this quality, in units of what the volume misses at
+    /// half its resolution in the region ([`crate::volume::resample::downsampling_loss`]): mean over ct-torso-tiny mask_ts and
+    /// ct-torso-3mm mask_bones, which are within 13 % of it.
+    pub rmse_of_detail: f64,
+    /// The 99th percentile of the error in the same units.
+    pub p99_of_detail: f64,
+}
+
+/// Every quality, from the cheapest to the best.
+pub const QUALITIES: &[QualityPreset] = &[
+    QualityPreset {
+        name: "preview",
+        about: "a first look",
+        toml: include_str!("qualities/preview.toml"),
+        rmse_of_detail: 0.413,
+        p99_of_detail: 1.537,
+    },
+    QualityPreset {
+        name: "standard",
+        about: "for a headset",
+        toml: include_str!("qualities/standard.toml"),
+        rmse_of_detail: 0.330,
+        p99_of_detail: 1.202,
+    },
+    QualityPreset {
+        name: "fine",
+        about: "for a reading room",
+        toml: include_str!("qualities/fine.toml"),
+        rmse_of_detail: 0.268,
+        p99_of_detail: 0.966,
+    },
+    QualityPreset {
+        name: "exact",
+        about: "for an archive",
+        toml: include_str!("qualities/exact.toml"),
+        rmse_of_detail: 0.190,
+        p99_of_detail: 0.669,
+    },
+];
+
+/// What a file says.
+#[derive(Deserialize)]
+struct Overlay {
+    density_times: f64,
+    #[serde(flatten)]
+    keys: toml::Table,
+}
+
+impl QualityPreset {
+    /// The quality of that name.
+    pub fn named(name: &str) -> Result<&'static QualityPreset> {
+        QUALITIES.iter().find(|row| row.name == name).ok_or_else(|| {
+            let names = QUALITIES.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
+            Error::new(Kind::Usage, "VGS-CFG-015", format!("there is no quality {name:?}"))
+                .help(format!("qualities: {names}"))
+        })
+    }
+
+    /// The hyper-parameters of a profile at this quality.
+    pub fn of(&self, profile: &FitConfig) -> Result<FitConfig> {
+        let broken = |why: String| {
+            Error::new(Kind::Internal, "VGS-CFG-016", format!("quality {:?}: {why}", self.name))
+        };
+        let overlay: Overlay = toml::from_str(self.toml).map_err(|e| broken(e.message().into()))?;
+        let mut keys = toml::Table::try_from(profile).map_err(|e| broken(e.to_string()))?;
+        keys.extend(overlay.keys);
+        let config: FitConfig = keys.try_into().map_err(|e: toml::de::Error| broken(e.message().into()))?;
+        let splats = profile.splats as f64 * overlay.density_times;
+        Ok(FitConfig {
+            density: profile.density * overlay.density_times,
+            splats: if profile.splats > 0 { (splats.round() as usize).max(1) } else { 0 },
+            ..config
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::PROFILES;
+
+    fn preset(toml: &'static str) -> QualityPreset {
+        QualityPreset { name: "a", about: "", toml, rmse_of_detail: 1.0, p99_of_detail: 3.0 }
+    }
+
+    #[test]
+    fn every_quality_of_every_profile_can_work_and_costs_more_than_the_one_before() {
+        for profile in PROFILES {
+            let plain = profile.config().expect("a configuration");
+            let configs: Vec<FitConfig> = QUALITIES
+                .iter()
+                .map(|q| q.of(&plain).unwrap_or_else(|e| panic!("{}: {e}", q.name)))
+                .collect();
+            for config in &configs {
+                config.check().unwrap_or_else(|e| panic!("{}: {e}", profile.name));
+                assert_eq!(config.init_gradient_exponent, plain.init_gradient_exponent, "the profile's own");
+            }
+            let work = |c: &FitConfig| c.density * f64::from(c.iterations);
+            assert!(configs.windows(2).all(|pair| work(&pair[0]) < work(&pair[1])), "{}", profile.name);
+        }
+        let better = |a: &QualityPreset, b: &QualityPreset| {
+            a.rmse_of_detail > b.rmse_of_detail && a.p99_of_detail > b.p99_of_detail && b.rmse_of_detail > 0.0
+        };
+        assert!(
+            QUALITIES.windows(2).all(|pair| better(&pair[0], &pair[1])),
+            "each is better than the one before"
+        );
+    }
+
+    #[test]
+    fn a_number_of_splats_grows_like_a_density() {
+        let preset = preset("density_times = 2.5\niterations = 7\n");
+        let config = preset.of(&FitConfig { splats: 100, ..FitConfig::default() }).expect("a configuration");
+        assert_eq!((config.splats, config.density, config.iterations), (250, 0.25, 7));
+        let same = FitConfig { density: 0.1, iterations: 400, splats: 0, ..config };
+        assert_eq!(same, FitConfig::default(), "all else stays what it is, to the bit");
+    }
+
+    #[test]
+    fn a_wrong_name_is_answered_with_the_right_ones() {
+        assert!(QualityPreset::named("finest").is_err_and(|e| e.help.contains("fine")));
+        let broken = preset("density_times = 1.0\nno_such_key = 1\n");
+        assert!(broken.of(&FitConfig::default()).is_err_and(|e| e.message.contains("no_such_key")));
+    }
+}

@@ -1,0 +1,130 @@
+//! A scene of random splats, its pictures in any mode, and what the twin of mode slab sees of it.
+
+use engine::gpu::Gpu;
+use engine::image::Image;
+use engine::reference::eye::{self, Eye};
+use engine::reference::slab as twin;
+use engine::render::{Camera, Look, MODES, ModeRow, Renderer, Scene, Settings};
+use engine::splat::{Field, Kernel, Splat, SplatSet};
+use engine::transfer::{Table, TransferFunction, preset};
+use glam::{DVec3, DVec4, Vec3};
+use rand::RngExt;
+
+use crate::scene::{random, splat};
+
+/// Size of the pictures.
+pub const SIZE: [u32; 2] = [72, 56];
+
+/// Splats in a ball of 30 mm about a place far from the world's origin, soft and dense ones apart from each other.
+pub fn set(count: usize, kernel: Kernel) -> SplatSet {
+    let mut rng = random(21);
+    let splats = (0..count)
+        .map(|_| {
+            let mut s = splat(&mut rng, Vec3::splat(50.0));
+            s.mean = s.mean.map(|v| v - 25.0);
+            s.log_scale = s.log_scale.map(|v| v + 0.9);
+            s.intensity = if s.mean[0] > 0.0 {
+                rng.random_range(-80.0f32..60.0)
+            } else {
+                rng.random_range(300.0f32..900.0)
+            };
+            s
+        })
+        .collect();
+    SplatSet {
+        splats,
+        origin_mm: DVec3::new(-120.0, 340.0, 1000.0),
+        field: Field { kernel, background: 200.0, ..Field::default() },
+        has_intensity: true,
+        ..SplatSet::default()
+    }
+}
+
+/// No splats, with intensities all the same.
+pub fn empty() -> SplatSet {
+    SplatSet { has_intensity: true, ..SplatSet::default() }
+}
+
+/// A preset over −100 to 900 HU, lit or not.
+pub fn look(name: &str, shade: bool) -> Look {
+    let mut transfer: TransferFunction = preset(name).expect("a preset").over([-100.0, 900.0]);
+    transfer.material.shade = shade;
+    Look::new(transfer)
+}
+
+/// Pictures of [`SIZE`] in f32.
+pub fn settings() -> Settings {
+    Settings { precise: true, ..Settings::new(SIZE) }
+}
+
+/// A camera that sees all of the scene from the patient's left front.
+pub fn camera(scene: &Scene) -> Camera {
+    let [low, high] = scene.bounds();
+    let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
+    Camera::from_side("anterior-left", (low + high) * 0.5, (high - low).length() * 0.35, 40.0, aspect)
+        .expect("a camera")
+}
+
+/// A picture for each camera.
+pub fn render(
+    gpu: &Gpu,
+    row: &ModeRow,
+    scene: &Scene,
+    settings: &Settings,
+    cameras: &[Camera],
+) -> Vec<Image> {
+    let mut renderer = Renderer::new(gpu, row, scene, settings).expect("a renderer");
+    renderer.render(scene, cameras).expect("a frame");
+    (0..settings.views)
+        .map(|view| Image {
+            size: settings.size.map(|n| n as usize),
+            pixels: renderer.target.read_colour(view).expect("a picture"),
+        })
+        .collect()
+}
+
+/// The modes that show splats.
+pub fn of_splats() -> impl Iterator<Item = &'static ModeRow> {
+    MODES.iter().filter(|row| row.of_splats)
+}
+
+/// What the twin sees of a set, at planes as the mode places them.
+pub fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, step: f64) -> Image {
+    let cloud = scene.cloud.as_ref().expect("splats");
+    let eye = Eye::from(&camera.view(scene.origin));
+    let background = f64::from(set.field.background);
+    let appearance = |splat: usize| {
+        let label = set.labels.as_ref().map_or(0, |labels| labels[splat]);
+        let shown = look.objects.get(&label).copied().unwrap_or_default();
+        let tint = shown.tint.map_or(DVec4::ZERO, |t| Vec3::from_array(t).as_dvec3().extend(1.0));
+        eye::Appearance { tint, opacity: f64::from(shown.opacity) }
+    };
+    let seen = |(i, s): (usize, &Splat)| {
+        let seen = twin::seen(&s.into(), &eye, set.field.kernel, background)?;
+        Some(twin::Seen { appearance: appearance(i), ..seen })
+    };
+    let splats: Vec<_> = set.splats.iter().enumerate().filter_map(seen).collect();
+    let [low, high] = cloud.bounds;
+    let radius = (high - low).length() * 0.5;
+    let spacing = cloud.sigma_mm * step;
+    let first = (eye.seen((low + high) * 0.5).z - radius).max(1.0);
+    let planes = twin::Planes { first, spacing, count: (2.0 * radius / spacing).ceil() as u32 + 8 };
+    let table = Table::new(&look.transfer, cloud.range);
+    let [visible, _] = look.transfer.visible().expect("something to see");
+    let twin_look = twin::Look {
+        table: &table,
+        material: &look.transfer.material,
+        dark: if visible.is_finite() { visible } else { cloud.range[0] },
+        planes: &[],
+        segments: false,
+        least_light: 1e-4,
+    };
+    let size = SIZE.map(|n| n as usize);
+    let pixels = (0..size[0] * size[1])
+        .map(|i| {
+            let ray = eye.ray([(i % size[0]) as f64 + 0.5, (i / size[0]) as f64 + 0.5], SIZE);
+            twin::ray(&splats, &set.field, &eye, ray, &planes, &twin_look).pixel().map(|v| v as f32)
+        })
+        .collect();
+    Image { size, pixels }
+}

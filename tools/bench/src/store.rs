@@ -1,0 +1,127 @@
+//! Results as files, one each, by key: what is there is not measured again.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use engine::{Error, Kind, Result, output};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
+
+/// What a store keeps.
+pub trait Keep: Serialize + DeserializeOwned {
+    /// Name of its file without the ending: what a person looks for, then a [`hash`] of everything that it depends on.
+    fn key(&self) -> String;
+
+    /// Why it is no result after all, or nothing.
+    fn defect(&self) -> Option<&'static str> {
+        None
+    }
+}
+
+/// Hash of whatever can be written, of 10 digits.
+pub fn hash(value: &impl Serialize) -> String {
+    let text = serde_json::to_string(value).expect("only numbers and names");
+    Sha256::digest(text).iter().take(5).map(|b| format!("{b:02x}")).collect()
+}
+
+/// A folder of results, with reports beside them.
+pub struct Store {
+    folder: PathBuf,
+}
+
+impl Store {
+    /// In this folder, which is made if it is missing.
+    pub fn open(folder: &Path) -> Result<Self> {
+        let store = Store { folder: folder.to_owned() };
+        fs::create_dir_all(store.runs()).map_err(|e| Error::io(folder, "making the folder", &e))?;
+        Ok(store)
+    }
+
+    fn runs(&self) -> PathBuf {
+        self.folder.join("runs")
+    }
+
+    /// A file of the folder that is no result.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    fn path(&self, key: &str) -> PathBuf {
+        self.runs().join(format!("{key}.json"))
+    }
+
+    /// The result of that key, if there is one.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] if the file is no result, or that of something else.
+    pub fn load<R: Keep>(&self, key: &str) -> Result<Option<R>> {
+        let path = self.path(key);
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(Error::io(&path, "reading", &e)),
+        };
+        let bad = |message: String| {
+            Err(Error::new(Kind::BadData, "VGS-BEN-001", message)
+                .file(&path)
+                .help("delete the file, or measure all of it again with --force"))
+        };
+        match serde_json::from_str::<R>(&text) {
+            Err(e) => bad(format!("this is no result: {e}")),
+            Ok(result) if result.key() != key => bad(format!("this is the result of {}", result.key())),
+            Ok(result) => match result.defect() {
+                Some(why) => bad(why.into()),
+                None => Ok(Some(result)),
+            },
+        }
+    }
+
+    /// Keeps a result, whole or not at all.
+    pub fn save<R: Keep>(&self, result: &R) -> Result<()> {
+        output::write_atomic(self.path(&result.key()), true, |w| {
+            serde_json::to_writer_pretty(w, result).map_err(Into::into)
+        })
+    }
+
+    /// Writes a report beside the results, in place of an older one.
+    pub fn report(&self, name: &str, text: &str) -> Result<()> {
+        output::write_atomic(self.file(name), true, |w| w.write_all(text.as_bytes()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::paper::job::tests::job;
+    use crate::paper::runs::Record;
+    use crate::paper::runs::tests::record;
+
+    #[test]
+    fn a_result_comes_back_and_only_by_its_own_key() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let store = Store::open(&folder.path().join("a/b")).expect("a store");
+        let load = |store: &Store, splats: usize| store.load::<Record>(&job(splats).key());
+        assert!(load(&store, 5).expect("no error").is_none());
+        let kept = record(job(5), &[0.0123, 0.25]);
+        store.save(&kept).expect("written");
+        let again = Store::open(&folder.path().join("a/b")).expect("the same store");
+        assert_eq!(load(&again, 5).expect("a result"), Some(kept));
+        assert!(load(&store, 6).expect("no error").is_none(), "another setting is another run");
+    }
+
+    #[test]
+    fn what_is_no_result_is_refused_by_name() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let store = Store::open(folder.path()).expect("a store");
+        let other = serde_json::to_string(&record(job(6), &[0.1])).expect("json");
+        let empty = serde_json::to_string(&record(job(5), &[])).expect("json");
+        for (text, says) in
+            [("{", "no result"), (other.as_str(), "the result of"), (empty.as_str(), "no measurement")]
+        {
+            fs::write(store.path(&job(5).key()), text).expect("written");
+            let error = store.load::<Record>(&job(5).key()).expect_err(says);
+            assert!(error.message.contains(says) && error.file.is_some(), "{error}");
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! Which pictures are made: a default, what differs from it in one thing, and some that give up several.
+
+use engine::render::{LADDER, Quality};
+use serde::{Deserialize, Serialize};
+
+/// A way to render splats.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Choice {
+    /// Name of the mode.
+    pub mode: String,
+    /// Distance of slabs, standard deviations of a splat.
+    pub step: f64,
+    /// Edge of the picture, as a part of the full one; it is enlarged to be compared.
+    pub resolution: f64,
+    /// The most important splats, as a part of all.
+    pub splats: f64,
+    /// Whether splats are kept in 16 bytes.
+    pub packed: bool,
+}
+
+impl Choice {
+    /// What viewers begin with.
+    pub fn usual(mode: &str) -> Self {
+        Choice { mode: mode.into(), step: 1.0, resolution: 1.0, splats: 1.0, packed: false }
+    }
+
+    /// Whether a frame can change to this without anything being made anew, so that it can be a rung.
+    pub fn is_rung(&self) -> bool {
+        !self.packed && self.step >= 1.0 && self.mode != "exact"
+    }
+
+    /// What is given up within the mode.
+    pub fn quality(&self) -> Quality {
+        Quality { resolution: self.resolution, coarseness: self.step.max(1.0), splats: self.splats }
+    }
+
+    /// [`engine::render::Settings::step`]; slabs that are farther apart are a matter of [`Choice::quality`].
+    pub fn fine_step(&self) -> f64 {
+        self.step.min(1.0)
+    }
+
+    /// In a few words.
+    pub fn name(&self) -> String {
+        let mut name = self.mode.clone();
+        if self.step != 1.0 {
+            name += &format!(", slabs × {}", self.step);
+        }
+        if self.resolution != 1.0 {
+            name += &format!(", edges × {}", self.resolution);
+        }
+        if self.splats != 1.0 {
+            name += &format!(", {} % of the splats", (100.0 * self.splats).round());
+        }
+        if self.packed {
+            name += ", packed";
+        }
+        name
+    }
+}
+
+/// All choices, each once.
+pub fn choices() -> Vec<Choice> {
+    let mut all: Vec<Choice> = ["exact", "slab", "alpha"].map(Choice::usual).into();
+    for step in [0.5, 1.5, 2.0, 3.0] {
+        all.push(Choice { step, ..Choice::usual("slab") });
+    }
+    for mode in ["slab", "alpha"] {
+        let usual = Choice::usual(mode);
+        all.push(Choice { packed: true, ..usual.clone() });
+        all.extend([0.85, 0.7, 0.5, 0.35].map(|resolution| Choice { resolution, ..usual.clone() }));
+        all.extend([0.6, 0.3, 0.15].map(|splats| Choice { splats, ..usual.clone() }));
+    }
+    for (step, resolution) in [(1.5, 0.85), (2.0, 0.7), (2.0, 0.5), (3.0, 0.5), (3.0, 0.35)] {
+        all.push(Choice { step, resolution, ..Choice::usual("slab") });
+    }
+    for (resolution, splats) in [(0.7, 0.6), (0.6, 0.3), (0.5, 0.15), (0.5, 0.05), (0.35, 0.3)] {
+        all.push(Choice { resolution, splats, ..Choice::usual("alpha") });
+    }
+    // The ladder as it is, so that it can be compared with what it should be.
+    all.extend(LADDER.iter().map(|rung| Choice {
+        mode: rung.mode.into(),
+        step: rung.quality.coarseness,
+        resolution: rung.quality.resolution,
+        splats: rung.quality.splats,
+        packed: false,
+    }));
+    let mut once: Vec<Choice> = Vec::new();
+    for choice in all {
+        if !once.contains(&choice) {
+            once.push(choice);
+        }
+    }
+    once
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_knob_is_turned_alone_and_all_rungs_are_there() {
+        let all = choices();
+        let usual = Choice::usual("slab");
+        let names: std::collections::BTreeSet<String> = all.iter().map(Choice::name).collect();
+        assert_eq!(names.len(), all.len(), "a name is one choice");
+        for alone in [
+            |c: &Choice, u: &Choice| c.step != u.step && *c == Choice { step: c.step, ..u.clone() },
+            |c: &Choice, u: &Choice| {
+                c.resolution != u.resolution && *c == Choice { resolution: c.resolution, ..u.clone() }
+            },
+            |c: &Choice, u: &Choice| c.splats != u.splats && *c == Choice { splats: c.splats, ..u.clone() },
+            |c: &Choice, u: &Choice| c.packed && *c == Choice { packed: true, ..u.clone() },
+        ] {
+            assert!(all.iter().any(|c| alone(c, &usual)));
+        }
+        for rung in LADDER.iter() {
+            assert!(all.iter().any(|c| c.is_rung() && c.mode == rung.mode && c.quality() == rung.quality));
+        }
+    }
+}

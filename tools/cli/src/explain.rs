@@ -1,0 +1,332 @@
+//! What a fit will cost, said before it begins: memory and file by making ready for it, time by its own first iterations
+//! on this device, errors by what its quality has given elsewhere.
+
+use std::time::{Duration, Instant};
+
+use engine::Result;
+use engine::fit::evaluate::{self, Protocol};
+use engine::fit::{FitConfig, Fitter, QualityPreset};
+use engine::gpu::Gpu;
+use engine::splat::{self, Field, Splat, SplatSet};
+use engine::volume::resample::{AREA, downsampling_loss};
+use serde::Serialize;
+
+use crate::inputs::Case;
+use crate::optimise::Schedule;
+use crate::report::record::Results;
+use crate::report::{bytes, seconds};
+
+/// Iterations that are not counted: kernels are compiled at the first one, and buffers grow.
+const WARM_UP: u32 = 4;
+/// Iterations of a batch, which is timed as a whole: one is recorded while another runs.
+const BATCH: u32 = 4;
+/// Iterations are timed for so long ...
+const TIMED: Duration = Duration::from_millis(2500);
+/// ... or so many.
+const MOST_TIMED: u32 = 64;
+/// Iterations later in a fit over its first ones: splats that have found their places reach other bricks. The median of the
+/// 28 fits of the default profile in docs/paper-tables/runs (those after the 50th over those before), half of which lie
+/// between 1.02 and 1.14.
+const GROWTH: f64 = 1.07;
+
+/// What the first iterations showed, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Rates {
+    /// Reading the inputs and placing the first splats; they are done already.
+    before: f64,
+    /// Targets and buffers.
+    setup: f64,
+    /// The first iterations beyond what they will cost later.
+    warm_up: f64,
+    /// An iteration, in the mean of the whole fit.
+    iteration: f64,
+    /// Fetching figures and splats.
+    look: f64,
+    /// The closing evaluation.
+    evaluation: f64,
+}
+
+impl Rates {
+    /// The iterations that a schedule comes to.
+    fn iterations(&self, schedule: &Schedule) -> u32 {
+        let Some(time) = schedule.time else { return schedule.iterations };
+        let left = (time.as_secs_f64() - self.warm_up).max(0.0) / self.iteration.max(1e-9);
+        // Saturates where time is long and iterations are fast.
+        schedule.iterations.min(left as u32).max(1)
+    }
+
+    /// Time of so many iterations with `looks` at what they came to.
+    fn fit(&self, iterations: u32, looks: u32) -> f64 {
+        self.warm_up + f64::from(iterations) * self.iteration + f64::from(looks) * self.look
+    }
+
+    fn total(&self, iterations: u32, looks: u32) -> f64 {
+        self.before + self.setup + self.fit(iterations, looks) + self.evaluation
+    }
+}
+
+/// Errors that are to be expected, HU.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Expected {
+    /// Root mean square at the voxels.
+    pub rmse_hu: f64,
+    /// 99 % of the voxels are within this.
+    pub p99_hu: f64,
+}
+
+/// What a fit will cost. The names are part of the interface.
+#[derive(Clone, Debug, Serialize)]
+pub struct Estimate {
+    pub device: String,
+    pub splats: usize,
+    /// Whether the number of splats may grow on the way; the figures are of those that it starts with.
+    pub may_grow: bool,
+    pub roi_voxels: usize,
+    pub iterations: u32,
+    /// From the start of the command to its end.
+    pub seconds: f64,
+    pub fit_seconds: f64,
+    pub seconds_per_iteration: f64,
+    pub device_peak_bytes: u64,
+    pub file_bytes: u64,
+    /// Of a quality as it is, which was measured; nothing otherwise.
+    #[serde(flatten)]
+    pub expected: Option<Expected>,
+    /// What it took to find out.
+    pub calibration_seconds: f64,
+}
+
+/// What will be fitted.
+pub struct Plan<'a> {
+    /// Another device object than that of the fit, so that each has its own account of memory.
+    pub gpu: &'a Gpu,
+    /// What is fitted.
+    pub fitted: &'a Case,
+    /// What is evaluated at the end; the same, unless the fit has a working grid.
+    pub native: &'a Case,
+    pub config: &'a FitConfig,
+    pub field: Field,
+    pub first: &'a [Splat],
+    pub schedule: Schedule,
+    /// The closing evaluation, if there is one.
+    pub protocol: Option<Protocol>,
+    /// The splats as they will be written, but for their values.
+    pub set: &'a SplatSet,
+    pub output: &'a std::path::Path,
+    /// The quality, if nothing that it says was changed.
+    pub quality: Option<&'static QualityPreset>,
+    /// What has passed since the command began.
+    pub before: Duration,
+}
+
+/// Finds out what a fit will cost.
+pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
+    let begin = Instant::now();
+    let mut rates = Rates { before: plan.before.as_secs_f64(), ..Rates::default() };
+    time_iterations(plan, &mut rates)?;
+    if let Some(protocol) = &plan.protocol {
+        let native;
+        let splats = if std::ptr::eq(plan.fitted, plan.native) {
+            plan.first
+        } else {
+            native = plan.set.to_voxel(&plan.native.volume.world_from_voxel);
+            &native
+        };
+        // One grid tells what each costs.
+        let one = Protocol { offsets: Vec::new(), ..protocol.clone() };
+        let evaluating = Instant::now();
+        evaluate::evaluate(plan.gpu, splats, &plan.field, &plan.native.volume, &plan.native.roi, &one)?;
+        rates.evaluation = evaluating.elapsed().as_secs_f64() * (1 + protocol.offsets.len()) as f64;
+    }
+    let iterations = rates.iterations(&plan.schedule);
+    let looks = iterations / u32::try_from(plan.config.offsets).unwrap_or(1).max(LOOK_EVERY);
+    let range = plan.protocol.as_ref().map(|p| p.range);
+    Ok(Estimate {
+        device: plan.gpu.description().name.clone(),
+        splats: plan.first.len(),
+        may_grow: plan.config.topology()?.change.is_some() && plan.config.topology_limit > 1.0,
+        roi_voxels: plan.native.roi.voxel_count(),
+        iterations,
+        seconds: rates.total(iterations, looks),
+        fit_seconds: rates.fit(iterations, looks),
+        seconds_per_iteration: rates.iteration,
+        device_peak_bytes: plan.gpu.peak_bytes(),
+        file_bytes: splat::file_bytes(plan.output, plan.set)?,
+        expected: plan.quality.map(|q| expected(q, detail_hu(plan.native, range))),
+        calibration_seconds: begin.elapsed().as_secs_f64(),
+    })
+}
+
+/// Iterations between two looks, at least, as `optimise` has them.
+const LOOK_EVERY: u32 = 16;
+
+/// Runs the fit's first iterations and forgets them.
+fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<()> {
+    let setup = Instant::now();
+    let case = plan.fitted;
+    let mut fitter = Fitter::new(plan.gpu, &case.volume, &case.roi, plan.first, plan.config)?;
+    rates.setup = setup.elapsed().as_secs_f64();
+    let mut run = |count: u32| -> Result<(u32, f64)> {
+        let begin = Instant::now();
+        let from = fitter.iteration();
+        for _ in 0..count {
+            let share = f64::from(fitter.iteration()) / f64::from(plan.schedule.iterations);
+            fitter.step(share)?;
+        }
+        fitter.finish()?;
+        // Fewer than were asked for where buffers had to grow.
+        Ok((fitter.iteration().saturating_sub(from), begin.elapsed().as_secs_f64()))
+    };
+    let (_, warm_up) = run(WARM_UP)?;
+    let timing = Instant::now();
+    let (mut done, mut spent) = (0, 0.0);
+    while done == 0 || done < MOST_TIMED && timing.elapsed() < TIMED {
+        let (iterations, time) = run(BATCH)?;
+        done += iterations;
+        spent += time;
+    }
+    let early = spent / f64::from(done);
+    rates.iteration = GROWTH * early;
+    rates.warm_up = (warm_up - f64::from(WARM_UP) * early).max(0.0);
+    let looking = Instant::now();
+    fitter.progress()?;
+    fitter.splats()?;
+    rates.look = looking.elapsed().as_secs_f64();
+    Ok(())
+}
+
+/// How much of the region is finer than two voxels, HU: root mean square of what the volume at half the resolution misses.
+fn detail_hu(case: &Case, range: Option<[f32; 2]>) -> f64 {
+    let range = range.unwrap_or_else(|| case.full_range());
+    let span = f64::from(range[1]) - f64::from(range[0]);
+    downsampling_loss(&case.volume, &case.roi, 2, &AREA, range).mmse.sqrt() * span
+}
+
+/// Errors of a quality for so much detail.
+fn expected(quality: &QualityPreset, detail_hu: f64) -> Expected {
+    Expected { rmse_hu: quality.rmse_of_detail * detail_hu, p99_hu: quality.p99_of_detail * detail_hu }
+}
+
+/// In plain words.
+pub fn text(estimate: &Estimate) -> String {
+    let e = estimate;
+    let grows = if e.may_grow { "; more may come on the way, and all of it grows with them" } else { "" };
+    let mut out = format!(
+        "this fit of {} splats to {} voxels on {} will cost{grows}:\n  time: about {}, of which {} are {} iterations of {}\n  \
+         memory: about {} of the device\n  file: {}\n",
+        e.splats,
+        e.roi_voxels,
+        e.device,
+        seconds(e.seconds),
+        seconds(e.fit_seconds),
+        e.iterations,
+        seconds(e.seconds_per_iteration),
+        bytes(e.device_peak_bytes),
+        bytes(e.file_bytes)
+    );
+    match e.expected {
+        Some(Expected { rmse_hu, p99_hu }) => out.push_str(&format!(
+            "  error at the voxels: about {rmse_hu:.0} HU (root mean square), 99 % within {p99_hu:.0} HU\n"
+        )),
+        None => out.push_str("  error: not known of settings other than a --quality as it is\n"),
+    }
+    out.push_str(&format!("(found out in {})", seconds(e.calibration_seconds)));
+    out
+}
+
+/// An estimate beside what then happened, for the record.
+#[derive(Clone, Debug, Serialize)]
+pub struct Checked {
+    pub estimate: Estimate,
+    /// Estimate over outcome: 1 is right.
+    pub ratio: Ratio,
+}
+
+/// See [`Checked`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Ratio {
+    pub seconds: f64,
+    pub fit_seconds: f64,
+    pub device_peak_bytes: f64,
+    pub file_bytes: f64,
+    /// Where both are known.
+    pub rmse_hu: Option<f64>,
+    pub p99_hu: Option<f64>,
+}
+
+impl Checked {
+    /// `file_bytes`: of the file that was written. The time of the calibration is no part of the fit's.
+    pub fn new(estimate: Estimate, results: &Results, file_bytes: u64) -> Self {
+        let e = &estimate;
+        let over = |a: f64, b: f64| if b > 0.0 { a / b } else { f64::NAN };
+        let errors = e.expected.zip(results.quality.as_ref());
+        let ratio = Ratio {
+            seconds: over(e.seconds, results.seconds - e.calibration_seconds),
+            fit_seconds: over(e.fit_seconds, results.fit_seconds),
+            device_peak_bytes: over(e.device_peak_bytes as f64, results.device_peak_bytes as f64),
+            file_bytes: over(e.file_bytes as f64, file_bytes as f64),
+            rmse_hu: errors.map(|(e, q)| over(e.rmse_hu, q.rmse_hu)),
+            p99_hu: errors.map(|(e, q)| over(e.p99_hu, q.p99_hu)),
+        };
+        Checked { estimate, ratio }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_is_what_the_parts_take() {
+        let rates =
+            Rates { before: 1.0, setup: 2.0, warm_up: 0.5, iteration: 0.1, look: 0.01, evaluation: 3.0 };
+        assert!((rates.fit(400, 25) - 40.75).abs() < 1e-9);
+        assert!((rates.total(400, 25) - 46.75).abs() < 1e-9);
+        let limited = |seconds: u64, iterations| {
+            rates.iterations(&Schedule { iterations, time: Some(Duration::from_secs(seconds)) })
+        };
+        assert_eq!(rates.iterations(&Schedule { iterations: 400, time: None }), 400);
+        assert_eq!(limited(10, u32::MAX), 95, "after the half second of the first ones");
+        assert_eq!(limited(10, 50), 50);
+        assert_eq!(limited(0, 50), 1, "a fit does one iteration at least");
+    }
+
+    #[test]
+    fn a_text_says_what_is_not_known() {
+        let mut estimate = Estimate {
+            device: "a device".into(),
+            splats: 10,
+            may_grow: false,
+            roi_voxels: 100,
+            iterations: 400,
+            seconds: 90.0,
+            fit_seconds: 80.0,
+            seconds_per_iteration: 0.2,
+            device_peak_bytes: 2_500_000,
+            file_bytes: 1234,
+            expected: None,
+            calibration_seconds: 3.0,
+        };
+        let plain = text(&estimate);
+        for says in ["90 s", "80 s are 400 iterations of 0.2 s", "2.5 MB", "1.2 kB", "not known"] {
+            assert!(plain.contains(says), "{says} in {plain}");
+        }
+        estimate.expected = Some(Expected { rmse_hu: 31.4, p99_hu: 120.0 });
+        estimate.may_grow = true;
+        let told = text(&estimate);
+        assert!(
+            told.contains("31 HU") && told.contains("120 HU") && told.contains("more may come"),
+            "{told}"
+        );
+    }
+
+    #[test]
+    fn twice_the_detail_is_twice_the_error() {
+        let quality = &engine::fit::QUALITIES[0];
+        let (one, two) = (expected(quality, 10.0), expected(quality, 20.0));
+        assert!(one.rmse_hu > 0.0 && one.p99_hu > one.rmse_hu);
+        assert!(
+            (two.rmse_hu / one.rmse_hu - 2.0).abs() < 1e-12 && (two.p99_hu / one.p99_hu - 2.0).abs() < 1e-12
+        );
+    }
+}
