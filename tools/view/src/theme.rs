@@ -39,5 +39,7 @@ pub fn apply(context: &Context) {
         visuals.widgets.noninteractive.fg_stroke = Stroke::new(1.0, Color32::from_gray(190));
         visuals.widgets.inactive.fg_stroke = Stroke::new(1.0, Color32::from_gray(215));
         visuals.slider_trailing_fill = true;
+        // A blinking cursor would draw frames while nothing happens.
+        visuals.text_cursor.blink = false;
     });
 }
