@@ -159,6 +159,16 @@ impl Cloud {
         Ok(())
     }
 
+    /// Takes it that every splat can show every intensity.
+    pub(super) fn list_all(&mut self, gpu: &Gpu) -> Result<()> {
+        // Standard splats are listed whatever the look.
+        if self.standard.is_none() {
+            let all = vec![self.range.map(|c| c as f32); self.count];
+            self.intervals = gpu.upload("intervals of intensity", "splats", &all)?;
+        }
+        Ok(())
+    }
+
     /// Rows in mm in the space of the scene.
     pub(super) fn rows(&self) -> &SplatRows {
         &self.rows

@@ -102,6 +102,14 @@ impl Scene {
         self.list_active()
     }
 
+    /// Lists splats from now on that no look can show any of, as well: to see what leaving them out saves.
+    pub fn list_all(&mut self) -> Result<()> {
+        if let Some(cloud) = &mut self.cloud {
+            cloud.list_all(&self.gpu)?;
+        }
+        self.list_active()
+    }
+
     /// How the scene is seen.
     pub fn look(&self) -> &Look {
         &self.look

@@ -11,6 +11,7 @@ use engine::volume::{Stats, Volume};
 use engine::{Error, Result};
 use serde::Serialize;
 
+use crate::budget::{self, Budget, BudgetArguments};
 use crate::console::Console;
 use crate::failure::{Stop, clean};
 use crate::inputs::ReadArguments;
@@ -25,12 +26,15 @@ pub struct Arguments {
     files: Vec<PathBuf>,
     #[command(flatten)]
     read: ReadArguments,
+    #[command(flatten)]
+    budget: BudgetArguments,
 }
 
 const EXAMPLES: &str = "\
 Examples:
   vgs info ct.nii.gz bones.ply
-  vgs info --json bones.ply       one object, on one line, for each file";
+  vgs info --json bones.ply       one object, on one line, for each file
+  vgs info --budget --tf CT-Bone body.ply     where bytes and milliseconds of a frame go";
 
 /// What a file is; the tag `kind` and the fields of its format on one level.
 #[derive(Serialize)]
@@ -63,18 +67,26 @@ struct Told<'a> {
     file: String,
     #[serde(flatten)]
     content: &'a Content,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    budget: Option<&'a Budget>,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
     for (i, path) in arguments.files.iter().enumerate() {
         let content = look(path, &arguments.read)?;
+        let asked = arguments.budget.budget && matches!(content, Content::Splats(_));
+        let budget = asked.then(|| budget::find(path, &arguments.budget)).transpose()?;
         let file = path.display().to_string();
         if console.json {
-            console.json_data(&Told { file, content: &content })?;
+            console.json_data(&Told { file, content: &content, budget: budget.as_ref() })?;
         } else {
             let gap = if i > 0 { "\n" } else { "" };
-            console.data(&format!("{gap}{}\n{}", clean(&file), text(&content)))?;
+            let mut out = text(&content);
+            for (name, value) in budget.iter().flat_map(Budget::lines) {
+                out.add(name, value);
+            }
+            console.data(&format!("{gap}{}\n{}", clean(&file), out.0))?;
         }
     }
     Ok(0)
@@ -129,13 +141,13 @@ impl Lines {
     }
 }
 
-fn text(content: &Content) -> String {
+fn text(content: &Content) -> Lines {
     let mut out = Lines(String::new());
     match content {
         Content::Splats(summary) => splat_lines(summary, &mut out),
         Content::Volume { header, voxels } => volume_lines(header.as_deref(), voxels.as_ref(), &mut out),
     }
-    out.0
+    out
 }
 
 fn joined<T: ToString>(values: &[T], between: &str) -> String {

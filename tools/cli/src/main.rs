@@ -8,6 +8,7 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod budget;
 mod checkpoint;
 mod clock;
 mod compare;

@@ -86,6 +86,24 @@ fn phantom_fit_eval_rasterize_info() {
     assert!(volume["max"].as_f64().is_some_and(|hu| (100.0..2000.0).contains(&hu)), "{volume}");
     assert!(weight["min"] == 0.0 && weight["max"].as_f64().is_some_and(|w| w > 0.1), "{weight}");
     assert!(folder.run(&["info", "a.ply"]).out.contains("60"));
+    let budget =
+        folder.run(&["info", "a.ply", "--budget", "--tf", "CT-Bone", "--size", "96x64", "--json"]).json();
+    let budget = &budget["budget"];
+    assert_eq!((&budget["all"]["splats"], &budget["size"][0]), (&60.into(), &96.into()), "{budget}");
+    assert!(
+        budget["shown"]["splats"].as_u64() <= Some(60) && budget["shown"]["ms"].as_f64() > Some(0.0),
+        "{budget}"
+    );
+    // What is left out shows nothing.
+    assert!(budget["psnr_db"] == "inf" || budget["psnr_db"].as_f64() > Some(80.0), "{budget}");
+    assert!(budget["memory"]["pictures"].as_u64() >= Some(96 * 64 * 8), "{budget}");
+    let told = folder.run(&["info", "a.ply", "--budget", "--size", "64", "--mode", "alpha"]);
+    assert!(
+        told.code == 0 && told.out.contains("can be seen") && told.out.contains("memory"),
+        "{}",
+        told.out
+    );
+    assert_eq!(folder.run(&["info", "a.ply", "--budget", "--mode", "fast"]).code, 2);
 }
 
 #[test]

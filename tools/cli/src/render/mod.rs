@@ -1,6 +1,6 @@
 //! `vgs render`: pictures of splats, or of the volume they were fitted to, through a transfer function.
 
-mod arguments;
+pub mod arguments;
 mod frames;
 
 use std::collections::BTreeMap;
