@@ -13,7 +13,7 @@ use engine::render::{
 use engine::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction, preset};
 use engine::volume::{Roi, Volume};
 use glam::{DAffine3, DMat3, DVec3};
-use vgs_tests::{Device, picture};
+use vgs_tests::{Device, picture, rendering};
 
 const SIZE: [u32; 2] = [72, 56];
 
@@ -72,15 +72,7 @@ fn scene(gpu: &Gpu, volume: &Volume, roi: Option<&Roi>, look: &Look) -> Scene {
 }
 
 fn render(gpu: &Gpu, scene: &Scene, settings: &Settings, cameras: &[Camera]) -> Vec<Image> {
-    let row = mode("volume").expect("the mode");
-    let mut renderer = Renderer::new(gpu, row, scene, settings).expect("a renderer");
-    renderer.render(scene, cameras).expect("a frame");
-    (0..settings.views)
-        .map(|view| Image {
-            size: settings.size.map(|n| n as usize),
-            pixels: renderer.target.read_colour(view).expect("a picture"),
-        })
-        .collect()
+    rendering::render(gpu, mode("volume").expect("the mode"), scene, settings, cameras)
 }
 
 fn camera(scene: &Scene) -> Camera {

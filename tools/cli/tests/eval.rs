@@ -109,31 +109,11 @@ fn a_map_of_another_name_is_refused_before_anything_is_done() {
     let folder = Folder::new(8);
     known(&folder);
     let before = folder.contents();
-    let refused = folder.run(&[
-        "eval",
-        "flat.ply",
-        "known.nii",
-        "--roi",
-        "labels.nii",
-        "--roi-label",
-        "5",
-        "--map",
-        "error.mha",
-    ]);
+    let eval = ["eval", "flat.ply", "known.nii", "--roi", "labels.nii", "--roi-label", "5"];
+    let refused = folder.run(&[&eval[..], &["--map", "error.mha"]].concat());
     assert_eq!(refused.code, 2, "{}", refused.err);
     assert!(refused.err.contains("VGS-NII-020") && refused.err.contains(".nii.gz"), "{}", refused.err);
     assert!(folder.contents() == before, "nothing is left behind");
-    let exists = folder.run(&[
-        "eval",
-        "flat.ply",
-        "known.nii",
-        "--roi",
-        "labels.nii",
-        "--roi-label",
-        "5",
-        "--map",
-        "known.nii",
-        "--force",
-    ]);
+    let exists = folder.run(&[&eval[..], &["--map", "known.nii", "--force"]].concat());
     assert!(exists.code != 0 && exists.err.contains("VGS-CLI-021"), "{}", exists.err);
 }
