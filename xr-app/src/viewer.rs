@@ -15,6 +15,7 @@ use crate::headset::{Blend, Event, Eye, Headset, Lent, Pose, State, Timing};
 use crate::mirror::Mirror;
 use crate::placement::Placement;
 use crate::pointing::{Known, Pointing};
+use crate::sight::Sight;
 use crate::statistics::{Report, Statistics};
 
 /// How the scene is shown.
@@ -48,6 +49,7 @@ pub struct Viewer {
     options: Options,
     controls: Controls,
     pointing: Pointing,
+    sight: Sight,
     mirror: Option<Mirror>,
     /// Where the head was in the last frame.
     head: Pose,
@@ -66,7 +68,8 @@ impl Viewer {
     /// For a scene in a headset.
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
-        let settings = Settings { views: 2, depth: about.depth, ..Settings::new(about.eye_size) };
+        let settings =
+            Settings { views: 2, depth: about.depth, blind: about.lenses, ..Settings::new(about.eye_size) };
         let frames = Frames::new(gpu, &scene, &settings, &options.rungs)?;
         let composer = Composer::new(gpu, about.format, about.depth, about.blend, options.background)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
@@ -83,6 +86,7 @@ impl Viewer {
             options,
             controls,
             pointing,
+            sight: Sight::default(),
             mirror: None,
             head: Pose::IDENTITY,
             slot: 0,
@@ -153,6 +157,7 @@ impl Viewer {
             Event::State(State::Over | State::Lost) => self.over = true,
             Event::State(_) => {}
             Event::Recentred => self.place = true,
+            Event::Lenses => self.sight.forget(),
             Event::Rate(hz) if self.options.budget_ms.is_none() => {
                 self.controller.set_budget_ms(budget_ms(hz))
             }
@@ -195,6 +200,11 @@ impl Viewer {
         let seen = headset.eyes(&timing)?;
         self.statistics.looked(&timing, &seen);
         self.head = head(&seen.eyes);
+        if headset.description().lenses
+            && let Some(blind) = self.sight.update(headset.lenses(), &seen.eyes)
+        {
+            self.frames.set_blind(blind);
+        }
         let cameras: [Camera; 2] = seen.eyes.map(|eye| self.controls.placement.camera(&eye));
         self.frames.submit(frame, &self.scene, &cameras)?;
         headset.end(&timing, Some(&seen.eyes))?;
@@ -291,7 +301,13 @@ impl Viewer {
             waits: now.waits - self.before.waits,
         };
         let (about, placement) = (headset.description(), &self.controls.placement);
-        self.statistics.report(&self.gpu, about, &self.options.rungs, placement, hitches)
+        self.statistics.report(
+            &self.gpu,
+            about,
+            &self.options.rungs,
+            (placement, self.sight.hidden()),
+            hitches,
+        )
     }
 }
 
