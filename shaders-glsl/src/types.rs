@@ -505,6 +505,10 @@ shared! {
         background: [f32; 4],
         /// Distances along the viewing direction of depths 0 and 1, mm.
         range: [f32; 2],
+        /// Left, upper, right and lower edge of the insets, as parts of the eyes' pictures.
+        insets: [[f32; 4]; 2],
+        /// Part of an inset's edges over which it fades.
+        fading: f32,
     }
     /// Push constants of `mirror`.
     MirrorParams {

@@ -137,10 +137,10 @@ fn what_no_eye_sees_changes_nothing_else() {
     let cameras = eyes(&scene);
     let asked = Settings { blind: true, depth: true, ..settings() };
     let all = Settings { depth: true, ..settings() };
-    // The left half of the first view, the middle of the second.
-    let left = rectangle(DVec2::new(-2.0, -2.0), DVec2::new(-0.07, 2.0));
+    // The right half of the first view, where the scene is, and the middle of the second.
+    let right = rectangle(DVec2::new(-0.07, -2.0), DVec2::new(2.0, 2.0));
     let middle = rectangle(DVec2::new(-0.25, -0.25), DVec2::new(0.25, 0.25));
-    let blind = [Blind::of(&cameras[0].fov, &left), Blind::of(&cameras[1].fov, &middle)];
+    let blind = [Blind::of(&cameras[0].fov, &right), Blind::of(&cameras[1].fov, &middle)];
     let mut whole = Frames::new(&gpu, &scene, &all, &rungs()).expect("frames");
     let mut frames = Frames::new(&gpu, &scene, &asked, &rungs()).expect("frames");
     whole.warm_up(&scene, &cameras).expect("all rungs");

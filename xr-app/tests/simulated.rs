@@ -81,10 +81,10 @@ fn last_picture(gpu: &Gpu, script: Script, options: Options) -> (Viewer, Simulat
     (viewer, headset, found)
 }
 
-/// A head that goes near to the patient, who then fills the pictures.
+/// A head that goes near to the patient and leans over, so that the cross reaches the corners of the pictures.
 fn nearing(seconds: f64) -> (Pose, bool) {
-    let position = if seconds < 0.05 { DVec3::ZERO } else { DVec3::new(0.0, 0.0, -0.55) };
-    (Pose { position, ..Pose::IDENTITY }, true)
+    let near = Pose { position: DVec3::new(0.0, 0.0, -0.55), orientation: DQuat::from_rotation_z(0.8) };
+    (if seconds < 0.05 { Pose::IDENTITY } else { near }, true)
 }
 
 /// Where lenses are round the corners are background, though they would show something, and what is seen has the same bits;
@@ -92,7 +92,7 @@ fn nearing(seconds: f64) -> (Pose, bool) {
 #[test]
 fn nothing_is_shown_behind_the_rims_of_round_lenses() {
     let gpu = device();
-    for rung in [0, 4, 5] {
+    for rung in [0, 5] {
         let script = |round_from| Script { head: nearing, round_from, ..script(12) };
         let options = Options { rung: Some(rung), ..options() };
         let (_, _, whole) = last_picture(&gpu, script(None), options.clone());
@@ -102,8 +102,8 @@ fn nothing_is_shown_behind_the_rims_of_round_lenses() {
         let eyes = headset.shown.expect("a frame");
         let [width, height] = headset.description().eye_size.map(|n| n as usize);
         let mut spared = 0;
-        for eye in 0..2 {
-            let blind = Blind::of(&eyes[eye].fov, &headset.lenses()[eye]);
+        for (eye, lens) in headset.lenses().iter().enumerate() {
+            let blind = Blind::of(&eyes[eye].fov, lens);
             // An ellipse has π/4 of its rectangle.
             assert!((0.17..0.2146).contains(&blind.share()), "{}", blind.share());
             for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
@@ -113,7 +113,8 @@ fn nothing_is_shown_behind_the_rims_of_round_lenses() {
                 spared += usize::from(!same);
             }
         }
-        assert!(spared > 20, "rung {rung}: {spared} pixels are spared");
+        // In mode alpha only what lies in the corners altogether is left out.
+        assert!(spared > if rung == 0 { 100 } else { 0 }, "rung {rung}: {spared} pixels are spared");
         let report = viewer.report(&headset);
         assert!(report.hidden.iter().all(|part| (0.17..0.2146).contains(part)), "{:?}", report.hidden);
     }

@@ -53,7 +53,7 @@ pub fn blind_parts() {
         !holes.contains(&[x, y, x]) && !holes.iter().any(|h| h[view..][..2] == [x, y])
     });
     for words in [lens_and_inset(), scattered, patches(2, |view, _| view == 0)] {
-        for size in [[52u32, 40], [64, 64], [1000, 617], [333, 2048], [1, 1], [17, 3000]] {
+        for size in [[52u32, 40], [64, 64], [300, 217], [99, 640], [1, 1], [17, 900]] {
             let tiles = size.map(|n| n.div_ceil(TILE));
             let count = tiles[0] * tiles[1];
             let on_device = gpu.upload("patches", "test", &words).unwrap();
