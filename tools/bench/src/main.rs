@@ -7,6 +7,7 @@ mod cost;
 mod eyes;
 mod paper;
 mod passes;
+mod plot;
 mod render;
 mod report;
 mod scene;
