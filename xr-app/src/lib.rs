@@ -4,6 +4,7 @@
 //! main ─► viewer ─► headset (openxr or simulated): clock, eyes, hands, pictures
 //!                ─► controls ─► placement          what hands do to the patient
 //!                ─► pointing ─► panel, sheets      what hands point at: egui's panel, readings, distances
+//!                ─► sight                          which views are rendered, and what of them no eye sees
 //!                ─► composer                       what was rendered, into the pictures of the eyes
 //!                ─► mirror                         the same in a window of the desktop
 //!                ─► statistics                     what is reported
@@ -23,6 +24,7 @@ pub mod panel;
 pub mod placement;
 pub mod pointing;
 pub mod sheets;
+pub mod sight;
 pub mod statistics;
 pub mod viewer;
 

@@ -90,6 +90,12 @@ fn two_hundred_frames_under_monado() {
         extensions.iter().any(|name| name == "XR_KHR_composition_layer_depth"),
         "Monado takes depth: {extensions:?}"
     );
+    assert!(
+        extensions.iter().any(|name| name == "XR_KHR_visibility_mask"),
+        "Monado says what lenses hide: {extensions:?}"
+    );
+    let hidden = |eye: usize| report["hidden"][eye].as_f64().expect("a part");
+    assert!((0.02..0.5).contains(&hidden(0)) && (0.02..0.5).contains(&hidden(1)), "{}", report["hidden"]);
     assert_eq!((report["allocations"].as_u64(), report["pipelines"].as_u64()), (Some(0), Some(0)));
     assert!(
         report["latency_ms"]["median"].as_f64() > Some(0.0),
