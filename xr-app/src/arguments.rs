@@ -268,8 +268,8 @@ fn print(report: &Report) {
     for (what, found) in [("device time", report.gpu_ms), ("motion to photon", report.latency_ms)] {
         if let Some(d) = found {
             println!(
-                "{what}: median {:.1} ms, 95 % {:.1}, 99 % {:.1}, most {:.1}",
-                d.median, d.p95, d.p99, d.most
+                "{what} / ms: 5 % {:.1}, median {:.1}, 95 % {:.1}, 99 % {:.1}, most {:.1}",
+                d.p5, d.median, d.p95, d.p99, d.most
             );
         }
     }
