@@ -4,6 +4,7 @@
 //! main ─► viewer ─► headset (openxr or simulated): clock, eyes, hands, pictures
 //!                ─► controls ─► placement          what hands do to the patient
 //!                ─► pointing ─► panel, sheets      what hands point at: egui's panel, readings, distances
+//!                            ─► palm               how hands without controllers call the panel
 //!                ─► composer                       what was rendered, into the pictures of the eyes
 //!                ─► mirror                         the same in a window of the desktop
 //!                ─► statistics                     what is reported
@@ -19,6 +20,7 @@ pub mod controls;
 pub mod headset;
 pub mod memory;
 pub mod mirror;
+pub mod palm;
 pub mod panel;
 pub mod placement;
 pub mod pointing;
