@@ -6,6 +6,7 @@ mod budget;
 mod cost;
 mod paper;
 mod passes;
+mod plot;
 mod render;
 mod report;
 mod scene;
