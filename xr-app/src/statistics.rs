@@ -219,7 +219,8 @@ pub struct Report {
     pub rung_changes: u64,
     /// Frames on each rung.
     pub frames_on: Vec<u64>,
-    /// From asking for poses to the light of the frame (motion to photon), ms.
+    /// From asking for poses to the light of the frame (motion to photon), ms, by the time for which the headset wanted the frame:
+    /// where the host comes after that, it is negative, and the frame is seen later.
     pub latency_ms: Option<Distribution>,
     /// The same in bins of so many ms.
     pub latency_histogram_ms: Option<Histogram>,

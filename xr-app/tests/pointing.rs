@@ -78,7 +78,8 @@ fn shows_palm(seconds: f64, frames: std::ops::Range<u64>) -> Hands {
 fn an_open_palm_calls_the_panel_and_sends_it_away() {
     let gpu = device();
     let shown = |frames, hands| {
-        let (viewer, _) = session(&gpu, still(frames, hands), Options { panel: false, ..with_panel() });
+        let small = Script { eye_size: [64, 64], ..still(frames, hands) };
+        let (viewer, _) = session(&gpu, small, Options { panel: false, ..with_panel() });
         viewer.pointing().panel().copied()
     };
     assert!(shown(60, |s| shows_palm(s, 5..35)).is_none(), "a glance");
