@@ -347,7 +347,7 @@ fn keep(folder: &Path, name: &str, eyes: &[Image; 2]) {
         pixels: rows.flat_map(|(left, right)| left.iter().chain(right)).copied().collect(),
     };
     let options = WriteOptions { background: None, force: true };
-    image::write(&folder.join(format!("{name}.png")), &both, None, &options).expect("a picture");
+    image::write(folder.join(format!("{name}.png")), &both, None, &options).expect("a picture");
 }
 
 /// Errors as they are made, planted in what a screen showed: each has to be told from what it must show.
