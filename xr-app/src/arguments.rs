@@ -1,6 +1,7 @@
 //! What the program is told on its command line, and what it does with that.
 
 use std::path::{Path, PathBuf};
+#[cfg(not(target_os = "android"))]
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
