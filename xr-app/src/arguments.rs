@@ -1,11 +1,12 @@
 //! What the program is told on its command line, and what it does with that.
 
 use std::path::{Path, PathBuf};
+#[cfg(not(target_os = "android"))]
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Parser, ValueEnum};
-use engine::gpu::{Gpu, GpuOptions};
+use engine::gpu::{Gpu, GpuOptions, Windows};
 use engine::image::{self, Image, WriteOptions};
 use engine::render::{LADDER, Look, Rung, Scene};
 use engine::splat::{self, ReadOptions, SplatSet};
@@ -13,9 +14,11 @@ use engine::{Error, Kind, Result, output, transfer};
 
 use crate::headset::openxr::{OpenXr, OpenXrOptions};
 use crate::headset::simulated::{Script, Simulated};
-use crate::headset::{Blend, Headset};
+use crate::headset::{Blend, Description, Headset};
 use crate::memory;
+#[cfg(not(target_os = "android"))]
 use crate::mirror::{Opened, Shown};
+use crate::onlooker::Onlooker;
 use crate::pointing::Known;
 use crate::statistics::Report;
 use crate::viewer::{Options, Viewer};
@@ -62,6 +65,7 @@ pub struct Arguments {
     #[arg(long)]
     pub panel: bool,
     /// Shows what the eyes see in a window, too
+    #[cfg(not(target_os = "android"))]
     #[arg(long, value_name = "EYES", value_enum, num_args = 0..=1, require_equals = true, default_missing_value = "both")]
     pub mirror: Option<Shown>,
     /// Writes what was measured (JSON)
@@ -131,13 +135,10 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("a number above 0 is needed".into()) }
 }
 
-/// Runs the program.
+/// Runs the program, until the session ends or a signal ends it.
+#[cfg(not(target_os = "android"))]
 pub fn run(arguments: &Arguments) -> Result<()> {
-    for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
-        output::check_writable(path, arguments.force)?;
-    }
-    let rungs = rungs(arguments)?;
-    let set = read(&arguments.splats)?;
+    let prepared = prepare(arguments)?;
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         // A second signal ends the program at once.
@@ -146,10 +147,35 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         registered.map_err(|e| Error::new(Kind::Internal, "VGS-XR-021", format!("signals: {e}")))?;
     }
     let window = arguments.mirror.map(Opened::new).transpose()?;
+    let windows = window.as_ref().map(Opened::windows).transpose()?;
+    session(arguments, prepared, windows, &stop, |gpu, about| {
+        let mirror = window.map(|window| window.show(gpu, about.format, about.eye_size)).transpose()?;
+        Ok(mirror.map(|mirror| Box::new(mirror) as Box<dyn Onlooker>))
+    })
+}
+
+/// What there is to show, and the rungs on which it can be; everything that can be wrong before there is a device.
+pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<Rung>)> {
+    for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
+        output::check_writable(path, arguments.force)?;
+    }
+    let rungs = rungs(arguments)?;
+    Ok((read(&arguments.splats)?, rungs))
+}
+
+/// A session, until it ends or `stop` is set. `windows` is what the device must know to draw in that of `onlooker`, which makes
+/// who is shown what the eyes see, if anybody is.
+pub(crate) fn session(
+    arguments: &Arguments,
+    (set, rungs): (SplatSet, Vec<Rung>),
+    windows: Option<Windows>,
+    stop: &AtomicBool,
+    onlooker: impl FnOnce(&Gpu, &Description) -> Result<Option<Box<dyn Onlooker>>>,
+) -> Result<()> {
     let gpu_options = GpuOptions {
         device: arguments.device.clone(),
         validation: arguments.validation,
-        windows: window.as_ref().map(Opened::windows).transpose()?,
+        windows,
         ..GpuOptions::default()
     };
     if arguments.simulated {
@@ -162,7 +188,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             ..script
         };
         let mut headset = Simulated::new(&gpu, script)?;
-        show(arguments, &gpu, set, rungs, &mut headset, window, &stop)
+        show(arguments, &gpu, set, rungs, &mut headset, onlooker, stop)
     } else {
         let options = OpenXrOptions {
             blend: arguments.blend.map(Into::into),
@@ -170,7 +196,28 @@ pub fn run(arguments: &Arguments) -> Result<()> {
             resolution: Some(arguments.resolution),
         };
         let (gpu, mut headset) = OpenXr::start(&gpu_options, &options)?;
-        show(arguments, &gpu, set, rungs, &mut headset, window, &stop)
+        show(arguments, &gpu, set, rungs, &mut headset, onlooker, stop)
+    }
+}
+
+impl Arguments {
+    /// Those of a program that has no command line: all splats (PLY) of a folder, in the order of their names, and the defaults.
+    ///
+    /// # Errors
+    /// [`Kind::Missing`] where there are no splats.
+    pub fn of_folder(folder: &Path) -> Result<Self> {
+        let files =
+            std::fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+        let mut splats: Vec<PathBuf> = files
+            .filter(|path| path.extension().is_some_and(|end| end.eq_ignore_ascii_case("ply")))
+            .collect();
+        splats.sort();
+        let words = std::iter::once(PathBuf::from("vgs-xr")).chain(splats);
+        Self::try_parse_from(words).map_err(|_| {
+            Error::new(Kind::Missing, "VGS-XR-026", "there are no splats")
+                .file(folder)
+                .help("copy a PLY into this folder")
+        })
     }
 }
 
@@ -203,7 +250,7 @@ fn show(
     mut set: SplatSet,
     rungs: Vec<Rung>,
     headset: &mut dyn Headset,
-    window: Option<Opened>,
+    onlooker: impl FnOnce(&Gpu, &Description) -> Result<Option<Box<dyn Onlooker>>>,
     stop: &AtomicBool,
 ) -> Result<()> {
     let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
@@ -229,16 +276,15 @@ fn show(
         viewer.know(Known::of(set));
         Ok(viewer)
     })?;
-    if let Some(window) = window {
-        let about = headset.description();
-        viewer.mirror(window.show(gpu, about.format, about.eye_size)?);
+    if let Some(onlooker) = onlooker(gpu, headset.description())? {
+        viewer.look_on(onlooker);
     }
     announce(headset);
     let ended = viewer.run(headset, stop);
     // What was measured is worth keeping however it ended.
     let report = viewer.report(headset);
     print(&report);
-    if let Some([shown, skipped]) = viewer.mirrored() {
+    if let Some([shown, skipped]) = viewer.looked_on() {
         println!("the window showed {shown} frames and had no picture for {skipped}");
     }
     if let Some(path) = &arguments.report {
@@ -278,8 +324,8 @@ fn print(report: &Report) {
     for (what, found) in [("device time", report.gpu_ms), ("motion to photon", report.latency_ms)] {
         if let Some(d) = found {
             println!(
-                "{what}: median {:.1} ms, 95 % {:.1}, 99 % {:.1}, most {:.1}",
-                d.median, d.p95, d.p99, d.most
+                "{what} / ms: 5 % {:.1}, median {:.1}, 95 % {:.1}, 99 % {:.1}, most {:.1}",
+                d.p5, d.median, d.p95, d.p99, d.most
             );
         }
     }
@@ -309,5 +355,19 @@ mod tests {
     fn arguments_are_sound() {
         use clap::CommandFactory as _;
         Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn a_folder_gives_its_splats_by_name() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let none = Arguments::of_folder(folder.path()).expect_err("no splats");
+        assert_eq!((none.kind, none.code), (Kind::Missing, "VGS-XR-026"));
+        for name in ["b.ply", "-a.PLY", "notes.txt", "ply"] {
+            std::fs::write(folder.path().join(name), "").expect("a file");
+        }
+        let found = Arguments::of_folder(folder.path()).expect("splats");
+        assert_eq!(found.splats, ["-a.PLY", "b.ply"].map(|name| folder.path().join(name)));
+        assert_eq!((found.tf.as_str(), found.simulated, found.frames), ("CT-Bone", false, None));
+        assert!(Arguments::of_folder(&folder.path().join("none")).is_err(), "a folder that is not there");
     }
 }

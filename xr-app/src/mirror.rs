@@ -17,6 +17,8 @@ use winit::event_loop::{ActiveEventLoop, EventLoop};
 use winit::platform::pump_events::EventLoopExtPumpEvents as _;
 use winit::window::{Window, WindowId};
 
+use crate::onlooker::Onlooker;
+
 /// Height of the window at the start, and width for each eye, pixels.
 const HEIGHT: u32 = 480;
 
@@ -150,19 +152,17 @@ pub struct Mirror {
     gpu: Gpu,
 }
 
-impl Mirror {
+impl Onlooker for Mirror {
     /// Whether the user has closed the window.
-    pub fn closed(&self) -> bool {
+    fn gone(&self) -> bool {
         self.opened.pane.closed
     }
 
-    /// Frames that were shown, and frames for which the window had no picture.
-    pub fn counts(&self) -> [u64; 2] {
+    fn counts(&self) -> [u64; 2] {
         [self.shown, self.skipped]
     }
 
-    /// Records a copy of what the eyes see, with a layer for each, if the window has a picture for it at once.
-    pub fn take(&mut self, recorder: &mut Recorder, eyes: &Image) -> Result<()> {
+    fn take(&mut self, recorder: &mut Recorder, eyes: &Image) -> Result<()> {
         let Opened { events, pane, .. } = &mut self.opened;
         events.pump_app_events(Some(Duration::ZERO), pane);
         if let Some(size) = pane.resized.take() {
@@ -190,8 +190,7 @@ impl Mirror {
         Ok(())
     }
 
-    /// Shows the copy, once the frame has been handed over in which it was recorded.
-    pub fn show(&mut self) -> Result<()> {
+    fn show(&mut self) -> Result<()> {
         let Some(acquired) = self.acquired.take() else { return Ok(()) };
         let mut recorder = self.gpu.record()?;
         let size = self.surface.size().map(|n| n as f32);

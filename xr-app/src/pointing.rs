@@ -16,6 +16,7 @@ use view::state::Distance;
 
 use crate::controls::{Button, Controls};
 use crate::headset::{Description, Hand, Hands, Lent, Pose};
+use crate::palm::Palms;
 use crate::panel::{Content, LENGTH, Mark, Panel, Pointer, SIZE, scrolled};
 use crate::sheets::{Plane, Sheets};
 
@@ -56,6 +57,7 @@ pub struct Pointing {
     /// Where the panel and the marks are.
     planes: Vec<Plane>,
     toggle: [Button; 2],
+    palms: Palms,
     select: [Button; 2],
     /// The hand that points: the one that clicked last.
     active: usize,
@@ -81,6 +83,7 @@ impl Pointing {
             place: None,
             planes: Vec::new(),
             toggle: Default::default(),
+            palms: Palms::default(),
             select: Default::default(),
             active: 1,
             measuring: None,
@@ -136,8 +139,9 @@ impl Pointing {
         look: &Look,
         (seconds, period): (f64, f64),
     ) -> Result<Hands> {
+        let palms = self.palms.shown(hands, head, seconds);
         for (side, hand) in hands.iter().enumerate() {
-            if self.toggle[side].pressed(hand.panel) {
+            if self.toggle[side].pressed(hand.panel || palms[side]) {
                 self.toggle(head);
             }
         }

@@ -12,6 +12,9 @@ use crate::placement::Placement;
 /// Frames that are kept: twelve minutes at 90 Hz.
 const KEPT: usize = 1 << 16;
 
+/// Narrowest bins for motion to photon, ms.
+const LATENCY_BIN_MS: f64 = 0.1;
+
 /// A frame that has finished.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sample {
@@ -23,9 +26,11 @@ pub struct Sample {
     pub budget_ms: f64,
 }
 
-/// Percentiles of something.
+/// Percentiles of something, in its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Distribution {
+    /// 5 of 100 are at most this.
+    pub p5: f64,
     /// The middle one.
     pub median: f64,
     /// 95 of 100 are at most this.
@@ -44,7 +49,37 @@ impl Distribution {
         let last = sorted.len().checked_sub(1)?;
         // The least number that so many of 100 do not exceed.
         let at = |part: f64| sorted[((sorted.len() as f64 * part).ceil() as usize).clamp(1, last + 1) - 1];
-        Some(Distribution { median: at(0.5), p95: at(0.95), p99: at(0.99), most: sorted[last] })
+        Some(Distribution { p5: at(0.05), median: at(0.5), p95: at(0.95), p99: at(0.99), most: sorted[last] })
+    }
+}
+
+/// Most bins of a [`Histogram`].
+const BINS: f64 = 40.0;
+
+/// How many of some numbers lie in each of a row of bins as wide as each other.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Histogram {
+    /// Lower end of the first bin, in the unit of the numbers; a multiple of the width.
+    pub from: f64,
+    /// Width of a bin, in the same unit: 1, 2 or 5 times a power of ten.
+    pub width: f64,
+    /// Numbers in each bin; one on the border of two is in the upper one.
+    pub counts: Vec<u64>,
+}
+
+impl Histogram {
+    /// Of some numbers, in bins no narrower than `least`, at most 40; none of no numbers.
+    pub fn of(numbers: impl Iterator<Item = f64>, least: f64) -> Option<Self> {
+        let numbers: Vec<f64> = numbers.filter(|v| v.is_finite()).collect();
+        let low = numbers.iter().copied().reduce(f64::min)?;
+        let high = numbers.iter().copied().reduce(f64::max)?;
+        let bin = |v: f64, width: f64| (v / width).floor();
+        let widths = (0..).flat_map(|decade| [1.0, 2.0, 5.0].map(|n| n * least * 10f64.powi(decade)));
+        let width = widths.into_iter().find(|&w| bin(high, w) - bin(low, w) < BINS)?;
+        let first = bin(low, width);
+        let mut counts = vec![0; (bin(high, width) - first) as usize + 1];
+        numbers.iter().for_each(|&v| counts[(bin(v, width) - first) as usize] += 1);
+        Some(Histogram { from: first * width, width, counts })
     }
 }
 
@@ -127,6 +162,7 @@ impl Statistics {
             rung_changes: pairs.filter(|(a, b)| a.rung != b.rung).count() as u64,
             frames_on,
             latency_ms: Distribution::of(self.latencies_ms.iter().copied()),
+            latency_histogram_ms: Histogram::of(self.latencies_ms.iter().copied(), LATENCY_BIN_MS),
             allocations: hitches.allocations,
             pipelines: hitches.pipelines,
             waits: hitches.waits,
@@ -184,8 +220,11 @@ pub struct Report {
     pub rung_changes: u64,
     /// Frames on each rung.
     pub frames_on: Vec<u64>,
-    /// From asking for poses to the light of the frame (motion to photon), ms.
+    /// From asking for poses to the light of the frame (motion to photon), ms, by the time for which the headset wanted the frame:
+    /// where the host comes after that, it is negative, and the frame is seen later.
     pub latency_ms: Option<Distribution>,
+    /// The same in bins of so many ms.
+    pub latency_histogram_ms: Option<Histogram>,
     /// Allocations of device memory within the loop.
     pub allocations: u64,
     /// Pipelines that were made within the loop.
@@ -238,9 +277,39 @@ mod tests {
     #[test]
     fn percentiles_are_those_of_the_numbers() {
         let d = Distribution::of((1..=100).map(f64::from)).expect("numbers");
-        assert_eq!((d.median, d.p95, d.p99, d.most), (50.0, 95.0, 99.0, 100.0));
+        assert_eq!((d.p5, d.median, d.p95, d.p99, d.most), (5.0, 50.0, 95.0, 99.0, 100.0));
         assert_eq!(Distribution::of([7.0].into_iter()).map(|d| d.p99), Some(7.0));
         assert_eq!(Distribution::of(std::iter::empty()), None);
+    }
+
+    #[test]
+    fn bins_hold_all_numbers_and_are_wide_enough_to_be_few() {
+        let of = |numbers: &[f64]| Histogram::of(numbers.iter().copied(), 0.1);
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&[f64::NAN, 7.0]), Some(Histogram { from: 7.0, width: 0.1, counts: vec![1] }));
+        let far = of(&[12.0, 18.0, 20.0, 131.0, 139.9]).expect("numbers");
+        assert_eq!((far.from, far.width), (10.0, 5.0), "128 ms in 26 bins of 5; of 2 they were 64");
+        assert_eq!((far.counts.len(), far.counts[0], far.counts[1], far.counts[2]), (26, 1, 1, 1));
+        assert_eq!((far.counts[24], far.counts[25]), (1, 1));
+        assert_eq!(far.counts.iter().sum::<u64>(), 5);
+    }
+
+    /// From asking for the poses to the light, whatever the frames in between.
+    #[test]
+    fn latency_is_a_distribution() {
+        let mut statistics = Statistics::default();
+        let eye = Eye { pose: crate::headset::Pose::IDENTITY, fov: Fov::symmetric(90.0, 1.0) };
+        for n in 0..100 {
+            let display_ns = (n + 1) * 10_000_000;
+            let timing = Timing { display_ns, period_ns: 10_000_000, visible: true };
+            let asked_ns = (n % 10 != 0).then_some(display_ns - (20 + n / 50) * 1_000_000);
+            statistics.looked(&timing, &Eyes { eyes: [eye; 2], tracked: true, asked_ns });
+        }
+        let latencies = || statistics.latencies_ms.iter().copied();
+        let d = Distribution::of(latencies()).expect("frames");
+        assert_eq!((d.p5, d.median, d.p99), (20.0, 20.0, 21.0), "a clock that cannot be read says nothing");
+        let bins = Histogram::of(latencies(), LATENCY_BIN_MS).expect("frames").counts;
+        assert_eq!((bins[0], bins[bins.len() - 1], bins.iter().sum()), (45, 45, 90));
     }
 
     #[test]

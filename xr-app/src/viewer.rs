@@ -12,7 +12,7 @@ use glam::DVec3;
 use crate::composer::Composer;
 use crate::controls::Controls;
 use crate::headset::{Blend, Event, Eye, Headset, Lent, Pose, State, Timing};
-use crate::mirror::Mirror;
+use crate::onlooker::Onlooker;
 use crate::placement::Placement;
 use crate::pointing::{Known, Pointing};
 use crate::sight::Sight;
@@ -53,7 +53,7 @@ pub struct Viewer {
     controls: Controls,
     pointing: Pointing,
     sight: Sight,
-    mirror: Option<Mirror>,
+    onlooker: Option<Box<dyn Onlooker>>,
     /// Where the head was in the last frame.
     head: Pose,
     /// The turn of the last frame.
@@ -91,7 +91,7 @@ impl Viewer {
             controls,
             pointing,
             sight,
-            mirror: None,
+            onlooker: None,
             head: Pose::IDENTITY,
             slot: 0,
             statistics: Statistics::default(),
@@ -111,15 +111,15 @@ impl Viewer {
         self.pointing.know(known);
     }
 
-    /// Shows what the eyes see in a window of the desktop, too; who closes it ends the session.
-    pub fn mirror(&mut self, mirror: Mirror) {
-        self.mirror = Some(mirror);
+    /// Shows somebody else what the eyes see, too, who ends the session by going.
+    pub fn look_on(&mut self, onlooker: Box<dyn Onlooker>) {
+        self.onlooker = Some(onlooker);
         self.before = self.gpu.hitches();
     }
 
-    /// Frames that the window has shown, and frames for which it had no picture.
-    pub fn mirrored(&self) -> Option<[u64; 2]> {
-        self.mirror.as_ref().map(Mirror::counts)
+    /// Frames that the onlooker was shown, and frames for which there was no picture.
+    pub fn looked_on(&self) -> Option<[u64; 2]> {
+        self.onlooker.as_ref().map(|onlooker| onlooker.counts())
     }
 
     fn warm_up(&mut self) -> Result<()> {
@@ -143,8 +143,8 @@ impl Viewer {
                 self.happened(event);
             }
             let enough = self.options.frames.is_some_and(|n| self.statistics.frames() >= n);
-            let closed = self.mirror.as_ref().is_some_and(Mirror::closed);
-            if (enough || closed || stop.load(Ordering::Relaxed)) && !std::mem::replace(&mut asked, true) {
+            let gone = self.onlooker.as_ref().is_some_and(|onlooker| onlooker.gone());
+            if (enough || gone || stop.load(Ordering::Relaxed)) && !std::mem::replace(&mut asked, true) {
                 self.over |= !headset.running();
                 headset.request_exit()?;
             }
@@ -199,8 +199,8 @@ impl Viewer {
         self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, range, insets, &mut eyes);
         let turn = (frame.slot, self.frames.views(frame.slot));
         self.pointing.draw(&mut frame.recorder, turn, &self.controls, self.scene.origin, &mut eyes)?;
-        if let Some(mirror) = &mut self.mirror {
-            mirror.take(&mut frame.recorder, eyes.colour)?;
+        if let Some(onlooker) = &mut self.onlooker {
+            onlooker.take(&mut frame.recorder, eyes.colour)?;
         }
         headset.give_back(&mut frame.recorder)?;
         (self.shown_size, self.slot) = (frame.size, frame.slot);
@@ -212,7 +212,7 @@ impl Viewer {
         let cameras = self.sight.cameras(&self.controls.placement, &seen.eyes);
         self.frames.submit(frame, &self.scene, &cameras)?;
         headset.end(&timing, Some(&seen.eyes))?;
-        self.mirror.as_mut().map_or(Ok(()), Mirror::show)
+        self.onlooker.as_mut().map_or(Ok(()), |onlooker| onlooker.show())
     }
 
     /// Lets the renderer know what no eye sees of the pictures of these eyes.

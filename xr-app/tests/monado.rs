@@ -2,26 +2,18 @@
 //! to say. `tools/setup xr` brings it; where it is not, the tests say so and check nothing.
 #![forbid(unsafe_code)]
 
+mod support;
+
 use std::io::Write as _;
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use engine::splat::{self, Field, Splat, SplatSet};
-use serde_json::Value;
-
-/// Where the scripts are, if Monado is set up.
-fn tools() -> Option<PathBuf> {
-    let tools = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?.join("tools");
-    let environment = PathBuf::from(std::env::var_os("VGS_CACHE")?).join("driver.env");
-    let text = std::fs::read_to_string(environment).unwrap_or_default();
-    let there = text.lines().filter_map(|l| l.strip_prefix("xr=")).any(|folder| Path::new(folder).is_dir());
-    if !there {
-        println!("Monado is not set up (tools/setup xr): nothing is checked");
-    }
-    there.then_some(tools)
-}
+use glam::{DQuat, DVec3};
+use support::monado::{Sent, degrees, report, said, tools, validation};
+use xr_app::headset::{Eye, Pose};
 
 /// A folder with a small scene.
 fn folder() -> tempfile::TempDir {
@@ -50,9 +42,7 @@ fn program(tools: &Path, folder: &Path, arguments: &[&str]) -> Command {
         .args(["--validation", "--report", "report.json"])
         .args(arguments)
         .current_dir(folder)
-        .env("XR_ENABLE_API_LAYERS", "XR_APILAYER_LUNARG_core_validation")
-        .env("XR_CORE_VALIDATION_EXPORT_TYPE", "text")
-        .env("XR_CORE_VALIDATION_FILE_NAME", folder.join("openxr.log"))
+        .envs(validation(folder))
         .env("MONADO_LOG", folder.join("monado.log"))
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -60,30 +50,17 @@ fn program(tools: &Path, folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-fn said(output: &Output) -> String {
-    [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat()
-}
-
-/// Its report, after a run that ended well and in which the layers were silent.
-fn report(folder: &Path, output: &Output) -> Value {
-    assert!(output.status.success(), "{}", said(output));
-    let layer = std::fs::read_to_string(folder.join("openxr.log")).expect("the layer was on");
-    let complaints: Vec<_> =
-        layer.lines().filter(|l| l.contains("VALID_ERROR") || l.contains("VALID_WARN")).collect();
-    assert!(layer.contains("initialized") && complaints.is_empty(), "{complaints:?}");
-    serde_json::from_slice(&std::fs::read(folder.join("report.json")).expect("a report")).expect("JSON")
-}
-
 #[test]
 fn two_hundred_frames_under_monado() {
-    let Some(tools) = tools() else { return };
+    let Some(tools) = tools(&["xr"]) else { return };
     let folder = folder();
     let output = program(&tools, folder.path(), &["--frames", "200", "--panel", "--picture", "eyes.png"])
         .output()
         .expect("tools");
     let report = report(folder.path(), &output);
     assert!(report["frames"].as_u64() >= Some(200), "{report}");
-    assert!(report["rendered"].as_u64() >= Some(150), "{report}");
+    let rendered = report["rendered"].as_u64().expect("a count");
+    assert!(rendered >= 150, "{report}");
     assert!(report["runtime"].as_str().is_some_and(|r| r.starts_with("Monado")));
     let extensions = report["extensions"].as_array().expect("a list");
     assert!(
@@ -97,10 +74,11 @@ fn two_hundred_frames_under_monado() {
     let hidden = |eye: usize| report["hidden"][eye].as_f64().expect("a part");
     assert!((0.02..0.5).contains(&hidden(0)) && (0.02..0.5).contains(&hidden(1)), "{}", report["hidden"]);
     assert_eq!((report["allocations"].as_u64(), report["pipelines"].as_u64()), (Some(0), Some(0)));
-    assert!(
-        report["latency_ms"]["median"].as_f64() > Some(0.0),
-        "poses are asked for before light: {report}"
-    );
+    let latency = |part: &str| report["latency_ms"][part].as_f64().expect("ms");
+    let ladder = ["p5", "median", "p95", "p99", "most"].map(latency);
+    assert!(ladder[1] > 0.0 && ladder.is_sorted(), "poses are asked for before light: {ladder:?} ms");
+    let bins = report["latency_histogram_ms"]["counts"].as_array().expect("bins");
+    assert_eq!(bins.iter().map(|n| n.as_u64().expect("a count")).sum::<u64>(), rendered);
     let eyes = engine::image::read(folder.path().join("eyes.png")).expect("a picture").image;
     let seen = eyes.pixels.iter().filter(|p| p[0] > 0.3).count();
     assert!(seen > 100, "{seen} pixels of the scene are seen");
@@ -108,7 +86,7 @@ fn two_hundred_frames_under_monado() {
 
 #[test]
 fn a_runtime_that_dies_is_reported() {
-    let Some(tools) = tools() else { return };
+    let Some(tools) = tools(&["xr"]) else { return };
     let folder = folder();
     // The shell between has the service's id.
     let mut command = Command::new(tools.join("monado"));
@@ -124,7 +102,7 @@ fn a_runtime_that_dies_is_reported() {
 
 #[test]
 fn without_a_runtime_the_help_names_a_way() {
-    let Some(tools) = tools() else { return };
+    let Some(tools) = tools(&["xr"]) else { return };
     let folder = folder();
     let empty = folder.path().join("empty");
     std::fs::create_dir(&empty).expect("a folder");
@@ -142,41 +120,28 @@ fn without_a_runtime_the_help_names_a_way() {
     );
 }
 
-/// A packet of Monado's remote driver (struct r_remote_data, 376 bytes): canted views of asymmetric fields, and a right hand
-/// that holds on, and moves 2 cm a second to the right.
-fn packet(seconds: f32) -> Vec<u8> {
-    let mut out = b"mndrmt3\0".to_vec();
-    let floats = |out: &mut Vec<u8>, values: &[f32]| values.iter().for_each(|v| out.extend(v.to_le_bytes()));
-    let half_cant = 2.5f32.to_radians();
-    for side in [-1.0f32, 1.0] {
-        let (outer, inner) = (54f32.to_radians(), 40f32.to_radians());
-        let (left, right) = if side < 0.0 { (-outer, inner) } else { (-inner, outer) };
-        floats(&mut out, &[left, right, 44f32.to_radians(), -50f32.to_radians()]);
-        floats(&mut out, &[0.0, -side * half_cant.sin(), 0.0, half_cant.cos(), side * 0.032, 0.0, 0.0]);
-        out.extend([0; 4]);
+/// Views that are canted, of asymmetric fields, and a right hand that holds on, and moves 2 cm a second to the right.
+fn carrying(seconds: f64) -> Sent {
+    let view = |side: f64| {
+        let [left, right] = if side < 0.0 { [-54.0, 40.0] } else { [-40.0, 54.0] };
+        let pose = Pose {
+            position: DVec3::X * (side * 0.032),
+            orientation: DQuat::from_rotation_y(-side * 5f64.to_radians()),
+        };
+        Eye { pose, fov: degrees([left, right, 44.0, -50.0]) }
+    };
+    let hand = |x: f64, holds| Some((Pose { position: DVec3::new(x, 1.3, -0.4), ..Pose::IDENTITY }, holds));
+    Sent {
+        head: Pose { position: DVec3::Y * 1.6, ..Pose::IDENTITY },
+        views: [view(-1.0), view(1.0)],
+        hands: [hand(-0.2, false), hand(0.2 + 0.02 * seconds, true)],
     }
-    floats(&mut out, &[0.0, 0.0, 0.0, 1.0, 0.0, 1.6, 0.0]);
-    out.extend([1, 0, 0, 0]);
-    for side in [-1.0f32, 1.0] {
-        let x = if side > 0.0 { 0.2 + 0.02 * seconds } else { -0.2 };
-        floats(&mut out, &[0.0, 0.0, 0.0, 1.0, x, 1.3, -0.4]);
-        floats(&mut out, &[0.0; 6]);
-        floats(&mut out, &[0.0; 5]);
-        let held = if side > 0.0 { 1.0 } else { 0.0 };
-        floats(&mut out, &[held, held, held]);
-        floats(&mut out, &[0.0; 5]);
-        let mut buttons = [0u8; 16];
-        buttons[1] = 1; // active
-        out.extend(buttons);
-    }
-    assert_eq!(out.len(), 376);
-    out
 }
 
 /// Views that are canted and asymmetric and a hand that grabs, sent from without: the session runs and its layers are silent.
 #[test]
 fn views_from_a_remote_driver() {
-    let Some(tools) = tools() else { return };
+    let Some(tools) = tools(&["xr"]) else { return };
     let folder = folder();
     // The port is the service's own; a shell writes it down for us.
     let child = format!(
@@ -189,9 +154,7 @@ fn views_from_a_remote_driver() {
         .args(["bash", "-c", &child])
         .current_dir(folder.path())
         .env("MONADO_HEAD", "remote")
-        .env("XR_ENABLE_API_LAYERS", "XR_APILAYER_LUNARG_core_validation")
-        .env("XR_CORE_VALIDATION_EXPORT_TYPE", "text")
-        .env("XR_CORE_VALIDATION_FILE_NAME", folder.path().join("openxr.log"))
+        .envs(validation(folder.path()))
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -206,7 +169,7 @@ fn views_from_a_remote_driver() {
         }
         if let Some(stream) = &mut connection {
             // The service goes before us in the end.
-            let _ = stream.write_all(&packet(start.elapsed().as_secs_f32()));
+            let _ = stream.write_all(&carrying(start.elapsed().as_secs_f64()).packet());
         }
         std::thread::sleep(Duration::from_millis(10));
     }

@@ -64,6 +64,33 @@ fn a_ray_chooses_a_preset_on_the_panel() {
     silent(&gpu);
 }
 
+/// A left hand without a controller whose open palm is before the eyes, 0.35 m away, in the frames of a range.
+fn shows_palm(seconds: f64, frames: std::ops::Range<u64>) -> Hands {
+    let position = DVec3::new(-0.05, -0.08, -0.35);
+    let away = if frames.contains(&frame(seconds)) { -position } else { position };
+    let orientation = DQuat::from_rotation_arc(DVec3::X, away.normalize());
+    let grip = Some(Pose { position, orientation });
+    [Hand { grip, bare: true, ..Hand::default() }, Hand::default()]
+}
+
+/// At 72 frames a second half a second is 36 of them.
+#[test]
+fn an_open_palm_calls_the_panel_and_sends_it_away() {
+    let gpu = device();
+    let shown = |frames, hands| {
+        let small = Script { eye_size: [64, 64], ..still(frames, hands) };
+        let (viewer, _) = session(&gpu, small, Options { panel: false, ..with_panel() });
+        viewer.pointing().panel().copied()
+    };
+    assert!(shown(60, |s| shows_palm(s, 5..35)).is_none(), "a glance");
+    let called = shown(60, |s| shows_palm(s, 5..50)).expect("half a second");
+    assert_eq!(called, panel_before(&Pose::IDENTITY));
+    assert!(shown(110, |s| shows_palm(s, 5..110)).is_some(), "however long");
+    let twice = |s| if frame(s) < 60 { shows_palm(s, 5..50) } else { shows_palm(s, 60..110) };
+    assert!(shown(110, twice).is_none(), "the second time it goes");
+    silent(&gpu);
+}
+
 /// Both eyes see the panel where it stands, in its size: its fill just within its edges, and the background without.
 #[test]
 fn the_panel_stands_in_the_room() {

@@ -7,7 +7,9 @@ use engine::budget::budget_ms;
 use engine::budget::simulation::{BEHAVIOURS, Frame, trace};
 use engine::render::{LADDER, ladder};
 use engine::{Error, Kind, Result, output};
+use plotters::coord::Shift;
 use plotters::prelude::*;
+use xr_app::statistics::Histogram;
 
 use crate::report::{Outputs, Table};
 
@@ -75,7 +77,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let parts: Vec<_> = traces
             .iter()
             .map(|(name, frames)| {
-                ((*name).to_owned(), frames.iter().map(|f| (f.rung, f.gpu_ms / budget)).collect())
+                let frames = frames.iter().map(|f| (f.rung, f.gpu_ms / budget)).collect();
+                Trace { name: (*name).to_owned(), frames, latency_ms: None }
             })
             .collect();
         write_plot(path, &parts, arguments.outputs.force)?;
@@ -83,56 +86,128 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.outputs.finish(&[table])
 }
 
-/// A frame's rung, and its time as a part of the budget.
-type Point = (usize, f64);
+/// What is plotted of a session.
+pub struct Trace {
+    /// What it was.
+    pub name: String,
+    /// Each frame's rung, and its time as a part of the budget.
+    pub frames: Vec<(usize, f64)>,
+    /// Motion to photon, ms, where there is any.
+    pub latency_ms: Option<Histogram>,
+}
 
-/// Writes frame times, and the rungs below them, for each trace by its name.
-pub fn write_plot(path: &Path, traces: &[(String, Vec<Point>)], force: bool) -> Result<()> {
-    let svg = svg(traces)
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
+
+/// Width of the plot, pixels, and what of it the frames have where there is a histogram beside them.
+const WIDTH: u32 = 1000;
+const FRAMES_WIDTH: i32 = 690;
+
+/// Writes frame times with the rungs below them, and beside them motion to photon, for each trace.
+pub fn write_plot(path: &Path, traces: &[Trace], force: bool) -> Result<()> {
+    let mut svg = String::new();
+    draw(&mut svg, traces)
         .map_err(|e| Error::new(Kind::Internal, "VGS-BEN-026", format!("drawing a plot failed: {e}")))?;
     output::write_atomic(path, force, |w| w.write_all(svg.as_bytes()))
 }
 
-fn svg(traces: &[(String, Vec<Point>)]) -> std::result::Result<String, Box<dyn std::error::Error>> {
-    let mut text = String::new();
-    let root = SVGBackend::with_string(&mut text, (1000, 200 * traces.len() as u32)).into_drawing_area();
+fn draw(svg: &mut String, traces: &[Trace]) -> Drawn {
+    let root = SVGBackend::with_string(svg, (WIDTH, 200 * traces.len() as u32)).into_drawing_area();
     root.fill(&WHITE)?;
-    for (area, (name, frames)) in root.split_evenly((traces.len(), 1)).iter().zip(traces) {
-        let font = |size: i32| ("sans-serif", size).into_font().color(&INK);
-        let most = LADDER.len() as f64;
-        let mut chart = ChartBuilder::on(area)
-            .caption(name, font(15))
-            .margin(6)
-            .x_label_area_size(24)
-            .y_label_area_size(44)
-            .right_y_label_area_size(36)
-            .build_cartesian_2d(0.0..frames.len() as f64, 0.0..TOP)?
-            .set_secondary_coord(0.0..frames.len() as f64, most..0.0);
-        chart
-            .configure_mesh()
-            .y_desc("of the budget")
-            .x_labels(10)
-            .y_labels(6)
-            .axis_desc_style(font(12))
-            .label_style(font(11))
-            .bold_line_style(GRID)
-            .light_line_style(TRANSPARENT)
-            .draw()?;
-        chart
-            .configure_secondary_axes()
-            .y_desc("rung")
-            .label_style(font(11))
-            .axis_desc_style(font(12))
-            .draw()?;
-        let rungs = frames.iter().enumerate().map(|(n, f)| (n as f64, f.0 as f64));
-        chart.draw_secondary_series(LineSeries::new(rungs, RUNG.stroke_width(2)))?;
-        let time = |(n, f): (usize, &Point)| (n as f64, f.1.min(TOP));
-        chart.draw_series(LineSeries::new(frames.iter().enumerate().map(time), TIME))?;
-        let late = frames.iter().enumerate().filter(|(_, f)| f.1 > 1.0);
-        chart.draw_series(late.map(time).map(|at| Circle::new(at, 2, LATE.filled())))?;
-        chart.draw_series(LineSeries::new([(0.0, 1.0), (frames.len() as f64, 1.0)], INK))?;
+    for (area, trace) in root.split_evenly((traces.len(), 1)).iter().zip(traces) {
+        match &trace.latency_ms {
+            None => draw_frames(area, trace)?,
+            Some(latency_ms) => {
+                let (left, right) = area.split_horizontally(FRAMES_WIDTH);
+                draw_frames(&left, trace)?;
+                draw_latency(&right, latency_ms)?;
+            }
+        }
     }
-    root.present()?;
-    drop(root);
-    Ok(text)
+    Ok(root.present()?)
+}
+
+fn font(size: i32) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&INK)
+}
+
+fn draw_frames(area: &Area<'_>, trace: &Trace) -> Drawn {
+    let (frames, most) = (&trace.frames, LADDER.len() as f64);
+    let mut chart = ChartBuilder::on(area)
+        .caption(&trace.name, font(15))
+        .margin(6)
+        .x_label_area_size(24)
+        .y_label_area_size(44)
+        .right_y_label_area_size(36)
+        .build_cartesian_2d(0.0..frames.len() as f64, 0.0..TOP)?
+        .set_secondary_coord(0.0..frames.len() as f64, most..0.0);
+    chart
+        .configure_mesh()
+        .y_desc("of the budget")
+        .x_labels(10)
+        .y_labels(6)
+        .axis_desc_style(font(12))
+        .label_style(font(11))
+        .bold_line_style(GRID)
+        .light_line_style(TRANSPARENT)
+        .draw()?;
+    chart.configure_secondary_axes().y_desc("rung").label_style(font(11)).axis_desc_style(font(12)).draw()?;
+    let rungs = frames.iter().enumerate().map(|(n, f)| (n as f64, f.0 as f64));
+    chart.draw_secondary_series(LineSeries::new(rungs, RUNG.stroke_width(2)))?;
+    let time = |(n, f): (usize, &(usize, f64))| (n as f64, f.1.min(TOP));
+    chart.draw_series(LineSeries::new(frames.iter().enumerate().map(time), TIME))?;
+    let late = frames.iter().enumerate().filter(|(_, f)| f.1 > 1.0);
+    chart.draw_series(late.map(time).map(|at| Circle::new(at, 2, LATE.filled())))?;
+    chart.draw_series(LineSeries::new([(0.0, 1.0), (frames.len() as f64, 1.0)], INK))?;
+    Ok(())
+}
+
+fn draw_latency(area: &Area<'_>, latency_ms: &Histogram) -> Drawn {
+    let Histogram { from, width, counts } = latency_ms;
+    let end = |bin: usize| from + width * bin as f64;
+    let most = counts.iter().copied().max().unwrap_or(0) as f64;
+    // A bin's width on either side, so that a single bin is a bar and no wall.
+    let mut chart = ChartBuilder::on(area)
+        .caption("motion to photon", font(15))
+        .margin(6)
+        .x_label_area_size(34)
+        .y_label_area_size(44)
+        .build_cartesian_2d(from - width..end(counts.len() + 1), 0.0..1.1 * most)?;
+    chart
+        .configure_mesh()
+        .x_desc(format!("ms, in bins of {width}"))
+        .y_desc("frames")
+        .x_labels(6)
+        .y_labels(6)
+        .axis_desc_style(font(12))
+        .label_style(font(11))
+        .bold_line_style(GRID)
+        .light_line_style(TRANSPARENT)
+        .draw()?;
+    let bars = counts.iter().enumerate().filter(|(_, count)| **count > 0);
+    chart.draw_series(bars.map(|(bin, &count)| {
+        Rectangle::new([(end(bin), 0.0), (end(bin + 1), count as f64)], TIME.filled())
+    }))?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plot_has_a_bar_for_each_bin_that_holds_something() {
+        let latency_ms = Histogram { from: 20.0, width: 2.0, counts: vec![3, 0, 5] };
+        let trace =
+            |latency_ms| Trace { name: "a session".into(), frames: vec![(0, 0.5), (1, 1.2)], latency_ms };
+        let drawn = |trace| {
+            let mut svg = String::new();
+            draw(&mut svg, &[trace]).expect("a plot");
+            svg
+        };
+        let (with, without) = (drawn(trace(Some(latency_ms))), drawn(trace(None)));
+        let bars = |svg: &str| svg.matches("<rect").count();
+        assert_eq!(bars(&with), bars(&without) + 2);
+        assert!(with.contains("ms, in bins of 2") && !without.contains("motion to photon"));
+    }
 }

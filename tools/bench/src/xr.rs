@@ -13,7 +13,7 @@ use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::statistics::{Distribution, Report};
 use xr_app::viewer::{Options, Viewer};
 
-use crate::budget::write_plot;
+use crate::budget::{Trace, write_plot};
 use crate::report::{Outputs, Table};
 use crate::scene::splats_by_importance;
 
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Transfer function
     #[arg(long, default_value = "CT-Bone")]
     tf: String,
-    /// Writes frame times and rungs as a plot (SVG)
+    /// Writes frame times, rungs, and a histogram of motion to photon as a plot (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -78,14 +78,15 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
         "over budget / %",
         "mean rung",
         "changes of rung",
-        "motion to photon p50 / p99 / ms",
+        "motion to photon p5 / p50 / p95 / p99 / max / ms",
     ];
     if let Some(path) = &arguments.plot {
         let traces: Vec<_> = reports
             .iter()
             .map(|(splats, budget, report)| {
                 let frames = report.samples.iter().map(|s| (s.rung, s.gpu_ms / s.budget_ms)).collect();
-                (format!("{splats} splats, a frame each {budget} ms"), frames)
+                let name = format!("{splats} splats, a frame each {budget} ms");
+                Trace { name, frames, latency_ms: report.latency_histogram_ms.clone() }
             })
             .collect();
         write_plot(path, &traces, arguments.outputs.force)?;
@@ -136,6 +137,8 @@ fn row(splats: usize, period: f64, report: &Report) -> Vec<String> {
         format!("{:.1}", 100.0 * late / count),
         format!("{:.1}", settled.iter().map(|s| s.rung as f64).sum::<f64>() / count),
         changes.to_string(),
-        two(report.latency_ms),
+        report.latency_ms.map_or("-".to_owned(), |d| {
+            [d.p5, d.median, d.p95, d.p99, d.most].map(|ms| format!("{ms:.0}")).join(" / ")
+        }),
     ]
 }

@@ -28,6 +28,9 @@ const NONE: [Option<&str>; 2] = [None; 2];
 /// Where pressing it is free for the panel.
 const STICK: [Option<&str>; 2] = [Some("input/thumbstick/click"); 2];
 
+/// That of hands without controllers.
+const BARE: &str = "/interaction_profiles/ext/hand_interaction_ext";
+
 /// Where there is one button, it grabs, and clicks on the panel.
 const PROFILES: [Profile; 5] = [
     Profile {
@@ -71,7 +74,7 @@ const PROFILES: [Profile; 5] = [
         panel: STICK,
     },
     Profile {
-        path: "/interaction_profiles/ext/hand_interaction_ext",
+        path: BARE,
         hands: true,
         squeeze: "input/grasp_ext/value",
         select: Some("input/pinch_ext/value"),
@@ -86,6 +89,8 @@ const PROFILES: [Profile; 5] = [
 pub(super) struct Actions {
     set: xr::ActionSet,
     hands: [xr::Path; 2],
+    /// The profile of hands without controllers, where the runtime knows it.
+    bare: Option<xr::Path>,
     grip: [xr::Space; 2],
     aim: [xr::Space; 2],
     squeeze: xr::Action<f32>,
@@ -151,6 +156,7 @@ impl Actions {
             }
         }
         session.attach_action_sets(&[&set])?;
+        let bare = hand_interaction.then(|| instance.string_to_path(BARE)).transpose()?;
         let space =
             |action: &xr::Action<xr::Posef>, hand| action.create_space(session, hand, xr::Posef::IDENTITY);
         Ok(Actions {
@@ -158,6 +164,7 @@ impl Actions {
             aim: [space(&aim, hands[0])?, space(&aim, hands[1])?],
             set,
             hands,
+            bare,
             squeeze,
             select,
             stick,
@@ -188,6 +195,10 @@ impl Actions {
                     xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
                 Ok(found.location_flags.contains(known).then(|| pose_of(&found.pose)))
             };
+            let bare = match self.bare {
+                Some(bare) => session.current_interaction_profile(at)? == bare,
+                None => false,
+            };
             let stick = self.stick.state(session, at)?.current_state;
             *hand = Hand {
                 grip: pose(&self.grip[side])?,
@@ -198,6 +209,7 @@ impl Actions {
                 next: self.next.state(session, at)?.current_state,
                 other: self.other.state(session, at)?.current_state,
                 panel: self.panel.state(session, at)?.current_state,
+                bare,
             };
         }
         Ok(out)

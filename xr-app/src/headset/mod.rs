@@ -87,6 +87,8 @@ pub struct Hand {
     pub other: bool,
     /// The button that shows and hides the panel.
     pub panel: bool,
+    /// Whether there is no controller in it, and with it no such button.
+    pub bare: bool,
 }
 
 impl Hand {

@@ -70,6 +70,33 @@ fn unavailable(code: &'static str, what: String) -> Error {
     )
 }
 
+/// What loader and instance are told about the system: nothing.
+#[cfg(not(target_os = "android"))]
+fn platform() -> Result<impl xr::PlatformInfo> {
+    Ok(())
+}
+
+/// What loader and instance are told about the system: the activity, once it has begun.
+#[cfg(target_os = "android")]
+fn platform() -> Result<xr::AndroidPlatformInfo> {
+    let app = ACTIVITY.lock().expect("nothing panics with it").clone();
+    let app = app.ok_or_else(|| Error::new(Kind::Internal, "VGS-XR-013", "the activity has not begun"))?;
+    // SAFETY: both are those of the activity, and valid as long as an `AndroidApp` of it: `android_main` has one until the session
+    // has ended.
+    Ok(unsafe { xr::AndroidPlatformInfo::new(app.vm_as_ptr(), app.activity_as_ptr()) })
+}
+
+#[cfg(target_os = "android")]
+static ACTIVITY: std::sync::Mutex<Option<android_activity::AndroidApp>> = std::sync::Mutex::new(None);
+
+// SAFETY: the glue of the activity calls the one function of this name and type; nothing else here is named so.
+#[cfg(target_os = "android")]
+#[unsafe(no_mangle)]
+fn android_main(app: android_activity::AndroidApp) {
+    *ACTIVITY.lock().expect("nothing panics with it") = Some(app.clone());
+    crate::android::show(&app);
+}
+
 /// The runtime with its device, before Vulkan is there.
 struct Runtime {
     instance: xr::Instance,
@@ -81,8 +108,9 @@ struct Runtime {
 
 impl Runtime {
     fn new() -> Result<Self> {
+        let platform = platform()?;
         // SAFETY: loading the OpenXR loader runs its initialisers; it is the system's own library.
-        let entry = unsafe { xr::Entry::load(&()) }
+        let entry = unsafe { xr::Entry::load(&platform) }
             .map_err(|e| unavailable("VGS-XR-001", format!("no OpenXR loader: {e}")))?;
         let offered = entry
             .enumerate_extensions()
@@ -100,6 +128,10 @@ impl Runtime {
         extensions.ext_hand_interaction = offered.ext_hand_interaction;
         extensions.khr_composition_layer_depth = offered.khr_composition_layer_depth;
         extensions.khr_visibility_mask = offered.khr_visibility_mask;
+        #[cfg(target_os = "android")]
+        {
+            extensions.khr_android_create_instance = true;
+        }
         let about = xr::ApplicationInfo {
             application_name: "vgs-xr",
             application_version: 1,
@@ -108,7 +140,7 @@ impl Runtime {
             api_version: xr::Version::new(1, 0, 0),
         };
         let instance = entry
-            .create_instance(&about, &extensions, &[], &())
+            .create_instance(&about, &extensions, &[], &platform)
             .map_err(|e| unavailable("VGS-XR-002", format!("no OpenXR runtime answers ({e})")))?;
         let system = instance
             .system(xr::FormFactor::HEAD_MOUNTED_DISPLAY)

@@ -1,6 +1,9 @@
 //! What the tests of the loop share: a device, a scene, a script.
 #![allow(dead_code, unreachable_pub, reason = "each test uses a part of it")]
 
+pub mod monado;
+pub mod screen;
+
 use std::sync::atomic::AtomicBool;
 
 use engine::gpu::{Gpu, GpuOptions};
