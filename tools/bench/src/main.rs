@@ -4,6 +4,7 @@
 
 mod budget;
 mod cost;
+mod model;
 mod paper;
 mod passes;
 mod render;
@@ -31,7 +32,9 @@ Examples:
   bench trade fit ct.nii.gz --roi bones.nii.gz   what a fit's accuracy costs; bench trade fit --help
   bench trade render --data DIR     what a picture's accuracy costs, and the ladder of the frame budget
   bench budget --plot traces.svg    the frame-budget controller on simulated GPUs
-  bench xr bones.ply                sessions in a simulated headset at several budgets"
+  bench xr bones.ply                sessions in a simulated headset at several budgets
+  bench model fit *.ply --out DIR   what a frame costs, from the work that it is made of; bench model fit --help
+  bench model headset *.ply --out DIR    what a standalone headset would take for it"
 )]
 struct Arguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
@@ -54,6 +57,9 @@ enum What {
     /// What accuracy costs, of fits and of pictures, and where the front is.
     #[command(subcommand)]
     Trade(trade::What),
+    /// What a frame costs, from the work that it is made of, here and on devices that are not at hand.
+    #[command(subcommand)]
+    Model(model::What),
     /// Pictures of all modes against what they should be, and what frames cost.
     Render(render::Arguments),
 }
@@ -80,6 +86,8 @@ fn run(arguments: &Arguments) -> Result<()> {
         What::Budget(a) => budget::run(a),
         What::Xr(a) => xr::run(&Gpu::new(&options)?, a),
         What::Render(a) => render::run(&options, a),
+        What::Model(model::What::Fit(a)) => model::fit(&Gpu::new(&options)?, a),
+        What::Model(model::What::Headset(a)) => model::headset(&Gpu::new(&options)?, a),
         What::Trade(trade::What::Fit(a)) => trade::fit::run(&options, a),
         What::Trade(trade::What::Render(a)) => trade::render::run(&options, a),
     }
