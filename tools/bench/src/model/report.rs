@@ -93,10 +93,10 @@ impl Report {
 
     fn errors_table(&self, rows: &[Row<'_>]) -> Table {
         let groups = [
-            ("in the fit", groups(rows, |r| r.fitted, &|r| [String::new(), mode(r)])),
-            ("held out", groups(rows, |r| r.other_cases, &|r| [format!("case {}", r.case), mode(r)])),
+            ("", groups(rows, |r| r.fitted, &|r| [String::new(), mode(r)])),
+            (", cases held out", groups(rows, |r| r.other_cases, &|r| [r.case.to_owned(), mode(r)])),
             (
-                "held out",
+                ", sizes held out",
                 groups(rows, |r| r.other_sizes, &|r| [format!("edge {}", r.frame.shot.size[0]), mode(r)]),
             ),
         ];
@@ -104,7 +104,7 @@ impl Report {
         let cells = groups.iter().flat_map(|(how, groups)| {
             groups.iter().map(move |Group { what, errors: e }| {
                 vec![
-                    format!("{what} {how}").trim().to_owned(),
+                    format!("{what}{how}"),
                     e.frames.to_string(),
                     percent(e.median),
                     percent(e.p90),
