@@ -7,6 +7,7 @@ mod cost;
 mod model;
 mod paper;
 mod passes;
+mod plot;
 mod render;
 mod report;
 mod scene;

@@ -39,7 +39,8 @@ after each.
 Examples:
   bench trade render --data DIR --quick                  one case, one transfer function, two views
   bench trade render --data DIR --out trade              all of it: a quarter of an hour on two cores
-  bench trade render --data DIR --out trade --ladder engine/src/render/ladder.toml      writes the ladder, too")]
+  bench trade render --data DIR --out trade --ladder engine/src/render/ladder.toml      writes the ladder, too
+  bench trade render --data DIR --out large --cases skull --density 4 --size 512        larger pictures of more splats")]
 pub struct Arguments {
     /// Folder with the cases: CASE/ct.nii.gz and its masks
     #[arg(long, value_name = "DIR")]
@@ -53,6 +54,9 @@ pub struct Arguments {
     /// Cases, of those of `bench render`'s configuration; three of different kinds when absent
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     cases: Vec<String>,
+    /// Splats per voxel, times those of the case: whether the ladder is that of larger scenes, too
+    #[arg(long, value_name = "TIMES", default_value_t = 1.0)]
+    density: f64,
     /// One case, one transfer function, two views and a short fit
     #[arg(long)]
     quick: bool,
@@ -122,7 +126,7 @@ fn units(a: &Arguments, device: &str) -> Result<Vec<Unit>> {
     };
     let mut units = Vec::new();
     for (name, density) in cases {
-        let (case, density) = (name.clone(), Some(*density));
+        let (case, density) = (name.clone(), Some(density * a.density));
         let subject = Subject { case, density, splats: None, ply: None, coloured: false };
         let fit = config.fit(&subject)?;
         let iterations = if a.quick { QUICK_ITERATIONS } else { fit.iterations };
@@ -161,6 +165,7 @@ mod tests {
             out: PathBuf::new(),
             size: 64,
             cases: cases.iter().map(|name| (*name).to_owned()).collect(),
+            density: 1.0,
             quick,
             force: false,
             ladder: None,
@@ -172,6 +177,9 @@ mod tests {
         let quick = units(&a(true, &[]), "none").expect("units");
         assert_eq!((quick.len(), quick[0].views.len(), quick[0].fit.iterations), (1, 2, QUICK_ITERATIONS));
         assert_eq!(units(&a(false, &["skull"]), "none").expect("units")[0].fit.density, 0.05);
+        let dense = Arguments { density: 4.0, ..a(false, &["skull"]) };
+        assert_eq!(units(&dense, "none").expect("units")[0].fit.density, 0.2);
         assert!(units(&a(false, &["no such case"]), "none").is_err());
+        assert!(units(&Arguments { density: -1.0, ..dense }, "none").is_err(), "as a fit refuses it");
     }
 }
