@@ -1,9 +1,33 @@
-// What eyes.vert and eyes.frag share.
+// What eyes.vert, eyes.frag and eyes_depth.frag share. With foveation an eye has two layers of what was rendered, two apart:
+// the surround, all that it sees, and the inset, a part of that with more pixels, which fades into it.
 #extension GL_EXT_multiview : require
 #extension GL_EXT_scalar_block_layout : require
+layout(constant_id = 0) const uint LINEAR = 0u;   // 1: the target turns light into sRGB by itself
+layout(constant_id = 1) const uint FOVEATED = 0u; // 1: with insets
 layout(push_constant, scalar) uniform EyesParams {
     vec2 part;       // of the picture's edges that were rendered
     vec2 most;       // texture coordinates beyond which a sample would take in what was not
     vec4 background; // display-referred, premultiplied
     vec2 range;      // distances along the viewing direction of depths 0 and 1, mm
+    vec4 insets[2];  // left, upper, right and lower edge, as parts of the eye's picture
+    float fading;    // part of an inset's edges over which it fades
 } p;
+
+// Texture coordinates of a place of a picture, 0 to 1 from the upper left corner.
+vec2 texture_place(vec2 place) {
+    return min(place * p.part, p.most);
+}
+
+// The same in an inset for a place of the eye's picture.
+vec2 inset_place(vec2 place, vec4 inset) {
+    return texture_place((place - inset.xy) / (inset.zw - inset.xy));
+}
+
+// The inset's share of what is seen at a place: smoothly from 0 at its edges to 1, except at the edges of the picture, where
+// there is nothing to fade into.
+float inset_share(vec2 place, vec4 inset) {
+    vec2 reach = p.fading * (inset.zw - inset.xy);
+    vec2 low = mix((place - inset.xy) / reach, vec2(1.0), lessThanEqual(inset.xy, vec2(0.0)));
+    vec2 high = mix((inset.zw - place) / reach, vec2(1.0), greaterThanEqual(inset.zw, vec2(1.0)));
+    return smoothstep(0.0, 1.0, min(min(low.x, low.y), min(high.x, high.y)));
+}

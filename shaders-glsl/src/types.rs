@@ -2,6 +2,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
+/// Patches along each edge of a picture, each blind or not; `include/blind.glsl` has the same number.
+pub const PATCHES: usize = 64;
+/// Words that hold the patches of a picture, a bit each: two for a row, rows from the top, the lowest bit at the left.
+pub const PATCH_WORDS: usize = PATCHES * PATCHES / 32;
+
 /// One splat by its raw parameters: 12 floats, 48 bytes. Spaces and units depend on the set that holds it: voxel
 /// space inside a fit, world mm relative to the set's origin in a file.
 #[repr(C)]
@@ -311,6 +316,13 @@ shared! {
         /// Pairs that fit the buffers.
         capacity: u32,
     }
+    /// Push constants of `blind_parts`.
+    BlindParams {
+        /// Width and height of the picture, pixels.
+        size: [u32; 2],
+        /// Tiles along them.
+        tiles: [u32; 2],
+    }
     /// Push constants of `project_splats`.
     ProjectParams {
         /// Tiles and planes.
@@ -493,6 +505,10 @@ shared! {
         background: [f32; 4],
         /// Distances along the viewing direction of depths 0 and 1, mm.
         range: [f32; 2],
+        /// Left, upper, right and lower edge of the insets, as parts of the eyes' pictures.
+        insets: [[f32; 4]; 2],
+        /// Part of an inset's edges over which it fades.
+        fading: f32,
     }
     /// Push constants of `mirror`.
     MirrorParams {

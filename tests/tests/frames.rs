@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use engine::gpu::{Gpu, Ticket};
 use engine::render::{
-    Appearance, Camera, Fov, Frames, LADDER, Look, Quality, Renderer, Rung, Scene, Settings, ladder, mode,
+    Appearance, Blind, Camera, Fov, Frames, LADDER, Look, Quality, Renderer, Rung, Scene, Settings, ladder,
+    mode,
 };
 use engine::splat::{Field, SplatSet};
 use engine::transfer::preset;
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use rand::RngExt;
 use vgs_tests::Device;
 use vgs_tests::scene::{random, splat};
@@ -117,6 +118,64 @@ fn each_rung_shows_what_a_renderer_made_for_it_shows() {
             let expected = renderer.target.read_colour(view).expect("the picture");
             assert!(expected.iter().any(|p| p[3] > 0.1), "rung {number}: something is seen");
             assert!(corner == expected, "rung {number}, view {view}: other bits");
+        }
+    }
+}
+
+/// Two triangles of tangents for a rectangle.
+fn rectangle(low: DVec2, high: DVec2) -> [[DVec2; 3]; 2] {
+    let (a, b) = (DVec2::new(high.x, low.y), DVec2::new(low.x, high.y));
+    [[low, a, high], [low, b, high]]
+}
+
+/// Where a picture is seen it has the bits that it has when all of it is; where no eye sees it nothing is shown in mode slab,
+/// and in mode alpha nothing that lies there altogether.
+#[test]
+fn what_no_eye_sees_changes_nothing_else() {
+    let gpu = Device::boot();
+    let scene = scene(&gpu);
+    let cameras = eyes(&scene);
+    let asked = Settings { blind: true, depth: true, ..settings() };
+    let all = Settings { depth: true, ..settings() };
+    // The right half of the first view, where the scene is, and the middle of the second.
+    let right = rectangle(DVec2::new(-0.07, -2.0), DVec2::new(2.0, 2.0));
+    let middle = rectangle(DVec2::new(-0.25, -0.25), DVec2::new(0.25, 0.25));
+    let blind = [Blind::of(&cameras[0].fov, &right), Blind::of(&cameras[1].fov, &middle)];
+    let mut whole = Frames::new(&gpu, &scene, &all, &rungs()).expect("frames");
+    let mut frames = Frames::new(&gpu, &scene, &asked, &rungs()).expect("frames");
+    whole.warm_up(&scene, &cameras).expect("all rungs");
+    frames.warm_up(&scene, &cameras).expect("all rungs");
+    for (number, rung) in rungs().iter().enumerate() {
+        for unseen in [false, true] {
+            let shown = if unseen { blind.clone() } else { Default::default() };
+            frames.set_blind(&shown);
+            let mut size = SIZE;
+            for frames in [&mut whole, &mut frames] {
+                let frame = frames.begin(&scene, number).expect("a frame");
+                size = frame.size;
+                let ticket = frames.submit(frame, &scene, &cameras).expect("submitted");
+                gpu.wait(ticket).expect("rendered");
+            }
+            for view in 0..2 {
+                let [expected, found] =
+                    [&whole, &frames].map(|frames| frames.target.read_colour(view).expect("a picture"));
+                let [far, deep] =
+                    [&whole, &frames].map(|frames| frames.target.read_depth(view).expect("a depth"));
+                let mut spared = 0;
+                for (y, x) in (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (y, x))) {
+                    let pixel = (y * SIZE[0] + x) as usize;
+                    let patch = [(x * 64 / size[0]) as usize, (y * 64 / size[1]) as usize];
+                    let same = found[pixel] == expected[pixel] && deep[pixel] == far[pixel];
+                    assert!(
+                        same || shown[view as usize].at(patch),
+                        "rung {number}, view {view}: {x}, {y} has other bits"
+                    );
+                    spared += usize::from(found[pixel][3] == 0.0 && expected[pixel][3] > 0.0);
+                }
+                let least = if rung.mode == "slab" { 200 } else { 5 };
+                let least = least * (size[0] * size[1]) as usize / (SIZE[0] * SIZE[1]) as usize;
+                assert_eq!(spared > least, unseen, "rung {number}, view {view}: {spared} of {least}");
+            }
         }
     }
 }

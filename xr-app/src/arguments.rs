@@ -48,6 +48,10 @@ pub struct Arguments {
     /// Edges of the eyes' pictures, as a part of what the headset recommends
     #[arg(long, value_name = "PART", default_value_t = 1.0, value_parser = part)]
     pub resolution: f64,
+    /// Renders all that the eyes see at fewer pixels and its middle at all of them, in pictures whose edges are such a part of
+    /// the eyes': 0.5 renders less than half of the pixels
+    #[arg(long, value_name = "PART", value_parser = inset)]
+    pub foveation: Option<f64>,
     /// Device time that a frame may take; 9/10 of the display's period by default
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub budget: Option<f64>,
@@ -119,6 +123,11 @@ impl From<Behind> for Blend {
 fn part(text: &str) -> std::result::Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "a number is needed")?;
     if (0.05..=2.0).contains(&value) { Ok(value) } else { Err("0.05 to 2".into()) }
+}
+
+fn inset(text: &str) -> std::result::Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "a number is needed")?;
+    if (0.1..=0.9).contains(&value) { Ok(value) } else { Err("0.1 to 0.9".into()) }
 }
 
 fn positive(text: &str) -> std::result::Result<f64, String> {
@@ -259,6 +268,7 @@ fn show(
         background: [0.0; 3],
         frames: arguments.frames,
         panel: arguments.panel,
+        foveation: arguments.foveation,
     };
     let mut viewer = memory::within(gpu, arguments.memory_budget, set, |set, precision| {
         let scene = Scene::with_precision(gpu, Some(set), None, &look, precision)?;

@@ -1,4 +1,4 @@
-//! Puts what was rendered into the pictures of the eyes.
+//! Puts what was rendered into the pictures of the eyes; with foveation, of each eye the surround and over it the inset.
 
 use engine::Result;
 use engine::gpu::{Drawing, Format, Gpu, Recorder};
@@ -7,6 +7,7 @@ use shaders_glsl as glsl;
 use shaders_glsl::types::EyesParams;
 
 use crate::headset::{Blend, Lent};
+use crate::sight::{FADING, Inset};
 
 /// What puts pictures into those of a headset.
 pub struct Composer {
@@ -20,16 +21,23 @@ pub struct Composer {
 
 impl Composer {
     /// For pictures of a format, with or without depth. `background` is behind what was rendered where the headset shows no
-    /// room there.
-    pub fn new(gpu: &Gpu, format: Format, depth: bool, blend: Blend, background: [f32; 3]) -> Result<Self> {
-        let linear = [u32::from(format.is_srgb())];
+    /// room there. Foveated, what was rendered has insets.
+    pub fn new(
+        gpu: &Gpu,
+        format: Format,
+        depth: bool,
+        blend: Blend,
+        background: [f32; 3],
+        foveated: bool,
+    ) -> Result<Self> {
+        let constants = [format.is_srgb(), foveated].map(u32::from);
         let [r, g, b] = background;
         let (fragment, formats) = match depth {
             true => (&glsl::EYES_DEPTH_FRAG, &[format, Format::D32f][..]),
             false => (&glsl::EYES_FRAG, &[format][..]),
         };
         Ok(Composer {
-            drawing: Drawing::new(gpu, &glsl::EYES_VERT, fragment, &linear, formats, 2)?,
+            drawing: Drawing::new(gpu, &glsl::EYES_VERT, fragment, &constants, formats, 2)?,
             depth,
             background: match blend {
                 Blend::Opaque => [r, g, b, 1.0],
@@ -40,13 +48,15 @@ impl Composer {
         })
     }
 
-    /// Records it. `size` is the part of the target that was rendered, pixels, and `range` the distances of depths 0 and 1, mm.
+    /// Records it. `size` is the part of the target that was rendered, pixels, `range` are the distances of depths 0 and 1, mm,
+    /// and `insets` are where the insets lie, if this was made for them.
     pub fn compose(
         &self,
         recorder: &mut Recorder,
         rendered: &Target,
         size: [u32; 2],
         range: [f32; 2],
+        insets: Option<&[Inset; 2]>,
         eyes: &mut Lent<'_>,
     ) {
         if self.translucent {
@@ -64,6 +74,9 @@ impl Composer {
                 most: [part(0, 0.5), part(1, 0.5)],
                 background: self.background,
                 range,
+                insets: insets
+                    .map_or_else(Default::default, |insets| insets.map(|i| i.map(|part| part as f32))),
+                fading: FADING as f32,
             })
             .vertices_over(&mut eyes.pictures(), 0..3);
     }

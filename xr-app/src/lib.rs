@@ -5,6 +5,7 @@
 //!                ─► controls ─► placement          what hands do to the patient
 //!                ─► pointing ─► panel, sheets      what hands point at: egui's panel, readings, distances
 //!                            ─► palm               how hands without controllers call the panel
+//!                ─► sight                          which views are rendered, and what of them no eye sees
 //!                ─► composer                       what was rendered, into the pictures of the eyes
 //!                ─► onlooker (mirror)              who is shown the same: a window of the desktop, where there are any
 //!                ─► statistics                     what is reported
@@ -30,6 +31,7 @@ pub mod panel;
 pub mod placement;
 pub mod pointing;
 pub mod sheets;
+pub mod sight;
 pub mod statistics;
 pub mod viewer;
 

@@ -136,7 +136,7 @@ impl Statistics {
         gpu: &Gpu,
         headset: &Description,
         rungs: &[Rung],
-        placement: &Placement,
+        (placement, hidden): (&Placement, [f64; 2]),
         hitches: Hitches,
     ) -> Report {
         let samples = || self.samples.iter();
@@ -167,6 +167,7 @@ impl Statistics {
             pipelines: hitches.pipelines,
             waits: hitches.waits,
             device_bytes: gpu.memory_by_purpose(),
+            hidden,
             eyes: self.eyes.map(|eyes| eyes.map(|eye| SeenBy::from(&eye))),
             patient: placement.position.to_array(),
             scale: placement.scale,
@@ -232,6 +233,8 @@ pub struct Report {
     pub waits: u64,
     /// Device memory by purpose, bytes.
     pub device_bytes: BTreeMap<&'static str, u64>,
+    /// Part of each eye's picture that lenses hide, by patches that lie behind them altogether.
+    pub hidden: [f64; 2],
     /// Where the eyes were at last.
     pub eyes: Option<[SeenBy; 2]>,
     /// Where the patient's middle was at last, in the room, metres.

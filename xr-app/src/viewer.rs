@@ -6,7 +6,7 @@ use std::time::Duration;
 use engine::Result;
 use engine::budget::{Controller, budget_ms};
 use engine::gpu::{Format, Gpu, Hitches, Image};
-use engine::render::{Camera, Fov, Frames, Rung, Scene, Settings, ladder};
+use engine::render::{Fov, Frames, Rung, Scene, Triangle, ladder};
 use glam::DVec3;
 
 use crate::composer::Composer;
@@ -15,6 +15,7 @@ use crate::headset::{Blend, Event, Eye, Headset, Lent, Pose, State, Timing};
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
 use crate::pointing::{Known, Pointing};
+use crate::sight::Sight;
 use crate::statistics::{Report, Statistics};
 
 /// How the scene is shown.
@@ -32,6 +33,9 @@ pub struct Options {
     pub frames: Option<u64>,
     /// Whether the panel is there from the start.
     pub panel: bool,
+    /// Edges of pictures with fewer pixels around an inset with all of them, as a part of the eyes' ([`Sight`]); without
+    /// foveation where nothing is said.
+    pub foveation: Option<f64>,
 }
 
 /// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones find their
@@ -48,6 +52,7 @@ pub struct Viewer {
     options: Options,
     controls: Controls,
     pointing: Pointing,
+    sight: Sight,
     onlooker: Option<Box<dyn Onlooker>>,
     /// Where the head was in the last frame.
     head: Pose,
@@ -66,9 +71,11 @@ impl Viewer {
     /// For a scene in a headset.
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
-        let settings = Settings { views: 2, depth: about.depth, ..Settings::new(about.eye_size) };
-        let frames = Frames::new(gpu, &scene, &settings, &options.rungs)?;
-        let composer = Composer::new(gpu, about.format, about.depth, about.blend, options.background)?;
+        let sight = Sight::new(about.eye_size, options.foveation, about.lenses);
+        let frames = Frames::new(gpu, &scene, &sight.settings(about.depth), &options.rungs)?;
+        let foveated = sight.insets().is_some();
+        let composer =
+            Composer::new(gpu, about.format, about.depth, about.blend, options.background, foveated)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
         let range = scene.cloud.as_ref().map_or([0.0, 1.0], |cloud| cloud.range);
         let mut controls =
@@ -83,6 +90,7 @@ impl Viewer {
             options,
             controls,
             pointing,
+            sight,
             onlooker: None,
             head: Pose::IDENTITY,
             slot: 0,
@@ -115,13 +123,15 @@ impl Viewer {
     }
 
     fn warm_up(&mut self) -> Result<()> {
-        let placement = &self.controls.placement;
         for distance in WARM_UP {
-            let position = placement.position + DVec3::Z * distance;
+            let position = self.controls.placement.position + DVec3::Z * distance;
             let fov = Fov { left: -1.0, right: 1.0, up: 1.0, down: -1.0 };
             let eye = Eye { pose: Pose { position, ..Pose::IDENTITY }, fov };
-            self.frames.warm_up(&self.scene, &[placement.camera(&eye); 2])?;
+            self.look_from(&Default::default(), &[eye; 2]);
+            let cameras = self.sight.cameras(&self.controls.placement, &[eye; 2]);
+            self.frames.warm_up(&self.scene, &cameras)?;
         }
+        self.sight.forget();
         Ok(())
     }
 
@@ -153,6 +163,7 @@ impl Viewer {
             Event::State(State::Over | State::Lost) => self.over = true,
             Event::State(_) => {}
             Event::Recentred => self.place = true,
+            Event::Lenses => self.sight.forget(),
             Event::Rate(hz) if self.options.budget_ms.is_none() => {
                 self.controller.set_budget_ms(budget_ms(hz))
             }
@@ -178,12 +189,14 @@ impl Viewer {
         if let Some(look) = self.controls.update(&hands, period)? {
             self.scene.set_look(&look)?;
         }
+        self.sight.aim();
         let rung = self.options.rung.unwrap_or_else(|| self.controller.rung());
         let mut frame = self.frames.begin(&self.scene, rung)?;
         let mut eyes = headset.lend(&mut frame.recorder)?;
         let range = self.controls.placement.depth_range();
         self.pointing.prepare(&mut frame.recorder)?;
-        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, range, &mut eyes);
+        let insets = self.sight.insets();
+        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, range, insets, &mut eyes);
         let turn = (frame.slot, self.frames.views(frame.slot));
         self.pointing.draw(&mut frame.recorder, turn, &self.controls, self.scene.origin, &mut eyes)?;
         if let Some(onlooker) = &mut self.onlooker {
@@ -195,10 +208,18 @@ impl Viewer {
         let seen = headset.eyes(&timing)?;
         self.statistics.looked(&timing, &seen);
         self.head = head(&seen.eyes);
-        let cameras: [Camera; 2] = seen.eyes.map(|eye| self.controls.placement.camera(&eye));
+        self.look_from(headset.lenses(), &seen.eyes);
+        let cameras = self.sight.cameras(&self.controls.placement, &seen.eyes);
         self.frames.submit(frame, &self.scene, &cameras)?;
         headset.end(&timing, Some(&seen.eyes))?;
         self.onlooker.as_mut().map_or(Ok(()), |onlooker| onlooker.show())
+    }
+
+    /// Lets the renderer know what no eye sees of the pictures of these eyes.
+    fn look_from(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) {
+        if let Some(blind) = self.sight.update(lenses, eyes) {
+            self.frames.set_blind(blind);
+        }
     }
 
     /// Lets the controller know what has finished, and what the display's rate allows.
@@ -254,12 +275,14 @@ impl Viewer {
     /// What both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the device.
     pub fn picture(&mut self) -> Result<Image> {
         let format = Format::Rgba8;
-        let composer = Composer::new(&self.gpu, format, false, Blend::Opaque, self.options.background)?;
-        let mut eyes = self.gpu.picture("both eyes", "pictures", format, self.frames.target.size(), 2)?;
+        let insets = self.sight.insets();
+        let background = self.options.background;
+        let composer = Composer::new(&self.gpu, format, false, Blend::Opaque, background, insets.is_some())?;
+        let mut eyes = self.gpu.picture("both eyes", "pictures", format, self.sight.eye_size(), 2)?;
         let mut recorder = self.gpu.record()?;
         let range = self.controls.placement.depth_range();
         let mut lent = Lent { colour: &mut eyes, depth: None };
-        composer.compose(&mut recorder, &self.frames.target, self.shown_size, range, &mut lent);
+        composer.compose(&mut recorder, &self.frames.target, self.shown_size, range, insets, &mut lent);
         let turn = (self.slot, self.frames.views(self.slot));
         self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut lent)?;
         let ticket = recorder.submit()?;
@@ -291,7 +314,13 @@ impl Viewer {
             waits: now.waits - self.before.waits,
         };
         let (about, placement) = (headset.description(), &self.controls.placement);
-        self.statistics.report(&self.gpu, about, &self.options.rungs, placement, hitches)
+        self.statistics.report(
+            &self.gpu,
+            about,
+            &self.options.rungs,
+            (placement, self.sight.hidden()),
+            hitches,
+        )
     }
 }
 

@@ -67,6 +67,12 @@ fn two_hundred_frames_under_monado() {
         extensions.iter().any(|name| name == "XR_KHR_composition_layer_depth"),
         "Monado takes depth: {extensions:?}"
     );
+    assert!(
+        extensions.iter().any(|name| name == "XR_KHR_visibility_mask"),
+        "Monado says what lenses hide: {extensions:?}"
+    );
+    let hidden = |eye: usize| report["hidden"][eye].as_f64().expect("a part");
+    assert!((0.02..0.5).contains(&hidden(0)) && (0.02..0.5).contains(&hidden(1)), "{}", report["hidden"]);
     assert_eq!((report["allocations"].as_u64(), report["pipelines"].as_u64()), (Some(0), Some(0)));
     let latency = |part: &str| report["latency_ms"][part].as_f64().expect("ms");
     let ladder = ["p5", "median", "p95", "p99", "most"].map(latency);

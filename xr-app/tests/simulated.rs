@@ -6,7 +6,8 @@ mod support;
 
 use std::sync::atomic::AtomicBool;
 
-use engine::render::{Fov, LADDER, Renderer, Settings, mode};
+use engine::gpu::Gpu;
+use engine::render::{Blind, Fov, LADDER, Renderer, Settings, mode};
 use glam::{DQuat, DVec3};
 use support::{device, options, scene, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated, sway};
@@ -58,18 +59,65 @@ fn the_room_shows_through_where_there_is_nothing() {
     silent(&gpu);
 }
 
-/// After the start no frame allocates device memory or makes a pipeline, whatever rungs are taken.
+/// After the start no frame allocates device memory or makes a pipeline, whatever rungs are taken and lenses become known.
 #[test]
 fn frames_allocate_nothing() {
     let gpu = device();
     // A budget that nothing fits, so that the controller goes all the way down.
     let tight = Options { budget_ms: Some(1e-6), ..options() };
-    let (viewer, headset) = session(&gpu, script(60), tight);
+    let (viewer, headset) = session(&gpu, Script { round_from: Some(20), ..script(60) }, tight);
     let report = viewer.report(&headset);
     assert_eq!((report.allocations, report.pipelines), (0, 0));
     assert_eq!(report.frames, 60);
     assert_eq!(report.samples.last().expect("frames").rung, LADDER.len() - 1, "down to the last rung");
     assert!(report.frames_on[0] < 10, "at once: {:?}", report.frames_on);
+    silent(&gpu);
+}
+
+/// What a session with this script shows at last, by the bytes of both eyes.
+fn last_picture(gpu: &Gpu, script: Script, options: Options) -> (Viewer, Simulated, Vec<[u8; 4]>) {
+    let (viewer, headset) = session(gpu, script, options);
+    let found = headset.picture().read().expect("the picture");
+    (viewer, headset, found)
+}
+
+/// A head that goes near to the patient and leans over, so that the cross reaches the corners of the pictures.
+fn nearing(seconds: f64) -> (Pose, bool) {
+    let near = Pose { position: DVec3::new(0.0, 0.0, -0.55), orientation: DQuat::from_rotation_z(0.8) };
+    (if seconds < 0.05 { Pose::IDENTITY } else { near }, true)
+}
+
+/// Where lenses are round the corners are background, though they would show something, and what is seen has the same bits;
+/// it makes no difference whether that is known from the start.
+#[test]
+fn nothing_is_shown_behind_the_rims_of_round_lenses() {
+    let gpu = device();
+    for rung in [0, 5] {
+        let script = |round_from| Script { head: nearing, round_from, ..script(12) };
+        let options = Options { rung: Some(rung), ..options() };
+        let (_, _, whole) = last_picture(&gpu, script(None), options.clone());
+        let [first, later] = [0, 6].map(|from| last_picture(&gpu, script(Some(from)), options.clone()));
+        assert!(first.2 == later.2, "rung {rung}: other bits when lenses change");
+        let (viewer, headset, found) = first;
+        let eyes = headset.shown.expect("a frame");
+        let [width, height] = headset.description().eye_size.map(|n| n as usize);
+        let mut spared = 0;
+        for (eye, lens) in headset.lenses().iter().enumerate() {
+            let blind = Blind::of(&eyes[eye].fov, lens);
+            // An ellipse has π/4 of its rectangle.
+            assert!((0.17..0.2146).contains(&blind.share()), "{}", blind.share());
+            for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+                let pixel = (eye * height + y) * width + x;
+                let same = found[pixel] == whole[pixel];
+                assert!(same || blind.at([x * 64 / width, y * 64 / height]), "rung {rung}: {x}, {y}");
+                spared += usize::from(!same);
+            }
+        }
+        // In mode alpha only what lies in the corners altogether is left out.
+        assert!(spared > if rung == 0 { 100 } else { 0 }, "rung {rung}: {spared} pixels are spared");
+        let report = viewer.report(&headset);
+        assert!(report.hidden.iter().all(|part| (0.17..0.2146).contains(part)), "{:?}", report.hidden);
+    }
     silent(&gpu);
 }
 

@@ -27,7 +27,7 @@ use shaders_glsl::types::{AdamParams, Target};
 
 pub use config::{Background, FitConfig, Parameter, ScaleUnit, Storage};
 pub use profiles::{PROFILES, Profile};
-pub use qualities::{QUALITIES, QualityPreset};
+pub use qualities::{EARLY, QUALITIES, QualityPreset};
 pub use state::State;
 pub use targets::{Scaling, offsets, sample};
 

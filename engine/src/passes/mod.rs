@@ -17,6 +17,7 @@ pub mod scan;
 pub mod splat_rows;
 mod storage;
 pub mod tiles;
+pub mod views;
 
 pub use activity::Activity;
 pub use adam::Adam;
@@ -35,6 +36,7 @@ pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
 pub use splat_rows::SplatRows;
 pub use storage::Storage;
 pub use tiles::TileBinner;
+pub use views::Views;
 
 use crate::gpu::Gpu;
 

@@ -1,9 +1,9 @@
 //! Splats to quads: one for each view, in one order for all views, and how many there are to draw.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{Appearance, Centre, Look, Quad, QuadParams, View};
+use shaders_glsl::types::{Appearance, Centre, Look, Quad, QuadParams};
 
-use super::{RadixSort, Shape, SplatRows};
+use super::{RadixSort, Shape, SplatRows, Views};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
@@ -49,6 +49,8 @@ pub struct QuadVariant {
     pub packed: bool,
     /// Whether objects have tints and opacities.
     pub objects: bool,
+    /// Whether views come with patches, and what lies in blind ones is left out.
+    pub blind: bool,
 }
 
 /// Projects splats to quads and sorts them back to front.
@@ -72,9 +74,9 @@ impl Quads {
 
     /// A `project_quads`.
     pub fn kernel(gpu: &Gpu, variant: QuadVariant) -> Result<Kernel> {
-        let QuadVariant { corners, standard, shaded, packed, objects } = variant;
-        let [standard, shaded, packed, objects] = [standard, shaded, packed, objects].map(u32::from);
-        Kernel::new(gpu, &glsl::PROJECT_QUADS, &[corners, standard, shaded, packed, objects])
+        let QuadVariant { corners, standard, shaded, packed, objects, blind } = variant;
+        let flags = [standard, shaded, packed, objects, blind].map(u32::from);
+        Kernel::new(gpu, &glsl::PROJECT_QUADS, &[&[corners][..], &flags].concat())
     }
 
     /// Records projection, by a [`Quads::kernel`], and sorting of the active splats, of which there are at most
@@ -83,7 +85,7 @@ impl Quads {
         &mut self,
         recorder: &mut Recorder,
         kernel: &Kernel,
-        views: &Buffer<View>,
+        views: &Views,
         sources: &QuadSources<'_>,
         params: &QuadParams,
     ) {
@@ -91,7 +93,7 @@ impl Quads {
         let (keys, values) = self.sort.input();
         recorder
             .pass(kernel)
-            .read(views)
+            .read(&views.rows)
             .read(sources.look.0)
             .read(sources.look.1)
             .read(sources.look.2)
@@ -107,6 +109,7 @@ impl Quads {
             .write_words(&mut self.arguments)
             .read(sources.objects.0)
             .read(sources.objects.1)
+            .read(&views.patches)
             .push(&QuadParams { range: sources.splats.range, ..*params })
             .dispatch(params.splat_count.div_ceil(GROUP as u32));
         self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);

@@ -2,9 +2,9 @@
 //! the pairs of each begin.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{EmitParams, ProjectParams, Projected, RangeParams, TileGrid, View};
+use shaders_glsl::types::{BlindParams, EmitParams, ProjectParams, Projected, RangeParams, TileGrid};
 
-use super::{RadixSort, Scan, SplatRows};
+use super::{RadixSort, Scan, SplatRows, Views};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat;
@@ -21,6 +21,8 @@ const MOST_ROWS: usize = 1 << 24;
 /// Sorts the splats of all views into tiles and blocks.
 pub struct TileBinner {
     gpu: Gpu,
+    /// Where what no eye sees is left out.
+    blind: Option<Kernel>,
     project: Kernel,
     emit: Kernel,
     ranges: Kernel,
@@ -34,6 +36,8 @@ pub struct TileBinner {
     /// First pair of each (view, tile, block), and the total.
     pub starts: Buffer<u32>,
     needed: Buffer<u32>,
+    /// Parts of each tile that no eye sees, a bit each, [view][tile]; a single word where none are asked for.
+    pub blind_parts: Buffer<u32>,
     /// (View, tile, block)s of the grid that was recorded last.
     lists: usize,
     views: u32,
@@ -41,7 +45,8 @@ pub struct TileBinner {
 }
 
 impl TileBinner {
-    /// For so many splats, packed or not, in so many views of a grid or of grids with fewer tiles, blocks and splats.
+    /// For so many splats, packed or not, in so many views of a grid or of grids with fewer tiles, blocks and splats. Where
+    /// views come with patches, what lies in blind ones gets no pairs.
     pub fn new(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -49,6 +54,7 @@ impl TileBinner {
         grid: &TileGrid,
         views: u32,
         splat_count: usize,
+        blind: bool,
     ) -> Result<Self> {
         let rows = splat_count * views as usize;
         if rows > MOST_ROWS {
@@ -60,10 +66,13 @@ impl TileBinner {
             .help("render fewer splats, or one view at a time"));
         }
         let lists = lists(grid, views);
+        let tiles = if blind { views * grid.tiles[0] * grid.tiles[1] } else { 1 };
+        let flag = u32::from(blind);
         Ok(TileBinner {
             gpu: gpu.clone(),
-            project: Kernel::new(gpu, &glsl::PROJECT_SPLATS, &[kernel.id(), u32::from(packed)])?,
-            emit: Kernel::new(gpu, &glsl::EMIT_TILE_PAIRS, &[kernel.id()])?,
+            blind: blind.then(|| Kernel::new(gpu, &glsl::BLIND_PARTS, &[])).transpose()?,
+            project: Kernel::new(gpu, &glsl::PROJECT_SPLATS, &[kernel.id(), u32::from(packed), flag])?,
+            emit: Kernel::new(gpu, &glsl::EMIT_TILE_PAIRS, &[kernel.id(), flag])?,
             ranges: Kernel::new(gpu, &glsl::BRICK_RANGES, &[])?,
             scan: Scan::new(gpu, rows)?,
             sort: RadixSort::new(gpu, (rows * 8).max(4096))?,
@@ -73,6 +82,7 @@ impl TileBinner {
             pair_offsets: gpu.buffer("pair offsets", "sorting", rows + 1)?,
             starts: gpu.buffer("pair starts", "sorting", lists + 1)?,
             needed: gpu.readback("pairs needed", 1)?,
+            blind_parts: gpu.buffer("blind parts of tiles", "sorting", tiles as usize)?,
             lists,
             views,
             splat_count,
@@ -117,7 +127,7 @@ impl TileBinner {
         recorder: &mut Recorder,
         grid: &TileGrid,
         background: f32,
-        views: &Buffer<View>,
+        views: &Views,
         all: &SplatRows,
         (active, count): (&Buffer<u32>, &Buffer<u32>),
     ) {
@@ -127,9 +137,18 @@ impl TileBinner {
         assert!(splats <= self.splat_count, "{}: {splats} splats", self.projected.name());
         let rows = splats * self.views as usize;
         let groups = [splats.div_ceil(GROUP) as u32, self.views, 1];
+        if let Some(blind) = &self.blind {
+            let tiles = (grid.tiles[0] * grid.tiles[1]).div_ceil(GROUP as u32);
+            recorder
+                .pass(blind)
+                .read(&views.patches)
+                .write(&mut self.blind_parts)
+                .push(&BlindParams { size: grid.size, tiles: grid.tiles })
+                .dispatch_3d([tiles, self.views, 1]);
+        }
         recorder
             .pass(&self.project)
-            .read(views)
+            .read(&views.rows)
             .read(&all.rows)
             .read(&all.chunks)
             .read(active)
@@ -137,6 +156,7 @@ impl TileBinner {
             .write(&mut self.projected)
             .write(&mut self.boxes)
             .write(&mut self.pair_counts)
+            .read(&self.blind_parts)
             .push(&ProjectParams { grid: *grid, range: all.range, background })
             .dispatch_3d(groups);
         self.scan.record(recorder, &self.pair_counts, rows, &mut self.pair_offsets);
@@ -144,12 +164,13 @@ impl TileBinner {
         let (keys, values) = self.sort.input();
         recorder
             .pass(&self.emit)
-            .read(views)
+            .read(&views.rows)
             .read(&self.projected)
             .read(&self.boxes)
             .read(&self.pair_offsets)
             .write(keys)
             .write(values)
+            .read(&self.blind_parts)
             .push(&EmitParams { grid: *grid })
             .dispatch_3d(groups);
         let capacity = self.sort.capacity() as u32;

@@ -6,6 +6,7 @@
 
 pub mod activity;
 pub mod adam;
+pub mod blind;
 pub mod eye;
 pub mod half;
 pub mod loss;

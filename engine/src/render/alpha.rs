@@ -11,13 +11,13 @@
 
 use glam::DVec3;
 use shaders_glsl as glsl;
-use shaders_glsl::types::{AlphaParams, QuadParams, View};
+use shaders_glsl::types::{AlphaParams, QuadParams};
 
 use super::{Mode, Quality, Scene, Settings, Target, Variants};
 use crate::error::Result;
 use crate::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
-use crate::passes::Quads;
 use crate::passes::quads::{QuadSources, QuadVariant, corners};
+use crate::passes::{Quads, Views};
 
 /// The mode `alpha`.
 pub struct Alpha {
@@ -30,6 +30,7 @@ pub struct Alpha {
     drawing: Drawing,
     params: QuadParams,
     depth: bool,
+    blind: bool,
 }
 
 impl Alpha {
@@ -60,6 +61,7 @@ impl Alpha {
                 coefficients: cloud.standard().map_or(0, |s| s.coefficients),
             },
             depth: settings.depth,
+            blind: settings.blind,
         })
     }
 
@@ -73,6 +75,7 @@ impl Alpha {
             shaded: look.shaded && !standard,
             packed: cloud.rows().packed,
             objects: look.objects_differ,
+            blind: self.blind,
         };
         self.kernels.find(variant, |&variant| Quads::kernel(gpu, variant))
     }
@@ -83,7 +86,7 @@ impl Mode for Alpha {
         &mut self,
         recorder: &mut Recorder,
         scene: &Scene,
-        views: &Buffer<View>,
+        views: &Views,
         target: &mut Target,
         quality: &Quality,
     ) -> Result<()> {

@@ -6,9 +6,10 @@
 
 use shaders_glsl::types::View;
 
-use super::{Camera, Mode, Rung, Scene, Settings, Target, mode};
+use super::{Blind, Camera, Mode, Rung, Scene, Settings, Target, mode};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder, Ticket};
+use crate::passes::Views;
 
 /// Frames that may be in flight at once: one on the device, one recorded behind it, one of which the news is under way.
 pub const IN_FLIGHT: usize = 3;
@@ -21,7 +22,9 @@ pub struct Frames {
     mode_of: Vec<usize>,
     modes: Vec<Box<dyn Mode>>,
     /// Written in turn; each may be written again when the frame that reads it has finished.
-    views: Vec<Buffer<View>>,
+    views: Vec<Views>,
+    /// What is blind of the pictures; nothing where the settings do not ask for it.
+    blind: Vec<Blind>,
     readers: Vec<Option<Ticket>>,
     next: usize,
     /// Frames that have not been reported as finished, with their rungs.
@@ -59,13 +62,15 @@ impl Frames {
         let mut names: Vec<&str> = rungs.iter().map(|r| r.mode).collect();
         names.dedup();
         let modes = names.iter().map(|name| mode(name)?.make(gpu, scene, settings)).collect::<Result<_>>()?;
-        let views = |slot| gpu.mapped(&format!("views {slot}"), "views", settings.views as usize);
+        let views = |slot| Views::new(gpu, &format!("views {slot}"), settings.views, settings.blind);
+        let pictures = if settings.blind { settings.views as usize } else { 0 };
         Ok(Frames {
             gpu: gpu.clone(),
             mode_of: rungs.iter().filter_map(|r| names.iter().position(|name| *name == r.mode)).collect(),
             rungs: rungs.to_vec(),
             modes,
             views: (0..IN_FLIGHT).map(views).collect::<Result<_>>()?,
+            blind: vec![Blind::default(); pictures],
             readers: vec![None; IN_FLIGHT],
             next: 0,
             flying: Vec::with_capacity(2 * IN_FLIGHT),
@@ -75,7 +80,15 @@ impl Frames {
 
     /// The views of a frame of this turn, as kernels and drawings will read them.
     pub fn views(&self, slot: usize) -> &Buffer<View> {
-        &self.views[slot]
+        &self.views[slot].rows
+    }
+
+    /// Says what is blind of the pictures, from the next submission on.
+    ///
+    /// # Panics
+    /// If the settings did not ask for it, or had another number of views.
+    pub fn set_blind(&mut self, blind: &[Blind]) {
+        self.blind.clone_from_slice(blind);
     }
 
     /// The rungs.
@@ -121,11 +134,8 @@ impl Frames {
     /// # Panics
     /// If there are not as many cameras as the settings had views.
     pub fn submit(&mut self, frame: Frame, scene: &Scene, cameras: &[Camera]) -> Result<Ticket> {
-        let views = self.views[frame.slot].mapped_mut()?;
-        assert_eq!(cameras.len(), views.len(), "one camera a view");
-        for (view, camera) in views.iter_mut().zip(cameras) {
-            *view = camera.view(scene.origin);
-        }
+        let rows = cameras.iter().map(|camera| camera.view(scene.origin));
+        self.views[frame.slot].write(rows, self.blind.iter().map(|blind| blind.words))?;
         let ticket = frame.recorder.submit()?;
         self.readers[frame.slot] = Some(ticket);
         self.flying.push((ticket, frame.rung));

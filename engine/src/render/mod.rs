@@ -8,6 +8,7 @@
 //! Colours are display-referred: numbers of an sRGB picture, added up as they are, as VTK and Slicer do.
 
 mod alpha;
+mod blind;
 mod camera;
 mod centres;
 mod cloud;
@@ -20,6 +21,7 @@ mod slab;
 mod target;
 mod variants;
 
+pub use blind::{Blind, Triangle};
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::{Cloud, Precision};
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
@@ -30,10 +32,10 @@ pub use target::Target;
 use variants::Variants;
 
 use glam::DVec3;
-use shaders_glsl::types::View;
 
 use crate::error::{Error, Kind, Result};
-use crate::gpu::{Buffer, Gpu, Recorder};
+use crate::gpu::{Gpu, Recorder};
+use crate::passes::Views;
 use crate::splat::{Object, SplatSet};
 
 /// What is rendered, on the device.
@@ -171,12 +173,14 @@ fn range_of(cloud: Option<&Cloud>, medium: Option<&Medium>) -> [f64; 2] {
 pub struct Settings {
     /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
-    /// Views that are rendered at once: 1, or 2 for a headset.
+    /// Views that are rendered at once: 1, or 2 or 4 for a headset.
     pub views: u32,
     /// Whether colour is kept in floats rather than in halves.
     pub precise: bool,
     /// Whether depth is kept.
     pub depth: bool,
+    /// Whether it is said what of the pictures no eye sees ([`Blind`]), which modes of splats then leave transparent.
+    pub blind: bool,
     /// Distance of the slabs in units of [`Cloud::sigma_mm`]; of the samples of a volume in units of the shortest edge of
     /// its voxels. A volume takes 1 where speed counts, 0.5 where looks do, and 0.25 where others are measured against it.
     pub step: f64,
@@ -197,6 +201,7 @@ impl Settings {
             views: 1,
             precise: false,
             depth: false,
+            blind: false,
             step: 1.0,
             jitter: false,
             classification: None,
@@ -221,7 +226,7 @@ pub trait Mode {
         &mut self,
         recorder: &mut Recorder,
         scene: &Scene,
-        views: &Buffer<View>,
+        views: &Views,
         target: &mut Target,
         quality: &Quality,
     ) -> Result<()>;
@@ -302,7 +307,9 @@ pub fn mode(name: &str) -> Result<&'static ModeRow> {
 pub struct Renderer {
     gpu: Gpu,
     mode: Box<dyn Mode>,
-    views: Buffer<View>,
+    views: Views,
+    /// What is blind of the pictures; nothing where the settings do not ask for it.
+    blind: Vec<Blind>,
     /// What was rendered last.
     pub target: Target,
 }
@@ -313,9 +320,18 @@ impl Renderer {
         Ok(Renderer {
             gpu: gpu.clone(),
             mode: mode.make(gpu, scene, settings)?,
-            views: gpu.buffer("views", "views", settings.views as usize)?,
+            views: Views::new(gpu, "views", settings.views, settings.blind)?,
+            blind: vec![Blind::default(); if settings.blind { settings.views as usize } else { 0 }],
             target: Target::new(gpu, settings.size, settings.views, settings.precise, settings.depth)?,
         })
+    }
+
+    /// Says what is blind of the pictures from now on.
+    ///
+    /// # Panics
+    /// If the settings did not ask for it, or had another number of views.
+    pub fn set_blind(&mut self, blind: &[Blind]) {
+        self.blind.clone_from_slice(blind);
     }
 
     /// Renders one picture for each camera and waits for them.
@@ -332,9 +348,8 @@ impl Renderer {
     /// # Panics
     /// If there are not as many cameras as the settings had views.
     pub fn render_at(&mut self, scene: &Scene, cameras: &[Camera], quality: &Quality) -> Result<()> {
-        let views: Vec<View> = cameras.iter().map(|c| c.view(scene.origin)).collect();
-        assert_eq!(views.len(), self.views.len(), "one camera a view");
-        self.views.write_range(0, &views)?;
+        let rows = cameras.iter().map(|camera| camera.view(scene.origin));
+        self.views.write(rows, self.blind.iter().map(|blind| blind.words))?;
         loop {
             let mut recorder = self.gpu.record()?;
             self.mode.record(&mut recorder, scene, &self.views, &mut self.target, quality)?;

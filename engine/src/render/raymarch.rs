@@ -1,12 +1,12 @@
 //! The mode `volume`: the CT itself, its rays marched through the voxels. What the splats' modes are measured against.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{RaymarchParams, View};
+use shaders_glsl::types::RaymarchParams;
 
 use super::{Classification, Mode, Quality, Scene, Settings, Target, Variants};
 use crate::error::{Error, Kind, Result};
-use crate::gpu::{Buffer, Format, Gpu, Kernel, Recorder};
-use crate::passes::Shape;
+use crate::gpu::{Format, Gpu, Kernel, Recorder};
+use crate::passes::{Shape, Views};
 
 /// Samples nearer to each other than this, in voxels, would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
@@ -57,7 +57,7 @@ impl Mode for Raymarch {
         &mut self,
         recorder: &mut Recorder,
         scene: &Scene,
-        views: &Buffer<View>,
+        views: &Views,
         target: &mut Target,
         quality: &Quality,
     ) -> Result<()> {
@@ -71,7 +71,7 @@ impl Mode for Raymarch {
         let size @ [width, height] = quality.size(self.settings.size);
         recorder
             .pass(&self.kernels[kernel])
-            .read(views)
+            .read(&views.rows)
             .read(&look.rows)
             .read(&look.points)
             .read(&look.integrals)

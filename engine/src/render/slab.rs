@@ -3,13 +3,13 @@
 
 use glam::DVec3;
 use shaders_glsl as glsl;
-use shaders_glsl::types::{SlabParams, TileGrid, View};
+use shaders_glsl::types::{SlabParams, TileGrid};
 
 use super::{Classification, Cloud, Mode, Quality, Scene, Settings, Target, Variants};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::passes::tiles::TILE;
-use crate::passes::{Shape, TileBinner};
+use crate::passes::{Shape, TileBinner, Views};
 
 /// Planes that a ray adds up at a time.
 const PLANES: u32 = 8;
@@ -64,6 +64,7 @@ impl Slab {
                 &grid,
                 settings.views,
                 cloud.count,
+                settings.blind,
             )?,
             count: gpu.buffer("splats of the frame", "views", 1)?,
             settings: settings.clone(),
@@ -84,6 +85,7 @@ impl Slab {
                 u32::from(*shaded),
                 u32::from(settings.depth),
                 u32::from(*objects),
+                u32::from(settings.blind),
             ];
             Kernel::new(gpu, &glsl::SLAB, &constants)
         })
@@ -117,7 +119,7 @@ impl Mode for Slab {
         &mut self,
         recorder: &mut Recorder,
         scene: &Scene,
-        views: &Buffer<View>,
+        views: &Views,
         target: &mut Target,
         quality: &Quality,
     ) -> Result<()> {
@@ -137,7 +139,7 @@ impl Mode for Slab {
         };
         recorder
             .pass(&self.kernels[kernel])
-            .read(views)
+            .read(&views.rows)
             .read(&look.rows)
             .read(&look.points)
             .read(&look.integrals)
@@ -148,6 +150,7 @@ impl Mode for Slab {
             .write_image(&mut target.depth)
             .read(cloud.active_objects())
             .read(&look.appearances)
+            .read(&self.bins.blind_parts)
             .push(&SlabParams {
                 grid,
                 background: field.background,

@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod bins;
+mod blind;
 mod optimiser;
 mod quads;
 mod raymarch;
@@ -41,6 +42,7 @@ oracle! {
         moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
     quads: project_quads;
+    blind: blind_parts;
     slab: mark_active limit_active list_active project_splats emit_tile_pairs slab;
     raymarch: occupancy_mark occupancy_spread raymarch;
 }

@@ -4,6 +4,7 @@ use engine::gpu::{Drawing, Gpu};
 use engine::passes::Quads;
 use engine::passes::SplatRows;
 use engine::passes::quads::{QuadSources, QuadVariant};
+use engine::reference::blind as blind_twin;
 use engine::reference::eye::{Appearance, Eye};
 use engine::reference::quads as twin;
 use engine::render::{self, Camera, Look, LookBuffers, Target};
@@ -16,7 +17,7 @@ use shaders_glsl::types::{AlphaParams, Centre, Quad, QuadParams, View};
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
 
-use super::run;
+use super::{blind, run};
 
 const SIZE: [u32; 2] = [60, 44];
 const RANGE: [f64; 2] = [-300.0, 1300.0];
@@ -31,16 +32,18 @@ struct Kind {
     standard: bool,
     shaded: bool,
     objects: bool,
+    /// Whether there are patches that no eye sees.
+    blind: bool,
 }
 
 const KINDS: [Kind; 7] = [
-    Kind { corners: 6, standard: false, shaded: false, objects: false },
-    Kind { corners: 3, standard: false, shaded: true, objects: false },
-    Kind { corners: 3, standard: true, shaded: false, objects: false },
-    Kind { corners: 6, standard: true, shaded: false, objects: false },
-    Kind { corners: 6, standard: false, shaded: false, objects: true },
-    Kind { corners: 3, standard: false, shaded: true, objects: true },
-    Kind { corners: 3, standard: true, shaded: false, objects: true },
+    Kind { corners: 6, standard: false, shaded: false, objects: false, blind: false },
+    Kind { corners: 3, standard: false, shaded: true, objects: false, blind: false },
+    Kind { corners: 3, standard: true, shaded: false, objects: false, blind: false },
+    Kind { corners: 6, standard: true, shaded: false, objects: false, blind: true },
+    Kind { corners: 6, standard: false, shaded: false, objects: true, blind: false },
+    Kind { corners: 3, standard: false, shaded: true, objects: true, blind: true },
+    Kind { corners: 3, standard: true, shaded: false, objects: true, blind: false },
 ];
 
 /// How objects are shown, by number; splat i belongs to object i % 3.
@@ -123,7 +126,7 @@ impl Stage {
     }
 
     /// The twins of all active splats, with their places among these.
-    fn wanted(&self, eye: &Eye, dark: f32) -> Vec<Option<twin::Quad>> {
+    fn wanted(&self, view: usize, eye: &Eye, dark: f32) -> Vec<Option<twin::Quad>> {
         let table = Table::new(&self.look.transfer, RANGE);
         let look = twin::Look {
             table: &table,
@@ -131,6 +134,7 @@ impl Stage {
             dark: f64::from(dark),
             planes: &CUT.map(|p| p.map(f64::from)),
         };
+        let patches = blind::lens_and_inset();
         let quad = |&i: &u32| {
             let (i, splat) = (i as usize, (&self.splats[i as usize]).into());
             let own = |s: &engine::reference::Splat| {
@@ -139,7 +143,12 @@ impl Stage {
             };
             let face = if self.kind.standard { own(&splat) } else { twin::Face::Field(&self.centres[i]) };
             let object = if self.kind.objects { appearance(i) } else { Appearance::default() };
-            twin::quad(&splat, &face, &object, eye, SIZE, &look)
+            twin::quad(&splat, &face, &object, eye, SIZE, &look).filter(|quad| {
+                let half_size = DVec2::new(quad.covariance.x_axis.x, quad.covariance.y_axis.y) * quad.edge();
+                let unseen = blind::of(&patches, view);
+                !self.kind.blind
+                    || !blind_twin::rectangle_is_blind(&unseen, quad.centre, half_size.map(f64::sqrt), SIZE)
+            })
         };
         self.active.iter().map(quad).collect()
     }
@@ -160,7 +169,7 @@ struct Made {
 }
 
 fn made(gpu: &Gpu, stage: &Stage) -> Made {
-    let Kind { corners, standard, shaded, objects } = stage.kind;
+    let Kind { corners, standard, shaded, objects, blind } = stage.kind;
     let mut look = LookBuffers::new(gpu, &stage.look, RANGE, DVec3::ZERO).unwrap();
     let mut row = look.rows.read().unwrap()[0];
     row.plane_count = 2;
@@ -170,7 +179,7 @@ fn made(gpu: &Gpu, stage: &Stage) -> Made {
     let words: Vec<u32> = (stage.harmonics.coefficients.chunks(2))
         .map(|pair| half(pair[0]) | pair.get(1).map_or(0, |&v| half(v)) << 16)
         .collect();
-    let views = gpu.upload("views", "test", &stage.views).unwrap();
+    let views = blind::views(gpu, &stage.views, &if blind { blind::lens_and_inset() } else { Vec::new() });
     let splats = SplatRows::full(gpu, &stage.splats).unwrap();
     let centres = gpu.upload("centres", "test", &stage.centres).unwrap();
     let harmonics = gpu.upload("harmonics", "test", &words).unwrap();
@@ -186,7 +195,7 @@ fn made(gpu: &Gpu, stage: &Stage) -> Made {
         active: (&active, &count),
         objects: (&numbers, &look.appearances),
     };
-    let variant = QuadVariant { corners, standard, shaded, packed: false, objects };
+    let variant = QuadVariant { corners, standard, shaded, packed: false, objects, blind };
     let kernel = Quads::kernel(gpu, variant).unwrap();
     let mut quads = Quads::new(gpu, stage.views.len() as u32, stage.splats.len()).unwrap();
     run(gpu, |r| quads.record(r, &kernel, &views, &sources, &stage.params()));
@@ -224,7 +233,7 @@ pub fn project_quads() {
             (vec![], vec![], vec![], vec![], vec![]);
         let mut disagreed = 0;
         for (v, eye) in eyes.iter().enumerate() {
-            for (i, wanted) in stage.wanted(eye, dark).iter().enumerate() {
+            for (i, wanted) in stage.wanted(v, eye, dark).iter().enumerate() {
                 let got = &rows[v * stage.splats.len() + i];
                 shown[i] |= got.edge > 0.0;
                 let (Some(wanted), true) = (wanted, got.edge > 0.0) else {
@@ -303,7 +312,7 @@ fn the_picture_of_alpha_is_that_of_its_twin() {
         let order = quads.order().read_range(0, stage.active.len()).unwrap();
         let (mut colours, mut depth_pairs, mut filled) = (vec![], vec![], 0);
         for (v, eye) in stage.eyes().iter().enumerate() {
-            let wanted = stage.wanted(eye, dark);
+            let wanted = stage.wanted(v, eye, dark);
             let nearest_first: Vec<_> = order.iter().rev().filter_map(|&i| wanted[i as usize]).collect();
             let got = target.read_colour(v as u32).unwrap();
             for (i, pixel) in got.iter().enumerate() {

@@ -7,6 +7,7 @@ use engine::passes::activity::{ActivitySources, Ranking};
 use engine::passes::tiles::TILE;
 use engine::passes::{Activity, SplatRows, TileBinner};
 use engine::reference::activity::limit_active as limited;
+use engine::reference::blind as blind_twin;
 use engine::reference::eye::{self, Eye};
 use engine::reference::slab as twin;
 use engine::render::{Appearance, Camera, Look, LookBuffers};
@@ -19,7 +20,7 @@ use shaders_glsl::types::{Projected, SlabParams, TileGrid, View};
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
 
-use super::run;
+use super::{blind, run};
 
 /// Splats in mm about the origin, and two eyes that see them: one asymmetric from outside, one wide from among them.
 struct Stage {
@@ -27,6 +28,8 @@ struct Stage {
     field: Field,
     views: Vec<View>,
     grid: TileGrid,
+    /// What no eye sees of the pictures; empty where nobody asks.
+    patches: Vec<u32>,
 }
 
 /// How the objects of a stage are shown; splat i belongs to object i % 4.
@@ -79,7 +82,13 @@ fn stage(seed: u64, kernel: splat::Kernel, count: usize) -> Stage {
     };
     // A kernel of unit integral has small weights.
     let occupancy_w0 = if kernel.row().unit_integral { 1e-4 } else { 0.05 };
-    Stage { splats, field: Field { kernel, background: 80.0, occupancy_w0, epsilon: 1e-5 }, views, grid }
+    Stage {
+        splats,
+        field: Field { kernel, background: 80.0, occupancy_w0, epsilon: 1e-5 },
+        views,
+        grid,
+        patches: Vec::new(),
+    }
 }
 
 impl Stage {
@@ -90,6 +99,14 @@ impl Stage {
     fn seen(&self, eye: &Eye) -> Vec<Option<twin::Seen>> {
         let background = f64::from(self.field.background);
         self.splats.iter().map(|s| twin::seen(&s.into(), eye, self.field.kernel, background)).collect()
+    }
+
+    /// Parts of a tile that no eye sees.
+    fn blind_parts(&self, view: usize, tile: [u32; 2]) -> u32 {
+        if self.patches.is_empty() {
+            return 0;
+        }
+        blind_twin::blind_parts(&blind::of(&self.patches, view), tile, SIZE)
     }
 
     /// Planes as the kernels place them.
@@ -109,12 +126,20 @@ fn binned(gpu: &Gpu, stage: &Stage) -> (TileBinner, TileGrid) {
 /// The same with rows of the caller's choice.
 fn bin(gpu: &Gpu, stage: &Stage, splats: &SplatRows) -> (TileBinner, TileGrid) {
     let count = stage.splats.len();
-    let views = gpu.upload("views", "test", &stage.views).unwrap();
+    let views = blind::views(gpu, &stage.views, &stage.patches);
+    let blind = !stage.patches.is_empty();
     let active = gpu.upload("active", "test", &(0..count as u32).collect::<Vec<_>>()).unwrap();
     let counts = gpu.upload("count", "test", &[count as u32]).unwrap();
-    let mut bins =
-        TileBinner::new(gpu, stage.field.kernel, splats.packed, &stage.grid, stage.views.len() as u32, count)
-            .unwrap();
+    let mut bins = TileBinner::new(
+        gpu,
+        stage.field.kernel,
+        splats.packed,
+        &stage.grid,
+        stage.views.len() as u32,
+        count,
+        blind,
+    )
+    .unwrap();
     loop {
         let grid = TileGrid { capacity: bins.capacity() as u32, ..stage.grid };
         run(gpu, |r| bins.record(r, &grid, stage.field.background, &views, splats, (&active, &counts)));
@@ -182,8 +207,11 @@ pub fn project_splats() {
 
 pub fn emit_tile_pairs() {
     let gpu = Device::boot();
-    for row in &KERNELS {
-        let stage = stage(40 + u64::from(row.kernel.id()), row.kernel, 120);
+    for (row, blind) in KERNELS.iter().flat_map(|row| [(row, false), (row, true)]) {
+        let mut stage = stage(40 + u64::from(row.kernel.id()), row.kernel, 120);
+        if blind {
+            stage.patches = blind::lens_and_inset();
+        }
         let (bins, grid) = binned(&gpu, &stage);
         let [tx, ty] = grid.tiles;
         let starts = bins.starts.read().unwrap();
@@ -195,6 +223,9 @@ pub fn emit_tile_pairs() {
             assert!(rows.windows(2).all(|p| p[0] & 0xFF_FFFF < p[1] & 0xFF_FFFF), "list {list}");
             for &pair in rows {
                 assert_ne!(pair >> 24, 0, "a pair reaches some part");
+                let tile = list as u32 / grid.blocks;
+                let unseen = stage.blind_parts((tile / (tx * ty)) as usize, [tile % tx, tile / tx % ty]);
+                assert_eq!(pair >> 24 & unseen, 0, "a pair reaches only parts that are seen");
                 parts.insert((pair & 0xFF_FFFF, list), pair >> 24);
             }
         }
@@ -208,6 +239,9 @@ pub fn emit_tile_pairs() {
                     let ray = eye.ray([f64::from(x) + 0.5, f64::from(y) + 0.5], SIZE);
                     let tile = (v as u32 * ty + y / TILE) * tx + x / TILE;
                     let part = (x % TILE) / 4 + (y % TILE) / 8 * 4;
+                    if stage.blind_parts(v, [x / TILE, y / TILE]) >> part & 1 == 1 {
+                        continue;
+                    }
                     for (i, splat) in seen.iter().enumerate() {
                         let Some(splat) = splat else { continue };
                         let reach = splat.extent.z / planes.spacing;
@@ -246,7 +280,11 @@ pub fn slab() {
     let varied = plain.map(|(segments, shade, _)| (segments, shade, true));
     for (row, (segments, shade, objects)) in KERNELS.iter().cycle().zip(plain.into_iter().chain(varied)) {
         for shape in [8u32, 64] {
-            let stage = stage(70 + u64::from(row.kernel.id()), row.kernel, 60);
+            let mut stage = stage(70 + u64::from(row.kernel.id()), row.kernel, 60);
+            let blind = (shape == 8) == segments;
+            if blind {
+                stage.patches = blind::lens_and_inset();
+            }
             transfer.material = Material { shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0 };
             let look = Look { objects: appearances(), ..Look::new(transfer.clone()) };
             let table = Table::new(&look.transfer, [-300.0, 1300.0]);
@@ -256,8 +294,15 @@ pub fn slab() {
             row_on_device.planes[..2].copy_from_slice(&cut);
             buffers.rows.write_range(0, &[row_on_device]).unwrap();
             let (bins, grid) = binned(&gpu, &stage);
-            let constants =
-                [row.kernel.id(), shape, u32::from(segments), u32::from(shade), 1, u32::from(objects)];
+            let constants = [
+                row.kernel.id(),
+                shape,
+                u32::from(segments),
+                u32::from(shade),
+                1,
+                u32::from(objects),
+                u32::from(blind),
+            ];
             let kernel = Kernel::new(&gpu, &shaders_glsl::SLAB, &constants).unwrap();
             let mut target = engine::render::Target::new(&gpu, SIZE, 2, true, true).unwrap();
             let views = gpu.upload("views", "test", &stage.views).unwrap();
@@ -283,6 +328,7 @@ pub fn slab() {
                     .write_image(&mut target.depth)
                     .read(&numbers)
                     .read(&buffers.appearances)
+                    .read(&bins.blind_parts)
                     .push(&params)
                     .dispatch_3d([grid.tiles[0] * if shape == 8 { 8 } else { 1 }, grid.tiles[1], 2]);
             });
@@ -295,7 +341,7 @@ pub fn slab() {
                 least_light: 1e-3,
             };
             let depths: Vec<f32> = target.depth.read().unwrap();
-            let (mut colours, mut depth_pairs, mut opaque) = (Vec::new(), Vec::new(), 0);
+            let (mut colours, mut depth_pairs, mut opaque, mut unseen) = (Vec::new(), Vec::new(), 0, 0);
             for (v, eye) in stage.eyes().iter().enumerate() {
                 let got = target.read_colour(v as u32).unwrap();
                 let shown = |(i, splat): (usize, Option<twin::Seen>)| match objects {
@@ -304,8 +350,14 @@ pub fn slab() {
                 };
                 let seen: Vec<_> = stage.seen(eye).into_iter().enumerate().filter_map(shown).collect();
                 for (i, pixel) in got.iter().enumerate() {
-                    let place = [(i as u32 % SIZE[0]) as f64 + 0.5, (i as u32 / SIZE[0]) as f64 + 0.5];
-                    let ray = eye.ray(place, SIZE);
+                    let [x, y] = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
+                    let part = (x % TILE) / 4 + (y % TILE) / 8 * 4;
+                    if stage.blind_parts(v, [x / TILE, y / TILE]) >> part & 1 == 1 {
+                        assert_eq!((*pixel, depths[v * got.len() + i]), ([0.0; 4], 0.0), "blind: {x}, {y}");
+                        unseen += 1;
+                        continue;
+                    }
+                    let ray = eye.ray([f64::from(x) + 0.5, f64::from(y) + 0.5], SIZE);
                     let wanted = twin::ray(&seen, &stage.field, eye, ray, &stage.planes(eye), &twin_look);
                     // Two of four objects are faint.
                     opaque += usize::from(wanted.clear < if objects { 0.8 } else { 0.5 });
@@ -313,7 +365,8 @@ pub fn slab() {
                     depth_pairs.push((f64::from(depths[v * got.len() + i]), wanted.depth));
                 }
             }
-            assert!(opaque > 400, "the scene is to be seen: {opaque}");
+            assert!(opaque > 200, "the scene is to be seen: {opaque}");
+            assert_eq!(unseen > 100, blind, "{unseen} pixels are blind");
             // An intensity at the border between two entries of the table may take either; a plane at a clip plane may
             // be on either side of it.
             let label = format!(

@@ -4,6 +4,7 @@
 
 mod budget;
 mod cost;
+mod eyes;
 mod paper;
 mod passes;
 mod plot;
@@ -32,7 +33,8 @@ Examples:
   bench trade fit ct.nii.gz --roi bones.nii.gz   what a fit's accuracy costs; bench trade fit --help
   bench trade render --data DIR     what a picture's accuracy costs, and the ladder of the frame budget
   bench budget --plot traces.svg    the frame-budget controller on simulated GPUs
-  bench xr bones.ply                sessions in a simulated headset at several budgets"
+  bench xr bones.ply                sessions in a simulated headset at several budgets
+  bench eyes bones.ply              what the rims of lenses and foveation save"
 )]
 struct Arguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
@@ -52,6 +54,8 @@ enum What {
     Budget(budget::Arguments),
     /// Sessions in a simulated headset: intervals, missed frames, use of the budget, rungs, latency.
     Xr(xr::Arguments),
+    /// What the rims of a headset's lenses and foveation save, and what foveation gives up.
+    Eyes(eyes::Arguments),
     /// What accuracy costs, of fits and of pictures, and where the front is.
     #[command(subcommand)]
     Trade(trade::What),
@@ -80,6 +84,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         What::Paper(a) => paper::run(&options, a),
         What::Budget(a) => budget::run(a),
         What::Xr(a) => xr::run(&Gpu::new(&options)?, a),
+        What::Eyes(a) => eyes::run(&Gpu::new(&options)?, a),
         What::Render(a) => render::run(&options, a),
         What::Trade(trade::What::Fit(a)) => trade::fit::run(&options, a),
         What::Trade(trade::What::Render(a)) => trade::render::run(&options, a),

@@ -114,6 +114,7 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Res
         background: [0.0; 3],
         frames: None,
         panel: false,
+        foveation: None,
     };
     let mut viewer = Viewer::new(gpu, scene, &headset, options)?;
     viewer.run(&mut headset, &AtomicBool::new(false))?;

@@ -1,14 +1,13 @@
 //! What a fit will cost, said before it begins: memory and file by making ready for it, time by its own first iterations
-//! on this device, errors by what its quality has given elsewhere.
+//! on this device, errors by what these leave and what the rest of a fit of its quality has made of that elsewhere.
 
 use std::time::{Duration, Instant};
 
 use engine::Result;
 use engine::fit::evaluate::{self, Protocol};
-use engine::fit::{FitConfig, Fitter, QualityPreset};
+use engine::fit::{EARLY, FitConfig, Fitter, QualityPreset};
 use engine::gpu::Gpu;
 use engine::splat::{self, Field, Splat, SplatSet};
-use engine::volume::resample::{AREA, downsampling_loss};
 use serde::Serialize;
 
 use crate::inputs::Case;
@@ -65,9 +64,9 @@ impl Rates {
     }
 }
 
-/// Errors that are to be expected, HU.
+/// Errors at the voxels, HU.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Expected {
+pub struct Errors {
     /// Root mean square at the voxels.
     pub rmse_hu: f64,
     /// 99 % of the voxels are within this.
@@ -89,9 +88,11 @@ pub struct Estimate {
     pub seconds_per_iteration: f64,
     pub device_peak_bytes: u64,
     pub file_bytes: u64,
+    /// What was measured after [`EARLY`] iterations.
+    pub early: Errors,
     /// Of a quality as it is, which was measured; nothing otherwise.
     #[serde(flatten)]
-    pub expected: Option<Expected>,
+    pub expected: Option<Errors>,
     /// What it took to find out.
     pub calibration_seconds: f64,
 }
@@ -123,24 +124,15 @@ pub struct Plan<'a> {
 pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     let begin = Instant::now();
     let mut rates = Rates { before: plan.before.as_secs_f64(), ..Rates::default() };
-    time_iterations(plan, &mut rates)?;
+    let early = time_iterations(plan, &mut rates)?;
+    let evaluating = Instant::now();
+    let early = errors(plan, &early)?;
     if let Some(protocol) = &plan.protocol {
-        let native;
-        let splats = if std::ptr::eq(plan.fitted, plan.native) {
-            plan.first
-        } else {
-            native = plan.set.to_voxel(&plan.native.volume.world_from_voxel);
-            &native
-        };
         // One grid tells what each costs.
-        let one = Protocol { offsets: Vec::new(), ..protocol.clone() };
-        let evaluating = Instant::now();
-        evaluate::evaluate(plan.gpu, splats, &plan.field, &plan.native.volume, &plan.native.roi, &one)?;
         rates.evaluation = evaluating.elapsed().as_secs_f64() * (1 + protocol.offsets.len()) as f64;
     }
     let iterations = rates.iterations(&plan.schedule);
     let looks = iterations / u32::try_from(plan.config.offsets).unwrap_or(1).max(LOOK_EVERY);
-    let range = plan.protocol.as_ref().map(|p| p.range);
     Ok(Estimate {
         device: plan.gpu.description().name.clone(),
         splats: plan.first.len(),
@@ -152,21 +144,39 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
         seconds_per_iteration: rates.iteration,
         device_peak_bytes: plan.gpu.peak_bytes(),
         file_bytes: splat::file_bytes(plan.output, plan.set)?,
-        expected: plan.quality.map(|q| expected(q, detail_hu(plan.native, range))),
+        early,
+        expected: plan.quality.map(|quality| expected(quality, early)),
         calibration_seconds: begin.elapsed().as_secs_f64(),
     })
+}
+
+/// Errors of early splats at the voxels.
+fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<Errors> {
+    let native = plan.native;
+    let there;
+    let splats = if std::ptr::eq(plan.fitted, native) {
+        early
+    } else {
+        let set = SplatSet::from_voxel(early, &plan.fitted.volume.world_from_voxel, plan.field);
+        there = set.to_voxel(&native.volume.world_from_voxel);
+        &there
+    };
+    let range = plan.protocol.as_ref().map_or_else(|| native.full_range(), |p| p.range);
+    let protocol = Protocol { offsets: Vec::new(), range, shell: plan.config.shell };
+    let found = evaluate::evaluate(plan.gpu, splats, &plan.field, &native.volume, &native.roi, &protocol)?;
+    Ok(Errors { rmse_hu: found.on_grid.rmse_hu, p99_hu: found.on_grid.p99_hu })
 }
 
 /// Iterations between two looks, at least, as `optimise` has them.
 const LOOK_EVERY: u32 = 16;
 
-/// Runs the fit's first iterations and forgets them.
-fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<()> {
+/// Runs the fit's first iterations. What they came to after [`EARLY`] of them.
+fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<Vec<Splat>> {
     let setup = Instant::now();
     let case = plan.fitted;
     let mut fitter = Fitter::new(plan.gpu, &case.volume, &case.roi, plan.first, plan.config)?;
     rates.setup = setup.elapsed().as_secs_f64();
-    let mut run = |count: u32| -> Result<(u32, f64)> {
+    let run = |fitter: &mut Fitter<'_>, count: u32| -> Result<(u32, f64)> {
         let begin = Instant::now();
         let from = fitter.iteration();
         for _ in 0..count {
@@ -177,34 +187,31 @@ fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<()> {
         // Fewer than were asked for where buffers had to grow.
         Ok((fitter.iteration().saturating_sub(from), begin.elapsed().as_secs_f64()))
     };
-    let (_, warm_up) = run(WARM_UP)?;
+    let (_, warm_up) = run(&mut fitter, WARM_UP)?;
     let timing = Instant::now();
     let (mut done, mut spent) = (0, 0.0);
-    while done == 0 || done < MOST_TIMED && timing.elapsed() < TIMED {
-        let (iterations, time) = run(BATCH)?;
+    let mut early = None;
+    while early.is_none() || done < MOST_TIMED && timing.elapsed() < TIMED {
+        let to_early = EARLY.saturating_sub(fitter.iteration());
+        let (iterations, time) = run(&mut fitter, if to_early > 0 { to_early.min(BATCH) } else { BATCH })?;
         done += iterations;
         spent += time;
+        if early.is_none() && fitter.iteration() >= EARLY {
+            let looking = Instant::now();
+            fitter.progress()?;
+            early = Some(fitter.splats()?);
+            rates.look = looking.elapsed().as_secs_f64();
+        }
     }
-    let early = spent / f64::from(done);
-    rates.iteration = GROWTH * early;
-    rates.warm_up = (warm_up - f64::from(WARM_UP) * early).max(0.0);
-    let looking = Instant::now();
-    fitter.progress()?;
-    fitter.splats()?;
-    rates.look = looking.elapsed().as_secs_f64();
-    Ok(())
+    let an_iteration = spent / f64::from(done);
+    rates.iteration = GROWTH * an_iteration;
+    rates.warm_up = (warm_up - f64::from(WARM_UP) * an_iteration).max(0.0);
+    Ok(early.unwrap_or_default())
 }
 
-/// How much of the region is finer than two voxels, HU: root mean square of what the volume at half the resolution misses.
-fn detail_hu(case: &Case, range: Option<[f32; 2]>) -> f64 {
-    let range = range.unwrap_or_else(|| case.full_range());
-    let span = f64::from(range[1]) - f64::from(range[0]);
-    downsampling_loss(&case.volume, &case.roi, 2, &AREA, range).mmse.sqrt() * span
-}
-
-/// Errors of a quality for so much detail.
-fn expected(quality: &QualityPreset, detail_hu: f64) -> Expected {
-    Expected { rmse_hu: quality.rmse_of_detail * detail_hu, p99_hu: quality.p99_of_detail * detail_hu }
+/// Errors of a quality whose first iterations left these.
+fn expected(quality: &QualityPreset, early: Errors) -> Errors {
+    Errors { rmse_hu: quality.rmse_of_early * early.rmse_hu, p99_hu: quality.p99_of_early * early.p99_hu }
 }
 
 /// In plain words.
@@ -225,7 +232,7 @@ pub fn text(estimate: &Estimate) -> String {
         bytes(e.file_bytes)
     );
     match e.expected {
-        Some(Expected { rmse_hu, p99_hu }) => out.push_str(&format!(
+        Some(Errors { rmse_hu, p99_hu }) => out.push_str(&format!(
             "  error at the voxels: about {rmse_hu:.0} HU (root mean square), 99 % within {p99_hu:.0} HU\n"
         )),
         None => out.push_str("  error: not known of settings other than a --quality as it is\n"),
@@ -274,6 +281,8 @@ impl Checked {
 
 #[cfg(test)]
 mod tests {
+    use engine::fit::QUALITIES;
+
     use super::*;
 
     #[test]
@@ -304,6 +313,7 @@ mod tests {
             seconds_per_iteration: 0.2,
             device_peak_bytes: 2_500_000,
             file_bytes: 1234,
+            early: Errors { rmse_hu: 60.0, p99_hu: 240.0 },
             expected: None,
             calibration_seconds: 3.0,
         };
@@ -311,7 +321,7 @@ mod tests {
         for says in ["90 s", "80 s are 400 iterations of 0.2 s", "2.5 MB", "1.2 kB", "not known"] {
             assert!(plain.contains(says), "{says} in {plain}");
         }
-        estimate.expected = Some(Expected { rmse_hu: 31.4, p99_hu: 120.0 });
+        estimate.expected = Some(Errors { rmse_hu: 31.4, p99_hu: 120.0 });
         estimate.may_grow = true;
         let told = text(&estimate);
         assert!(
@@ -321,12 +331,10 @@ mod tests {
     }
 
     #[test]
-    fn twice_the_detail_is_twice_the_error() {
-        let quality = &engine::fit::QUALITIES[0];
-        let (one, two) = (expected(quality, 10.0), expected(quality, 20.0));
-        assert!(one.rmse_hu > 0.0 && one.p99_hu > one.rmse_hu);
-        assert!(
-            (two.rmse_hu / one.rmse_hu - 2.0).abs() < 1e-12 && (two.p99_hu / one.p99_hu - 2.0).abs() < 1e-12
-        );
+    fn a_better_quality_leaves_less_of_the_early_errors() {
+        let early = Errors { rmse_hu: 100.0, p99_hu: 400.0 };
+        let all: Vec<Errors> = QUALITIES.iter().map(|quality| expected(quality, early)).collect();
+        assert!(all.iter().all(|e| 0.0 < e.rmse_hu && e.rmse_hu < 100.0 && e.p99_hu < 400.0), "{all:?}");
+        assert!(all.windows(2).all(|pair| pair[1].rmse_hu < pair[0].rmse_hu), "{all:?}");
     }
 }

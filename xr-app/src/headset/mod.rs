@@ -10,7 +10,7 @@ pub mod simulated;
 
 use engine::Result;
 use engine::gpu::{Format, Image, Recorder};
-use engine::render::Fov;
+use engine::render::{Fov, Triangle};
 use glam::{DQuat, DVec2, DVec3};
 
 /// A place and a direction in the room.
@@ -129,6 +129,8 @@ pub enum Event {
     Recentred,
     /// The display shows another number of frames a second.
     Rate(f64),
+    /// Lenses hide another part of the pictures.
+    Lenses,
 }
 
 /// What is behind the picture.
@@ -159,6 +161,8 @@ pub struct Description {
     pub rate_hz: Option<f64>,
     /// Whether it takes the depth of what an eye sees, to move the picture with the head.
     pub depth: bool,
+    /// Whether it says what its lenses hide.
+    pub lenses: bool,
     /// Extensions in use.
     pub extensions: Vec<&'static str>,
 }
@@ -186,6 +190,9 @@ impl Lent<'_> {
 pub trait Headset {
     /// What does not change.
     fn description(&self) -> &Description;
+    /// What lenses hide of the pictures of each eye, in tangents; nothing where the headset does not say so. It changes
+    /// with [`Event::Lenses`].
+    fn lenses(&self) -> &[Vec<Triangle>; 2];
     /// Takes note of what happened, and starts and ends the session as the runtime wants it.
     fn poll(&mut self) -> Result<Vec<Event>>;
     /// Whether frames are wanted.

@@ -9,7 +9,9 @@ use std::cell::Cell;
 use ash::vk;
 use ash::vk::Handle as _;
 use engine::gpu::{Boot, Format, Gpu, GpuOptions, Image, Recorder};
+use engine::render::Triangle;
 use engine::{Error, Kind, Result};
+use glam::DVec2;
 use openxr as xr;
 
 use super::actions::Actions;
@@ -35,6 +37,7 @@ pub struct OpenXr {
     description: Description,
     colour: Chain,
     depth: Option<Chain>,
+    lenses: [Vec<Triangle>; 2],
     actions: Actions,
     room: xr::Space,
     frames: xr::FrameStream<xr::Vulkan>,
@@ -124,6 +127,7 @@ impl Runtime {
         extensions.fb_display_refresh_rate = offered.fb_display_refresh_rate;
         extensions.ext_hand_interaction = offered.ext_hand_interaction;
         extensions.khr_composition_layer_depth = offered.khr_composition_layer_depth;
+        extensions.khr_visibility_mask = offered.khr_visibility_mask;
         #[cfg(target_os = "android")]
         {
             extensions.khr_android_create_instance = true;
@@ -154,6 +158,7 @@ impl Runtime {
             (self.extensions.fb_display_refresh_rate, "XR_FB_display_refresh_rate"),
             (self.extensions.ext_hand_interaction, "XR_EXT_hand_interaction"),
             (self.extensions.khr_composition_layer_depth, "XR_KHR_composition_layer_depth"),
+            (self.extensions.khr_visibility_mask, "XR_KHR_visibility_mask"),
         ]
         .into_iter()
         .filter_map(|(used, name)| used.then_some(name))
@@ -334,10 +339,15 @@ impl OpenXr {
             .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
             .map_err(|e| said("asking for the room", e))?;
         let actions = Actions::new(instance, &session, runtime.extensions.ext_hand_interaction)?;
+        let lenses = match description.lenses {
+            true => [0, 1].map(|eye| hidden(&session, eye)),
+            false => Default::default(),
+        };
         let headset = OpenXr {
             description,
             colour,
             depth,
+            lenses,
             actions,
             room,
             frames,
@@ -420,8 +430,19 @@ fn describe(
         rate_hz,
         depth: runtime.extensions.khr_composition_layer_depth
             && offered.contains(&vulkan_format(Format::D32f)),
+        lenses: runtime.extensions.khr_visibility_mask,
         extensions: runtime.names(),
     })
+}
+
+/// What the lens hides of the picture of an eye. A runtime that cannot say it hides nothing.
+fn hidden(session: &xr::Session<xr::Vulkan>, eye: u32) -> Vec<Triangle> {
+    let hidden = xr::VisibilityMaskTypeKHR::HIDDEN_TRIANGLE_MESH;
+    let mesh = session.get_visibility_mask_khr(STEREO, eye, hidden).unwrap_or_default();
+    let corner =
+        |&index: &u32| mesh.vertices.get(index as usize).map(|v| DVec2::new(f64::from(v.x), f64::from(v.y)));
+    let triangle = |[a, b, c]: &[u32; 3]| Some([corner(a)?, corner(b)?, corner(c)?]);
+    mesh.indices.as_chunks().0.iter().filter_map(triangle).collect()
 }
 
 fn vulkan_format(format: Format) -> u32 {
@@ -456,6 +477,10 @@ impl Headset for OpenXr {
         &self.description
     }
 
+    fn lenses(&self) -> &[Vec<Triangle>; 2] {
+        &self.lenses
+    }
+
     fn poll(&mut self) -> Result<Vec<Event>> {
         let mut out = Vec::new();
         loop {
@@ -485,6 +510,13 @@ impl Headset for OpenXr {
                 xr::Event::ReferenceSpaceChangePending(_) => out.push(Event::Recentred),
                 xr::Event::DisplayRefreshRateChangedFB(e) => {
                     out.push(Event::Rate(f64::from(e.to_display_refresh_rate())));
+                }
+                xr::Event::VisibilityMaskChangedKHR(e) if e.view_configuration_type() == STEREO => {
+                    let eye = e.view_index();
+                    if let Some(lens) = self.lenses.get_mut(eye as usize) {
+                        *lens = hidden(&self.session, eye);
+                        out.push(Event::Lenses);
+                    }
                 }
                 _ => {}
             }

@@ -4,8 +4,8 @@ use std::time::{Duration, Instant};
 
 use engine::Result;
 use engine::gpu::{Format, Gpu, Image, Recorder};
-use engine::render::Fov;
-use glam::{DQuat, DVec3};
+use engine::render::{Fov, Triangle};
+use glam::{DQuat, DVec2, DVec3};
 
 use super::{Blend, Description, Event, Eye, Eyes, Hands, Headset, Lent, Pose, State, Timing};
 
@@ -13,6 +13,8 @@ use super::{Blend, Description, Event, Eye, Eyes, Hands, Headset, Lent, Pose, St
 const PICTURES: usize = 3;
 /// Distance of the eyes, metres.
 const EYES_APART: f64 = 0.063;
+/// Straight pieces of a quarter of a lens's rim.
+const RIM: usize = 12;
 
 /// What a simulated headset does.
 pub struct Script {
@@ -24,6 +26,9 @@ pub struct Script {
     pub blend: Blend,
     /// Whether depth is taken.
     pub depth: bool,
+    /// The frame from which on lenses are known to be round, so that corners of the pictures are hidden; never, where there
+    /// is none.
+    pub round_from: Option<u64>,
     /// Whether frames come at this rate, or as fast as they are ended, on a clock that jumps.
     pub real_time: bool,
     /// Frames after which the headset asks to end, if it does.
@@ -45,6 +50,7 @@ impl Default for Script {
             rate_hz: 72.0,
             blend: Blend::Opaque,
             depth: false,
+            round_from: None,
             real_time: true,
             frames: None,
             left_fov: Fov { left: -1.0, right: 0.84, up: 0.9, down: -1.0 },
@@ -64,12 +70,27 @@ pub fn sway(seconds: f64) -> Pose {
     Pose { position, orientation: DQuat::from_rotation_y(angle) * DQuat::from_rotation_x(-height) }
 }
 
+/// What a round lens hides of a field of view: all outside of the ellipse that touches its edges.
+fn corners(fov: &Fov) -> Vec<Triangle> {
+    let middle = DVec2::new(fov.left + fov.right, fov.down + fov.up) * 0.5;
+    let half = DVec2::new(fov.right - fov.left, fov.up - fov.down) * 0.5;
+    let rim = |k: usize| {
+        let angle = k as f64 / RIM as f64 * std::f64::consts::FRAC_PI_2;
+        DVec2::new(angle.cos(), angle.sin())
+    };
+    let quarters = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]].map(DVec2::from_array);
+    let triangle =
+        |quarter: DVec2, k: usize| [rim(k), rim(k + 1), DVec2::ONE].map(|p| middle + half * quarter * p);
+    quarters.into_iter().flat_map(|quarter| (0..RIM).map(move |k| triangle(quarter, k))).collect()
+}
+
 /// A simulated headset.
 pub struct Simulated {
     script: Script,
     description: Description,
     pictures: Vec<Image>,
     depths: Vec<Image>,
+    lenses: [Vec<Triangle>; 2],
     start: Instant,
     frame: u64,
     /// Period of the display that the next frame is for.
@@ -98,6 +119,7 @@ impl Simulated {
             blend: script.blend,
             rate_hz: Some(script.rate_hz),
             depth: script.depth,
+            lenses: script.round_from.is_some(),
             extensions: Vec::new(),
         };
         Ok(Simulated {
@@ -105,6 +127,7 @@ impl Simulated {
             description,
             pictures,
             depths,
+            lenses: Default::default(),
             start: Instant::now(),
             frame: 0,
             tick: 0,
@@ -129,6 +152,12 @@ impl Simulated {
         Duration::from_secs_f64(1.0 / self.script.rate_hz)
     }
 
+    /// What each eye sees.
+    fn fovs(&self) -> [Fov; 2] {
+        let left = self.script.left_fov;
+        [left, Fov { left: -left.right, right: -left.left, ..left }]
+    }
+
     fn index(&self) -> usize {
         self.frame as usize % PICTURES
     }
@@ -139,6 +168,10 @@ impl Headset for Simulated {
         &self.description
     }
 
+    fn lenses(&self) -> &[Vec<Triangle>; 2] {
+        &self.lenses
+    }
+
     fn poll(&mut self) -> Result<Vec<Event>> {
         let mut events = Vec::new();
         if !self.begun {
@@ -147,6 +180,10 @@ impl Headset for Simulated {
             events.extend([State::Synchronized, State::Visible, State::Focused].map(Event::State));
         }
         events.extend((self.script.events)(self.frame));
+        if self.script.round_from.is_some_and(|frame| frame <= self.frame) && self.lenses[0].is_empty() {
+            self.lenses = self.fovs().map(|fov| corners(&fov));
+            events.push(Event::Lenses);
+        }
         if !self.over && (self.leaving || self.script.frames.is_some_and(|n| self.frame >= n)) {
             self.over = true;
             events.extend([State::Stopping, State::Over].map(Event::State));
@@ -187,8 +224,7 @@ impl Headset for Simulated {
 
     fn eyes(&mut self, timing: &Timing) -> Result<Eyes> {
         let (head, tracked) = (self.script.head)(timing.display_ns as f64 * 1e-9);
-        let left = self.script.left_fov;
-        let right = Fov { left: -left.right, right: -left.left, ..left };
+        let [left, right] = self.fovs();
         let eye = |side: f64, fov| Eye {
             pose: Pose { position: head.place(DVec3::X * (side * EYES_APART)), ..head },
             fov,

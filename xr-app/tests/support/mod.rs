@@ -67,6 +67,7 @@ pub fn options() -> Options {
         background: [0.2, 0.1, 0.0],
         frames: None,
         panel: false,
+        foveation: None,
     }
 }
 

@@ -1,0 +1,45 @@
+//! What passes are told of the views: where the eyes are, and what of each picture no eye sees.
+
+use shaders_glsl::types::{PATCH_WORDS, View};
+
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu};
+
+/// The views of a frame.
+pub struct Views {
+    /// One for each.
+    pub rows: Buffer<View>,
+    /// What is blind of their pictures, [`PATCH_WORDS`] for each; a single word where kernels do not ask for blind patches.
+    pub patches: Buffer<u32>,
+}
+
+impl Views {
+    /// So many, in host memory, of which nothing is blind at first; without patches where no kernel asks for them.
+    pub fn new(gpu: &Gpu, name: &str, count: u32, blind: bool) -> Result<Self> {
+        let words = if blind { PATCH_WORDS * count as usize } else { 1 };
+        Ok(Views {
+            rows: gpu.mapped(name, "views", count as usize)?,
+            patches: gpu.mapped(&format!("patches of {name}"), "views", words)?,
+        })
+    }
+
+    /// Says where the eyes are, and for as many views as there are patches what is blind of their pictures. No submission
+    /// that reads them may be in flight.
+    ///
+    /// # Panics
+    /// If there is another number of rows, or there are more patches than there is room for.
+    pub fn write(
+        &mut self,
+        rows: impl ExactSizeIterator<Item = View>,
+        patches: impl Iterator<Item = [u32; PATCH_WORDS]>,
+    ) -> Result<()> {
+        let into = self.rows.mapped_mut()?;
+        assert_eq!(rows.len(), into.len(), "one camera a view");
+        into.iter_mut().zip(rows).for_each(|(to, row)| *to = row);
+        let words = self.patches.mapped_mut()?;
+        for (view, patches) in patches.enumerate() {
+            words[view * PATCH_WORDS..][..PATCH_WORDS].copy_from_slice(&patches);
+        }
+        Ok(())
+    }
+}

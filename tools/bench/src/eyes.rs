@@ -1,0 +1,231 @@
+//! What the rims of lenses and foveation save: the frames of a simulated headset's two eyes, whole, without what round lenses
+//! hide, and foveated, each in turns with the others; and how far what is seen then is from the whole pictures.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use engine::Result;
+use engine::gpu::{Format, Gpu, Image};
+use engine::render::{Blind, Frames, LADDER, Look, Rung, Scene};
+use engine::splat::SplatSet;
+use engine::transfer;
+use glam::DVec3;
+use serde::Serialize;
+use xr_app::composer::Composer;
+use xr_app::headset::simulated::{Script, Simulated};
+use xr_app::headset::{Blend, Eye, Headset as _, Lent, Pose};
+use xr_app::placement::Placement;
+use xr_app::sight::Sight;
+
+use crate::cost::{measure, median};
+use crate::report::{Outputs, Table};
+use crate::scene::splats_by_importance;
+
+/// What the lenses and foveation save
+#[derive(Args)]
+pub struct Arguments {
+    /// The splats (PLY)
+    splats: PathBuf,
+    /// Numbers of splats, of which the most important are taken
+    #[arg(long, value_delimiter = ',', default_values_t = [22_000, 100_000])]
+    counts: Vec<usize>,
+    /// Edges of the eyes' pictures, pixels
+    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024])]
+    sizes: Vec<u32>,
+    /// Parts of foveation
+    #[arg(long, value_delimiter = ',', default_values_t = [0.5])]
+    parts: Vec<f64>,
+    /// Rungs of the ladder
+    #[arg(long, value_delimiter = ',', default_values_t = [0, 5])]
+    rungs: Vec<usize>,
+    /// Frames of each kind
+    #[arg(long, default_value_t = 5)]
+    frames: usize,
+    /// From the head to the patient's middle, metres
+    #[arg(long, default_value_t = 0.6)]
+    distance: f64,
+    /// Transfer function
+    #[arg(long, default_value = "CT-Bone")]
+    tf: String,
+    #[command(flatten)]
+    outputs: Outputs,
+}
+
+/// What was found of one way to render.
+#[derive(Serialize)]
+struct Found {
+    splats: usize,
+    size: u32,
+    rung: usize,
+    way: String,
+    /// Medians: of a CPU driver the time of all cores, of a GPU the device's.
+    ms: f64,
+    /// As a part of the time of whole pictures.
+    part: f64,
+    /// Of what no lens hides, against whole pictures; nothing where they are the same.
+    psnr: Option<f64>,
+}
+
+/// Runs it.
+pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
+    let set = splats_by_importance(&arguments.splats)?;
+    let mut found = Vec::new();
+    for &count in &arguments.counts {
+        let mut part = set.clone();
+        part.truncate(count);
+        for &size in &arguments.sizes {
+            for &rung in &arguments.rungs {
+                found.extend(compare(gpu, &part, size, rung.min(LADDER.len() - 1), arguments)?);
+            }
+        }
+    }
+    let title = format!(
+        "Two eyes of a simulated headset {} m before {}, {}, medians of {} frames in turns; {} ({})",
+        arguments.distance,
+        arguments.splats.file_name().unwrap_or_default().display(),
+        arguments.tf,
+        arguments.frames,
+        gpu.description().name,
+        gpu.description().driver
+    );
+    let columns =
+        vec!["splats", "an eye", "rung", "rendered", "a frame / ms", "part", "PSNR of what is seen / dB"];
+    let row = |f: &Found| {
+        vec![
+            f.splats.to_string(),
+            format!("{0}²", f.size),
+            format!("{}, {}", f.rung, LADDER[f.rung].mode),
+            f.way.clone(),
+            format!("{:.0}", f.ms),
+            format!("{:.2}", f.part),
+            f.psnr.map_or("the same".to_owned(), |psnr| format!("{psnr:.1}")),
+        ]
+    };
+    let rows = found.iter().map(row).collect();
+    arguments.outputs.finish_with(&[Table { title, columns, rows }], &found)
+}
+
+/// A way to render the eyes.
+struct Way {
+    name: String,
+    sight: Sight,
+    /// Whether it is known what lenses hide.
+    lenses: bool,
+    frames: Frames,
+    composer: Composer,
+    eyes: Image,
+    ms: Vec<f64>,
+}
+
+fn compare(gpu: &Gpu, set: &SplatSet, size: u32, rung: usize, arguments: &Arguments) -> Result<Vec<Found>> {
+    let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
+        [low.min(f64::from(s.intensity)), high.max(f64::from(s.intensity))]
+    });
+    let scene = Scene::new(gpu, Some(set), None, &Look::new(transfer::load(&arguments.tf, range)?))?;
+    let head = |_: f64| (Pose::IDENTITY, true);
+    let script =
+        Script { eye_size: [8, 8], real_time: false, round_from: Some(0), head, ..Script::default() };
+    let mut headset = Simulated::new(gpu, script)?;
+    headset.poll()?;
+    let timing = headset.wait()?;
+    let eyes = headset.eyes(&timing)?.eyes;
+    let [low, high] = scene.bounds();
+    let centre = (low + high) * 0.5;
+    let before = Placement::before(&Pose::IDENTITY, centre, 0.0);
+    let placement = Placement { position: DVec3::NEG_Z * arguments.distance, ..before };
+    let mut ways = vec![
+        Way::new(gpu, &scene, size, rung, (None, false))?,
+        Way::new(gpu, &scene, size, rung, (None, true))?,
+    ];
+    for &part in &arguments.parts {
+        ways.push(Way::new(gpu, &scene, size, rung, (Some(part), false))?);
+        ways.push(Way::new(gpu, &scene, size, rung, (Some(part), true))?);
+    }
+    // The first frames find room, and where straight ahead is.
+    for turn in 0..arguments.frames + 3 {
+        for way in &mut ways {
+            let (cost, _) = measure(gpu, || way.frame(gpu, &scene, &placement, &headset, &eyes))?;
+            if turn >= 3 {
+                way.ms.push(cost.of_device(gpu.description().kind == "CPU"));
+            }
+        }
+    }
+    let blind = [0, 1].map(|eye| Blind::of(&eyes[eye].fov, &headset.lenses()[eye]));
+    let whole = ways[0].eyes.read::<[u8; 4]>()?;
+    let full = median(&ways[0].ms).unwrap_or(f64::NAN);
+    let found = ways.iter().map(|way| -> Result<Found> {
+        let ms = median(&way.ms).unwrap_or(f64::NAN);
+        Ok(Found {
+            splats: set.splats.len(),
+            size,
+            rung,
+            way: way.name.clone(),
+            ms,
+            part: ms / full,
+            psnr: psnr(&whole, &way.eyes.read::<[u8; 4]>()?, size as usize, &blind),
+        })
+    });
+    found.collect()
+}
+
+impl Way {
+    fn new(
+        gpu: &Gpu,
+        scene: &Scene,
+        size: u32,
+        rung: usize,
+        (foveation, lenses): (Option<f64>, bool),
+    ) -> Result<Self> {
+        let name = foveation.map_or_else(|| "whole".to_owned(), |part| format!("foveated, {part}"));
+        let sight = Sight::new([size; 2], foveation, lenses);
+        let rungs: &[Rung] = &LADDER[rung..=rung];
+        let (format, background) = (Format::Rgba8, [0.0; 3]);
+        Ok(Way {
+            name: name + if lenses { ", less lenses" } else { "" },
+            lenses,
+            frames: Frames::new(gpu, scene, &sight.settings(false), rungs)?,
+            composer: Composer::new(gpu, format, false, Blend::Opaque, background, sight.insets().is_some())?,
+            eyes: gpu.picture("both eyes", "pictures", format, sight.eye_size(), 2)?,
+            sight,
+            ms: Vec::new(),
+        })
+    }
+
+    fn frame(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        placement: &Placement,
+        headset: &Simulated,
+        eyes: &[Eye; 2],
+    ) -> Result<()> {
+        self.sight.aim();
+        let mut frame = self.frames.begin(scene, 0)?;
+        let mut lent = Lent { colour: &mut self.eyes, depth: None };
+        let (insets, range) = (self.sight.insets(), placement.depth_range());
+        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, range, insets, &mut lent);
+        let nothing = Default::default();
+        let lenses = if self.lenses { headset.lenses() } else { &nothing };
+        if let Some(blind) = self.sight.update(lenses, eyes) {
+            self.frames.set_blind(blind);
+        }
+        let ticket = self.frames.submit(frame, scene, &self.sight.cameras(placement, eyes))?;
+        gpu.wait(ticket)?;
+        self.frames.finished()?;
+        Ok(())
+    }
+}
+
+/// Of the pixels of both eyes that do not lie in blind patches.
+fn psnr(whole: &[[u8; 4]], other: &[[u8; 4]], size: usize, blind: &[Blind; 2]) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0);
+    for (at, (a, b)) in whole.iter().zip(other).enumerate() {
+        let (eye, y, x) = (at / (size * size), at / size % size, at % size);
+        if !blind[eye].at([x * 64 / size, y * 64 / size]) {
+            let square = |channel: usize| ((f64::from(a[channel]) - f64::from(b[channel])) / 255.0).powi(2);
+            sum += (0..3).map(square).sum::<f64>();
+            count += 3;
+        }
+    }
+    (sum > 0.0).then(|| -10.0 * (sum / f64::from(count)).log10())
+}
