@@ -7,6 +7,12 @@
 // half the triangles, which is better where setting up a triangle costs more than filling it: on CPU drivers.
 layout(constant_id = 0) const uint CORNERS = 6;
 layout(constant_id = 1) const uint STANDARD = 0; // 1: standard splats
+layout(constant_id = 2) const uint COUNTING = 0; // 1: the picture shows work instead of colours
+
+// What is added to a pixel where work is counted: the fragment, and whether it is blended.
+vec4 counted(float opacity) {
+    return vec4(1.0, opacity > 0.0 ? 1.0 : 0.0, 0.0, 0.0);
+}
 
 // `place` is where the ray is, γ = 6 |place|². 0 outside the ellipse.
 float opacity_at(vec2 place, float thickness) {

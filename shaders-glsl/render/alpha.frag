@@ -7,6 +7,10 @@ layout(location = 0) out vec4 result;
 
 void main() {
     float opacity = opacity_at(place, colour.a);
+    if (COUNTING == 1) {
+        result = counted(opacity);
+        return;
+    }
     if (opacity == 0.0) discard;
     result = vec4(colour.rgb, 1.0) * opacity;
 }

@@ -9,6 +9,11 @@ layout(location = 1) out vec4 weighted_depth; // in the first channel; the last 
 
 void main() {
     float opacity = opacity_at(place, colour.a);
+    if (COUNTING == 1) {
+        result = counted(opacity);
+        weighted_depth = vec4(0.0);
+        return;
+    }
     if (opacity == 0.0) discard;
     result = vec4(colour.rgb, 1.0) * opacity;
     weighted_depth = vec4(depth, 0.0, 0.0, 1.0) * opacity;

@@ -20,6 +20,7 @@ layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 4) const uint DEPTH = 0;    // 1: depth is written
 layout(constant_id = 5) const uint OBJECTS = 0;  // 1: objects have tints and opacities
 layout(constant_id = 6) const uint BLIND = 0;    // 1: parts of tiles that no eye sees stay transparent
+layout(constant_id = 7) const uint COUNTING = 0; // 1: the picture shows work instead of colours, see below
 layout(push_constant, scalar) uniform SlabParams {
     TileGrid grid;
     float background;
@@ -131,6 +132,9 @@ void main() {
         before[n] = vec2(0.0);
     }
 
+    // Of a part, where work is counted: planes at which splats of the part were evaluated, at which those of the whole tile
+    // would have been, planes classified, and pairs looked at.
+    uvec4 work = uvec4(0);
     float first = first_depth(p.grid, v);
     uint rounds = p.grid.planes / PLANES;
     for (uint block = 0; block < p.grid.blocks; ++block) {
@@ -159,6 +163,13 @@ void main() {
             }
             for (uint i = start; i < end; ++i) {
                 uint pair = values[i];
+                if (COUNTING == 1) {
+                    Projected c = projected[pair & 0xFFFFFFu];
+                    float lowest = c.depth - c.reach, highest = c.depth + c.reach;
+                    uint planes = highest >= depths[0] && lowest <= depths[3] ? 4 : 0;
+                    if (highest >= depths[4] && lowest <= depths[7]) planes += 4;
+                    work += uvec4((pair >> (24 + part) & 1u) * planes, planes, 0, 1);
+                }
                 if ((pair >> (24 + part) & 1u) == 0) continue;
                 Projected s = projected[pair & 0xFFFFFFu];
                 Appearance object = Appearance(vec4(0.0), 1.0, 1);
@@ -177,6 +188,7 @@ void main() {
                     [[unroll]] for (uint n = 0; n < PIXELS; ++n) before[n] = vec2(0.0);
                     continue;
                 }
+                if (COUNTING == 1) work.z += 1;
                 [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
                     uint at = k * PIXELS + n;
                     float w = weight[at];
@@ -225,7 +237,8 @@ void main() {
         uvec2 to = pixel + uvec2(0, 2 * n);
         if (any(greaterThanEqual(to, p.grid.size))) continue;
         ivec3 at = ivec3(to, gl_WorkGroupID.z);
-        imageStore(colour_image, at, vec4(colour[n], 1.0 - clear[n]));
+        if (COUNTING == 1) imageStore(colour_image, at, vec4(work));
+        else imageStore(colour_image, at, vec4(colour[n], 1.0 - clear[n]));
         if (DEPTH == 1) imageStore(depth_image, at, vec4(depth[n]));
     }
 }

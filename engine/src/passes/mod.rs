@@ -18,6 +18,7 @@ pub mod splat_rows;
 mod storage;
 pub mod tiles;
 pub mod views;
+mod work;
 
 pub use activity::Activity;
 pub use adam::Adam;
@@ -37,6 +38,7 @@ pub use splat_rows::SplatRows;
 pub use storage::Storage;
 pub use tiles::TileBinner;
 pub use views::Views;
+pub use work::Work;
 
 use crate::gpu::Gpu;
 

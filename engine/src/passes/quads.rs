@@ -3,7 +3,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{Appearance, Centre, Look, Quad, QuadParams};
 
-use super::{RadixSort, Shape, SplatRows, Views};
+use super::{RadixSort, Shape, SplatRows, Views, Work};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
@@ -60,6 +60,8 @@ pub struct Quads {
     pub rows: Buffer<Quad>,
     /// What to draw: vertices, one instance, and from which on.
     pub arguments: Buffer<[u32; 4]>,
+    /// Splats that the kernel was started for last.
+    splats: usize,
 }
 
 impl Quads {
@@ -69,6 +71,7 @@ impl Quads {
             sort: RadixSort::new(gpu, splat_count)?,
             rows: gpu.buffer("quads", "views", splat_count * views as usize)?,
             arguments: gpu.buffer("quads to draw", "views", 1)?,
+            splats: 0,
         })
     }
 
@@ -89,6 +92,7 @@ impl Quads {
         sources: &QuadSources<'_>,
         params: &QuadParams,
     ) {
+        self.splats = params.splat_count as usize;
         recorder.clear(&self.arguments);
         let (keys, values) = self.sort.input();
         recorder
@@ -113,6 +117,11 @@ impl Quads {
             .push(&QuadParams { range: sources.splats.range, ..*params })
             .dispatch(params.splat_count.div_ceil(GROUP as u32));
         self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);
+    }
+
+    /// What the last frame was made of, when `shown` splats were listed for it.
+    pub fn work(&self, shown: u64) -> Work {
+        Work { rows: self.splats as u64, sorted: shown, ..self.sort.work(ORDER_BITS) }
     }
 
     /// Sort keys from back to front.

@@ -4,7 +4,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::RadixParams;
 
-use super::Scan;
+use super::{Scan, Work};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
@@ -46,6 +46,17 @@ impl RadixSort {
     /// The most pairs this sort was made for.
     pub fn capacity(&self) -> usize {
         self.keys[0].len()
+    }
+
+    /// What a sort by so many bits is made of, whatever it sorts.
+    pub fn work(&self, bits: u32) -> Work {
+        let digits = u64::from(bits.div_ceil(DIGIT_BITS));
+        Work {
+            room: self.capacity() as u64,
+            digits,
+            table: (self.blocks << DIGIT_BITS) as u64,
+            ..Work::default()
+        }
     }
 
     /// Where the unsorted keys and values go.

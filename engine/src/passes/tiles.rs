@@ -4,7 +4,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{BlindParams, EmitParams, ProjectParams, Projected, RangeParams, TileGrid};
 
-use super::{RadixSort, Scan, SplatRows, Views};
+use super::{RadixSort, Scan, SplatRows, Views, Work};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat;
@@ -40,6 +40,8 @@ pub struct TileBinner {
     pub blind_parts: Buffer<u32>,
     /// (View, tile, block)s of the grid that was recorded last.
     lists: usize,
+    /// Rows of projected splats that were recorded last.
+    rows: usize,
     views: u32,
     splat_count: usize,
 }
@@ -84,6 +86,7 @@ impl TileBinner {
             needed: gpu.readback("pairs needed", 1)?,
             blind_parts: gpu.buffer("blind parts of tiles", "sorting", tiles as usize)?,
             lists,
+            rows: 0,
             views,
             splat_count,
         })
@@ -136,6 +139,7 @@ impl TileBinner {
         let splats = grid.splat_count as usize;
         assert!(splats <= self.splat_count, "{}: {splats} splats", self.projected.name());
         let rows = splats * self.views as usize;
+        self.rows = rows;
         let groups = [splats.div_ceil(GROUP) as u32, self.views, 1];
         if let Some(blind) = &self.blind {
             let tiles = (grid.tiles[0] * grid.tiles[1]).div_ceil(GROUP as u32);
@@ -183,6 +187,18 @@ impl TileBinner {
             .write(&mut self.starts)
             .push(&RangeParams { slot_count: self.lists as u32, count_index: rows as u32, capacity })
             .dispatch((capacity + 1).div_ceil(PAIR_GROUP));
+    }
+
+    /// What the last frame was made of, but for the splats that were listed for it. Waits for the device.
+    pub fn work(&self) -> Result<Work> {
+        let area = |[left, top, right, bottom]: &[u32; 4]| u64::from(right - left) * u64::from(bottom - top);
+        Ok(Work {
+            rows: self.rows as u64,
+            tiles: self.boxes.read()?[..self.rows].iter().map(area).sum(),
+            sorted: self.needed()? as u64,
+            lists: self.lists as u64,
+            ..self.sort.work(self.key_bits())
+        })
     }
 
     fn key_bits(&self) -> u32 {

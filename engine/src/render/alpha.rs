@@ -13,7 +13,7 @@ use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::types::{AlphaParams, QuadParams};
 
-use super::{Mode, Quality, Scene, Settings, Target, Variants};
+use super::{Mode, Quality, Scene, Settings, Target, Variants, Work};
 use crate::error::Result;
 use crate::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
 use crate::passes::quads::{QuadSources, QuadVariant, corners};
@@ -44,7 +44,7 @@ impl Alpha {
             false => (&glsl::ALPHA_FRAG, vec![colour]),
             true => (&glsl::ALPHA_DEPTH_FRAG, vec![colour, Format::R32f]),
         };
-        let constants = [corners(gpu), u32::from(cloud.standard().is_some())];
+        let constants = [corners(gpu), u32::from(cloud.standard().is_some()), u32::from(settings.counting)];
         Ok(Alpha {
             gpu: gpu.clone(),
             kernels: Variants::new(),
@@ -120,5 +120,11 @@ impl Mode for Alpha {
             .within(size)
             .over(&mut pictures, &self.quads.arguments, 0);
         Ok(())
+    }
+
+    fn work(&self) -> Result<Work> {
+        let shown = u64::from(self.count.read()?[0]);
+        let quads = u64::from(self.quads.arguments.read()?[0][0] / corners(&self.gpu));
+        Ok(Work { shown, quads, ..self.quads.work(shown) })
     }
 }

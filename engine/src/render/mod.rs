@@ -29,6 +29,8 @@ pub use ladder::{LADDER, Quality, Rung, ladder};
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};
 pub use target::Target;
+
+pub use crate::passes::Work;
 use variants::Variants;
 
 use glam::DVec3;
@@ -191,6 +193,11 @@ pub struct Settings {
     pub classification: Option<Classification>,
     /// Rays end where less light than this would pass.
     pub dark: f32,
+    /// Whether pictures show the work of each pixel instead of its colour, for benchmarks, with `precise`. In mode slab its
+    /// channels are, alike for the 4 × 8 pixels of a part of a tile: planes at which splats were evaluated, summed over the
+    /// splats; the same over all splats of the tile's lists, which is what a group as wide as a tile goes through; planes
+    /// classified; pairs looked at. In mode alpha: fragments, and those of them that were blended.
+    pub counting: bool,
 }
 
 impl Settings {
@@ -206,6 +213,7 @@ impl Settings {
             jitter: false,
             classification: None,
             dark: 1.0 / 512.0,
+            counting: false,
         }
     }
 }
@@ -235,6 +243,11 @@ pub trait Mode {
     /// frame must be rendered again.
     fn settle(&mut self) -> Result<bool> {
         Ok(false)
+    }
+
+    /// What the last frame was made of; all 0 for a mode without splats. Waits for the device.
+    fn work(&self) -> Result<Work> {
+        Ok(Work::default())
     }
 }
 
@@ -359,5 +372,10 @@ impl Renderer {
                 return Ok(());
             }
         }
+    }
+
+    /// What the last frame was made of; all 0 for a mode without splats.
+    pub fn work(&self) -> Result<Work> {
+        self.mode.work()
     }
 }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::types::{SlabParams, TileGrid};
 
-use super::{Classification, Cloud, Mode, Quality, Scene, Settings, Target, Variants};
+use super::{Classification, Cloud, Mode, Quality, Scene, Settings, Target, Variants, Work};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::passes::tiles::TILE;
@@ -86,6 +86,7 @@ impl Slab {
                 u32::from(settings.depth),
                 u32::from(*objects),
                 u32::from(settings.blind),
+                u32::from(settings.counting),
             ];
             Kernel::new(gpu, &glsl::SLAB, &constants)
         })
@@ -169,5 +170,10 @@ impl Mode for Slab {
             self.bins.grow(needed)?;
         }
         Ok(again)
+    }
+
+    fn work(&self) -> Result<Work> {
+        let shown = u64::from(self.count.read()?[0]) * u64::from(self.settings.views);
+        Ok(Work { shown, ..self.bins.work()? })
     }
 }

@@ -5,6 +5,7 @@
 mod budget;
 mod cost;
 mod eyes;
+mod model;
 mod paper;
 mod passes;
 mod plot;
@@ -34,7 +35,9 @@ Examples:
   bench trade render --data DIR     what a picture's accuracy costs, and the ladder of the frame budget
   bench budget --plot traces.svg    the frame-budget controller on simulated GPUs
   bench xr bones.ply                sessions in a simulated headset at several budgets
-  bench eyes bones.ply              what the rims of lenses and foveation save"
+  bench eyes bones.ply              what the rims of lenses and foveation save
+  bench model fit *.ply --out DIR   what a frame costs, from the work that it is made of; bench model fit --help
+  bench model headset *.ply --out DIR    what a standalone headset would take for it"
 )]
 struct Arguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
@@ -59,6 +62,9 @@ enum What {
     /// What accuracy costs, of fits and of pictures, and where the front is.
     #[command(subcommand)]
     Trade(trade::What),
+    /// What a frame costs, from the work that it is made of, here and on devices that are not at hand.
+    #[command(subcommand)]
+    Model(model::What),
     /// Pictures of all modes against what they should be, and what frames cost.
     Render(render::Arguments),
 }
@@ -86,6 +92,8 @@ fn run(arguments: &Arguments) -> Result<()> {
         What::Xr(a) => xr::run(&Gpu::new(&options)?, a),
         What::Eyes(a) => eyes::run(&Gpu::new(&options)?, a),
         What::Render(a) => render::run(&options, a),
+        What::Model(model::What::Fit(a)) => model::fit(&Gpu::new(&options)?, a),
+        What::Model(model::What::Headset(a)) => model::headset(&Gpu::new(&options)?, a),
         What::Trade(trade::What::Fit(a)) => trade::fit::run(&options, a),
         What::Trade(trade::What::Render(a)) => trade::render::run(&options, a),
     }

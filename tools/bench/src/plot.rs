@@ -129,3 +129,9 @@ pub fn span(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let margin = (0.08 * (high - low)).max(least);
     low - margin..high + margin
 }
+
+/// A positive number with about three digits.
+pub fn three_digits(x: f64) -> String {
+    let decimals = (2.0 - x.log10().floor()).clamp(0.0, 3.0) as usize;
+    format!("{x:.decimals$}")
+}

@@ -21,8 +21,12 @@ pub trait Keep: Serialize + DeserializeOwned {
 
 /// Hash of whatever can be written, of 10 digits.
 pub fn hash(value: &impl Serialize) -> String {
-    let text = serde_json::to_string(value).expect("only numbers and names");
-    Sha256::digest(text).iter().take(5).map(|b| format!("{b:02x}")).collect()
+    hash_bytes(serde_json::to_string(value).expect("only numbers and names").as_bytes())
+}
+
+/// Hash of bytes, of 10 digits.
+pub fn hash_bytes(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().take(5).map(|b| format!("{b:02x}")).collect()
 }
 
 /// A folder of results, with reports beside them.

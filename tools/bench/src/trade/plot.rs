@@ -4,7 +4,7 @@ use engine::Result;
 use plotters::prelude::*;
 
 use super::front::{Point, front};
-use crate::plot::{Area, Axis, COLOURS, Drawn, INK, axes, font, legend, sheet, span};
+use crate::plot::{Area, Axis, COLOURS, Drawn, INK, axes, font, legend, sheet, span, three_digits};
 
 const PANEL: [u32; 2] = [480, 360];
 
@@ -73,12 +73,6 @@ impl Panel {
         }
         legend(&mut chart, SeriesLabelPosition::LowerRight)
     }
-}
-
-/// A positive number with about three digits.
-fn three_digits(x: f64) -> String {
-    let decimals = (2.0 - x.log10().floor()).clamp(0.0, 3.0) as usize;
-    format!("{x:.decimals$}")
 }
 
 #[cfg(test)]

@@ -1,0 +1,234 @@
+//! The work of frames, as shaders and buffers count it, against what the twins find by asking every splat at every plane of
+//! every pixel.
+#![forbid(unsafe_code)]
+
+use std::collections::BTreeSet;
+
+use engine::passes::Shape;
+use engine::reference::eye::{self, Eye};
+use engine::reference::quads::{self, Face, Quad};
+use engine::reference::slab::{self as twin, Seen};
+use engine::render::{Camera, Renderer, Scene, Settings, mode};
+use engine::splat::{Harmonics, Kernel};
+use engine::transfer::{Material, Table};
+use glam::{DVec2, DVec3};
+use vgs_tests::Device;
+use vgs_tests::rendering::{SIZE, camera, look, set};
+
+/// Pixels of a part, and parts of a tile: columns and rows.
+const PART: [usize; 2] = [4, 8];
+const PARTS: [usize; 2] = [4, 2];
+/// Planes that a part is evaluated at together, and of a block.
+const HALF: usize = 4;
+const PLANES: usize = 8;
+/// How much nearer or farther, relative to the support, what a kernel in f32 may decide either way is.
+const MARGIN: f64 = 1e-3;
+
+fn settings() -> Settings {
+    // Light never ends: what is done does not depend on what is seen.
+    Settings { precise: true, counting: true, dark: -1.0, ..Settings::new(SIZE) }
+}
+
+fn counted(renderer: &Renderer) -> Vec<[usize; 4]> {
+    let picture = renderer.target.read_colour(0).expect("a picture");
+    picture.iter().map(|counts| counts.map(|n| n as usize)).collect()
+}
+
+/// Where planes are, as mode slab places them.
+struct Planes {
+    first: f64,
+    spacing: f64,
+    count: usize,
+}
+
+impl Planes {
+    fn of(scene: &Scene, eye: &Eye) -> Self {
+        let cloud = scene.cloud.as_ref().expect("splats");
+        let [low, high] = cloud.bounds;
+        let (radius, spacing) = ((high - low).length() * 0.5, cloud.sigma_mm);
+        let first = (eye.seen((low + high) * 0.5).z - radius).max(twin::NEAREST);
+        Planes { first, spacing, count: (2.0 * radius / (spacing * PLANES as f64)).ceil() as usize * PLANES }
+    }
+
+    fn depth(&self, plane: usize) -> f64 {
+        self.first + (plane as f64 + 0.5) * self.spacing
+    }
+}
+
+/// (Splat, half) that meet the pixels of a part, by the smallest q of its pixels' rays; `support` is widened or narrowed.
+fn met(
+    splats: &[Seen],
+    eye: &Eye,
+    planes: &Planes,
+    part: [usize; 2],
+    support: f64,
+) -> BTreeSet<(usize, usize)> {
+    let mut met = BTreeSet::new();
+    for pixel in 0..PART[0] * PART[1] {
+        let place = [part[0] * PART[0] + pixel % PART[0], part[1] * PART[1] + pixel / PART[0]];
+        let ray = eye.ray(place.map(|x| x as f64 + 0.5), SIZE);
+        for (i, splat) in splats.iter().enumerate() {
+            for plane in 0..planes.count {
+                let u = splat.whitening * (ray * planes.depth(plane) - splat.mean);
+                if u.length_squared() < support {
+                    met.insert((i, plane / HALF));
+                }
+            }
+        }
+    }
+    met
+}
+
+/// (Splat, half) whose boxes may meet a part: halves by depth, and the part by the box of the box's corners.
+fn near(splats: &[Seen], eye: &Eye, planes: &Planes, part: [usize; 2]) -> BTreeSet<(usize, usize)> {
+    let mut near = BTreeSet::new();
+    let scale = |axis: usize, tangent: f64| {
+        let [left, right, up, down] = eye.tangents;
+        let [low, high] = if axis == 0 { [left, right] } else { [up, down] };
+        (tangent - low) / (high - low) * f64::from(SIZE[axis])
+    };
+    for (i, splat) in splats.iter().enumerate() {
+        let reach = splat.extent * (1.0 + MARGIN);
+        let beside = (0..2).any(|axis| {
+            let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)].map(|(a, z): (f64, f64)| {
+                let depth = (splat.mean.z + z * reach.z).max(twin::NEAREST);
+                scale(axis, (splat.mean[axis] + a * reach[axis]) / depth)
+            });
+            let low = corners.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = corners.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let from = (part[axis] * PART[axis]) as f64;
+            high < from - 0.1 || low > from + PART[axis] as f64 + 0.1
+        });
+        if beside {
+            continue;
+        }
+        for half in 0..planes.count / HALF {
+            let [from, to] = [half * HALF, half * HALF + HALF - 1].map(|plane| planes.depth(plane));
+            if splat.mean.z + reach.z >= from && splat.mean.z - reach.z <= to {
+                near.insert((i, half));
+            }
+        }
+    }
+    near
+}
+
+#[test]
+fn slabs_count_what_their_twin_meets() {
+    let gpu = Device::boot();
+    let set = set(120, Kernel::Compact);
+    let mut scene = Scene::new(&gpu, Some(&set), None, &look("CT-Soft-Tissue", false)).expect("a scene");
+    scene.list_all().expect("a list");
+    let camera = camera(&scene);
+    let mut renderer =
+        Renderer::new(&gpu, mode("slab").expect("a mode"), &scene, &settings()).expect("a renderer");
+    renderer.render(&scene, &[camera]).expect("a frame");
+    let counts = counted(&renderer);
+    let work = renderer.work().expect("counts");
+    assert_eq!((work.rows, work.shown), (120, 120));
+    assert!(work.sorted <= work.room && work.tiles > 0 && work.digits > 0, "{work:?}");
+
+    let eye = Eye::from(&camera.view(scene.origin));
+    let background = f64::from(set.field.background);
+    let splats: Vec<Seen> = set
+        .splats
+        .iter()
+        .map(|s| twin::seen(&s.into(), &eye, Kernel::Compact, background).expect("before the eye"))
+        .collect();
+    let planes = Planes::of(&scene, &eye);
+    let support = Kernel::Compact.support_q();
+    let size = SIZE.map(|n| n as usize);
+    let tiles = [0, 1].map(|axis| size[axis].div_ceil(PART[axis] * PARTS[axis]));
+    assert_eq!(work.lists as usize, tiles[0] * tiles[1] * planes.count / PLANES);
+    let (mut pairs, mut evaluated, mut needed) = (0, 0, 0);
+    for tile in (0..tiles[0] * tiles[1]).map(|n| [n % tiles[0], n / tiles[0]]) {
+        let (mut all_met, mut all_near, mut tile_counts) =
+            (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
+        for part in (0..PARTS[0] * PARTS[1]).map(|n| {
+            [0, 1].map(|axis| tile[axis] * PARTS[axis] + if axis == 0 { n % PARTS[0] } else { n / PARTS[0] })
+        }) {
+            let [surely, perhaps] = [1.0 - MARGIN, 1.0 + MARGIN]
+                .map(|margin| met(&splats, &eye, &planes, part, support * margin));
+            let near = near(&splats, &eye, &planes, part);
+            assert!(perhaps.is_subset(&near), "boxes hold what is met");
+            let at = [part[0] * PART[0], part[1] * PART[1]];
+            if at[0] < size[0] && at[1] < size[1] {
+                let [own, whole, classified, looked] = counts[at[1] * size[0] + at[0]];
+                let of = |set: &BTreeSet<_>| set.len() * HALF;
+                assert!(
+                    of(&surely) <= own && own <= of(&near),
+                    "{part:?}: {} {own} {}",
+                    of(&surely),
+                    of(&near)
+                );
+                let least: BTreeSet<usize> = surely.iter().map(|&(_, half)| half).collect();
+                // A group as wide as a tile classifies what any of its parts needs.
+                let most = match Shape::of(&gpu) {
+                    Shape::OneByOne => {
+                        perhaps.iter().map(|&(_, half)| half).collect::<BTreeSet<_>>().len() * HALF
+                    }
+                    Shape::SideBySide => planes.count,
+                };
+                assert!(least.len() <= classified && classified <= most, "{part:?}: {classified}");
+                tile_counts.insert((whole, looked));
+                evaluated += own;
+                needed += of(&surely);
+            }
+            all_met.extend(surely);
+            all_near.extend(near);
+        }
+        // Parts of a tile go through the same lists.
+        assert_eq!(tile_counts.len(), 1, "{tile:?}: {tile_counts:?}");
+        let (whole, looked) = tile_counts.into_iter().next().expect("a tile");
+        assert!(all_met.len() * HALF <= whole && whole <= all_near.len() * HALF, "{tile:?}: {whole}");
+        pairs += looked;
+    }
+    assert_eq!(pairs as u64, work.sorted, "every pair is in one list");
+    println!("{needed} of {evaluated} evaluations meet a support; {pairs} pairs");
+    assert!(needed > 1000 && evaluated < 3 * needed, "{needed} {evaluated}");
+}
+
+#[test]
+fn fragments_are_those_of_the_quads_ellipses() {
+    let gpu = Device::boot();
+    let mut set = set(60, Kernel::Compact);
+    let grey = [0.3f32; 3];
+    let coefficients = set.splats.iter().flat_map(|_| grey).collect();
+    (set.has_intensity, set.colours) = (false, Some(Harmonics { degree: 0, coefficients }));
+    let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", false)).expect("a scene");
+    let camera = Camera { fov: engine::render::Fov::symmetric(70.0, 72.0 / 56.0), ..camera(&scene) };
+    let mut renderer =
+        Renderer::new(&gpu, mode("alpha").expect("a mode"), &scene, &settings()).expect("a renderer");
+    renderer.render(&scene, &[camera]).expect("a frame");
+    let counts = counted(&renderer);
+    let work = renderer.work().expect("counts");
+
+    let eye = Eye::from(&camera.view(scene.origin));
+    let table = Table::new(&scene.look().transfer, [0.0, 1.0]);
+    let material = Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0 };
+    let quad_look = quads::Look { table: &table, material: &material, dark: 0.0, planes: &[] };
+    let face = Face::Own(DVec3::ONE);
+    let object = eye::Appearance::default();
+    let quads: Vec<Quad> = set
+        .splats
+        .iter()
+        .filter_map(|s| quads::quad(&s.into(), &face, &object, &eye, SIZE, &quad_look))
+        .collect();
+    assert_eq!((work.shown, work.sorted, work.quads as usize), (60, 60, quads.len()));
+    let (mut fragments, mut blended, mut wanted, mut off) = (0, 0, 0, 0);
+    for (i, got) in counts.iter().enumerate() {
+        let place = DVec2::new((i as u32 % SIZE[0]) as f64 + 0.5, (i as u32 / SIZE[0]) as f64 + 0.5);
+        let want = quads.iter().filter(|q| q.opacity(place) > 0.0).count();
+        assert!(got[1] <= got[0]);
+        fragments += got[0];
+        blended += got[1];
+        wanted += want;
+        off += got[1].abs_diff(want);
+    }
+    // What is at the edge of an ellipse may fall either way.
+    assert!(wanted > 2000 && off * 100 <= wanted, "{blended} of {wanted}, {off} off");
+    // Squares and triangles around ellipses: 4/π and 3√3/π times their area, less where ellipses end beside the picture.
+    let around = fragments as f64 / blended as f64;
+    println!("{fragments} fragments, {blended} blended: {around:.3}");
+    let full = if Shape::of(&gpu) == Shape::OneByOne { 27f64.sqrt() } else { 4.0 } / std::f64::consts::PI;
+    assert!((0.8 * full..1.1 * full).contains(&around), "{around} {full}");
+}
