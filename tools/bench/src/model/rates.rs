@@ -158,7 +158,7 @@ mod tests {
     /// Frames of three scenes, none of which is a multiple of another.
     fn frames() -> Vec<(u32, Work)> {
         let mut frames = Vec::new();
-        for n in 0..24u32 {
+        for n in 0..120u32 {
             let x = |k: u32| f64::from((n * 7 + k * 5) % 11 + 1);
             let narrow = Pixels { evaluations: 1e6 * x(1), classified: 1e4 * x(2), looked: 1e3 * x(3) };
             frames.push((
