@@ -36,7 +36,7 @@ pub struct TileBinner {
     /// First pair of each (view, tile, block), and the total.
     pub starts: Buffer<u32>,
     needed: Buffer<u32>,
-    /// Parts of each tile that no eye sees, a bit each, [view][tile]; a single word where none are asked for.
+    /// Parts of each tile that no eye sees, a bit each, by view and tile; a single word where none are asked for.
     pub blind_parts: Buffer<u32>,
     /// (View, tile, block)s of the grid that was recorded last.
     lists: usize,
