@@ -7,18 +7,16 @@ use engine::budget::budget_ms;
 use engine::budget::simulation::{BEHAVIOURS, Frame, trace};
 use engine::render::{LADDER, ladder};
 use engine::{Error, Kind, Result, output};
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use xr_app::statistics::Histogram;
 
+use crate::plot::{Area, Axis, Drawn, GRID, INK, axes, font};
 use crate::report::{Outputs, Table};
 
 /// What the best rung takes, in units of the budget.
 const EXCESS: f64 = 1.7;
 /// Top of the axis of times, in units of the budget.
 const TOP: f64 = 2.6;
-const INK: RGBColor = RGBColor(51, 51, 51);
-const GRID: RGBColor = RGBColor(228, 228, 228);
 const TIME: RGBColor = RGBColor(30, 120, 180);
 const LATE: RGBColor = RGBColor(200, 60, 40);
 const RUNG: RGBColor = RGBColor(210, 150, 60);
@@ -96,9 +94,6 @@ pub struct Trace {
     pub latency_ms: Option<Histogram>,
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
-
 /// Width of the plot, pixels, and what of it the frames have where there is a histogram beside them.
 const WIDTH: u32 = 1000;
 const FRAMES_WIDTH: i32 = 690;
@@ -125,10 +120,6 @@ fn draw(svg: &mut String, traces: &[Trace]) -> Drawn {
         }
     }
     Ok(root.present()?)
-}
-
-fn font(size: i32) -> TextStyle<'static> {
-    ("sans-serif", size).into_font().color(&INK)
 }
 
 fn draw_frames(area: &Area<'_>, trace: &Trace) -> Drawn {
@@ -167,23 +158,13 @@ fn draw_latency(area: &Area<'_>, latency_ms: &Histogram) -> Drawn {
     let end = |bin: usize| from + width * bin as f64;
     let most = counts.iter().copied().max().unwrap_or(0) as f64;
     // A bin's width on either side, so that a single bin is a bar and no wall.
-    let mut chart = ChartBuilder::on(area)
-        .caption("motion to photon", font(15))
-        .margin(6)
-        .x_label_area_size(34)
-        .y_label_area_size(44)
-        .build_cartesian_2d(from - width..end(counts.len() + 1), 0.0..1.1 * most)?;
-    chart
-        .configure_mesh()
-        .x_desc(format!("ms, in bins of {width}"))
-        .y_desc("frames")
-        .x_labels(6)
-        .y_labels(6)
-        .axis_desc_style(font(12))
-        .label_style(font(11))
-        .bold_line_style(GRID)
-        .light_line_style(TRANSPARENT)
-        .draw()?;
+    let x = Axis {
+        title: &format!("ms, in bins of {width}"),
+        range: from - width..end(counts.len() + 1),
+        tick: &|x| format!("{:.1$}", x, usize::from(*width < 1.0)),
+    };
+    let y = Axis { title: "frames", range: 0.0..1.1 * most, tick: &|y| format!("{y:.0}") };
+    let mut chart = axes(area, "motion to photon", x, y)?;
     let bars = counts.iter().enumerate().filter(|(_, count)| **count > 0);
     chart.draw_series(bars.map(|(bin, &count)| {
         Rectangle::new([(end(bin), 0.0), (end(bin + 1), count as f64)], TIME.filled())

@@ -9,7 +9,8 @@ use plotters::prelude::*;
 
 /// Of lines and letters.
 pub const INK: RGBColor = RGBColor(51, 51, 51);
-const GRID: RGBColor = RGBColor(228, 228, 228);
+/// Of the lines behind.
+pub const GRID: RGBColor = RGBColor(228, 228, 228);
 /// Of series without a colour of their own.
 pub const COLOURS: [RGBColor; 7] = [
     RGBColor(30, 120, 180),

@@ -10,10 +10,11 @@ use engine::render::{LADDER, Look, Scene};
 use engine::splat::SplatSet;
 use engine::{Result, transfer};
 use xr_app::headset::simulated::{Script, Simulated};
-use xr_app::statistics::{Distribution, Report};
+use xr_app::statistics::{Distribution, Report, Sample};
 use xr_app::viewer::{Options, Viewer};
 
 use crate::budget::{Trace, write_plot};
+use crate::cost::mean;
 use crate::report::{Outputs, Table};
 use crate::scene::splats_by_importance;
 
@@ -125,8 +126,9 @@ fn row(splats: usize, period: f64, report: &Report) -> Vec<String> {
     let two =
         |d: Option<Distribution>| d.map_or("-".to_owned(), |d| format!("{:.0} / {:.0}", d.median, d.p99));
     let settled = &report.samples[SETTLING.min(report.samples.len())..];
-    let count = settled.len().max(1) as f64;
-    let late = settled.iter().filter(|s| s.gpu_ms > s.budget_ms).count() as f64;
+    // Of no frames there is nothing to tell.
+    let one = |values: Vec<f64>| mean(&values).map_or("-".to_owned(), |value| format!("{value:.1}"));
+    let late = |s: &Sample| if s.gpu_ms > s.budget_ms { 100.0 } else { 0.0 };
     let changes = settled.windows(2).filter(|pair| pair[0].rung != pair[1].rung).count();
     vec![
         splats.to_string(),
@@ -134,8 +136,8 @@ fn row(splats: usize, period: f64, report: &Report) -> Vec<String> {
         two(report.interval_ms),
         report.missed.to_string(),
         two(Distribution::of(settled.iter().map(|s| s.gpu_ms))),
-        format!("{:.1}", 100.0 * late / count),
-        format!("{:.1}", settled.iter().map(|s| s.rung as f64).sum::<f64>() / count),
+        one(settled.iter().map(late).collect()),
+        one(settled.iter().map(|s| s.rung as f64).collect()),
         changes.to_string(),
         report.latency_ms.map_or("-".to_owned(), |d| {
             [d.p5, d.median, d.p95, d.p99, d.most].map(|ms| format!("{ms:.0}")).join(" / ")
