@@ -20,8 +20,9 @@ pub struct QualityPreset {
     pub about: &'static str,
     /// The file.
     pub toml: &'static str,
-    /// Root mean square error at the voxels, of the default profile at this quality, in units of what it is after its first
-    /// [`EARLY`] iterations: geometric mean over the cases of `docs/choosing.md`, which says how far they lie around it.
+    /// Root mean square error at the voxels, of the default profile (of an MR: `mr`) at this quality, in units of what it is
+    /// after its first [`EARLY`] iterations: geometric mean over the cases of `docs/choosing.md`, which says how far they
+    /// lie around it.
     pub rmse_of_early: f64,
     /// The 99th percentile of the error, likewise.
     pub p99_of_early: f64,

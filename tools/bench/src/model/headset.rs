@@ -19,6 +19,7 @@ use super::shots::{Frame, Record};
 use super::stages::STAGES;
 use crate::cost::median;
 use crate::store::Store;
+use crate::trade::render::Choice;
 
 /// Displays, frames a second.
 const RATES_HZ: [f64; 2] = [72.0, 90.0];
@@ -168,19 +169,10 @@ struct Prediction<'a> {
     work: &'a super::work::Work,
 }
 
-/// Of a rung in words.
+/// Of a rung, as the tables of `bench trade render` call it.
 fn rendering(shot: &Shot) -> String {
-    let mut name = shot.mode.clone();
-    if shot.coarseness != 1.0 {
-        name += &format!(", slabs × {}", shot.coarseness);
-    }
-    if shot.resolution != 1.0 {
-        name += &format!(", edges × {}", shot.resolution);
-    }
-    if shot.splats != 1.0 {
-        name += &format!(", {} % of the splats", (100.0 * shot.splats).round());
-    }
-    name
+    let Shot { mode, coarseness, resolution, splats, .. } = shot.clone();
+    Choice { mode, step: coarseness, resolution, splats, packed: false }.name()
 }
 
 /// Whether a range of times, slowest first, is within a budget.

@@ -14,6 +14,7 @@ use engine::fit::FitConfig;
 use engine::gpu::{Gpu, GpuOptions};
 use engine::{Result, output};
 
+pub use self::plan::Choice;
 use self::report::Report;
 use self::shots::{Record, Unit};
 use crate::paper::progress::{all_done, carry_out};
