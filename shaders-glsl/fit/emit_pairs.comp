@@ -5,7 +5,7 @@
 #include "splat.glsl"
 #include "brick.glsl"
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform SplatParams { Grid grid; uint splat_count; uint capacity; } p;
+layout(push_constant, scalar) uniform SplatParams { Grid grid; uint splat_count; uint capacity; vec3 stretch; } p;
 layout(scalar, binding = 0) readonly buffer Footprints { Footprint footprints[]; };
 layout(scalar, binding = 1) readonly buffer Slots { uint slots[]; };
 layout(scalar, binding = 2) readonly buffer PairOffsets { uint pair_offsets[]; };

@@ -1,19 +1,24 @@
 #version 460
-// λ/2 (1 - 2 I / S), the Dice loss between the predicted mask m^ = 1 - exp(-W) and M over the ROI and its shell:
-// I = Σ m^ M, S = Σ m^ + Σ M, over all samples of all chunks; overlap_sums and sum_triples have summed them before.
-//   d(1 - 2 I / S)/dm^ = -2 M / S + 2 I / S^2        dm^/dW = exp(-W)
-// Value and weight of a sample are m^ + M - 2 m^ M, written as what only one of both has, and m^ + M: their sums have the
-// quotient 1 - 2 I / S.
+// λ/2 (1 - (2 I + s) / (S + s)), the Dice loss between what is predicted, p, and what is wanted, t: I = Σ p t, S = Σ p + Σ t
+// over the samples of the region (below 0: all that take part) of all chunks; overlap_sums and sum_triples have summed them
+// before. s, the parameter, is the smoothing; with twice that of Dice it is Tversky's loss of equal weights.
+//   dL/dp = λ/2 (-2 t / (S + s) + (2 I + s) / (S + s)^2)        dm^/dW = exp(-W)
+// Value and weight of a sample are p + t - 2 p t, written as what only one of both has, and p + t: the quotient of their
+// sums is 1 - 2 I / S.
+#define QUANTITY_CONSTANT 4
 #include "loss.glsl"
-layout(scalar, binding = 4) readonly buffer Overlap { vec3 overlap[]; }; // [0]: I, Σ m^, Σ M
+layout(scalar, binding = 4) readonly buffer Overlap { vec3 overlap[]; }; // [0]: I, Σ p, Σ t
 
 void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adjoint adjoint) {
-    float m = wanted.occupancy;
-    float predicted = predicted_mask(got.weight);
-    float transmitted = exp(-got.weight); // 1 - m^
-    value_weight = vec2(predicted * (1.0 - m) + m * transmitted, predicted + m);
-    float s = overlap[0].y + overlap[0].z;
-    float half_slope = 0.0; // of the loss by m^; nothing to overlap, nothing to move
-    if (s > 0.0) half_slope = (overlap[0].x / s - m) / s;
-    adjoint = Adjoint(0.0, p.weight * half_slope * transmitted);
+    value_weight = vec2(0.0);
+    adjoint = Adjoint(0.0, 0.0);
+    if (!(wanted.occupancy > p.region)) return;
+    vec2 both = compared(wanted, got, p.low);
+    float transmitted = QUANTITY == QUANTITY_MASK ? exp(-got.weight) : 1.0 - both.x; // 1 - p
+    value_weight = vec2(both.x * (1.0 - both.y) + both.y * transmitted, both.x + both.y);
+    float s = overlap[0].y + overlap[0].z + p.parameter;
+    float half_slope = 0.0; // of the loss by p; nothing to overlap, nothing to move
+    if (s > 0.0) half_slope = ((overlap[0].x + 0.5 * p.parameter) / s - both.y) / s;
+    if (QUANTITY == QUANTITY_MASK) adjoint.weight = p.weight * half_slope * transmitted;
+    else adjoint.value = p.weight * half_slope;
 }

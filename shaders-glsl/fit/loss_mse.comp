@@ -1,10 +1,10 @@
 #version 460
-// λ/2 Σ m (V^ - V)^2: squared intensity error inside the ROI. m is [M > 1/2] for a binary mask (parameter 0), since
-// M between voxels is an interpolation and not a doubt, and M itself for a soft one (parameter 1).
+// λ/2 Σ m (V^ - V)^2: squared intensity error inside the ROI. m is [M > region], with region = 1/2 for a binary mask, since
+// M between voxels is an interpolation and not a doubt, and M itself for a soft one (region below 0).
 #include "loss.glsl"
 
 void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adjoint adjoint) {
-    float m = p.parameter != 0.0 ? wanted.occupancy : (wanted.occupancy > 0.5 ? 1.0 : 0.0);
+    float m = p.region < 0.0 ? wanted.occupancy : (wanted.occupancy > p.region ? 1.0 : 0.0);
     float r = got.value - wanted.value;
     value_weight = vec2(m * r * r, m);
     adjoint = Adjoint(p.weight * m * r, 0.0);

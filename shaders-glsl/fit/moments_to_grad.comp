@@ -1,6 +1,6 @@
 #version 460
 // dL/d(parameters) of one splat an invocation, from the moments that splat_to_volume_grad summed. U is the whitening
-// matrix S^-1 R^T, B = U S2 U^T, a the amplitude of w, α times the kernel's peak:
+// matrix S^-1 R^T D^-1, B = U S2 U^T, a the amplitude of w, α times the kernel's peak:
 //   dL/dμ = a U^T U S1,   dL/dln s_k = a B_kk,   dL/dω_k = a B_ij (s_i/s_j - s_j/s_i) with (i, j, k) cyclic,
 //   dL/dlogit = a (1 - α) S0,   dL/dc = a C0.
 // Where the peak is 1 / ((2π)^(3/2) s1 s2 s3), dln a/dln s_k = -1 and dL/dln s_k = a (B_kk - S0).
@@ -8,7 +8,7 @@
 #include "splat.glsl"
 #include "kernel.glsl"
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform MomentParams { uint splat_count; } p;
+layout(push_constant, scalar) uniform MomentParams { uint splat_count; vec3 stretch; } p;
 layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
 layout(scalar, binding = 1) readonly buffer MomentRows { float moments[]; }; // [splat][11]
 layout(scalar, binding = 2) writeonly buffer Gradients { SplatGrad gradients[]; };
@@ -24,7 +24,7 @@ void main() {
     float yz = moments[at + 8], zx = moments[at + 9], xy = moments[at + 10];
     float opacity = 1.0 / (1.0 + exp(-s.opacity_logit));
     float amplitude = kernel_peak(s.log_scale) * opacity;
-    mat3 whiten = whitening(s);
+    mat3 whiten = whitening(s, p.stretch);
     mat3 s2 = mat3(xx, xy, zx, xy, yy, yz, zx, yz, zz);
     mat3 b = whiten * s2 * transpose(whiten);
     vec3 ln_s = s.log_scale;

@@ -1,28 +1,34 @@
 #version 460
-// What the Dice loss needs of all samples before it can begin: Σ m^ M, Σ m^ and Σ M of each brick, m^ = 1 - exp(-W). One
-// workgroup owns a brick, one invocation every 64th sample; summed in a fixed order.
+// What the Dice loss needs of all samples before it can begin: Σ p t, Σ p and Σ t of each brick over the samples of the
+// region (below 0: all that take part), p predicted and t wanted. One workgroup owns a brick; summed in a fixed order, every
+// 64th sample together and then the 64 sums.
 #define STORAGE_CONSTANT 0
+#define QUANTITY_CONSTANT 2
 #include "samples.glsl"
-layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform OverlapParams { uint first_slot; } p; // of the chunk
+layout(local_size_x_id = 1) in;
+layout(constant_id = 1) const uint GROUP = 64; // invocations of a workgroup: 64, or 8 for CPU drivers
+layout(push_constant, scalar) uniform OverlapParams {
+    uint first_slot; // of the chunk
+    float region;
+    float low;
+} p;
 layout(scalar, binding = 2) writeonly buffer Partials { vec3 partials[]; }; // [slot], all chunks
 
 shared vec3 partial[64];
 
 void main() {
-    uint t = gl_LocalInvocationIndex;
-    uint begin = gl_WorkGroupID.x * 512 + t;
-    vec3 sum = vec3(0.0);
-    for (uint i = begin; i < begin + 512; i += 64) {
-        Target wanted = target_at(i);
-        if (wanted.occupancy < 0.0) continue;
-        float predicted = predicted_mask(reconstruction_at(i).weight);
-        sum += vec3(predicted * wanted.occupancy, predicted, wanted.occupancy);
+    uint lane = gl_LocalInvocationIndex;
+    uint begin = gl_WorkGroupID.x * 512;
+    for (uint t = lane; t < 64; t += GROUP) {
+        vec3 sum = vec3(0.0);
+        for (uint i = begin + t; i < begin + 512; i += 64) {
+            Target wanted = target_at(i);
+            if (!(wanted.occupancy >= 0.0 && wanted.occupancy > p.region)) continue;
+            vec2 both = compared(wanted, reconstruction_at(i), p.low);
+            sum += vec3(both.x * both.y, both.x, both.y);
+        }
+        partial[t] = sum;
     }
-    partial[t] = sum;
-    for (uint half_size = 32; half_size > 0; half_size >>= 1) {
-        barrier();
-        if (t < half_size) partial[t] += partial[t + half_size];
-    }
-    if (t == 0) partials[p.first_slot + gl_WorkGroupID.x] = partial[0];
+    SUM_OF_64(partial, lane, GROUP)
+    if (lane == 0) partials[p.first_slot + gl_WorkGroupID.x] = partial[0];
 }

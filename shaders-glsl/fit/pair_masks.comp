@@ -26,6 +26,8 @@ void main() {
     // Rows of cells: four rows of samples each, cut by the ellipsoid one by one.
     ivec2 rows_y = indices(mean.y - f.extent.y, mean.y + f.extent.y, 0, 7) >> 1;
     ivec2 rows_z = indices(mean.z - f.extent.z, mean.z + f.extent.z, 0, 7) >> 1;
+    ivec2 columns = ivec2(0, 7);
+    if (KERNEL == KERNEL_GATED) columns = indices(mean.x - f.extent.x, mean.x + f.extent.x, 0, 7);
     float inverse = 1.0 / f.t_x.x;
     vec2 slope = f.t_x.yz * inverse;
     uvec2 mask = uvec2(0);
@@ -42,7 +44,7 @@ void main() {
             vec4 from = mix(vec4(1e6), middle - half_width, greaterThan(rest, vec4(0.0)));
             vec4 to = mix(vec4(-1e6), middle + half_width, greaterThan(rest, vec4(0.0)));
             ivec2 x = indices(min(min(from.x, from.y), min(from.z, from.w)),
-                              max(max(to.x, to.y), max(to.z, to.w)), 0, 7);
+                              max(max(to.x, to.y), max(to.z, to.w)), columns.x, columns.y);
             // Cells ca..=cb along x stand at bits 0, 1, 8, 9 in Morton order.
             uint ca = uint(x.x) >> 1, cb = uint(x.y) >> 1;
             uint row = x.x > x.y ? 0u : (0xFu >> (3u - cb)) & (0xFu << ca);

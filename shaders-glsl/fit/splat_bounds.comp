@@ -5,7 +5,7 @@
 #include "kernel.glsl"
 #include "brick.glsl"
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform SplatParams { Grid grid; uint splat_count; uint capacity; } p;
+layout(push_constant, scalar) uniform SplatParams { Grid grid; uint splat_count; uint capacity; vec3 stretch; } p;
 layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
 layout(scalar, binding = 1) readonly buffer Slots { uint slots[]; };
 layout(scalar, binding = 2) writeonly buffer Footprints { Footprint footprints[]; };
@@ -22,7 +22,7 @@ void main() {
     f.amplitude = kernel_peak(s.log_scale) * (1.0 / (1.0 + exp(-s.opacity_logit)));
     f.intensity = s.intensity;
     // Columns of S^-1 R^T, orthogonalised one after the other (modified Gram-Schmidt).
-    mat3 columns = whitening(s);
+    mat3 columns = whitening(s, p.stretch);
     vec3 column_x = columns[0], column_y = columns[1], column_z = columns[2];
     float xx = length(column_x);
     vec3 e = column_x / xx;
@@ -37,7 +37,7 @@ void main() {
     f.t_y = vec2(yy, yz);
     f.t_z = length(column_z);
     vec3 a = axes[0] * scale.x, b = axes[1] * scale.y, c = axes[2] * scale.z;
-    f.extent = sqrt(support_q() * (a * a + b * b + c * c));
+    f.extent = min(p.stretch * sqrt(support_q() * (a * a + b * b + c * c)), vec3(kernel_reach()));
     footprints[i] = f;
 
     ivec3 first, last;

@@ -59,7 +59,7 @@ void rasterise(uint cell, uint lane) {
             mask &= mask - 1;
             vec3 d = x - f.mean;
             vec3 u = vec3(dot(f.t_x, d), dot(f.t_y, d.yz), f.t_z * d.z);
-            float w = f.amplitude * kernel_value(dot(u, u));
+            float w = within_reach(d, f.extent) ? f.amplitude * kernel_value(dot(u, u)) : 0.0;
             block += vec2(w, w * (f.intensity - c0));
         }
         add(total, lost, block);

@@ -8,9 +8,31 @@ const uint KERNEL_COMPACT = 0;  // (1 - q/6)^3: smooth end, no exp
 const uint KERNEL_GAUSSIAN = 1; // exp(-q/2), cut at 3 sigma: the paper's, and what ordinary viewers draw
 const uint KERNEL_DENSITY = 2;  // the same with a peak of 1 / ((2π)^(3/2) s1 s2 s3): of unit integral before the cut
 
+const uint KERNEL_GATED = 3;    // exp(-q/2) times a logistic gate around √q = 1.794, in a cube of 10 voxels around the mean
+
 float support_q() {
     if (KERNEL == KERNEL_COMPACT) return 6.0;
+    if (KERNEL == KERNEL_GATED) return 22.982436;
     return 9.0;
+}
+
+// Along each axis κ is cut off at this distance from the mean, voxels, wherever the support ends.
+float kernel_reach() {
+    if (KERNEL == KERNEL_GATED) return 10.0;
+    return 1e30;
+}
+
+// Whether a sample at d from the mean of a splat whose box has this half size is not cut off; as `sample_box` decides.
+bool within_reach(vec3 d, vec3 extent) {
+    return KERNEL != KERNEL_GATED || all(lessThanEqual(abs(d), extent + 1e-3));
+}
+
+// exp(-q/2) σ(z) with z = (1.794 - √(q + 1e-6)) / 0.75, and -2 times its derivative by q.
+vec2 gated(float q) {
+    float r = sqrt(q + 1e-6);
+    float gate = 1.0 / (1.0 + exp((r - 1.794) * (1.0 / 0.75)));
+    float k = q < 22.982436 ? exp(-0.5 * q) * gate : 0.0;
+    return vec2(k, k * (1.0 + (1.0 - gate) / (0.75 * r)));
 }
 
 // What α is multiplied with to give the amplitude of w. Through the logarithm, and at most exp(40): the product of
@@ -26,6 +48,7 @@ float kernel_value(float q) {
         float t = max(1.0 - q * (1.0 / 6.0), 0.0);
         return t * t * t;
     }
+    if (KERNEL == KERNEL_GATED) return gated(q).x;
     return q < 9.0 ? exp(-0.5 * q) : 0.0;
 }
 
@@ -35,6 +58,7 @@ vec2 kernel_value_slope(float q) {
         float t = max(1.0 - q * (1.0 / 6.0), 0.0);
         return vec2(t * t * t, t * t);
     }
+    if (KERNEL == KERNEL_GATED) return gated(q);
     float k = q < 9.0 ? exp(-0.5 * q) : 0.0;
     return vec2(k, k);
 }

@@ -1,18 +1,22 @@
-// What the loss kernels share: one workgroup owns a brick, one invocation every 64th sample; the loss value and
-// its weight are summed over the brick in a fixed order. A loss never sees a splat. Bindings from 4 on are the term's.
+// What the loss kernels share: one workgroup owns a brick; the loss value and its weight are summed over the brick in a
+// fixed order, every 64th sample together and then the 64 sums. A loss never sees a splat. Bindings from 4 on are the
+// term's, and so are the constants from 4 on.
 //
 // The first term overwrites the adjoints (dL/dV^, dL/dW), later ones add to them. The last one folds them into what the
 // backward pass multiplies with a splat's intensity c: A = dL/dV^ / (W + ε) and H = dL/dW - A V^, so that
 // dL/dw = A c + H and dL/dc = A w.
 #include "samples.glsl"
-layout(local_size_x = 64) in;
+layout(local_size_x_id = 3) in;
 layout(push_constant, scalar) uniform LossParams {
     float weight;      // λ of this term
     float parameter;   // what the term needs besides: see there
     float epsilon;     // of equation (2)
+    float region;      // a sample is of the region where M is above this; below 0: the term has M itself
+    float low;         // the lower end of the intensity range, relative to the background
 } p;
 layout(constant_id = 0) const uint ACCUMULATE = 0; // 1: not the first term
 layout(constant_id = 1) const uint FOLD = 0;       // 1: the last term
+layout(constant_id = 3) const uint GROUP = 64;     // invocations of a workgroup: 64, or 8 for CPU drivers
 layout(scalar, binding = 2) buffer Adjoints { uint adjoints[]; };
 layout(scalar, binding = 3) writeonly buffer LossSums { vec2 loss_sums[]; }; // [slot]: Σ value, Σ weight
 
@@ -39,33 +43,32 @@ void store_adjoint(uint i, Adjoint adjoint) {
 void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adjoint adjoint);
 
 void main() {
-    uint t = gl_LocalInvocationIndex;
-    uint begin = gl_WorkGroupID.x * 512 + t;
-    vec2 sum = vec2(0.0);
-    for (uint i = begin; i < begin + 512; i += 64) {
-        Target wanted = target_at(i);
-        Reconstruction got = reconstruction_at(i);
-        Adjoint adjoint = Adjoint(0.0, 0.0);
-        if (wanted.occupancy >= 0.0) {
-            vec2 value_weight;
-            loss_term(wanted, got, value_weight, adjoint);
-            sum += value_weight;
+    uint lane = gl_LocalInvocationIndex;
+    uint begin = gl_WorkGroupID.x * 512;
+    for (uint t = lane; t < 64; t += GROUP) {
+        vec2 sum = vec2(0.0);
+        for (uint i = begin + t; i < begin + 512; i += 64) {
+            Target wanted = target_at(i);
+            Reconstruction got = reconstruction_at(i);
+            Adjoint adjoint = Adjoint(0.0, 0.0);
+            if (wanted.occupancy >= 0.0) {
+                vec2 value_weight;
+                loss_term(wanted, got, value_weight, adjoint);
+                sum += value_weight;
+            }
+            if (ACCUMULATE != 0) {
+                Adjoint before = load_adjoint(i);
+                adjoint.value += before.value;
+                adjoint.weight += before.weight;
+            }
+            if (FOLD != 0) {
+                adjoint.value /= got.weight + p.epsilon;
+                adjoint.weight -= adjoint.value * got.value;
+            }
+            store_adjoint(i, adjoint);
         }
-        if (ACCUMULATE != 0) {
-            Adjoint before = load_adjoint(i);
-            adjoint.value += before.value;
-            adjoint.weight += before.weight;
-        }
-        if (FOLD != 0) {
-            adjoint.value /= got.weight + p.epsilon;
-            adjoint.weight -= adjoint.value * got.value;
-        }
-        store_adjoint(i, adjoint);
+        partial[t] = sum;
     }
-    partial[t] = sum;
-    for (uint half_size = 32; half_size > 0; half_size >>= 1) {
-        barrier();
-        if (t < half_size) partial[t] += partial[t + half_size];
-    }
-    if (t == 0) loss_sums[gl_WorkGroupID.x] = partial[0];
+    SUM_OF_64(partial, lane, GROUP)
+    if (lane == 0) loss_sums[gl_WorkGroupID.x] = partial[0];
 }

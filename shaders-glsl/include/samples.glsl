@@ -28,4 +28,32 @@ float predicted_mask(float weight) {
     return 1.0 - exp(-weight);
 }
 
+#ifdef QUANTITY_CONSTANT
+// What a kernel compares, predicted with wanted: m^ with M, or V^ with V, both from the lower end of their range on.
+layout(constant_id = QUANTITY_CONSTANT) const uint QUANTITY = 0;
+const uint QUANTITY_MASK = 0;
+const uint QUANTITY_INTENSITY = 1;
+
+// (predicted, wanted), in 0..1. `low` is what the lower end of the range is relative to the background.
+vec2 compared(Target wanted, Reconstruction got, float low) {
+    if (QUANTITY == QUANTITY_INTENSITY) return vec2(got.value, wanted.value) - low;
+    return vec2(predicted_mask(got.weight), wanted.occupancy);
+}
+#endif
+
+// The sum of `partial` (64 rows that a workgroup shares), the same additions in the same order whatever its size: a tree.
+// A workgroup of 8 is for CPU drivers, where a barrier costs more than what one invocation adds alone.
+#define SUM_OF_64(partial, lane, group)                                                            \
+    if (group == 8) {                                                                              \
+        barrier();                                                                                 \
+        if (lane == 0)                                                                             \
+            for (uint half_size = 32; half_size > 0; half_size >>= 1)                              \
+                for (uint i = 0; i < half_size; ++i) partial[i] += partial[i + half_size];         \
+    } else {                                                                                       \
+        for (uint half_size = 32; half_size > 0; half_size >>= 1) {                                \
+            barrier();                                                                             \
+            if (lane < half_size) partial[lane] += partial[lane + half_size];                      \
+        }                                                                                          \
+    }
+
 #endif

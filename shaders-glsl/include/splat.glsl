@@ -38,6 +38,12 @@ struct SplatGrad {
     float intensity;
 };
 
+// What a fit keeps of a splat besides Adam's moments.
+struct History {
+    float gradient_norm; // Σ |dL/dμ| since the host cleared it
+    float log_scale_cap; // no log scale exceeds this
+};
+
 // Where the samples of a pass lie: sample (x, y, z) of the brick grid is at voxel (x, y, z) + offset.
 struct Grid {
     uvec3 bricks;   // bricks along x, y, z
@@ -78,11 +84,12 @@ mat3 rotation_matrix(vec4 r) {
         2.0 * (r.y * r.w + r.x * r.z), 2.0 * (r.z * r.w - r.x * r.y), 1.0 - 2.0 * (r.y * r.y + r.z * r.z));
 }
 
-// S^-1 R^T: d -> whitened distance along the splat's own axes.
-mat3 whitening(Splat s) {
+// S^-1 R^T D^-1: d, voxels -> whitened distance along the splat's own axes. D is the diagonal `stretch`: voxels along each
+// axis to a unit of the space in which splats have their shape.
+mat3 whitening(Splat s, vec3 stretch) {
     mat3 t = transpose(rotation_matrix(s.rotation));
     vec3 inverse = exp(-s.log_scale);
-    return mat3(t[0] * inverse, t[1] * inverse, t[2] * inverse);
+    return mat3(t[0] * inverse / stretch.x, t[1] * inverse / stretch.y, t[2] * inverse / stretch.z);
 }
 
 const uint NO_SLOT = 0xFFFFFFFFu;

@@ -64,6 +64,13 @@ shared! {
         /// By the intensity.
         intensity: f32,
     }
+    /// What a fit keeps of a splat besides Adam's moments.
+    History {
+        /// Σ |dL/dμ| since the last change of the splats.
+        gradient_norm: f32,
+        /// No log scale exceeds this.
+        log_scale_cap: f32,
+    }
     /// Where the samples of a pass lie.
     Grid {
         /// Bricks along x, y, z.
@@ -122,6 +129,8 @@ shared! {
         splat_count: u32,
         /// Pairs that fit the buffers.
         capacity: u32,
+        /// Voxels along each axis to a unit of the space in which splats have their shape; ones where that is voxel space.
+        stretch: [f32; 3],
     }
     /// Push constants of `brick_ranges`.
     RangeParams {
@@ -158,11 +167,19 @@ shared! {
         parameter: f32,
         /// ε of equation (2).
         epsilon: f32,
+        /// A sample is of the region where the mask is above this; below 0 the term has the mask itself.
+        region: f32,
+        /// The lower end of the intensity range, relative to the background in units of the fit.
+        low: f32,
     }
     /// Push constants of `overlap_sums`.
     OverlapParams {
         /// First slot of the chunk.
         first_slot: u32,
+        /// As in [`LossParams`].
+        region: f32,
+        /// As in [`LossParams`].
+        low: f32,
     }
     /// Push constants of `sum_triples`.
     SumParams {
@@ -184,6 +201,8 @@ shared! {
     MomentParams {
         /// Splats.
         splat_count: u32,
+        /// As in [`SplatParams`].
+        stretch: [f32; 3],
     }
     /// Push constants of `adam`; see there.
     AdamParams {
@@ -204,7 +223,7 @@ shared! {
         /// ε of Adam.
         epsilon: f32,
         /// Voxels.
-        rate_mean: f32,
+        rate_mean: [f32; 3],
         /// Radians.
         rate_rotation: f32,
         /// Natural logarithm.
@@ -213,10 +232,12 @@ shared! {
         rate_opacity: f32,
         /// Units of the fit.
         rate_intensity: f32,
-        /// Clamp of the log scales.
-        min_log_scale: f32,
-        /// Clamp of the log scales.
-        max_log_scale: f32,
+        /// Clamp of the log scales along each of the splat's own axes.
+        min_log_scale: [f32; 3],
+        /// Clamp of the log scales along each of the splat's own axes.
+        max_log_scale: [f32; 3],
+        /// λ of Σ |s|, s the three scales of a splat; 0 leaves it out.
+        scale_weight: f32,
         /// Clamp of the opacity logit, both ways.
         max_logit: f32,
         /// Clamp of the intensity.

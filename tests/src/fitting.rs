@@ -76,7 +76,12 @@ impl Case {
         let splats = fitter.splats().expect("splats");
         let scaling = fitter.scaling();
         let field = self.config.field(scaling.background);
-        let protocol = Protocol { offsets: vec![], range: scaling.range.into(), shell: self.config.shell };
+        let protocol = Protocol {
+            offsets: vec![],
+            range: scaling.range.into(),
+            shell: self.config.shell,
+            threshold: 0.0,
+        };
         let e = evaluate(gpu, &splats, &field, &self.volume, &self.roi, &protocol).expect("an evaluation");
         e.on_grid.psnr_db
     }

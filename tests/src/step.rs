@@ -2,9 +2,12 @@
 //! that knows how the passes hang together, besides the fit itself.
 
 use engine::gpu::{Buffer, Gpu, Recorder};
-use engine::passes::loss::{DICE, LEAK, MSE, OCCUPANCY, Sum, TERMS, Weighted};
+use engine::passes::loss::{
+    DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, Sum, TERMS, Weighted,
+};
 use engine::passes::{Gradient, Losses, Rasteriser, Storage};
 use engine::reference;
+use engine::reference::loss::Quantity;
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
@@ -31,25 +34,49 @@ pub struct Pass {
     pub chunks: usize,
 }
 
-/// All terms with weights that make each matter: the Dice loss is one number for all samples, the others are sums.
+/// What the lower end of the range is relative to the background in the tests: as low as targets and intensities go.
+pub const LOW: f32 = -0.5;
+
+/// The terms of the paper and of the default fit with weights that make each matter: the Dice loss is one number for all
+/// samples, the others are sums.
 pub fn terms(soft: bool) -> [Weighted; 4] {
+    let [mse, occupancy, dice, leak, ..] = all_terms(soft);
+    [mse, occupancy, dice, leak]
+}
+
+/// All terms there are. The slope of a divergence has no bound, so that together they are no measure of rounding.
+pub fn all_terms(soft: bool) -> [Weighted; 8] {
+    let region = if soft { -1.0 } else { 0.5 };
+    let term = |term, weight| Weighted { term, weight, region, low: LOW, ..Weighted::default() };
     [
-        Weighted { term: MSE, weight: 1.0, parameter: f32::from(u8::from(soft)) },
-        Weighted { term: OCCUPANCY, weight: 0.3, parameter: 0.05 },
-        Weighted { term: DICE, weight: 2000.0, parameter: 0.0 },
-        Weighted { term: LEAK, weight: 0.2, parameter: 0.0 },
+        term(MSE, 1.0),
+        Weighted { parameter: 0.05, ..term(OCCUPANCY, 0.3) },
+        Weighted { parameter: 1.0, ..term(DICE, 2000.0) },
+        Weighted { parameter: if soft { 2.0 } else { 1.0 }, region: -1.0, ..term(LEAK, 0.2) },
+        term(SQUARE, 0.4),
+        term(KL, 0.1),
+        Weighted { parameter: 1.0, ..term(INTENSITY_DICE, 1000.0) },
+        term(INTENSITY_KL, 0.1),
     ]
 }
 
 /// The twins of [`Weighted`] terms.
 pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
     let twin = |t: &Weighted| {
-        let weight = f64::from(t.weight);
+        let (weight, parameter, region) = (f64::from(t.weight), f64::from(t.parameter), f64::from(t.region));
+        let quantity = match TERMS[t.term].quantity {
+            Some(INTENSITIES) => Quantity::Intensity { low: f64::from(t.low) },
+            _ => Quantity::Mask,
+        };
         match TERMS[t.term].name {
-            "mse" => reference::Term::Mse { weight, soft: t.parameter != 0.0 },
-            "occupancy" => reference::Term::Occupancy { weight, w0: f64::from(t.parameter) },
-            "dice" => reference::Term::Dice { weight },
-            "leak" => reference::Term::Leak { weight },
+            "mse" => reference::Term::Mse { weight, region },
+            "occupancy" => reference::Term::Occupancy { weight, w0: parameter },
+            "dice" | "intensity dice" => {
+                reference::Term::Dice { weight, smoothing: parameter, region, quantity }
+            }
+            "leak" => reference::Term::Leak { weight, power: t.parameter as i32, region },
+            "square" => reference::Term::Square { weight, region },
+            "kl" | "intensity kl" => reference::Term::Kl { weight, region, quantity },
             name => panic!("the loss term {name} has no twin in reference::loss"),
         }
     };
@@ -131,7 +158,7 @@ fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) 
                 .gather(r, &raster.grid, &raster.bins.footprints, &losses.adjoints, chunk, offset)
                 .expect("the backward pass");
             if chunk + 1 == chunks {
-                gradient.record(r, &buffer);
+                gradient.record(r, &buffer, raster.grid.stretch);
             }
         });
         let words = slots * SAMPLES * storage.words();

@@ -81,7 +81,12 @@ fn native_evaluation(gpu: &Gpu, case: &Case, judged: &Roi) -> Evaluation {
         &field,
         &case.volume,
         judged,
-        &Protocol { offsets: vec![], range: [scaling.range.0, scaling.range.1], shell: case.config.shell },
+        &Protocol {
+            offsets: vec![],
+            range: [scaling.range.0, scaling.range.1],
+            shell: case.config.shell,
+            threshold: 0.0,
+        },
     )
     .expect("an evaluation")
 }

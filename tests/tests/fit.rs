@@ -18,7 +18,8 @@ fn evaluation(gpu: &Gpu, case: &Case, fitter: &mut Fitter) -> Evaluation {
     let scaling = fitter.scaling();
     let field = case.config.field(scaling.background);
     let range = [scaling.range.0, scaling.range.1];
-    let protocol = Protocol { offsets: random_offsets(2, 9), range, shell: case.config.shell };
+    let protocol =
+        Protocol { offsets: random_offsets(2, 9), range, shell: case.config.shell, threshold: 0.0 };
     evaluate(gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation")
 }
 

@@ -30,7 +30,8 @@ fn the_phantom_is_fitted_as_it_was() {
     let splats = fitter.splats().expect("splats");
     let field = case.config.field(fitter.scaling().background);
     let range = [fitter.scaling().range.0, fitter.scaling().range.1];
-    let protocol = Protocol { offsets: random_offsets(2, 1), range, shell: case.config.shell };
+    let protocol =
+        Protocol { offsets: random_offsets(2, 1), range, shell: case.config.shell, threshold: 0.0 };
     let e = evaluate(&gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation");
 
     let bricks = Bricks::around(&case.roi, case.config.shell);

@@ -17,7 +17,11 @@ use vgs_tests::{Bound, Device, assert_close};
 
 /// Dice and leak of one brick: sums and folded adjoints, which are dL/dW as no term looks at V̂.
 fn brick(gpu: &Gpu, targets: &[Target], weights: &[f32]) -> (Vec<Sum>, Vec<Adjoint>) {
-    let terms = [DICE, LEAK].map(|term| Weighted { term, weight: 1.0, parameter: 0.0 });
+    let terms = [DICE, LEAK].map(|term| Weighted {
+        term,
+        parameter: if term == LEAK { 1.0 } else { 0.0 },
+        ..Weighted::default()
+    });
     let samples: Vec<_> = weights.iter().map(|&weight| Reconstruction { weight, value: 0.0 }).collect();
     let targets = gpu.upload("targets", "test", targets).expect("targets");
     let samples = gpu.upload("samples", "test", &pack(Storage::Full, &samples)).expect("samples");

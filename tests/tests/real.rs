@@ -34,7 +34,7 @@ fn figures(gpu: &Device, case: &Case, fitter: &mut Fitter) -> (f64, f64, f64) {
         &field,
         &case.volume,
         &case.roi,
-        &Protocol { offsets: random_offsets(2, 3), range, shell: case.config.shell },
+        &Protocol { offsets: random_offsets(2, 3), range, shell: case.config.shell, threshold: 0.0 },
     )
     .expect("an evaluation");
     (e.on_grid.psnr_db, e.mean_psnr_db(), e.occupancy_rmse())

@@ -1,9 +1,11 @@
 //! Every hyper-parameter of a fit: one documented field, which is also the key of a configuration file and the flag of
 //! a command line (`rate_mean` ↔ `--rate-mean`).
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::init::{INITIALISERS, InitConfig, Initialiser, ORIENTATIONS, Orientation};
+use super::terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};
 use super::topology::{TOPOLOGIES, Topology};
 use crate::error::{Error, Kind, Result};
 pub use crate::passes::Storage;
@@ -37,6 +39,19 @@ pub enum ScaleUnit {
     Voxel,
     /// The mean of the three voxel spacings: the same millimetres along every axis.
     Spacing,
+    /// The box of the volume as a unit cube: a splat has its shape there, and one that is round there is as long along
+    /// each axis as the volume is. The unit is the mean over the axes of one voxel's part of the edge.
+    Box,
+}
+
+/// What the intensities of a fit are clipped to, and what its loss counts in, where no range is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum IntensityRange {
+    /// -1024..3071 for a CT (minimum below -200), and the range of the volume otherwise.
+    Auto,
+    /// From the least to the greatest intensity in the region.
+    Roi,
 }
 
 macro_rules! config {
@@ -98,35 +113,59 @@ config! {
         init_scale_max: f32 = 8.0,
         /// Initialiser: opacity of every splat, 0 to 1.
         init_opacity: f32 = 0.5,
-        /// Intensities are clipped to this range (HU); the span is the unit of the loss. [0, 0] chooses -1024..3071
-        /// for a CT (minimum below -200) and the range of the volume otherwise.
+        /// Initialiser: opacity of every splat is the mask at its centre instead.
+        init_opacity_mask: bool = false,
+        /// Intensities are clipped to this range (HU); the span is the unit of the loss. [0, 0] leaves it to `range`.
         hu_range: [f32; 2] = [0.0, 0.0],
+        /// What hu_range [0, 0] stands for: "auto" (-1024..3071 for a CT, whose minimum is below -200, and the range of
+        /// the volume otherwise) or "roi" (that of the region, which the figures at the end then count in, too).
+        range: IntensityRange = IntensityRange::Auto,
+        /// Which voxels are the region: 0: the mask weighs them (a binary one above one half); above 0: those whose mask is
+        /// above this, all alike, and Dice and its kin look at no others.
+        region_threshold: f32 = 0.0,
         /// Initialiser: from this scale on (geometric mean, voxels) a splat takes the mean intensity of the voxels within
         /// one standard deviation; 0: every splat takes that of its centre.
         init_footprint: f32 = 0.0,
-        /// What the initial scales and the clamps of the scales count in: "voxel", or "spacing", the mean voxel spacing.
+        /// What the initial scales and the clamps of the scales count in: "voxel"; "spacing", the mean voxel spacing; or
+        /// "box", where splats are shaped in the unit cube that the volume's box becomes (rate_mean counts in it, too).
         scale_unit: ScaleUnit = ScaleUnit::Voxel,
         /// What stands where no splat reaches: the "mean" of the ROI, or "low", the lower end of hu_range.
         background: Background = Background::Mean,
-        /// Weight of the squared intensity error inside the ROI.
+        /// Weight of the intensity error inside the ROI.
         mse_weight: f32 = 1.0,
-        /// Weight of the Dice loss between 1 - exp(-W) and the mask over ROI and shell; 0 switches the term off.
+        /// The intensity error: "mse", or "dice", "tversky", "kl" between intensities in 0..1.
+        intensity_loss: String = INTENSITY_LOSSES[0].name.to_owned(),
+        /// Weight of the loss between 1 - exp(-W) and the mask over ROI and shell; 0 switches the term off.
         mask_weight: f32 = 0.0,
+        /// The loss of the mask: "dice", "mse", "tversky" or "kl".
+        mask_loss: String = MASK_LOSSES[0].name.to_owned(),
+        /// Added to both sums of Dice, and twice that to those of Tversky, so that nothing is divided by nothing.
+        dice_smoothing: f32 = 0.0,
         /// Weight of the mean of 1 - exp(-W) outside the ROI, in the shell; 0 switches the term off.
         leak_weight: f32 = 0.0,
+        /// Power of 1 - exp(-W) in that mean, 1 or 2.
+        leak_power: u32 = 1,
+        /// Whether that mean is over all voxels of the volume outside the ROI. The shell must hold whatever a splat reaches.
+        leak_volume: bool = false,
+        /// Weight of the mean length of a splat's three scales, in scale_unit (in edges of the cube where that is "box"),
+        /// beside the mean intensity error; 0 switches the term off.
+        scale_weight: f32 = 0.0,
         /// Weight of the occupancy error over ROI and shell; 0 switches the term off.
         occupancy_weight: f32 = 0.004,
         /// w0 of the occupancy O = W / (W + w0), in units of the summed weight W.
         occupancy_w0: f32 = 0.05,
         /// Thickness of the shell around the ROI that occupancy, Dice and leak look at, voxels along each axis.
         shell: u32 = 4,
+        /// Whether the shell goes on beyond the faces of the volume, where nothing is: a region that the end of the scan
+        /// cuts off then ends there.
+        shell_beyond: bool = true,
         /// Sub-voxel target offsets, visited in turn: the grid itself and offsets - 1 random ones. 1: on the grid only.
         offsets: usize = 16,
         /// Visits the grid itself every so many iterations besides its turn; 0: only in its turn.
         grid_every: u32 = 0,
         /// Epsilon of equation (2), in units of the summed weight.
         epsilon: f32 = 1e-3,
-        /// First learning rate of the means, voxels.
+        /// First learning rate of the means, voxels; with scale_unit "box" parts of the volume's edges.
         rate_mean: f32 = 0.2,
         /// First learning rate of the rotations, radians.
         rate_rotation: f32 = 0.12,
@@ -138,6 +177,11 @@ config! {
         rate_intensity: f32 = 0.02,
         /// Whether intensities are learned; otherwise they are those of the volume at the means.
         learn_intensity: bool = true,
+        /// Whether opacities are learned; otherwise they are those of the mask, its mean within one standard deviation.
+        learn_opacity: bool = true,
+        /// Iterations between two samplings of intensities or opacities that are not learned; they are sampled at the end,
+        /// too.
+        sample_every: u32 = 100,
         /// Whether intensities stay in the range of the ROI, which a transfer function per splat needs.
         clamp_intensity: bool = true,
         /// All rates fall exponentially to this share of their first value over the schedule.
@@ -156,6 +200,8 @@ config! {
         scale_min: f32 = 0.4,
         /// Largest standard deviation of a splat, voxels.
         scale_max: f32 = 10.0,
+        /// No scale of a splat exceeds this times its first largest one; 0: no such limit.
+        scale_growth: f32 = 0.0,
         /// Opacity logits stay within plus and minus this.
         logit_max: f32 = 9.0,
         /// Splats that one iteration updates, another random part of all each time; 0: all of them.
@@ -163,9 +209,12 @@ config! {
         /// Whether an iteration rasterises its subset alone, which saves memory; otherwise all splats are rasterised and
         /// the subset moves.
         subset_alone: bool = true,
+        /// Whether Adam takes a step for all splats at each iteration, those outside of the subset with a gradient of 0, so
+        /// that their momentum carries them on.
+        subset_dense: bool = false,
         /// How the number and the places of the splats change on the way: "none", "densify" (the paper's clone, split,
-        /// prune and hole filling), "growth" (new splats where the error is largest) or "relocate" (idle splats move
-        /// there).
+        /// prune and hole filling), "growth" (new splats where the error is largest), "relocate" (idle splats move
+        /// there) or "reference" (densify as the paper's authors' code has it).
         topology: String = TOPOLOGIES[0].name.to_owned(),
         /// Topology: first iteration after which splats may change.
         topology_from: u32 = 100,
@@ -228,6 +277,9 @@ impl FitConfig {
             ("leak_weight", self.leak_weight),
             ("occupancy_weight", self.occupancy_weight),
             ("init_footprint", self.init_footprint),
+            ("dice_smoothing", self.dice_smoothing),
+            ("scale_weight", self.scale_weight),
+            ("scale_growth", self.scale_growth),
             ("topology_hole_weight", self.topology_hole_weight),
             ("rate_mean", self.rate_mean),
             ("rate_rotation", self.rate_rotation),
@@ -257,12 +309,15 @@ impl FitConfig {
             ("working_grid", self.working_grid, 1, 16),
             ("rate_mean_decay_iterations", self.rate_mean_decay_iterations, 1, u32::MAX),
             ("topology_every", self.topology_every, 1, u32::MAX),
+            ("sample_every", self.sample_every, 1, u32::MAX),
+            ("leak_power", self.leak_power, 1, 2),
         ] {
             if !(least..=most).contains(&value) {
                 return wrong(key, value.to_string(), &format!("{least} to {most}"));
             }
         }
         for (key, value, least, most) in [
+            ("region_threshold", self.region_threshold, 0.0, 0.99),
             ("topology_share", self.topology_share, 0.0, 1.0),
             ("topology_limit", self.topology_limit, 1.0, 1000.0),
             ("topology_percentile", self.topology_percentile, 0.0, 100.0),
@@ -272,6 +327,8 @@ impl FitConfig {
                 return wrong(key, value.to_string(), &format!("{least} to {most}"));
             }
         }
+        self.mask_loss()?;
+        self.intensity_loss()?;
         self.initialiser()?;
         self.orientation()?;
         self.topology()?;
@@ -286,6 +343,16 @@ impl FitConfig {
     /// The row of the table that `init_orientation` names.
     pub fn orientation(&self) -> Result<&'static Orientation> {
         row("init_orientation", &self.init_orientation, ORIENTATIONS, |row| row.name)
+    }
+
+    /// The row of the table that `mask_loss` names.
+    pub fn mask_loss(&self) -> Result<&'static ChosenLoss> {
+        row("mask_loss", &self.mask_loss, MASK_LOSSES, |row| row.name)
+    }
+
+    /// The row of the table that `intensity_loss` names.
+    pub fn intensity_loss(&self) -> Result<&'static ChosenLoss> {
+        row("intensity_loss", &self.intensity_loss, INTENSITY_LOSSES, |row| row.name)
     }
 
     /// The row of the table that `topology` names.
@@ -308,6 +375,7 @@ impl FitConfig {
             orientation: self.orientation().unwrap_or(&ORIENTATIONS[0]),
             footprint: self.init_footprint,
             opacity: self.init_opacity,
+            opacity_mask: self.init_opacity_mask,
         }
     }
 
@@ -316,13 +384,23 @@ impl FitConfig {
     /// `scale_min` h̄ / max h to `scale_max` h̄ / min h (for an affine without shear).
     pub fn scale_clamp(&self, volume: &Volume) -> (f32, f32) {
         match self.scale_unit {
-            ScaleUnit::Voxel => (self.scale_min, self.scale_max),
+            ScaleUnit::Voxel | ScaleUnit::Box => (self.scale_min, self.scale_max),
             ScaleUnit::Spacing => {
                 let spacing = volume.spacing_mm();
                 let mean = spacing.element_sum() / 3.0;
                 let scale = |scale: f32, spacing: f64| (f64::from(scale) * mean / spacing) as f32;
                 (scale(self.scale_min, spacing.max_element()), scale(self.scale_max, spacing.min_element()))
             }
+        }
+    }
+
+    /// Returns how many voxels along each axis are a unit of the space in which splats have their shape: ones, but with
+    /// `scale_unit` "box" (n - 1) times the mean of 1/(n - 1) over the axes, n the voxels of an axis.
+    pub fn stretch(&self, volume: &Volume) -> DVec3 {
+        let edges = volume.size.map(|n| n.max(2) as f64 - 1.0);
+        match self.scale_unit {
+            ScaleUnit::Voxel | ScaleUnit::Spacing => DVec3::ONE,
+            ScaleUnit::Box => DVec3::from_array(edges) * edges.iter().map(|n| 1.0 / n).sum::<f64>() / 3.0,
         }
     }
 

@@ -88,6 +88,8 @@ pub struct Protocol {
     pub range: [f32; 2],
     /// Distance from the ROI up to which the occupancy counts, voxels along each axis.
     pub shell: u32,
+    /// Above 0: the region is every voxel whose mask is above this, all alike; 0: the mask weighs.
+    pub threshold: f32,
 }
 
 /// Evaluates splats, given in voxel coordinates of the volume and HU, against the volume in its ROI.
@@ -99,12 +101,12 @@ pub fn evaluate(
     roi: &Roi,
     protocol: &Protocol,
 ) -> Result<Evaluation> {
-    let Protocol { offsets, range, shell } = protocol;
+    let Protocol { offsets, range, shell, threshold } = protocol;
     let bricks = Bricks::around(roi, *shell);
     let mut sampler = Sampler::new(gpu, splats, field, &bricks)?;
     let mut at = |offset: [f32; 3]| -> Result<Metrics> {
         let got = sampler.sample(offset)?;
-        Ok(compare(&bricks, &got, volume, roi, offset, *range))
+        Ok(compare(&bricks, &got, volume, roi, offset, *range, f64::from(*threshold)))
     };
     Ok(Evaluation {
         on_grid: at([0.0; 3])?,
@@ -194,6 +196,7 @@ fn compare(
     roi: &Roi,
     offset: [f32; 3],
     range: [f32; 2],
+    threshold: f64,
 ) -> Metrics {
     let between = offset != [0.0; 3];
     let shift = glam::Vec3::from_array(offset).as_dvec3();
@@ -206,7 +209,9 @@ fn compare(
         let wanted = bricks.map_samples(slot..slot + 1, idle, |voxel| {
             let x = voxel.as_dvec3() + shift;
             let m = roi.trilinear(x);
-            let weight = if between && !roi.soft { f64::from(u8::from(m > 0.5)) } else { m };
+            let limit = if threshold > 0.0 { threshold } else { 0.5 };
+            let all_alike = threshold > 0.0 || between && !roi.soft;
+            let weight = if all_alike { f64::from(u8::from(m > limit)) } else { m };
             [weight, volume.sample_clipped(x, clip, f32::NAN), m, 0.0]
         });
         for (s, [weight, hu, m, _]) in samples.iter().zip(wanted) {

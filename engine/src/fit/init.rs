@@ -6,7 +6,8 @@
 //! 3. Scales from the four nearest neighbours (`grid`), flattened along the smoothed gradient: a splat on an edge
 //!    lies in it. Nearest-neighbour scales are worth 9 dB against random ones.
 //!
-//! That is the row "gradient" of [`INITIALISERS`]; "uniform" is the paper's (`uniform`). Both turn splats by one of the
+//! That is the row "gradient" of [`INITIALISERS`]; "uniform" is the paper's (`uniform`), "reference" that of its authors'
+//! code (`reference`). All turn splats by one of the
 //! [`ORIENTATIONS`] and take intensities from the volume (`intensity`).
 //!
 //! Everything is in voxel space. The result depends on the inputs and the seed alone, not on the number of threads.
@@ -17,21 +18,24 @@ mod density;
 mod grid;
 mod intensity;
 mod orientation;
+mod reference;
 mod symmetric;
 mod uniform;
 
+use glam::DMat3;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use self::density::Density;
-use self::grid::PointGrid;
+pub(super) use self::grid::PointGrid;
 use self::intensity::intensity;
 pub use self::orientation::{ORIENTATIONS, Orientation};
-use super::config::ScaleUnit;
+use super::config::{FitConfig, ScaleUnit};
 use crate::error::{Error, Kind, Result};
 use crate::splat::Splat;
 use crate::splat::activation::{Activations, OPACITY_MAX, OPACITY_MIN};
+use crate::splat::space::reshaped;
 use crate::volume::{Roi, Volume};
 
 /// How splats are initialised; the defaults are the best of the measured ones.
@@ -59,6 +63,8 @@ pub struct InitConfig {
     pub footprint: f32,
     /// Opacity of every splat.
     pub opacity: f32,
+    /// Opacity of a splat is the mask at its mean instead.
+    pub opacity_mask: bool,
 }
 
 impl Default for InitConfig {
@@ -75,6 +81,7 @@ impl Default for InitConfig {
             orientation: &ORIENTATIONS[0],
             footprint: 0.0,
             opacity: 0.5,
+            opacity_mask: false,
         }
     }
 }
@@ -108,7 +115,8 @@ impl InitConfig {
 pub struct Initialiser {
     /// Name on the command line.
     pub name: &'static str,
-    /// Places `count` splats in voxel space; see [`initialise`].
+    /// Places `count` splats in voxel space; see [`initialise`]. With [`ScaleUnit::Box`] they have their shape in the unit
+    /// cube of the volume's box, in the unit of [`super::FitConfig::stretch`], as a fit with that unit takes them.
     pub run: fn(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &InitConfig) -> Vec<Splat>,
 }
 
@@ -116,6 +124,7 @@ pub struct Initialiser {
 pub const INITIALISERS: &[Initialiser] = &[
     Initialiser { name: "gradient", run: initialise },
     Initialiser { name: "uniform", run: uniform::initialise },
+    Initialiser { name: "reference", run: reference::initialise },
 ];
 
 /// Places exactly `count` splats in the region of interest, in voxel space: means up to half a voxel beyond the outer
@@ -129,6 +138,9 @@ pub fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &
     let turns = (config.orientation.run)(&density, &means, None);
     let prototype = prototype(config);
     let shape = flattened(config);
+    // Distances are in voxels, and so are scales that follow from them.
+    let unit = FitConfig { scale_unit: config.unit, ..FitConfig::default() };
+    let to_box = DMat3::from_diagonal(unit.stretch(volume).recip());
     (0..count)
         .into_par_iter()
         .map(|index| {
@@ -143,9 +155,17 @@ pub fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &
                 None => splat.set_scale([scale; 3]),
             }
             splat.intensity = intensity(volume, &density, &splat, config.footprint);
-            splat
+            set_opacity(&mut splat, roi, config);
+            if config.unit == ScaleUnit::Box { reshaped(&splat, &to_box) } else { splat }
         })
         .collect()
+}
+
+/// Gives a splat the opacity of the mask at its mean, where the configuration says so.
+fn set_opacity(splat: &mut Splat, roi: &Roi, config: &InitConfig) {
+    if config.opacity_mask {
+        splat.set_opacity(roi.trilinear(glam::Vec3::from_array(splat.mean).as_dvec3()) as f32);
+    }
 }
 
 /// What all splats start from: no rotation, and the opacity.

@@ -22,14 +22,17 @@ pub mod topology;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use shaders_glsl::types::{AdamParams, Target};
+use shaders_glsl::types::{AdamParams, History, SplatGrad, Target};
 
-pub use config::{Background, FitConfig, Parameter, ScaleUnit, Storage};
+pub use config::{Background, FitConfig, IntensityRange, Parameter, ScaleUnit, Storage};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};
 pub use state::State;
-pub use targets::{Scaling, offsets, sample};
+pub use targets::{Scaling, offsets, region_range, sample};
+pub use terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};
 
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Ticket};
@@ -37,6 +40,7 @@ use crate::passes::loss::{DICE, LEAK, MSE, OCCUPANCY, Weighted};
 use crate::passes::{Adam, Gradient, Losses, Rasteriser, adam};
 use crate::splat::Splat;
 use crate::splat::activation::normalised;
+use crate::splat::space::reshaped;
 use crate::volume::{Bricks, Roi, Volume};
 use state::Row;
 use subset::Subset;
@@ -56,6 +60,10 @@ pub struct Fitter<'a> {
     config: FitConfig,
     scaling: Scaling,
     bricks: Arc<Bricks>,
+    /// Voxels along each axis to a unit of the space in which splats have their shape.
+    stretch: DVec3,
+    /// Least and greatest log scale along each of a splat's own axes.
+    log_scale_range: [[f32; 3]; 2],
     losses: Losses,
     /// [offset]: the loss terms with their weights there.
     terms: Vec<Vec<Weighted>>,
@@ -84,6 +92,8 @@ struct Work {
     gradient: Gradient,
     all: adam::State,
     subset: Option<Subset>,
+    /// Gradients of all splats, 0 outside the subset, where Adam takes a step for all.
+    dense: Option<Buffer<SplatGrad>>,
     /// Of all splats where `rasteriser` has a subset; made when it is first needed.
     whole: Option<Rasteriser>,
 }
@@ -114,8 +124,8 @@ pub struct Progress {
 }
 
 impl<'a> Fitter<'a> {
-    /// Prepares a fit of `splats`, given in voxel coordinates of the volume and in HU. `config` must have passed
-    /// [`FitConfig::check`].
+    /// Prepares a fit of `splats` as an initialiser gives them: in voxel coordinates of the volume and in HU, and shaped in
+    /// the space of `scale_unit`. `config` must have passed [`FitConfig::check`].
     pub fn new(
         gpu: &Gpu,
         volume: &'a Volume,
@@ -126,7 +136,19 @@ impl<'a> Fitter<'a> {
         let mut fitter = Fitter::of_count(gpu, volume, roi, splats.len(), config)?;
         let local: Vec<Splat> = splats.iter().map(|s| to_local(s, &fitter.bricks, &fitter.scaling)).collect();
         fitter.work.all.splats.write_range(0, &local)?;
+        let histories: Vec<_> = local.iter().map(|s| fitter.history(s)).collect();
+        fitter.work.all.histories.write_range(0, &histories)?;
         Ok(fitter)
+    }
+
+    /// What a fit keeps of a splat that begins now.
+    fn history(&self, splat: &Splat) -> History {
+        let largest = splat.log_scale.into_iter().fold(f32::NEG_INFINITY, f32::max);
+        let log_scale_cap = match self.config.scale_growth {
+            0.0 => adam::NO_CAP,
+            growth => largest + growth.ln(),
+        };
+        History { gradient_norm: 0.0, log_scale_cap }
     }
 
     /// Goes on where [`Fitter::state`] left off, with the same inputs and the same configuration.
@@ -157,9 +179,11 @@ impl<'a> Fitter<'a> {
         if count == 0 {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
-        let bricks = Arc::new(Bricks::around_and_beyond(roi, terms::shell(config)));
+        let around = if config.shell_beyond { Bricks::around_and_beyond } else { Bricks::around };
+        let bricks = Arc::new(around(roi, terms::shell(config)));
         let scaling = Scaling::new(volume, roi, config);
-        let work = Work::new(gpu, &bricks, count, config)?;
+        let stretch = config.stretch(volume);
+        let work = Work::new(gpu, &bricks, count, config, stretch.as_vec3().to_array())?;
         let grid = &work.rasteriser.grid;
         let offsets = offsets(config.offsets, config.seed);
         let (mut targets, mut terms) = (Vec::new(), Vec::new());
@@ -168,12 +192,12 @@ impl<'a> Fitter<'a> {
             let row: Result<Vec<_>> = (0..grid.chunks())
                 .map(|c| {
                     let sampled = sample(&bricks, grid.chunk(c), volume, roi, &scaling, offset);
-                    outside += terms::outside(&sampled);
+                    outside += terms::outside(config, &sampled);
                     gpu.upload(&format!("targets {i}.{c}"), "targets", &sampled)
                 })
                 .collect();
             targets.push(row?);
-            terms.push(terms::weighted(config, roi, outside));
+            terms.push(terms::weighted(config, roi, &scaling, outside));
         }
         let (scale_min, scale_max) = config.scale_clamp(volume);
         let losses =
@@ -187,6 +211,8 @@ impl<'a> Fitter<'a> {
             config: FitConfig { scale_min, scale_max, ..config.clone() },
             scaling,
             bricks,
+            stretch,
+            log_scale_range: log_scale_range(scale_min, scale_max, config, stretch),
             work,
             losses,
             terms,
@@ -234,7 +260,7 @@ impl<'a> Fitter<'a> {
         let offset = self.offsets[index];
         let params = self.adam_params(turn, share);
         let alone = self.config.subset_alone;
-        let Work { rasteriser, gradient, all, subset, .. } = &mut self.work;
+        let Work { rasteriser, gradient, all, subset, dense, .. } = &mut self.work;
         let chunks = rasteriser.grid.chunks();
         let mut recorder = self.gpu.record()?;
         recorder.copy(&rasteriser.pair_totals, 0, &mut self.pair_totals, chunks, chunks);
@@ -280,11 +306,20 @@ impl<'a> Fitter<'a> {
             Some(subset) => &mut subset.active,
             None => &mut *all,
         };
-        gradient.record(&mut recorder, &moving.splats);
+        gradient.record(&mut recorder, &moving.splats, rasteriser.grid.stretch);
         recorder.copy(&rasteriser.pair_totals, 0, &mut self.pair_totals, 0, chunks);
-        self.adam.record(&mut recorder, &gradient.rows, moving, &self.pair_totals, &params);
-        if let Some(subset) = subset {
-            subset.put(&mut recorder, all, turn);
+        let (adam, totals) = (&mut self.adam, &self.pair_totals);
+        match (subset, dense) {
+            (None, _) => adam.record(&mut recorder, &gradient.rows, all, totals, &params),
+            (Some(subset), Some(dense)) => {
+                recorder.clear(dense);
+                subset.put_gradients(&mut recorder, &gradient.rows, dense, turn);
+                adam.record(&mut recorder, dense, all, totals, &params);
+            }
+            (Some(subset), None) => {
+                adam.record(&mut recorder, &gradient.rows, &mut subset.active, totals, &params);
+                subset.put(&mut recorder, all, turn);
+            }
         }
         let mut readback = match self.readbacks.pop() {
             Some(buffer) => buffer,
@@ -350,14 +385,15 @@ impl<'a> Fitter<'a> {
         let c = &self.config;
         let subset = self.work.subset.as_ref();
         // How often each splat that moves now will have moved.
-        let t = f64::from(subset.map_or(turn, |subset| subset.epoch(turn)) + 1);
+        let block = subset.filter(|_| !c.subset_dense);
+        let t = f64::from(block.map_or(turn, |subset| subset.epoch(turn)) + 1);
         let decay = f64::from(c.rate_decay).powf(share.clamp(0.0, 1.0)) as f32;
         let spent = f64::from(turn) / f64::from(c.rate_mean_decay_iterations);
         let mean_decay = decay * f64::from(c.rate_mean_decay).powf(spent) as f32;
         let rasteriser = &self.work.rasteriser;
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powf(t))) as f32;
         AdamParams {
-            splat_count: subset.map_or(self.work.all.splats.len(), Subset::size) as u32,
+            splat_count: block.map_or(self.work.all.splats.len(), Subset::size) as u32,
             // With one step in flight before this one, what that needed counts too: had it no room, it moved nothing and
             // will be repeated, so this one must not move anything either.
             chunk_count: (IN_FLIGHT * rasteriser.grid.chunks()) as u32,
@@ -367,18 +403,38 @@ impl<'a> Fitter<'a> {
             correction1: correction(c.beta1),
             correction2: correction(c.beta2),
             epsilon: c.adam_epsilon,
-            rate_mean: c.rate_mean * mean_decay,
+            rate_mean: self.edges().map(|edge| c.rate_mean * mean_decay * edge),
             rate_rotation: c.rate_rotation * decay,
             rate_log_scale: c.rate_log_scale * decay,
-            rate_opacity: c.rate_opacity * decay,
+            rate_opacity: if c.learn_opacity { c.rate_opacity * decay } else { 0.0 },
             rate_intensity: if c.learn_intensity { c.rate_intensity * decay } else { 0.0 },
-            min_log_scale: c.scale_min.ln(),
-            max_log_scale: c.scale_max.ln(),
+            min_log_scale: self.log_scale_range[0],
+            max_log_scale: self.log_scale_range[1],
+            scale_weight: self.scale_weight(),
             max_logit: c.logit_max,
             min_intensity: self.scaling.value(self.scaling.intensity_range.0),
             max_intensity: self.scaling.value(self.scaling.intensity_range.1),
             max_mean: rasteriser.grid.max_mean(),
         }
+    }
+
+    /// Voxels along each axis to the unit of `rate_mean`.
+    fn edges(&self) -> [f32; 3] {
+        match self.config.scale_unit {
+            ScaleUnit::Voxel | ScaleUnit::Spacing => [1.0; 3],
+            ScaleUnit::Box => self.volume.size.map(|n| n as f32 - 1.0),
+        }
+    }
+
+    /// λ of Σ |s| over the splats: that of the mean, in the objective that is a sum over samples (`terms`).
+    fn scale_weight(&self) -> f32 {
+        let edge = match self.config.scale_unit {
+            ScaleUnit::Voxel | ScaleUnit::Spacing => 1.0,
+            ScaleUnit::Box => self.stretch.x / f64::from(self.edges()[0]).max(1.0),
+        };
+        let count = self.work.all.splats.len() as f64;
+        let size = terms::region_size(&self.config, self.roi);
+        (f64::from(self.config.scale_weight) * 0.5 * size * edge / count) as f32
     }
 
     /// How the fit stands. Waits for the device.
@@ -410,9 +466,16 @@ impl<'a> Fitter<'a> {
     pub fn splats(&mut self) -> Result<Vec<Splat>> {
         self.finish()?;
         let local = self.work.all.splats.read()?;
-        let mut splats: Vec<_> = local.iter().map(|s| from_local(s, &self.bricks, &self.scaling)).collect();
+        let shape = DMat3::from_diagonal(self.stretch);
+        let mut splats: Vec<_> = local.par_iter().map(|s| self.from_local(s)).collect();
         if !self.config.learn_intensity {
             self.sample_intensities(&mut splats);
+        }
+        if !self.config.learn_opacity {
+            self.sample_opacities(&mut splats);
+        }
+        if self.stretch != DVec3::ONE {
+            splats = splats.par_iter().map(|s| reshaped(s, &shape)).collect();
         }
         Ok(splats)
     }
@@ -448,12 +511,13 @@ impl<'a> Fitter<'a> {
 }
 
 impl Work {
-    fn new(gpu: &Gpu, bricks: &Bricks, count: usize, config: &FitConfig) -> Result<Self> {
+    fn new(gpu: &Gpu, bricks: &Bricks, count: usize, config: &FitConfig, stretch: [f32; 3]) -> Result<Self> {
         let subset = Subset::of(gpu, count, config)?;
         let moving = subset.as_ref().map_or(count, Subset::size);
         let rasterised = if config.subset_alone { moving } else { count };
         Ok(Work {
-            rasteriser: rasteriser(gpu, bricks, rasterised, config)?,
+            rasteriser: rasteriser(gpu, bricks, rasterised, config, stretch)?,
+            dense: dense_gradients(gpu, count, &subset, config)?,
             gradient: Gradient::new(gpu, config.kernel, moving, config.storage)?,
             all: adam::State::zeroed(gpu, count)?,
             subset,
@@ -473,7 +537,7 @@ impl Work {
             return Ok((&mut self.rasteriser, splats));
         }
         if self.whole.is_none() {
-            self.whole = Some(rasteriser(gpu, bricks, splats.len(), config)?);
+            self.whole = Some(rasteriser(gpu, bricks, splats.len(), config, self.rasteriser.grid.stretch)?);
         }
         let whole = self.whole.as_mut().unwrap_or(&mut self.rasteriser);
         Ok((whole, splats))
@@ -481,11 +545,9 @@ impl Work {
 
     fn read_rows(&self) -> Result<Vec<Row>> {
         let (splats, first) = (self.all.splats.read()?, self.all.first.read()?);
-        let (second, norms) = (self.all.second.read()?, self.all.gradient_norms.read()?);
-        let rows = splats.into_iter().zip(first).zip(second).zip(norms);
-        Ok(rows
-            .map(|(((splat, first), second), gradient_norm)| Row { splat, first, second, gradient_norm })
-            .collect())
+        let (second, histories) = (self.all.second.read()?, self.all.histories.read()?);
+        let rows = splats.into_iter().zip(first).zip(second).zip(histories);
+        Ok(rows.map(|(((splat, first), second), history)| Row { splat, first, second, history }).collect())
     }
 
     /// As many rows as there are splats.
@@ -493,13 +555,43 @@ impl Work {
         self.all.splats.write_range(0, &rows.iter().map(|r| r.splat).collect::<Vec<_>>())?;
         self.all.first.write_range(0, &rows.iter().map(|r| r.first).collect::<Vec<_>>())?;
         self.all.second.write_range(0, &rows.iter().map(|r| r.second).collect::<Vec<_>>())?;
-        self.all.gradient_norms.write_range(0, &rows.iter().map(|r| r.gradient_norm).collect::<Vec<_>>())
+        self.all.histories.write_range(0, &rows.iter().map(|r| r.history).collect::<Vec<_>>())
     }
 }
 
-/// Of the kind that the losses of a fit can read.
-fn rasteriser(gpu: &Gpu, bricks: &Bricks, count: usize, config: &FitConfig) -> Result<Rasteriser> {
-    Rasteriser::with_storage(gpu, config.kernel, config.epsilon, bricks, count, config.storage)
+/// Creates a rasteriser whose samples are stored as the losses of the fit read them.
+fn rasteriser(
+    gpu: &Gpu,
+    bricks: &Bricks,
+    count: usize,
+    config: &FitConfig,
+    stretch: [f32; 3],
+) -> Result<Rasteriser> {
+    let mut rasteriser =
+        Rasteriser::with_storage(gpu, config.kernel, config.epsilon, bricks, count, config.storage)?;
+    rasteriser.grid.stretch = stretch;
+    Ok(rasteriser)
+}
+
+/// Creates the gradients of all splats where a subset gives them, and Adam takes a step for all.
+fn dense_gradients(
+    gpu: &Gpu,
+    count: usize,
+    subset: &Option<Subset>,
+    config: &FitConfig,
+) -> Result<Option<Buffer<SplatGrad>>> {
+    let needed = subset.is_some() && config.subset_dense;
+    needed.then(|| gpu.buffer("gradients of all splats", "optimiser", count)).transpose()
+}
+
+/// Least and greatest log scale along each of a splat's own axes. In the unit cube of the box axis k has the clamps in voxels
+/// of the volume's axis k, however the splat lies: so the paper's authors' code has it.
+fn log_scale_range(least: f32, most: f32, config: &FitConfig, stretch: DVec3) -> [[f32; 3]; 2] {
+    let unit = match config.scale_unit {
+        ScaleUnit::Voxel | ScaleUnit::Spacing => [1.0; 3],
+        ScaleUnit::Box => stretch.as_vec3().to_array(),
+    };
+    [least, most].map(|scale| unit.map(|unit| (scale / unit).ln()))
 }
 
 /// From voxel coordinates and HU to the brick grid and the fit's numbers.
@@ -513,11 +605,15 @@ fn to_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
     }
 }
 
-fn from_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
-    let origin = bricks.origin.as_vec3().to_array();
-    Splat {
-        mean: std::array::from_fn(|i| s.mean[i] + origin[i]),
-        intensity: scaling.hu(s.intensity).clamp(scaling.intensity_range.0, scaling.intensity_range.1),
-        ..*s
+impl Fitter<'_> {
+    /// From the fit's numbers to voxel coordinates of the volume and HU; the shape stays in the space of `scale_unit`.
+    fn from_local(&self, s: &Splat) -> Splat {
+        let origin = self.bricks.origin.as_vec3().to_array();
+        let (low, high) = self.scaling.intensity_range;
+        Splat {
+            mean: std::array::from_fn(|i| s.mean[i] + origin[i]),
+            intensity: self.scaling.hu(s.intensity).clamp(low, high),
+            ..*s
+        }
     }
 }

@@ -1,27 +1,37 @@
-//! What happens between two iterations, on the host: splats come, go and move (`topology`), and intensities that are not
-//! learned are sampled at the means.
+//! What happens between two iterations, on the host: splats come, go and move (`topology`), and intensities and opacities
+//! that are not learned are sampled.
 
+use glam::{DMat3, DVec3, IVec3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use shaders_glsl::types::History;
 
 use super::evaluate::FieldSample;
 use super::state::Row;
 use super::topology::{Change, Scene};
 use super::{Fitter, Work, to_local};
 use crate::error::Result;
-use crate::splat::Splat;
+use crate::splat::space::reshaped;
+use crate::splat::{Activations, Splat};
 
 impl Fitter<'_> {
     /// Whether the fit must pause before its next iteration.
     pub(super) fn is_pause_due(&self) -> bool {
-        let k = self.iteration;
-        let on_time = k > 0 && k.is_multiple_of(self.config.topology_every) && self.paused_at != Some(k);
-        on_time && (self.is_change_due() || !self.config.learn_intensity)
+        let is_new = self.iteration > 0 && self.paused_at != Some(self.iteration);
+        is_new && (self.is_change_due() || self.is_sampling_due())
     }
 
     fn is_change_due(&self) -> bool {
         let window = self.config.topology_from..=self.config.topology_until;
-        window.contains(&self.iteration) && self.config.topology().is_ok_and(|row| row.change.is_some())
+        window.contains(&self.iteration)
+            && self.iteration.is_multiple_of(self.config.topology_every)
+            && self.config.topology().is_ok_and(|row| row.change.is_some())
+    }
+
+    fn is_sampling_due(&self) -> bool {
+        let c = &self.config;
+        self.iteration.is_multiple_of(c.sample_every) && !(c.learn_intensity && c.learn_opacity)
     }
 
     /// Changes splats and samples intensities. Nothing may be in flight.
@@ -29,11 +39,16 @@ impl Fitter<'_> {
         if self.is_change_due() {
             self.change_topology(share)?;
         }
-        if !self.config.learn_intensity {
+        if self.is_sampling_due() {
             let splats = self.splats()?;
             let mut rows = self.work.read_rows()?;
             for (row, splat) in rows.iter_mut().zip(&splats) {
-                row.splat.intensity = self.scaling.value(splat.intensity);
+                if !self.config.learn_intensity {
+                    row.splat.intensity = self.scaling.value(splat.intensity);
+                }
+                if !self.config.learn_opacity {
+                    row.splat.opacity_logit = splat.opacity_logit;
+                }
             }
             self.work.write_rows(&rows)?;
         }
@@ -45,7 +60,8 @@ impl Fitter<'_> {
         let Some(change) = self.config.topology()?.change else { return Ok(()) };
         let splats = self.splats()?;
         let samples = self.field_at_voxels()?;
-        let gradient_norms = self.work.all.gradient_norms.read()?;
+        let histories = self.work.all.histories.read()?;
+        let gradient_norms: Vec<f32> = histories.iter().map(|h| h.gradient_norm).collect();
         let seed = self.config.seed ^ (u64::from(self.iteration) << 32) ^ 0x746f_706f_6c6f_6779;
         let scene = Scene {
             volume: self.volume,
@@ -89,14 +105,42 @@ impl Fitter<'_> {
                 // A splat that stays as it is keeps its bits: there and back again is not exact.
                 let same = kept.filter(|&i| old[i] == *splat);
                 let moments = kept.map_or(Row::default(), |i| before[i]);
-                let local = to_local(splat, &self.bricks, &self.scaling);
-                Row { splat: same.map_or(local, |i| before[i].splat), gradient_norm: 0.0, ..moments }
+                let local = same.map_or_else(|| self.changed(splat), |i| before[i].splat);
+                let history = match same {
+                    Some(i) => History { gradient_norm: 0.0, ..before[i].history },
+                    None => self.history(&local),
+                };
+                Row { splat: local, history, ..moments }
             })
             .collect();
         if rows.len() != before.len() {
             self.work.resize(&self.gpu, rows.len(), &self.config)?;
         }
         self.work.write_rows(&rows)
+    }
+
+    /// A splat in voxel space as the fit has it.
+    fn changed(&self, splat: &Splat) -> Splat {
+        let local = to_local(splat, &self.bricks, &self.scaling);
+        if self.stretch == DVec3::ONE {
+            return local;
+        }
+        reshaped(&local, &DMat3::from_diagonal(self.stretch.recip()))
+    }
+
+    /// Opacities that are those of the mask: its mean over 27 points up to one standard deviation along each axis of a
+    /// splat, as the paper's authors' code has it. Splats in voxel coordinates, shaped in the space of `scale_unit`.
+    pub(super) fn sample_opacities(&self, splats: &mut [Splat]) {
+        splats.par_iter_mut().for_each(|splat| {
+            let mean = glam::Vec3::from_array(splat.mean).as_dvec3();
+            let scale = DVec3::from_array(splat.scale().map(f64::from));
+            let axes = DMat3::from_diagonal(self.stretch) * splat.axes() * DMat3::from_diagonal(scale);
+            let at = |i: i32| axes * (IVec3::new(i % 3, i / 3 % 3, i / 9) - 1).as_dvec3();
+            let sum: f64 = (0..27).map(|i| self.roi.trilinear(mean + at(i))).sum();
+            splat.set_opacity((sum / 27.0) as f32);
+            let limit = self.config.logit_max;
+            splat.opacity_logit = splat.opacity_logit.clamp(-limit, limit);
+        });
     }
 
     /// Intensities that are those of the volume at the means.
@@ -115,6 +159,7 @@ impl Work {
     fn resize(&mut self, gpu: &crate::gpu::Gpu, count: usize, config: &super::FitConfig) -> Result<()> {
         self.whole = None;
         self.subset = super::Subset::of(gpu, count, config)?;
+        self.dense = super::dense_gradients(gpu, count, &self.subset, config)?;
         let moving = self.subset.as_ref().map_or(count, super::Subset::size);
         self.rasteriser.resize(if config.subset_alone { moving } else { count })?;
         self.gradient.resize(moving)?;

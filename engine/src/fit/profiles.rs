@@ -41,6 +41,11 @@ pub const PROFILES: &[Profile] = &[
         about: "the paper's method to the letter",
         toml: include_str!("profiles/paper.toml"),
     },
+    Profile {
+        name: "reference",
+        about: "the same to the letter of its authors' code",
+        toml: include_str!("profiles/reference.toml"),
+    },
 ];
 
 impl Profile {

@@ -3,20 +3,20 @@
 //!
 //! The file: a line that names the format, then little-endian: the length of the caller's notes (u64) and the notes (UTF-8),
 //! iteration, last pause + 1 or 0, frozen splats, reserved (4 × u32), first count and count (2 × u64), the rows of all
-//! splats (parameters, first and second moments, gradient norm), and a CRC-32 of all before it.
+//! splats (parameters, first and second moments, gradient norm and cap of the scales), and a CRC-32 of all before it.
 
 use std::io::Read;
 use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
 use flate2::Crc;
-use shaders_glsl::types::SplatGrad;
+use shaders_glsl::types::{History, SplatGrad};
 
 use crate::error::{Error, Kind, Result};
 use crate::output::write_atomic;
 use crate::splat::Splat;
 
-const MAGIC: &[u8] = b"vgs-state-1\n";
+const MAGIC: &[u8] = b"vgs-state-2\n";
 
 /// All that a fit needs to go on, besides its inputs and its configuration.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +40,7 @@ pub(super) struct Row {
     pub splat: Splat,
     pub first: SplatGrad,
     pub second: SplatGrad,
-    pub gradient_norm: f32,
+    pub history: History,
 }
 
 impl State {
@@ -131,7 +131,7 @@ mod tests {
         let rows = (0..5)
             .map(|i| Row {
                 splat: Splat { mean: [i as f32, 1e-42, f32::MAX], intensity: -0.0, ..Splat::default() },
-                gradient_norm: 0.1 * i as f32,
+                history: History { gradient_norm: 0.1 * i as f32, log_scale_cap: 1.0 },
                 ..Row::default()
             })
             .collect();

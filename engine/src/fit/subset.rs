@@ -5,7 +5,7 @@
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
-use shaders_glsl::types::Footprint;
+use shaders_glsl::types::{Footprint, SplatGrad};
 
 use super::FitConfig;
 use crate::error::Result;
@@ -88,7 +88,7 @@ impl Subset {
         rows.gather(recorder, &all.splats, &self.order, first, &mut active.splats);
         rows.gather(recorder, &all.first, &self.order, first, &mut active.first);
         rows.gather(recorder, &all.second, &self.order, first, &mut active.second);
-        rows.gather(recorder, &all.gradient_norms, &self.order, first, &mut active.gradient_norms);
+        rows.gather(recorder, &all.histories, &self.order, first, &mut active.histories);
     }
 
     /// Records the copying of its footprints out of those of all splats.
@@ -102,6 +102,17 @@ impl Subset {
         rows.scatter(recorder, &active.splats, &self.order, first, &mut all.splats);
         rows.scatter(recorder, &active.first, &self.order, first, &mut all.first);
         rows.scatter(recorder, &active.second, &self.order, first, &mut all.second);
-        rows.scatter(recorder, &active.gradient_norms, &self.order, first, &mut all.gradient_norms);
+        rows.scatter(recorder, &active.histories, &self.order, first, &mut all.histories);
+    }
+
+    /// Records the copying of the block's gradients into those of all splats.
+    pub fn put_gradients(
+        &self,
+        recorder: &mut Recorder,
+        rows: &Buffer<SplatGrad>,
+        all: &mut Buffer<SplatGrad>,
+        turn: u32,
+    ) {
+        self.rows.scatter(recorder, rows, &self.order, self.first(turn), all);
     }
 }

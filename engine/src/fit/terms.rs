@@ -7,9 +7,56 @@
 
 use shaders_glsl::types::Target;
 
-use super::FitConfig;
-use crate::passes::loss::{DICE, LEAK, MSE, OCCUPANCY, Weighted};
+use super::{FitConfig, Scaling};
+use crate::passes::loss::{DICE, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, Weighted};
 use crate::volume::Roi;
+
+/// A way to compare masks or intensities, as a configuration names it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChosenLoss {
+    /// Name in configurations.
+    pub name: &'static str,
+    /// Row of `passes::loss::TERMS`.
+    pub term: usize,
+    /// Times the smoothing of the configuration. Tversky's loss of weights 1/2 is Dice with twice the smoothing.
+    smoothing: f32,
+    mean: Mean,
+}
+
+/// What turns the sum of a term into the loss that a weight belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mean {
+    /// It is divided already.
+    None,
+    /// By the voxels of the region.
+    Region,
+    /// By the slices of the volume, as PyTorch's `batchmean` of a volume does.
+    Slices,
+}
+
+/// Ways to compare the predicted mask with the mask; the first is the default.
+pub const MASK_LOSSES: &[ChosenLoss] = &[
+    ChosenLoss { name: "dice", term: DICE, smoothing: 1.0, mean: Mean::None },
+    ChosenLoss { name: "mse", term: SQUARE, smoothing: 0.0, mean: Mean::Region },
+    ChosenLoss { name: "tversky", term: DICE, smoothing: 2.0, mean: Mean::None },
+    ChosenLoss { name: "kl", term: KL, smoothing: 0.0, mean: Mean::Slices },
+];
+
+/// Ways to compare intensities; the first is the default.
+pub const INTENSITY_LOSSES: &[ChosenLoss] = &[
+    ChosenLoss { name: "mse", term: MSE, smoothing: 0.0, mean: Mean::Region },
+    ChosenLoss { name: "dice", term: INTENSITY_DICE, smoothing: 1.0, mean: Mean::None },
+    ChosenLoss { name: "tversky", term: INTENSITY_DICE, smoothing: 2.0, mean: Mean::None },
+    ChosenLoss { name: "kl", term: INTENSITY_KL, smoothing: 0.0, mean: Mean::Slices },
+];
+
+/// Voxels of the region as the mean intensity error counts them: the sum of the mask, or all above the threshold.
+pub(super) fn region_size(config: &FitConfig, roi: &Roi) -> f64 {
+    match config.region_threshold {
+        0.0 => roi.weight_sum(),
+        t => roi.weight.iter().filter(|&&w| w > t).count() as f64,
+    }
+}
 
 /// Thickness of the shell, voxels: none where no term looks at it.
 pub(super) fn shell(config: &FitConfig) -> u32 {
@@ -17,30 +64,54 @@ pub(super) fn shell(config: &FitConfig) -> u32 {
     if looked_at.iter().any(|&weight| weight > 0.0) { config.shell } else { 0 }
 }
 
-/// Σ (1 - M) over the samples that take part.
-pub(super) fn outside(targets: &[Target]) -> f64 {
-    targets.iter().map(|t| f64::from(t.occupancy())).filter(|&m| m >= 0.0).map(|m| 1.0 - m).sum()
+/// Σ (1 - M) over the samples that take part, or the number of those outside the region where it has a threshold.
+pub(super) fn outside(config: &FitConfig, targets: &[Target]) -> f64 {
+    let part = |m: f64| match f64::from(config.region_threshold) {
+        0.0 => 1.0 - m,
+        t => f64::from(u8::from(m <= t)),
+    };
+    targets.iter().map(|t| f64::from(t.occupancy())).filter(|&m| m >= 0.0).map(part).sum()
 }
 
 /// The terms that have a weight, and always the squared error, which every fit reports. `outside` is Σ (1 - M) at the
 /// offset they are for; which terms there are does not depend on it.
-pub(super) fn weighted(config: &FitConfig, roi: &Roi, outside: f64) -> Vec<Weighted> {
-    let roi_size = roi.weight_sum();
-    let of_roi = |weight: f32, divisor: f64| {
+pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside: f64) -> Vec<Weighted> {
+    let size = region_size(config, roi);
+    let of_region = |weight: f32, divisor: f64| {
         // With nothing outside nothing can leak.
-        if divisor > 0.0 { (f64::from(weight) * roi_size / divisor) as f32 } else { 0.0 }
+        if divisor > 0.0 { (f64::from(weight) * size / divisor) as f32 } else { 0.0 }
     };
-    let soft = f32::from(u8::from(roi.soft));
-    let mut terms = vec![Weighted { term: MSE, weight: config.mse_weight, parameter: soft }];
+    let threshold = if config.region_threshold > 0.0 { config.region_threshold } else { -1.0 };
+    let hard = if roi.soft || threshold > 0.0 { threshold } else { 0.5 };
+    let low = scaling.value(scaling.range.0);
+    let term = |term, weight| Weighted { term, weight, parameter: 0.0, region: threshold, low };
+    let chosen = |loss: &ChosenLoss, weight: f32| {
+        let divisor = match loss.mean {
+            Mean::None => 1.0,
+            Mean::Region => size,
+            Mean::Slices => roi.size[2] as f64,
+        };
+        let parameter = loss.smoothing * config.dice_smoothing;
+        Weighted { parameter, ..term(loss.term, of_region(weight, divisor)) }
+    };
+    // Names were checked with the configuration.
+    let intensity = config.intensity_loss().unwrap_or(&INTENSITY_LOSSES[0]);
+    let mask = config.mask_loss().unwrap_or(&MASK_LOSSES[0]);
+    let of_mse = if intensity.term == MSE { config.mse_weight } else { 0.0 };
+    let mut terms = vec![Weighted { region: hard, ..term(MSE, of_mse) }];
     if config.occupancy_weight > 0.0 {
-        let (weight, parameter) = (config.occupancy_weight, config.occupancy_w0);
-        terms.push(Weighted { term: OCCUPANCY, weight, parameter });
+        terms.push(Weighted { parameter: config.occupancy_w0, ..term(OCCUPANCY, config.occupancy_weight) });
+    }
+    if intensity.term != MSE && config.mse_weight > 0.0 {
+        terms.push(chosen(intensity, config.mse_weight));
     }
     if config.mask_weight > 0.0 {
-        terms.push(Weighted { term: DICE, weight: of_roi(config.mask_weight, 1.0), parameter: 0.0 });
+        terms.push(chosen(mask, config.mask_weight));
     }
     if config.leak_weight > 0.0 {
-        terms.push(Weighted { term: LEAK, weight: of_roi(config.leak_weight, outside), parameter: 0.0 });
+        let outside = if config.leak_volume { roi.weight.len() as f64 - size } else { outside };
+        let parameter = config.leak_power as f32;
+        terms.push(Weighted { parameter, ..term(LEAK, of_region(config.leak_weight, outside)) });
     }
     terms
 }
@@ -64,7 +135,8 @@ mod tests {
             ..FitConfig::default()
         };
         let list = |config: &FitConfig, outside| -> Vec<_> {
-            weighted(config, &roi, outside).iter().map(|t| (t.term, t.weight)).collect()
+            let scaling = Scaling::new(&volume, &roi, config);
+            weighted(config, &roi, &scaling, outside).iter().map(|t| (t.term, t.weight)).collect()
         };
         assert_eq!(list(&none, 5.0), [(MSE, 0.0)], "the squared error is always reported");
         assert_eq!(shell(&none), 0);
@@ -88,6 +160,8 @@ mod tests {
             assert_eq!((shell(&one), list(&one, 1.0).len()), (one.shell, 2));
         }
         let targets = [Target::new(0.0, 1.0), Target::IDLE, Target::new(0.5, 0.0), Target::new(0.0, 0.25)];
-        assert!((outside(&targets) - 1.75).abs() < 1e-4);
+        assert!((outside(&none, &targets) - 1.75).abs() < 1e-4);
+        let above = FitConfig { region_threshold: 0.01, ..none };
+        assert_eq!((outside(&above, &targets), region_size(&above, &roi)), (1.0, 3.0));
     }
 }

@@ -6,6 +6,7 @@
 
 mod densify;
 mod growth;
+mod reference;
 mod relocate;
 mod residual;
 mod spread;
@@ -70,6 +71,7 @@ pub const TOPOLOGIES: &[Topology] = &[
     Topology { name: "densify", change: Some(densify::densify) },
     Topology { name: "growth", change: Some(growth::growth) },
     Topology { name: "relocate", change: Some(relocate::relocate) },
+    Topology { name: "reference", change: Some(reference::densify) },
 ];
 
 impl Change {
@@ -105,7 +107,6 @@ impl Scene<'_> {
         idle: T,
         f: impl Fn(&FieldSample, IVec3, f32) -> T + Sync,
     ) -> Vec<T> {
-        let [nx, ny, _] = self.roi.size;
         let mut out = vec![idle; self.samples.len()];
         out.par_chunks_mut(SAMPLES).zip(self.samples.par_chunks(SAMPLES)).enumerate().for_each(
             |(slot, (out, samples))| {
@@ -114,8 +115,7 @@ impl Scene<'_> {
                         continue;
                     }
                     let voxel = self.bricks.voxel(slot, morton);
-                    let [x, y, z] = voxel.to_array().map(|c| c as usize);
-                    let m = self.roi.weight[x + nx * (y + ny * z)];
+                    let m = self.roi.at(voxel);
                     if m > 0.5 || self.roi.soft && m > 0.0 {
                         *out = f(sample, voxel, if self.roi.soft { m } else { 1.0 });
                     }

@@ -586,6 +586,7 @@ impl Parts {
             memory: Mutex::new(self.memory),
             times: Mutex::default(),
             counters: Counters::default(),
+            pipelines: Mutex::default(),
         }
     }
 }

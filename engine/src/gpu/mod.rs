@@ -97,6 +97,7 @@ struct Context {
     memory: Mutex<memory::Memory>,
     times: Mutex<timing::Times>,
     counters: Counters,
+    pipelines: Mutex<kernel::Pipelines>,
 }
 
 /// A poisoned mutex means that another thread panicked while holding it; its data are counters and handles that
@@ -188,6 +189,7 @@ impl Drop for Context {
             let _ = self.device.device_wait_idle();
             lock(&self.queue).destroy(&self.device);
             lock(&self.memory).destroy(&self.device);
+            lock(&self.pipelines).destroy(&self.device);
             boot::save_pipeline_cache(&self.device, self.pipeline_cache, &self.description);
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             self.device.destroy_sampler(self.sampler, None);

@@ -1,11 +1,14 @@
 //! Adam on splat parameters, in voxel units.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{AdamParams, SplatGrad};
+use shaders_glsl::types::{AdamParams, History, SplatGrad};
 
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::Splat;
+
+/// Cap of the log scales of a splat that has none.
+pub const NO_CAP: f32 = 1e30;
 
 /// Splats and what the optimiser keeps of each.
 pub struct State {
@@ -15,18 +18,18 @@ pub struct State {
     pub first: Buffer<SplatGrad>,
     /// Second moments.
     pub second: Buffer<SplatGrad>,
-    /// Σ |dL/dμ| over the steps, in units of the fit per voxel.
-    pub gradient_norms: Buffer<f32>,
+    /// Σ |dL/dμ| over the steps, in units of the fit per voxel, and the cap of the scales.
+    pub histories: Buffer<History>,
 }
 
 impl State {
-    /// All zeros, for `count` splats.
+    /// Makes buffers of zeros for `count` splats. A cap of 0 is one; write [`NO_CAP`] where there shall be none.
     pub fn zeroed(gpu: &Gpu, count: usize) -> Result<Self> {
         Ok(State {
             splats: gpu.buffer("splats", "splats", count)?,
             first: gpu.buffer("first moments", "optimiser", count)?,
             second: gpu.buffer("second moments", "optimiser", count)?,
-            gradient_norms: gpu.buffer("gradient norms", "optimiser", count)?,
+            histories: gpu.buffer("histories", "optimiser", count)?,
         })
     }
 }
@@ -64,7 +67,7 @@ impl Adam {
             .write(&mut state.second)
             .read(pair_totals)
             .write(&mut self.frozen)
-            .write(&mut state.gradient_norms)
+            .write(&mut state.histories)
             .push(params)
             .dispatch(params.splat_count.div_ceil(64));
     }

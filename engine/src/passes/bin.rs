@@ -29,6 +29,8 @@ pub struct SampleGrid {
     pub slot_count: usize,
     /// Slots of one chunk; the last chunk may have fewer.
     chunk_slots: usize,
+    /// Voxels along each axis to a unit of the space in which splats have their shape: ones where that is voxel space.
+    pub stretch: [f32; 3],
 }
 
 impl SampleGrid {
@@ -55,6 +57,7 @@ impl SampleGrid {
             bricks: bricks.grid.to_array(),
             slot_count: bricks.len(),
             chunk_slots,
+            stretch: [1.0; 3],
         })
     }
 
@@ -188,7 +191,8 @@ impl Binner {
         let capacity = self.capacity() as u32;
         let n = self.splat_count;
         let grid_params = grid.params(chunk, offset);
-        let params = SplatParams { grid: grid_params, splat_count: n as u32, capacity };
+        let params =
+            SplatParams { grid: grid_params, splat_count: n as u32, capacity, stretch: grid.stretch };
         let groups = n.div_ceil(64) as u32;
         recorder
             .pass(&self.bounds)

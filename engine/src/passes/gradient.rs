@@ -97,15 +97,15 @@ impl Gradient {
         })
     }
 
-    /// Records the gradients, once the moments of all chunks are there.
-    pub fn record(&mut self, recorder: &mut Recorder, splats: &Buffer<Splat>) {
+    /// Records the gradients, once the moments of all chunks are there. `stretch` is that of the sample grid.
+    pub fn record(&mut self, recorder: &mut Recorder, splats: &Buffer<Splat>, stretch: [f32; 3]) {
         let n = splats.len() as u32;
         recorder
             .pass(&self.moments_to_grad)
             .read(splats)
             .read(&self.moments)
             .write(&mut self.rows)
-            .push(&MomentParams { splat_count: n })
+            .push(&MomentParams { splat_count: n, stretch })
             .dispatch(n.div_ceil(64));
     }
 }

@@ -10,7 +10,7 @@ use shaders_glsl as glsl;
 use shaders_glsl::Shader;
 use shaders_glsl::types::{LossParams, Target};
 
-use super::{Overlap, Storage};
+use super::{Overlap, Shape, Storage};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::volume::bricks::SAMPLES;
@@ -21,26 +21,45 @@ pub struct Term {
     pub name: &'static str,
     /// Kernel of the term.
     pub shader: &'static Shader,
-    /// Whether it needs the sums of [`Overlap`] over all samples of all chunks first.
+    /// True if it needs the sums of [`Overlap`] over all samples of all chunks first.
     pub overlap: bool,
+    /// What it compares, where its kernel can compare either: [`MASKS`] or [`INTENSITIES`].
+    pub quantity: Option<u32>,
 }
+
+/// A term compares the predicted mask 1 - exp(-W) with the mask.
+pub const MASKS: u32 = 0;
+/// A term compares the intensities V̂ and V, from the lower end of their range on.
+pub const INTENSITIES: u32 = 1;
 
 /// Every loss term there is.
 pub const TERMS: &[Term] = &[
-    Term { name: "mse", shader: &glsl::LOSS_MSE, overlap: false },
-    Term { name: "occupancy", shader: &glsl::LOSS_OCCUPANCY, overlap: false },
-    Term { name: "dice", shader: &glsl::LOSS_DICE, overlap: true },
-    Term { name: "leak", shader: &glsl::LOSS_LEAK, overlap: false },
+    Term { name: "mse", shader: &glsl::LOSS_MSE, overlap: false, quantity: None },
+    Term { name: "occupancy", shader: &glsl::LOSS_OCCUPANCY, overlap: false, quantity: None },
+    Term { name: "dice", shader: &glsl::LOSS_DICE, overlap: true, quantity: Some(MASKS) },
+    Term { name: "leak", shader: &glsl::LOSS_LEAK, overlap: false, quantity: None },
+    Term { name: "square", shader: &glsl::LOSS_SQUARE, overlap: false, quantity: None },
+    Term { name: "kl", shader: &glsl::LOSS_KL, overlap: false, quantity: Some(MASKS) },
+    Term { name: "intensity dice", shader: &glsl::LOSS_DICE, overlap: true, quantity: Some(INTENSITIES) },
+    Term { name: "intensity kl", shader: &glsl::LOSS_KL, overlap: false, quantity: Some(INTENSITIES) },
 ];
 
 /// Row of the squared intensity error.
 pub const MSE: usize = 0;
 /// Row of the occupancy error.
 pub const OCCUPANCY: usize = 1;
-/// Row of the Dice loss.
+/// Row of the Dice loss of the mask.
 pub const DICE: usize = 2;
 /// Row of the leak penalty.
 pub const LEAK: usize = 3;
+/// Row of the squared error of the predicted mask.
+pub const SQUARE: usize = 4;
+/// Row of the divergence of the predicted mask.
+pub const KL: usize = 5;
+/// Row of the Dice loss of the intensity.
+pub const INTENSITY_DICE: usize = 6;
+/// Row of the divergence of the intensity.
+pub const INTENSITY_KL: usize = 7;
 
 /// Which term, with which λ and which parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +70,25 @@ pub struct Weighted {
     pub weight: f32,
     /// What the term needs besides; see its kernel.
     pub parameter: f32,
+    /// A sample is of the region where the mask is above this; below 0 the term has the mask itself, or all samples.
+    pub region: f32,
+    /// The lower end of the intensity range, relative to the background in units of the fit.
+    pub low: f32,
+}
+
+impl Default for Weighted {
+    /// The squared error of intensities in a soft mask.
+    fn default() -> Self {
+        Weighted { term: MSE, weight: 1.0, parameter: 0.0, region: -1.0, low: 0.0 }
+    }
+}
+
+impl Weighted {
+    /// Returns what its kernel is told; ε is that of equation (2).
+    pub fn params(&self, epsilon: f32) -> LossParams {
+        let &Weighted { weight, parameter, region, low, .. } = self;
+        LossParams { weight, parameter, epsilon, region, low }
+    }
 }
 
 /// Value and weight of a term, summed over all samples.
@@ -73,8 +111,8 @@ impl Sum {
 pub struct Losses {
     /// Of each term.
     kernels: Vec<Kernel>,
-    /// Where a term needs it.
-    overlap: Option<Overlap>,
+    /// Of each term that needs it.
+    overlaps: Vec<Option<Overlap>>,
     /// Adjoints of the chunk in work, in the storage that was asked for.
     pub adjoints: Buffer<u32>,
     /// One row per term: the sums of each slot, all chunks.
@@ -94,22 +132,35 @@ impl Losses {
         chunks: usize,
     ) -> Result<Self> {
         let last = terms.len().saturating_sub(1);
+        let shape = Shape::of(gpu);
         let kernels: Result<Vec<_>> = terms
             .iter()
             .enumerate()
             .map(|(i, t)| {
                 // The first term overwrites the adjoints, the last one folds them; see loss.glsl.
-                let constants = [u32::from(i > 0), u32::from(i == last), storage as u32];
+                let mut constants =
+                    vec![u32::from(i > 0), u32::from(i == last), storage as u32, shape as u32];
+                constants.extend(TERMS[t.term].quantity);
                 Kernel::new(gpu, TERMS[t.term].shader, &constants)
             })
             .collect();
         let sums: Result<Vec<_>> = (0..terms.len() * chunks)
             .map(|i| gpu.buffer(&format!("loss sums {i}"), "samples", chunk_slots))
             .collect();
-        let needed = terms.iter().any(|t| TERMS[t.term].overlap);
+        let slots = chunk_slots * chunks;
+        let overlaps: Result<Vec<_>> = terms
+            .iter()
+            .map(|t| match TERMS[t.term] {
+                Term { overlap: true, quantity, .. } => {
+                    let quantity = quantity.unwrap_or(MASKS);
+                    Overlap::new(gpu, storage, slots, quantity, t.region, t.low).map(Some)
+                }
+                _ => Ok(None),
+            })
+            .collect();
         Ok(Losses {
             kernels: kernels?,
-            overlap: if needed { Some(Overlap::new(gpu, storage, chunk_slots * chunks)?) } else { None },
+            overlaps: overlaps?,
             adjoints: gpu.buffer("adjoints", "samples", chunk_slots * SAMPLES * storage.words())?,
             sums: sums?,
             epsilon,
@@ -119,7 +170,7 @@ impl Losses {
     /// Whether all chunks must be rasterised and summed by [`Losses::record_overlap`] before the first
     /// [`Losses::record`] of a step.
     pub fn need_overlap(&self) -> bool {
-        self.overlap.is_some()
+        self.overlaps.iter().any(Option::is_some)
     }
 
     /// Records what terms need of all samples before they begin, of the chunk that owns `slots`; chunks come in order.
@@ -131,8 +182,8 @@ impl Losses {
         reconstructions: &Buffer<u32>,
         slots: Range<usize>,
     ) {
-        if let Some(overlap) = &mut self.overlap {
-            overlap.record(recorder, targets, reconstructions, slots);
+        for overlap in self.overlaps.iter_mut().flatten() {
+            overlap.record(recorder, targets, reconstructions, slots.clone());
         }
     }
 
@@ -156,11 +207,10 @@ impl Losses {
                 .read(reconstructions)
                 .write(&mut self.adjoints)
                 .write(&mut self.sums[chunk * count + i]);
-            if let (true, Some(overlap)) = (TERMS[term.term].overlap, &self.overlap) {
+            if let Some(overlap) = &self.overlaps[i] {
                 pass = pass.read(&overlap.total);
             }
-            pass.push(&LossParams { weight: term.weight, parameter: term.parameter, epsilon: self.epsilon })
-                .dispatch(slots as u32);
+            pass.push(&term.params(self.epsilon)).dispatch(slots as u32);
         }
     }
 
@@ -185,7 +235,17 @@ mod tests {
 
     #[test]
     fn rows_are_where_their_names_say() {
-        for (row, name) in [(MSE, "mse"), (OCCUPANCY, "occupancy"), (DICE, "dice"), (LEAK, "leak")] {
+        let rows = [
+            (MSE, "mse"),
+            (OCCUPANCY, "occupancy"),
+            (DICE, "dice"),
+            (LEAK, "leak"),
+            (SQUARE, "square"),
+            (KL, "kl"),
+            (INTENSITY_DICE, "intensity dice"),
+            (INTENSITY_KL, "intensity kl"),
+        ];
+        for (row, name) in rows {
             assert_eq!(TERMS[row].name, name);
         }
     }

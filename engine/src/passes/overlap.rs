@@ -1,28 +1,41 @@
-//! Sums over all samples that the Dice loss needs before its adjoints: I = Σ m̂M, Σ m̂ and ΣM, brick by brick, then over
-//! the bricks, in a fixed order whatever the chunks.
+//! Sums over all samples that a Dice loss needs before its adjoints: Σ pt, Σ p and Σ t of what is predicted, p, and wanted,
+//! t, brick by brick, then over the bricks, in a fixed order whatever the chunks.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{OverlapParams, SumParams, Target};
 
-use super::Storage;
+use super::{Shape, Storage};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// How predicted and wanted mask overlap.
+/// How what is predicted and what is wanted overlap.
 pub struct Overlap {
+    region: f32,
+    low: f32,
     overlap_sums: Kernel,
     sum_triples: Kernel,
     /// [slot], all chunks.
     partials: Buffer<[f32; 3]>,
-    /// \[0\]: Σ m̂M, Σ m̂, ΣM over the slots recorded so far.
+    /// \[0\]: Σ pt, Σ p, Σ t over the slots recorded so far.
     pub total: Buffer<[f32; 3]>,
 }
 
 impl Overlap {
-    /// For `slots` slots in all, samples in that storage.
-    pub fn new(gpu: &Gpu, storage: Storage, slots: usize) -> Result<Self> {
+    /// Builds the kernels for `slots` slots in all, samples in that storage. The other arguments are those of
+    /// [`super::loss::Weighted`] and the quantity of its row.
+    pub fn new(
+        gpu: &Gpu,
+        storage: Storage,
+        slots: usize,
+        quantity: u32,
+        region: f32,
+        low: f32,
+    ) -> Result<Self> {
+        let constants = [storage as u32, Shape::of(gpu) as u32, quantity];
         Ok(Overlap {
-            overlap_sums: Kernel::new(gpu, &glsl::OVERLAP_SUMS, &[storage as u32])?,
+            region,
+            low,
+            overlap_sums: Kernel::new(gpu, &glsl::OVERLAP_SUMS, &constants)?,
             sum_triples: Kernel::new(gpu, &glsl::SUM_TRIPLES, &[])?,
             partials: gpu.buffer("overlap of each brick", "samples", slots)?,
             total: gpu.buffer("overlap", "samples", 1)?,
@@ -42,7 +55,7 @@ impl Overlap {
             .read(targets)
             .read(reconstructions)
             .write(&mut self.partials)
-            .push(&OverlapParams { first_slot: slots.start as u32 })
+            .push(&OverlapParams { first_slot: slots.start as u32, region: self.region, low: self.low })
             .dispatch(slots.len() as u32);
         recorder
             .pass(&self.sum_triples)

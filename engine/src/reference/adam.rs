@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec3};
 use shaders_glsl::types::AdamParams;
 
+use super::types::vec3;
 use super::{Gradient, Splat};
 
 /// What Adam keeps of a splat.
@@ -16,6 +17,8 @@ pub struct State {
     pub second: Gradient,
     /// Σ |dL/dμ|.
     pub gradient_norm: f64,
+    /// No log scale exceeds this.
+    pub log_scale_cap: f64,
 }
 
 /// The new moments and the move of one parameter.
@@ -28,8 +31,8 @@ fn moved(g: f64, first: &mut f64, second: &mut f64, rate: f32, p: &AdamParams) -
     -f64::from(rate) * mean / (square.sqrt() + f64::from(p.epsilon))
 }
 
-fn moved3(g: DVec3, first: &mut DVec3, second: &mut DVec3, rate: f32, p: &AdamParams) -> DVec3 {
-    DVec3::from_array(std::array::from_fn(|k| moved(g[k], &mut first[k], &mut second[k], rate, p)))
+fn moved3(g: DVec3, first: &mut DVec3, second: &mut DVec3, rate: [f32; 3], p: &AdamParams) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|k| moved(g[k], &mut first[k], &mut second[k], rate[k], p)))
 }
 
 /// One step; `None` where the gradient is not finite: then nothing changes and the splat is counted as frozen.
@@ -39,25 +42,27 @@ pub fn adam(state: &State, gradient: &Gradient, p: &AdamParams) -> Option<State>
     if !matches!(size.partial_cmp(&1e37), Some(std::cmp::Ordering::Less)) {
         return None;
     }
-    let State { mut splat, mut first, mut second, gradient_norm } = *state;
+    let State { mut splat, mut first, mut second, gradient_norm, log_scale_cap } = *state;
+    let scale = splat.log_scale.exp();
+    let pull = f64::from(p.scale_weight) * scale * scale / scale.length();
     splat.mean += moved3(gradient.mean, &mut first.mean, &mut second.mean, p.rate_mean, p);
-    splat.mean = splat.mean.clamp(DVec3::splat(-0.5), DVec3::from_array(p.max_mean.map(f64::from)));
+    splat.mean = splat.mean.clamp(DVec3::splat(-0.5), vec3(p.max_mean));
     // q <- normalise(q (1, ω/2)).
-    let turn = moved3(gradient.rotation, &mut first.rotation, &mut second.rotation, p.rate_rotation, p);
+    let turn = moved3(gradient.rotation, &mut first.rotation, &mut second.rotation, [p.rate_rotation; 3], p);
     let step = DQuat::from_xyzw(0.5 * turn.x, 0.5 * turn.y, 0.5 * turn.z, 1.0);
     splat.rotation = multiplied(splat.rotation, step).normalize();
-    splat.log_scale +=
-        moved3(gradient.log_scale, &mut first.log_scale, &mut second.log_scale, p.rate_log_scale, p);
-    splat.log_scale = splat
-        .log_scale
-        .clamp(DVec3::splat(f64::from(p.min_log_scale)), DVec3::splat(f64::from(p.max_log_scale)));
+    let (by_scale, rate) = (gradient.log_scale + pull, [p.rate_log_scale; 3]);
+    splat.log_scale += moved3(by_scale, &mut first.log_scale, &mut second.log_scale, rate, p);
+    let most = vec3(p.max_log_scale).min(DVec3::splat(log_scale_cap));
+    splat.log_scale = splat.log_scale.clamp(vec3(p.min_log_scale).min(most), most);
     splat.opacity_logit +=
         moved(gradient.opacity_logit, &mut first.opacity_logit, &mut second.opacity_logit, p.rate_opacity, p);
     splat.opacity_logit = splat.opacity_logit.clamp(-f64::from(p.max_logit), f64::from(p.max_logit));
     splat.intensity +=
         moved(gradient.intensity, &mut first.intensity, &mut second.intensity, p.rate_intensity, p);
     splat.intensity = splat.intensity.clamp(f64::from(p.min_intensity), f64::from(p.max_intensity));
-    Some(State { splat, first, second, gradient_norm: gradient_norm + gradient.mean.length() })
+    let gradient_norm = gradient_norm + gradient.mean.length();
+    Some(State { splat, first, second, gradient_norm, log_scale_cap })
 }
 
 /// The quaternion product a b, whatever the lengths.

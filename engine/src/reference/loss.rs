@@ -1,17 +1,56 @@
-//! `loss_mse`, `loss_occupancy`, `loss_dice`, `loss_leak`: value, weight and adjoint of each term at a sample, and their
-//! sums; `overlap_sums`, `sum_triples`: what the Dice loss needs of all samples first.
+//! `loss_mse`, `loss_occupancy`, `loss_dice`, `loss_leak`, `loss_square`, `loss_kl`: value, weight and adjoint of each term
+//! at a sample, and their sums; `overlap_sums`, `sum_triples`: what a Dice loss needs of all samples first.
 
 use super::{Adjoint, Reconstruction, Target};
 
-/// A loss term with its λ.
+/// What a term compares, predicted with wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quantity {
+    /// m̂ = 1 - exp(-W) with M.
+    Mask,
+    /// V̂ with V, both less the lower end of their range.
+    Intensity {
+        /// The lower end of the range, relative to the background.
+        low: f64,
+    },
+}
+
+impl Quantity {
+    /// What is predicted, in 0..1.
+    pub fn predicted(&self, got: Reconstruction) -> f64 {
+        match self {
+            Quantity::Mask => predicted_mask(got.weight),
+            Quantity::Intensity { low } => got.value - low,
+        }
+    }
+
+    /// What is wanted, in 0..1.
+    pub fn wanted(&self, wanted: Target) -> f64 {
+        match self {
+            Quantity::Mask => wanted.occupancy,
+            Quantity::Intensity { low } => wanted.value - low,
+        }
+    }
+
+    /// The adjoint of a sample whose loss changes by `slope` with what is predicted.
+    fn adjoint(&self, slope: f64, got: Reconstruction) -> Adjoint {
+        match self {
+            Quantity::Mask => Adjoint { value: 0.0, weight: slope * (-got.weight).exp() },
+            Quantity::Intensity { .. } => Adjoint { value: slope, weight: 0.0 },
+        }
+    }
+}
+
+/// A loss term with its λ. In each, a `region` below 0 stands for no threshold; otherwise the samples whose mask M is above
+/// it are the region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Term {
-    /// λ/2 Σ m (V̂ - V)², m = M for a soft mask and \[M > ½\] for a binary one.
+    /// λ/2 Σ m (V̂ - V)², m = M without a threshold and \[M > region\] with one.
     Mse {
         /// λ.
         weight: f64,
-        /// Whether the mask is soft.
-        soft: bool,
+        /// Threshold.
+        region: f64,
     },
     /// λ/2 Σ (O - M)², O = W / (W + w0).
     Occupancy {
@@ -20,52 +59,95 @@ pub enum Term {
         /// w0.
         w0: f64,
     },
-    /// λ/2 (1 - 2 Σ m̂M / (Σ m̂ + ΣM)), m̂ = 1 - exp(-W).
+    /// λ/2 (1 - (2 Σ pt + s) / (Σ p + Σ t + s)) over the region.
     Dice {
         /// λ.
         weight: f64,
+        /// s.
+        smoothing: f64,
+        /// Threshold.
+        region: f64,
+        /// p and t.
+        quantity: Quantity,
     },
-    /// λ/2 Σ (1 - M) m̂.
+    /// λ/2 Σ n m̂^k, n = 1 - M without a threshold and \[M ≤ region\] with one.
     Leak {
         /// λ.
         weight: f64,
+        /// k.
+        power: i32,
+        /// Threshold.
+        region: f64,
+    },
+    /// λ/2 Σ (m̂ - M)² over the region.
+    Square {
+        /// λ.
+        weight: f64,
+        /// Threshold.
+        region: f64,
+    },
+    /// λ/2 Σ t ln(t/p) over the region, p and t kept in [[`KL_LEAST`], 1].
+    Kl {
+        /// λ.
+        weight: f64,
+        /// Threshold.
+        region: f64,
+        /// p and t.
+        quantity: Quantity,
     },
 }
 
-/// Sums over all samples that take part: how predicted mask m̂ = 1 - exp(-W) and M overlap.
+/// The least p and t of [`Term::Kl`].
+pub const KL_LEAST: f64 = 1e-7;
+
+/// Sums over all samples of the region: how what is predicted, p, and what is wanted, t, overlap.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overlap {
-    /// I = Σ m̂M.
+    /// I = Σ pt.
     pub intersection: f64,
-    /// Σ m̂.
+    /// Σ p.
     pub predicted: f64,
-    /// ΣM.
+    /// Σ t.
     pub wanted: f64,
+}
+
+/// True if a sample takes part in the sums over a region with that threshold.
+fn is_inside(wanted: Target, region: f64) -> bool {
+    wanted.occupancy >= 0.0 && wanted.occupancy > region
 }
 
 impl Overlap {
     /// Of some samples.
-    pub fn of(targets: &[Target], got: &[Reconstruction]) -> Self {
+    pub fn of(targets: &[Target], got: &[Reconstruction], quantity: Quantity, region: f64) -> Self {
         let mut sum = Overlap::default();
-        for (wanted, got) in targets.iter().zip(got).filter(|(t, _)| t.occupancy >= 0.0) {
-            let predicted = predicted_mask(got.weight);
-            sum.intersection += predicted * wanted.occupancy;
+        for (&target, &got) in targets.iter().zip(got).filter(|(t, _)| is_inside(**t, region)) {
+            let (predicted, wanted) = (quantity.predicted(got), quantity.wanted(target));
+            sum.intersection += predicted * wanted;
             sum.predicted += predicted;
-            sum.wanted += wanted.occupancy;
+            sum.wanted += wanted;
         }
         sum
     }
 
-    /// S = Σ m̂ + ΣM.
+    /// S = Σ p + Σ t.
     pub fn size(&self) -> f64 {
         self.predicted + self.wanted
     }
 }
 
-/// `overlap_sums`: Σ m̂M, Σ m̂ and ΣM of `samples_per_sum` samples at a time.
-pub fn overlap_sums(targets: &[Target], got: &[Reconstruction], samples_per_sum: usize) -> Vec<[f64; 3]> {
+/// `overlap_sums`: Σ pt, Σ p and Σ t of `samples_per_sum` samples at a time.
+pub fn overlap_sums(
+    targets: &[Target],
+    got: &[Reconstruction],
+    samples_per_sum: usize,
+    quantity: Quantity,
+    region: f64,
+) -> Vec<[f64; 3]> {
     let groups = targets.chunks(samples_per_sum).zip(got.chunks(samples_per_sum));
-    groups.map(|(t, r)| Overlap::of(t, r)).map(|o| [o.intersection, o.predicted, o.wanted]).collect()
+    groups
+        .map(|(t, r)| Overlap::of(t, r, quantity, region))
+        .map(|o| [o.intersection, o.predicted, o.wanted])
+        .collect()
 }
 
 /// `sum_triples`: the sum of all rows.
@@ -95,16 +177,28 @@ impl Term {
         match *self {
             Term::Mse { weight, .. }
             | Term::Occupancy { weight, .. }
-            | Term::Dice { weight }
-            | Term::Leak { weight } => weight,
+            | Term::Dice { weight, .. }
+            | Term::Leak { weight, .. }
+            | Term::Square { weight, .. }
+            | Term::Kl { weight, .. } => weight,
         }
     }
 
     /// What the term adds to the objective, from its sums of value and weight over all samples.
     pub fn total(&self, [value, weight]: [f64; 2]) -> f64 {
         match self {
-            Term::Dice { .. } if weight > 0.0 => 0.5 * self.lambda() * value / weight,
+            Term::Dice { smoothing, .. } if weight + smoothing > 0.0 => {
+                0.5 * self.lambda() * value / (weight + smoothing)
+            }
             _ => 0.5 * self.lambda() * value,
+        }
+    }
+
+    /// The overlap that the term needs of all samples; nothing for most.
+    pub fn overlap(&self, targets: &[Target], got: &[Reconstruction]) -> Overlap {
+        match *self {
+            Term::Dice { quantity, region, .. } => Overlap::of(targets, got, quantity, region),
+            _ => Overlap::default(),
         }
     }
 
@@ -113,10 +207,10 @@ impl Term {
         if wanted.occupancy < 0.0 {
             return TermAt::default();
         }
+        let m = wanted.occupancy;
         match *self {
-            Term::Mse { weight, soft } => {
-                let hard = if wanted.occupancy > 0.5 { 1.0 } else { 0.0 };
-                let m = if soft { wanted.occupancy } else { hard };
+            Term::Mse { weight, region } => {
+                let m = if region < 0.0 { m } else { f64::from(u8::from(is_inside(wanted, region))) };
                 let r = got.value - wanted.value;
                 TermAt {
                     value: m * r * r,
@@ -125,7 +219,7 @@ impl Term {
                 }
             }
             Term::Occupancy { weight, w0 } => {
-                let r = got.weight / (got.weight + w0) - wanted.occupancy;
+                let r = got.weight / (got.weight + w0) - m;
                 let slope = w0 / ((got.weight + w0) * (got.weight + w0));
                 TermAt {
                     value: r * r,
@@ -133,22 +227,48 @@ impl Term {
                     adjoint: Adjoint { value: 0.0, weight: weight * r * slope },
                 }
             }
-            Term::Dice { weight } => {
-                let (m, predicted, size) = (wanted.occupancy, predicted_mask(got.weight), overlap.size());
-                let half_slope = if size > 0.0 { (overlap.intersection / size - m) / size } else { 0.0 };
+            Term::Dice { weight, smoothing, region, quantity } => {
+                if !is_inside(wanted, region) {
+                    return TermAt::default();
+                }
+                let (p, t) = (quantity.predicted(got), quantity.wanted(wanted));
+                let size = overlap.size() + smoothing;
+                let whole = overlap.intersection + 0.5 * smoothing;
+                let half_slope = if size > 0.0 { (whole / size - t) / size } else { 0.0 };
                 TermAt {
-                    value: predicted + m - 2.0 * predicted * m,
-                    weight: predicted + m,
-                    adjoint: Adjoint { value: 0.0, weight: weight * half_slope * (-got.weight).exp() },
+                    value: p + t - 2.0 * p * t,
+                    weight: p + t,
+                    adjoint: quantity.adjoint(weight * half_slope, got),
                 }
             }
-            Term::Leak { weight } => {
-                let outside = 1.0 - wanted.occupancy;
+            Term::Leak { weight, power, region } => {
+                let outside = match region < 0.0 {
+                    true => 1.0 - m,
+                    false => f64::from(u8::from(!is_inside(wanted, region))),
+                };
+                let predicted = predicted_mask(got.weight);
+                let slope = f64::from(power) * predicted.powi(power - 1);
                 TermAt {
-                    value: outside * predicted_mask(got.weight),
+                    value: outside * predicted.powi(power),
                     weight: outside,
-                    adjoint: Adjoint { value: 0.0, weight: 0.5 * weight * outside * (-got.weight).exp() },
+                    adjoint: Quantity::Mask.adjoint(0.5 * weight * outside * slope, got),
                 }
+            }
+            Term::Square { weight, region } => {
+                if !is_inside(wanted, region) {
+                    return TermAt::default();
+                }
+                let r = predicted_mask(got.weight) - m;
+                TermAt { value: r * r, weight: 1.0, adjoint: Quantity::Mask.adjoint(weight * r, got) }
+            }
+            Term::Kl { weight, region, quantity } => {
+                if !is_inside(wanted, region) {
+                    return TermAt::default();
+                }
+                let (p, t) = (quantity.predicted(got), quantity.wanted(wanted).clamp(KL_LEAST, 1.0));
+                let kept = p.clamp(KL_LEAST, 1.0);
+                let slope = if p == kept { -0.5 * weight * t / p } else { 0.0 };
+                TermAt { value: t * (t / kept).ln(), weight: 1.0, adjoint: quantity.adjoint(slope, got) }
             }
         }
     }
@@ -156,9 +276,9 @@ impl Term {
 
 /// The adjoint of every sample: the sum over the terms.
 pub fn adjoints(terms: &[Term], targets: &[Target], got: &[Reconstruction]) -> Vec<Adjoint> {
-    let overlap = Overlap::of(targets, got);
     let mut out = vec![Adjoint::default(); targets.len()];
     for term in terms {
+        let overlap = term.overlap(targets, got);
         for ((sum, &t), &r) in out.iter_mut().zip(targets).zip(got) {
             let adjoint = term.at(t, r, &overlap).adjoint;
             sum.value += adjoint.value;
@@ -175,7 +295,7 @@ pub fn sums(
     got: &[Reconstruction],
     samples_per_sum: usize,
 ) -> Vec<[f64; 2]> {
-    let overlap = Overlap::of(targets, got);
+    let overlap = term.overlap(targets, got);
     let group = |(targets, got): (&[Target], &[Reconstruction])| {
         let mut sum = [0.0; 2];
         for (&t, &r) in targets.iter().zip(got) {

@@ -6,16 +6,21 @@
 
 use glam::DVec3;
 
-use super::splat_bounds::{amplitude, opacity, whitening};
+use super::splat_bounds::{amplitude, opacity, stretched_whitening};
 use super::splat_to_volume_grad::Moments;
 use super::{Gradient, Splat};
 use crate::splat::Kernel;
 
-/// The gradient of one splat.
+/// The gradient of one splat that is shaped in voxel space.
 pub fn moments_to_grad(splat: &Splat, moments: &Moments, kernel: Kernel) -> Gradient {
+    stretched(splat, moments, kernel, DVec3::ONE)
+}
+
+/// The gradient of one splat that is shaped in a space of which a unit is `stretch` voxels along each axis.
+pub fn stretched(splat: &Splat, moments: &Moments, kernel: Kernel, stretch: DVec3) -> Gradient {
     let (alpha, amplitude) = (opacity(splat), amplitude(splat, kernel));
     let peak_falls = if kernel.row().unit_integral { moments.s0 } else { 0.0 };
-    let u = whitening(splat);
+    let u = stretched_whitening(splat, stretch);
     let b = u * moments.s2 * u.transpose();
     let scale = splat.log_scale.exp();
     let turn = |i: usize, j: usize| b.col(i)[j] * (scale[i] / scale[j] - scale[j] / scale[i]);
@@ -34,7 +39,8 @@ mod tests {
 
     use super::*;
     use crate::reference::Adjoint;
-    use crate::reference::splat_bounds::footprint;
+    use crate::reference::splat_bounds::{footprint, stretched_footprint};
+    use crate::reference::splat_to_volume;
     use crate::reference::splat_to_volume_grad::{moments, splat_gradient};
     use crate::splat::kernel::KERNELS;
 
@@ -55,6 +61,23 @@ mod tests {
             folded.push(Adjoint { value: (x * 1.3 + y).sin(), weight: (z * 0.7 - y).cos() });
         }
         for kernel in KERNELS.map(|row| row.kernel) {
+            // A small rotation, a scale and a place do the same in a stretched space.
+            let stretch = DVec3::new(1.3, 0.8, 1.1);
+            let m = moments(&stretched_footprint(&splat, kernel, stretch), &positions, &folded, kernel);
+            let g = stretched(&splat, &m, kernel, stretch);
+            let sum = |splat: &Splat| -> f64 {
+                let f = stretched_footprint(splat, kernel, stretch);
+                let at = |(x, a): (&DVec3, &Adjoint)| {
+                    (a.value * splat.intensity + a.weight) * splat_to_volume::weight(&f, *x, kernel)
+                };
+                positions.iter().zip(&folded).map(at).sum()
+            };
+            for lane in 0..10 {
+                let h = 1e-6;
+                let difference = (sum(&splat.moved(lane, h)) - sum(&splat.moved(lane, -h))) / (2.0 * h);
+                let found = g.lanes()[lane];
+                assert!((found - difference).abs() < 1e-6 * (1.0 + found.abs()), "{}, {lane}", kernel.name());
+            }
             let m = moments(&footprint(&splat, kernel), &positions, &folded, kernel);
             assert_eq!(Moments::from_row(m.to_row()).to_row(), m.to_row());
             let by_moments = moments_to_grad(&splat, &m, kernel).lanes();

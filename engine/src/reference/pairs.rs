@@ -6,6 +6,7 @@
 use glam::{DVec3, UVec3};
 
 use super::{Footprint, Samples};
+use crate::splat::Kernel;
 use crate::volume::bricks::{NO_SLOT, SAMPLES};
 
 /// Slots, counted from the first of the chunk, of the bricks that hold a sample in the box of a footprint widened by
@@ -59,8 +60,15 @@ pub enum Reach {
 }
 
 /// `pair_masks`: bit m is set where a sample of cell m (2³ samples, Morton order) of a slot lies in the support of a
-/// splat, q < `support_q`.
-pub fn pair_mask(footprint: &Footprint, samples: &Samples, slot: usize, support_q: f64, reach: Reach) -> u64 {
+/// splat, q < `support_q`, where the kernel is not cut off.
+pub fn pair_mask(
+    footprint: &Footprint,
+    samples: &Samples,
+    slot: usize,
+    kernel: Kernel,
+    support_q: f64,
+    reach: Reach,
+) -> u64 {
     let mut cells = 0;
     for morton in 0..SAMPLES {
         let cell = morton / 8;
@@ -68,11 +76,13 @@ pub fn pair_mask(footprint: &Footprint, samples: &Samples, slot: usize, support_
         let inside = match reach {
             Reach::Active => {
                 samples.bricks.is_active(slot, morton)
+                    && kernel.reaches(d)
                     && (footprint.whitening * d).length_squared() < support_q
             }
             Reach::Widened(by) => {
                 let active = (0..8).any(|i| samples.bricks.is_active(slot, cell * 8 + i));
-                active && least_q(footprint, d, by) < support_q
+                let near = (d.abs() - by).max(DVec3::ZERO);
+                active && kernel.reaches(near) && least_q(footprint, d, by) < support_q
             }
         };
         if inside {

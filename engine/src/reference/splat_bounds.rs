@@ -6,10 +6,16 @@ use super::pairs::touched_slots;
 use super::{Footprint, Samples, Splat};
 use crate::splat::Kernel;
 
-/// S⁻¹Rᵀ: distance from the mean to whitened distance along the splat's own axes.
+/// S⁻¹Rᵀ: distance from the mean to whitened distance along the splat's own axes, for a splat shaped in voxel space.
 pub fn whitening(splat: &Splat) -> DMat3 {
+    stretched_whitening(splat, DVec3::ONE)
+}
+
+/// S⁻¹RᵀD⁻¹ with D = diag(`stretch`), voxels along each axis to a unit of the space in which the splat has its shape.
+pub fn stretched_whitening(splat: &Splat, stretch: DVec3) -> DMat3 {
     let inverse_scale = (-splat.log_scale).exp();
-    DMat3::from_diagonal(inverse_scale) * DMat3::from_quat(splat.rotation).transpose()
+    let rotation = DMat3::from_quat(splat.rotation).transpose();
+    DMat3::from_diagonal(inverse_scale) * rotation * DMat3::from_diagonal(stretch.recip())
 }
 
 /// α.
@@ -47,14 +53,19 @@ pub fn extent(splat: &Splat, support_q: f64) -> DVec3 {
     (support_q * variance).map(f64::sqrt)
 }
 
-/// The footprint of a splat.
+/// The footprint of a splat that is shaped in voxel space.
 pub fn footprint(splat: &Splat, kernel: Kernel) -> Footprint {
+    stretched_footprint(splat, kernel, DVec3::ONE)
+}
+
+/// The footprint of a splat that is shaped in a space of which a unit is `stretch` voxels along each axis.
+pub fn stretched_footprint(splat: &Splat, kernel: Kernel, stretch: DVec3) -> Footprint {
     Footprint {
         mean: splat.mean,
         amplitude: amplitude(splat, kernel),
-        whitening: triangular(&whitening(splat)),
+        whitening: triangular(&stretched_whitening(splat, stretch)),
         intensity: splat.intensity,
-        extent: extent(splat, kernel.support_q()),
+        extent: (stretch * extent(splat, kernel.support_q())).min(DVec3::splat(kernel.row().reach)),
     }
 }
 

@@ -7,8 +7,8 @@ use crate::splat::Kernel;
 
 /// w = a κ(q) of one splat at a sample.
 pub fn weight(footprint: &Footprint, position: DVec3, kernel: Kernel) -> f64 {
-    let u = footprint.whitening * (position - footprint.mean);
-    footprint.amplitude * kernel.value(u.length_squared())
+    let d = position - footprint.mean;
+    footprint.amplitude * kernel.cut_value(d, (footprint.whitening * d).length_squared())
 }
 
 /// All samples, all splats.

@@ -47,9 +47,9 @@ pub fn moments(footprint: &Footprint, positions: &[DVec3], folded: &[Adjoint], k
         let d = x - footprint.mean;
         let q = (footprint.whitening * d).length_squared();
         let h = adjoint.value * footprint.intensity + adjoint.weight;
-        m.s0 += h * kernel.value(q);
-        m.c0 += adjoint.value * kernel.value(q);
-        let he = h * kernel.slope(q);
+        m.s0 += h * kernel.cut_value(d, q);
+        m.c0 += adjoint.value * kernel.cut_value(d, q);
+        let he = h * kernel.cut_slope(d, q);
         m.s1 += he * d;
         m.s2 += DMat3::from_cols(he * d.x * d, he * d.y * d, he * d.z * d);
     }
@@ -65,7 +65,7 @@ pub fn splat_gradient(splat: &Splat, positions: &[DVec3], folded: &[Adjoint], ke
     for (&x, adjoint) in positions.iter().zip(folded) {
         let y = axes.transpose() * (x - splat.mean);
         let q = (y * y).dot(inverse_variance);
-        if q >= kernel.support_q() {
+        if q >= kernel.support_q() || !kernel.reaches(x - splat.mean) {
             continue;
         }
         let by_weight = adjoint.value * splat.intensity + adjoint.weight;

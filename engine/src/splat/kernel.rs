@@ -18,6 +18,9 @@ pub enum Kernel {
     /// The same κ at a peak of 1/((2π)^{3/2} s₁s₂s₃): before the cut its integral over space, in voxels, is 1. So w and
     /// what ε does to it depend on the size of a splat and on the voxels: a grid twice as fine has an eighth of w.
     Density = 2,
+    /// κ = exp(−q/2) σ((1.794 − √(q + 10⁻⁶))/0.75), the Gaussian of the paper's authors behind a soft gate at 1.794 σ, where
+    /// it would be 0.2; cut off 10 voxels from the mean along each axis of a volume.
+    Gated = 3,
 }
 
 /// Greatest ln of a peak: with it neither sums of w nor the gradient of the smallest splat leaves f32. It is reached at
@@ -32,6 +35,8 @@ pub struct KernelRow {
     pub name: &'static str,
     /// κ is 0 for q at or beyond this.
     pub support_q: f64,
+    /// In a volume κ is 0 beyond this distance from the mean along any axis, voxels; infinite for most.
+    pub reach: f64,
     /// Whether the peak depends on the scales, so that the profile integrates to 1 before its cut.
     pub unit_integral: bool,
     value: fn(f64) -> f64,
@@ -39,11 +44,12 @@ pub struct KernelRow {
 }
 
 /// Every kernel; the row's index is the kernel's id.
-pub const KERNELS: [KernelRow; 3] = [
+pub const KERNELS: [KernelRow; 4] = [
     KernelRow {
         kernel: Kernel::Compact,
         name: "compact",
         support_q: 6.0,
+        reach: f64::INFINITY,
         unit_integral: false,
         value: |q| (1.0 - q / 6.0).powi(3),
         slope: |q| (1.0 - q / 6.0).powi(2),
@@ -52,6 +58,7 @@ pub const KERNELS: [KernelRow; 3] = [
         kernel: Kernel::Gaussian,
         name: "gaussian",
         support_q: 9.0,
+        reach: f64::INFINITY,
         unit_integral: false,
         value: |q| (-0.5 * q).exp(),
         slope: |q| (-0.5 * q).exp(),
@@ -60,11 +67,27 @@ pub const KERNELS: [KernelRow; 3] = [
         kernel: Kernel::Density,
         name: "density",
         support_q: 9.0,
+        reach: f64::INFINITY,
         unit_integral: true,
         value: |q| (-0.5 * q).exp(),
         slope: |q| (-0.5 * q).exp(),
     },
+    KernelRow {
+        kernel: Kernel::Gated,
+        name: "gated",
+        // Where √q = 1.794 + 4 · 0.75: the gate has fallen to 0.018 and κ to 2·10⁻⁷.
+        support_q: 4.794 * 4.794,
+        reach: 10.0,
+        unit_integral: false,
+        value: |q| (-0.5 * q).exp() * gate(q),
+        slope: |q| (-0.5 * q).exp() * gate(q) * (1.0 + (1.0 - gate(q)) / (0.75 * (q + 1e-6).sqrt())),
+    },
 ];
+
+/// The gate of [`Kernel::Gated`].
+fn gate(q: f64) -> f64 {
+    1.0 / (1.0 + (((q + 1e-6).sqrt() - 1.794) / 0.75).exp())
+}
 
 impl Kernel {
     /// The row of this kernel in [`KERNELS`].
@@ -105,6 +128,22 @@ impl Kernel {
     /// κ(q) for q ≥ 0; 0 outside the support.
     pub fn value(self, q: f64) -> f64 {
         if q < self.support_q() { (self.row().value)(q) } else { 0.0 }
+    }
+
+    /// Whether a sample of a volume at `d` voxels from the mean is not cut off; the margin is that of the device, which
+    /// decides alike.
+    pub fn reaches(self, d: glam::DVec3) -> bool {
+        d.abs().max_element() <= self.row().reach + 1e-3
+    }
+
+    /// κ(q) at a sample of a volume, `d` voxels from the mean.
+    pub fn cut_value(self, d: glam::DVec3, q: f64) -> f64 {
+        if self.reaches(d) { self.value(q) } else { 0.0 }
+    }
+
+    /// −2·dκ/dq at a sample of a volume, `d` voxels from the mean.
+    pub fn cut_slope(self, d: glam::DVec3, q: f64) -> f64 {
+        if self.reaches(d) { self.slope(q) } else { 0.0 }
     }
 
     /// −2·dκ/dq for q ≥ 0, the factor of every gradient; 0 outside the support.
@@ -151,7 +190,8 @@ mod tests {
     fn slope_is_minus_two_times_the_derivative() {
         for row in &KERNELS {
             let kernel = row.kernel;
-            assert_eq!(kernel.value(0.0), 1.0, "{}: the peak is 1", row.name);
+            let peak = if kernel == Kernel::Gated { 0.916 } else { 1.0 };
+            assert!((kernel.value(0.0) - peak).abs() < 5e-4, "{}: the peak", row.name);
             assert_eq!(kernel.value(row.support_q), 0.0, "{}: no value at the border", row.name);
             assert_eq!(kernel.slope(row.support_q + 1.0), 0.0);
             let step = 1e-5;

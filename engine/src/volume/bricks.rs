@@ -136,7 +136,8 @@ impl Bricks {
             .collect()
     }
 
-    /// Voxel of the volume at a Morton place of a slot.
+    /// Returns the voxel at a Morton place of a slot, counted as the volume counts; it may lie beyond the faces of the
+    /// volume ([`Bricks::around_and_beyond`]).
     pub fn voxel(&self, slot: usize, morton: usize) -> IVec3 {
         self.origin + (self.coordinates[slot] * 8 + brick_voxel(morton)).as_ivec3()
     }

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
 use super::Volume;
@@ -139,6 +139,17 @@ impl Roi {
         }
         let inside = |v: &f32| f32::from(u8::from(v.is_finite() && (low..=high).contains(v)));
         Roi::new(volume.samples.iter().map(inside).collect(), volume)
+    }
+
+    /// Returns the weight of a voxel; 0 where the volume has none. The samples of a fit go on beyond the faces of the
+    /// volume ([`super::Bricks::around_and_beyond`]), so a sample's voxel may be negative or too large.
+    pub fn at(&self, voxel: IVec3) -> f32 {
+        let size = IVec3::from_array(self.size.map(|n| n as i32));
+        if voxel.cmplt(IVec3::ZERO).any() || voxel.cmpge(size).any() {
+            return 0.0;
+        }
+        let [x, y, z] = voxel.to_array().map(|c| c as usize);
+        self.weight[(z * self.size[1] + y) * self.size[0] + x]
     }
 
     /// Voxels with a positive weight.
@@ -505,6 +516,22 @@ mod tests {
         // Outside the region they do not matter.
         let outside = volume([4, 3, 2], |i| if i < 10 { 0.0 } else { f32::INFINITY });
         assert_eq!(Roi::from_mask(&mask, &LabelChoice::Whole, &outside).unwrap().voxel_count(), 10);
+    }
+
+    #[test]
+    fn beyond_the_volume_there_is_no_weight() {
+        let roi = Roi::new((0..24).map(|i| (i + 1) as f32 / 24.0).collect(), &ct()).unwrap();
+        for (i, &weight) in roi.weight.iter().enumerate() {
+            let voxel = IVec3::new(i as i32 % 4, i as i32 / 4 % 3, i as i32 / 12);
+            assert_eq!(roi.at(voxel), weight);
+            for axis in 0..3 {
+                for beyond in [-1, roi.size[axis] as i32] {
+                    let mut voxel = voxel;
+                    voxel[axis] = beyond;
+                    assert_eq!(roi.at(voxel), 0.0, "{voxel}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -35,7 +35,8 @@ fn measure(gpu: &Device) -> [f64; 2] {
             // At the cut-off of a Gaussian the sample may fall either way.
             let edge = |f: &Footprint| {
                 let q = (f.whitening * (positions[i] - f.mean)).length_squared();
-                (q - kernel.support_q()).abs() < 1e-4
+                let cut = (positions[i] - f.mean).abs().max_element() - kernel.row().reach;
+                (q - kernel.support_q()).abs() < 1e-4 || (cut - 1e-3).abs() < 1e-4
             };
             let idle = !scene.bricks.is_active(i / SAMPLES, i % SAMPLES);
             if idle || kernel != Kernel::Compact && footprints.iter().any(edge) {

@@ -11,7 +11,7 @@ use engine::volume::bricks::SAMPLES;
 use glam::{DVec3, IVec3, UVec3, Vec3};
 use rand::RngExt;
 use rayon::prelude::*;
-use shaders_glsl::types::{AdamParams, SplatGrad, Target};
+use shaders_glsl::types::{AdamParams, History, SplatGrad, Target};
 use vgs_tests::numerics::keep;
 use vgs_tests::sampling::some_splats;
 use vgs_tests::scene::{EPSILON, random, splat};
@@ -108,8 +108,8 @@ fn n15_a_thousand_gradients() {
         })
         .collect();
     let terms = [
-        Weighted { term: MSE, weight: 1.0, parameter: 0.0 },
-        Weighted { term: OCCUPANCY, weight: 0.3, parameter: 0.05 },
+        Weighted { region: 0.5, ..Weighted::default() },
+        Weighted { term: OCCUPANCY, weight: 0.3, parameter: 0.05, ..Weighted::default() },
     ];
     let positions = Samples::all(&bricks, [0.1, -0.2, 0.3]).positions();
     for (kernel, id) in [(Kernel::Compact, "N15a"), (Kernel::Gaussian, "N15b")] {
@@ -170,13 +170,14 @@ fn n18_gradients_that_are_no_numbers() {
         correction1: 5.0,
         correction2: 10.0,
         epsilon: 1e-15,
-        rate_mean: 0.2,
+        rate_mean: [0.2; 3],
         rate_rotation: 0.1,
         rate_log_scale: 0.1,
         rate_opacity: 0.2,
         rate_intensity: 0.02,
-        min_log_scale: -1.0,
-        max_log_scale: 2.0,
+        min_log_scale: [-1.0; 3],
+        max_log_scale: [2.0; 3],
+        scale_weight: 0.0,
         max_logit: 9.0,
         min_intensity: -5000.0,
         max_intensity: 5000.0,
@@ -186,6 +187,8 @@ fn n18_gradients_that_are_no_numbers() {
         let mut adam = Adam::new(&gpu).expect("a kernel");
         let mut state = State::zeroed(&gpu, 200).expect("moments");
         state.splats.write_range(0, &splats).expect("splats");
+        let free = History { gradient_norm: 0.0, log_scale_cap: engine::passes::adam::NO_CAP };
+        state.histories.write_range(0, &[free; 200]).expect("histories");
         let needs = gpu.buffer::<u32>("pair totals", "test", 1).expect("totals");
         let gradients = gpu.upload("gradients", "test", rows).expect("gradients");
         let mut recorder = gpu.record().expect("a recorder");

@@ -55,7 +55,7 @@ fn n25_the_range_of_a_psnr() {
     let count = volume.len() as f64;
     let mut off = 0.0f64;
     for range in [[90.0f32, 30_000.0], [-1024.0, 3071.0]] {
-        let protocol = Protocol { offsets: vec![], range, shell: 1 };
+        let protocol = Protocol { offsets: vec![], range, shell: 1, threshold: 0.0 };
         let e = evaluate(&gpu, &[wide], &flat, &volume, &whole(&volume), &protocol).expect("an evaluation");
         assert_eq!(e.range, range, "the range is told");
         let top = 30_000f64.min(f64::from(range[1]));
@@ -65,7 +65,7 @@ fn n25_the_range_of_a_psnr() {
     }
     keep("N25a", off);
     let exact = cube(12, |_| 100.0);
-    let protocol = Protocol { offsets: vec![[0.2; 3]], range: [-1024.0, 3071.0], shell: 1 };
+    let protocol = Protocol { offsets: vec![[0.2; 3]], range: [-1024.0, 3071.0], shell: 1, threshold: 0.0 };
     let e = evaluate(&gpu, &[wide], &flat, &exact, &whole(&exact), &protocol).expect("an evaluation");
     let finite = [e.on_grid.psnr_db, e.worst_psnr_db()].iter().filter(|v| **v != f64::INFINITY).count();
     keep("N25b", finite as f64);
@@ -97,11 +97,11 @@ fn n26_small_and_large_regions() {
                 }
             })
             .collect();
-        let terms = [Weighted { term: MSE, weight: 1.0, parameter: 0.0 }];
+        let terms = [Weighted { region: 0.5, ..Weighted::default() }];
         let pass = step::run_with(&gpu, &bricks, &splats, &targets, Kernel::Compact, [0.0; 3], &terms);
         let targets: Vec<reference::Target> = targets.iter().map(Into::into).collect();
         let got: Vec<reference::Reconstruction> = pass.reconstructions.iter().map(Into::into).collect();
-        let wanted = loss::sums(&Term::Mse { weight: 1.0, soft: false }, &targets, &got, targets.len());
+        let wanted = loss::sums(&Term::Mse { weight: 1.0, region: 0.5 }, &targets, &got, targets.len());
         assert_eq!(pass.sums[0].weight, wanted[0][1], "Σ m");
         sum_off = sum_off.max((pass.sums[0].value / wanted[0][0] - 1.0).abs());
     }

@@ -20,7 +20,7 @@ fn run(gpu: &Device, case: &Case) -> (f64, usize) {
     let field = case.config.field(fitter.scaling().background);
     // What a fit does not look at does not count: metal is clipped to the range of the fit.
     let (low, high) = fitter.scaling().range;
-    let protocol = Protocol { offsets: vec![[0.3, -0.2, 0.4]], range: [low, high], shell: 2 };
+    let protocol = Protocol { offsets: vec![[0.3, -0.2, 0.4]], range: [low, high], shell: 2, threshold: 0.0 };
     let e = evaluate(gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation");
     assert!(e.on_grid.occupancy_rmse.is_finite() && e.on_grid.soft_dice > 0.5, "{:?}", e.on_grid);
     let set = SplatSet::from_voxel(&splats, &case.volume.world_from_voxel, field);

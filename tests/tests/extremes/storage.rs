@@ -57,7 +57,7 @@ fn n11_halves() {
             .read(&reconstructions)
             .write(&mut adjoints)
             .write(&mut sums)
-            .push(&LossParams { weight, parameter: 0.0, epsilon: EPSILON })
+            .push(&Weighted { weight, region: 0.5, ..Weighted::default() }.params(EPSILON))
             .dispatch(1);
         gpu.wait(recorder.submit().expect("submitting")).expect("waiting");
         let got = Storage::Mixed.unpack::<[f32; 2]>(&adjoints.read().expect("adjoints"));

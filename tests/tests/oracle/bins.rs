@@ -6,6 +6,7 @@
 use engine::gpu::{Gpu, Kernel};
 use engine::reference::{Footprint, Samples, pairs, scan, splat_bounds as twin};
 use engine::splat::kernel::{KERNELS, KernelRow};
+use glam::DVec3;
 use rand::RngExt;
 use shaders_glsl::types::{self, Grid, PairParams, RangeParams, SplatParams};
 use vgs_tests::scene::random;
@@ -44,13 +45,23 @@ fn samples<'a>(scene: &'a Scene, slots: &std::ops::Range<usize>) -> Samples<'a> 
 
 /// Footprints and pair counts as the device finds them.
 fn bounds(gpu: &Gpu, scene: &Scene, slots: &std::ops::Range<usize>) -> (Vec<types::Footprint>, Vec<u32>) {
+    stretched_bounds(gpu, scene, slots, [1.0; 3])
+}
+
+/// The same of splats that are shaped in a space of which a unit is so many voxels along each axis.
+fn stretched_bounds(
+    gpu: &Gpu,
+    scene: &Scene,
+    slots: &std::ops::Range<usize>,
+    stretch: [f32; 3],
+) -> (Vec<types::Footprint>, Vec<u32>) {
     let kernel = Kernel::new(gpu, &shaders_glsl::SPLAT_BOUNDS, &[scene.kernel.id()]).unwrap();
     let count = scene.splats.len();
     let splats = gpu.upload("splats", "test", &scene.splats).unwrap();
     let table = gpu.upload("slots", "test", &scene.bricks.slots).unwrap();
     let mut footprints = gpu.buffer("footprints", "test", count).unwrap();
     let mut counts = gpu.buffer("pair counts", "test", count).unwrap();
-    let params = SplatParams { grid: grid(scene, slots), splat_count: count as u32, capacity: 0 };
+    let params = SplatParams { grid: grid(scene, slots), splat_count: count as u32, capacity: 0, stretch };
     run(gpu, |r| {
         r.pass(&kernel)
             .read(&splats)
@@ -65,11 +76,14 @@ fn bounds(gpu: &Gpu, scene: &Scene, slots: &std::ops::Range<usize>) -> (Vec<type
 
 pub fn splat_bounds() {
     let gpu = Device::boot();
-    for (scene, slots) in scenes() {
-        let (got, counts) = bounds(&gpu, &scene, &slots);
+    let stretches = [[1.0; 3], [1.7, 0.6, 2.5]];
+    for ((scene, slots), stretch) in scenes().into_iter().flat_map(|s| stretches.map(|d| (s.clone(), d))) {
+        let (got, counts) = stretched_bounds(&gpu, &scene, &slots, stretch);
         let samples = samples(&scene, &slots);
         let splats = scene.splats64();
-        let wanted: Vec<Footprint> = splats.iter().map(|s| twin::footprint(s, scene.kernel)).collect();
+        let stretch = DVec3::from_array(stretch.map(f64::from));
+        let footprint = |s: &_| twin::stretched_footprint(s, scene.kernel, stretch);
+        let wanted: Vec<Footprint> = splats.iter().map(footprint).collect();
         let got64: Vec<Footprint> = got.iter().map(Into::into).collect();
         assert_close(
             "splat_bounds: amplitude",
@@ -95,11 +109,14 @@ pub fn splat_bounds() {
             let found = counts[i] as usize;
             assert!((least..=most).contains(&found), "splat {i}: {found} bricks, twin {least} to {most}");
         }
-        assert_eq!(counts[1..3], [0, 0], "splats far outside reach nothing");
+        if stretch == DVec3::ONE {
+            assert_eq!(counts[1..3], [0, 0], "splats far outside reach nothing");
+        }
+        let whole = counts[4] as usize == slots.len();
         assert_eq!(
-            counts[4] as usize,
-            slots.len(),
-            "a splat over everything reaches every brick of the chunk"
+            whole,
+            scene.kernel.row().reach.is_infinite(),
+            "a splat over everything reaches every brick of the chunk, unless it is cut off"
         );
         assert!(counts.contains(&1) && counts.iter().any(|&n| n > 7), "the scene has small and large ones");
     }
@@ -122,6 +139,7 @@ pub fn emit_pairs() {
                 grid: grid(&scene, &slots),
                 splat_count: counts.len() as u32,
                 capacity: capacity as u32,
+                stretch: [1.0; 3],
             };
             run(&gpu, |r| {
                 r.pass(&kernel)
@@ -225,10 +243,13 @@ pub fn pair_masks() {
         for (i, [low, high]) in masks.read().unwrap().as_chunks::<2>().0.iter().enumerate() {
             let footprint = &footprints64[values[i] as usize];
             let slot = keys[i] as usize + slots.start;
-            let least =
-                pairs::pair_mask(footprint, &samples, slot, support * (1.0 - 1e-5), pairs::Reach::Active);
+            let least = {
+                let inside = support * (1.0 - 1e-5);
+                pairs::pair_mask(footprint, &samples, slot, scene.kernel, inside, pairs::Reach::Active)
+            };
             let reach = pairs::Reach::Widened(OUTSIDE);
-            let most = pairs::pair_mask(footprint, &samples, slot, support * (1.0 + 1e-5), reach);
+            let outside = support * (1.0 + 1e-5);
+            let most = pairs::pair_mask(footprint, &samples, slot, scene.kernel, outside, reach);
             let found = u64::from(*low) | u64::from(*high) << 32;
             assert_eq!(least & !found, 0, "pair {i}: cells are missing: {found:x}, twin {least:x}");
             assert_eq!(found & !most, 0, "pair {i}: cells are too many: {found:x}, twin {most:x}");

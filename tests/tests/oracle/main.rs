@@ -38,7 +38,7 @@ macro_rules! oracle {
 oracle! {
     sorting: scan_sums scan_offsets scan_apply radix_count radix_scatter sum_triples;
     bins: splat_bounds emit_pairs brick_ranges pair_masks cell_masks;
-    volume: splat_to_volume overlap_sums loss_mse loss_occupancy loss_dice loss_leak splat_to_volume_grad
+    volume: splat_to_volume overlap_sums loss_mse loss_occupancy loss_dice loss_leak loss_square loss_kl splat_to_volume_grad
         moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
     quads: project_quads;

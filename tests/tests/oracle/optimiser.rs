@@ -6,7 +6,7 @@ use engine::reference::{adam as twin, rows};
 use engine::splat::Splat;
 use rand::RngExt;
 use rand_pcg::Pcg64;
-use shaders_glsl::types::{AdamParams, SplatGrad};
+use shaders_glsl::types::{AdamParams, History, SplatGrad};
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
 
@@ -17,7 +17,7 @@ struct State {
     first: Vec<SplatGrad>,
     second: Vec<SplatGrad>,
     frozen: u32,
-    norms: Vec<f32>,
+    histories: Vec<History>,
 }
 
 fn params(count: usize) -> AdamParams {
@@ -30,13 +30,14 @@ fn params(count: usize) -> AdamParams {
         correction1: 1.7,
         correction2: 3.1,
         epsilon: 1e-15,
-        rate_mean: 0.2,
+        rate_mean: [0.2, 0.3, 0.1],
         rate_rotation: 0.12,
         rate_log_scale: 0.11,
         rate_opacity: 0.21,
         rate_intensity: 0.02,
-        min_log_scale: -0.9,
-        max_log_scale: 1.5,
+        min_log_scale: [-0.9, -0.7, -1.1],
+        max_log_scale: [1.5, 1.2, 1.0],
+        scale_weight: 0.03,
         max_logit: 4.5,
         min_intensity: -0.45,
         max_intensity: 0.4,
@@ -58,7 +59,7 @@ fn step(
     let mut second = gpu.upload("second", "test", &state.second).unwrap();
     let totals = gpu.upload("pair totals", "test", pair_totals).unwrap();
     let mut frozen = gpu.upload("frozen", "test", &[state.frozen]).unwrap();
-    let mut norms = gpu.upload("norms", "test", &state.norms).unwrap();
+    let mut histories = gpu.upload("histories", "test", &state.histories).unwrap();
     run(gpu, |r| {
         r.pass(&kernel)
             .read(&gradients)
@@ -67,7 +68,7 @@ fn step(
             .write(&mut second)
             .read(&totals)
             .write(&mut frozen)
-            .write(&mut norms)
+            .write(&mut histories)
             .push(params)
             .dispatch(params.splat_count.div_ceil(64));
     });
@@ -76,7 +77,7 @@ fn step(
         first: first.read().unwrap(),
         second: second.read().unwrap(),
         frozen: frozen.read().unwrap()[0],
-        norms: norms.read().unwrap(),
+        histories: histories.read().unwrap(),
     }
 }
 
@@ -97,7 +98,13 @@ pub fn adam() {
         first: (0..count).map(|_| row(&mut rng, -0.1, 0.1)).collect(),
         second: (0..count).map(|_| row(&mut rng, 0.0, 0.02)).collect(),
         frozen: 3,
-        norms: (0..count).map(|_| rng.random_range(0.0..2.0)).collect(),
+        histories: (0..count)
+            .map(|i| History {
+                gradient_norm: rng.random_range(0.0..2.0),
+                // Some below the least scale, some between, some far beyond the greatest.
+                log_scale_cap: [-1.5, 0.3, 1e30][i % 3],
+            })
+            .collect(),
     };
     let mut gradients: Vec<SplatGrad> = (0..count).map(|_| row(&mut rng, -0.5, 0.5)).collect();
     for (i, row) in gradients.iter_mut().enumerate() {
@@ -121,13 +128,14 @@ pub fn adam() {
             splat: (&state.splats[i]).into(),
             first: (&state.first[i]).into(),
             second: (&state.second[i]).into(),
-            gradient_norm: f64::from(state.norms[i]),
+            gradient_norm: f64::from(state.histories[i].gradient_norm),
+            log_scale_cap: f64::from(state.histories[i].log_scale_cap),
         };
         let Some(want) = twin::adam(&before, &gradient.into(), &params) else {
             frozen += 1;
             assert_eq!(got.splats[i], state.splats[i], "splat {i} is frozen");
             assert_eq!((got.first[i], got.second[i]), (state.first[i], state.second[i]), "and its moments");
-            assert_eq!(got.norms[i], state.norms[i], "and its norm");
+            assert_eq!(got.histories[i], state.histories[i], "and its history");
             continue;
         };
         let splat: engine::reference::Splat = (&got.splats[i]).into();
@@ -152,7 +160,8 @@ pub fn adam() {
         let first: engine::reference::Gradient = (&got.first[i]).into();
         let second: engine::reference::Gradient = (&got.second[i]).into();
         moments.extend(first.lanes().into_iter().zip(want.first.lanes()));
-        norms.push((f64::from(got.norms[i]), want.gradient_norm));
+        norms.push((f64::from(got.histories[i].gradient_norm), want.gradient_norm));
+        assert_eq!(got.histories[i].log_scale_cap, state.histories[i].log_scale_cap);
         squares.extend(second.lanes().into_iter().zip(want.second.lanes()));
     }
     assert_close("adam: parameters", Bound::new(5e-7, 5e-7), splats);
@@ -166,7 +175,7 @@ pub fn adam() {
         let void = step(&gpu, &state, &gradients, &too_many, &params);
         assert_eq!(void.splats, state.splats);
         assert!(void.first == state.first && void.second == state.second && void.frozen == state.frozen);
-        assert_eq!(void.norms, state.norms);
+        assert_eq!(void.histories, state.histories);
     }
 }
 

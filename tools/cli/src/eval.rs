@@ -181,6 +181,7 @@ impl Arguments {
                 offsets: evaluate::random_offsets(self.offsets as usize, self.seed),
                 range: self.range.unwrap_or_else(|| case.full_range()),
                 shell: self.shell,
+                threshold: 0.0,
             },
         )
     }

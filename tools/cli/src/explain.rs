@@ -162,7 +162,7 @@ fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<Errors> {
         &there
     };
     let range = plan.protocol.as_ref().map_or_else(|| native.full_range(), |p| p.range);
-    let protocol = Protocol { offsets: Vec::new(), range, shell: plan.config.shell };
+    let protocol = Protocol { offsets: Vec::new(), range, shell: plan.config.shell, threshold: 0.0 };
     let found = evaluate::evaluate(plan.gpu, splats, &plan.field, &native.volume, &native.roi, &protocol)?;
     Ok(Errors { rmse_hu: found.on_grid.rmse_hu, p99_hu: found.on_grid.p99_hu })
 }

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use engine::fit::evaluate::{self, Evaluation};
 use engine::fit::labels::label;
-use engine::fit::{FitConfig, Scaling};
+use engine::fit::{FitConfig, IntensityRange, Scaling, region_range};
 use engine::output::write_atomic;
 use engine::splat::{self, Splat, SplatSet};
 use engine::{Error, Kind, Result};
@@ -149,8 +149,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     };
     let protocol = (!arguments.no_eval).then(|| evaluate::Protocol {
         offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
-        range: arguments.eval_range.unwrap_or_else(|| case.full_range()),
+        range: arguments.eval_range.unwrap_or_else(|| match config.range {
+            IntensityRange::Auto => case.full_range(),
+            IntensityRange::Roi => region_range(&case.volume, &case.roi, config.region_threshold).into(),
+        }),
         shell: config.shell,
+        threshold: config.region_threshold,
     });
     let before = start.elapsed();
     let schedule = arguments.schedule(&settings, before);

@@ -10,7 +10,7 @@ const LEAST_CELL: f32 = 1e-4;
 const END: u32 = u32::MAX;
 
 /// Points in cubic cells; a cell's points form a chain, and cells share buckets by hash.
-pub(super) struct PointGrid {
+pub(in crate::fit) struct PointGrid {
     cell: f32,
     /// Each point, and the next one in its chain: together, for one access to memory.
     points: Vec<([f32; 3], u32)>,

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::density::Density;
 use super::intensity::intensity;
-use super::{InitConfig, prototype};
+use super::{InitConfig, prototype, set_opacity};
 use crate::fit::ScaleUnit;
 use crate::splat::space::reshaped;
 use crate::splat::{Activations, Splat};
@@ -40,7 +40,8 @@ pub(super) fn initialise(
     let mut scale = || config.scale_min + span * rng.random::<f32>();
     let scales: Vec<[f32; 3]> = (0..count).map(|_| [scale(), scale(), scale()]).collect();
     let millimetres = match config.unit {
-        ScaleUnit::Voxel => None,
+        // In the box scales and directions are those of the box.
+        ScaleUnit::Voxel | ScaleUnit::Box => None,
         ScaleUnit::Spacing => Some(Millimetres::of(volume)),
     };
     let turns = (config.orientation.run)(&density, &means, millimetres.as_ref().map(|m| &m.per_mm));
@@ -61,6 +62,7 @@ pub(super) fn initialise(
                 }
             }
             splat.intensity = intensity(volume, &density, &splat, config.footprint);
+            set_opacity(&mut splat, roi, config);
             splat
         })
         .collect()

@@ -64,7 +64,7 @@ pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
 }
 
 /// Which splats have at least this opacity; where none has, the one with the most stays.
-fn staying(splats: &[Splat], least: f32) -> Vec<bool> {
+pub(super) fn staying(splats: &[Splat], least: f32) -> Vec<bool> {
     let mut stays: Vec<bool> = splats.iter().map(|s| s.opacity() >= least).collect();
     if !stays.contains(&true) {
         // The first of several: `min_by` keeps it, `max_by` would not.
@@ -101,7 +101,7 @@ fn child(scene: &Scene, parent: &Splat, random: &mut Pcg64) -> Splat {
 }
 
 /// A standard normal number (Box and Muller).
-fn normal(random: &mut Pcg64) -> f64 {
+pub(super) fn normal(random: &mut Pcg64) -> f64 {
     // 1 - u lies in (0, 1], where the logarithm is finite.
     let radius = (-2.0 * (1.0 - random.random::<f64>()).ln()).sqrt();
     radius * (TAU * random.random::<f64>()).cos()

@@ -80,7 +80,8 @@ fn score(bricks: &Bricks, terms: &[Term], splat: &Splat, kernel: Kernel) -> f64 
             if discriminant > 0.0 {
                 let row = range(mean[0] - b / a, discriminant.sqrt() / a, 0);
                 sum += along_row(bricks, terms, row, [y, z], f64::from(splat.intensity), |x| {
-                    kernel.value((v + step[0] * (f64::from(x) - mean[0])).length_squared())
+                    let d = DVec3::new(f64::from(x), f64::from(y), f64::from(z)) - DVec3::from_array(mean);
+                    kernel.cut_value(d, (v + step[0] * d.x).length_squared())
                 });
             }
         }

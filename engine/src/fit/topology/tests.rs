@@ -45,7 +45,7 @@ impl World {
     }
 
     fn of(volume: Volume, roi: Roi, splats: Vec<Splat>, config: FitConfig) -> World {
-        let bricks = Bricks::around(&roi, 2);
+        let bricks = Bricks::around_and_beyond(&roi, 2);
         let mut world = World {
             scaling: Scaling::new(&volume, &roi, &config),
             norms: vec![0.0; splats.len()],

@@ -21,6 +21,8 @@ pub enum Range {
     MinMax,
     /// -1024..3071 HU, that of the prototype's figures.
     Hu,
+    /// Least to greatest value of the region, that of the authors' code.
+    Roi,
 }
 
 /// One run, all of it: two jobs with the same fields give the same figures on the same device.

@@ -21,6 +21,8 @@ pub struct Place {
     pub aspect: f64,
     /// Least and greatest value of the whole volume.
     pub range: [f32; 2],
+    /// Least and greatest value of the region, where the mask is above 1 %.
+    pub region_range: [f32; 2],
 }
 
 impl Place {
@@ -31,6 +33,7 @@ impl Place {
             voxels: scene.roi.weight_sum(),
             bricks: Bricks::around(&scene.roi, 4).len(),
             aspect: (spacing.element_sum() / 3.0).powi(3) / spacing.element_product(),
+            region_range: engine::fit::region_range(&scene.volume, &scene.roi, 0.01).into(),
             range: scene.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default(),
             scene,
         }

@@ -2,12 +2,14 @@
 //!
 //! A *run* is a fit of one row with one profile (`job`, `plan`), measured on the way (`runs`) and kept as a file
 //! ([`crate::store`]), so that nothing is computed twice. Reports are made from the files and written after every run
-//! (`tables`, `studies`, `plot`). `published` has the paper's figures, `prototype` those of a CPU prototype, and
+//! (`tables`, `studies`, `plot`). `published` has the paper's figures, `prototype` those of a CPU prototype, `peer` those of
+//! the authors' own code, and
 //! `baselines` compares downsampled volumes, which need no fit.
 
 mod baselines;
 pub mod job;
 pub mod library;
+pub mod peer;
 mod plan;
 mod plot;
 pub mod progress;
@@ -48,6 +50,8 @@ pub enum Section {
     Density,
     /// --profile paper against a prototype, and what its choices are worth
     Findings,
+    /// --profile reference beside the authors' own code, and what each difference from the paper's text is worth
+    Reference,
 }
 
 #[derive(Args)]
@@ -190,6 +194,10 @@ impl Report<'_> {
                 Section::Findings => {
                     let fidelity = studies::fidelity(&plan.fidelity, results).markdown();
                     format!("{fidelity}\n{}", studies::findings(&plan.findings, results).markdown())
+                }
+                Section::Reference => {
+                    let peers = peer::table(&plan.peers, results).markdown();
+                    format!("{peers}\n{}", peer::differences(&plan.differences, results).markdown())
                 }
             };
             text += &format!("\n{made}");

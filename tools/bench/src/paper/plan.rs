@@ -4,11 +4,11 @@ use engine::Result;
 use engine::fit::{FitConfig, Profile};
 use engine::splat::Kernel;
 
-use super::Section;
 use super::job::{HELD_OUT, Job, MEASURE_EVERY, Range};
 use super::library::Library;
 use super::prototype::{self, FIDELITY, FINDINGS, SUBSET_SHARE, SWEEPS, Variant};
 use super::published::{self, CASES, Loss, TABLE_4, TABLE_4_ROW, Training};
+use super::{Section, peer};
 
 /// How much of everything is run.
 pub struct Effort {
@@ -88,6 +88,8 @@ pub struct Row {
     pub training: &'static Training,
     /// With `--profile paper`.
     pub paper: Job,
+    /// With `--profile reference`, over the range of the region.
+    pub reference: Job,
     /// With the default profile.
     pub ours: Job,
 }
@@ -100,6 +102,8 @@ pub struct LossRow {
     pub what: &'static str,
     /// With `--profile paper`.
     pub paper: Job,
+    /// With `--profile reference`, over the range of the region.
+    pub reference: Job,
     /// With the default profile.
     pub ours: Job,
 }
@@ -127,6 +131,10 @@ pub struct Plan {
     pub fidelity: Vec<(&'static prototype::Fidelity, Job)>,
     /// Findings.
     pub findings: Vec<(&'static prototype::Finding, Job)>,
+    /// `--profile reference` beside the authors' own code.
+    pub peers: Vec<(&'static peer::Peer, Job)>,
+    /// What each difference between the two profiles is worth.
+    pub differences: Vec<(&'static peer::Difference, Job)>,
 }
 
 /// What all jobs of a plan share.
@@ -155,6 +163,10 @@ impl Plan {
             plan.fidelity = planner.fidelity()?;
             plan.findings = planner.findings()?;
         }
+        if wanted(&[Section::Reference]) {
+            plan.peers = planner.peers()?;
+            plan.differences = planner.differences()?;
+        }
         for job in plan.jobs(sections) {
             job.check()?;
         }
@@ -166,8 +178,10 @@ impl Plan {
         let table_4 = sections.contains(&Section::Table4);
         let mut jobs: Vec<&Job> = Vec::new();
         jobs.extend(self.fidelity.iter().map(|(_, job)| job));
-        jobs.extend(self.rows.iter().flat_map(|row| [&row.paper, &row.ours]));
-        jobs.extend(self.losses.iter().filter(|_| table_4).map(|row| &row.paper));
+        jobs.extend(self.rows.iter().flat_map(|row| [&row.paper, &row.reference, &row.ours]));
+        jobs.extend(self.losses.iter().filter(|_| table_4).flat_map(|row| [&row.paper, &row.reference]));
+        jobs.extend(self.peers.iter().map(|(_, job)| job));
+        jobs.extend(self.differences.iter().map(|(_, job)| job));
         jobs.extend(self.losses.iter().map(|row| &row.ours));
         jobs.extend(self.findings.iter().map(|(_, job)| job));
         jobs.extend(self.sweeps.iter().flat_map(|row| [&row.paper, &row.ours]));
@@ -205,6 +219,46 @@ impl Planner<'_> {
         Ok(self.job(CASES[case].folder, CASES[case].file, profile, config, Range::MinMax))
     }
 
+    /// The same by the authors' code. Their reference command keeps the number of splats.
+    fn reference_row(&self, case: usize, splats: Count, subset: Count) -> Result<Job> {
+        let profile = Profile::named("reference")?;
+        let config = FitConfig {
+            splats: splats.ours,
+            subset: subset.ours,
+            iterations: self.effort.paper_iterations,
+            ..profile.config()?
+        };
+        Ok(self.job(CASES[case].folder, CASES[case].file, profile, config, Range::Roi))
+    }
+
+    /// `--profile reference` on the case of the authors' figures, over the range of its region.
+    fn peer(&mut self, splats: usize, iterations: u32) -> Result<Job> {
+        let profile = Profile::named("reference")?;
+        let config = FitConfig { splats, iterations, ..profile.config()? };
+        Ok(self.job(SWEEPS[0].folder, SWEEPS[0].mask, profile, config, Range::Roi))
+    }
+
+    fn peers(&mut self) -> Result<Vec<(&'static peer::Peer, Job)>> {
+        let mut rows = Vec::new();
+        for row in peer::PEERS.iter().filter(|row| !self.effort.quick || row.splats < 5000) {
+            let mut job = self.peer(row.splats, row.iterations())?;
+            (row.change)(&mut job.config);
+            rows.push((row, job));
+        }
+        Ok(rows)
+    }
+
+    fn differences(&mut self) -> Result<Vec<(&'static peer::Difference, Job)>> {
+        let mut rows = Vec::new();
+        for row in peer::DIFFERENCES {
+            let mut job = self.peer(peer::PEERS[0].splats, peer::DIFFERENCE_ITERATIONS)?;
+            peer::learned(&mut job.config);
+            (row.change)(&mut job.config);
+            rows.push((row, job));
+        }
+        Ok(rows)
+    }
+
     fn default_row(&self, case: usize, splats: Count) -> Result<Job> {
         let profile = Profile::named("default")?;
         let config = FitConfig {
@@ -229,6 +283,7 @@ impl Planner<'_> {
             subset,
             training,
             paper: self.paper_row(case, splats, subset, training)?,
+            reference: self.reference_row(case, splats, subset)?,
             ours: self.default_row(case, splats)?,
         })
     }
@@ -240,13 +295,21 @@ impl Planner<'_> {
 
     fn losses(&mut self) -> Result<Vec<LossRow>> {
         let (case, splats) = TABLE_4_ROW;
-        let Row { paper, ours, .. } = self.row(case, splats)?;
+        let Row { paper, reference, ours, .. } = self.row(case, splats)?;
         Ok(TABLE_4
             .iter()
             .map(|loss| {
-                let mut row = LossRow { loss, what: "", paper: paper.clone(), ours: ours.clone() };
-                row.paper.config.mask_weight = loss.mask;
-                row.paper.config.mse_weight = loss.ct;
+                let mut row = LossRow {
+                    loss,
+                    what: "",
+                    paper: paper.clone(),
+                    reference: reference.clone(),
+                    ours: ours.clone(),
+                };
+                for job in [&mut row.paper, &mut row.reference] {
+                    job.config.mask_weight = loss.mask;
+                    job.config.mse_weight = loss.ct;
+                }
                 match (loss.mask > 0.0, loss.ct > 0.0) {
                     (true, true) => row.what = "intensity and occupancy",
                     (false, _) => {
@@ -363,10 +426,11 @@ mod tests {
         // Of Table 4 the first column pair is a row of Table 2; the sweep has the fidelity rows (3) and the findings its
         // full batch at 0.02, which at 0.1 goes on for longer.
         let jobs = all.jobs(Section::value_variants());
-        assert_eq!(jobs.len(), 2 * 14 + 2 * 2 + 2 * 12 + 13 - 1, "no run twice");
+        let peers = peer::PEERS.len() + peer::DIFFERENCES.len();
+        assert_eq!(jobs.len(), 3 * 14 + 3 * 2 + 1 + 2 * 12 + 13 - 1 + peers, "no run twice");
         let of = |sections: &[Section]| plan(sections, &Effort::FULL).jobs(sections).len();
-        assert_eq!((of(&[Section::Table2]), of(&[Section::Table6, Section::Table2])), (28, 28));
-        assert_eq!((of(&[Section::Table4]), of(&[Section::Ablation]), of(&[Section::Table3])), (6, 3, 0));
+        assert_eq!((of(&[Section::Table2]), of(&[Section::Table6, Section::Table2])), (42, 42));
+        assert_eq!((of(&[Section::Table4]), of(&[Section::Ablation]), of(&[Section::Table3])), (9, 3, 0));
         assert!(plan(Section::value_variants(), &Effort::QUICK).jobs(Section::value_variants()).len() < 40);
     }
 

@@ -272,6 +272,7 @@ impl Bench<'_> {
         match self.job.range {
             Range::MinMax => self.place.range,
             Range::Hu => [-1024.0, 3071.0],
+            Range::Roi => self.place.region_range,
         }
     }
 
@@ -285,6 +286,7 @@ impl Bench<'_> {
             range: self.range(),
             // The intensity error is that of the ROI: without the shell it is the same and cheaper.
             shell: if is_last { self.job.config.shell } else { 0 },
+            threshold: self.job.config.region_threshold,
         };
         let scene = &self.place.scene;
         evaluate::evaluate(self.judge, splats, &self.field, &scene.volume, &scene.roi, &protocol)
@@ -394,7 +396,7 @@ pub mod tests {
             &c.init(),
         );
         let scaling = engine::fit::Scaling::new(&place.scene.volume, &place.scene.roi, c);
-        let protocol = Protocol { offsets: Vec::new(), range: place.range, shell: 0 };
+        let protocol = Protocol { offsets: Vec::new(), range: place.range, shell: 0, threshold: 0.0 };
         let field = c.field(scaling.background);
         let scene = &place.scene;
         let expected = evaluate::evaluate(&judge, &first, &field, &scene.volume, &scene.roi, &protocol);

@@ -243,7 +243,13 @@ mod tests {
     #[test]
     fn every_row_has_a_cell_for_every_column() {
         let sweep = SweepRow { known: &SWEEPS[0].densities[2], paper: job(1), ours: job(2) };
-        let loss = LossRow { loss: &published::TABLE_4[0], what: "w", paper: job(1), ours: job(2) };
+        let loss = LossRow {
+            loss: &published::TABLE_4[0],
+            what: "w",
+            paper: job(1),
+            reference: job(3),
+            ours: job(2),
+        };
         let mut results = Results::default();
         for done in [false, true] {
             if done {
