@@ -11,6 +11,7 @@ pub mod evaluate;
 pub mod init;
 pub mod labels;
 mod pause;
+pub mod place;
 mod profiles;
 mod qualities;
 mod state;

@@ -121,6 +121,33 @@ pub fn range(text: &str) -> Result<[f32; 2], String> {
     }
 }
 
+/// What a PSNR is over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Of each volume its own least and greatest intensity.
+    Own,
+    /// The least and greatest intensity of the volume inside the region.
+    Roi,
+    /// These two intensities.
+    Given([f32; 2]),
+}
+
+/// Parses `LOW,HIGH` or `roi`.
+pub fn range_or_roi(text: &str) -> Result<Range, String> {
+    match text.trim() {
+        "roi" => Ok(Range::Roi),
+        text => range(text).map(Range::Given).map_err(|e| format!("{e}; or roi")),
+    }
+}
+
+/// Parses `LOW,HIGH`, `roi` or `own`.
+pub fn any_range(text: &str) -> Result<Range, String> {
+    match text.trim() {
+        "own" => Ok(Range::Own),
+        text => range_or_roi(text).map_err(|e| format!("{e} or own")),
+    }
+}
+
 /// Parses a number of bytes with an optional suffix K, M, G or T (powers of 1024).
 pub fn bytes(text: &str) -> Result<u64, String> {
     let text = text.trim();
@@ -176,6 +203,11 @@ mod tests {
             assert!(pair(text).is_err(), "{text}");
         }
         assert!(range("2,1").is_err() && range("1,1").is_err());
+        assert_eq!(range_or_roi("roi"), Ok(Range::Roi));
+        assert_eq!(range_or_roi("-5,5"), Ok(Range::Given([-5.0, 5.0])));
+        assert_eq!(any_range("own"), Ok(Range::Own));
+        assert!(range_or_roi("own").is_err_and(|e| e.contains("or roi")));
+        assert!(any_range("mine").is_err_and(|e| e.contains("or roi or own")));
     }
 
     #[test]

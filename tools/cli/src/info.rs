@@ -225,9 +225,14 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
         String::new()
     };
     out.add("splats", format!("{}{dropped}{widened}", s.splats));
+    let meaning = LAYOUTS.iter().find(|(name, _)| *name == s.layout).map_or("", |(_, meaning)| meaning);
+    out.add("layout", format!("{}: {meaning}", s.layout));
     if let Some([low, high]) = s.intensity_range {
         let unit = if s.has_intensity { "HU" } else { "luminance of the colour; the file holds no HU" };
         out.add("intensity", format!("{low} to {high} {unit}"));
+    }
+    if let Some([low, high]) = s.intensity_01_range {
+        out.add("intensity_01", format!("0 to 1 stand for {low} to {high} HU"));
     }
     if let Some(degree) = s.harmonics_degree {
         out.add("colours", format!("spherical harmonics of degree {degree}"));
@@ -239,6 +244,10 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
         let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
         out.add("means", format!("({}) to ({}) mm RAS", point(low), point(high)));
     }
+    if let Some([low, high]) = s.index_box_mm {
+        let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
+        out.add("means", format!("({}) to ({}) mm, voxel index times spacing", point(low), point(high)));
+    }
     out.add("kernel", s.kernel);
     let field = format!("background {}, epsilon {}, w0 {}", s.background, s.epsilon, s.occupancy_w0);
     out.add("field", field);
@@ -249,6 +258,17 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     out.add("elements", elements.join(", "));
     out.add("properties", s.properties.join(" "));
 }
+
+/// What a layout of splats means to who reads it.
+const LAYOUTS: [(&str, &str); 3] = [
+    ("vgs", "places in mm RAS, an intensity for each splat"),
+    (
+        "reference",
+        "that of the paper's authors; opacities are probabilities, and only the volume can place the splats: give it to \
+         eval, rasterize, render or view, with the mask of the fit",
+    ),
+    ("3dgs", "that of ordinary 3D Gaussian splatting"),
+];
 
 /// A label with its name and how many splats have it.
 fn label_text(count: &LabelCount) -> String {
