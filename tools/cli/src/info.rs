@@ -40,7 +40,7 @@ Examples:
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum Content {
-    Splats(Summary),
+    Splats(Box<Summary>),
     Volume {
         #[serde(flatten)]
         header: Option<Box<Header>>,
@@ -97,7 +97,8 @@ fn look(path: &Path, read: &ReadArguments) -> Result<Content> {
     // A file that cannot be read is reported by the reader below.
     let _ = File::open(path).and_then(|file| file.take(splat::SNIFF_BYTES).read_to_end(&mut start));
     if splat::FORMATS.iter().any(|format| (format.sniff)(&start)) {
-        return Ok(Content::Splats(splat::describe(path, &splat::ReadOptions::default())?));
+        let summary = splat::describe(path, &splat::ReadOptions::default())?;
+        return Ok(Content::Splats(Box::new(summary)));
     }
     let header = nifti::describe(path).ok().map(Box::new);
     if header.as_ref().is_some_and(|h| !h.scalar) {
