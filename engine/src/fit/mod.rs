@@ -11,6 +11,7 @@ pub mod evaluate;
 pub mod init;
 pub mod labels;
 mod pause;
+pub mod place;
 mod profiles;
 mod qualities;
 mod state;
@@ -31,7 +32,7 @@ pub use config::{Background, FitConfig, IntensityRange, Parameter, ScaleUnit, St
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};
 pub use state::State;
-pub use targets::{Scaling, offsets, region_range, sample};
+pub use targets::{Scaling, offsets, sample};
 pub use terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};
 
 use crate::error::{Error, Kind, Result};

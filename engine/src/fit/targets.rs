@@ -28,9 +28,8 @@ impl Scaling {
     /// Of a volume in its ROI, with the range that the configuration names or the data suggest.
     pub fn new(volume: &Volume, roi: &Roi, config: &FitConfig) -> Self {
         let range = match config.hu_range {
-            [0.0, 0.0] if config.range == IntensityRange::Roi => {
-                region_range(volume, roi, config.region_threshold)
-            }
+            [0.0, 0.0] if config.range == IntensityRange::Roi => roi.range(volume).unwrap_or_default().into(),
+
             [0.0, 0.0] if volume.is_ct() => (-1024.0, 3071.0),
             [0.0, 0.0] => volume.min_max().unwrap_or_default(),
             [low, high] => (low, high),
@@ -68,14 +67,6 @@ impl Scaling {
     pub fn hu(&self, value: f32) -> f32 {
         value * self.unit + self.background
     }
-}
-
-/// Returns the least and the greatest finite sample where the mask is above a threshold, which 0 means any.
-pub fn region_range(volume: &Volume, roi: &Roi, threshold: f32) -> (f32, f32) {
-    let inside = volume.samples.iter().zip(&roi.weight).filter(|&(v, &w)| w > threshold && v.is_finite());
-    let range =
-        inside.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), (&v, _)| (low.min(v), high.max(v)));
-    if range.0 <= range.1 { range } else { volume.min_max().unwrap_or_default() }
 }
 
 /// The grid itself, then random offsets in ±½ voxel.

@@ -81,7 +81,8 @@ pub fn pair_mask(
             }
             Reach::Widened(by) => {
                 let active = (0..8).any(|i| samples.bricks.is_active(slot, cell * 8 + i));
-                let near = (d.abs() - by).max(DVec3::ZERO);
+                // A kernel may take a row of cells by its four rows of samples together.
+                let near = (d.abs() - by - 1.0).max(DVec3::ZERO);
                 active && kernel.reaches(near) && least_q(footprint, d, by) < support_q
             }
         };

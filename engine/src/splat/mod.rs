@@ -4,7 +4,8 @@
 //! how a splat fades with distance. A fit works in voxel space, a [`SplatSet`] lives in the world; [`space`] leads
 //! from one to the other. [`harmonics`] are the colours of splats that have no intensity, [`packed`] is a set in 16 bytes
 //! a splat. [`join`] makes one set of several, whose labels are the objects of a scene. [`FORMATS`] lists the files: a new format is one module with `sniff`, `read`, `write` and
-//! `describe`, and one row.
+//! `describe`, and one row. A file may leave open where its splats lie: it is read as [`Unplaced`], and the [`Place`] of a
+//! volume makes it a set.
 
 pub mod activation;
 pub mod harmonics;
@@ -13,6 +14,7 @@ pub mod kernel;
 mod labels;
 mod objects;
 pub mod packed;
+mod place;
 pub mod ply;
 pub mod space;
 
@@ -30,6 +32,8 @@ pub use kernel::Kernel;
 pub use labels::{LabelCount, label_name};
 pub use objects::{MOST_OBJECTS, Object, join};
 pub use packed::Packed;
+pub use place::{Place, Unplaced};
+pub use ply::{PLY_LAYOUTS, PlyLayout};
 pub use shaders_glsl::types::Splat;
 
 use crate::error::{Error, Kind, Result};
@@ -136,6 +140,23 @@ impl Default for ReadOptions {
     }
 }
 
+/// How a set is written.
+#[derive(Clone, Copy, Debug)]
+pub struct WriteOptions {
+    /// What the numbers of a PLY stand for, a row of [`PLY_LAYOUTS`]; the first by default.
+    pub layout: &'static PlyLayout,
+    /// The volume that the set was fitted to, for layouts that count in its voxels.
+    pub place: Option<Place>,
+    /// Whether an existing file is replaced.
+    pub force: bool,
+}
+
+impl Default for WriteOptions {
+    fn default() -> Self {
+        WriteOptions { layout: &PLY_LAYOUTS[0], place: None, force: false }
+    }
+}
+
 /// What a splat file holds, for people and for scripts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -143,6 +164,8 @@ pub struct Summary {
     pub format: &'static str,
     /// How the numbers are stored, in the format's own words.
     pub encoding: String,
+    /// What they stand for: a row of [`PLY_LAYOUTS`], or "3dgs" where it is that of ordinary 3D Gaussian splatting.
+    pub layout: &'static str,
     /// Size of the file in bytes.
     pub file_bytes: u64,
     /// Usable splats.
@@ -166,8 +189,13 @@ pub struct Summary {
     pub labels: Vec<LabelCount>,
     /// Least and greatest intensity, absent without splats.
     pub intensity_range: Option<[f32; 2]>,
-    /// Least and greatest mean along each axis, mm RAS with the origin added; absent without splats.
+    /// The intensities that 0 and 1 of `intensity_01` stand for, where the file says so.
+    pub intensity_01_range: Option<[f32; 2]>,
+    /// Least and greatest mean along each axis, mm RAS with the origin added; absent without splats, and where only a
+    /// volume can place them.
     pub bounding_box_mm: Option<[[f64; 3]; 2]>,
+    /// The same as voxel index times spacing, mm, of a file whose splats only a volume can place.
+    pub index_box_mm: Option<[[f64; 3]; 2]>,
     /// Origin of the means, mm RAS.
     pub origin_mm: [f64; 3],
     /// V̂ where no splat reaches.
@@ -187,11 +215,11 @@ pub struct Format {
     /// Whether the first bytes of a file (up to [`SNIFF_BYTES`]) are of this format.
     pub sniff: fn(&[u8]) -> bool,
     /// Reads a file.
-    pub read: fn(&Path, &ReadOptions) -> Result<SplatSet>,
-    /// Writes a file whole or not at all; an existing one is replaced only if the last argument says so.
-    pub write: fn(&Path, &SplatSet, bool) -> Result<()>,
+    pub read: fn(&Path, &ReadOptions) -> Result<Unplaced>,
+    /// Writes a file whole or not at all; an existing one is replaced only if the options say so.
+    pub write: fn(&Path, &SplatSet, &WriteOptions) -> Result<()>,
     /// Bytes of the file that it writes.
-    pub bytes: fn(&SplatSet) -> u64,
+    pub bytes: fn(&SplatSet, &WriteOptions) -> Result<u64>,
     /// Reads a file and tells what it holds.
     pub describe: fn(&Path, &ReadOptions) -> Result<Summary>,
 }
@@ -202,8 +230,14 @@ pub const FORMATS: &[Format] = &[ply::FORMAT];
 /// How many leading bytes a [`Format::sniff`] gets to see.
 pub const SNIFF_BYTES: u64 = 16;
 
-/// Reads a splat set; the content of the file decides on the format, not its name.
+/// Reads a splat set; the content of the file decides on the format, not its name. A file whose splats only a volume can
+/// place is refused: [`read_unplaced`] takes it.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<SplatSet> {
+    read_unplaced(path, options)?.placed(None)
+}
+
+/// Reads a splat set that a volume may have to place yet.
+pub fn read_unplaced(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
     (sniffed(path)?.read)(path, options)
 }
 
@@ -214,12 +248,17 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
 
 /// Writes `set` in the format that the extension of `path` names; replaces an existing file only with `force`.
 pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
-    (named(path)?.write)(path, set, force)
+    write_as(path, set, &WriteOptions { force, ..WriteOptions::default() })
 }
 
-/// Bytes of the file that [`write()`] makes of `set`.
-pub fn file_bytes(path: &Path, set: &SplatSet) -> Result<u64> {
-    Ok((named(path)?.bytes)(set))
+/// Writes `set` in the format that the extension of `path` names, as the options say.
+pub fn write_as(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
+    (named(path)?.write)(path, set, options)
+}
+
+/// Bytes of the file that [`write_as()`] makes of `set`.
+pub fn file_bytes(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<u64> {
+    (named(path)?.bytes)(set, options)
 }
 
 /// The format that the extension of `path` names.
@@ -277,7 +316,11 @@ mod tests {
         };
         write(&at("a.PLY"), &set, false).expect("the extension in capitals is the same format");
         let length = std::fs::metadata(at("a.PLY")).expect("a file").len();
-        assert_eq!(file_bytes(&at("b.ply"), &set).expect("a format"), length, "known before it is written");
+        assert_eq!(
+            file_bytes(&at("b.ply"), &set, &WriteOptions::default()).expect("a format"),
+            length,
+            "known before it is written"
+        );
         std::fs::rename(at("a.PLY"), at("a.dat")).expect("renaming");
         assert_eq!(read(&at("a.dat"), &ReadOptions::default()).expect("a PLY by content"), set);
         assert_eq!(write(&at("a.splat"), &set, false).expect_err("no such format").code, "VGS-SPLAT-002");

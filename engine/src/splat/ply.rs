@@ -20,11 +20,15 @@
 //! harmonics are kept whole (0, 9, 24 or 45 properties `f_rest`, all of red first, then green, then blue), and the
 //! intensity is the luminance of the first of them. Beside an intensity colours are ignored.
 //!
+//! **The PLY of the paper's authors** looks like one of these and is not: [`reference`] has what its numbers stand for. It is
+//! known by its property `intensity_01`, and read and written as a row of [`PLY_LAYOUTS`].
+//!
 //! Every input ends as a set or as an error of class `BadData`, at a cost that the file's length bounds.
 
 mod comments;
 mod header;
 mod read;
+pub(super) mod reference;
 mod rows;
 #[cfg(test)]
 mod tests;
@@ -33,7 +37,7 @@ mod write;
 use super::Format;
 
 pub use read::{describe, read};
-pub use write::{bytes, write};
+pub use write::{PLY_LAYOUTS, PlyLayout, bytes, write};
 
 /// The row of this format in [`super::FORMATS`].
 pub const FORMAT: Format = Format { name: "ply", sniff, read, write, bytes, describe };

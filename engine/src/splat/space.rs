@@ -33,18 +33,20 @@ impl SplatSet {
     /// digits wherever the scanner put the patient.
     pub fn from_voxel(splats: &[Splat], world_from_voxel: &DAffine3, field: Field) -> SplatSet {
         let linear = world_from_voxel.matrix3;
-        let (low, high) = splats
-            .iter()
-            .map(|splat| world_from_voxel.transform_point3(mean(splat)))
-            .filter(|x| x.is_finite())
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
-        let centre = if low.cmple(high).all() { (low + high) * 0.5 } else { DVec3::ZERO };
-        let origin_mm = centre.round();
+        let origin_mm = centre(splats.iter().map(|splat| world_from_voxel.transform_point3(mean(splat))));
         let offset = world_from_voxel.translation - origin_mm;
         let splats =
             splats.par_iter().map(|splat| transformed(splat, &linear, |x| linear * x + offset)).collect();
         SplatSet { splats, origin_mm, field, ..SplatSet::default() }
     }
+}
+
+/// The centre of the box of all means, rounded to whole millimetres; zero where none is finite.
+pub(super) fn centre(means: impl Iterator<Item = DVec3>) -> DVec3 {
+    let (low, high) = means
+        .filter(|x| x.is_finite())
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+    if low.cmple(high).all() { ((low + high) * 0.5).round() } else { DVec3::ZERO }
 }
 
 fn mean(splat: &Splat) -> DVec3 {

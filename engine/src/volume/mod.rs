@@ -4,6 +4,7 @@
 //! millimetres, RAS: x grows to the patient's right, y to the front, z to the head.
 
 pub mod bricks;
+pub mod compare;
 pub mod distance;
 pub mod inv3;
 mod labels;

@@ -17,6 +17,8 @@ use crate::{Error, Kind, Result};
 const SAME_GRID_VOXELS: f64 = 1e-3;
 /// A soft mask may leave [0, 1] by this much, as resampling and float files do.
 const OVERSHOOT: f32 = 1e-3;
+/// A voxel belongs to the region from this part of the greatest weight on.
+const MEMBER: f32 = 0.01;
 /// More labels than any atlas has: the file is an image.
 const MAX_LABELS: usize = 1000;
 
@@ -160,6 +162,20 @@ impl Roi {
     /// Sum of the weights, in voxels.
     pub fn weight_sum(&self) -> f64 {
         self.weight.iter().map(|&w| f64::from(w)).sum()
+    }
+
+    /// The voxels that belong to the region: those whose weight is above a hundredth of the greatest, which a binary mask
+    /// and its region have in common, and which the faint margin of a soft one is not.
+    pub fn members(&self) -> impl Iterator<Item = usize> + '_ {
+        let least = MEMBER * self.weight.iter().copied().fold(0.0, f32::max);
+        self.weight.iter().enumerate().filter(move |&(_, &w)| w > least).map(|(i, _)| i)
+    }
+
+    /// Least and greatest finite sample of `volume`, which has the region's grid, among its [members](Roi::members);
+    /// `None` where none is finite.
+    pub fn range(&self, volume: &Volume) -> Option<[f32; 2]> {
+        let finite = || self.members().map(|i| volume.samples[i]).filter(|v| v.is_finite());
+        Some([finite().reduce(f32::min)?, finite().reduce(f32::max)?])
     }
 
     /// Trilinear weight at a point in voxel space. Voxels outside the grid count as zero, so the weight fades over

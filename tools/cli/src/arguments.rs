@@ -121,6 +121,39 @@ pub fn range(text: &str) -> Result<[f32; 2], String> {
     }
 }
 
+/// What a PSNR is over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Of each volume its own least and greatest intensity.
+    Own,
+    /// The least and greatest intensity of the volume inside the region.
+    Roi,
+    /// These two intensities.
+    Given([f32; 2]),
+}
+
+/// Mask above which voxels count in a figure over this range, all alike; 0 where the mask weighs them. Over the range of the
+/// region figures are those of the paper's authors, who do not weigh.
+pub fn unweighted(range: Option<Range>) -> f32 {
+    if range == Some(Range::Roi) { 0.01 } else { 0.0 }
+}
+
+/// Parses `LOW,HIGH` or `roi`.
+pub fn range_or_roi(text: &str) -> Result<Range, String> {
+    match text.trim() {
+        "roi" => Ok(Range::Roi),
+        text => range(text).map(Range::Given).map_err(|e| format!("{e}; or roi")),
+    }
+}
+
+/// Parses `LOW,HIGH`, `roi` or `own`.
+pub fn any_range(text: &str) -> Result<Range, String> {
+    match text.trim() {
+        "own" => Ok(Range::Own),
+        text => range_or_roi(text).map_err(|e| format!("{e} or own")),
+    }
+}
+
 /// Parses a number of bytes with an optional suffix K, M, G or T (powers of 1024).
 pub fn bytes(text: &str) -> Result<u64, String> {
     let text = text.trim();
@@ -176,6 +209,11 @@ mod tests {
             assert!(pair(text).is_err(), "{text}");
         }
         assert!(range("2,1").is_err() && range("1,1").is_err());
+        assert_eq!(range_or_roi("roi"), Ok(Range::Roi));
+        assert_eq!(range_or_roi("-5,5"), Ok(Range::Given([-5.0, 5.0])));
+        assert_eq!(any_range("own"), Ok(Range::Own));
+        assert!(range_or_roi("own").is_err_and(|e| e.contains("or roi")));
+        assert!(any_range("mine").is_err_and(|e| e.contains("or roi or own")));
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use engine::fit::{FitConfig, State};
 use engine::output::check_writable;
-use engine::splat::{self, Field, Splat, SplatSet};
+use engine::splat::{self, Field, Splat, SplatSet, WriteOptions};
 use engine::{Error, Kind, Result};
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
@@ -55,8 +55,8 @@ pub struct Interrupted {
 pub struct Checkpoints {
     every: Option<u32>,
     output: PathBuf,
-    /// Whether files that exist are replaced.
-    force: bool,
+    /// How splats are written, and whether files that exist are replaced.
+    write: WriteOptions,
     inputs: BTreeMap<String, String>,
     region: String,
     config: FitConfig,
@@ -68,25 +68,25 @@ pub fn state_path(output: &Path) -> PathBuf {
 }
 
 impl Checkpoints {
-    /// For a fit to `output`. Refuses where a file that it would write is there already, unless `force`.
+    /// For a fit to `output`. Refuses where a file that it would write is there already, unless `write` replaces it.
     pub fn new(
         arguments: &CheckpointArguments,
         output: &Path,
         inputs: &BTreeMap<&'static str, InputRecord>,
         region: &RoiArguments,
         config: &FitConfig,
-        force: bool,
+        write: WriteOptions,
     ) -> Result<Self> {
         let checkpoints = Checkpoints {
             every: arguments.checkpoint_every,
             output: output.to_owned(),
-            force: force || arguments.resume,
+            write: WriteOptions { force: write.force || arguments.resume, ..write },
             inputs: inputs.iter().map(|(&name, input)| (name.to_owned(), input.sha256.clone())).collect(),
             region: format!("{:?} {:?}", region.roi_threshold, region.roi_label),
             config: config.clone(),
         };
         let state = state_path(output);
-        if state.exists() && !checkpoints.force {
+        if state.exists() && !checkpoints.write.force {
             let message = "an interrupted fit has left its state here";
             return Err(Error::new(Kind::CannotCreate, "VGS-CLI-030", message)
                 .file(state)
@@ -94,7 +94,7 @@ impl Checkpoints {
         }
         if let Some(every) = checkpoints.every {
             for k in (every..=config.iterations).step_by(every as usize) {
-                check_writable(checkpoints.splats_path(k), checkpoints.force)?;
+                check_writable(checkpoints.splats_path(k), checkpoints.write.force)?;
             }
         }
         Ok(checkpoints)
@@ -119,7 +119,7 @@ impl Checkpoints {
     ) -> Result<()> {
         let set =
             SplatSet { iterations: Some(iteration), ..SplatSet::from_voxel(splats, world_from_voxel, field) };
-        splat::write(&self.splats_path(iteration), &set, self.force)
+        splat::write_as(&self.splats_path(iteration), &set, &self.write)
     }
 
     /// Writes where the fit stands.
@@ -191,8 +191,15 @@ mod tests {
         let region = RoiArguments { roi: None, roi_threshold: Some([1.0, 2.0]), roi_label: None };
         let record = InputRecord { path: "v.nii".into(), bytes: 3, sha256: "abc".into() };
         let inputs = BTreeMap::from([("volume", record)]);
-        Checkpoints::new(&arguments, &folder.join("a.ply"), &inputs, &region, &config, false)
-            .expect("checkpoints")
+        Checkpoints::new(
+            &arguments,
+            &folder.join("a.ply"),
+            &inputs,
+            &region,
+            &config,
+            WriteOptions::default(),
+        )
+        .expect("checkpoints")
     }
 
     #[test]

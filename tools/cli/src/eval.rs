@@ -7,14 +7,15 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::{self, Evaluation};
+use engine::fit::place::place;
 use engine::gpu::Gpu;
 use engine::output::write_atomic;
-use engine::splat::{self, Splat, SplatSet};
+use engine::splat::{Splat, SplatSet};
 use engine::volume::nifti;
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
-use crate::arguments::{DeviceArguments, range};
+use crate::arguments::{DeviceArguments, Range, range_or_roi, unweighted};
 use crate::console::Console;
 use crate::failure::Stop;
 use crate::fit::EVAL_SEED;
@@ -24,12 +25,13 @@ use crate::picture;
 use crate::report::errors::Errors;
 use crate::report::record::host_peak_bytes;
 use crate::report::{Quality, psnr, quality_table};
+use crate::splats;
 
 /// Measures splats against a volume, at the voxels and between them
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Arguments {
-    /// The splats (PLY with intensities)
+    /// The splats (PLY with intensities; also that of the paper's authors)
     splats: PathBuf,
     /// The volume
     volume: PathBuf,
@@ -37,9 +39,11 @@ pub struct Arguments {
     region: RoiArguments,
     #[command(flatten)]
     read: ReadArguments,
-    /// What the PSNR is over, HU [default: the volume's own range]
-    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true, help_heading = "Evaluation")]
-    range: Option<[f32; 2]>,
+    /// What the PSNR is over: two HU, or roi for the volume's range inside the region (of a soft mask where it is above
+    /// 1 % of its maximum), the paper's normalisation [default: the range of the whole volume]
+    #[arg(long, value_name = "LOW,HIGH|roi", value_parser = range_or_roi, allow_hyphen_values = true,
+          help_heading = "Evaluation")]
+    range: Option<Range>,
     /// Sub-voxel offset grids besides the voxel grid
     #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Evaluation",
           value_parser = clap::value_parser!(u32).range(0..=64))]
@@ -84,6 +88,7 @@ const EXAMPLES: &str = "\
 Examples:
   vgs eval bones.ply ct.nii.gz --roi bones.nii.gz
   vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --range -1024,3071 --json
+  vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --range roi      as the paper and its authors' code normalise
   vgs eval skull.ply skull.inv3 --roi-threshold 226,3071 --picture skull.png --table skull.csv
   vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --map error.nii.gz --picture error.png --slices worst";
 
@@ -93,6 +98,8 @@ struct Output {
     splats: usize,
     #[serde(flatten)]
     quality: Quality,
+    /// What `range` is: of the `volume`, of the volume inside the `roi`, or `given`.
+    range_of: &'static str,
     /// Where the error is.
     errors: Errors,
     /// Of the fit; null where the file does not say.
@@ -121,8 +128,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         nifti::check_name(map)?;
     }
 
-    let set = read_splats(&arguments.splats)?;
+    let read = splats::read_with_intensity(&arguments.splats)?;
     let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
+    let set = read.placed(Some(&place(&case.volume, Some(&case.roi))))?;
     let splats = in_volume(&set, &case, &arguments.splats)?;
     let gpu = arguments.device.boot()?;
     let evaluation = arguments.evaluate(&gpu, &set, &splats, &case)?;
@@ -152,6 +160,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         console.json_data(&Output {
             splats: splats.len(),
             quality: Quality::of(&evaluation),
+            range_of: range_of(arguments.range).0,
             errors,
             iterations: set.iterations,
             seconds: start.elapsed().as_secs_f64(),
@@ -164,7 +173,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         })?;
     } else {
         let head = format!("{} splats in {} voxels\n", splats.len(), case.roi.voxel_count());
-        console.data(&(head + &quality_table(&evaluation) + &errors.table(&case.volume)))?;
+        let quality = quality_table(&evaluation, range_of(arguments.range).1);
+        console.data(&(head + &quality + &errors.table(&case.volume)))?;
     }
     Ok(0)
 }
@@ -179,11 +189,20 @@ impl Arguments {
             &case.roi,
             &evaluate::Protocol {
                 offsets: evaluate::random_offsets(self.offsets as usize, self.seed),
-                range: self.range.unwrap_or_else(|| case.full_range()),
+                range: case.range(self.range)?,
                 shell: self.shell,
-                threshold: 0.0,
+                threshold: unweighted(self.range),
             },
         )
+    }
+}
+
+/// What a range was taken from, for scripts and for people.
+fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
+    match chosen {
+        Some(Range::Given(_)) => ("given", "given"),
+        Some(Range::Roi) => ("roi", "the volume's inside the region"),
+        Some(Range::Own) | None => ("volume", "of the whole volume"),
     }
 }
 
@@ -231,21 +250,6 @@ pub fn draw(
         )
     }));
     picture::write(path, force, &subject, title, &lines)
-}
-
-/// Reads splats that have an intensity in HU.
-pub fn read_splats(path: &Path) -> Result<SplatSet> {
-    let set = splat::read(path, &splat::ReadOptions::default())?;
-    if set.splats.is_empty() {
-        return Err(Error::new(Kind::BadData, "VGS-CLI-040", "the file holds no usable splat").file(path));
-    }
-    if !set.has_intensity {
-        let message = "these splats have a colour but no intensity: there is nothing to compare with HU";
-        return Err(Error::new(Kind::BadData, "VGS-CLI-041", message)
-            .file(path)
-            .help("use splats from `vgs fit`, or a PLY with a property `intensity` or `hu`"));
-    }
-    Ok(set)
 }
 
 /// The splats in the voxel space of a case, which must hold some of them.

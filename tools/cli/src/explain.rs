@@ -114,6 +114,8 @@ pub struct Plan<'a> {
     /// The splats as they will be written, but for their values.
     pub set: &'a SplatSet,
     pub output: &'a std::path::Path,
+    /// How they will be written.
+    pub write: &'a splat::WriteOptions,
     /// The quality, if nothing that it says was changed.
     pub quality: Option<&'static QualityPreset>,
     /// What has passed since the command began.
@@ -143,7 +145,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
         fit_seconds: rates.fit(iterations, looks),
         seconds_per_iteration: rates.iteration,
         device_peak_bytes: plan.gpu.peak_bytes(),
-        file_bytes: splat::file_bytes(plan.output, plan.set)?,
+        file_bytes: splat::file_bytes(plan.output, plan.set, plan.write)?,
         early,
         expected: plan.quality.map(|quality| expected(quality, early)),
         calibration_seconds: begin.elapsed().as_secs_f64(),

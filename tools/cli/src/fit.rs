@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use engine::fit::evaluate::{self, Evaluation};
 use engine::fit::labels::label;
-use engine::fit::{FitConfig, IntensityRange, Scaling, region_range};
+use engine::fit::{FitConfig, IntensityRange, Scaling};
 use engine::output::write_atomic;
 use engine::splat::{self, Splat, SplatSet};
 use engine::{Error, Kind, Result};
 
-use crate::arguments::{DeviceArguments, VERSION, duration, range};
+use crate::arguments::{DeviceArguments, Range, VERSION, duration, range_or_roi, unweighted};
 use crate::checkpoint::{self, CheckpointArguments, Checkpoints};
 use crate::clock;
 use crate::console::Console;
@@ -29,6 +29,7 @@ use crate::report::record::{
 use crate::report::{Quality, bytes, curve, psnr, seconds};
 use crate::settings::{Settings, SettingsArguments};
 use crate::signals::Signals;
+use crate::splats::{self, LayoutArguments};
 
 /// Fits splats to the region of interest of a volume
 #[derive(Args, Debug)]
@@ -50,9 +51,11 @@ pub struct Arguments {
     /// Leaves out the closing evaluation
     #[arg(long, help_heading = "Output")]
     no_eval: bool,
-    /// What the PSNR of the closing evaluation is over, HU [default: the volume's own range]
-    #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true, help_heading = "Output")]
-    eval_range: Option<[f32; 2]>,
+    /// What the PSNR of the closing evaluation is over: two HU, or roi for the volume's range inside the region [default:
+    /// the range of the whole volume]
+    #[arg(long, value_name = "LOW,HIGH|roi", value_parser = range_or_roi, allow_hyphen_values = true,
+          help_heading = "Output")]
+    eval_range: Option<Range>,
     /// Sub-voxel offset grids of the closing evaluation
     #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Output",
           value_parser = clap::value_parser!(u32).range(0..=64))]
@@ -64,6 +67,8 @@ pub struct Arguments {
     /// Says it and does not fit; nothing is written
     #[arg(long, help_heading = "Output", conflicts_with_all = ["resume", "explain"])]
     dry_run: bool,
+    #[command(flatten)]
+    layout: LayoutArguments,
     #[command(flatten)]
     checkpoint: CheckpointArguments,
     #[command(flatten)]
@@ -85,6 +90,7 @@ Examples:
   vgs fit ct.nii.gz --roi labels.nii.gz --roi-label liver,aorta -o organs.ply --density 0.2
   vgs fit skull.inv3 --roi-threshold 226,3071 -o skull.ply --time-budget 5m
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --kernel gaussian --ply-layout reference
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --checkpoint-every 100
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --resume";
 
@@ -114,7 +120,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         &arguments.input_records()?,
         &arguments.region,
         &settings.config,
-        force,
+        arguments.layout.options(&case.volume, &case.roi, force),
     )?;
     let interrupted = if arguments.checkpoint.resume { Some(checkpoints.read()?) } else { None };
     let gpu = arguments.device.boot()?;
@@ -135,6 +141,16 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     };
     timings.initialise = initialising.elapsed().as_secs_f64();
 
+    let write = arguments.layout.options(&case.volume, &case.roi, force);
+    if let Some(theirs) = write.layout.kernel.filter(|&kernel| kernel != config.kernel) {
+        tracing::warn!(
+            "programs that read the layout {} draw the kernel {}, the fit is with {}: fit with --kernel {} for them",
+            write.layout.name,
+            theirs.name(),
+            config.kernel.name(),
+            theirs.name()
+        );
+    }
     let background = Scaling::new(&fitted.volume, &fitted.roi, fit_config).background;
     let field = config.field(background);
     let set_of = |splats: &[Splat], iterations: u32| {
@@ -147,15 +163,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         }
         set
     };
-    let protocol = (!arguments.no_eval).then(|| evaluate::Protocol {
+    // A fit over the region's range is measured over it, too.
+    let eval_range = arguments.eval_range.or((config.range == IntensityRange::Roi).then_some(Range::Roi));
+    let protocol = evaluate::Protocol {
         offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
-        range: arguments.eval_range.unwrap_or_else(|| match config.range {
-            IntensityRange::Auto => case.full_range(),
-            IntensityRange::Roi => region_range(&case.volume, &case.roi, config.region_threshold).into(),
-        }),
+        range: case.range(eval_range)?,
         shell: config.shell,
-        threshold: config.region_threshold,
-    });
+        threshold: unweighted(eval_range).max(config.region_threshold),
+    };
+    let protocol = (!arguments.no_eval).then_some(protocol);
     let before = start.elapsed();
     let schedule = arguments.schedule(&settings, before);
     let estimate = match &begin {
@@ -171,6 +187,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
                 protocol: protocol.clone(),
                 set: &set_of(first, config.iterations),
                 output: &files.splats,
+                write: &write,
                 quality: settings.plain_quality(),
                 before,
             })?)
@@ -207,7 +224,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     }
 
     let set = set_of(&outcome.splats, outcome.iterations);
-    splat::write(&files.splats, &set, force)?;
+    splats::write(&files.splats, &set, &write)?;
 
     let evaluating = Instant::now();
     let wanted = matches!(outcome.end, End::Finished) && signals.exit_code().is_none();
@@ -290,7 +307,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
             host_peak_bytes: results.host_peak_bytes,
         },
         estimate: match estimate {
-            Some(estimate) => Some(Checked::new(estimate, &results, splat::file_bytes(&files.splats, &set)?)),
+            Some(estimate) => {
+                Some(Checked::new(estimate, &results, splat::file_bytes(&files.splats, &set, &write)?))
+            }
             None => None,
         },
         results: &results,

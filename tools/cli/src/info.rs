@@ -40,7 +40,7 @@ Examples:
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum Content {
-    Splats(Summary),
+    Splats(Box<Summary>),
     Volume {
         #[serde(flatten)]
         header: Option<Box<Header>>,
@@ -97,7 +97,8 @@ fn look(path: &Path, read: &ReadArguments) -> Result<Content> {
     // A file that cannot be read is reported by the reader below.
     let _ = File::open(path).and_then(|file| file.take(splat::SNIFF_BYTES).read_to_end(&mut start));
     if splat::FORMATS.iter().any(|format| (format.sniff)(&start)) {
-        return Ok(Content::Splats(splat::describe(path, &splat::ReadOptions::default())?));
+        let summary = splat::describe(path, &splat::ReadOptions::default())?;
+        return Ok(Content::Splats(Box::new(summary)));
     }
     let header = nifti::describe(path).ok().map(Box::new);
     if header.as_ref().is_some_and(|h| !h.scalar) {
@@ -225,9 +226,14 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
         String::new()
     };
     out.add("splats", format!("{}{dropped}{widened}", s.splats));
+    let meaning = LAYOUTS.iter().find(|(name, _)| *name == s.layout).map_or("", |(_, meaning)| meaning);
+    out.add("layout", format!("{}: {meaning}", s.layout));
     if let Some([low, high]) = s.intensity_range {
         let unit = if s.has_intensity { "HU" } else { "luminance of the colour; the file holds no HU" };
         out.add("intensity", format!("{low} to {high} {unit}"));
+    }
+    if let Some([low, high]) = s.intensity_01_range {
+        out.add("intensity_01", format!("0 to 1 stand for {low} to {high} HU"));
     }
     if let Some(degree) = s.harmonics_degree {
         out.add("colours", format!("spherical harmonics of degree {degree}"));
@@ -239,6 +245,10 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
         let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
         out.add("means", format!("({}) to ({}) mm RAS", point(low), point(high)));
     }
+    if let Some([low, high]) = s.index_box_mm {
+        let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
+        out.add("means", format!("({}) to ({}) mm, voxel index times spacing", point(low), point(high)));
+    }
     out.add("kernel", s.kernel);
     let field = format!("background {}, epsilon {}, w0 {}", s.background, s.epsilon, s.occupancy_w0);
     out.add("field", field);
@@ -249,6 +259,17 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     out.add("elements", elements.join(", "));
     out.add("properties", s.properties.join(" "));
 }
+
+/// What a layout of splats means to who reads it.
+const LAYOUTS: [(&str, &str); 3] = [
+    ("vgs", "places in mm RAS, an intensity for each splat"),
+    (
+        "reference",
+        "that of the paper's authors; opacities are probabilities, and only the volume can place the splats: give it to \
+         eval, rasterize, render or view, with the mask of the fit",
+    ),
+    ("3dgs", "that of ordinary 3D Gaussian splatting"),
+];
 
 /// A label with its name and how many splats have it.
 fn label_text(count: &LabelCount) -> String {

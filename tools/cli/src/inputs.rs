@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
-use engine::{Error, Result};
+use engine::{Error, Kind, Result};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use crate::arguments::{bytes, pair};
+use crate::arguments::{Range, bytes, pair};
 
 /// How volumes are read.
 #[derive(Args, Clone, Debug)]
@@ -111,6 +111,27 @@ impl Case {
     /// Least and greatest finite sample of the whole volume; the usual normalisation of a PSNR.
     pub fn full_range(&self) -> [f32; 2] {
         self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()
+    }
+
+    /// What a PSNR is over; the [full range](Case::full_range) where nothing is chosen.
+    pub fn range(&self, chosen: Option<Range>) -> Result<[f32; 2]> {
+        match chosen {
+            Some(Range::Given(range)) => Ok(range),
+            Some(Range::Roi) => region_range(&self.volume, &self.roi),
+            Some(Range::Own) | None => Ok(self.full_range()),
+        }
+    }
+}
+
+/// The range of a volume inside a region, which must have one.
+pub fn region_range(volume: &Volume, roi: &Roi) -> Result<[f32; 2]> {
+    match roi.range(volume) {
+        Some([low, high]) if low < high => Ok([low, high]),
+        found => {
+            let value = found.map_or("nothing".to_owned(), |[low, _]| low.to_string());
+            let message = format!("the volume is {value} everywhere in the region: that is no range");
+            Err(Error::new(Kind::BadData, "VGS-CLI-043", message).help("give one: --range LOW,HIGH"))
+        }
     }
 }
 

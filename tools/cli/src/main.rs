@@ -3,7 +3,7 @@
 //! One file for each command (`fit`, `eval`, `rasterize`, `render`, `compare`, `view`, `info`, `devices`, `phantom`): its flags,
 //! and `run`. What they share: `inputs` (volume and region of interest), `settings` (hyper-parameters from flags,
 //! environment and file), `optimise` (the loop of a fit), `report` (figures, run record, curve), `picture` (the
-//! comparison as PNG), and the ways to talk: `console` (stdout and logs), `failure` (errors and exit codes),
+//! comparison as PNG), `splats` (their files in any layout), and the ways to talk: `console` (stdout and logs), `failure` (errors and exit codes),
 //! `progress`, `signals`.
 #![forbid(unsafe_code)]
 
@@ -31,6 +31,7 @@ mod render;
 mod report;
 mod settings;
 mod signals;
+mod splats;
 mod view;
 
 use arguments::Command;

@@ -8,8 +8,9 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args, ValueEnum};
 use engine::fit::evaluate::{FieldSample, Sampler};
+use engine::fit::place::place;
 use engine::gpu::Gpu;
-use engine::splat::{Activations, Field, Splat, SplatSet};
+use engine::splat::{Activations, Field, Splat, SplatSet, Unplaced};
 use engine::volume::bricks::{BRICK, SAMPLES};
 use engine::volume::{Bricks, Volume, nifti};
 use engine::{Error, Kind, Result};
@@ -18,10 +19,10 @@ use rayon::prelude::*;
 
 use crate::arguments::DeviceArguments;
 use crate::console::Console;
-use crate::eval;
 use crate::failure::Stop;
-use crate::inputs::ReadArguments;
+use crate::inputs::{ReadArguments, region_of};
 use crate::outputs;
+use crate::splats;
 
 /// Samples of one slab; with their results they take some 400 MB.
 const SLAB_SAMPLES: usize = 1 << 24;
@@ -30,10 +31,12 @@ const SLAB_SAMPLES: usize = 1 << 24;
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Arguments {
-    /// The splats (PLY with intensities)
+    /// The splats (PLY with intensities; also that of the paper's authors)
     splats: PathBuf,
     #[command(flatten)]
     grid: GridArguments,
+    #[command(flatten)]
+    region: FittedRegion,
     /// Where the volume goes: .nii or .nii.gz, float32
     #[arg(short, long, value_name = "OUT.nii.gz", help_heading = "Output")]
     output: PathBuf,
@@ -65,6 +68,18 @@ struct GridArguments {
     spacing: Option<DVec3>,
 }
 
+/// The region that splats were fitted to, for files whose intensities are parts of its range.
+#[derive(Args, Debug)]
+#[command(next_help_heading = "A PLY of the paper's authors")]
+struct FittedRegion {
+    /// The mask of the fit: the intensities of the file are parts of the range that --like has inside it
+    #[arg(long, value_name = "MASK", requires = "like")]
+    roi: Option<PathBuf>,
+    /// Which labels of the mask, by number or name
+    #[arg(long, value_name = "N|NAME,...", requires = "roi")]
+    roi_label: Option<String>,
+}
+
 /// A quantity of the field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Quantity {
@@ -80,7 +95,8 @@ const EXAMPLES: &str = "\
 Examples:
   vgs rasterize bones.ply --like ct.nii.gz -o bones.nii.gz
   vgs rasterize bones.ply --like ct.nii.gz -o mask.nii.gz --quantity occupancy
-  vgs rasterize bones.ply --spacing 0.5 -o fine.nii.gz";
+  vgs rasterize bones.ply --spacing 0.5 -o fine.nii.gz
+  vgs rasterize theirs.ply --like ct.nii.gz --roi bones.nii.gz -o theirs.nii.gz     a PLY of the paper's authors";
 
 /// Parses one spacing or three, mm.
 pub fn spacing(text: &str) -> std::result::Result<DVec3, String> {
@@ -99,14 +115,15 @@ pub fn spacing(text: &str) -> std::result::Result<DVec3, String> {
 pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
     let mut inputs = vec![arguments.splats.as_path()];
     inputs.extend(arguments.grid.like.as_deref());
+    inputs.extend(arguments.region.roi.as_deref());
     outputs::check(&[&arguments.output], &inputs, arguments.force)?;
     let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     if !(name.ends_with(".nii") || name.ends_with(".nii.gz")) {
         let message = "the name of the volume must end in .nii or .nii.gz";
         return Err(Error::new(Kind::Usage, "VGS-CLI-050", message).file(&arguments.output).into());
     }
-    let set = eval::read_splats(&arguments.splats)?;
-    let mut volume = arguments.grid.volume(&set, &arguments.read)?;
+    let read = splats::read_with_intensity(&arguments.splats)?;
+    let (set, mut volume) = arguments.place(read)?;
     let splats = set.to_voxel(&volume.world_from_voxel);
     let gpu = arguments.device.boot()?;
     let quantity = arguments.quantity;
@@ -146,13 +163,26 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     Ok(0)
 }
 
+impl Arguments {
+    /// The splats in the world, and a volume on the grid, whose samples are no matter.
+    fn place(&self, splats: Unplaced) -> Result<(SplatSet, Volume)> {
+        let Some(path) = &self.grid.like else {
+            let set = splats.placed(None)?;
+            let volume = self.grid.around(&set, &self.read)?;
+            return Ok((set, volume));
+        };
+        let volume = Volume::read(path, &self.read.options())?;
+        let FittedRegion { roi, roi_label } = &self.region;
+        let roi = region_of(&volume, &self.read, roi.as_deref(), None, roi_label.as_deref())?;
+        let set = splats.placed(Some(&place(&volume, roi.as_ref())))?;
+        Ok((set, volume))
+    }
+}
+
 impl GridArguments {
-    /// An empty volume on the grid.
-    fn volume(&self, set: &SplatSet, read: &ReadArguments) -> Result<Volume> {
+    /// An empty volume on a grid around the splats.
+    fn around(&self, set: &SplatSet, read: &ReadArguments) -> Result<Volume> {
         let options = read.options();
-        if let Some(path) = &self.like {
-            return Volume::read(path, &options);
-        }
         let spacing = self.spacing.unwrap_or(DVec3::ONE);
         let (low, high) = set
             .splats

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
 
+use engine::fit::place::place;
 use engine::render::MediumSource;
 use engine::splat::{self, SplatSet};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
@@ -166,7 +167,8 @@ impl Loader {
         let turn = self.turn;
         let (splats, volume, roi) = (files.splats.clone(), files.volume.clone(), files.roi.clone());
         if splats != had.splats && !splats.is_empty() {
-            self.spawn(turn, move |tell| tell.splats(&splats));
+            let (volume, roi) = (volume.clone(), roi.clone());
+            self.spawn(turn, move |tell| tell.splats(&splats, volume.as_deref(), roi.as_deref()));
         }
         if let Some(volume) = volume
             && (Some(&volume), &roi) != (had.volume.as_ref(), &had.roi)
@@ -256,9 +258,9 @@ impl Teller {
         value
     }
 
-    fn splats(&self, paths: &[PathBuf]) {
+    fn splats(&self, paths: &[PathBuf], volume: Option<&Path>, roi: Option<&Path>) {
         let sets = self.during("reading splats".to_owned(), || {
-            let sets = paths.iter().map(|path| Ok((path.clone(), read_splats(path)?)));
+            let sets = paths.iter().map(|path| Ok((path.clone(), read_splats(path, volume, roi)?)));
             Splats::join(sets.collect::<Result<_>>()?).map(Arc::new)
         });
         let Some(splats) = sets else { return };
@@ -283,12 +285,15 @@ impl Teller {
     }
 }
 
-fn read_splats(path: &Path) -> Result<SplatSet> {
-    let set = splat::read(path, &splat::ReadOptions::default())?;
-    if set.splats.is_empty() {
+/// Reads a set; the volume and its region only where it needs them to be placed.
+fn read_splats(path: &Path, volume: Option<&Path>, roi: Option<&Path>) -> Result<SplatSet> {
+    let splats = splat::read_unplaced(path, &splat::ReadOptions::default())?;
+    if splats.is_empty() {
         return Err(Error::new(Kind::BadData, "VGS-VIEW-021", "the file holds no usable splat").file(path));
     }
-    Ok(set)
+    let shown =
+        volume.filter(|_| splats.needs_volume()).map(|volume| read_volume(volume, roi)).transpose()?;
+    splats.placed(shown.map(|shown| place(&shown.volume, shown.roi.as_ref())).as_ref())
 }
 
 fn read_volume(path: &Path, roi: Option<&Path>) -> Result<Shown> {
@@ -344,5 +349,31 @@ mod tests {
         }
         let [Loaded::Failed(error)] = loaded.as_slice() else { panic!("one failure") };
         assert_eq!((error.kind, error.file.as_ref()), (Kind::Missing, Some(&nothing)));
+    }
+
+    #[test]
+    fn splats_that_count_in_voxels_are_placed_by_the_volume_that_is_opened_with_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let [ply, ct] = ["theirs.ply", "ct.nii"].map(|name| folder.path().join(name));
+        let affine = glam::DAffine3::from_translation(glam::DVec3::new(100.0, -50.0, 7.0));
+        let volume = Volume::new([8, 9, 10], affine, (0..720).map(|i| i as f32).collect());
+        engine::volume::nifti::write(&ct, &volume, false).unwrap();
+        let splat = splat::Splat {
+            mean: [3.0, 4.0, 5.0],
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            intensity: 40.0,
+            ..Default::default()
+        };
+        let set = SplatSet::from_voxel(&[splat], &affine, splat::Field::default());
+        let whole = Roi::new(vec![1.0; 720], &volume).unwrap();
+        let layout = splat::PlyLayout::named("reference").expect("a layout");
+        let place = Some(place(&volume, Some(&whole)));
+        splat::write_as(&ply, &set, &splat::WriteOptions { layout, place, force: false }).unwrap();
+        let read = read_splats(&ply, Some(&ct), None).unwrap();
+        let mean = read.splats[0].mean.map(f64::from);
+        let apart = glam::DVec3::from_array(mean) + read.origin_mm - glam::DVec3::new(103.0, -46.0, 12.0);
+        assert!(apart.length() < 1e-4 && read.splats[0].intensity == 40.0, "{read:?}");
+        let error = read_splats(&ply, None, None).unwrap_err();
+        assert!(error.code == "VGS-PLY-026" && error.help.contains("vgs view"), "{error}");
     }
 }

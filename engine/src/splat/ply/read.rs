@@ -9,11 +9,14 @@ use ply_rs::ply::{ElementDef, PropertyType};
 
 use super::header::{Header, bad, quoted};
 use super::rows::{self, Column};
-use super::{COLOUR_PROPERTIES, FORMAT, INTENSITY_ELEMENT, LABEL_PROPERTY, comments, rest_property};
+use super::{
+    COLOUR_PROPERTIES, FORMAT, INTENSITY_ELEMENT, LABEL_PROPERTY, PLY_LAYOUTS, comments, reference,
+    rest_property,
+};
 use crate::error::{Error, Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, SH0, basis_count};
-use crate::splat::{Harmonics, ReadOptions, Splat, SplatSet, Summary, defect};
+use crate::splat::{Field, Harmonics, Kernel, ReadOptions, Splat, SplatSet, Summary, Unplaced, defect};
 
 /// Luminance of linear RGB (Rec. 709).
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
@@ -25,6 +28,9 @@ const INTENSITY_PROPERTIES: [&str; 2] = ["hu", "intensity"];
 const SPLAT_PROPERTIES: [&str; INTENSITY_SLOT] =
     ["x", "y", "z", "opacity", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2"];
 
+/// The name of what ordinary 3D Gaussian splatting writes.
+const ORDINARY: &str = "3dgs";
+
 /// Where the intensity stands among the floats of a [`Splat`].
 const INTENSITY_SLOT: usize = 11;
 const SPLAT_SLOTS: usize = INTENSITY_SLOT + 1;
@@ -33,13 +39,15 @@ const GREY_SLOTS: usize = SPLAT_SLOTS + 3;
 const ALL_SLOTS: usize = SPLAT_SLOTS + 3 * MAX_BASIS;
 
 /// Reads a splat set; the module above says what is accepted.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<SplatSet> {
-    Ok(open(path, options)?.set)
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
+    let Loaded { set, rows, .. } = open(path, options)?;
+    Ok(Unplaced { path: path.to_owned(), set, rows })
 }
 
 /// Reads a splat set and tells what the file holds.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, header, dropped, widened, bytes } = open(path, options)?;
+    let Loaded { set, rows, header, dropped, widened, bytes, layout, intensity_01_range } =
+        open(path, options)?;
     let bounds = |value: fn(&Splat) -> [f32; 3]| {
         let first = value(set.splats.first()?);
         Some(set.splats.iter().map(value).fold([first; 2], |[low, high], v| {
@@ -47,10 +55,12 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         }))
     };
     let world = |mean: [f32; 3]| (DVec3::from_array(mean.map(f64::from)) + set.origin_mm).to_array();
+    let box_mm = bounds(|splat| splat.mean).map(|corners| corners.map(world));
     let vertex = header.element("vertex").map(|(_, element)| element);
     Ok(Summary {
         format: FORMAT.name,
         encoding: header.encoding.to_string(),
+        layout,
         file_bytes: bytes,
         splats: set.splats.len(),
         dropped,
@@ -61,8 +71,12 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         has_intensity: set.has_intensity,
         harmonics_degree: set.colours.as_ref().map(|colours| colours.degree),
         labels: set.label_counts(),
-        intensity_range: bounds(|splat| [splat.intensity; 3]).map(|range| range.map(|v| v[0])),
-        bounding_box_mm: bounds(|splat| splat.mean).map(|corners| corners.map(world)),
+        intensity_range: bounds(|splat| [splat.intensity; 3])
+            .filter(|_| rows.as_ref().is_none_or(|rows| rows.has_hu))
+            .map(|range| range.map(|v| v[0])),
+        intensity_01_range,
+        bounding_box_mm: box_mm.filter(|_| rows.is_none()),
+        index_box_mm: box_mm.filter(|_| rows.is_some()),
         origin_mm: set.origin_mm.to_array(),
         background: set.field.background,
         epsilon: set.field.epsilon,
@@ -74,10 +88,14 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
 /// A file's content with what only [`describe`] tells.
 pub(super) struct Loaded {
     pub set: SplatSet,
+    /// Of splats that a volume must place.
+    pub rows: Option<reference::Rows>,
     pub header: Header,
     pub dropped: usize,
     pub widened: usize,
     pub bytes: u64,
+    pub layout: &'static str,
+    pub intensity_01_range: Option<[f32; 2]>,
 }
 
 fn open(path: &Path, options: &ReadOptions) -> Result<Loaded> {
@@ -114,7 +132,12 @@ pub(super) fn load(
     })?;
     let beside = header.element(INTENSITY_ELEMENT);
     let beside_columns = beside.map(|(_, element)| Beside::of(element, vertex.count)).transpose()?;
-    let layout = Layout::of(vertex, beside_columns.as_ref().is_some_and(Beside::has_intensity))?;
+    let stated = comments::read(&header.comments)?;
+    let layout = if reference::is_layout(&header, vertex, &stated) {
+        Layout::of_reference(vertex)?
+    } else {
+        Layout::of(vertex, beside_columns.as_ref().is_some_and(Beside::has_intensity))?
+    };
     if vertex.count as u64 > options.max_splats {
         let message = format!("{} splats, at most {} are allowed", vertex.count, options.max_splats);
         return Err(bad("VGS-PLY-014", message).help("raise the limit if the file is meant to be so big"));
@@ -129,18 +152,17 @@ pub(super) fn load(
         }
         extra => tracing::warn!(extra, "bytes behind the last row of a PLY file were ignored"),
     }
-    let stated = comments::read(&header.comments)?;
 
     let count = vertex.count;
     let mut splats = zeros::<Splat>(count)?;
-    let mut coefficients = zeros::<f32>(count.saturating_mul(layout.colour_slots()))?;
+    let mut beyond = zeros::<f32>(count.saturating_mul(layout.beyond()))?;
     let mut labels = match &beside_columns {
         Some(beside) if beside.label.is_some() => Some(zeros::<u8>(count)?),
         _ => None,
     };
     for (index, element) in header.elements.iter().enumerate().take(last + 1) {
         if index == vertex_index {
-            let mut fill = |i: usize, row: &[f32]| layout.fill(&mut splats[i], &mut coefficients, i, row);
+            let mut fill = |i: usize, row: &[f32]| layout.fill(&mut splats[i], &mut beyond, i, row);
             match layout.degree {
                 None | Some(0) => rows::read(
                     &mut source,
@@ -164,21 +186,47 @@ pub(super) fn load(
         }
     }
 
+    let by_reference = layout.source == Source::Reference;
+    let mut rows = by_reference.then(|| reference::Rows {
+        intensity_01: std::mem::take(&mut beyond),
+        has_hu: layout.has_hu,
+        ours: stated.reference,
+    });
     let mut set = SplatSet {
         origin_mm: stated.origin_mm.unwrap_or_default(),
         has_intensity: layout.source != Source::Colour && stated.physical.unwrap_or(true),
         iterations: stated.iterations,
-        colours: layout.degree.map(|degree| Harmonics { degree, coefficients }),
+        colours: layout.degree.map(|degree| Harmonics { degree, coefficients: beyond }),
         labels,
         splats,
         ..SplatSet::default()
     };
-    let dropped = drop_unusable(&mut set, options.strict)?;
-    let widened = widen(&mut set.splats);
-    let sum: f64 = set.splats.iter().map(|splat| f64::from(splat.intensity)).sum();
-    set.field = stated.field((sum / set.splats.len().max(1) as f64) as f32);
+    let dropped = drop_unusable(&mut set, rows.as_mut(), options.strict)?;
+    // Lengths are of the world only where the splats are placed.
+    let widened = if by_reference { 0 } else { widen(&mut set.splats) };
+    set.field = stated.field(&match &rows {
+        Some(rows) => rows.field(&set.splats),
+        None => ordinary_field(&set.splats),
+    });
+    if let Some(rows) = &rows {
+        rows.check(&set.splats)?;
+    }
     set.label_names = stated.label_names;
-    Ok(Loaded { set, header, dropped, widened, bytes })
+    let ours = header.comments.iter().any(|comment| comment.trim_start().starts_with("vgs."));
+    let layout = match (by_reference, ours) {
+        (true, _) => PLY_LAYOUTS[1].name,
+        (false, true) => PLY_LAYOUTS[0].name,
+        (false, false) => ORDINARY,
+    };
+    let intensity_01_range = stated.intensity_01_range;
+    Ok(Loaded { set, rows, header, dropped, widened, bytes, layout, intensity_01_range })
+}
+
+/// The field of a file without comments: that of the Gaussian, about the mean intensity.
+fn ordinary_field(splats: &[Splat]) -> Field {
+    let sum: f64 = splats.iter().map(|splat| f64::from(splat.intensity)).sum();
+    let background = (sum / splats.len().max(1) as f64) as f32;
+    Field { kernel: Kernel::Gaussian, background, ..Field::default() }
 }
 
 /// `count` zeros; the header's counts were compared with the file's length, which a disk may hold and memory not.
@@ -202,6 +250,8 @@ enum Source {
     Property,
     /// The luminance of the colour.
     Colour,
+    /// The properties of the layout of the paper's authors.
+    Reference,
 }
 
 /// Which vertex property goes where.
@@ -211,15 +261,13 @@ struct Layout {
     source: Source,
     /// Degree of the harmonics, where the colour is what the file has.
     degree: Option<u8>,
+    /// Whether a file of the paper's authors has their `hu`.
+    has_hu: bool,
 }
 
 impl Layout {
     fn of(vertex: &ElementDef, intensity_beside: bool) -> Result<Layout> {
         let position = |name: &str| vertex.properties.get_index_of(name);
-        let list = vertex.properties.values().find(|p| matches!(p.data_type, PropertyType::List(..)));
-        if let Some(list) = list {
-            return Err(bad("VGS-PLY-018", format!("vertex property `{}` is a list", quoted(&list.name))));
-        }
         let intensity = INTENSITY_PROPERTIES.iter().find_map(|name| position(name));
         let source = match intensity {
             _ if intensity_beside => Source::Element,
@@ -230,16 +278,7 @@ impl Layout {
         if source == Source::Colour {
             wanted.extend(COLOUR_PROPERTIES.into_iter().zip(SPLAT_SLOTS..));
         }
-        let missing: Vec<_> =
-            wanted.iter().map(|&(name, _)| name).filter(|name| position(name).is_none()).collect();
-        if !missing.is_empty() {
-            return Err(bad("VGS-PLY-019", format!("missing vertex properties: {}", missing.join(", ")))
-                .help("the file holds no Gaussian splats, or lacks both a colour (f_dc) and an intensity"));
-        }
-        let mut columns: Vec<Column> = wanted
-            .iter()
-            .filter_map(|(name, slot)| Some(Column { property: position(name)?, slot: *slot }))
-            .collect();
+        let mut columns = columns(vertex, &wanted)?;
         let mut degree = None;
         match source {
             Source::Element => {}
@@ -247,29 +286,61 @@ impl Layout {
                 columns.extend(intensity.map(|property| Column { property, slot: INTENSITY_SLOT }));
             }
             Source::Colour => degree = Some(rest_columns(vertex, &mut columns)?),
+            // Its own layout, below.
+            Source::Reference => {}
         }
-        Ok(Layout { columns, source, degree })
+        Ok(Layout { columns, source, degree, has_hu: false })
     }
 
-    /// Floats of the harmonics of a splat.
-    fn colour_slots(&self) -> usize {
-        self.degree.map_or(0, |degree| 3 * basis_count(degree))
+    /// That of the paper's authors; behind the splat stands its part of the intensity range.
+    fn of_reference(vertex: &ElementDef) -> Result<Layout> {
+        let mut wanted: Vec<(&str, usize)> = SPLAT_PROPERTIES.into_iter().zip(0..).collect();
+        wanted.push((reference::INTENSITY_01, SPLAT_SLOTS));
+        let mut columns = columns(vertex, &wanted)?;
+        let hu = vertex.properties.get_index_of("hu");
+        columns.extend(hu.map(|property| Column { property, slot: INTENSITY_SLOT }));
+        Ok(Layout { columns, source: Source::Reference, degree: None, has_hu: hu.is_some() })
+    }
+
+    /// Floats of a row beyond those of the splat.
+    fn beyond(&self) -> usize {
+        match self.source {
+            Source::Reference => 1,
+            _ => self.degree.map_or(0, |degree| 3 * basis_count(degree)),
+        }
     }
 
     /// Takes over row `index`; an intensity that comes from its own element stays.
-    fn fill(&self, splat: &mut Splat, coefficients: &mut [f32], index: usize, row: &[f32]) {
+    fn fill(&self, splat: &mut Splat, beyond: &mut [f32], index: usize, row: &[f32]) {
         let intensity = match self.source {
             Source::Element => splat.intensity,
-            Source::Property => row[INTENSITY_SLOT],
+            Source::Property | Source::Reference => row[INTENSITY_SLOT],
             Source::Colour => {
                 LUMINANCE.iter().zip(&row[SPLAT_SLOTS..]).map(|(weight, dc)| weight * (0.5 + SH0 * dc)).sum()
             }
         };
         let values: [f32; SPLAT_SLOTS] = std::array::from_fn(|slot| row[slot]);
         *splat = Splat { intensity, ..bytemuck::cast(values) };
-        let colour = self.colour_slots();
-        coefficients[index * colour..][..colour].copy_from_slice(&row[SPLAT_SLOTS..][..colour]);
+        let count = self.beyond();
+        beyond[index * count..][..count].copy_from_slice(&row[SPLAT_SLOTS..][..count]);
     }
+}
+
+/// The columns of the properties that are wanted in these slots.
+fn columns(vertex: &ElementDef, wanted: &[(&str, usize)]) -> Result<Vec<Column>> {
+    let list = vertex.properties.values().find(|p| matches!(p.data_type, PropertyType::List(..)));
+    if let Some(list) = list {
+        return Err(bad("VGS-PLY-018", format!("vertex property `{}` is a list", quoted(&list.name))));
+    }
+    let position = |name: &str| vertex.properties.get_index_of(name);
+    let missing: Vec<_> =
+        wanted.iter().map(|&(name, _)| name).filter(|name| position(name).is_none()).collect();
+    if !missing.is_empty() {
+        return Err(bad("VGS-PLY-019", format!("missing vertex properties: {}", missing.join(", ")))
+            .help("the file holds no Gaussian splats, or lacks both a colour (f_dc) and an intensity"));
+    }
+    let column = |&(name, slot): &(&str, usize)| Some(Column { property: position(name)?, slot });
+    Ok(wanted.iter().filter_map(column).collect())
 }
 
 /// Adds the columns of the harmonics beyond degree 0 and returns the degree. In the file they stand channel by channel,
@@ -374,11 +445,12 @@ fn widen(splats: &mut [Splat]) -> usize {
 }
 
 /// Removes the splats that cannot be used and returns their number; with `strict`, the first is an error.
-fn drop_unusable(set: &mut SplatSet, strict: bool) -> Result<usize> {
+fn drop_unusable(set: &mut SplatSet, rows: Option<&mut reference::Rows>, strict: bool) -> Result<usize> {
     let SplatSet { splats, colours, labels, .. } = set;
     let why = |i: usize| {
         let colour = || colours.as_ref().is_some_and(|colours| !colours.of(i).iter().all(|c| c.is_finite()));
-        defect(&splats[i]).or_else(|| colour().then_some("a value is not finite"))
+        let part = || rows.as_ref().is_some_and(|rows| !rows.intensity_01[i].is_finite());
+        defect(&splats[i]).or_else(|| (colour() || part()).then_some("a value is not finite"))
     };
     let Some((first, reason)) = (0..splats.len()).find_map(|i| Some((i, why(i)?))) else { return Ok(0) };
     if strict {
@@ -392,6 +464,9 @@ fn drop_unusable(set: &mut SplatSet, strict: bool) -> Result<usize> {
     }
     if let Some(labels) = labels {
         *labels = kept.iter().map(|&i| labels[i]).collect();
+    }
+    if let Some(rows) = rows {
+        rows.intensity_01 = kept.iter().map(|&i| rows.intensity_01[i]).collect();
     }
     *splats = kept.into_iter().map(|i| splats[i]).collect();
     Ok(dropped)

@@ -5,17 +5,18 @@ use std::io::{BufReader, Cursor};
 use glam::DVec3;
 use proptest::prelude::*;
 
+use super::describe;
 use super::read::{Loaded, load};
 use super::write::{check, encode};
-use super::{describe, read, write};
 use crate::error::{Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::SH0;
 use crate::splat::kernel::KERNELS;
-use crate::splat::{Field, Kernel, ReadOptions, Splat, SplatSet};
+use crate::splat::{Field, Kernel, ReadOptions, Splat, SplatSet, read, write};
 
 mod colours;
 mod labels;
+mod reference;
 
 const STRICT: ReadOptions = ReadOptions { strict: true, max_splats: 1_000_000 };
 const LENIENT: ReadOptions = ReadOptions { strict: false, ..STRICT };

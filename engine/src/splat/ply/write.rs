@@ -3,31 +3,84 @@
 use std::io::Write;
 use std::path::Path;
 
-use super::{COLOUR_PROPERTIES, INTENSITY_ELEMENT, LABEL_PROPERTY, comments, rest_property};
+use super::{COLOUR_PROPERTIES, INTENSITY_ELEMENT, LABEL_PROPERTY, comments, reference, rest_property};
 use crate::error::{Error, Kind, Result};
 use crate::splat::harmonics::{MAX_DEGREE, SH0};
-use crate::splat::{Harmonics, SplatSet, defect};
+use crate::splat::{Harmonics, Kernel, Place, SplatSet, WriteOptions, defect};
 
 /// Vertex properties as they are written, before and behind the colour.
 const BEFORE: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
 const BEHIND: [&str; 8] = ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
 
 /// Rows that are encoded before they are handed on.
-const BLOCK_ROWS: usize = 4096;
+pub(super) const BLOCK_ROWS: usize = 4096;
 
-/// Writes `set` whole or not at all; an existing file is replaced only with `force`. Refuses a set without splats,
-/// which other programs cannot open, and splats that a reader would drop.
-pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
-    check(set).map_err(|error| error.file(path))?;
-    crate::output::write_atomic(path, force, |out| encode(set, out))
+/// What the numbers of a PLY stand for.
+#[derive(Debug)]
+pub struct PlyLayout {
+    /// Name on the command line and in what is told of a file.
+    pub name: &'static str,
+    /// In a few words, who reads it.
+    pub about: &'static str,
+    /// What programs that read it take κ to be; nothing where the file names it.
+    pub kernel: Option<Kernel>,
+    /// Fails where a set that could be written otherwise cannot be in this layout.
+    check: fn(&SplatSet, Option<&Place>) -> Result<()>,
+    /// Writes a set that was checked.
+    encode: fn(&SplatSet, Option<&Place>, &mut dyn Write) -> std::io::Result<()>,
+    /// What of a set does not come into the file.
+    losses: fn(&SplatSet, Option<&Place>) -> Vec<String>,
+}
+
+/// Every layout that is written; the first is the usual one.
+pub const PLY_LAYOUTS: &[PlyLayout] = &[
+    PlyLayout {
+        name: "vgs",
+        about: "places in mm RAS and HU in a second element; what every other command and ordinary viewers read",
+        kernel: None,
+        check: |_, _| Ok(()),
+        encode: |set, _, out| encode(set, out),
+        losses: |_, _| Vec::new(),
+    },
+    PlyLayout {
+        name: "reference",
+        about: "that of the paper's authors, for their viewer: voxel index times spacing, opacity as a probability; \
+                commands then need the volume beside it",
+        kernel: Some(reference::KERNEL),
+        check: reference::check,
+        encode: reference::encode,
+        losses: reference::losses,
+    },
+];
+
+impl PlyLayout {
+    /// The layout of this name.
+    pub fn named(name: &str) -> Option<&'static PlyLayout> {
+        PLY_LAYOUTS.iter().find(|layout| layout.name == name)
+    }
+
+    /// What of `set` does not come into a file of this layout, in words that go on after "without ".
+    pub fn losses(&self, set: &SplatSet, place: Option<&Place>) -> Vec<String> {
+        (self.losses)(set, place)
+    }
+}
+
+/// Writes `set` whole or not at all. Refuses a set without splats, which other programs cannot open, and splats that a
+/// reader would drop.
+pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
+    let WriteOptions { layout, place, force } = options;
+    check(set).and_then(|()| (layout.check)(set, place.as_ref())).map_err(|error| error.file(path))?;
+    crate::output::write_atomic(path, *force, |out| (layout.encode)(set, place.as_ref(), out))
 }
 
 /// Bytes of the file that [`write()`] makes of `set`.
-pub fn bytes(set: &SplatSet) -> u64 {
+pub fn bytes(set: &SplatSet, options: &WriteOptions) -> Result<u64> {
+    let WriteOptions { layout, place, .. } = options;
+    (layout.check)(set, place.as_ref())?;
     let mut count = Count(0);
     // Counting cannot fail.
-    let _ = encode(set, &mut count);
-    count.0
+    let _ = (layout.encode)(set, place.as_ref(), &mut count);
+    Ok(count.0)
 }
 
 /// Where bytes are counted and go no further.

@@ -33,7 +33,7 @@ impl Place {
             voxels: scene.roi.weight_sum(),
             bricks: Bricks::around(&scene.roi, 4).len(),
             aspect: (spacing.element_sum() / 3.0).powi(3) / spacing.element_product(),
-            region_range: engine::fit::region_range(&scene.volume, &scene.roi, 0.01).into(),
+            region_range: scene.roi.range(&scene.volume).unwrap_or_default(),
             range: scene.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default(),
             scene,
         }

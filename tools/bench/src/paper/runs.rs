@@ -296,7 +296,7 @@ impl Bench<'_> {
         let world = &self.place.scene.volume.world_from_voxel;
         let iterations = Some(self.job.config.iterations);
         let set = SplatSet { iterations, ..SplatSet::from_voxel(splats, world, self.field) };
-        splat::file_bytes("a.ply".as_ref(), &set)
+        splat::file_bytes("a.ply".as_ref(), &set, &splat::WriteOptions::default())
     }
 
     fn last(&self, evaluation: &Evaluation) -> Last {

@@ -12,9 +12,9 @@ use engine::gpu::Gpu;
 use engine::render::{
     Camera, ClipPlane, FOV_DEGREES, Look, MediumSource, ModeRow, Precision, Renderer, Scene, Settings, mode,
 };
-use engine::splat::{self, SplatSet};
-use engine::volume::Volume;
-use engine::{Error, Kind, Result, transfer};
+use engine::splat::{self, Place, SplatSet};
+use engine::volume::{Roi, Volume};
+use engine::{Error, Kind, Result, fit, transfer};
 use serde::Serialize;
 
 use crate::arguments::DeviceArguments;
@@ -22,6 +22,7 @@ use crate::console::Console;
 use crate::failure::Stop;
 use crate::inputs::{ReadArguments, region_of, volume_of};
 use crate::outputs;
+use crate::splats;
 use arguments::{Background, Clip, ObjectChange, Size, View};
 use frames::{Output, Turntable};
 
@@ -32,7 +33,8 @@ pub struct Arguments {
     /// The splats (PLY); several files are shown together, in the space of the patient
     #[arg(required_unless_present = "volume")]
     splats: Vec<PathBuf>,
-    /// A volume: with --mode volume, or without splats, it is what is rendered
+    /// A volume: with --mode volume, or without splats, it is what is rendered. It also places splats of a PLY of the
+    /// paper's authors, with its region
     #[arg(long, value_name = "VOLUME", help_heading = "Volume")]
     volume: Option<PathBuf>,
     #[command(flatten)]
@@ -141,6 +143,7 @@ Examples:
   vgs render --volume ct.nii.gz --roi bones.nii.gz -o ct.png --tf CT-Bone
   vgs render bones.ply -o turn.png --turntable 60
   vgs render bones.ply -o frame.png --turntable 60 --sequence
+  vgs render theirs.ply --volume ct.nii.gz --roi bones.nii.gz -o theirs.png      a PLY of the paper's authors
   vgs compare ct.png bones.png --diff difference.png
 
 Modes:
@@ -189,25 +192,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     outputs::check(&written, &inputs, arguments.output.force)?;
     let row = arguments.mode_row()?;
     // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
-    let set = if row.of_splats { Some(read_splats(&arguments.splats)?) } else { None };
+    let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
     let wants_volume = set.is_none();
-    let volume = match &arguments.volume {
-        Some(path) if wants_volume => Some(volume_of(path, &arguments.read)?),
-        _ => None,
-    };
-    let roi = match &volume {
-        Some(volume) => {
-            let region = &arguments.region;
-            region_of(
-                volume,
-                &arguments.read,
-                region.roi.as_deref(),
-                region.roi_threshold,
-                region.roi_label.as_deref(),
-            )?
-        }
-        None => None,
-    };
+    let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
     let source = volume.as_ref().map(|volume| MediumSource { volume, roi: roi.as_ref() });
     let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()))?;
     let gpu = arguments.device.boot()?;
@@ -245,6 +232,32 @@ impl Arguments {
                 .help("give it with --volume, and its mask with --roi"));
         }
         Ok(row)
+    }
+
+    /// The volume and its region, where they are given.
+    fn read_volume(&self) -> Result<(Option<Volume>, Option<Roi>)> {
+        let Some(path) = &self.volume else { return Ok((None, None)) };
+        let volume = volume_of(path, &self.read)?;
+        let VolumeRegion { roi, roi_threshold, roi_label } = &self.region;
+        let roi = region_of(&volume, &self.read, roi.as_deref(), *roi_threshold, roi_label.as_deref())?;
+        Ok((Some(volume), roi))
+    }
+
+    /// Reads splats of any kind, of several files as one set; the volume only if one of them must be placed. Objects are
+    /// called after the files.
+    fn read_splats(&self) -> Result<SplatSet> {
+        let mut place: Option<Place> = None;
+        let mut sets = Vec::new();
+        for path in &self.splats {
+            let splats = splats::read(path)?;
+            if splats.needs_volume() && place.is_none() {
+                let (volume, roi) = self.read_volume()?;
+                place = volume.map(|volume| fit::place::place(&volume, roi.as_ref()));
+            }
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            sets.push((name, splats.placed(place.as_ref())?));
+        }
+        splat::join(sets)
     }
 
     /// How `splats` are to be seen. `range` are the intensities that are there; some presets are stretched over them.
@@ -327,18 +340,6 @@ impl Arguments {
         console.say(&format!("{}: {what}, mode {}", files[0].display(), row.name));
         Ok(())
     }
-}
-
-/// Reads splats of any kind, of several files as one set. Objects are called after the files.
-fn read_splats(paths: &[PathBuf]) -> Result<SplatSet> {
-    let read = |path: &PathBuf| {
-        let set = splat::read(path, &splat::ReadOptions::default())?;
-        if set.splats.is_empty() {
-            return Err(Error::new(Kind::BadData, "VGS-CLI-040", "the file holds no usable splat").file(path));
-        }
-        Ok((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set))
-    };
-    splat::join(paths.iter().map(read).collect::<Result<_>>()?)
 }
 
 /// Least and greatest intensity of what is shown.

@@ -71,8 +71,8 @@ pub fn psnr(value: f64, [low, high]: [f32; 2]) -> String {
     }
 }
 
-/// The figures of an evaluation as a table.
-pub fn quality_table(evaluation: &Evaluation) -> String {
+/// The figures of an evaluation as a table; `of` says what their range was taken from.
+pub fn quality_table(evaluation: &Evaluation, of: &str) -> String {
     let row = |name: String, m: &Metrics| {
         vec![
             name,
@@ -99,7 +99,7 @@ pub fn quality_table(evaluation: &Evaluation) -> String {
     let unit = evaluation.unit;
     let rmse = if unit.is_empty() { "RMSE" } else { "RMSE, HU" };
     let heads = ["", "PSNR", rmse, "99 % within", "occupancy RMSE", "soft Dice"];
-    format!("PSNR over {low} to {high}{unit}:\n{}", table(&heads, &rows))
+    format!("PSNR over {low} to {high}{unit} ({of}):\n{}", table(&heads, &rows))
 }
 
 /// Rows under headings, in columns; empty columns of the right are trimmed.
