@@ -1,6 +1,6 @@
 #version 460
-// Marches rays through a volume: V and O by trilinear sampling, then the transfer function, front to back, until no light
-// is left. A ray is cut into cells of one step; a cell's share of the ray is what clip planes and the volume's box leave of
+// Marches rays through a volume or a decoded field (medium.glsl): V and O by trilinear sampling, then the transfer function,
+// front to back, until no light is left. A ray is cut into cells of one step; a cell's share of the ray is what clip planes and the volume's box leave of
 // it, so a homogeneous medium absorbs exactly. Bricks that show nothing are leapt over, as many at a time as their distance
 // to the next one that does allows. Where little is added, the light of a cell serves for the next one, too.
 //
@@ -12,10 +12,9 @@
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_EXT_shader_image_load_formatted : require
 #include "look.glsl"
-#include "bricks.glsl"
+#include "medium.glsl"
 layout(local_size_x_id = 0) in;
 layout(constant_id = 0) const uint GROUP = 64;
-layout(constant_id = 1) const uint MASKED = 0;   // 1: the image holds an occupancy, too; else all of the volume is there
 layout(constant_id = 2) const uint SEGMENTS = 0; // 1: the transfer function is integrated between samples
 layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 4) const uint DEPTH = 0;    // 1: depth is written
@@ -29,10 +28,9 @@ layout(push_constant, scalar) uniform RaymarchParams {
     float step;
     float dark;
 } p;
-layout(binding = 4) uniform sampler3D medium;
 layout(scalar, binding = 5) readonly buffer Distances { uint distances[]; };
-layout(binding = 6) writeonly uniform image2DArray colour_image;
-layout(binding = 7) writeonly uniform image2DArray depth_image;
+layout(binding = 9) writeonly uniform image2DArray colour_image;
+layout(binding = 10) writeonly uniform image2DArray depth_image;
 
 const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
 const float FAR = 1e30;
@@ -40,21 +38,16 @@ const float MOST = 8388608.0;       // cells from the eye on; beyond, floats do 
 const float FAINT = 1.0 / 4096.0;   // a cell that adds less than this finds no light of its own,
 const float STRONG = 1.0 / 64.0;    // one that adds more than this always does, others do if their index is even
 
-// V and O at a place. Outside the image V is that of its face, and O is 0 from one voxel beyond.
-vec2 medium_at(vec3 at) {
-    vec3 inverse_size = 1.0 / vec3(p.grid.texels);
-    vec4 texel = textureLod(medium, (at + 0.5) * inverse_size, 0.0);
-    float occupancy = texel.y;
-    if (MASKED == 0) {
-        vec3 inside = clamp(min(at + 1.0, vec3(p.grid.texels) - at), 0.0, 1.0);
-        occupancy = inside.x * inside.y * inside.z;
-    }
-    return vec2(p.first + p.span * texel.x, occupancy);
+// V and O at a place, and the tint there.
+vec2 field_at(vec3 at, out vec4 tint) {
+    vec2 found = medium_at(p.grid, at, tint);
+    return vec2(p.first + p.span * found.x, found.y);
 }
 
 // O (V - dark)
 float excess(vec3 at) {
-    vec2 here = medium_at(at);
+    vec4 tint;
+    vec2 here = field_at(at, tint);
     return here.y * (here.x - look_rows[0].dark);
 }
 
@@ -150,7 +143,8 @@ void main() {
             k = until;
             before.y = -1.0;
         } else {
-            vec2 here = medium_at(at);
+            vec4 tint;
+            vec2 here = field_at(at, tint);
             vec4 got;
             float occupancy = here.y;
             if (SEGMENTS == 1) {
@@ -165,6 +159,7 @@ void main() {
             float share = clear * look_opacity(got.a, occupancy, (to - from) * len);
             if (!there) share = 0.0;
             vec3 base = got.rgb;
+            if (OBJECTS == 1) base = tinted(base, tint);
             if (SHADED == 1) {
                 bool anew = share > STRONG || share > FAINT && mod(k, 2.0) == 0.0;
                 if (subgroupAny(anew)) {

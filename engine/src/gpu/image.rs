@@ -25,6 +25,8 @@ pub enum Format {
     Rgba16f,
     /// One 32-bit float.
     R32f,
+    /// One byte, a fraction 0 to 1.
+    R8,
     /// One 16-bit fraction, 0 to 1.
     R16,
     /// Two 16-bit fractions, 0 to 1.
@@ -47,6 +49,7 @@ impl Format {
             Format::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
             Format::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
             Format::R32f => vk::Format::R32_SFLOAT,
+            Format::R8 => vk::Format::R8_UNORM,
             Format::R16 => vk::Format::R16_UNORM,
             Format::Rg16 => vk::Format::R16G16_UNORM,
             Format::Rgba8 => vk::Format::R8G8B8A8_UNORM,
@@ -79,6 +82,7 @@ impl Format {
             Format::R32f | Format::Rg16 | Format::D32f => 4,
             Format::Rgba8 | Format::Bgra8 | Format::Srgba8 | Format::Sbgra8 => 4,
             Format::R16 => 2,
+            Format::R8 => 1,
         }
     }
 }

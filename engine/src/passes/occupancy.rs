@@ -56,11 +56,6 @@ impl Occupancy {
         })
     }
 
-    /// The bricks.
-    pub fn grid(&self) -> BrickGrid {
-        self.grid
-    }
-
     /// Records it for a look. `visible[i]` is how many entries of the look's table before `i` are visible.
     pub fn record(&mut self, recorder: &mut Recorder, look: &Buffer<Look>, visible: &Buffer<u32>) {
         let count = self.intervals.len();

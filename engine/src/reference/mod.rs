@@ -7,6 +7,7 @@
 pub mod activity;
 pub mod adam;
 pub mod blind;
+pub mod decoded;
 pub mod eye;
 pub mod half;
 pub mod loss;

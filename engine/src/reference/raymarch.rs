@@ -1,14 +1,15 @@
 //! `raymarch`: a ray through a volume, by emission and absorption, front to back (Max, "Optical models for direct volume
 //! rendering", 1995).
 //!
-//! A medium is an intensity V and an occupancy O on a voxel grid, interpolated each for itself. The extinction is
+//! A medium is an intensity V and an occupancy O on a voxel grid, interpolated each for itself. Where its voxels belong to
+//! objects, O is the interpolated product of O and the object's opacity, and tints mix by their parts of O. The extinction is
 //! opacity O (1 − exp(−τ(V))) per mm; a ray is cut into cells of one step Δ. Without bricks and packets: every cell
 //! of every ray, but for blocks of voxels that hold nothing. An eye that is far away sees as an orthographic one does.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, DVec4};
 use rayon::prelude::*;
 
-use super::eye::{Eye, Gathered, lit, opacity};
+use super::eye::{Appearance, Eye, Gathered, lit, opacity, tinted};
 use super::slab::{Look, NEAREST};
 use crate::volume::trilinear;
 
@@ -26,6 +27,8 @@ pub struct Medium {
     voxel_from_scene: DAffine3,
     values: Vec<f32>,
     mask: Option<Vec<f32>>,
+    /// How each voxel is shown.
+    objects: Option<Vec<Appearance>>,
     /// Whether a point with its low corner in a block of 4³ voxels may see an occupancy; blocks start at voxel -1.
     blocks: Vec<bool>,
 }
@@ -44,10 +47,21 @@ impl Medium {
             voxel_from_scene: scene_from_voxel.inverse(),
             values: values.to_vec(),
             mask: mask.map(<[f32]>::to_vec),
+            objects: None,
             blocks: Vec::new(),
         };
         medium.blocks = medium.occupied_blocks();
         medium
+    }
+
+    /// The same with an appearance for each voxel.
+    ///
+    /// # Panics
+    /// If there is not one for each, or the medium has no mask.
+    pub fn with_objects(mut self, objects: Vec<Appearance>) -> Self {
+        assert!(self.mask.is_some() && objects.len() == self.values.len(), "one appearance for every voxel");
+        self.objects = Some(objects);
+        self
     }
 
     fn block_counts(&self) -> [usize; 3] {
@@ -84,19 +98,22 @@ impl Medium {
     /// V and O at a point of voxel space. Beyond the outermost voxel centres V is that of the edge, and O fades to 0 over
     /// one voxel.
     pub fn sample(&self, voxel: DVec3) -> (f64, f64) {
-        let value = trilinear(self.size, voxel, |i| f64::from(self.values[i]));
-        (value, self.occupancy(voxel))
+        let (v, o, _) = self.seen(voxel);
+        (v, o)
     }
 
-    fn occupancy(&self, voxel: DVec3) -> f64 {
+    /// V, O and the tint at a point of voxel space.
+    fn seen(&self, voxel: DVec3) -> (f64, f64, DVec4) {
+        let value = trilinear(self.size, voxel, |i| f64::from(self.values[i]));
         let size = DVec3::from_array(self.size.map(|n| n as f64));
         let Some(mask) = &self.mask else {
-            return (voxel + 1.0).min(size - voxel).clamp(DVec3::ZERO, DVec3::ONE).element_product();
+            let inside = (voxel + 1.0).min(size - voxel).clamp(DVec3::ZERO, DVec3::ONE);
+            return (value, inside.element_product(), DVec4::ZERO);
         };
         let low = voxel.floor();
         let part = voxel - low;
         let low = low.as_i64vec3();
-        let mut sum = 0.0;
+        let (mut whole, mut shown, mut tint) = (0.0, 0.0, DVec4::ZERO);
         for corner in 0..8 {
             let mut share = 1.0;
             let mut index = 0;
@@ -111,10 +128,14 @@ impl Medium {
                 index = index * self.size[axis] + at as usize;
             }
             if share > 0.0 {
-                sum += share * f64::from(mask[index]);
+                let o = share * f64::from(mask[index]);
+                let object = self.objects.as_ref().map_or_else(Appearance::default, |all| all[index]);
+                whole += o;
+                shown += o * object.opacity;
+                tint += object.tint * o;
             }
         }
-        sum
+        (value, shown, if whole > 0.0 { tint / whole } else { DVec4::ZERO })
     }
 
     /// Gradient of O (V - dark) in the scene, by central differences over a voxel on each side.
@@ -183,7 +204,7 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
         if !look.segments && !medium.may_hold(at) {
             continue;
         }
-        let (v, o) = medium.sample(at);
+        let (v, o, tint) = medium.seen(at);
         let ((colour, extinction), occupancy) = if look.segments {
             let (vb, ob) = before.replace((v, o)).unwrap_or((v, o));
             (look.table.segment(vb, v), 0.5 * (ob + o))
@@ -192,12 +213,12 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
         };
         let opacity = opacity(extinction, occupancy, (to - from) * ray.length());
         let share = gathered.clear * opacity;
-        let mut base = colour;
+        let mut base = tinted(colour, tint);
         if look.material.shade {
             if share > STRONG || share > FAINT && even {
                 gradient = eye.turn * medium.gradient(at, look.dark);
             }
-            base = lit(colour, gradient, ray, look.material);
+            base = lit(base, gradient, ray, look.material);
         }
         gathered.add(base, opacity, z);
     }

@@ -5,21 +5,23 @@
 //! that reach there, too; [`intervals`] bounds these, once for a scene. A transfer function then drops exactly the splats
 //! whose interval it shows nothing of.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 use shaders_glsl::types::Centre;
 
-use super::Quality;
 use super::centres::centres;
 use super::look::LookBuffers;
-use crate::error::Result;
+use super::{Medium, Quality, decoded};
+use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::activity::{ActivitySources, Ranking};
 use crate::passes::{Activity, SplatRows};
 use crate::splat::harmonics::basis_count;
-use crate::splat::{Activations, Field, Harmonics, Object, Packed, Splat, SplatSet, by_importance};
+use crate::splat::{
+    Activations, Field, Form, Grid, Harmonics, Object, Packed, Splat, SplatSet, by_importance,
+};
 
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
@@ -66,6 +68,11 @@ pub struct Cloud {
     ranking: Option<Ranking>,
     /// Only mode alpha needs them.
     centres: Arc<OnceLock<Buffer<Centre>>>,
+    /// The grid that the splats were fitted on, in the space of the scene.
+    grid: Option<Grid>,
+    form: Form,
+    /// What mode decoded shows: the pitch, and the field at that.
+    decoded: Arc<Mutex<Option<(f64, Arc<Medium>)>>>,
     /// Coefficients of spherical harmonics, two halves a word; of standard splats only.
     harmonics: Buffer<u32>,
     standard: Option<Standard>,
@@ -81,13 +88,6 @@ impl Cloud {
         let splats = unpacked.as_ref().unwrap_or(&set.splats);
         let count = splats.len();
         let reach = reaches(splats, set.field.kernel.support_q());
-        let mut shortest: Vec<f32> =
-            splats.iter().map(|s| s.scale().into_iter().fold(f32::INFINITY, f32::min)).collect();
-        let middle = count / 2;
-        let sigma_mm = match shortest.is_empty() {
-            true => 1.0,
-            false => f64::from(*shortest.select_nth_unstable_by(middle, f32::total_cmp).1),
-        };
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         for (splat, reach) in splats.iter().zip(&reach) {
@@ -117,7 +117,7 @@ impl Cloud {
             rows,
             field: set.field,
             count,
-            sigma_mm,
+            sigma_mm: middle_sigma(splats),
             range,
             bounds,
             intervals: gpu.upload("intervals of intensity", "splats", &intervals)?,
@@ -127,6 +127,12 @@ impl Cloud {
             budget: None,
             ranking: None,
             centres: Arc::default(),
+            grid: set.grid.map(|grid| Grid {
+                world_from_voxel: DAffine3::from_translation(-set.origin_mm) * grid.world_from_voxel,
+                ..grid
+            }),
+            form: set.form,
+            decoded: Arc::default(),
             harmonics: gpu.upload(
                 "spherical harmonics",
                 "splats",
@@ -217,6 +223,53 @@ impl Cloud {
         })
     }
 
+    /// The field on voxels so far apart, decoded now if it was not before; of several pitches the last one is kept.
+    pub(super) fn decoded(&self, gpu: &Gpu, pitch: f64) -> Result<Arc<Medium>> {
+        if !self.has_decoded(pitch) {
+            self.decoding(gpu, pitch)?()?;
+        }
+        let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*place {
+            Some((_, made)) => Ok(Arc::clone(made)),
+            None => Err(Error::new(Kind::Internal, "VGS-RENDER-026", "a decoded field is lost")),
+        }
+    }
+
+    /// Whether mode decoded can begin at once.
+    pub fn has_decoded(&self, pitch: f64) -> bool {
+        let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
+        place.as_ref().is_some_and(|(made_for, _)| *made_for == pitch)
+    }
+
+    /// What lets mode decoded begin at once when it has been called, from whatever thread. Waits for the device.
+    ///
+    /// # Errors
+    /// A pitch that is none.
+    pub fn decoding(&self, gpu: &Gpu, pitch: f64) -> Result<impl FnOnce() -> Result<()> + Send + use<>> {
+        decoded::check(pitch)?;
+        let source = decoded::Source {
+            splats: self.rows.read()?,
+            objects: self.object_numbers.read()?.iter().map(|&number| number as u8).collect(),
+            field: self.field,
+            grid: self.grid,
+            form: self.form,
+            sigma_mm: self.sigma_mm,
+        };
+        let (gpu, place) = (gpu.clone(), Arc::clone(&self.decoded));
+        Ok(move || {
+            let start = std::time::Instant::now();
+            let field = source.decode(&gpu, pitch)?;
+            let medium = Arc::new(Medium::of_field(&gpu, &field)?);
+            tracing::info!(
+                "{} bricks decoded in {:.2} s",
+                field.brick_count(),
+                start.elapsed().as_secs_f64()
+            );
+            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((pitch, medium));
+            Ok(())
+        })
+    }
+
     /// Whether these are standard splats, and of which kind.
     pub(super) fn standard(&self) -> Option<Standard> {
         self.standard
@@ -254,8 +307,19 @@ fn halves(colours: &Harmonics) -> Vec<u32> {
     colours.coefficients.chunks(2).map(|pair| half(&pair[0]) | pair.get(1).map_or(0, half) << 16).collect()
 }
 
-/// Half sizes of the boxes around the supports, mm.
-fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
+/// Standard deviation of the middle splat along its shortest axis; 1 without splats.
+pub(super) fn middle_sigma(splats: &[Splat]) -> f64 {
+    let mut shortest: Vec<f32> =
+        splats.iter().map(|s| s.scale().into_iter().fold(f32::INFINITY, f32::min)).collect();
+    let middle = shortest.len() / 2;
+    match shortest.is_empty() {
+        true => 1.0,
+        false => f64::from(*shortest.select_nth_unstable_by(middle, f32::total_cmp).1),
+    }
+}
+
+/// Half sizes of the boxes around the supports, in the unit of the splats.
+pub(super) fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
     splats
         .par_iter()
         .map(|splat| {

@@ -2,6 +2,7 @@
 //! few thousand rows, so a change costs nothing that grows with the scene.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DVec3, DVec4};
 use shaders_glsl::types;
@@ -111,8 +112,13 @@ impl Look {
 /// A ramp of opacity over less than this, HU, is narrow.
 const NARROW: f64 = 60.0;
 
+/// Looks that were made so far.
+static LOOKS: AtomicU64 = AtomicU64::new(0);
+
 /// A look on the device.
 pub struct LookBuffers {
+    /// Another one for every look.
+    pub number: u64,
     /// The row.
     pub rows: Buffer<types::Look>,
     /// Colour and extinction of each entry, packed.
@@ -127,6 +133,8 @@ pub struct LookBuffers {
     pub shaded: bool,
     /// Whether some object has a tint or an opacity; otherwise kernels need not look for them.
     pub objects_differ: bool,
+    /// Whether some object is hidden.
+    pub hides: bool,
 }
 
 impl LookBuffers {
@@ -172,6 +180,7 @@ impl LookBuffers {
             planes,
         };
         Ok(LookBuffers {
+            number: LOOKS.fetch_add(1, Ordering::Relaxed),
             rows: gpu.upload("look", "transfer function", &[row])?,
             points: gpu.upload("transfer function", "transfer function", &points)?,
             integrals: gpu.upload(
@@ -183,6 +192,7 @@ impl LookBuffers {
             appearances: gpu.upload("appearances of objects", "transfer function", &appearances)?,
             shaded: material.shade,
             objects_differ: !look.objects.values().all(Appearance::is_plain),
+            hides: look.objects.values().any(|object| !object.visible),
         })
     }
 }

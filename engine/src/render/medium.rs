@@ -1,17 +1,21 @@
-//! The volume of a scene on the device: intensity and occupancy in an image that is sampled with trilinear interpolation,
-//! and the intervals of intensity of its bricks, by which empty space is leapt over.
+//! What rays are marched through, on the device: intensity and occupancy in an image that is sampled with trilinear
+//! interpolation, and the intervals of intensity of its bricks, by which empty space is leapt over. It is a volume, or a
+//! decoded field ([`Decoded`]) in an atlas of bricks (`include/medium.glsl`).
 //!
-//! With a region the image is the region's box with a border of one voxel, and holds (V, M): outside the region there is
+//! Of a volume with a region the image is the region's box with a border of one voxel, and holds (V, M): outside the region there is
 //! nothing, and V and M are interpolated each for itself. Without one it is the whole volume and holds V; its occupancy
 //! is 1 up to the outermost voxel centres and fades to 0 over one voxel.
 //!
 //! Both are 16-bit fractions. Whole numbers that span at most 65535, as those of every CT do, are kept exactly: one unit is
 //! a whole number of steps. Other intensities are rounded to 1/65535 of their range, masks to 1/65535.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use shaders_glsl::types::BrickGrid;
 
+use super::decoded::Decoded;
 use super::look::LookBuffers;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image, Recorder};
@@ -40,7 +44,7 @@ impl MediumSource<'_> {
     }
 }
 
-/// The volume on the device.
+/// A volume or a decoded field on the device.
 pub struct Medium {
     /// Least and greatest intensity.
     pub range: [f64; 2],
@@ -49,9 +53,33 @@ pub struct Medium {
     /// The shortest edge of a voxel, mm.
     pub spacing_mm: f64,
     image: Image,
+    /// Of an atlas: where the bricks of the grid lie in it. A single number for a volume.
+    places: Buffer<u32>,
+    /// Of an atlas: the objects that its voxels belong to; a single texel where all belong to one, and for a volume.
+    labels: Image,
+    is_atlas: bool,
     scale: Scale,
     voxel_from_scene: DAffine3,
+    grid: BrickGrid,
+    marked: Mutex<Marked>,
+}
+
+/// Which bricks can be seen.
+pub(super) struct Marked {
     occupancy: Occupancy,
+    /// The look that they were marked for.
+    look: Option<u64>,
+}
+
+impl Marked {
+    fn new(occupancy: Occupancy) -> Mutex<Self> {
+        Mutex::new(Marked { occupancy, look: None })
+    }
+
+    /// For each brick how many bricks away the next one is that can be seen.
+    pub(super) fn distances(&self) -> &Buffer<u32> {
+        &self.occupancy.distances
+    }
 }
 
 /// Which intensities the fractions 0 and 1 stand for.
@@ -63,7 +91,7 @@ pub(super) struct Scale {
 
 impl Scale {
     /// For intensities between two, which are whole numbers or not.
-    fn of([low, high]: [f64; 2], whole: bool) -> Self {
+    pub(super) fn of([low, high]: [f64; 2], whole: bool) -> Self {
         let extent = high - low;
         let span = match whole && extent <= STEPS {
             true => STEPS / (STEPS / extent.max(1.0)).floor(),
@@ -72,11 +100,11 @@ impl Scale {
         Scale { first: low, span: if span > 0.0 { span } else { 1.0 } }
     }
 
-    fn fraction(self, v: f32) -> u16 {
+    pub(super) fn fraction(self, v: f32) -> u16 {
         ((f64::from(v) - self.first) / self.span * STEPS).round().clamp(0.0, STEPS) as u16
     }
 
-    fn value(self, fraction: u16) -> f64 {
+    pub(super) fn value(self, fraction: u16) -> f64 {
         self.first + self.span * (f64::from(fraction) / STEPS)
     }
 }
@@ -190,7 +218,7 @@ impl Cut {
     }
 }
 
-fn to_fraction(m: f32) -> u16 {
+pub(super) fn to_fraction(m: f32) -> u16 {
     (f64::from(m) * STEPS).round().clamp(0.0, STEPS) as u16
 }
 
@@ -219,7 +247,7 @@ fn around(mask: &[u16], size: [usize; 3]) -> ([i64; 3], [usize; 3]) {
 }
 
 /// Bricks for an image of this size.
-fn brick_grid(size: [usize; 3], spacing: DVec3) -> BrickGrid {
+pub(super) fn brick_grid(size: [usize; 3], spacing: DVec3) -> BrickGrid {
     let texels = size.map(|n| n as u32);
     let shift = spacing.to_array().map(|mm| {
         let coarser = (mm / spacing.min_element()).log2().round();
@@ -268,33 +296,79 @@ impl Medium {
             cut.values.iter().fold((u16::MAX, 0), |(low, high), &v| (low.min(v), high.max(v)));
         // The faces where the occupancy is one half: the border of a region is not shown.
         let edge = if cut.mask.is_some() { 0.5 } else { -0.5 };
-        let last = DVec3::from_array(cut.size.map(|n| n as f64 - 1.0)) - edge;
-        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        for corner in 0..8 {
-            let at = |axis: usize| if corner >> axis & 1 == 1 { last[axis] } else { edge };
-            let place = scene_from_voxel.transform_point3(DVec3::new(at(0), at(1), at(2)));
-            bounds = [bounds[0].min(place), bounds[1].max(place)];
-        }
+        let bounds = bounds(cut.size, edge, &scene_from_voxel);
         let grid = brick_grid(cut.size, spacing);
         Ok(Medium {
             range: [cut.scale.value(least), cut.scale.value(greatest)],
             bounds,
             spacing_mm: spacing.min_element(),
             image,
+            places: gpu.upload("no places of bricks", "volume", &[0])?,
+            labels: gpu.volume("no labels", "volume", Format::R8, [1; 3])?,
+            is_atlas: false,
             scale: cut.scale,
             voxel_from_scene,
-            occupancy: Occupancy::new(gpu, grid, &cut.intervals(&grid))?,
+            grid,
+            marked: Marked::new(Occupancy::new(gpu, grid, &cut.intervals(&grid))?),
         })
     }
 
-    /// Finds out which bricks a look can show. To be recorded when the look has changed.
-    pub(super) fn record_occupancy(&mut self, recorder: &mut Recorder, look: &LookBuffers) {
-        self.occupancy.record(recorder, &look.rows, &look.visible);
+    /// Of a field that was decoded in the space of the scene.
+    pub(super) fn of_field(gpu: &Gpu, field: &Decoded) -> Result<Self> {
+        let size = field.size.map(|n| n as usize);
+        let spacing = crate::volume::spacing_of(&field.scene_from_voxel);
+        let grid = brick_grid(size, spacing);
+        let atlas = field.atlas(gpu.limits().volume_edge)?;
+        let mut image = gpu.volume("atlas", "decoded field", Format::Rg16, atlas.size)?;
+        image.write(&atlas.texels)?;
+        let (texels, labels) = match &atlas.labels {
+            Some(labels) => (atlas.size, labels.as_slice()),
+            None => ([1; 3], &[field.label][..]),
+        };
+        let mut label_image = gpu.volume("labels of the atlas", "decoded field", Format::R8, texels)?;
+        label_image.write(labels)?;
+        let scale = field.scale;
+        Ok(Medium {
+            range: [scale.first, scale.first + scale.span],
+            bounds: bounds(size, 0.5, &field.scene_from_voxel),
+            spacing_mm: spacing.min_element(),
+            image,
+            places: gpu.upload("places of bricks", "decoded field", &atlas.places)?,
+            labels: label_image,
+            is_atlas: true,
+            scale,
+            voxel_from_scene: field.scene_from_voxel.inverse(),
+            grid,
+            marked: Marked::new(Occupancy::new(gpu, grid, &field.intervals(&grid))?),
+        })
     }
 
-    /// Intensities as fractions of the scale, and occupancies where the volume has a region.
+    /// Which bricks a look can show something of. Where that is another look than before it is recorded anew.
+    pub(super) fn marked(&self, recorder: &mut Recorder, look: &LookBuffers) -> MutexGuard<'_, Marked> {
+        // What a panic has left is marked anew.
+        let mut marked = self.marked.lock().unwrap_or_else(PoisonError::into_inner);
+        if marked.look != Some(look.number) {
+            marked.occupancy.record(recorder, &look.rows, &look.visible);
+            marked.look = Some(look.number);
+        }
+        marked
+    }
+
+    /// Intensities as fractions of the scale, and occupancies where there is an atlas or a region.
     pub(super) fn image(&self) -> &Image {
         &self.image
+    }
+
+    pub(super) fn places(&self) -> &Buffer<u32> {
+        &self.places
+    }
+
+    pub(super) fn labels(&self) -> &Image {
+        &self.labels
+    }
+
+    pub(super) fn is_atlas(&self) -> bool {
+        self.is_atlas
     }
 
     pub(super) fn scale(&self) -> Scale {
@@ -302,12 +376,7 @@ impl Medium {
     }
 
     pub(super) fn grid(&self) -> BrickGrid {
-        self.occupancy.grid()
-    }
-
-    /// For each brick how many bricks away the next one is that can be seen.
-    pub(super) fn distances(&self) -> &Buffer<u32> {
-        &self.occupancy.distances
+        self.grid
     }
 
     /// Rows of the affine from the scene, mm, to voxels of the image.
@@ -315,4 +384,16 @@ impl Medium {
         let m = self.voxel_from_scene;
         [0, 1, 2].map(|k| m.matrix3.row(k).extend(m.translation[k]).as_vec4().to_array())
     }
+}
+
+/// The box around all voxels, from `edge` beyond the centre of the first one to as much before that of the last.
+fn bounds(size: [usize; 3], edge: f64, scene_from_voxel: &DAffine3) -> [DVec3; 2] {
+    let last = DVec3::from_array(size.map(|n| n as f64 - 1.0)) - edge;
+    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for corner in 0..8 {
+        let at = |axis: usize| if corner >> axis & 1 == 1 { last[axis] } else { edge };
+        let place = scene_from_voxel.transform_point3(DVec3::new(at(0), at(1), at(2)));
+        bounds = [bounds[0].min(place), bounds[1].max(place)];
+    }
+    bounds
 }

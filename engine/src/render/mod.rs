@@ -12,6 +12,7 @@ mod blind;
 mod camera;
 mod centres;
 mod cloud;
+mod decoded;
 mod frames;
 mod ladder;
 mod look;
@@ -24,6 +25,7 @@ mod variants;
 pub use blind::{Blind, Triangle};
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::{Cloud, Precision};
+pub use decoded::{Decoded, decode};
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
 pub use ladder::{LADDER, Quality, Rung, ladder};
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
@@ -154,9 +156,6 @@ impl Scene {
         if let Some(cloud) = &mut self.cloud {
             cloud.record_activity(&mut recorder, &self.buffers);
         }
-        if let Some(medium) = &mut self.medium {
-            medium.record_occupancy(&mut recorder, &self.buffers);
-        }
         recorder.submit()?;
         Ok(())
     }
@@ -183,9 +182,11 @@ pub struct Settings {
     pub depth: bool,
     /// Whether it is said what of the pictures no eye sees ([`Blind`]), which modes of splats then leave transparent.
     pub blind: bool,
-    /// Distance of the slabs in units of [`Cloud::sigma_mm`]; of the samples of a volume in units of the shortest edge of
-    /// its voxels. A volume takes 1 where speed counts, 0.5 where looks do, and 0.25 where others are measured against it.
+    /// Distance of the slabs in units of [`Cloud::sigma_mm`]; of the samples of a volume or a decoded field in units of the
+    /// shortest edge of its voxels. A volume takes 1 where speed counts, 0.5 where looks do, and 0.25 where others are measured against it.
     pub step: f64,
+    /// Distance of the voxels that splats are decoded to in mode decoded, in voxels of the grid that they were fitted on.
+    pub pitch: f64,
     /// Whether the samples of a volume begin at a random part of a step in each pixel, which turns the rings of a coarse
     /// step into noise. Not where pictures are measured.
     pub jitter: bool,
@@ -210,6 +211,7 @@ impl Settings {
             depth: false,
             blind: false,
             step: 1.0,
+            pitch: 1.0,
             jitter: false,
             classification: None,
             dark: 1.0 / 512.0,
@@ -280,7 +282,7 @@ impl ModeRow {
 }
 
 /// The modes, from the most accurate to the fastest.
-pub static MODES: [ModeRow; 4] = [
+pub static MODES: [ModeRow; 5] = [
     ModeRow {
         name: "volume",
         about: "the CT itself, ray-marched with trilinear sampling: the reference",
@@ -298,6 +300,12 @@ pub static MODES: [ModeRow; 4] = [
         about: "the splats' field in slabs, classified after it is added up",
         of_splats: true,
         make: |gpu, scene, settings| Ok(Box::new(slab::Slab::new(gpu, scene, settings)?)),
+    },
+    ModeRow {
+        name: "decoded",
+        about: "the splats' field on the CT's own voxels, put there once, and ray-marched as those",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(raymarch::Raymarch::decoded(gpu, scene, settings)?)),
     },
     ModeRow {
         name: "alpha",

@@ -1,9 +1,12 @@
-//! The mode `volume`: the CT itself, its rays marched through the voxels. What the splats' modes are measured against.
+//! The modes `volume` and `decoded`: rays marched through the voxels of the CT itself, which is what the splats' modes are
+//! measured against, or through those that the splats were decoded to. One marcher; only the image differs.
+
+use std::sync::Arc;
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::RaymarchParams;
 
-use super::{Classification, Mode, Quality, Scene, Settings, Target, Variants};
+use super::{Classification, Medium, Mode, Quality, Scene, Settings, Target, Variants};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Format, Gpu, Kernel, Recorder};
 use crate::passes::{Shape, Views};
@@ -11,17 +14,29 @@ use crate::passes::{Shape, Views};
 /// Samples nearer to each other than this, in voxels, would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
 
-/// The mode `volume`.
+/// The mode `volume` or `decoded`.
 pub struct Raymarch {
     gpu: Gpu,
-    /// For each way to classify and with or without light, made when it is first needed.
-    kernels: Variants<(Classification, bool)>,
+    /// For each way to classify, with or without light and appearances of objects, made when it is first needed.
+    kernels: Variants<(Classification, bool, bool)>,
     settings: Settings,
+    /// The decoded field; nothing where the scene's volume is rendered.
+    decoded: Option<Arc<Medium>>,
 }
 
 impl Raymarch {
-    /// Samples `settings.step` of the shortest voxel edge apart.
+    /// The volume, with samples `settings.step` of the shortest voxel edge apart.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+        Self::of(gpu, scene, settings, None)
+    }
+
+    /// The splats, decoded to voxels `settings.pitch` apart if they were not before, with samples as those of a volume.
+    pub fn decoded(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
+        let decoded = scene.splats().decoded(gpu, settings.pitch)?;
+        Self::of(gpu, scene, settings, Some(decoded))
+    }
+
+    fn of(gpu: &Gpu, scene: &Scene, settings: &Settings, decoded: Option<Arc<Medium>>) -> Result<Self> {
         if !(settings.step >= LEAST_STEP && settings.step.is_finite()) {
             return Err(Error::new(
                 Kind::Usage,
@@ -30,7 +45,8 @@ impl Raymarch {
             )
             .help("choose another --step; 0.5 is fine for pictures, 0.25 for measuring"));
         }
-        let mut mode = Raymarch { gpu: gpu.clone(), kernels: Variants::new(), settings: settings.clone() };
+        let mut mode =
+            Raymarch { gpu: gpu.clone(), kernels: Variants::new(), settings: settings.clone(), decoded };
         mode.kernel(scene)?;
         Ok(mode)
     }
@@ -38,14 +54,21 @@ impl Raymarch {
     /// The kernel for a way to classify, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
-        self.kernels.find(settings.variant(scene), |(classification, shaded)| {
+        let (medium, look) =
+            (self.decoded.as_deref().unwrap_or_else(|| scene.volume()), scene.look_buffers());
+        let (classification, shaded) = settings.variant(scene);
+        // Splats of a hidden object are still in the field.
+        let objects = medium.is_atlas() && (look.objects_differ || look.hides);
+        self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
                 Shape::of(gpu) as u32,
-                u32::from(scene.volume().image().format() == Format::Rg16),
+                u32::from(medium.image().format() == Format::Rg16),
                 u32::from(*classification == Classification::PreIntegrated),
                 u32::from(*shaded),
                 u32::from(settings.depth),
                 u32::from(settings.jitter),
+                u32::from(medium.is_atlas()),
+                u32::from(*objects),
             ];
             Kernel::new(gpu, &glsl::RAYMARCH, &constants)
         })
@@ -62,7 +85,9 @@ impl Mode for Raymarch {
         quality: &Quality,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
-        let (medium, look) = (scene.volume(), scene.look_buffers());
+        let medium = self.decoded.as_deref().unwrap_or_else(|| scene.volume());
+        let look = scene.look_buffers();
+        let marked = medium.marked(recorder, look);
         // Pixels of a workgroup; see the kernel.
         let group = match Shape::of(&self.gpu) {
             Shape::OneByOne => [4, 2],
@@ -76,7 +101,10 @@ impl Mode for Raymarch {
             .read(&look.points)
             .read(&look.integrals)
             .sample(medium.image())
-            .read(medium.distances())
+            .read(marked.distances())
+            .read(medium.places())
+            .sample(medium.labels())
+            .read(&look.appearances)
             .write_image(&mut target.colour)
             .write_image(&mut target.depth)
             .push(&RaymarchParams {

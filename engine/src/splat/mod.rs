@@ -8,6 +8,7 @@
 //! volume makes it a set.
 
 pub mod activation;
+mod grid;
 pub mod harmonics;
 mod importance;
 pub mod kernel;
@@ -26,6 +27,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 pub use activation::Activations;
+pub use grid::{Form, Grid};
 pub use harmonics::Harmonics;
 pub use importance::by_importance;
 pub use kernel::Kernel;
@@ -59,6 +61,10 @@ pub struct SplatSet {
     pub label_names: Vec<(u8, String)>,
     /// Iterations of the fit that made the set; nothing where the file does not say.
     pub iterations: Option<u32>,
+    /// The grid of the volume that it was fitted to; nothing where the file does not say.
+    pub grid: Option<Grid>,
+    /// What it was fitted for.
+    pub form: Form,
 }
 
 impl Default for SplatSet {
@@ -73,6 +79,8 @@ impl Default for SplatSet {
             labels: None,
             label_names: Vec::new(),
             iterations: None,
+            grid: None,
+            form: Form::default(),
         }
     }
 }

@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use super::harmonics::basis_count;
-use super::{Field, Harmonics, SplatSet, label_name};
+use super::{Field, Form, Harmonics, SplatSet, label_name};
 use crate::error::{Error, Kind, Result};
 
 /// Most objects of a joined set: those that a label other than 0 can number.
@@ -47,8 +47,11 @@ impl SplatSet {
 /// The origin is the centre of the box of all means, in whole mm. The background is the mean of all splats' backgrounds:
 /// it weighs ε against Σ w in V̂, so where anything is to be seen it moves V̂ by a small part of what the backgrounds differ.
 ///
+/// A grid is kept where all sets have the same.
+///
 /// # Errors
-/// Sets that do not add up to one field: splats with intensities and splats with colours, other kernels, other ε or w₀;
+/// Sets that do not add up to one field: splats with intensities and splats with colours, other kernels, other ε or w₀,
+/// fits for a grid beside others that are not for the same;
 /// and more than [`MOST_OBJECTS`] objects.
 pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let Some(((first_name, first), others)) = sets.split_first() else { return Ok(SplatSet::default()) };
@@ -69,6 +72,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let colours = first.colours.is_some().then(|| joined_colours(&sets));
     let iterations =
         first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
+    let (grid, form) = (first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid)), first.form);
     let mut splats = Vec::with_capacity(labels.len());
     for (_, set) in sets {
         let apart = set.origin_mm - origin_mm;
@@ -88,6 +92,8 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         labels: Some(labels),
         label_names,
         iterations,
+        grid,
+        form,
     })
 }
 
@@ -102,6 +108,11 @@ fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
     if kind(a) != kind(b) {
         let what = format!("the splats of one have {}, those of the other {}", kind(a), kind(b));
         return Some((what, "render splats of vgs and splats of other programs apart"));
+    }
+    // Between the voxels of its own grid such a fit is not right, and where two are, their grids are one.
+    if (a.form, b.form) != (Form::Field, Form::Field) && (a.form, a.grid) != (b.form, b.grid) {
+        let what = "they were not fitted for the same grid".to_owned();
+        return Some((what, "fit both to the same volume in the same way, or render them apart"));
     }
     let (a, b) = (&a.field, &b.field);
     if a.kernel != b.kernel {

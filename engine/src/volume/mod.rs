@@ -248,7 +248,7 @@ fn lerp(a: f64, b: f64, t: f64) -> f64 {
 }
 
 /// Length of each column of an affine.
-fn spacing_of(affine: &DAffine3) -> DVec3 {
+pub(crate) fn spacing_of(affine: &DAffine3) -> DVec3 {
     let m = affine.matrix3;
     DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
 }

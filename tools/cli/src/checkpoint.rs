@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use engine::fit::{FitConfig, State};
 use engine::output::check_writable;
-use engine::splat::{self, Field, Splat, SplatSet, WriteOptions};
+use engine::splat::{self, Field, Grid, Splat, SplatSet, WriteOptions};
 use engine::{Error, Kind, Result};
-use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -109,16 +108,13 @@ impl Checkpoints {
         self.every.is_some_and(|every| iteration > 0 && iteration.is_multiple_of(every))
     }
 
-    /// Writes the splats of an iteration, given in voxel space and HU.
-    pub fn write_splats(
-        &self,
-        splats: &[Splat],
-        iteration: u32,
-        world_from_voxel: &DAffine3,
-        field: Field,
-    ) -> Result<()> {
-        let set =
-            SplatSet { iterations: Some(iteration), ..SplatSet::from_voxel(splats, world_from_voxel, field) };
+    /// Writes the splats of an iteration, given in voxel space of the grid and HU.
+    pub fn write_splats(&self, splats: &[Splat], iteration: u32, grid: Grid, field: Field) -> Result<()> {
+        let set = SplatSet {
+            iterations: Some(iteration),
+            grid: Some(grid),
+            ..SplatSet::from_voxel(splats, &grid.world_from_voxel, field)
+        };
         splat::write_as(&self.splats_path(iteration), &set, &self.write)
     }
 

@@ -19,7 +19,7 @@ use crate::console::Console;
 use crate::eval;
 use crate::explain::{self, Checked};
 use crate::failure::Stop;
-use crate::inputs::{Case, InputRecord, ReadArguments, RoiArguments};
+use crate::inputs::{Case, InputRecord, ReadArguments, RoiArguments, grid_of};
 use crate::lock::Lock;
 use crate::optimise::{self, End, Job, Outcome, Schedule, Start};
 use crate::outputs;
@@ -153,9 +153,11 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     }
     let background = Scaling::new(&fitted.volume, &fitted.roi, fit_config).background;
     let field = config.field(background);
+    let grid = grid_of(&fitted.volume);
     let set_of = |splats: &[Splat], iterations: u32| {
         let mut set = SplatSet {
             iterations: Some(iterations),
+            grid: Some(grid),
             ..SplatSet::from_voxel(splats, &fitted.volume.world_from_voxel, field)
         };
         if let Some(labels) = &labels {

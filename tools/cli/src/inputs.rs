@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
+use engine::splat::Grid;
 use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
@@ -180,6 +181,11 @@ fn region_with_mask(
 
 fn named(error: Error, path: &Path) -> Error {
     if error.file.is_some() { error } else { error.file(path) }
+}
+
+/// The voxels of a volume, as the files of splats keep them.
+pub fn grid_of(volume: &Volume) -> Grid {
+    Grid { size: volume.size.map(|n| n as u32), world_from_voxel: volume.world_from_voxel }
 }
 
 /// An input file as a record keeps it.

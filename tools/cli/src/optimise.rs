@@ -4,14 +4,13 @@ use std::time::{Duration, Instant};
 
 use engine::fit::{FitConfig, Fitter, Progress};
 use engine::gpu::Gpu;
-use engine::splat::{self, Field, Splat};
+use engine::splat::{self, Field, Grid, Splat};
 use engine::{Error, Kind, Result};
-use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{Checkpoints, Interrupted};
 use crate::console::Console;
-use crate::inputs::Case;
+use crate::inputs::{Case, grid_of};
 use crate::progress::Display;
 use crate::signals::Signals;
 
@@ -144,7 +143,7 @@ pub fn run(job: &Job<'_>, start: Start) -> Result<Outcome> {
         display: Display::new(console),
         checkpoints,
         saved: iterations,
-        world_from_voxel: case.volume.world_from_voxel,
+        grid: grid_of(&case.volume),
         field: config.field(fitter.scaling().background),
     };
     let end = match state.iterate(&mut fitter, schedule, signals) {
@@ -183,7 +182,7 @@ struct State<'a> {
     checkpoints: &'a Checkpoints,
     /// The iteration of the last checkpoint.
     saved: u32,
-    world_from_voxel: DAffine3,
+    grid: Grid,
     field: Field,
 }
 
@@ -234,7 +233,7 @@ impl State<'_> {
     /// Writes a checkpoint of the splats just fetched.
     fn save(&mut self, fitter: &mut Fitter) -> Result<()> {
         let state = fitter.state()?;
-        self.checkpoints.write_splats(&self.good, self.iterations, &self.world_from_voxel, self.field)?;
+        self.checkpoints.write_splats(&self.good, self.iterations, self.grid, self.field)?;
         self.checkpoints.write_state(&state, self.elapsed().as_secs_f64(), &self.curve)?;
         self.saved = state.iteration;
         Ok(())

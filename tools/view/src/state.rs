@@ -96,6 +96,8 @@ pub enum SplatMode {
     /// In slabs, classified after adding up.
     #[default]
     Slab,
+    /// On the CT's own voxels, ray-marched.
+    Decoded,
     /// Sorted and blended: the fastest.
     Alpha,
     /// A tenth of the distance between planes: the most accurate.
@@ -219,12 +221,13 @@ impl Edited {
 
 impl SplatMode {
     /// All of them, in the order in which one steps through them.
-    pub const ALL: [SplatMode; 3] = [SplatMode::Slab, SplatMode::Alpha, SplatMode::Exact];
+    pub const ALL: [SplatMode; 4] = [SplatMode::Slab, SplatMode::Decoded, SplatMode::Alpha, SplatMode::Exact];
 
     /// Its name in [`render::MODES`].
     pub fn name(self) -> &'static str {
         match self {
             SplatMode::Slab => "slab",
+            SplatMode::Decoded => "decoded",
             SplatMode::Alpha => "alpha",
             SplatMode::Exact => "exact",
         }

@@ -19,13 +19,15 @@ use crate::facts::{Facts, Statistics};
 use crate::loader::{Loaded, Loader, sort};
 use crate::report::Report;
 use crate::settings::Settings;
-use crate::state::{Files, State, Subject};
+use crate::state::{Files, SplatMode, State, Subject};
 use crate::window::{LOST, Next};
 
 /// What is given up in the first picture, for something to be there at once.
 const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0, splats: 1.0 };
 /// What a picture that moves waits for before it is rendered in full.
 const REST: Duration = Duration::from_millis(150);
+/// Distance of the voxels of mode decoded, in those of the CT: what the settings of a picture have.
+const PITCH: f64 = 1.0;
 
 /// The window with what draws in it.
 pub struct Pane {
@@ -61,6 +63,8 @@ pub struct Viewer {
     budget: Option<u64>,
     /// Whether what the splats move faster with is there or being made.
     prepared: bool,
+    /// Whether the field is being decoded, which mode decoded waits for.
+    decoding: bool,
     /// Whether the camera is to show everything once something is there.
     fits: bool,
 }
@@ -91,6 +95,7 @@ impl Viewer {
             happened: None,
             budget: None,
             prepared: false,
+            decoding: false,
             fits: !keeps_camera,
         }
     }
@@ -137,6 +142,7 @@ impl Viewer {
     fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         self.range = self.content.range();
         self.prepared &= subject != Subject::Splats;
+        self.decoding &= subject != Subject::Splats;
         if let (Subject::Splats, Some(splats)) = (subject, &self.content.splats) {
             let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
             let (rows, counts) = rows.unzip();
@@ -219,6 +225,7 @@ impl Viewer {
 
     /// Renders the picture where that is needed. Whether the look was changed.
     fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
+        let chosen = self.chosen_mode(canvas)?;
         let changes = self.app.take_changes();
         let size = canvas::size(overlay.picture, overlay.pixels_per_point);
         if changes.look {
@@ -248,7 +255,7 @@ impl Viewer {
         // waited for.
         let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
         let other = moves && rung > 0 && cloud.is_some_and(Cloud::has_faces);
-        let mode = if other { LADDER[rung].mode } else { self.app.state.mode_of(Subject::Splats) };
+        let mode = if other { LADDER[rung].mode } else { chosen };
         let ways = ways(&self.app.state, pixels, mode, given_up, |subject| self.content.has(subject));
         if ways.is_empty() {
             return Ok(false);
@@ -269,6 +276,22 @@ impl Viewer {
         self.stale = false;
         self.count(canvas, ms);
         Ok(changes.look)
+    }
+
+    /// The mode that splats are shown in when nothing moves: what the user has chosen, or slabs while the field that it shows
+    /// is decoded by a thread beside the window.
+    fn chosen_mode(&mut self, canvas: &Canvas) -> Result<&'static str> {
+        let chosen = self.app.state.mode_of(Subject::Splats);
+        let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
+        let Some(cloud) = cloud.filter(|_| chosen == SplatMode::Decoded.name()) else { return Ok(chosen) };
+        if cloud.has_decoded(PITCH) {
+            self.stale |= std::mem::take(&mut self.decoding);
+            return Ok(chosen);
+        }
+        if !std::mem::replace(&mut self.decoding, true) {
+            self.loader.prepare("decoding the field", cloud.decoding(canvas.gpu(), PITCH)?);
+        }
+        Ok(SplatMode::Slab.name())
     }
 
     /// Begins to make, beside the window, what the splats move faster with.

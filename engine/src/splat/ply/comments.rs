@@ -1,5 +1,5 @@
-//! The comments that carry what a PLY row cannot: origin, kernel and field of a set, names of labels. Keys and values
-//! live here alone.
+//! The comments that carry what a PLY row cannot: origin, kernel and field of a set, the grid that it was fitted on, names
+//! of labels. Keys and values live here alone.
 //!
 //! f32 and f64 are written as the shortest decimal that reads back to the same bits.
 
@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::header::{bad, quoted};
 use crate::error::Result;
-use crate::splat::{Field, Kernel, SplatSet, label_name};
+use crate::splat::{Field, Form, Grid, Kernel, SplatSet, label_name};
 
 /// What the comments of a file state; nothing where they are silent.
 #[derive(Default)]
@@ -26,6 +26,10 @@ pub(super) struct Stated {
     /// What 0 and 1 of `intensity_01` stand for there.
     pub intensity_01_range: Option<[f32; 2]>,
     pub iterations: Option<u32>,
+    pub grid_size: Option<[u32; 3]>,
+    /// Rows of the grid's affine.
+    pub grid_affine: Option<[f64; 12]>,
+    pub form: Option<Form>,
     /// In ascending order of the labels.
     pub label_names: Vec<(u8, String)>,
 }
@@ -35,9 +39,22 @@ pub(super) fn of_set(set: &SplatSet) -> String {
     let [x, y, z] = set.origin_mm.to_array();
     let place = format!("comment vgs.axes ras\ncomment vgs.origin_mm {x} {y} {z}\n");
     let intensity = if set.has_intensity { "hu" } else { "luminance" };
+    let grid = set.grid.as_ref().map_or_else(String::new, |grid| {
+        let text = |numbers: &[f64]| numbers.iter().map(|v| format!(" {v}")).collect::<String>();
+        format!(
+            "comment vgs.grid.size{}\ncomment vgs.grid.affine{}\n",
+            text(&grid.size.map(f64::from)),
+            text(&grid.rows())
+        )
+    });
+    // What a file does not say is the field.
+    let form = match set.form {
+        Form::Field => String::new(),
+        Form::Grid { .. } => format!("comment vgs.form {}\n", set.form.name()),
+    };
     let name = |(label, name): &(u8, String)| format!("comment vgs.label {label} {name}\n");
     let names: String = set.label_names.iter().map(name).collect();
-    common(set, &place, &format!("comment vgs.intensity {intensity}\n")) + &names
+    common(set, &place, &format!("comment vgs.intensity {intensity}\n{grid}{form}")) + &names
 }
 
 /// The comment lines of `set` in the layout of the paper's authors, with what `intensity_01` is over.
@@ -86,12 +103,15 @@ pub(super) fn read(comments: &[String]) -> Result<Stated> {
             ["vgs.epsilon", value] => once(&mut stated.epsilon, number(value)),
             ["vgs.occupancy_w0", value] => once(&mut stated.occupancy_w0, number(value)),
             ["vgs.iterations", value] => once(&mut stated.iterations, number(value)),
+            ["vgs.grid.size", ref size @ ..] => once(&mut stated.grid_size, numbers(size)),
+            ["vgs.grid.affine", ref rows @ ..] => once(&mut stated.grid_affine, numbers(rows)),
+            ["vgs.form", name] => once(&mut stated.form, Form::from_name(name)),
             ["vgs.label", label, ref name @ ..] => named(&mut stated.label_names, number(label), name),
             ["vgs.intensity", "hu"] => once(&mut stated.physical, Some(true)),
             ["vgs.intensity", "luminance"] => once(&mut stated.physical, Some(false)),
             // A known key with the wrong number of values, or with a word that this version does not know.
             ["vgs.origin_mm" | "vgs.axes" | "vgs.kernel" | "vgs.background" | "vgs.epsilon", ..] => false,
-            ["vgs.occupancy_w0" | "vgs.intensity" | "vgs.iterations" | "vgs.label", ..] => false,
+            ["vgs.occupancy_w0" | "vgs.intensity" | "vgs.iterations" | "vgs.label" | "vgs.form", ..] => false,
             ["vgs.layout" | "vgs.intensity_01_range", ..] => false,
             _ => true,
         };
@@ -105,13 +125,29 @@ pub(super) fn read(comments: &[String]) -> Result<Stated> {
     }
     stated.label_names.sort();
     let field = stated.field(&Field::default());
-    match defect(&field, stated.origin_mm.unwrap_or_default()) {
+    match defect(&field, stated.origin_mm.unwrap_or_default()).or_else(|| stated.grid_defect()) {
         Some(why) => Err(bad("VGS-PLY-017", format!("the comments are wrong: {why}"))),
         None => Ok(stated),
     }
 }
 
 impl Stated {
+    /// The grid, where the file gives all of it.
+    pub fn grid(&self) -> Option<Grid> {
+        Some(Grid::from_rows(self.grid_size?, self.grid_affine?))
+    }
+
+    /// Why what is said of the grid is wrong, or nothing if it is not.
+    fn grid_defect(&self) -> Option<&'static str> {
+        match self.grid() {
+            Some(grid) => grid.defect(),
+            None if self.grid_size.is_some() || self.grid_affine.is_some() => {
+                Some("the grid has a size or an affine, and not both")
+            }
+            None => None,
+        }
+    }
+
     /// The field as stated, and as `otherwise` where nothing is.
     pub fn field(&self, otherwise: &Field) -> Field {
         Field {
@@ -137,6 +173,12 @@ pub(super) fn defect(field: &Field, origin_mm: DVec3) -> Option<&'static str> {
 
 fn number<T: FromStr>(text: &str) -> Option<T> {
     text.parse().ok()
+}
+
+/// As many numbers as there are words; nothing if it is another number of them, or one is no number.
+fn numbers<T: FromStr, const N: usize>(words: &[&str]) -> Option<[T; N]> {
+    let all: Option<Vec<T>> = words.iter().map(|word| number(word)).collect();
+    all?.try_into().ok()
 }
 
 /// Puts `value` into an empty `place`; false if it is taken or there is no value.

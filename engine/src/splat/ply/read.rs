@@ -196,6 +196,8 @@ pub(super) fn load(
         origin_mm: stated.origin_mm.unwrap_or_default(),
         has_intensity: layout.source != Source::Colour && stated.physical.unwrap_or(true),
         iterations: stated.iterations,
+        grid: stated.grid(),
+        form: stated.form.unwrap_or_default(),
         colours: layout.degree.map(|degree| Harmonics { degree, coefficients: beyond }),
         labels,
         splats,

@@ -2,7 +2,7 @@
 
 use std::io::{BufReader, Cursor};
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
 
 use super::describe;
@@ -12,7 +12,7 @@ use crate::error::{Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::SH0;
 use crate::splat::kernel::KERNELS;
-use crate::splat::{Field, Kernel, ReadOptions, Splat, SplatSet, read, write};
+use crate::splat::{Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, read, write};
 
 mod colours;
 mod labels;
@@ -49,6 +49,24 @@ fn sample(count: usize) -> SplatSet {
         origin_mm: DVec3::new(-1e5, 0.1, 33.0),
         field,
         iterations: Some(400),
+        grid: Some(Grid {
+            size: [512, 511, 99],
+            world_from_voxel: DAffine3::from_cols_array(&[
+                -0.7,
+                1e-17,
+                0.0,
+                0.1,
+                0.7,
+                0.0,
+                0.0,
+                -0.3,
+                3.0,
+                1e5,
+                -17.3,
+                1.0 / 3.0,
+            ]),
+        }),
+        form: Form::Grid { binary: true },
         ..SplatSet::default()
     }
 }
@@ -426,6 +444,21 @@ fn wrong_files_are_refused_with_a_reason() {
         ("two origins", comment("vgs.epsilon 1\ncomment vgs.epsilon 1"), "VGS-PLY-016", "twice"),
         ("infinite origin", comment("vgs.origin_mm 1 inf 2"), "VGS-PLY-017", "origin"),
         ("negative epsilon", comment("vgs.epsilon -1"), "VGS-PLY-017", "epsilon"),
+        ("half a size", comment("vgs.grid.size 3 4"), "VGS-PLY-016", "size"),
+        (
+            "a word in the affine",
+            comment("vgs.grid.affine 1 0 0 0 0 1 0 0 0 0 one 0"),
+            "VGS-PLY-016",
+            "affine",
+        ),
+        ("form", comment("vgs.form mesh"), "VGS-PLY-016", "mesh"),
+        ("a size alone", comment("vgs.grid.size 3 4 5"), "VGS-PLY-017", "affine"),
+        (
+            "a flat grid",
+            comment("vgs.grid.size 3 4 5\ncomment vgs.grid.affine 1 0 0 0 0 1 0 0 0 0 0 0"),
+            "VGS-PLY-017",
+            "plane",
+        ),
         ("no w0", comment("vgs.occupancy_w0 0"), "VGS-PLY-017", "w0"),
     ];
     for (name, file, code, word) in rows {

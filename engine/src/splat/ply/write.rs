@@ -106,6 +106,7 @@ pub(super) fn check(set: &SplatSet) -> Result<()> {
         return broken(format!("splat {index} cannot be written: {why}"));
     }
     let defect = comments::defect(&set.field, set.origin_mm)
+        .or_else(|| set.grid.and_then(|grid| grid.defect()))
         .or_else(|| set.label_defect())
         .or_else(|| set.colours.as_ref().and_then(|colours| colour_defect(colours, set)));
     match defect {

@@ -109,7 +109,8 @@ mod tests {
         let row = |case: usize, splats: usize| Row {
             case,
             voxels: 1.0,
-            splats: Count { paper: 100_000, ours: splats },
+            splats: Count { paper: 100_000, reference: job(splats + 2),
+            ours: splats },
             subset: Count { paper: 1, ours: 1 },
             training: published::training_of(case, 100_000),
             paper: job(splats),

@@ -7,7 +7,7 @@ use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
 use engine::render::{Camera, Renderer, Scene, Settings};
 use engine::splat::harmonics::{MAX_DEGREE, SH0, basis_count};
-use engine::splat::{self, Harmonics, SplatSet};
+use engine::splat::{self, Grid, Harmonics, SplatSet};
 use engine::transfer::{TransferFunction, preset};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result};
@@ -234,7 +234,11 @@ fn fit(gpu: &Gpu, place: &Place, config: &FitConfig) -> Result<SplatSet> {
             if fitter.iteration() >= config.iterations {
                 let field = config.field(fitter.scaling().background);
                 let set = SplatSet::from_voxel(&splats, &place.volume.world_from_voxel, field);
-                return Ok(SplatSet { iterations: Some(config.iterations), ..set });
+                let grid = Some(Grid {
+                    size: place.volume.size.map(|n| n as u32),
+                    world_from_voxel: place.volume.world_from_voxel,
+                });
+                return Ok(SplatSet { iterations: Some(config.iterations), grid, ..set });
             }
         }
         fitter.step(f64::from(fitter.iteration()) / f64::from(config.iterations))?;

@@ -221,6 +221,11 @@ pub fn step(text: &str) -> Result<f64, String> {
     number(text, 0.01..=100.0)
 }
 
+/// Parses a pitch.
+pub fn pitch(text: &str) -> Result<f64, String> {
+    number(text, 0.25..=16.0)
+}
+
 /// Parses a precision.
 pub fn precision(text: &str) -> Result<Precision, String> {
     match text {

@@ -97,6 +97,10 @@ pub struct Arguments {
     /// Steps along a ray: standard deviations of the splats, or voxels of the volume; smaller is finer [default: 0.5]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = arguments::step)]
     step: Option<f64>,
+    /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on, 0.5 is finer
+    #[arg(long, value_name = "VOXELS", default_value_t = 1.0, help_heading = "Quality",
+          value_parser = arguments::pitch)]
+    pitch: f64,
     /// How the transfer function is applied: point, pre-integrated, or auto
     #[arg(long, value_name = "WAY", default_value = "auto", help_heading = "Quality",
           value_parser = arguments::classification)]
@@ -150,6 +154,7 @@ Modes:
   volume  the CT itself, ray-marched: the reference
   exact   the splats' field in very fine steps: what the other modes are measured against
   slab    the splats' field in slabs, classified after it is added up (the default)
+  decoded the splats' field on the CT's own voxels, put there once, ray-marched as those
   alpha   sorted splats of one colour each: the fastest, and the only one for splats without intensities
 
 Colours are display-referred, as those of VTK and Slicer. For looking, not for diagnosis.";
@@ -206,6 +211,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let settings = Settings {
         depth: arguments.output.wants_depth(),
         step: arguments.step.unwrap_or(STEP),
+        pitch: arguments.pitch,
         classification: arguments.classification.0,
         precise: true,
         ..Settings::new(arguments.size.0)

@@ -1,0 +1,76 @@
+//! The field of a set of splats at the voxels of a brick grid, in HU: what is measured, and what is decoded to be shown.
+
+use super::Rasteriser;
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu};
+use crate::splat::activation::{limit_anisotropy, normalised};
+use crate::splat::{Field, Splat};
+use crate::volume::Bricks;
+
+/// The field of some splats at one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FieldSample {
+    /// V̂, HU.
+    pub hu: f32,
+    /// O in 0..1.
+    pub occupancy: f32,
+    /// Summed weight W of the splats.
+    pub weight: f32,
+}
+
+/// Samples a field on a brick grid.
+pub struct Sampler {
+    rasteriser: Rasteriser,
+    splats: Buffer<Splat>,
+    background: f32,
+    /// HU per unit of the intensities on the device.
+    unit: f64,
+    occupancy_w0: f32,
+}
+
+/// Intensities further than this from the background, HU, go to the device as parts of the furthest: otherwise their
+/// products with weights could leave f32.
+const FAR_HU: f64 = 1e12;
+
+impl Sampler {
+    /// For the samples of `bricks`; splats in voxel coordinates of the volume and HU.
+    pub fn new(gpu: &Gpu, splats: &[Splat], field: &Field, bricks: &Bricks) -> Result<Self> {
+        let origin = bricks.origin.as_vec3().to_array();
+        let away = |s: &Splat| f64::from(s.intensity) - f64::from(field.background);
+        let furthest = splats.iter().map(|s| away(s).abs()).filter(|v| v.is_finite()).fold(0.0, f64::max);
+        let unit = if furthest > FAR_HU { furthest } else { 1.0 };
+        // Relative to the background, so that an uncovered sample has it exactly.
+        let local: Vec<Splat> = splats
+            .iter()
+            .map(|s| Splat {
+                mean: std::array::from_fn(|i| s.mean[i] - origin[i]),
+                intensity: (away(s) / unit) as f32,
+                rotation: normalised(s.rotation),
+                log_scale: limit_anisotropy(s.log_scale),
+                ..*s
+            })
+            .collect();
+        Ok(Sampler {
+            rasteriser: Rasteriser::new(gpu, field.kernel, field.epsilon, bricks, local.len())?,
+            splats: gpu.upload("splats", "splats", &local)?,
+            background: field.background,
+            unit,
+            occupancy_w0: field.occupancy_w0,
+        })
+    }
+
+    /// All samples at one offset, in memory order of the bricks. Samples that take no part may hold anything.
+    pub fn sample(&mut self, offset: [f32; 3]) -> Result<Vec<FieldSample>> {
+        let got = self.rasteriser.rasterise(&self.splats, offset)?;
+        Ok(got
+            .into_iter()
+            .map(|r| FieldSample {
+                // The hull of the intensities is finite; only rounding could lead out of f32.
+                hu: (f64::from(r.value) * self.unit + f64::from(self.background))
+                    .clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32,
+                occupancy: r.weight / (r.weight + self.occupancy_w0),
+                weight: r.weight,
+            })
+            .collect())
+    }
+}

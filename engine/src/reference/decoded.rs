@@ -1,0 +1,58 @@
+//! The decoded field: what the splats come to at the voxels of a box, each for itself.
+
+use glam::DVec3;
+
+use super::splat_to_volume::splat_to_volume;
+use super::{Footprint, Reconstruction};
+use crate::splat::Field;
+
+/// A voxel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Voxel {
+    /// V.
+    pub value: f64,
+    /// O.
+    pub occupancy: f64,
+    /// The object that has most of Σ w, by its place in what was given.
+    pub object: usize,
+}
+
+/// The voxels of a box, x fastest, of objects that are given by the footprints of their splats, in voxels of the box. With
+/// `binary` O is 1 above ½ and 0 elsewhere. V is that of the field where a splat reaches, elsewhere the mean of those voxels
+/// around that a splat reaches, and the background where there is none.
+pub fn decoded(objects: &[Vec<Footprint>], field: &Field, size: [usize; 3], binary: bool) -> Vec<Voxel> {
+    let [nx, ny, nz] = size;
+    let place = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];
+    let positions: Vec<DVec3> =
+        (0..nx * ny * nz).map(|i| DVec3::from_array(place(i).map(|v| v as f64))).collect();
+    let at = |footprints: &[Footprint]| {
+        splat_to_volume(footprints, &positions, field.kernel, f64::from(field.epsilon))
+    };
+    let all: Vec<Reconstruction> = at(&objects.concat());
+    let each: Vec<Vec<Reconstruction>> = objects.iter().map(|o| at(o)).collect();
+    let background = f64::from(field.background);
+    let beside = |i: usize| {
+        let [x, y, z] = place(i);
+        let near = |v: usize, n: usize| v.saturating_sub(1)..=(v + 1).min(n - 1);
+        let mut found = Vec::new();
+        for z in near(z, nz) {
+            for y in near(y, ny) {
+                let row = near(x, nx).map(|x| all[(z * ny + y) * nx + x]);
+                found.extend(row.filter(|r| r.weight > 0.0).map(|r| r.value));
+            }
+        }
+        if found.is_empty() { 0.0 } else { found.iter().sum::<f64>() / found.len() as f64 }
+    };
+    (0..all.len())
+        .map(|i| {
+            let Reconstruction { weight, value } = all[i];
+            let occupancy = weight / (weight + f64::from(field.occupancy_w0));
+            let most = (0..each.len()).rev().max_by(|&a, &b| each[a][i].weight.total_cmp(&each[b][i].weight));
+            Voxel {
+                value: background + if weight > 0.0 { value } else { beside(i) },
+                occupancy: if binary { f64::from(u8::from(occupancy > 0.5)) } else { occupancy },
+                object: most.unwrap_or(0),
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,522 @@
+//! The decoded field: V and O of the splats evaluated once, on the voxels of the grid that they were fitted on, and kept in
+//! bricks of 8³ as far as splats reach.
+//!
+//! A fit aims at the CT's voxels and at what is between them by trilinear interpolation, so samples at the voxels,
+//! interpolated, are what it stands for. A frame then costs what that of the CT costs, however many splats there are, and
+//! a transfer function may change at any time: V and O do not depend on it.
+//!
+//! V is that of the field, in 16-bit fractions of its range, and where no splat reaches that of the neighbours which one does
+//! reach, so that what is interpolated at the rim is not drawn towards the background. O is Σ w / (Σ w + w₀); of a fit for a
+//! binary mask it is 1 above ½ and 0 elsewhere. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the
+//! object that has most of Σ w there.
+//!
+//! Where a file does not say what its grid was, voxels are cubes as long as [`Cloud::sigma_mm`](super::Cloud::sigma_mm), from
+//! the least coordinates of all means on; splats are fitted to be about as wide as voxels. The pitch doubles until the bricks
+//! fit what is set aside for them, with a warning: a coarser picture is better than none.
+
+use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
+use rayon::prelude::*;
+use shaders_glsl::types::BrickGrid;
+
+use super::cloud::{middle_sigma, reaches};
+use super::medium::{Scale, to_fraction};
+use crate::error::{Error, Kind, Result};
+use crate::gpu::Gpu;
+use crate::passes::Sampler;
+use crate::splat::{Field, Form, Grid, Splat, SplatSet};
+use crate::volume::bricks::{BRICK, NO_SLOT, SAMPLES, brick_morton, brick_voxel};
+use crate::volume::{Bricks, Roi, Volume};
+
+/// Most bricks that are sampled: 67 million voxels, some 400 MB in the atlas.
+const MOST_BRICKS: usize = 1 << 17;
+/// Most bricks of 4³ voxels of the whole box, for the leaps over empty space: what all devices have room for.
+const MOST_LEAPS: f64 = 4e6;
+/// Texels of a brick in the atlas along each axis: an apron of one voxel behind its own.
+const APRONED: usize = BRICK + 1;
+/// Bricks of an atlas along an axis: ten bits each (`include/medium.glsl`).
+const MOST_ALONG: u32 = 1023;
+/// The finest and the coarsest pitch that one may ask for, voxels.
+const PITCHES: [f64; 2] = [0.25, 16.0];
+
+/// What is decoded, mm in the space of a scene.
+pub(super) struct Source {
+    pub(super) splats: Vec<Splat>,
+    /// The number of each splat's object.
+    pub(super) objects: Vec<u8>,
+    pub(super) field: Field,
+    /// The grid in the space of the scene.
+    pub(super) grid: Option<Grid>,
+    pub(super) form: Form,
+    /// The edge of voxels where there is no grid.
+    pub(super) sigma_mm: f64,
+}
+
+/// A field on voxels, as far as splats reach.
+#[derive(Clone, Debug)]
+pub struct Decoded {
+    /// Voxels of the box around all that is there, with a border of one in which nothing is.
+    pub size: [u32; 3],
+    /// From voxels of that box to mm in the space of the scene.
+    pub scene_from_voxel: DAffine3,
+    pub(super) scale: Scale,
+    /// What voxels hold that no splat reaches: V and O as fractions.
+    empty: [u16; 2],
+    /// Bricks along x, y, z; brick b has the voxels 8 b − 1 to 8 b + 6 of the box.
+    bricks: UVec3,
+    /// Slot of each brick, x fastest.
+    slots: Vec<u32>,
+    /// V and O as fractions, [slot][Morton place].
+    samples: Vec<[u16; 2]>,
+    /// The objects that voxels belong to, likewise; nothing where all belong to `label`.
+    labels: Option<Vec<u8>>,
+    pub(super) label: u8,
+}
+
+/// An image of bricks, each with its apron.
+pub(super) struct Atlas {
+    pub(super) size: [u32; 3],
+    /// For each brick of the grid its place among those of the atlas, ten bits an axis.
+    pub(super) places: Vec<u32>,
+    pub(super) texels: Vec<[u16; 2]>,
+    pub(super) labels: Option<Vec<u8>>,
+}
+
+/// Decodes a set, in its own space (mm less its origin), to voxels `pitch` of its grid's apart.
+///
+/// # Errors
+/// A pitch below ¼ or above 16.
+pub fn decode(gpu: &Gpu, set: &SplatSet, pitch: f64) -> Result<Decoded> {
+    let here = DAffine3::from_translation(-set.origin_mm);
+    Source {
+        splats: set.splats.clone(),
+        objects: set.labels.clone().unwrap_or_else(|| vec![0; set.splats.len()]),
+        field: set.field,
+        grid: set.grid.map(|grid| Grid { world_from_voxel: here * grid.world_from_voxel, ..grid }),
+        form: set.form,
+        sigma_mm: middle_sigma(&set.splats),
+    }
+    .decode(gpu, pitch)
+}
+
+/// Fails where splats cannot be decoded to such voxels.
+pub(super) fn check(pitch: f64) -> Result<()> {
+    let [finest, coarsest] = PITCHES;
+    if (finest..=coarsest).contains(&pitch) {
+        return Ok(());
+    }
+    Err(Error::new(Kind::Usage, "VGS-RENDER-024", format!("a pitch of {pitch} voxels"))
+        .help(format!("choose one from {finest} to {coarsest}; 1 is the grid of the CT itself")))
+}
+
+/// The voxels that splats reach, and which bricks those lie in.
+struct Extent {
+    scene_from_lattice: DAffine3,
+    /// First and last voxel of the grid; without one there are no faces.
+    faces: [IVec3; 2],
+    /// First and last voxel of the box, with its border.
+    low: IVec3,
+    high: IVec3,
+    bricks: UVec3,
+    /// Whether a splat reaches a voxel of a brick, or one beside it.
+    reached: Vec<bool>,
+}
+
+impl Source {
+    pub(super) fn decode(&self, gpu: &Gpu, pitch: f64) -> Result<Decoded> {
+        check(pitch)?;
+        let (extent, splats) = self.extent(pitch);
+        let bricks = extent.sampled(|brick| extent.reached[brick]);
+        let background = self.field.background;
+        let scene_from_voxel = extent.scene_from_lattice * DAffine3::from_translation(extent.low.as_dvec3());
+        let mut decoded = Decoded {
+            size: (extent.high - extent.low + 1).as_uvec3().to_array(),
+            scene_from_voxel,
+            scale: Scale::of([f64::from(background); 2], false),
+            empty: [0; 2],
+            bricks: extent.bricks,
+            slots: bricks.slots.clone(),
+            samples: Vec::new(),
+            labels: None,
+            label: self.objects.first().copied().unwrap_or(0),
+        };
+        if bricks.is_empty() {
+            return Ok(decoded);
+        }
+        // V, O and Σ w; of V and O what is kept.
+        let found = Sampler::new(gpu, &splats, &self.field, &bricks)?.sample([0.0; 3])?;
+        let binary = self.form == Form::Grid { binary: true };
+        let [first, last] = extent.faces;
+        let inside = |voxel: IVec3| voxel.cmpge(first).all() && voxel.cmple(last).all();
+        let values: Vec<f32> = (0..found.len())
+            .into_par_iter()
+            .map(|i| match found[i].weight > 0.0 {
+                true => found[i].hu,
+                false => {
+                    let at = extent.bricks_voxel(bricks.coordinates[i / SAMPLES], i % SAMPLES);
+                    beside(at, &|voxel| {
+                        let sample = found[bricks_sample(extent.bricks, &bricks.slots, voxel)?];
+                        (sample.weight > 0.0).then_some(sample.hu)
+                    })
+                    .unwrap_or(background)
+                }
+            })
+            .collect();
+        let (least, greatest) = values
+            .par_iter()
+            .fold(|| (background, background), |(low, high), &v| (low.min(v), high.max(v)))
+            .reduce(|| (background, background), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+        let scale = Scale::of([least, greatest].map(f64::from), false);
+        decoded.scale = scale;
+        decoded.empty = [scale.fraction(background), 0];
+        decoded.samples = (0..found.len())
+            .into_par_iter()
+            .map(|i| {
+                let o = match found[i].occupancy {
+                    _ if !inside(bricks.voxel(i / SAMPLES, i % SAMPLES)) => 0.0,
+                    o if binary => f32::from(u8::from(o > 0.5)),
+                    o => o,
+                };
+                [scale.fraction(values[i]), to_fraction(o)]
+            })
+            .collect();
+        decoded.labels = self.labels(gpu, &extent, &bricks, &splats)?;
+        Ok(decoded)
+    }
+
+    /// The voxels that are reached, at the pitch or at the first coarser one at which they are few enough, and the splats in
+    /// the space of the lattice.
+    fn extent(&self, mut pitch: f64) -> (Extent, Vec<Splat>) {
+        let set = SplatSet { splats: self.splats.clone(), ..SplatSet::default() };
+        loop {
+            let grid = self.lattice().at_pitch(pitch);
+            let splats = set.to_voxel(&grid.world_from_voxel);
+            let faces = match self.grid {
+                Some(_) => [IVec3::ZERO, UVec3::from_array(grid.size).as_ivec3() - 1],
+                None => [IVec3::MIN / 4, IVec3::MAX / 4],
+            };
+            let boxes = boxes(&splats, &self.field, faces);
+            if let Some(extent) = Extent::around(&boxes, grid.world_from_voxel, faces) {
+                return (extent, splats);
+            }
+            pitch *= 2.0;
+            tracing::warn!("the field reaches too far to be decoded finer than to every {pitch} voxels");
+        }
+    }
+
+    /// The grid of the file, or cubes where it has none.
+    fn lattice(&self) -> Grid {
+        self.grid.unwrap_or_else(|| {
+            let means = self.splats.iter().map(|s| Vec3::from_array(s.mean)).filter(|m| m.is_finite());
+            let low = means.fold(Vec3::INFINITY, Vec3::min);
+            let first = if low.is_finite() { low.as_dvec3() } else { DVec3::ZERO };
+            let edge = DVec3::splat(self.sigma_mm.max(1e-6));
+            let affine = DAffine3::from_scale_rotation_translation(edge, glam::DQuat::IDENTITY, first);
+            Grid { size: [1; 3], world_from_voxel: affine }
+        })
+    }
+
+    /// The object that has most of Σ w at each sample; nothing where there is only one.
+    fn labels(
+        &self,
+        gpu: &Gpu,
+        extent: &Extent,
+        bricks: &Bricks,
+        splats: &[Splat],
+    ) -> Result<Option<Vec<u8>>> {
+        let mut numbers = self.objects.clone();
+        numbers.sort_unstable();
+        numbers.dedup();
+        if numbers.len() < 2 {
+            return Ok(None);
+        }
+        let count = bricks.len() * SAMPLES;
+        let (mut labels, mut most) = (vec![numbers[0]; count], vec![0.0f32; count]);
+        for &number in &numbers {
+            let own: Vec<Splat> =
+                splats.iter().zip(&self.objects).filter(|(_, o)| **o == number).map(|(s, _)| *s).collect();
+            let mut reached = vec![false; extent.reached.len()];
+            for (low, high) in boxes(&own, &self.field, extent.faces) {
+                extent.mark(&mut reached, low, high);
+            }
+            let there = extent.sampled(|brick| reached[brick] && extent.reached[brick]);
+            if there.is_empty() {
+                continue;
+            }
+            let found = Sampler::new(gpu, &own, &self.field, &there)?.sample([0.0; 3])?;
+            for (brick, samples) in there.coordinates.iter().zip(found.chunks(SAMPLES)) {
+                let slot = bricks.slots[place_of(extent.bricks, *brick)] as usize;
+                for (m, sample) in samples.iter().enumerate() {
+                    let i = slot * SAMPLES + m;
+                    if sample.weight > most[i] {
+                        (labels[i], most[i]) = (number, sample.weight);
+                    }
+                }
+            }
+        }
+        Ok(Some(labels))
+    }
+}
+
+/// First and last voxel that each splat reaches and those beside them, as far as the grid goes with a border; none of a splat
+/// that reaches no voxel of the grid.
+fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<(IVec3, IVec3)> {
+    let reaches = reaches(splats, field.kernel.support_q());
+    let boxes = splats.par_iter().zip(reaches).filter_map(|(splat, reach)| {
+        let mean = Vec3::from_array(splat.mean);
+        // Clamped as floats, so that what is huge does not overflow.
+        let far = Vec3::splat(1e9);
+        let low = (mean - reach).clamp(-far, far).floor().as_ivec3() - 1;
+        let high = (mean + reach).clamp(-far, far).ceil().as_ivec3() + 1;
+        let (low, high) = (low.max(faces[0] - 1), high.min(faces[1] + 1));
+        (mean.is_finite() && low.cmple(high).all()).then_some((low, high))
+    });
+    boxes.collect()
+}
+
+impl Extent {
+    /// Nothing where there would be too many bricks.
+    fn around(boxes: &[(IVec3, IVec3)], scene_from_lattice: DAffine3, faces: [IVec3; 2]) -> Option<Self> {
+        let (low, high) = boxes
+            .iter()
+            .fold((IVec3::MAX, IVec3::MIN), |(low, high), (from, to)| (low.min(*from), high.max(*to)));
+        let (low, high) = if boxes.is_empty() { (IVec3::ZERO, IVec3::splat(2)) } else { (low, high) };
+        // In f64, because a box may be as wide as an integer goes.
+        let size = high.as_dvec3() - low.as_dvec3() + 1.0;
+        if ((size + 4.0) / 4.0).element_product() > MOST_LEAPS {
+            return None;
+        }
+        // Places go from one voxel before the first to one behind the last.
+        let bricks = (size.as_uvec3() + 8) / 8;
+        let mut extent = Extent { scene_from_lattice, faces, low, high, bricks, reached: Vec::new() };
+        let mut reached = vec![false; bricks.element_product() as usize];
+        for &(from, to) in boxes {
+            extent.mark(&mut reached, from, to);
+        }
+        let count = reached.iter().filter(|there| **there).count();
+        extent.reached = reached;
+        (count <= MOST_BRICKS).then_some(extent)
+    }
+
+    /// Marks the bricks that hold voxels of a box.
+    fn mark(&self, reached: &mut [bool], low: IVec3, high: IVec3) {
+        // Brick 0 begins a voxel before the box.
+        let brick = |voxel: IVec3| ((voxel - self.low + 1) / BRICK as i32).as_uvec3();
+        let (from, to) = (brick(low), brick(high));
+        for z in from.z..=to.z {
+            for y in from.y..=to.y {
+                let row = place_of(self.bricks, UVec3::new(0, y, z));
+                reached[row + from.x as usize..=row + to.x as usize].fill(true);
+            }
+        }
+    }
+
+    /// The sample grid of some bricks.
+    fn sampled(&self, wanted: impl Fn(usize) -> bool) -> Bricks {
+        let count = self.bricks.element_product();
+        let mut slots = vec![NO_SLOT; count as usize];
+        let mut coordinates = Vec::new();
+        for i in (0..count).filter(|&i| wanted(i as usize)) {
+            slots[i as usize] = coordinates.len() as u32;
+            let n = self.bricks;
+            coordinates.push(UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y)));
+        }
+        let active = vec![[u64::MAX; SAMPLES / 64]; coordinates.len()];
+        Bricks { origin: self.low - 1, grid: self.bricks, slots, coordinates, active }
+    }
+
+    /// Voxel of the box at a place of a brick.
+    fn bricks_voxel(&self, brick: UVec3, morton: usize) -> IVec3 {
+        (brick * BRICK as u32 + brick_voxel(morton)).as_ivec3() - 1
+    }
+}
+
+/// Place of a brick among `bricks`, x fastest.
+fn place_of(bricks: UVec3, brick: UVec3) -> usize {
+    ((brick.z * bricks.y + brick.y) * bricks.x + brick.x) as usize
+}
+
+/// Index of the sample of a voxel of the box, where its brick is sampled.
+fn bricks_sample(bricks: UVec3, slots: &[u32], voxel: IVec3) -> Option<usize> {
+    let from_first = voxel + 1;
+    if from_first.cmplt(IVec3::ZERO).any() {
+        return None;
+    }
+    let from_first = from_first.as_uvec3();
+    let brick = from_first / BRICK as u32;
+    if brick.cmpge(bricks).any() {
+        return None;
+    }
+    let slot = slots[place_of(bricks, brick)];
+    (slot != NO_SLOT).then(|| slot as usize * SAMPLES + brick_morton(from_first % BRICK as u32))
+}
+
+/// Mean of what there is at the 26 voxels around one.
+fn beside(voxel: IVec3, at: &dyn Fn(IVec3) -> Option<f32>) -> Option<f32> {
+    let (mut sum, mut count) = (0.0f64, 0);
+    for z in -1..=1 {
+        for y in -1..=1 {
+            for x in -1..=1 {
+                if let Some(v) = at(voxel + IVec3::new(x, y, z)) {
+                    sum += f64::from(v);
+                    count += 1;
+                }
+            }
+        }
+    }
+    (count > 0).then(|| (sum / f64::from(count)) as f32)
+}
+
+impl Decoded {
+    /// V and O as fractions at a voxel of the box; beyond its faces as at them.
+    fn at(&self, voxel: IVec3) -> [u16; 2] {
+        self.sample(voxel).map_or(self.empty, |i| self.samples[i])
+    }
+
+    fn sample(&self, voxel: IVec3) -> Option<usize> {
+        let last = UVec3::from_array(self.size).as_ivec3() - 1;
+        bricks_sample(self.bricks, &self.slots, voxel.clamp(IVec3::ZERO, last))
+    }
+
+    /// V and O at a voxel of the box.
+    pub fn value(&self, voxel: [u32; 3]) -> (f64, f64) {
+        let [v, o] = self.at(UVec3::from_array(voxel).as_ivec3());
+        (self.scale.value(v), f64::from(o) / f64::from(u16::MAX))
+    }
+
+    /// All of the box as a volume and a region, for an origin of the scene in the world, mm RAS: what mode volume shows of
+    /// them is what mode decoded shows of this. Takes four bytes a voxel and as many for the region.
+    pub fn volume(&self, origin: DVec3) -> Result<(Volume, Roi)> {
+        let size = self.size.map(|n| n as usize);
+        let count = size.iter().product();
+        let all: Vec<(f64, f64)> = (0..count)
+            .into_par_iter()
+            .map(|i| {
+                self.value([i % size[0], i / size[0] % size[1], i / (size[0] * size[1])].map(|v| v as u32))
+            })
+            .collect();
+        let affine = DAffine3::from_translation(origin) * self.scene_from_voxel;
+        let volume = Volume::new(size, affine, all.iter().map(|v| v.0 as f32).collect());
+        let roi = Roi::new(all.iter().map(|v| v.1 as f32).collect(), &volume)?;
+        Ok((volume, roi))
+    }
+
+    /// Bricks with a sample; the atlas has those that hold anything, and their neighbours before them.
+    pub fn brick_count(&self) -> usize {
+        self.samples.len() / SAMPLES
+    }
+
+    /// Voxels from the first one of a brick on, x fastest, with its apron: what the atlas has of it.
+    fn aproned(&self, brick: UVec3) -> impl Iterator<Item = IVec3> {
+        let first = (brick * BRICK as u32).as_ivec3() - 1;
+        (0..APRONED * APRONED * APRONED).map(move |i| {
+            let at = [i % APRONED, i / APRONED % APRONED, i / (APRONED * APRONED)].map(|v| v as i32);
+            first + IVec3::from_array(at)
+        })
+    }
+
+    /// The atlas of an image of at most `edge` texels along an axis. Its first brick is one that holds nothing.
+    pub(super) fn atlas(&self, edge: u32) -> Result<Atlas> {
+        let count = self.bricks.element_product();
+        let n = self.bricks;
+        let brick_of = |i: u32| UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y));
+        // What is in a brick comes from its own samples or from those of the bricks behind it.
+        let sampled = |brick: UVec3| {
+            (0..8).any(|corner| {
+                let other = brick + UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+                other.cmplt(n).all() && self.slots[place_of(n, other)] != NO_SLOT
+            })
+        };
+        let kept: Vec<u32> = (0..count)
+            .into_par_iter()
+            .filter(|&i| {
+                let brick = brick_of(i);
+                sampled(brick) && self.aproned(brick).any(|voxel| self.at(voxel) != self.empty)
+            })
+            .collect();
+        let bricks = atlas_bricks(kept.len() as u32 + 1, (edge / APRONED as u32).min(MOST_ALONG))?;
+        let place = |i: u32| {
+            let [x, y] = [bricks[0], bricks[1]];
+            [i % x, i / x % y, i / (x * y)]
+        };
+        let mut places = vec![0; count as usize];
+        for (to, &i) in (1..).zip(&kept) {
+            let [x, y, z] = place(to);
+            places[i as usize] = x | y << 10 | z << 20;
+        }
+        let size = bricks.map(|n| n * APRONED as u32);
+        let [width, height, depth] = size.map(|n| n as usize);
+        let mut texels = vec![self.empty; width * height * depth];
+        let mut labels = self.labels.as_ref().map(|_| vec![self.label; texels.len()]);
+        // A layer of bricks at a time.
+        let layer = width * height * APRONED;
+        let in_layer = (bricks[0] * bricks[1]) as usize;
+        let fill = |z: usize, mut put: Box<dyn FnMut(usize, IVec3) + '_>| {
+            for to in (z * in_layer).max(1)..((z + 1) * in_layer).min(kept.len() + 1) {
+                let [x, y, _] = place(to as u32).map(|v| v as usize * APRONED);
+                for (i, voxel) in self.aproned(brick_of(kept[to - 1])).enumerate() {
+                    let [dx, dy, dz] = [i % APRONED, i / APRONED % APRONED, i / (APRONED * APRONED)];
+                    put((dz * height + y + dy) * width + x + dx, voxel);
+                }
+            }
+        };
+        texels
+            .par_chunks_mut(layer)
+            .enumerate()
+            .for_each(|(z, texels)| fill(z, Box::new(|at, voxel| texels[at] = self.at(voxel))));
+        if let (Some(to), Some(from)) = (&mut labels, &self.labels) {
+            to.par_chunks_mut(layer).enumerate().for_each(|(z, to)| {
+                fill(z, Box::new(|at, voxel| to[at] = self.sample(voxel).map_or(self.label, |i| from[i])));
+            });
+        }
+        Ok(Atlas { size, places, texels, labels })
+    }
+
+    /// Intervals of intensity of the bricks by which empty space is leapt over: of all that is looked up for places in them
+    /// and up to a voxel away, as those of a volume.
+    pub(super) fn intervals(&self, grid: &BrickGrid) -> Vec<[f32; 2]> {
+        let n = UVec3::from_array(grid.bricks);
+        let last = UVec3::from_array(self.size).as_ivec3() - 1;
+        (0..n.element_product())
+            .into_par_iter()
+            .map(|i| {
+                let brick = UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y));
+                let edge = UVec3::from_array(grid.shift.map(|s| 1 << s)).as_ivec3();
+                let from = brick.as_ivec3() * edge - 2;
+                let (from, to) = (from.clamp(IVec3::ZERO, last), (from + edge + 2).clamp(IVec3::ZERO, last));
+                let nothing = [f32::INFINITY, f32::NEG_INFINITY];
+                let (first, end) = (from + 1, to + 1);
+                let sampled =
+                    |z, y, x| self.slots[place_of(self.bricks, IVec3::new(x, y, z).as_uvec3())] != NO_SLOT;
+                let any = (first.z / 8..=end.z / 8).any(|z| {
+                    (first.y / 8..=end.y / 8).any(|y| (first.x / 8..=end.x / 8).any(|x| sampled(z, y, x)))
+                });
+                if !any {
+                    return nothing;
+                }
+                let (mut least, mut greatest, mut there) = (u16::MAX, 0, false);
+                for z in from.z..=to.z {
+                    for y in from.y..=to.y {
+                        for x in from.x..=to.x {
+                            let [v, o] = self.at(IVec3::new(x, y, z));
+                            (least, greatest, there) = (least.min(v), greatest.max(v), there || o > 0);
+                        }
+                    }
+                }
+                if there { [least, greatest].map(|v| self.scale.value(v) as f32) } else { nothing }
+            })
+            .collect()
+    }
+}
+
+/// Bricks along the axes of an atlas of so many, as nearly a cube as may be.
+fn atlas_bricks(count: u32, most: u32) -> Result<[u32; 3]> {
+    let edge = f64::from(count).cbrt().ceil() as u32;
+    let x = edge.clamp(1, most);
+    let y = count.div_ceil(x).min(x);
+    let z = count.div_ceil(x * y);
+    if z <= most {
+        return Ok([x, y, z]);
+    }
+    Err(Error::new(Kind::Unavailable, "VGS-RENDER-025", format!("{count} bricks are too many for an image"))
+        .help("decode at a coarser pitch, or render in another --mode"))
+}

@@ -1,0 +1,116 @@
+//! The grid that a set was fitted on, and what the set is right for: the field everywhere, or that grid alone.
+
+use glam::{DAffine3, DMat3, DVec3};
+
+/// A grid of voxels in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Voxels along x, y, z.
+    pub size: [u32; 3],
+    /// From voxel indices (centres at integers) to mm RAS.
+    pub world_from_voxel: DAffine3,
+}
+
+impl Grid {
+    /// The grid with samples `pitch` voxels apart, from the centre of the first voxel on: at ½ every second sample is the
+    /// centre of a voxel, at 2 every sample is that of every second one.
+    ///
+    /// # Panics
+    /// If `pitch` is not a finite number above 0.
+    pub fn at_pitch(&self, pitch: f64) -> Self {
+        assert!(pitch > 0.0 && pitch.is_finite(), "a pitch of {pitch} voxels");
+        // A grid that ends between two samples loses less than one of them.
+        let size = self.size.map(|n| ((f64::from(n.max(1)) - 1.0) / pitch + 1e-6).floor() as u32 + 1);
+        Grid { size, world_from_voxel: self.world_from_voxel * DAffine3::from_scale(DVec3::splat(pitch)) }
+    }
+
+    /// Why a file must not hold this grid, or nothing if it may.
+    pub fn defect(&self) -> Option<&'static str> {
+        let affine = self.world_from_voxel;
+        let conditions = [
+            (self.size.iter().all(|&n| n > 0), "the grid has no voxels"),
+            (affine.is_finite() && affine.inverse().is_finite(), "the grid's axes lie in one plane"),
+        ];
+        conditions.iter().find_map(|&(good, why)| (!good).then_some(why))
+    }
+
+    /// The affine row by row, four numbers each.
+    pub fn rows(&self) -> [f64; 12] {
+        let DAffine3 { matrix3: m, translation: t } = self.world_from_voxel;
+        let rows = [0, 1, 2].map(|k| m.row(k).extend(t[k]).to_array());
+        std::array::from_fn(|i| rows[i / 4][i % 4])
+    }
+
+    /// A grid of this size whose affine has these rows.
+    pub fn from_rows(size: [u32; 3], rows: [f64; 12]) -> Self {
+        let column = |k: usize| DVec3::new(rows[k], rows[4 + k], rows[8 + k]);
+        let matrix = DMat3::from_cols(column(0), column(1), column(2));
+        Grid { size, world_from_voxel: DAffine3::from_mat3_translation(matrix, column(3)) }
+    }
+}
+
+/// What a set was fitted for, which says how it is shown and measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Form {
+    /// The field between the voxels as well.
+    #[default]
+    Field,
+    /// The voxels of its grid and nothing between them: it is to be decoded there and interpolated.
+    Grid {
+        /// Whether the mask was binary: an occupancy above ½ stands for 1, any other for 0.
+        binary: bool,
+    },
+}
+
+/// Names of the forms in files.
+const NAMES: [(&str, Form); 3] = [
+    ("field", Form::Field),
+    ("grid", Form::Grid { binary: false }),
+    ("grid-binary", Form::Grid { binary: true }),
+];
+
+impl Form {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        NAMES.iter().find(|(_, form)| *form == self).map_or("field", |(name, _)| name)
+    }
+
+    /// The form of a name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        NAMES.iter().find(|(known, _)| *known == name).map(|(_, form)| *form)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_finer_grid_keeps_the_voxels_and_a_coarser_one_some_of_them() {
+        let affine = DAffine3::from_mat3_translation(
+            DMat3::from_diagonal(DVec3::new(-0.7, 0.7, 3.0)),
+            DVec3::new(5.0, 6.0, 7.0),
+        );
+        let grid = Grid { size: [5, 4, 1], world_from_voxel: affine };
+        for (pitch, size) in [(1.0, [5, 4, 1]), (0.5, [9, 7, 1]), (2.0, [3, 2, 1])] {
+            let other = grid.at_pitch(pitch);
+            assert_eq!(other.size, size, "{pitch}");
+            let voxel = DVec3::new(4.0, 2.0, 0.0);
+            let found = other.world_from_voxel.transform_point3(voxel / pitch);
+            assert!(found.abs_diff_eq(affine.transform_point3(voxel), 1e-12), "{pitch}: {found}");
+        }
+        assert_eq!(Grid::from_rows(grid.size, grid.rows()), grid);
+        assert_eq!(grid.defect(), None);
+        assert!(Grid { size: [0, 1, 1], ..grid }.defect().is_some());
+        let flat = DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0));
+        assert!(Grid { world_from_voxel: flat, ..grid }.defect().is_some());
+    }
+
+    #[test]
+    fn forms_have_names() {
+        for (name, form) in NAMES {
+            assert_eq!((Form::from_name(name), form.name()), (Some(form), name));
+        }
+        assert_eq!(Form::from_name("cubic"), None);
+    }
+}

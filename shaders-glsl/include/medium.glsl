@@ -1,0 +1,75 @@
+// Where the V and O that a ray march samples come from, and how the objects in them are shown: a dense image of a volume, or
+// an atlas of bricks. The marcher knows only medium_at.
+//
+// An atlas has bricks of 8^3 voxels with an apron of one behind them, 9^3 texels: brick b has the voxels 8 b - 1 to 8 b + 7
+// along each axis, so whatever lies between two of them is interpolated within the brick. A table tells for each brick of the
+// grid where it lies; all that hold nothing share the first place. Labels lie in an image of the same shape, or in a single
+// texel where all have one.
+#ifndef MEDIUM_GLSL
+#define MEDIUM_GLSL
+#extension GL_EXT_scalar_block_layout : require
+#include "bricks.glsl"
+#include "appearance.glsl"
+
+layout(constant_id = 1) const uint MASKED = 0;  // 1: the image holds an occupancy, too; else all of the volume is there
+layout(constant_id = 6) const uint ATLAS = 0;   // 1: the image is an atlas, with an occupancy
+layout(constant_id = 7) const uint OBJECTS = 0; // 1: objects have tints and opacities, or are hidden; of an atlas only
+layout(binding = 4) uniform sampler3D medium;
+layout(scalar, binding = 6) readonly buffer Places { uint places[]; };
+layout(binding = 7) uniform sampler3D labels;
+layout(scalar, binding = 8) readonly buffer Appearances { Appearance appearances[]; };
+
+// Texels of a brick along each axis.
+const uint APRONED = 9u;
+
+// A place of the grid as a place of the atlas, in texels from the centre of its first one.
+vec3 atlas_place(BrickGrid g, vec3 at) {
+    vec3 from_first = clamp(at + 1.0, vec3(0.0), vec3(g.texels) + 1.0);
+    uvec3 bricks = (g.texels + 8u) >> 3;
+    uvec3 brick = min(uvec3(from_first) >> 3, bricks - 1u);
+    uint place = places[(brick.z * bricks.y + brick.y) * bricks.x + brick.x];
+    uvec3 corner = uvec3(place & 1023u, (place >> 10) & 1023u, place >> 20) * APRONED;
+    return vec3(corner) + (from_first - vec3(brick * 8u));
+}
+
+// V and O at a place, V as a fraction. Outside a dense image V is that of its face, and O is 0 from one voxel beyond. With
+// objects O is what their opacities leave of it, Σ O a of the voxels around, and `tint` the mean tint of what is there,
+// weighted by O: as splats mix theirs by their weights.
+vec2 medium_at(BrickGrid g, vec3 at, out vec4 tint) {
+    tint = vec4(0.0);
+    if (ATLAS == 0) {
+        vec3 inverse_size = 1.0 / vec3(g.texels);
+        vec4 texel = textureLod(medium, (at + 0.5) * inverse_size, 0.0);
+        float occupancy = texel.y;
+        if (MASKED == 0) {
+            vec3 inside = clamp(min(at + 1.0, vec3(g.texels) - at), 0.0, 1.0);
+            occupancy = inside.x * inside.y * inside.z;
+        }
+        return vec2(texel.x, occupancy);
+    }
+    vec3 place = atlas_place(g, at);
+    vec3 inverse_size = 1.0 / vec3(textureSize(medium, 0));
+    vec2 found = textureLod(medium, (place + 0.5) * inverse_size, 0.0).xy;
+    if (OBJECTS == 1) {
+        ivec3 low = ivec3(place);
+        ivec3 last = textureSize(medium, 0) - 1, last_label = textureSize(labels, 0) - 1;
+        vec3 part = place - vec3(low);
+        float whole = 0.0, left = 0.0;
+        for (uint corner = 0; corner < 8; ++corner) {
+            ivec3 far = ivec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);
+            vec3 shares = mix(1.0 - part, part, equal(far, ivec3(1)));
+            ivec3 texel = min(low + far, last);
+            float o = shares.x * shares.y * shares.z * texelFetch(medium, texel, 0).y;
+            uint label = uint(texelFetch(labels, min(texel, last_label), 0).x * 255.0 + 0.5);
+            Appearance object = appearances[label];
+            whole += o;
+            left += object.visible == 0u ? 0.0 : o * object.opacity;
+            tint += o * object.tint;
+        }
+        found.y = left;
+        tint = whole > 0.0 ? tint / whole : vec4(0.0);
+    }
+    return found;
+}
+
+#endif

@@ -1,0 +1,267 @@
+//! The mode `decoded`: the splats' field on voxels, marched as those of a CT.
+#![forbid(unsafe_code)]
+
+use engine::error::Kind;
+use engine::gpu::Gpu;
+use engine::image::{Image, psnr};
+use engine::reference::decoded as twin;
+use engine::reference::eye::{self, Eye};
+use engine::reference::slab::Look as TwinLook;
+use engine::reference::splat_bounds::footprint;
+use engine::reference::{self, Footprint, raymarch};
+use engine::render::{
+    Appearance, Classification, ClipPlane, Decoded, Look, MediumSource, Renderer, Scene, Settings, decode,
+    mode,
+};
+use engine::splat::{Form, Grid, Kernel, Splat, SplatSet};
+use engine::transfer::Table;
+use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4, Vec3};
+use vgs_tests::rendering::{SIZE, camera, look, render, set, settings};
+use vgs_tests::{Bound, Device, assert_close, picture};
+
+/// Splats that were fitted on an oblique grid of 2.2 × 1.8 × 3 mm whose face cuts some of them off.
+fn fitted(count: usize, kernel: Kernel) -> SplatSet {
+    let mut set = set(count, kernel);
+    let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.2, -0.1, 0.4));
+    let matrix = turn * DMat3::from_diagonal(DVec3::new(-2.2, 1.8, 3.0));
+    let size = [31, 36, 16];
+    let middle = DVec3::from_array(size.map(|n| 0.5 * f64::from(n)));
+    let origin = set.origin_mm - matrix * middle;
+    let world_from_voxel = DAffine3::from_mat3_translation(matrix, origin);
+    set.grid = Some(Grid { size, world_from_voxel });
+    set
+}
+
+/// The same with two objects that overlap in a wide strip.
+fn objects(count: usize) -> SplatSet {
+    let mut set = fitted(count, Kernel::Compact);
+    set.labels = Some(set.splats.iter().map(|s| if s.mean[2] > 0.0 { 4 } else { 7 }).collect());
+    set
+}
+
+/// The voxels as the twin has them.
+fn twin_voxels(set: &SplatSet, decoded: &Decoded) -> Vec<twin::Voxel> {
+    // With one more on each side, so that all have their neighbours.
+    let wide = decoded.size.map(|n| n as usize + 2);
+    let scene_from_wide = decoded.scene_from_voxel * DAffine3::from_translation(DVec3::splat(-1.0));
+    let local = SplatSet { origin_mm: DVec3::ZERO, ..set.clone() }.to_voxel(&scene_from_wide);
+    let numbers = set.labels.clone().unwrap_or_else(|| vec![0; set.splats.len()]);
+    let mut there = numbers.clone();
+    there.sort_unstable();
+    there.dedup();
+    let footprints = |number: u8| -> Vec<Footprint> {
+        let own = local.iter().zip(&numbers).filter(|(_, n)| **n == number);
+        own.map(|(s, _): (&Splat, _)| {
+            let splat = reference::Splat::from(s);
+            let relative = splat.intensity - f64::from(set.field.background);
+            footprint(&reference::Splat { intensity: relative, ..splat }, set.field.kernel)
+        })
+        .collect()
+    };
+    let all: Vec<_> = there.iter().map(|&n| footprints(n)).collect();
+    let binary = set.form == Form::Grid { binary: true };
+    let voxels = twin::decoded(&all, &set.field, wide, binary);
+    let inside = |i: usize| {
+        let at = [i % wide[0], i / wide[0] % wide[1], i / (wide[0] * wide[1])];
+        (0..3).all(|k| (1..wide[k] - 1).contains(&at[k])).then(|| DVec3::from_array(at.map(|v| v as f64)))
+    };
+    let (last, grid_from_wide) = match set.grid {
+        Some(grid) => (
+            DVec3::from_array(grid.size.map(|n| f64::from(n) - 1.0)),
+            grid.world_from_voxel.inverse() * DAffine3::from_translation(set.origin_mm) * scene_from_wide,
+        ),
+        None => (DVec3::INFINITY, DAffine3::from_translation(DVec3::splat(1e6))),
+    };
+    (0..voxels.len())
+        .filter_map(|i| {
+            let place = grid_from_wide.transform_point3(inside(i)?);
+            let beyond = place.cmplt(DVec3::splat(-0.1)).any() || place.cmpgt(last + 0.1).any();
+            let occupancy = if beyond { 0.0 } else { voxels[i].occupancy };
+            Some(twin::Voxel { occupancy, object: usize::from(there[voxels[i].object]), ..voxels[i] })
+        })
+        .collect()
+}
+
+#[test]
+fn voxels_are_those_of_the_twin() {
+    let gpu = Device::boot();
+    let binary = SplatSet { form: Form::Grid { binary: true }, ..fitted(80, Kernel::Compact) };
+    for (name, set, pitch) in [
+        ("compact", fitted(120, Kernel::Compact), 1.0),
+        ("gaussian, half the pitch", fitted(40, Kernel::Gaussian), 0.5),
+        ("binary", binary, 1.0),
+        ("without a grid", set(60, Kernel::Compact), 1.0),
+        ("coarse", fitted(120, Kernel::Compact), 3.0),
+    ] {
+        let decoded = decode(&gpu, &set, pitch).expect("a field");
+        let wanted = twin_voxels(&set, &decoded);
+        let size = decoded.size;
+        let found: Vec<(f64, f64)> = (0..wanted.len() as u32)
+            .map(|i| decoded.value([i % size[0], i / size[0] % size[1], i / (size[0] * size[1])]))
+            .collect();
+        let there = wanted.iter().filter(|v| v.occupancy > 0.0).count();
+        println!("{name}: {size:?}, {there} of {} voxels, {} bricks", wanted.len(), decoded.brick_count());
+        assert!(there > 200 && there < wanted.len(), "{name}");
+        let pairs = |f: &dyn Fn(usize) -> (f64, f64)| (0..wanted.len()).map(f).collect::<Vec<_>>();
+        // Whether a voxel at the end of a support is reached may fall either way.
+        let occupancies = pairs(&|i| (found[i].1, wanted[i].occupancy));
+        assert_close(&format!("{name}: O"), Bound::new(2e-5, 0.0).outliers(1e-3, 1.0), occupancies);
+        let values = pairs(&|i| (found[i].0, wanted[i].value));
+        assert_close(&format!("{name}: V"), Bound::new(0.05, 1e-5).outliers(2e-3, 1e3), values);
+        if set.form == (Form::Grid { binary: true }) {
+            assert!(found.iter().all(|(_, o)| *o == 0.0 || *o == 1.0), "{name}: O is 0 or 1");
+        }
+    }
+}
+
+/// An atlas of bricks is a way to keep voxels, and nothing else.
+#[test]
+fn an_atlas_is_marched_as_the_same_voxels_in_a_volume() {
+    let gpu = Device::boot();
+    for (name, set, look, jitter) in [
+        ("soft, lit", fitted(120, Kernel::Compact), look("CT-Soft-Tissue", true), true),
+        ("bone", fitted(120, Kernel::Gaussian), look("CT-Bone", false), false),
+        ("steep", set(90, Kernel::Compact), look("CT-Bones-Steep", true), false),
+    ] {
+        let decoded = decode(&gpu, &set, 1.0).expect("a field");
+        let (volume, roi) = decoded.volume(set.origin_mm).expect("a volume");
+        let source = MediumSource { volume: &volume, roi: Some(&roi) };
+        let normal = DVec3::new(0.6, 0.0, 0.8);
+        let clip = vec![ClipPlane { normal, offset: normal.dot(set.origin_mm) - 4.0 }];
+        let look = Look { clip, ..look };
+        let scene = Scene::new(&gpu, Some(&set), Some(&source), &look).expect("a scene");
+        let eyes = camera(&scene).eyes(20.0);
+        for classification in [Classification::Point, Classification::PreIntegrated] {
+            let settings =
+                Settings { views: 2, step: 0.5, jitter, classification: Some(classification), ..settings() };
+            let [of_volume, of_atlas] = ["volume", "decoded"]
+                .map(|name| render(&gpu, mode(name).expect("a mode"), &scene, &settings, &eyes));
+            for (a, b) in of_volume.iter().zip(&of_atlas) {
+                assert!(a.pixels.iter().filter(|p| p[3] > 0.3).count() > 200, "{name}: something is seen");
+                println!("{name}, {classification:?}: {:.1} dB", psnr(a, b).expect("one size"));
+                // Places in the atlas round otherwise than places in the volume: an intensity at the border between two
+                // entries of the table may take either.
+                let numbers = a.pixels.iter().flatten().zip(b.pixels.iter().flatten());
+                let pairs = numbers.map(|(a, b)| (f64::from(*b), f64::from(*a)));
+                assert_close(name, Bound::new(2e-4, 0.0).outliers(2e-3, 0.02), pairs);
+            }
+        }
+    }
+}
+
+/// The picture of the twin's voxels, marched by the twin.
+fn twin_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, step: f64) -> Image {
+    let voxels = twin_voxels(set, decoded);
+    let size = decoded.size.map(|n| n as usize);
+    let values: Vec<f32> = voxels.iter().map(|v| v.value as f32).collect();
+    let mask: Vec<f32> = voxels.iter().map(|v| v.occupancy as f32).collect();
+    let shown = |v: &twin::Voxel| {
+        let shown = look.objects.get(&(v.object as u8)).copied().unwrap_or_default();
+        eye::Appearance {
+            tint: shown.tint.map_or(DVec4::ZERO, |t| Vec3::from_array(t).as_dvec3().extend(1.0)),
+            opacity: if shown.visible { f64::from(shown.opacity) } else { 0.0 },
+        }
+    };
+    let medium = raymarch::Medium::new(size, decoded.scene_from_voxel, &values, Some(&mask))
+        .with_objects(voxels.iter().map(shown).collect());
+    let range = scene.cloud.as_ref().expect("splats").range;
+    let [visible, _] = look.transfer.visible().expect("something to see");
+    let twin_look = TwinLook {
+        table: &Table::new(&look.transfer, range),
+        material: &look.transfer.material,
+        dark: if visible.is_finite() { visible } else { range[0] },
+        planes: &[],
+        segments: false,
+        least_light: 1e-4,
+    };
+    let eye = Eye::from(&camera(scene).view(scene.origin));
+    let spacing = decoded.scene_from_voxel.matrix3.to_cols_array_2d().map(|c| DVec3::from_array(c).length());
+    let step = step * spacing.into_iter().fold(f64::INFINITY, f64::min);
+    Image { size: SIZE.map(|n| n as usize), pixels: raymarch::render(&medium, &eye, SIZE, &twin_look, step) }
+}
+
+#[test]
+fn pictures_are_those_of_the_twins() {
+    let gpu = Device::boot();
+    let shown = |visible, tint, opacity| Appearance { visible, tint, opacity };
+    let tints = [(4, shown(true, Some([0.1, 0.4, 1.0]), 0.3)), (7, shown(true, Some([1.0, 0.3, 0.1]), 1.0))];
+    let hidden = [(4, shown(false, None, 1.0))];
+    for (name, set, look) in [
+        ("decoded-soft", fitted(150, Kernel::Compact), look("CT-Soft-Tissue", false)),
+        ("decoded-bone-lit", fitted(150, Kernel::Gaussian), look("CT-Bone", true)),
+        ("decoded-objects", objects(150), Look { objects: tints.into(), ..look("CT-Soft-Tissue", true) }),
+        ("decoded-hidden", objects(150), Look { objects: hidden.into(), ..look("CT-Bone", true) }),
+    ] {
+        let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
+        let settings =
+            Settings { step: 0.5, dark: 1e-4, classification: Some(Classification::Point), ..settings() };
+        let row = mode("decoded").expect("a mode");
+        let found = render(&gpu, row, &scene, &settings, &[camera(&scene)]);
+        picture::check(name, &found[0], || {
+            let decoded = decode(&gpu, &set, 1.0).expect("a field");
+            twin_picture(&set, &scene, &look, &decoded, 0.5)
+        });
+    }
+}
+
+/// The finer the voxels, the nearer is the picture to the field between them.
+#[test]
+fn a_finer_pitch_is_nearer_to_the_field() {
+    let gpu = Device::boot();
+    // Without a grid, whose faces would cut some of it off.
+    let set = set(120, Kernel::Compact);
+    let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Soft-Tissue", false)).expect("a scene");
+    let of = |name: &str, pitch: f64, step: f64| {
+        let settings = Settings { pitch, step, ..settings() };
+        render(&gpu, mode(name).expect("a mode"), &scene, &settings, &[camera(&scene)]).remove(0)
+    };
+    let exact = of("exact", 1.0, 1.0);
+    let found = [2.0, 1.0, 0.5, 0.25]
+        .map(|pitch| psnr(&exact, &of("decoded", pitch, 0.5)).expect("pictures of one size"));
+    println!("{found:.1?} dB");
+    assert!(found.windows(2).all(|p| p[0] < p[1]) && found[3] > 35.0, "{found:?}");
+}
+
+/// A field is decoded once: looks change, modes come and go, and its bytes are accounted for.
+#[test]
+fn it_is_decoded_once() {
+    let gpu = Device::boot();
+    let set = fitted(60, Kernel::Compact);
+    let row = mode("decoded").expect("a mode");
+    let bytes = |gpu: &Gpu| gpu.memory_by_purpose().get("decoded field").copied().unwrap_or(0);
+    let mut scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", false)).expect("a scene");
+    let cloud = |scene: &Scene| scene.cloud.as_ref().expect("splats").has_decoded(1.0);
+    assert!(!cloud(&scene) && bytes(&gpu) == 0, "not before it is asked for");
+    let first = render(&gpu, row, &scene, &settings(), &[camera(&scene)]).remove(0);
+    assert!(cloud(&scene));
+    let before = bytes(&gpu);
+    assert!(before > 4 * 729, "{before} bytes");
+    for name in ["CT-Soft-Tissue", "CT-Skin", "CT-Bone"] {
+        scene.set_look(&look(name, false)).expect("a look");
+        let found = render(&gpu, row, &scene, &settings(), &[camera(&scene)]).remove(0);
+        let fresh = Scene::new(&gpu, Some(&set), None, &look(name, false)).expect("a scene");
+        let wanted = render(&gpu, row, &fresh, &settings(), &[camera(&fresh)]).remove(0);
+        assert_eq!(found, wanted, "{name}");
+    }
+    assert_eq!(render(&gpu, row, &scene, &settings(), &[camera(&scene)]).remove(0), first);
+    drop(scene);
+    gpu.wait_idle().expect("waiting");
+    assert_eq!(bytes(&gpu), 0, "it goes with its scene");
+}
+
+/// Splats that reach very far are decoded more coarsely, and a pitch that is none is refused.
+#[test]
+fn what_is_too_much_is_coarser_and_what_is_no_pitch_is_refused() {
+    let gpu = Device::boot();
+    let mut wide = set(60, Kernel::Compact);
+    wide.splats[3].log_scale = [7.5; 3];
+    let decoded = decode(&gpu, &wide, 1.0).expect("a field");
+    assert!(decoded.brick_count() <= 1 << 17, "{}", decoded.brick_count());
+    let scene = Scene::new(&gpu, Some(&wide), None, &look("CT-Bone", false)).expect("a scene");
+    let row = mode("decoded").expect("a mode");
+    for pitch in [0.0, 0.1, 17.0, f64::NAN] {
+        let error =
+            Renderer::new(&gpu, row, &scene, &Settings { pitch, ..settings() }).err().expect("an error");
+        assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-RENDER-024"), "{pitch}");
+    }
+}
