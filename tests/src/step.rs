@@ -49,7 +49,7 @@ pub fn all_terms(soft: bool) -> [Weighted; 8] {
     let region = if soft { -1.0 } else { 0.5 };
     let term = |term, weight| Weighted { term, weight, region, low: LOW, ..Weighted::default() };
     [
-        term(MSE, 1.0),
+        Weighted { parameter: 0.1, ..term(MSE, 1.0) },
         Weighted { parameter: 0.05, ..term(OCCUPANCY, 0.3) },
         Weighted { parameter: 1.0, ..term(DICE, 2000.0) },
         Weighted { parameter: if soft { 2.0 } else { 1.0 }, region: -1.0, ..term(LEAK, 0.2) },
@@ -69,7 +69,7 @@ pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
             _ => Quantity::Mask,
         };
         match TERMS[t.term].name {
-            "mse" => reference::Term::Mse { weight, region },
+            "mse" => reference::Term::Mse { weight, rim: parameter, region },
             "occupancy" => reference::Term::Occupancy { weight, w0: parameter },
             "dice" | "intensity dice" => {
                 reference::Term::Dice { weight, smoothing: parameter, region, quantity }

@@ -1,11 +1,12 @@
 //! The fit as a whole, on small phantoms.
 #![forbid(unsafe_code)]
 
-use engine::fit::FitConfig;
-use engine::fit::evaluate::{Evaluation, Protocol, evaluate, random_offsets};
+use engine::fit::evaluate::{Evaluation, Protocol, Sampler, evaluate, random_offsets};
+use engine::fit::{FitConfig, FitForm};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::splat::{Field, Kernel, Splat};
-use engine::volume::{Roi, Volume};
+use engine::volume::bricks::SAMPLES;
+use engine::volume::{Bricks, Roi, Volume};
 use engine::{Kind, fit::Fitter};
 use glam::DAffine3;
 use vgs_tests::fitting::Case;
@@ -373,4 +374,45 @@ fn progress_and_evaluation_agree() {
     );
     assert!((p.psnr_db - e.on_grid.psnr_db).abs() < 0.01);
     assert!((p.occupancy_rmse - e.on_grid.occupancy_rmse).abs() < 1e-4);
+}
+
+/// A fit for the grid is right where it will be decoded: at the voxels of the region, in the rim around it, which trilinear
+/// samples at the edge look into, and in what is inside and what is not.
+#[test]
+fn a_fit_for_the_grid_holds_the_rim() {
+    let gpu = Device::boot();
+    let [field, grid] = [FitForm::Field, FitForm::Grid].map(|form| {
+        let mut case = Case::phantom(SIZE, 120);
+        case.config.form = form;
+        let mut fitter = case.fit(&gpu);
+        let splats = fitter.splats().expect("splats");
+        let bricks = Bricks::around(&case.roi, 1);
+        let field = case.config.field(fitter.scaling().background);
+        let got =
+            Sampler::new(&gpu, &splats, &field, &bricks).expect("samples").sample([0.0; 3]).expect("samples");
+        // Squared errors and their number: in the region, in the rim; voxels that are on the wrong side of the mask.
+        let (mut inside, mut rim, mut wrong) = ((0.0, 0.0), (0.0, 0.0), 0);
+        for (i, sample) in got.iter().enumerate() {
+            let (slot, morton) = (i / SAMPLES, i % SAMPLES);
+            if !bricks.is_active(slot, morton) {
+                continue;
+            }
+            let voxel = bricks.voxel(slot, morton);
+            let [x, y, z] = voxel.to_array().map(|c| c as usize);
+            let (low, high) = fitter.scaling().range;
+            let error =
+                f64::from(sample.hu - case.volume.samples[case.volume.index(x, y, z)].clamp(low, high));
+            let is_inside = case.roi.at(voxel) > 0.0;
+            let sum = if is_inside { &mut inside } else { &mut rim };
+            sum.0 += error * error;
+            sum.1 += 1.0;
+            wrong += usize::from((sample.occupancy > 0.5) != is_inside);
+        }
+        let rmse = |(sum, count): (f64, f64)| (sum / count).sqrt();
+        println!("{form:?}: {:.1} HU inside, {:.1} HU in the rim, {wrong} wrong", rmse(inside), rmse(rim));
+        (rmse(inside), rmse(rim), wrong)
+    });
+    assert!(grid.0 < 0.9 * field.0, "the voxels: {} HU, {} HU with offsets", grid.0, field.0);
+    assert!(grid.1 < 0.7 * field.1, "the rim: {} HU, {} HU with offsets", grid.1, field.1);
+    assert!(grid.2 <= field.2, "{} voxels on the wrong side, {} with offsets", grid.2, field.2);
 }

@@ -5,8 +5,8 @@
 use engine::fit::init::{INITIALISERS, ORIENTATIONS};
 use engine::fit::topology::TOPOLOGIES;
 use engine::fit::{
-    Background, FitConfig, INTENSITY_LOSSES, IntensityRange, MASK_LOSSES, PROFILES, Profile, ScaleUnit,
-    Storage,
+    Background, FitConfig, FitForm, INTENSITY_LOSSES, IntensityRange, MASK_LOSSES, PROFILES, Profile,
+    ScaleUnit, Storage,
 };
 use engine::splat::defect;
 use engine::splat::kernel::KERNELS;
@@ -97,6 +97,8 @@ fn ways(profile: &Profile) -> Vec<(String, FitConfig, bool)> {
                             leak_weight: [0.0, 0.1][turn / 23 % 2],
                             occupancy_weight: [0.004, 0.0][turn / 29 % 2],
                             shell_beyond: turn / 31 % 2 == 0,
+                            form: [FitForm::Field, FitForm::Grid][turn / 18 % 2],
+                            rim_weight: [0.0, 0.1][turn / 7 % 2],
                             offsets: 1 + 2 * (turn / 2 % 2),
                             seed: turn as u64,
                             ..start.clone()
@@ -162,6 +164,7 @@ profiles! {
     from_bones: "bones",
     from_organs: "organs",
     from_mr: "mr",
+    from_grid: "grid",
     from_paper: "paper",
     from_reference: "reference",
 }

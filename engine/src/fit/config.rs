@@ -10,7 +10,7 @@ use super::topology::{TOPOLOGIES, Topology};
 use crate::error::{Error, Kind, Result};
 pub use crate::passes::Storage;
 use crate::splat::{self, Kernel};
-use crate::volume::Volume;
+use crate::volume::{Roi, Volume};
 
 /// A field of [`FitConfig`] as programs show it.
 #[derive(Clone, Copy, Debug)]
@@ -42,6 +42,16 @@ pub enum ScaleUnit {
     /// The box of the volume as a unit cube: a splat has its shape there, and one that is round there is as long along
     /// each axis as the volume is. The unit is the mean over the axes of one voxel's part of the edge.
     Box,
+}
+
+/// What a fit is right for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FitForm {
+    /// The field everywhere, at sub-voxel offsets too.
+    Field,
+    /// The voxels alone.
+    Grid,
 }
 
 /// What the intensities of a fit are clipped to, and what its loss counts in, where no range is given.
@@ -159,6 +169,12 @@ config! {
         /// Whether the shell goes on beyond the faces of the volume, where nothing is: a region that the end of the scan
         /// cuts off then ends there.
         shell_beyond: bool = true,
+        /// What the fit is right for: "field", also between the voxels, or "grid", the voxels alone: splats that are decoded
+        /// there and interpolated look more like the CT, and are never shown in another way. "grid" takes no offsets.
+        form: FitForm = FitForm::Field,
+        /// Weight of the squared intensity error in the rim of one voxel around the ROI, for form "grid" and a binary mask:
+        /// a sample between two voxels at the edge takes its intensity from there, too.
+        rim_weight: f32 = 0.1,
         /// Sub-voxel target offsets, visited in turn: the grid itself and offsets - 1 random ones. 1: on the grid only.
         offsets: usize = 16,
         /// Visits the grid itself every so many iterations besides its turn; 0: only in its turn.
@@ -278,6 +294,7 @@ impl FitConfig {
             ("occupancy_weight", self.occupancy_weight),
             ("init_footprint", self.init_footprint),
             ("dice_smoothing", self.dice_smoothing),
+            ("rim_weight", self.rim_weight),
             ("scale_weight", self.scale_weight),
             ("scale_growth", self.scale_growth),
             ("topology_hole_weight", self.topology_hole_weight),
@@ -402,6 +419,19 @@ impl FitConfig {
             ScaleUnit::Voxel | ScaleUnit::Spacing => DVec3::ONE,
             ScaleUnit::Box => DVec3::from_array(edges) * edges.iter().map(|n| 1.0 / n).sum::<f64>() / 3.0,
         }
+    }
+
+    /// Returns what the fitted splats stand for, for files and pictures.
+    pub fn fitted_form(&self, roi: &Roi) -> splat::Form {
+        match self.form {
+            FitForm::Field => splat::Form::Field,
+            FitForm::Grid => splat::Form::Grid { binary: !roi.soft },
+        }
+    }
+
+    /// Whether the rim of a region has a weight of its own.
+    pub(super) fn has_rim(&self, roi: &Roi) -> bool {
+        self.form == FitForm::Grid && !roi.soft && self.region_threshold == 0.0 && self.rim_weight > 0.0
     }
 
     /// How many splats a region of interest of that many voxels gets; at least one.

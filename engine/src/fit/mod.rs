@@ -28,7 +28,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use shaders_glsl::types::{AdamParams, History, SplatGrad, Target};
 
-pub use config::{Background, FitConfig, IntensityRange, Parameter, ScaleUnit, Storage};
+pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, ScaleUnit, Storage};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};
 pub use state::State;
@@ -186,13 +186,15 @@ impl<'a> Fitter<'a> {
         let stretch = config.stretch(volume);
         let work = Work::new(gpu, &bricks, count, config, stretch.as_vec3().to_array())?;
         let grid = &work.rasteriser.grid;
-        let offsets = offsets(config.offsets, config.seed);
+        let count_offsets = if config.form == FitForm::Grid { 1 } else { config.offsets };
+        let offsets = offsets(count_offsets, config.seed);
         let (mut targets, mut terms) = (Vec::new(), Vec::new());
         for (i, &offset) in offsets.iter().enumerate() {
             let mut outside = 0.0;
             let row: Result<Vec<_>> = (0..grid.chunks())
                 .map(|c| {
-                    let sampled = sample(&bricks, grid.chunk(c), volume, roi, &scaling, offset);
+                    let rim = config.has_rim(roi);
+                    let sampled = sample(&bricks, grid.chunk(c), volume, roi, &scaling, offset, rim);
                     outside += terms::outside(config, &sampled);
                     gpu.upload(&format!("targets {i}.{c}"), "targets", &sampled)
                 })

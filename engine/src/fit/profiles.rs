@@ -37,6 +37,11 @@ pub const PROFILES: &[Profile] = &[
         toml: include_str!("profiles/mr.toml"),
     },
     Profile {
+        name: "grid",
+        about: "for pictures: right at the voxels, to be decoded there",
+        toml: include_str!("profiles/grid.toml"),
+    },
+    Profile {
         name: "paper",
         about: "the paper's method to the letter",
         toml: include_str!("profiles/paper.toml"),

@@ -1,6 +1,7 @@
 //! What the samples should be: volume and mask, sampled trilinearly at each sub-voxel offset, because that is what every
 //! volume renderer shows.
 
+use glam::IVec3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shaders_glsl::types::Target;
@@ -44,6 +45,13 @@ impl Scaling {
                 roi_range = (roi_range.0.min(v), roi_range.1.max(v));
             }
         }
+        if config.has_rim(roi) {
+            // Splats at the edge reach into the rim and must be able to hold what is there.
+            for v in rim_samples(volume, roi) {
+                let v = v.clamp(range.0, range.1);
+                roi_range = (roi_range.0.min(v), roi_range.1.max(v));
+            }
+        }
         // A constant volume has no span; any positive unit does.
         let unit = if range.1 > range.0 { range.1 - range.0 } else { 1.0 };
         let background = match config.background {
@@ -77,7 +85,11 @@ pub fn offsets(count: usize, seed: u64) -> Vec<[f32; 3]> {
     list
 }
 
-/// The targets of the slots `range` at one offset, in memory order.
+/// Mask of a sample in the rim of a binary region: the least that a target can hold, nothing to a term of the mask.
+const RIM: f32 = 1.0 / 32767.0;
+
+/// The targets of the slots `range` at one offset, in memory order. With a `rim` the voxels beside the region, 26 around each
+/// of its own, are marked as such.
 pub fn sample(
     bricks: &Bricks,
     range: std::ops::Range<usize>,
@@ -85,14 +97,37 @@ pub fn sample(
     roi: &Roi,
     scaling: &Scaling,
     offset: [f32; 3],
+    rim: bool,
 ) -> Vec<Target> {
     let offset = glam::Vec3::from_array(offset).as_dvec3();
     bricks.map_samples(range, Target::IDLE, |voxel| {
         let x = voxel.as_dvec3() + offset;
         let hu = volume.sample_clipped(x, scaling.range, scaling.background);
         let value = (hu - f64::from(scaling.background)) / f64::from(scaling.unit);
-        Target::new(value as f32, roi.trilinear(x) as f32)
+        let mask = roi.trilinear(x) as f32;
+        Target::new(value as f32, if rim && mask == 0.0 && is_beside(roi, voxel) { RIM } else { mask })
     })
+}
+
+/// The finite samples of the rim, some of them several times.
+fn rim_samples<'a>(volume: &'a Volume, roi: &'a Roi) -> impl Iterator<Item = f32> + 'a {
+    let [nx, ny, _] = volume.size;
+    let size = IVec3::from_array(volume.size.map(|n| n as i32));
+    let inside = (0..roi.weight.len()).filter(|&i| roi.weight[i] > 0.0);
+    let around = move |i: usize| {
+        let voxel = IVec3::new((i % nx) as i32, (i / nx % ny) as i32, (i / (nx * ny)) as i32);
+        (0..27).map(move |k| voxel + IVec3::new(k % 3, k / 3 % 3, k / 9) - 1)
+    };
+    let is_rim = move |v: &IVec3| v.cmpge(IVec3::ZERO).all() && v.cmplt(size).all() && roi.at(*v) == 0.0;
+    let sample = |v: IVec3| volume.samples[volume.index(v.x as usize, v.y as usize, v.z as usize)];
+    inside.flat_map(around).filter(is_rim).map(sample).filter(|v| v.is_finite())
+}
+
+/// True if one of the 26 voxels around a voxel of the volume is of the region. Beyond the volume there is no intensity.
+fn is_beside(roi: &Roi, voxel: IVec3) -> bool {
+    let size = IVec3::from_array(roi.size.map(|n| n as i32));
+    let is_in_volume = voxel.cmpge(IVec3::ZERO).all() && voxel.cmplt(size).all();
+    is_in_volume && (0..27).any(|i| roi.at(voxel + IVec3::new(i % 3, i / 3 % 3, i / 9) - 1) > 0.0)
 }
 
 #[cfg(test)]

@@ -98,7 +98,8 @@ pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside
     let intensity = config.intensity_loss().unwrap_or(&INTENSITY_LOSSES[0]);
     let mask = config.mask_loss().unwrap_or(&MASK_LOSSES[0]);
     let of_mse = if intensity.term == MSE { config.mse_weight } else { 0.0 };
-    let mut terms = vec![Weighted { region: hard, ..term(MSE, of_mse) }];
+    let rim = if config.has_rim(roi) { config.rim_weight } else { 0.0 };
+    let mut terms = vec![Weighted { region: hard, parameter: rim, ..term(MSE, of_mse) }];
     if config.occupancy_weight > 0.0 {
         terms.push(Weighted { parameter: config.occupancy_w0, ..term(OCCUPANCY, config.occupancy_weight) });
     }

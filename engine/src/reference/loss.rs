@@ -45,10 +45,12 @@ impl Quantity {
 /// it are the region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Term {
-    /// λ/2 Σ m (V̂ - V)², m = M without a threshold and \[M > region\] with one.
+    /// λ/2 Σ m (V̂ - V)², m = M without a threshold; with one 1 where M > region, and `rim` where 0 < M ≤ region.
     Mse {
         /// λ.
         weight: f64,
+        /// Weight of the rim.
+        rim: f64,
         /// Threshold.
         region: f64,
     },
@@ -209,8 +211,13 @@ impl Term {
         }
         let m = wanted.occupancy;
         match *self {
-            Term::Mse { weight, region } => {
-                let m = if region < 0.0 { m } else { f64::from(u8::from(is_inside(wanted, region))) };
+            Term::Mse { weight, rim, region } => {
+                let m = match is_inside(wanted, region) {
+                    _ if region < 0.0 => m,
+                    true => 1.0,
+                    false if m > 0.0 => rim,
+                    false => 0.0,
+                };
                 let r = got.value - wanted.value;
                 TermAt {
                     value: m * r * r,

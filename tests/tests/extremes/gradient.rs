@@ -2,7 +2,7 @@
 
 use engine::passes::Adam;
 use engine::passes::adam::State;
-use engine::passes::loss::{MSE, OCCUPANCY, Weighted};
+use engine::passes::loss::{OCCUPANCY, Weighted};
 use engine::reference::types::LANES;
 use engine::reference::{self, Footprint, Gradient, Samples, splat_bounds, splat_to_volume};
 use engine::splat::{Kernel, Splat};

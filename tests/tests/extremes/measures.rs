@@ -2,7 +2,7 @@
 
 use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::{Protocol, evaluate};
-use engine::passes::loss::MSE;
+use engine::passes::loss::Weighted;
 use engine::passes::loss::Weighted;
 use engine::reference::{self, Term, loss};
 use engine::splat::{Field, Kernel, Splat};
@@ -101,7 +101,8 @@ fn n26_small_and_large_regions() {
         let pass = step::run_with(&gpu, &bricks, &splats, &targets, Kernel::Compact, [0.0; 3], &terms);
         let targets: Vec<reference::Target> = targets.iter().map(Into::into).collect();
         let got: Vec<reference::Reconstruction> = pass.reconstructions.iter().map(Into::into).collect();
-        let wanted = loss::sums(&Term::Mse { weight: 1.0, region: 0.5 }, &targets, &got, targets.len());
+        let wanted =
+            loss::sums(&Term::Mse { weight: 1.0, rim: 0.0, region: 0.5 }, &targets, &got, targets.len());
         assert_eq!(pass.sums[0].weight, wanted[0][1], "Σ m");
         sum_off = sum_off.max((pass.sums[0].value / wanted[0][0] - 1.0).abs());
     }

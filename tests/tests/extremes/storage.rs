@@ -7,7 +7,7 @@ use engine::reference::half;
 use engine::splat::{self, Packed, Splat};
 use engine::volume::bricks::SAMPLES;
 use rand::RngExt;
-use shaders_glsl::types::{LossParams, Target};
+use shaders_glsl::types::Target;
 use vgs_tests::numerics::keep;
 use vgs_tests::sampling::{bricks, one, some_splats};
 use vgs_tests::scene::{EPSILON, Scene, random};

@@ -204,7 +204,7 @@ fn rows(term: usize, weight: f32, parameters: &[f32]) -> Vec<Weighted> {
 }
 
 pub fn loss_mse() {
-    check_loss(&rows(MSE, 0.7, &[0.0]));
+    check_loss(&rows(MSE, 0.7, &[0.0, 0.1]));
 }
 
 pub fn loss_occupancy() {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use engine::fit::{FitConfig, State};
 use engine::output::check_writable;
-use engine::splat::{self, Field, Grid, Splat, SplatSet, WriteOptions};
+use engine::splat::{self, Field, Form, Grid, Splat, SplatSet, WriteOptions};
 use engine::{Error, Kind, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -109,10 +109,17 @@ impl Checkpoints {
     }
 
     /// Writes the splats of an iteration, given in voxel space of the grid and HU.
-    pub fn write_splats(&self, splats: &[Splat], iteration: u32, grid: Grid, field: Field) -> Result<()> {
+    pub fn write_splats(
+        &self,
+        splats: &[Splat],
+        iteration: u32,
+        (grid, form): (Grid, Form),
+        field: Field,
+    ) -> Result<()> {
         let set = SplatSet {
             iterations: Some(iteration),
             grid: Some(grid),
+            form,
             ..SplatSet::from_voxel(splats, &grid.world_from_voxel, field)
         };
         splat::write_as(&self.splats_path(iteration), &set, &self.write)

@@ -48,14 +48,15 @@ Volumes: PSNR is -10 log10 of the mean squared difference of intensities from
 0 to 1, over the range that is stated. RMSE, the difference that 99 % of the
 voxels do not exceed and the largest one are B less A in the unit of the
 volumes, not clipped. Every voxel of the region counts once; of a soft mask
-these are the ones above 1 % of its maximum.
+these are the ones above 1 % of its maximum. Splats are brought onto the grid
+of a volume by vgs rasterize --quantity field; vgs eval does both, and more.
 
 Examples:
   vgs compare volume.png slab.png
   vgs compare volume.exr slab.exr --json
   vgs compare volume.png slab.png --diff diff.png --map absolute
-  vgs compare ct.nii.gz from-splats.nii.gz --roi bones.nii.gz
-  vgs compare ct.nii.gz from-splats.nii.gz --roi bones.nii.gz --range roi     the paper's Table 2
+  vgs compare ct.nii.gz field.nii.gz --roi bones.nii.gz
+  vgs compare ct.nii.gz field.nii.gz --roi bones.nii.gz --range roi     the paper's Table 2
   vgs compare ct.nii.gz upsampled.nii.gz --roi bones.nii.gz --range own       its Table 3";
 
 /// What a map of differences shows.

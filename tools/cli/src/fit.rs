@@ -158,6 +158,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         let mut set = SplatSet {
             iterations: Some(iterations),
             grid: Some(grid),
+            form: config.fitted_form(&fitted.roi),
             ..SplatSet::from_voxel(splats, &fitted.volume.world_from_voxel, field)
         };
         if let Some(labels) = &labels {

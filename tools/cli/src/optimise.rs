@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use engine::fit::{FitConfig, Fitter, Progress};
 use engine::gpu::Gpu;
-use engine::splat::{self, Field, Grid, Splat};
+use engine::splat::{self, Field, Form, Grid, Splat};
 use engine::{Error, Kind, Result};
 use serde::{Deserialize, Serialize};
 
@@ -143,7 +143,7 @@ pub fn run(job: &Job<'_>, start: Start) -> Result<Outcome> {
         display: Display::new(console),
         checkpoints,
         saved: iterations,
-        grid: grid_of(&case.volume),
+        grid: (grid_of(&case.volume), config.fitted_form(&case.roi)),
         field: config.field(fitter.scaling().background),
     };
     let end = match state.iterate(&mut fitter, schedule, signals) {
@@ -182,7 +182,7 @@ struct State<'a> {
     checkpoints: &'a Checkpoints,
     /// The iteration of the last checkpoint.
     saved: u32,
-    grid: Grid,
+    grid: (Grid, Form),
     field: Field,
 }
 

@@ -85,6 +85,8 @@ struct FittedRegion {
 enum Quantity {
     /// HU where the occupancy is one half or more
     Intensity,
+    /// HU everywhere, as vgs eval takes it; where no splat reaches, that of the background
+    Field,
     /// From 0 to 1
     Occupancy,
     /// The summed weight of the splats
@@ -95,6 +97,7 @@ const EXAMPLES: &str = "\
 Examples:
   vgs rasterize bones.ply --like ct.nii.gz -o bones.nii.gz
   vgs rasterize bones.ply --like ct.nii.gz -o mask.nii.gz --quantity occupancy
+  vgs rasterize bones.ply --like ct.nii.gz -o field.nii.gz --quantity field       to compare with ct.nii.gz
   vgs rasterize bones.ply --spacing 0.5 -o fine.nii.gz
   vgs rasterize theirs.ply --like ct.nii.gz --roi bones.nii.gz -o theirs.nii.gz     a PLY of the paper's authors";
 
@@ -127,11 +130,16 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let splats = set.to_voxel(&volume.world_from_voxel);
     let gpu = arguments.device.boot()?;
     let quantity = arguments.quantity;
-    let nothing = if quantity == Quantity::Intensity { arguments.outside } else { 0.0 };
+    let nothing = match quantity {
+        Quantity::Intensity => arguments.outside,
+        Quantity::Field => set.field.background,
+        Quantity::Occupancy | Quantity::Weight => 0.0,
+    };
     volume.samples.fill(nothing);
     let value = |s: &FieldSample| match quantity {
         Quantity::Intensity if s.occupancy >= 0.5 => s.hu,
         Quantity::Intensity => nothing,
+        Quantity::Field => s.hu,
         Quantity::Occupancy => s.occupancy,
         Quantity::Weight => s.weight,
     };

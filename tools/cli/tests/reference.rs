@@ -63,6 +63,18 @@ fn a_fit_in_their_layout_is_the_same_fit() {
     let same = folder.run(&["compare", "ours.png", "theirs.png", "--json"]).json();
     assert!(same["psnr_db"].as_f64().is_none_or(|psnr| psnr > 60.0), "{same}");
 
+    // What is evaluated is what a comparison of volumes finds.
+    let field = ["rasterize", "theirs.ply", "--like", "ct.nii.gz", "-o", "field.nii", "--quantity", "field"];
+    assert_eq!(folder.run(&field).code, 0);
+    let in_roi = ["--roi", "mask.nii.gz", "--range", "roi", "--json"];
+    let compared = folder.run(&[&["compare", "ct.nii.gz", "field.nii"][..], &in_roi].concat()).json();
+    let evaluated = folder.run(&[&["eval", "theirs.ply", "ct.nii.gz"][..], &in_roi].concat()).json();
+    for (a, b) in [("psnr_db", "psnr_db"), ("mse", "mmse"), ("p99_hu", "p99_hu"), ("rmse_hu", "rmse_hu")] {
+        let [a, b] = [&compared[a], &evaluated[b]].map(|v| v.as_f64().expect("a number"));
+        assert!((a / b - 1.0).abs() < 1e-3, "{a} and {b}");
+    }
+    assert_eq!((&compared["voxels"], &compared["range_a"]), (&evaluated["roi_voxels"], &evaluated["range"]));
+
     // What it is, and what is missing where there is no volume.
     let info = folder.run(&["info", "theirs.ply"]);
     for says in [

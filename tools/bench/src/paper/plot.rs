@@ -109,11 +109,11 @@ mod tests {
         let row = |case: usize, splats: usize| Row {
             case,
             voxels: 1.0,
-            splats: Count { paper: 100_000, reference: job(splats + 2),
-            ours: splats },
+            splats: Count { paper: 100_000, ours: splats },
             subset: Count { paper: 1, ours: 1 },
             training: published::training_of(case, 100_000),
             paper: job(splats),
+            reference: job(splats + 2),
             ours: job(splats + 1),
         };
         let rows = [row(0, 10), row(0, 20), row(3, 30)];

@@ -238,7 +238,8 @@ fn fit(gpu: &Gpu, place: &Place, config: &FitConfig) -> Result<SplatSet> {
                     size: place.volume.size.map(|n| n as u32),
                     world_from_voxel: place.volume.world_from_voxel,
                 });
-                return Ok(SplatSet { iterations: Some(config.iterations), grid, ..set });
+                let form = config.fitted_form(&place.roi);
+                return Ok(SplatSet { iterations: Some(config.iterations), grid, form, ..set });
             }
         }
         fitter.step(f64::from(fitter.iteration()) / f64::from(config.iterations))?;

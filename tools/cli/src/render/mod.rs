@@ -12,7 +12,7 @@ use engine::gpu::Gpu;
 use engine::render::{
     Camera, ClipPlane, FOV_DEGREES, Look, MediumSource, ModeRow, Precision, Renderer, Scene, Settings, mode,
 };
-use engine::splat::{self, Place, SplatSet};
+use engine::splat::{self, Form, Place, SplatSet};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, transfer};
 use serde::Serialize;
@@ -154,7 +154,8 @@ Modes:
   volume  the CT itself, ray-marched: the reference
   exact   the splats' field in very fine steps: what the other modes are measured against
   slab    the splats' field in slabs, classified after it is added up (the default)
-  decoded the splats' field on the CT's own voxels, put there once, ray-marched as those
+  decoded the splats' field on the CT's own voxels, put there once, ray-marched as those; the default
+          of splats fitted for these voxels (vgs fit --form grid)
   alpha   sorted splats of one colour each: the fastest, and the only one for splats without intensities
 
 Colours are display-referred, as those of VTK and Slicer. For looking, not for diagnosis.";
@@ -195,9 +196,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let volumes = [&arguments.volume, &arguments.region.roi].into_iter().flatten();
     let inputs: Vec<&Path> = arguments.splats.iter().chain(volumes).map(PathBuf::as_path).collect();
     outputs::check(&written, &inputs, arguments.output.force)?;
-    let row = arguments.mode_row()?;
+    let mut row = arguments.mode_row()?;
     // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
     let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
+    if arguments.mode.is_none() && set.as_ref().is_some_and(|set| set.form != Form::Field) {
+        row = mode("decoded")?;
+    }
     let wants_volume = set.is_none();
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
     let source = volume.as_ref().map(|volume| MediumSource { volume, roi: roi.as_ref() });
