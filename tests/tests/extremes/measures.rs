@@ -3,7 +3,6 @@
 use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::{Protocol, evaluate};
 use engine::passes::loss::Weighted;
-use engine::passes::loss::Weighted;
 use engine::reference::{self, Term, loss};
 use engine::splat::{Field, Kernel, Splat};
 use engine::volume::bricks::SAMPLES;

@@ -3,6 +3,7 @@
 use engine::fit::Storage;
 use engine::gpu::Kernel;
 use engine::passes::Reconstruction;
+use engine::passes::loss::Weighted;
 use engine::reference::half;
 use engine::splat::{self, Packed, Splat};
 use engine::volume::bricks::SAMPLES;
