@@ -207,6 +207,11 @@ fn no_pass_holds_the_device_for_long_and_memory_is_accounted_for() {
     case.config.subset = 100;
     (case.config.mask_weight, case.config.leak_weight) = (0.1, 0.1);
     let _ = gpu.take_profile();
+    for other in ["mse", "kl"] {
+        case.config.mask_loss = other.to_owned();
+        case.fit(&gpu).finish().expect("the device");
+    }
+    case.config.mask_loss = "dice".to_owned();
     let mut fitter = case.fit(&gpu);
     fitter.finish().expect("the device");
     let profile = gpu.take_profile();

@@ -21,7 +21,7 @@ use vgs_tests::{Device, step};
 fn n11_halves() {
     let gpu = Device::boot();
     let kernel =
-        Kernel::new(&gpu, &shaders_glsl::LOSS_MSE, &[0, 0, Storage::Mixed as u32]).expect("a kernel");
+        Kernel::new(&gpu, &shaders_glsl::LOSS_MSE, &[0, 0, Storage::Mixed as u32, 64]).expect("a kernel");
     let samples: Vec<Reconstruction> = (0..SAMPLES as i32)
         .map(|i| {
             let size = 2f32.powi(i / 2 % 40 - 24);
