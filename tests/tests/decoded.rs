@@ -86,12 +86,14 @@ fn twin_voxels(set: &SplatSet, decoded: &Decoded) -> Vec<twin::Voxel> {
 fn voxels_are_those_of_the_twin() {
     let gpu = Device::boot();
     let binary = SplatSet { form: Form::Grid { binary: true }, ..fitted(80, Kernel::Compact) };
+    // Of others V is by least squares.
+    let samples = |set: SplatSet| SplatSet { form: Form::Grid { binary: false }, ..set };
     for (name, set, pitch) in [
-        ("compact", fitted(120, Kernel::Compact), 1.0),
-        ("gaussian, half the pitch", fitted(40, Kernel::Gaussian), 0.5),
+        ("compact", samples(fitted(120, Kernel::Compact)), 1.0),
+        ("gaussian, half the pitch", samples(fitted(40, Kernel::Gaussian)), 0.5),
         ("binary", binary, 1.0),
-        ("without a grid", set(60, Kernel::Compact), 1.0),
-        ("coarse", fitted(120, Kernel::Compact), 3.0),
+        ("without a grid", samples(set(60, Kernel::Compact)), 1.0),
+        ("coarse", samples(fitted(120, Kernel::Compact)), 3.0),
     ] {
         let decoded = decode(&gpu, &set, pitch).expect("a field");
         let wanted = twin_voxels(&set, &decoded);
@@ -184,13 +186,18 @@ fn twin_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, s
 fn pictures_are_those_of_the_twins() {
     let gpu = Device::boot();
     let shown = |visible, tint, opacity| Appearance { visible, tint, opacity };
+    let samples = |set: SplatSet| SplatSet { form: Form::Grid { binary: false }, ..set };
     let tints = [(4, shown(true, Some([0.1, 0.4, 1.0]), 0.3)), (7, shown(true, Some([1.0, 0.3, 0.1]), 1.0))];
     let hidden = [(4, shown(false, None, 1.0))];
     for (name, set, look) in [
-        ("decoded-soft", fitted(150, Kernel::Compact), look("CT-Soft-Tissue", false)),
-        ("decoded-bone-lit", fitted(150, Kernel::Gaussian), look("CT-Bone", true)),
-        ("decoded-objects", objects(150), Look { objects: tints.into(), ..look("CT-Soft-Tissue", true) }),
-        ("decoded-hidden", objects(150), Look { objects: hidden.into(), ..look("CT-Bone", true) }),
+        ("decoded-soft", samples(fitted(150, Kernel::Compact)), look("CT-Soft-Tissue", false)),
+        ("decoded-bone-lit", samples(fitted(150, Kernel::Gaussian)), look("CT-Bone", true)),
+        (
+            "decoded-objects",
+            samples(objects(150)),
+            Look { objects: tints.into(), ..look("CT-Soft-Tissue", true) },
+        ),
+        ("decoded-hidden", samples(objects(150)), Look { objects: hidden.into(), ..look("CT-Bone", true) }),
     ] {
         let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
         let settings =
@@ -201,6 +208,29 @@ fn pictures_are_those_of_the_twins() {
             let decoded = decode(&gpu, &set, 1.0).expect("a field");
             twin_picture(&set, &scene, &look, &decoded, 0.5)
         });
+    }
+}
+
+/// Between the voxels V by least squares is nearer to the field than samples are, and so is the picture.
+#[test]
+fn least_squares_are_nearer_to_the_field_than_samples() {
+    let gpu = Device::boot();
+    let fitted = set(120, Kernel::Compact);
+    let samples = SplatSet { form: Form::Grid { binary: false }, ..fitted.clone() };
+    for (name, shade) in [("CT-Soft-Tissue", false), ("CT-Bones-Steep", false), ("CT-Bone", true)] {
+        let look = look(name, shade);
+        let of = |set: &SplatSet, mode_name: &str, pitch: f64| {
+            let scene = Scene::new(&gpu, Some(set), None, &look).expect("a scene");
+            let settings = Settings { pitch, step: 0.5, ..settings() };
+            render(&gpu, mode(mode_name).expect("a mode"), &scene, &settings, &[camera(&scene)]).remove(0)
+        };
+        let exact = of(&fitted, "exact", 1.0);
+        let db = |set: &SplatSet, pitch| psnr(&exact, &of(set, "decoded", pitch)).expect("one size");
+        for pitch in [1.0, 0.5] {
+            let (nearest, sampled) = (db(&fitted, pitch), db(&samples, pitch));
+            println!("{name}, pitch {pitch}: {nearest:.1} dB, of samples {sampled:.1}");
+            assert!(nearest > sampled, "{name}: {nearest} and {sampled}");
+        }
     }
 }
 
@@ -253,7 +283,8 @@ fn it_is_decoded_once() {
 #[test]
 fn what_is_too_much_is_coarser_and_what_is_no_pitch_is_refused() {
     let gpu = Device::boot();
-    let mut wide = set(60, Kernel::Compact);
+    // Samples alone: these are nine million voxels.
+    let mut wide = SplatSet { form: Form::Grid { binary: false }, ..set(60, Kernel::Compact) };
     wide.splats[3].log_scale = [7.5; 3];
     let decoded = decode(&gpu, &wide, 1.0).expect("a field");
     assert!(decoded.brick_count() <= 1 << 17, "{}", decoded.brick_count());

@@ -5,7 +5,8 @@
 //! interpolated, are what it stands for. A frame then costs what that of the CT costs, however many splats there are, and
 //! a transfer function may change at any time: V and O do not depend on it.
 //!
-//! V is that of the field, in 16-bit fractions of its range, and where no splat reaches that of the neighbours which one does
+//! V is that of the field, in 16-bit fractions of its range: at the voxel for splats that were fitted for voxels alone,
+//! otherwise what comes nearest to the field between them, by [least squares](super::least_squares). Where no splat reaches that of the neighbours which one does
 //! reach, so that what is interpolated at the rim is not drawn towards the background. O is Σ w / (Σ w + w₀); of a fit for a
 //! binary mask it is 1 above ½ and 0 elsewhere. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the
 //! object that has most of Σ w there.
@@ -19,6 +20,7 @@ use rayon::prelude::*;
 use shaders_glsl::types::BrickGrid;
 
 use super::cloud::{middle_sigma, reaches};
+use super::least_squares::{Neighbours, Points, least_squares};
 use super::medium::{Scale, to_fraction};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
@@ -143,11 +145,12 @@ impl Source {
             return Ok(decoded);
         }
         // V, O and Σ w; of V and O what is kept.
-        let found = Sampler::new(gpu, &splats, &self.field, &bricks)?.sample([0.0; 3])?;
+        let mut sampler = Sampler::new(gpu, &splats, &self.field, &bricks)?;
+        let found = sampler.sample([0.0; 3])?;
         let binary = self.form == Form::Grid { binary: true };
         let [first, last] = extent.faces;
         let inside = |voxel: IVec3| voxel.cmpge(first).all() && voxel.cmple(last).all();
-        let values: Vec<f32> = (0..found.len())
+        let mut values: Vec<f32> = (0..found.len())
             .into_par_iter()
             .map(|i| match found[i].weight > 0.0 {
                 true => found[i].hu,
@@ -161,10 +164,16 @@ impl Source {
                 }
             })
             .collect();
-        let (least, greatest) = values
-            .par_iter()
-            .fold(|| (background, background), |(low, high), &v| (low.min(v), high.max(v)))
-            .reduce(|| (background, background), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+        if self.form == Form::Field {
+            let points = between(&mut sampler, &bricks, &inside)?;
+            let neighbours = Neighbours::new(bricks.grid, &bricks.slots, &bricks.coordinates);
+            let (low, high) = range_of(&values);
+            values = least_squares(&neighbours, &values, &points);
+            // Beyond what the voxels held there is nothing to be right about.
+            values.par_iter_mut().for_each(|v| *v = v.clamp(low, high));
+        }
+        let (least, greatest) = range_of(&values);
+        let (least, greatest) = (least.min(background), greatest.max(background));
         let scale = Scale::of([least, greatest].map(f64::from), false);
         decoded.scale = scale;
         decoded.empty = [scale.fraction(background), 0];
@@ -255,6 +264,38 @@ impl Source {
         }
         Ok(Some(labels))
     }
+}
+
+/// Places of points between voxels, of which each axis has one in every quarter.
+const BETWEEN: [[f32; 3]; 4] =
+    [[0.125, 0.375, 0.625], [0.375, 0.875, 0.125], [0.625, 0.125, 0.875], [0.875, 0.625, 0.375]];
+/// What a point weighs besides its occupancy: where this is faint V is held by it alone.
+const LEAST_WEIGHT: f32 = 1e-3;
+
+/// The field at points between the voxels. Those that a voxel beyond the faces has a part in weigh nothing, nor do those that
+/// no splat reaches.
+fn between(
+    sampler: &mut Sampler,
+    bricks: &Bricks,
+    inside: &(dyn Fn(IVec3) -> bool + Sync),
+) -> Result<Vec<Points>> {
+    let set = |offset| {
+        let found = sampler.sample(offset)?;
+        let each = |i: usize| {
+            let voxel = bricks.voxel(i / SAMPLES, i % SAMPLES);
+            let there = found[i].weight > 0.0 && inside(voxel) && inside(voxel + 1);
+            [if there { found[i].occupancy + LEAST_WEIGHT } else { 0.0 }, found[i].hu]
+        };
+        Ok(Points { offset, samples: (0..found.len()).into_par_iter().map(each).collect() })
+    };
+    BETWEEN.into_iter().map(set).collect()
+}
+
+/// Least and greatest of some values.
+fn range_of(values: &[f32]) -> (f32, f32) {
+    let none = || (f32::INFINITY, f32::NEG_INFINITY);
+    let joined = |a: (f32, f32), b: (f32, f32)| (a.0.min(b.0), a.1.max(b.1));
+    values.par_iter().fold(none, |range, &v| joined(range, (v, v))).reduce(none, joined)
 }
 
 /// First and last voxel that each splat reaches and those beside them, as far as the grid goes with a border; none of a splat

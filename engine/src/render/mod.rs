@@ -15,6 +15,7 @@ mod cloud;
 mod decoded;
 mod frames;
 mod ladder;
+mod least_squares;
 mod look;
 mod medium;
 mod raymarch;
