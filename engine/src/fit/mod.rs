@@ -470,7 +470,7 @@ impl<'a> Fitter<'a> {
         self.finish()?;
         let local = self.work.all.splats.read()?;
         let shape = DMat3::from_diagonal(self.stretch);
-        let mut splats: Vec<_> = local.par_iter().map(|s| self.from_local(s)).collect();
+        let mut splats: Vec<_> = local.par_iter().map(|s| self.to_voxel(s)).collect();
         if !self.config.learn_intensity {
             self.sample_intensities(&mut splats);
         }
@@ -610,7 +610,7 @@ fn to_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
 
 impl Fitter<'_> {
     /// From the fit's numbers to voxel coordinates of the volume and HU; the shape stays in the space of `scale_unit`.
-    fn from_local(&self, s: &Splat) -> Splat {
+    fn to_voxel(&self, s: &Splat) -> Splat {
         let origin = self.bricks.origin.as_vec3().to_array();
         let (low, high) = self.scaling.intensity_range;
         Splat {

@@ -44,6 +44,9 @@ pub(super) struct Standard {
     pub(super) coefficients: u32,
 }
 
+/// A pitch, voxels, and the field at that.
+type Decoded = (f64, Arc<Medium>);
+
 /// The splats of a scene.
 pub struct Cloud {
     rows: SplatRows,
@@ -72,7 +75,7 @@ pub struct Cloud {
     grid: Option<Grid>,
     form: Form,
     /// What mode decoded shows: the pitch, and the field at that.
-    decoded: Arc<Mutex<Option<(f64, Arc<Medium>)>>>,
+    decoded: Arc<Mutex<Option<Decoded>>>,
     /// Coefficients of spherical harmonics, two halves a word; of standard splats only.
     harmonics: Buffer<u32>,
     standard: Option<Standard>,
