@@ -240,7 +240,10 @@ impl Planner<'_> {
 
     fn peers(&mut self) -> Result<Vec<(&'static peer::Peer, Job)>> {
         let mut rows = Vec::new();
-        for row in peer::PEERS.iter().filter(|row| !self.effort.quick || row.splats < 5000) {
+        for row in peer::PEERS
+            .iter()
+            .filter(|row| !self.effort.quick || row.iterations() <= 100 && row.splats < 5000)
+        {
             let mut job = self.peer(row.splats, row.iterations())?;
             (row.change)(&mut job.config);
             rows.push((row, job));
@@ -250,7 +253,7 @@ impl Planner<'_> {
 
     fn differences(&mut self) -> Result<Vec<(&'static peer::Difference, Job)>> {
         let mut rows = Vec::new();
-        for row in peer::DIFFERENCES {
+        for row in peer::DIFFERENCES.iter().filter(|_| !self.effort.quick) {
             let mut job = self.peer(peer::PEERS[0].splats, peer::DIFFERENCE_ITERATIONS)?;
             peer::learned(&mut job.config);
             (row.change)(&mut job.config);
