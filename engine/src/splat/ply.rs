@@ -20,7 +20,7 @@
 //! harmonics are kept whole (0, 9, 24 or 45 properties `f_rest`, all of red first, then green, then blue), and the
 //! intensity is the luminance of the first of them. Beside an intensity colours are ignored.
 //!
-//! **The PLY of the paper's authors** looks like one of these and is not: [`reference`] has what its numbers stand for. It is
+//! **The PLY of the paper's authors** looks like one of these and is not: `reference` has what its numbers stand for. It is
 //! known by its property `intensity_01`, and read and written as a row of [`PLY_LAYOUTS`].
 //!
 //! Every input ends as a set or as an error of class `BadData`, at a cost that the file's length bounds.
