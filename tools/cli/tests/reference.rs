@@ -222,3 +222,19 @@ fn splats_of_both_layouts_are_rendered_together() {
         assert_eq!(a_splat.intensity, b_splat.intensity);
     }
 }
+
+/// Splats fitted for the voxels of their CT say so, are decoded where nothing else is asked for, and warned of elsewhere.
+#[test]
+fn a_fit_for_the_grid_is_decoded() {
+    let folder = Folder::new(24);
+    folder.run(&fit("grid.ply", &["--form", "grid", "--json"])).json();
+    let header = String::from_utf8_lossy(&folder.read("grid.ply")[..2000]).into_owned();
+    assert!(header.contains("comment vgs.form grid-binary"), "{header}");
+    let render = ["render", "grid.ply", "--size", "64x64", "--json", "-o"];
+    let plain = folder.run(&[&render[..], &["plain.png"]].concat());
+    assert!(!plain.err.contains("vgs.form"), "{}", plain.err);
+    assert_eq!(plain.json()["mode"], "decoded");
+    let slab = folder.run(&[&render[..], &["slab.png", "--mode", "slab"]].concat());
+    assert!(slab.err.contains("fitted for the voxels of their CT alone"), "{}", slab.err);
+    assert_eq!(slab.json()["mode"], "slab");
+}

@@ -199,8 +199,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let mut row = arguments.mode_row()?;
     // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
     let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
-    if arguments.mode.is_none() && set.as_ref().is_some_and(|set| set.form != Form::Field) {
+    let of_grid = set.as_ref().is_some_and(|set| set.form != Form::Field);
+    if of_grid && arguments.mode.is_none() {
         row = mode("decoded")?;
+    } else if of_grid && row.name != "decoded" {
+        tracing::warn!(
+            "these splats are fitted for the voxels of their CT alone (vgs.form grid): mode {} shows what lies between \
+             the voxels, too, which means nothing; leave --mode out",
+            row.name
+        );
     }
     let wants_volume = set.is_none();
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
