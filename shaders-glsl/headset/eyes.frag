@@ -17,7 +17,7 @@ void main() {
         colour = mix(colour, within, share);
     }
     colour += (1.0 - colour.a) * p.background;
-    colour = clamp(colour, 0.0, 1.0);
+    colour = marked(place, clamp(colour, 0.0, 1.0));
     if (LINEAR == 1u && colour.a > 0.0) colour.rgb = light_of(colour.rgb / colour.a) * colour.a;
     result = colour;
 }

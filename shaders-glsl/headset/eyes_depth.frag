@@ -34,7 +34,7 @@ void main() {
     float near = p.range.x, far = p.range.y;
     gl_FragDepth = opacity < SEEN ? 1.0 : clamp(far * (z - near) / (z * (far - near)), 0.0, 1.0);
     colour += (1.0 - colour.a) * p.background;
-    colour = clamp(colour, 0.0, 1.0);
+    colour = marked(place, clamp(colour, 0.0, 1.0));
     if (LINEAR == 1u && colour.a > 0.0) colour.rgb = light_of(colour.rgb / colour.a) * colour.a;
     result = colour;
 }

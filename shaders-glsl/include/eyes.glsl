@@ -11,6 +11,7 @@ layout(push_constant, scalar) uniform EyesParams {
     vec2 range;      // distances along the viewing direction of depths 0 and 1, mm
     vec4 insets[2];  // left, upper, right and lower edge, as parts of the eye's picture
     float fading;    // part of an inset's edges over which it fades
+    vec4 marks[2];   // middle and half-axes of the mark of a draft, as parts of the eye's picture; 0: there is none
 } p;
 
 // Texture coordinates of a place of a picture, 0 to 1 from the upper left corner.
@@ -30,4 +31,12 @@ float inset_share(vec2 place, vec4 inset) {
     vec2 low = mix((place - inset.xy) / reach, vec2(1.0), lessThanEqual(inset.xy, vec2(0.0)));
     vec2 high = mix((inset.zw - place) / reach, vec2(1.0), greaterThanEqual(inset.zw, vec2(1.0)));
     return smoothstep(0.0, 1.0, min(min(low.x, low.y), min(high.x, high.y)));
+}
+
+// The mark of a draft over what is seen at a place: a disc of amber with a dark rim, so that it is seen before anything.
+vec4 marked(vec2 place, vec4 colour) {
+    vec4 mark = p.marks[gl_ViewIndex];
+    float from_middle = mark.z > 0.0 ? length((place - mark.xy) / mark.zw) : 2.0;
+    vec4 mark_colour = from_middle < 0.7 ? vec4(1.0, 0.75, 0.1, 1.0) : vec4(0.1, 0.1, 0.1, 1.0);
+    return from_middle < 1.0 ? mark_colour : colour;
 }

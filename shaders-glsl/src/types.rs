@@ -530,6 +530,8 @@ shared! {
         insets: [[f32; 4]; 2],
         /// Part of an inset's edges over which it fades.
         fading: f32,
+        /// Middle and half-axes of the mark of a draft, as parts of the eyes' pictures; 0: there is none.
+        marks: [[f32; 4]; 2],
     }
     /// Push constants of `mirror`.
     MirrorParams {

@@ -5,42 +5,36 @@ use std::time::Duration;
 
 use engine::gpu::{Gpu, Ticket};
 use engine::render::{
-    Appearance, Blind, Camera, Fov, Frames, LADDER, Look, Quality, Renderer, Rung, Scene, Settings, ladder,
-    mode,
+    Appearance, Blind, Camera, Fov, Frames, Look, Quality, Renderer, Rung, Scene, Settings, SplatKind, mode,
+    rungs,
 };
-use engine::splat::{Field, SplatSet};
+use engine::splat::{Field, Form, Grid, Splat, SplatSet};
 use engine::transfer::preset;
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DAffine3, DVec2, DVec3, Vec3};
 use rand::RngExt;
 use vgs_tests::Device;
 use vgs_tests::scene::{random, splat};
 
 const SIZE: [u32; 2] = [80, 64];
 
-/// Each thing that can be given up, in both modes of the ladder.
-fn rungs() -> Vec<Rung> {
-    let rung = |mode, resolution, coarseness, splats| Rung {
-        mode,
-        quality: Quality { resolution, coarseness, splats },
-        cost: 1.0,
-    };
+/// Each thing that can be given up, in all modes of the ladders.
+fn all_rungs() -> Vec<Rung> {
+    let rung =
+        |mode, resolution, coarseness| Rung { mode, quality: Quality { resolution, coarseness }, cost: 1.0 };
     vec![
-        rung("slab", 1.0, 1.0, 1.0),
-        rung("slab", 0.85, 1.0, 1.0),
-        rung("slab", 1.0, 2.0, 1.0),
-        rung("slab", 0.5, 1.5, 0.6),
-        rung("alpha", 1.0, 1.0, 1.0),
-        rung("alpha", 0.7, 1.0, 0.3),
-        rung("alpha", 0.5, 1.0, 0.1),
+        rung("slab", 1.0, 1.0),
+        rung("slab", 0.85, 1.0),
+        rung("slab", 1.0, 2.0),
+        rung("slab", 0.5, 1.5),
+        rung("decoded", 1.0, 1.0),
+        rung("decoded", 0.5, 2.0),
+        rung("alpha", 1.0, 1.0),
+        rung("alpha", 0.7, 1.0),
     ]
 }
 
 /// Splats in ten blocks of 30, each with a label of its own.
 fn scene(gpu: &Gpu) -> Scene {
-    scene_without(gpu, &[])
-}
-
-fn scene_without(gpu: &Gpu, hidden: &[u8]) -> Scene {
     let mut rng = random(31);
     let splats = (0..300)
         .map(|_| {
@@ -60,9 +54,7 @@ fn scene_without(gpu: &Gpu, hidden: &[u8]) -> Scene {
         ..SplatSet::default()
     };
     let transfer = preset("CT-Bone").expect("a preset").over([-100.0, 900.0]);
-    let hide = |&number| (number, Appearance { visible: false, ..Appearance::default() });
-    let look = Look { objects: hidden.iter().map(hide).collect(), ..Look::new(transfer) };
-    Scene::new(gpu, Some(&set), None, &look).expect("a scene")
+    Scene::new(gpu, Some(&set), None, &Look::new(transfer)).expect("a scene")
 }
 
 fn settings() -> Settings {
@@ -89,28 +81,24 @@ fn until_finished(gpu: &Gpu, ticket: Ticket) {
     }
 }
 
-/// On every rung the picture is that of a renderer made for its size and step, of a scene in which the splats beyond its
-/// part are hidden, bit for bit, in both views.
+/// On every rung the picture is that of a renderer made for its size and step, bit for bit, in both views.
 #[test]
 fn each_rung_shows_what_a_renderer_made_for_it_shows() {
     let gpu = Device::boot();
     let scene = scene(&gpu);
     let cameras = eyes(&scene);
-    let mut frames = Frames::new(&gpu, &scene, &settings(), &rungs()).expect("frames");
+    let mut frames = Frames::new(&gpu, &scene, &settings(), &all_rungs()).expect("frames");
     frames.warm_up(&scene, &cameras).expect("all rungs");
-    for (number, rung) in rungs().iter().enumerate() {
+    for (number, rung) in all_rungs().iter().enumerate() {
         let frame = frames.begin(&scene, number).expect("a frame");
         let size = frame.size;
         let ticket = frames.submit(frame, &scene, &cameras).expect("submitted");
         gpu.wait(ticket).expect("rendered");
         assert_eq!(size, rung.quality.size(SIZE));
-        let rest: Vec<u8> = (rung.quality.splat_count(300).div_ceil(30) as u8..10).collect();
-        assert_eq!(rung.quality.splat_count(300) % 30, 0, "whole blocks");
-        let part = scene_without(&gpu, &rest);
         let alone = Settings { size, step: settings().step * rung.quality.coarseness, ..settings() };
         let mut renderer =
-            Renderer::new(&gpu, mode(rung.mode).expect("a mode"), &part, &alone).expect("alone");
-        renderer.render(&part, &cameras).expect("a picture");
+            Renderer::new(&gpu, mode(rung.mode).expect("a mode"), &scene, &alone).expect("alone");
+        renderer.render(&scene, &cameras).expect("a picture");
         for view in 0..2 {
             let wide = frames.target.read_colour(view).expect("the target");
             let row = |y: usize| &wide[y * SIZE[0] as usize..][..size[0] as usize];
@@ -141,11 +129,11 @@ fn what_no_eye_sees_changes_nothing_else() {
     let right = rectangle(DVec2::new(-0.07, -2.0), DVec2::new(2.0, 2.0));
     let middle = rectangle(DVec2::new(-0.25, -0.25), DVec2::new(0.25, 0.25));
     let blind = [Blind::of(&cameras[0].fov, &right), Blind::of(&cameras[1].fov, &middle)];
-    let mut whole = Frames::new(&gpu, &scene, &all, &rungs()).expect("frames");
-    let mut frames = Frames::new(&gpu, &scene, &asked, &rungs()).expect("frames");
+    let mut whole = Frames::new(&gpu, &scene, &all, &all_rungs()).expect("frames");
+    let mut frames = Frames::new(&gpu, &scene, &asked, &all_rungs()).expect("frames");
     whole.warm_up(&scene, &cameras).expect("all rungs");
     frames.warm_up(&scene, &cameras).expect("all rungs");
-    for (number, rung) in rungs().iter().enumerate() {
+    for (number, rung) in all_rungs().iter().enumerate() {
         for unseen in [false, true] {
             let shown = if unseen { blind.clone() } else { Default::default() };
             frames.set_blind(&shown);
@@ -187,16 +175,16 @@ fn frames_cause_no_hitches_and_are_all_reported() {
     let gpu = Device::boot();
     let scene = scene(&gpu);
     let head = eyes(&scene);
-    let mut frames = Frames::new(&gpu, &scene, &settings(), &rungs()).expect("frames");
+    let mut frames = Frames::new(&gpu, &scene, &settings(), &all_rungs()).expect("frames");
     frames.warm_up(&scene, &head).expect("all rungs");
     // The first frames of a loop make the command buffers that are in flight at the same time.
     let before = gpu.hitches();
     let mut reported = Vec::new();
     let mut last = None;
-    let count = 4 * rungs().len();
+    let count = 4 * all_rungs().len();
     for number in 0..count {
         let turned = head.map(|eye| eye.turned(scene.bounds()[0], DVec3::Z, 0.01 * number as f64));
-        let frame = frames.begin(&scene, number % rungs().len()).expect("a frame");
+        let frame = frames.begin(&scene, number % all_rungs().len()).expect("a frame");
         let ticket = frames.submit(frame, &scene, &turned).expect("submitted");
         // As a display does: the next frame is not begun while three are in flight.
         if let Some(earlier) = last.replace(ticket) {
@@ -208,7 +196,7 @@ fn frames_cause_no_hitches_and_are_all_reported() {
     reported.extend(frames.finished().expect("news"));
     assert_eq!(gpu.hitches(), before);
     let found: Vec<_> = reported.iter().map(|f| f.rung).collect();
-    assert_eq!(found, (0..count).map(|n| n % rungs().len()).collect::<Vec<_>>());
+    assert_eq!(found, (0..count).map(|n| n % all_rungs().len()).collect::<Vec<_>>());
     assert!(reported.iter().all(|f| f.gpu_ms > 0.0 && f.gpu_ms < 60_000.0), "{reported:?}");
     assert!(reported.is_sorted_by_key(|f| f.ticket));
 }
@@ -225,7 +213,7 @@ fn a_frame_that_needs_more_room_makes_it() {
     let near = far.map(|eye| Camera { eye: centre - eye.forward() * 30.0, fov, ..eye });
     let size = [640, 512];
     let settings = Settings { size, ..settings() };
-    let rungs = &LADDER[..1];
+    let rungs = &rungs(SplatKind::Field)[..1];
     let mut frames = Frames::new(&gpu, &scene, &settings, rungs).expect("frames");
     frames.warm_up(&scene, &far).expect("a first frame");
     let picture = |frames: &mut Frames| {
@@ -242,8 +230,92 @@ fn a_frame_that_needs_more_room_makes_it() {
     assert!(second == renderer.target.read_colour(0).expect("a picture"), "the second frame is whole");
 }
 
+/// Four bodies with a label each: a rod, a plate, a ball and a dot, apart from each other; mm.
+fn bodies(form: Form) -> SplatSet {
+    let (mut splats, mut labels) = (Vec::new(), Vec::new());
+    let mut add = |label, mean: [f32; 3]| {
+        let log_scale = [1.2f32.ln(); 3];
+        splats.push(Splat {
+            mean,
+            opacity_logit: 3.0,
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            log_scale,
+            intensity: 600.0,
+        });
+        labels.push(label);
+    };
+    for i in 0..26 {
+        let at = i as f32 * 1.5;
+        add(1, [at - 18.0, 0.0, -14.0]);
+        add(2, [at % 12.0 - 4.0, 3.0, (at / 12.0).floor() * 2.0 + 6.0]);
+    }
+    for i in 0..8 {
+        let side = |bit: usize| if i >> bit & 1 == 1 { 1.2 } else { -1.2 };
+        add(3, [side(0) - 12.0, side(1), side(2) + 8.0]);
+    }
+    for i in 0..3 {
+        add(4, [14.0 + i as f32, 0.0, -2.0]);
+    }
+    let affine = DAffine3::from_translation(DVec3::splat(-32.0));
+    SplatSet {
+        splats,
+        labels: Some(labels),
+        has_intensity: true,
+        form,
+        grid: Some(Grid { size: [64; 3], world_from_voxel: affine }),
+        ..SplatSet::default()
+    }
+}
+
+/// Whatever is given up, what is seen of each object in full is seen on every rung of every ladder, by its area.
 #[test]
-fn the_ladder_goes_down() {
-    assert_eq!(ladder(&LADDER).len(), LADDER.len());
-    assert_eq!(LADDER[0].quality, Quality::FULL);
+fn nothing_vanishes_on_the_way_down() {
+    const TINTS: [[f32; 3]; 4] = [[1.0, 0.1, 0.1], [0.1, 1.0, 0.1], [0.1, 0.1, 1.0], [1.0, 1.0, 0.1]];
+    let gpu = Device::boot();
+    let settings = Settings::new([200, 160]);
+    for kind in SplatKind::ALL {
+        // Mode alpha shows these as it shows coloured ones, and they can be told apart.
+        let form = if kind == SplatKind::Grid { Form::Grid { binary: true } } else { Form::Field };
+        let tinted = |(i, &tint): (usize, &[f32; 3])| {
+            (i as u8 + 1, Appearance { tint: Some(tint), ..Appearance::default() })
+        };
+        let transfer = preset("CT-Bone").expect("a preset").over([-100.0, 900.0]);
+        let look = Look { objects: TINTS.iter().enumerate().map(tinted).collect(), ..Look::new(transfer) };
+        let scene = Scene::new(&gpu, Some(&bodies(form)), None, &look).expect("a scene");
+        let camera = Camera::from_side("anterior", DVec3::ZERO, 24.0, 30.0, 1.25).expect("a camera");
+        let mut frames = Frames::new(&gpu, &scene, &settings, rungs(kind)).expect("frames");
+        frames.warm_up(&scene, &[camera]).expect("all rungs");
+        let mut areas = |number: usize| {
+            let frame = frames.begin(&scene, number).expect("a frame");
+            let [width, height] = frame.size;
+            let ticket = frames.submit(frame, &scene, &[camera]).expect("submitted");
+            gpu.wait(ticket).expect("rendered");
+            frames.finished().expect("news");
+            let picture = frames.target.read_colour(0).expect("a picture");
+            let mut areas = [0.0; 4];
+            for i in 0..width * height {
+                let pixel = picture[(i / width * settings.size[0] + i % width) as usize];
+                let likeness = |tint: &[f32; 3]| {
+                    let dot: f32 = (0..3).map(|c| tint[c] * pixel[c]).sum();
+                    dot / Vec3::from_array(*tint).length()
+                };
+                let at = (0..4).max_by(|a, b| likeness(&TINTS[*a]).total_cmp(&likeness(&TINTS[*b])));
+                if pixel[3] > 0.3 {
+                    areas[at.expect("four tints")] += 1.0 / f64::from(width * height);
+                }
+            }
+            areas
+        };
+        let full = areas(0);
+        assert!(full.iter().all(|&area| area > 5e-4), "{kind:?}: all are seen in full: {full:?}");
+        for rung in 1..rungs(kind).len() {
+            let found = areas(rung);
+            for (label, (&found, &full)) in (1..).zip(found.iter().zip(&full)) {
+                assert!(
+                    (0.6..1.7).contains(&(found / full)),
+                    "{kind:?}, rung {rung}: object {label} takes {found:.5} of the picture, {full:.5} in full"
+                );
+            }
+        }
+    }
 }

@@ -59,7 +59,7 @@ fn ways(profile: &Profile) -> Vec<(String, FitConfig, bool)> {
                     for kernel in &KERNELS {
                         let turn = ways.len();
                         let config = FitConfig {
-                            iterations: 8,
+                            iterations: 5,
                             splats: SPLATS,
                             topology: topology.name.to_owned(),
                             topology_from: 2,
@@ -80,7 +80,7 @@ fn ways(profile: &Profile) -> Vec<(String, FitConfig, bool)> {
                             clamp_intensity: turn / 17 % 2 == 0,
                             learn_opacity: turn / 3 % 2 == 0,
                             init_opacity_mask: turn / 5 % 3 == 0,
-                            sample_every: 3,
+                            sample_every: [3, 0][turn / 21 % 2],
                             subset_dense: turn / 2 % 3 == 0,
                             range: [IntensityRange::Auto, IntensityRange::Roi][turn / 4 % 2],
                             region_threshold: [0.0, 0.01, 0.3][turn / 6 % 3],

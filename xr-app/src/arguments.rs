@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use clap::{Parser, ValueEnum};
 use engine::gpu::{Gpu, GpuOptions, Windows};
 use engine::image::{self, Image, WriteOptions};
-use engine::render::{LADDER, Look, Rung, Scene};
+use engine::render::{self, Look, Rung, Scene, SplatKind};
 use engine::splat::{self, ReadOptions, SplatSet};
 use engine::{Error, Kind, Result, output, transfer};
 
@@ -159,8 +159,9 @@ pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<Rung>)> {
     for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
         output::check_writable(path, arguments.force)?;
     }
-    let rungs = rungs(arguments)?;
-    Ok((read(&arguments.splats)?, rungs))
+    let set = read(&arguments.splats)?;
+    let rungs = rungs(arguments, &set)?;
+    Ok((set, rungs))
 }
 
 /// A session, until it ends or `stop` is set. `windows` is what the device must know to draw in that of `onlooker`, which makes
@@ -233,14 +234,15 @@ fn read(paths: &[PathBuf]) -> Result<SplatSet> {
     splat::join(paths.iter().map(one).collect::<Result<_>>()?)
 }
 
-/// The rungs, less those that the splats do not have.
-fn rungs(arguments: &Arguments) -> Result<Vec<Rung>> {
+/// The rungs of such splats.
+fn rungs(arguments: &Arguments, set: &SplatSet) -> Result<Vec<Rung>> {
+    let rungs = render::rungs(SplatKind::of(set));
     match arguments.rung {
-        Some(rung) if rung >= LADDER.len() => {
+        Some(rung) if rung >= rungs.len() => {
             Err(Error::new(Kind::Usage, "VGS-XR-022", format!("--rung {rung}"))
-                .help(format!("rungs are 0 to {}", LADDER.len() - 1)))
+                .help(format!("rungs of these splats are 0 to {}", rungs.len() - 1)))
         }
-        _ => Ok(LADDER.to_vec()),
+        _ => Ok(rungs.to_vec()),
     }
 }
 
@@ -257,12 +259,10 @@ fn show(
         [low.min(f64::from(s.intensity)), high.max(f64::from(s.intensity))]
     });
     let look = Look::new(transfer::load(&arguments.tf, range)?);
-    // Splats with colours of their own have one mode.
-    let rungs: Vec<Rung> = rungs.into_iter().filter(|r| set.colours.is_none() || r.mode == "alpha").collect();
-    // Rungs and memory budgets keep the first splats.
+    // Memory budgets keep the first splats.
     set.order_by_importance();
     let options = Options {
-        rung: arguments.rung.map(|rung| rung.min(rungs.len() - 1)),
+        rung: arguments.rung,
         rungs,
         budget_ms: arguments.budget,
         background: [0.0; 3],

@@ -7,7 +7,7 @@ use shaders_glsl as glsl;
 use shaders_glsl::types::EyesParams;
 
 use crate::headset::{Blend, Lent};
-use crate::sight::{FADING, Inset};
+use crate::sight::{FADING, Inset, Mark};
 
 /// What puts pictures into those of a headset.
 pub struct Composer {
@@ -49,7 +49,9 @@ impl Composer {
     }
 
     /// Records it. `size` is the part of the target that was rendered, pixels, `range` are the distances of depths 0 and 1, mm,
-    /// and `insets` are where the insets lie, if this was made for them.
+    /// `insets` are where the insets lie, if this was made for them, and `marks` where it is marked that this is a draft, if it
+    /// is one.
+    #[expect(clippy::too_many_arguments, reason = "what a picture is made of, once")]
     pub fn compose(
         &self,
         recorder: &mut Recorder,
@@ -57,6 +59,7 @@ impl Composer {
         size: [u32; 2],
         range: [f32; 2],
         insets: Option<&[Inset; 2]>,
+        marks: Option<&[Mark; 2]>,
         eyes: &mut Lent<'_>,
     ) {
         if self.translucent {
@@ -77,6 +80,7 @@ impl Composer {
                 insets: insets
                     .map_or_else(Default::default, |insets| insets.map(|i| i.map(|part| part as f32))),
                 fading: FADING as f32,
+                marks: marks.map_or_else(Default::default, |marks| marks.map(|m| m.map(|part| part as f32))),
             })
             .vertices_over(&mut eyes.pictures(), 0..3);
     }

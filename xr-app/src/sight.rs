@@ -5,7 +5,7 @@
 //! pixel. Nothing is rendered of the surround where the inset covers it, nor of either behind the rims of the lenses.
 
 use engine::render::{Blind, Camera, Fov, Settings, Triangle};
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use crate::headset::Eye;
 use crate::placement::Placement;
@@ -15,6 +15,12 @@ pub const FADING: f64 = 0.1;
 
 /// Where an inset lies in the picture of an eye: its left, upper, right and lower edge as parts of the picture's.
 pub type Inset = [f64; 4];
+
+/// Where an eye sees the mark of a draft: its middle and its half-axes as parts of the picture's edges.
+pub type Mark = [f64; 4];
+
+/// How far below straight ahead that is, and its radius; tangents.
+const MARK: [f64; 2] = [0.36, 0.009];
 
 /// What is rendered for the eyes.
 pub struct Sight {
@@ -27,6 +33,7 @@ pub struct Sight {
     /// Fields of view of the last frame.
     fovs: Option<[Fov; 2]>,
     insets: [Inset; 2],
+    marks: [Mark; 2],
     /// What `blind` was made for.
     made_for: Option<([Fov; 2], [Inset; 2])>,
     blind: Vec<Blind>,
@@ -46,6 +53,7 @@ impl Sight {
             lenses,
             fovs: None,
             insets: [inset(DVec2::splat(0.5), size, eye_size); 2],
+            marks: [[0.0; 4]; 2],
             made_for: None,
             blind: Vec::new(),
             hidden: [0.0; 2],
@@ -66,6 +74,11 @@ impl Sight {
     /// Where the insets of the frame lie, if there are any.
     pub fn insets(&self) -> Option<&[Inset; 2]> {
         self.foveated.then_some(&self.insets)
+    }
+
+    /// Where the eyes see the mark of a draft: in one direction, so that it is one mark for both.
+    pub fn marks(&self) -> &[Mark; 2] {
+        &self.marks
     }
 
     /// Puts the insets of the next frame straight ahead of the eyes of the last. They must not move any more when the next
@@ -89,6 +102,7 @@ impl Sight {
     pub fn update(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) -> Option<&[Blind]> {
         let fovs = eyes.map(|eye| eye.fov);
         self.fovs = Some(fovs);
+        self.marks = marks(eyes);
         let wanted = (fovs, self.insets);
         if !(self.foveated || self.lenses) || self.made_for.replace(wanted) == Some(wanted) {
             return None;
@@ -116,6 +130,19 @@ impl Sight {
     pub fn hidden(&self) -> [f64; 2] {
         self.hidden
     }
+}
+
+/// The mark in the direction that is straight ahead of both eyes together and somewhat down.
+fn marks(eyes: &[Eye; 2]) -> [Mark; 2] {
+    let mean = |axis: DVec3| (eyes[0].pose.orientation * axis + eyes[1].pose.orientation * axis).normalize();
+    let [below, radius] = MARK;
+    let toward = mean(DVec3::NEG_Z) + below * mean(DVec3::NEG_Y);
+    eyes.map(|Eye { pose, fov }| {
+        let here = pose.orientation.inverse() * toward;
+        let [wide, high] = [fov.right - fov.left, fov.up - fov.down];
+        let at = [(here.x / -here.z - fov.left) / wide, (fov.up - here.y / -here.z) / high];
+        [at[0], at[1], radius / wide, radius / high]
+    })
 }
 
 /// An inset of so many pixels around a place of a picture, or as near to it as the picture's edges allow, on whole pixels.

@@ -63,6 +63,8 @@ pub struct Viewer {
     place: bool,
     over: bool,
     shown_size: [u32; 2],
+    /// Whether what was rendered last is less than all that the splats can be.
+    is_draft: bool,
     /// What was counted before the first frame.
     before: Hitches,
 }
@@ -98,6 +100,7 @@ impl Viewer {
             place: true,
             over: false,
             shown_size: about.eye_size,
+            is_draft: false,
             before: Hitches::default(),
             scene,
         };
@@ -196,14 +199,16 @@ impl Viewer {
         let range = self.controls.placement.depth_range();
         self.pointing.prepare(&mut frame.recorder)?;
         let insets = self.sight.insets();
-        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, range, insets, &mut eyes);
+        let marks = (rung > 0).then(|| self.sight.marks());
+        let target = &self.frames.target;
+        self.composer.compose(&mut frame.recorder, target, frame.size, range, insets, marks, &mut eyes);
         let turn = (frame.slot, self.frames.views(frame.slot));
         self.pointing.draw(&mut frame.recorder, turn, &self.controls, self.scene.origin, &mut eyes)?;
         if let Some(onlooker) = &mut self.onlooker {
             onlooker.take(&mut frame.recorder, eyes.colour)?;
         }
         headset.give_back(&mut frame.recorder)?;
-        (self.shown_size, self.slot) = (frame.size, frame.slot);
+        (self.shown_size, self.slot, self.is_draft) = (frame.size, frame.slot, rung > 0);
         // All is recorded: now, and not before, it is asked where the eyes are.
         let seen = headset.eyes(&timing)?;
         self.statistics.looked(&timing, &seen);
@@ -282,7 +287,16 @@ impl Viewer {
         let mut recorder = self.gpu.record()?;
         let range = self.controls.placement.depth_range();
         let mut lent = Lent { colour: &mut eyes, depth: None };
-        composer.compose(&mut recorder, &self.frames.target, self.shown_size, range, insets, &mut lent);
+        let marks = self.is_draft.then(|| self.sight.marks());
+        composer.compose(
+            &mut recorder,
+            &self.frames.target,
+            self.shown_size,
+            range,
+            insets,
+            marks,
+            &mut lent,
+        );
         let turn = (self.slot, self.frames.views(self.slot));
         self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut lent)?;
         let ticket = recorder.submit()?;

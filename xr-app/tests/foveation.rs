@@ -4,9 +4,9 @@
 mod support;
 
 use engine::gpu::Gpu;
-use engine::render::{Blind, Camera, LADDER, Renderer, Settings, mode};
+use engine::render::{Blind, Camera, Renderer, Settings, mode};
 use glam::DVec3;
-use support::{device, options, script, session, silent};
+use support::{all_rungs, device, options, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Headset as _, Pose};
 use xr_app::sight::{FADING, Inset, Sight};
@@ -88,8 +88,9 @@ fn sampled(picture: &[[f32; 5]], size: [u32; 2], place: [f64; 2]) -> [f64; 4] {
 #[test]
 fn the_inset_is_the_whole_picture_and_the_surround_a_smaller_one() {
     let gpu = device();
-    for (rung, name) in [(0, "slab"), (5, "alpha")] {
-        let full = engine::render::Rung { quality: engine::render::Quality::FULL, ..LADDER[rung] };
+    let last = all_rungs().len() - 1;
+    for (rung, name) in [(0, "slab"), (last, "alpha")] {
+        let full = engine::render::Rung { quality: engine::render::Quality::FULL, ..all_rungs()[rung] };
         assert_eq!(full.mode, name);
         let options = Options { rungs: vec![full], ..foveated(Some(0)) };
         let (viewer, headset) = session(&gpu, Script { head: nearing, ..script(14) }, options);
@@ -177,7 +178,7 @@ fn rungs_and_lenses_work_as_without() {
     let (viewer, headset) = session(&gpu, Script { round_from: Some(20), ..script(60) }, tight);
     let report = viewer.report(&headset);
     assert_eq!((report.allocations, report.pipelines), (0, 0));
-    assert_eq!(report.samples.last().expect("frames").rung, LADDER.len() - 1, "down to the last rung");
+    assert_eq!(report.samples.last().expect("frames").rung, all_rungs().len() - 1, "down to the last rung");
     let found: Vec<[u8; 4]> = headset.picture().read().expect("the picture");
     let eyes = headset.shown.expect("a frame");
     for (eye, of) in eyes.iter().enumerate() {

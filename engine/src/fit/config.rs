@@ -195,8 +195,8 @@ config! {
         learn_intensity: bool = true,
         /// Whether opacities are learned; otherwise they are those of the mask, its mean within one standard deviation.
         learn_opacity: bool = true,
-        /// Iterations between two samplings of intensities or opacities that are not learned; they are sampled at the end,
-        /// too.
+        /// Iterations between two samplings of intensities or opacities that are not learned; 0: only at the end, where they
+        /// are always sampled.
         sample_every: u32 = 100,
         /// Whether intensities stay in the range of the ROI, which a transfer function per splat needs.
         clamp_intensity: bool = true,
@@ -326,7 +326,6 @@ impl FitConfig {
             ("working_grid", self.working_grid, 1, 16),
             ("rate_mean_decay_iterations", self.rate_mean_decay_iterations, 1, u32::MAX),
             ("topology_every", self.topology_every, 1, u32::MAX),
-            ("sample_every", self.sample_every, 1, u32::MAX),
             ("leak_power", self.leak_power, 1, 2),
         ] {
             if !(least..=most).contains(&value) {

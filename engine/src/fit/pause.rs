@@ -31,7 +31,9 @@ impl Fitter<'_> {
 
     fn is_sampling_due(&self) -> bool {
         let c = &self.config;
-        self.iteration.is_multiple_of(c.sample_every) && !(c.learn_intensity && c.learn_opacity)
+        c.sample_every > 0
+            && self.iteration.is_multiple_of(c.sample_every)
+            && !(c.learn_intensity && c.learn_opacity)
     }
 
     /// Changes splats and samples intensities. Nothing may be in flight.
@@ -128,16 +130,21 @@ impl Fitter<'_> {
         reshaped(&local, &DMat3::from_diagonal(self.stretch.recip()))
     }
 
-    /// Opacities that are those of the mask: its mean over 27 points up to one standard deviation along each axis of a
-    /// splat, as the paper's authors' code has it. Splats in voxel coordinates, shaped in the space of `scale_unit`.
+    /// Opacities that are those of the mask around the means: a weighted mean over 27 points up to one standard deviation
+    /// away, as the paper's authors' code has it, which does not turn them with the splat. Splats in voxel coordinates,
+    /// shaped in the space of `scale_unit`.
     pub(super) fn sample_opacities(&self, splats: &mut [Splat]) {
+        let last = DVec3::from_array(self.volume.size.map(|n| n.saturating_sub(1) as f64));
+        let weight = |step: DVec3| (-0.5 * step.length_squared()).exp();
+        let steps: Vec<DVec3> =
+            (0..27).map(|i: i32| (IVec3::new(i % 3, i / 3 % 3, i / 9) - 1).as_dvec3()).collect();
+        let whole: f64 = steps.iter().map(|&step| weight(step)).sum();
         splats.par_iter_mut().for_each(|splat| {
             let mean = glam::Vec3::from_array(splat.mean).as_dvec3();
-            let scale = DVec3::from_array(splat.scale().map(f64::from));
-            let axes = DMat3::from_diagonal(self.stretch) * splat.axes() * DMat3::from_diagonal(scale);
-            let at = |i: i32| axes * (IVec3::new(i % 3, i / 3 % 3, i / 9) - 1).as_dvec3();
-            let sum: f64 = (0..27).map(|i| self.roi.trilinear(mean + at(i))).sum();
-            splat.set_opacity((sum / 27.0) as f32);
+            let reach = self.stretch * DVec3::from_array(splat.scale().map(f64::from));
+            let at = |step: DVec3| (mean + reach * step).clamp(DVec3::ZERO, last);
+            let sum: f64 = steps.iter().map(|&step| weight(step) * self.roi.trilinear(at(step))).sum();
+            splat.set_opacity((sum / whole) as f32);
             let limit = self.config.logit_max;
             splat.opacity_logit = splat.opacity_logit.clamp(-limit, limit);
         });

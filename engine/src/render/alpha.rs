@@ -93,8 +93,7 @@ impl Mode for Alpha {
         let kernel = self.kernel(scene)?;
         let (cloud, look) = (scene.splats(), scene.look_buffers());
         let (centres, harmonics) = cloud.faces(&self.gpu)?;
-        let splats = cloud.shown(quality);
-        cloud.count_active(recorder, splats, &mut self.count);
+        cloud.count_active(recorder, &mut self.count);
         let sources = QuadSources {
             look: (&look.rows, &look.points, &look.integrals),
             splats: cloud.rows(),
@@ -104,7 +103,7 @@ impl Mode for Alpha {
             objects: (cloud.active_objects(), &look.appearances),
         };
         let size = quality.size(self.params.size);
-        let params = QuadParams { size, splat_count: splats as u32, ..self.params };
+        let params = QuadParams { size, splat_count: cloud.count as u32, ..self.params };
         self.quads.record(recorder, &self.kernels[kernel], views, &sources, &params);
         recorder.clear_image(&target.colour, [0.0; 4]);
         let mut pictures = vec![&mut target.colour];

@@ -13,7 +13,7 @@ use shaders_glsl::types::Centre;
 
 use super::centres::centres;
 use super::look::LookBuffers;
-use super::{Medium, Quality, decoded};
+use super::{Medium, decoded};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::activity::{ActivitySources, Ranking};
@@ -283,14 +283,9 @@ impl Cloud {
         &self.activity.active
     }
 
-    /// How many splats, the first ones, a quality shows. Packed splats are in an order of places: of them it shows all.
-    pub(super) fn shown(&self, quality: &Quality) -> usize {
-        if self.rows.packed { self.count } else { quality.splat_count(self.count) }
-    }
-
-    /// Records the count of those among the first `splats` of the scene.
-    pub(super) fn count_active(&self, recorder: &mut Recorder, splats: usize, count: &mut Buffer<u32>) {
-        recorder.copy(&self.activity.places, splats, count, 0, 1);
+    /// Records the count of the splats that the look can show.
+    pub(super) fn count_active(&self, recorder: &mut Recorder, count: &mut Buffer<u32>) {
+        recorder.copy(&self.activity.places, self.count, count, 0, 1);
     }
 
     /// The objects that these splats belong to.

@@ -8,8 +8,7 @@ use serde::Deserialize;
 use super::Settings;
 use super::mode;
 use crate::budget;
-#[cfg(doc)]
-use crate::splat::SplatSet;
+use crate::splat::{Form, SplatSet};
 
 /// What a frame may spend: what can change from one to the next without anything being made anew.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,30 +17,19 @@ pub struct Quality {
     pub resolution: f64,
     /// Distance of slabs or samples in units of [`Settings::step`], 1 or more.
     pub coarseness: f64,
-    /// The first splats of the scene that are shown, as a part of all: 0 to 1. It looks best where a set begins with those that
-    /// matter most ([`SplatSet::order_by_importance`]).
-    pub splats: f64,
 }
 
 impl Quality {
     /// All that the settings promise.
-    pub const FULL: Self = Quality { resolution: 1.0, coarseness: 1.0, splats: 1.0 };
+    pub const FULL: Self = Quality { resolution: 1.0, coarseness: 1.0 };
 
     /// Width and height of the picture in a target of `size`, pixels.
     ///
     /// # Panics
     /// If the quality is better than the target.
     pub fn size(&self, size: [u32; 2]) -> [u32; 2] {
-        assert!(
-            self.resolution <= 1.0 && self.coarseness >= 1.0 && self.splats <= 1.0,
-            "better than the settings: {self:?}"
-        );
+        assert!(self.resolution <= 1.0 && self.coarseness >= 1.0, "better than the settings: {self:?}");
         size.map(|n| ((f64::from(n) * self.resolution).round() as u32).max(1))
-    }
-
-    /// How many of so many splats are shown; at least one, where there is one.
-    pub fn splat_count(&self, all: usize) -> usize {
-        ((all as f64 * self.splats).ceil() as usize).min(all)
     }
 }
 
@@ -56,22 +44,74 @@ pub struct Rung {
     pub cost: f64,
 }
 
-/// The rungs of viewers, the best first: those of the front of PSNR against cost that `bench trade render --ladder` measures.
-/// It writes `ladder.toml`, which says on what.
+/// What splats are, for the ladder that they go down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SplatKind {
+    /// Splats that are right between the voxels, too.
+    Field,
+    /// Splats that are fitted for the voxels of a grid.
+    Grid,
+    /// Splats with colours of their own, as of a standard 3DGS file.
+    Coloured,
+}
+
+impl SplatKind {
+    /// Every kind.
+    pub const ALL: [SplatKind; 3] = [SplatKind::Field, SplatKind::Grid, SplatKind::Coloured];
+
+    /// Name in `ladder.toml` and in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            SplatKind::Field => "field",
+            SplatKind::Grid => "grid",
+            SplatKind::Coloured => "coloured",
+        }
+    }
+
+    /// What a set is.
+    pub fn of(set: &SplatSet) -> Self {
+        match set.form {
+            _ if set.colours.is_some() => SplatKind::Coloured,
+            Form::Field => SplatKind::Field,
+            Form::Grid { .. } => SplatKind::Grid,
+        }
+    }
+}
+
+/// The rungs of viewers for such a scene, the best first: those of the front of PSNR against cost that
+/// `bench trade render --ladder` measures. No rung leaves out a splat: what a transfer function shows is there on all of them, in
+/// a coarser picture. `ladder.toml` says on what they were measured.
+pub fn rungs(kind: SplatKind) -> &'static [Rung] {
+    match kind {
+        SplatKind::Field => &LADDERS.field,
+        SplatKind::Grid => &LADDERS.grid,
+        SplatKind::Coloured => &LADDERS.coloured,
+    }
+}
+
+/// The ladders that are built in.
 ///
 /// # Panics
-/// If that file is not in order, which a test sees to.
-pub static LADDER: LazyLock<Vec<Rung>> = LazyLock::new(|| {
+/// If `ladder.toml` is not in order, which a test sees to.
+static LADDERS: LazyLock<Ladders> = LazyLock::new(|| {
     let file: File = toml::from_str(include_str!("ladder.toml")).expect("ladder.toml is of this form");
-    file.rungs.iter().map(Row::rung).collect()
+    let all = |rows: &[Row]| rows.iter().map(Row::rung).collect();
+    Ladders { field: all(&file.field), grid: all(&file.grid), coloured: all(&file.coloured) }
 });
+
+struct Ladders {
+    field: Vec<Rung>,
+    grid: Vec<Rung>,
+    coloured: Vec<Rung>,
+}
 
 /// What `ladder.toml` holds.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    #[serde(rename = "rung")]
-    rungs: Vec<Row>,
+    field: Vec<Row>,
+    grid: Vec<Row>,
+    coloured: Vec<Row>,
 }
 
 #[derive(Deserialize)]
@@ -80,7 +120,6 @@ struct Row {
     mode: String,
     resolution: f64,
     coarseness: f64,
-    splats: f64,
     cost: f64,
     /// For people.
     #[serde(rename = "psnr")]
@@ -91,11 +130,7 @@ impl Row {
     fn rung(&self) -> Rung {
         Rung {
             mode: mode(&self.mode).expect("ladder.toml names modes that there are").name,
-            quality: Quality {
-                resolution: self.resolution,
-                coarseness: self.coarseness,
-                splats: self.splats,
-            },
+            quality: Quality { resolution: self.resolution, coarseness: self.coarseness },
             cost: self.cost,
         }
     }
@@ -109,12 +144,26 @@ pub fn ladder(rungs: &[Rung]) -> budget::Ladder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::splat::Harmonics;
 
     #[test]
-    fn the_ladder_begins_with_all_and_goes_down() {
-        assert_eq!((LADDER[0].quality, LADDER[0].cost), (Quality::FULL, 1.0));
-        // Refuses costs that do not fall.
-        assert_eq!(ladder(&LADDER).len(), LADDER.len());
-        assert!(LADDER.len() > 1);
+    fn every_ladder_begins_with_all_and_goes_down() {
+        for (kind, first) in SplatKind::ALL.into_iter().zip(["slab", "decoded", "alpha"]) {
+            let rungs = rungs(kind);
+            assert_eq!((rungs[0].mode, rungs[0].quality, rungs[0].cost), (first, Quality::FULL, 1.0));
+            // Refuses costs that do not fall.
+            assert_eq!(ladder(rungs).len(), rungs.len());
+            assert!(rungs.len() > 2, "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn a_set_is_of_the_kind_that_its_file_says() {
+        let mut set = SplatSet::default();
+        assert_eq!(SplatKind::of(&set), SplatKind::Field);
+        set.form = Form::Grid { binary: true };
+        assert_eq!(SplatKind::of(&set), SplatKind::Grid);
+        set.colours = Some(Harmonics { degree: 0, coefficients: Vec::new() });
+        assert_eq!(SplatKind::of(&set), SplatKind::Coloured);
     }
 }

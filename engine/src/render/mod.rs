@@ -28,7 +28,7 @@ pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use cloud::{Cloud, Precision};
 pub use decoded::{Decoded, decode};
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
-pub use ladder::{LADDER, Quality, Rung, ladder};
+pub use ladder::{Quality, Rung, SplatKind, ladder, rungs};
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use medium::{Medium, MediumSource};
 pub use target::Target;

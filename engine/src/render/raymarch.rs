@@ -69,6 +69,7 @@ impl Raymarch {
                 u32::from(settings.jitter),
                 u32::from(medium.is_atlas()),
                 u32::from(*objects),
+                u32::from(settings.blind),
             ];
             Kernel::new(gpu, &glsl::RAYMARCH, &constants)
         })
@@ -107,6 +108,7 @@ impl Mode for Raymarch {
             .read(&look.appearances)
             .write_image(&mut target.colour)
             .write_image(&mut target.depth)
+            .read(&views.patches)
             .push(&RaymarchParams {
                 grid: medium.grid(),
                 voxel_from_scene: medium.voxel_from_scene(),

@@ -110,7 +110,7 @@ fn tile_grid(cloud: &Cloud, settings: &Settings, quality: &Quality, refinement: 
         spacing: (spacing / f64::from(refinement)) as f32,
         planes: PLANES * refinement,
         blocks: blocks as u32,
-        splat_count: cloud.shown(quality) as u32,
+        splat_count: cloud.count as u32,
         capacity: 0,
     }
 }
@@ -131,7 +131,7 @@ impl Mode for Slab {
             ..tile_grid(cloud, &self.settings, quality, self.refinement)
         };
         let field = cloud.field;
-        cloud.count_active(recorder, grid.splat_count as usize, &mut self.count);
+        cloud.count_active(recorder, &mut self.count);
         let active = (cloud.active(), &self.count);
         self.bins.record(recorder, &grid, field.background, views, cloud.rows(), active);
         let columns = match Shape::of(&self.gpu) {

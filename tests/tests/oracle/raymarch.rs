@@ -439,6 +439,7 @@ fn compare(gpu: &Device, row: &Row, seed: u64) {
     let constants: Vec<u32> = [row.group].into_iter().chain(constants).collect();
     let kernel = Kernel::new(gpu, &shaders_glsl::RAYMARCH, &constants).unwrap();
     let tile = if row.group == 8 { [4, 2] } else { [8, 8] };
+    let patches = gpu.upload("patches", "test", &[0u32]).unwrap();
     let render = |distances| {
         let mut target = Target::new(gpu, SIZE, 2, true, true).unwrap();
         run(gpu, |r| {
@@ -454,6 +455,7 @@ fn compare(gpu: &Device, row: &Row, seed: u64) {
                 .read(&buffers.appearances)
                 .write_image(&mut target.colour)
                 .write_image(&mut target.depth)
+                .read(&patches)
                 .push(&params)
                 .dispatch_3d([SIZE[0].div_ceil(tile[0]), SIZE[1].div_ceil(tile[1]), 2]);
         });

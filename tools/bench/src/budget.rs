@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use engine::budget::budget_ms;
 use engine::budget::simulation::{BEHAVIOURS, Frame, trace};
-use engine::render::{LADDER, ladder};
+use engine::render::{SplatKind, ladder, rungs};
 use engine::{Error, Kind, Result, output};
 use plotters::prelude::*;
 use xr_app::statistics::Histogram;
@@ -40,7 +40,7 @@ pub struct Arguments {
 /// Runs the simulations.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let budget = budget_ms(arguments.rate);
-    let ladder = ladder(&LADDER);
+    let ladder = ladder(rungs(SplatKind::Field));
     let traces: Vec<(&str, Vec<Frame>)> = BEHAVIOURS
         .iter()
         .map(|&(name, behaviour)| {
@@ -123,7 +123,7 @@ fn draw(svg: &mut String, traces: &[Trace]) -> Drawn {
 }
 
 fn draw_frames(area: &Area<'_>, trace: &Trace) -> Drawn {
-    let (frames, most) = (&trace.frames, LADDER.len() as f64);
+    let (frames, most) = (&trace.frames, rungs(SplatKind::Field).len() as f64);
     let mut chart = ChartBuilder::on(area)
         .caption(&trace.name, font(15))
         .margin(6)

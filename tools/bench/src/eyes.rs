@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use engine::Result;
 use engine::gpu::{Format, Gpu, Image};
-use engine::render::{Blind, Frames, LADDER, Look, Rung, Scene};
+use engine::render::{Blind, Frames, Look, Rung, Scene, SplatKind, rungs};
 use engine::splat::SplatSet;
 use engine::transfer;
 use glam::DVec3;
@@ -75,7 +75,13 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
         part.truncate(count);
         for &size in &arguments.sizes {
             for &rung in &arguments.rungs {
-                found.extend(compare(gpu, &part, size, rung.min(LADDER.len() - 1), arguments)?);
+                found.extend(compare(
+                    gpu,
+                    &part,
+                    size,
+                    rung.min(rungs(SplatKind::of(&set)).len() - 1),
+                    arguments,
+                )?);
             }
         }
     }
@@ -94,7 +100,7 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
         vec![
             f.splats.to_string(),
             format!("{0}²", f.size),
-            format!("{}, {}", f.rung, LADDER[f.rung].mode),
+            format!("{}, {}", f.rung, rungs(SplatKind::of(&set))[f.rung].mode),
             f.way.clone(),
             format!("{:.0}", f.ms),
             format!("{:.2}", f.part),
@@ -133,13 +139,14 @@ fn compare(gpu: &Gpu, set: &SplatSet, size: u32, rung: usize, arguments: &Argume
     let centre = (low + high) * 0.5;
     let before = Placement::before(&Pose::IDENTITY, centre, 0.0);
     let placement = Placement { position: DVec3::NEG_Z * arguments.distance, ..before };
+    let shown = &rungs(SplatKind::of(set))[rung..=rung];
     let mut ways = vec![
-        Way::new(gpu, &scene, size, rung, (None, false))?,
-        Way::new(gpu, &scene, size, rung, (None, true))?,
+        Way::new(gpu, &scene, size, shown, (None, false))?,
+        Way::new(gpu, &scene, size, shown, (None, true))?,
     ];
     for &part in &arguments.parts {
-        ways.push(Way::new(gpu, &scene, size, rung, (Some(part), false))?);
-        ways.push(Way::new(gpu, &scene, size, rung, (Some(part), true))?);
+        ways.push(Way::new(gpu, &scene, size, shown, (Some(part), false))?);
+        ways.push(Way::new(gpu, &scene, size, shown, (Some(part), true))?);
     }
     // The first frames find room, and where straight ahead is.
     for turn in 0..arguments.frames + 3 {
@@ -173,17 +180,16 @@ impl Way {
         gpu: &Gpu,
         scene: &Scene,
         size: u32,
-        rung: usize,
+        rung: &[Rung],
         (foveation, lenses): (Option<f64>, bool),
     ) -> Result<Self> {
         let name = foveation.map_or_else(|| "whole".to_owned(), |part| format!("foveated, {part}"));
         let sight = Sight::new([size; 2], foveation, lenses);
-        let rungs: &[Rung] = &LADDER[rung..=rung];
         let (format, background) = (Format::Rgba8, [0.0; 3]);
         Ok(Way {
             name: name + if lenses { ", less lenses" } else { "" },
             lenses,
-            frames: Frames::new(gpu, scene, &sight.settings(false), rungs)?,
+            frames: Frames::new(gpu, scene, &sight.settings(false), rung)?,
             composer: Composer::new(gpu, format, false, Blend::Opaque, background, sight.insets().is_some())?,
             eyes: gpu.picture("both eyes", "pictures", format, sight.eye_size(), 2)?,
             sight,
@@ -203,7 +209,15 @@ impl Way {
         let mut frame = self.frames.begin(scene, 0)?;
         let mut lent = Lent { colour: &mut self.eyes, depth: None };
         let (insets, range) = (self.sight.insets(), placement.depth_range());
-        self.composer.compose(&mut frame.recorder, &self.frames.target, frame.size, range, insets, &mut lent);
+        self.composer.compose(
+            &mut frame.recorder,
+            &self.frames.target,
+            frame.size,
+            range,
+            insets,
+            None,
+            &mut lent,
+        );
         let nothing = Default::default();
         let lenses = if self.lenses { headset.lenses() } else { &nothing };
         if let Some(blind) = self.sight.update(lenses, eyes) {

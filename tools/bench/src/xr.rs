@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use engine::gpu::Gpu;
-use engine::render::{LADDER, Look, Scene};
+use engine::render::{Look, Scene, SplatKind, rungs};
 use engine::splat::SplatSet;
 use engine::{Result, transfer};
 use xr_app::headset::simulated::{Script, Simulated};
@@ -109,7 +109,7 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Res
     };
     let mut headset = Simulated::new(gpu, script)?;
     let options = Options {
-        rungs: LADDER.to_vec(),
+        rungs: rungs(SplatKind::of(set)).to_vec(),
         budget_ms: None,
         rung: None,
         background: [0.0; 3],

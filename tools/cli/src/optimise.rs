@@ -121,6 +121,7 @@ pub fn run(job: &Job<'_>, start: Start) -> Result<Outcome> {
     let range = [fitter.scaling().range.0, fitter.scaling().range.1];
     // Uploads and kernels are not part of the passes' account.
     gpu.take_profile();
+    signals.be_patient();
     console.say(&format!(
         "{}fitting {} splats to {} voxels; the PSNR on the way is over {} to {}{}",
         if iterations > 0 { format!("going on after {iterations} iterations: ") } else { String::new() },
@@ -130,7 +131,6 @@ pub fn run(job: &Job<'_>, start: Start) -> Result<Outcome> {
         range[1],
         case.volume.unit()
     ));
-    signals.be_patient();
     let mut state = State {
         good: first,
         iterations,

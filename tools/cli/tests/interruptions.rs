@@ -2,6 +2,7 @@
 
 mod support;
 
+use std::io::{BufRead, BufReader, Read};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
@@ -42,14 +43,18 @@ fn send(child: &Child, signal: &str) {
 fn a_signal_leaves_usable_splats() {
     for (signal, exit) in [("-INT", 130), ("-TERM", 143)] {
         let folder = Folder::new(16);
-        let child = endless(&folder);
-        // The iterations have begun some time after the lock.
-        std::thread::sleep(Duration::from_millis(1500));
+        let mut child = endless(&folder);
+        let mut said = BufReader::new(child.stderr.take().expect("a pipe"));
+        let mut before = String::new();
+        while !before.contains("fitting 40 splats") {
+            assert_ne!(said.read_line(&mut before).expect("text"), 0, "it ended: {before}");
+        }
         send(&child, signal);
-        let start = Instant::now();
+        let mut after = String::new();
+        said.read_to_string(&mut after).expect("text");
         let ended = finish(child);
-        assert_eq!(ended.code, exit, "{}", ended.err);
-        assert!(start.elapsed() < Duration::from_secs(5));
+        assert_eq!(ended.code, exit, "{after}");
+        assert!(ended.out.contains("stopped early: fitted 40 splats"), "{}", ended.out);
         let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
         assert_eq!(record["end"], "stopped");
         let info = folder.run(&["info", "a.ply", "--json"]).json();

@@ -29,6 +29,8 @@ pub struct Facts<'a> {
     pub splat_histogram: Option<&'a Histogram>,
     /// Intensities of the volume within its region, as soon as they are counted.
     pub volume_histogram: Option<&'a Histogram>,
+    /// Whether the picture is less than it will be at rest.
+    pub draft: bool,
     /// Frame times, passes, memory.
     pub statistics: &'a Statistics,
     /// What is being loaded or written, and how much of it is done, 0 to 1, where that is known.
@@ -55,6 +57,7 @@ impl Default for Facts<'_> {
             object_splats: &[],
             splat_histogram: None,
             volume_histogram: None,
+            draft: false,
             statistics: &NO_STATISTICS,
             progress: None,
             depth: &|_| None,

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use engine::Result;
 use engine::budget::Controller;
-use engine::render::{Cloud, LADDER, Quality, ladder};
+use engine::render::{Cloud, Quality, SplatKind, ladder, rungs};
+use engine::splat::Form;
 use glam::DVec2;
 use winit::window::Window;
 
@@ -23,7 +24,7 @@ use crate::state::{Files, SplatMode, State, Subject};
 use crate::window::{LOST, Next};
 
 /// What is given up in the first picture, for something to be there at once.
-const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0, splats: 1.0 };
+const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0 };
 /// What a picture that moves waits for before it is rendered in full.
 const REST: Duration = Duration::from_millis(150);
 /// Distance of the voxels of mode decoded, in those of the CT: what the settings of a picture have.
@@ -51,6 +52,10 @@ pub struct Viewer {
     object_splats: Vec<usize>,
     range: [f64; 2],
     controller: Controller,
+    /// Whose ladder the controller goes down.
+    kind: SplatKind,
+    /// Whether the last picture is less than it will be at rest.
+    draft: bool,
     /// When the picture moved last; nothing once it was rendered in full.
     moved: Option<Instant>,
     /// What the pictures on the device were rendered for.
@@ -88,7 +93,9 @@ impl Viewer {
             report,
             object_splats: Vec::new(),
             range: [0.0, 1.0],
-            controller: Controller::new(ladder(&LADDER), budget_ms),
+            controller: Controller::new(ladder(rungs(SplatKind::Field)), budget_ms),
+            kind: SplatKind::Field,
+            draft: false,
             moved: None,
             size: None,
             stale: true,
@@ -129,6 +136,13 @@ impl Viewer {
         for loaded in self.loader.take() {
             if let Loaded::Written(path) = &loaded {
                 self.app.done(format!("Written: {}", path.display()));
+            }
+            if let Loaded::Splats(splats) = &loaded
+                && splats.set.form != Form::Field
+                && self.app.state.mode != SplatMode::Decoded
+            {
+                self.app.state.mode = SplatMode::Decoded;
+                self.app.done("These splats are fitted for the voxels of their CT: mode decoded shows them");
             }
             match self.content.take(loaded) {
                 Ok(subject) => new.extend(subject),
@@ -174,7 +188,7 @@ impl Viewer {
         let input = pane.input.take_egui_input(&pane.window);
         let context = pane.input.egui_ctx().clone();
         let mut actions = Vec::new();
-        let Viewer { app, content, loader, statistics, object_splats, range, .. } = self;
+        let Viewer { app, content, loader, statistics, object_splats, range, draft, .. } = self;
         let split = app.state.split;
         let canvas = &pane.canvas;
         let depth = |place: DVec2| canvas.depth_at(place, split);
@@ -189,6 +203,7 @@ impl Viewer {
             object_splats,
             splat_histogram: content.splat_histogram.as_ref(),
             volume_histogram: content.volume_histogram.as_ref(),
+            draft: *draft,
             statistics,
             progress: loader.doing(),
             depth: &depth,
@@ -206,8 +221,13 @@ impl Viewer {
             pixels_per_point: output.pixels_per_point,
             picture: self.app.picture(),
         };
+        let was_draft = self.draft;
         let edited = self.render(&mut pane.canvas, &overlay)?;
         let window = &pane.window;
+        if self.draft != was_draft {
+            // The panels of this frame say what the last picture was.
+            window.request_redraw();
+        }
         let shown = pane.canvas.present(&self.app.state, overlay, || window.pre_present_notify())?;
         if shown {
             let with_picture = !pane.canvas.is_blank();
@@ -226,6 +246,7 @@ impl Viewer {
     /// Renders the picture where that is needed. Whether the look was changed.
     fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
         let chosen = self.chosen_mode(canvas)?;
+        self.choose_ladder();
         let changes = self.app.take_changes();
         let size = canvas::size(overlay.picture, overlay.pixels_per_point);
         if changes.look {
@@ -248,14 +269,14 @@ impl Viewer {
         let rung = self.controller.rung();
         let given_up = match (first, moves) {
             (true, _) => FIRST,
-            (false, true) => LADDER[rung].quality,
+            (false, true) => rungs(self.kind)[rung].quality,
             (false, false) => Quality::FULL,
         };
-        // The first rung is what the user has chosen, and so is every other as long as a faster mode would have to be
-        // waited for.
+        // The first rung is what the user has chosen, and so is every other whose mode would have to be waited for.
         let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
-        let other = moves && rung > 0 && cloud.is_some_and(Cloud::has_faces);
-        let mode = if other { LADDER[rung].mode } else { chosen };
+        let faster = rungs(self.kind)[rung].mode;
+        let other = moves && rung > 0 && cloud.is_some_and(|cloud| is_prepared(cloud, faster));
+        let mode = if other { faster } else { chosen };
         let ways = ways(&self.app.state, pixels, mode, given_up, |subject| self.content.has(subject));
         if ways.is_empty() {
             return Ok(false);
@@ -269,6 +290,8 @@ impl Viewer {
         }
         tracing::debug!("picture rendered {}: {ms:.1} ms", if fast { "fast" } else { "in full" });
         self.moved = fast.then(Instant::now);
+        let wanted = self.app.state.mode_of(Subject::Splats);
+        self.draft = mode != wanted || given_up != Quality::FULL;
         if !fast && !self.prepared {
             self.prepare(canvas)?;
         }
@@ -294,11 +317,30 @@ impl Viewer {
         Ok(SplatMode::Slab.name())
     }
 
+    /// Goes down another ladder where the user has chosen a mode of another.
+    fn choose_ladder(&mut self) {
+        let kind = match self.app.state.mode {
+            SplatMode::Decoded => SplatKind::Grid,
+            SplatMode::Alpha => SplatKind::Coloured,
+            SplatMode::Slab | SplatMode::Exact => SplatKind::Field,
+        };
+        if kind != self.kind {
+            self.kind = kind;
+            self.controller = Controller::new(ladder(rungs(kind)), self.controller.budget_ms());
+        }
+    }
+
     /// Begins to make, beside the window, what the splats move faster with.
     fn prepare(&mut self, canvas: &Canvas) -> Result<()> {
         let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
-        if let Some(cloud) = cloud.filter(|cloud| !cloud.has_faces()) {
-            self.loader.prepare("making what moves fast", cloud.preparation(canvas.gpu())?);
+        let wanted = |mode| rungs(self.kind).iter().any(|rung| rung.mode == mode);
+        if let Some(cloud) = cloud {
+            if wanted("alpha") && !cloud.has_faces() {
+                self.loader.prepare("making what moves fast", cloud.preparation(canvas.gpu())?);
+            }
+            if wanted("decoded") && !cloud.has_decoded(PITCH) && !self.decoding {
+                self.loader.prepare("decoding what moves fast", cloud.decoding(canvas.gpu(), PITCH)?);
+            }
         }
         self.prepared = true;
         Ok(())
@@ -392,5 +434,14 @@ impl Viewer {
         }
         self.loader.open(files, &had);
         Ok(gone)
+    }
+}
+
+/// Whether a mode can render these splats at once.
+fn is_prepared(cloud: &Cloud, mode: &str) -> bool {
+    match mode {
+        "alpha" => cloud.has_faces(),
+        "decoded" => cloud.has_decoded(PITCH),
+        _ => true,
     }
 }

@@ -7,7 +7,7 @@ pub mod screen;
 use std::sync::atomic::AtomicBool;
 
 use engine::gpu::{Gpu, GpuOptions};
-use engine::render::{LADDER, Look, Scene};
+use engine::render::{Look, Rung, Scene, SplatKind, rungs};
 use engine::splat::{Field, Splat, SplatSet};
 use engine::transfer::preset;
 use glam::DVec3;
@@ -59,9 +59,18 @@ pub fn script(frames: u64) -> Script {
     Script { eye_size: [96, 112], real_time: false, frames: Some(frames), ..Script::default() }
 }
 
+/// The ladder of these splats, and a rung in mode alpha.
+pub fn all_rungs() -> Vec<Rung> {
+    let mut all = rungs(SplatKind::Field).to_vec();
+    let last = all.last().expect("a ladder").cost;
+    let alpha = rungs(SplatKind::Coloured)[1];
+    all.push(Rung { cost: 0.5 * last, ..alpha });
+    all
+}
+
 pub fn options() -> Options {
     Options {
-        rungs: LADDER.to_vec(),
+        rungs: all_rungs(),
         budget_ms: Some(1e9),
         rung: None,
         background: [0.2, 0.1, 0.0],

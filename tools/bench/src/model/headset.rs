@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use engine::budget::budget_ms;
 use engine::gpu::Gpu;
-use engine::render::{LADDER, Rung};
+use engine::render::{Rung, SplatKind, rungs};
 use engine::{Error, Kind, Result};
 use serde::{Deserialize, Serialize};
 
@@ -80,7 +80,9 @@ pub fn run(gpu: &Gpu, a: &Arguments) -> Result<()> {
     let here = device(gpu);
     let fitted = a.rates.as_deref().map(|path| read_rates(path, &here)).transpose()?;
     let sizes = a.sizes.iter().map(|text| size(text)).collect::<Result<Vec<_>>>()?;
-    let shots: Vec<Shot> = sizes.iter().flat_map(|&size| LADDER.iter().map(move |r| shot(r, size))).collect();
+    let modelled = modelled();
+    let shots: Vec<Shot> =
+        sizes.iter().flat_map(|&size| modelled.iter().map(move |r| shot(r, size))).collect();
     let mut units = Vec::new();
     for path in &a.splats {
         let (file, contents) = identity(path)?;
@@ -128,6 +130,12 @@ fn size(text: &str) -> Result<[u32; 2]> {
     }
 }
 
+/// The rungs that the model knows the stages of: slabs of splats that are right between the voxels, and mode alpha.
+fn modelled() -> Vec<Rung> {
+    let slabs = rungs(SplatKind::Field).iter().filter(|rung| rung.mode == "slab");
+    slabs.chain(rungs(SplatKind::Coloured)).copied().collect()
+}
+
 fn shot(rung: &Rung, size: [u32; 2]) -> Shot {
     let q = rung.quality;
     Shot {
@@ -137,7 +145,6 @@ fn shot(rung: &Rung, size: [u32; 2]) -> Shot {
         depth: true,
         resolution: q.resolution,
         coarseness: q.coarseness,
-        splats: q.splats,
     }
 }
 
@@ -171,8 +178,8 @@ struct Prediction<'a> {
 
 /// Of a rung, as the tables of `bench trade render` call it.
 fn rendering(shot: &Shot) -> String {
-    let Shot { mode, coarseness, resolution, splats, .. } = shot.clone();
-    Choice { mode, step: coarseness, resolution, splats, packed: false }.name()
+    let Shot { mode, coarseness, resolution, .. } = shot.clone();
+    Choice { step: coarseness, resolution, ..Choice::usual(&mode) }.name()
 }
 
 /// Whether a range of times, slowest first, is within a budget.
@@ -216,7 +223,8 @@ impl Report {
                     splats: record.splats,
                     place: frame.place.name(),
                     size: frame.shot.size,
-                    rung: record.unit.shots.iter().position(|s| *s == frame.shot).unwrap_or(0) % LADDER.len(),
+                    rung: record.unit.shots.iter().position(|s| *s == frame.shot).unwrap_or(0)
+                        % modelled().len(),
                     rendering: rendering(&frame.shot),
                     range_ms: device.range(&frame.work),
                     most: most.map_or_else(String::new, |(time, stage)| {
@@ -290,8 +298,8 @@ impl Report {
 
     fn table(&self, device: &Device, place: &str, of: &[&Prediction<'_>]) -> String {
         let columns = self.columns(of);
-        let rows = LADDER.iter().enumerate().map(|(rung, row)| {
-            let mut cells = vec![rung.to_string(), rendering(&shot(row, [1; 2]))];
+        let rows = modelled().into_iter().enumerate().map(|(rung, row)| {
+            let mut cells = vec![rung.to_string(), rendering(&shot(&row, [1; 2]))];
             cells.extend(columns.iter().map(|&column| {
                 Self::middle(of, rung, column).map_or_else(String::new, |range| {
                     let [at72, at90] = RATES_HZ.map(|hz| verdict(range, budget_ms(hz)));
@@ -360,7 +368,7 @@ impl Report {
             all.iter().filter(|p| p.device == first.device && p.place == first.place).collect();
         let panels = self.columns(&of).into_iter().map(|column| {
             let ([width, height], count) = column;
-            let ranges = (0..LADDER.len()).filter_map(|rung| Self::middle(&of, rung, column));
+            let ranges = (0..modelled().len()).filter_map(|rung| Self::middle(&of, rung, column));
             Rungs {
                 title: format!("2 × {width} × {height}, {},000 splats", count / 1000),
                 ranges: ranges.map(|[slow, fast]| [fast, slow]).collect(),
@@ -404,10 +412,11 @@ mod tests {
 
     #[test]
     fn rungs_are_told_as_the_ladder_has_them() {
-        let names: Vec<String> = LADDER.iter().map(|r| rendering(&shot(r, [8; 2]))).collect();
+        let rungs = modelled();
+        let names: Vec<String> = rungs.iter().map(|r| rendering(&shot(r, [8; 2]))).collect();
         assert_eq!(names[0], "slab");
-        assert_eq!(distinct(names.iter()).len(), LADDER.len());
-        let shot = shot(&LADDER[LADDER.len() - 1], [100, 80]);
+        assert_eq!(distinct(names.iter()).len(), rungs.len());
+        let shot = shot(&rungs[rungs.len() - 1], [100, 80]);
         assert!(shot.depth && shot.views == 2 && shot.size == [100, 80]);
     }
 }

@@ -86,27 +86,17 @@ pub struct Shot {
     pub resolution: f64,
     /// Distance of slabs, standard deviations.
     pub coarseness: f64,
-    /// The most important splats, as a part of all.
-    pub splats: f64,
 }
 
 impl Shot {
     /// All that a mode gives, without depth.
     pub fn whole(mode: &str, edge: u32, views: u32) -> Self {
-        Shot {
-            mode: mode.into(),
-            size: [edge; 2],
-            views,
-            depth: false,
-            resolution: 1.0,
-            coarseness: 1.0,
-            splats: 1.0,
-        }
+        Shot { mode: mode.into(), size: [edge; 2], views, depth: false, resolution: 1.0, coarseness: 1.0 }
     }
 
     /// What is given up.
     pub fn quality(&self) -> Quality {
-        Quality { resolution: self.resolution, coarseness: self.coarseness, splats: self.splats }
+        Quality { resolution: self.resolution, coarseness: self.coarseness }
     }
 
     /// What its renderer is made for.

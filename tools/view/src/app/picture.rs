@@ -1,6 +1,6 @@
 //! The picture between the panels: what the mouse does in it, and what is painted over it.
 
-use egui::{CursorIcon, PointerButton, Pos2, Response, Sense, Ui};
+use egui::{Align2, Color32, CursorIcon, PointerButton, Pos2, Response, Sense, TextStyle, Ui, vec2};
 use glam::DVec2;
 
 use super::App;
@@ -10,6 +10,7 @@ use crate::facts::Facts;
 use crate::handles::{self, Handle};
 use crate::panels::{self, status::Reading};
 use crate::state::{Distance, State};
+use crate::theme::SIGNAL;
 
 /// A drag across so many points of the screen turns by a degree.
 const POINTS_PER_DEGREE: f64 = 3.0;
@@ -63,6 +64,14 @@ impl App {
         }
         self.point(&response, facts);
         self.paint(ui, &response, facts, over);
+        if facts.draft {
+            let at = rect.left_bottom() + vec2(10.0, -8.0);
+            let font = TextStyle::Body.resolve(ui.style());
+            for (by, colour) in [(1.0, Color32::BLACK), (0.0, SIGNAL)] {
+                let at = at + egui::Vec2::splat(by);
+                ui.painter().text(at, Align2::LEFT_BOTTOM, "draft", font.clone(), colour);
+            }
+        }
     }
 
     /// Takes hold of handles and of the line of the split, and moves them. What is under the cursor or in the hand.

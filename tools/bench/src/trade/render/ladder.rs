@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use engine::render::SplatKind;
+
 use super::plan::Choice;
 use super::report::Row;
 use crate::trade::front::{Point, front};
@@ -10,11 +12,21 @@ use crate::trade::front::{Point, front};
 /// whose difference its scatter hides.
 const STEP: f64 = 0.8;
 
-/// The ladder: from the usual slabs down along the front of PSNR against cost, as far as it goes.
-pub fn rungs(rows: &[Row]) -> Vec<Row> {
-    let Some(first) = rows.iter().find(|row| row.choice == Choice::usual("slab")) else { return Vec::new() };
+/// The ladder of such splats: from all that they can be down along the front of PSNR against cost, as far as it goes.
+pub fn rungs_of(kind: SplatKind, rows: &[Row]) -> Vec<Row> {
+    let usual = match kind {
+        SplatKind::Field => Choice::usual("slab"),
+        SplatKind::Grid => Choice::of_grid(),
+        SplatKind::Coloured => Choice::usual("alpha"),
+    };
+    let Some(first) = rows.iter().find(|row| row.choice == usual) else { return Vec::new() };
+    let fits = |choice: &Choice| {
+        choice.is_rung()
+            && choice.of_grid == usual.of_grid
+            && (kind != SplatKind::Coloured || choice.mode == usual.mode)
+    };
     let mut cheaper: Vec<&Row> =
-        rows.iter().filter(|row| row.choice.is_rung() && row.cost < first.cost).collect();
+        rows.iter().filter(|row| fits(&row.choice) && row.cost < first.cost).collect();
     let points: Vec<Point> = cheaper.iter().map(|row| Point { cost: row.cost, gain: row.psnr }).collect();
     let mut on = front(&points).into_iter();
     cheaper.retain(|_| on.next().unwrap_or(false));
@@ -28,27 +40,32 @@ pub fn rungs(rows: &[Row]) -> Vec<Row> {
     ladder
 }
 
-/// As `engine::render::LADDER` reads it.
-pub fn toml(rungs: &[Row], device: &str) -> String {
+/// As `engine::render::rungs` reads it.
+pub fn toml(rows: &[Row], device: &str) -> String {
     let mut out = format!(
-        "# The rungs of engine::render::LADDER, the best first. Written by `bench trade render --ladder`, which measured them on\n\
+        "# The rungs of engine::render::rungs, the best first. Written by `bench trade render --ladder`, which measured them on\n\
          # {device}.\n\
-         # cost: of a frame, relative to the first rung; psnr: against the CT, dB, mean over cases, transfer functions and views.\n"
+         # field: splats that are right between the voxels, too; grid: those fitted for a CT's grid; coloured: standard 3DGS files\n\
+         # (measured with the first). cost: of a frame, relative to the first rung; psnr: against the CT, dB, mean over cases,\n\
+         # transfer functions and views.\n"
     );
-    let whole = rungs.first().map_or(1.0, |row| row.cost);
-    for row in rungs {
-        let quality = row.choice.quality();
-        // Writing to a string cannot fail.
-        let _ = write!(
-            out,
-            "\n[[rung]]\nmode = \"{}\"\nresolution = {:?}\ncoarseness = {:?}\nsplats = {:?}\ncost = {:.3}\npsnr = {:.2}\n",
-            row.choice.mode,
-            quality.resolution,
-            quality.coarseness,
-            quality.splats,
-            row.cost / whole,
-            row.psnr
-        );
+    for kind in SplatKind::ALL {
+        let rungs = rungs_of(kind, rows);
+        let whole = rungs.first().map_or(1.0, |row| row.cost);
+        for row in rungs {
+            let quality = row.choice.quality();
+            // Writing to a string cannot fail.
+            let _ = write!(
+                out,
+                "\n[[{}]]\nmode = \"{}\"\nresolution = {:?}\ncoarseness = {:?}\ncost = {:.3}\npsnr = {:.2}\n",
+                kind.name(),
+                row.choice.mode,
+                quality.resolution,
+                quality.coarseness,
+                row.cost / whole,
+                row.psnr
+            );
+        }
     }
     out
 }
@@ -77,13 +94,20 @@ mod tests {
             // Cannot be a rung.
             row(Choice { packed: true, ..slab.clone() }, 0.5, 37.9),
             row(alpha(0.5), 0.2, 25.0),
+            // Leaves something out.
+            row(Choice { splats: 0.3, ..slab.clone() }, 0.3, 35.0),
+            // Other splats.
+            row(Choice::of_grid(), 0.5, 45.0),
+            row(Choice { resolution: 0.7, ..Choice::of_grid() }, 0.3, 40.0),
         ];
-        let ladder = rungs(&rows);
-        assert_eq!(ladder.iter().map(|r| r.cost).collect::<Vec<_>>(), [1.0, 0.7, 0.4, 0.2]);
-        let text = toml(&ladder, "a device");
-        let read: toml::Table = text.parse().expect("TOML");
-        assert_eq!(read["rung"].as_array().map(Vec::len), Some(4));
-        assert_eq!(read["rung"][1]["coarseness"].as_float(), Some(2.0));
-        assert!(rungs(&rows[2..]).is_empty(), "no ladder without its first rung");
+        let costs = |kind| rungs_of(kind, &rows).iter().map(|r| r.cost).collect::<Vec<_>>();
+        assert_eq!(costs(SplatKind::Field), [1.0, 0.7, 0.4, 0.2]);
+        assert_eq!(costs(SplatKind::Grid), [0.5, 0.3]);
+        assert_eq!(costs(SplatKind::Coloured), [0.75, 0.4, 0.2]);
+        let read: toml::Table = toml(&rows, "a device").parse().expect("TOML");
+        assert_eq!(read["field"].as_array().map(Vec::len), Some(4));
+        assert_eq!(read["field"][1]["coarseness"].as_float(), Some(2.0));
+        assert_eq!(read["grid"][1]["cost"].as_float(), Some(0.6));
+        assert!(rungs_of(SplatKind::Field, &rows[2..]).is_empty(), "no ladder without its first rung");
     }
 }

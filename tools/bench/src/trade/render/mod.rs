@@ -10,7 +10,7 @@ mod shots;
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::fit::FitConfig;
+use engine::fit::{FitConfig, Profile};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::{Result, output};
 
@@ -32,15 +32,16 @@ const QUICK_ITERATIONS: u32 = 60;
 
 #[derive(Args)]
 #[command(after_help = "\
-Pictures of splats against the CT with its mask, ray-marched in steps of a quarter voxel: 3 cases, 3 transfer functions, 8 views. \
+Pictures of splats, of a fit with offsets and of one for the CT's grid, against the CT with its mask, ray-marched in steps of a quarter \
+voxel: 3 cases, 3 transfer functions, 8 views. \
 Each case in each transfer function is a file in OUT/runs, named by a hash of all settings and the device: what is there is \
 not measured again. Fitted splats are kept in OUT/splats. OUT/render.md, render.csv, render.json and render.svg are written anew \
 after each.
 
 Examples:
   bench trade render --data DIR --quick                  one case, one transfer function, two views
-  bench trade render --data DIR --out trade              all of it: a quarter of an hour on two cores
-  bench trade render --data DIR --out trade --ladder engine/src/render/ladder.toml      writes the ladder, too
+  bench trade render --data DIR --out trade              all of it: half an hour on two cores
+  bench trade render --data DIR --out trade --ladder engine/src/render/ladder.toml      writes the ladders, too
   bench trade render --data DIR --out large --cases skull --density 4 --size 512        larger pictures of more splats")]
 pub struct Arguments {
     /// Folder with the cases: CASE/ct.nii.gz and its masks
@@ -64,7 +65,7 @@ pub struct Arguments {
     /// Measures again what is there; fitted splats stay
     #[arg(long)]
     force: bool,
-    /// Writes the rungs of the frame budget's ladder (TOML), in place of those that are there
+    /// Writes the rungs of the frame budget's ladders (TOML), in place of those that are there
     #[arg(long, value_name = "FILE", conflicts_with = "quick")]
     ladder: Option<PathBuf>,
 }
@@ -96,8 +97,12 @@ pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
         missing,
         |unit| unit.title(),
         |unit| {
-            let set = splats_by_importance(&library.fitted(&unit.case, &unit.fit)?)?;
-            let record = shots::measure(unit, library.place(&unit.case)?, &set, &gpu)?;
+            let sets = [&unit.fit, &unit.grid_fit].map(|fit| {
+                let path = library.fitted(&unit.case, fit)?;
+                splats_by_importance(&path)
+            });
+            let [field, grid] = sets;
+            let record = shots::measure(unit, library.place(&unit.case)?, &field?, &grid?, &gpu)?;
             store.save(&record)?;
             report.records.push(record);
             report.write(&store)
@@ -108,7 +113,7 @@ pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
     eprintln!("written: {}", store.file("render.md").display());
     all_done(&failed, count, "subjects")?;
     if let Some(path) = &a.ladder {
-        let text = ladder::toml(&ladder::rungs(&report.rows()), &report.device);
+        let text = ladder::toml(&report.rows(), &report.device);
         output::write_atomic(path, true, |w| w.write_all(text.as_bytes()))?;
     }
     Ok(())
@@ -135,6 +140,7 @@ fn units(a: &Arguments, device: &str) -> Result<Vec<Unit>> {
             units.push(Unit {
                 case: config.case(name)?.clone(),
                 fit: FitConfig { iterations, ..fit.clone() },
+                grid_fit: grid_fit(&fit, a.quick)?,
                 transfer: config.transfer(transfer)?.clone(),
                 choices: plan::choices(),
                 size: a.size,
@@ -145,6 +151,13 @@ fn units(a: &Arguments, device: &str) -> Result<Vec<Unit>> {
         }
     }
     Ok(units)
+}
+
+/// The fit for the grid of as many splats.
+fn grid_fit(fit: &FitConfig, quick: bool) -> Result<FitConfig> {
+    let grid = Profile::named("grid")?.config()?;
+    let iterations = if quick { QUICK_ITERATIONS } else { grid.iterations };
+    Ok(FitConfig { density: fit.density, splats: fit.splats, iterations, ..grid })
 }
 
 /// Splats per voxel of a case; the usual number of one that is none of the three.

@@ -1,6 +1,6 @@
 //! Which pictures are made: a default, what differs from it in one thing, and some that give up several.
 
-use engine::render::{LADDER, Quality};
+use engine::render::{Quality, Rung, SplatKind, rungs};
 use serde::{Deserialize, Serialize};
 
 /// A way to render splats.
@@ -8,11 +8,13 @@ use serde::{Deserialize, Serialize};
 pub struct Choice {
     /// Name of the mode.
     pub mode: String,
+    /// Whether the splats are those of a fit for the CT's grid, not of one that holds between the voxels, too.
+    pub of_grid: bool,
     /// Distance of slabs, standard deviations of a splat.
     pub step: f64,
     /// Edge of the picture, as a part of the full one; it is enlarged to be compared.
     pub resolution: f64,
-    /// The most important splats, as a part of all.
+    /// The most important splats, as a part of all; the others are left out of the scene.
     pub splats: f64,
     /// Whether splats are kept in 16 bytes.
     pub packed: bool,
@@ -21,17 +23,34 @@ pub struct Choice {
 impl Choice {
     /// What viewers begin with.
     pub fn usual(mode: &str) -> Self {
-        Choice { mode: mode.into(), step: 1.0, resolution: 1.0, splats: 1.0, packed: false }
+        Choice { mode: mode.into(), of_grid: false, step: 1.0, resolution: 1.0, splats: 1.0, packed: false }
     }
 
-    /// Whether a frame can change to this without anything being made anew, so that it can be a rung.
+    /// The same of a fit for the grid, which has one mode.
+    pub fn of_grid() -> Self {
+        Choice { of_grid: true, ..Self::usual("decoded") }
+    }
+
+    /// A rung of the ladder of such splats.
+    pub fn of_rung(kind: SplatKind, rung: &Rung) -> Self {
+        Choice {
+            mode: rung.mode.into(),
+            of_grid: kind == SplatKind::Grid,
+            step: rung.quality.coarseness,
+            resolution: rung.quality.resolution,
+            ..Self::usual("")
+        }
+    }
+
+    /// Whether a frame can change to this without anything being made anew and without leaving anything out, so that it can be
+    /// a rung.
     pub fn is_rung(&self) -> bool {
-        !self.packed && self.step >= 1.0 && self.mode != "exact"
+        !self.packed && self.step >= 1.0 && self.mode != "exact" && self.splats == 1.0
     }
 
     /// What is given up within the mode.
     pub fn quality(&self) -> Quality {
-        Quality { resolution: self.resolution, coarseness: self.step.max(1.0), splats: self.splats }
+        Quality { resolution: self.resolution, coarseness: self.step.max(1.0) }
     }
 
     /// [`engine::render::Settings::step`]; slabs that are farther apart are a matter of [`Choice::quality`].
@@ -42,8 +61,11 @@ impl Choice {
     /// In a few words.
     pub fn name(&self) -> String {
         let mut name = self.mode.clone();
+        if self.of_grid {
+            name += ", fitted for the grid";
+        }
         if self.step != 1.0 {
-            name += &format!(", slabs × {}", self.step);
+            name += &format!(", steps × {}", self.step);
         }
         if self.resolution != 1.0 {
             name += &format!(", edges × {}", self.resolution);
@@ -60,30 +82,38 @@ impl Choice {
 
 /// All choices, each once.
 pub fn choices() -> Vec<Choice> {
-    let mut all: Vec<Choice> = ["exact", "slab", "alpha"].map(Choice::usual).into();
+    let mut all: Vec<Choice> = ["exact", "slab", "decoded", "alpha"].map(Choice::usual).into();
+    all.push(Choice::of_grid());
     for step in [0.5, 1.5, 2.0, 3.0] {
         all.push(Choice { step, ..Choice::usual("slab") });
     }
     for mode in ["slab", "alpha"] {
         let usual = Choice::usual(mode);
         all.push(Choice { packed: true, ..usual.clone() });
-        all.extend([0.85, 0.7, 0.5, 0.35].map(|resolution| Choice { resolution, ..usual.clone() }));
-        all.extend([0.6, 0.3, 0.15].map(|splats| Choice { splats, ..usual.clone() }));
+        all.extend([0.7, 0.5, 0.35].map(|resolution| Choice { resolution, ..usual.clone() }));
     }
+    all.extend([0.6, 0.3, 0.15].map(|splats| Choice { splats, ..Choice::usual("slab") }));
     for (step, resolution) in [(1.5, 0.85), (2.0, 0.7), (2.0, 0.5), (3.0, 0.5), (3.0, 0.35)] {
         all.push(Choice { step, resolution, ..Choice::usual("slab") });
     }
-    for (resolution, splats) in [(0.7, 0.6), (0.6, 0.3), (0.5, 0.15), (0.5, 0.05), (0.35, 0.3)] {
-        all.push(Choice { resolution, splats, ..Choice::usual("alpha") });
+    for usual in [Choice::usual("decoded"), Choice::of_grid()] {
+        for (step, resolution) in [
+            (1.0, 0.7),
+            (1.0, 0.5),
+            (1.0, 0.35),
+            (2.0, 1.0),
+            (2.0, 0.7),
+            (2.0, 0.5),
+            (2.0, 0.35),
+            (4.0, 0.35),
+        ] {
+            all.push(Choice { step, resolution, ..usual.clone() });
+        }
     }
-    // The ladder as it is, so that it can be compared with what it should be.
-    all.extend(LADDER.iter().map(|rung| Choice {
-        mode: rung.mode.into(),
-        step: rung.quality.coarseness,
-        resolution: rung.quality.resolution,
-        splats: rung.quality.splats,
-        packed: false,
-    }));
+    // The ladders as they are, so that they can be compared with what they should be.
+    for kind in SplatKind::ALL {
+        all.extend(rungs(kind).iter().map(|rung| Choice::of_rung(kind, rung)));
+    }
     let mut once: Vec<Choice> = Vec::new();
     for choice in all {
         if !once.contains(&choice) {
@@ -113,8 +143,11 @@ mod tests {
         ] {
             assert!(all.iter().any(|c| alone(c, &usual)));
         }
-        for rung in LADDER.iter() {
-            assert!(all.iter().any(|c| c.is_rung() && c.mode == rung.mode && c.quality() == rung.quality));
+        for kind in SplatKind::ALL {
+            for rung in rungs(kind) {
+                let choice = Choice::of_rung(kind, rung);
+                assert!(choice.is_rung() && choice.quality() == rung.quality && all.contains(&choice));
+            }
         }
     }
 }

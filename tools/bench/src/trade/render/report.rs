@@ -1,13 +1,15 @@
 //! Tables, CSV, JSON and plots of pictures.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use engine::render::SplatKind;
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
 use super::ladder;
 use super::plan::Choice;
-use super::shots::{self, Record};
+use super::shots::{self, Record, Unit};
 use crate::cost::{Cost, mean, median};
 use crate::render::record::Sight;
 use crate::report::Table;
@@ -114,7 +116,10 @@ impl Report {
         );
         let mut text = self.table(title, rows.clone()).markdown();
         text += &format!("\n{}", self.active().markdown());
-        text += &format!("\n{}", self.ladder(&ladder::rungs(&rows)).markdown());
+        text += &format!("\n{}", self.by_case().markdown());
+        for kind in SplatKind::ALL {
+            text += &format!("\n{}", self.ladder(kind, &ladder::rungs_of(kind, &rows)).markdown());
+        }
         text
     }
 
@@ -149,6 +154,34 @@ impl Report {
         Table { title, columns, rows: cells.collect() }
     }
 
+    /// The modes in full, end to end: from the CT to the picture.
+    fn by_case(&self) -> Table {
+        let modes = ["exact", "slab", "decoded", "alpha"].map(Choice::usual);
+        let choices: Vec<Choice> = modes.into_iter().chain([Choice::of_grid()]).collect();
+        let rows = self.seen().map(|record| {
+            let rows = self.rows_of(&[record]);
+            let figures = choices.iter().map(|choice| {
+                let row = rows.iter().find(|row| row.choice == *choice);
+                row.map_or("–".into(), |row| format!("{:.2} ({:.1})", row.psnr, row.ms))
+            });
+            let Unit { case, transfer, .. } = &record.unit;
+            [case.name.clone(), transfer.name.clone()].into_iter().chain(figures).collect()
+        });
+        Table {
+            title: format!("PSNR against the CT by case and function, dB ({} a frame)", self.unit()),
+            columns: vec![
+                "case",
+                "transfer function",
+                "exact",
+                "slab",
+                "decoded",
+                "alpha",
+                "decoded, fitted for the grid",
+            ],
+            rows: rows.collect(),
+        }
+    }
+
     /// What the active list leaves out before anything else is done. It is always on: nothing visible is lost by it.
     fn active(&self) -> Table {
         let rows = self.records.iter().map(|record| {
@@ -172,7 +205,7 @@ impl Report {
     }
 
     /// The rungs, with what each step down saves and gives up.
-    fn ladder(&self, rungs: &[Row]) -> Table {
+    fn ladder(&self, kind: SplatKind, rungs: &[Row]) -> Table {
         // Of one first rung for all: a mean of ms is that of the dearest cases, the cost is not.
         let first = rungs.first().map_or(f64::NAN, |row| row.ms);
         let rows = rungs.iter().enumerate().map(|(n, row)| {
@@ -208,12 +241,16 @@ impl Report {
             "given up, dB",
             "dB per ms saved",
         ];
-        Table { title: "The ladder of the frame budget".into(), columns, rows: rows.collect() }
+        Table {
+            title: format!("The ladder of the frame budget: {}", kind.name()),
+            columns,
+            rows: rows.collect(),
+        }
     }
 
     fn csv(&self) -> String {
         let mut out = String::from(
-            "case,transfer,rendering,mode,step,resolution,splats,packed,view,psnr_db,ssim,flip,core_ms,wall_ms,device_ms\n",
+            "case,transfer,rendering,mode,of_grid,step,resolution,splats,packed,view,psnr_db,ssim,flip,core_ms,wall_ms,device_ms\n",
         );
         for record in &self.records {
             for row in &record.rows {
@@ -223,11 +260,12 @@ impl Report {
                     // Writing to a string cannot fail.
                     let _ = writeln!(
                         out,
-                        "{},{},\"{}\",{},{},{},{},{},{},{:.4},{:.5},{:.5},{core},{:.3},{:.3}",
+                        "{},{},\"{}\",{},{},{},{},{},{},{},{:.4},{:.5},{:.5},{core},{:.3},{:.3}",
                         record.unit.case.name,
                         record.unit.transfer.name,
                         c.name(),
                         c.mode,
+                        c.of_grid,
                         c.step,
                         c.resolution,
                         c.splats,
@@ -251,10 +289,11 @@ impl Report {
             device: &'a str,
             is_cpu: bool,
             rows: Vec<Row>,
-            ladder: Vec<Row>,
+            ladders: BTreeMap<&'static str, Vec<Row>>,
         }
         let rows = self.rows();
-        let all = All { device: &self.device, is_cpu: self.is_cpu, ladder: ladder::rungs(&rows), rows };
+        let ladders = SplatKind::ALL.map(|kind| (kind.name(), ladder::rungs_of(kind, &rows))).into();
+        let all = All { device: &self.device, is_cpu: self.is_cpu, ladders, rows };
         serde_json::to_string_pretty(&all)
             .map_err(|e| Error::new(Kind::Internal, "VGS-BEN-026", format!("writing JSON failed: {e}")))
     }
@@ -268,9 +307,20 @@ impl Report {
             let records: Vec<&Record> = self.seen().filter(|r| r.unit.case.name == *case).collect();
             let rows = self.rows_of(&records);
             let point = |row: &Row| Point { cost: row.ms, gain: row.psnr };
-            let series = ["exact", "slab", "alpha"].map(|mode| Series {
-                label: mode.to_owned(),
-                points: rows.iter().filter(|r| r.choice.mode == mode).map(point).collect(),
+            let labels = [
+                ("exact", false, "exact"),
+                ("slab", false, "slab"),
+                ("decoded", false, "decoded"),
+                ("alpha", false, "alpha"),
+                ("decoded", true, "decoded, fitted for the grid"),
+            ];
+            let series = labels.map(|(mode, of_grid, label)| Series {
+                label: label.to_owned(),
+                points: rows
+                    .iter()
+                    .filter(|r| r.choice.mode == mode && r.choice.of_grid == of_grid)
+                    .map(point)
+                    .collect(),
             });
             Panel {
                 title: format!("{case}, {} transfer functions", records.len()),

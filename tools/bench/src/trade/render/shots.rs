@@ -1,6 +1,7 @@
 //! Pictures of one case through one transfer function, and what each took.
 
 use engine::Result;
+use engine::fit::FitConfig;
 use engine::gpu::Gpu;
 use engine::image::Image;
 use engine::render::{Camera, Frames, Look, MediumSource, Precision, Rung, Scene, Settings, mode};
@@ -31,7 +32,9 @@ pub struct Unit {
     /// The volume.
     pub case: Case,
     /// The fit of its splats.
-    pub fit: engine::fit::FitConfig,
+    pub fit: FitConfig,
+    /// That of as many splats for the grid.
+    pub grid_fit: FitConfig,
     /// What it is seen through.
     pub transfer: Transfer,
     /// What is rendered.
@@ -87,12 +90,13 @@ impl Keep for Record {
     }
 }
 
-/// Makes all pictures of a unit.
-pub fn measure(unit: &Unit, place: &Place, set: &SplatSet, gpu: &Gpu) -> Result<Record> {
+/// Makes all pictures of a unit, of splats of both of its fits.
+pub fn measure(unit: &Unit, place: &Place, set: &SplatSet, grid_set: &SplatSet, gpu: &Gpu) -> Result<Record> {
     let look = Look::new(place.transfer(&unit.transfer)?);
     let ct = MediumSource { volume: &place.volume, roi: Some(&place.roi) };
-    let full = Scene::new(gpu, Some(set), Some(&ct), &look)?;
+    let mut full = Scene::new(gpu, Some(set), Some(&ct), &look)?;
     let packed = Scene::with_precision(gpu, Some(set), None, &look, Precision::Packed)?;
+    let of_grid = Scene::new(gpu, Some(grid_set), None, &look)?;
     let cameras = place.cameras(&unit.orbit, &unit.views)?;
     let active = full.cloud.as_ref().map_or(Ok(0), |cloud| cloud.active_count())?;
     let mut record = Record {
@@ -107,7 +111,13 @@ pub fn measure(unit: &Unit, place: &Place, set: &SplatSet, gpu: &Gpu) -> Result<
         return Ok(record);
     }
     for choice in &unit.choices {
-        let scene = if choice.packed { &packed } else { &full };
+        let count = (set.splats.len() as f64 * choice.splats).ceil() as usize;
+        full.set_splat_budget((choice.splats < 1.0).then_some(count))?;
+        let scene = match choice {
+            Choice { packed: true, .. } => &packed,
+            Choice { of_grid: true, .. } => &of_grid,
+            _ => &full,
+        };
         let shots = shoot(unit, gpu, scene, choice, &cameras)?;
         let sights =
             unit.views.iter().zip(&wanted).zip(shots).map(|((&view, (wanted, _)), (found, cost))| {
