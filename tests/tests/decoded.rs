@@ -40,7 +40,7 @@ fn objects(count: usize) -> SplatSet {
 }
 
 /// The voxels as the twin has them.
-fn twin_voxels(set: &SplatSet, decoded: &Decoded) -> Vec<twin::Voxel> {
+fn twin_voxels(set: &SplatSet, decoded: &Decoded, pitch: f64) -> Vec<twin::Voxel> {
     // With one more on each side, so that all have their neighbours.
     let wide = decoded.size.map(|n| n as usize + 2);
     let scene_from_wide = decoded.scene_from_voxel * DAffine3::from_translation(DVec3::splat(-1.0));
@@ -67,8 +67,10 @@ fn twin_voxels(set: &SplatSet, decoded: &Decoded) -> Vec<twin::Voxel> {
     };
     let (last, grid_from_wide) = match set.grid {
         Some(grid) => (
-            DVec3::from_array(grid.size.map(|n| f64::from(n) - 1.0)),
-            grid.world_from_voxel.inverse() * DAffine3::from_translation(set.origin_mm) * scene_from_wide,
+            DVec3::from_array(grid.at_pitch(pitch).size.map(|n| f64::from(n) - 1.0)),
+            grid.at_pitch(pitch).world_from_voxel.inverse()
+                * DAffine3::from_translation(set.origin_mm)
+                * scene_from_wide,
         ),
         None => (DVec3::INFINITY, DAffine3::from_translation(DVec3::splat(1e6))),
     };
@@ -77,7 +79,15 @@ fn twin_voxels(set: &SplatSet, decoded: &Decoded) -> Vec<twin::Voxel> {
             let place = grid_from_wide.transform_point3(inside(i)?);
             let beyond = place.cmplt(DVec3::splat(-0.1)).any() || place.cmpgt(last + 0.1).any();
             let occupancy = if beyond { 0.0 } else { voxels[i].occupancy };
-            Some(twin::Voxel { occupancy, object: usize::from(there[voxels[i].object]), ..voxels[i] })
+            // Beyond the faces V is that at them.
+            let step = (place.clamp(DVec3::ZERO, last) - place).round().as_ivec3();
+            let at_face = if beyond {
+                i as i32 + (step.z * wide[1] as i32 + step.y) * wide[0] as i32 + step.x
+            } else {
+                i as i32
+            };
+            let value = voxels[at_face as usize].value;
+            Some(twin::Voxel { occupancy, value, object: usize::from(there[voxels[i].object]) })
         })
         .collect()
 }
@@ -96,7 +106,7 @@ fn voxels_are_those_of_the_twin() {
         ("coarse", samples(fitted(120, Kernel::Compact)), 3.0),
     ] {
         let decoded = decode(&gpu, &set, pitch).expect("a field");
-        let wanted = twin_voxels(&set, &decoded);
+        let wanted = twin_voxels(&set, &decoded, pitch);
         let size = decoded.size;
         let found: Vec<(f64, f64)> = (0..wanted.len() as u32)
             .map(|i| decoded.value([i % size[0], i / size[0] % size[1], i / (size[0] * size[1])]))
@@ -153,7 +163,7 @@ fn an_atlas_is_marched_as_the_same_voxels_in_a_volume() {
 
 /// The picture of the twin's voxels, marched by the twin.
 fn twin_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, step: f64) -> Image {
-    let voxels = twin_voxels(set, decoded);
+    let voxels = twin_voxels(set, decoded, 1.0);
     let size = decoded.size.map(|n| n as usize);
     let values: Vec<f32> = voxels.iter().map(|v| v.value as f32).collect();
     let mask: Vec<f32> = voxels.iter().map(|v| v.occupancy as f32).collect();

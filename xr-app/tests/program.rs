@@ -58,7 +58,7 @@ fn used(folder: &Path, arguments: &[&str]) -> (String, f64) {
 fn a_memory_budget_is_kept_to_or_refused() {
     let folder = folder(60_000);
     let folder = folder.path();
-    let frames = ["--frames", "3", "--rung", "5"];
+    let frames = ["--frames", "3", "--rung", "3"];
     let (said, all) = used(folder, &frames);
     assert_eq!(said, "");
     let within = |mib: f64| {

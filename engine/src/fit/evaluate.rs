@@ -3,6 +3,7 @@
 //! On-grid figures alone can be gamed (a fit may be right at the voxels and wrong between them), so the same figures
 //! are taken at sub-voxel offsets against the trilinear volume, and the worst stands beside the first.
 
+use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -113,6 +114,36 @@ pub fn evaluate(
         range: *range,
         unit: volume.unit(),
     })
+}
+
+/// Evaluates any field in the same way: `field` gives V, HU, and O at places, voxels of the volume. Of a decoded field that is
+/// what a picture of it shows.
+pub fn evaluate_field(
+    field: impl Fn(DVec3) -> (f64, f64) + Sync,
+    volume: &Volume,
+    roi: &Roi,
+    protocol: &Protocol,
+) -> Evaluation {
+    let Protocol { offsets, range, shell, threshold } = protocol;
+    let bricks = Bricks::around(roi, *shell);
+    let at = |offset: [f32; 3]| {
+        let shift = glam::Vec3::from_array(offset).as_dvec3();
+        let sample = |voxel: IVec3| {
+            let (hu, occupancy) = field(voxel.as_dvec3() + shift);
+            FieldSample { hu: hu as f32, occupancy: occupancy as f32, weight: occupancy as f32 }
+        };
+        let got: Vec<FieldSample> = (0..bricks.len() * SAMPLES)
+            .into_par_iter()
+            .map(|i| sample(bricks.voxel(i / SAMPLES, i % SAMPLES)))
+            .collect();
+        compare(&bricks, &got, volume, roi, offset, *range, f64::from(*threshold))
+    };
+    Evaluation {
+        on_grid: at([0.0; 3]),
+        between: offsets.iter().map(|&offset| at(offset)).collect(),
+        range: *range,
+        unit: volume.unit(),
+    }
 }
 
 /// `count` random offsets in ±½ voxel for evaluation: never those of a fit with the same seed.

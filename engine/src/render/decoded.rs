@@ -7,7 +7,8 @@
 //!
 //! V is that of the field, in 16-bit fractions of its range: at the voxel for splats that were fitted for voxels alone,
 //! otherwise what comes nearest to the field between them, by [least squares](super::least_squares). Where no splat reaches that of the neighbours which one does
-//! reach, so that what is interpolated at the rim is not drawn towards the background. O is Σ w / (Σ w + w₀); of a fit for a
+//! reach, so that what is interpolated at the rim is not drawn towards the background, and beyond the faces of the grid that at
+//! them. O is Σ w / (Σ w + w₀); of a fit for a
 //! binary mask it is 1 above ½ and 0 elsewhere. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the
 //! object that has most of Σ w there.
 //!
@@ -172,6 +173,20 @@ impl Source {
             // Beyond what the voxels held there is nothing to be right about.
             values.par_iter_mut().for_each(|v| *v = v.clamp(low, high));
         }
+        // Beyond the faces of the grid stands what is at them, as of a CT.
+        let held: Vec<f32> = (0..values.len())
+            .into_par_iter()
+            .map(|i| {
+                let voxel = bricks.voxel(i / SAMPLES, i % SAMPLES);
+                let at_face = voxel.clamp(first, last);
+                let sample = match at_face == voxel {
+                    true => None,
+                    false => bricks_sample(extent.bricks, &bricks.slots, at_face - extent.low),
+                };
+                values[sample.unwrap_or(i)]
+            })
+            .collect();
+        values = held;
         let (least, greatest) = range_of(&values);
         let (least, greatest) = (least.min(background), greatest.max(background));
         let scale = Scale::of([least, greatest].map(f64::from), false);
@@ -422,6 +437,21 @@ impl Decoded {
     pub fn value(&self, voxel: [u32; 3]) -> (f64, f64) {
         let [v, o] = self.at(UVec3::from_array(voxel).as_ivec3());
         (self.scale.value(v), f64::from(o) / f64::from(u16::MAX))
+    }
+
+    /// V and O at a place of the box, voxels, interpolated as a picture has them.
+    pub fn trilinear(&self, at: DVec3) -> (f64, f64) {
+        let low = at.floor();
+        let part = at - low;
+        let (mut v, mut o) = (0.0, 0.0);
+        for corner in 0..8 {
+            let far = IVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
+            let share = DVec3::select(far.cmpgt(IVec3::ZERO), part, 1.0 - part).element_product();
+            let [v_there, o_there] = self.at(low.as_ivec3() + far);
+            v += share * self.scale.value(v_there);
+            o += share * f64::from(o_there) / f64::from(u16::MAX);
+        }
+        (v, o)
     }
 
     /// All of the box as a volume and a region, for an origin of the scene in the world, mm RAS: what mode volume shows of

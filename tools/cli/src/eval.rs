@@ -6,13 +6,15 @@ use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use engine::fit::errors::ErrorMap;
-use engine::fit::evaluate::{self, Evaluation};
+use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::place::place;
 use engine::gpu::Gpu;
 use engine::output::write_atomic;
-use engine::splat::{Splat, SplatSet};
+use engine::render;
+use engine::splat::{Form, Splat, SplatSet};
 use engine::volume::nifti;
 use engine::{Error, Kind, Result};
+use glam::DAffine3;
 use serde::Serialize;
 
 use crate::arguments::{DeviceArguments, Range, range_or_roi, unweighted};
@@ -96,8 +98,13 @@ Examples:
 #[derive(Serialize)]
 struct Output {
     splats: usize,
+    /// Of the splats' field.
     #[serde(flatten)]
     quality: Quality,
+    /// What the splats were fitted for: `field`, `grid` or `grid-binary`.
+    form: &'static str,
+    /// Of the field decoded on the CT's grid and interpolated, which mode decoded shows: what counts where `form` is a grid.
+    decoded: Quality,
     /// What `range` is: of the `volume`, of the volume inside the `roi`, or `given`.
     range_of: &'static str,
     /// Where the error is.
@@ -133,7 +140,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let set = read.placed(Some(&place(&case.volume, Some(&case.roi))))?;
     let splats = in_volume(&set, &case, &arguments.splats)?;
     let gpu = arguments.device.boot()?;
-    let evaluation = arguments.evaluate(&gpu, &set, &splats, &case)?;
+    let protocol = arguments.protocol(&case)?;
+    let of_field = evaluate::evaluate(&gpu, &splats, &set.field, &case.volume, &case.roi, &protocol)?;
+    let of_decoded = evaluate_decoded(&gpu, &set, &case, &protocol)?;
+    let of_grid = set.form != Form::Field;
+    // What is shown comes first.
+    let evaluation = if of_grid { &of_decoded } else { &of_field };
     let map = ErrorMap::new(&gpu, &splats, &set.field, &case.volume, &case.roi)?;
     let errors = Errors::of(&map, &case.volume, labels.as_ref());
 
@@ -146,11 +158,11 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
             &case,
             (arguments.slices == Slices::Worst).then(|| map.worst_voxel()),
             &names(&arguments.splats, &arguments.volume),
-            &evaluation,
+            evaluation,
         )?;
     }
     if let Some(path) = &arguments.table {
-        write_atomic(path, arguments.force, |out| out.write_all(csv(&evaluation).as_bytes()))?;
+        write_atomic(path, arguments.force, |out| out.write_all(csv(evaluation).as_bytes()))?;
     }
     if let Some(path) = &arguments.map {
         nifti::write(path, &map.volume(), arguments.force)?;
@@ -159,7 +171,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         let description = gpu.description();
         console.json_data(&Output {
             splats: splats.len(),
-            quality: Quality::of(&evaluation),
+            quality: Quality::of(&of_field),
+            form: set.form.name(),
+            decoded: Quality::of(&of_decoded),
             range_of: range_of(arguments.range).0,
             errors,
             iterations: set.iterations,
@@ -173,28 +187,35 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         })?;
     } else {
         let head = format!("{} splats in {} voxels\n", splats.len(), case.roi.voxel_count());
-        let quality = quality_table(&evaluation, range_of(arguments.range).1);
+        let of = range_of(arguments.range).1;
+        let field = ("of the splats' field (modes slab, exact)", &of_field);
+        let decoded = ("of the field on the CT's grid, interpolated (mode decoded)", &of_decoded);
+        let tables = if of_grid { [decoded, field] } else { [field, decoded] };
+        let quality: String =
+            tables.iter().map(|(what, found)| format!("{what}:\n{}", quality_table(found, of))).collect();
         console.data(&(head + &quality + &errors.table(&case.volume)))?;
     }
     Ok(0)
 }
 
 impl Arguments {
-    fn evaluate(&self, gpu: &Gpu, set: &SplatSet, splats: &[Splat], case: &Case) -> Result<Evaluation> {
-        evaluate::evaluate(
-            gpu,
-            splats,
-            &set.field,
-            &case.volume,
-            &case.roi,
-            &evaluate::Protocol {
-                offsets: evaluate::random_offsets(self.offsets as usize, self.seed),
-                range: case.range(self.range)?,
-                shell: self.shell,
-                threshold: unweighted(self.range),
-            },
-        )
+    fn protocol(&self, case: &Case) -> Result<Protocol> {
+        Ok(Protocol {
+            offsets: evaluate::random_offsets(self.offsets as usize, self.seed),
+            range: case.range(self.range)?,
+            shell: self.shell,
+            threshold: unweighted(self.range),
+        })
     }
+}
+
+/// Measures what mode decoded shows of a set.
+pub fn evaluate_decoded(gpu: &Gpu, set: &SplatSet, case: &Case, protocol: &Protocol) -> Result<Evaluation> {
+    let decoded = render::decode(gpu, set, 1.0)?;
+    let world_from_box = DAffine3::from_translation(set.origin_mm) * decoded.scene_from_voxel;
+    let box_from_voxel = world_from_box.inverse() * case.volume.world_from_voxel;
+    let field = |voxel| decoded.trilinear(box_from_voxel.transform_point3(voxel));
+    Ok(evaluate::evaluate_field(field, &case.volume, &case.roi, protocol))
 }
 
 /// What a range was taken from, for scripts and for people.

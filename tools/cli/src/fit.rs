@@ -9,7 +9,7 @@ use engine::fit::evaluate::{self, Evaluation};
 use engine::fit::labels::label;
 use engine::fit::{FitConfig, IntensityRange, Scaling};
 use engine::output::write_atomic;
-use engine::splat::{self, Splat, SplatSet};
+use engine::splat::{self, Form, Splat, SplatSet};
 use engine::{Error, Kind, Result};
 
 use crate::arguments::{DeviceArguments, Range, VERSION, duration, range_or_roi, unweighted};
@@ -232,6 +232,10 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let evaluating = Instant::now();
     let wanted = matches!(outcome.end, End::Finished) && signals.exit_code().is_none();
     let evaluation = match protocol.filter(|_| wanted) {
+        // What is shown counts.
+        Some(protocol) if set.form != Form::Field => {
+            Some(eval::evaluate_decoded(&gpu, &set, &case, &protocol)?)
+        }
         Some(protocol) => {
             // Of a working grid to the native one; without it they are there, and nothing need be rounded.
             let native = working.as_ref().map(|_| set.to_voxel(&case.volume.world_from_voxel));

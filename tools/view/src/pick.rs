@@ -1,8 +1,9 @@
-//! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor.
+//! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor. Of splats that
+//! are fitted for a grid it is the field at the voxels around, interpolated, as mode decoded shows it.
 
 use engine::render::Look;
-use engine::splat::{Activations, Field, Splat, SplatSet};
-use glam::{DMat3, DVec3, UVec3};
+use engine::splat::{self, Activations, Field, Form, Splat, SplatSet};
+use glam::{DAffine3, DMat3, DVec3, UVec3};
 
 /// Most cells of the grid.
 const MOST_CELLS: f64 = 4e6;
@@ -20,6 +21,8 @@ const LEAST_STEP: f64 = 0.05;
 pub struct Probe {
     field: Field,
     origin: DVec3,
+    /// Where the splats are right, if they are not everywhere.
+    voxels: Option<Voxels>,
     splats: Vec<Ellipsoid>,
     grid: Grid,
     /// Where the splats of each cell begin in `listed`; one more than there are cells.
@@ -29,6 +32,36 @@ pub struct Probe {
     large: Vec<u32>,
     /// Between samples along a ray, mm.
     step: f64,
+}
+
+/// The voxels that splats were fitted for.
+struct Voxels {
+    /// To voxel indices, from mm in the space of the set.
+    voxel_from_set: DAffine3,
+    set_from_voxel: DAffine3,
+    /// The last voxel along each axis.
+    last: DVec3,
+    /// Whether an occupancy above ½ stands for 1, any other for 0.
+    binary: bool,
+}
+
+impl Voxels {
+    fn of(set: &SplatSet) -> Option<Self> {
+        let Form::Grid { binary } = set.form else { return None };
+        let splat::Grid { size, world_from_voxel } = set.grid?;
+        let set_from_voxel = DAffine3::from_translation(-set.origin_mm) * world_from_voxel;
+        let last = UVec3::from_array(size).as_dvec3() - 1.0;
+        Some(Voxels { voxel_from_set: set_from_voxel.inverse(), set_from_voxel, last, binary })
+    }
+}
+
+/// What a picture is made of at a point.
+#[derive(Clone, Copy, Default)]
+struct Sample {
+    intensity: f64,
+    occupancy: f64,
+    /// The occupancy times the opacities of the objects there.
+    share: f64,
 }
 
 /// Cells over the box of a set, x fastest.
@@ -188,16 +221,13 @@ impl Probe {
             false => STEP * f64::from(*shortest.select_nth_unstable_by(middle, f32::total_cmp).1),
         };
         let (field, origin, step) = (set.field, set.origin_mm, step.max(LEAST_STEP));
-        Probe { field, origin, splats, grid, starts, listed, large, step }
+        Probe { field, origin, voxels: Voxels::of(set), splats, grid, starts, listed, large, step }
     }
 
     /// The field at a point, mm RAS; nothing where no splat reaches.
     pub fn at(&self, x_mm: DVec3) -> Option<Reading> {
-        let sums = self.sums(x_mm - self.origin, &Shown::ALL);
-        (sums.weight > 0.0).then(|| Reading {
-            intensity: self.intensity(&sums),
-            occupancy: sums.weight / (sums.weight + f64::from(self.field.occupancy_w0)),
-        })
+        let sample = self.sample(x_mm - self.origin, &Shown::ALL)?;
+        Some(Reading { intensity: sample.intensity, occupancy: sample.occupancy })
     }
 
     /// The first point of a ray that a look shows: where half of the light is gone, of what is there between `from_mm`
@@ -217,18 +247,14 @@ impl Probe {
             }
         }
         let shown = Shown::of(look);
-        let w0 = f64::from(self.field.occupancy_w0);
         let mut left = -MET.ln();
         let count = ((range[1] - range[0]) / self.step).ceil().max(0.0) as usize;
         for k in 0..count {
             let from = range[0] + k as f64 * self.step;
             let path = self.step.min(range[1] - from);
-            let sums = self.sums(from_mm + direction * (from + 0.5 * path) - self.origin, &shown);
-            if sums.weight <= 0.0 {
-                continue;
-            }
-            let intensity = self.intensity(&sums);
-            let share = sums.opacity / (sums.weight + w0) * look.transfer.at(intensity).1;
+            let at = from_mm + direction * (from + 0.5 * path) - self.origin;
+            let Some(Sample { intensity, share, .. }) = self.sample(at, &shown) else { continue };
+            let share = share * look.transfer.at(intensity).1;
             // Optical depth of the stretch.
             let depth = -path * (1.0 - share).max(f64::MIN_POSITIVE).ln();
             if depth < left {
@@ -241,12 +267,46 @@ impl Probe {
         None
     }
 
-    fn intensity(&self, sums: &Sums) -> f64 {
-        f64::from(self.field.background) + sums.intensity / (sums.weight + f64::from(self.field.epsilon))
+    /// What is at a point in the space of the set; nothing where no splat reaches.
+    fn sample(&self, x: DVec3, shown: &Shown) -> Option<Sample> {
+        let Some(voxels) = &self.voxels else { return self.sample_field(&self.sums(x, shown, false)) };
+        let at = voxels.voxel_from_set.transform_point3(x);
+        let (low, part) = (at.floor(), at - at.floor());
+        let (mut mean, mut there) = (Sample::default(), 0.0);
+        for corner in 0..8u32 {
+            let far = DVec3::from_array([0, 1, 2].map(|axis| f64::from(corner >> axis & 1)));
+            let weight = (far * part + (1.0 - far) * (1.0 - part)).element_product();
+            let voxel = low + far;
+            // Beyond the grid there is nothing, and what hidden objects hold stays theirs.
+            let inside = voxel.cmpge(DVec3::ZERO).all() && voxel.cmple(voxels.last).all();
+            let sums = self.sums(voxels.set_from_voxel.transform_point3(voxel), shown, true);
+            let Some(found) = self.sample_field(&sums).filter(|_| weight > 1e-9) else { continue };
+            let occupancy = match (inside, voxels.binary) {
+                (false, _) => 0.0,
+                (true, true) => f64::from(u8::from(found.occupancy > 0.5)),
+                (true, false) => found.occupancy,
+            };
+            there += weight;
+            mean.intensity += weight * found.intensity;
+            mean.occupancy += weight * occupancy;
+            mean.share += weight * occupancy * (found.share / found.occupancy);
+        }
+        // Where no splat reaches a voxel its neighbours' intensity stands.
+        (there > 0.0).then(|| Sample { intensity: mean.intensity / there, ..mean })
     }
 
-    /// The sums at a point in the space of the set.
-    fn sums(&self, x: DVec3, shown: &Shown) -> Sums {
+    fn sample_field(&self, sums: &Sums) -> Option<Sample> {
+        let all = sums.weight + f64::from(self.field.occupancy_w0);
+        let background = f64::from(self.field.background);
+        (sums.weight > 0.0).then(|| Sample {
+            intensity: background + sums.intensity / (sums.weight + f64::from(self.field.epsilon)),
+            occupancy: sums.weight / all,
+            share: sums.opacity / all,
+        })
+    }
+
+    /// The sums at a point in the space of the set, with those of hidden objects, which are not seen, or without.
+    fn sums(&self, x: DVec3, shown: &Shown, hidden: bool) -> Sums {
         let mut sums = Sums::default();
         if !x.is_finite() || self.splats.is_empty() {
             return sums;
@@ -256,13 +316,16 @@ impl Probe {
         let [from, to] = [self.starts[cell], self.starts[cell + 1]];
         for &i in self.listed[from as usize..to as usize].iter().chain(&self.large) {
             let splat = &self.splats[i as usize];
-            let Some(opacity) = shown.0[usize::from(splat.object)] else { continue };
+            let opacity = shown.0[usize::from(splat.object)];
+            if opacity.is_none() && !hidden {
+                continue;
+            }
             if (x - splat.mean).abs().cmple(splat.reach).all() {
                 let q = (splat.whitening * (x - splat.mean)).length_squared();
                 let w = splat.amplitude * self.field.kernel.value(q);
                 sums.weight += w;
                 sums.intensity += w * splat.intensity;
-                sums.opacity += w * opacity;
+                sums.opacity += w * opacity.unwrap_or(0.0);
             }
         }
         sums

@@ -205,3 +205,35 @@ fn rays_that_meet_nothing_say_so() {
     }
     assert_eq!(Probe::new(&SplatSet::default()).along(DVec3::ZERO, DVec3::X, &bone()), None);
 }
+
+#[test]
+fn splats_of_a_grid_are_read_at_its_voxels_and_interpolated() {
+    let field = set(Kernel::Compact, 3000);
+    let affine = DAffine3::from_mat3_translation(
+        DMat3::from_diagonal(DVec3::new(1.5, 2.0, 3.0)),
+        DVec3::new(4.0, -8.0, 1010.0),
+    );
+    let grid = splat::Grid { size: [30, 30, 90], world_from_voxel: affine };
+    let grid_set = SplatSet { form: Form::Grid { binary: true }, grid: Some(grid), ..field.clone() };
+    let (everywhere, probe) = (Probe::new(&field), Probe::new(&grid_set));
+    let at = |voxel: DVec3| probe.at(affine.transform_point3(voxel));
+    let mut between = 0;
+    for i in 0..29 * 29 * 80 {
+        let voxel = DVec3::new(f64::from(i % 29), f64::from(i / 29 % 29), f64::from(i / (29 * 29)));
+        let wanted = everywhere.at(affine.transform_point3(voxel));
+        assert_eq!(at(voxel).is_some(), wanted.is_some(), "{voxel}");
+        let (Some(here), Some(wanted)) = (at(voxel), wanted) else { continue };
+        assert!((here.intensity - wanted.intensity).abs() < 1e-6, "{voxel}");
+        let binary = f64::from(u8::from(wanted.occupancy > 0.5));
+        assert!((here.occupancy - binary).abs() < 1e-9, "{voxel}");
+        if let (Some(next), Some(half)) = (at(voxel + DVec3::X), at(voxel + 0.5 * DVec3::X)) {
+            between += 1;
+            let mean = 0.5 * (here.intensity + next.intensity);
+            assert!((half.intensity - mean).abs() < 1e-6, "{voxel}: {} and {mean}", half.intensity);
+            let mean = 0.5 * (here.occupancy + next.occupancy);
+            assert!((half.occupancy - mean).abs() < 1e-9, "{voxel}: {} and {mean}", half.occupancy);
+        }
+    }
+    assert!(between > 1000, "{between} pairs of voxels");
+    assert!(at(DVec3::splat(-2.0)).is_none_or(|beyond| beyond.occupancy == 0.0));
+}
