@@ -153,7 +153,7 @@ mod tests {
             assert_eq!((rungs[0].mode, rungs[0].quality, rungs[0].cost), (first, Quality::FULL, 1.0));
             // Refuses costs that do not fall.
             assert_eq!(ladder(rungs).len(), rungs.len());
-            assert!(rungs.len() > 2, "{kind:?}");
+            assert!(rungs.len() > 1, "{kind:?}");
         }
     }
 
