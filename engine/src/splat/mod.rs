@@ -214,6 +214,10 @@ pub struct Summary {
     pub occupancy_w0: f32,
     /// Iterations of the fit, where the file says so.
     pub iterations: Option<u32>,
+    /// Voxels along x, y, z of the grid that the set was fitted on, where the file says so.
+    pub grid_size: Option<[u32; 3]>,
+    /// What it was fitted for: the name of a [`Form`].
+    pub form: &'static str,
 }
 
 /// One file format of splat sets.

@@ -255,6 +255,13 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     if let Some(iterations) = s.iterations {
         out.add("fit", format!("{iterations} iterations"));
     }
+    if let Some(size) = s.grid_size {
+        let right = match s.form {
+            "field" => "the splats are right between them, too",
+            _ => "the splats are right at these alone: mode decoded shows them",
+        };
+        out.add("grid", format!("{} voxels; {right}", joined(&size, " x ")));
+    }
     let elements: Vec<_> = s.elements.iter().map(|(name, n)| format!("{name} ({n})")).collect();
     out.add("elements", elements.join(", "));
     out.add("properties", s.properties.join(" "));

@@ -238,6 +238,10 @@ fn a_fit_for_the_grid_is_decoded() {
     assert!(slab.err.contains("fitted for the voxels of their CT alone"), "{}", slab.err);
     assert_eq!(slab.json()["mode"], "slab");
 
+    assert_eq!(folder.run(&["info", "grid.ply", "--json"]).json()["form"], "grid-binary");
+    let info = folder.run(&["info", "grid.ply"]).out;
+    assert!(info.contains("24 x 24 x 24 voxels; the splats are right at these alone"), "{info}");
+
     let eval = ["eval", "grid.ply", "ct.nii.gz", "--roi", "mask.nii.gz"];
     let told = folder.run(&[&eval[..], &["--json"]].concat()).json();
     assert_eq!(told["form"], "grid-binary");

@@ -22,7 +22,7 @@ pub struct Probe {
     field: Field,
     origin: DVec3,
     /// Where the splats are right, if they are not everywhere.
-    voxels: Option<Voxels>,
+    voxels: Option<Box<Voxels>>,
     splats: Vec<Ellipsoid>,
     grid: Grid,
     /// Where the splats of each cell begin in `listed`; one more than there are cells.
@@ -46,12 +46,12 @@ struct Voxels {
 }
 
 impl Voxels {
-    fn of(set: &SplatSet) -> Option<Self> {
+    fn of(set: &SplatSet) -> Option<Box<Self>> {
         let Form::Grid { binary } = set.form else { return None };
         let splat::Grid { size, world_from_voxel } = set.grid?;
         let set_from_voxel = DAffine3::from_translation(-set.origin_mm) * world_from_voxel;
         let last = UVec3::from_array(size).as_dvec3() - 1.0;
-        Some(Voxels { voxel_from_set: set_from_voxel.inverse(), set_from_voxel, last, binary })
+        Some(Box::new(Voxels { voxel_from_set: set_from_voxel.inverse(), set_from_voxel, last, binary }))
     }
 }
 

@@ -82,6 +82,8 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         epsilon: set.field.epsilon,
         occupancy_w0: set.field.occupancy_w0,
         iterations: set.iterations,
+        grid_size: set.grid.map(|grid| grid.size),
+        form: set.form.name(),
     })
 }
 

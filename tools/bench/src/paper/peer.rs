@@ -139,8 +139,8 @@ pub const DIFFERENCES: &[Difference] = &[
     Difference { what: "intensity: Dice", change: |c| c.intensity_loss = "dice".to_owned() },
     Difference { what: "intensity: Tversky's loss", change: |c| c.intensity_loss = "tversky".to_owned() },
     Difference { what: "intensity: divergence", change: |c| c.intensity_loss = "kl".to_owned() },
-    Difference { what: "intensity sampled, not learned", change: |c| c.learn_intensity = false },
-    Difference { what: "opacity sampled, not learned", change: |c| c.learn_opacity = false },
+    Difference { what: "intensity sampled at the end, not learned", change: |c| c.learn_intensity = false },
+    Difference { what: "opacity sampled at the end, not learned", change: |c| c.learn_opacity = false },
     Difference { what: "35 of 2205 splats a step, dense Adam", change: |c| c.subset = 35 },
     Difference {
         what: "35 of 2205 splats a step, moments of the block alone",
