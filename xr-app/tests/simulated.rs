@@ -186,3 +186,30 @@ fn the_swaying_head_looks_ahead() {
     let fov = Script::default().left_fov;
     assert!(fov.left.abs() > fov.right && fov != Fov::symmetric(90.0, 1.0), "an eye sees more outwards");
 }
+
+/// On every rung but the first a dot tells both eyes, in one direction, that this is a draft.
+#[test]
+fn a_draft_is_marked_for_both_eyes() {
+    let gpu = device();
+    // So large that the middle of the dot holds the middle of a pixel.
+    let size @ [width, height] = [320usize, 360];
+    for rung in [0, 1, all_rungs().len() - 1] {
+        let options = Options { rung: Some(rung), ..options() };
+        let script = Script { eye_size: size.map(|n| n as u32), ..script(6) };
+        let (mut viewer, headset) = session(&gpu, script, options);
+        let eyes = headset.shown.expect("a frame");
+        let shown: Vec<[u8; 4]> = headset.picture().read().expect("the picture");
+        let kept: Vec<[u8; 4]> = viewer.picture().expect("the same again").read().expect("the picture");
+        for (eye, Fov { left, right, up, down }) in eyes.map(|eye| eye.fov).into_iter().enumerate() {
+            // Straight ahead, and 0.36 below.
+            let place = [-left / (right - left), (up + 0.36) / (up - down)];
+            let [x, y] = [(place[0] * width as f64) as usize, (place[1] * height as f64) as usize];
+            for picture in [&shown, &kept] {
+                let around = (0..9).map(|i| picture[(eye * height + y + i / 3 - 1) * width + x + i % 3 - 1]);
+                let is_amber = |p: [u8; 4]| p[0] > 250 && p[1].abs_diff(191) < 4 && p[2].abs_diff(26) < 6;
+                assert_eq!(around.map(is_amber).any(|amber| amber), rung > 0, "rung {rung}, eye {eye}");
+            }
+        }
+    }
+    silent(&gpu);
+}

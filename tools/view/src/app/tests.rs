@@ -12,6 +12,8 @@ struct Bench {
     context: Context,
     app: App,
     time: f64,
+    /// Whether the picture is less than it will be.
+    draft: bool,
     shapes: Vec<egui::epaint::ClippedShape>,
 }
 
@@ -26,6 +28,7 @@ impl Bench {
             context: Context::default(),
             app: App::new(state, settings),
             time: 0.0,
+            draft: false,
             shapes: Vec::new(),
         };
         // Panels know their size after the first frame.
@@ -48,6 +51,7 @@ impl Bench {
             splats: Some(1000),
             volume: true,
             object_splats: &[600, 400],
+            draft: self.draft,
             depth: &depth,
             sample: &|x| Some(x.y),
             ..Facts::default()
@@ -106,16 +110,33 @@ impl Bench {
 
     /// The middle of a text on the screen.
     fn find(&self, text: &str) -> Pos2 {
-        let found = self.shapes.iter().find_map(|clipped| match &clipped.shape {
+        self.place_of(text).unwrap_or_else(|| panic!("{text:?} is not on the screen"))
+    }
+
+    fn place_of(&self, text: &str) -> Option<Pos2> {
+        self.shapes.iter().find_map(|clipped| match &clipped.shape {
             Shape::Text(shape) if shape.galley.text() == text => Some(shape.visual_bounding_rect().center()),
             _ => None,
-        });
-        found.unwrap_or_else(|| panic!("{text:?} is not on the screen"))
+        })
     }
 
     fn middle(&self) -> Pos2 {
         self.app.picture().center()
     }
+}
+
+#[test]
+fn a_draft_says_so_in_the_corner_of_the_picture() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.place_of("draft"), None);
+    bench.draft = true;
+    bench.rest();
+    let (at, picture) = (bench.find("draft"), bench.app.picture());
+    let corner = at - picture.left_bottom();
+    assert!((0.0..60.0).contains(&corner.x) && (-40.0..0.0).contains(&corner.y), "{at} in {picture}");
+    bench.draft = false;
+    bench.rest();
+    assert_eq!(bench.place_of("draft"), None);
 }
 
 #[test]
