@@ -7,7 +7,7 @@ pub mod screen;
 use std::sync::atomic::AtomicBool;
 
 use engine::gpu::{Gpu, GpuOptions};
-use engine::render::{Look, Rung, Scene, SplatKind, rungs};
+use engine::render::{Look, Quality, Rung, Scene, SplatKind, rungs};
 use engine::splat::{Field, Splat, SplatSet};
 use engine::transfer::preset;
 use glam::DVec3;
@@ -63,8 +63,8 @@ pub fn script(frames: u64) -> Script {
 pub fn all_rungs() -> Vec<Rung> {
     let mut all = rungs(SplatKind::Field).to_vec();
     let last = all.last().expect("a ladder").cost;
-    let alpha = rungs(SplatKind::Coloured)[1];
-    all.push(Rung { cost: 0.5 * last, ..alpha });
+    let quality = Quality { resolution: 0.7, coarseness: 1.0 };
+    all.push(Rung { mode: "alpha", quality, cost: 0.5 * last });
     all
 }
 
