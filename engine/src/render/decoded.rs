@@ -439,8 +439,10 @@ impl Decoded {
         (self.scale.value(v), f64::from(o) / f64::from(u16::MAX))
     }
 
-    /// V and O at a place of the box, voxels, interpolated as a picture has them.
+    /// V and O at a place of the box, voxels, interpolated as a picture has them; beyond the box as at its faces, where
+    /// nothing is.
     pub fn trilinear(&self, at: DVec3) -> (f64, f64) {
+        let at = at.clamp(DVec3::ZERO, UVec3::from_array(self.size).as_dvec3() - 1.0);
         let low = at.floor();
         let part = at - low;
         let (mut v, mut o) = (0.0, 0.0);

@@ -98,12 +98,14 @@ Examples:
 #[derive(Serialize)]
 struct Output {
     splats: usize,
-    /// Of the splats' field.
+    /// Of what is shown, as a fit records it: `decoded` where `form` is a grid, else `field`.
     #[serde(flatten)]
     quality: Quality,
     /// What the splats were fitted for: `field`, `grid` or `grid-binary`.
     form: &'static str,
-    /// Of the field decoded on the CT's grid and interpolated, which mode decoded shows: what counts where `form` is a grid.
+    /// Of the splats' field, which modes slab and exact show.
+    field: Quality,
+    /// Of the field decoded on the CT's grid and interpolated, which mode decoded shows.
     decoded: Quality,
     /// What `range` is: of the `volume`, of the volume inside the `roi`, or `given`.
     range_of: &'static str,
@@ -171,8 +173,9 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         let description = gpu.description();
         console.json_data(&Output {
             splats: splats.len(),
-            quality: Quality::of(&of_field),
+            quality: Quality::of(evaluation),
             form: set.form.name(),
+            field: Quality::of(&of_field),
             decoded: Quality::of(&of_decoded),
             range_of: range_of(arguments.range).0,
             errors,

@@ -247,10 +247,11 @@ fn a_fit_for_the_grid_is_decoded() {
     assert_eq!(told["form"], "grid-binary");
     let figure = |of: &serde_json::Value, name: &str| of[name].as_f64().expect("a figure");
     let [field, decoded] = ["psnr_db", "psnr_min_offset_db"]
-        .map(|name| [figure(&told, name), figure(&told["decoded"], name)])
+        .map(|name| [figure(&told["field"], name), figure(&told["decoded"], name)])
         .map(|[field, decoded]| decoded - field);
     assert!(field.abs() < 0.05, "at the voxels the decoded field is the field: {field} dB");
     assert!(decoded > 1.0, "between them it is nearer to the CT: {decoded} dB");
+    assert_eq!(told["psnr_min_offset_db"], told["decoded"]["psnr_min_offset_db"], "what is shown leads");
     let text = folder.run(&eval).out;
     let [first, second] = ["mode decoded", "modes slab"].map(|what| text.find(what).expect(what));
     assert!(first < second, "what is shown comes first:\n{text}");

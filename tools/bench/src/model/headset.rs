@@ -27,8 +27,8 @@ const RATES_HZ: [f64; 2] = [72.0, 90.0];
 /// The frames of a headset, and what devices that are not at hand would take for them
 #[derive(Args)]
 #[command(after_help = "\
-Two eyes of 96 degrees, 64 mm apart, see the splats in real size, as vgs-xr places them and at half of that distance, in each rung of the frame \
-budget's ladder, with depth. The work of each frame is counted here; what it takes elsewhere is a roofline over a device's \
+Two eyes of 96 degrees, 64 mm apart, see the splats in real size, as vgs-xr places them and at half of that distance, in those rungs of the frame \
+budget's ladders whose mode is slab or alpha, with depth. The work of each frame is counted here; what it takes elsewhere is a roofline over a device's \
 rates, from the share of them that a program reaches that suits it badly to that of one that suits it well. A budget is 9/10 of \
 a period. OUT/headset.md, headset.csv, headset.json and headset.svg are written anew after each file.
 

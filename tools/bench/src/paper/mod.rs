@@ -56,7 +56,7 @@ pub enum Section {
 
 #[derive(Args)]
 #[command(after_help = "\
-A run is a fit of one row with one profile, measured every 50 iterations with all splats on the grid. \
+A run is a fit of one row with one profile, measured with all splats on the grid every 50 iterations, mini-batches every 250. \
 Each finished run is a file in OUT/runs, named by case, mask, splats, profile and a hash of all settings and the device: \
 what is there is not run again, and a run that is stopped (Ctrl-C) is the only one lost. OUT/paper.md, OUT/paper.csv \
 (every measurement) and OUT/psnr-time.svg are written anew after each run. A changed program does not change the hash: \

@@ -4,7 +4,7 @@ use engine::Result;
 use engine::fit::{FitConfig, Profile};
 use engine::splat::Kernel;
 
-use super::job::{HELD_OUT, Job, MEASURE_EVERY, Range};
+use super::job::{HELD_OUT, Job, MEASURE_BATCHES_EVERY, MEASURE_EVERY, Range};
 use super::library::Library;
 use super::prototype::{self, FIDELITY, FINDINGS, SUBSET_SHARE, SWEEPS, Variant};
 use super::published::{self, CASES, Loss, TABLE_4, TABLE_4_ROW, Training};
@@ -178,8 +178,9 @@ impl Plan {
         let table_4 = sections.contains(&Section::Table4);
         let mut jobs: Vec<&Job> = Vec::new();
         jobs.extend(self.fidelity.iter().map(|(_, job)| job));
-        jobs.extend(self.rows.iter().flat_map(|row| [&row.paper, &row.reference, &row.ours]));
+        jobs.extend(self.rows.iter().flat_map(|row| [&row.paper, &row.reference]));
         jobs.extend(self.losses.iter().filter(|_| table_4).flat_map(|row| [&row.paper, &row.reference]));
+        jobs.extend(self.rows.iter().map(|row| &row.ours));
         jobs.extend(self.peers.iter().map(|(_, job)| job));
         jobs.extend(self.differences.iter().map(|(_, job)| job));
         jobs.extend(self.losses.iter().map(|row| &row.ours));
@@ -216,7 +217,8 @@ impl Planner<'_> {
             iterations: self.effort.paper_iterations,
             ..profile.config()?
         };
-        Ok(self.job(CASES[case].folder, CASES[case].file, profile, config, Range::MinMax))
+        let job = self.job(CASES[case].folder, CASES[case].file, profile, config, Range::MinMax);
+        Ok(Job { measure_every: MEASURE_BATCHES_EVERY, ..job })
     }
 
     /// The same by the authors' code. Their reference command keeps the number of splats.
@@ -228,7 +230,8 @@ impl Planner<'_> {
             iterations: self.effort.paper_iterations,
             ..profile.config()?
         };
-        Ok(self.job(CASES[case].folder, CASES[case].file, profile, config, Range::Roi))
+        let job = self.job(CASES[case].folder, CASES[case].file, profile, config, Range::Roi);
+        Ok(Job { measure_every: MEASURE_BATCHES_EVERY, ..job })
     }
 
     /// `--profile reference` on the case of the authors' figures, over the range of its region.
