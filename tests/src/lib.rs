@@ -1,5 +1,5 @@
 //! What the tests of vgs share: a device that fails on validation messages, a tolerance model, seeded scenes, one
-//! forward and backward pass with everything it leaves behind, golden texts, and the table of docs/numerics.md.
+//! forward and backward pass with everything it leaves behind, golden texts, and the table of docs/results/numerics.md.
 //!
 //! The tests themselves are in `tests/`, one file per question: does each kernel compute what its twin does
 //! (`oracle`), are the derivatives right (`gradients`), what holds without any reference (`properties`), does the

@@ -1,4 +1,4 @@
-//! The table of docs/numerics.md: what happens at the extremes, how far off it may be and how far off it was.
+//! The table of docs/results/numerics.md: what happens at the extremes, how far off it may be and how far off it was.
 //!
 //! A test hands what it measured to [`keep`], which holds it to the bound of its [`Row`] and to the words of the docs.
 //! `VGS_WRITE_NUMERICS=1` writes the table anew, with what was measured; figures differ from device to device, so
@@ -29,9 +29,9 @@ pub struct Row {
 
 const BEGIN: &str = "| # | scenario | measured | at most | worst seen | test |\n|---|---|---|---|---|---|\n";
 
-/// docs/numerics.md.
+/// docs/results/numerics.md.
 pub fn page() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/numerics.md")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/results/numerics.md")
 }
 
 /// Whether the table is to be written anew.
@@ -52,17 +52,17 @@ pub fn keep(id: &str, worst: f64) {
         // Tests are processes that run at the same time.
         let lock = File::create(std::env::temp_dir().join("vgs-numerics.lock")).expect("a lock");
         lock.lock().expect("the lock");
-        let text = std::fs::read_to_string(&page).expect("docs/numerics.md");
-        std::fs::write(&page, with(&text, id, &number(worst))).expect("writing docs/numerics.md");
+        let text = std::fs::read_to_string(&page).expect("docs/results/numerics.md");
+        std::fs::write(&page, with(&text, id, &number(worst))).expect("writing docs/results/numerics.md");
         return;
     }
-    let text = std::fs::read_to_string(&page).expect("docs/numerics.md");
+    let text = std::fs::read_to_string(&page).expect("docs/results/numerics.md");
     let found = text.lines().find(|line| line.starts_with(&format!("| {id} |")));
     let kept = seen(&text, id).unwrap_or_default();
     assert_eq!(
         found,
         Some(line(row, &kept).as_str()),
-        "docs/numerics.md; VGS_WRITE_NUMERICS=1 writes it anew"
+        "docs/results/numerics.md; VGS_WRITE_NUMERICS=1 writes it anew"
     );
 }
 
@@ -84,7 +84,7 @@ pub fn table(seen: impl Fn(&str) -> Option<String>) -> String {
 
 /// The text with its table written anew, and a new worst value for a row.
 fn with(text: &str, id: &str, worst: &str) -> String {
-    let start = text.find(BEGIN).expect("docs/numerics.md has a table");
+    let start = text.find(BEGIN).expect("docs/results/numerics.md has a table");
     let length: usize =
         text[start..].split_inclusive('\n').take_while(|l| l.starts_with('|')).map(str::len).sum();
     let new = table(|row| if row == id { Some(worst.to_owned()) } else { seen(text, row) });

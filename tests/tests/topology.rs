@@ -42,7 +42,7 @@ fn every_way_keeps_to_its_limit_and_fits() {
     for row in TOPOLOGIES.iter().filter(|row| row.change.is_some()) {
         let (count, db) = fit(row.name);
         if ["relocate", "reference"].contains(&row.name) {
-            // Worth nothing with this optimiser (docs/method.md), but it still fits.
+            // Worth nothing with this optimiser (docs/design/method.md), but it still fits.
             let expected = if row.name == "relocate" { FIRST } else { LIMIT };
             assert_eq!(count, expected, "{}", row.name);
             assert!(db > first + 5.0, "{}: {db:.2} dB, {first:.2} at first", row.name);

@@ -86,7 +86,7 @@ macro_rules! config {
 }
 
 config! {
-    /// Hyper-parameters of a fit; the default is the profile `default` of `docs/method.md`.
+    /// Hyper-parameters of a fit; the default is the profile `default` of `docs/design/method.md`.
     pub struct FitConfig {
         /// Iterations of the optimiser.
         iterations: u32 = 400,

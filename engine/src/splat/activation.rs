@@ -14,7 +14,7 @@ pub const OPACITY_MAX: f32 = 1.0 - f32::EPSILON / 2.0;
 /// Greatest |ln σ|: beyond it σ² or 1/σ² nears the end of f32.
 pub const LOG_SCALE_LIMIT: f32 = 40.0;
 /// Most that the longest σ of a splat may be of its shortest. At 10⁴ the f32 whitened distance q is right to 10⁻² within
-/// the support; at 10⁶ it is off by a half (docs/numerics.md, N4).
+/// the support; at 10⁶ it is off by a half (docs/results/numerics.md, N4).
 pub const ANISOTROPY_LIMIT: f32 = 1e4;
 
 /// What the raw parameters of a splat stand for.

@@ -1,4 +1,4 @@
-//! The scenarios N1 to N28 of docs/numerics.md, one module a subject, and the extremes of real data. Each test measures
+//! The scenarios N1 to N28 of docs/results/numerics.md, one module a subject, and the extremes of real data. Each test measures
 //! how far off the worst value is and hands that to `numerics::keep`, which holds it to its bound.
 #![forbid(unsafe_code)]
 
@@ -22,9 +22,9 @@ fn the_table_is_whole() {
         println!("the table is being written by the tests beside this one");
         return;
     }
-    let text = std::fs::read_to_string(page()).expect("docs/numerics.md");
+    let text = std::fs::read_to_string(page()).expect("docs/results/numerics.md");
     let found = table(|id| seen(&text, id));
-    assert!(text.contains(&found), "docs/numerics.md has another table than\n{found}");
+    assert!(text.contains(&found), "docs/results/numerics.md has another table than\n{found}");
     for scenario in 1..=28 {
         let of_this = |id: &str| {
             id.strip_prefix('N')

@@ -24,7 +24,7 @@ const TIMED: Duration = Duration::from_millis(2500);
 /// ... or so many.
 const MOST_TIMED: u32 = 64;
 /// Iterations later in a fit over its first ones: splats that have found their places reach other bricks. The median of the
-/// 28 fits of the default profile in docs/paper-tables/runs (those after the 50th over those before), half of which lie
+/// 28 fits of the default profile in docs/results/paper-tables/runs (those after the 50th over those before), half of which lie
 /// between 1.02 and 1.14.
 const GROWTH: f64 = 1.07;
 
