@@ -3,7 +3,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{ActivityParams, Appearance, LimitParams, ListParams, Look};
 
-use super::{Rows, Scan};
+use super::{Ranking, Scan};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
@@ -42,7 +42,7 @@ pub struct ActivitySources<'a> {
 }
 
 impl Activity {
-    /// For so many splats.
+    /// Makes the list for so many splats.
     pub fn new(gpu: &Gpu, splat_count: usize) -> Result<Self> {
         Ok(Activity {
             mark: Kernel::new(gpu, &glsl::MARK_ACTIVE, &[])?,
@@ -97,34 +97,5 @@ impl Activity {
             .push(&ListParams { count })
             .dispatch(groups);
         recorder.copy(&self.places, self.splat_count, &mut self.count, 0, 1);
-    }
-}
-
-/// An order of importance of the splats, for listings with a budget.
-pub struct Ranking {
-    rows: Rows,
-    limit: Kernel,
-    order: Buffer<u32>,
-    ranks: Buffer<u32>,
-    flags: Buffer<u32>,
-}
-
-impl Ranking {
-    /// `order` has all splats, the most important first.
-    ///
-    /// # Panics
-    /// If it is no order of all splats.
-    pub fn new(gpu: &Gpu, order: &[u32]) -> Result<Self> {
-        let mut ranks = vec![0; order.len()];
-        for (rank, &splat) in (0..).zip(order) {
-            ranks[splat as usize] = rank;
-        }
-        Ok(Ranking {
-            rows: Rows::new(gpu)?,
-            limit: Kernel::new(gpu, &glsl::LIMIT_ACTIVE, &[])?,
-            order: gpu.upload("splats by importance", "splats", order)?,
-            ranks: gpu.upload("ranks of the splats", "splats", &ranks)?,
-            flags: gpu.buffer("activity by importance", "sorting", order.len())?,
-        })
     }
 }

@@ -23,7 +23,8 @@ pub struct State {
 }
 
 impl State {
-    /// Makes buffers of zeros for `count` splats. A cap of 0 is one; write [`NO_CAP`] where there shall be none.
+    /// Makes buffers of zeros for `count` splats. A cap of 0 is one; write [`NO_CAP`] where there shall be
+    /// none.
     pub fn zeroed(gpu: &Gpu, count: usize) -> Result<Self> {
         Ok(State {
             splats: gpu.buffer("splats", "splats", count)?,
@@ -42,7 +43,7 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// For any number of splats.
+    /// Makes the optimiser, for any number of splats.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Adam {
             kernel: Kernel::new(gpu, &glsl::ADAM, &[])?,

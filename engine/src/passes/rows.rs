@@ -17,7 +17,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// For rows of any type.
+    /// Makes the kernels, for rows of any type.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Rows {
             gather: Kernel::new(gpu, &glsl::GATHER_ROWS, &[])?,
@@ -64,6 +64,7 @@ impl Rows {
     }
 }
 
+/// Returns push constants and workgroups for so many rows.
 fn params<T>(count: usize, first: usize) -> (RowParams, u32) {
     let words = size_of::<T>() / size_of::<u32>();
     let groups = (count * words).div_ceil(GROUP) as u32;

@@ -18,7 +18,7 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// A scan of at most `capacity` elements.
+    /// Makes a scan of at most `capacity` elements.
     pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self> {
         Ok(Scan {
             sums: Kernel::new(gpu, &glsl::SCAN_SUMS, &[])?,
@@ -28,7 +28,8 @@ impl Scan {
         })
     }
 
-    /// Records `offsets[i] = values[0] + .. + values[i - 1]` for i in 0..=count; `offsets` has one element more.
+    /// Records `offsets[i] = values[0] + .. + values[i - 1]` for i in 0..=count; `offsets` has one element
+    /// more.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,

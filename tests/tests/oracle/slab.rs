@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, HashMap};
 
 use engine::gpu::{Gpu, Kernel};
-use engine::passes::activity::{ActivitySources, Ranking};
+use engine::passes::activity::ActivitySources;
 use engine::passes::tiles::TILE;
-use engine::passes::{Activity, SplatRows, TileBinner};
+use engine::passes::{Activity, Ranking, SplatRows, TileBinner};
 use engine::reference::activity::limit_active as limited;
 use engine::reference::blind as blind_twin;
 use engine::reference::eye::{self, Eye};
@@ -214,7 +214,7 @@ pub fn emit_tile_pairs() {
         }
         let (bins, grid) = binned(&gpu, &stage);
         let [tx, ty] = grid.tiles;
-        let starts = bins.starts.read().unwrap();
+        let starts = bins.starts().read().unwrap();
         let pairs = bins.pairs().read_range(0, *starts.last().unwrap() as usize).unwrap();
         // Every list holds its splats in order, once.
         let mut parts: HashMap<(u32, usize), u32> = HashMap::new();
@@ -321,7 +321,7 @@ pub fn slab() {
                     .read(&buffers.rows)
                     .read(&buffers.points)
                     .read(&buffers.integrals)
-                    .read(&bins.starts)
+                    .read(bins.starts())
                     .read(bins.pairs())
                     .read(&bins.projected)
                     .write_image(&mut target.colour)

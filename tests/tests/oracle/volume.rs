@@ -4,7 +4,7 @@ use engine::gpu::{Gpu, Kernel};
 use engine::passes::loss::{
     DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MASKS, MSE, OCCUPANCY, SQUARE, TERMS, Weighted,
 };
-use engine::passes::{Shape, Storage};
+use engine::passes::{Storage, WorkgroupShape};
 use engine::reference::loss::Quantity;
 use engine::reference::moments_to_grad as gradient;
 use engine::reference::splat_to_volume as forward;
@@ -119,7 +119,7 @@ fn stored(storage: Storage, (targets, mut got, mut before): Samples) -> Samples 
 fn check_loss(rows: &[Weighted]) {
     let gpu = Device::boot();
     let slots = 5;
-    let shapes = [Shape::OneByOne, Shape::SideBySide];
+    let shapes = [WorkgroupShape::OneByOne, WorkgroupShape::SideBySide];
     for (weighted, storage) in rows.iter().flat_map(|row| STORAGES.map(|storage| (row, storage))) {
         let (shader, quantity) = (TERMS[weighted.term].shader, TERMS[weighted.term].quantity);
         let term = step::terms64(&[*weighted])[0];
@@ -158,8 +158,8 @@ fn check_loss(rows: &[Weighted]) {
             });
             let bits = (adjoints.read().unwrap(), sums.read().unwrap());
             match shape {
-                Shape::OneByOne => last = Some(bits),
-                Shape::SideBySide => {
+                WorkgroupShape::OneByOne => last = Some(bits),
+                WorkgroupShape::SideBySide => {
                     assert!(last == Some(bits), "{}: both shapes have the same bits", shader.name)
                 }
             }
@@ -257,7 +257,7 @@ fn check_overlap_sums(gpu: &Gpu, storage: Storage, (id, quantity): (u32, Quantit
     let sample_buffer = gpu.upload("samples", "test", &pack(storage, &got)).unwrap();
     let first = 3;
     let untouched = [[-1.0f32; 3]; 9];
-    let [found, side_by_side] = [Shape::OneByOne, Shape::SideBySide].map(|shape| {
+    let [found, side_by_side] = [WorkgroupShape::OneByOne, WorkgroupShape::SideBySide].map(|shape| {
         let kernel =
             Kernel::new(gpu, &shaders_glsl::OVERLAP_SUMS, &[storage as u32, shape as u32, id]).unwrap();
         let mut partials = gpu.upload("partials", "test", &untouched).unwrap();
