@@ -179,7 +179,7 @@ impl Onlooker for Mirror {
         }
         recorder
             .draw(&self.drawing)
-            .sample(eyes)
+            .sample("eyes", eyes)
             .push(&MirrorParams {
                 window: size.map(|n| n as f32),
                 eye: self.eye.map(|n| n as f32),

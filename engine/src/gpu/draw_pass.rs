@@ -18,7 +18,7 @@ enum Vertices {
 }
 
 /// One drawing being described. Resources are only read; they are bound in the order of the bindings of the
-/// shaders.
+/// shaders, each by its name there; what is not so panics, as with [`super::Pass`].
 pub struct DrawPass<'a> {
     recorder: &'a mut Recorder,
     drawing: &'a Drawing,
@@ -35,17 +35,17 @@ impl Recorder {
 }
 
 impl<'a> DrawPass<'a> {
-    /// Binds the next buffer.
+    /// Binds the next buffer, which the shaders call `name`.
     #[must_use]
-    pub fn read<T: Pod>(mut self, buffer: &'a Buffer<T>) -> Self {
-        self.bindings.buffer(self.drawing.vertex, &self.drawing.bindings, buffer, size_of::<T>(), false);
+    pub fn read<T: Pod>(mut self, name: &str, buffer: &'a Buffer<T>) -> Self {
+        self.bindings.buffer(&self.drawing.place(name), buffer, size_of::<T>());
         self
     }
 
-    /// Binds the next image, to be sampled.
+    /// Binds the next image, which the shaders call `name`, to be sampled.
     #[must_use]
-    pub fn sample(mut self, image: &'a Image) -> Self {
-        self.bindings.image(self.drawing.vertex, &self.drawing.bindings, image, false);
+    pub fn sample(mut self, name: &str, image: &'a Image) -> Self {
+        self.bindings.image(&self.drawing.place(name), image);
         self
     }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use ash::vk;
 use shaders_glsl::{Binding, Shader, Stage};
 
+use super::bindings::Place;
 use super::pipeline::{Interface, Pipeline, constant_places, module};
 use super::{Context, Format, Gpu, check, lock};
 use crate::error::Result;
@@ -62,6 +63,13 @@ impl Drawing {
             build(&context, [vertex, fragment], constants, formats, views, layout)
         })?;
         Ok(Drawing { context, vertex, bindings, push_bytes, formats: formats.to_vec(), views, pipeline })
+    }
+}
+
+impl Drawing {
+    /// Describes a place that a drawing binds to.
+    pub(super) fn place<'a>(&'a self, name: &'a str) -> Place<'a> {
+        Place { shader: self.vertex.name, bindings: &self.bindings, name, write: false }
     }
 }
 

@@ -3,6 +3,7 @@
 use ash::vk;
 use shaders_glsl::Shader;
 
+use super::bindings::Place;
 use super::pipeline::{Interface, Pipeline, constant_places, module};
 use super::{Context, Gpu, check, lock};
 use crate::error::{Error, Kind, Result};
@@ -49,6 +50,11 @@ impl Kernel {
             }
         };
         Ok(Kernel { shader, pipeline })
+    }
+
+    /// Describes a place that a pass binds to.
+    pub(super) fn place<'a>(&self, name: &'a str, write: bool) -> Place<'a> {
+        Place { shader: self.shader.name, bindings: self.shader.bindings, name, write }
     }
 
     /// Returns the name of the shader.

@@ -14,8 +14,12 @@ impl Recorder {
     }
 }
 
-/// One pass being described. The order in which resources are bound is the order of the bindings in the
-/// shader.
+/// One pass being described. Resources are bound in the order of the bindings in the shader, each by its name
+/// there.
+///
+/// # Panics
+/// Wherever what is bound is not what the shader has next: another name, access, element size, or kind of
+/// resource.
 pub struct Pass<'a> {
     recorder: &'a mut Recorder,
     kernel: &'a Kernel,
@@ -31,50 +35,47 @@ enum Groups {
 }
 
 impl<'a> Pass<'a> {
-    /// Binds the next buffer for reading.
+    /// Binds the next buffer, which the shader calls `name`, for reading.
     #[must_use]
-    pub fn read<T: Pod>(self, buffer: &'a Buffer<T>) -> Self {
-        self.bind(buffer, size_of::<T>(), false)
+    pub fn read<T: Pod>(self, name: &str, buffer: &'a Buffer<T>) -> Self {
+        self.bind(name, buffer, size_of::<T>(), false)
     }
 
     /// Binds the next buffer for writing (or reading and writing).
     #[must_use]
-    pub fn write<T: Pod>(self, buffer: &'a mut Buffer<T>) -> Self {
-        self.bind(buffer, size_of::<T>(), true)
+    pub fn write<T: Pod>(self, name: &str, buffer: &'a mut Buffer<T>) -> Self {
+        self.bind(name, buffer, size_of::<T>(), true)
     }
 
     /// Binds the next buffer for reading where the shader sees rows of any type as plain words.
     #[must_use]
-    pub fn read_words<T: Pod>(self, buffer: &'a Buffer<T>) -> Self {
-        self.bind(buffer, size_of::<u32>(), false)
+    pub fn read_words<T: Pod>(self, name: &str, buffer: &'a Buffer<T>) -> Self {
+        self.bind(name, buffer, size_of::<u32>(), false)
     }
 
     /// Binds the next buffer for writing where the shader sees rows of any type as plain words.
     #[must_use]
-    pub fn write_words<T: Pod>(self, buffer: &'a mut Buffer<T>) -> Self {
-        self.bind(buffer, size_of::<u32>(), true)
+    pub fn write_words<T: Pod>(self, name: &str, buffer: &'a mut Buffer<T>) -> Self {
+        self.bind(name, buffer, size_of::<u32>(), true)
     }
 
-    /// Binds the next image, to be sampled.
+    /// Binds the next image, which the shader calls `name`, to be sampled.
     #[must_use]
-    pub fn sample(mut self, image: &'a Image) -> Self {
-        let shader = self.kernel.shader;
-        self.bindings.image(shader, shader.bindings, image, false);
+    pub fn sample(mut self, name: &str, image: &'a Image) -> Self {
+        self.bindings.image(&self.kernel.place(name, false), image);
         self
     }
 
     /// Binds the next image, to be written.
     #[must_use]
-    pub fn write_image(mut self, image: &'a mut Image) -> Self {
-        let shader = self.kernel.shader;
-        self.bindings.image(shader, shader.bindings, image, true);
+    pub fn write_image(mut self, name: &str, image: &'a mut Image) -> Self {
+        self.bindings.image(&self.kernel.place(name, true), image);
         self
     }
 
     /// Binds the next buffer.
-    fn bind<T: Pod>(mut self, buffer: &Buffer<T>, stride: usize, write: bool) -> Self {
-        let shader = self.kernel.shader;
-        self.bindings.buffer(shader, shader.bindings, buffer, stride, write);
+    fn bind<T: Pod>(mut self, name: &str, buffer: &Buffer<T>, stride: usize, write: bool) -> Self {
+        self.bindings.buffer(&self.kernel.place(name, write), buffer, stride);
         self
     }
 

@@ -68,12 +68,12 @@ impl Activity {
         let groups = self.splat_count.div_ceil(GROUP) as u32;
         recorder
             .pass(&self.mark)
-            .read(sources.look)
-            .read(sources.visible)
-            .read(sources.intervals)
-            .read(sources.objects)
-            .read(sources.appearances)
-            .write(&mut self.flags)
+            .read("look_rows", sources.look)
+            .read("visible_before", sources.visible)
+            .read("intervals", sources.intervals)
+            .read("objects", sources.objects)
+            .read("appearances", sources.appearances)
+            .write("flags", &mut self.flags)
             .push(&ActivityParams { count })
             .dispatch(groups);
         if let Some((ranking, budget)) = budget {
@@ -81,19 +81,19 @@ impl Activity {
             self.scan.record(recorder, &ranking.flags, self.splat_count, &mut self.places);
             recorder
                 .pass(&ranking.limit)
-                .read(&self.places)
-                .read(&ranking.ranks)
-                .write(&mut self.flags)
+                .read("places", &self.places)
+                .read("ranks", &ranking.ranks)
+                .write("flags", &mut self.flags)
                 .push(&LimitParams { count, budget: u32::try_from(budget).unwrap_or(u32::MAX) })
                 .dispatch(groups);
         }
         self.scan.record(recorder, &self.flags, self.splat_count, &mut self.places);
         recorder
             .pass(&self.list)
-            .read(&self.places)
-            .read(sources.objects)
-            .write(&mut self.active)
-            .write(&mut self.active_objects)
+            .read("places", &self.places)
+            .read("objects", sources.objects)
+            .write("active_splats", &mut self.active)
+            .write("active_objects", &mut self.active_objects)
             .push(&ListParams { count })
             .dispatch(groups);
         recorder.copy(&self.places, self.splat_count, &mut self.count, 0, 1);

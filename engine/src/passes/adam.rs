@@ -62,13 +62,13 @@ impl Adam {
     ) {
         recorder
             .pass(&self.kernel)
-            .read(gradients)
-            .write(&mut state.splats)
-            .write(&mut state.first)
-            .write(&mut state.second)
-            .read(pair_totals)
-            .write(&mut self.frozen)
-            .write(&mut state.histories)
+            .read("gradients", gradients)
+            .write("splats", &mut state.splats)
+            .write("first_moments", &mut state.first)
+            .write("second_moments", &mut state.second)
+            .read("pair_totals", pair_totals)
+            .write("frozen", &mut self.frozen)
+            .write("histories", &mut state.histories)
             .push(params)
             .dispatch(params.splat_count.div_ceil(64));
     }

@@ -110,40 +110,40 @@ impl Binner {
         let groups = n.div_ceil(64) as u32;
         recorder
             .pass(&self.bounds)
-            .read(splats)
-            .read(&grid.slots)
-            .write(&mut self.footprints)
-            .write(&mut self.pairs.counts)
+            .read("splats", splats)
+            .read("slots", &grid.slots)
+            .write("footprints", &mut self.footprints)
+            .write("pair_counts", &mut self.pairs.counts)
             .push(&params)
             .dispatch(groups);
         self.pairs.sum(recorder, n, totals, chunk);
         let (pair_offsets, keys, values) = self.pairs.input();
         recorder
             .pass(&self.emit)
-            .read(&self.footprints)
-            .read(&grid.slots)
-            .read(pair_offsets)
-            .write(keys)
-            .write(values)
+            .read("footprints", &self.footprints)
+            .read("slots", &grid.slots)
+            .read("pair_offsets", pair_offsets)
+            .write("keys", keys)
+            .write("values", values)
             .push(&params)
             .dispatch(groups);
         self.pairs.sort(recorder, n, self.key_bits, grid_params.slot_count);
         recorder
             .pass(&self.pair_masks_kernel)
-            .read(&self.pairs.offsets)
-            .read(self.pairs.keys(self.key_bits))
-            .read(self.pairs.values(self.key_bits))
-            .read(&self.footprints)
-            .read(&grid.coordinates)
-            .read(&grid.active_cells)
-            .write(&mut self.pair_masks)
+            .read("pair_offsets", &self.pairs.offsets)
+            .read("keys", self.pairs.keys(self.key_bits))
+            .read("pair_splats", self.pairs.values(self.key_bits))
+            .read("footprints", &self.footprints)
+            .read("brick_coordinates", &grid.coordinates)
+            .read("active_cells", &grid.active_cells)
+            .write("pair_masks", &mut self.pair_masks)
             .push(&PairParams { grid: grid_params, count_index: n as u32, capacity })
             .dispatch(capacity.div_ceil(PAIR_GROUP));
         recorder
             .pass(&self.cell_masks_kernel)
-            .read(&self.pairs.starts)
-            .read(&self.pair_masks)
-            .write(&mut self.cell_masks)
+            .read("starts", &self.pairs.starts)
+            .read("pair_masks", &self.pair_masks)
+            .write("cell_masks", &mut self.cell_masks)
             .dispatch(grid_params.slot_count);
     }
 

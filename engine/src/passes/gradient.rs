@@ -82,10 +82,10 @@ impl Gradient {
         self.pace.run(&self.gpu, recorder, groups, limit, |recorder, first, count| {
             recorder
                 .pass(kernel)
-                .read(footprints)
-                .read(&grid.slots)
-                .read(adjoints)
-                .write(moments)
+                .read("footprints", footprints)
+                .read("slots", &grid.slots)
+                .read("adjoints", adjoints)
+                .write("moments", moments)
                 .push(&GradParams {
                     grid: params,
                     first_splat: (first * splats_per_group) as u32,
@@ -101,9 +101,9 @@ impl Gradient {
         let n = splats.len() as u32;
         recorder
             .pass(&self.moments_to_grad)
-            .read(splats)
-            .read(&self.moments)
-            .write(&mut self.rows)
+            .read("splats", splats)
+            .read("moments", &self.moments)
+            .write("gradients", &mut self.rows)
             .push(&MomentParams { splat_count: n, stretch })
             .dispatch(n.div_ceil(64));
     }

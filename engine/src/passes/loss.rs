@@ -204,12 +204,12 @@ impl Losses {
         for (i, (term, kernel)) in terms.iter().zip(&self.kernels).enumerate() {
             let mut pass = recorder
                 .pass(kernel)
-                .read(targets)
-                .read(reconstructions)
-                .write(&mut self.adjoints)
-                .write(&mut self.sums[chunk * count + i]);
+                .read("targets", targets)
+                .read("reconstructions", reconstructions)
+                .write("adjoints", &mut self.adjoints)
+                .write("loss_sums", &mut self.sums[chunk * count + i]);
             if let Some(overlap) = &self.overlaps[i] {
-                pass = pass.read(&overlap.total);
+                pass = pass.read("overlap", &overlap.total);
             }
             pass.push(&term.params(self.epsilon)).dispatch(slots as u32);
         }

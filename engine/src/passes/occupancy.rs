@@ -63,10 +63,10 @@ impl Occupancy {
         let count = self.intervals.len();
         recorder
             .pass(&self.mark)
-            .read(look)
-            .read(visible)
-            .read(&self.intervals)
-            .write(&mut self.scratch)
+            .read("look_rows", look)
+            .read("visible_before", visible)
+            .read("intervals", &self.intervals)
+            .write("distances", &mut self.scratch)
             .push(&OccupancyParams { count: count as u32, most: FARTHEST })
             .dispatch(count.div_ceil(GROUP) as u32);
         let [x, y, z] = self.grid.bricks;
@@ -74,8 +74,8 @@ impl Occupancy {
         for axis in 0..3 {
             recorder
                 .pass(&self.spread)
-                .read(from)
-                .write(to)
+                .read("before", from)
+                .write("after", to)
                 .push(&SpreadParams { grid: self.grid, axis })
                 .dispatch_3d([x.div_ceil(SQUARE), y.div_ceil(SQUARE), z]);
             std::mem::swap(&mut from, &mut to);

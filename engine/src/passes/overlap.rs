@@ -53,15 +53,15 @@ impl Overlap {
     ) {
         recorder
             .pass(&self.overlap_sums)
-            .read(targets)
-            .read(reconstructions)
-            .write(&mut self.partials)
+            .read("targets", targets)
+            .read("reconstructions", reconstructions)
+            .write("partials", &mut self.partials)
             .push(&OverlapParams { first_slot: slots.start as u32, region: self.region, low: self.low })
             .dispatch(slots.len() as u32);
         recorder
             .pass(&self.sum_triples)
-            .read(&self.partials)
-            .write(&mut self.total)
+            .read("partials", &self.partials)
+            .write("total", &mut self.total)
             .push(&SumParams { count: slots.end as u32 })
             .dispatch(1);
     }

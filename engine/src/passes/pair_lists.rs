@@ -89,9 +89,9 @@ impl PairLists {
         let (keys, _) = self.sort.record(recorder, &self.offsets, rows, bits);
         recorder
             .pass(&self.ranges)
-            .read(&self.offsets)
-            .read(keys)
-            .write(&mut self.starts)
+            .read("pair_offsets", &self.offsets)
+            .read("keys", keys)
+            .write("starts", &mut self.starts)
             .push(&RangeParams { slot_count: lists, count_index: rows as u32, capacity })
             .dispatch((capacity + 1).div_ceil(PAIR_GROUP));
     }

@@ -84,9 +84,9 @@ impl RadixSort {
             };
             recorder
                 .pass(&self.count)
-                .read(counts)
-                .read(&self.keys[from])
-                .write(&mut self.table)
+                .read("counts", counts)
+                .read("keys", &self.keys[from])
+                .write("table", &mut self.table)
                 .push(&params)
                 .dispatch(self.blocks as u32);
             self.scan.record(recorder, &self.table, self.blocks << DIGIT_BITS, &mut self.offsets);
@@ -98,12 +98,12 @@ impl RadixSort {
             };
             recorder
                 .pass(&self.scatter)
-                .read(counts)
-                .read(keys_from)
-                .read(values_from)
-                .read(&self.offsets)
-                .write(keys_to)
-                .write(values_to)
+                .read("counts", counts)
+                .read("keys", keys_from)
+                .read("values", values_from)
+                .read("offsets", &self.offsets)
+                .write("sorted_keys", keys_to)
+                .write("sorted_values", values_to)
                 .push(&params)
                 .dispatch(self.blocks as u32);
             from = 1 - from;

@@ -106,12 +106,12 @@ impl Rasteriser {
         self.pace.run(&self.gpu, recorder, groups, limit, |recorder, first, count| {
             recorder
                 .pass(kernel)
-                .read(bins.starts())
-                .read(bins.pair_splats())
-                .read(&bins.cell_masks)
-                .read(&bins.footprints)
-                .read(coordinates)
-                .write(out)
+                .read("starts", bins.starts())
+                .read("pair_splats", bins.pair_splats())
+                .read("cell_masks", &bins.cell_masks)
+                .read("footprints", &bins.footprints)
+                .read("brick_coordinates", coordinates)
+                .write("reconstructions", out)
                 .push(&RasterParams { grid, first_cell: (first * CELLS_PER_GROUP) as u32, epsilon })
                 .dispatch(count as u32);
         })

@@ -37,9 +37,9 @@ impl Rows {
         let (params, groups) = params::<T>(gathered.len(), first);
         recorder
             .pass(&self.gather)
-            .read_words(rows)
-            .read(indices)
-            .write_words(gathered)
+            .read_words("rows", rows)
+            .read("indices", indices)
+            .write_words("gathered", gathered)
             .push(&params)
             .dispatch(groups);
     }
@@ -56,9 +56,9 @@ impl Rows {
         let (params, groups) = params::<T>(gathered.len(), first);
         recorder
             .pass(&self.scatter)
-            .read_words(gathered)
-            .read(indices)
-            .write_words(rows)
+            .read_words("gathered", gathered)
+            .read("indices", indices)
+            .write_words("rows", rows)
             .push(&params)
             .dispatch(groups);
     }

@@ -43,20 +43,20 @@ impl Scan {
         let params = ScanParams { count: count as u32 };
         recorder
             .pass(&self.sums)
-            .read(values)
-            .write(&mut self.block_sums)
+            .read("values", values)
+            .write("block_sums", &mut self.block_sums)
             .push(&params)
             .dispatch(blocks as u32);
         recorder
             .pass(&self.offsets)
-            .write(&mut self.block_sums)
+            .write("block_sums", &mut self.block_sums)
             .push(&ScanParams { count: blocks as u32 })
             .dispatch(1);
         recorder
             .pass(&self.apply)
-            .read(values)
-            .read(&self.block_sums)
-            .write(offsets)
+            .read("values", values)
+            .read("block_sums", &self.block_sums)
+            .write("offsets", offsets)
             .push(&params)
             .dispatch(blocks as u32);
     }

@@ -132,35 +132,35 @@ impl TileBinner {
             let tiles = (grid.tiles[0] * grid.tiles[1]).div_ceil(GROUP as u32);
             recorder
                 .pass(blind)
-                .read(&views.patches)
-                .write(&mut self.blind_parts)
+                .read("patches", &views.patches)
+                .write("blind_parts", &mut self.blind_parts)
                 .push(&BlindParams { size: grid.size, tiles: grid.tiles })
                 .dispatch_3d([tiles, self.views, 1]);
         }
         recorder
             .pass(&self.project)
-            .read(&views.rows)
-            .read(&all.rows)
-            .read(&all.chunks)
-            .read(active)
-            .read(count)
-            .write(&mut self.projected)
-            .write(&mut self.boxes)
-            .write(&mut self.pairs.counts)
-            .read(&self.blind_parts)
+            .read("views", &views.rows)
+            .read("rows", &all.rows)
+            .read("chunks", &all.chunks)
+            .read("active_splats", active)
+            .read("active_count", count)
+            .write("projected", &mut self.projected)
+            .write("boxes", &mut self.boxes)
+            .write("pair_counts", &mut self.pairs.counts)
+            .read("blind_parts", &self.blind_parts)
             .push(&ProjectParams { grid: *grid, range: all.range, background })
             .dispatch_3d(groups);
         self.pairs.sum(recorder, rows, &mut self.needed, 0);
         let (pair_offsets, keys, values) = self.pairs.input();
         recorder
             .pass(&self.emit)
-            .read(&views.rows)
-            .read(&self.projected)
-            .read(&self.boxes)
-            .read(pair_offsets)
-            .write(keys)
-            .write(values)
-            .read(&self.blind_parts)
+            .read("views", &views.rows)
+            .read("projected", &self.projected)
+            .read("boxes", &self.boxes)
+            .read("pair_offsets", pair_offsets)
+            .write("keys", keys)
+            .write("values", values)
+            .read("blind_parts", &self.blind_parts)
             .push(&EmitParams { grid: *grid })
             .dispatch_3d(groups);
         self.pairs.sort(recorder, rows, key_bits(self.lists), self.lists as u32);

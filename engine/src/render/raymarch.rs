@@ -97,18 +97,18 @@ impl Mode for Raymarch {
         let size @ [width, height] = quality.size(self.settings.size);
         recorder
             .pass(&self.kernels[kernel])
-            .read(&views.rows)
-            .read(&look.rows)
-            .read(&look.points)
-            .read(&look.integrals)
-            .sample(medium.image())
-            .read(marked.distances())
-            .read(medium.places())
-            .sample(medium.labels())
-            .read(&look.appearances)
-            .write_image(&mut target.colour)
-            .write_image(&mut target.depth)
-            .read(&views.patches)
+            .read("views", &views.rows)
+            .read("look_rows", &look.rows)
+            .read("look_points", &look.points)
+            .read("look_integrals", &look.integrals)
+            .sample("medium", medium.image())
+            .read("distances", marked.distances())
+            .read("places", medium.places())
+            .sample("labels", medium.labels())
+            .read("appearances", &look.appearances)
+            .write_image("colour_image", &mut target.colour)
+            .write_image("depth_image", &mut target.depth)
+            .read("patches", &views.patches)
             .push(&RaymarchParams {
                 grid: medium.grid(),
                 voxel_from_scene: medium.voxel_from_scene(),

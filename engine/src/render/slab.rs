@@ -140,18 +140,18 @@ impl Mode for Slab {
         };
         recorder
             .pass(&self.kernels[kernel])
-            .read(&views.rows)
-            .read(&look.rows)
-            .read(&look.points)
-            .read(&look.integrals)
-            .read(self.bins.starts())
-            .read(self.bins.pairs())
-            .read(&self.bins.projected)
-            .write_image(&mut target.colour)
-            .write_image(&mut target.depth)
-            .read(cloud.active_objects())
-            .read(&look.appearances)
-            .read(&self.bins.blind_parts)
+            .read("views", &views.rows)
+            .read("look_rows", &look.rows)
+            .read("look_points", &look.points)
+            .read("look_integrals", &look.integrals)
+            .read("starts", self.bins.starts())
+            .read("pairs", self.bins.pairs())
+            .read("projected", &self.bins.projected)
+            .write_image("colour_image", &mut target.colour)
+            .write_image("depth_image", &mut target.depth)
+            .read("active_objects", cloud.active_objects())
+            .read("appearances", &look.appearances)
+            .read("blind_parts", &self.bins.blind_parts)
             .push(&SlabParams {
                 grid,
                 background: field.background,

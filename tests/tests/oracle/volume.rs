@@ -147,12 +147,12 @@ fn check_loss(rows: &[Weighted]) {
             run(&gpu, |r| {
                 let mut pass = r
                     .pass(&kernel)
-                    .read(&target_buffer)
-                    .read(&sample_buffer)
-                    .write(&mut adjoints)
-                    .write(&mut sums);
+                    .read("targets", &target_buffer)
+                    .read("reconstructions", &sample_buffer)
+                    .write("adjoints", &mut adjoints)
+                    .write("loss_sums", &mut sums);
                 if TERMS[weighted.term].overlap {
-                    pass = pass.read(&overlap);
+                    pass = pass.read("overlap", &overlap);
                 }
                 pass.push(&weighted.params(EPSILON)).dispatch(slots as u32);
             });
@@ -263,9 +263,9 @@ fn check_overlap_sums(gpu: &Gpu, storage: Storage, (id, quantity): (u32, Quantit
         let mut partials = gpu.upload("partials", "test", &untouched).unwrap();
         run(gpu, |r| {
             r.pass(&kernel)
-                .read(&target_buffer)
-                .read(&sample_buffer)
-                .write(&mut partials)
+                .read("targets", &target_buffer)
+                .read("reconstructions", &sample_buffer)
+                .write("partials", &mut partials)
                 .push(&OverlapParams { first_slot: first as u32, region, low: step::LOW })
                 .dispatch(slots as u32);
         });
@@ -345,9 +345,9 @@ fn check_moments_to_grad(gpu: &Gpu, splat_kernel: splat::Kernel, stretch: [f32; 
     let mut gradients = gpu.buffer::<types::SplatGrad>("gradients", "test", count).unwrap();
     run(gpu, |r| {
         r.pass(&kernel)
-            .read(&splats)
-            .read(&rows)
-            .write(&mut gradients)
+            .read("splats", &splats)
+            .read("moments", &rows)
+            .write("gradients", &mut gradients)
             .push(&MomentParams { splat_count: count as u32, stretch })
             .dispatch(count.div_ceil(64) as u32);
     });
