@@ -1,5 +1,5 @@
 #version 460
-// One pass of a stable radix sort, second half: moves each (key, value) to its place. `table` holds the prefix sum
+// One pass of a stable radix sort, second half: moves each (key, value) to its place. `offsets` holds the prefix sum
 // of what radix_count wrote. One workgroup owns a block of 2048, one invocation 32 neighbours, which it counts
 // by digit, then moves in order: stable, without subgroup operations, three barriers.
 #extension GL_EXT_scalar_block_layout : require
@@ -8,7 +8,7 @@ layout(push_constant, scalar) uniform RadixParams { uint shift; uint blocks; uin
 layout(scalar, binding = 0) readonly buffer Counts { uint counts[]; };
 layout(scalar, binding = 1) readonly buffer Keys { uint keys[]; };
 layout(scalar, binding = 2) readonly buffer Values { uint values[]; };
-layout(scalar, binding = 3) readonly buffer Table { uint table[]; };
+layout(scalar, binding = 3) readonly buffer Offsets { uint offsets[]; };
 layout(scalar, binding = 4) writeonly buffer SortedKeys { uint sorted_keys[]; };
 layout(scalar, binding = 5) writeonly buffer SortedValues { uint sorted_values[]; };
 
@@ -26,7 +26,7 @@ void main() {
     barrier();
     for (uint i = begin; i < end; ++i) places[t * STRIDE + ((keys[i] >> p.shift) & 63u)] += 1;
     barrier();
-    uint place = table[t * p.blocks + block]; // invocation t scans digit t over the invocations
+    uint place = offsets[t * p.blocks + block]; // invocation t scans digit t over the invocations
     for (uint i = 0; i < 64; ++i) {
         uint n = places[i * STRIDE + t];
         places[i * STRIDE + t] = place;

@@ -5,7 +5,7 @@
 layout(local_size_x = 256) in;
 layout(push_constant, scalar) uniform ScanParams { uint count; } p;
 layout(scalar, binding = 0) readonly buffer Values { uint values[]; };
-layout(scalar, binding = 1) readonly buffer Sums { uint sums[]; };
+layout(scalar, binding = 1) readonly buffer BlockSums { uint block_sums[]; };
 layout(scalar, binding = 2) writeonly buffer Offsets { uint offsets[]; };
 
 shared uint partial[256];
@@ -26,7 +26,7 @@ void main() {
         }
     }
     barrier();
-    uint offset = sums[gl_WorkGroupID.x];
+    uint offset = block_sums[gl_WorkGroupID.x];
     for (uint r = 0; r < t / 16; ++r) offset += partial[r * 16 + 15]; // ... and joined
     if ((t & 15) != 0) offset += partial[t - 1];
     for (uint i = begin; i < end; ++i) {

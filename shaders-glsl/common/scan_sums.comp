@@ -5,7 +5,7 @@
 layout(local_size_x = 256) in;
 layout(push_constant, scalar) uniform ScanParams { uint count; } p;
 layout(scalar, binding = 0) readonly buffer Values { uint values[]; };
-layout(scalar, binding = 1) writeonly buffer Sums { uint sums[]; };
+layout(scalar, binding = 1) writeonly buffer BlockSums { uint block_sums[]; };
 
 shared uint partial[256];
 
@@ -20,5 +20,5 @@ void main() {
         barrier();
         if (t < half_size) partial[t] += partial[t + half_size];
     }
-    if (t == 0) sums[gl_WorkGroupID.x] = partial[0];
+    if (t == 0) block_sums[gl_WorkGroupID.x] = partial[0];
 }

@@ -19,7 +19,7 @@ layout(local_size_x_id = 1) in;
 layout(constant_id = 1) const uint GROUP = 64;
 layout(push_constant, scalar) uniform RasterParams { Grid grid; uint first_cell; float epsilon; } p;
 layout(scalar, binding = 0) readonly buffer Starts { uint starts[]; };
-layout(scalar, binding = 1) readonly buffer Values { uint values[]; };
+layout(scalar, binding = 1) readonly buffer PairSplats { uint pair_splats[]; };
 layout(scalar, binding = 2) readonly buffer CellMasks { uint cell_masks[]; };
 layout(scalar, binding = 3) readonly buffer Footprints { Footprint footprints[]; };
 layout(scalar, binding = 4) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
@@ -51,11 +51,11 @@ void rasterise(uint cell, uint lane) {
         uint mask = cell_masks[from];
         from += 64;
         if (mask == 0) continue;
-        if (!begun) c0 = footprints[values[first + uint(findLSB(mask))]].intensity;
+        if (!begun) c0 = footprints[pair_splats[first + uint(findLSB(mask))]].intensity;
         begun = true;
         vec2 block = vec2(0.0);
         while (mask != 0) {
-            Footprint f = footprints[values[first + uint(findLSB(mask))]];
+            Footprint f = footprints[pair_splats[first + uint(findLSB(mask))]];
             mask &= mask - 1;
             vec3 d = x - f.mean;
             vec3 u = vec3(dot(f.t_x, d), dot(f.t_y, d.yz), f.t_z * d.z);

@@ -31,7 +31,7 @@ layout(scalar, binding = 5) readonly buffer Chunks { PackedChunk chunks[]; };
 layout(scalar, binding = 6) readonly buffer Centres { Centre centres[]; };
 layout(scalar, binding = 7) readonly buffer Harmonics { uint harmonic_halves[]; };
 layout(scalar, binding = 8) readonly buffer Active { uint active_splats[]; };
-layout(scalar, binding = 9) readonly buffer Counts { uint counts[]; };
+layout(scalar, binding = 9) readonly buffer ActiveCount { uint active_count[]; };
 layout(scalar, binding = 10) writeonly buffer Quads { Quad quads[]; };
 layout(scalar, binding = 11) writeonly buffer Keys { uint keys[]; };
 layout(scalar, binding = 12) writeonly buffer Values { uint values[]; };
@@ -139,7 +139,7 @@ Quad quad_of(uint view, uint splat, Splat s, vec4 look, Appearance object) {
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i == 0) arguments[1] = 1;
-    if (i >= min(counts[0], p.splat_count)) return;
+    if (i >= min(active_count[0], p.splat_count)) return;
     uint splat = active_splats[i];
     Splat s = splat_at(splat);
     bool kept = true;

@@ -29,7 +29,7 @@ layout(push_constant, scalar) uniform SlabParams {
     float dark;
 } p;
 layout(scalar, binding = 4) readonly buffer Starts { uint starts[]; };
-layout(scalar, binding = 5) readonly buffer Values { uint values[]; };
+layout(scalar, binding = 5) readonly buffer Pairs { uint pairs[]; };
 layout(scalar, binding = 6) readonly buffer ProjectedRows { Projected projected[]; };
 layout(binding = 7) writeonly uniform image2DArray colour_image;
 layout(binding = 8) writeonly uniform image2DArray depth_image;
@@ -162,7 +162,7 @@ void main() {
                 }
             }
             for (uint i = start; i < end; ++i) {
-                uint pair = values[i];
+                uint pair = pairs[i];
                 if (COUNTING == 1) {
                     Projected c = projected[pair & 0xFFFFFFu];
                     float lowest = c.depth - c.reach, highest = c.depth + c.reach;

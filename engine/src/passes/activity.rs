@@ -3,7 +3,7 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{ActivityParams, Appearance, LimitParams, ListParams, Look};
 
-use super::{Rows, Scan};
+use super::{Ranking, Scan};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
@@ -42,7 +42,7 @@ pub struct ActivitySources<'a> {
 }
 
 impl Activity {
-    /// For so many splats.
+    /// Makes the list for so many splats.
     pub fn new(gpu: &Gpu, splat_count: usize) -> Result<Self> {
         Ok(Activity {
             mark: Kernel::new(gpu, &glsl::MARK_ACTIVE, &[])?,
@@ -68,12 +68,12 @@ impl Activity {
         let groups = self.splat_count.div_ceil(GROUP) as u32;
         recorder
             .pass(&self.mark)
-            .read(sources.look)
-            .read(sources.visible)
-            .read(sources.intervals)
-            .read(sources.objects)
-            .read(sources.appearances)
-            .write(&mut self.flags)
+            .read("look_rows", sources.look)
+            .read("visible_before", sources.visible)
+            .read("intervals", sources.intervals)
+            .read("objects", sources.objects)
+            .read("appearances", sources.appearances)
+            .write("flags", &mut self.flags)
             .push(&ActivityParams { count })
             .dispatch(groups);
         if let Some((ranking, budget)) = budget {
@@ -81,50 +81,21 @@ impl Activity {
             self.scan.record(recorder, &ranking.flags, self.splat_count, &mut self.places);
             recorder
                 .pass(&ranking.limit)
-                .read(&self.places)
-                .read(&ranking.ranks)
-                .write(&mut self.flags)
+                .read("places", &self.places)
+                .read("ranks", &ranking.ranks)
+                .write("flags", &mut self.flags)
                 .push(&LimitParams { count, budget: u32::try_from(budget).unwrap_or(u32::MAX) })
                 .dispatch(groups);
         }
         self.scan.record(recorder, &self.flags, self.splat_count, &mut self.places);
         recorder
             .pass(&self.list)
-            .read(&self.places)
-            .read(sources.objects)
-            .write(&mut self.active)
-            .write(&mut self.active_objects)
+            .read("places", &self.places)
+            .read("objects", sources.objects)
+            .write("active_splats", &mut self.active)
+            .write("active_objects", &mut self.active_objects)
             .push(&ListParams { count })
             .dispatch(groups);
         recorder.copy(&self.places, self.splat_count, &mut self.count, 0, 1);
-    }
-}
-
-/// An order of importance of the splats, for listings with a budget.
-pub struct Ranking {
-    rows: Rows,
-    limit: Kernel,
-    order: Buffer<u32>,
-    ranks: Buffer<u32>,
-    flags: Buffer<u32>,
-}
-
-impl Ranking {
-    /// `order` has all splats, the most important first.
-    ///
-    /// # Panics
-    /// If it is no order of all splats.
-    pub fn new(gpu: &Gpu, order: &[u32]) -> Result<Self> {
-        let mut ranks = vec![0; order.len()];
-        for (rank, &splat) in (0..).zip(order) {
-            ranks[splat as usize] = rank;
-        }
-        Ok(Ranking {
-            rows: Rows::new(gpu)?,
-            limit: Kernel::new(gpu, &glsl::LIMIT_ACTIVE, &[])?,
-            order: gpu.upload("splats by importance", "splats", order)?,
-            ranks: gpu.upload("ranks of the splats", "splats", &ranks)?,
-            flags: gpu.buffer("activity by importance", "sorting", order.len())?,
-        })
     }
 }

@@ -17,7 +17,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// For rows of any type.
+    /// Makes the kernels, for rows of any type.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Rows {
             gather: Kernel::new(gpu, &glsl::GATHER_ROWS, &[])?,
@@ -37,9 +37,9 @@ impl Rows {
         let (params, groups) = params::<T>(gathered.len(), first);
         recorder
             .pass(&self.gather)
-            .read_words(rows)
-            .read(indices)
-            .write_words(gathered)
+            .read_words("rows", rows)
+            .read("indices", indices)
+            .write_words("gathered", gathered)
             .push(&params)
             .dispatch(groups);
     }
@@ -56,14 +56,15 @@ impl Rows {
         let (params, groups) = params::<T>(gathered.len(), first);
         recorder
             .pass(&self.scatter)
-            .read_words(gathered)
-            .read(indices)
-            .write_words(rows)
+            .read_words("gathered", gathered)
+            .read("indices", indices)
+            .write_words("rows", rows)
             .push(&params)
             .dispatch(groups);
     }
 }
 
+/// Returns push constants and workgroups for so many rows.
 fn params<T>(count: usize, first: usize) -> (RowParams, u32) {
     let words = size_of::<T>() / size_of::<u32>();
     let groups = (count * words).div_ceil(GROUP) as u32;

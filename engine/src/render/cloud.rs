@@ -16,8 +16,8 @@ use super::look::LookBuffers;
 use super::{Medium, decoded};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::passes::activity::{ActivitySources, Ranking};
-use crate::passes::{Activity, SplatRows};
+use crate::passes::activity::ActivitySources;
+use crate::passes::{Activity, Ranking, SplatRows};
 use crate::splat::harmonics::basis_count;
 use crate::splat::{
     Activations, Field, Form, Grid, Harmonics, Object, Packed, Splat, SplatSet, by_importance,

@@ -303,8 +303,8 @@ fn the_picture_of_alpha_is_that_of_its_twin() {
             Drawing::new(&gpu, &shaders_glsl::ALPHA_VERT, fragment, &constants, &formats, 2).unwrap();
         run(&gpu, |r| {
             r.draw(&drawing)
-                .read(&quads.rows)
-                .read(quads.order())
+                .read("quads", &quads.rows)
+                .read("order", quads.order())
                 .push(&AlphaParams { splat_count: stage.splats.len() as u32 })
                 .over(&mut [&mut target.colour, &mut target.depth], &quads.arguments, 0);
         });

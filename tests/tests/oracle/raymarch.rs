@@ -43,10 +43,10 @@ pub fn occupancy_mark() {
         let mut distances = gpu.buffer::<u32>("distances", "test", count).unwrap();
         run(&gpu, |r| {
             r.pass(&kernel)
-                .read(&buffers.rows)
-                .read(&buffers.visible)
-                .read(&on_device)
-                .write(&mut distances)
+                .read("look_rows", &buffers.rows)
+                .read("visible_before", &buffers.visible)
+                .read("intervals", &on_device)
+                .write("distances", &mut distances)
                 .push(&OccupancyParams { count: count as u32, most: 9 })
                 .dispatch(count.div_ceil(64) as u32);
         });
@@ -73,8 +73,8 @@ pub fn occupancy_spread() {
         for axis in 0..3 {
             run(&gpu, |r| {
                 r.pass(&kernel)
-                    .read(&from)
-                    .write(&mut to)
+                    .read("before", &from)
+                    .write("after", &mut to)
                     .push(&SpreadParams { grid, axis: axis as u32 })
                     .dispatch_3d([grid.bricks[0].div_ceil(8), grid.bricks[1].div_ceil(8), grid.bricks[2]]);
             });
@@ -444,18 +444,18 @@ fn compare(gpu: &Device, row: &Row, seed: u64) {
         let mut target = Target::new(gpu, SIZE, 2, true, true).unwrap();
         run(gpu, |r| {
             r.pass(&kernel)
-                .read(&views)
-                .read(&buffers.rows)
-                .read(&buffers.points)
-                .read(&buffers.integrals)
-                .sample(&image)
-                .read(distances)
-                .read(&places)
-                .sample(&labels)
-                .read(&buffers.appearances)
-                .write_image(&mut target.colour)
-                .write_image(&mut target.depth)
-                .read(&patches)
+                .read("views", &views)
+                .read("look_rows", &buffers.rows)
+                .read("look_points", &buffers.points)
+                .read("look_integrals", &buffers.integrals)
+                .sample("medium", &image)
+                .read("distances", distances)
+                .read("places", &places)
+                .sample("labels", &labels)
+                .read("appearances", &buffers.appearances)
+                .write_image("colour_image", &mut target.colour)
+                .write_image("depth_image", &mut target.depth)
+                .read("patches", &patches)
                 .push(&params)
                 .dispatch_3d([SIZE[0].div_ceil(tile[0]), SIZE[1].div_ceil(tile[1]), 2]);
         });

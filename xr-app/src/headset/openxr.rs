@@ -279,7 +279,7 @@ impl Chain {
         let picture = |&image: &u64| {
             // SAFETY: the image belongs to the swapchain, which outlives the pictures; it was asked for with two layers, this
             // size and format, and OpenXR wants images back as attachments of their kind.
-            unsafe { gpu.foreign_picture("eyes", vk::Image::from_raw(image), format, size, 2, layout) }
+            unsafe { gpu.external_image("eyes", vk::Image::from_raw(image), format, size, 2, layout) }
         };
         let pictures = images.iter().map(picture).collect::<Result<_>>()?;
         Ok(Chain { pictures, lent: None, swapchain })
@@ -288,13 +288,13 @@ impl Chain {
     fn lend(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
         let index = self.swapchain.acquire_image().map_err(|e| said("asking for a picture", e))? as usize;
         self.lent = Some(index);
-        recorder.borrow_image(&self.pictures[index]);
+        recorder.acquire_image(&self.pictures[index]);
         Ok(&mut self.pictures[index])
     }
 
     fn give_back(&mut self, recorder: &mut Recorder) -> Result<()> {
         let index = self.lent.expect("a picture was lent");
-        recorder.return_image(&self.pictures[index]);
+        recorder.release_image(&self.pictures[index]);
         // The compositor may still read it: only now does the device need it.
         self.swapchain.wait_image(xr::Duration::INFINITE).map_err(|e| said("waiting for a picture", e))
     }

@@ -1,6 +1,6 @@
-//! How much work one submission takes. A submission that runs for long freezes a desktop and ends in a lost device
-//! (Windows allows two seconds); one that is short wastes the device. So long passes are cut into submissions by the
-//! rate that was measured so far.
+//! How much work one submission takes. A submission that runs for long freezes a desktop and ends in a lost
+//! device (Windows allows two seconds); one that is short wastes the device. So long passes are cut into
+//! submissions by the rate that was measured so far.
 
 use crate::error::Result;
 use crate::gpu::{Gpu, Recorder};
@@ -11,26 +11,26 @@ const TARGET_MS: f64 = 120.0;
 const FIRST_UNITS: usize = 1024;
 
 /// Cuts the units of one kernel (workgroups) into slices.
-pub struct Pace {
+pub struct SubmissionPacer {
     kernel: &'static str,
     /// Units and device time of the slices that were measured.
     measured: (f64, f64),
 }
 
-impl Pace {
-    /// The pace of the kernel with that name.
+impl SubmissionPacer {
+    /// Makes the pacer of the kernel with that name.
     pub fn new(kernel: &'static str) -> Self {
-        Pace { kernel, measured: (0.0, 0.0) }
+        SubmissionPacer { kernel, measured: (0.0, 0.0) }
     }
 
-    /// Units for the next submission, at least 1.
+    /// Returns the units of the next submission, at least 1.
     pub fn slice(&self) -> usize {
         let (units, ms) = self.measured;
         if ms > 0.0 { ((TARGET_MS * units / ms) as usize).clamp(64, 1 << 24) } else { FIRST_UNITS }
     }
 
-    /// Records `units` of work through `record(recorder, first, count)`, submitting whenever a slice is full. The last
-    /// slice stays in the recorder.
+    /// Records `units` of work through `record(recorder, first, count)`, submitting whenever a slice is full.
+    /// The last slice stays in the recorder.
     pub fn run(
         &mut self,
         gpu: &Gpu,
