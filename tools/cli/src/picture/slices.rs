@@ -3,9 +3,11 @@
 use engine::image::Align;
 use glam::DVec3;
 
-use super::PANEL;
 use super::canvas::{Canvas, Colour};
 use super::subject::{Subject, diverging, grey};
+
+/// Width of a slice's panel, pixels.
+pub const PANEL: usize = 440;
 
 /// A slice as radiologists look at it: letters are directions of the patient.
 struct View {

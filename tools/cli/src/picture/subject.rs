@@ -10,7 +10,7 @@ use engine::volume::{Roi, Volume};
 use glam::{DAffine3, DVec3};
 
 use super::canvas::Colour;
-use crate::rasterize;
+use crate::shared::sampling;
 
 /// Voxels that are shown around the region.
 const MARGIN: usize = 6;
@@ -69,7 +69,7 @@ impl Subject {
         let splats = set.to_voxel(&ct.world_from_voxel);
         let mut hu = vec![set.field.background; ct.len()];
         let mut occupancy = vec![0.0; ct.len()];
-        rasterize::visit(gpu, &splats, &set.field, size, |index, s: &FieldSample| {
+        sampling::visit(gpu, &splats, &set.field, size, |index, s: &FieldSample| {
             hu[index] = s.hu;
             occupancy[index] = s.occupancy;
         })?;

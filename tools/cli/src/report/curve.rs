@@ -2,10 +2,19 @@
 
 use std::fmt::Write;
 
+use engine::fit::Progress;
 use engine::{Error, Kind, Result};
 use plotters::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use crate::optimise::CurvePoint;
+/// A row of the curve.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Since the first iteration.
+    pub seconds: f64,
+    /// The figures.
+    pub progress: Progress,
+}
 
 /// The curve as CSV.
 pub fn csv(curve: &[CurvePoint]) -> String {
@@ -127,8 +136,6 @@ where
 
 #[cfg(test)]
 mod tests {
-    use engine::fit::Progress;
-
     use super::*;
 
     #[test]

@@ -4,7 +4,7 @@ use engine::fit::errors::{ErrorMap, Group};
 use engine::volume::{Labels, Volume};
 use serde::Serialize;
 
-use super::table;
+use crate::shared::figures::table;
 
 /// Figures of the region and of its parts, on the voxel grid and not clipped to any range. The names are part of the
 /// interface.

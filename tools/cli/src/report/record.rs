@@ -7,9 +7,9 @@ use engine::gpu::{DeviceDescription, PassTime};
 use engine::volume::{Roi, Volume};
 use serde::Serialize;
 
-use super::Quality;
-use crate::explain::Checked;
-use crate::inputs::InputRecord;
+use super::estimate::Checked;
+use super::results::Results;
+use crate::shared::inputs::InputRecord;
 
 /// The record. Field names are part of the interface.
 #[derive(Serialize)]
@@ -42,7 +42,7 @@ pub struct RunRecord<'a> {
     pub time_budget_seconds: Option<f64>,
     pub device: &'a DeviceDescription,
     pub timings: Timings,
-    pub memory: Memory,
+    pub memory: MemoryRecord,
     /// What `--explain` said, and how right it was.
     pub estimate: Option<Checked>,
     pub results: &'a Results,
@@ -158,36 +158,9 @@ impl PassRecord {
 
 /// Where the memory went, bytes.
 #[derive(Clone, Debug, Serialize)]
-pub struct Memory {
+pub struct MemoryRecord {
     /// Of the device, at the end of the fit.
     pub device_by_purpose: BTreeMap<&'static str, u64>,
     pub device_peak_bytes: u64,
     pub host_peak_bytes: Option<u64>,
-}
-
-/// What a fit came to: the object that `vgs fit --json` prints. Flat, so that plain tools can pick fields.
-#[derive(Clone, Debug, Serialize)]
-pub struct Results {
-    pub splats: usize,
-    #[serde(flatten)]
-    pub quality: Option<Quality>,
-    /// From the start of the command to its end.
-    pub seconds: f64,
-    pub fit_seconds: f64,
-    pub seconds_per_iteration: f64,
-    pub iterations: u32,
-    pub frozen_updates: u32,
-    pub device_peak_bytes: u64,
-    pub host_peak_bytes: Option<u64>,
-    pub device: String,
-    pub driver: String,
-    pub roi_voxels: usize,
-    pub outputs: Vec<String>,
-}
-
-/// The most memory that this process had resident, where the system says (Linux).
-pub fn host_peak_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
 }
