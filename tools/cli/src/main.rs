@@ -12,7 +12,7 @@ mod shared;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use shared::console::{Console, TalkArguments};
 use shared::failure::{self, Stop};
@@ -53,6 +53,8 @@ enum Command {
     /// Lists the Vulkan devices of this machine
     Devices,
     Phantom(commands::phantom::Arguments),
+    Completions(commands::completions::Arguments),
+    Man(commands::man::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -71,6 +73,10 @@ fn main() -> ExitCode {
             Command::Info(arguments) => commands::info::run(&arguments, &console),
             Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
             Command::Devices => commands::devices::run(&console),
+            Command::Completions(arguments) => {
+                commands::completions::run(&arguments, Cli::command(), &console)
+            }
+            Command::Man(arguments) => commands::man::run(&arguments, Cli::command(), &console),
         }
     })
 }
@@ -86,7 +92,6 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        use clap::CommandFactory;
         Cli::command().debug_assert();
     }
 }

@@ -15,7 +15,7 @@ use engine::{Error, Kind, Result};
 use serde::Serialize;
 
 use crate::picture;
-use crate::report::errors::Errors;
+use crate::report::errors::ErrorsByPlace;
 use crate::report::quality::{Quality, quality_table};
 use crate::shared::console::Console;
 use crate::shared::evaluation::{EVAL_SEED, evaluate_decoded, unweighted};
@@ -92,22 +92,22 @@ Examples:
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct Output {
+struct EvaluationOutput {
     splats: usize,
-    /// Of what is shown, as a fit records it: `decoded` where `form` is a grid, else `field`.
+    /// The quality of what is shown, as a fit records it: `decoded` where `form` is a grid, else `field`.
     #[serde(flatten)]
     quality: Quality,
     /// What the splats were fitted for: `field`, `grid` or `grid-binary`.
     form: &'static str,
-    /// Of the splats' field, which modes slab and exact show.
+    /// The quality of the splats' field, which modes slab and exact show.
     field: Quality,
-    /// Of the field decoded on the CT's grid and interpolated, which mode decoded shows.
+    /// The quality of the field decoded on the CT's grid and interpolated, which mode decoded shows.
     decoded: Quality,
-    /// What `range` is: of the `volume`, of the volume inside the `roi`, or `given`.
+    /// What `range` was taken from: the `volume`, the volume inside the `roi`, or `given`.
     range_of: &'static str,
     /// Where the error is.
-    errors: Errors,
-    /// Of the fit; null where the file does not say.
+    errors: ErrorsByPlace,
+    /// Iterations of the fit; null where the file does not say.
     iterations: Option<u32>,
     seconds: f64,
     device_peak_bytes: u64,
@@ -145,7 +145,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     // What is shown comes first.
     let evaluation = if of_grid { &of_decoded } else { &of_field };
     let map = ErrorMap::new(&gpu, &splats, &set.field, &case.volume, &case.roi)?;
-    let errors = Errors::of(&map, &case.volume, labels.as_ref());
+    let errors = ErrorsByPlace::of(&map, &case.volume, labels.as_ref());
 
     if let Some(path) = &arguments.picture {
         picture::draw(
@@ -167,7 +167,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     }
     if console.json {
         let description = gpu.description();
-        console.json_data(&Output {
+        console.json_data(&EvaluationOutput {
             splats: splats.len(),
             quality: Quality::of(evaluation),
             form: set.form.name(),
@@ -208,7 +208,7 @@ impl Arguments {
     }
 }
 
-/// What a range was taken from, for scripts and for people.
+/// Returns what a range was taken from, for scripts and for people.
 fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
     match chosen {
         Some(Range::Given(_)) => ("given", "given"),
@@ -217,7 +217,7 @@ fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
     }
 }
 
-/// The splats in the voxel space of a case, which must hold some of them.
+/// Returns the splats in the voxel space of a case, and refuses splats of which none lies there.
 fn in_volume(set: &SplatSet, case: &Case, path: &Path) -> Result<Vec<Splat>> {
     let splats = set.to_voxel(&case.volume.world_from_voxel);
     let size = case.volume.size;

@@ -72,11 +72,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<u8, Stop> {
             return Err(Error::new(Kind::Usage, "VGS-CLI-060", message).file(&arguments.output).into());
         }
     };
-    if !is_file && !arguments.output.exists() {
-        std::fs::create_dir(&arguments.output).map_err(|e| {
-            let message = format!("cannot make the folder: {e}");
-            Error::new(Kind::CannotCreate, "VGS-CLI-061", message).file(&arguments.output)
-        })?;
+    if !is_file {
+        outputs::make_folder(&arguments.output)?;
     }
     let mut files = vec![ct.as_path()];
     files.extend(mask.as_deref());

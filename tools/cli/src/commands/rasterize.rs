@@ -148,7 +148,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
 }
 
 impl Arguments {
-    /// The splats in the world, and a volume on the grid, whose samples are no matter.
+    /// Returns the splats in patient space, and a volume on the output's grid, whose samples are still to be filled.
     fn place(&self, splats: Unplaced) -> Result<(SplatSet, Volume)> {
         let Some(path) = &self.grid.like else {
             let set = splats.placed(None)?;
@@ -164,7 +164,7 @@ impl Arguments {
 }
 
 impl GridArguments {
-    /// An empty volume on a grid around the splats.
+    /// Returns an empty volume on a grid around the splats.
     fn around(&self, set: &SplatSet, read: &ReadArguments) -> Result<Volume> {
         let options = read.options();
         let spacing = self.spacing.unwrap_or(DVec3::ONE);

@@ -49,7 +49,7 @@ Examples:
 Left button turns, middle moves, wheel zooms, right sets window and level; ? lists the keys.
 For looking, not for diagnosis.";
 
-/// Transfer function of a first start.
+/// Transfer function where none is given.
 const FIRST: &str = "CT-Bone";
 
 /// Runs the command.
@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments, since: Instant) -> std::result::Result<u8, Sto
 }
 
 impl Arguments {
-    /// What is shown at first, and whether its camera is to be kept.
+    /// Returns what is shown at first, and true if its camera is to be kept.
     fn state(&self) -> Result<(State, bool)> {
         let mut sorted = loader::sort(&Files::default(), &self.files)?;
         let session = sorted.state().transpose()?;
@@ -107,7 +107,7 @@ impl Arguments {
     }
 }
 
-/// A file that is not there is told at once, not in the window.
+/// Refuses a file that does not exist before the window opens.
 fn exists(path: &Path) -> Result<()> {
     std::fs::metadata(path).map(|_| ()).map_err(|e| Error::io(path, "opening", &e))
 }

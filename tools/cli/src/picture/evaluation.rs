@@ -12,7 +12,7 @@ use super::subject::Subject;
 use crate::shared::figures::psnr;
 use crate::shared::inputs::Case;
 
-/// The names of splats and volume, as the title of a picture.
+/// Returns the names of splats and volume, as the title of a picture.
 pub fn names(splats: &Path, volume: &Path) -> String {
     let [splats, volume] = [splats, volume].map(|p| p.file_name().unwrap_or_default().to_string_lossy());
     format!("{splats} and {volume}")

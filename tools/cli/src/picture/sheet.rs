@@ -14,7 +14,7 @@ use super::subject::{Subject, diverging, grey};
 const GAP: usize = 16;
 const MARGIN: usize = 24;
 const WIDTH: usize = 2 * MARGIN + 3 * PANEL + 2 * GAP;
-/// Most pixels of a shaded view's height.
+/// Greatest height of a shaded view, pixels.
 const SOLID_HEIGHT: usize = 560;
 /// Width of a colour bar.
 const BAR: usize = 260;
@@ -84,7 +84,7 @@ fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
     canvas
 }
 
-/// A horizontal colour bar with labels at its ends and its middle; `at` is the middle of its top edge.
+/// Draws a horizontal colour bar with labels at its ends and its middle; `at` is the middle of its top edge.
 fn bar(canvas: &mut Canvas, at: [usize; 2], labels: [&str; 3], colour: impl Fn(f64) -> Colour) {
     let x = at[0] - BAR / 2;
     canvas.image([x, at[1]], [BAR, 12], |column, _| colour(column as f64 / (BAR - 1) as f64));

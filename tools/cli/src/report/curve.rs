@@ -10,13 +10,13 @@ use serde::{Deserialize, Serialize};
 /// A row of the curve.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
-    /// Since the first iteration.
+    /// Seconds since the first iteration.
     pub seconds: f64,
-    /// The figures.
+    /// The figures at that time.
     pub progress: Progress,
 }
 
-/// The curve as CSV.
+/// Returns the curve as CSV.
 pub fn csv(curve: &[CurvePoint]) -> String {
     let mut out = String::from("iteration,seconds,psnr_db,mse,occupancy_rmse,dice_loss,leak\n");
     // Empty where the term is off.
@@ -47,11 +47,11 @@ struct Panel {
     y_title: &'static str,
     colour: RGBColor,
     points: Vec<(f64, f64)>,
-    /// Whether the axis starts at 0.
+    /// True if the axis starts at 0.
     from_zero: bool,
 }
 
-/// The curve as SVG: PSNR above occupancy error, over iterations.
+/// Returns the curve as SVG: PSNR above occupancy error, over iterations.
 pub fn svg(curve: &[CurvePoint], title: &str, [low, high]: [f32; 2], unit: &str) -> Result<String> {
     let points = |value: fn(&CurvePoint) -> f64| -> Vec<(f64, f64)> {
         let all = curve.iter().map(|p| (f64::from(p.progress.iteration), value(p)));
@@ -75,7 +75,7 @@ pub fn svg(curve: &[CurvePoint], title: &str, [low, high]: [f32; 2], unit: &str)
     ];
     let mut text = String::new();
     draw(&mut text, &panels, title)
-        .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-030", format!("drawing the curve failed: {e}")))?;
+        .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-034", format!("drawing the curve failed: {e}")))?;
     Ok(text)
 }
 

@@ -2,15 +2,15 @@
 
 use serde::Serialize;
 
-use super::results::Results;
+use super::results::FitResults;
 use crate::shared::figures::{bytes, seconds};
 
-/// Errors at the voxels, HU.
+/// VoxelErrors at the voxels, HU.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Errors {
-    /// Root mean square at the voxels.
+pub struct VoxelErrors {
+    /// Root mean square error at the voxels.
     pub rmse_hu: f64,
-    /// 99 % of the voxels are within this.
+    /// Error that 99 % of the voxels do not exceed.
     pub p99_hu: f64,
 }
 
@@ -19,7 +19,7 @@ pub struct Errors {
 pub struct Estimate {
     pub device: String,
     pub splats: usize,
-    /// Whether the number of splats may grow on the way; the figures are of those that it starts with.
+    /// True if the number of splats may grow on the way; the figures are of those that the fit starts with.
     pub may_grow: bool,
     pub roi_voxels: usize,
     pub iterations: u32,
@@ -29,16 +29,16 @@ pub struct Estimate {
     pub seconds_per_iteration: f64,
     pub device_peak_bytes: u64,
     pub file_bytes: u64,
-    /// What was measured after [`engine::fit::EARLY`] iterations.
-    pub early: Errors,
-    /// Of a quality as it is, which was measured; nothing otherwise.
+    /// VoxelErrors measured after [`engine::fit::EARLY`] iterations.
+    pub early: VoxelErrors,
+    /// VoxelErrors to be expected; known only of a quality with nothing changed, for which they were measured.
     #[serde(flatten)]
-    pub expected: Option<Errors>,
-    /// What it took to find out.
+    pub expected: Option<VoxelErrors>,
+    /// Seconds that the estimate took.
     pub calibration_seconds: f64,
 }
 
-/// In plain words.
+/// Returns an estimate in plain words.
 pub fn text(estimate: &Estimate) -> String {
     let e = estimate;
     let grows = if e.may_grow { "; more may come on the way, and all of it grows with them" } else { "" };
@@ -56,7 +56,7 @@ pub fn text(estimate: &Estimate) -> String {
         bytes(e.file_bytes)
     );
     match e.expected {
-        Some(Errors { rmse_hu, p99_hu }) => out.push_str(&format!(
+        Some(VoxelErrors { rmse_hu, p99_hu }) => out.push_str(&format!(
             "  error at the voxels: about {rmse_hu:.0} HU (root mean square), 99 % within {p99_hu:.0} HU\n"
         )),
         None => out.push_str("  error: not known of settings other than a --quality as it is\n"),
@@ -65,33 +65,34 @@ pub fn text(estimate: &Estimate) -> String {
     out
 }
 
-/// An estimate beside what then happened, for the record.
+/// An estimate beside the outcome, for the record.
 #[derive(Clone, Debug, Serialize)]
-pub struct Checked {
+pub struct CheckedEstimate {
     pub estimate: Estimate,
-    /// Estimate over outcome: 1 is right.
-    pub ratio: Ratio,
+    /// Estimate divided by outcome: 1 is right.
+    pub ratio: EstimateRatio,
 }
 
-/// See [`Checked`].
+/// The parts of an estimate divided by their outcome.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Ratio {
+pub struct EstimateRatio {
     pub seconds: f64,
     pub fit_seconds: f64,
     pub device_peak_bytes: f64,
     pub file_bytes: f64,
-    /// Where both are known.
+    /// `None` where one of them is not known.
     pub rmse_hu: Option<f64>,
     pub p99_hu: Option<f64>,
 }
 
-impl Checked {
-    /// `file_bytes`: of the file that was written. The time of the calibration is no part of the fit's.
-    pub fn new(estimate: Estimate, results: &Results, file_bytes: u64) -> Self {
+impl CheckedEstimate {
+    /// Compares an estimate with the results. `file_bytes` is the size of the file that was written; the time of the
+    /// calibration is no part of the fit's.
+    pub fn new(estimate: Estimate, results: &FitResults, file_bytes: u64) -> Self {
         let e = &estimate;
         let over = |a: f64, b: f64| if b > 0.0 { a / b } else { f64::NAN };
         let errors = e.expected.zip(results.quality.as_ref());
-        let ratio = Ratio {
+        let ratio = EstimateRatio {
             seconds: over(e.seconds, results.seconds - e.calibration_seconds),
             fit_seconds: over(e.fit_seconds, results.fit_seconds),
             device_peak_bytes: over(e.device_peak_bytes as f64, results.device_peak_bytes as f64),
@@ -99,7 +100,7 @@ impl Checked {
             rmse_hu: errors.map(|(e, q)| over(e.rmse_hu, q.rmse_hu)),
             p99_hu: errors.map(|(e, q)| over(e.p99_hu, q.p99_hu)),
         };
-        Checked { estimate, ratio }
+        CheckedEstimate { estimate, ratio }
     }
 }
 
@@ -120,7 +121,7 @@ mod tests {
             seconds_per_iteration: 0.2,
             device_peak_bytes: 2_500_000,
             file_bytes: 1234,
-            early: Errors { rmse_hu: 60.0, p99_hu: 240.0 },
+            early: VoxelErrors { rmse_hu: 60.0, p99_hu: 240.0 },
             expected: None,
             calibration_seconds: 3.0,
         };
@@ -128,7 +129,7 @@ mod tests {
         for says in ["90 s", "80 s are 400 iterations of 0.2 s", "2.5 MB", "1.2 kB", "not known"] {
             assert!(plain.contains(says), "{says} in {plain}");
         }
-        estimate.expected = Some(Errors { rmse_hu: 31.4, p99_hu: 120.0 });
+        estimate.expected = Some(VoxelErrors { rmse_hu: 31.4, p99_hu: 120.0 });
         estimate.may_grow = true;
         let told = text(&estimate);
         assert!(

@@ -5,16 +5,16 @@ use serde::Serialize;
 
 use crate::shared::figures::{decibel, psnr, table};
 
-/// How good a set of splats is. The names are part of the interface; all stay at the top level of their object.
+/// How good a set of splats is. The names are part of the interface; all stay at the top level of their JSON object.
 #[derive(Clone, Debug, Serialize)]
 pub struct Quality {
-    /// On the grid.
+    /// PSNR on the grid.
     #[serde(serialize_with = "decibel")]
     pub psnr_db: f64,
-    /// The worst between voxels.
+    /// The worst PSNR between voxels.
     #[serde(serialize_with = "decibel")]
     pub psnr_min_offset_db: f64,
-    /// The mean between voxels.
+    /// The mean PSNR between voxels.
     #[serde(serialize_with = "decibel")]
     pub psnr_mean_offset_db: f64,
     /// Mean squared error on the grid, squared spans of the range.
@@ -23,7 +23,7 @@ pub struct Quality {
     pub rmse_hu: f64,
     /// 99th percentile of the absolute error on the grid, HU.
     pub p99_hu: f64,
-    /// What the PSNR is over, HU.
+    /// Range of the PSNR, HU.
     pub range: [f32; 2],
     /// Root mean square of occupancy less mask over ROI and shell, at the offsets between voxels.
     pub occupancy_rmse: f64,
@@ -36,7 +36,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Of an evaluation.
+    /// Returns the figures of an evaluation.
     pub fn of(evaluation: &Evaluation) -> Self {
         let grid = &evaluation.on_grid;
         Quality {
@@ -55,7 +55,7 @@ impl Quality {
     }
 }
 
-/// The figures of an evaluation as a table; `of` says what their range was taken from.
+/// Returns the figures of an evaluation as a table; `of` says what their range was taken from.
 pub fn quality_table(evaluation: &Evaluation, of: &str) -> String {
     let row = |name: String, m: &Metrics| {
         vec![

@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use super::quality::Quality;
 
-/// What a fit came to: the object that `vgs fit --json` prints. Flat, so that plain tools can pick fields.
+/// The results of a fit: the object that `vgs fit --json` prints. It is flat, so that plain tools can pick fields.
 #[derive(Clone, Debug, Serialize)]
-pub struct Results {
+pub struct FitResults {
     pub splats: usize,
     #[serde(flatten)]
     pub quality: Option<Quality>,

@@ -28,18 +28,18 @@ pub struct TalkArguments {
     pub json: bool,
 }
 
-/// How this run talks.
+/// Where the results and messages of this run go, and in which form.
 #[derive(Clone, Debug)]
 pub struct Console {
-    /// Results and messages as JSON.
+    /// True if results and messages are JSON.
     pub json: bool,
-    /// Errors only.
+    /// True if only errors are written.
     pub quiet: bool,
     verbose: u8,
 }
 
 impl Console {
-    /// From the flags.
+    /// Makes the console that the flags ask for.
     pub fn new(talk: &TalkArguments) -> Self {
         Console { json: talk.json, quiet: talk.quiet, verbose: talk.verbose }
     }
@@ -78,7 +78,7 @@ impl Console {
         self.data(&(line + "\n"))
     }
 
-    /// Says something to people, on stderr; nothing under `--quiet` or `--json`.
+    /// Writes a message for people to stderr; nothing under `--quiet` or `--json`.
     pub fn say(&self, text: &str) {
         if !self.quiet && !self.json {
             terminal::suspend_bars(|| {
@@ -88,7 +88,7 @@ impl Console {
     }
 }
 
-/// Stderr that steps aside for a progress bar and never fails.
+/// Stderr that hides a progress bar while text is written, and never fails.
 struct Stderr;
 
 impl Write for Stderr {

@@ -13,8 +13,8 @@ use super::inputs::Case;
 /// Offsets of the closing evaluation come from this seed, as those of `vgs eval` by default.
 pub const EVAL_SEED: u64 = 7;
 
-/// Mask above which voxels count in a figure over this range, all alike; 0 where the mask weighs them. Over the range of the
-/// region figures are those of the paper's authors, who do not weigh.
+/// Returns the mask value above which voxels count in a figure over this range, all alike; 0 where the mask weighs
+/// them. Over the range of the region figures are those of the paper's authors, who do not weigh.
 pub fn unweighted(range: Option<Range>) -> f32 {
     if range == Some(Range::Roi) { 0.01 } else { 0.0 }
 }

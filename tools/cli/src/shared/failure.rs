@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::terminal::{clean, stderr_has_colour};
 
-/// Why a command did not simply succeed.
+/// Why a command did not run to its end.
 pub enum Stop {
     /// The command line, or a request for help or version.
     Arguments(clap::Error),
@@ -24,9 +24,9 @@ impl From<Error> for Stop {
     }
 }
 
-/// The form of an error for scripts. The names are part of the interface.
+/// An error as JSON. The names are part of the interface.
 #[derive(Serialize)]
-struct Report<'a> {
+struct ErrorReport<'a> {
     level: &'static str,
     code: &'a str,
     file: Option<String>,
@@ -65,47 +65,31 @@ pub fn guard(run: impl FnOnce() -> Result<u8, Stop>) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Whether messages are to be JSON: asked of the raw arguments, since they may be what is wrong.
+/// True if messages are to be JSON. It is read from the raw arguments, since they may be what is wrong.
 fn wants_json() -> bool {
     std::env::args_os().skip(1).take_while(|a| a != "--").any(|a| a == "--json")
 }
 
+/// Tells what is wrong with the arguments, or prints the help that they ask for, and returns the exit code.
 fn refuse_arguments(error: &clap::Error) -> u8 {
     let code = u8::try_from(error.exit_code()).unwrap_or(2);
-    if code != 0 && wants_json() {
-        let text = error.render().to_string();
-        let mut parts = text.trim_start_matches("error: ").split("\n\n");
-        let message = parts.next().unwrap_or_default().trim();
-        let help = parts.collect::<Vec<_>>().join(" ");
-        let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
-        write_json(&Report {
-            level: "error",
-            code: "VGS-CLI-001",
-            file: None,
-            msg: message,
-            help: &help,
-            exit: code,
-        });
-    } else {
+    if code == 0 || !wants_json() {
         // Standard output or error may be closed: then there is nobody to tell.
         let _ = error.print();
+        return code;
     }
-    code
+    let text = error.render().to_string();
+    let mut parts = text.trim_start_matches("error: ").split("\n\n");
+    let message = parts.next().unwrap_or_default().trim();
+    let help = parts.collect::<Vec<_>>().join(" ");
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    report_json(&Error::new(Kind::Usage, "VGS-CLI-001", message).help(help))
 }
 
 /// Writes an error to stderr and returns its exit code.
 fn report(error: &Error) -> u8 {
-    let exit = error.kind.exit_code();
     if wants_json() {
-        write_json(&Report {
-            level: "error",
-            code: error.code,
-            file: error.file.as_ref().map(|f| f.display().to_string()),
-            msg: &error.message,
-            help: &error.help,
-            exit,
-        });
-        return exit;
+        return report_json(error);
     }
     let (bold, plain) = if stderr_has_colour() { ("\x1b[1;31m", "\x1b[0m") } else { ("", "") };
     let text = clean(&error.to_string());
@@ -114,12 +98,22 @@ fn report(error: &Error) -> u8 {
         out.push_str(&format!("  help: {}\n", clean(&error.help)));
     }
     let _ = std::io::stderr().write_all(out.as_bytes());
-    exit
+    error.kind.exit_code()
 }
 
-fn write_json(report: &Report<'_>) {
-    let line = serde_json::to_string(report).unwrap_or_default();
-    let _ = writeln!(std::io::stderr(), "{line}");
+/// Writes an error to stderr as one line of JSON and returns its exit code.
+fn report_json(error: &Error) -> u8 {
+    let exit = error.kind.exit_code();
+    let line = serde_json::to_string(&ErrorReport {
+        level: "error",
+        code: error.code,
+        file: error.file.as_ref().map(|f| f.display().to_string()),
+        msg: &error.message,
+        help: &error.help,
+        exit,
+    });
+    let _ = writeln!(std::io::stderr(), "{}", line.unwrap_or_default());
+    exit
 }
 
 #[cfg(test)]

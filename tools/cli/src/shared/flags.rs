@@ -21,7 +21,7 @@ pub struct DeviceArguments {
 }
 
 impl DeviceArguments {
-    /// How the device is booted.
+    /// Returns how the device is booted.
     pub fn options(&self) -> engine::gpu::GpuOptions {
         engine::gpu::GpuOptions {
             device: self.device.clone(),
@@ -80,14 +80,14 @@ pub fn range(text: &str) -> Result<[f32; 2], String> {
     }
 }
 
-/// What a PSNR is over.
+/// The range of a PSNR.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
-    /// Of each volume its own least and greatest intensity.
+    /// From the least to the greatest intensity of each volume itself.
     Own,
-    /// The least and greatest intensity of the volume inside the region.
+    /// From the least to the greatest intensity of the volume inside the region.
     Roi,
-    /// These two intensities.
+    /// From one of these intensities to the other.
     Given([f32; 2]),
 }
 

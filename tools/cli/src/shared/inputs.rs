@@ -29,7 +29,7 @@ pub struct ReadArguments {
 }
 
 impl ReadArguments {
-    /// For the volume itself.
+    /// Returns how the volume itself is read.
     pub fn options(&self) -> ReadOptions {
         let default = ReadOptions::default();
         ReadOptions {
@@ -104,17 +104,17 @@ impl Case {
         Ok((Case { volume, roi }, mask))
     }
 
-    /// Both on a grid of blocks of `factor` voxels along each axis.
+    /// Returns volume and region on a grid of blocks of `factor` voxels along each axis.
     pub fn coarsened(&self, factor: usize) -> Case {
         Case { volume: self.volume.coarsened(factor), roi: self.roi.coarsened(factor) }
     }
 
-    /// Least and greatest finite sample of the whole volume; the usual normalisation of a PSNR.
+    /// Returns the least and the greatest finite sample of the whole volume: the usual normalisation of a PSNR.
     pub fn full_range(&self) -> [f32; 2] {
         self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()
     }
 
-    /// What a PSNR is over; the [full range](Case::full_range) where nothing is chosen.
+    /// Returns the range of a PSNR; the [full range](Case::full_range) where nothing is chosen.
     pub fn range(&self, chosen: Option<Range>) -> Result<[f32; 2]> {
         match chosen {
             Some(Range::Given(range)) => Ok(range),
@@ -124,7 +124,7 @@ impl Case {
     }
 }
 
-/// The range of a volume inside a region, which must have one.
+/// Returns the range of a volume inside a region, and refuses a volume that is constant there.
 pub fn region_range(volume: &Volume, roi: &Roi) -> Result<[f32; 2]> {
     match roi.range(volume) {
         Some([low, high]) if low < high => Ok([low, high]),
@@ -141,8 +141,8 @@ pub fn volume_of(path: &Path, read: &ReadArguments) -> Result<Volume> {
     Volume::read(path, &read.options())
 }
 
-/// The region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU; nothing where
-/// neither is given.
+/// Reads the region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU; `None`
+/// where neither is given.
 pub fn region_of(
     volume: &Volume,
     read: &ReadArguments,
@@ -153,10 +153,10 @@ pub fn region_of(
     Ok(region_with_mask(volume, read, mask, threshold, labels)?.map(|(roi, _)| roi))
 }
 
-/// A mask as its file has it, and what was chosen of it.
+/// A mask as its file has it, and the labels that were chosen of it.
 type Mask = (Volume, LabelChoice);
 
-/// The same, with the mask that the region comes from.
+/// Reads the region as [`region_of`] does, and returns the mask that it comes from, too.
 fn region_with_mask(
     volume: &Volume,
     read: &ReadArguments,
@@ -183,7 +183,7 @@ fn named(error: Error, path: &Path) -> Error {
     if error.file.is_some() { error } else { error.file(path) }
 }
 
-/// The voxels of a volume, as the files of splats keep them.
+/// Returns the grid of a volume, as the files of splats keep it.
 pub fn grid_of(volume: &Volume) -> Grid {
     Grid { size: volume.size.map(|n| n as u32), world_from_voxel: volume.world_from_voxel }
 }
@@ -191,7 +191,7 @@ pub fn grid_of(volume: &Volume) -> Grid {
 /// An input file as a record keeps it.
 #[derive(Clone, Debug, Serialize)]
 pub struct InputRecord {
-    /// As it was given.
+    /// The path as it was given.
     pub path: String,
     /// Size in bytes.
     pub bytes: u64,

@@ -51,7 +51,7 @@ impl Lock {
             }
             let note = format!("{} {}\n", std::process::id(), clock::now());
             file.set_len(0).and_then(|()| file.write_all(note.as_bytes())).map_err(|e| failed(&e))?;
-            signals.set_litter(Some(path.clone()));
+            signals.remove_on_exit(Some(path.clone()));
             return Ok(Lock { path, _file: file, signals: signals.clone() });
         }
     }
@@ -59,7 +59,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        self.signals.set_litter(None);
+        self.signals.remove_on_exit(None);
         let _ = fs::remove_file(&self.path);
     }
 }

@@ -23,7 +23,17 @@ pub fn check(outputs: &[&Path], inputs: &[&Path], force: bool) -> Result<()> {
     Ok(())
 }
 
-/// `path` with another ending: `a.ply` -> `a.run.json`.
+/// Makes a folder for outputs, where there is none yet.
+pub fn make_folder(path: &Path) -> Result<()> {
+    if path.exists() {
+        return Ok(());
+    }
+    std::fs::create_dir(path).map_err(|e| {
+        Error::new(Kind::CannotCreate, "VGS-CLI-061", format!("cannot make the folder: {e}")).file(path)
+    })
+}
+
+/// Returns `path` with another ending: `a.ply` -> `a.run.json`.
 pub fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
     name.push(ending);

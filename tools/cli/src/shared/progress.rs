@@ -95,7 +95,7 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// `count` times `what`; nothing is shown for a single one.
+    /// Starts the display of `count` times `what`; nothing is shown for a single one.
     pub fn new(console: &Console, what: &'static str, count: u64) -> Self {
         let now = Instant::now();
         let shown = !console.json && !console.quiet && count > 1;

@@ -27,7 +27,7 @@ pub fn reach(splat: &Splat, field: &Field) -> (DVec3, DVec3) {
     (mean, (variance * field.kernel.support_q()).powf(0.5))
 }
 
-/// First and last brick of the grid that a splat reaches; `None` if it lies outside.
+/// Returns the first and the last brick of the grid that a splat reaches; `None` if it lies outside.
 fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 2]; 3]> {
     let (mean, reach) = reach(splat, field);
     let mut out = [[0; 2]; 3];

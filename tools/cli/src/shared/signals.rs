@@ -12,18 +12,18 @@ use signal_hook::iterator;
 
 /// What the signal thread and the command share.
 #[derive(Default)]
-struct Shared {
+struct SharedState {
     /// The first signal, or 0.
     received: AtomicI32,
-    /// Whether a fit is running that will look at `received`.
-    patient: AtomicBool,
-    /// A file to remove on the way out, whatever the way.
-    litter: Mutex<Option<PathBuf>>,
+    /// True while a fit is running that will look at `received`.
+    deferring: AtomicBool,
+    /// A file to remove when the program ends, however it ends.
+    remove_on_exit: Mutex<Option<PathBuf>>,
 }
 
 /// The state of the signals of this process.
 #[derive(Clone)]
-pub struct Signals(Arc<Shared>);
+pub struct Signals(Arc<SharedState>);
 
 impl Signals {
     /// Takes over SIGINT, SIGTERM and SIGHUP.
@@ -39,9 +39,9 @@ impl Signals {
             .spawn(move || {
                 for signal in incoming.forever() {
                     let first = shared.received.compare_exchange(0, signal, SeqCst, SeqCst).is_ok();
-                    if !(first && shared.patient.load(SeqCst)) {
+                    if !(first && shared.deferring.load(SeqCst)) {
                         if let Some(path) =
-                            shared.litter.lock().unwrap_or_else(PoisonError::into_inner).take()
+                            shared.remove_on_exit.lock().unwrap_or_else(PoisonError::into_inner).take()
                         {
                             let _ = fs::remove_file(path);
                         }
@@ -54,12 +54,12 @@ impl Signals {
         Ok(signals)
     }
 
-    /// From here on the first signal is only noted.
-    pub fn be_patient(&self) {
-        self.0.patient.store(true, SeqCst);
+    /// Makes the first signal from here on only noted, so that the fit can stop and save.
+    pub fn defer_first_signal(&self) {
+        self.0.deferring.store(true, SeqCst);
     }
 
-    /// The exit code of the signal that came, if one did.
+    /// Returns the exit code of the signal that came, if one did.
     pub fn exit_code(&self) -> Option<u8> {
         match self.0.received.load(SeqCst) {
             0 => None,
@@ -68,7 +68,7 @@ impl Signals {
     }
 
     /// Names a file to remove if a signal ends the program.
-    pub fn set_litter(&self, path: Option<PathBuf>) {
-        *self.0.litter.lock().unwrap_or_else(PoisonError::into_inner) = path;
+    pub fn remove_on_exit(&self, path: Option<PathBuf>) {
+        *self.0.remove_on_exit.lock().unwrap_or_else(PoisonError::into_inner) = path;
     }
 }

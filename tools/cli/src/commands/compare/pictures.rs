@@ -15,16 +15,16 @@ use crate::shared::terminal::clean;
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct Output {
+struct PictureComparison {
     /// Width and height, pixels.
     size: [usize; 2],
     #[serde(serialize_with = "decibel")]
     psnr_db: f64,
     ssim: f64,
     flip_mean: f64,
-    /// 1 is from black to the brightest.
+    /// Largest difference of a channel; 1 is from black to the brightest.
     largest_difference: f32,
-    /// Column from the left and row from the top.
+    /// Place of the largest difference: column from the left and row from the top.
     largest_at: [usize; 2],
     largest_in: &'static str,
     outputs: Vec<String>,
@@ -41,7 +41,7 @@ pub fn compare(arguments: &Arguments, console: &Console) -> std::result::Result<
     let [a, b] = [image::read(&arguments.a)?.image, image::read(&arguments.b)?.image];
     let largest = image::largest_difference(&a, &b).map_err(|e| arguments.name_both(e))?;
     let flip = image::flip(&a, &b)?;
-    let output = Output {
+    let output = PictureComparison {
         size: a.size,
         psnr_db: image::psnr(&a, &b)?,
         ssim: image::ssim(&a, &b)?,
@@ -74,7 +74,7 @@ fn draw(arguments: &Arguments, path: &Path, a: &Image, b: &Image, flip: &Flip) -
     image::write(path, &picture, None, &WriteOptions { background: None, force: arguments.force })
 }
 
-fn text(o: &Output) -> String {
+fn text(o: &PictureComparison) -> String {
     let [width, height] = o.size;
     let psnr =
         if o.psnr_db == f64::INFINITY { "∞ (equal)".to_owned() } else { format!("{:.2} dB", o.psnr_db) };

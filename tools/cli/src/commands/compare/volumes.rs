@@ -14,13 +14,14 @@ use crate::shared::inputs::{Case, region_of, volume_of};
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct Output {
+struct VolumeComparison {
     size: [usize; 3],
     #[serde(serialize_with = "decibel")]
     psnr_db: f64,
     #[serde(flatten)]
     comparison: Comparison,
-    /// What the ranges are: of the first `volume`, of it inside the `roi`, of each its `own`, or `given`.
+    /// What the ranges were taken from: the first `volume`, the same inside the `roi`, each volume its `own`, or
+    /// `given`.
     range_of: &'static str,
 }
 
@@ -53,7 +54,12 @@ pub fn compare(arguments: &Arguments, console: &Console) -> std::result::Result<
         tracing::warn!("{} voxels of the region are left out: NaN or infinite", comparison.left_out);
     }
     let (name, _) = range_of(volumes.range);
-    let output = Output { size: case.volume.size, psnr_db: comparison.psnr_db(), comparison, range_of: name };
+    let output = VolumeComparison {
+        size: case.volume.size,
+        psnr_db: comparison.psnr_db(),
+        comparison,
+        range_of: name,
+    };
     if console.json {
         console.json_data(&output)?;
     } else {
@@ -62,7 +68,7 @@ pub fn compare(arguments: &Arguments, console: &Console) -> std::result::Result<
     Ok(0)
 }
 
-/// What the ranges were taken from, for scripts and for people.
+/// Returns what the ranges were taken from, for scripts and for people.
 fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
     match chosen {
         Some(Range::Own) => ("own", "each volume over its own"),
@@ -72,7 +78,7 @@ fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
     }
 }
 
-fn text(o: &Output, volume: &Volume, chosen: Option<Range>) -> String {
+fn text(o: &VolumeComparison, volume: &Volume, chosen: Option<Range>) -> String {
     let (c, unit) = (&o.comparison, volume.unit());
     let range = |[low, high]: [f32; 2]| format!("{low} to {high}{unit}");
     let ranges = match chosen {

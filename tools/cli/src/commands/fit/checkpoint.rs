@@ -28,10 +28,10 @@ pub struct CheckpointArguments {
     pub resume: bool,
 }
 
-/// What else a state file says: whose state it is, and how it came so far.
+/// What a state file holds beside the state: the fit that it belongs to, and the course so far.
 #[derive(Serialize, Deserialize)]
-struct Notes {
-    /// Hash by input.
+struct StateNotes {
+    /// Hash of each input file, by its name in the record.
     inputs: BTreeMap<String, String>,
     /// The region of interest as the flags say it.
     region: String,
@@ -40,9 +40,9 @@ struct Notes {
     curve: Vec<CurvePoint>,
 }
 
-/// Where an interrupted fit stands.
+/// An interrupted fit, as its state file has it.
 pub struct Interrupted {
-    /// Its state.
+    /// The state of the fitter.
     pub state: State,
     /// Time of the iterations so far.
     pub seconds: f64,
@@ -54,20 +54,21 @@ pub struct Interrupted {
 pub struct Checkpoints {
     every: Option<u32>,
     output: PathBuf,
-    /// How splats are written, and whether files that exist are replaced.
+    /// How splats are written; with `force` files that exist are replaced.
     write: WriteOptions,
     inputs: BTreeMap<String, String>,
     region: String,
     config: FitConfig,
 }
 
-/// The file that holds the state of a fit to `output`.
+/// Returns the file that holds the state of a fit to `output`.
 pub fn state_path(output: &Path) -> PathBuf {
     beside(output, ".state")
 }
 
 impl Checkpoints {
-    /// For a fit to `output`. Refuses where a file that it would write is there already, unless `write` replaces it.
+    /// Makes ready for the checkpoints of a fit to `output`. Refuses where a file that a checkpoint would write
+    /// exists, unless `write` replaces it.
     pub fn new(
         arguments: &CheckpointArguments,
         output: &Path,
@@ -103,7 +104,7 @@ impl Checkpoints {
         beside(&self.output, &format!(".{iteration:06}.ply"))
     }
 
-    /// Whether a checkpoint belongs behind this iteration.
+    /// True if a checkpoint is written after this iteration.
     pub fn is_due(&self, iteration: u32) -> bool {
         self.every.is_some_and(|every| iteration > 0 && iteration.is_multiple_of(every))
     }
@@ -127,7 +128,7 @@ impl Checkpoints {
 
     /// Writes where the fit stands.
     pub fn write_state(&self, state: &State, seconds: f64, curve: &[CurvePoint]) -> Result<()> {
-        let notes = Notes {
+        let notes = StateNotes {
             inputs: self.inputs.clone(),
             region: self.region.clone(),
             config: self.config.clone(),
@@ -150,7 +151,7 @@ impl Checkpoints {
     pub fn read(&self) -> Result<Interrupted> {
         let path = state_path(&self.output);
         let (state, text) = State::read(&path)?;
-        let notes: Notes = serde_json::from_str(&text).map_err(|e| {
+        let notes: StateNotes = serde_json::from_str(&text).map_err(|e| {
             Error::new(Kind::BadData, "VGS-CLI-032", format!("the notes cannot be read: {e}"))
                 .file(&path)
                 .help("start the fit anew, with --force")
@@ -175,7 +176,7 @@ impl Checkpoints {
     }
 }
 
-/// The first key in which two configurations differ, and both values.
+/// Returns the first key in which two configurations differ, and both values.
 fn difference(a: &FitConfig, b: &FitConfig) -> Option<(&'static str, Value, Value)> {
     // By way of text, so that 0.1 as f32 stays 0.1.
     let text = |config| serde_json::to_string(config).unwrap_or_default();

@@ -10,7 +10,7 @@ use engine::gpu::Gpu;
 use engine::splat::{self, Field, Splat, SplatSet};
 
 use super::optimise::Schedule;
-use crate::report::estimate::{Errors, Estimate};
+use crate::report::estimate::{Estimate, VoxelErrors};
 use crate::shared::inputs::Case;
 
 /// Iterations that are not counted: kernels are compiled at the first one, and buffers grow.
@@ -117,8 +117,8 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     })
 }
 
-/// Errors of early splats at the voxels.
-fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<Errors> {
+/// VoxelErrors of early splats at the voxels.
+fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<VoxelErrors> {
     let native = plan.native;
     let there;
     let splats = if std::ptr::eq(plan.fitted, native) {
@@ -131,7 +131,7 @@ fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<Errors> {
     let range = plan.protocol.as_ref().map_or_else(|| native.full_range(), |p| p.range);
     let protocol = Protocol { offsets: Vec::new(), range, shell: plan.config.shell, threshold: 0.0 };
     let found = evaluate::evaluate(plan.gpu, splats, &plan.field, &native.volume, &native.roi, &protocol)?;
-    Ok(Errors { rmse_hu: found.on_grid.rmse_hu, p99_hu: found.on_grid.p99_hu })
+    Ok(VoxelErrors { rmse_hu: found.on_grid.rmse_hu, p99_hu: found.on_grid.p99_hu })
 }
 
 /// Iterations between two looks, at least, as `optimise` has them.
@@ -176,9 +176,12 @@ fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<Vec<Splat>> {
     Ok(early.unwrap_or_default())
 }
 
-/// Errors of a quality whose first iterations left these.
-fn expected(quality: &QualityPreset, early: Errors) -> Errors {
-    Errors { rmse_hu: quality.rmse_of_early * early.rmse_hu, p99_hu: quality.p99_of_early * early.p99_hu }
+/// VoxelErrors of a quality whose first iterations left these.
+fn expected(quality: &QualityPreset, early: VoxelErrors) -> VoxelErrors {
+    VoxelErrors {
+        rmse_hu: quality.rmse_of_early * early.rmse_hu,
+        p99_hu: quality.p99_of_early * early.p99_hu,
+    }
 }
 
 #[cfg(test)]
@@ -204,8 +207,8 @@ mod tests {
 
     #[test]
     fn a_better_quality_leaves_less_of_the_early_errors() {
-        let early = Errors { rmse_hu: 100.0, p99_hu: 400.0 };
-        let all: Vec<Errors> = QUALITIES.iter().map(|quality| expected(quality, early)).collect();
+        let early = VoxelErrors { rmse_hu: 100.0, p99_hu: 400.0 };
+        let all: Vec<VoxelErrors> = QUALITIES.iter().map(|quality| expected(quality, early)).collect();
         assert!(all.iter().all(|e| 0.0 < e.rmse_hu && e.rmse_hu < 100.0 && e.p99_hu < 400.0), "{all:?}");
         assert!(all.windows(2).all(|pair| pair[1].rmse_hu < pair[0].rmse_hu), "{all:?}");
     }

@@ -112,7 +112,7 @@ pub fn run(job: &Job<'_>, start: Start) -> Result<Outcome> {
     let range = [fitter.scaling().range.0, fitter.scaling().range.1];
     // Uploads and kernels are not part of the passes' account.
     gpu.take_profile();
-    signals.be_patient();
+    signals.defer_first_signal();
     console.say(&format!(
         "{}fitting {} splats to {} voxels; the PSNR on the way is over {} to {}{}",
         if iterations > 0 { format!("going on after {iterations} iterations: ") } else { String::new() },
@@ -191,7 +191,7 @@ impl State<'_> {
             let since = fitter.iteration().saturating_sub(iteration);
             let same_grid = fitter.iteration().is_multiple_of(self.grids);
             let due = since >= FIGURES_EVERY || since > 0 && time.elapsed() >= FIGURES_AFTER;
-            // Where only a subset is rasterised the figures cost more than an iteration.
+            // Where only a subset is rasterized the figures cost more than an iteration.
             let due = due && time.elapsed() >= LOOK_SHARE * self.looked;
             let save = self.checkpoints.is_due(fitter.iteration()) && fitter.iteration() > self.saved;
             let overdue = since > 0 && time.elapsed() >= FIGURES_AT_LATEST;

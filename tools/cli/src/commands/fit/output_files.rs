@@ -68,7 +68,7 @@ impl OutputFiles {
         force: bool,
     ) -> Result<()> {
         let json = serde_json::to_string_pretty(record).map_err(|e| {
-            Error::new(Kind::Internal, "VGS-CLI-003", format!("the record cannot be written as JSON: {e}"))
+            Error::new(Kind::Internal, "VGS-CLI-003", format!("a result cannot be written as JSON: {e}"))
         })?;
         let name = volume.file_name().unwrap_or_default().to_string_lossy();
         let title = format!("{name}: {} splats", outcome.splats.len());

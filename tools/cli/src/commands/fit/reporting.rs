@@ -10,10 +10,10 @@ use super::optimise::{End, Outcome};
 use super::output_files::OutputFiles;
 use super::prepare::Prepared;
 use super::stages::{Evaluated, Fitted};
-use crate::report::estimate::{Checked, Estimate};
+use crate::report::estimate::{CheckedEstimate, Estimate};
 use crate::report::quality::Quality;
 use crate::report::record::{MemoryRecord, RoiRecord, RunRecord, Timings, VolumeRecord, WorkingRecord};
-use crate::report::results::Results;
+use crate::report::results::FitResults;
 use crate::shared::clock;
 use crate::shared::console::Console;
 use crate::shared::figures::{bytes, psnr, seconds};
@@ -34,7 +34,7 @@ pub fn report(
     let checked = match estimate {
         Some(estimate) => {
             let file_bytes = splat::file_bytes(&files.splats, &fitted.set, &prepared.write)?;
-            Some(Checked::new(estimate, &results, file_bytes))
+            Some(CheckedEstimate::new(estimate, &results, file_bytes))
         }
         None => None,
     };
@@ -67,11 +67,11 @@ fn timings(
 }
 
 /// Returns what the fit came to, as it is printed.
-fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timings: &Timings) -> Results {
+fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timings: &Timings) -> FitResults {
     let Prepared { gpu, case, files, .. } = prepared;
     let outcome = &fitted.outcome;
     let device = gpu.description();
-    Results {
+    FitResults {
         splats: outcome.splats.len(),
         quality: evaluated.evaluation.as_ref().map(Quality::of),
         seconds: timings.total,
@@ -93,8 +93,8 @@ fn record<'a>(
     prepared: &'a Prepared<'_>,
     outcome: &Outcome,
     timings: Timings,
-    estimate: Option<Checked>,
-    results: &'a Results,
+    estimate: Option<CheckedEstimate>,
+    results: &'a FitResults,
 ) -> Result<RunRecord<'a>> {
     let Prepared { arguments, settings, case, gpu, .. } = prepared;
     let (end, error) = match &outcome.end {
@@ -136,7 +136,7 @@ fn record<'a>(
 
 /// Returns the end of a fit in plain words.
 fn summary(
-    results: &Results,
+    results: &FitResults,
     outcome: &Outcome,
     evaluation: Option<&Evaluation>,
     files: &OutputFiles,

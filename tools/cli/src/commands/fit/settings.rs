@@ -28,14 +28,14 @@ pub struct Settings {
     pub config: FitConfig,
     /// Name of the profile that they started from.
     pub profile: String,
-    /// Name of the quality that this was put at, if one was asked for.
+    /// Name of the quality that was chosen, if one was.
     pub quality: Option<String>,
     /// Keys that a file, a variable or a flag has set.
     pub explicit: Vec<String>,
 }
 
 impl SettingsArguments {
-    /// Puts all places together and checks the result.
+    /// Merges the values of all places and checks the result.
     pub fn resolve(&self) -> Result<Settings> {
         let profile = Profile::named(&self.profile)?.config()?;
         let mut values = values_of(&match &self.quality {
@@ -64,12 +64,13 @@ impl SettingsArguments {
 }
 
 impl Settings {
-    /// Whether a file, a variable or a flag has set this key.
+    /// True if a file, a variable or a flag has set this key.
     pub fn is_explicit(&self, key: &str) -> bool {
         self.explicit.iter().any(|k| k == key)
     }
 
-    /// The quality, if the default profile was put at it and nothing was changed: what it gives was measured.
+    /// Returns the quality, if it was chosen with the default profile and nothing else was changed: only for that are
+    /// its errors measured.
     pub fn plain_quality(&self) -> Option<&'static QualityPreset> {
         let measured = self.explicit.is_empty() && self.profile == PROFILES[0].name;
         self.quality.as_deref().filter(|_| measured).and_then(|name| QualityPreset::named(name).ok())
@@ -80,13 +81,13 @@ fn flag_of(key: &str) -> String {
     key.replace('_', "-")
 }
 
-/// The fields as JSON. By way of text, so that 0.1 as f32 stays 0.1.
+/// Returns the fields as JSON. They go through text, so that 0.1 as f32 stays 0.1.
 fn values_of(config: &FitConfig) -> Map<String, Value> {
     let text = serde_json::to_string(config).unwrap_or_default();
     serde_json::from_str(&text).unwrap_or_default()
 }
 
-/// Puts `value` in place of that of `key`, if its type is right there.
+/// Replaces the value of `key`, if `value` has its type.
 fn set(values: &mut Map<String, Value>, key: &str, value: Value) -> Result<()> {
     if !values.contains_key(key) {
         let message = format!("unknown key {key:?}");
@@ -108,7 +109,7 @@ fn wrong_value(what: &str, why: &str) -> Error {
         .help("`vgs fit --help` says what each one means")
 }
 
-/// A flag's text as a value of the same kind as `like`.
+/// Parses a flag's text as a value of the same type as `like`.
 fn parse(text: &str, like: &Value) -> Option<Value> {
     let text = text.trim();
     match like {
@@ -128,7 +129,7 @@ fn number(text: &str) -> Option<Value> {
     text.parse::<f64>().ok().and_then(serde_json::Number::from_f64).map(Value::Number)
 }
 
-/// Keys and values of a TOML file.
+/// Reads keys and values of a TOML file.
 fn read_file(path: &Path) -> Result<Vec<(String, Value)>> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "reading the configuration", &e))?;
     let bad = |why: String| Error::new(Kind::Usage, "VGS-CFG-013", why).file(path);
@@ -146,14 +147,14 @@ fn read_file(path: &Path) -> Result<Vec<(String, Value)>> {
         .collect()
 }
 
-/// The key that was probably meant.
+/// Returns the key that was probably meant.
 fn nearest(key: &str) -> Option<&'static str> {
     let key = key.replace('-', "_").to_lowercase();
     let near = FitConfig::FIELDS.iter().map(|f| (distance(&key, f.key), f.key)).min()?;
     (near.0 <= 1 + key.len() / 4).then_some(near.1)
 }
 
-/// Levenshtein's distance.
+/// Returns Levenshtein's distance of two words.
 fn distance(a: &str, b: &str) -> usize {
     let mut row: Vec<usize> = (0..=b.chars().count()).collect();
     for (i, ca) in a.chars().enumerate() {

@@ -14,10 +14,10 @@ use serde::Serialize;
 use crate::shared::figures::{bytes, decibel};
 use crate::shared::flags::{DeviceArguments, Size};
 
-/// Frames of each kind that are timed, in turns, so that whatever else the machine does is shared.
+/// Number of frames that are timed of each kind; they take turns, so that other load of the machine meets both alike.
 const FRAMES: usize = 5;
-/// Passes that take less than this share of a frame are told as one.
-const LITTLE: f64 = 0.01;
+/// Passes that take less than this share of a frame are listed as one.
+const SMALL_SHARE: f64 = 0.01;
 
 /// What is rendered to find out.
 #[derive(Args, Debug)]
@@ -40,49 +40,49 @@ pub struct BudgetArguments {
     device: DeviceArguments,
 }
 
-/// Device time of a frame: of the one in the middle of all by its time.
+/// Device time of a frame: the median of all that were timed.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct Frame {
-    /// Splats that are listed for it.
+pub struct FrameTime {
+    /// Number of splats that are rendered.
     splats: usize,
-    /// All passes, ms.
+    /// Time of all passes, ms.
     ms: f64,
-    /// Each pass, ms.
+    /// Time of each pass, ms.
     passes: BTreeMap<String, f64>,
 }
 
-impl Frame {
-    /// Of the passes of frames.
+impl FrameTime {
+    /// Returns the frame whose time is the median of all; `frames` are the times of their passes, ms.
     fn middle(splats: usize, frames: Vec<BTreeMap<String, f64>>) -> Self {
         let mut frames: Vec<(f64, _)> =
             frames.into_iter().map(|passes| (passes.values().sum::<f64>(), passes)).collect();
         frames.sort_by(|a, b| a.0.total_cmp(&b.0));
         let middle = frames.len() / 2;
         let (ms, passes) = frames.into_iter().nth(middle).unwrap_or_default();
-        Frame { splats, ms, passes }
+        FrameTime { splats, ms, passes }
     }
 }
 
 /// Where bytes and milliseconds go. The names are part of the interface.
 #[derive(Clone, Debug, Serialize)]
-pub struct Budget {
+pub struct FrameBudget {
     device: String,
     mode: String,
     transfer_function: String,
     size: [u32; 2],
     /// Device memory with the scene and its renderer, by purpose, bytes.
     memory: BTreeMap<&'static str, u64>,
-    /// With the splats alone that the transfer function can show.
-    shown: Frame,
-    /// With all of them.
-    all: Frame,
-    /// Of one picture against the other.
+    /// A frame with only the splats that the transfer function can show.
+    shown: FrameTime,
+    /// A frame with all splats.
+    all: FrameTime,
+    /// PSNR of one picture against the other.
     #[serde(serialize_with = "decibel")]
     psnr_db: f64,
 }
 
-/// Renders the splats of a file to find out.
-pub fn find(path: &Path, arguments: &BudgetArguments) -> Result<Budget> {
+/// Renders the splats of a file and measures where bytes and milliseconds go.
+pub fn measure(path: &Path, arguments: &BudgetArguments) -> Result<FrameBudget> {
     let row = mode(&arguments.mode)?;
     let set = splat::read(path, &ReadOptions::default())?;
     let range = set.splats.iter().map(|s| f64::from(s.intensity)).filter(|c| c.is_finite());
@@ -113,9 +113,9 @@ pub fn find(path: &Path, arguments: &BudgetArguments) -> Result<Budget> {
     }
     let count = |at: usize| stages[at].0.cloud.as_ref().map_or(Ok(0), |cloud| cloud.active_count());
     let [shown, all] = passes;
-    let (shown, all) = (Frame::middle(count(0)?, shown), Frame::middle(count(1)?, all));
+    let (shown, all) = (FrameTime::middle(count(0)?, shown), FrameTime::middle(count(1)?, all));
     let psnr_db = psnr(&picture(&stages[0].1)?, &picture(&stages[1].1)?)?;
-    Ok(Budget {
+    Ok(FrameBudget {
         device: device(&gpu),
         mode: row.name.to_owned(),
         transfer_function: look.transfer.name,
@@ -127,7 +127,7 @@ pub fn find(path: &Path, arguments: &BudgetArguments) -> Result<Budget> {
     })
 }
 
-/// All of the scene, from the front.
+/// Returns a camera in front that sees all of the scene.
 fn camera(scene: &Scene, settings: &Settings) -> Result<Camera> {
     let [low, high] = scene.bounds();
     let aspect = f64::from(settings.size[0]) / f64::from(settings.size[1]);
@@ -144,11 +144,11 @@ fn picture(renderer: &Renderer) -> Result<engine::image::Image> {
     Ok(engine::image::Image { size, pixels: renderer.target.read_colour(0)? }.over([0.0; 3]))
 }
 
-impl Budget {
-    /// Rows of name and value, for people.
+impl FrameBudget {
+    /// Returns rows of name and value, for people.
     pub fn lines(&self) -> Vec<(&'static str, String)> {
         let [width, height] = self.size;
-        let Budget { shown, all, .. } = self;
+        let FrameBudget { shown, all, .. } = self;
         let mut lines = vec![
             (
                 "budget",
@@ -174,7 +174,7 @@ impl Budget {
         let mut passes: Vec<_> = shown.passes.iter().collect();
         passes.sort_by(|a, b| b.1.total_cmp(a.1));
         let (large, small): (Vec<_>, Vec<_>) =
-            passes.into_iter().partition(|(_, ms)| **ms >= LITTLE * shown.ms);
+            passes.into_iter().partition(|(_, ms)| **ms >= SMALL_SHARE * shown.ms);
         lines.extend(large.iter().map(|(name, ms)| ("", format!("{ms:>9.2} ms  {name}"))));
         if !small.is_empty() {
             let rest: f64 = small.iter().map(|(_, ms)| **ms).sum();

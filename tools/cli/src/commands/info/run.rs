@@ -11,7 +11,7 @@ use engine::volume::{Stats, Volume};
 use engine::{Error, Result};
 use serde::Serialize;
 
-use super::budget::{self, Budget, BudgetArguments};
+use super::budget::{self, BudgetArguments, FrameBudget};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::bytes;
@@ -37,10 +37,10 @@ Examples:
   vgs info --json bones.ply       one object, on one line, for each file
   vgs info --budget --tf CT-Bone body.ply     where bytes and milliseconds of a frame go";
 
-/// What a file is; the tag `kind` and the fields of its format on one level.
+/// What a file holds; the tag `kind` and the fields of its format are on one level.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
-enum Content {
+enum FileContent {
     Splats(Box<Summary>),
     Volume {
         #[serde(flatten)]
@@ -50,7 +50,7 @@ enum Content {
     },
 }
 
-/// What the voxels of a readable volume say.
+/// Grid and statistics of a readable volume.
 #[derive(Serialize)]
 struct Voxels {
     size: [usize; 3],
@@ -64,27 +64,27 @@ struct Voxels {
 }
 
 #[derive(Serialize)]
-struct Told<'a> {
+struct FileOutput<'a> {
     file: String,
     #[serde(flatten)]
-    content: &'a Content,
+    content: &'a FileContent,
     #[serde(skip_serializing_if = "Option::is_none")]
-    budget: Option<&'a Budget>,
+    budget: Option<&'a FrameBudget>,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
     for (i, path) in arguments.files.iter().enumerate() {
-        let content = look(path, &arguments.read)?;
-        let asked = arguments.budget.budget && matches!(content, Content::Splats(_));
-        let budget = asked.then(|| budget::find(path, &arguments.budget)).transpose()?;
+        let content = read_content(path, &arguments.read)?;
+        let asked = arguments.budget.budget && matches!(content, FileContent::Splats(_));
+        let budget = asked.then(|| budget::measure(path, &arguments.budget)).transpose()?;
         let file = path.display().to_string();
         if console.json {
-            console.json_data(&Told { file, content: &content, budget: budget.as_ref() })?;
+            console.json_data(&FileOutput { file, content: &content, budget: budget.as_ref() })?;
         } else {
             let gap = if i > 0 { "\n" } else { "" };
             let mut out = text(&content);
-            for (name, value) in budget.iter().flat_map(Budget::lines) {
+            for (name, value) in budget.iter().flat_map(FrameBudget::lines) {
                 out.add(name, value);
             }
             console.data(&format!("{gap}{}\n{}", clean(&file), out.0))?;
@@ -93,24 +93,24 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     Ok(0)
 }
 
-fn look(path: &Path, read: &ReadArguments) -> Result<Content> {
+fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
     let mut start = Vec::new();
     // A file that cannot be read is reported by the reader below.
     let _ = File::open(path).and_then(|file| file.take(splat::SNIFF_BYTES).read_to_end(&mut start));
     if splat::FORMATS.iter().any(|format| (format.sniff)(&start)) {
         let summary = splat::describe(path, &splat::ReadOptions::default())?;
-        return Ok(Content::Splats(Box::new(summary)));
+        return Ok(FileContent::Splats(Box::new(summary)));
     }
     let header = nifti::describe(path).ok().map(Box::new);
     if header.as_ref().is_some_and(|h| !h.scalar) {
-        return Ok(Content::Volume { header, voxels: None });
+        return Ok(FileContent::Volume { header, voxels: None });
     }
     let mut options = read.options();
     if header.as_ref().is_some_and(|h| h.dims.iter().skip(3).product::<usize>() > 1) {
         options.volume_index = options.volume_index.or(Some(0));
     }
     let volume = Volume::read(path, &options).map_err(|e| not_splats_either(e, path))?;
-    Ok(Content::Volume { header, voxels: Some(Voxels::of(&volume)) })
+    Ok(FileContent::Volume { header, voxels: Some(Voxels::of(&volume)) })
 }
 
 fn not_splats_either(error: Error, path: &Path) -> Error {
@@ -143,11 +143,11 @@ impl Lines {
     }
 }
 
-fn text(content: &Content) -> Lines {
+fn text(content: &FileContent) -> Lines {
     let mut out = Lines(String::new());
     match content {
-        Content::Splats(summary) => splat_lines(summary, &mut out),
-        Content::Volume { header, voxels } => volume_lines(header.as_deref(), voxels.as_ref(), &mut out),
+        FileContent::Splats(summary) => splat_lines(summary, &mut out),
+        FileContent::Volume { header, voxels } => volume_lines(header.as_deref(), voxels.as_ref(), &mut out),
     }
     out
 }
@@ -268,7 +268,7 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     out.add("properties", s.properties.join(" "));
 }
 
-/// What a layout of splats means to who reads it.
+/// What each layout of splats means.
 const LAYOUTS: [(&str, &str); 3] = [
     ("vgs", "places in mm RAS, an intensity for each splat"),
     (
@@ -279,7 +279,7 @@ const LAYOUTS: [(&str, &str); 3] = [
     ("3dgs", "that of ordinary 3D Gaussian splatting"),
 ];
 
-/// A label with its name and how many splats have it.
+/// Returns a label with its name and how many splats have it.
 fn label_text(count: &LabelCount) -> String {
     let LabelCount { label, name, splats } = count;
     match (label, name) {

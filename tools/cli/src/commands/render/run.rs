@@ -25,14 +25,14 @@ const STEP: f64 = 0.5;
 
 /// What `--json` prints.
 #[derive(Serialize)]
-struct Printed {
+struct RenderOutput {
     outputs: Vec<String>,
     mode: &'static str,
     transfer_function: String,
     size: [u32; 2],
     splats: Option<usize>,
     active_splats: Option<usize>,
-    objects: Vec<PrintedObject>,
+    objects: Vec<ObjectOutput>,
     frames: u32,
     seconds_per_frame: f64,
     device_bytes: u64,
@@ -42,7 +42,7 @@ struct Printed {
 
 /// An object of the scene.
 #[derive(Serialize)]
-struct PrintedObject {
+struct ObjectOutput {
     number: u8,
     name: String,
     splats: usize,
@@ -110,7 +110,7 @@ impl Arguments {
         Ok(row)
     }
 
-    /// The volume and its region, where they are given.
+    /// Reads the volume and its region, where they are given.
     fn read_volume(&self) -> Result<(Option<Volume>, Option<Roi>)> {
         let Some(path) = &self.volume else { return Ok((None, None)) };
         let volume = volume_of(path, &self.read)?;
@@ -136,7 +136,8 @@ impl Arguments {
         splat::join(sets)
     }
 
-    /// How `splats` are to be seen. `range` are the intensities that are there; some presets are stretched over them.
+    /// Returns the look that the flags ask for. `range` are the intensities of what is shown; some presets are
+    /// stretched over them.
     fn look(&self, splats: Option<&SplatSet>, range: [f64; 2]) -> Result<Look> {
         let mut transfer = transfer::load(&self.tf, range)?;
         if self.tf_shift != 0.0 {
@@ -182,7 +183,7 @@ impl Arguments {
         let cloud = scene.cloud.as_ref();
         let active = cloud.map(|c| c.active_count()).transpose()?;
         if console.json {
-            return console.json_data(&Printed {
+            return console.json_data(&RenderOutput {
                 outputs: files.iter().map(|p| p.display().to_string()).collect(),
                 mode: row.name,
                 transfer_function: scene.look().transfer.name.clone(),
@@ -192,7 +193,7 @@ impl Arguments {
                 objects: scene
                     .objects()
                     .iter()
-                    .map(|o| PrintedObject { number: o.number, name: o.name.clone(), splats: o.splats })
+                    .map(|o| ObjectOutput { number: o.number, name: o.name.clone(), splats: o.splats })
                     .collect(),
                 frames,
                 seconds_per_frame: seconds,
@@ -218,7 +219,7 @@ impl Arguments {
     }
 }
 
-/// Least and greatest intensity of what is shown.
+/// Returns the least and the greatest intensity of what is shown.
 fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
     let range = match (set, volume) {
         (Some(set), _) => set.splats.iter().map(|s| s.intensity).fold(None, |range: Option<[f32; 2]>, c| {

@@ -9,7 +9,7 @@ use engine::splat::Object;
 use engine::{Error, Kind};
 use glam::DVec3;
 
-/// What is behind everything; nothing keeps the opacity.
+/// The colour behind everything; `None` keeps the opacity.
 #[derive(Clone, Copy, Debug)]
 pub struct Background(pub Option<[f32; 3]>);
 
@@ -29,17 +29,17 @@ impl FromStr for Background {
     }
 }
 
-/// The colour #rrggbb.
+/// Parses the colour #rrggbb.
 fn hex_colour(text: &str) -> Option<[f32; 3]> {
     let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
     let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|b| f32::from(b) / 255.0);
     Some([byte(0)?, byte(2)?, byte(4)?])
 }
 
-/// How the objects of a name are to be shown.
+/// A change of how the objects of a name are shown.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectChange {
-    called: String,
+    name: String,
     hidden: bool,
     colour: Option<[f32; 3]>,
     opacity: Option<f32>,
@@ -51,8 +51,8 @@ impl FromStr for ObjectChange {
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong =
             || "NAME:colour=#rrggbb,opacity=0.4 or NAME:hidden; NAME is a name or a number".to_owned();
-        let (called, words) = text.rsplit_once(':').ok_or_else(wrong)?;
-        let mut change = ObjectChange::hiding(called);
+        let (name, words) = text.rsplit_once(':').ok_or_else(wrong)?;
+        let mut change = ObjectChange::hiding(name);
         change.hidden = false;
         for word in words.split(',').map(str::trim) {
             match word.split_once('=') {
@@ -69,12 +69,12 @@ impl FromStr for ObjectChange {
 }
 
 impl ObjectChange {
-    /// The change that hides the objects of a name.
-    pub fn hiding(called: &str) -> Self {
-        ObjectChange { called: called.trim().to_owned(), hidden: true, colour: None, opacity: None }
+    /// Returns the change that hides the objects of a name.
+    pub fn hiding(name: &str) -> Self {
+        ObjectChange { name: name.trim().to_owned(), hidden: true, colour: None, opacity: None }
     }
 
-    /// Changes the appearances of all objects that are called so: by number, by name, or by a part of the name before
+    /// Changes the appearances of all objects that it names: by number, by name, or by a part of the name before
     /// or after its slash.
     pub fn apply(
         &self,
@@ -82,7 +82,7 @@ impl ObjectChange {
         appearances: &mut BTreeMap<u8, Appearance>,
     ) -> engine::Result<()> {
         let mut found = false;
-        for object in objects.iter().filter(|object| self.means(object)) {
+        for object in objects.iter().filter(|object| self.matches(object)) {
             found = true;
             let appearance = appearances.entry(object.number).or_default();
             appearance.visible &= !self.hidden;
@@ -97,14 +97,14 @@ impl ObjectChange {
             [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
             known => format!("objects are labels and files; here there are {}", known.join(", ")),
         };
-        Err(Error::new(Kind::Usage, "VGS-CLI-092", format!("no object is called {:?}", self.called))
-            .help(help))
+        Err(Error::new(Kind::Usage, "VGS-CLI-092", format!("no object is called {:?}", self.name)).help(help))
     }
 
-    fn means(&self, object: &Object) -> bool {
-        let same = |name: &str| name.eq_ignore_ascii_case(&self.called);
+    /// True if the change is of this object.
+    fn matches(&self, object: &Object) -> bool {
+        let same = |other: &str| other.eq_ignore_ascii_case(&self.name);
         let part = object.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
-        same(&object.name) || part || self.called.parse() == Ok(object.number)
+        same(&object.name) || part || self.name.parse() == Ok(object.number)
     }
 }
 
@@ -142,12 +142,12 @@ impl FromStr for Clip {
     }
 }
 
-/// From where one looks.
+/// Where a picture is taken from.
 #[derive(Clone, Debug)]
 pub enum View {
     /// A side of the patient.
     Side(String),
-    /// A camera that was written down.
+    /// A camera read from a file.
     File(CameraFile),
 }
 
@@ -165,7 +165,7 @@ impl FromStr for View {
     }
 }
 
-/// How a transfer function is applied; by its own shape where nothing is said.
+/// How a transfer function is applied; `None` leaves that to its shape.
 #[derive(Clone, Copy, Debug)]
 pub struct Classified(pub Option<Classification>);
 
