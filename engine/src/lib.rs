@@ -17,6 +17,13 @@
 //! budget   which quality frames can afford, from the times of those that have finished; pure, uses nothing
 //! output   files that appear whole or not at all; used by all that write
 //! ```
+//!
+//! From a CT to splats (`engine/examples/fit.rs`):
+//!
+#![doc = concat!("```no_run\n", include_str!("../examples/fit.rs"), "```\n")]
+//! From splats to pictures (`engine/examples/render.rs`):
+//!
+#![doc = concat!("```no_run\n", include_str!("../examples/render.rs"), "```\n")]
 #![deny(unsafe_code)]
 
 pub mod budget;

@@ -1,7 +1,7 @@
 //! Small fits of the phantom.
 
 use engine::fit::evaluate::{Protocol, evaluate};
-use engine::fit::{FitConfig, Fitter};
+use engine::fit::{FitConfig, Fitter, Problem, Schedule};
 use engine::gpu::Gpu;
 use engine::splat::Splat;
 use engine::volume::phantom::Phantom;
@@ -41,9 +41,9 @@ impl Case {
 
     /// The first splats.
     pub fn start(&self) -> Vec<Splat> {
-        let count = self.config.splat_count(self.roi.weight_sum());
-        let initialiser = self.config.initialiser().expect("a known initialiser");
-        (initialiser.run)(&self.volume, &self.roi, count, self.config.seed, &self.config.init())
+        let problem =
+            Problem::new(&self.volume, &self.roi, &self.config).expect("a configuration that can work");
+        problem.first_splats().expect("a known initialiser")
     }
 
     /// A fit that has not begun.
@@ -54,14 +54,8 @@ impl Case {
 
     /// Steps until `end`, by the schedule of the configuration.
     pub fn run(&self, fitter: &mut Fitter, end: u32) {
-        while fitter.iteration() < end {
-            while fitter.iteration() < end {
-                let share = f64::from(fitter.iteration()) / f64::from(self.config.iterations);
-                fitter.step(share).expect("a step");
-            }
-            // A step whose bins were too small does not count.
-            fitter.finish().expect("the device");
-        }
+        let schedule = Schedule { iterations: self.config.iterations, time: None };
+        fitter.run_to(end, schedule).expect("steps");
     }
 
     /// The whole fit from the first splats on.

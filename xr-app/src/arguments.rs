@@ -9,7 +9,7 @@ use clap::{Parser, ValueEnum};
 use engine::gpu::{Gpu, GpuOptions, Windows};
 use engine::image::{self, Image, WriteOptions};
 use engine::render::{self, Look, Rung, Scene, SplatKind};
-use engine::splat::{self, ReadOptions, SplatSet};
+use engine::splat::{self, SplatSet};
 use engine::{Error, Kind, Result, output, transfer};
 
 use crate::headset::openxr::{OpenXr, OpenXrOptions};
@@ -159,7 +159,7 @@ pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<Rung>)> {
     for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
         output::check_writable(path, arguments.force)?;
     }
-    let set = read(&arguments.splats)?;
+    let set = splat::read_all(&arguments.splats, || Ok(None))?;
     let rungs = rungs(arguments, &set)?;
     Ok((set, rungs))
 }
@@ -222,18 +222,6 @@ impl Arguments {
     }
 }
 
-/// The splats of all files as one set, whose objects are those of the files.
-fn read(paths: &[PathBuf]) -> Result<SplatSet> {
-    let one = |path: &PathBuf| {
-        let set = splat::read(path, &ReadOptions::default())?;
-        if set.splats.is_empty() {
-            return Err(Error::new(Kind::BadData, "VGS-XR-020", "the file holds no usable splat").file(path));
-        }
-        Ok((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set))
-    };
-    splat::join(paths.iter().map(one).collect::<Result<_>>()?)
-}
-
 /// The rungs of such splats.
 fn rungs(arguments: &Arguments, set: &SplatSet) -> Result<Vec<Rung>> {
     let rungs = render::rungs(SplatKind::of(set));
@@ -255,9 +243,7 @@ fn show(
     onlooker: impl FnOnce(&Gpu, &Description) -> Result<Option<Box<dyn Onlooker>>>,
     stop: &AtomicBool,
 ) -> Result<()> {
-    let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
-        [low.min(f64::from(s.intensity)), high.max(f64::from(s.intensity))]
-    });
+    let range = set.intensity_range().unwrap_or_default();
     let look = Look::new(transfer::load(&arguments.tf, range)?);
     // Memory budgets keep the first splats.
     set.order_by_importance();

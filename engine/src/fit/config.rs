@@ -1,12 +1,12 @@
 //! Every hyper-parameter of a fit: one documented field, which is also the key of a configuration file and the flag of
 //! a command line (`rate_mean` ↔ `--rate-mean`).
 
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::init::{INITIALISERS, InitConfig, Initialiser, ORIENTATIONS, Orientation};
 use super::terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};
 use super::topology::{TOPOLOGIES, Topology};
+use super::unit::ScaleUnit;
 use crate::error::{Error, Kind, Result};
 pub use crate::passes::Storage;
 use crate::splat::{self, Kernel};
@@ -29,19 +29,6 @@ pub enum Background {
     Mean,
     /// The lower end of the HU range: equation (2) to the letter.
     Low,
-}
-
-/// What initial scales and scale clamps count in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ScaleUnit {
-    /// Voxels along whichever axis.
-    Voxel,
-    /// The mean of the three voxel spacings: the same millimetres along every axis.
-    Spacing,
-    /// The box of the volume as a unit cube: a splat has its shape there, and one that is round there is as long along
-    /// each axis as the volume is. The unit is the mean over the axes of one voxel's part of the edge.
-    Box,
 }
 
 /// What a fit is right for.
@@ -395,29 +382,9 @@ impl FitConfig {
         }
     }
 
-    /// Least and greatest scale of a splat in the fit, voxels of `volume`. Clamps in millimetres become the narrowest box
-    /// in voxels that lets every splat through which they let through: with the spacings h of mean h̄ that is
-    /// `scale_min` h̄ / max h to `scale_max` h̄ / min h (for an affine without shear).
+    /// Returns the least and the greatest scale of a splat in the fit, voxels of `volume`.
     pub fn scale_clamp(&self, volume: &Volume) -> (f32, f32) {
-        match self.scale_unit {
-            ScaleUnit::Voxel | ScaleUnit::Box => (self.scale_min, self.scale_max),
-            ScaleUnit::Spacing => {
-                let spacing = volume.spacing_mm();
-                let mean = spacing.element_sum() / 3.0;
-                let scale = |scale: f32, spacing: f64| (f64::from(scale) * mean / spacing) as f32;
-                (scale(self.scale_min, spacing.max_element()), scale(self.scale_max, spacing.min_element()))
-            }
-        }
-    }
-
-    /// Returns how many voxels along each axis are a unit of the space in which splats have their shape: ones, but with
-    /// `scale_unit` "box" (n - 1) times the mean of 1/(n - 1) over the axes, n the voxels of an axis.
-    pub fn stretch(&self, volume: &Volume) -> DVec3 {
-        let edges = volume.size.map(|n| n.max(2) as f64 - 1.0);
-        match self.scale_unit {
-            ScaleUnit::Voxel | ScaleUnit::Spacing => DVec3::ONE,
-            ScaleUnit::Box => DVec3::from_array(edges) * edges.iter().map(|n| 1.0 / n).sum::<f64>() / 3.0,
-        }
+        self.scale_unit.clamp(self.scale_min, self.scale_max, volume)
     }
 
     /// Returns what the fitted splats stand for, for files and pictures.

@@ -8,9 +8,10 @@ use rayon::prelude::*;
 use shaders_glsl::types::History;
 
 use super::evaluate::FieldSample;
+use super::fitter::{Fitter, Work, dense_gradients, to_local};
 use super::state::Row;
+use super::subset::Subset;
 use super::topology::{Change, Scene};
-use super::{Fitter, Work, to_local};
 use crate::error::Result;
 use crate::splat::space::reshaped;
 use crate::splat::{Activations, Splat};
@@ -165,9 +166,9 @@ impl Work {
     /// Room for another number of splats; what the rows hold is lost.
     fn resize(&mut self, gpu: &crate::gpu::Gpu, count: usize, config: &super::FitConfig) -> Result<()> {
         self.whole = None;
-        self.subset = super::Subset::of(gpu, count, config)?;
-        self.dense = super::dense_gradients(gpu, count, &self.subset, config)?;
-        let moving = self.subset.as_ref().map_or(count, super::Subset::size);
+        self.subset = Subset::of(gpu, count, config)?;
+        self.dense = dense_gradients(gpu, count, &self.subset, config)?;
+        let moving = self.subset.as_ref().map_or(count, Subset::size);
         self.rasteriser.resize(if config.subset_alone { moving } else { count })?;
         self.gradient.resize(moving)?;
         self.all = crate::passes::adam::State::zeroed(gpu, count)?;

@@ -124,9 +124,7 @@ struct Way {
 }
 
 fn compare(gpu: &Gpu, set: &SplatSet, size: u32, rung: usize, arguments: &Arguments) -> Result<Vec<Found>> {
-    let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
-        [low.min(f64::from(s.intensity)), high.max(f64::from(s.intensity))]
-    });
+    let range = set.intensity_range().unwrap_or_default();
     let scene = Scene::new(gpu, Some(set), None, &Look::new(transfer::load(&arguments.tf, range)?))?;
     let head = |_: f64| (Pose::IDENTITY, true);
     let script =

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use engine::Result;
-use engine::fit::{FitConfig, Fitter, Scaling};
+use engine::fit::{FitConfig, Problem, Scaling, Start};
 use engine::gpu::Gpu;
 use engine::splat::{self, Splat, SplatSet};
 use engine::volume::phantom::Phantom;
@@ -13,7 +13,7 @@ use glam::DVec3;
 
 /// Splats of a file, the most important first.
 pub fn splats_by_importance(path: &Path) -> Result<SplatSet> {
-    let mut set = splat::read(path, &splat::ReadOptions::default())?;
+    let mut set = splat::read_some(path)?.placed(None)?;
     set.order_by_importance();
     Ok(set)
 }
@@ -46,12 +46,9 @@ impl Scene {
     /// Splats after `iterations` steps of a fit, in the fit's own coordinates, with its sample grid.
     pub fn fitted(&self, gpu: &Gpu, density: f64, iterations: u32) -> Result<Fitted> {
         let config = FitConfig { iterations, density, ..FitConfig::default() };
-        let count = config.splat_count(self.roi.weight_sum());
-        let splats = (config.initialiser()?.run)(&self.volume, &self.roi, count, config.seed, &config.init());
-        let mut fitter = Fitter::new(gpu, &self.volume, &self.roi, &splats, &config)?;
-        while fitter.iteration() < iterations {
-            fitter.step(f64::from(fitter.iteration()) / f64::from(iterations))?;
-        }
+        let problem = Problem::new(&self.volume, &self.roi, &config)?;
+        let mut fitter = problem.fitter(gpu, &Start::First(problem.first_splats()?))?;
+        fitter.run_to(iterations, problem.schedule())?;
         let scaling: Scaling = *fitter.scaling();
         let origin = fitter.bricks().origin.as_vec3().to_array();
         let splats = fitter

@@ -96,9 +96,7 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
 }
 
 fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Result<Report> {
-    let range = set.splats.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
-        [low.min(f64::from(s.intensity)), high.max(f64::from(s.intensity))]
-    });
+    let range = set.intensity_range().unwrap_or_default();
     let look = Look::new(transfer::load(&arguments.tf, range)?);
     let scene = Scene::new(gpu, Some(set), None, &look)?;
     let script = Script {

@@ -287,10 +287,7 @@ impl Teller {
 
 /// Reads a set; the volume and its region only where it needs them to be placed.
 fn read_splats(path: &Path, volume: Option<&Path>, roi: Option<&Path>) -> Result<SplatSet> {
-    let splats = splat::read_unplaced(path, &splat::ReadOptions::default())?;
-    if splats.is_empty() {
-        return Err(Error::new(Kind::BadData, "VGS-VIEW-021", "the file holds no usable splat").file(path));
-    }
+    let splats = splat::read_some(path)?;
     let shown =
         volume.filter(|_| splats.needs_volume()).map(|volume| read_volume(volume, roi)).transpose()?;
     splats.placed(shown.map(|shown| place(&shown.volume, shown.roi.as_ref())).as_ref())

@@ -368,7 +368,8 @@ mod tests {
             let weight: Vec<f32> = (0..count).map(|i| ((i * 37) % 11) as f32 / 10.0 + 1e-6).collect();
             let volume = Volume::new(size, glam::DAffine3::IDENTITY, samples);
             let roi = Roi { size, weight, soft: true };
-            let density = Density::of(&volume, &roi, &InitConfig::default()).expect("weights above 0");
+            let density = Density::of(&volume, &roi, &crate::fit::FitConfig::default().init())
+                .expect("weights above 0");
             for i in 0..10_000 {
                 let at = f64::from(i) / 10_000.0;
                 let expected = density.cumulative.partition_point(|&sum| sum <= at * density.total());

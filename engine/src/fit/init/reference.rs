@@ -10,9 +10,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
+use super::config::{InitConfig, prototype, set_opacity};
 use super::density::Density;
 use super::intensity::intensity;
-use super::{InitConfig, prototype, set_opacity};
 use crate::fit::ScaleUnit;
 use crate::splat::space::reshaped;
 use crate::splat::{Activations, Splat};
@@ -127,7 +127,7 @@ mod tests {
             scale_max: 4.0,
             unit: ScaleUnit::Box,
             opacity_mask: true,
-            ..InitConfig::default()
+            ..crate::fit::FitConfig::default().init()
         };
         let splats = initialise(&volume, &roi, 900, 3, &config);
         assert_eq!(splats.len(), 900);

@@ -13,9 +13,9 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
+use super::config::{InitConfig, prototype, set_opacity};
 use super::density::Density;
 use super::intensity::intensity;
-use super::{InitConfig, prototype, set_opacity};
 use crate::fit::ScaleUnit;
 use crate::splat::space::reshaped;
 use crate::splat::{Activations, Splat};

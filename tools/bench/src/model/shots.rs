@@ -6,7 +6,6 @@ use std::path::Path;
 use engine::Result;
 use engine::gpu::Gpu;
 use engine::render::{Camera, Renderer, Scene, Settings, mode};
-use engine::splat::SplatSet;
 use serde::{Deserialize, Serialize};
 
 use super::plan::{Place, Shot, Sight, Unit};
@@ -50,7 +49,7 @@ pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
     if let Some(count) = unit.splats {
         set.truncate(count);
     }
-    let range = range(&set);
+    let range = set.intensity_range().unwrap_or_default();
     let looks = unit.sights.iter().map(|s| s.look(range)).collect::<Result<Vec<_>>>()?;
     let Some(first) = looks.first() else {
         return Ok(Record { unit: unit.clone(), splats: 0, frames: Vec::new() });
@@ -83,11 +82,6 @@ pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
         }
     }
     Ok(Record { unit: unit.clone(), splats: set.splats.len(), frames })
-}
-
-fn range(set: &SplatSet) -> [f64; 2] {
-    let finite = set.splats.iter().map(|s| f64::from(s.intensity)).filter(|c| c.is_finite());
-    finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], c| [low.min(c), high.max(c)])
 }
 
 /// What is known without counting.

@@ -6,8 +6,8 @@
 use std::time::Instant;
 
 use engine::Result;
-use engine::fit::Fitter;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
+use engine::fit::{Beginning, End, Milestone, Problem, Start, Watch};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::splat::{self, Field, Splat, SplatSet};
 use serde::{Deserialize, Serialize};
@@ -179,26 +179,16 @@ pub fn run(
     judge: &Gpu,
     mut saw: impl FnMut(&Point),
 ) -> Result<Record> {
-    let Place { scene, .. } = place;
-    let config = &job.config;
+    let scene = &place.scene;
     let mut setup = Spent::default();
     let initialising = Clock::start();
-    let first = (config.initialiser()?.run)(
-        &scene.volume,
-        &scene.roi,
-        config.splat_count(place.voxels),
-        config.seed,
-        &config.init(),
-    );
+    let problem = Problem::new(&scene.volume, &scene.roi, &job.config)?;
+    let start = Start::First(problem.first_splats()?);
     initialising.add_to(&mut setup);
     let initialise_seconds = setup.wall;
     let gpu = Gpu::new(options)?;
-    let preparing = Clock::start();
-    let mut fitter = Fitter::new(&gpu, &scene.volume, &scene.roi, &first, config)?;
-    drop(first);
-    preparing.add_to(&mut setup);
-    let bench = Bench { job, place, judge, field: config.field(fitter.scaling().background) };
-    let mut record = Record {
+    let bench = Bench { job, place, judge, field: problem.field() };
+    let record = Record {
         job: job.clone(),
         points: Vec::new(),
         last: None,
@@ -211,45 +201,86 @@ pub fn run(
         driver: gpu.description().driver.clone(),
         cost: None,
     };
-    let mut spent = Spent::default();
-    loop {
-        let begin = Clock::start();
-        // The count goes back where buffers had to grow: only after waiting it is final, and one that was measured may
-        // come again.
-        let measured = record.end().map(|p| p.iteration);
-        let due = |iteration: u32| job.measured_at(iteration) && Some(iteration) > measured;
-        let splats = if due(fitter.iteration()) { Some(fitter.splats()?) } else { None };
-        begin.add_to(&mut spent);
-        let iteration = fitter.iteration();
-        if let Some(splats) = splats.filter(|_| due(iteration)) {
-            let is_last = iteration >= config.iterations;
-            let evaluation = bench.measure(&splats, is_last)?;
-            let mmse = evaluation.on_grid.mmse;
-            if !mmse.is_finite() {
-                record.diverged_at = Some(iteration);
-                break;
-            }
-            let point = Point { iteration, seconds: spent.wall, splats: splats.len(), mmse };
-            saw(&point);
-            record.points.push(point);
-            if is_last {
-                record.last = Some(bench.last(&evaluation));
-                record.cost = Some(FitCost {
-                    setup_seconds: setup.wall,
-                    seconds: setup.wall + spent.wall,
-                    core_seconds: setup.core.zip(spent.core).map(|(a, b)| a + b),
-                    file_bytes: bench.file_bytes(&splats)?,
-                });
-                break;
-            }
+    let clock = Some(Clock::start());
+    let mut judged = Judged { bench, record, setup, spent: Spent::default(), clock, saw: &mut saw };
+    let outcome = problem.run(&gpu, start, problem.schedule(), &mut judged)?;
+    let mut record = judged.record;
+    match outcome.end {
+        End::Failed(error) if error.code == DIVERGED => {
+            record.diverged_at = record.end().map(|point| point.iteration + job.measure_every);
         }
-        let begin = Clock::start();
-        fitter.step(f64::from(iteration) / f64::from(config.iterations))?;
-        begin.add_to(&mut spent);
+        End::Failed(error) => return Err(error),
+        End::Finished | End::Stopped => {}
     }
     record.device_peak_bytes = gpu.peak_bytes();
-    record.frozen = fitter.frozen()?;
+    record.frozen = outcome.frozen;
     Ok(record)
+}
+
+/// Code of the error of a fit that diverged.
+const DIVERGED: &str = "VGS-FIT-010";
+
+/// A fit that is measured on the way.
+struct Judged<'a> {
+    bench: Bench<'a>,
+    record: Record,
+    setup: Spent,
+    spent: Spent,
+    /// Runs while the fit is being prepared, and then while it runs; measurements are left out.
+    clock: Option<Clock>,
+    saw: &'a mut dyn FnMut(&Point),
+}
+
+impl Watch for Judged<'_> {
+    fn begin(&mut self, _: &Beginning) {
+        if let Some(clock) = self.clock.replace(Clock::start()) {
+            clock.add_to(&mut self.setup);
+        }
+    }
+
+    fn wants_figures(&self) -> bool {
+        false
+    }
+
+    fn keeps(&self, iteration: u32) -> bool {
+        self.bench.job.measured_at(iteration)
+    }
+
+    fn keep(&mut self, milestone: &mut Milestone<'_, '_>) -> Result<bool> {
+        if let Some(clock) = self.clock.take() {
+            clock.add_to(&mut self.spent);
+        }
+        let goes_on = self.measure(milestone.iteration, milestone.splats)?;
+        self.clock = Some(Clock::start());
+        Ok(goes_on)
+    }
+}
+
+impl Judged<'_> {
+    /// Measures splats. Returns false if the fit has diverged.
+    fn measure(&mut self, iteration: u32, splats: &[Splat]) -> Result<bool> {
+        let is_last = iteration >= self.bench.job.config.iterations;
+        let evaluation = self.bench.measure(splats, is_last)?;
+        let mmse = evaluation.on_grid.mmse;
+        if !mmse.is_finite() {
+            self.record.diverged_at = Some(iteration);
+            return Ok(false);
+        }
+        let point = Point { iteration, seconds: self.spent.wall, splats: splats.len(), mmse };
+        (self.saw)(&point);
+        self.record.points.push(point);
+        if is_last {
+            let (setup, spent) = (self.setup, self.spent);
+            self.record.last = Some(self.bench.last(&evaluation));
+            self.record.cost = Some(FitCost {
+                setup_seconds: setup.wall,
+                seconds: setup.wall + spent.wall,
+                core_seconds: setup.core.zip(spent.core).map(|(a, b)| a + b),
+                file_bytes: self.bench.file_bytes(splats)?,
+            });
+        }
+        Ok(true)
+    }
 }
 
 impl Job {
@@ -387,17 +418,10 @@ pub mod tests {
             "72 bytes a splat and a header: {cost:?}"
         );
         // The start is the initialisation itself, over the range of the whole volume.
-        let c = &job.config;
-        let first = (c.initialiser().expect("a row").run)(
-            &place.scene.volume,
-            &place.scene.roi,
-            60,
-            c.seed,
-            &c.init(),
-        );
-        let scaling = engine::fit::Scaling::new(&place.scene.volume, &place.scene.roi, c);
+        let problem = Problem::new(&place.scene.volume, &place.scene.roi, &job.config).expect("a problem");
+        let first = problem.first_splats().expect("first splats");
         let protocol = Protocol { offsets: Vec::new(), range: place.range, shell: 0, threshold: 0.0 };
-        let field = c.field(scaling.background);
+        let field = problem.field();
         let scene = &place.scene;
         let expected = evaluate::evaluate(&judge, &first, &field, &scene.volume, &scene.roi, &protocol);
         let expected = expected.expect("an evaluation").on_grid.psnr_db;

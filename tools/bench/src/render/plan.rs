@@ -5,7 +5,6 @@ use std::path::Path;
 
 use engine::fit::FitConfig;
 use engine::render::{MODES, ModeRow};
-use engine::splat;
 use engine::{Error, Result};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -161,9 +160,4 @@ fn source(config: &Config, subject: &Subject) -> Result<Source> {
 fn file_hash(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, "reading splats", &e))?;
     Ok(Sha256::digest(bytes).iter().take(5).map(|b| format!("{b:02x}")).collect())
-}
-
-/// Splats of a file.
-pub fn read_splats(path: &Path) -> Result<splat::SplatSet> {
-    splat::read(path, &splat::ReadOptions::default())
 }

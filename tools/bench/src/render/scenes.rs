@@ -1,20 +1,21 @@
 //! What is rendered: volumes with their regions, splats (fitted once and kept), cameras, transfer functions.
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use engine::fit::{FitConfig, Fitter};
+use engine::fit::{self, FitConfig};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
 use engine::render::{Camera, Renderer, Scene, Settings};
 use engine::splat::harmonics::{MAX_DEGREE, SH0, basis_count};
-use engine::splat::{self, Grid, Harmonics, SplatSet};
+use engine::splat::{self, Harmonics, SplatSet};
 use engine::transfer::{TransferFunction, preset};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result};
 use glam::DVec3;
 
 use super::config::{Case, Orbit, Rendering, Transfer};
-use super::plan::{Source, Unit, mode_row, read_splats};
+use super::plan::{Source, Unit, mode_row};
 use crate::cost::{self, Cost};
 use crate::paper::library::help;
 use crate::paper::progress::{RATE, SAMPLES_A_VOXEL, SMALL_SPLAT};
@@ -181,7 +182,7 @@ impl<'a> Library<'a> {
             Source::File(path, _) => path.clone(),
             Source::Fit(config) => self.fitted(&unit.case, config)?,
         };
-        let mut set = read_splats(&path)?;
+        let mut set = splat::read_some(&path)?.placed(None)?;
         let place = self.place(&unit.case)?;
         if unit.coloured && set.colours.is_none() {
             set.colours = Some(colours(&set, &place.transfer(&unit.transfers[0])?));
@@ -194,7 +195,10 @@ impl<'a> Library<'a> {
         let path = self.path(case, config);
         if !path.exists() {
             let gpu = Gpu::new(self.options)?;
-            let set = fit(&gpu, self.place(case)?, config)?;
+            let place = self.place(case)?;
+            let count = config.splat_count(place.roi.weight_sum());
+            eprintln!("    fitting {count} splats, {} iterations", config.iterations);
+            let set = fit::run(&gpu, &place.volume, &place.roi, config, |_| ControlFlow::Continue(()))?;
             // What is measured is what is read back, now and later.
             splat::write(&path, &set, true)?;
         }
@@ -220,30 +224,6 @@ fn colours(set: &SplatSet, transfer: &TransferFunction) -> Harmonics {
         row[..3].copy_from_slice(&((colour.as_vec3() - 0.5) / SH0).to_array());
     }
     Harmonics { degree: MAX_DEGREE, coefficients }
-}
-
-fn fit(gpu: &Gpu, place: &Place, config: &FitConfig) -> Result<SplatSet> {
-    let count = config.splat_count(place.roi.weight_sum());
-    eprintln!("    fitting {count} splats, {} iterations", config.iterations);
-    let first = (config.initialiser()?.run)(&place.volume, &place.roi, count, config.seed, &config.init());
-    let mut fitter = Fitter::new(gpu, &place.volume, &place.roi, &first, config)?;
-    loop {
-        // The count goes back where buffers had to grow: only after waiting it is final.
-        if fitter.iteration() >= config.iterations {
-            let splats = fitter.splats()?;
-            if fitter.iteration() >= config.iterations {
-                let field = config.field(fitter.scaling().background);
-                let set = SplatSet::from_voxel(&splats, &place.volume.world_from_voxel, field);
-                let grid = Some(Grid {
-                    size: place.volume.size.map(|n| n as u32),
-                    world_from_voxel: place.volume.world_from_voxel,
-                });
-                let form = config.fitted_form(&place.roi);
-                return Ok(SplatSet { iterations: Some(config.iterations), grid, form, ..set });
-            }
-        }
-        fitter.step(f64::from(fitter.iteration()) / f64::from(config.iterations))?;
-    }
 }
 
 /// A renderer whose frames are measured.

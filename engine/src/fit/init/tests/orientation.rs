@@ -53,7 +53,7 @@ fn share(name: &str, volume: &Volume, k: usize, near: impl Fn(DVec3) -> bool) ->
         unit: ScaleUnit::Spacing,
         scale_min: 1.0,
         scale_max: 4.0,
-        ..InitConfig::default()
+        ..FitConfig::default().init()
     };
     let roi =
         region(SIZE, |x, y, z| f32::from([x, y, z].iter().zip(SIZE).all(|(&i, n)| (5..n - 5).contains(&i))));
@@ -122,7 +122,7 @@ fn the_gradient_initialiser_flattens_or_lengthens_by_the_table() {
     let roi = region(SIZE, |_, _, _| 1.0);
     let a = 1.5f32.ln();
     for row in ORIENTATIONS {
-        let config = InitConfig { orientation: row, ..InitConfig::default() };
+        let config = InitConfig { orientation: row, ..FitConfig::default().init() };
         let shape = match row.name {
             "none" => [0.0; 3],
             "hessian" => [a, -0.5 * a, -0.5 * a],
@@ -152,7 +152,7 @@ fn there_is_no_direction_in_flat_volumes() {
         region(cube, |x, y, z| f32::from([x, y, z].iter().zip(cube).all(|(&i, n)| i > 2 && i + 3 < n)));
     let whole = region(cube, |_, _, _| 1.0);
     for row in ORIENTATIONS {
-        let config = InitConfig { orientation: row, smoothing_sigma: 0.0, ..InitConfig::default() };
+        let config = InitConfig { orientation: row, smoothing_sigma: 0.0, ..FitConfig::default().init() };
         let rotations = |volume: &Volume, roi: &Roi| -> Vec<[f32; 4]> {
             let run = super::super::uniform::initialise;
             run(volume, roi, 200, 1, &config).iter().map(|splat| splat.rotation).collect()

@@ -6,7 +6,7 @@ use crate::fit::init::uniform;
 const SIZE: [usize; 3] = [16, 14, 12];
 
 fn paper() -> InitConfig {
-    InitConfig { scale_min: 1.5, scale_max: 4.0, opacity: 0.1, ..InitConfig::default() }
+    InitConfig { scale_min: 1.5, scale_max: 4.0, opacity: 0.1, ..FitConfig::default().init() }
 }
 
 /// Greatest distance between the distribution of `values` and the uniform one from `low` to `high`

@@ -4,9 +4,14 @@ mod orientation;
 mod uniform;
 
 use glam::{DAffine3, DVec3};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
 
+use super::gradient::initialise;
 use super::*;
-use crate::splat::{activation::rotation_matrix, defect};
+use crate::fit::{FitConfig, ScaleUnit};
+use crate::splat::activation::{Activations, rotation_matrix};
+use crate::splat::defect;
 
 fn volume(size: [usize; 3], hu: impl Fn(usize, usize, usize) -> f32) -> Volume {
     let mut samples = Vec::new();
@@ -49,7 +54,7 @@ fn nearest_distances(splats: &[Splat]) -> Vec<f32> {
 
 #[test]
 fn the_count_is_exact_and_every_splat_lies_in_the_region() {
-    let config = InitConfig::default();
+    let config = FitConfig::default().init();
     let everywhere = |size| region(size, |_, _, _| 1.0);
     let cube = [12, 10, 8];
     // Name, volume, region, counts.
@@ -112,7 +117,7 @@ fn the_count_is_exact_and_every_splat_lies_in_the_region() {
 #[test]
 fn nothing_comes_of_nothing() {
     let size = [4, 4, 4];
-    let config = InitConfig::default();
+    let config = FitConfig::default().init();
     assert!(initialise(&ball(size), &region(size, |_, _, _| 0.0), 10, 0, &config).is_empty());
     assert!(initialise(&ball(size), &region(size, |_, _, _| 1.0), 0, 0, &config).is_empty());
     let empty = [0, 4, 4];
@@ -127,7 +132,7 @@ fn the_seed_decides_and_the_threads_do_not() {
     let (volume, roi) = (ball(size), region(size, |x, _, _| f32::from(x > 4)));
     let run = |seed, threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| initialise(&volume, &roi, 700, seed, &InitConfig::default()))
+        pool.install(|| initialise(&volume, &roi, 700, seed, &FitConfig::default().init()))
     };
     let first = run(1, 1);
     for threads in [1, 2, 5] {
@@ -148,7 +153,7 @@ fn points_keep_apart() {
     let count = 3000;
     // Spacing of an even density, (voxels / count)^⅓.
     let spacing = (32.0f32.powi(3) / count as f32).cbrt();
-    let blue = nearest_distances(&initialise(&volume, &roi, count, 3, &InitConfig::default()));
+    let blue = nearest_distances(&initialise(&volume, &roi, count, 3, &FitConfig::default().init()));
     let mut rng = Pcg64::seed_from_u64(3);
     let random: Vec<Splat> = (0..count)
         .map(|_| Splat {
@@ -171,11 +176,11 @@ fn splats_gather_at_edges_and_lie_in_them() {
     let depth = |x: f64, y: f64, z: f64| normal.dot(DVec3::new(x - 20.0, y - 15.0, z - 15.0));
     let edge = volume(size, |x, y, z| 500.0 * depth(x as f64, y as f64, z as f64).tanh() as f32);
     let roi = region(size, |_, _, _| 1.0);
-    let splats = initialise(&edge, &roi, 4000, 7, &InitConfig::default());
+    let splats = initialise(&edge, &roi, 4000, 7, &FitConfig::default().init());
     let at = |splat: &Splat| depth(splat.mean[0].into(), splat.mean[1].into(), splat.mean[2].into());
 
     let share = |splats: &[Splat]| splats.iter().filter(|s| at(s).abs() < 1.5).count() as f64 / 4000.0;
-    let uniform = InitConfig { gradient_exponent: 0.0, ..InitConfig::default() };
+    let uniform = InitConfig { gradient_exponent: 0.0, ..FitConfig::default().init() };
     let even = share(&initialise(&edge, &roi, 4000, 7, &uniform));
     assert!(share(&splats) > 2.5 * even, "{} at the edge, {even} of an even density", share(&splats));
 
@@ -191,7 +196,7 @@ fn splats_gather_at_edges_and_lie_in_them() {
     }
     // Far from the edge there is no direction.
     let flat = volume(size, |_, _, _| 7.0);
-    for splat in initialise(&flat, &roi, 500, 7, &InitConfig::default()) {
+    for splat in initialise(&flat, &roi, 500, 7, &FitConfig::default().init()) {
         assert_eq!((splat.rotation, splat.intensity), ([1.0, 0.0, 0.0, 0.0], 7.0));
         assert!(splat.log_scale[0] == splat.log_scale[2]);
     }
@@ -199,7 +204,7 @@ fn splats_gather_at_edges_and_lie_in_them() {
 
 #[test]
 fn configurations_are_checked() {
-    let good = InitConfig::default();
+    let good = FitConfig::default().init();
     let rows = [
         (good, None),
         (InitConfig { scale_max: 0.1, ..good }, Some("scale_max")),
@@ -220,6 +225,11 @@ fn every_initialiser_has_a_name_of_its_own() {
         assert!(INITIALISERS[..index].iter().all(|other| other.name != row.name));
         let size = [6, 6, 6];
         let roi = region(size, |_, _, _| 1.0);
-        assert_eq!((row.run)(&ball(size), &roi, 20, 0, &InitConfig::default()).len(), 20, "{}", row.name);
+        assert_eq!(
+            (row.run)(&ball(size), &roi, 20, 0, &FitConfig::default().init()).len(),
+            20,
+            "{}",
+            row.name
+        );
     }
 }

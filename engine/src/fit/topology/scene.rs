@@ -1,22 +1,10 @@
-//! How the number and the places of the splats change during a fit. A row of [`TOPOLOGIES`] is a function from what is
-//! there to what shall be; the fit calls it between two iterations, as often as its configuration says.
-//!
-//! Everything runs on the host. What is drawn at random is drawn in one thread and in a fixed order, and every sum has
-//! an owner, so the same scene and the same random numbers give the same bits whatever the number of threads.
-
-mod densify;
-mod growth;
-mod reference;
-mod relocate;
-mod residual;
-mod spread;
+//! What a change of the splats may look at, and what it comes to.
 
 use glam::{DVec3, IVec3};
-use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::evaluate::FieldSample;
-use super::{FitConfig, Scaling};
+use crate::fit::evaluate::FieldSample;
+use crate::fit::{FitConfig, Scaling};
 use crate::splat::Splat;
 use crate::splat::activation::Activations;
 use crate::volume::bricks::SAMPLES;
@@ -57,32 +45,15 @@ pub struct Change {
     pub keeps: Vec<Option<u32>>,
 }
 
-/// A row of [`TOPOLOGIES`].
-pub struct Topology {
-    /// Name in configurations.
-    pub name: &'static str,
-    /// What a change does; nothing where splats stay what they are.
-    pub change: Option<fn(&Scene, &mut Pcg64) -> Change>,
-}
-
-/// Every way; the first is the default.
-pub const TOPOLOGIES: &[Topology] = &[
-    Topology { name: "none", change: None },
-    Topology { name: "densify", change: Some(densify::densify) },
-    Topology { name: "growth", change: Some(growth::growth) },
-    Topology { name: "relocate", change: Some(relocate::relocate) },
-    Topology { name: "reference", change: Some(reference::densify) },
-];
-
 impl Change {
     /// Nothing changes.
-    fn none(scene: &Scene) -> Change {
+    pub(super) fn none(scene: &Scene) -> Change {
         let keeps = (0..scene.splats.len() as u32).map(Some).collect();
         Change { splats: scene.splats.to_vec(), keeps }
     }
 
     /// One more splat, without moments.
-    fn add(&mut self, splat: Splat) {
+    pub(super) fn add(&mut self, splat: Splat) {
         self.splats.push(splat);
         self.keeps.push(None);
     }
@@ -90,19 +61,19 @@ impl Change {
 
 impl Scene<'_> {
     /// The most splats that one change adds or moves: the share of all, rounded down.
-    fn most_at_once(&self) -> usize {
+    pub(super) fn most_at_once(&self) -> usize {
         // In f32, where a share of 0.7 of 10 is 7 and not 6.99.
         (self.config.topology_share * self.splats.len() as f32) as usize
     }
 
     /// The most splats that a change adds when `remaining` of the old ones stay.
-    fn most_added(&self, remaining: usize) -> usize {
+    pub(super) fn most_added(&self, remaining: usize) -> usize {
         self.most_at_once().min(self.limit.saturating_sub(remaining))
     }
 
     /// `f(field, voxel, m)` at each voxel of the ROI, in memory order of the samples; `idle` for all other samples. m is
     /// the weight of the intensity error: 1 in a binary ROI, the mask in a soft one.
-    fn map_roi<T: Copy + Send + Sync>(
+    pub(super) fn map_roi<T: Copy + Send + Sync>(
         &self,
         idle: T,
         f: impl Fn(&FieldSample, IVec3, f32) -> T + Sync,
@@ -126,17 +97,17 @@ impl Scene<'_> {
     }
 
     /// V at `x` (voxel space), as the fit sees it: clipped and trilinear, HU.
-    fn target(&self, x: DVec3) -> f64 {
+    pub(super) fn target(&self, x: DVec3) -> f64 {
         self.volume.sample_clipped(x, self.scaling.range, self.scaling.background)
     }
 
     /// The voxel of the sample with this index.
-    fn voxel(&self, index: usize) -> IVec3 {
+    pub(super) fn voxel(&self, index: usize) -> IVec3 {
         self.bricks.voxel(index / SAMPLES, index % SAMPLES)
     }
 
     /// A new round splat with the intensity of the volume. Voxel space.
-    fn new_splat(&self, mean: DVec3, scale: f32, opacity: f32) -> Splat {
+    pub(super) fn new_splat(&self, mean: DVec3, scale: f32, opacity: f32) -> Splat {
         let mut splat = Splat { mean: mean.as_vec3().to_array(), ..Splat::default() };
         splat.rotation = [1.0, 0.0, 0.0, 0.0];
         splat.set_scale([scale; 3]);
@@ -148,7 +119,7 @@ impl Scene<'_> {
     }
 
     /// Puts a splat within the clamps of the optimiser: its mean in the brick grid, scales and opacity in their ranges.
-    fn clamp(&self, splat: &mut Splat) {
+    pub(super) fn clamp(&self, splat: &mut Splat) {
         let low = self.bricks.origin.as_vec3() - 0.5;
         let high = low + (self.bricks.grid * 8).as_vec3();
         for axis in 0..3 {
@@ -159,6 +130,3 @@ impl Scene<'_> {
         splat.opacity_logit = splat.opacity_logit.clamp(-self.config.logit_max, self.config.logit_max);
     }
 }
-
-#[cfg(test)]
-mod tests;

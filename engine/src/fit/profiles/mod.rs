@@ -19,37 +19,21 @@ pub const PROFILES: &[Profile] = &[
     Profile {
         name: "vessels",
         about: "contrast-filled vessels: thin and bright",
-        toml: include_str!("profiles/vessels.toml"),
+        toml: include_str!("vessels.toml"),
     },
-    Profile {
-        name: "bones",
-        about: "thin shells of high contrast",
-        toml: include_str!("profiles/bones.toml"),
-    },
-    Profile {
-        name: "organs",
-        about: "smooth and large, with few splats",
-        toml: include_str!("profiles/organs.toml"),
-    },
-    Profile {
-        name: "mr",
-        about: "broad tissues, intensities of any scale",
-        toml: include_str!("profiles/mr.toml"),
-    },
+    Profile { name: "bones", about: "thin shells of high contrast", toml: include_str!("bones.toml") },
+    Profile { name: "organs", about: "smooth and large, with few splats", toml: include_str!("organs.toml") },
+    Profile { name: "mr", about: "broad tissues, intensities of any scale", toml: include_str!("mr.toml") },
     Profile {
         name: "grid",
         about: "for pictures: right at the voxels, to be decoded there",
-        toml: include_str!("profiles/grid.toml"),
+        toml: include_str!("grid.toml"),
     },
-    Profile {
-        name: "paper",
-        about: "the paper's method to the letter",
-        toml: include_str!("profiles/paper.toml"),
-    },
+    Profile { name: "paper", about: "the paper's method to the letter", toml: include_str!("paper.toml") },
     Profile {
         name: "reference",
         about: "the same to the letter of its authors' code",
-        toml: include_str!("profiles/reference.toml"),
+        toml: include_str!("reference.toml"),
     },
 ];
 

@@ -9,7 +9,12 @@ use rand::{RngExt, SeedableRng};
 use super::densify::densify;
 use super::growth::growth;
 use super::*;
+use crate::fit::evaluate::FieldSample;
+use crate::fit::{FitConfig, Scaling};
+use crate::splat::Splat;
+use crate::splat::activation::Activations;
 use crate::splat::{Kernel, defect};
+use crate::volume::{Bricks, Roi, Volume};
 
 /// Everything that a [`Scene`] borrows.
 struct World {

@@ -1,0 +1,523 @@
+//! The front door: from a volume and a region of interest to a splat set.
+//!
+//! [`run`] is one call. Behind it stands a [`Problem`], which does everything that a [`FitConfig`] asks for: it puts volume
+//! and region on the working grid, places the first splats, follows the [`Schedule`], repeats steps whose buffers were too
+//! small, and makes the set. A [`Watch`] hears of the progress, may stop the fit and may keep what comes on the way.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::{FitConfig, Fitter, Progress, Scaling, State};
+use crate::error::{Error, Kind, Result};
+use crate::gpu::Gpu;
+use crate::splat::{self, Field, Grid, Splat, SplatSet};
+use crate::volume::{Roi, Volume};
+
+/// Figures are fetched at least this many iterations apart ...
+const FIGURES_EVERY: u32 = 20;
+/// ... or this long, if that comes first: fetching waits for the device.
+const FIGURES_AFTER: Duration = Duration::from_millis(500);
+/// Figures belong to the offset grid of their iteration, so they are fetched where the same grid has its turn; if that
+/// takes longer than this, anywhere.
+const FIGURES_AT_LATEST: Duration = Duration::from_secs(20);
+/// Fetching figures takes at most one part in so many of the time.
+const FIGURES_SHARE: u32 = 10;
+
+/// Fits splats to the region of interest of a volume, as `config` says, and returns them in the world of the volume (mm
+/// RAS, HU). `watch` sees the figures of the fit a few times a second and may break it off; the set is then that of the
+/// iterations that were done.
+///
+/// # Errors
+/// Refuses a configuration that cannot work and a region without voxels; fails where the device does, and where the fit
+/// diverges.
+///
+/// ```no_run
+/// use std::ops::ControlFlow;
+/// use engine::fit::{self, FitConfig};
+/// use engine::gpu::{Gpu, GpuOptions};
+/// use engine::volume::{ReadOptions, Roi, Volume};
+///
+/// # fn main() -> engine::Result<()> {
+/// let volume = Volume::read("ct.nii.gz".as_ref(), &ReadOptions::default())?;
+/// let bone = Roi::from_threshold(&volume, 226.0, 3071.0)?;
+/// let gpu = Gpu::new(&GpuOptions::default())?;
+/// let config = FitConfig { density: 0.05, ..FitConfig::default() };
+/// let splats = fit::run(&gpu, &volume, &bone, &config, |progress| {
+///     println!("iteration {}: {:.1} dB", progress.iteration, progress.psnr_db);
+///     ControlFlow::Continue(())
+/// })?;
+/// engine::splat::write("bone.ply".as_ref(), &splats, false)?;
+/// # Ok(())
+/// # }
+/// ```
+pub fn run(
+    gpu: &Gpu,
+    volume: &Volume,
+    roi: &Roi,
+    config: &FitConfig,
+    watch: impl FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<SplatSet> {
+    let problem = Problem::new(volume, roi, config)?;
+    let start = Start::First(problem.first_splats()?);
+    let mut watch = OnFigures { watch, stop: false };
+    let outcome = problem.run(gpu, start, problem.schedule(), &mut watch)?;
+    match outcome.end {
+        End::Failed(error) => Err(error),
+        End::Finished | End::Stopped => Ok(problem.splat_set(&outcome.splats, outcome.iterations)),
+    }
+}
+
+/// What is fitted and how: a volume and a region on the grid that the fit works on, and a configuration that was checked.
+pub struct Problem<'a> {
+    volume: Cow<'a, Volume>,
+    roi: Cow<'a, Roi>,
+    config: FitConfig,
+    /// Sum of the mask on the volume's own grid, voxels: what a density counts in.
+    native_voxels: f64,
+}
+
+impl<'a> Problem<'a> {
+    /// Checks the configuration and puts volume and region on its working grid: block means of `working_grid` voxels
+    /// along each axis, or the voxels themselves.
+    pub fn new(volume: &'a Volume, roi: &'a Roi, config: &FitConfig) -> Result<Self> {
+        config.check()?;
+        let native_voxels = roi.weight_sum();
+        if config.working_grid <= 1 {
+            let (volume, roi) = (Cow::Borrowed(volume), Cow::Borrowed(roi));
+            return Ok(Problem { volume, roi, config: config.clone(), native_voxels });
+        }
+        // The range that the native volume has or suggests: the means of its blocks reach less far.
+        let (low, high) = Scaling::new(volume, roi, config).range;
+        let factor = config.working_grid as usize;
+        Ok(Problem {
+            volume: Cow::Owned(volume.coarsened(factor)),
+            roi: Cow::Owned(roi.coarsened(factor)),
+            config: FitConfig { hu_range: [low, high], ..config.clone() },
+            native_voxels,
+        })
+    }
+
+    /// Returns the volume on the working grid.
+    pub fn volume(&self) -> &Volume {
+        &self.volume
+    }
+
+    /// Returns the region on the working grid.
+    pub fn roi(&self) -> &Roi {
+        &self.roi
+    }
+
+    /// Returns the configuration, with the range of the native volume where the working grid is coarser.
+    pub fn config(&self) -> &FitConfig {
+        &self.config
+    }
+
+    /// Returns true if the fit works on a grid of its own, coarser than the volume's.
+    pub fn is_coarser(&self) -> bool {
+        matches!(self.volume, Cow::Owned(_))
+    }
+
+    /// Returns the constants of the field that is fitted.
+    pub fn field(&self) -> Field {
+        self.config.field(Scaling::new(&self.volume, &self.roi, &self.config).background)
+    }
+
+    /// Returns the schedule of the configuration: its iterations, without a clock.
+    pub fn schedule(&self) -> Schedule {
+        Schedule { iterations: self.config.iterations, time: None }
+    }
+
+    /// Places the first splats, in voxel space of the working grid and HU.
+    pub fn first_splats(&self) -> Result<Vec<Splat>> {
+        let place = self.config.initialiser()?.run;
+        let count = self.config.splat_count(self.native_voxels);
+        Ok(place(&self.volume, &self.roi, count, self.config.seed, &self.config.init()))
+    }
+
+    /// Prepares the device for a fit that begins with `first`, or goes on from a state.
+    pub fn fitter(&self, gpu: &Gpu, start: &Start) -> Result<Fitter<'_>> {
+        match start {
+            Start::First(first) => Fitter::new(gpu, &self.volume, &self.roi, first, &self.config),
+            Start::Interrupted(from) => {
+                Fitter::resume(gpu, &self.volume, &self.roi, &from.state, &self.config)
+            }
+        }
+    }
+
+    /// Returns splats of the fit (voxel space of the working grid, HU) as a set in the world, with the grid that they were
+    /// fitted on and what they were fitted for.
+    pub fn splat_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
+        SplatSet {
+            iterations: Some(iterations),
+            grid: Some(grid_of(&self.volume)),
+            form: self.config.fitted_form(&self.roi),
+            ..SplatSet::from_voxel(splats, &self.volume.world_from_voxel, self.field())
+        }
+    }
+
+    /// Fits from `start` until the schedule is done or `watch` stops it. A fit that fails on the way keeps the last splats
+    /// that were seen to be good; an error is returned only where it cannot begin.
+    pub fn run(&self, gpu: &Gpu, start: Start, schedule: Schedule, watch: &mut dyn Watch) -> Result<Outcome> {
+        let mut fitter = self.fitter(gpu, &start)?;
+        let (mut curve, before) = match start {
+            Start::First(_) => (Vec::new(), 0.0),
+            Start::Interrupted(Interrupted { curve, seconds, .. }) => (curve, seconds),
+        };
+        // Infinity is not written.
+        for point in &mut curve {
+            point.progress.psnr_db = -10.0 * point.progress.mse.log10();
+        }
+        let good = fitter.splats()?;
+        let iterations = fitter.iteration();
+        // Uploads and kernels are not part of the passes' account.
+        gpu.take_profile();
+        let (low, high) = fitter.scaling().range;
+        watch.begin(&Beginning { splats: good.len(), iterations, range: [low, high] });
+        let mut course = Course {
+            good,
+            iterations,
+            curve,
+            before: Duration::from_secs_f64(before),
+            begun: Instant::now(),
+            figures: Figures { iteration: iterations, at: Instant::now(), took: Duration::ZERO },
+            // Offset grids that the iterations visit in turn.
+            grids: u32::try_from(self.config.offsets).unwrap_or(1).max(1),
+            kept: None,
+        };
+        let end = match course.run(&mut fitter, schedule, watch) {
+            Ok(end) => end,
+            Err(error) => End::Failed(error),
+        };
+        Ok(Outcome {
+            seconds: course.elapsed().as_secs_f64(),
+            splats: course.good,
+            iterations: course.iterations,
+            curve: course.curve,
+            range: [low, high],
+            frozen: fitter.frozen().unwrap_or_default(),
+            device_bytes: gpu.memory_by_purpose(),
+            end,
+        })
+    }
+}
+
+/// Returns the voxels of a volume, as splat sets and their files keep them.
+pub fn grid_of(volume: &Volume) -> Grid {
+    Grid { size: volume.size.map(|n| n as u32), world_from_voxel: volume.world_from_voxel }
+}
+
+/// How long a fit goes on.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule {
+    /// The most iterations.
+    pub iterations: u32,
+    /// The time for all iterations.
+    pub time: Option<Duration>,
+}
+
+impl Schedule {
+    /// Returns the part that is done, 0 to 1: of whichever limit is nearer.
+    pub fn share(&self, iteration: u32, elapsed: Duration) -> f64 {
+        let of_iterations = f64::from(iteration) / f64::from(self.iterations.max(1));
+        let of_time = self.time.map_or(0.0, |t| elapsed.as_secs_f64() / t.as_secs_f64().max(1e-9));
+        of_iterations.max(of_time).min(1.0)
+    }
+}
+
+/// Where a fit begins.
+pub enum Start {
+    /// With first splats, in voxel space of the working grid and HU.
+    First(Vec<Splat>),
+    /// Where it was interrupted.
+    Interrupted(Interrupted),
+}
+
+/// A fit that was stopped, with what it had come to.
+pub struct Interrupted {
+    /// Splats and moments.
+    pub state: State,
+    /// Time of its iterations so far.
+    pub seconds: f64,
+    /// Its figures so far.
+    pub curve: Vec<CurvePoint>,
+}
+
+/// The figures of a fit at one time.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CurvePoint {
+    /// Since the first iteration.
+    pub seconds: f64,
+    /// The figures.
+    pub progress: Progress,
+}
+
+/// What is known when the iterations begin.
+#[derive(Clone, Copy, Debug)]
+pub struct Beginning {
+    /// Splats.
+    pub splats: usize,
+    /// Iterations that were done before, by a fit that was interrupted.
+    pub iterations: u32,
+    /// The range that the PSNR of the figures is over, HU.
+    pub range: [f32; 2],
+}
+
+/// Who accompanies a fit. Every method has a default that does nothing.
+pub trait Watch {
+    /// Hears that the iterations begin.
+    fn begin(&mut self, _beginning: &Beginning) {}
+
+    /// Hears of each step. `share` is the part of the schedule that is done, 0 to 1. A step whose buffers were too small is
+    /// repeated, so the count may go back.
+    fn step(&mut self, _iteration: u32, _share: f64) {}
+
+    /// Returns true if the fit should take figures on the way.
+    fn wants_figures(&self) -> bool {
+        true
+    }
+
+    /// Hears of figures, some times a second.
+    fn figures(&mut self, _progress: &Progress) {}
+
+    /// Returns true if the fit must stop; asked before each step.
+    fn stops(&mut self) -> bool {
+        false
+    }
+
+    /// Returns true if what there is after this number of iterations is to be kept.
+    fn keeps(&self, _iteration: u32) -> bool {
+        false
+    }
+
+    /// Keeps what there is: where [`Watch::keeps`] says so, and at last where [`Watch::stops`] broke the fit off. Returns
+    /// true if the fit goes on.
+    fn keep(&mut self, _milestone: &mut Milestone<'_, '_>) -> Result<bool> {
+        Ok(true)
+    }
+}
+
+/// The fit after a number of iterations that is final, for [`Watch::keep`].
+pub struct Milestone<'a, 'b> {
+    /// The fit; nothing is in flight.
+    pub fitter: &'a mut Fitter<'b>,
+    /// The splats, in voxel space of the working grid and HU.
+    pub splats: &'a [Splat],
+    /// The iterations behind them.
+    pub iteration: u32,
+    /// Time of the iterations so far, this and other milestones included.
+    pub seconds: f64,
+    /// The figures so far.
+    pub curve: &'a [CurvePoint],
+    /// True if the fit was broken off here.
+    pub stopped: bool,
+}
+
+/// How a fit ended.
+pub enum End {
+    /// The schedule is done, or [`Watch::keep`] had enough.
+    Finished,
+    /// [`Watch::stops`] said so.
+    Stopped,
+    /// The device failed, or the error was no number any more.
+    Failed(Error),
+}
+
+/// What a fit came to.
+pub struct Outcome {
+    /// The last good splats, in voxel space of the working grid and HU.
+    pub splats: Vec<Splat>,
+    /// The iterations behind these splats.
+    pub iterations: u32,
+    /// Time of the iterations.
+    pub seconds: f64,
+    /// Figures on the way.
+    pub curve: Vec<CurvePoint>,
+    /// The range that the PSNR of the figures is over, HU.
+    pub range: [f32; 2],
+    /// Updates that were left out because a gradient was not finite.
+    pub frozen: u32,
+    /// Bytes of device memory by purpose, at the end.
+    pub device_bytes: std::collections::BTreeMap<&'static str, u64>,
+    /// How it ended.
+    pub end: End,
+}
+
+/// When figures were fetched last.
+struct Figures {
+    iteration: u32,
+    at: Instant,
+    /// How long that took.
+    took: Duration,
+}
+
+/// The iterations of a fit.
+struct Course {
+    /// The last splats that were seen to be good, and the iterations behind them.
+    good: Vec<Splat>,
+    iterations: u32,
+    curve: Vec<CurvePoint>,
+    /// Time of the iterations before this run went on.
+    before: Duration,
+    begun: Instant,
+    figures: Figures,
+    grids: u32,
+    /// The iteration of the last milestone.
+    kept: Option<u32>,
+}
+
+impl Course {
+    fn elapsed(&self) -> Duration {
+        self.before + self.begun.elapsed()
+    }
+
+    /// Returns true if figures should be fetched at this iteration. They belong to the grid whose turn it is, so they are
+    /// taken where the same one has it; where only a mini-batch is rasterized they cost more than an iteration.
+    fn are_figures_due(&self, iteration: u32) -> bool {
+        let since = iteration.saturating_sub(self.figures.iteration);
+        let waited = self.figures.at.elapsed();
+        let due = since >= FIGURES_EVERY || since > 0 && waited >= FIGURES_AFTER;
+        let affordable = waited >= FIGURES_SHARE * self.figures.took;
+        let overdue = since > 0 && waited >= FIGURES_AT_LATEST;
+        due && affordable && iteration.is_multiple_of(self.grids) || overdue
+    }
+
+    fn is_milestone(&self, iteration: u32, watch: &dyn Watch) -> bool {
+        watch.keeps(iteration) && self.kept.is_none_or(|kept| iteration > kept)
+    }
+
+    fn run(&mut self, fitter: &mut Fitter<'_>, schedule: Schedule, watch: &mut dyn Watch) -> Result<End> {
+        loop {
+            let share = schedule.share(fitter.iteration(), self.elapsed());
+            let stopped = watch.stops();
+            let over = |iteration: u32, share: f64| share >= 1.0 && iteration > 0;
+            let figures = watch.wants_figures() && self.are_figures_due(fitter.iteration());
+            let milestone = self.is_milestone(fitter.iteration(), watch);
+            if over(fitter.iteration(), share) || stopped || milestone || figures {
+                self.look(fitter, watch)?;
+                // The count may have gone back where buffers had to grow: then it is not over yet.
+                let at = fitter.iteration();
+                if (stopped || self.is_milestone(at, watch)) && !self.keep(fitter, watch, stopped)? {
+                    return Ok(End::Finished);
+                }
+                if stopped {
+                    return Ok(End::Stopped);
+                }
+                if over(at, schedule.share(at, self.elapsed())) {
+                    return Ok(End::Finished);
+                }
+            }
+            fitter.step(share)?;
+            watch.step(fitter.iteration(), share);
+        }
+    }
+
+    fn keep(&mut self, fitter: &mut Fitter<'_>, watch: &mut dyn Watch, stopped: bool) -> Result<bool> {
+        self.kept = Some(fitter.iteration());
+        watch.keep(&mut Milestone {
+            iteration: fitter.iteration(),
+            seconds: self.elapsed().as_secs_f64(),
+            fitter,
+            splats: &self.good,
+            curve: &self.curve,
+            stopped,
+        })
+    }
+
+    /// Fetches the splats, and the figures where they are wanted, and keeps them if they are good.
+    fn look(&mut self, fitter: &mut Fitter<'_>, watch: &mut dyn Watch) -> Result<()> {
+        let begin = Instant::now();
+        fitter.finish()?;
+        // Nothing has changed since the last time.
+        if fitter.iteration() == self.figures.iteration {
+            return Ok(());
+        }
+        let progress = watch.wants_figures().then(|| fitter.progress()).transpose()?;
+        let splats = fitter.splats()?;
+        check(fitter.iteration(), progress.as_ref(), &splats, self.iterations)?;
+        self.good = splats;
+        self.iterations = fitter.iteration();
+        self.figures = Figures { iteration: self.iterations, at: Instant::now(), took: begin.elapsed() };
+        if let Some(progress) = progress {
+            watch.figures(&progress);
+            self.curve.push(CurvePoint { seconds: self.elapsed().as_secs_f64(), progress });
+        }
+        Ok(())
+    }
+}
+
+/// Refuses what is no fit any more. `kept` is the iteration of the last good splats.
+fn check(iteration: u32, progress: Option<&Progress>, splats: &[Splat], kept: u32) -> Result<()> {
+    let bad = splats.iter().filter(|s| splat::defect(s).is_some()).count();
+    let errors = progress.map(|p| [Some(p.mse), Some(p.occupancy_rmse), p.dice, p.leak]);
+    if bad == 0 && errors.iter().flatten().flatten().all(|e| e.is_finite()) {
+        return Ok(());
+    }
+    let mse = progress.map_or(f64::NAN, |p| p.mse);
+    let message = format!(
+        "the fit diverged after {iteration} iterations (mean squared error {mse}, {bad} unusable splats); the splats of \
+         iteration {kept} are kept"
+    );
+    Err(Error::new(Kind::Internal, "VGS-FIT-010", message)
+        .help("lower the learning rates; if they are the default ones, please report it"))
+}
+
+/// A closure as a [`Watch`].
+struct OnFigures<F> {
+    watch: F,
+    stop: bool,
+}
+
+impl<F: FnMut(&Progress) -> ControlFlow<()>> Watch for OnFigures<F> {
+    fn figures(&mut self, progress: &Progress) {
+        self.stop |= (self.watch)(progress).is_break();
+    }
+
+    fn stops(&mut self) -> bool {
+        self.stop
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_that_is_no_fit_any_more_is_refused() {
+        let progress = Progress {
+            iteration: 9,
+            mse: 0.0,
+            psnr_db: f64::INFINITY,
+            occupancy_rmse: 0.1,
+            dice: Some(0.2),
+            leak: None,
+        };
+        let splat = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        assert!(check(9, Some(&progress), &[splat], 5).is_ok(), "an exact fit is none that diverged");
+        assert!(check(9, None, &[splat], 5).is_ok());
+        let rows = [
+            (Progress { mse: f64::NAN, ..progress }, splat),
+            (Progress { occupancy_rmse: f64::INFINITY, ..progress }, splat),
+            (Progress { dice: Some(f64::NAN), ..progress }, splat),
+            (Progress { leak: Some(f64::INFINITY), ..progress }, splat),
+            (progress, Splat { intensity: f32::NAN, ..splat }),
+        ];
+        for (progress, splat) in rows {
+            let error = check(9, Some(&progress), &[splat], 5).expect_err("diverged");
+            assert_eq!((error.kind, error.code), (Kind::Internal, "VGS-FIT-010"));
+            assert!(error.message.contains("iteration 5 are kept"), "{}", error.message);
+        }
+    }
+
+    #[test]
+    fn the_nearer_limit_sets_the_schedule() {
+        let schedule = Schedule { iterations: 100, time: Some(Duration::from_secs(10)) };
+        for (iteration, seconds, share) in
+            [(0, 0, 0.0), (50, 1, 0.5), (10, 5, 0.5), (200, 1, 1.0), (1, 20, 1.0)]
+        {
+            assert_eq!(schedule.share(iteration, Duration::from_secs(seconds)), share);
+        }
+    }
+}

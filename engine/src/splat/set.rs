@@ -1,0 +1,124 @@
+//! A set of splats in the world.
+
+use glam::DVec3;
+
+use super::importance::by_importance;
+use super::{Field, Form, Grid, Harmonics, Splat};
+
+/// A fitted set of splats in world space, with all that is needed to evaluate the field it stands for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplatSet {
+    /// Means in mm, RAS, relative to `origin_mm`; ln σ in ln mm; intensity as `has_intensity` says.
+    pub splats: Vec<Splat>,
+    /// World position of the splats' zero, mm RAS.
+    pub origin_mm: DVec3,
+    /// How the splats add up to a field.
+    pub field: Field,
+    /// Whether intensities are physical (HU for CT). Otherwise they are the luminance of a colour, about 0 to 1, and
+    /// a transfer function over HU means nothing for them.
+    pub has_intensity: bool,
+    /// The colours of a set of ordinary 3D Gaussian splatting; nothing where the splats have an intensity, which a
+    /// transfer function colours.
+    pub colours: Option<Harmonics>,
+    /// Which structure each splat belongs to, by the labels of the label map it was fitted to; 0 is none of them.
+    pub labels: Option<Vec<u8>>,
+    /// Names of labels, at most one for each, in ascending order; see [`label_name`].
+    pub label_names: Vec<(u8, String)>,
+    /// Iterations of the fit that made the set; nothing where the file does not say.
+    pub iterations: Option<u32>,
+    /// The grid of the volume that it was fitted to; nothing where the file does not say.
+    pub grid: Option<Grid>,
+    /// What it was fitted for.
+    pub form: Form,
+}
+
+impl Default for SplatSet {
+    /// No splats, whose intensities would be physical.
+    fn default() -> Self {
+        SplatSet {
+            splats: Vec::new(),
+            origin_mm: DVec3::ZERO,
+            field: Field::default(),
+            has_intensity: true,
+            colours: None,
+            labels: None,
+            label_names: Vec::new(),
+            iterations: None,
+            grid: None,
+            form: Form::default(),
+        }
+    }
+}
+
+impl SplatSet {
+    /// Returns the least and the greatest intensity (HU where [`SplatSet::has_intensity`]); nothing of an empty set.
+    pub fn intensity_range(&self) -> Option<[f64; 2]> {
+        let intensities = || self.splats.iter().map(|splat| f64::from(splat.intensity));
+        intensities().reduce(f64::min).zip(intensities().reduce(f64::max)).map(|(low, high)| [low, high])
+    }
+
+    /// Sorts the splats by importance, the most important first: any number of the first splats then stands for the whole
+    /// as well as so many can. The field stays what it is.
+    pub fn order_by_importance(&mut self) {
+        let order = by_importance(&self.splats, &self.field);
+        self.take(&order.iter().map(|&i| i as usize).collect::<Vec<_>>());
+    }
+
+    /// Keeps the first splats.
+    pub fn truncate(&mut self, count: usize) {
+        self.take(&(0..count.min(self.splats.len())).collect::<Vec<_>>());
+    }
+
+    /// Keeps the splats of these rows, in this order.
+    fn take(&mut self, rows: &[usize]) {
+        self.splats = rows.iter().map(|&i| self.splats[i]).collect();
+        if let Some(labels) = &mut self.labels {
+            *labels = rows.iter().map(|&i| labels[i]).collect();
+        }
+        if let Some(colours) = &mut self.colours {
+            let stride = colours.stride();
+            let of = |&i: &usize| colours.coefficients[i * stride..][..stride].iter().copied();
+            colours.coefficients = rows.iter().flat_map(of).collect();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_most_important_splats_come_first_with_what_belongs_to_them() {
+        let weighing = |opacity_logit, size: f32| Splat {
+            opacity_logit,
+            log_scale: [size, 0.0, -1.0],
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            ..Splat::default()
+        };
+        let splats = vec![weighing(0.0, 0.0), weighing(0.0, 2.0), weighing(-9.0, 2.0), weighing(5.0, 2.0)];
+        let coefficients = (0..12).map(|i| i as f32).collect();
+        let mut set = SplatSet {
+            splats: splats.clone(),
+            labels: Some(vec![0, 1, 2, 3]),
+            colours: Some(Harmonics { degree: 0, coefficients }),
+            ..SplatSet::default()
+        };
+        set.order_by_importance();
+        assert_eq!(set.labels.as_deref(), Some(&[3, 1, 0, 2][..]));
+        assert_eq!(set.splats, [3, 1, 0, 2].map(|i| splats[i]));
+        set.truncate(2);
+        assert_eq!(set.labels.as_deref(), Some(&[3, 1][..]));
+        assert_eq!(set.colours.expect("colours").coefficients, [9.0, 10.0, 11.0, 3.0, 4.0, 5.0]);
+    }
+
+    #[test]
+    fn intensities_range_from_the_least_to_the_greatest() {
+        let of = |intensity| Splat { intensity, ..Splat::default() };
+        let mut set = SplatSet { splats: [3.0, -5.0, 80.0].map(of).to_vec(), ..SplatSet::default() };
+        assert_eq!(set.intensity_range(), Some([-5.0, 80.0]));
+        set.truncate(1);
+        assert_eq!(set.intensity_range(), Some([3.0, 3.0]));
+        set.truncate(0);
+        assert_eq!(set.intensity_range(), None);
+    }
+}

@@ -1,0 +1,46 @@
+//! The examples of the engine run as they stand, and the README shows the first of them.
+#![forbid(unsafe_code)]
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// Where cargo puts the examples of this workspace: beside the folder of this test.
+fn example(name: &str) -> PathBuf {
+    let this = std::env::current_exe().expect("the path of this test");
+    let built = this.ancestors().nth(2).expect("target/PROFILE/deps/TEST");
+    built.join("examples").join(name).with_extension(std::env::consts::EXE_EXTENSION)
+}
+
+fn run(name: &str, folder: &Path, arguments: &[&str]) -> String {
+    let output = Command::new(example(name))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap_or_else(|e| panic!("{name}: {e}; `cargo build --examples` makes it"));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{name}: {told}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn a_phantom_is_fitted_and_seen_from_four_sides() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let told = run("fit", folder.path(), &[]);
+    assert!(told.starts_with("phantom.ply: ") && told.contains(" splats"), "{told}");
+    let told = run("render", folder.path(), &[]);
+    assert_eq!(told.lines().collect::<Vec<_>>(), ["anterior.png", "left.png", "posterior.png", "right.png"]);
+    for name in told.lines() {
+        let picture = engine::image::read(folder.path().join(name)).expect("a picture").image;
+        let bright = picture.pixels.iter().filter(|p| p[0] + p[1] + p[2] > 0.5).count();
+        assert!(bright > picture.pixels.len() / 50, "{name} shows something: {bright} bright pixels");
+    }
+}
+
+#[test]
+fn the_readme_shows_the_first_example() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository");
+    let read = |path: &str| std::fs::read_to_string(root.join(path)).expect(path);
+    let (readme, example) = (read("README.md"), read("engine/examples/fit.rs"));
+    let code: String = example.split_inclusive('\n').skip_while(|line| line.starts_with("//!")).collect();
+    assert!(readme.contains(code.trim()), "README.md has the code of engine/examples/fit.rs as it stands");
+}
