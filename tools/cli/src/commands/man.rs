@@ -10,6 +10,7 @@ use engine::output::write_atomic;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::outputs;
+use crate::shared::version::NUMBER;
 
 /// Writes manual pages: vgs.1, and one for each command
 #[derive(Args, Debug)]
@@ -53,7 +54,7 @@ fn pages(vgs: Command, folder: &Path) -> Vec<(PathBuf, Man)> {
     let shown = vgs.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
     let commands: Vec<Command> = std::iter::once(vgs.clone()).chain(shown).collect();
     let page = |command| {
-        let page = Man::new(command);
+        let page = Man::new(command).source(format!("vgs {NUMBER}")).manual("vgs");
         (folder.join(page.get_filename()), page)
     };
     commands.into_iter().map(page).collect()

@@ -2,19 +2,9 @@
 
 use std::fmt::Write;
 
-use engine::fit::Progress;
+use engine::fit::CurvePoint;
 use engine::{Error, Kind, Result};
 use plotters::prelude::*;
-use serde::{Deserialize, Serialize};
-
-/// A row of the curve.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CurvePoint {
-    /// Seconds since the first iteration.
-    pub seconds: f64,
-    /// The figures at that time.
-    pub progress: Progress,
-}
 
 /// Returns the curve as CSV.
 pub fn csv(curve: &[CurvePoint]) -> String {
@@ -136,6 +126,8 @@ where
 
 #[cfg(test)]
 mod tests {
+    use engine::fit::Progress;
+
     use super::*;
 
     #[test]

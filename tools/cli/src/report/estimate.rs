@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::results::FitResults;
 use crate::shared::figures::{bytes, seconds};
 
-/// VoxelErrors at the voxels, HU.
+/// Errors at the voxels, HU.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct VoxelErrors {
     /// Root mean square error at the voxels.
@@ -29,9 +29,9 @@ pub struct Estimate {
     pub seconds_per_iteration: f64,
     pub device_peak_bytes: u64,
     pub file_bytes: u64,
-    /// VoxelErrors measured after [`engine::fit::EARLY`] iterations.
+    /// Errors measured after [`engine::fit::EARLY`] iterations.
     pub early: VoxelErrors,
-    /// VoxelErrors to be expected; known only of a quality with nothing changed, for which they were measured.
+    /// Errors to be expected; known only of a quality with nothing changed, for which they were measured.
     #[serde(flatten)]
     pub expected: Option<VoxelErrors>,
     /// Seconds that the estimate took.

@@ -5,7 +5,6 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
-use engine::splat::Grid;
 use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
@@ -104,11 +103,6 @@ impl Case {
         Ok((Case { volume, roi }, mask))
     }
 
-    /// Returns volume and region on a grid of blocks of `factor` voxels along each axis.
-    pub fn coarsened(&self, factor: usize) -> Case {
-        Case { volume: self.volume.coarsened(factor), roi: self.roi.coarsened(factor) }
-    }
-
     /// Returns the least and the greatest finite sample of the whole volume: the usual normalisation of a PSNR.
     pub fn full_range(&self) -> [f32; 2] {
         self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()
@@ -181,11 +175,6 @@ fn region_with_mask(
 
 fn named(error: Error, path: &Path) -> Error {
     if error.file.is_some() { error } else { error.file(path) }
-}
-
-/// Returns the grid of a volume, as the files of splats keep it.
-pub fn grid_of(volume: &Volume) -> Grid {
-    Grid { size: volume.size.map(|n| n as u32), world_from_voxel: volume.world_from_voxel }
 }
 
 /// An input file as a record keeps it.

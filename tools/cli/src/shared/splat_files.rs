@@ -19,7 +19,7 @@ pub struct LayoutArguments {
 }
 
 impl LayoutArguments {
-    /// How splats of this volume and region are written.
+    /// Returns how splats of this volume and region are written.
     pub fn options(self, volume: &Volume, roi: &Roi, force: bool) -> WriteOptions {
         WriteOptions { layout: self.ply_layout, place: Some(place(volume, Some(roi))), force }
     }
@@ -33,18 +33,9 @@ fn layout(text: &str) -> std::result::Result<&'static PlyLayout, String> {
     })
 }
 
-/// Reads splats of any kind.
-pub fn read(path: &Path) -> Result<Unplaced> {
-    let splats = splat::read_unplaced(path, &splat::ReadOptions::default())?;
-    if splats.is_empty() {
-        return Err(Error::new(Kind::BadData, "VGS-CLI-040", "the file holds no usable splat").file(path));
-    }
-    Ok(splats)
-}
-
 /// Reads splats that have an intensity in HU.
 pub fn read_with_intensity(path: &Path) -> Result<Unplaced> {
-    let splats = read(path)?;
+    let splats = splat::read_some(path)?;
     if !splats.has_intensity() {
         let message = "these splats have a colour but no intensity: there is nothing to compare with HU";
         return Err(Error::new(Kind::BadData, "VGS-CLI-041", message)

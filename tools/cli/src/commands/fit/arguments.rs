@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use clap::Args;
 use engine::Result;
+use engine::fit::Schedule;
 
 use super::checkpoint::CheckpointArguments;
-use super::optimise::Schedule;
 use super::settings::{Settings, SettingsArguments};
 use crate::shared::flags::{DeviceArguments, Range, duration, range_or_roi};
 use crate::shared::inputs::{InputRecord, ReadArguments, RoiArguments};

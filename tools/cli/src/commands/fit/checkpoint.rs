@@ -4,14 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::fit::{FitConfig, State};
+use engine::fit::{CurvePoint, FitConfig, Interrupted, State};
 use engine::output::check_writable;
 use engine::splat::{self, Field, Form, Grid, Splat, SplatSet, WriteOptions};
 use engine::{Error, Kind, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::report::curve::CurvePoint;
 use crate::shared::inputs::{InputRecord, RoiArguments};
 use crate::shared::outputs::beside;
 
@@ -38,16 +37,6 @@ struct StateNotes {
     config: FitConfig,
     seconds: f64,
     curve: Vec<CurvePoint>,
-}
-
-/// An interrupted fit, as its state file has it.
-pub struct Interrupted {
-    /// The state of the fitter.
-    pub state: State,
-    /// Time of the iterations so far.
-    pub seconds: f64,
-    /// Figures so far.
-    pub curve: Vec<CurvePoint>,
 }
 
 /// The checkpoints of one fit.

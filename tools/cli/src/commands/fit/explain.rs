@@ -1,15 +1,15 @@
-//! What a fit will cost, said before it begins: memory and file by making ready for it, time by its own first iterations
-//! on this device, errors by what these leave and what the rest of a fit of its quality has made of that elsewhere.
+//! Estimates what a fit will cost before it begins: memory and file size by preparing it, time by running its first
+//! iterations on this device, errors by those that these leave and by what the rest of a fit of the same quality made of
+//! such errors where it was measured.
 
 use std::time::{Duration, Instant};
 
 use engine::Result;
 use engine::fit::evaluate::{self, Protocol};
-use engine::fit::{EARLY, FitConfig, Fitter, QualityPreset};
+use engine::fit::{EARLY, Fitter, Problem, QualityPreset, Schedule, Start};
 use engine::gpu::Gpu;
-use engine::splat::{self, Field, Splat, SplatSet};
+use engine::splat::{self, Splat, SplatSet};
 
-use super::optimise::Schedule;
 use crate::report::estimate::{Estimate, VoxelErrors};
 use crate::shared::inputs::Case;
 
@@ -21,12 +21,12 @@ const BATCH: u32 = 4;
 const TIMED: Duration = Duration::from_millis(2500);
 /// ... or so many.
 const MOST_TIMED: u32 = 64;
-/// Iterations later in a fit over its first ones: splats that have found their places reach other bricks. The median of the
-/// 28 fits of the default profile in docs/results/paper-tables/runs (those after the 50th over those before), half of which lie
-/// between 1.02 and 1.14.
+/// Time of an iteration later in a fit over that of its first ones: splats that have found their places reach other
+/// bricks. It is the median of the 28 fits of the default profile in docs/results/paper-tables/runs (iterations after the
+/// 50th over those before), half of which lie between 1.02 and 1.14.
 const GROWTH: f64 = 1.07;
 
-/// What the first iterations showed, seconds.
+/// Times measured at the first iterations, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Rates {
     /// Reading the inputs and placing the first splats; they are done already.
@@ -44,7 +44,7 @@ struct Rates {
 }
 
 impl Rates {
-    /// The iterations that a schedule comes to.
+    /// Returns the number of iterations that a schedule leaves time for.
     fn iterations(&self, schedule: &Schedule) -> u32 {
         let Some(time) = schedule.time else { return schedule.iterations };
         let left = (time.as_secs_f64() - self.warm_up).max(0.0) / self.iteration.max(1e-9);
@@ -52,7 +52,7 @@ impl Rates {
         schedule.iterations.min(left as u32).max(1)
     }
 
-    /// Time of so many iterations with `looks` at what they came to.
+    /// Returns the time of so many iterations with `looks` at figures.
     fn fit(&self, iterations: u32, looks: u32) -> f64 {
         self.warm_up + f64::from(iterations) * self.iteration + f64::from(looks) * self.look
     }
@@ -62,16 +62,16 @@ impl Rates {
     }
 }
 
-/// What will be fitted.
+/// What is estimated.
 pub struct Plan<'a> {
-    /// Another device object than that of the fit, so that each has its own account of memory.
+    /// A device object other than that of the fit, so that each has its own account of memory.
     pub gpu: &'a Gpu,
     /// What is fitted.
-    pub fitted: &'a Case,
-    /// What is evaluated at the end; the same, unless the fit has a working grid.
+    pub problem: &'a Problem<'a>,
+    /// What is evaluated at the end: volume and region as they were read.
     pub native: &'a Case,
-    pub config: &'a FitConfig,
-    pub field: Field,
+    /// Where the fit begins, and the splats there.
+    pub begin: &'a Start,
     pub first: &'a [Splat],
     pub schedule: Schedule,
     /// The closing evaluation, if there is one.
@@ -81,13 +81,13 @@ pub struct Plan<'a> {
     pub output: &'a std::path::Path,
     /// How they will be written.
     pub write: &'a splat::WriteOptions,
-    /// The quality, if nothing that it says was changed.
+    /// The quality, if nothing that it sets was changed.
     pub quality: Option<&'static QualityPreset>,
-    /// What has passed since the command began.
+    /// Time since the command began.
     pub before: Duration,
 }
 
-/// Finds out what a fit will cost.
+/// Measures what a fit will cost.
 pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     let begin = Instant::now();
     let mut rates = Rates { before: plan.before.as_secs_f64(), ..Rates::default() };
@@ -99,11 +99,12 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
         rates.evaluation = evaluating.elapsed().as_secs_f64() * (1 + protocol.offsets.len()) as f64;
     }
     let iterations = rates.iterations(&plan.schedule);
-    let looks = iterations / u32::try_from(plan.config.offsets).unwrap_or(1).max(LOOK_EVERY);
+    let looks = iterations / u32::try_from(plan.problem.config().offsets).unwrap_or(1).max(LOOK_EVERY);
     Ok(Estimate {
         device: plan.gpu.description().name.clone(),
         splats: plan.first.len(),
-        may_grow: plan.config.topology()?.change.is_some() && plan.config.topology_limit > 1.0,
+        may_grow: plan.problem.config().topology()?.change.is_some()
+            && plan.problem.config().topology_limit > 1.0,
         roi_voxels: plan.native.roi.voxel_count(),
         iterations,
         seconds: rates.total(iterations, looks),
@@ -117,52 +118,47 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     })
 }
 
-/// VoxelErrors of early splats at the voxels.
+/// Measures the errors of early splats at the voxels.
 fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<VoxelErrors> {
     let native = plan.native;
     let there;
-    let splats = if std::ptr::eq(plan.fitted, native) {
-        early
-    } else {
-        let set = SplatSet::from_voxel(early, &plan.fitted.volume.world_from_voxel, plan.field);
-        there = set.to_voxel(&native.volume.world_from_voxel);
+    let splats = if plan.problem.is_coarser() {
+        there = plan.problem.splat_set(early, EARLY).to_voxel(&native.volume.world_from_voxel);
         &there
+    } else {
+        early
     };
     let range = plan.protocol.as_ref().map_or_else(|| native.full_range(), |p| p.range);
-    let protocol = Protocol { offsets: Vec::new(), range, shell: plan.config.shell, threshold: 0.0 };
-    let found = evaluate::evaluate(plan.gpu, splats, &plan.field, &native.volume, &native.roi, &protocol)?;
+    let protocol =
+        Protocol { offsets: Vec::new(), range, shell: plan.problem.config().shell, threshold: 0.0 };
+    let found =
+        evaluate::evaluate(plan.gpu, splats, &plan.problem.field(), &native.volume, &native.roi, &protocol)?;
     Ok(VoxelErrors { rmse_hu: found.on_grid.rmse_hu, p99_hu: found.on_grid.p99_hu })
 }
 
-/// Iterations between two looks, at least, as `optimise` has them.
+/// Iterations between two looks at figures, at least, as a fit has them.
 const LOOK_EVERY: u32 = 16;
 
-/// Runs the fit's first iterations. What they came to after [`EARLY`] of them.
+/// Runs and times the fit's first iterations; returns the splats after [`EARLY`] of them.
 fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<Vec<Splat>> {
     let setup = Instant::now();
-    let case = plan.fitted;
-    let mut fitter = Fitter::new(plan.gpu, &case.volume, &case.roi, plan.first, plan.config)?;
+    let mut fitter = plan.problem.fitter(plan.gpu, plan.begin)?;
     rates.setup = setup.elapsed().as_secs_f64();
-    let run = |fitter: &mut Fitter<'_>, count: u32| -> Result<(u32, f64)> {
+    let schedule = Schedule { time: None, ..plan.schedule };
+    let run = |fitter: &mut Fitter<'_>, count: u32| -> Result<f64> {
         let begin = Instant::now();
-        let from = fitter.iteration();
-        for _ in 0..count {
-            let share = f64::from(fitter.iteration()) / f64::from(plan.schedule.iterations);
-            fitter.step(share)?;
-        }
-        fitter.finish()?;
-        // Fewer than were asked for where buffers had to grow.
-        Ok((fitter.iteration().saturating_sub(from), begin.elapsed().as_secs_f64()))
+        fitter.run_to(fitter.iteration() + count, schedule)?;
+        Ok(begin.elapsed().as_secs_f64())
     };
-    let (_, warm_up) = run(&mut fitter, WARM_UP)?;
+    let warm_up = run(&mut fitter, WARM_UP)?;
     let timing = Instant::now();
     let (mut done, mut spent) = (0, 0.0);
     let mut early = None;
     while early.is_none() || done < MOST_TIMED && timing.elapsed() < TIMED {
         let to_early = EARLY.saturating_sub(fitter.iteration());
-        let (iterations, time) = run(&mut fitter, if to_early > 0 { to_early.min(BATCH) } else { BATCH })?;
-        done += iterations;
-        spent += time;
+        let batch = if to_early > 0 { to_early.min(BATCH) } else { BATCH };
+        spent += run(&mut fitter, batch)?;
+        done += batch;
         if early.is_none() && fitter.iteration() >= EARLY {
             let looking = Instant::now();
             fitter.progress()?;
@@ -176,7 +172,7 @@ fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<Vec<Splat>> {
     Ok(early.unwrap_or_default())
 }
 
-/// VoxelErrors of a quality whose first iterations left these.
+/// Returns the errors to be expected of a quality whose first iterations left these.
 fn expected(quality: &QualityPreset, early: VoxelErrors) -> VoxelErrors {
     VoxelErrors {
         rmse_hu: quality.rmse_of_early * early.rmse_hu,

@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use engine::fit::Outcome;
 use engine::output::write_atomic;
 use engine::{Error, Kind, Result, splat};
 
 use super::arguments::Arguments;
-use super::optimise::Outcome;
 use crate::report::curve;
 use crate::report::record::RunRecord;
 use crate::shared::lock::Lock;
@@ -59,12 +59,12 @@ impl OutputFiles {
         list
     }
 
-    /// Writes the record and the curve, as a table and as a plot.
+    /// Writes the record and the curve, as a table and as a plot; `unit` is that of the volume, which is in the title.
     pub fn write_reports(
         &self,
         record: &RunRecord<'_>,
         outcome: &Outcome,
-        volume: &Path,
+        (volume, unit): (&Path, &str),
         force: bool,
     ) -> Result<()> {
         let json = serde_json::to_string_pretty(record).map_err(|e| {
@@ -72,7 +72,7 @@ impl OutputFiles {
         })?;
         let name = volume.file_name().unwrap_or_default().to_string_lossy();
         let title = format!("{name}: {} splats", outcome.splats.len());
-        let plot = curve::svg(&outcome.curve, &title, outcome.range, outcome.unit)?;
+        let plot = curve::svg(&outcome.curve, &title, outcome.range, unit)?;
         let put = |path: &Path, text: &str| write_atomic(path, force, |out| out.write_all(text.as_bytes()));
         put(&self.record, &(json + "\n"))?;
         put(&self.csv, &curve::csv(&outcome.curve))?;

@@ -5,20 +5,32 @@ use std::time::{Duration, Instant};
 use engine::Result;
 use engine::fit::evaluate::{self, Protocol};
 use engine::fit::labels::label;
-use engine::fit::{FitConfig, IntensityRange, Scaling};
+use engine::fit::{FitConfig, IntensityRange, Problem, Schedule, Start};
 use engine::gpu::Gpu;
 use engine::splat::{Field, Splat, SplatSet, WriteOptions};
 use engine::volume::Labels;
 
 use super::arguments::Arguments;
-use super::checkpoint::{Checkpoints, Interrupted};
-use super::optimise::{Schedule, Start};
+use super::checkpoint::Checkpoints;
 use super::output_files::OutputFiles;
 use super::settings::Settings;
-use super::working_grid::WorkingGrid;
 use crate::shared::evaluation::{EVAL_SEED, unweighted};
 use crate::shared::flags::Range;
-use crate::shared::inputs::{Case, grid_of};
+use crate::shared::inputs::Case;
+
+/// What a fit reads.
+pub struct Inputs {
+    case: Case,
+    labels: Option<Labels>,
+}
+
+impl Inputs {
+    /// Reads the volume and its region.
+    pub fn read(arguments: &Arguments) -> Result<Self> {
+        let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
+        Ok(Inputs { case, labels })
+    }
+}
 
 /// A fit that is ready to begin: what its stages read.
 pub struct Prepared<'a> {
@@ -29,10 +41,10 @@ pub struct Prepared<'a> {
     /// The outputs.
     pub files: &'a OutputFiles,
     /// Volume and region as they were read.
-    pub case: Case,
-    labels: Option<Labels>,
-    /// What is fitted in place of the voxels, if the settings ask for it.
-    pub working: Option<WorkingGrid>,
+    pub case: &'a Case,
+    labels: Option<&'a Labels>,
+    /// What is fitted: volume and region on the working grid, with the hyper-parameters for it.
+    pub problem: Problem<'a>,
     /// What is left on the way.
     pub checkpoints: Checkpoints,
     /// The device of the fit.
@@ -55,14 +67,15 @@ pub struct Prepared<'a> {
     pub before: Duration,
 }
 
-/// Reads the inputs, boots the device and places the first splats, or reads where an interrupted fit stands.
+/// Boots the device and places the first splats, or reads where an interrupted fit stands.
 pub fn prepare<'a>(
     arguments: &'a Arguments,
     settings: &'a Settings,
     files: &'a OutputFiles,
+    inputs: &'a Inputs,
     start: Instant,
 ) -> Result<(Prepared<'a>, Start)> {
-    let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
+    let case = &inputs.case;
     let write = arguments.layout.options(&case.volume, &case.roi, arguments.replaces_outputs());
     let checkpoints = Checkpoints::new(
         &arguments.checkpoint,
@@ -78,25 +91,26 @@ pub fn prepare<'a>(
 
     let initialising = Instant::now();
     let config = &settings.config;
-    let working = WorkingGrid::of(&case, config);
-    let begin = begin(config, &case, working.as_ref(), interrupted)?;
+    let problem = Problem::new(&case.volume, &case.roi, config)?;
+    let begin = match interrupted {
+        Some(interrupted) => Start::Interrupted(interrupted),
+        None => Start::First(problem.first_splats()?),
+    };
     let initialise_seconds = initialising.elapsed().as_secs_f64();
 
     warn_of_kernel(&write, config);
-    let fitted = working.as_ref().map_or(&case, |grid| &grid.case);
-    let fit_config = working.as_ref().map_or(config, |grid| &grid.config);
-    let field = config.field(Scaling::new(&fitted.volume, &fitted.roi, fit_config).background);
-    let protocol = protocol(arguments, config, &case)?;
+    let protocol = protocol(arguments, config, case)?;
     let before = start.elapsed();
     let prepared = Prepared {
         arguments,
         settings,
         files,
-        labels,
-        working,
+        case,
+        labels: inputs.labels.as_ref(),
+        field: problem.field(),
+        problem,
         checkpoints,
         gpu,
-        field,
         write,
         protocol: (!arguments.no_eval).then_some(protocol),
         schedule: arguments.schedule(settings, before),
@@ -104,52 +118,19 @@ pub fn prepare<'a>(
         read_seconds,
         initialise_seconds,
         before,
-        case,
     };
     Ok((prepared, begin))
 }
 
 impl Prepared<'_> {
-    /// Returns what is fitted: volume and region, or their working grid.
-    pub fn fitted(&self) -> &Case {
-        self.working.as_ref().map_or(&self.case, |grid| &grid.case)
-    }
-
-    /// Returns the hyper-parameters for what is fitted.
-    pub fn fit_config(&self) -> &FitConfig {
-        self.working.as_ref().map_or(&self.settings.config, |grid| &grid.config)
-    }
-
     /// Returns splats of the fit, given in its voxel space, as a file keeps them.
     pub fn set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
-        let fitted = self.fitted();
-        let mut set = SplatSet {
-            iterations: Some(iterations),
-            grid: Some(grid_of(&fitted.volume)),
-            form: self.settings.config.fitted_form(&fitted.roi),
-            ..SplatSet::from_voxel(splats, &fitted.volume.world_from_voxel, self.field)
-        };
-        if let Some(labels) = &self.labels {
+        let mut set = self.problem.splat_set(splats, iterations);
+        if let Some(labels) = self.labels {
             label(&mut set, labels);
         }
         set
     }
-}
-
-/// Returns where the fit begins: with first splats, or where it was interrupted.
-fn begin(
-    config: &FitConfig,
-    case: &Case,
-    working: Option<&WorkingGrid>,
-    interrupted: Option<Interrupted>,
-) -> Result<Start> {
-    if let Some(interrupted) = interrupted {
-        return Ok(Start::Interrupted(interrupted));
-    }
-    let fitted = working.map_or(case, |grid| &grid.case);
-    let count = config.splat_count(case.roi.weight_sum());
-    let run = config.initialiser()?.run;
-    Ok(Start::Splats(run(&fitted.volume, &fitted.roi, count, config.seed, &config.init())))
 }
 
 /// Warns where programs that read the layout draw another kernel than that of the fit.

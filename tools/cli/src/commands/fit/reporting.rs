@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use engine::fit::evaluate::Evaluation;
+use engine::fit::{End, Outcome};
 use engine::{Result, splat};
 
 use super::checkpoint;
-use super::optimise::{End, Outcome};
 use super::output_files::OutputFiles;
 use super::prepare::Prepared;
 use super::stages::{Evaluated, Fitted};
@@ -39,7 +39,12 @@ pub fn report(
         None => None,
     };
     let record = record(prepared, &fitted.outcome, timings, checked, &results)?;
-    files.write_reports(&record, &fitted.outcome, &arguments.volume, prepared.write.force)?;
+    files.write_reports(
+        &record,
+        &fitted.outcome,
+        (&arguments.volume, prepared.case.volume.unit()),
+        prepared.write.force,
+    )?;
     if console.json {
         console.json_data(&results)?;
     } else if !console.quiet {
@@ -96,10 +101,10 @@ fn record<'a>(
     estimate: Option<CheckedEstimate>,
     results: &'a FitResults,
 ) -> Result<RunRecord<'a>> {
-    let Prepared { arguments, settings, case, gpu, .. } = prepared;
+    let Prepared { arguments, settings, case, problem, gpu, .. } = prepared;
     let (end, error) = match &outcome.end {
         End::Finished => ("finished", None),
-        End::Stopped(_) => ("stopped", None),
+        End::Stopped => ("stopped", None),
         End::Failed(error) => ("failed", Some(error.to_string())),
     };
     Ok(RunRecord {
@@ -113,9 +118,9 @@ fn record<'a>(
         inputs: arguments.input_records()?,
         volume: VolumeRecord::of(&case.volume),
         roi: RoiRecord::of(&case.roi, &case.volume),
-        working_grid: prepared.working.as_ref().map(|grid| WorkingRecord {
-            volume: VolumeRecord::of(&grid.case.volume),
-            roi: RoiRecord::of(&grid.case.roi, &grid.case.volume),
+        working_grid: problem.is_coarser().then(|| WorkingRecord {
+            volume: VolumeRecord::of(problem.volume()),
+            roi: RoiRecord::of(problem.roi(), problem.volume()),
         }),
         profile: &settings.profile,
         quality: settings.quality.as_deref(),
@@ -143,7 +148,7 @@ fn summary(
 ) -> String {
     let how = match &outcome.end {
         End::Finished => "fitted",
-        End::Stopped(_) => "stopped early: fitted",
+        End::Stopped => "stopped early: fitted",
         End::Failed(_) => "failed: what is left are",
     };
     let mut out = format!(
@@ -187,7 +192,7 @@ fn summary(
         files.splats.display(),
         names.join(", ")
     ));
-    if matches!(outcome.end, End::Stopped(_)) {
+    if matches!(outcome.end, End::Stopped) {
         let state = checkpoint::state_path(&files.splats);
         out.push_str(&format!("to go on: the same command with --resume ({})\n", state.display()));
     }

@@ -2,10 +2,11 @@
 
 use std::time::Instant;
 
+use engine::fit::End;
+
 use super::arguments::Arguments;
-use super::optimise::End;
 use super::output_files::OutputFiles;
-use super::prepare::prepare;
+use super::prepare::{Inputs, prepare};
 use super::reporting::report;
 use super::stages::{estimate, evaluate, fit};
 use crate::shared::console::Console;
@@ -19,7 +20,8 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<u8, Stop> {
     let files = OutputFiles::checked(arguments)?;
     let signals = Signals::install()?;
     let _lock = files.lock(arguments, &signals)?;
-    let (prepared, begin) = prepare(arguments, &settings, &files, start)?;
+    let inputs = Inputs::read(arguments)?;
+    let (prepared, begin) = prepare(arguments, &settings, &files, &inputs, start)?;
     let estimate = estimate(&prepared, &begin, console)?;
     if arguments.dry_run {
         return Ok(0);
@@ -29,7 +31,6 @@ pub fn run(arguments: &Arguments, console: &Console) -> Result<u8, Stop> {
     report(&prepared, &fitted, &evaluated, estimate, console)?;
     match fitted.outcome.end {
         End::Failed(error) => Err(error.into()),
-        End::Stopped(code) => Ok(code),
-        End::Finished => Ok(signals.exit_code().unwrap_or(0)),
+        End::Stopped | End::Finished => Ok(signals.exit_code().unwrap_or(0)),
     }
 }

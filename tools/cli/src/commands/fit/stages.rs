@@ -4,11 +4,12 @@ use std::time::Instant;
 
 use engine::Result;
 use engine::fit::evaluate::{self, Evaluation};
+use engine::fit::{End, Outcome, Start};
 use engine::splat::{Form, SplatSet};
 
 use super::explain;
-use super::optimise::{self, End, Job, Outcome, Start};
 use super::prepare::Prepared;
+use super::watch::FitWatch;
 use crate::picture;
 use crate::report::estimate::{self, Estimate};
 use crate::report::record::PassRecord;
@@ -21,15 +22,14 @@ use crate::shared::splat_files;
 pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Result<Option<Estimate>> {
     let Prepared { arguments, settings, .. } = prepared;
     let first = match begin {
-        Start::Splats(first) if arguments.explain || arguments.dry_run => first,
+        Start::First(first) if arguments.explain || arguments.dry_run => first,
         _ => return Ok(None),
     };
     let estimate = explain::estimate(&explain::Plan {
         gpu: &arguments.device.boot()?,
-        fitted: prepared.fitted(),
-        native: &prepared.case,
-        config: prepared.fit_config(),
-        field: prepared.field,
+        problem: &prepared.problem,
+        native: prepared.case,
+        begin,
         first,
         schedule: prepared.schedule,
         protocol: prepared.protocol.clone(),
@@ -61,16 +61,13 @@ pub struct Fitted {
 
 /// Fits the splats and writes them.
 pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &Console) -> Result<Fitted> {
-    let job = Job {
-        gpu: &prepared.gpu,
-        case: prepared.fitted(),
-        config: prepared.fit_config(),
-        schedule: prepared.schedule,
-        checkpoints: &prepared.checkpoints,
-        signals,
-        console,
+    let outcome = {
+        let mut watch = FitWatch::new(prepared, signals, console);
+        prepared.problem.run(&prepared.gpu, begin, prepared.schedule, &mut watch)?
     };
-    let outcome = optimise::run(&job, begin)?;
+    if matches!(outcome.end, End::Finished) {
+        prepared.checkpoints.clean();
+    }
     let passes = PassRecord::list(prepared.gpu.take_profile());
     if outcome.frozen > 0 {
         tracing::warn!("{} updates of splats were left out: a gradient was not finite", outcome.frozen);
@@ -99,7 +96,7 @@ pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> 
             prepared.write.force,
             &prepared.gpu,
             &fitted.set,
-            &prepared.case,
+            prepared.case,
             None,
             &picture::names(&prepared.files.splats, &prepared.arguments.volume),
             evaluation,
@@ -116,7 +113,7 @@ fn measure(prepared: &Prepared<'_>, fitted: &Fitted) -> Result<Option<Evaluation
         return evaluate_decoded(gpu, &fitted.set, case, protocol).map(Some);
     }
     // Splats of a working grid are brought to the native one; without it they are there, and nothing need be rounded.
-    let native = prepared.working.as_ref().map(|_| fitted.set.to_voxel(&case.volume.world_from_voxel));
+    let native = prepared.problem.is_coarser().then(|| fitted.set.to_voxel(&case.volume.world_from_voxel));
     let splats = native.as_deref().unwrap_or(&fitted.outcome.splats);
     evaluate::evaluate(gpu, splats, &prepared.field, &case.volume, &case.roi, protocol).map(Some)
 }

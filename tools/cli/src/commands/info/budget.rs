@@ -85,8 +85,7 @@ pub struct FrameBudget {
 pub fn measure(path: &Path, arguments: &BudgetArguments) -> Result<FrameBudget> {
     let row = mode(&arguments.mode)?;
     let set = splat::read(path, &ReadOptions::default())?;
-    let range = set.splats.iter().map(|s| f64::from(s.intensity)).filter(|c| c.is_finite());
-    let range = range.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], c| [low.min(c), high.max(c)]);
+    let range = set.intensity_range().unwrap_or([0.0, 1.0]);
     let look = Look::new(transfer::load(&arguments.tf, range)?);
     let gpu = arguments.device.boot()?;
     let settings = Settings::new(arguments.size.0);

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use engine::gpu::Gpu;
 use engine::render::{Camera, ClipPlane, Look, MediumSource, ModeRow, Renderer, Scene, Settings, mode};
-use engine::splat::{self, Form, Place, SplatSet};
+use engine::splat::{self, Form, SplatSet};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, transfer};
 use serde::Serialize;
@@ -18,7 +18,6 @@ use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::inputs::{region_of, volume_of};
 use crate::shared::outputs;
-use crate::shared::splat_files;
 
 /// Steps of a still picture: fine enough that lit surfaces show no rings.
 const STEP: f64 = 0.5;
@@ -122,18 +121,10 @@ impl Arguments {
     /// Reads splats of any kind, of several files as one set; the volume only if one of them must be placed. Objects are
     /// called after the files.
     fn read_splats(&self) -> Result<SplatSet> {
-        let mut place: Option<Place> = None;
-        let mut sets = Vec::new();
-        for path in &self.splats {
-            let splats = splat_files::read(path)?;
-            if splats.needs_volume() && place.is_none() {
-                let (volume, roi) = self.read_volume()?;
-                place = volume.map(|volume| fit::place::place(&volume, roi.as_ref()));
-            }
-            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            sets.push((name, splats.placed(place.as_ref())?));
-        }
-        splat::join(sets)
+        splat::read_all(&self.splats, || {
+            let (volume, roi) = self.read_volume()?;
+            Ok(volume.map(|volume| fit::place::place(&volume, roi.as_ref())))
+        })
     }
 
     /// Returns the look that the flags ask for. `range` are the intensities of what is shown; some presets are
@@ -222,11 +213,9 @@ impl Arguments {
 /// Returns the least and the greatest intensity of what is shown.
 fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
     let range = match (set, volume) {
-        (Some(set), _) => set.splats.iter().map(|s| s.intensity).fold(None, |range: Option<[f32; 2]>, c| {
-            Some(range.map_or([c, c], |[low, high]| [low.min(c), high.max(c)]))
-        }),
-        (None, Some(volume)) => volume.min_max().map(|(low, high)| [low, high]),
+        (Some(set), _) => set.intensity_range(),
+        (None, Some(volume)) => volume.min_max().map(|(low, high)| [f64::from(low), f64::from(high)]),
         (None, None) => None,
     };
-    range.unwrap_or([0.0, 1.0]).map(f64::from)
+    range.unwrap_or([0.0, 1.0])
 }
