@@ -80,7 +80,7 @@ fn platform() -> Result<impl xr::PlatformInfo> {
 #[cfg(target_os = "android")]
 fn platform() -> Result<xr::AndroidPlatformInfo> {
     let app = ACTIVITY.lock().expect("nothing panics with it").clone();
-    let app = app.ok_or_else(|| Error::new(Kind::Internal, "VGS-XR-013", "the activity has not begun"))?;
+    let app = app.ok_or_else(|| Error::new(Kind::Internal, "VGS-XR-014", "the activity has not begun"))?;
     // SAFETY: both are those of the activity, and valid as long as an `AndroidApp` of it: `android_main` has one until the session
     // has ended.
     Ok(unsafe { xr::AndroidPlatformInfo::new(app.vm_as_ptr(), app.activity_as_ptr()) })
