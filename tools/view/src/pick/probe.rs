@@ -348,4 +348,5 @@ fn ellipsoid(splat: &Splat, field: &Field, object: u8) -> Ellipsoid {
 }
 
 #[cfg(test)]
+#[path = "tests.rs"]
 mod tests;

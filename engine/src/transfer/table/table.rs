@@ -12,8 +12,8 @@
 
 use glam::DVec3;
 
-use super::function::{From, MAX_OPACITY, extinction_of};
-use super::{MAX_INTENSITY, TransferFunction};
+use crate::transfer::function::{From, MAX_OPACITY, extinction_of};
+use crate::transfer::{MAX_INTENSITY, TransferFunction};
 
 /// Fewest entries of a table.
 const MIN_LEN: usize = 4096;
@@ -227,4 +227,5 @@ impl Piece {
 }
 
 #[cfg(test)]
+#[path = "tests.rs"]
 mod tests;

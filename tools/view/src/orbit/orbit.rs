@@ -229,4 +229,5 @@ fn wrapped(degrees: f64) -> f64 {
 }
 
 #[cfg(test)]
+#[path = "tests.rs"]
 mod tests;

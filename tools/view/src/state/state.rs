@@ -465,4 +465,5 @@ pub(crate) fn text_of(path: &Path, max_bytes: u64) -> Result<String> {
 }
 
 #[cfg(test)]
+#[path = "tests.rs"]
 mod tests;

@@ -3,8 +3,6 @@
 //! Intensities here are those that a user sees, with the shift applied. Heights are from 0 to 1, the square root of the
 //! opacity per millimetre: a hundredth is as easily taken hold of as a half.
 
-pub mod widget;
-
 use glam::DVec3;
 
 use crate::transfer::{Point, Transfer};
@@ -185,4 +183,5 @@ pub fn ticks([low, high]: [f64; 2], count: usize) -> Vec<f64> {
 }
 
 #[cfg(test)]
+#[path = "tests/points.rs"]
 mod tests;

@@ -1,22 +1,10 @@
-//! The panels: one function each, over plain data. What a panel cannot do by itself it asks for by an [`Action`].
+//! What the panels are made of: rows, buttons that ask for actions, buttons that choose colours.
 
-pub mod camera;
-pub mod clip;
-pub mod keys;
-pub mod measure;
-pub mod menu;
-pub mod notice;
-pub mod objects;
-pub mod overlay;
-pub mod quality;
-pub mod status;
-pub mod transfer;
-pub mod welcome;
-
-use egui::{Align, Color32, Layout, Response, Ui, WidgetText};
+use egui::{Align, Layout, Response, Ui, WidgetText};
 use glam::DVec3;
 
 use crate::actions::{Action, binding};
+use crate::theme::bytes_of;
 
 /// A row: a name of one width for all rows, with an explanation, and what stands beside it.
 pub(crate) fn row<R>(ui: &mut Ui, name: &str, help: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
@@ -64,14 +52,4 @@ pub(crate) fn colour_button(ui: &mut Ui, colour: &mut DVec3, help: &str) -> bool
         *colour = DVec3::from_array(bytes.map(|b| f64::from(b) / 255.0));
     }
     changed
-}
-
-/// A display-referred colour for egui.
-pub(crate) fn screen(colour: DVec3) -> Color32 {
-    let [r, g, b] = bytes_of(colour);
-    Color32::from_rgb(r, g, b)
-}
-
-fn bytes_of(colour: DVec3) -> [u8; 3] {
-    colour.to_array().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
 }

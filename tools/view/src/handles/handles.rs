@@ -193,4 +193,5 @@ pub fn edges([low, high]: [DVec3; 2]) -> [[DVec3; 2]; 12] {
 }
 
 #[cfg(test)]
+#[path = "tests.rs"]
 mod tests;

@@ -3,14 +3,13 @@
 //! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it gives back; then it asks
 //! [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with [`App::camera`] and the state's look.
 
-mod picture;
-
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
 use engine::error::{Error, Result};
 use engine::render::Camera;
 use engine::transfer::PRESETS;
 use glam::DVec3;
 
+use super::drag::Drag;
 use crate::actions::{Action, pressed};
 use crate::editor::Editor;
 use crate::facts::Facts;
@@ -50,23 +49,23 @@ pub struct App {
     pub state: State,
     /// What is remembered from start to start.
     pub settings: Settings,
-    editor: Editor,
-    history: History<Edited>,
+    pub(super) editor: Editor,
+    pub(super) history: History<Edited>,
     /// The state when the changes were last taken.
-    taken: State,
+    pub(super) taken: State,
     /// Whether the whole scene is to be shown as soon as it is there.
-    fit: bool,
+    pub(super) fit: bool,
     /// Whether the tool that measures distances is taken up, and the first point of a distance, mm RAS.
-    measuring: Option<Option<DVec3>>,
-    keys: bool,
-    message: Option<Message>,
-    prompt: Option<Prompt>,
+    pub(super) measuring: Option<Option<DVec3>>,
+    pub(super) keys: bool,
+    pub(super) message: Option<Message>,
+    pub(super) prompt: Option<Prompt>,
     /// What is in the hand while a button is down.
-    grip: Option<picture::Held>,
-    picture: Rect,
-    pixels_per_point: f32,
-    held: bool,
-    reading: Option<Reading>,
+    pub(super) grip: Option<Drag>,
+    pub(super) picture: Rect,
+    pub(super) pixels_per_point: f32,
+    pub(super) held: bool,
+    pub(super) reading: Option<Reading>,
 }
 
 impl App {
@@ -371,4 +370,5 @@ impl App {
 }
 
 #[cfg(test)]
+#[path = "tests.rs"]
 mod tests;
