@@ -44,7 +44,7 @@ void main() {
                 words[c + 4] |= ((columns.y >> (c * 8)) & 0xFFu) << (k * 8);
             }
         }
-        uint to = (block + (task >> 3)) * 64 + octet * 8;
+        uint to = (block + (task >> 3)) * CELLS + octet * 8;
         for (uint c = 0; c < 8; ++c) cell_masks[to + c] = words[c];
     }
 }

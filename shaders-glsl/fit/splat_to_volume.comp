@@ -10,7 +10,7 @@
 //
 // A workgroup owns 8 cells. With GROUP = 64 they go side by side, as GPUs want it. With GROUP = 8 they go one after the
 // other: then all loads are uniform, which a CPU driver turns into scalar ones, five times faster there.
-// engine/src/passes/mod.rs has the choice.
+// engine/src/passes/workgroup_shape.rs has the choice.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
@@ -25,6 +25,8 @@ layout(scalar, binding = 3) readonly buffer Footprints { Footprint footprints[];
 layout(scalar, binding = 4) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
 layout(scalar, binding = 5) writeonly buffer Reconstructions { uint reconstructions[]; };
 
+// Cells of a workgroup.
+const uint CELLS_PER_GROUP = 8;
 // What is less than a normal number some devices flush to zero; on all it counts as nothing.
 const float LEAST_WEIGHT = 1.1754944e-38;
 
@@ -38,18 +40,18 @@ void add(inout vec2 total, inout vec2 lost, vec2 term) {
 }
 
 void rasterise(uint cell, uint lane) {
-    uint slot = cell >> 6;
-    uint morton = (cell & 63u) * 8u + lane;
+    uint slot = cell / CELLS;
+    uint morton = (cell & (CELLS - 1u)) * 8u + lane;
     vec3 x = vec3(brick_coordinates[p.grid.first_slot + slot] * 8u + brick_voxel(morton)) + p.grid.offset;
     vec2 total = vec2(0.0), lost = vec2(0.0); // Σ w, Σ w (c - c0)
     uint start = starts[slot];
     uint end = starts[slot + 1];
     float c0 = 0.0;
     bool begun = false;
-    uint from = mask_block(start, slot) * 64 + (cell & 63u);
+    uint from = mask_block(start, slot) * CELLS + (cell & (CELLS - 1u));
     for (uint first = start; first < end; first += 32) {
         uint mask = cell_masks[from];
-        from += 64;
+        from += CELLS;
         if (mask == 0) continue;
         if (!begun) c0 = footprints[pair_splats[first + uint(findLSB(mask))]].intensity;
         begun = true;
@@ -82,9 +84,9 @@ void rasterise(uint cell, uint lane) {
 }
 
 void main() {
-    uint cell = p.first_cell + gl_WorkGroupID.x * 8;
+    uint cell = p.first_cell + gl_WorkGroupID.x * CELLS_PER_GROUP;
     if (GROUP == 8) {
-        for (uint c = 0; c < 8; ++c) rasterise(cell + c, gl_LocalInvocationIndex);
+        for (uint c = 0; c < CELLS_PER_GROUP; ++c) rasterise(cell + c, gl_LocalInvocationIndex);
     } else {
         rasterise(cell + gl_LocalInvocationIndex / 8, gl_LocalInvocationIndex & 7u);
     }

@@ -3,6 +3,9 @@
 #ifndef BRICK_GLSL
 #define BRICK_GLSL
 
+// Cells of a brick.
+const uint CELLS = 64;
+
 // Spreads 3 bits to every third place: abc -> a00b00c.
 uint spread3(uint v) {
     return (v & 1u) | ((v & 2u) << 2) | ((v & 4u) << 4);
@@ -73,7 +76,7 @@ ivec2 indices(float from, float to, int first, int last) {
     return ivec2(max(int(ceil(clamp(from - 1e-3, -1e6, 1e6))), first), min(int(floor(clamp(to + 1e-3, -1e6, 1e6))), last));
 }
 
-// Where the cell masks of a slot begin, in blocks of 64 words: enough room for every 32 pairs begun, whatever the
+// Where the cell masks of a slot begin, in blocks of CELLS words: enough room for every 32 pairs begun, whatever the
 // number of pairs of the slots before.
 uint mask_block(uint first_pair, uint slot) {
     return first_pair / 32 + slot;

@@ -20,7 +20,10 @@ layout(binding = 7) uniform sampler3D labels;
 layout(scalar, binding = 8) readonly buffer Appearances { Appearance appearances[]; };
 
 // Texels of a brick along each axis.
-const uint APRONED = 9u;
+const uint APRONED = 9;
+// Bits of a place of the atlas along each axis.
+const uint PLACE_BITS = 10;
+const uint PLACE_MASK = (1u << PLACE_BITS) - 1u;
 
 // A place of the grid as a place of the atlas, in texels from the centre of its first one.
 vec3 atlas_place(BrickGrid g, vec3 at) {
@@ -28,7 +31,8 @@ vec3 atlas_place(BrickGrid g, vec3 at) {
     uvec3 bricks = (g.texels + 8u) >> 3;
     uvec3 brick = min(uvec3(from_first) >> 3, bricks - 1u);
     uint place = places[(brick.z * bricks.y + brick.y) * bricks.x + brick.x];
-    uvec3 corner = uvec3(place & 1023u, (place >> 10) & 1023u, place >> 20) * APRONED;
+    uvec3 corner =
+        uvec3(place & PLACE_MASK, (place >> PLACE_BITS) & PLACE_MASK, place >> (2u * PLACE_BITS)) * APRONED;
     return vec3(corner) + (from_first - vec3(brick * 8u));
 }
 

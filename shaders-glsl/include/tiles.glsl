@@ -5,8 +5,14 @@
 #include "view.glsl"
 #include "projected.glsl"
 
+// Pixels along the edge of a tile.
 const uint TILE = 16;
-const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
+// Parts of a tile.
+const uint PARTS = 8;
+// Planes of a block, but for a refinement.
+const uint PLANES = 8;
+// Bits of a pair that say which projected row it belongs to; the others say which parts of the tile.
+const uint ROW_BITS = 24;
 
 // See types.rs.
 struct TileGrid {

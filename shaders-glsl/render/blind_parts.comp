@@ -14,7 +14,7 @@ void main() {
     if (i >= count) return;
     uvec2 tile = uvec2(i % p.tiles.x, i / p.tiles.x);
     uint blind = 0;
-    for (uint part = 0; part < 8; ++part) {
+    for (uint part = 0; part < PARTS; ++part) {
         uvec2 from = tile * TILE + uvec2((part & 3u) * 4, (part >> 2) * 8);
         uvec2 to = min(from + uvec2(5, 9), p.size);
         bool beyond = any(greaterThanEqual(from, p.size));

@@ -31,13 +31,13 @@ void main() {
             uint tile = (gl_WorkGroupID.y * p.grid.tiles.y + ty) * p.grid.tiles.x + tx;
             uint blind = 0;
             if (BLIND == 1) blind = blind_parts[tile];
-            if (BLIND == 1 && blind == 255) continue;
+            if (BLIND == 1 && blind == (1u << PARTS) - 1) continue;
             uint parts = tile_parts(p.grid, v, s, uvec2(tx, ty), g) & ~blind;
             if (parts == 0) continue;
             for (int block = blocks.x; block <= blocks.y; ++block) {
                 if (at < p.grid.capacity) {
                     keys[at] = tile * p.grid.blocks + uint(block);
-                    values[at] = row | parts << 24;
+                    values[at] = row | parts << ROW_BITS;
                 }
                 at += 1;
             }

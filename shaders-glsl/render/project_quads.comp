@@ -44,8 +44,9 @@ Splat splat_at(uint i) {
     return full_splat(rows[3 * i], rows[3 * i + 1], rows[3 * i + 2]);
 }
 
-const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
-const uint LAST = (1u << 18) - 1; // key of what is not seen
+// Bits of the sort key: steps of 1/260,000 of the scene.
+const uint ORDER_BITS = 18;
+const uint LAST = (1u << ORDER_BITS) - 1; // key of what is not seen
 const Quad UNSEEN = Quad(vec2(0.0), vec3(0.0), 0.0, 0.0, 0.0, vec3(0.0));
 
 // Sets centre, axes and depth; gives √6/√A, half of the length of ray in the support, mm.

@@ -35,7 +35,6 @@ layout(scalar, binding = 5) readonly buffer Distances { uint distances[]; };
 layout(binding = 9) writeonly uniform image2DArray colour_image;
 layout(binding = 10) writeonly uniform image2DArray depth_image;
 
-const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
 const float FAR = 1e30;
 const float MOST = 8388608.0;       // cells from the eye on; beyond, floats do not count any more
 const float FAINT = 1.0 / 4096.0;   // a cell that adds less than this finds no light of its own,

@@ -37,7 +37,6 @@ layout(scalar, binding = 9) readonly buffer ActiveObjects { uint active_objects[
 layout(scalar, binding = 10) readonly buffer Appearances { Appearance appearances[]; };
 layout(scalar, binding = 11) readonly buffer BlindParts { uint blind_parts[]; };
 
-const uint PLANES = 8;
 const uint PIXELS = 4;
 
 // Σw, Σwc and, where there is light, their gradients in eye space; Σw times tint and opacity of the splats' objects.
@@ -96,8 +95,8 @@ void main() {
     uint part = gl_LocalInvocationIndex >> 3;
     uint column = gl_WorkGroupID.x;
     if (GROUP == 8) {
-        part = gl_WorkGroupID.x & 7u;
-        column = gl_WorkGroupID.x >> 3;
+        part = gl_WorkGroupID.x & (PARTS - 1u);
+        column = gl_WorkGroupID.x / PARTS;
     }
     uvec2 tile = uvec2(column, gl_WorkGroupID.y);
     View v = views[gl_WorkGroupID.z];
@@ -164,16 +163,16 @@ void main() {
             for (uint i = start; i < end; ++i) {
                 uint pair = pairs[i];
                 if (COUNTING == 1) {
-                    Projected c = projected[pair & 0xFFFFFFu];
+                    Projected c = projected[pair & ((1u << ROW_BITS) - 1u)];
                     float lowest = c.depth - c.reach, highest = c.depth + c.reach;
                     uint planes = highest >= depths[0] && lowest <= depths[3] ? 4 : 0;
                     if (highest >= depths[4] && lowest <= depths[7]) planes += 4;
-                    work += uvec4((pair >> (24 + part) & 1u) * planes, planes, 0, 1);
+                    work += uvec4((pair >> (ROW_BITS + part) & 1u) * planes, planes, 0, 1);
                 }
-                if ((pair >> (24 + part) & 1u) == 0) continue;
-                Projected s = projected[pair & 0xFFFFFFu];
+                if ((pair >> (ROW_BITS + part) & 1u) == 0) continue;
+                Projected s = projected[pair & ((1u << ROW_BITS) - 1u)];
                 Appearance object = Appearance(vec4(0.0), 1.0, 1);
-                if (OBJECTS == 1) object = appearances[active_objects[(pair & 0xFFFFFFu) - row]];
+                if (OBJECTS == 1) object = appearances[active_objects[(pair & ((1u << ROW_BITS) - 1u)) - row]];
                 float near = s.depth - s.reach, far = s.depth + s.reach;
                 if (far >= depths[0] && near <= depths[3]) add(s, object, ray, depths, 0);
                 if (far >= depths[4] && near <= depths[7]) add(s, object, ray, depths, 4);

@@ -3,18 +3,14 @@
 
 use glam::DVec3;
 use shaders_glsl as glsl;
+use shaders_glsl::tiles::{PARTS, PLANES, TILE};
 use shaders_glsl::types::{SlabParams, TileGrid};
 
 use super::{Classification, Cloud, Mode, Quality, Scene, Settings, Target, Variants, Work};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-use crate::passes::tiles::TILE;
 use crate::passes::{TileBinner, Views, WorkgroupShape};
 
-/// Planes that a ray adds up at a time.
-const PLANES: u32 = 8;
-/// Parts of a tile.
-const PARTS: u32 = 8;
 /// Planes of `exact` for one of `slab`.
 const EXACT: u32 = 10;
 /// Most blocks along the depth: slabs become thicker beyond that.
