@@ -28,7 +28,7 @@ pub struct Pass<'a> {
     push: Vec<u8>,
 }
 
-/// How many workgroups.
+/// The number of workgroups.
 enum Groups {
     Of([u32; 3]),
     /// Read from a buffer at this byte.

@@ -13,13 +13,13 @@ pub struct Activity {
     list: Kernel,
     scan: Scan,
     flags: Buffer<u32>,
-    /// How many active splats come before each splat; and in the last element how many there are.
+    /// Number of active splats before each splat; and in the last element of all of them.
     pub places: Buffer<u32>,
     /// Indices of the active splats, in order.
     pub active: Buffer<u32>,
     /// The objects that these belong to.
     pub active_objects: Buffer<u32>,
-    /// How many there are, in its only element.
+    /// Number of active splats, in its only element.
     pub count: Buffer<u32>,
     splat_count: usize,
 }
@@ -28,9 +28,9 @@ pub struct Activity {
 pub struct ActivitySources<'a> {
     /// The row of the look.
     pub look: &'a Buffer<Look>,
-    /// How many entries of the look's table before each are visible; one more than there are entries.
+    /// Number of visible entries of the look's table before each; one more than there are entries.
     pub visible: &'a Buffer<u32>,
-    /// How each object is shown, by its number.
+    /// Appearance of each object, by its number.
     pub appearances: &'a Buffer<Appearance>,
     /// Least and greatest intensity that each splat may show.
     pub intervals: &'a Buffer<[f32; 2]>,

@@ -5,7 +5,7 @@ use bytemuck::Pod;
 use serde::{Deserialize, Serialize};
 use shaders_glsl::storage::{STORAGE_FULL, STORAGE_MIXED};
 
-/// How samples are stored between the passes of a step.
+/// The way samples are stored between the passes of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[repr(u32)]
