@@ -1,6 +1,7 @@
 #version 460
 // One pass of a stable radix sort, first half: how often each 6-bit digit occurs in each block of 2048 keys.
-// One workgroup owns a block. Blocks behind the last key count nothing, so the host may dispatch for a capacity.
+// One workgroup owns a block. Blocks behind the last key count nothing, so the host may dispatch for a
+// capacity.
 #extension GL_EXT_scalar_block_layout : require
 #include "radix.glsl"
 layout(local_size_x = 64) in;

@@ -1,7 +1,7 @@
 #version 460
-// One pass of a stable radix sort, second half: moves each (key, value) to its place. `offsets` holds the prefix sum
-// of what radix_count wrote. One workgroup owns a block of 2048, one invocation 32 neighbours, which it counts
-// by digit, then moves in order: stable, without subgroup operations, three barriers.
+// One pass of a stable radix sort, second half: moves each (key, value) to its place. `offsets` holds the
+// prefix sum of what radix_count wrote. One workgroup owns a block of 2048, one invocation 32 neighbours,
+// which it counts by digit, then moves in order: stable, without subgroup operations, three barriers.
 #extension GL_EXT_scalar_block_layout : require
 #include "radix.glsl"
 layout(local_size_x = 64) in;

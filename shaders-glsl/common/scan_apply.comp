@@ -1,6 +1,6 @@
 #version 460
-// Third step of an exclusive prefix sum: offsets[i] = values[0] + .. + values[i-1] for i in 0..=count (the last
-// one is the total). One workgroup owns a block of 4096, one invocation 16 neighbours.
+// Third step of an exclusive prefix sum: offsets[i] = values[0] + .. + values[i-1] for i in 0..=count (the
+// last one is the total). One workgroup owns a block of 4096, one invocation 16 neighbours.
 #extension GL_EXT_scalar_block_layout : require
 #include "scan.glsl"
 layout(local_size_x = 256) in;

@@ -21,7 +21,8 @@ float kernel_reach() {
     return 1e30;
 }
 
-// Whether a sample at d from the mean of a splat whose box has this half size is not cut off; as `sample_box` decides.
+// Whether a sample at d from the mean of a splat whose box has this half size is not cut off; as `sample_box`
+// decides.
 bool within_reach(vec3 d, vec3 extent) {
     return KERNEL != KERNEL_GATED || all(lessThanEqual(abs(d), extent + 1e-3));
 }
@@ -37,8 +38,8 @@ vec2 gated(float q) {
 // The greatest logarithm of a peak.
 const float LN_PEAK_MAX = 40.0;
 
-// What α is multiplied with to give the amplitude of w. Through the logarithm, and at most exp(LN_PEAK_MAX): the product
-// of scales within their limits leaves the floats.
+// What α is multiplied with to give the amplitude of w. Through the logarithm, and at most exp(LN_PEAK_MAX):
+// the product of scales within their limits leaves the floats.
 float kernel_peak(vec3 log_scale) {
     if (KERNEL == KERNEL_DENSITY) return exp(min(-(log_scale.x + log_scale.y + log_scale.z) - 2.7568156, LN_PEAK_MAX));
     return 1.0;

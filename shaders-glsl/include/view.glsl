@@ -1,4 +1,5 @@
-// One eye: where it is and what it sees. Eye space: x to the right, y up, z the distance along the viewing direction, mm.
+// One eye: where it is and what it sees. Eye space: x to the right, y up, z the distance along the viewing
+// direction, mm.
 #ifndef VIEW_GLSL
 #define VIEW_GLSL
 

@@ -1,6 +1,7 @@
 #version 460
-// Which of the eight parts of each tile no eye sees: those of which every pixel, and every one beside it, which samplers mix
-// in, lies in blind patches. A part beyond the picture is blind. One invocation owns a tile of a view.
+// Which of the eight parts of each tile no eye sees: those of which every pixel, and every one beside it,
+// which samplers mix in, lies in blind patches. A part beyond the picture is blind. One invocation owns a
+// tile of a view.
 #define BLIND_BINDING 0
 #include "blind.glsl"
 #include "tiles.glsl"

@@ -1,7 +1,8 @@
 #version 460
-// Writes a pair for each (tile, block) that a projected splat reaches: the key is view, tile and block, the value the
-// splat's row and in its upper 8 bits the parts of the tile. One invocation owns a splat and the run of pairs that the
-// prefix sum gave it; pairs behind the capacity are dropped (the host sees the total and renders again).
+// Writes a pair for each (tile, block) that a projected splat reaches: the key is view, tile and block, the
+// value the splat's row and in its upper 8 bits the parts of the tile. One invocation owns a splat and the
+// run of pairs that the prefix sum gave it; pairs behind the capacity are dropped (the host sees the total
+// and renders again).
 #include "kernel.glsl"
 #include "tiles.glsl"
 layout(local_size_x = 64) in;

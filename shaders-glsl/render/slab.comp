@@ -1,11 +1,12 @@
 #version 460
-// Slabs: along every ray, Σw and Σwc at eight planes at a time, then V = b + Σwc / (Σw + ε) and O = Σw / (Σw + w0), and only
-// then the transfer function; front to back, until no light is left (after the sheet buffers of Mueller and Crawfis 1998,
-// classified after reconstruction). Nothing is sorted within a block of planes: sums have no order.
+// Slabs: along every ray, Σw and Σwc at eight planes at a time, then V = b + Σwc / (Σw + ε) and O = Σw / (Σw
+// + w0), and only then the transfer function; front to back, until no light is left (after the sheet buffers
+// of Mueller and Crawfis 1998, classified after reconstruction). Nothing is sorted within a block of planes:
+// sums have no order.
 //
-// A tile has eight parts of 4 x 8 pixels; 8 invocations own a part, 4 pixels each. With GROUP = 64 the parts of a tile go
-// side by side. With GROUP = 8 a workgroup is one part: then all loads of splats are uniform, which a CPU driver turns
-// into scalar ones. The result has the same bits.
+// A tile has eight parts of 4 x 8 pixels; 8 invocations own a part, 4 pixels each. With GROUP = 64 the parts
+// of a tile go side by side. With GROUP = 8 a workgroup is one part: then all loads of splats are uniform,
+// which a CPU driver turns into scalar ones. The result has the same bits.
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_EXT_shader_image_load_formatted : require
@@ -39,7 +40,8 @@ layout(scalar, binding = 11) readonly buffer BlindParts { uint blind_parts[]; };
 
 const uint PIXELS = 4;
 
-// Σw, Σwc and, where there is light, their gradients in eye space; Σw times tint and opacity of the splats' objects.
+// Σw, Σwc and, where there is light, their gradients in eye space; Σw times tint and opacity of the splats'
+// objects.
 float weight[PLANES * PIXELS];
 float value[PLANES * PIXELS];
 vec3 weight_slope[PLANES * PIXELS];
@@ -131,8 +133,8 @@ void main() {
         before[n] = vec2(0.0);
     }
 
-    // Of a part, where work is counted: planes at which splats of the part were evaluated, at which those of the whole tile
-    // would have been, planes classified, and pairs looked at.
+    // Of a part, where work is counted: planes at which splats of the part were evaluated, at which those of
+    // the whole tile would have been, planes classified, and pairs looked at.
     uvec4 work = uvec4(0);
     float first = first_depth(p.grid, v);
     uint rounds = p.grid.planes / PLANES;
