@@ -1,6 +1,6 @@
 //! Volumetric Gaussian splatting, from a voxel volume to splats that carry a physical intensity.
 //!
-//! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows.rs` checks them):
+//! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
 //!
 //! ```text
 //! fit, render -> passes -> gpu          fit, render, passes -> volume, splat          reference -> volume, splat

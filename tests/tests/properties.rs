@@ -1,4 +1,4 @@
-//! What must hold without any reference: P1, P4, P6 and P7 of docs/results/numerics.md, as far as they concern the field and the
+//! What must hold without any reference: properties of the field and of the
 //! fit's step; `extremes` has the scenarios. Intensities are in HU and sampled through `fit::evaluate::Sampler`.
 #![forbid(unsafe_code)]
 

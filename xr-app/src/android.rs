@@ -1,5 +1,6 @@
 //! The program as an activity of a standalone headset: it shows the splats that are in its storage, and says what it has to say to
 //! the log.
+#![allow(unsafe_code, reason = "the system calls the entry of the program by its name")]
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -7,10 +8,19 @@ use std::time::Duration;
 use android_activity::{AndroidApp, MainEvent, PollEvent};
 use engine::{Error, Kind, Result};
 
-use crate::arguments::{Arguments, prepare, session};
+use crate::arguments::Arguments;
+use crate::headset::openxr;
+use crate::program::{prepare, session};
+
+// SAFETY: the glue of the activity calls the one function of this name and type; nothing else here is named so.
+#[unsafe(no_mangle)]
+fn android_main(app: AndroidApp) {
+    openxr::set_activity(&app);
+    show(&app);
+}
 
 /// Runs a session as long as the activity lasts. The session has a thread of its own, because this one has to answer the system.
-pub(crate) fn show(app: &AndroidApp) {
+fn show(app: &AndroidApp) {
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let session = scope.spawn(|| {

@@ -1,19 +1,28 @@
 //! Splats in a headset: stereo through OpenXR, within the frame budget.
 //!
+//! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
+//!
 //! ```text
-//! main ─► viewer ─► headset (openxr or simulated): clock, eyes, hands, pictures
-//!                ─► controls ─► placement          what hands do to the patient
-//!                ─► pointing ─► panel, sheets      what hands point at: egui's panel, readings, distances
-//!                            ─► palm               how hands without controllers call the panel
-//!                ─► sight                          which views are rendered, and what of them no eye sees
-//!                ─► composer                       what was rendered, into the pictures of the eyes
-//!                ─► onlooker (mirror)              who is shown the same: a window of the desktop, where there are any
-//!                ─► statistics                     what is reported
-//!      ─► memory                                   what fits on the device
-//! android ─► arguments, viewer                      the same as an activity of a standalone headset
+//! android -> program -> arguments -> mirror -> onlooker          arguments, android -> headset
+//! program -> viewer -> placement -> headset          program -> memory, pointing, statistics
+//! viewer -> controls, pointing, sight, composer, statistics, onlooker
+//! pointing -> controls -> placement -> headset          pointing -> panel, sheets, palm
+//! composer -> sight, sheets -> placement -> headset          statistics -> placement -> headset          palm -> headset
+//! program    reads the splats, starts a headset, shows them until the session ends
+//! android    the same as an activity of a standalone headset
+//! viewer     the loop: a frame of the headset, from its hands to its pictures
+//! headset    a clock, eyes, hands and pictures, of OpenXR or simulated
+//! controls   what hands do to the patient, who is where `placement` says
+//! pointing   what hands point at: egui's panel, readings, distances; `palm` is how bare hands call the panel
+//! sight      which views are rendered, and what of them no eye sees
+//! composer   what was rendered, into the pictures of the eyes
+//! onlooker   who is shown the same: `mirror` is a window of the desktop, where there are any
+//! statistics what is reported
+//! memory     what fits on the device
 //! ```
 //!
-//! `headset::openxr` is the only file with unsafe code; everything else runs and is tested without a runtime.
+//! Unsafe code is in `headset::openxr` and in the entry of `android` alone; everything else runs and is tested without a
+//! runtime.
 #![deny(unsafe_code)]
 
 #[cfg(target_os = "android")]
@@ -30,6 +39,7 @@ pub mod palm;
 pub mod panel;
 pub mod placement;
 pub mod pointing;
+mod program;
 pub mod sheets;
 pub mod sight;
 pub mod statistics;
@@ -37,4 +47,4 @@ pub mod viewer;
 
 pub use arguments::Arguments;
 #[cfg(not(target_os = "android"))]
-pub use arguments::run;
+pub use program::run;

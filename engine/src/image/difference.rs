@@ -2,9 +2,10 @@
 
 use super::annotate::round_up;
 use super::flip::Flip;
+use super::font;
+use super::image::{Image, check_size};
 use super::lettering::{Align, shortened, text_width};
 use super::measure::check_sizes;
-use super::{Image, check_size, font};
 use crate::Result;
 
 /// A difference for each pixel.

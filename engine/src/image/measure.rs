@@ -130,7 +130,7 @@ pub fn largest_difference(a: &Image, b: &Image) -> Result<Difference> {
 
 /// Refuses what cannot be compared pixel by pixel.
 pub(super) fn check_sizes(a: &Image, b: &Image) -> Result<()> {
-    super::check_size(a.size)?;
+    super::image::check_size(a.size)?;
     if a.size != b.size {
         let [[aw, ah], [bw, bh]] = [a.size, b.size];
         let message = format!("pictures of different sizes: {aw} x {ah} and {bw} x {bh} pixels");

@@ -13,11 +13,16 @@ use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::types::{AlphaParams, QuadParams};
 
-use super::{Mode, Quality, Scene, Settings, Target, Variants, Work};
+use super::mode::Mode;
+use super::quality::Quality;
+use super::scene::Scene;
+use super::settings::Settings;
+use super::target::Target;
+use super::variants::Variants;
 use crate::error::Result;
 use crate::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
 use crate::passes::quads::{QuadSources, QuadVariant, corners};
-use crate::passes::{Quads, Views};
+use crate::passes::{Quads, Views, Work};
 
 /// The mode `alpha`.
 pub struct Alpha {

@@ -8,7 +8,7 @@
 use glam::DVec2;
 use shaders_glsl::types::{PATCH_WORDS, PATCHES};
 
-use super::Fov;
+use super::camera::Fov;
 
 /// A triangle in tangents.
 pub type Triangle = [DVec2; 3];

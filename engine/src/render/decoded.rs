@@ -21,9 +21,9 @@ use rayon::prelude::*;
 use shaders_glsl::medium as glsl;
 use shaders_glsl::types::BrickGrid;
 
-use super::cloud::{middle_sigma, reaches};
+use super::extents::{middle_sigma, reaches};
 use super::least_squares::{Neighbours, Points, least_squares};
-use super::medium::{Scale, to_fraction};
+use super::scale::{Scale, to_fraction};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::passes::Sampler;

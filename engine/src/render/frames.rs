@@ -6,7 +6,14 @@
 
 use shaders_glsl::types::View;
 
-use super::{Blind, Camera, Mode, Rung, Scene, Settings, Target, mode};
+use super::blind::Blind;
+use super::camera::Camera;
+use super::ladder::Rung;
+use super::mode::Mode;
+use super::modes::mode;
+use super::scene::Scene;
+use super::settings::Settings;
+use super::target::Target;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder, Ticket};
 use crate::passes::Views;

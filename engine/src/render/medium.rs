@@ -17,13 +17,12 @@ use shaders_glsl::types::BrickGrid;
 
 use super::decoded::Decoded;
 use super::look::LookBuffers;
+use super::scale::{Scale, to_fraction};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image, Recorder};
 use crate::passes::Occupancy;
 use crate::volume::{Roi, Volume};
 
-/// Greatest value of a 16-bit fraction.
-const STEPS: f64 = 65535.0;
 /// Edge of a brick along the axis of the shortest voxel edge, as a logarithm to base 2. Along the others it is the power
 /// of two that comes closest to the same length.
 const BRICK_SHIFT: u32 = 2;
@@ -79,33 +78,6 @@ impl Marked {
     /// For each brick how many bricks away the next one is that can be seen.
     pub(super) fn distances(&self) -> &Buffer<u32> {
         &self.occupancy.distances
-    }
-}
-
-/// Which intensities the fractions 0 and 1 stand for.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Scale {
-    pub first: f64,
-    pub span: f64,
-}
-
-impl Scale {
-    /// For intensities between two, which are whole numbers or not.
-    pub(super) fn of([low, high]: [f64; 2], whole: bool) -> Self {
-        let extent = high - low;
-        let span = match whole && extent <= STEPS {
-            true => STEPS / (STEPS / extent.max(1.0)).floor(),
-            false => extent,
-        };
-        Scale { first: low, span: if span > 0.0 { span } else { 1.0 } }
-    }
-
-    pub(super) fn fraction(self, v: f32) -> u16 {
-        ((f64::from(v) - self.first) / self.span * STEPS).round().clamp(0.0, STEPS) as u16
-    }
-
-    pub(super) fn value(self, fraction: u16) -> f64 {
-        self.first + self.span * (f64::from(fraction) / STEPS)
     }
 }
 
@@ -216,10 +188,6 @@ impl Cut {
             })
             .collect()
     }
-}
-
-pub(super) fn to_fraction(m: f32) -> u16 {
-    (f64::from(m) * STEPS).round().clamp(0.0, STEPS) as u16
 }
 
 /// The box around all that is there, with a border of one voxel.

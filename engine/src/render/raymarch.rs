@@ -6,7 +6,14 @@ use std::sync::Arc;
 use shaders_glsl as glsl;
 use shaders_glsl::types::RaymarchParams;
 
-use super::{Classification, Medium, Mode, Quality, Scene, Settings, Target, Variants};
+use super::look::Classification;
+use super::medium::Medium;
+use super::mode::Mode;
+use super::quality::Quality;
+use super::scene::Scene;
+use super::settings::Settings;
+use super::target::Target;
+use super::variants::Variants;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Format, Gpu, Kernel, Recorder};
 use crate::passes::{Views, WorkgroupShape};

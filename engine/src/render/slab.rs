@@ -6,10 +6,17 @@ use shaders_glsl as glsl;
 use shaders_glsl::tiles::{PARTS, PLANES, TILE};
 use shaders_glsl::types::{SlabParams, TileGrid};
 
-use super::{Classification, Cloud, Mode, Quality, Scene, Settings, Target, Variants, Work};
+use super::cloud::Cloud;
+use super::look::Classification;
+use super::mode::Mode;
+use super::quality::Quality;
+use super::scene::Scene;
+use super::settings::Settings;
+use super::target::Target;
+use super::variants::Variants;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-use crate::passes::{TileBinner, Views, WorkgroupShape};
+use crate::passes::{TileBinner, Views, Work, WorkgroupShape};
 
 /// Planes of `exact` for one of `slab`.
 const EXACT: u32 = 10;

@@ -4,6 +4,13 @@
 //! millimetre stands for the extinction τ = −ln(1 − α) in 1/mm. [`presets`] has those with a name, [`window_level`]
 //! makes a grey ramp, [`load`] finds either by what a user typed, or reads one of the [`FORMATS`] of other programs, and
 //! [`save`] writes one. A [`Table`] is what a renderer uploads and looks up.
+//!
+//! | file | what is there |
+//! |---|---|
+//! | `function` | [`TransferFunction`] and its control points |
+//! | `presets`, `window` | functions with a name; grey ramps over a window of intensities |
+//! | `file` | files of other programs, a row of [`FORMATS`] each |
+//! | `table` | [`Table`]: a function as a renderer looks it up |
 
 mod file;
 mod function;

@@ -11,8 +11,8 @@ use std::path::Path;
 use glam::{DAffine3, DMat3, DVec3};
 use plist::Value;
 
-use super::source::Source;
-use super::{ReadOptions, Volume, reserve_samples};
+use super::source::{Source, reserve_samples};
+use super::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
 /// A main.plist is about 1.5 kB.

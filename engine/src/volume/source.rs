@@ -243,3 +243,16 @@ impl Read for Members {
         Ok(0)
     }
 }
+
+/// Room for `count` samples, or an error that says how much was asked for.
+pub(super) fn reserve_samples(count: usize) -> Result<Vec<f32>> {
+    let mut samples = Vec::new();
+    samples.try_reserve_exact(count).map_err(|_| {
+        Error::new(
+            Kind::HostMemory,
+            "VGS-VOL-010",
+            format!("no memory for a volume of {} bytes", 4 * count as u64),
+        )
+    })?;
+    Ok(samples)
+}

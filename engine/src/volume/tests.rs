@@ -3,7 +3,10 @@
 use std::fs;
 use std::path::PathBuf;
 
+use glam::{DAffine3, DVec3};
+
 use super::*;
+use crate::Kind;
 
 fn ramp(size: [usize; 3]) -> Volume {
     let mut samples = Vec::new();

@@ -3,6 +3,28 @@
 //! What is shown is plain data ([`State`], the session file); panels draw it into any [`egui::Ui`] and change it, and know
 //! neither windows nor the device. [`App`] puts them together; `window::run` shows it in a window. Without the feature `window`
 //! the rest is there alone, for programs that show panels elsewhere.
+//!
+//! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
+//!
+//! ```text
+//! window -> viewer -> app, canvas, export, content, loader, report, settings, facts, actions -> state
+//! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
+//! app -> history, handles          annotations -> handles          prompt, annotations -> state, theme
+//! app, prompt, panels -> actions -> orbit          app, panels -> facts -> histogram          app, panels -> theme
+//! app, handles, annotations, panels -> state -> orbit, transfer          app -> settings, editor, transfer
+//! export -> content -> loader -> pick, histogram          export, content, loader, settings, handles -> state
+//! canvas -> stage -> composer          canvas -> painter          handles, annotations -> orbit
+//! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function
+//! actions   what a user may ask for, with its keys; `settings` what is remembered from start to start
+//! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts
+//! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `annotations` are over the picture
+//! facts     what panels are told anew for each frame
+//! app       the viewer without its window: puts the panels together
+//! loader, export   read and write beside the window; `content` is what was read
+//! canvas    the picture in the window: `stage` renders it, `composer` and `painter` put it and the panels on the screen
+//! viewer    frame after frame, within the frame budget; `report` is what was measured
+//! window    the events of winit
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod actions;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use egui::{Context, DragValue, Id, Key, Modal, ScrollArea, TextEdit, Ui};
 
 use crate::actions::Action;
-use crate::panels::row;
+use crate::panels::widgets::row;
 use crate::state::Files;
 
 /// Most entries of a folder that are listed.

@@ -21,14 +21,18 @@ use crate::loader::{Loaded, Loader, sort};
 use crate::report::Report;
 use crate::settings::Settings;
 use crate::state::{Files, SplatMode, State, Subject};
-use crate::window::{LOST, Next};
 
 /// What is given up in the first picture, for something to be there at once.
 const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0 };
+
 /// What a picture that moves waits for before it is rendered in full.
 const REST: Duration = Duration::from_millis(150);
+
 /// Distance of the voxels of mode decoded, in those of the CT: what the settings of a picture have.
 const PITCH: f64 = 1.0;
+
+/// Code of the error of a lost device.
+pub const LOST: &str = "VGS-GPU-012";
 
 /// The window with what draws in it.
 pub struct Pane {
@@ -38,6 +42,14 @@ pub struct Pane {
     pub input: egui_winit::State,
     /// The window.
     pub window: Arc<Window>,
+}
+
+/// What becomes of the loop after a frame.
+pub struct Next {
+    /// Draw again after so long, though nothing may have happened.
+    pub again: Option<Duration>,
+    /// The user wants to end.
+    pub quit: bool,
 }
 
 /// The viewer.

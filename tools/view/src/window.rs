@@ -1,7 +1,7 @@
 //! The window: winit's events in, frames out. A frame is drawn when something has happened, and not otherwise.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use egui::ViewportId;
 use engine::gpu::{Gpu, GpuOptions, Windows};
@@ -18,7 +18,7 @@ use crate::report::Report;
 use crate::settings::Settings;
 use crate::state::State;
 use crate::theme;
-use crate::viewer::{Pane, Viewer};
+use crate::viewer::{LOST, Pane, Viewer};
 
 /// What the viewer begins with.
 pub struct Start {
@@ -37,9 +37,6 @@ pub struct Start {
 /// Wakes the event loop: something was read or written.
 #[derive(Debug)]
 struct Woken;
-
-/// Code of the error of a lost device.
-pub const LOST: &str = "VGS-GPU-012";
 
 /// Opens the window and stays until it is closed. Gives what was measured.
 ///
@@ -214,12 +211,4 @@ impl ApplicationHandler<Woken> for Program {
         // The device goes before the connection to the display.
         self.pane = None;
     }
-}
-
-/// What becomes of the loop after a frame.
-pub struct Next {
-    /// Draw again after so long, though nothing may have happened.
-    pub again: Option<Duration>,
-    /// The user wants to end.
-    pub quit: bool,
 }

@@ -5,8 +5,8 @@ use glam::DVec2;
 use openxr as xr;
 
 use super::convert::pose_of;
-use super::openxr::said;
-use super::{Hand, Hands};
+use super::error::runtime_error;
+use super::hands::{Hand, Hands};
 
 /// The two hands, as paths name them.
 const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
@@ -108,7 +108,8 @@ impl Actions {
         session: &xr::Session<xr::Vulkan>,
         hand_interaction: bool,
     ) -> Result<Self> {
-        Self::make(instance, session, hand_interaction).map_err(|e| said("binding the controllers", e))
+        Self::make(instance, session, hand_interaction)
+            .map_err(|e| runtime_error("binding the controllers", e))
     }
 
     fn make(
@@ -181,7 +182,7 @@ impl Actions {
         room: &xr::Space,
         time: xr::Time,
     ) -> Result<Hands> {
-        self.read(session, room, time).map_err(|e| said("asking the controllers", e))
+        self.read(session, room, time).map_err(|e| runtime_error("asking the controllers", e))
     }
 
     fn read(&self, session: &xr::Session<xr::Vulkan>, room: &xr::Space, time: xr::Time) -> xr::Result<Hands> {

@@ -4,7 +4,7 @@ use engine::render::Fov;
 use glam::{DQuat, DVec3};
 use openxr as xr;
 
-use super::Pose;
+use super::pose::Pose;
 
 pub(super) fn pose_of(pose: &xr::Posef) -> Pose {
     let (p, q) = (pose.position, pose.orientation);

@@ -16,7 +16,11 @@ use openxr as xr;
 
 use super::actions::Actions;
 use super::convert::{fov_of, fov_to, pose_of, pose_to, time};
-use super::{Blend, DEPTH_RANGE, Description, Event, Eye, Eyes, Hands, Headset, Lent, State, Timing};
+use super::error::runtime_error;
+use super::hands::Hands;
+use super::headset::{DEPTH_RANGE, Headset, Lent};
+use super::pose::{Eye, Eyes};
+use super::session::{Blend, Description, Event, State, Timing};
 
 const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
@@ -51,18 +55,6 @@ pub struct OpenXr {
     gpu: Gpu,
 }
 
-/// An error of the runtime.
-pub(super) fn said(doing: &str, e: xr::sys::Result) -> Error {
-    use xr::sys::Result as R;
-    match e {
-        R::ERROR_INSTANCE_LOST | R::ERROR_SESSION_LOST | R::ERROR_RUNTIME_FAILURE => {
-            Error::new(Kind::Temporary, "VGS-XR-010", format!("{doing}: the OpenXR runtime was lost ({e})"))
-                .help("start the runtime and this program again")
-        }
-        e => Error::new(Kind::Internal, "VGS-XR-011", format!("{doing}: the OpenXR runtime said {e}")),
-    }
-}
-
 fn unavailable(code: &'static str, what: String) -> Error {
     Error::new(Kind::Unavailable, code, what).help(
         "start the headset's runtime and connect the headset; `--simulated` needs neither, and `tools/monado` runs a \
@@ -80,7 +72,7 @@ fn platform() -> Result<impl xr::PlatformInfo> {
 #[cfg(target_os = "android")]
 fn platform() -> Result<xr::AndroidPlatformInfo> {
     let app = ACTIVITY.lock().expect("nothing panics with it").clone();
-    let app = app.ok_or_else(|| Error::new(Kind::Internal, "VGS-XR-013", "the activity has not begun"))?;
+    let app = app.ok_or_else(|| Error::new(Kind::Internal, "VGS-XR-014", "the activity has not begun"))?;
     // SAFETY: both are those of the activity, and valid as long as an `AndroidApp` of it: `android_main` has one until the session
     // has ended.
     Ok(unsafe { xr::AndroidPlatformInfo::new(app.vm_as_ptr(), app.activity_as_ptr()) })
@@ -89,12 +81,10 @@ fn platform() -> Result<xr::AndroidPlatformInfo> {
 #[cfg(target_os = "android")]
 static ACTIVITY: std::sync::Mutex<Option<android_activity::AndroidApp>> = std::sync::Mutex::new(None);
 
-// SAFETY: the glue of the activity calls the one function of this name and type; nothing else here is named so.
+/// Keeps the activity that the program is, for the loader and the instance.
 #[cfg(target_os = "android")]
-#[unsafe(no_mangle)]
-fn android_main(app: android_activity::AndroidApp) {
+pub(crate) fn set_activity(app: &android_activity::AndroidApp) {
     *ACTIVITY.lock().expect("nothing panics with it") = Some(app.clone());
-    crate::android::show(&app);
 }
 
 /// The runtime with its device, before Vulkan is there.
@@ -146,7 +136,9 @@ impl Runtime {
             .system(xr::FormFactor::HEAD_MOUNTED_DISPLAY)
             .map_err(|e| unavailable("VGS-XR-004", format!("the OpenXR runtime has no headset ({e})")))?;
         // To be asked before Vulkan is made.
-        instance.graphics_requirements::<xr::Vulkan>(system).map_err(|e| said("asking for Vulkan", e))?;
+        instance
+            .graphics_requirements::<xr::Vulkan>(system)
+            .map_err(|e| runtime_error("asking for Vulkan", e))?;
         Ok(Runtime { instance, system, extensions, binding: Cell::new(None) })
     }
 
@@ -168,7 +160,7 @@ impl Runtime {
 
 /// A result of Vulkan that came through the runtime.
 fn made<T>(doing: &str, result: xr::Result<std::result::Result<T, i32>>) -> Result<T> {
-    result.map_err(|e| said(doing, e))?.map_err(|code| {
+    result.map_err(|e| runtime_error(doing, e))?.map_err(|code| {
         let e = vk::Result::from_raw(code);
         Error::new(
             Kind::Unavailable,
@@ -202,7 +194,7 @@ impl Boot for Runtime {
         let found = unsafe {
             self.instance.vulkan_graphics_device(self.system, instance.handle().as_raw() as *const _)
         };
-        let found = found.map_err(|e| said("asking for the headset's GPU", e))?;
+        let found = found.map_err(|e| runtime_error("asking for the headset's GPU", e))?;
         Ok(Some(vk::PhysicalDevice::from_raw(found as u64)))
     }
 
@@ -274,8 +266,8 @@ impl Chain {
                 array_size: 2,
                 mip_count: 1,
             })
-            .map_err(|e| said("making pictures for the eyes", e))?;
-        let images = swapchain.enumerate_images().map_err(|e| said("asking for pictures", e))?;
+            .map_err(|e| runtime_error("making pictures for the eyes", e))?;
+        let images = swapchain.enumerate_images().map_err(|e| runtime_error("asking for pictures", e))?;
         let picture = |&image: &u64| {
             // SAFETY: the image belongs to the swapchain, which outlives the pictures; it was asked for with two layers, this
             // size and format, and OpenXR wants images back as attachments of their kind.
@@ -286,7 +278,8 @@ impl Chain {
     }
 
     fn lend(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
-        let index = self.swapchain.acquire_image().map_err(|e| said("asking for a picture", e))? as usize;
+        let index =
+            self.swapchain.acquire_image().map_err(|e| runtime_error("asking for a picture", e))? as usize;
         self.lent = Some(index);
         recorder.acquire_image(&self.pictures[index]);
         Ok(&mut self.pictures[index])
@@ -296,12 +289,14 @@ impl Chain {
         let index = self.lent.expect("a picture was lent");
         recorder.release_image(&self.pictures[index]);
         // The compositor may still read it: only now does the device need it.
-        self.swapchain.wait_image(xr::Duration::INFINITE).map_err(|e| said("waiting for a picture", e))
+        self.swapchain
+            .wait_image(xr::Duration::INFINITE)
+            .map_err(|e| runtime_error("waiting for a picture", e))
     }
 
     fn release(&mut self) -> Result<()> {
         match self.lent.take() {
-            Some(_) => self.swapchain.release_image().map_err(|e| said("showing a frame", e)),
+            Some(_) => self.swapchain.release_image().map_err(|e| runtime_error("showing a frame", e)),
             None => Ok(()),
         }
     }
@@ -330,14 +325,14 @@ impl OpenXr {
         let opened = unsafe {
             instance.create_session_with_guard::<xr::Vulkan>(system, &binding, Box::new(gpu.clone()))
         };
-        let (session, waiter, frames) = opened.map_err(|e| said("opening a session", e))?;
+        let (session, waiter, frames) = opened.map_err(|e| runtime_error("opening a session", e))?;
         let description = describe(&runtime, &session, options)?;
         let chain = |format| Chain::new(&gpu, &session, format, description.eye_size);
         let colour = chain(description.format)?;
         let depth = description.depth.then(|| chain(Format::D32f)).transpose()?;
         let room = session
             .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
-            .map_err(|e| said("asking for the room", e))?;
+            .map_err(|e| runtime_error("asking for the room", e))?;
         let actions = Actions::new(instance, &session, runtime.extensions.ext_hand_interaction)?;
         let lenses = match description.lenses {
             true => [0, 1].map(|eye| hidden(&session, eye)),
@@ -376,7 +371,7 @@ fn describe(
     options: &OpenXrOptions,
 ) -> Result<Description> {
     let Runtime { instance, system, .. } = runtime;
-    let asked = |e| said("asking about the headset", e);
+    let asked = |e| runtime_error("asking about the headset", e);
     let about = instance.properties().map_err(asked)?;
     let device = instance.system_properties(*system).map_err(asked)?;
     let views = instance.enumerate_view_configuration_views(*system, STEREO).map_err(asked)?;
@@ -484,21 +479,23 @@ impl Headset for OpenXr {
     fn poll(&mut self) -> Result<Vec<Event>> {
         let mut out = Vec::new();
         loop {
-            let event =
-                self.instance.poll_event(&mut self.events).map_err(|e| said("asking what happened", e))?;
+            let event = self
+                .instance
+                .poll_event(&mut self.events)
+                .map_err(|e| runtime_error("asking what happened", e))?;
             let Some(event) = event else { return Ok(out) };
             match event {
                 xr::Event::SessionStateChanged(e) => match e.state() {
                     xr::SessionState::IDLE => out.push(Event::State(State::Idle)),
                     xr::SessionState::READY => {
-                        self.session.begin(STEREO).map_err(|e| said("beginning the session", e))?;
+                        self.session.begin(STEREO).map_err(|e| runtime_error("beginning the session", e))?;
                         self.running = true;
                     }
                     xr::SessionState::SYNCHRONIZED => out.push(Event::State(State::Synchronized)),
                     xr::SessionState::VISIBLE => out.push(Event::State(State::Visible)),
                     xr::SessionState::FOCUSED => out.push(Event::State(State::Focused)),
                     xr::SessionState::STOPPING => {
-                        self.session.end().map_err(|e| said("ending the session", e))?;
+                        self.session.end().map_err(|e| runtime_error("ending the session", e))?;
                         self.running = false;
                         out.push(Event::State(State::Stopping));
                     }
@@ -528,8 +525,8 @@ impl Headset for OpenXr {
     }
 
     fn wait(&mut self) -> Result<Timing> {
-        let state = self.waiter.wait().map_err(|e| said("waiting for a frame", e))?;
-        self.frames.begin().map_err(|e| said("beginning a frame", e))?;
+        let state = self.waiter.wait().map_err(|e| runtime_error("waiting for a frame", e))?;
+        self.frames.begin().map_err(|e| runtime_error("beginning a frame", e))?;
         Ok(Timing {
             display_ns: state.predicted_display_time.as_nanos(),
             period_ns: state.predicted_display_period.as_nanos(),
@@ -557,7 +554,7 @@ impl Headset for OpenXr {
         let (flags, views) = self
             .session
             .locate_views(STEREO, time(timing.display_ns), &self.room)
-            .map_err(|e| said("asking where the eyes are", e))?;
+            .map_err(|e| runtime_error("asking where the eyes are", e))?;
         let tracked = flags.contains(xr::ViewStateFlags::ORIENTATION_VALID);
         let found = [0, 1].map(|eye| Eye { pose: pose_of(&views[eye].pose), fov: fov_of(&views[eye].fov) });
         let eyes = match self.last {
@@ -569,7 +566,7 @@ impl Headset for OpenXr {
     }
 
     fn end(&mut self, timing: &Timing, seen: Option<&[Eye; 2]>) -> Result<()> {
-        let ended = |e| said("showing a frame", e);
+        let ended = |e| runtime_error("showing a frame", e);
         self.colour.release()?;
         self.depth.as_mut().map_or(Ok(()), Chain::release)?;
         let blend = blend_mode(self.description.blend);
@@ -616,7 +613,7 @@ impl Headset for OpenXr {
             Ok(()) => Ok(()),
             // Nothing was begun: there is nothing to end.
             Err(xr::sys::Result::ERROR_SESSION_NOT_RUNNING) => Ok(()),
-            Err(e) => Err(said("ending the session", e)),
+            Err(e) => Err(runtime_error("ending the session", e)),
         }
     }
 }

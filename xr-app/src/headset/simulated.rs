@@ -7,7 +7,10 @@ use engine::gpu::{Format, Gpu, Image, Recorder};
 use engine::render::{Fov, Triangle};
 use glam::{DQuat, DVec2, DVec3};
 
-use super::{Blend, Description, Event, Eye, Eyes, Hands, Headset, Lent, Pose, State, Timing};
+use super::hands::Hands;
+use super::headset::{Headset, Lent};
+use super::pose::{Eye, Eyes, Pose};
+use super::session::{Blend, Description, Event, State, Timing};
 
 /// Pictures that go round, as in the swapchains of runtimes.
 const PICTURES: usize = 3;

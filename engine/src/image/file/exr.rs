@@ -16,7 +16,10 @@ use exr::image::{AnyChannel, AnyChannels, Blocks, Encoding, FlatSamples};
 use exr::meta::attribute::LineOrder;
 use exr::prelude::{Compression, ReadChannels, ReadLayers, ReadSpecificChannel, Vec2, WritableImage};
 
-use super::{Format, Image, Picture, Source, check_size, expect, room};
+use super::format::{Format, Picture};
+use super::source::{Source, expect};
+use crate::image::Image;
+use crate::image::image::{check_size, room};
 use crate::{Error, Kind, Result};
 
 pub(super) const FORMAT: Format =

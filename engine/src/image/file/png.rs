@@ -6,7 +6,10 @@ use std::path::Path;
 
 use png::{BitDepth, ColorType, Decoder, DecodingError, Encoder, SrgbRenderingIntent, Transformations};
 
-use super::{Format, Image, Picture, Source, WriteOptions, check_size, expect, room};
+use super::format::{Format, Picture, WriteOptions};
+use super::source::{Source, expect};
+use crate::image::Image;
+use crate::image::image::{check_size, room};
 use crate::{Error, Kind, Result};
 
 pub(super) const FORMAT: Format =

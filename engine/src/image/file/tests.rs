@@ -1,7 +1,10 @@
-use std::fs;
+use std::fs::{self, File};
+use std::io::BufReader;
 use std::path::PathBuf;
 
 use super::*;
+use crate::image::Image;
+use crate::{Error, Kind};
 
 /// Every colour and opacity that 8 bits tell apart in some pattern, with one transparent pixel.
 fn picture() -> Image {

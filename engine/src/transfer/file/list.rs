@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::super::{ColourPoint, OpacityPoint};
 use super::curve::{Node, straightened};
-use super::{MAX_POINTS, broken, opacity_points};
+use super::entry::{MAX_POINTS, broken, opacity_points};
 use crate::error::Result;
 
 /// The numbers of a list, in rows of `N`: an intensity and its values.

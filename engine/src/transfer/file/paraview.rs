@@ -6,7 +6,7 @@ use serde::Deserialize;
 use super::super::{ColourPoint, Material, TransferFunction};
 use super::colour_space::{self, ColourSpace};
 use super::curve::{Node, straightened};
-use super::{Entry, MAX_POINTS, broken, opacity_points};
+use super::entry::{Entry, MAX_POINTS, broken, opacity_points};
 use crate::error::Result;
 
 #[derive(Deserialize)]

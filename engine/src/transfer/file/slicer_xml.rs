@@ -6,7 +6,8 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use super::super::{Material, TransferFunction};
-use super::{Entry, broken, list};
+use super::entry::{Entry, broken};
+use super::list;
 use crate::error::Result;
 
 type Attributes = BTreeMap<String, String>;

@@ -3,8 +3,11 @@
 use glam::DVec3;
 use proptest::prelude::*;
 
-use super::super::{ColourPoint, Material, preset};
+use super::entry::{MAX_POINTS, opacity_points};
+use super::formats::{MAX_BYTES, parse};
 use super::*;
+use crate::error::{Kind, Result};
+use crate::transfer::{ColourPoint, Material, TransferFunction, WINDOW_OPACITY, preset, window_level};
 
 const CT: [f64; 2] = [-1024.0, 3071.0];
 

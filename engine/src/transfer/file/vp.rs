@@ -1,7 +1,8 @@
 //! Slicer's `.vp`: nine lines of text, each with one thing. There are no names in it.
 
 use super::super::{Material, TransferFunction};
-use super::{Entry, broken, list};
+use super::entry::{Entry, broken};
+use super::list;
 use crate::error::Result;
 
 /// What the lines hold, in order.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::{ColourPoint, Material, OpacityPoint, TransferFunction};
 use super::curve::{Node, just_above, straightened};
-use super::{Entry, MAX_POINTS, broken, opacity_points};
+use super::entry::{Entry, MAX_POINTS, broken, opacity_points};
 use crate::error::Result;
 
 const SCHEMA: &str = "https://raw.githubusercontent.com/slicer/slicer/main/Modules/Loadable/VolumeRendering/Resources/Schema/volume-property-schema-v1.0.0.json#";

@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 
-use super::super::{ColourPoint, Material, OpacityPoint, PRESETS};
 use super::*;
+use crate::transfer::{ColourPoint, Material, OpacityPoint, PRESETS};
 
 const CT: [f64; 2] = [-1024.0, 3071.0];
 

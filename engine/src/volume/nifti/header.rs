@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use nifti::{Endianness, NiftiHeader};
 
 use super::datatype::{DATATYPES, Datatype};
-use crate::volume::{axis_codes_of, spacing_of};
+use crate::volume::affine::{axis_codes_of, spacing_of};
 use crate::{Error, Kind, Result};
 
 /// Bytes of a NIfTI-1 header, and of the older ANALYZE 7.5 header.
@@ -97,7 +97,7 @@ fn bad(code: &'static str, message: impl Into<String>) -> Error {
 }
 
 /// Whether `head` begins like a NIfTI (or ANALYZE) header, in either byte order.
-pub(super) fn sniff(head: &[u8]) -> bool {
+pub(in crate::volume) fn sniff(head: &[u8]) -> bool {
     header_size(head).is_some_and(|(size, _)| head.len() >= size)
 }
 

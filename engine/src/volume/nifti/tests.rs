@@ -7,7 +7,10 @@ use flate2::{Compression, write::GzEncoder};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use proptest::prelude::*;
 
+use super::header::{SIZE_1, SIZE_2};
 use super::*;
+use crate::volume::{ReadOptions, Volume};
+use crate::{Kind, Result};
 
 /// A header and what follows it, to be stored in either version and byte order.
 #[derive(Clone)]

@@ -7,6 +7,7 @@
 //! `baselines` compares downsampled volumes, which need no fit.
 
 mod baselines;
+mod count;
 pub mod job;
 pub mod library;
 pub mod peer;
@@ -17,12 +18,13 @@ mod prototype;
 mod published;
 mod results;
 pub mod runs;
+mod section;
 mod studies;
 mod tables;
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum as _};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::{Error, Result};
 
@@ -31,28 +33,8 @@ use self::library::Library;
 use self::plan::{Effort, Plan};
 use self::progress::{all_done, carry_out, estimate};
 use self::results::Results;
+use self::section::Section;
 use crate::store::Store;
-
-/// What `--only` may name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Section {
-    /// Worst and best MMSE and PSNR of every row
-    Table2,
-    /// Downsampled volumes; alone: all of the data, checked against its README.md
-    Table3,
-    /// Terms of the paper's loss
-    Table4,
-    /// Counts, time and memory of every row
-    Table6,
-    /// Terms of the default loss
-    Ablation,
-    /// Splats per voxel from 0.005 to 0.25
-    Density,
-    /// --profile paper against a prototype, and what its choices are worth
-    Findings,
-    /// --profile reference beside the authors' own code, and what each difference from the paper's text is worth
-    Reference,
-}
 
 #[derive(Args)]
 #[command(after_help = "\

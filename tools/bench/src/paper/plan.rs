@@ -4,11 +4,13 @@ use engine::Result;
 use engine::fit::{FitConfig, Profile};
 use engine::splat::Kernel;
 
+use super::count::Count;
 use super::job::{HELD_OUT, Job, MEASURE_BATCHES_EVERY, MEASURE_EVERY, Range};
 use super::library::Library;
+use super::peer;
 use super::prototype::{self, FIDELITY, FINDINGS, SUBSET_SHARE, SWEEPS, Variant};
 use super::published::{self, CASES, Loss, TABLE_4, TABLE_4_ROW, Training};
-use super::{Section, peer};
+use super::section::Section;
 
 /// How much of everything is run.
 pub struct Effort {
@@ -55,22 +57,6 @@ impl Effort {
     /// Whether a finding is run.
     fn finding(&self, density: f64) -> bool {
         !self.quick || density == 0.02
-    }
-}
-
-/// A number of the paper, and what it is here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Count {
-    /// The paper's.
-    pub paper: usize,
-    /// Ours, for the region here.
-    pub ours: usize,
-}
-
-impl Count {
-    /// Scaled by the share of the region; where ours is not smaller, the paper's number.
-    pub fn scaled(paper: usize, share: f64) -> Self {
-        Count { paper, ours: ((paper as f64 * share.min(1.0)).round() as usize).max(1) }
     }
 }
 

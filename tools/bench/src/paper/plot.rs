@@ -99,8 +99,8 @@ impl Panel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::paper::count::Count;
     use crate::paper::job::tests::job;
-    use crate::paper::plan::Count;
     use crate::paper::published;
     use crate::paper::runs::tests::record;
 

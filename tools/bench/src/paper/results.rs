@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+use super::count::Count;
 use super::job::Job;
-use super::plan::Count;
 use super::runs::{Point, Record};
 
 /// Finished runs by key.

@@ -238,8 +238,8 @@ pub fn table_6(rows: &[Row], results: &Results) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::paper::count::Count;
     use crate::paper::job::tests::job;
-    use crate::paper::plan::Count;
     use crate::paper::runs::tests::record;
 
     fn rows() -> Vec<Row> {

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::config::Config;
 use super::plan::Unit;
 use super::record::Record;
-use super::report::Report;
+use super::results::Results;
 use crate::cost::Cost;
 
 /// What `render.json` holds.
@@ -32,7 +32,7 @@ struct Measured<'a> {
 }
 
 /// Everything: configuration, units, records.
-pub fn json(report: &Report<'_>) -> Result<String> {
+pub fn json(report: &Results<'_>) -> Result<String> {
     let units = report.plan.units.iter().map(|unit| {
         let key = unit.key();
         Measured { unit, record: report.records.get(&key), skipped: report.skipped.get(&key) }
@@ -54,7 +54,7 @@ const COLUMNS: &str = "section,case,source,splats,size,transfer,rendering,view,\
                        psnr_db,ssim,flip,core_ms,wall_ms,device_ms";
 
 /// A line for each picture that was compared and for each frame that was timed. A PSNR of equal pictures is `inf`.
-pub fn csv(report: &Report<'_>) -> String {
+pub fn csv(report: &Results<'_>) -> String {
     let mut out = format!("{COLUMNS}\n");
     for section in report.sections {
         for (unit, record) in report.units(*section) {

@@ -7,11 +7,13 @@
 pub mod accuracy;
 pub mod config;
 mod export;
+mod figures;
 mod goals;
 mod plan;
 mod plot;
 pub mod record;
 mod report;
+mod results;
 pub mod scenes;
 mod speed;
 mod table5;
@@ -27,9 +29,10 @@ use engine::gpu::{Gpu, GpuOptions};
 use engine::{Error, Kind, Result};
 
 use self::config::{Config, Section};
+use self::figures::{db, ms};
 use self::plan::{Plan, Unit};
 use self::record::{Record, Records};
-use self::report::{Device, Report, db, ms};
+use self::results::{Device, Results};
 use self::scenes::Library;
 use crate::cost::median;
 use crate::paper::progress::{Series, all_done};
@@ -236,8 +239,8 @@ impl Runner<'_> {
         })
     }
 
-    fn report(&self) -> Report<'_> {
-        Report {
+    fn report(&self) -> Results<'_> {
+        Results {
             config: self.config,
             plan: self.plan,
             sections: self.sections,

@@ -4,8 +4,9 @@ use engine::Result;
 use plotters::prelude::*;
 
 use super::config::Section;
+use super::figures::thousands;
 use super::record::{Comparison, Role};
-use super::report::{Report, thousands};
+use super::results::Results;
 use crate::plot::{Area, Axis, COLOURS, Drawn, axes, legend, line, sheet, span};
 
 const PANEL: [u32; 2] = [560, 400];
@@ -30,7 +31,7 @@ struct Over {
 }
 
 /// PSNR over the median cost of a frame, of all modes of `renderer-error`.
-pub fn cost(report: &Report<'_>) -> Result<String> {
+pub fn cost(report: &Results<'_>) -> Result<String> {
     let is_cpu = report.device.is_cpu;
     let panels = panels(report, |row| (row.cost(is_cpu) > 0.0).then(|| row.cost(is_cpu).log10()));
     let over = Over { title: format!("{} a frame", report.device.unit()), logarithmic: true };
@@ -38,13 +39,13 @@ pub fn cost(report: &Report<'_>) -> Result<String> {
 }
 
 /// PSNR over the distance of slabs, of all that are of mode `slab`.
-pub fn ladder(report: &Report<'_>) -> Result<String> {
+pub fn ladder(report: &Results<'_>) -> Result<String> {
     let panels = panels(report, |row| (row.mode == "slab").then_some(row.step));
     let over = Over { title: "distance of slabs / standard deviations".into(), logarithmic: false };
     svg("PSNR against mode exact, over the distance of slabs", &panels, &over)
 }
 
-fn panels(report: &Report<'_>, x: impl Fn(&Comparison) -> Option<f64>) -> Vec<Panel> {
+fn panels(report: &Results<'_>, x: impl Fn(&Comparison) -> Option<f64>) -> Vec<Panel> {
     let mut panels = Vec::new();
     for (unit, record) in report.units(Section::RendererError) {
         for transfer in &unit.transfers {

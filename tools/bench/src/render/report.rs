@@ -1,76 +1,25 @@
 //! Tables of what was measured, in Markdown.
 
-use engine::gpu::DeviceDescription;
-
-use super::config::{Config, Section};
+use super::config::Section;
+use super::figures::{dash, db, mb, ms, thousands};
 use super::goals::{self, Found};
-use super::plan::{Plan, Source, Unit};
-use super::record::{Comparison, Record, Records, Role, Timing};
+use super::plan::{Source, Unit};
+use super::record::{Comparison, Record, Role, Timing};
+use super::results::Results;
 use super::table5;
 use crate::cost::{Cost, mean, median, percentile};
 use crate::report::Table;
 
 /// Bytes of a splat, packed and in full.
 const PACKED: usize = 16;
+
 const FULL: usize = size_of::<engine::splat::Splat>();
+
 /// Passes that are told of a rendering.
 const PASSES: usize = 6;
 
-/// The device, as tables name it.
-#[derive(Clone, Debug)]
-pub struct Device {
-    /// Name, kind and driver.
-    pub text: String,
-    /// Whether it is a driver that runs on the CPU.
-    pub is_cpu: bool,
-}
-
-impl Device {
-    /// As it describes itself.
-    pub fn new(description: &DeviceDescription) -> Self {
-        Device {
-            text: format!("{} ({}, {})", description.name, description.kind, description.driver),
-            is_cpu: description.kind == "CPU",
-        }
-    }
-
-    /// What frames are compared by.
-    pub fn unit(&self) -> &'static str {
-        if self.is_cpu { "core-ms" } else { "device ms" }
-    }
-}
-
-/// What reports are made from.
-pub struct Report<'a> {
-    /// The configuration.
-    pub config: &'a Config,
-    /// What was to be done.
-    pub plan: &'a Plan,
-    /// Sections that were asked for.
-    pub sections: &'a [Section],
-    /// What there is.
-    pub records: &'a Records,
-    /// Why there is no record, by key.
-    pub skipped: &'a std::collections::BTreeMap<String, String>,
-    /// Where it was measured.
-    pub device: &'a Device,
-    /// Whether it was a quick run.
-    pub quick: bool,
-    /// How to measure it again.
-    pub command: &'a str,
-}
-
-impl Report<'_> {
-    /// Units of a section, with their records.
-    pub fn units(&self, section: Section) -> impl Iterator<Item = (&Unit, &Record)> {
-        self.plan
-            .units
-            .iter()
-            .filter(move |unit| unit.section == section)
-            .filter_map(|unit| Some((unit, self.records.get(&unit.key())?)))
-    }
-
-    /// All of it.
+impl Results<'_> {
+    /// Returns the report in Markdown.
     pub fn markdown(&self) -> String {
         let mut text = self.preamble();
         for &section in self.config.parts.keys().filter(|section| self.sections.contains(section)) {
@@ -343,42 +292,4 @@ fn bytes(row: &Comparison, splats: usize) -> String {
         (Some(bytes), _) | (None, Some(bytes)) => mb(bytes),
         (None, None) => format!("{} ({})", mb((splats * PACKED) as u64), mb((splats * FULL) as u64)),
     }
-}
-
-/// For what there is not.
-pub fn dash() -> String {
-    "—".into()
-}
-
-/// dB with two decimals.
-pub fn db(psnr: f64) -> String {
-    if psnr == f64::INFINITY { "∞".into() } else { format!("{psnr:.2}") }
-}
-
-/// Milliseconds with three digits or more.
-pub fn ms(value: Option<f64>) -> String {
-    match value {
-        None => dash(),
-        Some(v) if v >= 99.95 => format!("{v:.0}"),
-        Some(v) if v >= 9.995 => format!("{v:.1}"),
-        Some(v) => format!("{v:.2}"),
-    }
-}
-
-/// Millions of bytes with three digits or more.
-pub fn mb(bytes: u64) -> String {
-    ms(Some(bytes as f64 / 1e6))
-}
-
-/// 1,234,567.
-pub fn thousands(value: u64) -> String {
-    let digits = value.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
 }

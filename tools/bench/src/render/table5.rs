@@ -1,9 +1,10 @@
 //! The paper's Table 5 with our own frames beside it.
 
 use super::config::Section;
+use super::figures::{dash, ms, thousands};
 use super::plan::{Source, Unit};
 use super::record::{Record, Timing};
-use super::report::{Report, dash, ms, thousands};
+use super::results::Results;
 use crate::cost::median;
 use crate::report::Table;
 
@@ -61,7 +62,7 @@ enum Here<'a> {
 }
 
 /// The table. Subjects that are none of the paper's stand below.
-pub fn markdown(report: &Report<'_>) -> String {
+pub fn markdown(report: &Results<'_>) -> String {
     let units: Vec<&Unit> = report.plan.units.iter().filter(|unit| unit.section == Section::Table5).collect();
     let mut rows: Vec<Vec<String>> = PAPER.iter().map(|row| row.cells(report, &units)).collect();
     for unit in units.iter().filter(|unit| !PAPER.iter().any(|row| row.is_case(unit))) {
@@ -107,7 +108,7 @@ impl Row {
             && unit.case.mask.trim_end_matches(".gz").trim_end_matches(".nii") == self.mask
     }
 
-    fn cells(&self, report: &Report<'_>, units: &[&Unit]) -> Vec<String> {
+    fn cells(&self, report: &Results<'_>, units: &[&Unit]) -> Vec<String> {
         let (method, splats) = match self.method {
             Method::Volume => ("volume rendering", dash()),
             Method::Standard(n) => ("3DGS", format!("{n}k")),
@@ -130,7 +131,7 @@ impl Row {
     }
 
     /// The subject that stands beside this row; of several the first that was measured.
-    fn here<'a>(&self, report: &Report<'a>, units: &[&'a Unit]) -> Here<'a> {
+    fn here<'a>(&self, report: &Results<'a>, units: &[&'a Unit]) -> Here<'a> {
         let fits = |unit: &&&Unit| {
             // Whose splats a file holds is known once it was read; until then it may be anybody's.
             let read = report.records.get(&unit.key());

@@ -304,7 +304,7 @@ fn report_of(section: Section, is_cpu: bool, fill: impl Fn(&Unit) -> Option<Reco
     }
     let device = Device { text: "a device".into(), is_cpu };
     let skipped = BTreeMap::from([(plan.units[1].key(), "no time".to_owned())]);
-    let report = Report {
+    let report = Results {
         config: &config,
         plan: &plan,
         sections: &[section],
@@ -425,7 +425,7 @@ fn figures_are_written_with_the_digits_that_they_have() {
     }
     assert_eq!((db(f64::INFINITY), db(31.456)), ("∞".to_owned(), "31.46".to_owned()));
     for (value, text) in [(7, "7"), (999, "999"), (1000, "1,000"), (1_234_567, "1,234,567")] {
-        assert_eq!(report::thousands(value), text);
+        assert_eq!(figures::thousands(value), text);
     }
 }
 

@@ -3,39 +3,27 @@
 use egui::{Align2, Color32, CursorIcon, PointerButton, Pos2, Response, Sense, TextStyle, Ui, vec2};
 use glam::DVec2;
 
-use super::App;
+use super::app::App;
+use super::drag::{Drag, Target};
 use crate::actions::Action;
 use crate::annotations::Over;
 use crate::facts::Facts;
-use crate::handles::{self, Handle};
+use crate::handles;
 use crate::panels::{self, status::Reading};
 use crate::state::{Distance, State};
 use crate::theme::SIGNAL;
 
 /// A drag across so many points of the screen turns by a degree.
 const POINTS_PER_DEGREE: f64 = 3.0;
+
 /// A drag across so many points changes the window by a factor of e.
 const POINTS_PER_E: f64 = 250.0;
 
 /// Handles are taken hold of from this far, points of the screen.
 const REACH: f32 = 9.0;
+
 /// The line of the split stays this share of the picture away from its borders.
 const SPLIT_EDGE: f64 = 0.02;
-/// What the mouse has taken hold of in the picture, other than the camera.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Grip {
-    /// A handle of a clip plane or of the crop box.
-    Handle(Handle),
-    /// The line between splats and volume.
-    Split,
-}
-
-/// What is in the hand, and where the mouse was last.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Held {
-    what: Grip,
-    at: Pos2,
-}
 
 impl App {
     /// The picture's place, and the mouse in it.
@@ -75,12 +63,12 @@ impl App {
     }
 
     /// Takes hold of handles and of the line of the split, and moves them. What is under the cursor or in the hand.
-    fn grip(&mut self, ui: &Ui, response: &Response, facts: &Facts<'_>) -> Option<Grip> {
+    fn grip(&mut self, ui: &Ui, response: &Response, facts: &Facts<'_>) -> Option<Target> {
         let primary = PointerButton::Primary;
         if response.drag_started_by(primary) && !ui.input(|i| i.modifiers.shift) {
             // A drag is known as one only when the mouse has moved a little.
             let origin = ui.input(|i| i.pointer.press_origin());
-            self.grip = origin.and_then(|at| Some(Held { what: self.grip_at(at, facts)?, at }));
+            self.grip = origin.and_then(|at| Some(Drag { what: self.grip_at(at, facts)?, at }));
         }
         if !response.dragged_by(primary) {
             self.grip = None;
@@ -89,7 +77,7 @@ impl App {
         let over = held.or_else(|| response.hover_pos().and_then(|at| self.grip_at(at, facts)));
         if over.is_some() {
             let icon =
-                if over == Some(Grip::Split) { CursorIcon::ResizeHorizontal } else { CursorIcon::Grab };
+                if over == Some(Target::Split) { CursorIcon::ResizeHorizontal } else { CursorIcon::Grab };
             ui.ctx().set_cursor_icon(icon);
         }
         let aspect = self.aspect();
@@ -98,18 +86,18 @@ impl App {
         let what = held.what;
         let places = [self.place(before), self.place(at)];
         match (what, facts.bounds) {
-            (Grip::Split, _) => self.state.split = Some(places[1].x.clamp(SPLIT_EDGE, 1.0 - SPLIT_EDGE)),
-            (Grip::Handle(handle), Some(bounds)) => {
+            (Target::Split, _) => self.state.split = Some(places[1].x.clamp(SPLIT_EDGE, 1.0 - SPLIT_EDGE)),
+            (Target::Handle(handle), Some(bounds)) => {
                 let State { clip, orbit, .. } = &mut self.state;
                 handles::drag(clip, handle, bounds, orbit, aspect, places);
             }
-            (Grip::Handle(_), None) => {}
+            (Target::Handle(_), None) => {}
         }
         over
     }
 
     /// What there is to take hold of at a place of the screen.
-    fn grip_at(&self, at: Pos2, facts: &Facts<'_>) -> Option<Grip> {
+    fn grip_at(&self, at: Pos2, facts: &Facts<'_>) -> Option<Target> {
         let place = self.place(at);
         let size = self.picture.size();
         let reach = f64::from(REACH / size.y);
@@ -117,15 +105,15 @@ impl App {
         if let (true, Some(bounds)) = (show.handles, facts.bounds) {
             let placed = handles::handles(clip, bounds);
             if let Some(handle) = handles::hit(&placed, orbit, self.aspect(), place, reach) {
-                return Some(Grip::Handle(handle));
+                return Some(Target::Handle(handle));
             }
         }
         let near = |split: f64| (place.x - split).abs() * f64::from(size.x) < f64::from(REACH);
-        split.is_some_and(near).then_some(Grip::Split)
+        split.is_some_and(near).then_some(Target::Split)
     }
 
     /// What is painted over the picture.
-    fn paint(&self, ui: &Ui, response: &Response, facts: &Facts<'_>, over: Option<Grip>) {
+    fn paint(&self, ui: &Ui, response: &Response, facts: &Facts<'_>, over: Option<Target>) {
         let Some(bounds) = facts.bounds else { return };
         let state = &self.state;
         let painter = ui.painter_at(self.picture);
@@ -133,7 +121,7 @@ impl App {
             Over { painter: &painter, rect: self.picture, orbit: &state.orbit, aspect: self.aspect() };
         if state.show.handles {
             let bright =
-                over.and_then(|grip| if let Grip::Handle(handle) = grip { Some(handle) } else { None });
+                over.and_then(|grip| if let Target::Handle(handle) = grip { Some(handle) } else { None });
             paint.handles(&state.clip, bounds, bright);
         }
         if let Some(split) = state.split {

@@ -6,10 +6,9 @@ use egui::{
 };
 use engine::transfer::TransferFunction;
 
-use super::{Editor, full_range, height, opacity, ticks};
+use super::editor::{Editor, full_range, height, opacity, ticks};
 use crate::histogram::Histogram;
-use crate::panels::screen;
-use crate::theme::ACCENT;
+use crate::theme::{ACCENT, screen};
 use crate::transfer::Transfer;
 
 /// A point is taken hold of from this far, points of the screen.
@@ -322,4 +321,5 @@ fn paint_axis(painter: &Painter, plot: &Plot, whole: Rect) {
 }
 
 #[cfg(test)]
+#[path = "tests/widget.rs"]
 mod tests;

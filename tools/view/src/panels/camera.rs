@@ -2,7 +2,7 @@
 
 use egui::{DragValue, Slider, Ui};
 
-use super::{ask, colour_button, row};
+use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
 use crate::orbit::{FOV_RANGE, Side};
 use crate::state::State;

@@ -3,7 +3,7 @@
 use egui::{DragValue, Ui};
 use glam::DVec3;
 
-use super::{ask, row};
+use super::widgets::{ask, row};
 use crate::actions::Action;
 use crate::facts::Facts;
 use crate::state::{CropBox, MOST_PLANES, Plane, State};

@@ -2,6 +2,7 @@
 
 use egui::Ui;
 
+use super::widgets::explained;
 use crate::actions::Action;
 use crate::state::State;
 
@@ -11,7 +12,7 @@ pub fn show(ui: &mut Ui, state: &mut State, measuring: bool, actions: &mut Vec<A
     if button.clicked() {
         actions.push(Action::Measure);
     }
-    super::explained(ui, button, &Action::Measure);
+    explained(ui, button, &Action::Measure);
     if measuring {
         ui.weak("Click two points of the picture.");
     }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use egui::{Button, MenuBar, Ui};
 
+use super::widgets::explained;
 use crate::actions::{Action, binding};
 use crate::orbit::Side;
 
@@ -83,7 +84,7 @@ fn plain(ui: &mut Ui, text: &str, enabled: bool, action: Action, actions: &mut V
     if button.clicked() {
         actions.push(action.clone());
     }
-    super::explained(ui, button, &action);
+    explained(ui, button, &action);
 }
 
 /// A row of a menu, as the table of keys names it.

@@ -3,7 +3,7 @@
 use egui::{Button, Slider, Ui};
 use glam::DVec3;
 
-use super::colour_button;
+use super::widgets::colour_button;
 use crate::facts::Facts;
 use crate::state::State;
 

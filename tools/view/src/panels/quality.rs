@@ -2,7 +2,7 @@
 
 use egui::{DragValue, Slider, Ui};
 
-use super::{explained, row};
+use super::widgets::{explained, row};
 use crate::actions::Action;
 use crate::facts::Facts;
 use crate::state::{SplatMode, State, Subject, mode_row};

@@ -3,7 +3,7 @@
 use egui::{ComboBox, DragValue, Slider, Ui};
 use engine::transfer::{PRESETS, WINDOWS};
 
-use super::{ask, colour_button, row};
+use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
 use crate::editor::widget::{self, Backdrop};
 use crate::editor::{Editor, full_range};

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use egui::{Align2, Color32, Context, FontId, Id, LayerId, Order, Rect, Ui, UiBuilder, vec2};
 
-use super::ask;
+use super::widgets::ask;
 use crate::actions::Action;
 
 /// Recent files that are offered.

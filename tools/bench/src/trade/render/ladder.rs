@@ -4,8 +4,9 @@ use std::fmt::Write;
 
 use engine::render::SplatKind;
 
+use super::averages::Averages;
 use super::plan::Choice;
-use super::report::Row;
+
 use crate::trade::front::{Point, front};
 
 /// A rung costs at most this part of the one above it: with smaller steps the controller would go up and down among rungs
@@ -13,7 +14,7 @@ use crate::trade::front::{Point, front};
 const STEP: f64 = 0.8;
 
 /// The ladder of such splats: from all that they can be down along the front of PSNR against cost, as far as it goes.
-pub fn rungs_of(kind: SplatKind, rows: &[Row]) -> Vec<Row> {
+pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
     let usual = match kind {
         SplatKind::Field => Choice::usual("slab"),
         SplatKind::Grid => Choice::of_grid(),
@@ -25,7 +26,7 @@ pub fn rungs_of(kind: SplatKind, rows: &[Row]) -> Vec<Row> {
             && choice.of_grid == usual.of_grid
             && (kind != SplatKind::Coloured || choice.mode == usual.mode)
     };
-    let mut cheaper: Vec<&Row> =
+    let mut cheaper: Vec<&Averages> =
         rows.iter().filter(|row| fits(&row.choice) && row.cost < first.cost).collect();
     let points: Vec<Point> = cheaper.iter().map(|row| Point { cost: row.cost, gain: row.psnr }).collect();
     let mut on = front(&points).into_iter();
@@ -41,7 +42,7 @@ pub fn rungs_of(kind: SplatKind, rows: &[Row]) -> Vec<Row> {
 }
 
 /// As `engine::render::rungs` reads it.
-pub fn toml(rows: &[Row], device: &str) -> String {
+pub fn toml(rows: &[Averages], device: &str) -> String {
     let mut out = format!(
         "# The rungs of engine::render::rungs, the best first. Written by `bench trade render --ladder`, which measured them on\n\
          # {device}.\n\
@@ -74,8 +75,17 @@ pub fn toml(rows: &[Row], device: &str) -> String {
 mod tests {
     use super::*;
 
-    fn row(choice: Choice, cost: f64, psnr: f64) -> Row {
-        Row { choice, cost, ms: 10.0 * cost, device_ms: cost, psnr, worst_psnr: psnr, ssim: 0.9, flip: 0.1 }
+    fn row(choice: Choice, cost: f64, psnr: f64) -> Averages {
+        Averages {
+            choice,
+            cost,
+            ms: 10.0 * cost,
+            device_ms: cost,
+            psnr,
+            worst_psnr: psnr,
+            ssim: 0.9,
+            flip: 0.1,
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //! sides through several transfer functions, compared with the CT itself (`shots`), and kept; `report` makes tables and
 //! plots of them, and `ladder` the rungs of the frame budget's controller.
 
+mod averages;
 mod ladder;
 mod plan;
 mod report;

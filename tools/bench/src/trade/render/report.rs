@@ -7,6 +7,7 @@ use engine::render::SplatKind;
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
+use super::averages::Averages;
 use super::ladder;
 use super::plan::Choice;
 use super::shots::{self, Record, Unit};
@@ -27,25 +28,6 @@ pub struct Report {
     pub records: Vec<Record>,
 }
 
-/// A choice over all cases, transfer functions and views.
-#[derive(Clone, Debug, Serialize)]
-pub struct Row {
-    #[serde(flatten)]
-    pub choice: Choice,
-    /// Of a frame relative to that of the usual slabs: geometric mean over cases and transfer functions.
-    pub cost: f64,
-    /// Of a frame, ms: CPU time of a CPU driver, device time of a GPU; mean over cases and functions of the median of the views.
-    pub ms: f64,
-    /// Sum of the device's timestamps, likewise.
-    pub device_ms: f64,
-    /// Against the CT, dB: mean.
-    pub psnr: f64,
-    /// Of the worst picture.
-    pub worst_psnr: f64,
-    pub ssim: f64,
-    pub flip: f64,
-}
-
 fn of(row: &shots::Row, figure: impl Fn(&Cost) -> f64) -> f64 {
     median(&row.sights.iter().map(|s| figure(&s.cost)).collect::<Vec<_>>()).unwrap_or(f64::NAN)
 }
@@ -57,11 +39,11 @@ impl Report {
     }
 
     /// All choices that were measured everywhere.
-    pub fn rows(&self) -> Vec<Row> {
+    pub fn rows(&self) -> Vec<Averages> {
         self.rows_of(&self.seen().collect::<Vec<_>>())
     }
 
-    fn rows_of(&self, records: &[&Record]) -> Vec<Row> {
+    fn rows_of(&self, records: &[&Record]) -> Vec<Averages> {
         let Some(first) = records.first() else { return Vec::new() };
         let usual = Choice::usual("slab");
         let find = |record: &'_ Record, choice: &Choice| {
@@ -83,7 +65,7 @@ impl Report {
                 let over = |figure: &dyn Fn(&(shots::Row, shots::Row)) -> f64| {
                     mean(&pairs.iter().map(figure).collect::<Vec<_>>()).unwrap_or(f64::NAN)
                 };
-                Some(Row {
+                Some(Averages {
                     choice: choice.clone(),
                     cost: over(&|(row, usual)| (ms(row) / ms(usual)).ln()).exp(),
                     ms: over(&|(row, _)| ms(row)),
@@ -123,7 +105,7 @@ impl Report {
         text
     }
 
-    fn table(&self, title: String, mut rows: Vec<Row>) -> Table {
+    fn table(&self, title: String, mut rows: Vec<Averages>) -> Table {
         rows.sort_by(|a, b| b.cost.total_cmp(&a.cost));
         let points: Vec<Point> = rows.iter().map(|r| Point { cost: r.cost, gain: r.psnr }).collect();
         let on = front(&points);
@@ -205,7 +187,7 @@ impl Report {
     }
 
     /// The rungs, with what each step down saves and gives up.
-    fn ladder(&self, kind: SplatKind, rungs: &[Row]) -> Table {
+    fn ladder(&self, kind: SplatKind, rungs: &[Averages]) -> Table {
         // Of one first rung for all: a mean of ms is that of the dearest cases, the cost is not.
         let first = rungs.first().map_or(f64::NAN, |row| row.ms);
         let rows = rungs.iter().enumerate().map(|(n, row)| {
@@ -288,8 +270,8 @@ impl Report {
         struct All<'a> {
             device: &'a str,
             is_cpu: bool,
-            rows: Vec<Row>,
-            ladders: BTreeMap<&'static str, Vec<Row>>,
+            rows: Vec<Averages>,
+            ladders: BTreeMap<&'static str, Vec<Averages>>,
         }
         let rows = self.rows();
         let ladders = SplatKind::ALL.map(|kind| (kind.name(), ladder::rungs_of(kind, &rows))).into();
@@ -306,7 +288,7 @@ impl Report {
         let panels = cases.iter().map(|case| {
             let records: Vec<&Record> = self.seen().filter(|r| r.unit.case.name == *case).collect();
             let rows = self.rows_of(&records);
-            let point = |row: &Row| Point { cost: row.ms, gain: row.psnr };
+            let point = |row: &Averages| Point { cost: row.ms, gain: row.psnr };
             let labels = [
                 ("exact", false, "exact"),
                 ("slab", false, "slab"),

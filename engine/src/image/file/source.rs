@@ -1,0 +1,46 @@
+//! An open file of a picture.
+
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::Path;
+
+use crate::{Error, Kind, Result};
+
+/// DEFLATE, the densest packing in these formats, cannot do better than 1032 : 1, so a longer claim is false before
+/// anything is allocated.
+const MAX_RATIO: u64 = 1032;
+
+/// An open file.
+pub(super) struct Source {
+    pub(super) reader: BufReader<File>,
+    /// Bytes on disk.
+    pub(super) stored: u64,
+}
+
+impl Source {
+    /// Opens a file and notes its length.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let failed = |e: &io::Error| Error::io(path, "reading a picture", e);
+        let meta = std::fs::metadata(path).map_err(|e| failed(&e))?;
+        if !meta.is_file() {
+            let message = "is a folder or a device, not a file";
+            return Err(Error::new(Kind::BadData, "VGS-IMG-010", message).file(path));
+        }
+        let file = File::open(path).map_err(|e| failed(&e))?;
+        Ok(Source { reader: BufReader::with_capacity(1 << 18, file), stored: meta.len() })
+    }
+}
+
+/// Refuses a size whose `unpacked` bytes a file of `stored` bytes cannot hold.
+pub(super) fn expect(size: [usize; 2], unpacked: u64, stored: u64) -> Result<()> {
+    let most = stored.saturating_mul(MAX_RATIO);
+    if unpacked > most {
+        let [width, height] = size;
+        let message = format!(
+            "declares {width} x {height} pixels, {unpacked} bytes, but {stored} bytes hold at most {most}"
+        );
+        return Err(Error::new(Kind::BadData, "VGS-IMG-011", message)
+            .help("the file was cut short or its header is wrong"));
+    }
+    Ok(())
+}

@@ -1,0 +1,81 @@
+//! The ways to render a scene, a row each.
+
+use super::alpha::Alpha;
+use super::mode::Mode;
+use super::raymarch::Raymarch;
+use super::scene::Scene;
+use super::settings::Settings;
+use super::slab::Slab;
+use crate::error::{Error, Kind, Result};
+use crate::gpu::Gpu;
+
+/// A row of [`MODES`].
+pub struct ModeRow {
+    /// Name on the command line and in tables.
+    pub name: &'static str,
+    /// What it is, in a line.
+    pub about: &'static str,
+    /// Whether it renders splats rather than the volume.
+    pub of_splats: bool,
+    make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
+}
+
+impl ModeRow {
+    /// Fails where the scene has not what the mode renders.
+    pub(super) fn make(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Box<dyn Mode>> {
+        let there = if self.of_splats { scene.cloud.is_some() } else { scene.medium.is_some() };
+        if !there {
+            let needed = if self.of_splats { "splats" } else { "a volume" };
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-RENDER-003",
+                format!("mode {} needs {needed}, and the scene has none", self.name),
+            )
+            .help("choose another --mode, or give what is missing"));
+        }
+        (self.make)(gpu, scene, settings)
+    }
+}
+
+/// The modes, from the most accurate to the fastest.
+pub static MODES: [ModeRow; 5] = [
+    ModeRow {
+        name: "volume",
+        about: "the CT itself, ray-marched with trilinear sampling: the reference",
+        of_splats: false,
+        make: |gpu, scene, settings| Ok(Box::new(Raymarch::new(gpu, scene, settings)?)),
+    },
+    ModeRow {
+        name: "exact",
+        about: "the splats' field in steps of a tenth of a standard deviation",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(Slab::exact(gpu, scene, settings)?)),
+    },
+    ModeRow {
+        name: "slab",
+        about: "the splats' field in slabs, classified after it is added up",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(Slab::new(gpu, scene, settings)?)),
+    },
+    ModeRow {
+        name: "decoded",
+        about: "the splats' field on the CT's own voxels, put there once, and ray-marched as those",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
+    },
+    ModeRow {
+        name: "alpha",
+        about: "sorted splats, each of one colour, blended: the fastest",
+        of_splats: true,
+        make: |gpu, scene, settings| Ok(Box::new(Alpha::new(gpu, scene, settings)?)),
+    },
+];
+
+/// The row of a mode.
+pub fn mode(name: &str) -> Result<&'static ModeRow> {
+    MODES.iter().find(|m| m.name == name).ok_or_else(|| {
+        let names: Vec<_> = MODES.iter().map(|m| m.name).collect();
+        Error::new(Kind::Usage, "VGS-RENDER-002", format!("there is no mode {name:?}"))
+            .help(format!("modes are {}", names.join(", ")))
+    })
+}

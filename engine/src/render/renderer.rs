@@ -1,0 +1,77 @@
+//! Pictures of a scene one after the other, each waited for.
+
+use super::blind::Blind;
+use super::camera::Camera;
+use super::mode::Mode;
+use super::modes::ModeRow;
+use super::quality::Quality;
+use super::scene::Scene;
+use super::settings::Settings;
+use super::target::Target;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::passes::{Views, Work};
+
+/// A mode with its target and its views: what renders a scene offscreen.
+pub struct Renderer {
+    gpu: Gpu,
+    mode: Box<dyn Mode>,
+    views: Views,
+    /// What is blind of the pictures; nothing where the settings do not ask for it.
+    blind: Vec<Blind>,
+    /// What was rendered last.
+    pub target: Target,
+}
+
+impl Renderer {
+    /// Fails where the scene has not what the mode renders.
+    pub fn new(gpu: &Gpu, mode: &ModeRow, scene: &Scene, settings: &Settings) -> Result<Self> {
+        Ok(Renderer {
+            gpu: gpu.clone(),
+            mode: mode.make(gpu, scene, settings)?,
+            views: Views::new(gpu, "views", settings.views, settings.blind)?,
+            blind: vec![Blind::default(); if settings.blind { settings.views as usize } else { 0 }],
+            target: Target::new(gpu, settings.size, settings.views, settings.precise, settings.depth)?,
+        })
+    }
+
+    /// Says what is blind of the pictures from now on.
+    ///
+    /// # Panics
+    /// If the settings did not ask for it, or had another number of views.
+    pub fn set_blind(&mut self, blind: &[Blind]) {
+        self.blind.clone_from_slice(blind);
+    }
+
+    /// Renders one picture for each camera and waits for them.
+    ///
+    /// # Panics
+    /// If there are not as many cameras as the settings had views.
+    pub fn render(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<()> {
+        self.render_at(scene, cameras, &Quality::FULL)
+    }
+
+    /// As [`Self::render`], with something given up: the pictures lie in the upper left corner of the target, as large as
+    /// [`Quality::size`] says.
+    ///
+    /// # Panics
+    /// If there are not as many cameras as the settings had views.
+    pub fn render_at(&mut self, scene: &Scene, cameras: &[Camera], quality: &Quality) -> Result<()> {
+        let rows = cameras.iter().map(|camera| camera.view(scene.origin));
+        self.views.write(rows, self.blind.iter().map(|blind| blind.words))?;
+        loop {
+            let mut recorder = self.gpu.record()?;
+            self.mode.record(&mut recorder, scene, &self.views, &mut self.target, quality)?;
+            let ticket = recorder.submit()?;
+            self.gpu.wait(ticket)?;
+            if !self.mode.settle()? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// What the last frame was made of; all 0 for a mode without splats.
+    pub fn work(&self) -> Result<Work> {
+        self.mode.work()
+    }
+}

@@ -1,0 +1,30 @@
+//! What the affine of a grid says: the distances between its voxels, and where its axes point.
+
+use glam::{DAffine3, DVec3};
+
+/// Length of each column of an affine.
+pub(crate) fn spacing_of(affine: &DAffine3) -> DVec3 {
+    let m = affine.matrix3;
+    DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
+}
+
+/// For each voxel axis the letter of the anatomical direction that it is closest to. Every direction is used once:
+/// the clearest axis chooses first.
+pub(super) fn axis_codes_of(affine: &DAffine3) -> String {
+    let m = affine.matrix3;
+    let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.normalize_or_zero().to_array());
+    let mut codes = ['?'; 3];
+    let (mut axes, mut directions) = (vec![0, 1, 2], vec![0, 1, 2]);
+    while !axes.is_empty() {
+        let strength = |&(a, d): &(usize, usize)| columns[a][d].abs();
+        let (a, d) = axes
+            .iter()
+            .flat_map(|&a| directions.iter().map(move |&d| (a, d)))
+            .max_by(|p, q| strength(p).total_cmp(&strength(q)))
+            .expect("an axis and a direction are left");
+        codes[a] = if columns[a][d] > 0.0 { ['R', 'A', 'S'][d] } else { ['L', 'P', 'I'][d] };
+        axes.retain(|&x| x != a);
+        directions.retain(|&x| x != d);
+    }
+    codes.iter().collect()
+}

@@ -1,0 +1,60 @@
+//! The file formats of volumes, a row each.
+
+use std::path::Path;
+
+use super::read_options::ReadOptions;
+use super::source::Source;
+use super::volume::Volume;
+use super::{inv3, nifti};
+use crate::{Error, Kind, Result};
+
+/// A file format that [`Volume::read`] knows.
+pub struct Format {
+    /// Name for messages.
+    pub name: &'static str,
+    /// Lower-case name endings, with the dot.
+    pub extensions: &'static [&'static str],
+    /// Whether the first [`SNIFF_BYTES`] decoded bytes (or fewer, in a shorter file) are of this format.
+    sniff: fn(&[u8]) -> bool,
+    read: fn(&Path, &ReadOptions) -> Result<Volume>,
+}
+
+/// How much of a file is looked at to recognise it.
+pub const SNIFF_BYTES: usize = 1024;
+
+/// Every format; the content decides, and the name only where the content is not recognised.
+pub const FORMATS: &[Format] = &[
+    Format {
+        name: "NIfTI",
+        extensions: &[".nii", ".nii.gz", ".hdr", ".hdr.gz", ".img", ".img.gz"],
+        sniff: nifti::sniff,
+        read: nifti::read,
+    },
+    Format { name: "InVesalius project", extensions: &[".inv3"], sniff: inv3::sniff, read: inv3::read },
+];
+
+impl Volume {
+    /// Reads a volume in any of the [`FORMATS`]. What is odd but readable is warned about.
+    ///
+    /// # Errors
+    /// [`Kind::Missing`], [`Kind::BadData`], [`Kind::Usage`] (a volume of a series must be chosen),
+    /// [`Kind::HostMemory`] or [`Kind::Io`].
+    pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Volume> {
+        let path = path.as_ref();
+        let mut head = vec![0; SNIFF_BYTES];
+        let n = Source::open(path, options.lenient)?.read_some(&mut head)?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let format = FORMATS
+            .iter()
+            .find(|f| (f.sniff)(&head[..n]))
+            .or_else(|| FORMATS.iter().find(|f| f.extensions.iter().any(|e| name.ends_with(e))))
+            .ok_or_else(|| {
+                let known: Vec<_> =
+                    FORMATS.iter().map(|f| format!("{} ({})", f.name, f.extensions.join(" "))).collect();
+                Error::new(Kind::BadData, "VGS-VOL-009", "not a volume in a known format")
+                    .file(path)
+                    .help(format!("known formats: {}", known.join(", ")))
+            })?;
+        (format.read)(path, options)
+    }
+}

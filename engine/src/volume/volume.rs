@@ -1,0 +1,140 @@
+//! A scalar volume on a regular grid.
+
+use std::collections::BTreeMap;
+
+use glam::{DAffine3, DVec3};
+
+use super::affine::{axis_codes_of, spacing_of};
+use super::interpolation::trilinear;
+
+/// A scalar volume on a regular grid.
+#[derive(Clone, Debug)]
+pub struct Volume {
+    /// Voxel counts along x, y, z.
+    pub size: [usize; 3],
+    /// Voxel index (centres at integers) to world, mm RAS. May be oblique, sheared or left-handed.
+    pub world_from_voxel: DAffine3,
+    /// Samples, x fastest: HU for CT, the stored unit otherwise. Length is the product of `size`. May hold NaN and
+    /// infinities where the file does.
+    pub samples: Vec<f32>,
+    /// Whether the file says how the patient lies. If not, the axes are those of the grid and left and right are
+    /// unknown.
+    pub oriented: bool,
+    /// Names of label values, where the file carries them.
+    pub labels: BTreeMap<i32, String>,
+}
+
+/// Summary of the samples of a volume.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stats {
+    /// How many samples are finite; the other fields are over these.
+    pub finite: usize,
+    /// How many samples are NaN or infinite.
+    pub non_finite: usize,
+    /// Smallest sample; 0 if none is finite.
+    pub min: f32,
+    /// Largest sample; 0 if none is finite.
+    pub max: f32,
+    /// Mean; 0 if none is finite.
+    pub mean: f64,
+    /// Population standard deviation; 0 if none is finite.
+    pub std_dev: f64,
+}
+
+impl Volume {
+    /// A volume of known orientation and without label names. `samples` has x fastest.
+    ///
+    /// # Panics
+    /// If the number of samples is not the product of `size`.
+    pub fn new(size: [usize; 3], world_from_voxel: DAffine3, samples: Vec<f32>) -> Self {
+        assert_eq!(samples.len(), size.iter().product::<usize>(), "one sample for every voxel");
+        Volume { size, world_from_voxel, samples, oriented: true, labels: BTreeMap::new() }
+    }
+
+    /// Number of voxels.
+    pub fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Whether there is no voxel.
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    /// Place of voxel (x, y, z) in `samples`.
+    pub fn index(&self, x: usize, y: usize, z: usize) -> usize {
+        debug_assert!(x < self.size[0] && y < self.size[1] && z < self.size[2]);
+        x + self.size[0] * (y + self.size[1] * z)
+    }
+
+    /// World (mm RAS) to voxel space.
+    pub fn voxel_from_world(&self) -> DAffine3 {
+        self.world_from_voxel.inverse()
+    }
+
+    /// Distance between neighbouring voxel centres along each voxel axis, mm.
+    pub fn spacing_mm(&self) -> DVec3 {
+        spacing_of(&self.world_from_voxel)
+    }
+
+    /// The direction in which each voxel index grows, as "RAS" or "LPS"; "???" if the orientation is unknown.
+    pub fn axis_codes(&self) -> String {
+        if self.oriented { axis_codes_of(&self.world_from_voxel) } else { "???".into() }
+    }
+
+    /// Trilinear interpolation at a point in voxel space, clamped to the grid: beyond the edge the edge value.
+    pub fn trilinear(&self, voxel: DVec3) -> f64 {
+        trilinear(self.size, voxel, |i| f64::from(self.samples[i]))
+    }
+
+    /// Trilinear sample at `x` (voxel space), clamped to the edge, each voxel first clipped to `clip`; a voxel that is
+    /// not finite counts as `idle`.
+    pub fn sample_clipped(&self, x: DVec3, clip: (f32, f32), idle: f32) -> f64 {
+        trilinear(self.size, x, |i| {
+            let v = self.samples[i];
+            f64::from(if v.is_finite() { v.clamp(clip.0, clip.1) } else { idle })
+        })
+    }
+
+    /// Smallest and largest finite sample; `None` if there is none.
+    pub fn min_max(&self) -> Option<(f32, f32)> {
+        let finite = || self.samples.iter().copied().filter(|v| v.is_finite());
+        Some((finite().reduce(f32::min)?, finite().reduce(f32::max)?))
+    }
+
+    /// Whether intensities look like Hounsfield units: air at about -1000 tells a CT from everything else.
+    pub fn is_ct(&self) -> bool {
+        self.min_max().is_some_and(|(low, _)| low < -200.0)
+    }
+
+    /// What follows an intensity in texts: " HU" for a CT, nothing for a volume without a scale of its own.
+    pub fn unit(&self) -> &'static str {
+        if self.is_ct() { " HU" } else { "" }
+    }
+
+    /// Counts, range, mean and spread of the samples, in two passes of f64.
+    pub fn gather_stats(&self) -> Stats {
+        let finite = || self.samples.iter().copied().filter(|v| v.is_finite()).map(f64::from);
+        let n = finite().count();
+        let (min, max) = self.min_max().unwrap_or_default();
+        let over = n.max(1) as f64;
+        let mean = finite().sum::<f64>() / over;
+        let variance = finite().map(|v| (v - mean).powi(2)).sum::<f64>() / over;
+        Stats { finite: n, non_finite: self.len() - n, min, max, mean, std_dev: variance.sqrt() }
+    }
+
+    /// The eight corners of the box of all voxels, in world mm: half a voxel beyond the outermost centres. Corner
+    /// `i` is at the far end of axis `a` if bit `a` of `i` is set.
+    pub fn world_corners(&self) -> [DVec3; 8] {
+        self.voxel_corners().map(|c| self.world_from_voxel.transform_point3(c))
+    }
+
+    /// The same corners in voxel space.
+    pub(super) fn voxel_corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|i| {
+            DVec3::from_array(std::array::from_fn(|a| {
+                if i >> a & 1 == 1 { self.size[a] as f64 - 0.5 } else { -0.5 }
+            }))
+        })
+    }
+}

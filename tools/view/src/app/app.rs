@@ -1,0 +1,374 @@
+//! The viewer without its window: state, panels, and what the mouse and the keys do.
+//!
+//! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it gives back; then it asks
+//! [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with [`App::camera`] and the state's look.
+
+use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
+use engine::error::{Error, Result};
+use engine::render::Camera;
+use engine::transfer::PRESETS;
+use glam::DVec3;
+
+use super::drag::Drag;
+use crate::actions::{Action, pressed};
+use crate::editor::Editor;
+use crate::facts::Facts;
+use crate::history::History;
+use crate::panels::notice::Message;
+use crate::panels::status::Reading;
+use crate::panels::{self, menu::Menus};
+use crate::prompt::{Answer, Prompt, Purpose};
+use crate::settings::Settings;
+use crate::state::{Edited, SplatMode, State, Subject};
+use crate::transfer::Transfer;
+
+/// Least and greatest width of the panels at the side, points of the screen.
+const PANEL: [f32; 2] = [384.0, 640.0];
+
+/// What has to be done anew since the last time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// The camera.
+    pub camera: bool,
+    /// Transfer function, objects, clip planes: [`State::look`].
+    pub look: bool,
+    /// Mode, what is shown, split, background, quality.
+    pub rendering: bool,
+}
+
+impl Changes {
+    /// Whether the picture must be rendered anew.
+    pub fn any(self) -> bool {
+        self.camera || self.look || self.rendering
+    }
+}
+
+/// The viewer without its window.
+pub struct App {
+    /// What is shown; the session.
+    pub state: State,
+    /// What is remembered from start to start.
+    pub settings: Settings,
+    pub(super) editor: Editor,
+    pub(super) history: History<Edited>,
+    /// The state when the changes were last taken.
+    pub(super) taken: State,
+    /// Whether the whole scene is to be shown as soon as it is there.
+    pub(super) fit: bool,
+    /// Whether the tool that measures distances is taken up, and the first point of a distance, mm RAS.
+    pub(super) measuring: Option<Option<DVec3>>,
+    pub(super) keys: bool,
+    pub(super) message: Option<Message>,
+    pub(super) prompt: Option<Prompt>,
+    /// What is in the hand while a button is down.
+    pub(super) grip: Option<Drag>,
+    pub(super) picture: Rect,
+    pub(super) pixels_per_point: f32,
+    pub(super) held: bool,
+    pub(super) reading: Option<Reading>,
+}
+
+impl App {
+    /// A viewer of this state. The camera of a session stays; without one the scene is fitted once it is there.
+    pub fn new(state: State, settings: Settings) -> Self {
+        App {
+            editor: Editor::default(),
+            history: History::new(state.edited()),
+            taken: state.clone(),
+            fit: false,
+            state,
+            settings,
+            measuring: None,
+            keys: false,
+            message: None,
+            prompt: None,
+            grip: None,
+            picture: Rect::NOTHING,
+            pixels_per_point: 1.0,
+            held: false,
+            reading: None,
+        }
+    }
+
+    /// Takes another state, as of a session file that was opened. There is no way back by undo.
+    pub fn begin(&mut self, state: State) {
+        self.history.restart(state.edited());
+        self.state = state;
+        self.fit = false;
+    }
+
+    /// Shows the whole scene at the next frame that knows its bounds.
+    pub fn fit_soon(&mut self) {
+        self.fit = true;
+    }
+
+    /// Where the picture is, in points of the screen.
+    pub fn picture(&self) -> Rect {
+        self.picture
+    }
+
+    /// Width over height of the picture.
+    pub fn aspect(&self) -> f64 {
+        let size = self.picture.size();
+        let aspect = f64::from(size.x) / f64::from(size.y);
+        if aspect.is_finite() && aspect > 0.0 { aspect } else { 1.0 }
+    }
+
+    /// The camera of the picture.
+    pub fn camera(&self) -> Camera {
+        self.state.orbit.camera(self.aspect())
+    }
+
+    /// Whether a button or key is held, so that what changes will go on changing.
+    pub fn held(&self) -> bool {
+        self.held
+    }
+
+    /// What has changed since the last call of this, by whatever hand.
+    pub fn take_changes(&mut self) -> Changes {
+        let (new, old) = (&self.state, &self.taken);
+        let changes = Changes {
+            camera: new.orbit != old.orbit,
+            look: (&new.transfer, &new.clip, &new.objects) != (&old.transfer, &old.clip, &old.objects),
+            rendering: (new.shown, new.mode, new.split, new.background, new.quality)
+                != (old.shown, old.mode, old.split, old.background, old.quality),
+        };
+        if changes.any() {
+            self.taken = self.state.clone();
+        }
+        changes
+    }
+
+    /// Tells the user that something did not work.
+    pub fn report(&mut self, error: &Error) {
+        tracing::warn!("{error} [{}]", error.code);
+        self.message = Some(error.into());
+    }
+
+    /// Tells the user that something is done.
+    pub fn done(&mut self, text: impl Into<String>) {
+        self.message = Some(Message { text: text.into(), help: String::new(), bad: false });
+    }
+
+    /// Lays out a frame and does what the user asks; gives what only the window can do.
+    pub fn ui(&mut self, ui: &mut Ui, facts: &Facts<'_>) -> Vec<Action> {
+        let mut actions = Vec::new();
+        let dropped: Vec<_> = ui.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
+        if !dropped.is_empty() {
+            actions.push(Action::Open(dropped));
+        }
+        self.frame(ui, facts, &mut actions);
+        let context = ui.ctx().clone();
+        self.windows(&context, facts, &mut actions);
+        // Widgets have taken what is theirs by now, and a question has to be answered first.
+        let asks = self.prompt.is_some() || !self.settings.notice_seen;
+        if !asks && !context.text_edit_focused() {
+            let focus = context.egui_wants_keyboard_input();
+            actions.extend(context.input_mut(|i| pressed(i, focus)));
+        }
+        let left = actions.into_iter().filter_map(|action| self.act(action, facts)).collect();
+        self.held = context.input(|i| i.pointer.any_down() || !i.keys_down.is_empty());
+        self.remember(self.held || context.text_edit_focused());
+        left
+    }
+
+    /// Does what is asked for, or gives it back where only the window can do it.
+    pub fn act(&mut self, action: Action, facts: &Facts<'_>) -> Option<Action> {
+        let state = &mut self.state;
+        match action {
+            Action::Open(_) | Action::Screenshot { .. } | Action::Record { .. } | Action::Quit => {
+                return Some(action);
+            }
+            Action::AskOpen => self.ask(Purpose::Open),
+            Action::AskSave => self.ask(Purpose::Save),
+            Action::AskScreenshot => self.ask(Purpose::Screenshot),
+            Action::AskRecord => self.ask(Purpose::Record),
+            Action::AskTransfer => self.ask(Purpose::Transfer),
+            Action::AskSaveTransfer => self.ask(Purpose::SaveTransfer),
+            Action::Save { path, force } => {
+                let written = state.write(&path, force);
+                self.said(written, || format!("The session is in {}.", path.display()));
+            }
+            Action::SaveTransfer { path, force } => {
+                let written =
+                    state.transfer.function().and_then(|f| engine::transfer::save(&f, &path, force));
+                self.said(written, || format!("The transfer function is in {}.", path.display()));
+            }
+            Action::Transfer(name) => self.take_transfer(&name, facts),
+            Action::Undo | Action::Redo => {
+                let edited = state.edited();
+                let step = match action {
+                    Action::Undo => self.history.undo(&edited),
+                    _ => self.history.redo(&edited),
+                };
+                step.into_iter().for_each(|edited| self.state.restore(edited));
+            }
+            Action::Flip => {
+                state.shown = match state.shown {
+                    Subject::Splats if facts.volume => Subject::Volume,
+                    Subject::Volume if facts.splats.is_some() => Subject::Splats,
+                    same => same,
+                };
+            }
+            Action::Split => {
+                let both = facts.volume && facts.splats.is_some();
+                state.split = if state.split.is_none() && both { Some(0.5) } else { None };
+            }
+            Action::NextMode => {
+                let at = SplatMode::ALL.iter().position(|m| *m == state.mode).unwrap_or(0);
+                state.mode = SplatMode::ALL[(at + 1) % SplatMode::ALL.len()];
+            }
+            Action::NextPreset => self.step_preset(1, facts),
+            Action::PreviousPreset => self.step_preset(PRESETS.len() - 1, facts),
+            Action::Fit => self.fit = true,
+            Action::View(side) => state.orbit.look_from(side),
+            Action::Turn([azimuth, elevation]) => state.orbit.turn(azimuth, elevation),
+            Action::Measure => {
+                self.measuring = if self.measuring.is_none() { Some(None) } else { None };
+            }
+            Action::Clip => match state.clip.planes.first_mut() {
+                Some(plane) => plane.on = !plane.on,
+                None => {
+                    let plane = panels::clip::across(state, facts);
+                    state.clip.planes.push(plane);
+                }
+            },
+            Action::Crop => match &mut state.clip.crop {
+                Some(crop) => crop.on = !crop.on,
+                None => state.clip.crop = Some(panels::clip::around(state, facts)),
+            },
+            Action::Cancel => {
+                self.measuring = None;
+                self.prompt = None;
+                self.keys = false;
+                self.message = None;
+            }
+            Action::TogglePanels => state.show.panels = !state.show.panels,
+            Action::ToggleOverlay => state.show.overlay = !state.show.overlay,
+            Action::ToggleAnnotations => {
+                let on = !(state.show.orientation || state.show.scale_bar);
+                (state.show.orientation, state.show.scale_bar) = (on, on);
+            }
+            Action::ToggleHandles => state.show.handles = !state.show.handles,
+            Action::ToggleKeys => self.keys = !self.keys,
+        }
+        None
+    }
+
+    /// Makes a step of what has changed, unless something is held. Files that were opened begin a new history.
+    fn remember(&mut self, held: bool) {
+        let edited = self.state.edited();
+        if edited.has_objects_of(self.history.now()) {
+            self.history.observe(&edited, held);
+        } else {
+            self.history.restart(edited);
+        }
+    }
+
+    fn ask(&mut self, purpose: Purpose) {
+        let size = self.picture.size() * self.pixels_per_point;
+        let size = [size.x, size.y].map(|n| (n.round() as u32).max(16));
+        self.prompt = Some(Prompt::new(purpose, &self.state.files, size));
+    }
+
+    fn said(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
+        match result {
+            Ok(()) => self.done(what()),
+            Err(error) => self.report(&error),
+        }
+    }
+
+    fn take_transfer(&mut self, name: &str, facts: &Facts<'_>) {
+        match engine::transfer::load(name, facts.range) {
+            Ok(function) => self.state.transfer = Transfer::new(&function),
+            Err(error) => self.report(&error),
+        }
+    }
+
+    fn step_preset(&mut self, by: usize, facts: &Facts<'_>) {
+        let at = PRESETS.iter().position(|p| p.name == self.state.transfer.name);
+        let next = at.map_or(0, |at| (at + by) % PRESETS.len());
+        self.state.transfer = Transfer::new(&PRESETS[next].over(facts.range));
+    }
+
+    /// Menus, panels, status line and the picture between them.
+    fn frame(&mut self, ui: &mut Ui, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+        if self.state.show.panels {
+            Panel::top("menus").show(ui, |ui| {
+                let menus = Menus {
+                    recent: &self.settings.recent,
+                    can_undo: self.history.can_undo(),
+                    can_redo: self.history.can_redo(),
+                };
+                panels::menu::show(ui, &menus, actions);
+            });
+            Panel::bottom("status").show(ui, |ui| {
+                let pixels = f64::from(self.picture.height() * ui.pixels_per_point());
+                let scale = facts.bounds.map(|_| self.state.orbit.height_mm() / pixels);
+                panels::status::show(ui, &self.state, facts, self.reading.as_ref(), scale);
+            });
+            // In a narrow window they would leave no picture.
+            if ui.available_width() >= 1.5 * PANEL[0] {
+                Panel::right("panels").default_size(PANEL[0]).size_range(PANEL[0]..=PANEL[1]).show(
+                    ui,
+                    |ui| {
+                        ScrollArea::vertical()
+                            .auto_shrink(false)
+                            .show(ui, |ui| self.sections(ui, facts, actions));
+                    },
+                );
+            }
+        }
+        CentralPanel::no_frame().show(ui, |ui| self.central(ui, facts, actions));
+    }
+
+    fn sections(&mut self, ui: &mut Ui, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+        let state = &mut self.state;
+        let section = |name: &str, open: bool| CollapsingHeader::new(name).default_open(open);
+        section("Objects", true).show_unindented(ui, |ui| panels::objects::show(ui, state, facts));
+        section("Transfer function", true)
+            .show_unindented(ui, |ui| panels::transfer::show(ui, state, &mut self.editor, facts, actions));
+        section("Quality", true).show_unindented(ui, |ui| panels::quality::show(ui, state, facts, actions));
+        section("Camera", false).show_unindented(ui, |ui| panels::camera::show(ui, state, actions));
+        section("Clipping", false).show_unindented(ui, |ui| panels::clip::show(ui, state, facts, actions));
+        let measuring = self.measuring.is_some();
+        section("Distances", false)
+            .show_unindented(ui, |ui| panels::measure::show(ui, state, measuring, actions));
+    }
+
+    /// What lies over everything.
+    fn windows(&mut self, context: &egui::Context, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+        if let Some(prompt) = &mut self.prompt {
+            match prompt.show(context) {
+                Answer::Open => {}
+                Answer::Cancelled => self.prompt = None,
+                Answer::Do(action) => {
+                    self.prompt = None;
+                    actions.push(action);
+                }
+            }
+        }
+        if context.input(|i| !i.raw.hovered_files.is_empty()) {
+            panels::welcome::hovered(context, self.picture);
+        }
+        if self.state.show.overlay {
+            panels::overlay::show(context, self.picture, facts, self.state.quality.target_frame_ms);
+        }
+        if self.keys {
+            panels::keys::show(context, &mut self.keys);
+        }
+        if self.message.as_ref().is_some_and(|m| panels::notice::message(context, m)) {
+            self.message = None;
+        }
+        if !self.settings.notice_seen && panels::notice::show(context) {
+            self.settings.notice_seen = true;
+            if let Err(error) = self.settings.write() {
+                self.report(&error);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;

@@ -1,0 +1,13 @@
+//! The viewer without its window: state, panels, and what the mouse and the keys do.
+//!
+//! | file | what is there |
+//! |---|---|
+//! | `app` | [`App`]: the state with its panels; what actions do, and what has to be rendered anew |
+//! | `picture` | the picture between the panels: what the mouse does in it, and what is painted over it |
+//! | `drag` | what the mouse has taken hold of |
+
+mod app;
+mod drag;
+mod picture;
+
+pub use app::{App, Changes};

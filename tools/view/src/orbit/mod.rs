@@ -1,0 +1,7 @@
+//! A camera that is led around a pivot.
+//!
+//! `orbit` has all of it: [`Orbit`], and [`Side`] for the views along the axes of the patient.
+
+mod orbit;
+
+pub use orbit::{FOV_RANGE, Orbit, Side};

@@ -1,0 +1,23 @@
+//! The panels: one function each, over plain data. What a panel cannot do by itself it asks for by an
+//! [`Action`](crate::Action).
+//!
+//! | file | panel |
+//! |---|---|
+//! | `menu`, `status` | the menus above, the line below |
+//! | `objects`, `transfer`, `quality`, `camera`, `clip`, `measure` | the sections at the side |
+//! | `welcome`, `notice`, `keys`, `overlay` | what lies over the picture: nothing is open yet, a message, the keys, frame times |
+//! | `widgets` | what the panels are made of |
+
+pub mod camera;
+pub mod clip;
+pub mod keys;
+pub mod measure;
+pub mod menu;
+pub mod notice;
+pub mod objects;
+pub mod overlay;
+pub mod quality;
+pub mod status;
+pub mod transfer;
+pub mod welcome;
+pub(crate) mod widgets;

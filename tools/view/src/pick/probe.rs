@@ -1,0 +1,352 @@
+//! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor. Of splats that
+//! are fitted for a grid it is the field at the voxels around, interpolated, as mode decoded shows it.
+
+use engine::render::Look;
+use engine::splat::{self, Activations, Field, Form, Splat, SplatSet};
+use glam::{DAffine3, DMat3, DVec3, UVec3};
+
+/// Most cells of the grid.
+const MOST_CELLS: f64 = 4e6;
+/// Splats that reach more cells than this are asked at every point instead.
+const FEW: usize = 64;
+/// Where this much of the light is gone, a ray has met something.
+const MET: f64 = 0.5;
+/// Samples along a ray are this part of the middle splat's shortest standard deviation apart.
+const STEP: f64 = 0.5;
+/// Nearest that samples may be, mm.
+const LEAST_STEP: f64 = 0.05;
+
+/// The field of a splat set at single points. Splats are listed by the cells of a grid, so that a point asks only those whose
+/// boxes may hold it.
+pub struct Probe {
+    field: Field,
+    origin: DVec3,
+    /// Where the splats are right, if they are not everywhere.
+    voxels: Option<Box<Voxels>>,
+    splats: Vec<Ellipsoid>,
+    grid: Grid,
+    /// Where the splats of each cell begin in `listed`; one more than there are cells.
+    starts: Vec<u32>,
+    listed: Vec<u32>,
+    /// Those that reach many cells.
+    large: Vec<u32>,
+    /// Between samples along a ray, mm.
+    step: f64,
+}
+
+/// The voxels that splats were fitted for.
+struct Voxels {
+    /// To voxel indices, from mm in the space of the set.
+    voxel_from_set: DAffine3,
+    set_from_voxel: DAffine3,
+    /// The last voxel along each axis.
+    last: DVec3,
+    /// Whether an occupancy above ½ stands for 1, any other for 0.
+    binary: bool,
+}
+
+impl Voxels {
+    fn of(set: &SplatSet) -> Option<Box<Self>> {
+        let Form::Grid { binary } = set.form else { return None };
+        let splat::Grid { size, world_from_voxel } = set.grid?;
+        let set_from_voxel = DAffine3::from_translation(-set.origin_mm) * world_from_voxel;
+        let last = UVec3::from_array(size).as_dvec3() - 1.0;
+        Some(Box::new(Voxels { voxel_from_set: set_from_voxel.inverse(), set_from_voxel, last, binary }))
+    }
+}
+
+/// What a picture is made of at a point.
+#[derive(Clone, Copy, Default)]
+struct Sample {
+    intensity: f64,
+    occupancy: f64,
+    /// The occupancy times the opacities of the objects there.
+    share: f64,
+}
+
+/// Cells over the box of a set, x fastest.
+struct Grid {
+    low: DVec3,
+    /// Edges of a cell, mm.
+    edge: DVec3,
+    size: UVec3,
+}
+
+impl Grid {
+    /// Cells twice as large as the mean splat, so that most splats reach a few.
+    fn over(splats: &[Ellipsoid]) -> Self {
+        let count = splats.len().max(1) as f64;
+        let mut mean = DVec3::ZERO;
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for s in splats {
+            mean += s.reach * (2.0 / count);
+            (low, high) = (low.min(s.mean - s.reach), high.max(s.mean + s.reach));
+        }
+        let extent = if splats.is_empty() { DVec3::ZERO } else { high - low };
+        let mut edge = (2.0 * mean).max(DVec3::splat(f64::MIN_POSITIVE));
+        let cells = (extent / edge + 1.0).element_product();
+        if cells > MOST_CELLS {
+            edge = edge.max(extent / MOST_CELLS.cbrt().floor());
+        }
+        Grid { low, edge, size: (extent / edge).floor().as_uvec3() + 1 }
+    }
+
+    fn len(&self) -> usize {
+        self.size.element_product() as usize
+    }
+
+    /// The cell of a point; beyond the grid the nearest one.
+    fn cell(&self, x: DVec3) -> UVec3 {
+        ((x - self.low) / self.edge).floor().max(DVec3::ZERO).as_uvec3().min(self.size - 1)
+    }
+
+    fn index(&self, cell: UVec3) -> usize {
+        ((cell.z * self.size.y + cell.y) * self.size.x + cell.x) as usize
+    }
+
+    /// Between which distances a ray is within the grid, from 0 on.
+    fn range(&self, from: DVec3, direction: DVec3) -> Option<[f64; 2]> {
+        let high = self.low + self.edge * self.size.as_dvec3();
+        let (a, b) = ((self.low - from) / direction, (high - from) / direction);
+        // A ray along a face has 0/0 there, which no comparison takes.
+        let near = a.min(b).to_array().into_iter().fold(0.0, f64::max);
+        let far = a.max(b).to_array().into_iter().fold(f64::INFINITY, f64::min);
+        (near < far && far.is_finite()).then_some([near, far])
+    }
+
+    /// The cells that a splat's box reaches.
+    fn reached(&self, splat: &Ellipsoid) -> impl Iterator<Item = usize> {
+        let [from, to] = [splat.mean - splat.reach, splat.mean + splat.reach].map(|x| self.cell(x));
+        let row = move |y, z| (from.x..=to.x).map(move |x| self.index(UVec3::new(x, y, z)));
+        (from.z..=to.z).flat_map(move |z| (from.y..=to.y).flat_map(move |y| row(y, z)))
+    }
+}
+
+/// A splat as the field needs it.
+struct Ellipsoid {
+    /// mm in the space of the set.
+    mean: DVec3,
+    /// S⁻¹Rᵀ: x - mean to the whitened distance.
+    whitening: DMat3,
+    /// Half size of the box around the support, mm.
+    reach: DVec3,
+    /// a of w = a κ(q).
+    amplitude: f64,
+    /// Relative to the background.
+    intensity: f64,
+    /// Number of its object.
+    object: u8,
+}
+
+/// V̂ and O at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// V̂, HU for CT.
+    pub intensity: f64,
+    /// O, 0 to 1.
+    pub occupancy: f64,
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Met {
+    /// From where the ray starts, mm.
+    pub distance_mm: f64,
+    /// Where, mm RAS.
+    pub at_mm: DVec3,
+    /// V̂ there, HU for CT, of what is shown.
+    pub intensity: f64,
+}
+
+/// What of a field a look shows: the share of each object's opacity, nothing of those that are hidden.
+struct Shown([Option<f64>; 256]);
+
+impl Shown {
+    const ALL: Self = Shown([Some(1.0); 256]);
+
+    fn of(look: &Look) -> Self {
+        let mut shown = Self::ALL;
+        for (&number, appearance) in &look.objects {
+            shown.0[usize::from(number)] = appearance.visible.then(|| f64::from(appearance.opacity));
+        }
+        shown
+    }
+}
+
+/// Sums over the splats at a point: of w, of w (c − b), and of w times the share of the opacity.
+#[derive(Default)]
+struct Sums {
+    weight: f64,
+    intensity: f64,
+    opacity: f64,
+}
+
+impl Probe {
+    /// Of a set; its splats are copied.
+    pub fn new(set: &SplatSet) -> Self {
+        let object = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
+        let rows = set.splats.iter().enumerate();
+        let splats: Vec<Ellipsoid> = rows.map(|(i, s)| ellipsoid(s, &set.field, object(i))).collect();
+        let grid = Grid::over(&splats);
+        // Counts, prefix sums, then the splats themselves.
+        let mut starts = vec![0u32; grid.len() + 1];
+        let mut large = Vec::new();
+        for (i, splat) in splats.iter().enumerate() {
+            if grid.reached(splat).nth(FEW).is_some() {
+                large.push(i as u32);
+            } else {
+                grid.reached(splat).for_each(|cell| starts[cell + 1] += 1);
+            }
+        }
+        for i in 0..grid.len() {
+            starts[i + 1] += starts[i];
+        }
+        let mut next = starts.clone();
+        let mut listed = vec![0; starts[grid.len()] as usize];
+        let mut is_large = large.iter().copied().peekable();
+        for (i, splat) in splats.iter().enumerate() {
+            if is_large.next_if_eq(&(i as u32)).is_some() {
+                continue;
+            }
+            for cell in grid.reached(splat) {
+                listed[next[cell] as usize] = i as u32;
+                next[cell] += 1;
+            }
+        }
+        let shortest = |s: &Splat| s.scale().into_iter().fold(f32::INFINITY, f32::min);
+        let mut shortest: Vec<f32> = set.splats.iter().map(shortest).collect();
+        let middle = shortest.len() / 2;
+        let step = match shortest.is_empty() {
+            true => LEAST_STEP,
+            false => STEP * f64::from(*shortest.select_nth_unstable_by(middle, f32::total_cmp).1),
+        };
+        let (field, origin, step) = (set.field, set.origin_mm, step.max(LEAST_STEP));
+        Probe { field, origin, voxels: Voxels::of(set), splats, grid, starts, listed, large, step }
+    }
+
+    /// The field at a point, mm RAS; nothing where no splat reaches.
+    pub fn at(&self, x_mm: DVec3) -> Option<Reading> {
+        let sample = self.sample(x_mm - self.origin, &Shown::ALL)?;
+        Some(Reading { intensity: sample.intensity, occupancy: sample.occupancy })
+    }
+
+    /// The first point of a ray that a look shows: where half of the light is gone, of what is there between `from_mm`
+    /// (RAS) and the end of the splats. The opacity O(x) α(V̂(x)) per mm is that of the modes of splats, which classify
+    /// after adding up; clip planes cut, hidden objects leave their place to others.
+    pub fn along(&self, from_mm: DVec3, direction: DVec3, look: &Look) -> Option<Met> {
+        let direction = direction.try_normalize().filter(|_| from_mm.is_finite())?;
+        let mut range = self.grid.range(from_mm - self.origin, direction)?;
+        for plane in &look.clip {
+            // The plane cuts where normal · x < offset.
+            let (over, rise) = (plane.normal.dot(from_mm) - plane.offset, plane.normal.dot(direction));
+            match rise {
+                _ if rise > 0.0 => range[0] = range[0].max(-over / rise),
+                _ if rise < 0.0 => range[1] = range[1].min(-over / rise),
+                _ if over < 0.0 => return None,
+                _ => {}
+            }
+        }
+        let shown = Shown::of(look);
+        let mut left = -MET.ln();
+        let count = ((range[1] - range[0]) / self.step).ceil().max(0.0) as usize;
+        for k in 0..count {
+            let from = range[0] + k as f64 * self.step;
+            let path = self.step.min(range[1] - from);
+            let at = from_mm + direction * (from + 0.5 * path) - self.origin;
+            let Some(Sample { intensity, share, .. }) = self.sample(at, &shown) else { continue };
+            let share = share * look.transfer.at(intensity).1;
+            // Optical depth of the stretch.
+            let depth = -path * (1.0 - share).max(f64::MIN_POSITIVE).ln();
+            if depth < left {
+                left -= depth;
+                continue;
+            }
+            let distance_mm = from + path * left / depth;
+            return Some(Met { distance_mm, at_mm: from_mm + direction * distance_mm, intensity });
+        }
+        None
+    }
+
+    /// What is at a point in the space of the set; nothing where no splat reaches.
+    fn sample(&self, x: DVec3, shown: &Shown) -> Option<Sample> {
+        let Some(voxels) = &self.voxels else { return self.sample_field(&self.sums(x, shown, false)) };
+        let at = voxels.voxel_from_set.transform_point3(x);
+        let (low, part) = (at.floor(), at - at.floor());
+        let (mut mean, mut there) = (Sample::default(), 0.0);
+        for corner in 0..8u32 {
+            let far = DVec3::from_array([0, 1, 2].map(|axis| f64::from(corner >> axis & 1)));
+            let weight = (far * part + (1.0 - far) * (1.0 - part)).element_product();
+            let voxel = low + far;
+            // Beyond the grid there is nothing, and what hidden objects hold stays theirs.
+            let inside = voxel.cmpge(DVec3::ZERO).all() && voxel.cmple(voxels.last).all();
+            let sums = self.sums(voxels.set_from_voxel.transform_point3(voxel), shown, true);
+            let Some(found) = self.sample_field(&sums).filter(|_| weight > 1e-9) else { continue };
+            let occupancy = match (inside, voxels.binary) {
+                (false, _) => 0.0,
+                (true, true) => f64::from(u8::from(found.occupancy > 0.5)),
+                (true, false) => found.occupancy,
+            };
+            there += weight;
+            mean.intensity += weight * found.intensity;
+            mean.occupancy += weight * occupancy;
+            mean.share += weight * occupancy * (found.share / found.occupancy);
+        }
+        // Where no splat reaches a voxel its neighbours' intensity stands.
+        (there > 0.0).then(|| Sample { intensity: mean.intensity / there, ..mean })
+    }
+
+    fn sample_field(&self, sums: &Sums) -> Option<Sample> {
+        let all = sums.weight + f64::from(self.field.occupancy_w0);
+        let background = f64::from(self.field.background);
+        (sums.weight > 0.0).then(|| Sample {
+            intensity: background + sums.intensity / (sums.weight + f64::from(self.field.epsilon)),
+            occupancy: sums.weight / all,
+            share: sums.opacity / all,
+        })
+    }
+
+    /// The sums at a point in the space of the set, with those of hidden objects, which are not seen, or without.
+    fn sums(&self, x: DVec3, shown: &Shown, hidden: bool) -> Sums {
+        let mut sums = Sums::default();
+        if !x.is_finite() || self.splats.is_empty() {
+            return sums;
+        }
+        // A point beyond the grid asks the nearest cell, whose splats do not reach it.
+        let cell = self.grid.index(self.grid.cell(x));
+        let [from, to] = [self.starts[cell], self.starts[cell + 1]];
+        for &i in self.listed[from as usize..to as usize].iter().chain(&self.large) {
+            let splat = &self.splats[i as usize];
+            let opacity = shown.0[usize::from(splat.object)];
+            if opacity.is_none() && !hidden {
+                continue;
+            }
+            if (x - splat.mean).abs().cmple(splat.reach).all() {
+                let q = (splat.whitening * (x - splat.mean)).length_squared();
+                let w = splat.amplitude * self.field.kernel.value(q);
+                sums.weight += w;
+                sums.intensity += w * splat.intensity;
+                sums.opacity += w * opacity.unwrap_or(0.0);
+            }
+        }
+        sums
+    }
+}
+
+fn ellipsoid(splat: &Splat, field: &Field, object: u8) -> Ellipsoid {
+    let axes = splat.axes();
+    let log_scale = splat.log_scale.map(f64::from);
+    let scale = DVec3::from_array(log_scale).exp();
+    let squares = (0..3).map(|k| (axes.col(k) * scale[k]).powf(2.0)).sum::<DVec3>();
+    Ellipsoid {
+        mean: DVec3::from_array(splat.mean.map(f64::from)),
+        whitening: DMat3::from_diagonal(scale.recip()) * axes.transpose(),
+        reach: (squares * field.kernel.support_q()).map(f64::sqrt),
+        amplitude: field.kernel.peak(log_scale) / (1.0 + (-f64::from(splat.opacity_logit)).exp()),
+        intensity: f64::from(splat.intensity) - f64::from(field.background),
+        object,
+    }
+}
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;

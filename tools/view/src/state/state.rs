@@ -1,0 +1,469 @@
+//! What a viewer shows, as plain data: the session file.
+//!
+//! Whoever draws asks for the parts in the engine's terms ([`State::look`], [`Orbit::camera`], [`Clip::planes`]). Nothing
+//! here knows windows, panels or the device.
+
+use std::path::{Path, PathBuf};
+
+use engine::error::{Error, Kind, Result};
+use engine::render::{self, Appearance, ClipPlane, Look, PLANES};
+use engine::transfer::TransferFunction;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::orbit::Orbit;
+use crate::transfer::Transfer;
+
+/// Version of the session file; a later one is refused.
+pub const VERSION: u32 = 1;
+/// Most clip planes beside the six of the crop box.
+pub const MOST_PLANES: usize = PLANES - 6;
+/// Largest session file that is read, bytes.
+const MAX_BYTES: u64 = 4 << 20;
+
+/// All that a session file restores.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    /// [`VERSION`] of the program that wrote it.
+    pub version: u32,
+    /// Which of the two is shown where both are there.
+    #[serde(default)]
+    pub shown: Subject,
+    /// How splats are rendered.
+    #[serde(default)]
+    pub mode: SplatMode,
+    /// Where the picture is divided, a fraction of its width: splats to the left of it, the volume to the right.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub split: Option<f64>,
+    /// Behind everything: red, green, blue from 0 to 1.
+    #[serde(default)]
+    pub background: DVec3,
+    /// Where the data are.
+    #[serde(default)]
+    pub files: Files,
+    /// The camera.
+    #[serde(default)]
+    pub orbit: Orbit,
+    /// How fine, and how fast.
+    #[serde(default)]
+    pub quality: Quality,
+    /// What is painted over the picture.
+    #[serde(default)]
+    pub show: Show,
+    /// What is cut away.
+    #[serde(default)]
+    pub clip: Clip,
+    /// From intensity to colour and opacity.
+    pub transfer: Transfer,
+    /// Fits and labels, in the order of the list.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub objects: Vec<Object>,
+    /// Distances that were measured.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub distances: Vec<Distance>,
+}
+
+/// Where the data are.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Files {
+    /// Splat files, one for each fit.
+    pub splats: Vec<PathBuf>,
+    /// The CT or MR they were fitted to.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volume: Option<PathBuf>,
+    /// The mask or label map of its region.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roi: Option<PathBuf>,
+}
+
+/// What the picture shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Subject {
+    /// The splats.
+    #[default]
+    Splats,
+    /// The volume, ray-marched.
+    Volume,
+}
+
+/// A mode of the engine that renders splats.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SplatMode {
+    /// In slabs, classified after adding up.
+    #[default]
+    Slab,
+    /// On the CT's own voxels, ray-marched.
+    Decoded,
+    /// Sorted and blended: the fastest.
+    Alpha,
+    /// A tenth of the distance between planes: the most accurate.
+    Exact,
+}
+
+/// A row of the list: a fit, or one label of a fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Object {
+    /// Index into [`Files::splats`].
+    pub file: usize,
+    /// The label, where the fit has labels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub label: Option<u8>,
+    /// For people.
+    pub name: String,
+    /// Whether it is there.
+    pub visible: bool,
+    /// Its colour, display-referred from 0 to 1; that of the transfer function where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tint: Option<DVec3>,
+    /// Factor of the opacity per mm, 0 to 1.
+    pub opacity: f64,
+}
+
+/// What is cut away.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Clip {
+    /// Planes, at most [`MOST_PLANES`].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub planes: Vec<Plane>,
+    /// The crop box; none until it is asked for the first time.
+    #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
+    pub crop: Option<CropBox>,
+}
+
+/// A clip plane: what has normal · x < offset is cut away.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plane {
+    /// Whether it cuts.
+    pub on: bool,
+    /// Unit vector towards what stays, RAS.
+    pub normal: DVec3,
+    /// mm RAS.
+    pub offset_mm: f64,
+}
+
+/// A box outside of which everything is cut away.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CropBox {
+    /// Whether it cuts.
+    pub on: bool,
+    /// Its corner at the patient's left, back and feet, mm RAS.
+    pub low_mm: DVec3,
+    /// The opposite corner, mm RAS.
+    pub high_mm: DVec3,
+}
+
+/// How fine, and how fast.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Quality {
+    /// Distance of the slabs in standard deviations of the middle splat, of the samples of a volume in voxel edges.
+    pub step: f64,
+    /// Most splats that are drawn; all where nothing is said.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub splat_budget: Option<u64>,
+    /// What a frame may take while the picture moves, ms.
+    pub target_frame_ms: f64,
+    /// Whether quality falls while the picture moves so that the target is met; when it rests it is full again.
+    pub adaptive: bool,
+}
+
+/// What is painted over the picture, and what stands beside it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Show {
+    /// The panels at the side.
+    pub panels: bool,
+    /// Frame times, passes, memory.
+    pub overlay: bool,
+    /// Letters of the patient's sides.
+    pub orientation: bool,
+    /// The scale bar.
+    pub scale_bar: bool,
+    /// Handles of clip planes and of the crop box.
+    pub handles: bool,
+}
+
+/// Two points and the line between them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Distance {
+    /// One end, mm RAS.
+    pub from_mm: DVec3,
+    /// The other end, mm RAS.
+    pub to_mm: DVec3,
+}
+
+/// What undo takes back: everything that is edited, and nothing of how one looks at it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edited {
+    transfer: Transfer,
+    background: DVec3,
+    objects: Vec<Object>,
+    clip: Clip,
+    distances: Vec<Distance>,
+}
+
+impl Edited {
+    /// Whether the list of objects is of the same fits and labels.
+    pub fn has_objects_of(&self, other: &Edited) -> bool {
+        let key = |o: &Object| (o.file, o.label);
+        self.objects.iter().map(key).eq(other.objects.iter().map(key))
+    }
+}
+
+impl SplatMode {
+    /// All of them, in the order in which one steps through them.
+    pub const ALL: [SplatMode; 4] = [SplatMode::Slab, SplatMode::Decoded, SplatMode::Alpha, SplatMode::Exact];
+
+    /// Its name in [`render::MODES`].
+    pub fn name(self) -> &'static str {
+        match self {
+            SplatMode::Slab => "slab",
+            SplatMode::Decoded => "decoded",
+            SplatMode::Alpha => "alpha",
+            SplatMode::Exact => "exact",
+        }
+    }
+}
+
+impl Default for Quality {
+    fn default() -> Self {
+        Quality { step: 0.5, splat_budget: None, target_frame_ms: 1000.0 / 60.0, adaptive: true }
+    }
+}
+
+impl Default for Show {
+    fn default() -> Self {
+        Show { panels: true, overlay: false, orientation: true, scale_bar: true, handles: true }
+    }
+}
+
+impl Distance {
+    /// Its length.
+    pub fn mm(&self) -> f64 {
+        self.from_mm.distance(self.to_mm)
+    }
+}
+
+impl Object {
+    /// A fit or one of its labels, visible and as the transfer function shows it.
+    pub fn new(file: usize, label: Option<u8>, name: impl Into<String>) -> Self {
+        Object { file, label, name: name.into(), visible: true, tint: None, opacity: 1.0 }
+    }
+
+    /// How the renderer shows it.
+    fn appearance(&self) -> Appearance {
+        let tint = self.tint.map(|colour| colour.as_vec3().to_array());
+        Appearance { visible: self.visible, tint, opacity: self.opacity as f32 }
+    }
+}
+
+impl Plane {
+    /// For the engine. A plane whose normal has no direction cuts nothing.
+    fn engine(&self) -> Option<ClipPlane> {
+        let normal = self.normal.try_normalize()?;
+        self.on.then_some(ClipPlane { normal, offset: self.offset_mm })
+    }
+}
+
+impl Clip {
+    /// The planes that are on, of the box too, for the engine.
+    pub fn planes(&self) -> Vec<ClipPlane> {
+        let crop = self.crop.filter(|b| b.on).map(|b| ClipPlane::around(b.low_mm, b.high_mm));
+        self.planes.iter().filter_map(Plane::engine).chain(crop.into_iter().flatten()).collect()
+    }
+}
+
+impl State {
+    /// Of nothing, seen through a transfer function.
+    pub fn new(transfer: &TransferFunction) -> Self {
+        State {
+            version: VERSION,
+            shown: Subject::default(),
+            mode: SplatMode::default(),
+            split: None,
+            background: DVec3::ZERO,
+            files: Files::default(),
+            orbit: Orbit::default(),
+            quality: Quality::default(),
+            show: Show::default(),
+            clip: Clip::default(),
+            transfer: Transfer::new(transfer),
+            objects: Vec::new(),
+            distances: Vec::new(),
+        }
+    }
+
+    /// The name of the engine's mode for what is shown.
+    pub fn mode_of(&self, subject: Subject) -> &'static str {
+        match subject {
+            Subject::Splats => self.mode.name(),
+            Subject::Volume => "volume",
+        }
+    }
+
+    /// How a scene is seen: `numbers` are those by which it knows the rows of [`State::objects`]; none for a volume.
+    ///
+    /// # Errors
+    /// As [`TransferFunction::new`].
+    pub fn look(&self, numbers: &[u8]) -> Result<Look> {
+        let objects = numbers.iter().zip(&self.objects).map(|(number, row)| (*number, row.appearance()));
+        let objects = objects.collect();
+        Ok(Look { transfer: self.transfer.function()?, clip: self.clip.planes(), objects })
+    }
+
+    /// Puts what was found in the files into the list. Rows that are there already, from a session file, stay as they are;
+    /// rows of what is gone are dropped.
+    pub fn set_objects(&mut self, found: Vec<Object>) {
+        let known = std::mem::take(&mut self.objects);
+        let row = |new: Object| {
+            let old = known.iter().find(|o| (o.file, o.label) == (new.file, new.label));
+            old.cloned().unwrap_or(new)
+        };
+        self.objects = found.into_iter().map(row).collect();
+    }
+
+    /// What undo would bring back.
+    pub fn edited(&self) -> Edited {
+        Edited {
+            transfer: self.transfer.clone(),
+            background: self.background,
+            objects: self.objects.clone(),
+            clip: self.clip.clone(),
+            distances: self.distances.clone(),
+        }
+    }
+
+    /// Brings back what was there.
+    pub fn restore(&mut self, edited: Edited) {
+        let Edited { transfer, background, objects, clip, distances } = edited;
+        (self.transfer, self.background, self.objects) = (transfer, background, objects);
+        (self.clip, self.distances) = (clip, distances);
+    }
+
+    /// Reads a session file. Paths in it that are not absolute begin at its folder.
+    ///
+    /// # Errors
+    /// [`Kind::Missing`], [`Kind::Io`], or [`Kind::BadData`] with the line and what is wrong with it.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut state = State::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let Files { splats, volume, roi } = &mut state.files;
+        for file in splats.iter_mut().chain(volume).chain(roi) {
+            // An absolute path replaces the folder.
+            *file = folder.join(&file);
+        }
+        Ok(state)
+    }
+
+    /// Writes a session file, whole or not at all.
+    ///
+    /// # Errors
+    /// As [`engine::output::write_atomic`] and [`State::text`].
+    pub fn write(&self, path: impl AsRef<Path>, force: bool) -> Result<()> {
+        let text = self.text()?;
+        engine::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
+    }
+
+    /// The text of a session file.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] if the path of a file is not UTF-8, which TOML cannot say.
+    pub fn text(&self) -> Result<String> {
+        toml_text(self)
+    }
+
+    /// From the text of a session file.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`].
+    pub fn parse(text: &str) -> Result<Self> {
+        let help = "a session file is written by `vgs view`; mend the line, or begin without it";
+        let version = |text: &str| text.parse::<toml::Table>().ok()?.get("version")?.as_integer();
+        if let Some(found) = version(text).filter(|v| *v != i64::from(VERSION)) {
+            let message = format!("a session file of version {found}; this program reads {VERSION}");
+            return Err(Error::new(Kind::BadData, "VGS-VIEW-001", message)
+                .help("open it with the program that wrote it, or begin without it"));
+        }
+        let state: State = toml::from_str(text).map_err(|e| {
+            Error::new(Kind::BadData, "VGS-VIEW-002", format!("not a session file: {e}")).help(help)
+        })?;
+        state.check()?;
+        Ok(state)
+    }
+
+    fn check(&self) -> Result<()> {
+        self.orbit.check()?;
+        self.transfer.function()?;
+        let share = |v: f64| (0.0..=1.0).contains(&v);
+        let colour = |c: DVec3| c.to_array().into_iter().all(share);
+        let plane = |p: &Plane| p.normal.try_normalize().is_some() && p.offset_mm.is_finite();
+        let crop =
+            |b: &CropBox| b.low_mm.is_finite() && b.high_mm.is_finite() && b.low_mm.cmple(b.high_mm).all();
+        let object =
+            |o: &Object| o.tint.is_none_or(colour) && share(o.opacity) && o.file < self.files.splats.len();
+        let Quality { step, splat_budget, target_frame_ms, .. } = self.quality;
+        let ends = |d: &Distance| d.from_mm.is_finite() && d.to_mm.is_finite();
+        let rows = [
+            (self.split.is_none_or(share), "split is not between 0 and 1"),
+            (colour(self.background), "background is no colour: three numbers from 0 to 1 are needed"),
+            (self.clip.planes.len() <= MOST_PLANES, "there are too many [[clip.planes]]; there can be two"),
+            (self.clip.planes.iter().all(plane), "a plane of [[clip.planes]] has no direction or offset"),
+            (self.clip.crop.iter().all(crop), "[clip.box] needs low_mm below high_mm, both finite"),
+            (self.objects.iter().all(object), "a row of [[objects]] has no such file, tint or opacity"),
+            ((0.05..=10.0).contains(&step), "[quality] step is not between 0.05 and 10"),
+            (splat_budget != Some(0), "[quality] splat_budget is 0"),
+            (
+                (1.0..=1000.0).contains(&target_frame_ms),
+                "[quality] target_frame_ms is not between 1 and 1000",
+            ),
+            (self.distances.iter().all(ends), "an end of [[distances]] is not finite"),
+        ];
+        match rows.iter().find(|(good, _)| !good) {
+            None => Ok(()),
+            Some((_, what)) => Err(Error::new(Kind::BadData, "VGS-VIEW-003", *what)
+                .help("mend the number in the session file, or begin without it")),
+        }
+    }
+}
+
+/// The engine's row of a mode.
+pub fn mode_row(name: &'static str) -> &'static render::ModeRow {
+    render::mode(name).expect("names of modes are the engine's")
+}
+
+/// As TOML. Paths are all that may fail.
+pub(crate) fn toml_text(value: &impl Serialize) -> Result<String> {
+    toml::to_string(value).map_err(|e| {
+        Error::new(Kind::Usage, "VGS-VIEW-005", format!("cannot be written as TOML: {e}"))
+            .help("give files names in UTF-8")
+    })
+}
+
+/// A text file of at most so many bytes.
+pub(crate) fn text_of(path: &Path, max_bytes: u64) -> Result<String> {
+    use std::io::Read;
+    let failed = |e: &std::io::Error| Error::io(path, "reading settings", e);
+    let file = std::fs::File::open(path).map_err(|e| failed(&e))?;
+    let mut bytes = Vec::new();
+    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|e| failed(&e))?;
+    let bad = |message: String| Error::new(Kind::BadData, "VGS-VIEW-002", message).file(path);
+    if bytes.len() as u64 > max_bytes {
+        return Err(bad(format!("larger than {max_bytes} bytes, so no file of this program")));
+    }
+    String::from_utf8(bytes)
+        .map_err(|e| bad(format!("no text: byte {} is not UTF-8", e.utf8_error().valid_up_to())))
+}
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;
