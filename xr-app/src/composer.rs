@@ -6,7 +6,7 @@ use engine::render::Target;
 use shaders_glsl as glsl;
 use shaders_glsl::types::EyesParams;
 
-use crate::headset::{Blend, Lent};
+use crate::headset::{Blend, FrameImages};
 use crate::sight::{FADING, Inset, Mark};
 
 /// What puts pictures into those of a headset.
@@ -60,7 +60,7 @@ impl Composer {
         range: [f32; 2],
         insets: Option<&[Inset; 2]>,
         marks: Option<&[Mark; 2]>,
-        eyes: &mut Lent<'_>,
+        eyes: &mut FrameImages<'_>,
     ) {
         if self.translucent {
             recorder.clear_image(eyes.colour, [0.0; 4]);

@@ -46,7 +46,7 @@ impl Shown {
 
 /// What winit tells.
 #[derive(Default)]
-struct Pane {
+struct MirrorWindow {
     eyes: u32,
     window: Option<Arc<Window>>,
     failure: Option<String>,
@@ -54,7 +54,7 @@ struct Pane {
     resized: Option<[u32; 2]>,
 }
 
-impl ApplicationHandler for Pane {
+impl ApplicationHandler for MirrorWindow {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.window.is_some() {
             return;
@@ -79,7 +79,7 @@ impl ApplicationHandler for Pane {
 /// The window, before there is a device.
 pub struct Opened {
     events: EventLoop<()>,
-    pane: Pane,
+    mirror_window: MirrorWindow,
     window: Arc<Window>,
     shown: Shown,
 }
@@ -91,11 +91,11 @@ impl Opened {
     /// [`Kind::Unavailable`] without a display.
     pub fn new(shown: Shown) -> Result<Self> {
         let mut events = EventLoop::new().map_err(|e| no_window(&e.to_string()))?;
-        let mut pane = Pane { eyes: shown.layers()[1], ..Pane::default() };
-        events.pump_app_events(Some(Duration::ZERO), &mut pane);
-        match &pane.window {
-            Some(window) => Ok(Opened { window: Arc::clone(window), shown, events, pane }),
-            None => Err(no_window(pane.failure.as_deref().unwrap_or("it does not come up"))),
+        let mut mirror_window = MirrorWindow { eyes: shown.layers()[1], ..MirrorWindow::default() };
+        events.pump_app_events(Some(Duration::ZERO), &mut mirror_window);
+        match &mirror_window.window {
+            Some(window) => Ok(Opened { window: Arc::clone(window), shown, events, mirror_window }),
+            None => Err(no_window(mirror_window.failure.as_deref().unwrap_or("it does not come up"))),
         }
     }
 
@@ -155,7 +155,7 @@ pub struct Mirror {
 impl Onlooker for Mirror {
     /// Whether the user has closed the window.
     fn gone(&self) -> bool {
-        self.opened.pane.closed
+        self.opened.mirror_window.closed
     }
 
     fn counts(&self) -> [u64; 2] {
@@ -163,9 +163,9 @@ impl Onlooker for Mirror {
     }
 
     fn take(&mut self, recorder: &mut Recorder, eyes: &Image) -> Result<()> {
-        let Opened { events, pane, .. } = &mut self.opened;
-        events.pump_app_events(Some(Duration::ZERO), pane);
-        if let Some(size) = pane.resized.take() {
+        let Opened { events, mirror_window, .. } = &mut self.opened;
+        events.pump_app_events(Some(Duration::ZERO), mirror_window);
+        if let Some(size) = mirror_window.resized.take() {
             self.surface.resize(size);
         }
         self.acquired = self.surface.acquire_at_once()?;

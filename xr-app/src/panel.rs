@@ -14,7 +14,7 @@ use egui::{
 };
 use view::actions::Action;
 use view::editor::Editor;
-use view::facts::Facts;
+use view::panel_info::PanelInfo;
 use view::panels;
 use view::state::State;
 use view::theme::{self, ACCENT, SIGNAL};
@@ -84,11 +84,11 @@ pub struct Panel {
 }
 
 /// What the sections show, and what they change.
-pub struct Content<'a> {
+pub struct PanelContent<'a> {
     /// What is edited.
     pub state: &'a mut State,
     /// What is known.
-    pub facts: &'a Facts<'a>,
+    pub info: &'a PanelInfo<'a>,
     /// Whether the tool that measures is taken up.
     pub measuring: bool,
     /// Magnification; 1 is real size.
@@ -134,7 +134,7 @@ impl Panel {
         shown: bool,
         pointer: Option<Pointer>,
         marks: Vec<Mark>,
-        content: &mut Content<'_>,
+        content: &mut PanelContent<'_>,
     ) -> Option<Made> {
         let events = self.events(pointer);
         let same = shown == self.shown && marks == self.marks && events.is_empty();
@@ -218,19 +218,19 @@ pub fn scrolled(stick: f64, seconds: f64) -> f32 {
     SCROLL * (stick * seconds) as f32
 }
 
-fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut Content<'_>, actions: &mut Vec<Action>) {
-    let Content { state, facts, measuring, scale } = content;
+fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, actions: &mut Vec<Action>) {
+    let PanelContent { state, info, measuring, scale } = content;
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let size = if (*scale - 1.0).abs() < 5e-3 { " (real size)" } else { "" };
         ui.weak(format!("Scale {scale:.2}{size}. For looking, not for diagnosis."));
         ui.separator();
         ui.horizontal_wrapped(|ui| panels::transfer::presets(ui, state, actions));
         ui.separator();
-        panels::transfer::curve(ui, state, editor, facts);
+        panels::transfer::curve(ui, state, editor, info);
         ui.separator();
         panels::measure::show(ui, state, *measuring, actions);
         ui.separator();
-        panels::objects::show(ui, state, facts);
+        panels::objects::show(ui, state, info);
         ui.separator();
         panels::transfer::light(ui, state);
     });
@@ -280,8 +280,8 @@ mod tests {
 
     /// Runs a panel once at a time with a pointer.
     fn run(panel: &mut Panel, state: &mut State, seconds: f64, pointer: Option<Pointer>) -> Option<Made> {
-        let facts = Facts { range: [-1000.0, 2000.0], ..Facts::default() };
-        let mut content = Content { state, facts: &facts, measuring: false, scale: 1.0 };
+        let info = PanelInfo { range: [-1000.0, 2000.0], ..PanelInfo::default() };
+        let mut content = PanelContent { state, info: &info, measuring: false, scale: 1.0 };
         let marks = vec![Mark::Text("7 HU".into()), Mark::Cursor];
         let mut made = panel.update(seconds, true, pointer, marks, &mut content);
         made.iter_mut().for_each(|made| made.textures.clear());

@@ -15,7 +15,7 @@ use shaders_glsl as glsl;
 use shaders_glsl::types::{PanelVertex, Sheet, SheetsParams, View};
 use view::painter::{Mesh, Textures, fill};
 
-use crate::headset::{Lent, Pose};
+use crate::headset::{FrameImages, Pose};
 use crate::placement::Placement;
 
 /// Room for this many corners, indices and rectangles from the start on: a panel with labels takes a third of it.
@@ -146,7 +146,7 @@ impl Sheets {
         (slot, views): (usize, &Buffer<View>),
         (placement, origin): (&Placement, DVec3),
         planes: &[Plane],
-        eyes: &mut Lent<'_>,
+        eyes: &mut FrameImages<'_>,
     ) -> Result<()> {
         if self.mesh.indices.is_empty() {
             return Ok(());

@@ -4,7 +4,7 @@
 //! surround is all that the eye sees, at fewer pixels, and the inset is the middle around the axis straight ahead, pixel for
 //! pixel. Nothing is rendered of the surround where the inset covers it, nor of either behind the rims of the lenses.
 
-use engine::render::{Blind, Camera, Fov, Settings, Triangle};
+use engine::render::{Camera, Fov, Settings, Triangle, VisibilityMask};
 use glam::{DVec2, DVec3};
 
 use crate::headset::Eye;
@@ -34,9 +34,9 @@ pub struct Sight {
     fovs: Option<[Fov; 2]>,
     insets: [Inset; 2],
     marks: [Mark; 2],
-    /// What `blind` was made for.
+    /// What the masks were made for.
     made_for: Option<([Fov; 2], [Inset; 2])>,
-    blind: Vec<Blind>,
+    masks: Vec<VisibilityMask>,
     hidden: [f64; 2],
 }
 
@@ -55,15 +55,15 @@ impl Sight {
             insets: [inset(DVec2::splat(0.5), size, eye_size); 2],
             marks: [[0.0; 4]; 2],
             made_for: None,
-            blind: Vec::new(),
+            masks: Vec::new(),
             hidden: [0.0; 2],
         }
     }
 
     /// Of what renders the views.
     pub fn settings(&self, depth: bool) -> Settings {
-        let (views, blind) = (if self.foveated { 4 } else { 2 }, self.foveated || self.lenses);
-        Settings { views, depth, blind, ..Settings::new(self.size) }
+        let (views, masked) = (if self.foveated { 4 } else { 2 }, self.foveated || self.lenses);
+        Settings { views, depth, masked, ..Settings::new(self.size) }
     }
 
     /// Width and height of the pictures of the eyes, pixels.
@@ -92,14 +92,14 @@ impl Sight {
         }
     }
 
-    /// What is known of lenses is no longer so.
+    /// Forgets what is known of lenses, so that the hidden areas are recomputed.
     pub fn forget(&mut self) {
         self.made_for = None;
     }
 
-    /// What is blind of the pictures of a frame with these eyes behind such lenses, where that is other than it was. Notes the
-    /// eyes for [`Self::aim`].
-    pub fn update(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) -> Option<&[Blind]> {
+    /// Recomputes the hidden areas of the pictures of a frame with these eyes behind such lenses; returns them if they
+    /// changed. Notes the eyes for [`Self::aim`].
+    pub fn update(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) -> Option<&[VisibilityMask]> {
         let fovs = eyes.map(|eye| eye.fov);
         self.fovs = Some(fovs);
         self.marks = marks(eyes);
@@ -107,16 +107,17 @@ impl Sight {
         if !(self.foveated || self.lenses) || self.made_for.replace(wanted) == Some(wanted) {
             return None;
         }
-        self.blind = [0, 1].map(|eye| Blind::of(&fovs[eye], &lenses[eye])).to_vec();
-        self.hidden = [0, 1].map(|eye: usize| self.blind[eye].share());
+        self.masks = [0, 1].map(|eye| VisibilityMask::of(&fovs[eye], &lenses[eye])).to_vec();
+        self.hidden = [0, 1].map(|eye: usize| self.masks[eye].share());
         if self.foveated {
-            let of =
-                |eye: usize, fov: &Fov, more: &[Triangle]| Blind::of(fov, &[&lenses[eye][..], more].concat());
+            let of = |eye: usize, fov: &Fov, more: &[Triangle]| {
+                VisibilityMask::of(fov, &[&lenses[eye][..], more].concat())
+            };
             let within = |eye: usize| of(eye, &inner(&fovs[eye], &self.insets[eye]), &[]);
             let around = |eye: usize| of(eye, &fovs[eye], &covered(&fovs[eye], &self.insets[eye]));
-            self.blind = vec![around(0), around(1), within(0), within(1)];
+            self.masks = vec![around(0), around(1), within(0), within(1)];
         }
-        Some(&self.blind)
+        Some(&self.masks)
     }
 
     /// The views of these eyes, in the order of the pictures' layers: what both see, then their insets.
@@ -195,7 +196,7 @@ mod tests {
     fn insets_are_straight_ahead_on_whole_pixels_within_the_picture() {
         let mut sight = Sight::new([200, 160], Some(0.5), false);
         let settings = sight.settings(false);
-        assert_eq!((settings.size, settings.views, settings.blind), ([100, 80], 4, true));
+        assert_eq!((settings.size, settings.views, settings.masked), ([100, 80], 4, true));
         assert_eq!(sight.insets().expect("insets")[0], [0.25, 0.25, 0.75, 0.75], "in the middle at first");
         assert!(sight.update(&Default::default(), &eyes()).is_some());
         sight.aim();
@@ -223,17 +224,21 @@ mod tests {
         let mut sight = Sight::new([200, 160], None, true);
         let half = [DVec2::new(-9.0, -9.0), DVec2::new(-9.0, 9.0), DVec2::new(-0.2, 0.0)];
         let lenses = [vec![half], Vec::new()];
-        let [left, right]: [Blind; 2] =
+        let [left, right]: [VisibilityMask; 2] =
             sight.update(&lenses, &eyes()).expect("news").to_vec().try_into().expect("two views");
-        assert!(left.share() > 0.1 && right == Blind::default());
+        assert!(left.share() > 0.1 && right == VisibilityMask::default());
         assert_eq!(sight.hidden(), [left.share(), 0.0]);
         assert!(sight.update(&lenses, &eyes()).is_none(), "no news");
         sight.forget();
-        assert!(sight.update(&none, &eyes()).is_some_and(|all| *all == [Blind::default(), Blind::default()]));
+        assert!(
+            sight
+                .update(&none, &eyes())
+                .is_some_and(|all| *all == [VisibilityMask::default(), VisibilityMask::default()])
+        );
         // The middle of the surround is covered: (0.8 · 0.5)² of it, less what is cut at patches.
         let mut sight = Sight::new([640, 640], Some(0.5), false);
         let all = sight.update(&none, &eyes()).expect("news").to_vec();
-        let shares: Vec<f64> = all.iter().map(Blind::share).collect();
+        let shares: Vec<f64> = all.iter().map(VisibilityMask::share).collect();
         assert!((0.13..=0.16).contains(&shares[0]) && shares[2..] == [0.0, 0.0], "{shares:?}");
         assert_eq!(sight.hidden(), [0.0, 0.0]);
         sight.aim();

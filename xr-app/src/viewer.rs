@@ -6,15 +6,15 @@ use std::time::Duration;
 use engine::Result;
 use engine::budget::{Controller, budget_ms};
 use engine::gpu::{Format, Gpu, Hitches, Image};
-use engine::render::{Fov, Frames, Rung, Scene, Triangle, ladder};
+use engine::render::{Fov, Frames, QualityLevel, Scene, Triangle, level_costs};
 use glam::DVec3;
 
 use crate::composer::Composer;
 use crate::controls::Controls;
-use crate::headset::{Blend, Event, Eye, Headset, Lent, Pose, State, Timing};
+use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, State, Timing};
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
-use crate::pointing::{Known, Pointing};
+use crate::pointing::{PickData, Pointing};
 use crate::sight::Sight;
 use crate::statistics::{Report, Statistics};
 
@@ -22,11 +22,11 @@ use crate::statistics::{Report, Statistics};
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Ways to render, the best first.
-    pub rungs: Vec<Rung>,
+    pub levels: Vec<QualityLevel>,
     /// Device time of a frame, ms; from the display's rate where nothing is said.
     pub budget_ms: Option<f64>,
-    /// The rung to stay on, if the controller is not to choose.
-    pub rung: Option<usize>,
+    /// The level to stay on, if the controller is not to choose.
+    pub level: Option<usize>,
     /// Behind everything, display-referred, where the headset shows no room there.
     pub background: [f32; 3],
     /// Ends after so many frames.
@@ -74,12 +74,12 @@ impl Viewer {
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
         let sight = Sight::new(about.eye_size, options.foveation, about.lenses);
-        let frames = Frames::new(gpu, &scene, &sight.settings(about.depth), &options.rungs)?;
+        let frames = Frames::new(gpu, &scene, &sight.settings(about.depth), &options.levels)?;
         let foveated = sight.insets().is_some();
         let composer =
             Composer::new(gpu, about.format, about.depth, about.blend, options.background, foveated)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
-        let range = scene.cloud.as_ref().map_or([0.0, 1.0], |cloud| cloud.range);
+        let range = scene.splats.as_ref().map_or([0.0, 1.0], |splats| splats.range);
         let mut controls =
             Controls::new(placed(&scene, &Pose::IDENTITY), scene.look(), scene.objects(), range);
         let object_splats = scene.objects().iter().map(|object| object.splats).collect();
@@ -88,7 +88,7 @@ impl Viewer {
             gpu: gpu.clone(),
             frames,
             composer,
-            controller: Controller::new(ladder(&options.rungs), budget),
+            controller: Controller::new(level_costs(&options.levels), budget),
             options,
             controls,
             pointing,
@@ -109,19 +109,19 @@ impl Viewer {
         Ok(viewer)
     }
 
-    /// Gives the viewer what is known of the splats on the host, without which hands read and measure nothing.
-    pub fn know(&mut self, known: Known) {
-        self.pointing.know(known);
+    /// Sets what the host knows of the splats, without which hands read and measure nothing.
+    pub fn set_pick_data(&mut self, pick: PickData) {
+        self.pointing.set_pick_data(pick);
     }
 
-    /// Shows somebody else what the eyes see, too, who ends the session by going.
-    pub fn look_on(&mut self, onlooker: Box<dyn Onlooker>) {
+    /// Adds somebody who is shown what the eyes see, too, and who ends the session by going.
+    pub fn add_onlooker(&mut self, onlooker: Box<dyn Onlooker>) {
         self.onlooker = Some(onlooker);
         self.before = self.gpu.hitches();
     }
 
-    /// Frames that the onlooker was shown, and frames for which there was no picture.
-    pub fn looked_on(&self) -> Option<[u64; 2]> {
+    /// Returns the number of frames that the onlooker was shown, and of those for which there was no picture.
+    pub fn onlooker_counts(&self) -> Option<[u64; 2]> {
         self.onlooker.as_ref().map(|onlooker| onlooker.counts())
     }
 
@@ -130,7 +130,7 @@ impl Viewer {
             let position = self.controls.placement.position + DVec3::Z * distance;
             let fov = Fov { left: -1.0, right: 1.0, up: 1.0, down: -1.0 };
             let eye = Eye { pose: Pose { position, ..Pose::IDENTITY }, fov };
-            self.look_from(&Default::default(), &[eye; 2]);
+            self.update_visibility_masks(&Default::default(), &[eye; 2]);
             let cameras = self.sight.cameras(&self.controls.placement, &[eye; 2]);
             self.frames.warm_up(&self.scene, &cameras)?;
         }
@@ -143,7 +143,7 @@ impl Viewer {
         let mut asked = false;
         while !self.over {
             for event in headset.poll()? {
-                self.happened(event);
+                self.handle_event(event);
             }
             let enough = self.options.frames.is_some_and(|n| self.statistics.frames() >= n);
             let gone = self.onlooker.as_ref().is_some_and(|onlooker| onlooker.gone());
@@ -161,7 +161,7 @@ impl Viewer {
         self.note_finished()
     }
 
-    fn happened(&mut self, event: Event) {
+    fn handle_event(&mut self, event: Event) {
         match event {
             Event::State(State::Over | State::Lost) => self.over = true,
             Event::State(_) => {}
@@ -177,13 +177,13 @@ impl Viewer {
     /// One frame, from the headset's call for it to its end.
     fn frame(&mut self, headset: &mut dyn Headset) -> Result<()> {
         let timing = headset.wait()?;
-        self.statistics.began(&timing);
-        self.keep_to_budget(&timing)?;
+        self.statistics.note_frame(&timing);
+        self.update_budget(&timing)?;
         if !timing.visible {
             return headset.end(&timing, None);
         }
         if self.place {
-            self.put_before(headset, &timing)?;
+            self.place_patient(headset, &timing)?;
         }
         let hands = headset.hands(&timing)?;
         let [seconds, period] = [timing.display_ns, timing.period_ns].map(|ns| ns as f64 * 1e-9);
@@ -193,13 +193,13 @@ impl Viewer {
             self.scene.set_look(&look)?;
         }
         self.sight.aim();
-        let rung = self.options.rung.unwrap_or_else(|| self.controller.rung());
-        let mut frame = self.frames.begin(&self.scene, rung)?;
-        let mut eyes = headset.lend(&mut frame.recorder)?;
+        let level = self.options.level.unwrap_or_else(|| self.controller.level());
+        let mut frame = self.frames.begin(&self.scene, level)?;
+        let mut eyes = headset.acquire_images(&mut frame.recorder)?;
         let range = self.controls.placement.depth_range();
         self.pointing.prepare(&mut frame.recorder)?;
         let insets = self.sight.insets();
-        let marks = (rung > 0).then(|| self.sight.marks());
+        let marks = (level > 0).then(|| self.sight.marks());
         let target = &self.frames.target;
         self.composer.compose(&mut frame.recorder, target, frame.size, range, insets, marks, &mut eyes);
         let turn = (frame.slot, self.frames.views(frame.slot));
@@ -207,28 +207,28 @@ impl Viewer {
         if let Some(onlooker) = &mut self.onlooker {
             onlooker.take(&mut frame.recorder, eyes.colour)?;
         }
-        headset.give_back(&mut frame.recorder)?;
-        (self.shown_size, self.slot, self.is_draft) = (frame.size, frame.slot, rung > 0);
+        headset.release_images(&mut frame.recorder)?;
+        (self.shown_size, self.slot, self.is_draft) = (frame.size, frame.slot, level > 0);
         // All is recorded: now, and not before, it is asked where the eyes are.
         let seen = headset.eyes(&timing)?;
-        self.statistics.looked(&timing, &seen);
+        self.statistics.note_eyes(&timing, &seen);
         self.head = head(&seen.eyes);
-        self.look_from(headset.lenses(), &seen.eyes);
+        self.update_visibility_masks(headset.lenses(), &seen.eyes);
         let cameras = self.sight.cameras(&self.controls.placement, &seen.eyes);
         self.frames.submit(frame, &self.scene, &cameras)?;
         headset.end(&timing, Some(&seen.eyes))?;
         self.onlooker.as_mut().map_or(Ok(()), |onlooker| onlooker.show())
     }
 
-    /// Lets the renderer know what no eye sees of the pictures of these eyes.
-    fn look_from(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) {
-        if let Some(blind) = self.sight.update(lenses, eyes) {
-            self.frames.set_blind(blind);
+    /// Updates the hidden areas of the pictures of these eyes.
+    fn update_visibility_masks(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) {
+        if let Some(masks) = self.sight.update(lenses, eyes) {
+            self.frames.set_visibility_masks(masks);
         }
     }
 
-    /// Lets the controller know what has finished, and what the display's rate allows.
-    fn keep_to_budget(&mut self, timing: &Timing) -> Result<()> {
+    /// Tells the controller what has finished, and what the display's rate allows.
+    fn update_budget(&mut self, timing: &Timing) -> Result<()> {
         if self.options.budget_ms.is_none() && timing.period_ns > 0 {
             self.controller.set_budget_ms(budget_ms(1e9 / timing.period_ns as f64));
         }
@@ -237,14 +237,14 @@ impl Viewer {
 
     fn note_finished(&mut self) -> Result<()> {
         for frame in self.frames.finished()? {
-            self.controller.finished(frame.rung, frame.gpu_ms);
-            self.statistics.finished(&frame, self.controller.budget_ms());
+            self.controller.finished(frame.level, frame.gpu_ms);
+            self.statistics.note_finished(&frame, self.controller.budget_ms());
         }
         Ok(())
     }
 
     /// Puts the patient before the viewer, as soon as it is known where that is.
-    fn put_before(&mut self, headset: &mut dyn Headset, timing: &Timing) -> Result<()> {
+    fn place_patient(&mut self, headset: &mut dyn Headset, timing: &Timing) -> Result<()> {
         let found = headset.eyes(timing)?;
         if found.tracked {
             self.head = head(&found.eyes);
@@ -286,7 +286,7 @@ impl Viewer {
         let mut eyes = self.gpu.picture("both eyes", "pictures", format, self.sight.eye_size(), 2)?;
         let mut recorder = self.gpu.record()?;
         let range = self.controls.placement.depth_range();
-        let mut lent = Lent { colour: &mut eyes, depth: None };
+        let mut images = FrameImages { colour: &mut eyes, depth: None };
         let marks = self.is_draft.then(|| self.sight.marks());
         composer.compose(
             &mut recorder,
@@ -295,10 +295,10 @@ impl Viewer {
             range,
             insets,
             marks,
-            &mut lent,
+            &mut images,
         );
         let turn = (self.slot, self.frames.views(self.slot));
-        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut lent)?;
+        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut images)?;
         let ticket = recorder.submit()?;
         self.gpu.wait(ticket)?;
         Ok(eyes)
@@ -331,7 +331,7 @@ impl Viewer {
         self.statistics.report(
             &self.gpu,
             about,
-            &self.options.rungs,
+            &self.options.levels,
             (placement, self.sight.hidden()),
             hitches,
         )

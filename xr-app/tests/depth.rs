@@ -35,7 +35,7 @@ fn depths(headset: &Simulated) -> Vec<f32> {
 #[test]
 fn points_of_the_depth_are_where_things_are() {
     let gpu = device();
-    let full = Options { rung: Some(0), ..options() };
+    let full = Options { level: Some(0), ..options() };
     let (viewer, headset) = session(&gpu, Script { depth: true, ..script(12) }, full);
     let shown = headset.shown.expect("a frame");
     let size = headset.description().eye_size;

@@ -1,12 +1,12 @@
-//! Foveation: what the eyes see of insets and surrounds, in colour and depth, on all rungs and behind round lenses.
+//! Foveation: what the eyes see of insets and surrounds, in colour and depth, on all levels and behind round lenses.
 #![forbid(unsafe_code)]
 
 mod support;
 
 use engine::gpu::Gpu;
-use engine::render::{Blind, Camera, Renderer, Settings, mode};
+use engine::render::{Camera, Renderer, Settings, VisibilityMask, mode};
 use glam::DVec3;
-use support::{all_rungs, device, options, script, session, silent};
+use support::{all_levels, device, options, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Headset as _, Pose};
 use xr_app::sight::{FADING, Inset, Sight};
@@ -15,8 +15,8 @@ use xr_app::viewer::{Options, Viewer};
 const SIZE: [u32; 2] = [96, 112];
 const PART: f64 = 0.5;
 
-fn foveated(rung: Option<usize>) -> Options {
-    Options { foveation: Some(PART), rung, ..options() }
+fn foveated(level: Option<usize>) -> Options {
+    Options { foveation: Some(PART), level, ..options() }
 }
 
 /// A head that goes near to the patient, who then is wider than the insets.
@@ -88,11 +88,12 @@ fn sampled(picture: &[[f32; 5]], size: [u32; 2], place: [f64; 2]) -> [f64; 4] {
 #[test]
 fn the_inset_is_the_whole_picture_and_the_surround_a_smaller_one() {
     let gpu = device();
-    let last = all_rungs().len() - 1;
-    for (rung, name) in [(0, "slab"), (last, "alpha")] {
-        let full = engine::render::Rung { quality: engine::render::Quality::FULL, ..all_rungs()[rung] };
+    let last = all_levels().len() - 1;
+    for (level, name) in [(0, "slab"), (last, "alpha")] {
+        let full =
+            engine::render::QualityLevel { quality: engine::render::Quality::FULL, ..all_levels()[level] };
         assert_eq!(full.mode, name);
-        let options = Options { rungs: vec![full], ..foveated(Some(0)) };
+        let options = Options { levels: vec![full], ..foveated(Some(0)) };
         let (viewer, headset) = session(&gpu, Script { head: nearing, ..script(14) }, options);
         assert_eq!(viewer.shown_size(), [48, 56]);
         let insets = insets(&headset);
@@ -172,18 +173,18 @@ fn depth_is_that_of_what_is_seen() {
 /// The controller walks the ladder as ever, and no frame allocates or makes anything, behind round lenses neither; what they
 /// hide is background.
 #[test]
-fn rungs_and_lenses_work_as_without() {
+fn levels_and_lenses_work_as_without() {
     let gpu = device();
     let tight = Options { budget_ms: Some(1e-6), ..foveated(None) };
     let (viewer, headset) = session(&gpu, Script { round_from: Some(20), ..script(60) }, tight);
     let report = viewer.report(&headset);
     assert_eq!((report.allocations, report.pipelines), (0, 0));
-    assert_eq!(report.samples.last().expect("frames").rung, all_rungs().len() - 1, "down to the last rung");
+    assert_eq!(report.samples.last().expect("frames").level, all_levels().len() - 1, "down to the last rung");
     let found: Vec<[u8; 4]> = headset.picture().read().expect("the picture");
     let eyes = headset.shown.expect("a frame");
     for (eye, of) in eyes.iter().enumerate() {
-        let blind = Blind::of(&of.fov, &headset.lenses()[eye]);
-        assert!((blind.share() - report.hidden[eye]).abs() < 1e-12 && blind.share() > 0.17);
+        let mask = VisibilityMask::of(&of.fov, &headset.lenses()[eye]);
+        assert!((mask.share() - report.hidden[eye]).abs() < 1e-12 && mask.share() > 0.17);
     }
     assert!(found[0][0] == 51 && found[0][2] == 0, "a corner is background: {:?}", found[0]);
     silent(&gpu);

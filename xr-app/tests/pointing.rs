@@ -17,7 +17,7 @@ use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Hand, Hands, Headset as _, Pose};
 use xr_app::panel::SIZE;
 use xr_app::placement::Placement;
-use xr_app::pointing::{Known, panel_before};
+use xr_app::pointing::{PickData, panel_before};
 use xr_app::viewer::{Options, Viewer};
 
 /// A hand at the right of the head that points at a place in the room.
@@ -37,7 +37,7 @@ fn still(frames: u64, hands: fn(f64) -> Hands) -> Script {
 }
 
 fn with_panel() -> Options {
-    Options { panel: true, rung: Some(0), ..options() }
+    Options { panel: true, level: Some(0), ..options() }
 }
 
 /// In the first row of presets, the second one: points of the panel.
@@ -227,7 +227,7 @@ fn a_distance_is_in_the_patients_millimetres_whatever_the_scale() {
     let left_fov = Fov { left: -0.37, right: 0.33, up: 0.35, down: -0.35 };
     let mut headset = Simulated::new(&gpu, Script { left_fov, ..still(36, measures) }).expect("a headset");
     let mut viewer = Viewer::new(&gpu, scene, &headset, options()).expect("a viewer");
-    viewer.know(Known::of(&set));
+    viewer.set_pick_data(PickData::of(&set));
     viewer.pointing_mut().measure();
     viewer.run(&mut headset, &AtomicBool::new(false)).expect("a session");
     let placement = *viewer.placement();
@@ -245,7 +245,7 @@ fn a_distance_is_in_the_patients_millimetres_whatever_the_scale() {
     }
     assert!((distance.mm() - ends[0].distance(ends[1])).abs() < 0.5, "{} mm", distance.mm());
     assert!((60.0..85.0).contains(&distance.mm()), "{} mm", distance.mm());
-    let met = viewer.pointing().met().expect("the ray rests on the second ball");
+    let met = viewer.pointing().hit().expect("the ray rests on the second ball");
     assert!((met.intensity - 1200.0).abs() < 60.0, "{} HU", met.intensity);
     // The line between them is drawn, in the colour of what is measured.
     let shown = headset.picture().read::<[u8; 4]>().expect("the picture");

@@ -12,7 +12,7 @@
 //! binary mask it is 1 above ½ and 0 elsewhere. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the
 //! object that has most of Σ w there.
 //!
-//! Where a file does not say what its grid was, voxels are cubes as long as [`Cloud::sigma_mm`](super::Cloud::sigma_mm), from
+//! Where a file does not say what its grid was, voxels are cubes as long as [`GpuSplats::sigma_mm`](super::GpuSplats::sigma_mm), from
 //! the least coordinates of all means on; splats are fitted to be about as wide as voxels. The pitch doubles until the bricks
 //! fit what is set aside for them, with a warning: a coarser picture is better than none.
 

@@ -23,7 +23,7 @@ pub struct ModeRow {
 impl ModeRow {
     /// Fails where the scene has not what the mode renders.
     pub(super) fn make(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Box<dyn Mode>> {
-        let there = if self.of_splats { scene.cloud.is_some() } else { scene.medium.is_some() };
+        let there = if self.of_splats { scene.splats.is_some() } else { scene.volume.is_some() };
         if !there {
             let needed = if self.of_splats { "splats" } else { "a volume" };
             return Err(Error::new(

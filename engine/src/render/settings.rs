@@ -3,7 +3,7 @@
 use super::look::Classification;
 use super::scene::Scene;
 #[cfg(doc)]
-use super::{Blind, Cloud};
+use super::{GpuSplats, VisibilityMask};
 
 /// What a mode is made for; to change one of these is to make the mode anew.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,9 +16,9 @@ pub struct Settings {
     pub precise: bool,
     /// Whether depth is kept.
     pub depth: bool,
-    /// Whether it is said what of the pictures no eye sees ([`Blind`]), which modes of splats then leave transparent.
-    pub blind: bool,
-    /// Distance of the slabs in units of [`Cloud::sigma_mm`]; of the samples of a volume or a decoded field in units of the
+    /// Whether it is said what of the pictures no eye sees ([`VisibilityMask`]), which modes of splats then leave transparent.
+    pub masked: bool,
+    /// Distance of the slabs in units of [`GpuSplats::sigma_mm`]; of the samples of a volume or a decoded field in units of the
     /// shortest edge of its voxels. A volume takes 1 where speed counts, 0.5 where looks do, and 0.25 where others are measured against it.
     pub step: f64,
     /// Distance of the voxels that splats are decoded to in mode decoded, in voxels of the grid that they were fitted on.
@@ -45,7 +45,7 @@ impl Settings {
             views: 1,
             precise: false,
             depth: false,
-            blind: false,
+            masked: false,
             step: 1.0,
             pitch: 1.0,
             jitter: false,

@@ -5,7 +5,7 @@ use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::types::{SlabParams, TileGrid};
 
-use super::cloud::Cloud;
+use super::gpu_splats::GpuSplats;
 use super::look::Classification;
 use super::mode::Mode;
 use super::quality::Quality;
@@ -58,20 +58,20 @@ impl Slab {
     }
 
     fn with_refinement(gpu: &Gpu, scene: &Scene, settings: &Settings, exact: bool) -> Result<Self> {
-        let cloud = scene.splats();
+        let splats = scene.expect_splats();
         let refinement = if exact { EXACT } else { 1 };
-        let grid = tile_grid(cloud, settings, &Quality::FULL, refinement);
+        let grid = tile_grid(splats, settings, &Quality::FULL, refinement);
         Ok(Slab {
             gpu: gpu.clone(),
             kernels: Variants::new(),
             bins: TileBinner::new(
                 gpu,
-                cloud.field.kernel,
-                cloud.rows().packed,
+                splats.field.kernel,
+                splats.rows().packed,
                 &grid,
                 settings.views,
-                cloud.count,
-                settings.blind,
+                splats.count,
+                settings.masked,
             )?,
             count: gpu.buffer("splats of the frame", "views", 1)?,
             settings: settings.clone(),
@@ -86,13 +86,13 @@ impl Slab {
         let objects = scene.look_buffers().objects_differ;
         self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
-                scene.splats().field.kernel.id(),
+                scene.expect_splats().field.kernel.id(),
                 Shape::of(gpu) as u32,
                 u32::from(*classification == Classification::PreIntegrated),
                 u32::from(*shaded),
                 u32::from(settings.depth),
                 u32::from(*objects),
-                u32::from(settings.blind),
+                u32::from(settings.masked),
                 u32::from(settings.counting),
             ];
             Kernel::new(gpu, &glsl::SLAB, &constants)
@@ -101,11 +101,11 @@ impl Slab {
 }
 
 /// Tiles for the picture, blocks for a ball around all splats.
-fn tile_grid(cloud: &Cloud, settings: &Settings, quality: &Quality, refinement: u32) -> TileGrid {
-    let [low, high] = cloud.bounds;
+fn tile_grid(splats: &GpuSplats, settings: &Settings, quality: &Quality, refinement: u32) -> TileGrid {
+    let [low, high] = splats.bounds;
     let centre: DVec3 = (low + high) * 0.5;
     let radius = (high - low).length() * 0.5;
-    let slab = settings.step * quality.coarseness * cloud.sigma_mm;
+    let slab = settings.step * quality.coarseness * splats.sigma_mm;
     let blocks = (2.0 * radius / (slab * f64::from(PLANES))).ceil().clamp(1.0, f64::from(MOST_BLOCKS));
     let spacing = slab.max(2.0 * radius / (blocks * f64::from(PLANES)));
     let size = quality.size(settings.size);
@@ -117,7 +117,7 @@ fn tile_grid(cloud: &Cloud, settings: &Settings, quality: &Quality, refinement: 
         spacing: (spacing / f64::from(refinement)) as f32,
         planes: PLANES * refinement,
         blocks: blocks as u32,
-        splat_count: cloud.count as u32,
+        splat_count: splats.count as u32,
         capacity: 0,
     }
 }
@@ -132,15 +132,15 @@ impl Mode for Slab {
         quality: &Quality,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
-        let (cloud, look) = (scene.splats(), scene.look_buffers());
+        let (splats, look) = (scene.expect_splats(), scene.look_buffers());
         let grid = TileGrid {
             capacity: self.bins.capacity() as u32,
-            ..tile_grid(cloud, &self.settings, quality, self.refinement)
+            ..tile_grid(splats, &self.settings, quality, self.refinement)
         };
-        let field = cloud.field;
-        cloud.count_active(recorder, &mut self.count);
-        let active = (cloud.active(), &self.count);
-        self.bins.record(recorder, &grid, field.background, views, cloud.rows(), active);
+        let field = splats.field;
+        splats.count_active(recorder, &mut self.count);
+        let active = (splats.active(), &self.count);
+        self.bins.record(recorder, &grid, field.background, views, splats.rows(), active);
         let columns = match Shape::of(&self.gpu) {
             Shape::OneByOne => grid.tiles[0] * PARTS,
             Shape::SideBySide => grid.tiles[0],
@@ -156,7 +156,7 @@ impl Mode for Slab {
             .read(&self.bins.projected)
             .write_image(&mut target.colour)
             .write_image(&mut target.depth)
-            .read(cloud.active_objects())
+            .read(splats.active_objects())
             .read(&look.appearances)
             .read(&self.bins.blind_parts)
             .push(&SlabParams {

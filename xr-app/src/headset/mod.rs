@@ -21,6 +21,6 @@ mod session;
 pub mod simulated;
 
 pub use hands::{Hand, Hands};
-pub use headset::{DEPTH_RANGE, Headset, Lent};
+pub use headset::{DEPTH_RANGE, FrameImages, Headset};
 pub use pose::{Eye, Eyes, Pose};
 pub use session::{Blend, Description, Event, State, Timing};

@@ -18,7 +18,7 @@ use super::actions::Actions;
 use super::convert::{fov_of, fov_to, pose_of, pose_to, time};
 use super::error::runtime_error;
 use super::hands::Hands;
-use super::headset::{DEPTH_RANGE, Headset, Lent};
+use super::headset::{DEPTH_RANGE, FrameImages, Headset};
 use super::pose::{Eye, Eyes};
 use super::session::{Blend, Description, Event, State, Timing};
 
@@ -237,7 +237,7 @@ impl Boot for Runtime {
 /// their images.
 struct Chain {
     pictures: Vec<Image>,
-    lent: Option<usize>,
+    acquired: Option<usize>,
     swapchain: xr::Swapchain<xr::Vulkan>,
 }
 
@@ -274,19 +274,19 @@ impl Chain {
             unsafe { gpu.foreign_picture("eyes", vk::Image::from_raw(image), format, size, 2, layout) }
         };
         let pictures = images.iter().map(picture).collect::<Result<_>>()?;
-        Ok(Chain { pictures, lent: None, swapchain })
+        Ok(Chain { pictures, acquired: None, swapchain })
     }
 
-    fn lend(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
+    fn acquire_images(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
         let index =
             self.swapchain.acquire_image().map_err(|e| runtime_error("asking for a picture", e))? as usize;
-        self.lent = Some(index);
+        self.acquired = Some(index);
         recorder.borrow_image(&self.pictures[index]);
         Ok(&mut self.pictures[index])
     }
 
-    fn give_back(&mut self, recorder: &mut Recorder) -> Result<()> {
-        let index = self.lent.expect("a picture was lent");
+    fn release_images(&mut self, recorder: &mut Recorder) -> Result<()> {
+        let index = self.acquired.expect("a picture was lent");
         recorder.return_image(&self.pictures[index]);
         // The compositor may still read it: only now does the device need it.
         self.swapchain
@@ -295,7 +295,7 @@ impl Chain {
     }
 
     fn release(&mut self) -> Result<()> {
-        match self.lent.take() {
+        match self.acquired.take() {
             Some(_) => self.swapchain.release_image().map_err(|e| runtime_error("showing a frame", e)),
             None => Ok(()),
         }
@@ -538,15 +538,15 @@ impl Headset for OpenXr {
         self.actions.hands(&self.session, &self.room, time(timing.display_ns))
     }
 
-    fn lend(&mut self, recorder: &mut Recorder) -> Result<Lent<'_>> {
-        let colour = self.colour.lend(recorder)?;
-        let depth = self.depth.as_mut().map(|depth| depth.lend(recorder)).transpose()?;
-        Ok(Lent { colour, depth })
+    fn acquire_images(&mut self, recorder: &mut Recorder) -> Result<FrameImages<'_>> {
+        let colour = self.colour.acquire_images(recorder)?;
+        let depth = self.depth.as_mut().map(|depth| depth.acquire_images(recorder)).transpose()?;
+        Ok(FrameImages { colour, depth })
     }
 
-    fn give_back(&mut self, recorder: &mut Recorder) -> Result<()> {
-        self.colour.give_back(recorder)?;
-        self.depth.as_mut().map_or(Ok(()), |depth| depth.give_back(recorder))
+    fn release_images(&mut self, recorder: &mut Recorder) -> Result<()> {
+        self.colour.release_images(recorder)?;
+        self.depth.as_mut().map_or(Ok(()), |depth| depth.release_images(recorder))
     }
 
     fn eyes(&mut self, timing: &Timing) -> Result<Eyes> {

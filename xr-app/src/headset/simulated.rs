@@ -8,7 +8,7 @@ use engine::render::{Fov, Triangle};
 use glam::{DQuat, DVec2, DVec3};
 
 use super::hands::Hands;
-use super::headset::{Headset, Lent};
+use super::headset::{FrameImages, Headset};
 use super::pose::{Eye, Eyes, Pose};
 use super::session::{Blend, Description, Event, State, Timing};
 
@@ -216,12 +216,12 @@ impl Headset for Simulated {
         Ok((self.script.hands)(timing.display_ns as f64 * 1e-9))
     }
 
-    fn lend(&mut self, _: &mut Recorder) -> Result<Lent<'_>> {
+    fn acquire_images(&mut self, _: &mut Recorder) -> Result<FrameImages<'_>> {
         let index = self.index();
-        Ok(Lent { colour: &mut self.pictures[index], depth: self.depths.get_mut(index) })
+        Ok(FrameImages { colour: &mut self.pictures[index], depth: self.depths.get_mut(index) })
     }
 
-    fn give_back(&mut self, _: &mut Recorder) -> Result<()> {
+    fn release_images(&mut self, _: &mut Recorder) -> Result<()> {
         Ok(())
     }
 

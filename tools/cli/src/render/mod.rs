@@ -10,7 +10,7 @@ use std::time::Instant;
 use clap::{ArgGroup, Args};
 use engine::gpu::Gpu;
 use engine::render::{
-    Camera, ClipPlane, FOV_DEGREES, Look, MediumSource, ModeRow, Precision, Renderer, Scene, Settings, mode,
+    Camera, ClipPlane, FOV_DEGREES, Look, ModeRow, Precision, Renderer, Scene, Settings, VolumeSource, mode,
 };
 use engine::splat::{self, Form, Place, SplatSet};
 use engine::volume::{Roi, Volume};
@@ -211,7 +211,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     }
     let wants_volume = set.is_none();
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
-    let source = volume.as_ref().map(|volume| MediumSource { volume, roi: roi.as_ref() });
+    let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
     let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()))?;
     let gpu = arguments.device.boot()?;
     let mut scene = Scene::with_precision(&gpu, set.as_ref(), source.as_ref(), &look, arguments.precision)?;
@@ -320,15 +320,15 @@ impl Arguments {
         frames: u32,
         seconds: f64,
     ) -> Result<()> {
-        let cloud = scene.cloud.as_ref();
-        let active = cloud.map(|c| c.active_count()).transpose()?;
+        let splats = scene.splats.as_ref();
+        let active = splats.map(|c| c.active_count()).transpose()?;
         if console.json {
             return console.json_data(&Printed {
                 outputs: files.iter().map(|p| p.display().to_string()).collect(),
                 mode: row.name,
                 transfer_function: scene.look().transfer.name.clone(),
                 size: self.size.0,
-                splats: cloud.map(|c| c.count),
+                splats: splats.map(|c| c.count),
                 active_splats: active,
                 objects: scene
                     .objects()
@@ -342,9 +342,9 @@ impl Arguments {
                 driver: gpu.description().driver.clone(),
             });
         }
-        if let (Some(cloud), Some(active)) = (cloud, active) {
+        if let (Some(splats), Some(active)) = (splats, active) {
             let verb = if self.splat_budget.is_some() { "are rendered" } else { "can be seen" };
-            console.say(&format!("{active} of {} splats {verb}", cloud.count));
+            console.say(&format!("{active} of {} splats {verb}", splats.count));
         }
         for (purpose, bytes) in gpu.memory_by_purpose() {
             tracing::info!("device memory for {purpose}: {:.1} MB", bytes as f64 * 1e-6);

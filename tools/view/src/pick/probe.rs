@@ -149,7 +149,7 @@ pub struct Reading {
 
 /// What a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Met {
+pub struct Hit {
     /// From where the ray starts, mm.
     pub distance_mm: f64,
     /// Where, mm RAS.
@@ -233,7 +233,7 @@ impl Probe {
     /// The first point of a ray that a look shows: where half of the light is gone, of what is there between `from_mm`
     /// (RAS) and the end of the splats. The opacity O(x) α(V̂(x)) per mm is that of the modes of splats, which classify
     /// after adding up; clip planes cut, hidden objects leave their place to others.
-    pub fn along(&self, from_mm: DVec3, direction: DVec3, look: &Look) -> Option<Met> {
+    pub fn along(&self, from_mm: DVec3, direction: DVec3, look: &Look) -> Option<Hit> {
         let direction = direction.try_normalize().filter(|_| from_mm.is_finite())?;
         let mut range = self.grid.range(from_mm - self.origin, direction)?;
         for plane in &look.clip {
@@ -262,7 +262,7 @@ impl Probe {
                 continue;
             }
             let distance_mm = from + path * left / depth;
-            return Some(Met { distance_mm, at_mm: from_mm + direction * distance_mm, intensity });
+            return Some(Hit { distance_mm, at_mm: from_mm + direction * distance_mm, intensity });
         }
         None
     }

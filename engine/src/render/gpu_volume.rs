@@ -28,14 +28,14 @@ use crate::volume::{Roi, Volume};
 const BRICK_SHIFT: u32 = 2;
 
 /// A volume and where it is: outside the region there is nothing; without one all of the volume is there.
-pub struct MediumSource<'a> {
+pub struct VolumeSource<'a> {
     /// Intensities.
     pub volume: &'a Volume,
     /// The region whose mask is the occupancy.
     pub roi: Option<&'a Roi>,
 }
 
-impl MediumSource<'_> {
+impl VolumeSource<'_> {
     /// Middle of the volume, whole mm RAS.
     pub(super) fn centre(&self) -> DVec3 {
         let [x, y, z] = self.volume.size.map(|n| (n as f64 - 1.0) * 0.5);
@@ -44,7 +44,7 @@ impl MediumSource<'_> {
 }
 
 /// A volume or a decoded field on the device.
-pub struct Medium {
+pub struct GpuVolume {
     /// Least and greatest intensity.
     pub range: [f64; 2],
     /// Corners of the box around it, mm in the space of the scene.
@@ -92,7 +92,7 @@ struct Cut {
 }
 
 impl Cut {
-    fn new(source: &MediumSource<'_>) -> Self {
+    fn new(source: &VolumeSource<'_>) -> Self {
         let volume = source.volume;
         let mask: Option<Vec<u16>> = match source.roi {
             Some(roi) => Some(roi.weight.par_iter().map(|&w| to_fraction(w)).collect()),
@@ -226,8 +226,8 @@ pub(super) fn brick_grid(size: [usize; 3], spacing: DVec3) -> BrickGrid {
     BrickGrid { texels, bricks, shift }
 }
 
-impl Medium {
-    pub(super) fn new(gpu: &Gpu, source: &MediumSource<'_>, origin: DVec3) -> Result<Self> {
+impl GpuVolume {
+    pub(super) fn new(gpu: &Gpu, source: &VolumeSource<'_>, origin: DVec3) -> Result<Self> {
         let volume = source.volume;
         if volume.is_empty() {
             return Err(Error::new(Kind::NothingToDo, "VGS-RENDER-021", "a volume without voxels"));
@@ -266,7 +266,7 @@ impl Medium {
         let edge = if cut.mask.is_some() { 0.5 } else { -0.5 };
         let bounds = bounds(cut.size, edge, &scene_from_voxel);
         let grid = brick_grid(cut.size, spacing);
-        Ok(Medium {
+        Ok(GpuVolume {
             range: [cut.scale.value(least), cut.scale.value(greatest)],
             bounds,
             spacing_mm: spacing.min_element(),
@@ -296,7 +296,7 @@ impl Medium {
         let mut label_image = gpu.volume("labels of the atlas", "decoded field", Format::R8, texels)?;
         label_image.write(labels)?;
         let scale = field.scale;
-        Ok(Medium {
+        Ok(GpuVolume {
             range: [scale.first, scale.first + scale.span],
             bounds: bounds(size, 0.5, &field.scene_from_voxel),
             spacing_mm: spacing.min_element(),

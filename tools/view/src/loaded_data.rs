@@ -9,17 +9,17 @@ use engine::splat::SplatSet;
 use glam::DVec3;
 
 use crate::histogram::Histogram;
-use crate::loader::{Loaded, Shown, Splats};
+use crate::loader::{Loaded, LoadedSplats, LoadedVolume};
 use crate::pick::Probe;
 use crate::state::{State, Subject};
 
 /// What was read.
 #[derive(Default)]
-pub struct Content {
+pub struct LoadedData {
     /// The splats of all files.
-    pub splats: Option<Arc<Splats>>,
+    pub splats: Option<Arc<LoadedSplats>>,
     /// The volume.
-    pub volume: Option<Arc<Shown>>,
+    pub volume: Option<Arc<LoadedVolume>>,
     /// Intensities of the splats.
     pub splat_histogram: Option<Histogram>,
     /// Intensities of the volume within its region.
@@ -28,7 +28,7 @@ pub struct Content {
     probe: Option<Probe>,
 }
 
-impl Content {
+impl LoadedData {
     /// Takes what was loaded; gives the subject that has to be shown anew, or what went wrong.
     pub fn take(&mut self, loaded: Loaded) -> Result<Option<Subject>> {
         match loaded {
@@ -61,7 +61,7 @@ impl Content {
 
     /// The same without what was counted; shared, not copied.
     pub fn sources(&self) -> Self {
-        Content { splats: self.splats.clone(), volume: self.volume.clone(), ..Content::default() }
+        LoadedData { splats: self.splats.clone(), volume: self.volume.clone(), ..LoadedData::default() }
     }
 
     /// Whether there is something of a subject.
@@ -102,7 +102,7 @@ impl Content {
 
     /// Intensity at a point, mm RAS, of the volume, or of the splats' field where there is no volume; nothing outside.
     pub fn sample(&self, at_mm: DVec3) -> Option<f64> {
-        let Some(Shown { volume, roi }) = self.volume.as_deref() else {
+        let Some(LoadedVolume { volume, roi }) = self.volume.as_deref() else {
             return self.probe.as_ref()?.at(at_mm).map(|reading| reading.intensity);
         };
         let voxel = volume.voxel_from_world().transform_point3(at_mm);

@@ -1,4 +1,4 @@
-//! What the window tells the panels, anew for each frame.
+//! What panels are told, anew for each frame.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -10,7 +10,7 @@ use crate::histogram::Histogram;
 pub const FRAMES: usize = 120;
 
 /// What is there, and how it is going.
-pub struct Facts<'a> {
+pub struct PanelInfo<'a> {
     /// Corners of the box around the scene, mm RAS; none without a scene.
     pub bounds: Option<[DVec3; 2]>,
     /// Least and greatest intensity of the scene, HU for CT.
@@ -44,10 +44,10 @@ pub struct Facts<'a> {
 
 static NO_STATISTICS: Statistics = Statistics::new();
 
-impl Default for Facts<'_> {
+impl Default for PanelInfo<'_> {
     /// Nothing is open.
     fn default() -> Self {
-        Facts {
+        PanelInfo {
             bounds: None,
             range: [0.0, 1.0],
             unit: "",

@@ -13,8 +13,8 @@ use shaders_glsl::types::Centre;
 use super::centres::centres;
 use super::decoded;
 use super::extents::{intervals, middle_sigma, reaches};
+use super::gpu_volume::GpuVolume;
 use super::look::LookBuffers;
-use super::medium::Medium;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::activity::{ActivitySources, Ranking};
@@ -41,10 +41,10 @@ pub(super) struct Standard {
 }
 
 /// A pitch, voxels, and the field at that.
-type Decoded = (f64, Arc<Medium>);
+type Decoded = (f64, Arc<GpuVolume>);
 
 /// The splats of a scene.
-pub struct Cloud {
+pub struct GpuSplats {
     rows: SplatRows,
     /// How they add up.
     pub field: Field,
@@ -77,7 +77,7 @@ pub struct Cloud {
     standard: Option<Standard>,
 }
 
-impl Cloud {
+impl GpuSplats {
     pub(super) fn new(gpu: &Gpu, set: &SplatSet, precision: Precision) -> Result<Self> {
         // Packed splats lie in an order of their own, and all that is computed here is of what is shown. Colours would
         // have to follow: standard splats stay as they are.
@@ -112,7 +112,7 @@ impl Cloud {
             Some(_) => vec![[1.0, 0.0]; count],
             None => intervals(splats, &reach),
         };
-        Ok(Cloud {
+        Ok(GpuSplats {
             rows,
             field: set.field,
             count,
@@ -223,7 +223,7 @@ impl Cloud {
     }
 
     /// The field on voxels so far apart, decoded now if it was not before; of several pitches the last one is kept.
-    pub(super) fn decoded(&self, gpu: &Gpu, pitch: f64) -> Result<Arc<Medium>> {
+    pub(super) fn decoded(&self, gpu: &Gpu, pitch: f64) -> Result<Arc<GpuVolume>> {
         if !self.has_decoded(pitch) {
             self.decoding(gpu, pitch)?()?;
         }
@@ -258,13 +258,13 @@ impl Cloud {
         Ok(move || {
             let start = std::time::Instant::now();
             let field = source.decode(&gpu, pitch)?;
-            let medium = Arc::new(Medium::of_field(&gpu, &field)?);
+            let volume = Arc::new(GpuVolume::of_field(&gpu, &field)?);
             tracing::info!(
                 "{} bricks decoded in {:.2} s",
                 field.brick_count(),
                 start.elapsed().as_secs_f64()
             );
-            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((pitch, medium));
+            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((pitch, volume));
             Ok(())
         })
     }
