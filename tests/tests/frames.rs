@@ -119,8 +119,8 @@ fn rectangle(low: DVec2, high: DVec2) -> [[DVec2; 3]; 2] {
     [[low, a, high], [low, b, high]]
 }
 
-/// Where a picture is seen it has the bits that it has when all of it is; where no eye sees it nothing is shown in mode slab,
-/// and in mode alpha nothing that lies there altogether.
+/// Where a picture is seen it has the bits that it has when all of it is; where no eye sees it nothing is
+/// shown in mode slab, and in mode alpha nothing that lies there altogether.
 #[test]
 fn what_no_eye_sees_changes_nothing_else() {
     let gpu = Device::boot();
@@ -171,8 +171,8 @@ fn what_no_eye_sees_changes_nothing_else() {
     }
 }
 
-/// After a warm-up a frame allocates nothing, makes no pipeline and waits for nothing, whatever its level; and each is
-/// reported once, with its level and a time.
+/// After a warm-up a frame allocates nothing, makes no pipeline and waits for nothing, whatever its level;
+/// and each is reported once, with its level and a time.
 #[test]
 fn frames_cause_no_hitches_and_are_all_reported() {
     let gpu = Device::boot();
@@ -270,7 +270,8 @@ fn bodies(form: Form) -> SplatSet {
     }
 }
 
-/// Whatever is given up, what is seen of each object in full is seen on every level for every kind of splats, by its area.
+/// Whatever is given up, what is seen of each object in full is seen on every level for every kind of splats,
+/// by its area.
 #[test]
 fn nothing_vanishes_on_the_way_down() {
     const TINTS: [[f32; 3]; 4] = [[1.0, 0.1, 0.1], [0.1, 1.0, 0.1], [0.1, 0.1, 1.0], [1.0, 1.0, 0.1]];

@@ -1,5 +1,6 @@
-//! A window on the desktop that shows what the eyes see. It never holds the headset up: a frame for which the window has no
-//! picture at once is not mirrored, and what is shown is handed over after the headset has its own.
+//! A window on the desktop that shows what the eyes see. It never holds the headset up: a frame for which the
+//! window has no picture at once is not mirrored, and what is shown is handed over after the headset has its
+//! own.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -34,7 +35,7 @@ pub enum Shown {
 }
 
 impl Shown {
-    /// First layer, and how many.
+    /// Returns the first layer, and how many.
     fn layers(self) -> [u32; 2] {
         match self {
             Shown::Left => [0, 1],
@@ -99,7 +100,7 @@ impl Opened {
         }
     }
 
-    /// What the device has to know to draw in it.
+    /// Returns what the device has to know to draw in it.
     pub fn windows(&self) -> Result<Windows> {
         Windows::of(&*self.window)
     }
@@ -153,7 +154,7 @@ pub struct Mirror {
 }
 
 impl Onlooker for Mirror {
-    /// Whether the user has closed the window.
+    /// Returns true if the user has closed the window.
     fn gone(&self) -> bool {
         self.opened.mirror_window.closed
     }

@@ -1,8 +1,8 @@
 //! The panel in the room, and marks beside it: egui's part. The sections are those of the desktop viewer.
 //!
-//! Everything is on one screen of egui's. The panel takes its left part; each mark has a rectangle of its own far to the
-//! right of it, so that what egui makes can be told apart by where it is clipped. egui runs when there is something new:
-//! the pointer, what is shown, or a time that egui has asked for.
+//! Everything is on one screen of egui's. The panel takes its left part; each mark has a rectangle of its own
+//! far to the right of it, so that what egui makes can be told apart by where it is clipped. egui runs when
+//! there is something new: the pointer, what is shown, or a time that egui has asked for.
 
 use std::time::Duration;
 
@@ -27,7 +27,8 @@ const PIXELS_PER_POINT: f32 = 1.6;
 const APART: f32 = 1000.0;
 /// Length of a beam or a line on the screen, points; in the room it is stretched to what it is there.
 pub const LENGTH: f32 = 800.0;
-/// Where a mark's place is in its rectangle, points: the start of a line, the middle of a cursor, the foot of a text.
+/// Where a mark's place is in its rectangle, points: the start of a line, the middle of a cursor, the foot of
+/// a text.
 pub const ANCHOR: Pos2 = pos2(90.0, 100.0);
 /// A pointer that moves less than this, points, has not moved: hands tremble.
 const STILL: f32 = 0.7;
@@ -56,7 +57,7 @@ pub enum Mark {
 pub struct Pointer {
     /// Where, points.
     pub at: Pos2,
-    /// Whether it clicks.
+    /// True if it clicks.
     pub down: bool,
     /// The thumbstick, up positive.
     pub scroll: f32,
@@ -89,7 +90,7 @@ pub struct PanelContent<'a> {
     pub state: &'a mut State,
     /// What is known.
     pub info: &'a PanelInfo<'a>,
-    /// Whether the tool that measures is taken up.
+    /// True if the tool that measures is taken up.
     pub measuring: bool,
     /// Magnification; 1 is real size.
     pub scale: f64,
@@ -112,12 +113,12 @@ impl Panel {
         }
     }
 
-    /// The place of a mark's anchor on the screen, by its number.
+    /// Returns the place of a mark's anchor on the screen, by its number.
     pub fn anchor(mark: usize) -> Pos2 {
         ANCHOR + vec2(APART * (mark + 1) as f32, 0.0)
     }
 
-    /// What is clipped to this belongs to the panel, 0, or to a mark, one more than its number.
+    /// Returns what is drawn within this clip: 0 for the panel, one more than its number for a mark.
     pub fn sheet(clip: Rect) -> usize {
         (clip.min.x / APART).floor().max(0.0) as usize
     }
@@ -168,7 +169,7 @@ impl Panel {
         Some(Made { primitives, textures, actions })
     }
 
-    /// What the pointer does, as egui takes it.
+    /// Returns what the pointer does, as egui takes it.
     fn events(&mut self, now: Option<Pointer>) -> Vec<Event> {
         let before = self.pointer;
         let button = |pos, pressed| Event::PointerButton {

@@ -1,5 +1,5 @@
-//! What hands point at: the panel, on which they click, or the patient, of whom they read the intensity and on whom they
-//! measure. Rays, cursors, readings and distances are marks in the room.
+//! What hands point at: the panel, on which they click, or the patient, of whom they read the intensity and
+//! on whom they measure. Rays, cursors, readings and distances are marks in the room.
 
 use egui::{Rect, pos2};
 use engine::Result;
@@ -22,7 +22,8 @@ use crate::sheets::{Plane, Sheets};
 
 /// Metres of a point of the panel.
 const POINT: f64 = 0.001;
-/// Where the panel's middle is before a head: so far away, metres, so far to the left, radians, and below, metres.
+/// Where the panel's middle is before a head: so far away, metres, so far to the left, radians, and below,
+/// metres.
 const BEFORE: (f64, f64, f64) = (0.65, 0.45, 0.08);
 /// At this distance from the eye texts are as large as on the panel; elsewhere they look as large, metres.
 const TEXTS: f64 = 0.65;
@@ -113,7 +114,7 @@ impl Pointing {
         };
     }
 
-    /// Where the panel is, if it is shown.
+    /// Returns where the panel is, if it is shown.
     pub fn panel(&self) -> Option<&Plane> {
         self.place.as_ref()
     }
@@ -129,8 +130,8 @@ impl Pointing {
         self.hit.as_ref()
     }
 
-    /// Does what hands mean that point at something, at a time and in a frame that lasts so long, seconds. Gives the hands as
-    /// they are for all else.
+    /// Does what hands mean that point at something, at a time and in a frame that lasts so long, seconds.
+    /// Gives the hands as they are for all else.
     pub fn update(
         &mut self,
         hands: &Hands,
@@ -180,7 +181,8 @@ impl Pointing {
         Ok(self.freed(hands, controls, pointed.is_some()))
     }
 
-    /// The hands without what was meant for the panel or the tool: a hand there takes hold of nothing, unless it has before.
+    /// Returns the hands without what was meant for the panel or the tool: a hand there takes hold of
+    /// nothing, unless it has before.
     fn freed(&self, hands: &Hands, controls: &Controls, on_panel: bool) -> Hands {
         let mut freed = *hands;
         let hand = &mut freed[self.active];
@@ -194,7 +196,7 @@ impl Pointing {
         freed
     }
 
-    /// Which point of the panel a hand points at, and how far away that is, metres.
+    /// Returns which point of the panel a hand points at, and how far away that is, metres.
     fn on_panel(&self, hand: &Hand) -> Option<(egui::Pos2, f64)> {
         let (plane, ray) = (self.place?, hand.ray()?);
         plane.met(&ray).filter(|(at, _)| Rect::from_min_size(pos2(0.0, 0.0), SIZE).contains(*at))
@@ -288,8 +290,8 @@ impl Pointing {
         self.sheets.update(recorder)
     }
 
-    /// Records the panel and the marks over the pictures of the eyes, for a frame of this turn with these views, of a scene
-    /// with its zero at `origin`.
+    /// Records the panel and the marks over the pictures of the eyes, for a frame of this turn with these
+    /// views, of a scene with its zero at `origin`.
     pub fn draw(
         &mut self,
         recorder: &mut Recorder,
@@ -302,7 +304,7 @@ impl Pointing {
     }
 }
 
-/// A plane for the panel before a head: upright, to the left of where it looks.
+/// Returns a plane for the panel before a head: upright, to the left of where it looks.
 pub fn panel_before(head: &Pose) -> Plane {
     let (distance, left, below) = BEFORE;
     let level = (head.forward() * DVec3::new(1.0, 0.0, 1.0)).try_normalize().unwrap_or(DVec3::NEG_Z);

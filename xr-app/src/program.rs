@@ -1,4 +1,5 @@
-//! The program: reads the splats, starts a headset, shows them until the session ends, and writes what was measured.
+//! The program: reads the splats, starts a headset, shows them until the session ends, and writes what was
+//! measured.
 
 use std::path::Path;
 #[cfg(not(target_os = "android"))]
@@ -42,7 +43,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     })
 }
 
-/// What there is to show, and the levels on which it can be; everything that can be wrong before there is a device.
+/// Returns what there is to show, and the levels on which it can be; everything that can be wrong before
+/// there is a device.
 pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<QualityLevel>)> {
     for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
         output::check_writable(path, arguments.force)?;
@@ -52,8 +54,8 @@ pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<QualityLev
     Ok((set, levels))
 }
 
-/// A session, until it ends or `stop` is set. `windows` is what the device must know to draw in that of `onlooker`, which makes
-/// who is shown what the eyes see, if anybody is.
+/// A session, until it ends or `stop` is set. `windows` is what the device must know to draw in that of
+/// `onlooker`, which makes who is shown what the eyes see, if anybody is.
 pub(crate) fn session(
     arguments: &Arguments,
     (set, levels): (SplatSet, Vec<QualityLevel>),
@@ -89,7 +91,7 @@ pub(crate) fn session(
     }
 }
 
-/// The levels of such splats.
+/// Returns the levels of such splats.
 fn levels(arguments: &Arguments, set: &SplatSet) -> Result<Vec<QualityLevel>> {
     let levels = render::quality_levels(SplatKind::of(set));
     match arguments.level {
@@ -188,7 +190,7 @@ fn print(report: &Report) {
     }
 }
 
-/// What both eyes saw last, side by side, over black.
+/// Returns what both eyes saw last, side by side, over black.
 fn write_picture(path: &Path, viewer: &mut Viewer, force: bool) -> Result<()> {
     let eyes = viewer.picture()?;
     let [width, height, _] = eyes.size().map(|n| n as usize);

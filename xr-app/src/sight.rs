@@ -1,8 +1,9 @@
 //! Which views show what the eyes see, and what of their pictures no eye sees.
 //!
-//! Without foveation there is a view for each eye. With it there are two, with pictures of one size, a part of the eye's: the
-//! surround is all that the eye sees, at fewer pixels, and the inset is the middle around the axis straight ahead, pixel for
-//! pixel. Nothing is rendered of the surround where the inset covers it, nor of either behind the rims of the lenses.
+//! Without foveation there is a view for each eye. With it there are two, with pictures of one size, a part
+//! of the eye's: the surround is all that the eye sees, at fewer pixels, and the inset is the middle around
+//! the axis straight ahead, pixel for pixel. Nothing is rendered of the surround where the inset covers it,
+//! nor of either behind the rims of the lenses.
 
 use engine::render::{Camera, Fov, Settings, Triangle, VisibilityMask};
 use glam::{DVec2, DVec3};
@@ -13,7 +14,8 @@ use crate::placement::Placement;
 /// Part of an inset's edges over which it fades into the surround.
 pub const FADING: f64 = 0.1;
 
-/// Where an inset lies in the picture of an eye: its left, upper, right and lower edge as parts of the picture's.
+/// Where an inset lies in the picture of an eye: its left, upper, right and lower edge as parts of the
+/// picture's.
 pub type Inset = [f64; 4];
 
 /// Where an eye sees the mark of a draft: its middle and its half-axes as parts of the picture's edges.
@@ -28,7 +30,7 @@ pub struct Sight {
     /// Width and height of the pictures of views, pixels.
     size: [u32; 2],
     foveated: bool,
-    /// Whether lenses hide something.
+    /// True if lenses hide something.
     lenses: bool,
     /// Fields of view of the last frame.
     fovs: Option<[Fov; 2]>,
@@ -41,8 +43,8 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// For eyes with pictures of a size, pixels, behind lenses that may hide something; with foveation, for pictures of
-    /// views whose edges are such a part of them.
+    /// For eyes with pictures of a size, pixels, behind lenses that may hide something; with foveation, for
+    /// pictures of views whose edges are such a part of them.
     pub fn new(eye_size: [u32; 2], foveation: Option<f64>, lenses: bool) -> Self {
         let part = foveation.unwrap_or(1.0);
         let size = eye_size.map(|n| ((f64::from(n) * part).round() as u32).clamp(1, n));
@@ -66,23 +68,23 @@ impl Sight {
         Settings { views, depth, masked, ..Settings::new(self.size) }
     }
 
-    /// Width and height of the pictures of the eyes, pixels.
+    /// Returns the width and height of the pictures of the eyes, pixels.
     pub fn eye_size(&self) -> [u32; 2] {
         self.eye_size
     }
 
-    /// Where the insets of the frame lie, if there are any.
+    /// Returns where the insets of the frame lie, if there are any.
     pub fn insets(&self) -> Option<&[Inset; 2]> {
         self.foveated.then_some(&self.insets)
     }
 
-    /// Where the eyes see the mark of a draft: in one direction, so that it is one mark for both.
+    /// Returns where the eyes see the mark of a draft: in one direction, so that it is one mark for both.
     pub fn marks(&self) -> &[Mark; 2] {
         &self.marks
     }
 
-    /// Puts the insets of the next frame straight ahead of the eyes of the last. They must not move any more when the next
-    /// one is recorded, which is before it is known where its eyes are.
+    /// Puts the insets of the next frame straight ahead of the eyes of the last. They must not move any more
+    /// when the next one is recorded, which is before it is known where its eyes are.
     pub fn aim(&mut self) {
         if let Some(fovs) = self.fovs {
             self.insets = fovs.map(|fov| {
@@ -97,8 +99,8 @@ impl Sight {
         self.made_for = None;
     }
 
-    /// Recomputes the hidden areas of the pictures of a frame with these eyes behind such lenses; returns them if they
-    /// changed. Notes the eyes for [`Self::aim`].
+    /// Recomputes the hidden areas of the pictures of a frame with these eyes behind such lenses; returns
+    /// them if they changed. Notes the eyes for [`Self::aim`].
     pub fn update(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) -> Option<&[VisibilityMask]> {
         let fovs = eyes.map(|eye| eye.fov);
         self.fovs = Some(fovs);
@@ -120,20 +122,21 @@ impl Sight {
         Some(&self.masks)
     }
 
-    /// The views of these eyes, in the order of the pictures' layers: what both see, then their insets.
+    /// Returns the views of these eyes, in the order of the pictures' layers: what both see, then their
+    /// insets.
     pub fn cameras(&self, placement: &Placement, eyes: &[Eye; 2]) -> Vec<Camera> {
         let insets = self.insets().into_iter().flatten();
         let within = eyes.iter().zip(insets).map(|(eye, inset)| Eye { fov: inner(&eye.fov, inset), ..*eye });
         eyes.iter().copied().chain(within).map(|eye| placement.camera(&eye)).collect()
     }
 
-    /// Part of each eye's picture that lenses hide.
+    /// Returns the part of each eye's picture that lenses hide.
     pub fn hidden(&self) -> [f64; 2] {
         self.hidden
     }
 }
 
-/// The mark in the direction that is straight ahead of both eyes together and somewhat down.
+/// Returns the mark in the direction that is straight ahead of both eyes together and somewhat down.
 fn marks(eyes: &[Eye; 2]) -> [Mark; 2] {
     let mean = |axis: DVec3| (eyes[0].pose.orientation * axis + eyes[1].pose.orientation * axis).normalize();
     let [below, radius] = MARK;
@@ -146,7 +149,8 @@ fn marks(eyes: &[Eye; 2]) -> [Mark; 2] {
     })
 }
 
-/// An inset of so many pixels around a place of a picture, or as near to it as the picture's edges allow, on whole pixels.
+/// Returns an inset of so many pixels around a place of a picture, or as near to it as the picture's edges
+/// allow, on whole pixels.
 fn inset(middle: DVec2, size: [u32; 2], of: [u32; 2]) -> Inset {
     let [x, y] = [0, 1].map(|axis| {
         let [wide, all] = [size[axis], of[axis]].map(f64::from);
@@ -156,14 +160,14 @@ fn inset(middle: DVec2, size: [u32; 2], of: [u32; 2]) -> Inset {
     [x.0, y.0, x.1, y.1]
 }
 
-/// What an inset shows of a field of view.
+/// Returns what an inset shows of a field of view.
 fn inner(fov: &Fov, &[left, up, right, down]: &Inset) -> Fov {
     let across = |part: f64| fov.left + (fov.right - fov.left) * part;
     let along = |part: f64| fov.up + (fov.down - fov.up) * part;
     Fov { left: across(left), right: across(right), up: along(up), down: along(down) }
 }
 
-/// Where an inset shows all, and nothing of the surround.
+/// Returns where an inset shows all, and nothing of the surround.
 fn covered(fov: &Fov, &[left, up, right, down]: &Inset) -> [Triangle; 2] {
     // As in `eyes.glsl`: at an edge of the picture an inset does not fade.
     let from = |low: f64, edge: f64| if low > 0.0 { low + edge * FADING } else { 0.0 };

@@ -1,4 +1,5 @@
-//! What is measured of the frames: how regular they were, what they cost, on which level, and how old their poses.
+//! What is measured of the frames: how regular they were, what they cost, on which level, and how old their
+//! poses.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -222,8 +223,9 @@ pub struct Report {
     pub level_changes: u64,
     /// Frames on each level.
     pub frames_on: Vec<u64>,
-    /// From asking for poses to the light of the frame (motion to photon), ms, by the time for which the headset wanted the frame:
-    /// where the host comes after that, it is negative, and the frame is seen later.
+    /// From asking for poses to the light of the frame (motion to photon), ms, by the time for which the
+    /// headset wanted the frame: where the host comes after that, it is negative, and the frame is seen
+    /// later.
     pub latency_ms: Option<Distribution>,
     /// The same in bins of so many ms.
     pub latency_histogram_ms: Option<Histogram>,

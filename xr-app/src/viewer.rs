@@ -31,15 +31,15 @@ pub struct Options {
     pub background: [f32; 3],
     /// Ends after so many frames.
     pub frames: Option<u64>,
-    /// Whether the panel is there from the start.
+    /// True if the panel is there from the start.
     pub panel: bool,
-    /// Edges of pictures with fewer pixels around an inset with all of them, as a part of the eyes' ([`Sight`]); without
-    /// foveation where nothing is said.
+    /// Edges of pictures with fewer pixels around an inset with all of them, as a part of the eyes'
+    /// ([`Sight`]); without foveation where nothing is said.
     pub foveation: Option<f64>,
 }
 
-/// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones find their
-/// buffers large enough: the whole patient, and nearer.
+/// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones
+/// find their buffers large enough: the whole patient, and nearer.
 const WARM_UP: [f64; 3] = [0.6, 0.35, 0.2];
 
 /// Shows a scene in a headset.
@@ -59,11 +59,11 @@ pub struct Viewer {
     /// The turn of the last frame.
     slot: usize,
     statistics: Statistics,
-    /// Whether the patient is to be put before the viewer again.
+    /// True if the patient is to be put before the viewer again.
     place: bool,
     over: bool,
     shown_size: [u32; 2],
-    /// Whether what was rendered last is less than all that the splats can be.
+    /// True if what was rendered last is less than all that the splats can be.
     is_draft: bool,
     /// What was counted before the first frame.
     before: Hitches,
@@ -257,27 +257,28 @@ impl Viewer {
         Ok(())
     }
 
-    /// Where the patient is.
+    /// Returns where the patient is.
     pub fn placement(&self) -> &Placement {
         &self.controls.placement
     }
 
-    /// What hands have done.
+    /// Returns what hands have done.
     pub fn controls(&self) -> &Controls {
         &self.controls
     }
 
-    /// What hands point at.
+    /// Returns what hands point at.
     pub fn pointing(&self) -> &Pointing {
         &self.pointing
     }
 
-    /// What hands point at, to be changed from without.
+    /// Returns what hands point at, to be changed from without.
     pub fn pointing_mut(&mut self) -> &mut Pointing {
         &mut self.pointing
     }
 
-    /// What both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the device.
+    /// Returns what both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the
+    /// device.
     pub fn picture(&mut self) -> Result<Image> {
         let format = Format::Rgba8;
         let insets = self.sight.insets();
@@ -304,22 +305,22 @@ impl Viewer {
         Ok(eyes)
     }
 
-    /// What is shown.
+    /// Returns what is shown.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Width and height of what was rendered last, pixels.
+    /// Returns the width and height of what was rendered last, pixels.
     pub fn shown_size(&self) -> [u32; 2] {
         self.shown_size
     }
 
-    /// What was rendered last, before it was put into the pictures of the eyes.
+    /// Returns what was rendered last, before it was put into the pictures of the eyes.
     pub fn frames(&self) -> &Frames {
         &self.frames
     }
 
-    /// What the session was like so far.
+    /// Returns what the session was like so far.
     pub fn report(&self, headset: &dyn Headset) -> Report {
         let now = self.gpu.hitches();
         let hitches = Hitches {

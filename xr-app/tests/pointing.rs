@@ -20,14 +20,15 @@ use xr_app::placement::Placement;
 use xr_app::pointing::{PickData, panel_before};
 use xr_app::viewer::{Options, Viewer};
 
-/// A hand at the right of the head that points at a place in the room.
+/// Returns a hand at the right of the head that points at a place in the room.
 fn aims(at: DVec3) -> Hand {
     let position = DVec3::new(0.15, -0.25, -0.1);
     let orientation = DQuat::from_rotation_arc(DVec3::NEG_Z, (at - position).normalize());
     Hand { aim: Some(Pose { position, orientation }), ..Hand::default() }
 }
 
-/// The frame of a time, from 1 on: simulated headsets show 72 of them a second unless they are told otherwise.
+/// Returns the frame of a time, from 1 on: simulated headsets show 72 of them a second unless they are told
+/// otherwise.
 fn frame(seconds: f64) -> u64 {
     (seconds * Script::default().rate_hz).round() as u64
 }
@@ -64,7 +65,8 @@ fn a_ray_chooses_a_preset_on_the_panel() {
     silent(&gpu);
 }
 
-/// A left hand without a controller whose open palm is before the eyes, 0.35 m away, in the frames of a range.
+/// Returns a left hand without a controller whose open palm is before the eyes, 0.35 m away, in the frames of
+/// a range.
 fn shows_palm(seconds: f64, frames: std::ops::Range<u64>) -> Hands {
     let position = DVec3::new(-0.05, -0.08, -0.35);
     let away = if frames.contains(&frame(seconds)) { -position } else { position };
@@ -91,7 +93,8 @@ fn an_open_palm_calls_the_panel_and_sends_it_away() {
     silent(&gpu);
 }
 
-/// Both eyes see the panel where it stands, in its size: its fill just within its edges, and the background without.
+/// Both eyes see the panel where it stands, in its size: its fill just within its edges, and the background
+/// without.
 #[test]
 fn the_panel_stands_in_the_room() {
     let gpu = device();
@@ -179,7 +182,7 @@ const HELD: [[DVec3; 2]; 2] = [
     [DVec3::new(-0.2, 0.0, -0.6), DVec3::new(0.2, 0.0, -0.6)],
 ];
 
-/// Where the patient is after that.
+/// Returns where the patient is after that.
 fn stretched(bounds: [DVec3; 2]) -> Placement {
     let [low, high] = bounds;
     Placement::before(&Pose::IDENTITY, (low + high) * 0.5, (high - low).length() * 0.5)
@@ -207,7 +210,7 @@ fn measures(seconds: f64) -> Hands {
     [Hand::default(), Hand { select, ..aims(at) }]
 }
 
-/// Depth of the first thing on a ray by the renderer, mm: one pixel, looking along it.
+/// Returns the depth of the first thing on a ray by the renderer, mm: one pixel, looking along it.
 fn depth(gpu: &Gpu, scene: &Scene, from: DVec3, to: DVec3) -> f64 {
     let settings = Settings { depth: true, precise: true, ..Settings::new([9, 9]) };
     let mut renderer =

@@ -1,5 +1,5 @@
-//! The whole loop without a runtime: what the eyes see, what hands do, what happens to a session, and what a frame costs
-//! the host.
+//! The whole loop without a runtime: what the eyes see, what hands do, what happens to a session, and what a
+//! frame costs the host.
 #![forbid(unsafe_code)]
 
 mod support;
@@ -14,8 +14,8 @@ use xr_app::headset::simulated::{Script, Simulated, sway};
 use xr_app::headset::{Blend, Event, Hand, Hands, Headset, Pose};
 use xr_app::viewer::{Options, Viewer};
 
-/// The pictures of both eyes are those of the offscreen renderer for the poses that were shown, over the background, to
-/// 1 of 255; and they are different ones.
+/// The pictures of both eyes are those of the offscreen renderer for the poses that were shown, over the
+/// background, to 1 of 255; and they are different ones.
 #[test]
 fn eyes_see_what_the_renderer_shows() {
     let gpu = device();
@@ -46,7 +46,8 @@ fn eyes_see_what_the_renderer_shows() {
     silent(&gpu);
 }
 
-/// Where the room is behind the picture it is premultiplied with its opacity, and nothing is left of older frames.
+/// Where the room is behind the picture it is premultiplied with its opacity, and nothing is left of older
+/// frames.
 #[test]
 fn the_room_shows_through_where_there_is_nothing() {
     let gpu = device();
@@ -59,7 +60,8 @@ fn the_room_shows_through_where_there_is_nothing() {
     silent(&gpu);
 }
 
-/// After the start no frame allocates device memory or makes a pipeline, whatever levels are taken and lenses become known.
+/// After the start no frame allocates device memory or makes a pipeline, whatever levels are taken and lenses
+/// become known.
 #[test]
 fn frames_allocate_nothing() {
     let gpu = device();
@@ -74,21 +76,22 @@ fn frames_allocate_nothing() {
     silent(&gpu);
 }
 
-/// What a session with this script shows at last, by the bytes of both eyes.
+/// Returns what a session with this script shows at last, by the bytes of both eyes.
 fn last_picture(gpu: &Gpu, script: Script, options: Options) -> (Viewer, Simulated, Vec<[u8; 4]>) {
     let (viewer, headset) = session(gpu, script, options);
     let found = headset.picture().read().expect("the picture");
     (viewer, headset, found)
 }
 
-/// A head that goes near to the patient and leans over, so that the cross reaches the corners of the pictures.
+/// Returns a head that goes near to the patient and leans over, so that the cross reaches the corners of the
+/// pictures.
 fn nearing(seconds: f64) -> (Pose, bool) {
     let near = Pose { position: DVec3::new(0.0, 0.0, -0.55), orientation: DQuat::from_rotation_z(0.8) };
     (if seconds < 0.05 { Pose::IDENTITY } else { near }, true)
 }
 
-/// Where lenses are round the corners are background, though they would show something, and what is seen has the same bits;
-/// it makes no difference whether that is known from the start.
+/// Where lenses are round the corners are background, though they would show something, and what is seen has
+/// the same bits; it makes no difference whether that is known from the start.
 #[test]
 fn nothing_is_shown_behind_the_rims_of_round_lenses() {
     let gpu = device();
@@ -121,12 +124,12 @@ fn nothing_is_shown_behind_the_rims_of_round_lenses() {
     silent(&gpu);
 }
 
-/// A script in which the head stays where it is.
+/// Returns a script in which the head stays where it is.
 fn still(frames: u64, hands: fn(f64) -> Hands) -> Script {
     Script { head: |_| (Pose::IDENTITY, true), hands, ..script(frames) }
 }
 
-/// A right hand that holds from the start and moves 1 cm to the right with each frame of 72 a second.
+/// Returns a right hand that holds from the start and moves 1 cm to the right with each frame of 72 a second.
 fn carrying(seconds: f64) -> Hands {
     let position = DVec3::new(0.01 * (seconds * 72.0).round(), 0.0, -0.4);
     let grip = Pose { position, orientation: DQuat::IDENTITY };
@@ -144,7 +147,8 @@ fn a_hand_carries_the_patient_along() {
     silent(&gpu);
 }
 
-/// The patient stands before the viewer when the head is first known; after the viewer has turned and recentred, there.
+/// The patient stands before the viewer when the head is first known; after the viewer has turned and
+/// recentred, there.
 #[test]
 fn recentring_puts_the_patient_before_the_viewer() {
     let gpu = device();

@@ -12,8 +12,9 @@ const TREND: usize = 32;
 const LATE: usize = 2;
 /// What a level should take of the budget when it is chosen, so that it is not left at once.
 const AIM: f64 = 0.85;
-/// Where a trend says that the budget is about to be missed, a part of it. With normal scatter the third largest of 32 is
-/// 1.35 deviations above the mean and the 99th of 100 frames 2.33: for 8 % scatter, 7 % more.
+/// Where a trend says that the budget is about to be missed, a part of it. With normal scatter the third
+/// largest of 32 is 1.35 deviations above the mean and the 99th of 100 frames 2.33: for 8 % scatter, 7 %
+/// more.
 const EDGE: f64 = 0.93;
 /// Frames between two changes upwards, at first and at most; it doubles each time that going up has failed.
 const PATIENCE: [usize; 2] = [60, 60 << 7];
@@ -30,7 +31,7 @@ pub struct Controller {
     age: usize,
     /// Frames to wait before going up to each level.
     patience: Vec<usize>,
-    /// Whether the present level was reached by going up.
+    /// True if the present level was reached by going up.
     climbed: bool,
 }
 
@@ -41,12 +42,12 @@ impl Controller {
         Controller { costs, budget_ms, level: 0, times: VecDeque::new(), age: 0, patience, climbed: false }
     }
 
-    /// The level that the next frame should take.
+    /// Returns the level that the next frame should take.
     pub fn level(&self) -> usize {
         self.level
     }
 
-    /// Device time that a frame may take, ms.
+    /// Returns the device time that a frame may take, ms.
     pub fn budget_ms(&self) -> f64 {
         self.budget_ms
     }
@@ -60,8 +61,8 @@ impl Controller {
         }
     }
 
-    /// Takes note of a frame that has finished: the level that it was rendered on, and its device time in ms. Frames on
-    /// another level than the present one were under way when it changed, and say nothing any more.
+    /// Takes note of a frame that has finished: the level that it was rendered on, and its device time in ms.
+    /// Frames on another level than the present one were under way when it changed, and say nothing any more.
     pub fn finished(&mut self, level: usize, gpu_ms: f64) {
         if level != self.level || !gpu_ms.is_finite() {
             return;
@@ -78,15 +79,17 @@ impl Controller {
         }
     }
 
-    /// Takes note of what a frame on the best level has taken or would take, ms, though it was not one of those in a row that
-    /// have to be in time: where the best level is the present one and that is too long, there need not be late frames first.
+    /// Takes note of what a frame on the best level has taken or would take, ms, though it was not one of
+    /// those in a row that have to be in time: where the best level is the present one and that is too long,
+    /// there need not be late frames first.
     pub fn foresee(&mut self, gpu_ms: f64) {
         if self.level == 0 && gpu_ms.is_finite() && gpu_ms > self.budget_ms {
             self.go_down(gpu_ms);
         }
     }
 
-    /// What frames take now, ms, where that is too much: the shortest of those late in a row, or where the trend leads to.
+    /// Returns what frames take now, ms, where that is too much: the shortest of those late in a row, or
+    /// where the trend leads to.
     fn overload(&self) -> Option<f64> {
         let latest = self.times.iter().rev().take(LATE).copied().reduce(f64::min);
         if let Some(least) = latest.filter(|&ms| ms > self.budget_ms && self.times.len() >= LATE) {
@@ -112,7 +115,8 @@ impl Controller {
         self.change(wanted.max(self.level + 1), false);
     }
 
-    /// Whether all but two of the frames of a whole window would have fitted on the next better level, and that long enough.
+    /// Returns true if all but two of the frames of a whole window would have fitted on the next better
+    /// level, and that long enough.
     fn may_go_up(&self) -> bool {
         if self.level == 0 || self.times.len() < WINDOW || self.age < self.patience[self.level - 1] {
             return false;

@@ -1,8 +1,9 @@
 //! The frame budget: which level of quality to render with, so that frames are ready in time.
 //!
-//! [`LevelCosts`] has the cost of each level relative to the first, which is the best. A [`Controller`] is told the
-//! device time of each frame that has finished and says which level the next frame should take: down at once and as far
-//! as needed, up one level at a time after a while of room, and ever later where going up has failed before.
+//! [`LevelCosts`] has the cost of each level relative to the first, which is the best. A [`Controller`] is
+//! told the device time of each frame that has finished and says which level the next frame should take: down
+//! at once and as far as needed, up one level at a time after a while of room, and ever later where going up
+//! has failed before.
 //!
 //! Nothing here knows a device or a clock; [`simulation`] has GPUs to try the controller on.
 
@@ -27,7 +28,7 @@ impl LevelCosts {
         LevelCosts(costs)
     }
 
-    /// Number of levels.
+    /// Returns the number of levels.
     #[expect(clippy::len_without_is_empty, reason = "a ladder has at least one rung")]
     pub fn len(&self) -> usize {
         self.0.len()
@@ -38,7 +39,7 @@ impl LevelCosts {
         self.0[to] / self.0[from]
     }
 
-    /// The best level that costs at most `share` of level `from`; the last where none does.
+    /// Returns the best level that costs at most `share` of level `from`; the last where none does.
     fn within(&self, from: usize, share: f64) -> usize {
         (0..self.len()).find(|&to| self.ratio(from, to) <= share).unwrap_or(self.len() - 1)
     }
@@ -47,8 +48,8 @@ impl LevelCosts {
 /// Part of a display period that a compositor may need on the same device to show what was rendered.
 const COMPOSITOR: f64 = 0.1;
 
-/// Device time that a frame may take on a display of so many frames a second, ms: the period less what the compositor
-/// needs.
+/// Returns the device time that a frame may take on a display of so many frames a second, ms: the period less
+/// what the compositor needs.
 pub fn budget_ms(rate_hz: f64) -> f64 {
     1000.0 / rate_hz * (1.0 - COMPOSITOR)
 }

@@ -55,8 +55,8 @@ impl SimulatedGpu {
         SimulatedGpu { behaviour, random: Pcg32::seed_from_u64(seed), heat: 0.0, frame: 0 }
     }
 
-    /// Device time of the next frame, ms: one that takes `work_ms` where nothing is in the way, and that is shown for
-    /// `period_ms`.
+    /// Returns the device time of the next frame, ms: one that takes `work_ms` where nothing is in the way,
+    /// and that is shown for `period_ms`.
     pub fn frame(&mut self, work_ms: f64, period_ms: f64) -> f64 {
         let at = self.frame;
         self.frame += 1;
@@ -81,7 +81,8 @@ impl SimulatedGpu {
     }
 }
 
-/// Frames of a made-up GPU under a controller. `best_ms` is what the best level takes where nothing is in the way.
+/// Frames of a made-up GPU under a controller. `best_ms` is what the best level takes where nothing is in the
+/// way.
 pub fn trace(
     costs: &LevelCosts,
     behaviour: Behaviour,
@@ -131,7 +132,8 @@ mod tests {
         }
     }
 
-    /// On a steady device: at most a few late frames at the start, the best level that leaves a margin, and rest.
+    /// On a steady device: at most a few late frames at the start, the best level that leaves a margin, and
+    /// rest.
     #[test]
     fn a_steady_device_settles_on_the_best_level_that_fits() {
         each(Behaviour::Steady, |frames, budget, excess, case| {
@@ -143,7 +145,8 @@ mod tests {
         });
     }
 
-    /// Where every hundredth frame is an outlier that nobody can foresee, the others are in time, and outliers are not chased.
+    /// Where every hundredth frame is an outlier that nobody can foresee, the others are in time, and
+    /// outliers are not chased.
     #[test]
     fn noise_and_outliers_are_not_chased() {
         each(Behaviour::Noisy, |frames, budget, excess, case| {
@@ -172,7 +175,8 @@ mod tests {
         });
     }
 
-    /// A load that comes at once is answered within the latency and two more frames, and when it goes the quality returns.
+    /// A load that comes at once is answered within the latency and two more frames, and when it goes the
+    /// quality returns.
     #[test]
     fn a_sudden_load_is_answered_at_once_and_forgotten_later() {
         each(Behaviour::SuddenLoad, |frames, budget, excess, case| {

@@ -1,13 +1,13 @@
 //! Alpha: every splat a quad of one colour, that of the field at its centre, blended back to front.
 //!
-//! The cheapest mode, and one that any rasteriser can do. Where `slab` classifies what it has added up, this one adds up
-//! what it has classified: see `centres` for what it puts down to each splat. The transfer function is looked up once
-//! for a splat and frame. One order serves all views: back to front along the mean of the viewing directions. Clip planes
-//! take whole splats, by their centres.
+//! The cheapest mode, and one that any rasteriser can do. Where `slab` classifies what it has added up, this
+//! one adds up what it has classified: see `centres` for what it puts down to each splat. The transfer
+//! function is looked up once for a splat and frame. One order serves all views: back to front along the mean
+//! of the viewing directions. Clip planes take whole splats, by their centres.
 //!
-//! Standard splats, which have colours of their own instead of an intensity, are drawn as their inventors do (Kerbl et al.
-//! 2023): opacity α exp(−γ/2) in the plane of the picture, widened by 0.3 pixels², at most 0.99, ended at 1/255; colour
-//! from spherical harmonics. No transfer function and no light acts on them.
+//! Standard splats, which have colours of their own instead of an intensity, are drawn as their inventors do
+//! (Kerbl et al. 2023): opacity α exp(−γ/2) in the plane of the picture, widened by 0.3 pixels², at most
+//! 0.99, ended at 1/255; colour from spherical harmonics. No transfer function and no light acts on them.
 
 use glam::DVec3;
 use shaders_glsl as glsl;
@@ -70,7 +70,7 @@ impl Alpha {
         })
     }
 
-    /// The kernel for the look, made if it is not there yet.
+    /// Returns the kernel for the look, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (splats, look, gpu) = (scene.expect_splats(), scene.look_buffers(), &self.gpu);
         let standard = splats.standard().is_some();

@@ -1,8 +1,8 @@
 //! Frame after frame without waiting for the device, each on a level of quality.
 //!
-//! Recording comes first and the views last: [`Frames::submit`] writes them where the kernels will read them, just
-//! before the device gets to see the frame. Nothing is allocated, made or waited for, unless a frame needs more room
-//! than all before it: then it lacks some splats, and the next one has the room.
+//! Recording comes first and the views last: [`Frames::submit`] writes them where the kernels will read them,
+//! just before the device gets to see the frame. Nothing is allocated, made or waited for, unless a frame
+//! needs more room than all before it: then it lacks some splats, and the next one has the room.
 
 use shaders_glsl::types::View;
 
@@ -18,7 +18,8 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder, Ticket};
 use crate::passes::Views;
 
-/// Frames that may be in flight at once: one on the device, one recorded behind it, one of which the news is under way.
+/// Frames that may be in flight at once: one on the device, one recorded behind it, one of which the news is
+/// under way.
 pub const IN_FLIGHT: usize = 3;
 
 /// Renders frames of a scene.
@@ -48,7 +49,8 @@ pub struct Frame {
     pub level: usize,
     /// Width and height of its pictures, pixels.
     pub size: [u32; 2],
-    /// Which of [`IN_FLIGHT`] turns it takes: what the host has written for the last frame of this turn is no longer read.
+    /// Which of [`IN_FLIGHT`] turns it takes: what the host has written for the last frame of this turn is no
+    /// longer read.
     pub slot: usize,
 }
 
@@ -85,7 +87,7 @@ impl Frames {
         })
     }
 
-    /// The views of a frame of this turn, as kernels and drawings will read them.
+    /// Returns the views of a frame of this turn, as kernels and drawings will read them.
     pub fn views(&self, slot: usize) -> &Buffer<View> {
         &self.views[slot].rows
     }
@@ -98,13 +100,13 @@ impl Frames {
         self.masks.clone_from_slice(masks);
     }
 
-    /// The levels.
+    /// Returns the levels.
     pub fn levels(&self) -> &[QualityLevel] {
         &self.levels
     }
 
-    /// Renders the scene once on every level as `cameras` see it, and waits: afterwards all kernels are made, and all
-    /// buffers hold what such frames need, with a margin.
+    /// Renders the scene once on every level as `cameras` see it, and waits: afterwards all kernels are made,
+    /// and all buffers hold what such frames need, with a margin.
     pub fn warm_up(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<()> {
         for level in 0..self.levels.len() {
             let frame = self.begin(scene, level)?;

@@ -1,9 +1,10 @@
 //! Rendering: a scene of splats or of a volume, seen through a transfer function.
 //!
-//! A [`Scene`] holds splats, a volume or both, in one space: world mm RAS less the scene's origin. A [`Look`] says what is
-//! seen of it and may change at any time. A [`Mode`] turns it into pictures; [`MODES`] lists them. All modes see the same
-//! medium, of opacity O(x) α(V(x)) per mm and colour C(V(x)), by emission and absorption (Max 1995), use the
-//! same light, and give the same depth; they differ in what stands for V and O and in how the integral is taken.
+//! A [`Scene`] holds splats, a volume or both, in one space: world mm RAS less the scene's origin. A [`Look`]
+//! says what is seen of it and may change at any time. A [`Mode`] turns it into pictures; [`MODES`] lists
+//! them. All modes see the same medium, of opacity O(x) α(V(x)) per mm and colour C(V(x)), by emission and
+//! absorption (Max 1995), use the same light, and give the same depth; they differ in what stands for V and O
+//! and in how the integral is taken.
 //!
 //! Colours are display-referred: numbers of an sRGB picture, added up as they are, as VTK and Slicer do.
 //!

@@ -35,7 +35,7 @@ impl SplatKind {
     /// Every kind.
     pub const ALL: [SplatKind; 3] = [SplatKind::Field, SplatKind::Grid, SplatKind::Coloured];
 
-    /// Name in `ladder.toml` and in tables.
+    /// Returns the name in `ladder.toml` and in tables.
     pub fn name(self) -> &'static str {
         match self {
             SplatKind::Field => "field",
@@ -54,9 +54,9 @@ impl SplatKind {
     }
 }
 
-/// Returns the levels of quality for such splats, the best first: those of the front of PSNR against cost that
-/// `bench trade render --ladder` measures. No level leaves out a splat: what a transfer function shows is there on all of them, in
-/// a coarser picture. `ladder.toml` says on what they were measured.
+/// Returns the levels of quality for such splats, the best first: those of the front of PSNR against cost
+/// that `bench trade render --ladder` measures. No level leaves out a splat: what a transfer function shows
+/// is there on all of them, in a coarser picture. `ladder.toml` says on what they were measured.
 pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
     match kind {
         SplatKind::Field => &LADDERS.field,

@@ -1,5 +1,6 @@
-//! The modes `volume` and `decoded`: rays marched through the voxels of the CT itself, which is what the splats' modes are
-//! measured against, or through those that the splats were decoded to. One marcher; only the image differs.
+//! The modes `volume` and `decoded`: rays marched through the voxels of the CT itself, which is what the
+//! splats' modes are measured against, or through those that the splats were decoded to. One marcher; only
+//! the image differs.
 
 use std::sync::Arc;
 
@@ -24,7 +25,8 @@ const LEAST_STEP: f64 = 0.01;
 /// The mode `volume` or `decoded`.
 pub struct Raymarch {
     gpu: Gpu,
-    /// For each way to classify, with or without light and appearances of objects, made when it is first needed.
+    /// For each way to classify, with or without light and appearances of objects, made when it is first
+    /// needed.
     kernels: Variants<(Classification, bool, bool)>,
     settings: Settings,
     /// The decoded field; nothing where the scene's volume is rendered.
@@ -37,7 +39,8 @@ impl Raymarch {
         Self::of(gpu, scene, settings, None)
     }
 
-    /// The splats, decoded to voxels `settings.pitch` apart if they were not before, with samples as those of a volume.
+    /// The splats, decoded to voxels `settings.pitch` apart if they were not before, with samples as those of
+    /// a volume.
     pub fn decoded(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         let decoded = scene.expect_splats().decoded(gpu, settings.pitch)?;
         Self::of(gpu, scene, settings, Some(decoded))
@@ -58,7 +61,7 @@ impl Raymarch {
         Ok(mode)
     }
 
-    /// The kernel for a way to classify, made if it is not there yet.
+    /// Returns the kernel for a way to classify, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (volume, look) =

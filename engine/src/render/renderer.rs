@@ -51,8 +51,8 @@ impl Renderer {
         self.render_at(scene, cameras, &Quality::FULL)
     }
 
-    /// As [`Self::render`], with something given up: the pictures lie in the upper left corner of the target, as large as
-    /// [`Quality::size`] says.
+    /// As [`Self::render`], with something given up: the pictures lie in the upper left corner of the target,
+    /// as large as [`Quality::size`] says.
     ///
     /// # Panics
     /// If there are not as many cameras as the settings had views.
@@ -70,7 +70,7 @@ impl Renderer {
         }
     }
 
-    /// What the last frame was made of; all 0 for a mode without splats.
+    /// Returns what the last frame was made of; all 0 for a mode without splats.
     pub fn work(&self) -> Result<Work> {
         self.mode.work()
     }

@@ -66,8 +66,9 @@ impl Scene {
         self.list_active()
     }
 
-    /// Renders at most so many splats from now on: of those that the look can show the most important ones, by opacity
-    /// times volume. For viewers that trade splats for time; the first budget takes as long as sorting all splats.
+    /// Renders at most so many splats from now on: of those that the look can show the most important ones,
+    /// by opacity times volume. For viewers that trade splats for time; the first budget takes as long as
+    /// sorting all splats.
     pub fn set_splat_budget(&mut self, budget: Option<usize>) -> Result<()> {
         if let Some(splats) = &mut self.splats {
             splats.set_budget(&self.gpu, budget)?;
@@ -83,22 +84,23 @@ impl Scene {
         self.list_active()
     }
 
-    /// How the scene is seen.
+    /// Returns how the scene is seen.
     pub fn look(&self) -> &Look {
         &self.look
     }
 
-    /// The splats, for a mode of splats: a renderer makes one only where there are some.
+    /// Returns the splats, for a mode of splats: a renderer makes one only where there are some.
     pub(super) fn expect_splats(&self) -> &GpuSplats {
         self.splats.as_ref().expect("a scene with splats")
     }
 
-    /// The volume, for a mode of volumes: a renderer makes one only where there is one.
+    /// Returns the volume, for a mode of volumes: a renderer makes one only where there is one.
     pub(super) fn expect_volume(&self) -> &GpuVolume {
         self.volume.as_ref().expect("a scene with a volume")
     }
 
-    /// What of the scene a look can show, hide and colour apart, by ascending number; nothing where there are no splats.
+    /// Returns what of the scene a look can show, hide and colour apart, by ascending number; nothing where
+    /// there are no splats.
     pub fn objects(&self) -> &[Object] {
         self.splats.as_ref().map_or(&[], |splats| &splats.objects)
     }
@@ -107,7 +109,7 @@ impl Scene {
         &self.buffers
     }
 
-    /// Corners of the box around all there is, mm RAS.
+    /// Returns the corners of the box around all there is, mm RAS.
     pub fn bounds(&self) -> [DVec3; 2] {
         let splats = self.splats.as_ref().map(|s| s.bounds);
         let volume = self.volume.as_ref().map(|v| v.bounds);
@@ -128,7 +130,7 @@ impl Scene {
     }
 }
 
-/// Least and greatest intensity of all there is.
+/// Returns the least and greatest intensity of all there is.
 fn range_of(splats: Option<&GpuSplats>, volume: Option<&GpuVolume>) -> [f64; 2] {
     match (splats.map(|s| s.range), volume.map(|v| v.range)) {
         (Some(a), Some(b)) => [a[0].min(b[0]), a[1].max(b[1])],

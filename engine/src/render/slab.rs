@@ -1,5 +1,5 @@
-//! Slabs: the splats' field added up at planes across the view, classified after that. With planes a tenth as far apart
-//! the same is the oracle of the other modes, `exact`.
+//! Slabs: the splats' field added up at planes across the view, classified after that. With planes a tenth as
+//! far apart the same is the oracle of the other modes, `exact`.
 
 use glam::DVec3;
 use shaders_glsl as glsl;
@@ -30,7 +30,8 @@ const MOST_BLOCKS: u32 = 512;
 /// The mode `slab`, and with a refinement `exact`.
 pub struct Slab {
     gpu: Gpu,
-    /// For each way to classify, with or without light and appearances of objects, made when it is first needed.
+    /// For each way to classify, with or without light and appearances of objects, made when it is first
+    /// needed.
     kernels: Variants<(Classification, bool, bool)>,
     bins: TileBinner,
     /// Splats of the frame that the look can show.
@@ -79,7 +80,7 @@ impl Slab {
         })
     }
 
-    /// The kernel for a way to classify, made if it is not there yet.
+    /// Returns the kernel for a way to classify, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (classification, shaded) = settings.variant(scene);

@@ -1,9 +1,10 @@
-//! What of a picture no eye sees: the corners behind a headset's lenses, or what another picture covers. Modes of splats
-//! spend nothing on it.
+//! The hidden area of a picture: the corners behind a headset's lenses, or what another picture covers.
+//! Modes of splats spend nothing on it.
 //!
-//! Areas are triangles in tangents of the view (x/z to the right, y/z upwards), as headsets give them. A picture has 64 x 64
-//! patches, whatever its size in pixels; one is hidden where triangles cover all of it. What is left of a patch is cut
-//! exactly, triangle by triangle, into convex pieces, so that triangles may overlap and seams between them do not matter.
+//! Areas are triangles in tangents of the view (x/z to the right, y/z upwards), as headsets give them. A
+//! picture has 64 x 64 patches, whatever its size in pixels; one is hidden where triangles cover all of it.
+//! What is left of a patch is cut exactly, triangle by triangle, into convex pieces, so that triangles may
+//! overlap and seams between them do not matter.
 
 use glam::DVec2;
 use shaders_glsl::types::{PATCH_WORDS, PATCHES};
@@ -13,7 +14,8 @@ use super::camera::Fov;
 /// A triangle in tangents.
 pub type Triangle = [DVec2; 3];
 
-/// What may be left of a hidden patch, as a part of it: more than the rounding of seams in 32 bits, far less than a pixel.
+/// What may be left of a hidden patch, as a part of it: more than the rounding of seams in 32 bits, far less
+/// than a pixel.
 const LEFT: f64 = 1e-4;
 
 /// Which patches of a picture no eye sees: its hidden area.
@@ -30,8 +32,8 @@ impl Default for VisibilityMask {
 }
 
 impl VisibilityMask {
-    /// Of a picture that covers `fov`: the patches that lie in the triangles. Triangles without an area, or with places
-    /// that are no numbers, cover nothing.
+    /// Of a picture that covers `fov`: the patches that lie in the triangles. Triangles without an area, or
+    /// with places that are no numbers, cover nothing.
     pub fn of(fov: &Fov, triangles: &[Triangle]) -> Self {
         let edge = PATCHES as f64;
         let zero = DVec2::new(fov.left, fov.up);
@@ -65,7 +67,7 @@ impl VisibilityMask {
     }
 }
 
-/// Whether triangles cover the square from `low` to 1 beyond it along both axes.
+/// Returns true if triangles cover the square from `low` to 1 beyond it along both axes.
 fn covered(low: DVec2, triangles: &[Triangle]) -> bool {
     let high = low + 1.0;
     let mut left = vec![vec![low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]];
@@ -79,7 +81,8 @@ fn covered(low: DVec2, triangles: &[Triangle]) -> bool {
     left.iter().map(|piece| area(piece)).sum::<f64>() < LEFT
 }
 
-/// What of a convex piece lies outside of a triangle, in convex pieces: edge by edge what is beyond it.
+/// Returns what of a convex piece lies outside of a triangle, in convex pieces: edge by edge what is beyond
+/// it.
 fn outside(piece: &[DVec2], triangle: &Triangle) -> Vec<Vec<DVec2>> {
     let mut rest = piece.to_vec();
     let mut out = Vec::new();
@@ -92,7 +95,8 @@ fn outside(piece: &[DVec2], triangle: &Triangle) -> Vec<Vec<DVec2>> {
     out
 }
 
-/// What of a convex piece lies on the inner side of an edge, where triangles go round as `area` counts.
+/// Returns what of a convex piece lies on the inner side of an edge, where triangles go round as `area`
+/// counts.
 fn within(piece: &[DVec2], from: DVec2, to: DVec2) -> Vec<DVec2> {
     let side = |p: DVec2| (to - from).perp_dot(p - from);
     let mut out = Vec::with_capacity(piece.len() + 1);
@@ -109,7 +113,7 @@ fn within(piece: &[DVec2], from: DVec2, to: DVec2) -> Vec<DVec2> {
     out
 }
 
-/// Area of a polygon; negative where it goes round the other way.
+/// Returns the area of a polygon; negative where it goes round the other way.
 fn area(polygon: &[DVec2]) -> f64 {
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().zip(next).map(|(p, q)| p.perp_dot(*q)).sum::<f64>() * 0.5
@@ -126,13 +130,13 @@ mod tests {
 
     const FOV: Fov = Fov { left: -1.2, right: 0.8, up: 0.9, down: -1.1 };
 
-    /// A rectangle of tangents as two triangles that go round in different ways.
+    /// Returns a rectangle of tangents as two triangles that go round in different ways.
     fn rectangle(low: DVec2, high: DVec2) -> [Triangle; 2] {
         let (a, b) = (DVec2::new(high.x, low.y), DVec2::new(low.x, high.y));
         [[low, a, b], [high, a, b]]
     }
 
-    /// The patches of a rectangle of patches.
+    /// Returns the patches of a rectangle of patches.
     fn patches([x0, y0]: [usize; 2], [x1, y1]: [usize; 2]) -> VisibilityMask {
         let mut mask = VisibilityMask::default();
         for (y, x) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (y, x))) {
@@ -141,7 +145,7 @@ mod tests {
         mask
     }
 
-    /// Where a place of the picture is, in patches from its upper left corner.
+    /// Returns where a place of the picture is, in patches from its upper left corner.
     fn tangents(x: f64, y: f64) -> DVec2 {
         let part = DVec2::new(x, y) / PATCHES as f64;
         DVec2::new(FOV.left + (FOV.right - FOV.left) * part.x, FOV.up + (FOV.down - FOV.up) * part.y)

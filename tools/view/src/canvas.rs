@@ -1,4 +1,5 @@
-//! What is on the device for a window: the scenes with their pictures, and what puts these and the panels on its surface.
+//! What is on the device for a window: the scenes with their pictures, and what puts these and the panels on
+//! its surface.
 
 use std::sync::Arc;
 
@@ -40,8 +41,8 @@ pub struct Overlay {
     pub picture: Rect,
 }
 
-/// What the picture shows and how it is rendered: splats in this mode, a volume in the only one that there is, both with
-/// this given up.
+/// What the picture shows and how it is rendered: splats in this mode, a volume in the only one that there
+/// is, both with this given up.
 pub fn render_setups(
     state: &State,
     size: [u32; 2],
@@ -84,7 +85,7 @@ impl Canvas {
         })
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -94,7 +95,7 @@ impl Canvas {
         self.surface.resize(size);
     }
 
-    /// What is on the device of a subject.
+    /// Returns what is on the device of a subject.
     pub fn scene_of(&self, subject: Subject) -> Option<&RenderedScene> {
         match subject {
             Subject::Splats => self.splats.as_ref(),
@@ -127,12 +128,12 @@ impl Canvas {
         self.splats.as_mut().map_or(Ok(()), |shown_scene| shown_scene.scene.set_splat_budget(budget))
     }
 
-    /// Whether there is no picture to show.
+    /// Returns true if there is no picture to show.
     pub fn is_blank(&self) -> bool {
         self.shown.is_empty()
     }
 
-    /// Corners of the box around all there is, mm RAS.
+    /// Returns the corners of the box around all there is, mm RAS.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let shown_scenes = [&self.splats, &self.volume].into_iter().flatten();
         shown_scenes
@@ -156,7 +157,8 @@ impl Canvas {
         Ok(ms)
     }
 
-    /// Depth at a place of the picture (fractions from its upper left corner), mm along the viewing direction.
+    /// Returns the depth at a place of the picture (fractions from its upper left corner), mm along the
+    /// viewing direction.
     pub fn depth_at(&self, place: DVec2, split: Option<f64>) -> Option<f64> {
         let right = split.is_some_and(|split| place.x >= split) && self.shown.len() > 1;
         let (subject, setup) = self.shown.get(usize::from(right))?;
@@ -212,12 +214,12 @@ impl Drop for Canvas {
     }
 }
 
-/// A rectangle in whole pixels.
+/// Returns a rectangle in whole pixels.
 pub fn pixels(rect: Rect, pixels_per_point: f32) -> Area {
     [rect.min.x, rect.min.y, rect.max.x, rect.max.y].map(|n| (n * pixels_per_point).round())
 }
 
-/// Width and height of a rectangle, whole pixels; nothing where there is no room for a picture.
+/// Returns the width and height of a rectangle, whole pixels; nothing where there is no room for a picture.
 pub fn size(rect: Rect, pixels_per_point: f32) -> Option<[u32; 2]> {
     let [left, top, right, bottom] = pixels(rect, pixels_per_point);
     let size = [right - left, bottom - top];

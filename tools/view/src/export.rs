@@ -43,8 +43,8 @@ impl Export {
         image::write(path, &picture, None, &WriteOptions { background: Some(self.background()), force })
     }
 
-    /// Writes a full turn about the patient's long axis through the pivot as an animated PNG. `progress` is told which
-    /// part is done.
+    /// Writes a full turn about the patient's long axis through the pivot as an animated PNG. `progress` is
+    /// told which part is done.
     pub fn turntable(
         &self,
         path: &Path,
@@ -71,7 +71,7 @@ impl Export {
         self.state.orbit.camera(f64::from(self.size[0]) / f64::from(self.size[1]))
     }
 
-    /// What is shown: one subject, or two with a split between them.
+    /// Returns what is shown: one subject, or two with a split between them.
     fn sides(&self) -> Result<Vec<Side>> {
         let subjects = match self.state.split {
             Some(_) => vec![Subject::Splats, Subject::Volume],

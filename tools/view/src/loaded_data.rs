@@ -64,7 +64,7 @@ impl LoadedData {
         LoadedData { splats: self.splats.clone(), volume: self.volume.clone(), ..LoadedData::default() }
     }
 
-    /// Whether there is something of a subject.
+    /// Returns true if there is something of a subject.
     pub fn has(&self, subject: Subject) -> bool {
         match subject {
             Subject::Splats => self.splats.is_some(),
@@ -76,7 +76,7 @@ impl LoadedData {
         self.splats.as_ref().map(|splats| &splats.set)
     }
 
-    /// Least and greatest intensity of all there is.
+    /// Returns the least and greatest intensity of all there is.
     pub fn range(&self) -> [f64; 2] {
         let splats = self.set().into_iter().flat_map(|set| &set.splats).map(|s| f64::from(s.intensity));
         let volume = self.volume.iter().filter_map(|v| v.volume.min_max());
@@ -87,12 +87,12 @@ impl LoadedData {
         all.fold(None, wider).unwrap_or([0.0, 1.0])
     }
 
-    /// Whether it is known how the patient lies.
+    /// Returns true if it is known how the patient lies.
     pub fn oriented(&self) -> bool {
         self.volume.as_ref().is_none_or(|v| v.volume.oriented)
     }
 
-    /// What follows an intensity in texts: " HU" for CT, nothing for what has no unit.
+    /// Returns what follows an intensity in texts: " HU" for CT, nothing for what has no unit.
     pub fn unit(&self) -> &'static str {
         match &self.volume {
             Some(shown) if !shown.volume.is_ct() => "",
@@ -100,7 +100,8 @@ impl LoadedData {
         }
     }
 
-    /// Intensity at a point, mm RAS, of the volume, or of the splats' field where there is no volume; nothing outside.
+    /// Returns the intensity at a point, mm RAS, of the volume, or of the splats' field where there is no
+    /// volume; nothing outside.
     pub fn sample(&self, at_mm: DVec3) -> Option<f64> {
         let Some(LoadedVolume { volume, roi }) = self.volume.as_deref() else {
             return self.probe.as_ref()?.at(at_mm).map(|reading| reading.intensity);
@@ -112,7 +113,7 @@ impl LoadedData {
         seen.then(|| volume.trilinear(voxel))
     }
 
-    /// How a subject looks.
+    /// Returns how a subject looks.
     ///
     /// # Errors
     /// As [`State::look`].
@@ -122,7 +123,7 @@ impl LoadedData {
         state.look(&numbers)
     }
 
-    /// The scene of a subject; none where there is nothing of it.
+    /// Returns the scene of a subject; none where there is nothing of it.
     pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &State) -> Result<Option<Scene>> {
         let look = self.look(subject, state)?;
         let splats = self.set().filter(|_| subject == Subject::Splats);

@@ -34,7 +34,8 @@ impl LoadedVolume {
 pub struct LoadedSplats {
     /// All of them.
     pub set: SplatSet,
-    /// The rows of the list of objects, with the number that the set knows each by and how many splats it has.
+    /// The rows of the list of objects, with the number that the set knows each by and how many splats it
+    /// has.
     pub objects: Vec<(Object, u8, usize)>,
 }
 
@@ -90,8 +91,8 @@ pub struct Sorted {
     pub files: Files,
 }
 
-/// Adds files to those that are open: splats to splats; a volume, and after it (or with it, where the name says mask,
-/// label, roi or seg) its region.
+/// Adds files to those that are open: splats to splats; a volume, and after it (or with it, where the name
+/// says mask, label, roi or seg) its region.
 ///
 /// # Errors
 /// [`Kind::Usage`] for a file that is none of these.
@@ -126,7 +127,7 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
 }
 
 impl Sorted {
-    /// The session, or nothing where there is none among them.
+    /// Returns the session, or nothing where there is none among them.
     pub fn state(&self) -> Option<Result<State>> {
         self.session.as_deref().map(State::read)
     }
@@ -160,7 +161,8 @@ impl Loader {
         Loader { wake: Arc::new(wake), sender, receiver, turn: 0, doing: Vec::new() }
     }
 
-    /// Begins to read files; what was being read before is forgotten. Of files that `had` has already, nothing is read.
+    /// Begins to read files; what was being read before is forgotten. Of files that `had` has already,
+    /// nothing is read.
     pub fn open(&mut self, files: &Files, had: &Files) {
         self.turn += 1;
         self.doing.clear();
@@ -182,7 +184,7 @@ impl Loader {
         std::thread::spawn(move || job(&teller));
     }
 
-    /// What has been loaded since the last call.
+    /// Returns what has been loaded since the last call.
     pub fn take(&mut self) -> Vec<Loaded> {
         let mut loaded = Vec::new();
         while let Ok((turn, message)) = self.receiver.try_recv() {
@@ -201,7 +203,7 @@ impl Loader {
         loaded
     }
 
-    /// What is being done, and which part of it is done where that is known.
+    /// Returns what is being done, and which part of it is done where that is known.
     pub fn doing(&self) -> Option<(&str, Option<f32>)> {
         self.doing.first().map(|(what, part)| (what.as_str(), *part))
     }

@@ -10,7 +10,8 @@ use glam::DVec2;
 
 use crate::composer::Layer;
 
-/// Renderers that are kept, so that a way that comes back (after moving, after a flip) needs nothing made anew.
+/// Renderers that are kept, so that a setup that comes back (after moving, after a flip) needs nothing made
+/// anew.
 const KEPT: usize = 6;
 
 /// How a scene is rendered.
@@ -25,7 +26,7 @@ pub struct RenderSetup {
 }
 
 impl RenderSetup {
-    /// Whether what renders in one way can render in the other.
+    /// Returns true if what renders with one setup can render with the other.
     fn shares_renderer(&self, other: &Self) -> bool {
         self.mode.name == other.mode.name && self.settings == other.settings
     }
@@ -40,7 +41,7 @@ pub struct RenderedScene {
     made: Vec<(RenderSetup, Picture)>,
 }
 
-/// What was rendered in a setup.
+/// What was rendered with a setup.
 struct Picture {
     renderer: Renderer,
     /// Mean depths of the picture, mm along the viewing direction; read when somebody asks.
@@ -58,7 +59,7 @@ impl RenderedScene {
         self.scene.set_look(look)
     }
 
-    /// Renders in a setup, and waits. Gives what it took, ms.
+    /// Renders with a setup, and waits. Gives what it took, ms.
     pub fn render(&mut self, setup: &RenderSetup, camera: Camera) -> Result<f64> {
         let mut picture = match self.made.iter().position(|(made, _)| made.shares_renderer(setup)) {
             Some(at) => self.made.remove(at).1,
@@ -82,7 +83,7 @@ impl RenderedScene {
         self.made.iter().find(|(made, _)| made.shares_renderer(setup)).map(|(_, picture)| picture)
     }
 
-    /// What was rendered last in a setup.
+    /// Returns what was rendered last with a setup.
     pub fn layer(&self, setup: &RenderSetup) -> Option<Layer<'_>> {
         let target = &self.picture(setup)?.renderer.target;
         let (part, whole) = (setup.quality.size(target.size()), target.size());
@@ -90,8 +91,8 @@ impl RenderedScene {
         Some(Layer { picture: &target.colour, layer: 0, part })
     }
 
-    /// Mean depth at a place of what was rendered last in a way (fractions from the upper left corner), mm along the
-    /// viewing direction; nothing where nothing is seen or depth was not kept.
+    /// Returns the mean depth at a place of what was rendered last with a setup (fractions from the upper left
+    /// corner), mm along the viewing direction; nothing where nothing is seen or depth was not kept.
     pub fn depth_at(&self, setup: &RenderSetup, place: DVec2) -> Option<f64> {
         let picture = self.picture(setup)?;
         let depth = match picture.depth.get() {

@@ -66,23 +66,23 @@ pub struct Viewer {
     controller: Controller,
     /// Whose levels of quality the controller chooses among.
     kind: SplatKind,
-    /// Whether the last picture is less than it will be at rest.
+    /// True if the last picture is less than it will be at rest.
     draft: bool,
     /// When the picture moved last; nothing once it was rendered in full.
     moved: Option<Instant>,
     /// What the pictures on the device were rendered for.
     size: Option<[u32; 2]>,
-    /// Whether pictures have to be rendered whatever the user does.
+    /// True if pictures have to be rendered whatever the user does.
     stale: bool,
     /// When the first event came that no frame has answered yet.
     happened: Option<Instant>,
     /// The splat budget that the scene has.
     budget: Option<u64>,
-    /// Whether what the splats move faster with is there or being made.
+    /// True if what the splats move faster with is there or being made.
     prepared: bool,
-    /// Whether the field is being decoded, which mode decoded waits for.
+    /// True if the field is being decoded, which mode decoded waits for.
     decoding: bool,
-    /// Whether the camera is to show everything once something is there.
+    /// True if the camera is to show everything once something is there.
     fits: bool,
 }
 
@@ -119,7 +119,7 @@ impl Viewer {
         }
     }
 
-    /// Title of the window.
+    /// Returns the title of the window.
     pub fn title(&self) -> String {
         let files = &self.app.state.files;
         let names = files.splats.iter().chain(&files.volume).filter_map(|p| p.file_name());
@@ -284,7 +284,8 @@ impl Viewer {
             (false, true) => quality_levels(self.kind)[level].quality,
             (false, false) => Quality::FULL,
         };
-        // The first level is what the user has chosen, and so is every other whose mode would have to be waited for.
+        // The first level is what the user has chosen, and so is every other whose mode would have to be
+        // waited for.
         let splats =
             canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
         let faster = quality_levels(self.kind)[level].mode;
@@ -314,8 +315,8 @@ impl Viewer {
         Ok(changes.look)
     }
 
-    /// The mode that splats are shown in when nothing moves: what the user has chosen, or slabs while the field that it shows
-    /// is decoded by a thread beside the window.
+    /// Returns the mode that splats are shown in when nothing moves: what the user has chosen, or slabs while
+    /// the field that it shows is decoded by a thread beside the window.
     fn chosen_mode(&mut self, canvas: &Canvas) -> Result<&'static str> {
         let chosen = self.app.state.mode_of(Subject::Splats);
         let splats =
@@ -453,7 +454,7 @@ impl Viewer {
     }
 }
 
-/// Whether a mode can render these splats at once.
+/// Returns true if a mode can render these splats at once.
 fn is_prepared(splats: &GpuSplats, mode: &str) -> bool {
     match mode {
         "alpha" => splats.has_faces(),

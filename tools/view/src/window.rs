@@ -1,4 +1,5 @@
-//! The window: winit's events in, frames out. A frame is drawn when something has happened, and not otherwise.
+//! The window: winit's events in, frames out. A frame is drawn when something has happened, and not
+//! otherwise.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -24,7 +25,7 @@ use crate::viewer::{ActiveWindow, LOST, Viewer};
 pub struct Start {
     /// What is shown; its files are read.
     pub state: State,
-    /// Whether the camera stands where the state says; otherwise where it shows everything.
+    /// True if the camera stands where the state says; otherwise where it shows everything.
     pub keeps_camera: bool,
     /// What is remembered of the user.
     pub settings: Settings,
@@ -41,8 +42,8 @@ struct Woken;
 /// Opens the window and stays until it is closed. Gives what was measured.
 ///
 /// # Errors
-/// [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; what the device says where
-/// it fails, after one attempt to begin anew where it was lost.
+/// [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; what the device
+/// says where it fails, after one attempt to begin anew where it was lost.
 pub fn run(start: Start) -> Result<Report> {
     let events = EventLoop::<Woken>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
@@ -73,7 +74,7 @@ struct Program {
     active: Option<ActiveWindow>,
     /// When egui wants another frame by itself, as for a tooltip.
     wake_at: Option<Instant>,
-    /// Whether the device was lost.
+    /// True if the device was lost.
     lost: bool,
     failure: Option<Error>,
 }

@@ -1,7 +1,8 @@
 //! The viewer without its window: state, panels, and what the mouse and the keys do.
 //!
-//! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it gives back; then it asks
-//! [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with [`App::camera`] and the state's look.
+//! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it gives back;
+//! then it asks [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with
+//! [`App::camera`] and the state's look.
 
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
 use engine::error::{Error, Result};
@@ -37,7 +38,7 @@ pub struct Changes {
 }
 
 impl Changes {
-    /// Whether the picture must be rendered anew.
+    /// Returns true if the picture must be rendered anew.
     pub fn any(self) -> bool {
         self.camera || self.look || self.rendering
     }
@@ -53,7 +54,7 @@ pub struct App {
     pub(super) history: History<Edited>,
     /// The state when the changes were last taken.
     pub(super) taken: State,
-    /// Whether the whole scene is to be shown as soon as it is there.
+    /// True if the whole scene is to be shown as soon as it is there.
     pub(super) fit: bool,
     /// Whether the tool that measures distances is taken up, and the first point of a distance, mm RAS.
     pub(super) measuring: Option<Option<DVec3>>,
@@ -69,7 +70,8 @@ pub struct App {
 }
 
 impl App {
-    /// A viewer of this state. The camera of a session stays; without one the scene is fitted once it is there.
+    /// A viewer of this state. The camera of a session stays; without one the scene is fitted once it is
+    /// there.
     pub fn new(state: State, settings: Settings) -> Self {
         App {
             editor: Editor::default(),
@@ -102,29 +104,29 @@ impl App {
         self.fit = true;
     }
 
-    /// Where the picture is, in points of the screen.
+    /// Returns where the picture is, in points of the screen.
     pub fn picture(&self) -> Rect {
         self.picture
     }
 
-    /// Width over height of the picture.
+    /// Returns the width over height of the picture.
     pub fn aspect(&self) -> f64 {
         let size = self.picture.size();
         let aspect = f64::from(size.x) / f64::from(size.y);
         if aspect.is_finite() && aspect > 0.0 { aspect } else { 1.0 }
     }
 
-    /// The camera of the picture.
+    /// Returns the camera of the picture.
     pub fn camera(&self) -> Camera {
         self.state.orbit.camera(self.aspect())
     }
 
-    /// Whether a button or key is held, so that what changes will go on changing.
+    /// Returns true if a button or key is held, so that what changes will go on changing.
     pub fn held(&self) -> bool {
         self.held
     }
 
-    /// What has changed since the last call of this, by whatever hand.
+    /// Returns what has changed since the last call of this, by whatever hand.
     pub fn take_changes(&mut self) -> Changes {
         let (new, old) = (&self.state, &self.taken);
         let changes = Changes {
@@ -255,7 +257,8 @@ impl App {
         None
     }
 
-    /// Makes a step of what has changed, unless something is held. Files that were opened begin a new history.
+    /// Makes a step of what has changed, unless something is held. Files that were opened begin a new
+    /// history.
     fn remember(&mut self, held: bool) {
         let edited = self.state.edited();
         if edited.has_objects_of(self.history.now()) {

@@ -62,7 +62,8 @@ impl App {
         }
     }
 
-    /// Takes hold of handles and of the line of the split, and moves them. What is under the cursor or in the hand.
+    /// Takes hold of handles and of the line of the split, and moves them. What is under the cursor or in the
+    /// hand.
     fn grip(&mut self, ui: &Ui, response: &Response, info: &PanelInfo<'_>) -> Option<Target> {
         let primary = PointerButton::Primary;
         if response.drag_started_by(primary) && !ui.input(|i| i.modifiers.shift) {
@@ -96,7 +97,7 @@ impl App {
         over
     }
 
-    /// What there is to take hold of at a place of the screen.
+    /// Returns what there is to take hold of at a place of the screen.
     fn grip_at(&self, at: Pos2, info: &PanelInfo<'_>) -> Option<Target> {
         let place = self.place(at);
         let size = self.picture.size();

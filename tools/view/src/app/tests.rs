@@ -12,7 +12,7 @@ struct Bench {
     context: Context,
     app: App,
     time: f64,
-    /// Whether the picture is less than it will be.
+    /// True if the picture is less than it will be.
     draft: bool,
     shapes: Vec<egui::epaint::ClippedShape>,
 }
@@ -36,7 +36,7 @@ impl Bench {
         bench
     }
 
-    /// A frame with these events. The scene is a ball of 100 mm seen at its nearest point.
+    /// Returns a frame with these events. The scene is a ball of 100 mm seen at its nearest point.
     fn frame(&mut self, events: Vec<Event>, modifiers: Modifiers) -> Vec<Action> {
         self.time += 0.05;
         let events = [vec![Event::ModifiersChanged(modifiers)], events].concat();
@@ -108,7 +108,7 @@ impl Bench {
         self.rest();
     }
 
-    /// The middle of a text on the screen.
+    /// Returns the middle of a text on the screen.
     fn find(&self, text: &str) -> Pos2 {
         self.place_of(text).unwrap_or_else(|| panic!("{text:?} is not on the screen"))
     }

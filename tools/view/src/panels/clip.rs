@@ -37,14 +37,14 @@ pub fn show(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>, actions: &mut 
         .on_hover_text("drag planes and faces with the mouse");
 }
 
-/// A plane through the middle of the scene across the view: it takes the nearer half away.
+/// Returns a plane through the middle of the scene across the view: it takes the nearer half away.
 pub(crate) fn across(state: &State, info: &PanelInfo<'_>) -> Plane {
     let [_, _, back] = state.orbit.axes();
     let through = info.bounds.map_or(state.orbit.pivot_mm, |[low, high]| (low + high) * 0.5);
     Plane { on: true, normal: -back, offset_mm: (-back).dot(through) }
 }
 
-/// The box around the scene.
+/// Returns the box around the scene.
 pub(crate) fn around(state: &State, info: &PanelInfo<'_>) -> CropBox {
     let pivot = state.orbit.pivot_mm;
     let [low_mm, high_mm] = info.bounds.unwrap_or([pivot - 100.0, pivot + 100.0]);

@@ -7,7 +7,8 @@ use super::widgets::colour_button;
 use crate::panel_info::PanelInfo;
 use crate::state::State;
 
-/// Colours for the objects that get one, in turn; told apart by people of all kinds of colour vision (Okabe and Ito 2008).
+/// Colours for the objects that get one, in turn; told apart by people of all kinds of colour vision (Okabe
+/// and Ito 2008).
 const TINTS: [[u8; 3]; 7] = [
     [230, 159, 0],
     [86, 180, 233],
