@@ -13,7 +13,7 @@
 //! passes   one kernel or one group of kernels each, recorded with its buffers
 //! fit      the optimisation: initialisation, the step, evaluation
 //! render   a scene of splats or of a volume, seen through a transfer function in one of several modes
-//! reference  the f64 twin of every kernel; never gpu
+//! reference  the f64 reference implementation of every kernel; never gpu
 //! budget   which quality frames can afford, from the times of those that have finished; pure, uses nothing
 //! output   files that appear whole or not at all; used by all that write
 //! ```

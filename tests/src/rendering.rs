@@ -90,7 +90,7 @@ pub fn of_splats() -> impl Iterator<Item = &'static ModeRow> {
 
 /// What the twin sees of a set, at planes as the mode places them.
 pub fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, step: f64) -> Image {
-    let cloud = scene.cloud.as_ref().expect("splats");
+    let gpu_splats = scene.splats.as_ref().expect("splats");
     let eye = Eye::from(&camera.view(scene.origin));
     let background = f64::from(set.field.background);
     let appearance = |splat: usize| {
@@ -104,17 +104,17 @@ pub fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look,
         Some(twin::Seen { appearance: appearance(i), ..seen })
     };
     let splats: Vec<_> = set.splats.iter().enumerate().filter_map(seen).collect();
-    let [low, high] = cloud.bounds;
+    let [low, high] = gpu_splats.bounds;
     let radius = (high - low).length() * 0.5;
-    let spacing = cloud.sigma_mm * step;
+    let spacing = gpu_splats.sigma_mm * step;
     let first = (eye.seen((low + high) * 0.5).z - radius).max(1.0);
     let planes = twin::Planes { first, spacing, count: (2.0 * radius / spacing).ceil() as u32 + 8 };
-    let table = Table::new(&look.transfer, cloud.range);
+    let table = Table::new(&look.transfer, gpu_splats.range);
     let [visible, _] = look.transfer.visible().expect("something to see");
     let twin_look = twin::Look {
         table: &table,
         material: &look.transfer.material,
-        dark: if visible.is_finite() { visible } else { cloud.range[0] },
+        dark: if visible.is_finite() { visible } else { gpu_splats.range[0] },
         planes: &[],
         segments: false,
         least_light: 1e-4,

@@ -10,7 +10,7 @@ use engine::reference::slab::Look as TwinLook;
 use engine::reference::splat_bounds::footprint;
 use engine::reference::{self, Footprint, raymarch};
 use engine::render::{
-    Appearance, Classification, ClipPlane, Decoded, Look, MediumSource, Renderer, Scene, Settings, decode,
+    Appearance, Classification, ClipPlane, Decoded, Look, Renderer, Scene, Settings, VolumeSource, decode,
     mode,
 };
 use engine::splat::{Form, Grid, Kernel, Splat, SplatSet};
@@ -137,7 +137,7 @@ fn an_atlas_is_marched_as_the_same_voxels_in_a_volume() {
     ] {
         let decoded = decode(&gpu, &set, 1.0).expect("a field");
         let (volume, roi) = decoded.volume(set.origin_mm).expect("a volume");
-        let source = MediumSource { volume: &volume, roi: Some(&roi) };
+        let source = VolumeSource { volume: &volume, roi: Some(&roi) };
         let normal = DVec3::new(0.6, 0.0, 0.8);
         let clip = vec![ClipPlane { normal, offset: normal.dot(set.origin_mm) - 4.0 }];
         let look = Look { clip, ..look };
@@ -176,7 +176,7 @@ fn twin_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, s
     };
     let medium = raymarch::Medium::new(size, decoded.scene_from_voxel, &values, Some(&mask))
         .with_objects(voxels.iter().map(shown).collect());
-    let range = scene.cloud.as_ref().expect("splats").range;
+    let range = scene.splats.as_ref().expect("splats").range;
     let [visible, _] = look.transfer.visible().expect("something to see");
     let twin_look = TwinLook {
         table: &Table::new(&look.transfer, range),
@@ -270,10 +270,10 @@ fn it_is_decoded_once() {
     let row = mode("decoded").expect("a mode");
     let bytes = |gpu: &Gpu| gpu.memory_by_purpose().get("decoded field").copied().unwrap_or(0);
     let mut scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", false)).expect("a scene");
-    let cloud = |scene: &Scene| scene.cloud.as_ref().expect("splats").has_decoded(1.0);
-    assert!(!cloud(&scene) && bytes(&gpu) == 0, "not before it is asked for");
+    let is_decoded = |scene: &Scene| scene.splats.as_ref().expect("splats").has_decoded(1.0);
+    assert!(!is_decoded(&scene) && bytes(&gpu) == 0, "not before it is asked for");
     let first = render(&gpu, row, &scene, &settings(), &[camera(&scene)]).remove(0);
-    assert!(cloud(&scene));
+    assert!(is_decoded(&scene));
     let before = bytes(&gpu);
     assert!(before > 4 * 729, "{before} bytes");
     for name in ["CT-Soft-Tissue", "CT-Skin", "CT-Bone"] {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use engine::fit::FitConfig;
 use engine::image::{Image, psnr};
-use engine::render::{Camera, Look, MediumSource, Renderer, Scene, Settings, mode};
+use engine::render::{Camera, Look, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Form, Grid, SplatSet};
 use engine::transfer::preset;
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
@@ -37,7 +37,7 @@ fn bones_are_as_near_to_the_ct_as_slabs_of_them() {
     let set =
         SplatSet { grid: Some(grid), ..SplatSet::from_voxel(&splats, &case.volume.world_from_voxel, field) };
     let samples = SplatSet { form: Form::Grid { binary: false }, ..set.clone() };
-    let source = MediumSource { volume: &case.volume, roi: Some(&case.roi) };
+    let source = VolumeSource { volume: &case.volume, roi: Some(&case.roi) };
     for name in ["CT-Bones-Steep", "CT-Soft-Tissue"] {
         let mut transfer = preset(name).expect("a preset").over([-1024.0, 3071.0]);
         transfer.material.shade = false;

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use engine::gpu::{Gpu, Ticket};
 use engine::render::{
-    Appearance, Blind, Camera, Fov, Frames, Look, Quality, Renderer, Rung, Scene, Settings, SplatKind, mode,
-    rungs,
+    Appearance, Camera, Fov, Frames, Look, Quality, QualityLevel, Renderer, Scene, Settings, SplatKind,
+    VisibilityMask, mode, quality_levels,
 };
 use engine::splat::{Field, Form, Grid, Splat, SplatSet};
 use engine::transfer::preset;
@@ -17,19 +17,22 @@ use vgs_tests::scene::{random, splat};
 
 const SIZE: [u32; 2] = [80, 64];
 
-/// Each thing that can be given up, in all modes of the ladders.
-fn all_rungs() -> Vec<Rung> {
-    let rung =
-        |mode, resolution, coarseness| Rung { mode, quality: Quality { resolution, coarseness }, cost: 1.0 };
+/// Each thing that can be given up, in all modes that levels have.
+fn all_levels() -> Vec<QualityLevel> {
+    let level = |mode, resolution, coarseness| QualityLevel {
+        mode,
+        quality: Quality { resolution, coarseness },
+        cost: 1.0,
+    };
     vec![
-        rung("slab", 1.0, 1.0),
-        rung("slab", 0.85, 1.0),
-        rung("slab", 1.0, 2.0),
-        rung("slab", 0.5, 1.5),
-        rung("decoded", 1.0, 1.0),
-        rung("decoded", 0.5, 2.0),
-        rung("alpha", 1.0, 1.0),
-        rung("alpha", 0.7, 1.0),
+        level("slab", 1.0, 1.0),
+        level("slab", 0.85, 1.0),
+        level("slab", 1.0, 2.0),
+        level("slab", 0.5, 1.5),
+        level("decoded", 1.0, 1.0),
+        level("decoded", 0.5, 2.0),
+        level("alpha", 1.0, 1.0),
+        level("alpha", 0.7, 1.0),
     ]
 }
 
@@ -81,23 +84,23 @@ fn until_finished(gpu: &Gpu, ticket: Ticket) {
     }
 }
 
-/// On every rung the picture is that of a renderer made for its size and step, bit for bit, in both views.
+/// On every level the picture is that of a renderer made for its size and step, bit for bit, in both views.
 #[test]
-fn each_rung_shows_what_a_renderer_made_for_it_shows() {
+fn each_level_shows_what_a_renderer_made_for_it_shows() {
     let gpu = Device::boot();
     let scene = scene(&gpu);
     let cameras = eyes(&scene);
-    let mut frames = Frames::new(&gpu, &scene, &settings(), &all_rungs()).expect("frames");
+    let mut frames = Frames::new(&gpu, &scene, &settings(), &all_levels()).expect("frames");
     frames.warm_up(&scene, &cameras).expect("all rungs");
-    for (number, rung) in all_rungs().iter().enumerate() {
+    for (number, level) in all_levels().iter().enumerate() {
         let frame = frames.begin(&scene, number).expect("a frame");
         let size = frame.size;
         let ticket = frames.submit(frame, &scene, &cameras).expect("submitted");
         gpu.wait(ticket).expect("rendered");
-        assert_eq!(size, rung.quality.size(SIZE));
-        let alone = Settings { size, step: settings().step * rung.quality.coarseness, ..settings() };
+        assert_eq!(size, level.quality.size(SIZE));
+        let alone = Settings { size, step: settings().step * level.quality.coarseness, ..settings() };
         let mut renderer =
-            Renderer::new(&gpu, mode(rung.mode).expect("a mode"), &scene, &alone).expect("alone");
+            Renderer::new(&gpu, mode(level.mode).expect("a mode"), &scene, &alone).expect("alone");
         renderer.render(&scene, &cameras).expect("a picture");
         for view in 0..2 {
             let wide = frames.target.read_colour(view).expect("the target");
@@ -116,27 +119,27 @@ fn rectangle(low: DVec2, high: DVec2) -> [[DVec2; 3]; 2] {
     [[low, a, high], [low, b, high]]
 }
 
-/// Where a picture is seen it has the bits that it has when all of it is; where no eye sees it nothing is shown in mode slab,
-/// and in mode alpha nothing that lies there altogether.
+/// Where a picture is seen it has the bits that it has when all of it is; where no eye sees it nothing is
+/// shown in mode slab, and in mode alpha nothing that lies there altogether.
 #[test]
 fn what_no_eye_sees_changes_nothing_else() {
     let gpu = Device::boot();
     let scene = scene(&gpu);
     let cameras = eyes(&scene);
-    let asked = Settings { blind: true, depth: true, ..settings() };
+    let asked = Settings { masked: true, depth: true, ..settings() };
     let all = Settings { depth: true, ..settings() };
     // The right half of the first view, where the scene is, and the middle of the second.
     let right = rectangle(DVec2::new(-0.07, -2.0), DVec2::new(2.0, 2.0));
     let middle = rectangle(DVec2::new(-0.25, -0.25), DVec2::new(0.25, 0.25));
-    let blind = [Blind::of(&cameras[0].fov, &right), Blind::of(&cameras[1].fov, &middle)];
-    let mut whole = Frames::new(&gpu, &scene, &all, &all_rungs()).expect("frames");
-    let mut frames = Frames::new(&gpu, &scene, &asked, &all_rungs()).expect("frames");
+    let masks = [VisibilityMask::of(&cameras[0].fov, &right), VisibilityMask::of(&cameras[1].fov, &middle)];
+    let mut whole = Frames::new(&gpu, &scene, &all, &all_levels()).expect("frames");
+    let mut frames = Frames::new(&gpu, &scene, &asked, &all_levels()).expect("frames");
     whole.warm_up(&scene, &cameras).expect("all rungs");
     frames.warm_up(&scene, &cameras).expect("all rungs");
-    for (number, rung) in all_rungs().iter().enumerate() {
+    for (number, level) in all_levels().iter().enumerate() {
         for unseen in [false, true] {
-            let shown = if unseen { blind.clone() } else { Default::default() };
-            frames.set_blind(&shown);
+            let shown = if unseen { masks.clone() } else { Default::default() };
+            frames.set_visibility_masks(&shown);
             let mut size = SIZE;
             for frames in [&mut whole, &mut frames] {
                 let frame = frames.begin(&scene, number).expect("a frame");
@@ -160,7 +163,7 @@ fn what_no_eye_sees_changes_nothing_else() {
                     );
                     spared += usize::from(found[pixel][3] == 0.0 && expected[pixel][3] > 0.0);
                 }
-                let least = if rung.mode == "slab" { 200 } else { 5 };
+                let least = if level.mode == "slab" { 200 } else { 5 };
                 let least = least * (size[0] * size[1]) as usize / (SIZE[0] * SIZE[1]) as usize;
                 assert_eq!(spared > least, unseen, "rung {number}, view {view}: {spared} of {least}");
             }
@@ -168,23 +171,23 @@ fn what_no_eye_sees_changes_nothing_else() {
     }
 }
 
-/// After a warm-up a frame allocates nothing, makes no pipeline and waits for nothing, whatever its rung; and each is
-/// reported once, with its rung and a time.
+/// After a warm-up a frame allocates nothing, makes no pipeline and waits for nothing, whatever its level;
+/// and each is reported once, with its level and a time.
 #[test]
 fn frames_cause_no_hitches_and_are_all_reported() {
     let gpu = Device::boot();
     let scene = scene(&gpu);
     let head = eyes(&scene);
-    let mut frames = Frames::new(&gpu, &scene, &settings(), &all_rungs()).expect("frames");
+    let mut frames = Frames::new(&gpu, &scene, &settings(), &all_levels()).expect("frames");
     frames.warm_up(&scene, &head).expect("all rungs");
     // The first frames of a loop make the command buffers that are in flight at the same time.
     let before = gpu.hitches();
     let mut reported = Vec::new();
     let mut last = None;
-    let count = 4 * all_rungs().len();
+    let count = 4 * all_levels().len();
     for number in 0..count {
         let turned = head.map(|eye| eye.turned(scene.bounds()[0], DVec3::Z, 0.01 * number as f64));
-        let frame = frames.begin(&scene, number % all_rungs().len()).expect("a frame");
+        let frame = frames.begin(&scene, number % all_levels().len()).expect("a frame");
         let ticket = frames.submit(frame, &scene, &turned).expect("submitted");
         // As a display does: the next frame is not begun while three are in flight.
         if let Some(earlier) = last.replace(ticket) {
@@ -195,8 +198,8 @@ fn frames_cause_no_hitches_and_are_all_reported() {
     until_finished(&gpu, last.expect("frames"));
     reported.extend(frames.finished().expect("news"));
     assert_eq!(gpu.hitches(), before);
-    let found: Vec<_> = reported.iter().map(|f| f.rung).collect();
-    assert_eq!(found, (0..count).map(|n| n % all_rungs().len()).collect::<Vec<_>>());
+    let found: Vec<_> = reported.iter().map(|f| f.level).collect();
+    assert_eq!(found, (0..count).map(|n| n % all_levels().len()).collect::<Vec<_>>());
     assert!(reported.iter().all(|f| f.gpu_ms > 0.0 && f.gpu_ms < 60_000.0), "{reported:?}");
     assert!(reported.is_sorted_by_key(|f| f.ticket));
 }
@@ -213,8 +216,8 @@ fn a_frame_that_needs_more_room_makes_it() {
     let near = far.map(|eye| Camera { eye: centre - eye.forward() * 30.0, fov, ..eye });
     let size = [640, 512];
     let settings = Settings { size, ..settings() };
-    let rungs = &rungs(SplatKind::Field)[..1];
-    let mut frames = Frames::new(&gpu, &scene, &settings, rungs).expect("frames");
+    let levels = &quality_levels(SplatKind::Field)[..1];
+    let mut frames = Frames::new(&gpu, &scene, &settings, levels).expect("frames");
     frames.warm_up(&scene, &far).expect("a first frame");
     let picture = |frames: &mut Frames| {
         let frame = frames.begin(&scene, 0).expect("a frame");
@@ -267,7 +270,8 @@ fn bodies(form: Form) -> SplatSet {
     }
 }
 
-/// Whatever is given up, what is seen of each object in full is seen on every rung of every ladder, by its area.
+/// Whatever is given up, what is seen of each object in full is seen on every level for every kind of splats,
+/// by its area.
 #[test]
 fn nothing_vanishes_on_the_way_down() {
     const TINTS: [[f32; 3]; 4] = [[1.0, 0.1, 0.1], [0.1, 1.0, 0.1], [0.1, 0.1, 1.0], [1.0, 1.0, 0.1]];
@@ -283,7 +287,7 @@ fn nothing_vanishes_on_the_way_down() {
         let look = Look { objects: TINTS.iter().enumerate().map(tinted).collect(), ..Look::new(transfer) };
         let scene = Scene::new(&gpu, Some(&bodies(form)), None, &look).expect("a scene");
         let camera = Camera::from_side("anterior", DVec3::ZERO, 24.0, 30.0, 1.25).expect("a camera");
-        let mut frames = Frames::new(&gpu, &scene, &settings, rungs(kind)).expect("frames");
+        let mut frames = Frames::new(&gpu, &scene, &settings, quality_levels(kind)).expect("frames");
         frames.warm_up(&scene, &[camera]).expect("all rungs");
         let mut areas = |number: usize| {
             let frame = frames.begin(&scene, number).expect("a frame");
@@ -308,12 +312,12 @@ fn nothing_vanishes_on_the_way_down() {
         };
         let full = areas(0);
         assert!(full.iter().all(|&area| area > 5e-4), "{kind:?}: all are seen in full: {full:?}");
-        for rung in 1..rungs(kind).len() {
-            let found = areas(rung);
+        for level in 1..quality_levels(kind).len() {
+            let found = areas(level);
             for (label, (&found, &full)) in (1..).zip(found.iter().zip(&full)) {
                 assert!(
                     (0.6..1.7).contains(&(found / full)),
-                    "{kind:?}, rung {rung}: object {label} takes {found:.5} of the picture, {full:.5} in full"
+                    "{kind:?}, rung {level}: object {label} takes {found:.5} of the picture, {full:.5} in full"
                 );
             }
         }

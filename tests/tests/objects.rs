@@ -202,7 +202,7 @@ fn a_budget_takes_the_most_important_of_what_can_be_seen() {
     let look = Look { objects, ..look(&[]) };
     let row = mode("slab").expect("a mode");
     let mut scene = scene(&gpu, &set, &look);
-    let count = |scene: &Scene| scene.cloud.as_ref().expect("splats").active_count().expect("a count");
+    let count = |scene: &Scene| scene.splats.as_ref().expect("splats").active_count().expect("a count");
     let whole = picture(&gpu, row, &scene);
     let all = count(&scene);
     assert_eq!(all, 160);

@@ -46,7 +46,7 @@ fn what_a_look_cannot_show_is_dropped_and_nothing_else() {
     }
     let look = look("CT-Bone", false);
     let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
-    let active = scene.cloud.as_ref().expect("splats").active_count().expect("a count");
+    let active = scene.splats.as_ref().expect("splats").active_count().expect("a count");
     assert!((20..140).contains(&active), "{active} of 150");
     let camera = camera(&scene);
     let settings = Settings {

@@ -8,7 +8,7 @@ use engine::reference::eye::Eye;
 use engine::reference::raymarch as twin;
 use engine::reference::slab::Look as TwinLook;
 use engine::render::{
-    Camera, Classification, ClipPlane, Fov, Look, MediumSource, Renderer, Scene, Settings, mode,
+    Camera, Classification, ClipPlane, Fov, Look, Renderer, Scene, Settings, VolumeSource, mode,
 };
 use engine::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction, preset};
 use engine::volume::{Roi, Volume};
@@ -68,7 +68,7 @@ fn settings() -> Settings {
 }
 
 fn scene(gpu: &Gpu, volume: &Volume, roi: Option<&Roi>, look: &Look) -> Scene {
-    Scene::new(gpu, None, Some(&MediumSource { volume, roi }), look).expect("a scene")
+    Scene::new(gpu, None, Some(&VolumeSource { volume, roi }), look).expect("a scene")
 }
 
 fn render(gpu: &Gpu, scene: &Scene, settings: &Settings, cameras: &[Camera]) -> Vec<Image> {
@@ -342,14 +342,14 @@ fn wrong_settings_and_volumes_are_refused() {
         assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-RENDER-023"), "{step}");
     }
     let flat = Volume { world_from_voxel: DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0)), ..volume.clone() };
-    let error = Scene::new(&gpu, None, Some(&MediumSource { volume: &flat, roi: None }), &look)
+    let error = Scene::new(&gpu, None, Some(&VolumeSource { volume: &flat, roi: None }), &look)
         .err()
         .expect("an error");
     assert_eq!(error.code, "VGS-RENDER-022");
     assert!(gpu.memory_by_purpose()["volume"] >= 2 * volume.len() as u64);
     let edge = gpu.limits().volume_edge as usize + 1;
     let long = Volume::new([edge, 1, 1], DAffine3::IDENTITY, vec![0.0; edge]);
-    let error = Scene::new(&gpu, None, Some(&MediumSource { volume: &long, roi: None }), &look)
+    let error = Scene::new(&gpu, None, Some(&VolumeSource { volume: &long, roi: None }), &look)
         .err()
         .expect("an error");
     assert_eq!((error.kind, error.code), (Kind::Unavailable, "VGS-GPU-026"));

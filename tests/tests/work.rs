@@ -43,9 +43,9 @@ struct Planes {
 
 impl Planes {
     fn of(scene: &Scene, eye: &Eye) -> Self {
-        let cloud = scene.cloud.as_ref().expect("splats");
-        let [low, high] = cloud.bounds;
-        let (radius, spacing) = ((high - low).length() * 0.5, cloud.sigma_mm);
+        let splats = scene.splats.as_ref().expect("splats");
+        let [low, high] = splats.bounds;
+        let (radius, spacing) = ((high - low).length() * 0.5, splats.sigma_mm);
         let first = (eye.seen((low + high) * 0.5).z - radius).max(twin::NEAREST);
         Planes { first, spacing, count: (2.0 * radius / (spacing * PLANES as f64)).ceil() as usize * PLANES }
     }

@@ -1,5 +1,5 @@
-//! The program as an activity of a standalone headset: it shows the splats that are in its storage, and says what it has to say to
-//! the log.
+//! The program as an activity of a standalone headset: it shows the splats that are in its storage, and says
+//! what it has to say to the log.
 #![allow(unsafe_code, reason = "the system calls the entry of the program by its name")]
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,14 +12,16 @@ use crate::arguments::Arguments;
 use crate::headset::openxr;
 use crate::program::{prepare, session};
 
-// SAFETY: the glue of the activity calls the one function of this name and type; nothing else here is named so.
+// SAFETY: the glue of the activity calls the one function of this name and type; nothing else here is named
+// so.
 #[unsafe(no_mangle)]
 fn android_main(app: AndroidApp) {
     openxr::set_activity(&app);
     show(&app);
 }
 
-/// Runs a session as long as the activity lasts. The session has a thread of its own, because this one has to answer the system.
+/// Runs a session as long as the activity lasts. The session has a thread of its own, because this one has to
+/// answer the system.
 fn show(app: &AndroidApp) {
     let stop = AtomicBool::new(false);
     std::thread::scope(|scope| {

@@ -1,4 +1,5 @@
-//! Puts what was rendered into the pictures of the eyes; with foveation, of each eye the surround and over it the inset.
+//! Puts what was rendered into the pictures of the eyes; with foveation, of each eye the surround and over it
+//! the inset.
 
 use engine::Result;
 use engine::gpu::{Drawing, Format, Gpu, Recorder};
@@ -6,7 +7,7 @@ use engine::render::Target;
 use shaders_glsl as glsl;
 use shaders_glsl::types::EyesParams;
 
-use crate::headset::{Blend, Lent};
+use crate::headset::{Blend, FrameImages};
 use crate::sight::{FADING, Inset, Mark};
 
 /// What puts pictures into those of a headset.
@@ -15,13 +16,13 @@ pub struct Composer {
     depth: bool,
     /// Display-referred, premultiplied.
     background: [f32; 4],
-    /// Whether what is drawn is no cover for what the picture held.
+    /// True if what is drawn is no cover for what the picture held.
     translucent: bool,
 }
 
 impl Composer {
-    /// For pictures of a format, with or without depth. `background` is behind what was rendered where the headset shows no
-    /// room there. Foveated, what was rendered has insets.
+    /// For pictures of a format, with or without depth. `background` is behind what was rendered where the
+    /// headset shows no room there. Foveated, what was rendered has insets.
     pub fn new(
         gpu: &Gpu,
         format: Format,
@@ -48,9 +49,9 @@ impl Composer {
         })
     }
 
-    /// Records it. `size` is the part of the target that was rendered, pixels, `range` are the distances of depths 0 and 1, mm,
-    /// `insets` are where the insets lie, if this was made for them, and `marks` where it is marked that this is a draft, if it
-    /// is one.
+    /// Records it. `size` is the part of the target that was rendered, pixels, `range` are the distances of
+    /// depths 0 and 1, mm, `insets` are where the insets lie, if this was made for them, and `marks` where it
+    /// is marked that this is a draft, if it is one.
     #[expect(clippy::too_many_arguments, reason = "what a picture is made of, once")]
     pub fn compose(
         &self,
@@ -60,7 +61,7 @@ impl Composer {
         range: [f32; 2],
         insets: Option<&[Inset; 2]>,
         marks: Option<&[Mark; 2]>,
-        eyes: &mut Lent<'_>,
+        eyes: &mut FrameImages<'_>,
     ) {
         if self.translucent {
             recorder.clear_image(eyes.colour, [0.0; 4]);

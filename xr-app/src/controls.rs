@@ -1,5 +1,5 @@
-//! What hands do to the scene: one carries it, two stretch and turn it, thumbsticks move window and level, buttons change
-//! presets, hold a cutting plane, and put everything back.
+//! What hands do to the scene: one carries it, two stretch and turn it, thumbsticks move window and level,
+//! buttons change presets, hold a cutting plane, and put everything back.
 
 use engine::Result;
 use engine::render::{ClipPlane, Look};
@@ -26,7 +26,7 @@ const NARROWEST: f64 = 0.05;
 pub struct Button(bool);
 
 impl Button {
-    /// Whether it is down now and was not at the last call.
+    /// Returns true if it is down now and was not at the last call.
     pub fn pressed(&mut self, down: bool) -> bool {
         !std::mem::replace(&mut self.0, down) && down
     }
@@ -56,7 +56,7 @@ pub struct Controls {
     /// The transfer function before it was moved, and the objects as they were at the start.
     base: Transfer,
     base_objects: Vec<state::Object>,
-    /// Whether the right hand holds a plane.
+    /// True if the right hand holds a plane.
     cutting: bool,
     clip: Vec<ClipPlane>,
     /// By which the scene knows the rows of the objects.
@@ -105,13 +105,13 @@ impl Controls {
         self.held = [None; 2];
     }
 
-    /// Whether a hand holds the patient.
+    /// Returns true if a hand holds the patient.
     pub fn holds(&self, side: usize) -> bool {
         self.held[side].is_some()
     }
 
-    /// Takes note of what the hands do in a frame that lasts so long, and says what the scene looks like now if that has
-    /// changed, by whatever hand.
+    /// Takes note of what the hands do in a frame that lasts so long, and says what the scene looks like now
+    /// if that has changed, by whatever hand.
     pub fn update(&mut self, hands: &Hands, seconds: f64) -> Result<Option<Look>> {
         self.carry(hands);
         for (side, step) in [(0, PRESETS.len() - 1), (1, 1)] {
@@ -178,13 +178,14 @@ impl Controls {
         Ok(())
     }
 
-    /// A plane across the hand, like a blade in it: what lies to the left of it, as the hand sees it, is cut away.
+    /// Returns a plane across the hand, like a blade in it: what lies to the left of it, as the hand sees it,
+    /// is cut away.
     fn plane(&self, grip: &Pose) -> ClipPlane {
         let normal = self.placement.patient_direction(grip.orientation * DVec3::X);
         ClipPlane { normal, offset: normal.dot(self.placement.patient(grip.position)) }
     }
 
-    /// Name of the transfer function.
+    /// Returns the name of the transfer function.
     pub fn preset(&self) -> &str {
         &self.state.transfer.name
     }

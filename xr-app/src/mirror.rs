@@ -1,5 +1,6 @@
-//! A window on the desktop that shows what the eyes see. It never holds the headset up: a frame for which the window has no
-//! picture at once is not mirrored, and what is shown is handed over after the headset has its own.
+//! A window on the desktop that shows what the eyes see. It never holds the headset up: a frame for which the
+//! window has no picture at once is not mirrored, and what is shown is handed over after the headset has its
+//! own.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -34,7 +35,7 @@ pub enum Shown {
 }
 
 impl Shown {
-    /// First layer, and how many.
+    /// Returns the first layer, and how many.
     fn layers(self) -> [u32; 2] {
         match self {
             Shown::Left => [0, 1],
@@ -46,7 +47,7 @@ impl Shown {
 
 /// What winit tells.
 #[derive(Default)]
-struct Pane {
+struct MirrorWindow {
     eyes: u32,
     window: Option<Arc<Window>>,
     failure: Option<String>,
@@ -54,7 +55,7 @@ struct Pane {
     resized: Option<[u32; 2]>,
 }
 
-impl ApplicationHandler for Pane {
+impl ApplicationHandler for MirrorWindow {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.window.is_some() {
             return;
@@ -79,7 +80,7 @@ impl ApplicationHandler for Pane {
 /// The window, before there is a device.
 pub struct Opened {
     events: EventLoop<()>,
-    pane: Pane,
+    mirror_window: MirrorWindow,
     window: Arc<Window>,
     shown: Shown,
 }
@@ -91,15 +92,15 @@ impl Opened {
     /// [`Kind::Unavailable`] without a display.
     pub fn new(shown: Shown) -> Result<Self> {
         let mut events = EventLoop::new().map_err(|e| no_window(&e.to_string()))?;
-        let mut pane = Pane { eyes: shown.layers()[1], ..Pane::default() };
-        events.pump_app_events(Some(Duration::ZERO), &mut pane);
-        match &pane.window {
-            Some(window) => Ok(Opened { window: Arc::clone(window), shown, events, pane }),
-            None => Err(no_window(pane.failure.as_deref().unwrap_or("it does not come up"))),
+        let mut mirror_window = MirrorWindow { eyes: shown.layers()[1], ..MirrorWindow::default() };
+        events.pump_app_events(Some(Duration::ZERO), &mut mirror_window);
+        match &mirror_window.window {
+            Some(window) => Ok(Opened { window: Arc::clone(window), shown, events, mirror_window }),
+            None => Err(no_window(mirror_window.failure.as_deref().unwrap_or("it does not come up"))),
         }
     }
 
-    /// What the device has to know to draw in it.
+    /// Returns what the device has to know to draw in it.
     pub fn windows(&self) -> Result<Windows> {
         Windows::of(&*self.window)
     }
@@ -153,9 +154,9 @@ pub struct Mirror {
 }
 
 impl Onlooker for Mirror {
-    /// Whether the user has closed the window.
+    /// Returns true if the user has closed the window.
     fn gone(&self) -> bool {
-        self.opened.pane.closed
+        self.opened.mirror_window.closed
     }
 
     fn counts(&self) -> [u64; 2] {
@@ -163,9 +164,9 @@ impl Onlooker for Mirror {
     }
 
     fn take(&mut self, recorder: &mut Recorder, eyes: &Image) -> Result<()> {
-        let Opened { events, pane, .. } = &mut self.opened;
-        events.pump_app_events(Some(Duration::ZERO), pane);
-        if let Some(size) = pane.resized.take() {
+        let Opened { events, mirror_window, .. } = &mut self.opened;
+        events.pump_app_events(Some(Duration::ZERO), mirror_window);
+        if let Some(size) = mirror_window.resized.take() {
             self.surface.resize(size);
         }
         self.acquired = self.surface.acquire_at_once()?;

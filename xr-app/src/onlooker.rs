@@ -3,9 +3,10 @@
 use engine::Result;
 use engine::gpu::{Image, Recorder};
 
-/// Somebody beside the headset. A frame is [`take`](Onlooker::take), its submission, and [`show`](Onlooker::show).
+/// Somebody beside the headset. A frame is [`take`](Onlooker::take), its submission, and
+/// [`show`](Onlooker::show).
 pub trait Onlooker {
-    /// Whether nobody looks any more, which ends the session.
+    /// Returns true if nobody looks any more, which ends the session.
     fn gone(&self) -> bool;
     /// Frames that were shown, and frames for which there was no picture.
     fn counts(&self) -> [u64; 2];

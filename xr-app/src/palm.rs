@@ -1,6 +1,6 @@
-//! A hand without a controller calls the panel by its palm: held open before the eyes for half a second, as hand menus are
-//! called elsewhere. No pinch belongs to it, since headsets keep a pinch with the palm towards the face for themselves; and who
-//! grabs or clicks does not show an open palm.
+//! A hand without a controller calls the panel by its palm: held open before the eyes for half a second, as
+//! hand menus are called elsewhere. No pinch belongs to it, since headsets keep a pinch with the palm towards
+//! the face for themselves; and who grabs or clicks does not show an open palm.
 
 use glam::DVec3;
 
@@ -8,7 +8,8 @@ use crate::headset::{Hand, Hands, Pose};
 
 /// So long the palm is shown before it counts, seconds.
 const HELD: f64 = 0.5;
-/// Angles from the palm's direction to the eyes, and from where these look to the hand, radians: to begin with, and to go on.
+/// Angles from the palm's direction to the eyes, and from where these look to the hand, radians: to begin
+/// with, and to go on.
 const TOWARDS: [f64; 2] = [0.6, 0.85];
 /// Nearest and furthest from the eyes, metres: an arm's length, but not a hand at the face.
 const REACH: [f64; 2] = [0.15, 0.75];
@@ -23,8 +24,8 @@ pub struct Palms {
 }
 
 impl Palms {
-    /// Which hands have shown their palm long enough at this time, seconds, to the eyes of a head; they do until it is turned
-    /// away.
+    /// Returns which hands have shown their palm long enough at this time, seconds, to the eyes of a head;
+    /// they do until it is turned away.
     pub fn shown(&mut self, hands: &Hands, head: &Pose, seconds: f64) -> [bool; 2] {
         [0, 1].map(|side| {
             let since = &mut self.since[side];
@@ -35,7 +36,7 @@ impl Palms {
     }
 }
 
-/// Whether an open hand is looked at, and its palm looks back, both to so many radians.
+/// Returns true if an open hand is looked at, and its palm looks back, both to so many radians.
 fn faces(hand: &Hand, side: usize, head: &Pose, most: f64) -> bool {
     let (true, Some(grip)) = (hand.bare && hand.squeeze < OPEN && !hand.select, hand.grip) else {
         return false;
@@ -56,7 +57,7 @@ mod tests {
 
     const HEAD: Pose = Pose { position: DVec3::new(0.0, 1.6, 0.0), orientation: DQuat::IDENTITY };
 
-    /// An open hand 0.4 m before the eyes, whose palm is turned away from them by an angle.
+    /// Returns an open hand 0.4 m before the eyes, whose palm is turned away from them by an angle.
     fn hand(side: usize, turned: f64) -> Hand {
         let position = HEAD.position + DVec3::new(0.0, -0.1, -0.4);
         let palm = if side == 0 { DVec3::X } else { DVec3::NEG_X };
@@ -65,7 +66,7 @@ mod tests {
         Hand { grip: Some(Pose { position, orientation }), bare: true, ..Hand::default() }
     }
 
-    /// Whether the palm of a hand counts in the end, after so many seconds of it.
+    /// Returns true if the palm of a hand counts in the end, after so many seconds of it.
     fn shown(side: usize, hand: Hand, seconds: f64) -> bool {
         let mut hands = [Hand::default(); 2];
         hands[side] = hand;

@@ -1,8 +1,8 @@
 //! The panel in the room, and marks beside it: egui's part. The sections are those of the desktop viewer.
 //!
-//! Everything is on one screen of egui's. The panel takes its left part; each mark has a rectangle of its own far to the
-//! right of it, so that what egui makes can be told apart by where it is clipped. egui runs when there is something new:
-//! the pointer, what is shown, or a time that egui has asked for.
+//! Everything is on one screen of egui's. The panel takes its left part; each mark has a rectangle of its own
+//! far to the right of it, so that what egui makes can be told apart by where it is clipped. egui runs when
+//! there is something new: the pointer, what is shown, or a time that egui has asked for.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use egui::{
 };
 use view::actions::Action;
 use view::editor::Editor;
-use view::facts::Facts;
+use view::panel_info::PanelInfo;
 use view::panels;
 use view::state::State;
 use view::theme::{self, ACCENT, SIGNAL};
@@ -27,7 +27,8 @@ const PIXELS_PER_POINT: f32 = 1.6;
 const APART: f32 = 1000.0;
 /// Length of a beam or a line on the screen, points; in the room it is stretched to what it is there.
 pub const LENGTH: f32 = 800.0;
-/// Where a mark's place is in its rectangle, points: the start of a line, the middle of a cursor, the foot of a text.
+/// Where a mark's place is in its rectangle, points: the start of a line, the middle of a cursor, the foot of
+/// a text.
 pub const ANCHOR: Pos2 = pos2(90.0, 100.0);
 /// A pointer that moves less than this, points, has not moved: hands tremble.
 const STILL: f32 = 0.7;
@@ -56,7 +57,7 @@ pub enum Mark {
 pub struct Pointer {
     /// Where, points.
     pub at: Pos2,
-    /// Whether it clicks.
+    /// True if it clicks.
     pub down: bool,
     /// The thumbstick, up positive.
     pub scroll: f32,
@@ -84,12 +85,12 @@ pub struct Panel {
 }
 
 /// What the sections show, and what they change.
-pub struct Content<'a> {
+pub struct PanelContent<'a> {
     /// What is edited.
     pub state: &'a mut State,
     /// What is known.
-    pub facts: &'a Facts<'a>,
-    /// Whether the tool that measures is taken up.
+    pub info: &'a PanelInfo<'a>,
+    /// True if the tool that measures is taken up.
     pub measuring: bool,
     /// Magnification; 1 is real size.
     pub scale: f64,
@@ -112,12 +113,12 @@ impl Panel {
         }
     }
 
-    /// The place of a mark's anchor on the screen, by its number.
+    /// Returns the place of a mark's anchor on the screen, by its number.
     pub fn anchor(mark: usize) -> Pos2 {
         ANCHOR + vec2(APART * (mark + 1) as f32, 0.0)
     }
 
-    /// What is clipped to this belongs to the panel, 0, or to a mark, one more than its number.
+    /// Returns what is drawn within this clip: 0 for the panel, one more than its number for a mark.
     pub fn sheet(clip: Rect) -> usize {
         (clip.min.x / APART).floor().max(0.0) as usize
     }
@@ -134,7 +135,7 @@ impl Panel {
         shown: bool,
         pointer: Option<Pointer>,
         marks: Vec<Mark>,
-        content: &mut Content<'_>,
+        content: &mut PanelContent<'_>,
     ) -> Option<Made> {
         let events = self.events(pointer);
         let same = shown == self.shown && marks == self.marks && events.is_empty();
@@ -168,7 +169,7 @@ impl Panel {
         Some(Made { primitives, textures, actions })
     }
 
-    /// What the pointer does, as egui takes it.
+    /// Returns what the pointer does, as egui takes it.
     fn events(&mut self, now: Option<Pointer>) -> Vec<Event> {
         let before = self.pointer;
         let button = |pos, pressed| Event::PointerButton {
@@ -218,19 +219,19 @@ pub fn scrolled(stick: f64, seconds: f64) -> f32 {
     SCROLL * (stick * seconds) as f32
 }
 
-fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut Content<'_>, actions: &mut Vec<Action>) {
-    let Content { state, facts, measuring, scale } = content;
+fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, actions: &mut Vec<Action>) {
+    let PanelContent { state, info, measuring, scale } = content;
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let size = if (*scale - 1.0).abs() < 5e-3 { " (real size)" } else { "" };
         ui.weak(format!("Scale {scale:.2}{size}. For looking, not for diagnosis."));
         ui.separator();
         ui.horizontal_wrapped(|ui| panels::transfer::presets(ui, state, actions));
         ui.separator();
-        panels::transfer::curve(ui, state, editor, facts);
+        panels::transfer::curve(ui, state, editor, info);
         ui.separator();
         panels::measure::show(ui, state, *measuring, actions);
         ui.separator();
-        panels::objects::show(ui, state, facts);
+        panels::objects::show(ui, state, info);
         ui.separator();
         panels::transfer::light(ui, state);
     });
@@ -280,8 +281,8 @@ mod tests {
 
     /// Runs a panel once at a time with a pointer.
     fn run(panel: &mut Panel, state: &mut State, seconds: f64, pointer: Option<Pointer>) -> Option<Made> {
-        let facts = Facts { range: [-1000.0, 2000.0], ..Facts::default() };
-        let mut content = Content { state, facts: &facts, measuring: false, scale: 1.0 };
+        let info = PanelInfo { range: [-1000.0, 2000.0], ..PanelInfo::default() };
+        let mut content = PanelContent { state, info: &info, measuring: false, scale: 1.0 };
         let marks = vec![Mark::Text("7 HU".into()), Mark::Cursor];
         let mut made = panel.update(seconds, true, pointer, marks, &mut content);
         made.iter_mut().for_each(|made| made.textures.clear());

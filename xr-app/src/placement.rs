@@ -42,32 +42,32 @@ impl Placement {
         }
     }
 
-    /// Where a point of the patient is in the room, metres.
+    /// Returns where a point of the patient is in the room, metres.
     pub fn room(&self, mm: DVec3) -> DVec3 {
         self.position + self.orientation * ((mm - self.centre_mm) * (self.scale / MM))
     }
 
-    /// Which point of the patient is there in the room, mm RAS.
+    /// Returns which point of the patient is there in the room, mm RAS.
     pub fn patient(&self, room: DVec3) -> DVec3 {
         self.centre_mm + self.orientation.inverse() * (room - self.position) * (MM / self.scale)
     }
 
-    /// A direction of the room, in the patient.
+    /// Returns a direction of the room, in the patient.
     pub fn patient_direction(&self, room: DVec3) -> DVec3 {
         self.orientation.inverse() * room
     }
 
-    /// A step in the room, metres, as one in the patient, mm.
+    /// Returns a step in the room, metres, as one in the patient, mm.
     pub fn patient_offset(&self, room: DVec3) -> DVec3 {
         self.patient_direction(room) * (MM / self.scale)
     }
 
-    /// The range of depths in the patient, mm.
+    /// Returns the range of depths in the patient, mm.
     pub fn depth_range(&self) -> [f32; 2] {
         DEPTH_RANGE.map(|metres| (metres * MM / self.scale) as f32)
     }
 
-    /// An eye of the room as a camera in the patient.
+    /// Returns an eye of the room as a camera in the patient.
     pub fn camera(&self, eye: &Eye) -> Camera {
         let axis = |v: DVec3| self.patient_direction(eye.pose.orientation * v);
         Camera {
@@ -89,8 +89,8 @@ impl Placement {
         }
     }
 
-    /// Held by two hands that have moved: turned with the line between them, scaled with its length, moved with its middle.
-    /// Turning about that line is left out: two points do not say it.
+    /// Held by two hands that have moved: turned with the line between them, scaled with its length, moved
+    /// with its middle. Turning about that line is left out: two points do not say it.
     #[must_use]
     pub fn stretched(&self, from: [DVec3; 2], to: [DVec3; 2]) -> Self {
         let (before, after) = (from[1] - from[0], to[1] - to[0]);

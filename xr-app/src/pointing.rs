@@ -1,5 +1,5 @@
-//! What hands point at: the panel, on which they click, or the patient, of whom they read the intensity and on whom they
-//! measure. Rays, cursors, readings and distances are marks in the room.
+//! What hands point at: the panel, on which they click, or the patient, of whom they read the intensity and
+//! on whom they measure. Rays, cursors, readings and distances are marks in the room.
 
 use egui::{Rect, pos2};
 use engine::Result;
@@ -9,20 +9,21 @@ use engine::splat::SplatSet;
 use glam::{DQuat, DVec3};
 use shaders_glsl::types::View;
 use view::actions::Action;
-use view::facts::Facts;
 use view::histogram::Histogram;
-use view::pick::{Met, Probe};
+use view::panel_info::PanelInfo;
+use view::pick::{Hit, Probe};
 use view::state::Distance;
 
 use crate::controls::{Button, Controls};
-use crate::headset::{Description, Hand, Hands, Lent, Pose};
+use crate::headset::{Description, FrameImages, Hand, Hands, Pose};
 use crate::palm::Palms;
-use crate::panel::{Content, LENGTH, Mark, Panel, Pointer, SIZE, scrolled};
+use crate::panel::{LENGTH, Mark, Panel, PanelContent, Pointer, SIZE, scrolled};
 use crate::sheets::{Plane, Sheets};
 
 /// Metres of a point of the panel.
 const POINT: f64 = 0.001;
-/// Where the panel's middle is before a head: so far away, metres, so far to the left, radians, and below, metres.
+/// Where the panel's middle is before a head: so far away, metres, so far to the left, radians, and below,
+/// metres.
 const BEFORE: (f64, f64, f64) = (0.65, 0.45, 0.08);
 /// At this distance from the eye texts are as large as on the panel; elsewhere they look as large, metres.
 const TEXTS: f64 = 0.65;
@@ -31,18 +32,18 @@ const BEAM: f64 = 1.5;
 /// Most distances that are drawn; the list on the panel has all.
 const DISTANCES: usize = 8;
 
-/// What is known of the splats on the host.
-pub struct Known {
+/// What the host knows of the splats, to tell what a ray hits and to draw their histogram.
+pub struct PickData {
     probe: Probe,
     histogram: Option<Histogram>,
     unit: &'static str,
 }
 
-impl Known {
+impl PickData {
     /// Of the splats that are shown.
     pub fn of(set: &SplatSet) -> Self {
         let unit = if set.has_intensity { " HU" } else { "" };
-        Known { probe: Probe::new(set), histogram: Histogram::of_splats(set), unit }
+        PickData { probe: Probe::new(set), histogram: Histogram::of_splats(set), unit }
     }
 }
 
@@ -50,7 +51,7 @@ impl Known {
 pub struct Pointing {
     panel: Panel,
     sheets: Sheets,
-    known: Option<Known>,
+    pick: Option<PickData>,
     object_splats: Vec<usize>,
     /// Where the panel is, while it is shown.
     place: Option<Plane>,
@@ -64,7 +65,7 @@ pub struct Pointing {
     /// Whether the tool that measures is taken up, and the first end of a distance, mm RAS.
     measuring: Option<Option<DVec3>>,
     /// What the ray of the active hand meets.
-    met: Option<Met>,
+    hit: Option<Hit>,
 }
 
 impl Pointing {
@@ -78,7 +79,7 @@ impl Pointing {
         let mut pointing = Pointing {
             panel: Panel::new(),
             sheets: Sheets::new(gpu, about.format, about.depth)?,
-            known: None,
+            pick: None,
             object_splats,
             place: None,
             planes: Vec::new(),
@@ -87,7 +88,7 @@ impl Pointing {
             select: Default::default(),
             active: 1,
             measuring: None,
-            met: None,
+            hit: None,
         };
         // Letters and textures are made once, before the first frame.
         let letters = Mark::Text("0123456789 -.,()mHU".to_owned());
@@ -99,9 +100,9 @@ impl Pointing {
         Ok(pointing)
     }
 
-    /// What is known of the splats, without which nothing is read or measured.
-    pub fn know(&mut self, known: Known) {
-        self.known = Some(known);
+    /// Sets what the host knows of the splats, without which nothing is read or measured.
+    pub fn set_pick_data(&mut self, pick: PickData) {
+        self.pick = Some(pick);
         self.panel.refresh();
     }
 
@@ -113,7 +114,7 @@ impl Pointing {
         };
     }
 
-    /// Where the panel is, if it is shown.
+    /// Returns where the panel is, if it is shown.
     pub fn panel(&self) -> Option<&Plane> {
         self.place.as_ref()
     }
@@ -124,13 +125,13 @@ impl Pointing {
         self.panel.refresh();
     }
 
-    /// What the ray of the hand that points meets, as the tool that measures shows it.
-    pub fn met(&self) -> Option<&Met> {
-        self.met.as_ref()
+    /// Returns what the ray of the hand that points hits, as the tool that measures shows it.
+    pub fn hit(&self) -> Option<&Hit> {
+        self.hit.as_ref()
     }
 
-    /// Does what hands mean that point at something, at a time and in a frame that lasts so long, seconds. Gives the hands as
-    /// they are for all else.
+    /// Does what hands mean that point at something, at a time and in a frame that lasts so long, seconds.
+    /// Gives the hands as they are for all else.
     pub fn update(
         &mut self,
         hands: &Hands,
@@ -161,13 +162,13 @@ impl Pointing {
             down: hands[self.active].select,
             scroll: scrolled(hands[self.active].stick.y, period),
         });
-        self.met = match (&self.known, self.measuring, ray, pointed) {
-            (Some(known), Some(_), Some(ray), None) => {
+        self.hit = match (&self.pick, self.measuring, ray, pointed) {
+            (Some(pick), Some(_), Some(ray), None) => {
                 let (from, to) = (
                     controls.placement.patient(ray.position),
                     controls.placement.patient_direction(ray.forward()),
                 );
-                known.probe.along(from, to, look)
+                pick.probe.along(from, to, look)
             }
             _ => None,
         };
@@ -180,7 +181,8 @@ impl Pointing {
         Ok(self.freed(hands, controls, pointed.is_some()))
     }
 
-    /// The hands without what was meant for the panel or the tool: a hand there takes hold of nothing, unless it has before.
+    /// Returns the hands without what was meant for the panel or the tool: a hand there takes hold of
+    /// nothing, unless it has before.
     fn freed(&self, hands: &Hands, controls: &Controls, on_panel: bool) -> Hands {
         let mut freed = *hands;
         let hand = &mut freed[self.active];
@@ -194,7 +196,7 @@ impl Pointing {
         freed
     }
 
-    /// Which point of the panel a hand points at, and how far away that is, metres.
+    /// Returns which point of the panel a hand points at, and how far away that is, metres.
     fn on_panel(&self, hand: &Hand) -> Option<(egui::Pos2, f64)> {
         let (plane, ray) = (self.place?, hand.ray()?);
         plane.met(&ray).filter(|(at, _)| Rect::from_min_size(pos2(0.0, 0.0), SIZE).contains(*at))
@@ -202,11 +204,11 @@ impl Pointing {
 
     /// Puts an end of a distance where the ray meets something.
     fn place_end(&mut self, controls: &mut Controls) {
-        let (Some(first), Some(met)) = (self.measuring, self.met) else { return };
+        let (Some(first), Some(hit)) = (self.measuring, self.hit) else { return };
         self.measuring = Some(match first {
-            None => Some(met.at_mm),
+            None => Some(hit.at_mm),
             Some(from_mm) => {
-                controls.state.distances.push(Distance { from_mm, to_mm: met.at_mm });
+                controls.state.distances.push(Distance { from_mm, to_mm: hit.at_mm });
                 self.panel.refresh();
                 None
             }
@@ -224,7 +226,7 @@ impl Pointing {
         let mut marks =
             Marks { head: head.position, list: Vec::new(), planes: vec![self.place.unwrap_or_default()] };
         let room = |mm: DVec3| controls.placement.room(mm);
-        let end = self.met.map(|met| room(met.at_mm));
+        let end = self.hit.map(|hit| room(hit.at_mm));
         if let (Some(ray), true) = (ray, self.place.is_some() || self.measuring.is_some()) {
             let length = panel.or(end.map(|end| end.distance(ray.position))).unwrap_or(BEAM);
             let tip = ray.place(DVec3::NEG_Z * length);
@@ -233,7 +235,7 @@ impl Pointing {
                 marks.at(Mark::Cursor, tip);
             }
         }
-        let begun = self.measuring.flatten().zip(self.met).map(|(from_mm, met)| (from_mm, met.at_mm));
+        let begun = self.measuring.flatten().zip(self.hit).map(|(from_mm, hit)| (from_mm, hit.at_mm));
         let begun = begun.map(|(from_mm, to_mm)| Distance { from_mm, to_mm });
         let distances = &controls.state.distances;
         for distance in distances.iter().rev().take(DISTANCES).chain(&begun) {
@@ -241,9 +243,9 @@ impl Pointing {
             marks.line(Mark::Line, from, to);
             marks.at(Mark::Length(format!("{:.1} mm", distance.mm())), (from + to) * 0.5);
         }
-        if let (Some(met), Some(end), None, Some(known)) = (self.met, end, &begun, &self.known) {
-            let DVec3 { x, y, z } = met.at_mm;
-            let text = format!("{:.0}{}\n({x:.1}, {y:.1}, {z:.1}) mm", met.intensity, known.unit);
+        if let (Some(hit), Some(end), None, Some(pick)) = (self.hit, end, &begun, &self.pick) {
+            let DVec3 { x, y, z } = hit.at_mm;
+            let text = format!("{:.0}{}\n({x:.1}, {y:.1}, {z:.1}) mm", hit.intensity, pick.unit);
             marks.at(Mark::Text(text), end);
         }
         (marks.list, marks.planes)
@@ -257,17 +259,17 @@ impl Pointing {
         marks: Vec<Mark>,
         controls: &mut Controls,
     ) -> Result<()> {
-        let known = self.known.as_ref();
-        let facts = Facts {
+        let pick = self.pick.as_ref();
+        let info = PanelInfo {
             range: controls.range,
-            unit: known.map_or("", |known| known.unit),
+            unit: pick.map_or("", |pick| pick.unit),
             object_splats: &self.object_splats,
-            splat_histogram: known.and_then(|known| known.histogram.as_ref()),
-            ..Facts::default()
+            splat_histogram: pick.and_then(|pick| pick.histogram.as_ref()),
+            ..PanelInfo::default()
         };
         let scale = controls.placement.scale;
         let measuring = self.measuring.is_some();
-        let mut content = Content { state: &mut controls.state, facts: &facts, measuring, scale };
+        let mut content = PanelContent { state: &mut controls.state, info: &info, measuring, scale };
         let Some(made) = self.panel.update(seconds, shown, pointer, marks, &mut content) else {
             return Ok(());
         };
@@ -288,21 +290,21 @@ impl Pointing {
         self.sheets.update(recorder)
     }
 
-    /// Records the panel and the marks over the pictures of the eyes, for a frame of this turn with these views, of a scene
-    /// with its zero at `origin`.
+    /// Records the panel and the marks over the pictures of the eyes, for a frame of this turn with these
+    /// views, of a scene with its zero at `origin`.
     pub fn draw(
         &mut self,
         recorder: &mut Recorder,
         turn: (usize, &Buffer<View>),
         controls: &Controls,
         origin: DVec3,
-        eyes: &mut Lent<'_>,
+        eyes: &mut FrameImages<'_>,
     ) -> Result<()> {
         self.sheets.draw(recorder, turn, (&controls.placement, origin), &self.planes, eyes)
     }
 }
 
-/// A plane for the panel before a head: upright, to the left of where it looks.
+/// Returns a plane for the panel before a head: upright, to the left of where it looks.
 pub fn panel_before(head: &Pose) -> Plane {
     let (distance, left, below) = BEFORE;
     let level = (head.forward() * DVec3::new(1.0, 0.0, 1.0)).try_normalize().unwrap_or(DVec3::NEG_Z);

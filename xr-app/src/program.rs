@@ -1,4 +1,5 @@
-//! The program: reads the splats, starts a headset, shows them until the session ends, and writes what was measured.
+//! The program: reads the splats, starts a headset, shows them until the session ends, and writes what was
+//! measured.
 
 use std::path::Path;
 #[cfg(not(target_os = "android"))]
@@ -7,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use engine::gpu::{Gpu, GpuOptions, Windows};
 use engine::image::{self, Image, WriteOptions};
-use engine::render::{self, Look, Rung, Scene, SplatKind};
+use engine::render::{self, Look, QualityLevel, Scene, SplatKind};
 use engine::splat::{self, SplatSet};
 use engine::{Error, Kind, Result, output, transfer};
 
@@ -19,7 +20,7 @@ use crate::memory;
 #[cfg(not(target_os = "android"))]
 use crate::mirror::Opened;
 use crate::onlooker::Onlooker;
-use crate::pointing::Known;
+use crate::pointing::PickData;
 use crate::statistics::Report;
 use crate::viewer::{Options, Viewer};
 
@@ -42,21 +43,22 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     })
 }
 
-/// What there is to show, and the rungs on which it can be; everything that can be wrong before there is a device.
-pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<Rung>)> {
+/// Returns what there is to show, and the levels on which it can be; everything that can be wrong before
+/// there is a device.
+pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<QualityLevel>)> {
     for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
         output::check_writable(path, arguments.force)?;
     }
     let set = splat::read_all(&arguments.splats, || Ok(None))?;
-    let rungs = rungs(arguments, &set)?;
-    Ok((set, rungs))
+    let levels = levels(arguments, &set)?;
+    Ok((set, levels))
 }
 
-/// A session, until it ends or `stop` is set. `windows` is what the device must know to draw in that of `onlooker`, which makes
-/// who is shown what the eyes see, if anybody is.
+/// A session, until it ends or `stop` is set. `windows` is what the device must know to draw in that of
+/// `onlooker`, which makes who is shown what the eyes see, if anybody is.
 pub(crate) fn session(
     arguments: &Arguments,
-    (set, rungs): (SplatSet, Vec<Rung>),
+    (set, levels): (SplatSet, Vec<QualityLevel>),
     windows: Option<Windows>,
     stop: &AtomicBool,
     onlooker: impl FnOnce(&Gpu, &Description) -> Result<Option<Box<dyn Onlooker>>>,
@@ -77,7 +79,7 @@ pub(crate) fn session(
             ..script
         };
         let mut headset = Simulated::new(&gpu, script)?;
-        show(arguments, &gpu, set, rungs, &mut headset, onlooker, stop)
+        show(arguments, &gpu, set, levels, &mut headset, onlooker, stop)
     } else {
         let options = OpenXrOptions {
             blend: arguments.blend.map(Into::into),
@@ -85,19 +87,19 @@ pub(crate) fn session(
             resolution: Some(arguments.resolution),
         };
         let (gpu, mut headset) = OpenXr::start(&gpu_options, &options)?;
-        show(arguments, &gpu, set, rungs, &mut headset, onlooker, stop)
+        show(arguments, &gpu, set, levels, &mut headset, onlooker, stop)
     }
 }
 
-/// The rungs of such splats.
-fn rungs(arguments: &Arguments, set: &SplatSet) -> Result<Vec<Rung>> {
-    let rungs = render::rungs(SplatKind::of(set));
-    match arguments.rung {
-        Some(rung) if rung >= rungs.len() => {
-            Err(Error::new(Kind::Usage, "VGS-XR-022", format!("--rung {rung}"))
-                .help(format!("rungs of these splats are 0 to {}", rungs.len() - 1)))
+/// Returns the levels of such splats.
+fn levels(arguments: &Arguments, set: &SplatSet) -> Result<Vec<QualityLevel>> {
+    let levels = render::quality_levels(SplatKind::of(set));
+    match arguments.level {
+        Some(level) if level >= levels.len() => {
+            Err(Error::new(Kind::Usage, "VGS-XR-022", format!("--rung {level}"))
+                .help(format!("rungs of these splats are 0 to {}", levels.len() - 1)))
         }
-        _ => Ok(rungs.to_vec()),
+        _ => Ok(levels.to_vec()),
     }
 }
 
@@ -105,7 +107,7 @@ fn show(
     arguments: &Arguments,
     gpu: &Gpu,
     mut set: SplatSet,
-    rungs: Vec<Rung>,
+    levels: Vec<QualityLevel>,
     headset: &mut dyn Headset,
     onlooker: impl FnOnce(&Gpu, &Description) -> Result<Option<Box<dyn Onlooker>>>,
     stop: &AtomicBool,
@@ -115,8 +117,8 @@ fn show(
     // Memory budgets keep the first splats.
     set.order_by_importance();
     let options = Options {
-        rung: arguments.rung,
-        rungs,
+        level: arguments.level,
+        levels,
         budget_ms: arguments.budget,
         background: [0.0; 3],
         frames: arguments.frames,
@@ -126,18 +128,18 @@ fn show(
     let mut viewer = memory::within(gpu, arguments.memory_budget, set, |set, precision| {
         let scene = Scene::with_precision(gpu, Some(set), None, &look, precision)?;
         let mut viewer = Viewer::new(gpu, scene, headset, options.clone())?;
-        viewer.know(Known::of(set));
+        viewer.set_pick_data(PickData::of(set));
         Ok(viewer)
     })?;
     if let Some(onlooker) = onlooker(gpu, headset.description())? {
-        viewer.look_on(onlooker);
+        viewer.add_onlooker(onlooker);
     }
     announce(headset);
     let ended = viewer.run(headset, stop);
     // What was measured is worth keeping however it ended.
     let report = viewer.report(headset);
     print(&report);
-    if let Some([shown, skipped]) = viewer.looked_on() {
+    if let Some([shown, skipped]) = viewer.onlooker_counts() {
         println!("the window showed {shown} frames and had no picture for {skipped}");
     }
     if let Some(path) = &arguments.report {
@@ -172,7 +174,7 @@ fn announce(headset: &dyn Headset) {
 fn print(report: &Report) {
     println!(
         "{} frames, {} missed, {} over the budget, {} changes of quality",
-        report.frames, report.missed, report.over_budget, report.rung_changes
+        report.frames, report.missed, report.over_budget, report.level_changes
     );
     for (what, found) in [("device time", report.gpu_ms), ("motion to photon", report.latency_ms)] {
         if let Some(d) = found {
@@ -188,7 +190,7 @@ fn print(report: &Report) {
     }
 }
 
-/// What both eyes saw last, side by side, over black.
+/// Returns what both eyes saw last, side by side, over black.
 fn write_picture(path: &Path, viewer: &mut Viewer, force: bool) -> Result<()> {
     let eyes = viewer.picture()?;
     let [width, height, _] = eyes.size().map(|n| n as usize);

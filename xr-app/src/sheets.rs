@@ -1,8 +1,9 @@
 //! Planes in the room with what egui paints on them, drawn over the pictures of both eyes.
 //!
-//! egui has one screen, of points. A sheet is a rectangle of that screen on a plane of its own: the panel is one, and each
-//! label, line and cursor another. Triangles go to the device when egui has made new ones; where the planes are, in each
-//! frame. All sheets are one draw, in painting order, and nothing of the scene hides them.
+//! egui has one screen, of points. A sheet is a rectangle of that screen on a plane of its own: the panel is
+//! one, and each label, line and cursor another. Triangles go to the device when egui has made new ones;
+//! where the planes are, in each frame. All sheets are one draw, in painting order, and nothing of the scene
+//! hides them.
 
 use egui::TexturesDelta;
 use egui::epaint::ClippedPrimitive;
@@ -15,10 +16,11 @@ use shaders_glsl as glsl;
 use shaders_glsl::types::{PanelVertex, Sheet, SheetsParams, View};
 use view::painter::{Mesh, Textures, fill};
 
-use crate::headset::{Lent, Pose};
+use crate::headset::{FrameImages, Pose};
 use crate::placement::Placement;
 
-/// Room for this many corners, indices and rectangles from the start on: a panel with labels takes a third of it.
+/// Room for this many corners, indices and rectangles from the start on: a panel with labels takes a third of
+/// it.
 const ROOM: [usize; 3] = [1 << 15, 1 << 16, 1 << 9];
 
 /// A plane in the room with the screen's points on it.
@@ -46,12 +48,12 @@ impl Plane {
         Plane::anchored(anchor, at, right * metres, right.cross(towards) * metres)
     }
 
-    /// Where a point of the screen is in the room, metres.
+    /// Returns where a point of the screen is in the room, metres.
     pub fn place(&self, at: Pos2) -> DVec3 {
         self.zero + self.right * f64::from(at.x) + self.down * f64::from(at.y)
     }
 
-    /// Which point of the screen a ray meets, and how far away, metres.
+    /// Returns which point of the screen a ray meets, and how far away, metres.
     pub fn met(&self, ray: &Pose) -> Option<(Pos2, f64)> {
         let normal = self.right.cross(self.down);
         let distance = (self.zero - ray.position).dot(normal) / ray.forward().dot(normal);
@@ -137,16 +139,16 @@ impl Sheets {
         Ok(())
     }
 
-    /// Records the sheets over the pictures of both eyes, which see the scene as `views` say: patients placed so, with the
-    /// scene's zero at `origin`. `slot` is the frame's turn. For pictures of another kind than the headset's a pipeline
-    /// is made first.
+    /// Records the sheets over the pictures of both eyes, which see the scene as `views` say: patients placed
+    /// so, with the scene's zero at `origin`. `slot` is the frame's turn. For pictures of another kind than
+    /// the headset's a pipeline is made first.
     pub fn draw(
         &mut self,
         recorder: &mut Recorder,
         (slot, views): (usize, &Buffer<View>),
         (placement, origin): (&Placement, DVec3),
         planes: &[Plane],
-        eyes: &mut Lent<'_>,
+        eyes: &mut FrameImages<'_>,
     ) -> Result<()> {
         if self.mesh.indices.is_empty() {
             return Ok(());

@@ -1,10 +1,11 @@
 //! Which views show what the eyes see, and what of their pictures no eye sees.
 //!
-//! Without foveation there is a view for each eye. With it there are two, with pictures of one size, a part of the eye's: the
-//! surround is all that the eye sees, at fewer pixels, and the inset is the middle around the axis straight ahead, pixel for
-//! pixel. Nothing is rendered of the surround where the inset covers it, nor of either behind the rims of the lenses.
+//! Without foveation there is a view for each eye. With it there are two, with pictures of one size, a part
+//! of the eye's: the surround is all that the eye sees, at fewer pixels, and the inset is the middle around
+//! the axis straight ahead, pixel for pixel. Nothing is rendered of the surround where the inset covers it,
+//! nor of either behind the rims of the lenses.
 
-use engine::render::{Blind, Camera, Fov, Settings, Triangle};
+use engine::render::{Camera, Fov, Settings, Triangle, VisibilityMask};
 use glam::{DVec2, DVec3};
 
 use crate::headset::Eye;
@@ -13,7 +14,8 @@ use crate::placement::Placement;
 /// Part of an inset's edges over which it fades into the surround.
 pub const FADING: f64 = 0.1;
 
-/// Where an inset lies in the picture of an eye: its left, upper, right and lower edge as parts of the picture's.
+/// Where an inset lies in the picture of an eye: its left, upper, right and lower edge as parts of the
+/// picture's.
 pub type Inset = [f64; 4];
 
 /// Where an eye sees the mark of a draft: its middle and its half-axes as parts of the picture's edges.
@@ -28,21 +30,21 @@ pub struct Sight {
     /// Width and height of the pictures of views, pixels.
     size: [u32; 2],
     foveated: bool,
-    /// Whether lenses hide something.
+    /// True if lenses hide something.
     lenses: bool,
     /// Fields of view of the last frame.
     fovs: Option<[Fov; 2]>,
     insets: [Inset; 2],
     marks: [Mark; 2],
-    /// What `blind` was made for.
+    /// What the masks were made for.
     made_for: Option<([Fov; 2], [Inset; 2])>,
-    blind: Vec<Blind>,
+    masks: Vec<VisibilityMask>,
     hidden: [f64; 2],
 }
 
 impl Sight {
-    /// For eyes with pictures of a size, pixels, behind lenses that may hide something; with foveation, for pictures of
-    /// views whose edges are such a part of them.
+    /// For eyes with pictures of a size, pixels, behind lenses that may hide something; with foveation, for
+    /// pictures of views whose edges are such a part of them.
     pub fn new(eye_size: [u32; 2], foveation: Option<f64>, lenses: bool) -> Self {
         let part = foveation.unwrap_or(1.0);
         let size = eye_size.map(|n| ((f64::from(n) * part).round() as u32).clamp(1, n));
@@ -55,34 +57,34 @@ impl Sight {
             insets: [inset(DVec2::splat(0.5), size, eye_size); 2],
             marks: [[0.0; 4]; 2],
             made_for: None,
-            blind: Vec::new(),
+            masks: Vec::new(),
             hidden: [0.0; 2],
         }
     }
 
     /// Of what renders the views.
     pub fn settings(&self, depth: bool) -> Settings {
-        let (views, blind) = (if self.foveated { 4 } else { 2 }, self.foveated || self.lenses);
-        Settings { views, depth, blind, ..Settings::new(self.size) }
+        let (views, masked) = (if self.foveated { 4 } else { 2 }, self.foveated || self.lenses);
+        Settings { views, depth, masked, ..Settings::new(self.size) }
     }
 
-    /// Width and height of the pictures of the eyes, pixels.
+    /// Returns the width and height of the pictures of the eyes, pixels.
     pub fn eye_size(&self) -> [u32; 2] {
         self.eye_size
     }
 
-    /// Where the insets of the frame lie, if there are any.
+    /// Returns where the insets of the frame lie, if there are any.
     pub fn insets(&self) -> Option<&[Inset; 2]> {
         self.foveated.then_some(&self.insets)
     }
 
-    /// Where the eyes see the mark of a draft: in one direction, so that it is one mark for both.
+    /// Returns where the eyes see the mark of a draft: in one direction, so that it is one mark for both.
     pub fn marks(&self) -> &[Mark; 2] {
         &self.marks
     }
 
-    /// Puts the insets of the next frame straight ahead of the eyes of the last. They must not move any more when the next
-    /// one is recorded, which is before it is known where its eyes are.
+    /// Puts the insets of the next frame straight ahead of the eyes of the last. They must not move any more
+    /// when the next one is recorded, which is before it is known where its eyes are.
     pub fn aim(&mut self) {
         if let Some(fovs) = self.fovs {
             self.insets = fovs.map(|fov| {
@@ -92,14 +94,14 @@ impl Sight {
         }
     }
 
-    /// What is known of lenses is no longer so.
+    /// Forgets what is known of lenses, so that the hidden areas are recomputed.
     pub fn forget(&mut self) {
         self.made_for = None;
     }
 
-    /// What is blind of the pictures of a frame with these eyes behind such lenses, where that is other than it was. Notes the
-    /// eyes for [`Self::aim`].
-    pub fn update(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) -> Option<&[Blind]> {
+    /// Recomputes the hidden areas of the pictures of a frame with these eyes behind such lenses; returns
+    /// them if they changed. Notes the eyes for [`Self::aim`].
+    pub fn update(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) -> Option<&[VisibilityMask]> {
         let fovs = eyes.map(|eye| eye.fov);
         self.fovs = Some(fovs);
         self.marks = marks(eyes);
@@ -107,32 +109,34 @@ impl Sight {
         if !(self.foveated || self.lenses) || self.made_for.replace(wanted) == Some(wanted) {
             return None;
         }
-        self.blind = [0, 1].map(|eye| Blind::of(&fovs[eye], &lenses[eye])).to_vec();
-        self.hidden = [0, 1].map(|eye: usize| self.blind[eye].share());
+        self.masks = [0, 1].map(|eye| VisibilityMask::of(&fovs[eye], &lenses[eye])).to_vec();
+        self.hidden = [0, 1].map(|eye: usize| self.masks[eye].share());
         if self.foveated {
-            let of =
-                |eye: usize, fov: &Fov, more: &[Triangle]| Blind::of(fov, &[&lenses[eye][..], more].concat());
+            let of = |eye: usize, fov: &Fov, more: &[Triangle]| {
+                VisibilityMask::of(fov, &[&lenses[eye][..], more].concat())
+            };
             let within = |eye: usize| of(eye, &inner(&fovs[eye], &self.insets[eye]), &[]);
             let around = |eye: usize| of(eye, &fovs[eye], &covered(&fovs[eye], &self.insets[eye]));
-            self.blind = vec![around(0), around(1), within(0), within(1)];
+            self.masks = vec![around(0), around(1), within(0), within(1)];
         }
-        Some(&self.blind)
+        Some(&self.masks)
     }
 
-    /// The views of these eyes, in the order of the pictures' layers: what both see, then their insets.
+    /// Returns the views of these eyes, in the order of the pictures' layers: what both see, then their
+    /// insets.
     pub fn cameras(&self, placement: &Placement, eyes: &[Eye; 2]) -> Vec<Camera> {
         let insets = self.insets().into_iter().flatten();
         let within = eyes.iter().zip(insets).map(|(eye, inset)| Eye { fov: inner(&eye.fov, inset), ..*eye });
         eyes.iter().copied().chain(within).map(|eye| placement.camera(&eye)).collect()
     }
 
-    /// Part of each eye's picture that lenses hide.
+    /// Returns the part of each eye's picture that lenses hide.
     pub fn hidden(&self) -> [f64; 2] {
         self.hidden
     }
 }
 
-/// The mark in the direction that is straight ahead of both eyes together and somewhat down.
+/// Returns the mark in the direction that is straight ahead of both eyes together and somewhat down.
 fn marks(eyes: &[Eye; 2]) -> [Mark; 2] {
     let mean = |axis: DVec3| (eyes[0].pose.orientation * axis + eyes[1].pose.orientation * axis).normalize();
     let [below, radius] = MARK;
@@ -145,7 +149,8 @@ fn marks(eyes: &[Eye; 2]) -> [Mark; 2] {
     })
 }
 
-/// An inset of so many pixels around a place of a picture, or as near to it as the picture's edges allow, on whole pixels.
+/// Returns an inset of so many pixels around a place of a picture, or as near to it as the picture's edges
+/// allow, on whole pixels.
 fn inset(middle: DVec2, size: [u32; 2], of: [u32; 2]) -> Inset {
     let [x, y] = [0, 1].map(|axis| {
         let [wide, all] = [size[axis], of[axis]].map(f64::from);
@@ -155,14 +160,14 @@ fn inset(middle: DVec2, size: [u32; 2], of: [u32; 2]) -> Inset {
     [x.0, y.0, x.1, y.1]
 }
 
-/// What an inset shows of a field of view.
+/// Returns what an inset shows of a field of view.
 fn inner(fov: &Fov, &[left, up, right, down]: &Inset) -> Fov {
     let across = |part: f64| fov.left + (fov.right - fov.left) * part;
     let along = |part: f64| fov.up + (fov.down - fov.up) * part;
     Fov { left: across(left), right: across(right), up: along(up), down: along(down) }
 }
 
-/// Where an inset shows all, and nothing of the surround.
+/// Returns where an inset shows all, and nothing of the surround.
 fn covered(fov: &Fov, &[left, up, right, down]: &Inset) -> [Triangle; 2] {
     // As in `eyes.glsl`: at an edge of the picture an inset does not fade.
     let from = |low: f64, edge: f64| if low > 0.0 { low + edge * FADING } else { 0.0 };
@@ -195,7 +200,7 @@ mod tests {
     fn insets_are_straight_ahead_on_whole_pixels_within_the_picture() {
         let mut sight = Sight::new([200, 160], Some(0.5), false);
         let settings = sight.settings(false);
-        assert_eq!((settings.size, settings.views, settings.blind), ([100, 80], 4, true));
+        assert_eq!((settings.size, settings.views, settings.masked), ([100, 80], 4, true));
         assert_eq!(sight.insets().expect("insets")[0], [0.25, 0.25, 0.75, 0.75], "in the middle at first");
         assert!(sight.update(&Default::default(), &eyes()).is_some());
         sight.aim();
@@ -223,17 +228,21 @@ mod tests {
         let mut sight = Sight::new([200, 160], None, true);
         let half = [DVec2::new(-9.0, -9.0), DVec2::new(-9.0, 9.0), DVec2::new(-0.2, 0.0)];
         let lenses = [vec![half], Vec::new()];
-        let [left, right]: [Blind; 2] =
+        let [left, right]: [VisibilityMask; 2] =
             sight.update(&lenses, &eyes()).expect("news").to_vec().try_into().expect("two views");
-        assert!(left.share() > 0.1 && right == Blind::default());
+        assert!(left.share() > 0.1 && right == VisibilityMask::default());
         assert_eq!(sight.hidden(), [left.share(), 0.0]);
         assert!(sight.update(&lenses, &eyes()).is_none(), "no news");
         sight.forget();
-        assert!(sight.update(&none, &eyes()).is_some_and(|all| *all == [Blind::default(), Blind::default()]));
+        assert!(
+            sight
+                .update(&none, &eyes())
+                .is_some_and(|all| *all == [VisibilityMask::default(), VisibilityMask::default()])
+        );
         // The middle of the surround is covered: (0.8 · 0.5)² of it, less what is cut at patches.
         let mut sight = Sight::new([640, 640], Some(0.5), false);
         let all = sight.update(&none, &eyes()).expect("news").to_vec();
-        let shares: Vec<f64> = all.iter().map(Blind::share).collect();
+        let shares: Vec<f64> = all.iter().map(VisibilityMask::share).collect();
         assert!((0.13..=0.16).contains(&shares[0]) && shares[2..] == [0.0, 0.0], "{shares:?}");
         assert_eq!(sight.hidden(), [0.0, 0.0]);
         sight.aim();

@@ -1,9 +1,10 @@
-//! What is measured of the frames: how regular they were, what they cost, on which rung, and how old their poses.
+//! What is measured of the frames: how regular they were, what they cost, on which level, and how old their
+//! poses.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use engine::gpu::{Gpu, Hitches};
-use engine::render::{Finished, Fov, Rung};
+use engine::render::{Finished, Fov, QualityLevel};
 use serde::Serialize;
 
 use crate::headset::{Description, Eye, Eyes, Timing};
@@ -18,8 +19,9 @@ const LATENCY_BIN_MS: f64 = 0.1;
 /// A frame that has finished.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sample {
-    /// The rung that it was rendered on.
-    pub rung: usize,
+    /// The level that it was rendered on.
+    #[serde(rename = "rung")]
+    pub level: usize,
     /// Device time, ms.
     pub gpu_ms: f64,
     /// What it might have taken, ms.
@@ -104,7 +106,7 @@ impl Statistics {
     }
 
     /// A frame is about to be rendered, or not, where nobody sees it.
-    pub fn began(&mut self, timing: &Timing) {
+    pub fn note_frame(&mut self, timing: &Timing) {
         self.frames += 1;
         self.invisible += u64::from(!timing.visible);
         if let Some(last) = self.last.replace(*timing) {
@@ -117,7 +119,7 @@ impl Statistics {
     }
 
     /// The eyes were asked for.
-    pub fn looked(&mut self, timing: &Timing, eyes: &Eyes) {
+    pub fn note_eyes(&mut self, timing: &Timing, eyes: &Eyes) {
         self.untracked += u64::from(!eyes.tracked);
         self.eyes = Some(eyes.eyes);
         if let Some(asked) = eyes.asked_ns {
@@ -126,8 +128,8 @@ impl Statistics {
     }
 
     /// A frame has finished.
-    pub fn finished(&mut self, frame: &Finished, budget_ms: f64) {
-        keep(&mut self.samples, Sample { rung: frame.rung, gpu_ms: frame.gpu_ms, budget_ms });
+    pub fn note_finished(&mut self, frame: &Finished, budget_ms: f64) {
+        keep(&mut self.samples, Sample { level: frame.level, gpu_ms: frame.gpu_ms, budget_ms });
     }
 
     /// All there is to say.
@@ -135,13 +137,13 @@ impl Statistics {
         &self,
         gpu: &Gpu,
         headset: &Description,
-        rungs: &[Rung],
+        levels: &[QualityLevel],
         (placement, hidden): (&Placement, [f64; 2]),
         hitches: Hitches,
     ) -> Report {
         let samples = || self.samples.iter();
-        let mut frames_on = vec![0; rungs.len()];
-        samples().for_each(|s| frames_on[s.rung] += 1);
+        let mut frames_on = vec![0; levels.len()];
+        samples().for_each(|s| frames_on[s.level] += 1);
         let pairs = samples().zip(samples().skip(1));
         Report {
             runtime: headset.runtime.clone(),
@@ -159,7 +161,7 @@ impl Statistics {
             gpu_ms: Distribution::of(samples().map(|s| s.gpu_ms)),
             budget_use: Distribution::of(samples().map(|s| s.gpu_ms / s.budget_ms)),
             over_budget: samples().filter(|s| s.gpu_ms > s.budget_ms).count() as u64,
-            rung_changes: pairs.filter(|(a, b)| a.rung != b.rung).count() as u64,
+            level_changes: pairs.filter(|(a, b)| a.level != b.level).count() as u64,
             frames_on,
             latency_ms: Distribution::of(self.latencies_ms.iter().copied()),
             latency_histogram_ms: Histogram::of(self.latencies_ms.iter().copied(), LATENCY_BIN_MS),
@@ -216,12 +218,14 @@ pub struct Report {
     pub budget_use: Option<Distribution>,
     /// Frames that took more than the budget.
     pub over_budget: u64,
-    /// How often the rung changed.
-    pub rung_changes: u64,
-    /// Frames on each rung.
+    /// How often the level changed.
+    #[serde(rename = "rung_changes")]
+    pub level_changes: u64,
+    /// Frames on each level.
     pub frames_on: Vec<u64>,
-    /// From asking for poses to the light of the frame (motion to photon), ms, by the time for which the headset wanted the frame:
-    /// where the host comes after that, it is negative, and the frame is seen later.
+    /// From asking for poses to the light of the frame (motion to photon), ms, by the time for which the
+    /// headset wanted the frame: where the host comes after that, it is negative, and the frame is seen
+    /// later.
     pub latency_ms: Option<Distribution>,
     /// The same in bins of so many ms.
     pub latency_histogram_ms: Option<Histogram>,
@@ -303,7 +307,7 @@ mod tests {
             let display_ns = (n + 1) * 10_000_000;
             let timing = Timing { display_ns, period_ns: 10_000_000, visible: true };
             let asked_ns = (n % 10 != 0).then_some(display_ns - (20 + n / 50) * 1_000_000);
-            statistics.looked(&timing, &Eyes { eyes: [eye; 2], tracked: true, asked_ns });
+            statistics.note_eyes(&timing, &Eyes { eyes: [eye; 2], tracked: true, asked_ns });
         }
         let latencies = || statistics.latencies_ms.iter().copied();
         let d = Distribution::of(latencies()).expect("frames");
@@ -317,7 +321,7 @@ mod tests {
         let mut statistics = Statistics::default();
         for display_ms in [0, 10, 20, 50, 60] {
             let display_ns = display_ms * 1_000_000;
-            statistics.began(&Timing { display_ns, period_ns: 10_000_000, visible: true });
+            statistics.note_frame(&Timing { display_ns, period_ns: 10_000_000, visible: true });
         }
         assert_eq!(statistics.missed, 2);
     }

@@ -6,15 +6,15 @@ use std::time::Duration;
 use engine::Result;
 use engine::budget::{Controller, budget_ms};
 use engine::gpu::{Format, Gpu, Hitches, Image};
-use engine::render::{Fov, Frames, Rung, Scene, Triangle, ladder};
+use engine::render::{Fov, Frames, QualityLevel, Scene, Triangle, level_costs};
 use glam::DVec3;
 
 use crate::composer::Composer;
 use crate::controls::Controls;
-use crate::headset::{Blend, Event, Eye, Headset, Lent, Pose, State, Timing};
+use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, State, Timing};
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
-use crate::pointing::{Known, Pointing};
+use crate::pointing::{PickData, Pointing};
 use crate::sight::Sight;
 use crate::statistics::{Report, Statistics};
 
@@ -22,24 +22,24 @@ use crate::statistics::{Report, Statistics};
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Ways to render, the best first.
-    pub rungs: Vec<Rung>,
+    pub levels: Vec<QualityLevel>,
     /// Device time of a frame, ms; from the display's rate where nothing is said.
     pub budget_ms: Option<f64>,
-    /// The rung to stay on, if the controller is not to choose.
-    pub rung: Option<usize>,
+    /// The level to stay on, if the controller is not to choose.
+    pub level: Option<usize>,
     /// Behind everything, display-referred, where the headset shows no room there.
     pub background: [f32; 3],
     /// Ends after so many frames.
     pub frames: Option<u64>,
-    /// Whether the panel is there from the start.
+    /// True if the panel is there from the start.
     pub panel: bool,
-    /// Edges of pictures with fewer pixels around an inset with all of them, as a part of the eyes' ([`Sight`]); without
-    /// foveation where nothing is said.
+    /// Edges of pictures with fewer pixels around an inset with all of them, as a part of the eyes'
+    /// ([`Sight`]); without foveation where nothing is said.
     pub foveation: Option<f64>,
 }
 
-/// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones find their
-/// buffers large enough: the whole patient, and nearer.
+/// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones
+/// find their buffers large enough: the whole patient, and nearer.
 const WARM_UP: [f64; 3] = [0.6, 0.35, 0.2];
 
 /// Shows a scene in a headset.
@@ -59,11 +59,11 @@ pub struct Viewer {
     /// The turn of the last frame.
     slot: usize,
     statistics: Statistics,
-    /// Whether the patient is to be put before the viewer again.
+    /// True if the patient is to be put before the viewer again.
     place: bool,
     over: bool,
     shown_size: [u32; 2],
-    /// Whether what was rendered last is less than all that the splats can be.
+    /// True if what was rendered last is less than all that the splats can be.
     is_draft: bool,
     /// What was counted before the first frame.
     before: Hitches,
@@ -74,12 +74,12 @@ impl Viewer {
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
         let sight = Sight::new(about.eye_size, options.foveation, about.lenses);
-        let frames = Frames::new(gpu, &scene, &sight.settings(about.depth), &options.rungs)?;
+        let frames = Frames::new(gpu, &scene, &sight.settings(about.depth), &options.levels)?;
         let foveated = sight.insets().is_some();
         let composer =
             Composer::new(gpu, about.format, about.depth, about.blend, options.background, foveated)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
-        let range = scene.cloud.as_ref().map_or([0.0, 1.0], |cloud| cloud.range);
+        let range = scene.splats.as_ref().map_or([0.0, 1.0], |splats| splats.range);
         let mut controls =
             Controls::new(placed(&scene, &Pose::IDENTITY), scene.look(), scene.objects(), range);
         let object_splats = scene.objects().iter().map(|object| object.splats).collect();
@@ -88,7 +88,7 @@ impl Viewer {
             gpu: gpu.clone(),
             frames,
             composer,
-            controller: Controller::new(ladder(&options.rungs), budget),
+            controller: Controller::new(level_costs(&options.levels), budget),
             options,
             controls,
             pointing,
@@ -109,19 +109,19 @@ impl Viewer {
         Ok(viewer)
     }
 
-    /// Gives the viewer what is known of the splats on the host, without which hands read and measure nothing.
-    pub fn know(&mut self, known: Known) {
-        self.pointing.know(known);
+    /// Sets what the host knows of the splats, without which hands read and measure nothing.
+    pub fn set_pick_data(&mut self, pick: PickData) {
+        self.pointing.set_pick_data(pick);
     }
 
-    /// Shows somebody else what the eyes see, too, who ends the session by going.
-    pub fn look_on(&mut self, onlooker: Box<dyn Onlooker>) {
+    /// Adds somebody who is shown what the eyes see, too, and who ends the session by going.
+    pub fn add_onlooker(&mut self, onlooker: Box<dyn Onlooker>) {
         self.onlooker = Some(onlooker);
         self.before = self.gpu.hitches();
     }
 
-    /// Frames that the onlooker was shown, and frames for which there was no picture.
-    pub fn looked_on(&self) -> Option<[u64; 2]> {
+    /// Returns the number of frames that the onlooker was shown, and of those for which there was no picture.
+    pub fn onlooker_counts(&self) -> Option<[u64; 2]> {
         self.onlooker.as_ref().map(|onlooker| onlooker.counts())
     }
 
@@ -130,7 +130,7 @@ impl Viewer {
             let position = self.controls.placement.position + DVec3::Z * distance;
             let fov = Fov { left: -1.0, right: 1.0, up: 1.0, down: -1.0 };
             let eye = Eye { pose: Pose { position, ..Pose::IDENTITY }, fov };
-            self.look_from(&Default::default(), &[eye; 2]);
+            self.update_visibility_masks(&Default::default(), &[eye; 2]);
             let cameras = self.sight.cameras(&self.controls.placement, &[eye; 2]);
             self.frames.warm_up(&self.scene, &cameras)?;
         }
@@ -143,7 +143,7 @@ impl Viewer {
         let mut asked = false;
         while !self.over {
             for event in headset.poll()? {
-                self.happened(event);
+                self.handle_event(event);
             }
             let enough = self.options.frames.is_some_and(|n| self.statistics.frames() >= n);
             let gone = self.onlooker.as_ref().is_some_and(|onlooker| onlooker.gone());
@@ -161,7 +161,7 @@ impl Viewer {
         self.note_finished()
     }
 
-    fn happened(&mut self, event: Event) {
+    fn handle_event(&mut self, event: Event) {
         match event {
             Event::State(State::Over | State::Lost) => self.over = true,
             Event::State(_) => {}
@@ -177,13 +177,13 @@ impl Viewer {
     /// One frame, from the headset's call for it to its end.
     fn frame(&mut self, headset: &mut dyn Headset) -> Result<()> {
         let timing = headset.wait()?;
-        self.statistics.began(&timing);
-        self.keep_to_budget(&timing)?;
+        self.statistics.note_frame(&timing);
+        self.update_budget(&timing)?;
         if !timing.visible {
             return headset.end(&timing, None);
         }
         if self.place {
-            self.put_before(headset, &timing)?;
+            self.place_patient(headset, &timing)?;
         }
         let hands = headset.hands(&timing)?;
         let [seconds, period] = [timing.display_ns, timing.period_ns].map(|ns| ns as f64 * 1e-9);
@@ -193,13 +193,13 @@ impl Viewer {
             self.scene.set_look(&look)?;
         }
         self.sight.aim();
-        let rung = self.options.rung.unwrap_or_else(|| self.controller.rung());
-        let mut frame = self.frames.begin(&self.scene, rung)?;
-        let mut eyes = headset.lend(&mut frame.recorder)?;
+        let level = self.options.level.unwrap_or_else(|| self.controller.level());
+        let mut frame = self.frames.begin(&self.scene, level)?;
+        let mut eyes = headset.acquire_images(&mut frame.recorder)?;
         let range = self.controls.placement.depth_range();
         self.pointing.prepare(&mut frame.recorder)?;
         let insets = self.sight.insets();
-        let marks = (rung > 0).then(|| self.sight.marks());
+        let marks = (level > 0).then(|| self.sight.marks());
         let target = &self.frames.target;
         self.composer.compose(&mut frame.recorder, target, frame.size, range, insets, marks, &mut eyes);
         let turn = (frame.slot, self.frames.views(frame.slot));
@@ -207,28 +207,28 @@ impl Viewer {
         if let Some(onlooker) = &mut self.onlooker {
             onlooker.take(&mut frame.recorder, eyes.colour)?;
         }
-        headset.give_back(&mut frame.recorder)?;
-        (self.shown_size, self.slot, self.is_draft) = (frame.size, frame.slot, rung > 0);
+        headset.release_images(&mut frame.recorder)?;
+        (self.shown_size, self.slot, self.is_draft) = (frame.size, frame.slot, level > 0);
         // All is recorded: now, and not before, it is asked where the eyes are.
         let seen = headset.eyes(&timing)?;
-        self.statistics.looked(&timing, &seen);
+        self.statistics.note_eyes(&timing, &seen);
         self.head = head(&seen.eyes);
-        self.look_from(headset.lenses(), &seen.eyes);
+        self.update_visibility_masks(headset.lenses(), &seen.eyes);
         let cameras = self.sight.cameras(&self.controls.placement, &seen.eyes);
         self.frames.submit(frame, &self.scene, &cameras)?;
         headset.end(&timing, Some(&seen.eyes))?;
         self.onlooker.as_mut().map_or(Ok(()), |onlooker| onlooker.show())
     }
 
-    /// Lets the renderer know what no eye sees of the pictures of these eyes.
-    fn look_from(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) {
-        if let Some(blind) = self.sight.update(lenses, eyes) {
-            self.frames.set_blind(blind);
+    /// Updates the hidden areas of the pictures of these eyes.
+    fn update_visibility_masks(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) {
+        if let Some(masks) = self.sight.update(lenses, eyes) {
+            self.frames.set_visibility_masks(masks);
         }
     }
 
-    /// Lets the controller know what has finished, and what the display's rate allows.
-    fn keep_to_budget(&mut self, timing: &Timing) -> Result<()> {
+    /// Tells the controller what has finished, and what the display's rate allows.
+    fn update_budget(&mut self, timing: &Timing) -> Result<()> {
         if self.options.budget_ms.is_none() && timing.period_ns > 0 {
             self.controller.set_budget_ms(budget_ms(1e9 / timing.period_ns as f64));
         }
@@ -237,14 +237,14 @@ impl Viewer {
 
     fn note_finished(&mut self) -> Result<()> {
         for frame in self.frames.finished()? {
-            self.controller.finished(frame.rung, frame.gpu_ms);
-            self.statistics.finished(&frame, self.controller.budget_ms());
+            self.controller.finished(frame.level, frame.gpu_ms);
+            self.statistics.note_finished(&frame, self.controller.budget_ms());
         }
         Ok(())
     }
 
     /// Puts the patient before the viewer, as soon as it is known where that is.
-    fn put_before(&mut self, headset: &mut dyn Headset, timing: &Timing) -> Result<()> {
+    fn place_patient(&mut self, headset: &mut dyn Headset, timing: &Timing) -> Result<()> {
         let found = headset.eyes(timing)?;
         if found.tracked {
             self.head = head(&found.eyes);
@@ -257,27 +257,28 @@ impl Viewer {
         Ok(())
     }
 
-    /// Where the patient is.
+    /// Returns where the patient is.
     pub fn placement(&self) -> &Placement {
         &self.controls.placement
     }
 
-    /// What hands have done.
+    /// Returns what hands have done.
     pub fn controls(&self) -> &Controls {
         &self.controls
     }
 
-    /// What hands point at.
+    /// Returns what hands point at.
     pub fn pointing(&self) -> &Pointing {
         &self.pointing
     }
 
-    /// What hands point at, to be changed from without.
+    /// Returns what hands point at, to be changed from without.
     pub fn pointing_mut(&mut self) -> &mut Pointing {
         &mut self.pointing
     }
 
-    /// What both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the device.
+    /// Returns what both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the
+    /// device.
     pub fn picture(&mut self) -> Result<Image> {
         let format = Format::Rgba8;
         let insets = self.sight.insets();
@@ -286,7 +287,7 @@ impl Viewer {
         let mut eyes = self.gpu.picture("both eyes", "pictures", format, self.sight.eye_size(), 2)?;
         let mut recorder = self.gpu.record()?;
         let range = self.controls.placement.depth_range();
-        let mut lent = Lent { colour: &mut eyes, depth: None };
+        let mut images = FrameImages { colour: &mut eyes, depth: None };
         let marks = self.is_draft.then(|| self.sight.marks());
         composer.compose(
             &mut recorder,
@@ -295,31 +296,31 @@ impl Viewer {
             range,
             insets,
             marks,
-            &mut lent,
+            &mut images,
         );
         let turn = (self.slot, self.frames.views(self.slot));
-        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut lent)?;
+        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut images)?;
         let ticket = recorder.submit()?;
         self.gpu.wait(ticket)?;
         Ok(eyes)
     }
 
-    /// What is shown.
+    /// Returns what is shown.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Width and height of what was rendered last, pixels.
+    /// Returns the width and height of what was rendered last, pixels.
     pub fn shown_size(&self) -> [u32; 2] {
         self.shown_size
     }
 
-    /// What was rendered last, before it was put into the pictures of the eyes.
+    /// Returns what was rendered last, before it was put into the pictures of the eyes.
     pub fn frames(&self) -> &Frames {
         &self.frames
     }
 
-    /// What the session was like so far.
+    /// Returns what the session was like so far.
     pub fn report(&self, headset: &dyn Headset) -> Report {
         let now = self.gpu.hitches();
         let hitches = Hitches {
@@ -331,7 +332,7 @@ impl Viewer {
         self.statistics.report(
             &self.gpu,
             about,
-            &self.options.rungs,
+            &self.options.levels,
             (placement, self.sight.hidden()),
             hitches,
         )

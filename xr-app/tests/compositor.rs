@@ -1,10 +1,12 @@
-//! What a real compositor makes of the pictures: Monado under Xvfb shows a session on a virtual screen, and the screen is compared
-//! with what the offscreen renderer gives for the same eyes, and with where the balls of the scene must be.
+//! What a real compositor makes of the pictures: Monado under Xvfb shows a session on a virtual screen, and
+//! the screen is compared with what the offscreen renderer gives for the same eyes, and with where the balls
+//! of the scene must be.
 //!
-//! The remote driver sends head and views. The display keeps the fields of its device, whatever views are sent, and Monado
-//! resamples each picture from the field that the program submitted with it to that of the display. So a program that submits
-//! something other than what it rendered is found out: a wrong field, eye, pose, colour or a mirrored picture. Those errors are
-//! planted in the pictures of the screen, too, and have to be found.
+//! The remote driver sends head and views. The display keeps the fields of its device, whatever views are
+//! sent, and Monado resamples each picture from the field that the program submitted with it to that of the
+//! display. So a program that submits something other than what it rendered is found out: a wrong field, eye,
+//! pose, colour or a mirrored picture. Those errors are planted in the pictures of the screen, too, and have
+//! to be found.
 #![forbid(unsafe_code)]
 
 mod support;
@@ -35,11 +37,12 @@ const EYE: [usize; 2] = [640, 720];
 const BALL_MM: f32 = 10.0;
 /// Intensities of the first and the last ball.
 const RANGE: [f64; 2] = [400.0, 1600.0];
-/// Least PSNR over the pixels that anything covers, dB; 49.8 to 51.2 were found. The program's views are wider than the display, so
-/// that Monado magnifies a picture by 1.4, bilinearly: that and 8 bits take what is left. A picture that is a pixel off has 30.
+/// Least PSNR over the pixels that anything covers, dB; 49.8 to 51.2 were found. The program's views are
+/// wider than the display, so that Monado magnifies a picture by 1.4, bilinearly: that and 8 bits take what
+/// is left. A picture that is a pixel off has 30.
 const LEAST_PSNR: f64 = 44.0;
-/// Greatest distance of a ball's middle from where it must be, pixels; 0.23 was found. The near side of a ball is larger than its far
-/// side and hides some of it, so that even an exact picture is off by 0.2.
+/// Greatest distance of a ball's middle from where it must be, pixels; 0.23 was found. The near side of a
+/// ball is larger than its far side and hides some of it, so that even an exact picture is off by 0.2.
 const MOST_SHIFT: f64 = 0.4;
 /// The balls, mm: no two in a line, none where the mirror image of another is, at several depths.
 const BALLS: [[f32; 3]; 9] = [
@@ -66,7 +69,8 @@ fn balls() -> SplatSet {
     SplatSet { splats: BALLS.into_iter().enumerate().map(ball).collect(), ..SplatSet::default() }
 }
 
-/// Colours of their own for the balls, through which one sees, and no shading, so that their light is brightest in the middle.
+/// Colours of their own for the balls, through which one sees, and no shading, so that their light is
+/// brightest in the middle.
 fn colours() -> TransferFunction {
     let colour = |intensity, colour| ColourPoint { intensity, colour: DVec3::from_array(colour) };
     let colours = vec![
@@ -79,15 +83,15 @@ fn colours() -> TransferFunction {
         .expect("a transfer function")
 }
 
-/// What the display of Monado's remote headset shows to each eye, whatever views are sent: 85 degrees of a picture of 65 mm by
-/// 70 mm.
+/// Returns what the display of Monado's remote headset shows to each eye, whatever views are sent: 85 degrees
+/// of a picture of 65 mm by 70 mm.
 fn display() -> Fov {
     let across = 42.5f64.to_radians().tan();
     let up = across * 0.070 / 0.065;
     Fov { left: -across, right: across, up, down: -up }
 }
 
-/// A head, and views that are wider than the display, asymmetric, and turned outwards.
+/// Returns a head, and views that are wider than the display, asymmetric, and turned outwards.
 fn sent(head: Pose, outwards: f64) -> Sent {
     let eye = |side: f64| {
         let (outer, inner) = (-56.0, 48.0);
@@ -101,10 +105,11 @@ fn sent(head: Pose, outwards: f64) -> Sent {
     Sent { head, views: [eye(-1.0), eye(1.0)], hands: [None; 2] }
 }
 
-/// Where the remote driver's head is before anything is sent, so that it does not matter which frame is the first.
+/// Where the remote driver's head is before anything is sent, so that it does not matter which frame is the
+/// first.
 const START: Pose = Pose { position: DVec3::new(0.0, 1.6, 0.0), orientation: DQuat::IDENTITY };
 
-/// The eyes in the room, seeing what the display shows.
+/// Returns the eyes in the room, seeing what the display shows.
 fn eyes(sent: &Sent) -> [Eye; 2] {
     sent.views.map(|view| Eye {
         pose: Pose {
@@ -115,7 +120,7 @@ fn eyes(sent: &Sent) -> [Eye; 2] {
     })
 }
 
-/// What the renderer gives for eyes, of a patient who was put before [`START`].
+/// Returns what the renderer gives for eyes, of a patient who was put before [`START`].
 fn rendered(gpu: &Gpu, scene: &Scene, eyes: &[Eye; 2]) -> [Image; 2] {
     let [low, high] = scene.bounds();
     let placement = Placement::before(&START, (low + high) * 0.5, (high - low).length() * 0.5);
@@ -129,14 +134,15 @@ fn rendered(gpu: &Gpu, scene: &Scene, eyes: &[Eye; 2]) -> [Image; 2] {
     })
 }
 
-/// Where an eye sees the balls, pixels: by hand, without the renderer's cameras.
+/// Returns where an eye sees the balls, pixels: by hand, without the renderer's cameras.
 fn places(eye: &Eye) -> Vec<[f64; 2]> {
     let [low, high] = [f32::min, f32::max].map(|pick| {
         BALLS.into_iter().reduce(|a, b| [0, 1, 2].map(|axis| pick(a[axis], b[axis]))).expect("balls")
     });
     let place = |ball: &[f32; 3]| {
         let [x, y, z] = [0, 1, 2].map(|axis| f64::from(ball[axis] - 0.5 * (low[axis] + high[axis])) * 1e-3);
-        // In real size, 0.6 m ahead; the patient's right is at the viewer's left, anterior towards the viewer, superior up.
+        // In real size, 0.6 m ahead; the patient's right is at the viewer's left, anterior towards the
+        // viewer, superior up.
         let room = START.position + DVec3::new(-x, z, y - 0.6);
         let seen = eye.pose.orientation.inverse() * (room - eye.pose.position);
         let Fov { left, right, up, down } = eye.fov;
@@ -150,7 +156,7 @@ fn light(pixel: [f32; 4]) -> f64 {
     pixel[..3].iter().map(|&c| f64::from(c)).sum()
 }
 
-/// The middle of the light around a place, pixels, if there is any.
+/// Returns the middle of the light around a place, pixels, if there is any.
 fn middle(picture: &Image, around: [f64; 2]) -> Option<[f64; 2]> {
     let reach = 20.0;
     let range = |axis: usize| {
@@ -210,7 +216,7 @@ impl Wanted {
     }
 }
 
-/// The halves of the screen.
+/// Returns the halves of the screen.
 fn halves(screen: &Image) -> [Image; 2] {
     assert_eq!(screen.size, [2 * EYE[0], EYE[1]], "the screen of tools/xvfb");
     [0, 1].map(|eye| {
@@ -280,7 +286,7 @@ impl Session {
         Session { folder, child: Some(child), remote: None }
     }
 
-    /// What a file of the session names.
+    /// Returns what a file of the session names.
     fn named(&self, file: &str) -> Option<String> {
         let text = std::fs::read_to_string(self.folder.path().join(file)).ok()?;
         text.ends_with('\n').then(|| text.trim().to_owned())

@@ -1,5 +1,5 @@
-//! The depth that goes to a headset with the picture: points that are made of it are where the renderer and the probe see
-//! them, so that a runtime that moves the picture with the head moves it rightly.
+//! The depth that goes to a headset with the picture: points that are made of it are where the renderer and
+//! the probe see them, so that a runtime that moves the picture with the head moves it rightly.
 #![forbid(unsafe_code)]
 
 mod support;
@@ -13,13 +13,14 @@ use xr_app::headset::{DEPTH_RANGE, Eye, Headset as _, Pose};
 use xr_app::panel::SIZE;
 use xr_app::viewer::Options;
 
-/// Distance along the viewing direction that a depth stands for, metres.
+/// Returns the distance along the viewing direction that a depth stands for, metres.
 fn distance(depth: f32) -> f64 {
     let [near, far] = DEPTH_RANGE;
     far * near / (far - f64::from(depth) * (far - near))
 }
 
-/// The ray of a pixel's middle: what is at distance z along the viewing direction is at the eye + z times this.
+/// Returns the ray of a pixel's middle: what is at distance z along the viewing direction is at the eye + z
+/// times this.
 fn ray(eye: &Eye, [x, y]: [u32; 2], [width, height]: [u32; 2]) -> DVec3 {
     let part = |n: u32, of: u32| (f64::from(n) + 0.5) / f64::from(of);
     let fov = &eye.fov;
@@ -35,7 +36,7 @@ fn depths(headset: &Simulated) -> Vec<f32> {
 #[test]
 fn points_of_the_depth_are_where_things_are() {
     let gpu = device();
-    let full = Options { rung: Some(0), ..options() };
+    let full = Options { level: Some(0), ..options() };
     let (viewer, headset) = session(&gpu, Script { depth: true, ..script(12) }, full);
     let shown = headset.shown.expect("a frame");
     let size = headset.description().eye_size;
@@ -80,7 +81,8 @@ fn points_of_the_depth_are_where_things_are() {
             }
         }
     }
-    // The mean depth of the light lies behind where half of it is gone, by more where a ray only grazes something.
+    // The mean depth of the light lies behind where half of it is gone, by more where a ray only grazes
+    // something.
     assert!(all > 40 && f64::from(near) > 0.9 * f64::from(all), "{near} of {all} points are met");
     silent(&gpu);
 }

@@ -1,12 +1,13 @@
-//! Foveation: what the eyes see of insets and surrounds, in colour and depth, on all rungs and behind round lenses.
+//! Foveation: what the eyes see of insets and surrounds, in colour and depth, on all levels and behind round
+//! lenses.
 #![forbid(unsafe_code)]
 
 mod support;
 
 use engine::gpu::Gpu;
-use engine::render::{Blind, Camera, Renderer, Settings, mode};
+use engine::render::{Camera, Renderer, Settings, VisibilityMask, mode};
 use glam::DVec3;
-use support::{all_rungs, device, options, script, session, silent};
+use support::{all_levels, device, options, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Headset as _, Pose};
 use xr_app::sight::{FADING, Inset, Sight};
@@ -15,17 +16,18 @@ use xr_app::viewer::{Options, Viewer};
 const SIZE: [u32; 2] = [96, 112];
 const PART: f64 = 0.5;
 
-fn foveated(rung: Option<usize>) -> Options {
-    Options { foveation: Some(PART), rung, ..options() }
+fn foveated(level: Option<usize>) -> Options {
+    Options { foveation: Some(PART), level, ..options() }
 }
 
-/// A head that goes near to the patient, who then is wider than the insets.
+/// Returns a head that goes near to the patient, who then is wider than the insets.
 fn nearing(seconds: f64) -> (Pose, bool) {
     let position = if seconds < 0.05 { DVec3::ZERO } else { DVec3::new(0.0, 0.0, -0.48) };
     (Pose { position, ..Pose::IDENTITY }, true)
 }
 
-/// Where the insets of a session lay: it puts them straight ahead of fields of view that do not change.
+/// Returns where the insets of a session lay: it puts them straight ahead of fields of view that do not
+/// change.
 fn insets(headset: &Simulated) -> [Inset; 2] {
     let mut sight = Sight::new(SIZE, Some(PART), false);
     sight.update(&Default::default(), &headset.shown.expect("a frame"));
@@ -33,7 +35,7 @@ fn insets(headset: &Simulated) -> [Inset; 2] {
     *sight.insets().expect("insets")
 }
 
-/// How much of a pixel is the inset's: 1 where it shows all, 0 outside.
+/// Returns how much of a pixel is the inset's: 1 where it shows all, 0 outside.
 fn share([x, y]: [u32; 2], [left, up, right, down]: Inset) -> f64 {
     let at = [(f64::from(x) + 0.5) / f64::from(SIZE[0]), (f64::from(y) + 0.5) / f64::from(SIZE[1])];
     let side = |to: f64, edge: f64, of_picture: bool| if of_picture { 1.0 } else { to / (edge * FADING) };
@@ -70,7 +72,7 @@ fn rendered(
     })
 }
 
-/// A place of a picture as a sampler sees it: linear between the four pixels around it.
+/// Returns a place of a picture as a sampler sees it: linear between the four pixels around it.
 fn sampled(picture: &[[f32; 5]], size: [u32; 2], place: [f64; 2]) -> [f64; 4] {
     let at: [f64; 2] = [0, 1].map(|axis| (place[axis] * f64::from(size[axis]) - 0.5).max(0.0));
     let pixel = |dx: u32, dy: u32| {
@@ -83,16 +85,17 @@ fn sampled(picture: &[[f32; 5]], size: [u32; 2], place: [f64; 2]) -> [f64; 4] {
     std::array::from_fn(|c| corners.iter().map(|&(x, y, w)| w * f64::from(pixel(x, y)[c])).sum())
 }
 
-/// In the inset the eyes see what they see without foveation, around it a smaller picture enlarged, in between a mixture;
-/// in both modes.
+/// In the inset the eyes see what they see without foveation, around it a smaller picture enlarged, in
+/// between a mixture; in both modes.
 #[test]
 fn the_inset_is_the_whole_picture_and_the_surround_a_smaller_one() {
     let gpu = device();
-    let last = all_rungs().len() - 1;
-    for (rung, name) in [(0, "slab"), (last, "alpha")] {
-        let full = engine::render::Rung { quality: engine::render::Quality::FULL, ..all_rungs()[rung] };
+    let last = all_levels().len() - 1;
+    for (level, name) in [(0, "slab"), (last, "alpha")] {
+        let full =
+            engine::render::QualityLevel { quality: engine::render::Quality::FULL, ..all_levels()[level] };
         assert_eq!(full.mode, name);
-        let options = Options { rungs: vec![full], ..foveated(Some(0)) };
+        let options = Options { levels: vec![full], ..foveated(Some(0)) };
         let (viewer, headset) = session(&gpu, Script { head: nearing, ..script(14) }, options);
         assert_eq!(viewer.shown_size(), [48, 56]);
         let insets = insets(&headset);
@@ -114,8 +117,8 @@ fn the_inset_is_the_whole_picture_and_the_surround_a_smaller_one() {
             for (channel, background) in [0.2, 0.1, 0.0].into_iter().enumerate() {
                 let wanted = (mixed[channel] + (1.0 - mixed[3]) * background).clamp(0.0, 1.0) * 255.0;
                 let distance = (f64::from(got[channel]) - wanted).abs();
-                // A device weighs four texels in steps of 1/256; an intensity between two entries of the table may take
-                // either.
+                // A device weighs four texels in steps of 1/256; an intensity between two entries of the
+                // table may take either.
                 off += usize::from(distance > if share == 1.0 { 1.0 } else { 2.0 });
                 assert!(distance <= 6.0, "{name}: {got:?}, not {mixed:?} at {x}, {y}, share {share}");
             }
@@ -129,7 +132,8 @@ fn the_inset_is_the_whole_picture_and_the_surround_a_smaller_one() {
     silent(&gpu);
 }
 
-/// Depth in the inset is that of the whole picture, around it that of the smaller one; in between it lies between them.
+/// Depth in the inset is that of the whole picture, around it that of the smaller one; in between it lies
+/// between them.
 #[test]
 fn depth_is_that_of_what_is_seen() {
     let gpu = device();
@@ -169,21 +173,21 @@ fn depth_is_that_of_what_is_seen() {
     silent(&gpu);
 }
 
-/// The controller walks the ladder as ever, and no frame allocates or makes anything, behind round lenses neither; what they
-/// hide is background.
+/// The controller walks the ladder as ever, and no frame allocates or makes anything, behind round lenses
+/// neither; what they hide is background.
 #[test]
-fn rungs_and_lenses_work_as_without() {
+fn levels_and_lenses_work_as_without() {
     let gpu = device();
     let tight = Options { budget_ms: Some(1e-6), ..foveated(None) };
     let (viewer, headset) = session(&gpu, Script { round_from: Some(20), ..script(60) }, tight);
     let report = viewer.report(&headset);
     assert_eq!((report.allocations, report.pipelines), (0, 0));
-    assert_eq!(report.samples.last().expect("frames").rung, all_rungs().len() - 1, "down to the last rung");
+    assert_eq!(report.samples.last().expect("frames").level, all_levels().len() - 1, "down to the last rung");
     let found: Vec<[u8; 4]> = headset.picture().read().expect("the picture");
     let eyes = headset.shown.expect("a frame");
     for (eye, of) in eyes.iter().enumerate() {
-        let blind = Blind::of(&of.fov, &headset.lenses()[eye]);
-        assert!((blind.share() - report.hidden[eye]).abs() < 1e-12 && blind.share() > 0.17);
+        let mask = VisibilityMask::of(&of.fov, &headset.lenses()[eye]);
+        assert!((mask.share() - report.hidden[eye]).abs() < 1e-12 && mask.share() > 0.17);
     }
     assert!(found[0][0] == 51 && found[0][2] == 0, "a corner is background: {:?}", found[0]);
     silent(&gpu);

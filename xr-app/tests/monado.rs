@@ -1,5 +1,5 @@
-//! The program under a real runtime: Monado, with the validation layers of Vulkan and of OpenXR, which must have nothing
-//! to say. `tools/setup xr` brings it; where it is not, the tests say so and check nothing.
+//! The program under a real runtime: Monado, with the validation layers of Vulkan and of OpenXR, which must
+//! have nothing to say. `tools/setup xr` brings it; where it is not, the tests say so and check nothing.
 #![forbid(unsafe_code)]
 
 mod support;
@@ -15,7 +15,7 @@ use glam::{DQuat, DVec3};
 use support::monado::{Sent, degrees, report, said, tools, validation};
 use xr_app::headset::{Eye, Pose};
 
-/// A folder with a small scene.
+/// Returns a folder with a small scene.
 fn folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let splats = (0..60)
@@ -32,7 +32,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// The program, under a Monado of its own, in a folder with a scene.
+/// Returns the program, under a Monado of its own, in a folder with a scene.
 fn program(tools: &Path, folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(tools.join("monado"));
     command
@@ -120,7 +120,8 @@ fn without_a_runtime_the_help_names_a_way() {
     );
 }
 
-/// Views that are canted, of asymmetric fields, and a right hand that holds on, and moves 2 cm a second to the right.
+/// Views that are canted, of asymmetric fields, and a right hand that holds on, and moves 2 cm a second to
+/// the right.
 fn carrying(seconds: f64) -> Sent {
     let view = |side: f64| {
         let [left, right] = if side < 0.0 { [-54.0, 40.0] } else { [-40.0, 54.0] };
@@ -138,7 +139,8 @@ fn carrying(seconds: f64) -> Sent {
     }
 }
 
-/// Views that are canted and asymmetric and a hand that grabs, sent from without: the session runs and its layers are silent.
+/// Views that are canted and asymmetric and a hand that grabs, sent from without: the session runs and its
+/// layers are silent.
 #[test]
 fn views_from_a_remote_driver() {
     let Some(tools) = tools(&["xr"]) else { return };
@@ -175,7 +177,8 @@ fn views_from_a_remote_driver() {
     }
     let output = running.wait_with_output().expect("a child");
     let report = report(folder.path(), &output);
-    // The head is at the middle from left to right, and the patient stood before it until the hand carried it along.
+    // The head is at the middle from left to right, and the patient stood before it until the hand carried it
+    // along.
     let carried = report["patient"][0].as_f64().expect("a number");
     assert!((0.02..1.0).contains(&carried), "carried by {carried} m");
     let eyes = report["eyes"].as_array().expect("both eyes");

@@ -17,17 +17,18 @@ use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Hand, Hands, Headset as _, Pose};
 use xr_app::panel::SIZE;
 use xr_app::placement::Placement;
-use xr_app::pointing::{Known, panel_before};
+use xr_app::pointing::{PickData, panel_before};
 use xr_app::viewer::{Options, Viewer};
 
-/// A hand at the right of the head that points at a place in the room.
+/// Returns a hand at the right of the head that points at a place in the room.
 fn aims(at: DVec3) -> Hand {
     let position = DVec3::new(0.15, -0.25, -0.1);
     let orientation = DQuat::from_rotation_arc(DVec3::NEG_Z, (at - position).normalize());
     Hand { aim: Some(Pose { position, orientation }), ..Hand::default() }
 }
 
-/// The frame of a time, from 1 on: simulated headsets show 72 of them a second unless they are told otherwise.
+/// Returns the frame of a time, from 1 on: simulated headsets show 72 of them a second unless they are told
+/// otherwise.
 fn frame(seconds: f64) -> u64 {
     (seconds * Script::default().rate_hz).round() as u64
 }
@@ -37,7 +38,7 @@ fn still(frames: u64, hands: fn(f64) -> Hands) -> Script {
 }
 
 fn with_panel() -> Options {
-    Options { panel: true, rung: Some(0), ..options() }
+    Options { panel: true, level: Some(0), ..options() }
 }
 
 /// In the first row of presets, the second one: points of the panel.
@@ -64,7 +65,8 @@ fn a_ray_chooses_a_preset_on_the_panel() {
     silent(&gpu);
 }
 
-/// A left hand without a controller whose open palm is before the eyes, 0.35 m away, in the frames of a range.
+/// Returns a left hand without a controller whose open palm is before the eyes, 0.35 m away, in the frames of
+/// a range.
 fn shows_palm(seconds: f64, frames: std::ops::Range<u64>) -> Hands {
     let position = DVec3::new(-0.05, -0.08, -0.35);
     let away = if frames.contains(&frame(seconds)) { -position } else { position };
@@ -91,7 +93,8 @@ fn an_open_palm_calls_the_panel_and_sends_it_away() {
     silent(&gpu);
 }
 
-/// Both eyes see the panel where it stands, in its size: its fill just within its edges, and the background without.
+/// Both eyes see the panel where it stands, in its size: its fill just within its edges, and the background
+/// without.
 #[test]
 fn the_panel_stands_in_the_room() {
     let gpu = device();
@@ -179,7 +182,7 @@ const HELD: [[DVec3; 2]; 2] = [
     [DVec3::new(-0.2, 0.0, -0.6), DVec3::new(0.2, 0.0, -0.6)],
 ];
 
-/// Where the patient is after that.
+/// Returns where the patient is after that.
 fn stretched(bounds: [DVec3; 2]) -> Placement {
     let [low, high] = bounds;
     Placement::before(&Pose::IDENTITY, (low + high) * 0.5, (high - low).length() * 0.5)
@@ -207,7 +210,7 @@ fn measures(seconds: f64) -> Hands {
     [Hand::default(), Hand { select, ..aims(at) }]
 }
 
-/// Depth of the first thing on a ray by the renderer, mm: one pixel, looking along it.
+/// Returns the depth of the first thing on a ray by the renderer, mm: one pixel, looking along it.
 fn depth(gpu: &Gpu, scene: &Scene, from: DVec3, to: DVec3) -> f64 {
     let settings = Settings { depth: true, precise: true, ..Settings::new([9, 9]) };
     let mut renderer =
@@ -227,7 +230,7 @@ fn a_distance_is_in_the_patients_millimetres_whatever_the_scale() {
     let left_fov = Fov { left: -0.37, right: 0.33, up: 0.35, down: -0.35 };
     let mut headset = Simulated::new(&gpu, Script { left_fov, ..still(36, measures) }).expect("a headset");
     let mut viewer = Viewer::new(&gpu, scene, &headset, options()).expect("a viewer");
-    viewer.know(Known::of(&set));
+    viewer.set_pick_data(PickData::of(&set));
     viewer.pointing_mut().measure();
     viewer.run(&mut headset, &AtomicBool::new(false)).expect("a session");
     let placement = *viewer.placement();
@@ -245,7 +248,7 @@ fn a_distance_is_in_the_patients_millimetres_whatever_the_scale() {
     }
     assert!((distance.mm() - ends[0].distance(ends[1])).abs() < 0.5, "{} mm", distance.mm());
     assert!((60.0..85.0).contains(&distance.mm()), "{} mm", distance.mm());
-    let met = viewer.pointing().met().expect("the ray rests on the second ball");
+    let met = viewer.pointing().hit().expect("the ray rests on the second ball");
     assert!((met.intensity - 1200.0).abs() < 60.0, "{} HU", met.intensity);
     // The line between them is drawn, in the colour of what is measured.
     let shown = headset.picture().read::<[u8; 4]>().expect("the picture");

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use engine::splat::{self, Activations as _, Splat, SplatSet};
 use serde_json::Value;
 
-/// A folder with a scene of so many splats in a cube of 12 cm.
+/// Returns a folder with a scene of so many splats in a cube of 12 cm.
 fn folder(count: usize) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let edge = (count as f64).cbrt().ceil() as usize;
@@ -43,7 +43,7 @@ fn run(folder: &Path, arguments: &[&str]) -> Output {
         .expect("tools/run starts")
 }
 
-/// What it says on stderr, and MiB of device memory in the end, after a run that ended well.
+/// Returns what it says on stderr, and MiB of device memory in the end, after a run that ended well.
 fn used(folder: &Path, arguments: &[&str]) -> (String, f64) {
     let output = run(folder, arguments);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -74,8 +74,8 @@ fn a_memory_budget_is_kept_to_or_refused() {
     assert!(!refused.status.success() && said.contains("VGS-XR-024"), "{said}");
 }
 
-/// The bright pixels of the screen in the left and in the right half of the window, after a file of xwd: a header of big-endian
-/// words, colours, then rows of four bytes a pixel, blue first.
+/// Returns the bright pixels of the screen in the left and in the right half of the window, after a file of
+/// xwd: a header of big-endian words, colours, then rows of four bytes a pixel, blue first.
 fn bright(xwd: &[u8], window: [usize; 2]) -> [usize; 2] {
     let word =
         |at: usize| u32::from_be_bytes(xwd[4 * at..4 * at + 4].try_into().expect("four bytes")) as usize;
@@ -92,8 +92,8 @@ fn bright(xwd: &[u8], window: [usize; 2]) -> [usize; 2] {
     found
 }
 
-/// A window on a virtual screen shows what both eyes see, or one; it lies in the screen's upper left corner, where no window
-/// manager moves it.
+/// A window on a virtual screen shows what both eyes see, or one; it lies in the screen's upper left corner,
+/// where no window manager moves it.
 #[test]
 fn a_window_shows_what_the_eyes_see() {
     let folder = folder(3000);

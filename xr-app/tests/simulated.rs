@@ -1,5 +1,5 @@
-//! The whole loop without a runtime: what the eyes see, what hands do, what happens to a session, and what a frame costs
-//! the host.
+//! The whole loop without a runtime: what the eyes see, what hands do, what happens to a session, and what a
+//! frame costs the host.
 #![forbid(unsafe_code)]
 
 mod support;
@@ -7,15 +7,15 @@ mod support;
 use std::sync::atomic::AtomicBool;
 
 use engine::gpu::Gpu;
-use engine::render::{Blind, Fov, Renderer, Settings, mode};
+use engine::render::{Fov, Renderer, Settings, VisibilityMask, mode};
 use glam::{DQuat, DVec3};
-use support::{all_rungs, device, options, scene, script, session, silent};
+use support::{all_levels, device, options, scene, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated, sway};
 use xr_app::headset::{Blend, Event, Hand, Hands, Headset, Pose};
 use xr_app::viewer::{Options, Viewer};
 
-/// The pictures of both eyes are those of the offscreen renderer for the poses that were shown, over the background, to
-/// 1 of 255; and they are different ones.
+/// The pictures of both eyes are those of the offscreen renderer for the poses that were shown, over the
+/// background, to 1 of 255; and they are different ones.
 #[test]
 fn eyes_see_what_the_renderer_shows() {
     let gpu = device();
@@ -46,7 +46,8 @@ fn eyes_see_what_the_renderer_shows() {
     silent(&gpu);
 }
 
-/// Where the room is behind the picture it is premultiplied with its opacity, and nothing is left of older frames.
+/// Where the room is behind the picture it is premultiplied with its opacity, and nothing is left of older
+/// frames.
 #[test]
 fn the_room_shows_through_where_there_is_nothing() {
     let gpu = device();
@@ -59,7 +60,8 @@ fn the_room_shows_through_where_there_is_nothing() {
     silent(&gpu);
 }
 
-/// After the start no frame allocates device memory or makes a pipeline, whatever rungs are taken and lenses become known.
+/// After the start no frame allocates device memory or makes a pipeline, whatever levels are taken and lenses
+/// become known.
 #[test]
 fn frames_allocate_nothing() {
     let gpu = device();
@@ -69,64 +71,65 @@ fn frames_allocate_nothing() {
     let report = viewer.report(&headset);
     assert_eq!((report.allocations, report.pipelines), (0, 0));
     assert_eq!(report.frames, 60);
-    assert_eq!(report.samples.last().expect("frames").rung, all_rungs().len() - 1, "down to the last rung");
+    assert_eq!(report.samples.last().expect("frames").level, all_levels().len() - 1, "down to the last rung");
     assert!(report.frames_on[0] < 10, "at once: {:?}", report.frames_on);
     silent(&gpu);
 }
 
-/// What a session with this script shows at last, by the bytes of both eyes.
+/// Returns what a session with this script shows at last, by the bytes of both eyes.
 fn last_picture(gpu: &Gpu, script: Script, options: Options) -> (Viewer, Simulated, Vec<[u8; 4]>) {
     let (viewer, headset) = session(gpu, script, options);
     let found = headset.picture().read().expect("the picture");
     (viewer, headset, found)
 }
 
-/// A head that goes near to the patient and leans over, so that the cross reaches the corners of the pictures.
+/// Returns a head that goes near to the patient and leans over, so that the cross reaches the corners of the
+/// pictures.
 fn nearing(seconds: f64) -> (Pose, bool) {
     let near = Pose { position: DVec3::new(0.0, 0.0, -0.55), orientation: DQuat::from_rotation_z(0.8) };
     (if seconds < 0.05 { Pose::IDENTITY } else { near }, true)
 }
 
-/// Where lenses are round the corners are background, though they would show something, and what is seen has the same bits;
-/// it makes no difference whether that is known from the start.
+/// Where lenses are round the corners are background, though they would show something, and what is seen has
+/// the same bits; it makes no difference whether that is known from the start.
 #[test]
 fn nothing_is_shown_behind_the_rims_of_round_lenses() {
     let gpu = device();
-    for rung in [0, all_rungs().len() - 1] {
+    for level in [0, all_levels().len() - 1] {
         let script = |round_from| Script { head: nearing, round_from, ..script(12) };
-        let options = Options { rung: Some(rung), ..options() };
+        let options = Options { level: Some(level), ..options() };
         let (_, _, whole) = last_picture(&gpu, script(None), options.clone());
         let [first, later] = [0, 6].map(|from| last_picture(&gpu, script(Some(from)), options.clone()));
-        assert!(first.2 == later.2, "rung {rung}: other bits when lenses change");
+        assert!(first.2 == later.2, "rung {level}: other bits when lenses change");
         let (viewer, headset, found) = first;
         let eyes = headset.shown.expect("a frame");
         let [width, height] = headset.description().eye_size.map(|n| n as usize);
         let mut spared = 0;
         for (eye, lens) in headset.lenses().iter().enumerate() {
-            let blind = Blind::of(&eyes[eye].fov, lens);
+            let mask = VisibilityMask::of(&eyes[eye].fov, lens);
             // An ellipse has π/4 of its rectangle.
-            assert!((0.17..0.2146).contains(&blind.share()), "{}", blind.share());
+            assert!((0.17..0.2146).contains(&mask.share()), "{}", mask.share());
             for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
                 let pixel = (eye * height + y) * width + x;
                 let same = found[pixel] == whole[pixel];
-                assert!(same || blind.at([x * 64 / width, y * 64 / height]), "rung {rung}: {x}, {y}");
+                assert!(same || mask.at([x * 64 / width, y * 64 / height]), "rung {level}: {x}, {y}");
                 spared += usize::from(!same);
             }
         }
         // In mode alpha only what lies in the corners altogether is left out.
-        assert!(spared > if rung == 0 { 100 } else { 0 }, "rung {rung}: {spared} pixels are spared");
+        assert!(spared > if level == 0 { 100 } else { 0 }, "rung {level}: {spared} pixels are spared");
         let report = viewer.report(&headset);
         assert!(report.hidden.iter().all(|part| (0.17..0.2146).contains(part)), "{:?}", report.hidden);
     }
     silent(&gpu);
 }
 
-/// A script in which the head stays where it is.
+/// Returns a script in which the head stays where it is.
 fn still(frames: u64, hands: fn(f64) -> Hands) -> Script {
     Script { head: |_| (Pose::IDENTITY, true), hands, ..script(frames) }
 }
 
-/// A right hand that holds from the start and moves 1 cm to the right with each frame of 72 a second.
+/// Returns a right hand that holds from the start and moves 1 cm to the right with each frame of 72 a second.
 fn carrying(seconds: f64) -> Hands {
     let position = DVec3::new(0.01 * (seconds * 72.0).round(), 0.0, -0.4);
     let grip = Pose { position, orientation: DQuat::IDENTITY };
@@ -144,7 +147,8 @@ fn a_hand_carries_the_patient_along() {
     silent(&gpu);
 }
 
-/// The patient stands before the viewer when the head is first known; after the viewer has turned and recentred, there.
+/// The patient stands before the viewer when the head is first known; after the viewer has turned and
+/// recentred, there.
 #[test]
 fn recentring_puts_the_patient_before_the_viewer() {
     let gpu = device();
@@ -187,14 +191,14 @@ fn the_swaying_head_looks_ahead() {
     assert!(fov.left.abs() > fov.right && fov != Fov::symmetric(90.0, 1.0), "an eye sees more outwards");
 }
 
-/// On every rung but the first a dot tells both eyes, in one direction, that this is a draft.
+/// On every level but the first a dot tells both eyes, in one direction, that this is a draft.
 #[test]
 fn a_draft_is_marked_for_both_eyes() {
     let gpu = device();
     // So large that the middle of the dot holds the middle of a pixel.
     let size @ [width, height] = [320usize, 360];
-    for rung in [0, 1, all_rungs().len() - 1] {
-        let options = Options { rung: Some(rung), ..options() };
+    for level in [0, 1, all_levels().len() - 1] {
+        let options = Options { level: Some(level), ..options() };
         let script = Script { eye_size: size.map(|n| n as u32), ..script(6) };
         let (mut viewer, headset) = session(&gpu, script, options);
         let eyes = headset.shown.expect("a frame");
@@ -208,7 +212,7 @@ fn a_draft_is_marked_for_both_eyes() {
                 let mut around =
                     (0..9).map(|i| picture[(eye * height + y + i / 3 - 1) * width + x + i % 3 - 1]);
                 let is_amber = |p: [u8; 4]| p[0] > 250 && p[1].abs_diff(191) < 4 && p[2].abs_diff(26) < 6;
-                assert_eq!(around.any(is_amber), rung > 0, "rung {rung}, eye {eye}");
+                assert_eq!(around.any(is_amber), level > 0, "rung {level}, eye {eye}");
             }
         }
     }

@@ -1,52 +1,53 @@
-//! The controller: finished frame times in, rungs out.
+//! The controller: finished frame times in, levels out.
 
 use std::collections::VecDeque;
 
-use super::Ladder;
+use super::LevelCosts;
 
-/// Frames that the controller looks back upon when it considers a better rung.
+/// Frames that the controller looks back upon when it considers a better level.
 const WINDOW: usize = 60;
 /// Frames that a trend is read from.
 const TREND: usize = 32;
 /// So many late frames in a row are an overload; one alone is an outlier.
 const LATE: usize = 2;
-/// What a rung should take of the budget when it is chosen, so that it is not left at once.
+/// What a level should take of the budget when it is chosen, so that it is not left at once.
 const AIM: f64 = 0.85;
-/// Where a trend says that the budget is about to be missed, a part of it. With normal scatter the third largest of 32 is
-/// 1.35 deviations above the mean and the 99th of 100 frames 2.33: for 8 % scatter, 7 % more.
+/// Where a trend says that the budget is about to be missed, a part of it. With normal scatter the third
+/// largest of 32 is 1.35 deviations above the mean and the 99th of 100 frames 2.33: for 8 % scatter, 7 %
+/// more.
 const EDGE: f64 = 0.93;
 /// Frames between two changes upwards, at first and at most; it doubles each time that going up has failed.
 const PATIENCE: [usize; 2] = [60, 60 << 7];
 
-/// Chooses the rung of a ladder for the next frame from the times of frames that have finished.
+/// Chooses the level of quality for the next frame from the times of frames that have finished.
 #[derive(Clone, Debug)]
 pub struct Controller {
-    ladder: Ladder,
+    costs: LevelCosts,
     budget_ms: f64,
-    rung: usize,
-    /// Times of the latest frames on the present rung, ms.
+    level: usize,
+    /// Times of the latest frames on the present level, ms.
     times: VecDeque<f64>,
-    /// Frames since the present rung was chosen.
+    /// Frames since the present level was chosen.
     age: usize,
-    /// Frames to wait before going up to each rung.
+    /// Frames to wait before going up to each level.
     patience: Vec<usize>,
-    /// Whether the present rung was reached by going up.
+    /// True if the present level was reached by going up.
     climbed: bool,
 }
 
 impl Controller {
-    /// Begins on the best rung.
-    pub fn new(ladder: Ladder, budget_ms: f64) -> Self {
-        let patience = vec![PATIENCE[0]; ladder.len()];
-        Controller { ladder, budget_ms, rung: 0, times: VecDeque::new(), age: 0, patience, climbed: false }
+    /// Begins on the best level.
+    pub fn new(costs: LevelCosts, budget_ms: f64) -> Self {
+        let patience = vec![PATIENCE[0]; costs.len()];
+        Controller { costs, budget_ms, level: 0, times: VecDeque::new(), age: 0, patience, climbed: false }
     }
 
-    /// The rung that the next frame should take.
-    pub fn rung(&self) -> usize {
-        self.rung
+    /// Returns the level that the next frame should take.
+    pub fn level(&self) -> usize {
+        self.level
     }
 
-    /// Device time that a frame may take, ms.
+    /// Returns the device time that a frame may take, ms.
     pub fn budget_ms(&self) -> f64 {
         self.budget_ms
     }
@@ -60,10 +61,10 @@ impl Controller {
         }
     }
 
-    /// Takes note of a frame that has finished: the rung that it was rendered on, and its device time in ms. Frames on
-    /// another rung than the present one were under way when it changed, and say nothing any more.
-    pub fn finished(&mut self, rung: usize, gpu_ms: f64) {
-        if rung != self.rung || !gpu_ms.is_finite() {
+    /// Takes note of a frame that has finished: the level that it was rendered on, and its device time in ms.
+    /// Frames on another level than the present one were under way when it changed, and say nothing any more.
+    pub fn finished(&mut self, level: usize, gpu_ms: f64) {
+        if level != self.level || !gpu_ms.is_finite() {
             return;
         }
         self.age += 1;
@@ -73,20 +74,22 @@ impl Controller {
         self.times.push_back(gpu_ms);
         match self.overload() {
             Some(ms) => self.go_down(ms),
-            None if self.may_go_up() => self.change(self.rung - 1, true),
+            None if self.may_go_up() => self.change(self.level - 1, true),
             None => {}
         }
     }
 
-    /// Takes note of what a frame on the best rung has taken or would take, ms, though it was not one of those in a row that
-    /// have to be in time: where the best rung is the present one and that is too long, there need not be late frames first.
+    /// Takes note of what a frame on the best level has taken or would take, ms, though it was not one of
+    /// those in a row that have to be in time: where the best level is the present one and that is too long,
+    /// there need not be late frames first.
     pub fn foresee(&mut self, gpu_ms: f64) {
-        if self.rung == 0 && gpu_ms.is_finite() && gpu_ms > self.budget_ms {
+        if self.level == 0 && gpu_ms.is_finite() && gpu_ms > self.budget_ms {
             self.go_down(gpu_ms);
         }
     }
 
-    /// What frames take now, ms, where that is too much: the shortest of those late in a row, or where the trend leads to.
+    /// Returns what frames take now, ms, where that is too much: the shortest of those late in a row, or
+    /// where the trend leads to.
     fn overload(&self) -> Option<f64> {
         let latest = self.times.iter().rev().take(LATE).copied().reduce(f64::min);
         if let Some(least) = latest.filter(|&ms| ms > self.budget_ms && self.times.len() >= LATE) {
@@ -100,33 +103,34 @@ impl Controller {
     }
 
     fn go_down(&mut self, gpu_ms: f64) {
-        let last = self.ladder.len() - 1;
-        if self.rung == last {
+        let last = self.costs.len() - 1;
+        if self.level == last {
             return;
         }
         // Going up was a mistake, if this comes soon after it: next time later.
-        if self.climbed && self.age <= 2 * self.patience[self.rung] {
-            self.patience[self.rung] = (2 * self.patience[self.rung]).min(PATIENCE[1]);
+        if self.climbed && self.age <= 2 * self.patience[self.level] {
+            self.patience[self.level] = (2 * self.patience[self.level]).min(PATIENCE[1]);
         }
-        let wanted = self.ladder.within(self.rung, AIM * self.budget_ms / gpu_ms);
-        self.change(wanted.max(self.rung + 1), false);
+        let wanted = self.costs.within(self.level, AIM * self.budget_ms / gpu_ms);
+        self.change(wanted.max(self.level + 1), false);
     }
 
-    /// Whether all but two of the frames of a whole window would have fitted on the next better rung, and that long enough.
+    /// Returns true if all but two of the frames of a whole window would have fitted on the next better
+    /// level, and that long enough.
     fn may_go_up(&self) -> bool {
-        if self.rung == 0 || self.times.len() < WINDOW || self.age < self.patience[self.rung - 1] {
+        if self.level == 0 || self.times.len() < WINDOW || self.age < self.patience[self.level - 1] {
             return false;
         }
-        let ratio = self.ladder.ratio(self.rung, self.rung - 1);
+        let ratio = self.costs.ratio(self.level, self.level - 1);
         third_largest(self.times.iter()) * ratio <= AIM * self.budget_ms
     }
 
-    fn change(&mut self, rung: usize, climbed: bool) {
-        // A rung that has held for long is trusted again.
-        if self.climbed && self.age > 2 * self.patience[self.rung] {
-            self.patience[self.rung] = (self.patience[self.rung] / 2).max(PATIENCE[0]);
+    fn change(&mut self, level: usize, climbed: bool) {
+        // A level that has held for long is trusted again.
+        if self.climbed && self.age > 2 * self.patience[self.level] {
+            self.patience[self.level] = (self.patience[self.level] / 2).max(PATIENCE[0]);
         }
-        self.rung = rung;
+        self.level = level;
         self.climbed = climbed;
         self.age = 0;
         self.times.clear();
@@ -151,14 +155,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_best_rung_that_is_too_slow_is_left_before_a_frame_is_late() {
-        let mut controller = Controller::new(Ladder::new([1.0, 0.5, 0.25]), 10.0);
+    fn a_best_level_that_is_too_slow_is_left_before_a_frame_is_late() {
+        let mut controller = Controller::new(LevelCosts::new([1.0, 0.5, 0.25]), 10.0);
         controller.foresee(8.0);
         controller.foresee(f64::NAN);
-        assert_eq!(controller.rung(), 0);
+        assert_eq!(controller.level(), 0);
         controller.foresee(30.0);
-        assert_eq!(controller.rung(), 2, "a quarter of 30 ms is in time, a half is not");
+        assert_eq!(controller.level(), 2, "a quarter of 30 ms is in time, a half is not");
         controller.foresee(1000.0);
-        assert_eq!(controller.rung(), 2, "what the best rung takes says nothing of this one");
+        assert_eq!(controller.level(), 2, "what the best rung takes says nothing of this one");
     }
 }

@@ -1,8 +1,9 @@
-//! The frame budget: which rung of a ladder of qualities to render with, so that frames are ready in time.
+//! The frame budget: which level of quality to render with, so that frames are ready in time.
 //!
-//! A [`Ladder`] lists ways to render, the best first, each with its cost relative to the first. A [`Controller`] is told the
-//! device time of each frame that has finished and says which rung the next frame should take: down at once and as far
-//! as needed, up one rung at a time after a while of room, and ever later where going up has failed before.
+//! [`LevelCosts`] has the cost of each level relative to the first, which is the best. A [`Controller`] is
+//! told the device time of each frame that has finished and says which level the next frame should take: down
+//! at once and as far as needed, up one level at a time after a while of room, and ever later where going up
+//! has failed before.
 //!
 //! Nothing here knows a device or a clock; [`simulation`] has GPUs to try the controller on.
 
@@ -13,32 +14,32 @@ pub use controller::Controller;
 
 /// Ways to render, the best first: the cost of each, relative to that of the first.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ladder(Vec<f64>);
+pub struct LevelCosts(Vec<f64>);
 
-impl Ladder {
-    /// From the costs of the rungs, by measurement.
+impl LevelCosts {
+    /// From the costs of the levels, by measurement.
     ///
     /// # Panics
-    /// If there is no rung, or one that is not cheaper than the one before it.
+    /// If there is no level, or one that is not cheaper than the one before it.
     pub fn new(costs: impl IntoIterator<Item = f64>) -> Self {
         let costs: Vec<f64> = costs.into_iter().collect();
         let falling = costs.windows(2).all(|pair| pair[1] < pair[0]);
         assert!(falling && costs.last().is_some_and(|&c| c > 0.0), "a ladder goes down: {costs:?}");
-        Ladder(costs)
+        LevelCosts(costs)
     }
 
-    /// Number of rungs.
+    /// Returns the number of levels.
     #[expect(clippy::len_without_is_empty, reason = "a ladder has at least one rung")]
     pub fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Cost of rung `to` relative to that of rung `from`.
+    /// Cost of level `to` relative to that of level `from`.
     fn ratio(&self, from: usize, to: usize) -> f64 {
         self.0[to] / self.0[from]
     }
 
-    /// The best rung that costs at most `share` of rung `from`; the last where none does.
+    /// Returns the best level that costs at most `share` of level `from`; the last where none does.
     fn within(&self, from: usize, share: f64) -> usize {
         (0..self.len()).find(|&to| self.ratio(from, to) <= share).unwrap_or(self.len() - 1)
     }
@@ -47,8 +48,8 @@ impl Ladder {
 /// Part of a display period that a compositor may need on the same device to show what was rendered.
 const COMPOSITOR: f64 = 0.1;
 
-/// Device time that a frame may take on a display of so many frames a second, ms: the period less what the compositor
-/// needs.
+/// Returns the device time that a frame may take on a display of so many frames a second, ms: the period less
+/// what the compositor needs.
 pub fn budget_ms(rate_hz: f64) -> f64 {
     1000.0 / rate_hz * (1.0 - COMPOSITOR)
 }

@@ -3,7 +3,7 @@
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg32;
 
-use super::{Controller, Ladder};
+use super::{Controller, LevelCosts};
 
 /// How a made-up GPU behaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,8 +34,8 @@ pub const LOADED: std::ops::Range<usize> = 1200..1800;
 /// A frame of a trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// The rung that it was rendered on.
-    pub rung: usize,
+    /// The level that it was rendered on.
+    pub level: usize,
     /// Device time, ms.
     pub gpu_ms: f64,
 }
@@ -55,8 +55,8 @@ impl SimulatedGpu {
         SimulatedGpu { behaviour, random: Pcg32::seed_from_u64(seed), heat: 0.0, frame: 0 }
     }
 
-    /// Device time of the next frame, ms: one that takes `work_ms` where nothing is in the way, and that is shown for
-    /// `period_ms`.
+    /// Returns the device time of the next frame, ms: one that takes `work_ms` where nothing is in the way,
+    /// and that is shown for `period_ms`.
     pub fn frame(&mut self, work_ms: f64, period_ms: f64) -> f64 {
         let at = self.frame;
         self.frame += 1;
@@ -81,23 +81,24 @@ impl SimulatedGpu {
     }
 }
 
-/// Frames of a made-up GPU under a controller. `best_ms` is what the best rung takes where nothing is in the way.
+/// Frames of a made-up GPU under a controller. `best_ms` is what the best level takes where nothing is in the
+/// way.
 pub fn trace(
-    ladder: &Ladder,
+    costs: &LevelCosts,
     behaviour: Behaviour,
     best_ms: f64,
     budget_ms: f64,
     frames: usize,
 ) -> Vec<Frame> {
     let mut gpu = SimulatedGpu::new(behaviour, 7);
-    let mut controller = Controller::new(ladder.clone(), budget_ms);
+    let mut controller = Controller::new(costs.clone(), budget_ms);
     let mut out: Vec<Frame> = Vec::with_capacity(frames);
     for at in 0..frames {
-        let rung = controller.rung();
-        let gpu_ms = gpu.frame(best_ms * ladder.ratio(0, rung), budget_ms);
-        out.push(Frame { rung, gpu_ms });
+        let level = controller.level();
+        let gpu_ms = gpu.frame(best_ms * costs.ratio(0, level), budget_ms);
+        out.push(Frame { level, gpu_ms });
         if let Some(news) = at.checked_sub(LATENCY).map(|then| out[then]) {
-            controller.finished(news.rung, news.gpu_ms);
+            controller.finished(news.level, news.gpu_ms);
         }
     }
     out
@@ -108,8 +109,8 @@ mod tests {
     use super::super::budget_ms;
     use super::*;
 
-    fn ladder() -> Ladder {
-        Ladder::new([1.0, 0.84, 0.7, 0.56, 0.45, 0.35, 0.26, 0.18, 0.12])
+    fn costs() -> LevelCosts {
+        LevelCosts::new([1.0, 0.84, 0.7, 0.56, 0.45, 0.35, 0.26, 0.18, 0.12])
     }
 
     fn late(frames: &[Frame], budget: f64) -> usize {
@@ -117,7 +118,7 @@ mod tests {
     }
 
     fn changes(frames: &[Frame]) -> usize {
-        frames.windows(2).filter(|pair| pair[0].rung != pair[1].rung).count()
+        frames.windows(2).filter(|pair| pair[0].level != pair[1].level).count()
     }
 
     /// 72, 90 and 120 Hz, and scenes from one that fits to one that takes six times too long.
@@ -125,43 +126,45 @@ mod tests {
         for rate in [72.0, 90.0, 120.0] {
             for excess in [0.7, 1.0, 1.7, 3.0, 6.0] {
                 let budget = budget_ms(rate);
-                let frames = trace(&ladder(), behaviour, budget * excess, budget, 6000);
+                let frames = trace(&costs(), behaviour, budget * excess, budget, 6000);
                 check(&frames, budget, excess, &format!("{behaviour:?}, {rate} Hz, {excess} of the budget"));
             }
         }
     }
 
-    /// On a steady device: at most a few late frames at the start, the best rung that leaves a margin, and rest.
+    /// On a steady device: at most a few late frames at the start, the best level that leaves a margin, and
+    /// rest.
     #[test]
-    fn a_steady_device_settles_on_the_best_rung_that_fits() {
+    fn a_steady_device_settles_on_the_best_level_that_fits() {
         each(Behaviour::Steady, |frames, budget, excess, case| {
             assert!(late(frames, budget) <= LATENCY + 2, "{case}: {} late", late(frames, budget));
-            let best = ladder().within(0, 1.0 / excess);
-            let last = frames[frames.len() - 1].rung;
+            let best = costs().within(0, 1.0 / excess);
+            let last = frames[frames.len() - 1].level;
             assert!(last <= best + 1, "{case}: rung {last}, while {best} fits");
             assert!(changes(&frames[1000..]) == 0, "{case}: {} changes", changes(&frames[1000..]));
         });
     }
 
-    /// Where every hundredth frame is an outlier that nobody can foresee, the others are in time, and outliers are not chased.
+    /// Where every hundredth frame is an outlier that nobody can foresee, the others are in time, and
+    /// outliers are not chased.
     #[test]
     fn noise_and_outliers_are_not_chased() {
         each(Behaviour::Noisy, |frames, budget, excess, case| {
             let settled = &frames[1000..];
             let share = late(settled, budget) as f64 / settled.len() as f64;
             assert!(share < 0.015, "{case}: {:.2} % late", share * 100.0);
-            let rungs: f64 = settled.iter().map(|f| f.rung as f64).sum::<f64>() / settled.len() as f64;
-            let best = ladder().within(0, 1.0 / (1.2 * excess)) as f64;
-            assert!(rungs <= best + 1.5, "{case}: rung {rungs:.1} in the mean, while {best} fits");
+            let levels: f64 = settled.iter().map(|f| f.level as f64).sum::<f64>() / settled.len() as f64;
+            let best = costs().within(0, 1.0 / (1.2 * excess)) as f64;
+            assert!(levels <= best + 1.5, "{case}: rung {levels:.1} in the mean, while {best} fits");
             assert!(changes(settled) <= 12, "{case}: {} changes", changes(settled));
         });
     }
 
-    /// A device that heats up: p99 within the budget, and the rungs follow the heat instead of hunting it.
+    /// A device that heats up: p99 within the budget, and the levels follow the heat instead of hunting it.
     #[test]
     fn throttling_is_followed() {
         each(Behaviour::Throttling, |frames, budget, excess, case| {
-            // Where a hot device is too slow on the last rung, there is nothing to follow.
+            // Where a hot device is too slow on the last level, there is nothing to follow.
             if excess * 0.12 / 0.55 > 0.9 {
                 return;
             }
@@ -172,31 +175,32 @@ mod tests {
         });
     }
 
-    /// A load that comes at once is answered within the latency and two more frames, and when it goes the quality returns.
+    /// A load that comes at once is answered within the latency and two more frames, and when it goes the
+    /// quality returns.
     #[test]
     fn a_sudden_load_is_answered_at_once_and_forgotten_later() {
         each(Behaviour::SuddenLoad, |frames, budget, excess, case| {
             let missed = late(&frames[LOADED.start..LOADED.end], budget);
-            // Where even the last rung does not fit there is nothing to do but to render it.
+            // Where even the last level does not fit there is nothing to do but to render it.
             let fits = 2.5 * excess * 0.12 <= 1.0;
             assert!(!fits || missed <= LATENCY + 3, "{case}: {missed} late");
-            let (before, after) = (frames[LOADED.start - 1].rung, frames[frames.len() - 1].rung);
+            let (before, after) = (frames[LOADED.start - 1].level, frames[frames.len() - 1].level);
             assert_eq!(before, after, "{case}");
-            let back = frames[LOADED.end..].iter().position(|f| f.rung == before);
+            let back = frames[LOADED.end..].iter().position(|f| f.level == before);
             assert!(back.is_some_and(|n| n < 9 * 70), "{case}: back after {back:?} frames");
         });
     }
 
     #[test]
     fn going_up_in_vain_is_tried_ever_less_often() {
-        // The next rung is claimed to be 5 % dearer and is twice as dear: every attempt fails.
-        let ladder = Ladder::new([1.0, 0.95]);
-        let mut controller = Controller::new(ladder, 10.0);
+        // The next level is claimed to be 5 % dearer and is twice as dear: every attempt fails.
+        let costs = LevelCosts::new([1.0, 0.95]);
+        let mut controller = Controller::new(costs, 10.0);
         let mut attempts = Vec::new();
         for frame in 0..20_000 {
-            let rung = controller.rung();
-            controller.finished(rung, if rung == 0 { 12.0 } else { 6.0 });
-            if rung == 1 && controller.rung() == 0 {
+            let level = controller.level();
+            controller.finished(level, if level == 0 { 12.0 } else { 6.0 });
+            if level == 1 && controller.level() == 0 {
                 attempts.push(frame);
             }
         }
@@ -205,21 +209,21 @@ mod tests {
     }
 
     #[test]
-    fn late_news_of_another_rung_and_nonsense_are_ignored() {
-        let mut controller = Controller::new(ladder(), 10.0);
+    fn late_news_of_another_level_and_nonsense_are_ignored() {
+        let mut controller = Controller::new(costs(), 10.0);
         for _ in 0..100 {
             controller.finished(3, 1e3);
             controller.finished(0, f64::NAN);
         }
-        assert_eq!(controller.rung(), 0);
+        assert_eq!(controller.level(), 0);
         controller.finished(0, 20.0);
         controller.finished(0, 20.0);
-        assert_eq!(controller.rung(), 5, "down to the rung of 0.35 at once, that of 0.425 and less");
+        assert_eq!(controller.level(), 5, "down to the rung of 0.35 at once, that of 0.425 and less");
     }
 
     #[test]
     #[should_panic(expected = "a ladder goes down")]
     fn a_ladder_that_goes_up_is_refused() {
-        Ladder::new([1.0, 0.5, 0.6]);
+        LevelCosts::new([1.0, 0.5, 0.6]);
     }
 }

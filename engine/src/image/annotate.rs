@@ -17,11 +17,12 @@ pub struct Annotation {
     pub mm_per_pixel: Option<f64>,
 }
 
-/// The patient's sides at the left, right, top and bottom border of a picture, from the directions to its right and
-/// upwards in RAS.
+/// Returns the patient's sides at the left, right, top and bottom border of a picture, from the directions to
+/// its right and upwards in RAS.
 ///
-/// A direction along an axis has one letter (R or L, A or P, S or I); an oblique one has up to three, the nearest axis
-/// first, as in "LA"; axes that it leaves by less than 15° are not named. A zero or broken vector has no letters.
+/// A direction along an axis has one letter (R or L, A or P, S or I); an oblique one has up to three, the
+/// nearest axis first, as in "LA"; axes that it leaves by less than 15° are not named. A zero or broken
+/// vector has no letters.
 pub fn orientation_labels(right: DVec3, up: DVec3) -> [String; 4] {
     [-right, right, up, -up].map(direction_label)
 }
@@ -38,12 +39,14 @@ fn direction_label(direction: DVec3) -> String {
     parts.into_iter().map(|(_, letter)| letter).collect()
 }
 
-/// The greatest of 1, 2 and 5 times a power of ten that is at most `value`; none unless `value` is a positive number.
+/// Returns the greatest of 1, 2 and 5 times a power of ten that is at most `value`; none unless `value` is a
+/// positive number.
 pub fn round_down(value: f64) -> Option<f64> {
     near(value).filter(|round| *round <= value).last()
 }
 
-/// The least of 1, 2 and 5 times a power of ten that is at least `value`; none unless `value` is a positive number.
+/// Returns the least of 1, 2 and 5 times a power of ten that is at least `value`; none unless `value` is a
+/// positive number.
 pub fn round_up(value: f64) -> Option<f64> {
     near(value).find(|round| *round >= value)
 }
@@ -59,8 +62,8 @@ fn near(value: f64) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Writes the letters at the borders and draws a scale bar of a round length at the bottom left, of at most a quarter
-/// of the width. A bar or letters that do not fit are left out.
+/// Writes the letters at the borders and draws a scale bar of a round length at the bottom left, of at most a
+/// quarter of the width. A bar or letters that do not fit are left out.
 pub fn annotate(image: &mut Image, annotation: &Annotation) {
     let [width, height] = image.size;
     let scale = (width.min(height) / 240).clamp(1, 12);
@@ -100,8 +103,8 @@ pub fn annotate(image: &mut Image, annotation: &Annotation) {
     }
 }
 
-/// Length in pixels and label of the scale bar of a picture of `width` pixels: a round length of at most a quarter of the
-/// width. None where there is none of a pixel or more.
+/// Returns the length in pixels and label of the scale bar of a picture of `width` pixels: a round length of
+/// at most a quarter of the width. None where there is none of a pixel or more.
 pub fn scale_bar(mm_per_pixel: f64, width: usize) -> Option<(usize, String)> {
     let mm = round_down(mm_per_pixel * width as f64 / 4.0)?;
     let pixels = (mm / mm_per_pixel).round();

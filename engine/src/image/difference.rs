@@ -48,12 +48,12 @@ const BAR: [usize; 2] = [256, 12];
 const BACKGROUND: [f32; 4] = [0.08, 0.08, 0.09, 1.0];
 const TEXT: [f32; 3] = [0.92; 3];
 
-/// A, B and the map from left to right; A and B over black, under their names, the map in the colours of magma over
-/// its bar.
+/// A, B and the map from left to right; A and B over black, under their names, the map in the colours of
+/// magma over its bar.
 ///
 /// # Errors
-/// [`Kind::Usage`](crate::Kind::Usage) for pictures of different sizes, [`Kind::BadData`](crate::Kind::BadData) if the
-/// picture would be too large.
+/// [`Kind::Usage`](crate::Kind::Usage) for pictures of different sizes,
+/// [`Kind::BadData`](crate::Kind::BadData) if the picture would be too large.
 ///
 /// # Panics
 /// If the map is of another size.

@@ -1,5 +1,6 @@
-//! FLIP (Andersson and others, "FLIP: a difference evaluator for alternating images", 2020): how strongly an observer
-//! who flips between two pictures sees a difference, 0 to 1 at each pixel. NVIDIA's own code through `nv-flip`.
+//! FLIP (Andersson and others, "FLIP: a difference evaluator for alternating images", 2020): how strongly an
+//! observer who flips between two pictures sees a difference, 0 to 1 at each pixel. NVIDIA's own code through
+//! `nv-flip`.
 
 use rayon::prelude::*;
 
@@ -10,7 +11,8 @@ use crate::Result;
 /// The observer's pixels for each degree of the visual field: a screen of 3840 pixels and 0.7 m at 0.7 m.
 pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 
-/// Rows of a band, and how far its filters look, pixels: 0.135 degrees, the widest contrast filter of the paper.
+/// Rows of a band, and how far its filters look, pixels: 0.135 degrees, the widest contrast filter of the
+/// paper.
 const BAND: usize = 128;
 const HALO: usize = (0.14 * PIXELS_PER_DEGREE) as usize + 2;
 
@@ -23,14 +25,16 @@ pub struct Flip {
     pub mean: f64,
 }
 
-/// LDR-FLIP of two pictures over black, at [`PIXELS_PER_DEGREE`]. Colours are rounded to 8 bits first, as on a screen.
+/// LDR-FLIP of two pictures over black, at [`PIXELS_PER_DEGREE`]. Colours are rounded to 8 bits first, as on
+/// a screen.
 ///
 /// # Errors
 /// [`Kind::Usage`](crate::Kind::Usage) for pictures of different sizes.
 pub fn flip(reference: &Image, test: &Image) -> Result<Flip> {
     check_sizes(reference, test)?;
     let [width, height] = reference.size;
-    // A pixel depends on no more than HALO rows on either side, so bands at once give the same bits as the whole.
+    // A pixel depends on no more than HALO rows on either side, so bands at once give the same bits as the
+    // whole.
     let bands: Vec<Vec<f32>> = (0..height.div_ceil(BAND))
         .into_par_iter()
         .map(|band| {
@@ -67,8 +71,9 @@ mod tests {
         Image { size, pixels: (0..size[0] * size[1]).map(pixel).collect() }
     }
 
-    /// From the paper: HyAB(black, white) = 100 and HyAB(green, blue) = 203.3 in Hunt-adjusted CIELAB. To the power of
-    /// 0.7 that is 25.12 of 41.28, and what exceeds 0.4 of the greatest is squeezed into the last 0.05.
+    /// From the paper: HyAB(black, white) = 100 and HyAB(green, blue) = 203.3 in Hunt-adjusted CIELAB. To the
+    /// power of 0.7 that is 25.12 of 41.28, and what exceeds 0.4 of the greatest is squeezed into the last
+    /// 0.05.
     #[test]
     fn flip_of_black_and_white() {
         let [black, white] = [[0.0, 0.0, 0.0, 1.0], [1.0; 4]].map(|pixel| Image::new([40, 30], pixel));

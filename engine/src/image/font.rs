@@ -1,4 +1,5 @@
-//! Letters of 5 by 7 pixels, drawn for this program: enough for names, numbers and units, and nothing to install.
+//! Letters of 5 by 7 pixels, drawn for this program: enough for names, numbers and units, and nothing to
+//! install.
 
 /// Width of a letter's cell, pixels: five and a gap.
 pub const ADVANCE: usize = 6;
@@ -38,7 +39,7 @@ const GLYPHS: &[(char, u64)] = &[
 /// A frame, for letters that are not in the table.
 const UNKNOWN: u64 = 0x1F_1111_1111_111F;
 
-/// The pixels of a letter that are set: column and row.
+/// Returns the pixels of a letter that are set: column and row.
 pub fn pixels(letter: char) -> impl Iterator<Item = (usize, usize)> {
     let rows = match letter {
         ' ' => 0,

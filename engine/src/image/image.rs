@@ -22,13 +22,13 @@ impl Image {
         Image { size, pixels: vec![colour; size[0] * size[1]] }
     }
 
-    /// The pixel in column `x` from the left and row `y` from the top.
+    /// Returns the pixel in column `x` from the left and row `y` from the top.
     pub fn at(&self, x: usize, y: usize) -> [f32; 4] {
         self.pixels[y * self.size[0] + x]
     }
 
-    /// This picture over one opaque colour, not premultiplied; composited as the numbers are, without linearisation,
-    /// as VTK and Slicer do. The result is opaque.
+    /// This picture over one opaque colour, not premultiplied; composited as the numbers are, without
+    /// linearisation, as VTK and Slicer do. The result is opaque.
     #[must_use]
     pub fn over(&self, background: [f32; 3]) -> Image {
         let over = |&[r, g, b, a]: &[f32; 4]| {

@@ -13,12 +13,12 @@ pub enum Align {
     Right,
 }
 
-/// Width of a text, pixels, in letters of 5 by 7 pixels that are `scale` times enlarged.
+/// Returns the width of a text, pixels, in letters of 5 by 7 pixels that are `scale` times enlarged.
 pub fn text_width(text: &str, scale: usize) -> usize {
     (text.chars().count() * font::ADVANCE * scale).saturating_sub(scale)
 }
 
-/// The text, or its beginning and three dots, that fits into `room` pixels.
+/// Returns the text, or its beginning and three dots, that fits into `room` pixels.
 pub fn shortened(text: &str, scale: usize, room: usize) -> String {
     if text_width(text, scale) <= room {
         return text.to_owned();
@@ -69,7 +69,7 @@ impl Image {
 }
 
 impl Align {
-    /// Where a text of `width` pixels begins; never left of the picture.
+    /// Returns where a text of `width` pixels begins; never left of the picture.
     fn left(self, x: usize, width: usize) -> usize {
         match self {
             Align::Left => x,
@@ -83,7 +83,7 @@ impl Align {
 mod tests {
     use super::*;
 
-    /// The picture as lines of `#` where it is white and `o` where it is black.
+    /// Returns the picture as lines of `#` where it is white and `o` where it is black.
     fn lines(image: &Image) -> Vec<String> {
         let letter = |pixel: &[f32; 4]| match pixel {
             [1.0, 1.0, 1.0, 1.0] => '#',

@@ -1,15 +1,16 @@
 //! How different two pictures are, as people measure it: PSNR, SSIM and the largest difference.
 //!
-//! All look at display-referred colour over black, which is premultiplied colour as it is: opacity counts by what it
-//! dims. Sums are in f64 in the order of the pixels, so the same pictures give the same bits on any number of threads.
+//! All look at display-referred colour over black, which is premultiplied colour as it is: opacity counts by
+//! what it dims. Sums are in f64 in the order of the pixels, so the same pictures give the same bits on any
+//! number of threads.
 
 use rayon::prelude::*;
 
 use super::Image;
 use crate::{Error, Kind, Result};
 
-/// Peak signal-to-noise ratio, dB: 10 lg(1 / MSE), where MSE is the mean of the squared differences of red, green and
-/// blue of all pixels; infinite for equal pictures. The peak is 1.
+/// Peak signal-to-noise ratio, dB: 10 lg(1 / MSE), where MSE is the mean of the squared differences of red,
+/// green and blue of all pixels; infinite for equal pictures. The peak is 1.
 ///
 /// # Errors
 /// [`Kind::Usage`] for pictures of different sizes.
@@ -33,14 +34,14 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Structural similarity after Wang, Bovik, Sheikh and Simoncelli, "Image quality assessment: from error visibility to
-/// structural similarity", 2004: 1 for equal pictures, at least -1.
+/// Structural similarity after Wang, Bovik, Sheikh and Simoncelli, "Image quality assessment: from error
+/// visibility to structural similarity", 2004: 1 for equal pictures, at least -1.
 ///
-/// The mean of SSIM over all places where a window of 11 x 11 pixels lies within the picture; weights are Gaussian
-/// with σ 1.5 pixels and sum 1, variances and covariance are weighted sums without Bessel's correction. As in the
-/// authors' `ssim_index.m` there is one channel, luma: 0.299 R + 0.587 G + 0.114 B of the display-referred numbers;
-/// the pictures are not made smaller first. In a picture of fewer than 11 pixels along an axis the window is as long
-/// as fits, an odd number of pixels.
+/// The mean of SSIM over all places where a window of 11 x 11 pixels lies within the picture; weights are
+/// Gaussian with σ 1.5 pixels and sum 1, variances and covariance are weighted sums without Bessel's
+/// correction. As in the authors' `ssim_index.m` there is one channel, luma: 0.299 R + 0.587 G + 0.114 B of
+/// the display-referred numbers; the pictures are not made smaller first. In a picture of fewer than 11
+/// pixels along an axis the window is as long as fits, an odd number of pixels.
 ///
 /// # Errors
 /// [`Kind::Usage`] for pictures of different sizes.
@@ -110,7 +111,7 @@ pub struct Difference {
     pub channel: usize,
 }
 
-/// The greatest difference in red, green or blue.
+/// Returns the greatest difference in red, green or blue.
 ///
 /// # Errors
 /// [`Kind::Usage`] for pictures of different sizes.
@@ -143,7 +144,7 @@ pub(super) fn check_sizes(a: &Image, b: &Image) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// A grey picture.
+    /// Returns a grey picture.
     fn grey(size: [usize; 2], at: impl Fn(usize, usize) -> f64) -> Image {
         let pixel = |i: usize| {
             let v = at(i % size[0], i / size[0]) as f32;
@@ -187,7 +188,8 @@ mod tests {
         let (low, high) = (grey([16, 12], |_, _| 0.25), grey([16, 12], |_, _| 0.75));
         let expected = (2.0 * 0.25 * 0.75 + 1e-4) / (0.25 * 0.25 + 0.75 * 0.75 + 1e-4);
         assert!((ssim(&low, &high).unwrap() - expected).abs() < 1e-9);
-        // A shift leaves structure alone: the product has one factor left, (2 m n + C1) / (m² + n² + C1), at each place.
+        // A shift leaves structure alone: the product has one factor left, (2 m n + C1) / (m² + n² + C1), at
+        // each place.
         let flat = grey([11, 11], |x, y| 0.4 + 0.1 * f64::from((x + y) as u32 % 2));
         let shifted = grey([11, 11], |x, y| 0.6 + 0.1 * f64::from((x + y) as u32 % 2));
         let w = window(11);
@@ -234,7 +236,8 @@ mod tests {
         assert_eq!((window(500).len(), window(10).len(), window(1).len()), (11, 9, 1));
     }
 
-    /// scikit-image 0.26, `structural_similarity` with `gaussian_weights`, `sigma=1.5`, `use_sample_covariance=False`.
+    /// scikit-image 0.26, `structural_similarity` with `gaussian_weights`, `sigma=1.5`,
+    /// `use_sample_covariance=False`.
     #[test]
     fn ssim_agrees_with_another_program() {
         for (size, expected) in [([40, 23], 0.9062212006329696), ([37, 26], 0.9058629276086726)] {

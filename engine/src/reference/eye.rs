@@ -1,4 +1,4 @@
-//! What all twins of a render mode share: rays, light and the sum along a ray.
+//! What the reference implementations of all render modes share: rays, light and the sum along a ray.
 
 use glam::{DMat3, DVec3, DVec4};
 use shaders_glsl::types::View;

@@ -27,7 +27,7 @@ pub fn objective(
         .sum()
 }
 
-/// dL/d(parameters) through the twins of the kernels.
+/// dL/d(parameters) through the reference implementations of the kernels.
 pub fn gradient(
     splats: &[Splat],
     positions: &[DVec3],

@@ -1,7 +1,7 @@
 //! `emit_pairs`, `brick_ranges`, `pair_masks`, `cell_masks`: which splats reach which samples.
 //!
-//! A box or an ellipsoid may touch a sample exactly; there a kernel in f32 may decide either way. So these twins take
-//! the margin with which they decide, and a kernel must lie between the twin's answers without and with a margin.
+//! A box or an ellipsoid may touch a sample exactly; there a kernel in f32 may decide either way. So these references take
+//! the margin with which they decide, and a kernel must lie between the reference's answers without and with a margin.
 
 use glam::{DVec3, UVec3};
 

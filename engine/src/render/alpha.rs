@@ -1,13 +1,13 @@
 //! Alpha: every splat a quad of one colour, that of the field at its centre, blended back to front.
 //!
-//! The cheapest mode, and one that any rasteriser can do. Where `slab` classifies what it has added up, this one adds up
-//! what it has classified: see `centres` for what it puts down to each splat. The transfer function is looked up once
-//! for a splat and frame. One order serves all views: back to front along the mean of the viewing directions. Clip planes
-//! take whole splats, by their centres.
+//! The cheapest mode, and one that any rasteriser can do. Where `slab` classifies what it has added up, this
+//! one adds up what it has classified: see `centres` for what it puts down to each splat. The transfer
+//! function is looked up once for a splat and frame. One order serves all views: back to front along the mean
+//! of the viewing directions. Clip planes take whole splats, by their centres.
 //!
-//! Standard splats, which have colours of their own instead of an intensity, are drawn as their inventors do (Kerbl et al.
-//! 2023): opacity α exp(−γ/2) in the plane of the picture, widened by 0.3 pixels², at most 0.99, ended at 1/255; colour
-//! from spherical harmonics. No transfer function and no light acts on them.
+//! Standard splats, which have colours of their own instead of an intensity, are drawn as their inventors do
+//! (Kerbl et al. 2023): opacity α exp(−γ/2) in the plane of the picture, widened by 0.3 pixels², at most
+//! 0.99, ended at 1/255; colour from spherical harmonics. No transfer function and no light acts on them.
 
 use glam::DVec3;
 use shaders_glsl as glsl;
@@ -35,25 +35,25 @@ pub struct Alpha {
     drawing: Drawing,
     params: QuadParams,
     depth: bool,
-    blind: bool,
+    masked: bool,
 }
 
 impl Alpha {
     /// For a scene with splats.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
-        let cloud = scene.splats();
-        let [low, high] = cloud.bounds;
+        let splats = scene.expect_splats();
+        let [low, high] = splats.bounds;
         let centre: DVec3 = (low + high) * 0.5;
         let colour = if settings.precise { Format::Rgba32f } else { Format::Rgba16f };
         let (fragment, formats) = match settings.depth {
             false => (&glsl::ALPHA_FRAG, vec![colour]),
             true => (&glsl::ALPHA_DEPTH_FRAG, vec![colour, Format::R32f]),
         };
-        let constants = [corners(gpu), u32::from(cloud.standard().is_some()), u32::from(settings.counting)];
+        let constants = [corners(gpu), u32::from(splats.standard().is_some()), u32::from(settings.counting)];
         Ok(Alpha {
             gpu: gpu.clone(),
             kernels: Variants::new(),
-            quads: Quads::new(gpu, settings.views, cloud.count)?,
+            quads: Quads::new(gpu, settings.views, splats.count)?,
             count: gpu.buffer("splats of the frame", "views", 1)?,
             drawing: Drawing::new(gpu, &glsl::ALPHA_VERT, fragment, &constants, &formats, settings.views)?,
             params: QuadParams {
@@ -61,26 +61,26 @@ impl Alpha {
                 centre: centre.as_vec3().to_array(),
                 radius: ((high - low).length() * 0.5) as f32,
                 view_count: settings.views,
-                splat_count: cloud.count as u32,
-                range: cloud.rows().range,
-                coefficients: cloud.standard().map_or(0, |s| s.coefficients),
+                splat_count: splats.count as u32,
+                range: splats.rows().range,
+                coefficients: splats.standard().map_or(0, |s| s.coefficients),
             },
             depth: settings.depth,
-            blind: settings.blind,
+            masked: settings.masked,
         })
     }
 
-    /// The kernel for the look, made if it is not there yet.
+    /// Returns the kernel for the look, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
-        let (cloud, look, gpu) = (scene.splats(), scene.look_buffers(), &self.gpu);
-        let standard = cloud.standard().is_some();
+        let (splats, look, gpu) = (scene.expect_splats(), scene.look_buffers(), &self.gpu);
+        let standard = splats.standard().is_some();
         let variant = QuadVariant {
             corners: corners(gpu),
             standard,
             shaded: look.shaded && !standard,
-            packed: cloud.rows().packed,
+            packed: splats.rows().packed,
             objects: look.objects_differ,
-            blind: self.blind,
+            blind: self.masked,
         };
         self.kernels.find(variant, |&variant| Quads::kernel(gpu, variant))
     }
@@ -96,19 +96,19 @@ impl Mode for Alpha {
         quality: &Quality,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
-        let (cloud, look) = (scene.splats(), scene.look_buffers());
-        let (centres, harmonics) = cloud.faces(&self.gpu)?;
-        cloud.count_active(recorder, &mut self.count);
+        let (splats, look) = (scene.expect_splats(), scene.look_buffers());
+        let (centres, harmonics) = splats.faces(&self.gpu)?;
+        splats.count_active(recorder, &mut self.count);
         let sources = QuadSources {
             look: (&look.rows, &look.points, &look.integrals),
-            splats: cloud.rows(),
+            splats: splats.rows(),
             centres,
             harmonics,
-            active: (cloud.active(), &self.count),
-            objects: (cloud.active_objects(), &look.appearances),
+            active: (splats.active(), &self.count),
+            objects: (splats.active_objects(), &look.appearances),
         };
         let size = quality.size(self.params.size);
-        let params = QuadParams { size, splat_count: cloud.count as u32, ..self.params };
+        let params = QuadParams { size, splat_count: splats.count as u32, ..self.params };
         self.quads.record(recorder, &self.kernels[kernel], views, &sources, &params);
         recorder.clear_image(&target.colour, [0.0; 4]);
         let mut pictures = vec![&mut target.colour];

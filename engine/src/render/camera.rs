@@ -125,7 +125,7 @@ impl Camera {
         }
     }
 
-    /// The two eyes of a viewer whose head is this camera, `distance` mm apart.
+    /// Returns the two eyes of a viewer whose head is this camera, `distance` mm apart.
     pub fn eyes(&self, distance: f64) -> [Self; 2] {
         [-0.5, 0.5].map(|side| Camera { eye: self.eye + self.right * (side * distance), ..*self })
     }
@@ -168,7 +168,7 @@ impl CameraFile {
         FOV_DEGREES
     }
 
-    /// The camera for a picture `aspect` times as wide as high.
+    /// Returns the camera for a picture `aspect` times as wide as high.
     pub fn camera(&self, aspect: f64) -> Result<Camera> {
         if !(0.01..=170.0).contains(&self.fov_deg) {
             return Err(Error::new(

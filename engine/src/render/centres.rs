@@ -1,13 +1,13 @@
-//! The field at the centres of the splats, once for a scene: what mode alpha colours and lights a splat by, and the share
-//! of the field's occupancy that it puts down to each.
+//! The field at the centres of the splats, once for a scene: what mode alpha colours and lights a splat by,
+//! and the share of the field's occupancy that it puts down to each.
 //!
-//! Alpha draws Σ s (1 − q/6)^{3/2} in place of O = W / (W + w₀). Why not s κ: O is flat wherever splats lie close, and
-//! falls off only where W nears w₀, far outside; the wider bump follows it better, and its integral along a ray has no
-//! root. The shares s start as a / (W + w₀) at the centre. Then Richardson and Lucy's iteration scales them until the sum
-//! is near O at two points of each splat, its centre and one that lies aside, where the outermost splats alone must
-//! stand for what the field still holds. Measured on a fit of 100,000 splats, against mode exact (dB, a steep bone and a
-//! soft-tissue transfer function): a / (W + w₀) with κ 23.2 and 22.9, scaled at the centres 23.6 and 24.5, this 24.4 and
-//! 27.7.
+//! Alpha draws Σ s (1 − q/6)^{3/2} in place of O = W / (W + w₀). Why not s κ: O is flat wherever splats lie
+//! close, and falls off only where W nears w₀, far outside; the wider bump follows it better, and its
+//! integral along a ray has no root. The shares s start as a / (W + w₀) at the centre. Then Richardson and
+//! Lucy's iteration scales them until the sum is near O at two points of each splat, its centre and one that
+//! lies aside, where the outermost splats alone must stand for what the field still holds. Measured on a fit
+//! of 100,000 splats, against mode exact (dB, a steep bone and a soft-tissue transfer function): a / (W + w₀)
+//! with κ 23.2 and 22.9, scaled at the centres 23.6 and 24.5, this 24.4 and 27.7.
 
 use glam::{DMat3, DVec3, Mat3, UVec3, Vec3};
 use rayon::prelude::*;
@@ -23,7 +23,8 @@ const DRAWN_Q: f32 = 6.0;
 const ASIDE: f64 = 2.0;
 /// How often shares are scaled: more of it helps soft pictures and harms steep ones, by tenths of a dB.
 const ROUNDS: usize = 2;
-/// Half of the intensities that a splat stands for, in what the field's slope changes over a standard deviation.
+/// Half of the intensities that a splat stands for, in what the field's slope changes over a standard
+/// deviation.
 const SPREAD: f64 = 0.9;
 
 /// A splat as sums need it.
@@ -66,7 +67,8 @@ impl Bump {
     }
 }
 
-/// A direction as good as random that follows from where a splat is, so that the order of splats changes nothing.
+/// Returns a direction as good as random that follows from where a splat is, so that the order of splats
+/// changes nothing.
 fn direction(mean: [f32; 3]) -> DVec3 {
     let mut bits =
         mean.iter().fold(0x9E37_79B9u32, |h, v| (h ^ v.to_bits()).wrapping_mul(0x85EB_CA6B).rotate_left(13));
@@ -80,7 +82,7 @@ fn direction(mean: [f32; 3]) -> DVec3 {
     DVec3::new(r * cos, r * sin, z)
 }
 
-/// The rows of all splats.
+/// Returns the rows of all splats.
 pub(super) fn centres(splats: &[Splat], field: &Field) -> Vec<Centre> {
     if splats.is_empty() {
         return Vec::new();
@@ -215,7 +217,7 @@ impl Cells {
         ((cell.z * self.counts.y + cell.y) * self.counts.x + cell.x) as usize
     }
 
-    /// What is found at the points of a cell.
+    /// Returns what is found at the points of a cell.
     fn points(&self, bumps: &[Bump], cell: usize, field: &Field) -> Vec<Point> {
         let inside = self.inside.of(cell);
         if inside.is_empty() {
@@ -263,8 +265,8 @@ impl Cells {
     }
 }
 
-/// Scales the shares until what is drawn is near the occupancy: each by the mean of wanted over drawn at the points that
-/// its splat reaches, weighted with what it draws there.
+/// Scales the shares until what is drawn is near the occupancy: each by the mean of wanted over drawn at the
+/// points that its splat reaches, weighted with what it draws there.
 fn scale_shares(rows: &mut [Centre], points: &[Point]) {
     let mut shares: Vec<f64> = rows.iter().map(|r| f64::from(r.share)).collect();
     for _ in 0..ROUNDS {

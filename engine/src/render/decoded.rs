@@ -1,20 +1,22 @@
-//! The decoded field: V and O of the splats evaluated once, on the voxels of the grid that they were fitted on, and kept in
-//! bricks of 8³ as far as splats reach.
+//! The decoded field: V and O of the splats evaluated once, on the voxels of the grid that they were fitted
+//! on, and kept in bricks of 8³ as far as splats reach.
 //!
-//! A fit aims at the CT's voxels and at what is between them by trilinear interpolation, so samples at the voxels,
-//! interpolated, are what it stands for. A frame then costs what that of the CT costs, however many splats there are, and
-//! a transfer function may change at any time: V and O do not depend on it.
+//! A fit aims at the CT's voxels and at what is between them by trilinear interpolation, so samples at the
+//! voxels, interpolated, are what it stands for. A frame then costs what that of the CT costs, however many
+//! splats there are, and a transfer function may change at any time: V and O do not depend on it.
 //!
-//! V is that of the field, in 16-bit fractions of its range: at the voxel for splats that were fitted for voxels alone,
-//! otherwise what comes nearest to the field between them, by [least squares](super::least_squares). Where no splat reaches that of the neighbours which one does
-//! reach, so that what is interpolated at the rim is not drawn towards the background, and beyond the faces of the grid that at
-//! them. O is Σ w / (Σ w + w₀); of a fit for a
-//! binary mask it is 1 above ½ and 0 elsewhere. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the
-//! object that has most of Σ w there.
+//! V is that of the field, in 16-bit fractions of its range: at the voxel for splats that were fitted for
+//! voxels alone, otherwise what comes nearest to the field between them, by [least
+//! squares](super::least_squares). Where no splat reaches that of the neighbours which one does reach, so
+//! that what is interpolated at the rim is not drawn towards the background, and beyond the faces of the grid
+//! that at them. O is Σ w / (Σ w + w₀); of a fit for a binary mask it is 1 above ½ and 0 elsewhere. Beyond
+//! the faces of the grid O is 0, as it is in the CT. A voxel belongs to the object that has most of Σ w
+//! there.
 //!
-//! Where a file does not say what its grid was, voxels are cubes as long as [`Cloud::sigma_mm`](super::Cloud::sigma_mm), from
-//! the least coordinates of all means on; splats are fitted to be about as wide as voxels. The pitch doubles until the bricks
-//! fit what is set aside for them, with a warning: a coarser picture is better than none.
+//! Where a file does not say what its grid was, voxels are cubes as long as
+//! [`GpuSplats::sigma_mm`](super::GpuSplats::sigma_mm), from the least coordinates of all means on; splats
+//! are fitted to be about as wide as voxels. The pitch doubles until the bricks fit what is set aside for
+//! them, with a warning: a coarser picture is better than none.
 
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 use rayon::prelude::*;
@@ -208,8 +210,8 @@ impl Source {
         Ok(decoded)
     }
 
-    /// The voxels that are reached, at the pitch or at the first coarser one at which they are few enough, and the splats in
-    /// the space of the lattice.
+    /// Returns the voxels that are reached, at the pitch or at the first coarser one at which they are few
+    /// enough, and the splats in the space of the lattice.
     fn extent(&self, mut pitch: f64) -> (Extent, Vec<Splat>) {
         let set = SplatSet { splats: self.splats.clone(), ..SplatSet::default() };
         loop {
@@ -228,7 +230,7 @@ impl Source {
         }
     }
 
-    /// The grid of the file, or cubes where it has none.
+    /// Returns the grid of the file, or cubes where it has none.
     fn lattice(&self) -> Grid {
         self.grid.unwrap_or_else(|| {
             let means = self.splats.iter().map(|s| Vec3::from_array(s.mean)).filter(|m| m.is_finite());
@@ -288,8 +290,8 @@ const BETWEEN: [[f32; 3]; 4] =
 /// What a point weighs besides its occupancy: where this is faint V is held by it alone.
 const LEAST_WEIGHT: f32 = 1e-3;
 
-/// The field at points between the voxels. Those that a voxel beyond the faces has a part in weigh nothing, nor do those that
-/// no splat reaches.
+/// The field at points between the voxels. Those that a voxel beyond the faces has a part in weigh nothing,
+/// nor do those that no splat reaches.
 fn between(
     sampler: &mut Sampler,
     bricks: &Bricks,
@@ -307,15 +309,15 @@ fn between(
     BETWEEN.into_iter().map(set).collect()
 }
 
-/// Least and greatest of some values.
+/// Returns the least and greatest of some values.
 fn range_of(values: &[f32]) -> (f32, f32) {
     let none = || (f32::INFINITY, f32::NEG_INFINITY);
     let joined = |a: (f32, f32), b: (f32, f32)| (a.0.min(b.0), a.1.max(b.1));
     values.par_iter().fold(none, |range, &v| joined(range, (v, v))).reduce(none, joined)
 }
 
-/// First and last voxel that each splat reaches and those beside them, as far as the grid goes with a border; none of a splat
-/// that reaches no voxel of the grid.
+/// First and last voxel that each splat reaches and those beside them, as far as the grid goes with a border;
+/// none of a splat that reaches no voxel of the grid.
 fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<(IVec3, IVec3)> {
     let reaches = reaches(splats, field.kernel.support_q());
     let boxes = splats.par_iter().zip(reaches).filter_map(|(splat, reach)| {
@@ -367,7 +369,7 @@ impl Extent {
         }
     }
 
-    /// The sample grid of some bricks.
+    /// Returns the sample grid of some bricks.
     fn sampled(&self, wanted: impl Fn(usize) -> bool) -> Bricks {
         let count = self.bricks.element_product();
         let mut slots = vec![NO_SLOT; count as usize];
@@ -387,7 +389,7 @@ impl Extent {
     }
 }
 
-/// Place of a brick among `bricks`, x fastest.
+/// Returns the place of a brick among `bricks`, x fastest.
 fn place_of(bricks: UVec3, brick: UVec3) -> usize {
     ((brick.z * bricks.y + brick.y) * bricks.x + brick.x) as usize
 }
@@ -407,7 +409,7 @@ fn bricks_sample(bricks: UVec3, slots: &[u32], voxel: IVec3) -> Option<usize> {
     (slot != NO_SLOT).then(|| slot as usize * SAMPLES + brick_morton(from_first % BRICK as u32))
 }
 
-/// Mean of what there is at the 26 voxels around one.
+/// Returns the mean of what there is at the 26 voxels around one.
 fn beside(voxel: IVec3, at: &dyn Fn(IVec3) -> Option<f32>) -> Option<f32> {
     let (mut sum, mut count) = (0.0f64, 0);
     for z in -1..=1 {
@@ -440,8 +442,8 @@ impl Decoded {
         (self.scale.value(v), f64::from(o) / f64::from(u16::MAX))
     }
 
-    /// V and O at a place of the box, voxels, interpolated as a picture has them; beyond the box as at its faces, where
-    /// nothing is.
+    /// V and O at a place of the box, voxels, interpolated as a picture has them; beyond the box as at its
+    /// faces, where nothing is.
     pub fn trilinear(&self, at: DVec3) -> (f64, f64) {
         let at = at.clamp(DVec3::ZERO, UVec3::from_array(self.size).as_dvec3() - 1.0);
         let low = at.floor();
@@ -457,8 +459,9 @@ impl Decoded {
         (v, o)
     }
 
-    /// All of the box as a volume and a region, for an origin of the scene in the world, mm RAS: what mode volume shows of
-    /// them is what mode decoded shows of this. Takes four bytes a voxel and as many for the region.
+    /// Returns all of the box as a volume and a region, for an origin of the scene in the world, mm RAS: what
+    /// mode volume shows of them is what mode decoded shows of this. Takes four bytes a voxel and as many for
+    /// the region.
     pub fn volume(&self, origin: DVec3) -> Result<(Volume, Roi)> {
         let size = self.size.map(|n| n as usize);
         let count = size.iter().product();
@@ -488,7 +491,8 @@ impl Decoded {
         })
     }
 
-    /// The atlas of an image of at most `edge` texels along an axis. Its first brick is one that holds nothing.
+    /// Returns the atlas of an image of at most `edge` texels along an axis. Its first brick is one that
+    /// holds nothing.
     pub(super) fn atlas(&self, edge: u32) -> Result<Atlas> {
         let count = self.bricks.element_product();
         let n = self.bricks;
@@ -545,8 +549,8 @@ impl Decoded {
         Ok(Atlas { size, places, texels, labels })
     }
 
-    /// Intervals of intensity of the bricks by which empty space is leapt over: of all that is looked up for places in them
-    /// and up to a voxel away, as those of a volume.
+    /// Intervals of intensity of the bricks by which empty space is leapt over: of all that is looked up for
+    /// places in them and up to a voxel away, as those of a volume.
     pub(super) fn intervals(&self, grid: &BrickGrid) -> Vec<[f32; 2]> {
         let n = UVec3::from_array(grid.bricks);
         let last = UVec3::from_array(self.size).as_ivec3() - 1;

@@ -8,7 +8,7 @@ use crate::splat::{Activations, Splat};
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
 
-/// Standard deviation of the middle splat along its shortest axis; 1 without splats.
+/// Returns the standard deviation of the middle splat along its shortest axis; 1 without splats.
 pub(super) fn middle_sigma(splats: &[Splat]) -> f64 {
     let mut shortest: Vec<f32> =
         splats.iter().map(|s| s.scale().into_iter().fold(f32::INFINITY, f32::min)).collect();
@@ -19,7 +19,7 @@ pub(super) fn middle_sigma(splats: &[Splat]) -> f64 {
     }
 }
 
-/// Half sizes of the boxes around the supports, in the unit of the splats.
+/// Returns the half sizes of the boxes around the supports, in the unit of the splats.
 pub(super) fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
     splats
         .par_iter()
@@ -32,8 +32,8 @@ pub(super) fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
         .collect()
 }
 
-/// Bounds of the field within the support of each splat: least and greatest intensity of all splats whose boxes share a
-/// cell of a regular grid with its own.
+/// Returns the bounds of the field within the support of each splat: least and greatest intensity of all
+/// splats whose boxes share a cell of a regular grid with its own.
 pub(super) fn intervals(splats: &[Splat], reach: &[Vec3]) -> Vec<[f32; 2]> {
     let mut sizes: Vec<f32> = reach.iter().map(|r| r.max_element()).collect();
     if sizes.is_empty() {

@@ -1,15 +1,16 @@
-//! V of a decoded field by least squares: the values at the voxels whose trilinear interpolation comes nearest to the field
-//! between them, weighted by the occupancy there.
+//! V of a decoded field by least squares: the values at the voxels whose trilinear interpolation comes
+//! nearest to the field between them, weighted by the occupancy there.
 //!
-//! With V(x_p) the field at points p of weight w_p, t_i the trilinear function of voxel i, and V⁰ what is there to begin with,
+//! With V(x_p) the field at points p of weight w_p, t_i the trilinear function of voxel i, and V⁰ what is
+//! there to begin with,
 //!
 //! ```text
 //! Σ_p w_p (Σ_i t_i(x_p) V_i − V(x_p))² + λ Σ_i (V_i − V⁰_i)²
 //! ```
 //!
-//! is least: by conjugate gradients from V⁰, preconditioned by the diagonal (Shewchuk 1994). A set of points is one at
-//! the same place in each cell of eight voxels, so the t_i are three numbers for all of it, and nothing is stored but w and V.
-//! Sums go over bricks in a fixed order: the same input gives the same bits.
+//! is least: by conjugate gradients from V⁰, preconditioned by the diagonal (Shewchuk 1994). A set of points
+//! is one at the same place in each cell of eight voxels, so the t_i are three numbers for all of it, and
+//! nothing is stored but w and V. Sums go over bricks in a fixed order: the same input gives the same bits.
 
 use glam::UVec3;
 use rayon::prelude::*;
@@ -25,7 +26,8 @@ const ENOUGH: f64 = 1e-3;
 const HALO: usize = BRICK + 2;
 const BETWEEN: usize = BRICK + 1;
 
-/// Points at the same place in each cell: that of sample i lies `offset` beyond its voxel, towards greater coordinates.
+/// Points at the same place in each cell: that of sample i lies `offset` beyond its voxel, towards greater
+/// coordinates.
 pub(super) struct Points {
     /// 0 to 1 along each axis.
     pub(super) offset: [f32; 3],
@@ -58,7 +60,7 @@ impl Neighbours {
     }
 }
 
-/// The values at the voxels, [slot][Morton place], from `first` on.
+/// Returns the values at the voxels, [slot][Morton place], from `first` on.
 pub(super) fn least_squares(neighbours: &Neighbours, first: &[f32], points: &[Points]) -> Vec<f32> {
     let mut v = rows(first, |v| *v);
     let system = System {
@@ -104,7 +106,7 @@ fn morton(i: usize) -> usize {
     brick_morton(UVec3::new(x, y, z))
 }
 
-/// What samples hold, x fastest within each brick.
+/// Returns what samples hold, x fastest within each brick.
 fn rows<T: Sync>(samples: &[T], of: impl Fn(&T) -> f32 + Sync) -> Vec<f32> {
     (0..samples.len())
         .into_par_iter()
@@ -181,7 +183,7 @@ impl System<'_> {
     }
 }
 
-/// A brick's voxels with those beside them; 0 where there is no brick.
+/// Returns a brick's voxels with those beside them; 0 where there is no brick.
 fn halo(field: &[f32], neighbours: &[u32; 27]) -> [f32; HALO * HALO * HALO] {
     let mut out = [0.0; HALO * HALO * HALO];
     // Which of three bricks along an axis a voxel lies in, and where.
@@ -211,7 +213,8 @@ fn halo(field: &[f32], neighbours: &[u32; 27]) -> [f32; HALO * HALO * HALO] {
     out
 }
 
-/// Of a halo what belongs to points that see a voxel of the brick: those of its own voxels and of the ones before.
+/// Of a halo what belongs to points that see a voxel of the brick: those of its own voxels and of the ones
+/// before.
 fn cells(halo: &[f32; HALO * HALO * HALO]) -> [f32; BETWEEN * BETWEEN * BETWEEN] {
     let mut out = [0.0; BETWEEN * BETWEEN * BETWEEN];
     for (row, out) in out.chunks_exact_mut(BETWEEN).enumerate() {
@@ -221,7 +224,7 @@ fn cells(halo: &[f32; HALO * HALO * HALO]) -> [f32; BETWEEN * BETWEEN * BETWEEN]
     out
 }
 
-/// Values at points between the voxels of a halo, one axis after the other.
+/// Returns the values at points between the voxels of a halo, one axis after the other.
 fn interpolated(halo: &[f32; HALO * HALO * HALO], offset: [f32; 3]) -> [f32; BETWEEN * BETWEEN * BETWEEN] {
     let mut x = [0.0; BETWEEN * HALO * HALO];
     for (from, to) in halo.chunks_exact(HALO).zip(x.chunks_exact_mut(BETWEEN)) {
@@ -242,7 +245,8 @@ fn interpolated(halo: &[f32; HALO * HALO * HALO], offset: [f32; 3]) -> [f32; BET
     out
 }
 
-/// Adds to each voxel what the points around it hold, by `shares` of a point behind it and of one before it along each axis.
+/// Adds to each voxel what the points around it hold, by `shares` of a point behind it and of one before it
+/// along each axis.
 fn gather(points: &[f32; BETWEEN * BETWEEN * BETWEEN], shares: [[f32; 2]; 3], out: &mut [f32; SAMPLES]) {
     let [[x0, x1], [y0, y1], [z0, z1]] = shares;
     let mut x = [0.0; BRICK * BETWEEN * BETWEEN];
@@ -285,15 +289,15 @@ mod tests {
     use super::*;
     use crate::volume::bricks::brick_voxel;
 
-    /// A number from 0 to 1 that looks random.
+    /// Returns a number from 0 to 1 that looks random.
     fn random(i: usize) -> f32 {
         let h = (i as u32).wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
         let h = ((h >> ((h >> 28) + 4)) ^ h).wrapping_mul(277_803_737);
         (h >> 8) as f32 / 16_777_216.0
     }
 
-    /// The gradient of what is to be least, summed up plainly, vanishes at the solution, and the solution is far from where
-    /// it began.
+    /// The gradient of what is to be least, summed up plainly, vanishes at the solution, and the solution is
+    /// far from where it began.
     #[test]
     fn the_sum_of_squares_is_least() {
         let bricks = UVec3::new(3, 2, 1);

@@ -1,5 +1,5 @@
-//! What can change while one looks: the transfer function, clip planes, how objects appear. On the device it is tables of a
-//! few thousand rows, so a change costs nothing that grows with the scene.
+//! What can change while one looks: the transfer function, clip planes, how objects appear. On the device it
+//! is tables of a few thousand rows, so a change costs nothing that grows with the scene.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -26,7 +26,7 @@ pub struct ClipPlane {
 }
 
 impl ClipPlane {
-    /// The planes that keep the box between two corners, mm RAS.
+    /// Returns the planes that keep the box between two corners, mm RAS.
     pub fn around(low: DVec3, high: DVec3) -> [Self; 6] {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         std::array::from_fn(|i| {
@@ -44,18 +44,21 @@ impl ClipPlane {
 pub enum Classification {
     /// At the samples.
     Point,
-    /// Integrated between samples (Engel, Kraus, Ertl 2001): for functions that change faster than the samples follow.
+    /// Integrated between samples (Engel, Kraus, Ertl 2001): for functions that change faster than the
+    /// samples follow.
     PreIntegrated,
 }
 
-/// How an object of a scene is shown, one part of [`Look`]. An object is the splats of one label ([`crate::splat::Object`]).
+/// How an object of a scene is shown, one part of [`Look`]. An object is the splats of one label
+/// ([`crate::splat::Object`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Appearance {
-    /// Whether its splats are there. Where others overlapped them, these fill the gap.
+    /// True if its splats are there. Where others overlapped them, these fill the gap.
     pub visible: bool,
     /// A display-referred colour, 0 to 1, in place of the transfer function's; lit as that is.
     pub tint: Option<[f32; 3]>,
-    /// Factor of the opacity per mm, 0 to 1. At 0 nothing of the object is seen, but it holds its place in the field.
+    /// Factor of the opacity per mm, 0 to 1. At 0 nothing of the object is seen, but it holds its place in
+    /// the field.
     pub opacity: f32,
 }
 
@@ -67,12 +70,12 @@ impl Default for Appearance {
 }
 
 impl Appearance {
-    /// Whether the object, where it is seen, looks as the transfer function alone has it.
+    /// Returns true if the object, where it is seen, looks as the transfer function alone has it.
     fn is_plain(&self) -> bool {
         !self.visible || self.tint.is_none() && self.opacity >= 1.0
     }
 
-    /// The row of the device's table. What is out of range, NaN too, is brought to the nearest end.
+    /// Returns the row of the device's table. What is out of range, NaN too, is brought to the nearest end.
     fn row(&self) -> types::Appearance {
         let unit = |v: f32| if v > 0.0 { v.min(1.0) } else { 0.0 };
         let tint = self.tint.map_or([0.0; 4], |[r, g, b]| [unit(r), unit(g), unit(b), 1.0]);
@@ -87,8 +90,8 @@ pub struct Look {
     pub transfer: TransferFunction,
     /// Everything beyond one of these is cut away.
     pub clip: Vec<ClipPlane>,
-    /// How objects are shown, by their number; what is not listed is shown as by default. Splats only: modes of a volume
-    /// show all of it.
+    /// How objects are shown, by their number; what is not listed is shown as by default. Splats only: modes
+    /// of a volume show all of it.
     pub objects: BTreeMap<u8, Appearance>,
 }
 
@@ -98,8 +101,8 @@ impl Look {
         Look { transfer, clip: Vec::new(), objects: BTreeMap::new() }
     }
 
-    /// Point sampling does where opacity changes by little over the distance that the intensity moves between samples.
-    /// A band narrower than 60 HU of intensity asks for integration.
+    /// Point sampling does where opacity changes by little over the distance that the intensity moves between
+    /// samples. A band narrower than 60 HU of intensity asks for integration.
     pub fn classification(&self) -> Classification {
         let points = self.transfer.opacities();
         let narrow = points
@@ -129,16 +132,17 @@ pub struct LookBuffers {
     pub visible: Buffer<u32>,
     /// How each object is shown, by its number.
     pub appearances: Buffer<types::Appearance>,
-    /// Whether surfaces are lit.
+    /// True if surfaces are lit.
     pub shaded: bool,
-    /// Whether some object has a tint or an opacity; otherwise kernels need not look for them.
+    /// True if some object has a tint or an opacity; otherwise kernels need not look for them.
     pub objects_differ: bool,
-    /// Whether some object is hidden.
+    /// True if some object is hidden.
     pub hides: bool,
 }
 
 impl LookBuffers {
-    /// The look of a scene whose intensities lie in `range` and whose zero is at `origin` in the world, mm RAS.
+    /// The look of a scene whose intensities lie in `range` and whose zero is at `origin` in the world, mm
+    /// RAS.
     pub fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
         if look.clip.len() > PLANES {
             return Err(Error::new(
@@ -197,7 +201,7 @@ impl LookBuffers {
     }
 }
 
-/// Colour in three 16-bit fractions and extinction as a half: 8 bytes a lookup.
+/// Returns the colour in three 16-bit fractions and extinction as a half: 8 bytes a lookup.
 fn packed([r, g, b, extinction]: [f32; 4]) -> [u32; 2] {
     let fraction = |v: f32| (v.clamp(0.0, 1.0) * 65535.0).round() as u32;
     let half = u32::from(half::f16::from_f32(extinction).to_bits());

@@ -1,40 +1,40 @@
 //! Rendering: a scene of splats or of a volume, seen through a transfer function.
 //!
-//! A [`Scene`] holds splats, a volume or both, in one space: world mm RAS less the scene's origin. A [`Look`] says what is
-//! seen of it and may change at any time. A [`Mode`] turns it into pictures; [`MODES`] lists them. All modes see the same
-//! medium, of opacity O(x) α(V(x)) per mm and colour C(V(x)), by emission and absorption (Max 1995), use the
-//! same light, and give the same depth; they differ in what stands for V and O and in how the integral is taken.
+//! A [`Scene`] holds splats, a volume or both, in one space: world mm RAS less the scene's origin. A [`Look`]
+//! says what is seen of it and may change at any time. A [`Mode`] turns it into pictures; [`MODES`] lists
+//! them. All modes see the same medium, of opacity O(x) α(V(x)) per mm and colour C(V(x)), by emission and
+//! absorption (Max 1995), use the same light, and give the same depth; they differ in what stands for V and O
+//! and in how the integral is taken.
 //!
 //! Colours are display-referred: numbers of an sRGB picture, added up as they are, as VTK and Slicer do.
 //!
 //! | file | what is there |
 //! |---|---|
 //! | `scene` | [`Scene`]: the splats and the volume that are rendered, and how they are seen |
-//! | `cloud`, `centres`, `extents` | [`Cloud`]: splats on the device; what each shows at its centre; how far they reach |
-//! | `medium`, `scale` | [`Medium`]: a volume or a decoded field on the device; its 16-bit fractions |
+//! | `gpu_splats`, `centres`, `extents` | [`GpuSplats`]: splats on the device; what each shows at its centre; how far they reach |
+//! | `gpu_volume`, `scale` | [`GpuVolume`]: a volume or a decoded field on the device; its 16-bit fractions |
 //! | `decoded`, `least_squares` | [`decode`]: the field of splats on the voxels of a grid |
-//! | `look`, `camera`, `blind` | how a scene is seen, from where, and what of the pictures no eye sees |
+//! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and what of the pictures no eye sees |
 //! | `settings`, `quality`, `target` | what a mode is made for, what a frame may give up, what it is rendered into |
 //! | `mode`, `modes` | [`Mode`]: a way to render; [`MODES`]: all of them |
 //! | `alpha`, `slab`, `raymarch` | the modes; `variants` holds their kernels |
 //! | `renderer`, `frames` | [`Renderer`]: one picture after the other; [`Frames`]: without waiting for the device |
-//! | `ladder` | the measured levels of quality for the frame budget |
+//! | `quality_levels` | [`quality_levels()`]: the measured ways to trade quality for time, for the frame budget |
 
 mod alpha;
-mod blind;
 mod camera;
 mod centres;
-mod cloud;
 mod decoded;
 mod extents;
 mod frames;
-mod ladder;
+mod gpu_splats;
+mod gpu_volume;
 mod least_squares;
 mod look;
-mod medium;
 mod mode;
 mod modes;
 mod quality;
+mod quality_levels;
 mod raymarch;
 mod renderer;
 mod scale;
@@ -43,21 +43,22 @@ mod settings;
 mod slab;
 mod target;
 mod variants;
+mod visibility_mask;
 
-pub use blind::{Blind, Triangle};
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
-pub use cloud::{Cloud, Precision};
 pub use decoded::{Decoded, decode};
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
-pub use ladder::{Rung, SplatKind, ladder, rungs};
+pub use gpu_splats::{GpuSplats, Precision};
+pub use gpu_volume::{GpuVolume, VolumeSource};
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
-pub use medium::{Medium, MediumSource};
 pub use mode::Mode;
 pub use modes::{MODES, ModeRow, mode};
 pub use quality::Quality;
+pub use quality_levels::{QualityLevel, SplatKind, level_costs, quality_levels};
 pub use renderer::Renderer;
 pub use scene::Scene;
 pub use settings::Settings;
 pub use target::Target;
+pub use visibility_mask::{Triangle, VisibilityMask};
 
 pub use crate::passes::Work;

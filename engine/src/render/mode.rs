@@ -9,8 +9,8 @@ use crate::passes::{Views, Work};
 
 /// A way to render a scene.
 pub trait Mode {
-    /// Records the rendering of `views`, one for each layer of the target. The part of the target that the quality takes is
-    /// overwritten.
+    /// Records the rendering of `views`, one for each layer of the target. The part of the target that the
+    /// quality takes is overwritten.
     fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -20,13 +20,13 @@ pub trait Mode {
         quality: &Quality,
     ) -> Result<()>;
 
-    /// Looks at what a frame that has finished needed, and makes room where that was more than there was. Whether the
-    /// frame must be rendered again.
+    /// Grows the buffers that the last finished frame found too small. Returns true if the frame must be
+    /// rendered again.
     fn settle(&mut self) -> Result<bool> {
         Ok(false)
     }
 
-    /// What the last frame was made of; all 0 for a mode without splats. Waits for the device.
+    /// Returns what the last frame was made of; all 0 for a mode without splats. Waits for the device.
     fn work(&self) -> Result<Work> {
         Ok(Work::default())
     }

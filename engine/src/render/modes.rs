@@ -15,7 +15,7 @@ pub struct ModeRow {
     pub name: &'static str,
     /// What it is, in a line.
     pub about: &'static str,
-    /// Whether it renders splats rather than the volume.
+    /// True if it renders splats rather than the volume.
     pub of_splats: bool,
     make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
 }
@@ -23,7 +23,7 @@ pub struct ModeRow {
 impl ModeRow {
     /// Fails where the scene has not what the mode renders.
     pub(super) fn make(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Box<dyn Mode>> {
-        let there = if self.of_splats { scene.cloud.is_some() } else { scene.medium.is_some() };
+        let there = if self.of_splats { scene.splats.is_some() } else { scene.volume.is_some() };
         if !there {
             let needed = if self.of_splats { "splats" } else { "a volume" };
             return Err(Error::new(
@@ -71,7 +71,7 @@ pub static MODES: [ModeRow; 5] = [
     },
 ];
 
-/// The row of a mode.
+/// Returns the row of a mode.
 pub fn mode(name: &str) -> Result<&'static ModeRow> {
     MODES.iter().find(|m| m.name == name).ok_or_else(|| {
         let names: Vec<_> = MODES.iter().map(|m| m.name).collect();

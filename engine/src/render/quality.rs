@@ -16,7 +16,7 @@ impl Quality {
     /// All that the settings promise.
     pub const FULL: Self = Quality { resolution: 1.0, coarseness: 1.0 };
 
-    /// Width and height of the picture in a target of `size`, pixels.
+    /// Returns the width and height of the picture in a target of `size`, pixels.
     ///
     /// # Panics
     /// If the quality is better than the target.

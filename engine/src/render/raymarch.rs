@@ -1,13 +1,14 @@
-//! The modes `volume` and `decoded`: rays marched through the voxels of the CT itself, which is what the splats' modes are
-//! measured against, or through those that the splats were decoded to. One marcher; only the image differs.
+//! The modes `volume` and `decoded`: rays marched through the voxels of the CT itself, which is what the
+//! splats' modes are measured against, or through those that the splats were decoded to. One marcher; only
+//! the image differs.
 
 use std::sync::Arc;
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::RaymarchParams;
 
+use super::gpu_volume::GpuVolume;
 use super::look::Classification;
-use super::medium::Medium;
 use super::mode::Mode;
 use super::quality::Quality;
 use super::scene::Scene;
@@ -24,11 +25,12 @@ const LEAST_STEP: f64 = 0.01;
 /// The mode `volume` or `decoded`.
 pub struct Raymarch {
     gpu: Gpu,
-    /// For each way to classify, with or without light and appearances of objects, made when it is first needed.
+    /// For each way to classify, with or without light and appearances of objects, made when it is first
+    /// needed.
     kernels: Variants<(Classification, bool, bool)>,
     settings: Settings,
     /// The decoded field; nothing where the scene's volume is rendered.
-    decoded: Option<Arc<Medium>>,
+    decoded: Option<Arc<GpuVolume>>,
 }
 
 impl Raymarch {
@@ -37,13 +39,14 @@ impl Raymarch {
         Self::of(gpu, scene, settings, None)
     }
 
-    /// The splats, decoded to voxels `settings.pitch` apart if they were not before, with samples as those of a volume.
+    /// The splats, decoded to voxels `settings.pitch` apart if they were not before, with samples as those of
+    /// a volume.
     pub fn decoded(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
-        let decoded = scene.splats().decoded(gpu, settings.pitch)?;
+        let decoded = scene.expect_splats().decoded(gpu, settings.pitch)?;
         Self::of(gpu, scene, settings, Some(decoded))
     }
 
-    fn of(gpu: &Gpu, scene: &Scene, settings: &Settings, decoded: Option<Arc<Medium>>) -> Result<Self> {
+    fn of(gpu: &Gpu, scene: &Scene, settings: &Settings, decoded: Option<Arc<GpuVolume>>) -> Result<Self> {
         if !(settings.step >= LEAST_STEP && settings.step.is_finite()) {
             return Err(Error::new(
                 Kind::Usage,
@@ -58,25 +61,25 @@ impl Raymarch {
         Ok(mode)
     }
 
-    /// The kernel for a way to classify, made if it is not there yet.
+    /// Returns the kernel for a way to classify, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
-        let (medium, look) =
-            (self.decoded.as_deref().unwrap_or_else(|| scene.volume()), scene.look_buffers());
+        let (volume, look) =
+            (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
         let (classification, shaded) = settings.variant(scene);
         // Splats of a hidden object are still in the field.
-        let objects = medium.is_atlas() && (look.objects_differ || look.hides);
+        let objects = volume.is_atlas() && (look.objects_differ || look.hides);
         self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
                 WorkgroupShape::of(gpu) as u32,
-                u32::from(medium.image().format() == Format::Rg16),
+                u32::from(volume.image().format() == Format::Rg16),
                 u32::from(*classification == Classification::PreIntegrated),
                 u32::from(*shaded),
                 u32::from(settings.depth),
                 u32::from(settings.jitter),
-                u32::from(medium.is_atlas()),
+                u32::from(volume.is_atlas()),
                 u32::from(*objects),
-                u32::from(settings.blind),
+                u32::from(settings.masked),
             ];
             Kernel::new(gpu, &glsl::RAYMARCH, &constants)
         })
@@ -93,9 +96,9 @@ impl Mode for Raymarch {
         quality: &Quality,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
-        let medium = self.decoded.as_deref().unwrap_or_else(|| scene.volume());
+        let volume = self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume());
         let look = scene.look_buffers();
-        let marked = medium.marked(recorder, look);
+        let marked = volume.marked(recorder, look);
         // Pixels of a workgroup; see the kernel.
         let group = match WorkgroupShape::of(&self.gpu) {
             WorkgroupShape::OneByOne => [4, 2],
@@ -108,21 +111,21 @@ impl Mode for Raymarch {
             .read("look_rows", &look.rows)
             .read("look_points", &look.points)
             .read("look_integrals", &look.integrals)
-            .sample("medium", medium.image())
+            .sample("medium", volume.image())
             .read("distances", marked.distances())
-            .read("places", medium.places())
-            .sample("labels", medium.labels())
+            .read("places", volume.places())
+            .sample("labels", volume.labels())
             .read("appearances", &look.appearances)
             .write_image("colour_image", &mut target.colour)
             .write_image("depth_image", &mut target.depth)
             .read("patches", &views.patches)
             .push(&RaymarchParams {
-                grid: medium.grid(),
-                voxel_from_scene: medium.voxel_from_scene(),
-                first: medium.scale().first as f32,
-                span: medium.scale().span as f32,
+                grid: volume.grid(),
+                voxel_from_scene: volume.voxel_from_scene(),
+                first: volume.scale().first as f32,
+                span: volume.scale().span as f32,
                 size,
-                step: (self.settings.step * quality.coarseness * medium.spacing_mm) as f32,
+                step: (self.settings.step * quality.coarseness * volume.spacing_mm) as f32,
                 dark: self.settings.dark,
             })
             .dispatch_3d([width.div_ceil(group[0]), height.div_ceil(group[1]), self.settings.views]);

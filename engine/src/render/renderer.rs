@@ -1,6 +1,5 @@
 //! Pictures of a scene one after the other, each waited for.
 
-use super::blind::Blind;
 use super::camera::Camera;
 use super::mode::Mode;
 use super::modes::ModeRow;
@@ -8,6 +7,7 @@ use super::quality::Quality;
 use super::scene::Scene;
 use super::settings::Settings;
 use super::target::Target;
+use super::visibility_mask::VisibilityMask;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::{Views, Work};
@@ -17,8 +17,8 @@ pub struct Renderer {
     gpu: Gpu,
     mode: Box<dyn Mode>,
     views: Views,
-    /// What is blind of the pictures; nothing where the settings do not ask for it.
-    blind: Vec<Blind>,
+    /// The hidden areas of the pictures; empty where the settings do not ask for masks.
+    masks: Vec<VisibilityMask>,
     /// What was rendered last.
     pub target: Target,
 }
@@ -29,18 +29,18 @@ impl Renderer {
         Ok(Renderer {
             gpu: gpu.clone(),
             mode: mode.make(gpu, scene, settings)?,
-            views: Views::new(gpu, "views", settings.views, settings.blind)?,
-            blind: vec![Blind::default(); if settings.blind { settings.views as usize } else { 0 }],
+            views: Views::new(gpu, "views", settings.views, settings.masked)?,
+            masks: vec![VisibilityMask::default(); if settings.masked { settings.views as usize } else { 0 }],
             target: Target::new(gpu, settings.size, settings.views, settings.precise, settings.depth)?,
         })
     }
 
-    /// Says what is blind of the pictures from now on.
+    /// Sets the hidden areas of the pictures from now on.
     ///
     /// # Panics
     /// If the settings did not ask for it, or had another number of views.
-    pub fn set_blind(&mut self, blind: &[Blind]) {
-        self.blind.clone_from_slice(blind);
+    pub fn set_visibility_masks(&mut self, masks: &[VisibilityMask]) {
+        self.masks.clone_from_slice(masks);
     }
 
     /// Renders one picture for each camera and waits for them.
@@ -51,14 +51,14 @@ impl Renderer {
         self.render_at(scene, cameras, &Quality::FULL)
     }
 
-    /// As [`Self::render`], with something given up: the pictures lie in the upper left corner of the target, as large as
-    /// [`Quality::size`] says.
+    /// As [`Self::render`], with something given up: the pictures lie in the upper left corner of the target,
+    /// as large as [`Quality::size`] says.
     ///
     /// # Panics
     /// If there are not as many cameras as the settings had views.
     pub fn render_at(&mut self, scene: &Scene, cameras: &[Camera], quality: &Quality) -> Result<()> {
         let rows = cameras.iter().map(|camera| camera.view(scene.origin));
-        self.views.write(rows, self.blind.iter().map(|blind| blind.words))?;
+        self.views.write(rows, self.masks.iter().map(|mask| mask.words))?;
         loop {
             let mut recorder = self.gpu.record()?;
             self.mode.record(&mut recorder, scene, &self.views, &mut self.target, quality)?;
@@ -70,7 +70,7 @@ impl Renderer {
         }
     }
 
-    /// What the last frame was made of; all 0 for a mode without splats.
+    /// Returns what the last frame was made of; all 0 for a mode without splats.
     pub fn work(&self) -> Result<Work> {
         self.mode.work()
     }

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::cloud::{Cloud, Precision};
+use super::gpu_splats::{GpuSplats, Precision};
+use super::gpu_volume::{GpuVolume, VolumeSource};
 use super::look::{Look, LookBuffers};
-use super::medium::{Medium, MediumSource};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::splat::{Object, SplatSet};
@@ -15,9 +15,9 @@ pub struct Scene {
     /// Zero of the scene's space in the world, mm RAS.
     pub origin: DVec3,
     /// The splats, if there are any.
-    pub cloud: Option<Cloud>,
+    pub splats: Option<GpuSplats>,
     /// The volume, if there is one.
-    pub medium: Option<Medium>,
+    pub volume: Option<GpuVolume>,
     look: Look,
     buffers: LookBuffers,
 }
@@ -27,7 +27,7 @@ impl Scene {
     pub fn new(
         gpu: &Gpu,
         splats: Option<&SplatSet>,
-        volume: Option<&MediumSource<'_>>,
+        volume: Option<&VolumeSource<'_>>,
         look: &Look,
     ) -> Result<Self> {
         Self::with_precision(gpu, splats, volume, look, Precision::Full)
@@ -37,7 +37,7 @@ impl Scene {
     pub fn with_precision(
         gpu: &Gpu,
         splats: Option<&SplatSet>,
-        volume: Option<&MediumSource<'_>>,
+        volume: Option<&VolumeSource<'_>>,
         look: &Look,
         precision: Precision,
     ) -> Result<Self> {
@@ -49,69 +49,71 @@ impl Scene {
                     .help("give splats, a volume, or both"));
             }
         };
-        let cloud = splats.map(|set| Cloud::new(gpu, set, precision)).transpose()?;
-        let medium = volume.map(|source| Medium::new(gpu, source, origin)).transpose()?;
-        let range = range_of(cloud.as_ref(), medium.as_ref());
+        let splats = splats.map(|set| GpuSplats::new(gpu, set, precision)).transpose()?;
+        let volume = volume.map(|source| GpuVolume::new(gpu, source, origin)).transpose()?;
+        let range = range_of(splats.as_ref(), volume.as_ref());
         let buffers = LookBuffers::new(gpu, look, range, origin)?;
-        let mut scene = Scene { gpu: gpu.clone(), origin, cloud, medium, look: look.clone(), buffers };
+        let mut scene = Scene { gpu: gpu.clone(), origin, splats, volume, look: look.clone(), buffers };
         scene.list_active()?;
         Ok(scene)
     }
 
     /// Changes how the scene is seen. Nothing that is in flight is disturbed.
     pub fn set_look(&mut self, look: &Look) -> Result<()> {
-        let range = range_of(self.cloud.as_ref(), self.medium.as_ref());
+        let range = range_of(self.splats.as_ref(), self.volume.as_ref());
         self.buffers = LookBuffers::new(&self.gpu, look, range, self.origin)?;
         self.look = look.clone();
         self.list_active()
     }
 
-    /// Renders at most so many splats from now on: of those that the look can show the most important ones, by opacity
-    /// times volume. For viewers that trade splats for time; the first budget takes as long as sorting all splats.
+    /// Renders at most so many splats from now on: of those that the look can show the most important ones,
+    /// by opacity times volume. For viewers that trade splats for time; the first budget takes as long as
+    /// sorting all splats.
     pub fn set_splat_budget(&mut self, budget: Option<usize>) -> Result<()> {
-        if let Some(cloud) = &mut self.cloud {
-            cloud.set_budget(&self.gpu, budget)?;
+        if let Some(splats) = &mut self.splats {
+            splats.set_budget(&self.gpu, budget)?;
         }
         self.list_active()
     }
 
     /// Lists splats from now on that no look can show any of, as well: to see what leaving them out saves.
     pub fn list_all(&mut self) -> Result<()> {
-        if let Some(cloud) = &mut self.cloud {
-            cloud.list_all(&self.gpu)?;
+        if let Some(splats) = &mut self.splats {
+            splats.list_all(&self.gpu)?;
         }
         self.list_active()
     }
 
-    /// How the scene is seen.
+    /// Returns how the scene is seen.
     pub fn look(&self) -> &Look {
         &self.look
     }
 
-    /// The splats, for a mode of splats: a renderer makes one only where there are some.
-    pub(super) fn splats(&self) -> &Cloud {
-        self.cloud.as_ref().expect("a scene with splats")
+    /// Returns the splats, for a mode of splats: a renderer makes one only where there are some.
+    pub(super) fn expect_splats(&self) -> &GpuSplats {
+        self.splats.as_ref().expect("a scene with splats")
     }
 
-    /// The volume, for a mode of volumes: a renderer makes one only where there is one.
-    pub(super) fn volume(&self) -> &Medium {
-        self.medium.as_ref().expect("a scene with a volume")
+    /// Returns the volume, for a mode of volumes: a renderer makes one only where there is one.
+    pub(super) fn expect_volume(&self) -> &GpuVolume {
+        self.volume.as_ref().expect("a scene with a volume")
     }
 
-    /// What of the scene a look can show, hide and colour apart, by ascending number; nothing where there are no splats.
+    /// Returns what of the scene a look can show, hide and colour apart, by ascending number; nothing where
+    /// there are no splats.
     pub fn objects(&self) -> &[Object] {
-        self.cloud.as_ref().map_or(&[], |cloud| &cloud.objects)
+        self.splats.as_ref().map_or(&[], |splats| &splats.objects)
     }
 
     pub(super) fn look_buffers(&self) -> &LookBuffers {
         &self.buffers
     }
 
-    /// Corners of the box around all there is, mm RAS.
+    /// Returns the corners of the box around all there is, mm RAS.
     pub fn bounds(&self) -> [DVec3; 2] {
-        let cloud = self.cloud.as_ref().map(|c| c.bounds);
-        let medium = self.medium.as_ref().map(|m| m.bounds);
-        let [low, high] = match (cloud, medium) {
+        let splats = self.splats.as_ref().map(|s| s.bounds);
+        let volume = self.volume.as_ref().map(|v| v.bounds);
+        let [low, high] = match (splats, volume) {
             (Some(a), Some(b)) => [a[0].min(b[0]), a[1].max(b[1])],
             (a, b) => a.or(b).unwrap_or_default(),
         };
@@ -120,17 +122,17 @@ impl Scene {
 
     fn list_active(&mut self) -> Result<()> {
         let mut recorder = self.gpu.record()?;
-        if let Some(cloud) = &mut self.cloud {
-            cloud.record_activity(&mut recorder, &self.buffers);
+        if let Some(splats) = &mut self.splats {
+            splats.record_activity(&mut recorder, &self.buffers);
         }
         recorder.submit()?;
         Ok(())
     }
 }
 
-/// Least and greatest intensity of all there is.
-fn range_of(cloud: Option<&Cloud>, medium: Option<&Medium>) -> [f64; 2] {
-    match (cloud.map(|c| c.range), medium.map(|m| m.range)) {
+/// Returns the least and greatest intensity of all there is.
+fn range_of(splats: Option<&GpuSplats>, volume: Option<&GpuVolume>) -> [f64; 2] {
+    match (splats.map(|s| s.range), volume.map(|v| v.range)) {
         (Some(a), Some(b)) => [a[0].min(b[0]), a[1].max(b[1])],
         (a, b) => a.or(b).unwrap_or([0.0, 1.0]),
     }

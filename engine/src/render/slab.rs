@@ -1,12 +1,12 @@
-//! Slabs: the splats' field added up at planes across the view, classified after that. With planes a tenth as far apart
-//! the same is the oracle of the other modes, `exact`.
+//! Slabs: the splats' field added up at planes across the view, classified after that. With planes a tenth as
+//! far apart the same is the oracle of the other modes, `exact`.
 
 use glam::DVec3;
 use shaders_glsl as glsl;
 use shaders_glsl::tiles::{PARTS, PLANES, TILE};
 use shaders_glsl::types::{SlabParams, TileGrid};
 
-use super::cloud::Cloud;
+use super::gpu_splats::GpuSplats;
 use super::look::Classification;
 use super::mode::Mode;
 use super::quality::Quality;
@@ -26,7 +26,8 @@ const MOST_BLOCKS: u32 = 512;
 /// The mode `slab`, and with a refinement `exact`.
 pub struct Slab {
     gpu: Gpu,
-    /// For each way to classify, with or without light and appearances of objects, made when it is first needed.
+    /// For each way to classify, with or without light and appearances of objects, made when it is first
+    /// needed.
     kernels: Variants<(Classification, bool, bool)>,
     bins: TileBinner,
     /// Splats of the frame that the look can show.
@@ -54,20 +55,20 @@ impl Slab {
     }
 
     fn with_refinement(gpu: &Gpu, scene: &Scene, settings: &Settings, exact: bool) -> Result<Self> {
-        let cloud = scene.splats();
+        let splats = scene.expect_splats();
         let refinement = if exact { EXACT } else { 1 };
-        let grid = tile_grid(cloud, settings, &Quality::FULL, refinement);
+        let grid = tile_grid(splats, settings, &Quality::FULL, refinement);
         Ok(Slab {
             gpu: gpu.clone(),
             kernels: Variants::new(),
             bins: TileBinner::new(
                 gpu,
-                cloud.field.kernel,
-                cloud.rows().packed,
+                splats.field.kernel,
+                splats.rows().packed,
                 &grid,
                 settings.views,
-                cloud.count,
-                settings.blind,
+                splats.count,
+                settings.masked,
             )?,
             count: gpu.buffer("splats of the frame", "views", 1)?,
             settings: settings.clone(),
@@ -75,20 +76,20 @@ impl Slab {
         })
     }
 
-    /// The kernel for a way to classify, made if it is not there yet.
+    /// Returns the kernel for a way to classify, made if it is not there yet.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (classification, shaded) = settings.variant(scene);
         let objects = scene.look_buffers().objects_differ;
         self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
-                scene.splats().field.kernel.id(),
+                scene.expect_splats().field.kernel.id(),
                 WorkgroupShape::of(gpu) as u32,
                 u32::from(*classification == Classification::PreIntegrated),
                 u32::from(*shaded),
                 u32::from(settings.depth),
                 u32::from(*objects),
-                u32::from(settings.blind),
+                u32::from(settings.masked),
                 u32::from(settings.counting),
             ];
             Kernel::new(gpu, &glsl::SLAB, &constants)
@@ -97,11 +98,11 @@ impl Slab {
 }
 
 /// Tiles for the picture, blocks for a ball around all splats.
-fn tile_grid(cloud: &Cloud, settings: &Settings, quality: &Quality, refinement: u32) -> TileGrid {
-    let [low, high] = cloud.bounds;
+fn tile_grid(splats: &GpuSplats, settings: &Settings, quality: &Quality, refinement: u32) -> TileGrid {
+    let [low, high] = splats.bounds;
     let centre: DVec3 = (low + high) * 0.5;
     let radius = (high - low).length() * 0.5;
-    let slab = settings.step * quality.coarseness * cloud.sigma_mm;
+    let slab = settings.step * quality.coarseness * splats.sigma_mm;
     let blocks = (2.0 * radius / (slab * f64::from(PLANES))).ceil().clamp(1.0, f64::from(MOST_BLOCKS));
     let spacing = slab.max(2.0 * radius / (blocks * f64::from(PLANES)));
     let size = quality.size(settings.size);
@@ -113,7 +114,7 @@ fn tile_grid(cloud: &Cloud, settings: &Settings, quality: &Quality, refinement: 
         spacing: (spacing / f64::from(refinement)) as f32,
         planes: PLANES * refinement,
         blocks: blocks as u32,
-        splat_count: cloud.count as u32,
+        splat_count: splats.count as u32,
         capacity: 0,
     }
 }
@@ -128,15 +129,15 @@ impl Mode for Slab {
         quality: &Quality,
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
-        let (cloud, look) = (scene.splats(), scene.look_buffers());
+        let (splats, look) = (scene.expect_splats(), scene.look_buffers());
         let grid = TileGrid {
             capacity: self.bins.capacity() as u32,
-            ..tile_grid(cloud, &self.settings, quality, self.refinement)
+            ..tile_grid(splats, &self.settings, quality, self.refinement)
         };
-        let field = cloud.field;
-        cloud.count_active(recorder, &mut self.count);
-        let active = (cloud.active(), &self.count);
-        self.bins.record(recorder, &grid, field.background, views, cloud.rows(), active);
+        let field = splats.field;
+        splats.count_active(recorder, &mut self.count);
+        let active = (splats.active(), &self.count);
+        self.bins.record(recorder, &grid, field.background, views, splats.rows(), active);
         let columns = match WorkgroupShape::of(&self.gpu) {
             WorkgroupShape::OneByOne => grid.tiles[0] * PARTS,
             WorkgroupShape::SideBySide => grid.tiles[0],
@@ -152,7 +153,7 @@ impl Mode for Slab {
             .read("projected", &self.bins.projected)
             .write_image("colour_image", &mut target.colour)
             .write_image("depth_image", &mut target.depth)
-            .read("active_objects", cloud.active_objects())
+            .read("active_objects", splats.active_objects())
             .read("appearances", &look.appearances)
             .read("blind_parts", &self.bins.blind_parts)
             .push(&SlabParams {

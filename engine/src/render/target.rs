@@ -7,14 +7,15 @@ use crate::gpu::{Format, Gpu, Image};
 pub struct Target {
     /// Display-referred colour, premultiplied by the opacity in the fourth channel.
     pub colour: Image,
-    /// Σ z α T over what a ray passes, mm along the viewing direction: the mean depth times the opacity. A single pixel
-    /// where it was not asked for.
+    /// Σ z α T over what a ray passes, mm along the viewing direction: the mean depth times the opacity. A
+    /// single pixel where it was not asked for.
     pub depth: Image,
     size: [u32; 2],
 }
 
 impl Target {
-    /// Of `size` pixels for so many views. Colour is kept in halves, or in floats where pictures are measured.
+    /// Of `size` pixels for so many views. Colour is kept in halves, or in floats where pictures are
+    /// measured.
     pub fn new(gpu: &Gpu, size: [u32; 2], views: u32, precise: bool, depth: bool) -> Result<Self> {
         let format = if precise { Format::Rgba32f } else { Format::Rgba16f };
         let depth_size = if depth { size } else { [1, 1] };
@@ -25,22 +26,22 @@ impl Target {
         })
     }
 
-    /// Width and height, pixels.
+    /// Returns the width and height, pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// Number of views.
+    /// Returns the number of views.
     pub fn views(&self) -> u32 {
         self.colour.layers()
     }
 
-    /// Whether depth is kept.
+    /// Returns true if depth is kept.
     pub fn has_depth(&self) -> bool {
         self.depth.size()[..2] == self.size || self.size == [1, 1]
     }
 
-    /// Colour of a view, rows from the top. Waits for the device.
+    /// Returns the colour of a view, rows from the top. Waits for the device.
     pub fn read_colour(&self, view: u32) -> Result<Vec<[f32; 4]>> {
         let all: Vec<[f32; 4]> = match self.colour.format() {
             Format::Rgba32f => self.colour.read()?,
@@ -54,8 +55,8 @@ impl Target {
         Ok(self.layer(all, view))
     }
 
-    /// Mean depth of what a view sees, mm along the viewing direction; infinite where it sees nothing. Waits for the
-    /// device.
+    /// Returns the mean depth of what a view sees, mm along the viewing direction; infinite where it sees
+    /// nothing. Waits for the device.
     pub fn read_depth(&self, view: u32) -> Result<Vec<f32>> {
         let weighted = self.layer(self.depth.read::<f32>()?, view);
         let colour = self.read_colour(view)?;

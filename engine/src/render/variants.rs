@@ -13,7 +13,7 @@ impl<K: PartialEq> Variants<K> {
         Variants(Vec::new())
     }
 
-    /// Where the kernel for `wanted` is; `make` makes it if it is not there yet.
+    /// Returns where the kernel for `wanted` is; `make` makes it if it is not there yet.
     pub(super) fn find(&mut self, wanted: K, make: impl FnOnce(&K) -> Result<Kernel>) -> Result<usize> {
         if let Some(at) = self.0.iter().position(|(made_for, _)| *made_for == wanted) {
             return Ok(at);

@@ -34,7 +34,7 @@ pub struct OpacityPoint {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
-    /// Whether there is shading at all; without it colours appear as they are.
+    /// True if there is shading at all; without it colours appear as they are.
     pub shade: bool,
     /// Share of the colour that needs no light.
     pub ambient: f64,
@@ -53,8 +53,8 @@ impl Default for Material {
     }
 }
 
-/// Colour and opacity per millimetre over intensity: linear between control points, constant beyond them. Two points
-/// at one intensity are a step; the later one holds from there on.
+/// Colour and opacity per millimetre over intensity: linear between control points, constant beyond them. Two
+/// points at one intensity are a step; the later one holds from there on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
     /// Name for people; may be empty.
@@ -100,7 +100,7 @@ pub(super) enum From {
     Above,
 }
 
-/// The value of the lines through sorted `points` at `v`.
+/// Returns the value of the lines through sorted `points` at `v`.
 pub(super) fn interpolate<P: Point>(points: &[P], v: f64, from: From) -> P::Value {
     let next = points.partition_point(|p| match from {
         From::Above => p.intensity() <= v,
@@ -115,12 +115,13 @@ pub(super) fn interpolate<P: Point>(points: &[P], v: f64, from: From) -> P::Valu
     low.value() * (1.0 - share) + high.value() * share
 }
 
-/// Extinction in 1/mm of an opacity per millimetre.
+/// Returns the extinction in 1/mm of an opacity per millimetre.
 pub(super) fn extinction_of(opacity: f64) -> f64 {
     -(-opacity.min(MAX_OPACITY)).ln_1p()
 }
 
-/// Sorted by intensity, in the given order where intensities are equal, of which only the first and the last count.
+/// Sorted by intensity, in the given order where intensities are equal, of which only the first and the last
+/// count.
 fn sorted<P: Point>(mut points: Vec<P>) -> Vec<P> {
     points.sort_by(|a, b| a.intensity().total_cmp(&b.intensity()));
     let same = |i: usize, j: usize, all: &[P]| all[i].intensity() == all[j].intensity();
@@ -174,8 +175,8 @@ impl TransferFunction {
     /// From control points in any order; points at one intensity stay in the order in which they are given.
     ///
     /// # Errors
-    /// [`Kind::BadData`] if there is no colour or no opacity, if a number is not finite or too large, if a colour or
-    /// an opacity is not between 0 and 1, or if a coefficient of the material is negative.
+    /// [`Kind::BadData`] if there is no colour or no opacity, if a number is not finite or too large, if a
+    /// colour or an opacity is not between 0 and 1, or if a coefficient of the material is negative.
     pub fn new(
         name: impl Into<String>,
         colours: Vec<ColourPoint>,
@@ -208,8 +209,8 @@ impl TransferFunction {
         })
     }
 
-    /// With opacity factors over the magnitude of the gradient, as VTK has them. They are kept for saving; nothing
-    /// here draws them.
+    /// With opacity factors over the magnitude of the gradient, as VTK has them. They are kept for saving;
+    /// nothing here draws them.
     ///
     /// # Errors
     /// [`Kind::BadData`] as in [`TransferFunction::new`].
@@ -233,12 +234,13 @@ impl TransferFunction {
         &self.gradient_opacities
     }
 
-    /// Whether there is a gradient opacity other than 1, which would change the picture if it were drawn.
+    /// Returns true if there is a gradient opacity other than 1, which would change the picture if it were
+    /// drawn.
     pub fn depends_on_gradient(&self) -> bool {
         self.gradient_opacities.iter().any(|p| p.opacity != 1.0)
     }
 
-    /// Colour and opacity per millimetre at an intensity.
+    /// Returns the colour and opacity per millimetre at an intensity.
     pub fn at(&self, v: f64) -> (DVec3, f64) {
         self.side(v, From::Above)
     }
@@ -247,13 +249,13 @@ impl TransferFunction {
         (interpolate(&self.colours, v, from), interpolate(&self.opacities, v, from))
     }
 
-    /// Extinction at an intensity, 1/mm.
+    /// Returns the extinction at an intensity, 1/mm.
     pub fn extinction(&self, v: f64) -> f64 {
         extinction_of(interpolate(&self.opacities, v, From::Above))
     }
 
-    /// From the least to the greatest intensity with an opacity, ±∞ where there is one beyond the last control point;
-    /// nothing if all is transparent. Inside there may be transparent stretches.
+    /// From the least to the greatest intensity with an opacity, ±∞ where there is one beyond the last
+    /// control point; nothing if all is transparent. Inside there may be transparent stretches.
     pub fn visible(&self) -> Option<[f64; 2]> {
         let points = &self.opacities;
         let first = points.iter().position(|p| p.opacity > 0.0)?;
@@ -280,8 +282,8 @@ impl TransferFunction {
         self.moved(|v| v + by, 1.0)
     }
 
-    /// The same function of other intensities: those from `from[0]` to `from[1]` become `to[0]` to `to[1]`, and the
-    /// rest goes along.
+    /// The same function of other intensities: those from `from[0]` to `from[1]` become `to[0]` to `to[1]`,
+    /// and the rest goes along.
     ///
     /// # Errors
     /// [`Kind::Usage`] if a range is empty or not finite, [`Kind::BadData`] if control points would leave

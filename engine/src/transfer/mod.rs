@@ -1,9 +1,10 @@
 //! Transfer functions: from an intensity to colour and opacity per millimetre.
 //!
-//! A [`TransferFunction`] has control points over intensity (HU for CT) and is linear between them. Its opacity α per
-//! millimetre stands for the extinction τ = −ln(1 − α) in 1/mm. [`presets`] has those with a name, [`window_level`]
-//! makes a grey ramp, [`load`] finds either by what a user typed, or reads one of the [`FORMATS`] of other programs, and
-//! [`save`] writes one. A [`Table`] is what a renderer uploads and looks up.
+//! A [`TransferFunction`] has control points over intensity (HU for CT) and is linear between them. Its
+//! opacity α per millimetre stands for the extinction τ = −ln(1 − α) in 1/mm. [`presets`] has those with a
+//! name, [`window_level`] makes a grey ramp, [`load`] finds either by what a user typed, or reads one of the
+//! [`FORMATS`] of other programs, and [`save`] writes one. A [`Table`] is what a renderer uploads and looks
+//! up.
 //!
 //! | file | what is there |
 //! |---|---|

@@ -1,7 +1,7 @@
 //! Transfer functions with a name.
 //!
-//! Names are those that users know from other programs; control points are our own. CT has Hounsfield units, so its
-//! presets stand where they stand. MR has no unit: its presets are in shares of the range of the data.
+//! Names are those that users know from other programs; control points are our own. CT has Hounsfield units,
+//! so its presets stand where they stand. MR has no unit: its presets are in shares of the range of the data.
 
 use glam::DVec3;
 
@@ -229,8 +229,8 @@ pub const PRESETS: &[Preset] = &[
 ];
 
 impl Preset {
-    /// The transfer function; `data` is the least and the greatest intensity of what is shown, for presets in shares
-    /// of it.
+    /// Returns the transfer function; `data` is the least and the greatest intensity of what is shown, for
+    /// presets in shares of it.
     pub fn over(&self, data: [f64; 2]) -> TransferFunction {
         let (low, width) = match self.scale {
             Scale::Hu => (0.0, 1.0),
@@ -254,7 +254,7 @@ fn range_of(data: [f64; 2]) -> (f64, f64) {
     if low < high { (low, high - low) } else { (low, 1.0) }
 }
 
-/// The preset of that name, in any case.
+/// Returns the preset of that name, in any case.
 ///
 /// # Errors
 /// [`Kind::Usage`] for an unknown name; it tells the names that there are, and the nearest.
@@ -265,7 +265,7 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
     })
 }
 
-/// What to say to someone who asked for an unknown preset.
+/// Returns what to say to someone who asked for an unknown preset.
 pub(super) fn known_names(asked: &str) -> String {
     let names: Vec<_> = PRESETS.iter().map(|p| p.name).collect();
     let known = format!("presets are {}", names.join(", "));
@@ -275,7 +275,7 @@ pub(super) fn known_names(asked: &str) -> String {
     }
 }
 
-/// The name that is fewest typing errors away, if they are fewer than half of its letters.
+/// Returns the name that is fewest typing errors away, if they are fewer than half of its letters.
 pub(super) fn nearest<'a>(asked: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let asked = asked.to_lowercase();
     if asked.len() > 64 {

@@ -38,13 +38,13 @@ pub const WINDOWS: &[Window] = &[
 /// Opacity per millimetre of white where nothing else is said: a few centimetres can be looked through.
 pub const WINDOW_OPACITY: f64 = 0.1;
 
-/// The window of that name, in any case.
+/// Returns the window of that name, in any case.
 pub fn window(name: &str) -> Option<&'static Window> {
     WINDOWS.iter().find(|w| w.name.eq_ignore_ascii_case(name))
 }
 
-/// A grey ramp without shading: black and transparent up to `level - width / 2`, white and `max_opacity` per
-/// millimetre from `level + width / 2` on.
+/// Returns a grey ramp without shading: black and transparent up to `level - width / 2`, white and
+/// `max_opacity` per millimetre from `level + width / 2` on.
 ///
 /// # Errors
 /// [`Kind::Usage`] if `width` is not positive, or a number is out of range.

@@ -2,14 +2,14 @@
 
 use glam::{DAffine3, DVec3};
 
-/// Length of each column of an affine.
+/// Returns the length of each column of an affine.
 pub(crate) fn spacing_of(affine: &DAffine3) -> DVec3 {
     let m = affine.matrix3;
     DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
 }
 
-/// For each voxel axis the letter of the anatomical direction that it is closest to. Every direction is used once:
-/// the clearest axis chooses first.
+/// For each voxel axis the letter of the anatomical direction that it is closest to. Every direction is used
+/// once: the clearest axis chooses first.
 pub(super) fn axis_codes_of(affine: &DAffine3) -> String {
     let m = affine.matrix3;
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.normalize_or_zero().to_array());

@@ -1,9 +1,9 @@
-//! Bricks: the sparse sample grid of a fit. Only bricks of 8³ voxels that hold a voxel which takes part have a slot, so
-//! cost and memory follow the region of interest and not the volume.
+//! Bricks: the sparse sample grid of a fit. Only bricks of 8³ voxels that hold a voxel which takes part have
+//! a slot, so cost and memory follow the region of interest and not the volume.
 //!
-//! Coordinates: a *brick grid* starts at voxel `origin` of the volume; local coordinates count voxels from there.
-//! Inside a brick samples lie in Morton order (`shaders-glsl/include/brick.glsl`), so that 8 neighbours in memory are
-//! a cell of 2³ voxels.
+//! Coordinates: a *brick grid* starts at voxel `origin` of the volume; local coordinates count voxels from
+//! there. Inside a brick samples lie in Morton order (`shaders-glsl/include/brick.glsl`), so that 8
+//! neighbours in memory are a cell of 2³ voxels.
 
 use glam::{IVec3, UVec3};
 use rayon::prelude::*;
@@ -32,7 +32,7 @@ pub struct Bricks {
     pub active: Vec<[u64; SAMPLES / 64]>,
 }
 
-/// Place in a brick -> local voxel in 0..8.
+/// Returns the place in a brick -> local voxel in 0..8.
 pub fn brick_voxel(morton: usize) -> UVec3 {
     let gather = |v: usize| ((v & 1) | (v >> 2 & 2) | (v >> 4 & 4)) as u32;
     UVec3::new(gather(morton), gather(morton >> 1), gather(morton >> 2))
@@ -45,15 +45,15 @@ pub fn brick_morton(voxel: UVec3) -> usize {
 }
 
 impl Bricks {
-    /// Bricks over every voxel of the volume that lies within `shell` voxels of a voxel of the ROI along each axis (a
-    /// cube around each voxel, not a ball).
+    /// Bricks over every voxel of the volume that lies within `shell` voxels of a voxel of the ROI along each
+    /// axis (a cube around each voxel, not a ball).
     pub fn around(roi: &Roi, shell: u32) -> Self {
         let size = IVec3::from_array(roi.size.map(|n| n as i32));
         Self::near(roi, shell, IVec3::ZERO, size - 1)
     }
 
-    /// The same, also beyond the faces of the volume: there is nothing there, and a fit is to know it. Where the region
-    /// is cut off by the end of the scan, splats would else bulge out of it.
+    /// The same, also beyond the faces of the volume: there is nothing there, and a fit is to know it. Where
+    /// the region is cut off by the end of the scan, splats would else bulge out of it.
     pub fn around_and_beyond(roi: &Roi, shell: u32) -> Self {
         Self::near(roi, shell, IVec3::MIN, IVec3::MAX)
     }
@@ -69,7 +69,8 @@ impl Bricks {
         Self::of_box(low, extent, |v| near[((v.z * extent.y + v.y) * extent.x + v.x) as usize])
     }
 
-    /// Bricks over every voxel of the box `low .. low + extent` for which `wanted` (asked in coordinates from `low`).
+    /// Bricks over every voxel of the box `low .. low + extent` for which `wanted` (asked in coordinates from
+    /// `low`).
     pub fn of_box(low: IVec3, extent: UVec3, wanted: impl Fn(UVec3) -> bool + Sync) -> Self {
         let grid = (extent + 7) / 8;
         let count = (grid.x * grid.y * grid.z) as usize;
@@ -100,27 +101,28 @@ impl Bricks {
         }
     }
 
-    /// Number of bricks with a slot.
+    /// Returns the number of bricks with a slot.
     pub fn len(&self) -> usize {
         self.coordinates.len()
     }
 
-    /// Whether no brick has a slot.
+    /// Returns true if no brick has a slot.
     pub fn is_empty(&self) -> bool {
         self.coordinates.is_empty()
     }
 
-    /// Number of samples that take part.
+    /// Returns the number of samples that take part.
     pub fn active_count(&self) -> usize {
         self.active.iter().flatten().map(|w| w.count_ones() as usize).sum()
     }
 
-    /// Whether the sample at a Morton place of a slot takes part.
+    /// Returns true if the sample at a Morton place of a slot takes part.
     pub fn is_active(&self, slot: usize, morton: usize) -> bool {
         self.active[slot][morton / 64] >> (morton % 64) & 1 == 1
     }
 
-    /// The 64 cells of each slot that hold a sample which takes part, as two words (cells 0..32, 32..64).
+    /// Returns the 64 cells of each slot that hold a sample which takes part, as two words (cells 0..32,
+    /// 32..64).
     pub fn active_cells(&self) -> Vec<[u32; 2]> {
         self.active
             .iter()
@@ -136,13 +138,14 @@ impl Bricks {
             .collect()
     }
 
-    /// Returns the voxel at a Morton place of a slot, counted as the volume counts; it may lie beyond the faces of the
-    /// volume ([`Bricks::around_and_beyond`]).
+    /// Returns the voxel at a Morton place of a slot, counted as the volume counts; it may lie beyond the
+    /// faces of the volume ([`Bricks::around_and_beyond`]).
     pub fn voxel(&self, slot: usize, morton: usize) -> IVec3 {
         self.origin + (self.coordinates[slot] * 8 + brick_voxel(morton)).as_ivec3()
     }
 
-    /// `f(voxel)` for every sample of the slots `range`, in memory order; `idle` where a sample takes no part.
+    /// `f(voxel)` for every sample of the slots `range`, in memory order; `idle` where a sample takes no
+    /// part.
     pub fn map_samples<T: Copy + Send + Sync>(
         &self,
         range: std::ops::Range<usize>,
@@ -177,8 +180,8 @@ fn bounding_box(roi: &Roi) -> (IVec3, IVec3) {
     if low.cmple(high).all() { (low, high) } else { (IVec3::ZERO, IVec3::NEG_ONE) }
 }
 
-/// Which voxels of the box `low..=high` have a voxel of the ROI within `reach` along each axis: a dilation by a cube, one
-/// axis after the other, each with the distance to the last voxel that was set.
+/// Returns which voxels of the box `low..=high` have a voxel of the ROI within `reach` along each axis: a
+/// dilation by a cube, one axis after the other, each with the distance to the last voxel that was set.
 fn within(roi: &Roi, low: IVec3, high: IVec3, reach: usize) -> Vec<bool> {
     let extent = (high - low + 1).max(IVec3::ZERO).as_uvec3();
     let (ex, ey, ez) = (extent.x as usize, extent.y as usize, extent.z as usize);

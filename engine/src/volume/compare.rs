@@ -1,7 +1,8 @@
 //! How different two volumes are inside a region.
 //!
-//! A voxel belongs to the region or not ([`Roi::members`]) and counts once. The figures without a unit are over a stated
-//! normalisation, as intensities from 0 to 1; those with the unit of the volume are of its samples as they are.
+//! A voxel belongs to the region or not ([`Roi::members`]) and counts once. The figures without a unit are
+//! over a stated normalisation, as intensities from 0 to 1; those with the unit of the volume are of its
+//! samples as they are.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -14,8 +15,8 @@ use crate::{Error, Kind, Result};
 /// What intensities 0 and 1 are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Normalisation {
-    /// For each volume its own least and greatest sample: how the authors of the paper compare volumes (Table 3). A
-    /// volume that is another one stretched and shifted then does not differ from it.
+    /// For each volume its own least and greatest sample: how the authors of the paper compare volumes (Table
+    /// 3). A volume that is another one stretched and shifted then does not differ from it.
     Own,
     /// For both these two intensities; what lies beyond is clipped to them.
     Range([f32; 2]),
@@ -49,7 +50,8 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// -10 log10 of the mean squared difference, which is over a peak of 1; infinite where there is no difference.
+    /// -10 log10 of the mean squared difference, which is over a peak of 1; infinite where there is no
+    /// difference.
     pub fn psnr_db(&self) -> f64 {
         -10.0 * self.mse.log10()
     }
@@ -58,8 +60,8 @@ impl Comparison {
 /// Compares `b` with `a` inside `roi`, a region of `a`.
 ///
 /// # Errors
-/// [`Kind::BadData`] where the volumes lie on different grids, where they have no voxel in common that counts, or where
-/// a volume has no range to normalise by.
+/// [`Kind::BadData`] where the volumes lie on different grids, where they have no voxel in common that
+/// counts, or where a volume has no range to normalise by.
 pub fn compare(a: &Volume, b: &Volume, roi: &Roi, normalisation: Normalisation) -> Result<Comparison> {
     check_grids(a, b)?;
     let of = |volume: &Volume| volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
@@ -137,7 +139,7 @@ fn check_grids(a: &Volume, b: &Volume) -> Result<()> {
     }
 }
 
-/// The part of a range that an intensity is, clipped to it.
+/// Returns the part of a range that an intensity is, clipped to it.
 fn part_of(which: &str, [low, high]: [f32; 2]) -> Result<impl Fn(f64) -> f64 + use<>> {
     let [low, high] = [low, high].map(f64::from);
     if high > low {

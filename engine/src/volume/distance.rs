@@ -1,11 +1,11 @@
-//! Exact Euclidean distances on a grid: Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions" (2012),
-//! the lower envelope of parabolas along one axis after the other.
+//! Exact Euclidean distances on a grid: Felzenszwalb and Huttenlocher, "Distance transforms of sampled
+//! functions" (2012), the lower envelope of parabolas along one axis after the other.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// From each voxel of a grid of `size` to the nearest voxel that is a `site` (by index, x fastest), centre to centre, in mm
-/// for voxel edges of `spacing_mm` that are at right angles. Infinite where there is no site.
+/// From each voxel of a grid of `size` to the nearest voxel that is a `site` (by index, x fastest), centre to
+/// centre, in mm for voxel edges of `spacing_mm` that are at right angles. Infinite where there is no site.
 pub fn distances_mm(size: [usize; 3], spacing_mm: DVec3, site: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
     let count = size.iter().product();
     let mut squared: Vec<f32> =

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-/// Trilinear sample of a grid at `x` (voxel space), clamped to the edge: what every volume renderer shows. `at` gives
-/// the value of a voxel by its place in memory, x fastest.
+/// Trilinear sample of a grid at `x` (voxel space), clamped to the edge: what every volume renderer shows.
+/// `at` gives the value of a voxel by its place in memory, x fastest.
 pub fn trilinear(size: [usize; 3], x: DVec3, at: impl Fn(usize) -> f64) -> f64 {
     let last = DVec3::from_array(size.map(|n| n as f64 - 1.0));
     let p = x.clamp(DVec3::ZERO, last);

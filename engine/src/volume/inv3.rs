@@ -1,9 +1,9 @@
 //! InVesalius projects (`.inv3`): a tar archive, usually gzip, of property lists and raw arrays.
 //!
-//! The volume is `matrix.dat`: int16 HU, little-endian, [z, y, x] with x fastest; `main.plist` gives shape and
-//! spacing. The project stores no orientation. InVesalius shows x to the patient's left, y to the front and z to the
-//! head, which is what is assumed here, with the origin in the middle of the lowest slice. Masks and surfaces of the
-//! project are not read.
+//! The volume is `matrix.dat`: int16 HU, little-endian, [z, y, x] with x fastest; `main.plist` gives shape
+//! and spacing. The project stores no orientation. InVesalius shows x to the patient's left, y to the front
+//! and z to the head, which is what is assumed here, with the origin in the middle of the lowest slice. Masks
+//! and surfaces of the project are not read.
 
 use std::io::Read;
 use std::path::Path;
@@ -26,7 +26,7 @@ struct Project {
     spacing: DVec3,
 }
 
-/// Whether the decoded beginning of a file is a tar header.
+/// Returns true if the decoded beginning of a file is a tar header.
 pub(super) fn sniff(head: &[u8]) -> bool {
     head.get(257..262) == Some(b"ustar")
 }
@@ -94,7 +94,7 @@ fn bad(code: &'static str, message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, code, message)
 }
 
-/// The archive's fault, unless reading itself failed.
+/// Returns the archive's fault, unless reading itself failed.
 fn damaged(e: std::io::Error) -> Error {
     use std::io::ErrorKind as E;
     match e.kind() {

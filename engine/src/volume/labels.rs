@@ -24,12 +24,12 @@ pub struct Labels {
 }
 
 impl Labels {
-    /// The labels of `mask` that `choice` names, in the world of `volume`; nothing for a mask as a whole, which has no
-    /// labels.
+    /// Returns the labels of `mask` that `choice` names, in the world of `volume`; nothing for a mask as a
+    /// whole, which has no labels.
     ///
     /// # Errors
-    /// [`Kind::Usage`] if the choice does not fit the mask; [`Kind::BadData`] if a chosen label is not one of 1 to 255,
-    /// or the grids cannot be related.
+    /// [`Kind::Usage`] if the choice does not fit the mask; [`Kind::BadData`] if a chosen label is not one of
+    /// 1 to 255, or the grids cannot be related.
     pub fn chosen(mask: &Volume, choice: &LabelChoice, volume: &Volume) -> Result<Option<Labels>> {
         let LabelChoice::Labels(names) = choice else { return Ok(None) };
         let mut byte_of = BTreeMap::new();
@@ -66,8 +66,8 @@ impl Labels {
         }))
     }
 
-    /// The label of the voxel that `world`, mm RAS, lies in; where that has none, of the voxel with one whose centre is
-    /// nearest (of several always the same one). 0 only where no voxel has a label.
+    /// Returns the label of the voxel that `world`, mm RAS, lies in; where that has none, of the voxel with
+    /// one whose centre is nearest (of several always the same one). 0 only where no voxel has a label.
     pub fn nearest(&self, world: DVec3) -> u8 {
         let voxel = self.voxel_from_world.transform_point3(world);
         // The voxel that holds the point, or the outermost one before it; a NaN is at 0.
@@ -82,7 +82,8 @@ impl Labels {
         let reach = (0..3).map(|axis| home[axis].max(last[axis] - home[axis])).max().unwrap_or(0);
         let mut best = (f64::INFINITY, 0);
         for radius in 0..=reach {
-            // The shell of voxels at this distance along the farthest axis; all farther ones are at least this far.
+            // The shell of voxels at this distance along the farthest axis; all farther ones are at least
+            // this far.
             if best.0.sqrt() <= (radius as f64 - 0.5) * self.least_spacing_mm {
                 break;
             }

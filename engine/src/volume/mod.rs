@@ -1,7 +1,7 @@
 //! Voxel volumes and regions of interest.
 //!
-//! Spaces: *voxel* space has voxel centres at integer coordinates, x fastest in memory; *world* space is patient
-//! millimetres, RAS: x grows to the patient's right, y to the front, z to the head.
+//! Spaces: *voxel* space has voxel centres at integer coordinates, x fastest in memory; *world* space is
+//! patient millimetres, RAS: x grows to the patient's right, y to the front, z to the head.
 //!
 //! | file | what is there |
 //! |---|---|

@@ -1,9 +1,9 @@
 //! A synthetic CT whose true value is known everywhere, not only at voxels.
 //!
-//! Air, an ellipsoid body of soft tissue with a brighter rim and a slow gradient, a long bone (a dense shell around
-//! marrow), and curved, tapering, contrast-filled vessels. Every edge is a smooth step about one voxel wide, so the
-//! scene is band-limited as a scan is. Only additions, products, quotients and square roots are used, all of which
-//! IEEE 754 rounds alike on every machine: one seed gives the same bits everywhere.
+//! Air, an ellipsoid body of soft tissue with a brighter rim and a slow gradient, a long bone (a dense shell
+//! around marrow), and curved, tapering, contrast-filled vessels. Every edge is a smooth step about one voxel
+//! wide, so the scene is band-limited as a scan is. Only additions, products, quotients and square roots are
+//! used, all of which IEEE 754 rounds alike on every machine: one seed gives the same bits everywhere.
 
 use glam::{DAffine3, DVec3};
 use rand_pcg::Pcg32;
@@ -88,8 +88,8 @@ impl Uniform {
 }
 
 impl Phantom {
-    /// A scene that fills a grid of `size` voxels of `spacing_mm`, centred on the world's origin, axes RAS. The seed
-    /// places and shapes bone and vessels.
+    /// A scene that fills a grid of `size` voxels of `spacing_mm`, centred on the world's origin, axes RAS.
+    /// The seed places and shapes bone and vessels.
     ///
     /// # Panics
     /// If a size is zero or a spacing not positive.
@@ -114,7 +114,7 @@ impl Phantom {
         Phantom { size, world_from_voxel, half, edge, body, bone, marrow, bone_hu, vessels }
     }
 
-    /// The true value at a world point (mm), HU.
+    /// Returns the true value at a world point (mm), HU.
     pub fn hu(&self, world: DVec3) -> f64 {
         let cover = |distance: f64| smooth_step(0.5 - 0.5 * distance / self.edge);
         let mix = |below: f64, above: f64, share: f64| below + (above - below) * share;
@@ -136,12 +136,12 @@ impl Phantom {
         hu
     }
 
-    /// Whether a world point (mm) lies in the bone, marrow included, or in a vessel.
+    /// Returns true if a world point (mm) lies in the bone, marrow included, or in a vessel.
     pub fn inside(&self, world: DVec3) -> bool {
         self.bone.distance(world) <= 0.0 || self.vessels.iter().any(|v| v.distance(world).0 <= 0.0)
     }
 
-    /// The scene sampled at the voxel centres.
+    /// Returns the scene sampled at the voxel centres.
     pub fn volume(&self) -> Volume {
         Volume::new(self.size, self.world_from_voxel, self.sample(|p| self.hu(p) as f32))
     }
@@ -166,7 +166,8 @@ impl Phantom {
     }
 }
 
-/// A vessel that climbs from the feet end to the head end through a random bend, in front of the bone.
+/// Returns a vessel that climbs from the feet end to the head end through a random bend, in front of the
+/// bone.
 fn vessel(uniform: &mut Uniform, half: DVec3, edge: f64, index: usize) -> Vessel {
     let lane = -0.3 + 0.6 * (index as f64 + 0.5) / VESSELS as f64;
     let ends = [-0.55, 0.0, 0.55].map(|z| {
@@ -186,7 +187,7 @@ fn vessel(uniform: &mut Uniform, half: DVec3, edge: f64, index: usize) -> Vessel
     }
 }
 
-/// The cubic from 0 at t ≤ 0 to 1 at t ≥ 1 with flat ends.
+/// Returns the cubic from 0 at t ≤ 0 to 1 at t ≥ 1 with flat ends.
 fn smooth_step(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

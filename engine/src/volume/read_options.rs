@@ -3,13 +3,13 @@
 /// How a volume is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// The largest decoded file, and the largest volume in memory (4 bytes a voxel), in bytes. The default of 2³¹
-    /// is a CT of 512 × 512 × 2047 voxels; a larger claim is more often a damaged header than a scan.
+    /// The largest decoded file, and the largest volume in memory (4 bytes a voxel), in bytes. The default of
+    /// 2³¹ is a CT of 512 × 512 × 2047 voxels; a larger claim is more often a damaged header than a scan.
     pub max_bytes: u64,
     /// Which volume of a series (4-D file) to read, counted from 0. Needed if there are several.
     pub volume_index: Option<usize>,
-    /// Accept damage that leaves every voxel readable: bytes after the compressed data, a wrong checksum (then a
-    /// voxel may be wrong), a broken header extension.
+    /// Accept damage that leaves every voxel readable: bytes after the compressed data, a wrong checksum
+    /// (then a voxel may be wrong), a broken header extension.
     pub lenient: bool,
 }
 

@@ -1,8 +1,9 @@
-//! Coarser grids: the working grid of a fit, and the downsampled volumes that reconstructions are compared with.
+//! Coarser grids: the working grid of a fit, and the downsampled volumes that reconstructions are compared
+//! with.
 //!
-//! Every factor f works on all three axes in voxel space, whatever the spacing. Where f does not divide the size, the
-//! outermost voxels go on beyond the upper end of an axis. Coarse voxel i covers the voxels f i .. f i + f - 1 and lies at
-//! their centre, f i + (f - 1) / 2; the affine follows.
+//! Every factor f works on all three axes in voxel space, whatever the spacing. Where f does not divide the
+//! size, the outermost voxels go on beyond the upper end of an axis. Coarse voxel i covers the voxels f i ..
+//! f i + f - 1 and lies at their centre, f i + (f - 1) / 2; the affine follows.
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
@@ -24,7 +25,8 @@ pub const AREA: Downsampling = Downsampling {
     taps: |i, factor| (0..factor).map(|k| (i * factor + k, 1.0 / factor as f64)).collect(),
 };
 
-/// Linear interpolation at the centres of the blocks, without a filter before it. For f = 2 the same as [`AREA`].
+/// Linear interpolation at the centres of the blocks, without a filter before it. For f = 2 the same as
+/// [`AREA`].
 pub const LINEAR: Downsampling = Downsampling {
     name: "linear",
     taps: |i, factor| {
@@ -37,8 +39,8 @@ pub const LINEAR: Downsampling = Downsampling {
 pub const DOWNSAMPLINGS: &[Downsampling] = &[AREA, LINEAR];
 
 impl Volume {
-    /// The volume with voxels of `factor` voxels along each axis. Voxels that are not finite do not count; where there is
-    /// no other the coarse voxel is NaN.
+    /// Returns the volume with voxels of `factor` voxels along each axis. Voxels that are not finite do not
+    /// count; where there is no other the coarse voxel is NaN.
     ///
     /// # Panics
     /// If `factor` is 0.
@@ -58,7 +60,7 @@ impl Volume {
         }
     }
 
-    /// The means of blocks of `factor` voxels along each axis: the working grid of a fit.
+    /// Returns the means of blocks of `factor` voxels along each axis: the working grid of a fit.
     ///
     /// # Panics
     /// If `factor` is 0.
@@ -68,8 +70,8 @@ impl Volume {
 }
 
 impl Roi {
-    /// The share of each block of `factor` voxels along each axis that the region covers, on the grid of
-    /// [`Volume::coarsened`]: a binary mask becomes a soft one where its outline crosses a block.
+    /// Returns the share of each block of `factor` voxels along each axis that the region covers, on the grid
+    /// of [`Volume::coarsened`]: a binary mask becomes a soft one where its outline crosses a block.
     ///
     /// # Panics
     /// If `factor` is 0.
@@ -125,9 +127,10 @@ pub struct Loss {
     pub psnr_db: f64,
 }
 
-/// What is lost in `roi` by making `volume`, clipped to `range` (HU), coarser by `factor` and bringing it back linearly:
-/// the paper's downsampled baseline (its Table 3). Along each axis voxel j is sampled at (j + ½) / f - ½ of
-/// the coarse grid, clamped to its ends; soft masks weight, and voxels that are not finite do not count.
+/// What is lost in `roi` by making `volume`, clipped to `range` (HU), coarser by `factor` and bringing it
+/// back linearly: the paper's downsampled baseline (its Table 3). Along each axis voxel j is sampled at (j +
+/// ½) / f - ½ of the coarse grid, clamped to its ends; soft masks weight, and voxels that are not finite do
+/// not count.
 ///
 /// # Panics
 /// If `factor` is 0 or the region is not on the grid of the volume.

@@ -1,8 +1,8 @@
 //! The region of interest: where the fit looks.
 //!
-//! A mask file may be binary, soft, or a map of labels, and may lie on another grid of the same space. All of these
-//! become one weight for every voxel of the volume, zero where the volume itself has no finite value. Errors here name
-//! no file, since volumes do not know theirs; a program adds the mask's.
+//! A mask file may be binary, soft, or a map of labels, and may lie on another grid of the same space. All of
+//! these become one weight for every voxel of the volume, zero where the volume itself has no finite value.
+//! Errors here name no file, since volumes do not know theirs; a program adds the mask's.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -29,7 +29,7 @@ pub struct Roi {
     pub size: [usize; 3],
     /// Membership in [0, 1] of every voxel, x fastest.
     pub weight: Vec<f32>,
-    /// Whether the mask was soft (any weight strictly between 0 and 1).
+    /// True if the mask was soft (any weight strictly between 0 and 1).
     pub soft: bool,
 }
 
@@ -60,12 +60,12 @@ impl FromStr for LabelChoice {
 }
 
 impl Roi {
-    /// A region with these weights on the grid of `volume`. Voxels whose sample is NaN or infinite are excluded,
-    /// and counted in a warning.
+    /// Returns a region with these weights on the grid of `volume`. Voxels whose sample is NaN or infinite
+    /// are excluded, and counted in a warning.
     ///
     /// # Errors
-    /// [`Kind::NothingToDo`] if no weight is positive; [`Kind::BadData`] if a weight is not in [0, 1] or more than
-    /// half of the region has no finite sample.
+    /// [`Kind::NothingToDo`] if no weight is positive; [`Kind::BadData`] if a weight is not in [0, 1] or more
+    /// than half of the region has no finite sample.
     ///
     /// # Panics
     /// If there is not one weight for every voxel.
@@ -101,12 +101,12 @@ impl Roi {
         Ok(Roi { size: volume.size, weight, soft })
     }
 
-    /// The region that `mask` marks in `volume`: binary, soft in [0, 1], or chosen labels. A mask on another grid is
-    /// resampled, nearest for binary masks and labels, linear for soft ones, with a warning.
+    /// Returns the region that `mask` marks in `volume`: binary, soft in [0, 1], or chosen labels. A mask on
+    /// another grid is resampled, nearest for binary masks and labels, linear for soft ones, with a warning.
     ///
     /// # Errors
-    /// [`Kind::Usage`] if labels must be chosen or the choice does not fit the mask; [`Kind::BadData`] if the values
-    /// are no mask or the boxes are disjoint; and those of [`Roi::new`].
+    /// [`Kind::Usage`] if labels must be chosen or the choice does not fit the mask; [`Kind::BadData`] if the
+    /// values are no mask or the boxes are disjoint; and those of [`Roi::new`].
     pub fn from_mask(mask: &Volume, labels: &LabelChoice, volume: &Volume) -> Result<Roi> {
         let (weight, soft) = mask_weights(mask, labels)?;
         if let Some(2) = distinct_up_to(&volume.samples, 2) {
@@ -130,7 +130,7 @@ impl Roi {
         Roi::new(weight, volume)
     }
 
-    /// The voxels of `volume` with `low` ≤ sample ≤ `high` (HU for CT).
+    /// Returns the voxels of `volume` with `low` ≤ sample ≤ `high` (HU for CT).
     ///
     /// # Errors
     /// [`Kind::Usage`] if the bounds are NaN or in the wrong order, and those of [`Roi::new`].
@@ -143,8 +143,9 @@ impl Roi {
         Roi::new(volume.samples.iter().map(inside).collect(), volume)
     }
 
-    /// Returns the weight of a voxel; 0 where the volume has none. The samples of a fit go on beyond the faces of the
-    /// volume ([`super::Bricks::around_and_beyond`]), so a sample's voxel may be negative or too large.
+    /// Returns the weight of a voxel; 0 where the volume has none. The samples of a fit go on beyond the
+    /// faces of the volume ([`super::Bricks::around_and_beyond`]), so a sample's voxel may be negative or too
+    /// large.
     pub fn at(&self, voxel: IVec3) -> f32 {
         let size = IVec3::from_array(self.size.map(|n| n as i32));
         if voxel.cmplt(IVec3::ZERO).any() || voxel.cmpge(size).any() {
@@ -164,22 +165,22 @@ impl Roi {
         self.weight.iter().map(|&w| f64::from(w)).sum()
     }
 
-    /// The voxels that belong to the region: those whose weight is above a hundredth of the greatest, which a binary mask
-    /// and its region have in common, and which the faint margin of a soft one is not.
+    /// Returns the voxels that belong to the region: those whose weight is above a hundredth of the greatest,
+    /// which a binary mask and its region have in common, and which the faint margin of a soft one is not.
     pub fn members(&self) -> impl Iterator<Item = usize> + '_ {
         let least = MEMBER * self.weight.iter().copied().fold(0.0, f32::max);
         self.weight.iter().enumerate().filter(move |&(_, &w)| w > least).map(|(i, _)| i)
     }
 
-    /// Least and greatest finite sample of `volume`, which has the region's grid, among its [members](Roi::members);
-    /// `None` where none is finite.
+    /// Returns the least and greatest finite sample of `volume`, which has the region's grid, among its
+    /// [members](Roi::members); `None` where none is finite.
     pub fn range(&self, volume: &Volume) -> Option<[f32; 2]> {
         let finite = || self.members().map(|i| volume.samples[i]).filter(|v| v.is_finite());
         Some([finite().reduce(f32::min)?, finite().reduce(f32::max)?])
     }
 
-    /// Trilinear weight at a point in voxel space. Voxels outside the grid count as zero, so the weight fades over
-    /// one voxel beyond the outermost centres and is zero from there on.
+    /// Trilinear weight at a point in voxel space. Voxels outside the grid count as zero, so the weight fades
+    /// over one voxel beyond the outermost centres and is zero from there on.
     pub fn trilinear(&self, voxel: DVec3) -> f64 {
         let low = voxel.floor();
         let f = voxel - low;
@@ -215,7 +216,7 @@ impl Roi {
     }
 }
 
-/// Whether a point in voxel space lies in the box of all voxels.
+/// Returns true if a point in voxel space lies in the box of all voxels.
 fn in_box(voxel: DVec3, size: [usize; 3]) -> bool {
     (0..3).all(|a| voxel[a] >= -0.5 && voxel[a] <= size[a] as f64 - 0.5)
 }
@@ -269,7 +270,8 @@ fn no_mask(min: f32, max: f32) -> Error {
     Error::new(Kind::BadData, "VGS-ROI-009", message).help("were volume and mask swapped?")
 }
 
-/// Voxel counts of the labels in a mask of whole numbers, zero left out; `None` if they are too many to be labels.
+/// Voxel counts of the labels in a mask of whole numbers, zero left out; `None` if they are too many to be
+/// labels.
 fn present_labels(mask: &Volume) -> Option<BTreeMap<i32, usize>> {
     let mut counts = BTreeMap::new();
     for &v in mask.samples.iter().filter(|&&v| v != 0.0) {
@@ -281,7 +283,7 @@ fn present_labels(mask: &Volume) -> Option<BTreeMap<i32, usize>> {
     Some(counts)
 }
 
-/// The labels in the mask, with names and voxel counts.
+/// Returns the labels in the mask, with names and voxel counts.
 fn list(mask: &Volume) -> String {
     let Some(present) = present_labels(mask) else { return "too many to list".into() };
     let entry = |(label, count): (&i32, &usize)| match mask.labels.get(label) {
@@ -311,7 +313,7 @@ pub(super) fn resolve(names: &[String], mask: &Volume) -> Result<Vec<i32>> {
         .collect()
 }
 
-/// Number of distinct finite values, or `None` if there are more than `most`.
+/// Returns the number of distinct finite values, or `None` if there are more than `most`.
 fn distinct_up_to(samples: &[f32], most: usize) -> Option<usize> {
     let mut seen: Vec<f32> = Vec::with_capacity(most);
     for &v in samples.iter().filter(|v| v.is_finite()) {
@@ -382,7 +384,7 @@ fn resample(roi: &Roi, mask: &Volume, volume: &Volume) -> Result<Vec<f32>> {
     Ok((0..volume.len()).into_par_iter().map(|i| weight(i).clamp(0.0, 1.0)).collect())
 }
 
-/// The world box of a volume, as text.
+/// Returns the world box of a volume, as text.
 fn world_box(volume: &Volume) -> String {
     let corners = volume.world_corners();
     let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
@@ -412,7 +414,8 @@ mod tests {
     #[test]
     fn masks_of_every_kind() {
         let label = choice("2,liver");
-        // (mask values, cyclic), choice, expected: weights of the first four voxels and softness, or kind and code.
+        // (mask values, cyclic), choice, expected: weights of the first four voxels and softness, or kind and
+        // code.
         type Expected = std::result::Result<([f32; 4], bool), (Kind, &'static str)>;
         let cases: [(&[f32], &LabelChoice, Expected); 14] = [
             (&[0.0, 1.0], &LabelChoice::Whole, Ok(([0.0, 1.0, 0.0, 1.0], false))),

@@ -1,7 +1,8 @@
 //! Bytes of an input file, decompressed on the way: gzip is recognised by its magic, whatever the name says.
 //!
-//! Members that follow each other are one stream (as `bgzip` and `pigz` write them), every checksum is checked by
-//! reading to the end, and what follows the last member is judged: zeros are padding, anything else is damage.
+//! Members that follow each other are one stream (as `bgzip` and `pigz` write them), every checksum is
+//! checked by reading to the end, and what follows the last member is judged: zeros are padding, anything
+//! else is damage.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read};
@@ -20,7 +21,7 @@ const MAX_RATIO: u64 = 1032;
 pub(super) struct Source {
     path: PathBuf,
     reader: Box<dyn Read>,
-    /// Whether the file is gzip.
+    /// True if the file is gzip.
     pub gzip: bool,
     /// Bytes on disk.
     stored: u64,
@@ -74,7 +75,7 @@ impl Source {
         Ok(source)
     }
 
-    /// Whether the name promises gzip.
+    /// Returns true if the name promises gzip.
     pub fn named_gzip(path: &Path) -> bool {
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"))
     }
@@ -94,8 +95,8 @@ impl Source {
         Ok(n)
     }
 
-    /// Refuses, before anything is allocated, `bytes` of decoded content that this file cannot hold or that are
-    /// more than `max_bytes`.
+    /// Refuses, before anything is allocated, `bytes` of decoded content that this file cannot hold or that
+    /// are more than `max_bytes`.
     pub fn expect(&self, bytes: u64, max_bytes: u64) -> Result<()> {
         if bytes > max_bytes {
             let message = format!("declares {bytes} bytes, more than the limit of {max_bytes}");
@@ -117,15 +118,15 @@ impl Source {
         Ok(())
     }
 
-    /// The error of a file that ends after `found` of `expected` bytes.
+    /// Returns the error of a file that ends after `found` of `expected` bytes.
     pub fn truncated(&self, expected: u64, found: u64) -> Error {
         Error::new(Kind::BadData, "VGS-VOL-006", format!("expected {expected} bytes, got {found}"))
             .file(&self.path)
             .help("the file was cut short; copy it again")
     }
 
-    /// Reads to the end, which checks the checksums, and returns how many bytes were left. More than `max_bytes` of
-    /// them are refused.
+    /// Reads to the end, which checks the checksums, and returns how many bytes were left. More than
+    /// `max_bytes` of them are refused.
     pub fn finish(mut self, max_bytes: u64) -> Result<u64> {
         let rest = self.skip(max_bytes.saturating_add(1))?;
         if rest > max_bytes {
@@ -160,7 +161,7 @@ impl Read for Source {
     }
 }
 
-/// Whether the compressed data are at fault, and not the machine.
+/// Returns true if the compressed data are at fault, and not the machine.
 fn is_damage(e: &io::Error) -> bool {
     use io::ErrorKind as E;
     matches!(e.kind(), E::InvalidInput | E::InvalidData | E::UnexpectedEof)
@@ -180,8 +181,8 @@ fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     Ok(n)
 }
 
-/// One gzip member after another. flate2's own multi-member decoder takes whatever follows for a member and cannot
-/// tell padding from damage.
+/// One gzip member after another. flate2's own multi-member decoder takes whatever follows for a member and
+/// cannot tell padding from damage.
 struct Members {
     decoder: Option<GzDecoder<BufReader<File>>>,
     path: PathBuf,

@@ -98,7 +98,7 @@ fn files_in_no_known_format_are_refused() {
     assert_eq!(Volume::read(dir.path(), &ReadOptions::default()).unwrap_err().code, "VGS-VOL-002");
 }
 
-/// The folder of real cases, or `None` with a note where it is absent.
+/// Returns the folder of real cases, or `None` with a note where it is absent.
 pub(super) fn real_data() -> Option<PathBuf> {
     let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data"));
     if folder.is_dir() {

@@ -14,11 +14,11 @@ pub struct Volume {
     pub size: [usize; 3],
     /// Voxel index (centres at integers) to world, mm RAS. May be oblique, sheared or left-handed.
     pub world_from_voxel: DAffine3,
-    /// Samples, x fastest: HU for CT, the stored unit otherwise. Length is the product of `size`. May hold NaN and
-    /// infinities where the file does.
+    /// Samples, x fastest: HU for CT, the stored unit otherwise. Length is the product of `size`. May hold
+    /// NaN and infinities where the file does.
     pub samples: Vec<f32>,
-    /// Whether the file says how the patient lies. If not, the axes are those of the grid and left and right are
-    /// unknown.
+    /// True if the file says how the patient lies. If not, the axes are those of the grid and left and right
+    /// are unknown.
     pub oriented: bool,
     /// Names of label values, where the file carries them.
     pub labels: BTreeMap<i32, String>,
@@ -51,44 +51,46 @@ impl Volume {
         Volume { size, world_from_voxel, samples, oriented: true, labels: BTreeMap::new() }
     }
 
-    /// Number of voxels.
+    /// Returns the number of voxels.
     pub fn len(&self) -> usize {
         self.samples.len()
     }
 
-    /// Whether there is no voxel.
+    /// Returns true if there is no voxel.
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
     }
 
-    /// Place of voxel (x, y, z) in `samples`.
+    /// Returns the place of voxel (x, y, z) in `samples`.
     pub fn index(&self, x: usize, y: usize, z: usize) -> usize {
         debug_assert!(x < self.size[0] && y < self.size[1] && z < self.size[2]);
         x + self.size[0] * (y + self.size[1] * z)
     }
 
-    /// World (mm RAS) to voxel space.
+    /// Returns the world (mm RAS) to voxel space.
     pub fn voxel_from_world(&self) -> DAffine3 {
         self.world_from_voxel.inverse()
     }
 
-    /// Distance between neighbouring voxel centres along each voxel axis, mm.
+    /// Returns the distance between neighbouring voxel centres along each voxel axis, mm.
     pub fn spacing_mm(&self) -> DVec3 {
         spacing_of(&self.world_from_voxel)
     }
 
-    /// The direction in which each voxel index grows, as "RAS" or "LPS"; "???" if the orientation is unknown.
+    /// Returns the direction in which each voxel index grows, as "RAS" or "LPS"; "???" if the orientation is
+    /// unknown.
     pub fn axis_codes(&self) -> String {
         if self.oriented { axis_codes_of(&self.world_from_voxel) } else { "???".into() }
     }
 
-    /// Trilinear interpolation at a point in voxel space, clamped to the grid: beyond the edge the edge value.
+    /// Trilinear interpolation at a point in voxel space, clamped to the grid: beyond the edge the edge
+    /// value.
     pub fn trilinear(&self, voxel: DVec3) -> f64 {
         trilinear(self.size, voxel, |i| f64::from(self.samples[i]))
     }
 
-    /// Trilinear sample at `x` (voxel space), clamped to the edge, each voxel first clipped to `clip`; a voxel that is
-    /// not finite counts as `idle`.
+    /// Trilinear sample at `x` (voxel space), clamped to the edge, each voxel first clipped to `clip`; a
+    /// voxel that is not finite counts as `idle`.
     pub fn sample_clipped(&self, x: DVec3, clip: (f32, f32), idle: f32) -> f64 {
         trilinear(self.size, x, |i| {
             let v = self.samples[i];
@@ -96,23 +98,25 @@ impl Volume {
         })
     }
 
-    /// Smallest and largest finite sample; `None` if there is none.
+    /// Returns the smallest and largest finite sample; `None` if there is none.
     pub fn min_max(&self) -> Option<(f32, f32)> {
         let finite = || self.samples.iter().copied().filter(|v| v.is_finite());
         Some((finite().reduce(f32::min)?, finite().reduce(f32::max)?))
     }
 
-    /// Whether intensities look like Hounsfield units: air at about -1000 tells a CT from everything else.
+    /// Returns true if intensities look like Hounsfield units: air at about -1000 tells a CT from everything
+    /// else.
     pub fn is_ct(&self) -> bool {
         self.min_max().is_some_and(|(low, _)| low < -200.0)
     }
 
-    /// What follows an intensity in texts: " HU" for a CT, nothing for a volume without a scale of its own.
+    /// Returns what follows an intensity in texts: " HU" for a CT, nothing for a volume without a scale of
+    /// its own.
     pub fn unit(&self) -> &'static str {
         if self.is_ct() { " HU" } else { "" }
     }
 
-    /// Counts, range, mean and spread of the samples, in two passes of f64.
+    /// Returns the counts, range, mean and spread of the samples, in two passes of f64.
     pub fn gather_stats(&self) -> Stats {
         let finite = || self.samples.iter().copied().filter(|v| v.is_finite()).map(f64::from);
         let n = finite().count();
@@ -123,8 +127,8 @@ impl Volume {
         Stats { finite: n, non_finite: self.len() - n, min, max, mean, std_dev: variance.sqrt() }
     }
 
-    /// The eight corners of the box of all voxels, in world mm: half a voxel beyond the outermost centres. Corner
-    /// `i` is at the far end of axis `a` if bit `a` of `i` is set.
+    /// Returns the eight corners of the box of all voxels, in world mm: half a voxel beyond the outermost
+    /// centres. Corner `i` is at the far end of axis `a` if bit `a` of `i` is set.
     pub fn world_corners(&self) -> [DVec3; 8] {
         self.voxel_corners().map(|c| self.world_from_voxel.transform_point3(c))
     }

@@ -1,8 +1,8 @@
 //! Which file of a crate uses which, and where files use each other in a circle.
 //!
-//! A name that a file re-exports stands for the file that defines it: `use super::Scene` is an arrow to `scene.rs` where
-//! the `mod.rs` above only says `pub use scene::Scene`. So a front file that is a pure map is in nobody's way. Tests are
-//! left out: they may use anything.
+//! A name that a file re-exports stands for the file that defines it: `use super::Scene` is an arrow to
+//! `scene.rs` where the `mod.rs` above only says `pub use scene::Scene`. So a front file that is a pure map
+//! is in nobody's way. Tests are left out: they may use anything.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -103,7 +103,8 @@ impl Crate {
         }
     }
 
-    /// Returns the file that defines what `path` means, whose first part is a child of `module` or a name that it imports.
+    /// Returns the file that defines what `path` means, whose first part is a child of `module` or a name
+    /// that it imports.
     fn named(&self, module: &[String], path: &[String], depth: usize) -> Option<&str> {
         let (head, rest) = path.split_first()?;
         let mut child = module.to_vec();

@@ -1,8 +1,8 @@
-//! The source tree is as it claims to be: who may use whom, no files that use each other in a circle, where unsafe code
-//! is, how long files are, and that every kernel says what it does.
+//! The source tree is as it claims to be: who may use whom, no files that use each other in a circle, where
+//! unsafe code is, how long files are, and that every kernel says what it does.
 //!
-//! The maps are the tables: that of the crates in `docs/design/architecture.md`, those of the modules at the top of
-//! `engine/src/lib.rs`, `tools/view/src/lib.rs` and `xr-app/src/lib.rs`.
+//! The maps are the tables: that of the crates in `docs/design/architecture.md`, those of the modules at the
+//! top of `engine/src/lib.rs`, `tools/view/src/lib.rs` and `xr-app/src/lib.rs`.
 #![forbid(unsafe_code)]
 
 mod imports;
@@ -14,7 +14,8 @@ use std::path::{Path, PathBuf};
 const LONG: usize = 700;
 /// Modules of the engine that all others may use.
 const COMMON: [&str; 2] = ["error", "output"];
-/// Where unsafe code and ash may be: the Vulkan layer, the OpenXR half of the headset app, and its entry on Android.
+/// Where unsafe code and ash may be: the Vulkan layer, the OpenXR half of the headset app, and its entry on
+/// Android.
 const UNSAFE: [&str; 3] = ["engine/src/gpu/", "xr-app/src/headset/openxr.rs", "xr-app/src/android.rs"];
 /// The members of the workspace: the folder of each, and what others call it in their dependencies.
 const MEMBERS: [(&str, &str); 7] = [
@@ -30,7 +31,8 @@ const MEMBERS: [(&str, &str); 7] = [
 const MAPS: [&str; 3] = ["engine/src", "tools/view/src", "xr-app/src"];
 /// The crates whose files must not use each other in a circle.
 const UNTIED: [&str; 5] = ["engine/src", "tools/view/src", "xr-app/src", "tools/bench/src", "tools/cli/src"];
-/// Folders in which circles, and files `foo.rs` beside a folder `foo`, are left: they are being untied. To be emptied.
+/// Folders in which circles, and files `foo.rs` beside a folder `foo`, are left: they are being untied. To be
+/// emptied.
 const NOT_YET: [&str; 4] = ["engine/src/fit/", "engine/src/gpu/", "engine/src/splat/", "tools/cli/src/"];
 
 /// Which module may use which.
@@ -40,7 +42,8 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("tests/ lies in the repository").to_owned()
 }
 
-/// All files below a folder with that ending, as (path from the root, content). Build folders are left out.
+/// Returns all files below a folder with that ending, as (path from the root, content). Build folders are
+/// left out.
 fn sources(folder: &str, ending: &str) -> Vec<(String, String)> {
     let mut found = Vec::new();
     let mut open = vec![root().join(folder)];
@@ -62,7 +65,7 @@ fn sources(folder: &str, ending: &str) -> Vec<(String, String)> {
     found
 }
 
-/// The code of a file: comments are gone, lines stay.
+/// Returns the code of a file: comments are gone, lines stay.
 fn code(text: &str) -> String {
     text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
 }
@@ -72,8 +75,8 @@ fn allowed(map: &str) -> Table {
     table(map.lines().filter_map(|line| line.strip_prefix("//! ")))
 }
 
-/// Returns who may use whom, from lines with arrows: "a, b -> c -> d" lets a and b use c and d, and c use d. Three spaces
-/// stand between two statements of a line.
+/// Returns who may use whom, from lines with arrows: "a, b -> c -> d" lets a and b use c and d, and c use d.
+/// Three spaces stand between two statements of a line.
 fn table<'a>(lines: impl Iterator<Item = &'a str>) -> Table {
     let mut table = Table::new();
     let statements =

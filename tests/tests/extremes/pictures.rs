@@ -1,6 +1,6 @@
 //! Pictures: any camera, thin splats on one another, a million in one tile, steps of the transfer function.
 
-use engine::render::{Camera, Fov, Look, MediumSource, Renderer, Scene, Settings, mode};
+use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Field, Harmonics, Kernel, Splat, SplatSet};
 use engine::transfer::{ColourPoint, OpacityPoint, TransferFunction};
 use engine::volume::Volume;
@@ -177,9 +177,9 @@ fn n24_a_step_of_one_hu() {
         Volume::new([24; 3], DAffine3::from_translation(DVec3::splat(-11.5)), vec![200.0; 24 * 24 * 24]);
     let camera = Camera::looking(DVec3::Y * -200.0, DVec3::ZERO, DVec3::Z, Fov::symmetric(1.0, 1.0))
         .expect("a camera");
-    let medium = MediumSource { volume: &volume, roi: None };
+    let source = VolumeSource { volume: &volume, roi: None };
     let mut slab = Scene::new(&gpu, Some(&splats), None, &step(200.0)).expect("splats");
-    let mut march = Scene::new(&gpu, None, Some(&medium), &step(200.0)).expect("a volume");
+    let mut march = Scene::new(&gpu, None, Some(&source), &step(200.0)).expect("a volume");
     let settings = Settings { precise: true, ..Settings::new([2, 2]) };
     let (mut off, mut differ) = (0.0f64, 0);
     for quarter in -14..=14 {

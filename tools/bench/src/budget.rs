@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use engine::budget::budget_ms;
 use engine::budget::simulation::{BEHAVIOURS, Frame, trace};
-use engine::render::{SplatKind, ladder, rungs};
+use engine::render::{SplatKind, level_costs, quality_levels};
 use engine::{Error, Kind, Result, output};
 use plotters::prelude::*;
 use xr_app::statistics::Histogram;
@@ -13,7 +13,7 @@ use xr_app::statistics::Histogram;
 use crate::plot::{Area, Axis, Drawn, GRID, INK, axes, font};
 use crate::report::{Outputs, Table};
 
-/// What the best rung takes, in units of the budget.
+/// What the best level takes, in units of the budget.
 const EXCESS: f64 = 1.7;
 /// Top of the axis of times, in units of the budget.
 const TOP: f64 = 2.6;
@@ -40,20 +40,18 @@ pub struct Arguments {
 /// Runs the simulations.
 pub fn run(arguments: &Arguments) -> Result<()> {
     let budget = budget_ms(arguments.rate);
-    let ladder = ladder(rungs(SplatKind::Field));
+    let costs = level_costs(quality_levels(SplatKind::Field));
     let traces: Vec<(&str, Vec<Frame>)> = BEHAVIOURS
         .iter()
-        .map(|&(name, behaviour)| {
-            (name, trace(&ladder, behaviour, EXCESS * budget, budget, arguments.frames))
-        })
+        .map(|&(name, behaviour)| (name, trace(&costs, behaviour, EXCESS * budget, budget, arguments.frames)))
         .collect();
     let rows = traces.iter().map(|(name, frames)| {
         let mut times: Vec<f64> = frames.iter().map(|f| f.gpu_ms).collect();
         times.sort_by(f64::total_cmp);
         let part = |p: f64| times[((times.len() - 1) as f64 * p).round() as usize] / budget * 100.0;
         let late = times.iter().filter(|&&ms| ms > budget).count();
-        let mean = frames.iter().map(|f| f.rung as f64).sum::<f64>() / frames.len() as f64;
-        let changes = frames.windows(2).filter(|pair| pair[0].rung != pair[1].rung).count();
+        let mean = frames.iter().map(|f| f.level as f64).sum::<f64>() / frames.len() as f64;
+        let changes = frames.windows(2).filter(|pair| pair[0].level != pair[1].level).count();
         vec![
             (*name).to_owned(),
             late.to_string(),
@@ -75,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let parts: Vec<_> = traces
             .iter()
             .map(|(name, frames)| {
-                let frames = frames.iter().map(|f| (f.rung, f.gpu_ms / budget)).collect();
+                let frames = frames.iter().map(|f| (f.level, f.gpu_ms / budget)).collect();
                 Trace { name: (*name).to_owned(), frames, latency_ms: None }
             })
             .collect();
@@ -88,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 pub struct Trace {
     /// What it was.
     pub name: String,
-    /// Each frame's rung, and its time as a part of the budget.
+    /// Each frame's level, and its time as a part of the budget.
     pub frames: Vec<(usize, f64)>,
     /// Motion to photon, ms, where there is any.
     pub latency_ms: Option<Histogram>,
@@ -98,7 +96,7 @@ pub struct Trace {
 const WIDTH: u32 = 1000;
 const FRAMES_WIDTH: i32 = 690;
 
-/// Writes frame times with the rungs below them, and beside them motion to photon, for each trace.
+/// Writes frame times with the levels below them, and beside them motion to photon, for each trace.
 pub fn write_plot(path: &Path, traces: &[Trace], force: bool) -> Result<()> {
     let mut svg = String::new();
     draw(&mut svg, traces)
@@ -123,7 +121,7 @@ fn draw(svg: &mut String, traces: &[Trace]) -> Drawn {
 }
 
 fn draw_frames(area: &Area<'_>, trace: &Trace) -> Drawn {
-    let (frames, most) = (&trace.frames, rungs(SplatKind::Field).len() as f64);
+    let (frames, most) = (&trace.frames, quality_levels(SplatKind::Field).len() as f64);
     let mut chart = ChartBuilder::on(area)
         .caption(&trace.name, font(15))
         .margin(6)
@@ -143,8 +141,8 @@ fn draw_frames(area: &Area<'_>, trace: &Trace) -> Drawn {
         .light_line_style(TRANSPARENT)
         .draw()?;
     chart.configure_secondary_axes().y_desc("rung").label_style(font(11)).axis_desc_style(font(12)).draw()?;
-    let rungs = frames.iter().enumerate().map(|(n, f)| (n as f64, f.0 as f64));
-    chart.draw_secondary_series(LineSeries::new(rungs, RUNG.stroke_width(2)))?;
+    let levels = frames.iter().enumerate().map(|(n, f)| (n as f64, f.0 as f64));
+    chart.draw_secondary_series(LineSeries::new(levels, RUNG.stroke_width(2)))?;
     let time = |(n, f): (usize, &(usize, f64))| (n as f64, f.1.min(TOP));
     chart.draw_series(LineSeries::new(frames.iter().enumerate().map(time), TIME))?;
     let late = frames.iter().enumerate().filter(|(_, f)| f.1 > 1.0);

@@ -6,14 +6,14 @@ use std::path::PathBuf;
 use clap::Args;
 use engine::Result;
 use engine::gpu::{Format, Gpu, Image};
-use engine::render::{Blind, Frames, Look, Rung, Scene, SplatKind, rungs};
+use engine::render::{Frames, Look, QualityLevel, Scene, SplatKind, VisibilityMask, quality_levels};
 use engine::splat::SplatSet;
 use engine::transfer;
 use glam::DVec3;
 use serde::Serialize;
 use xr_app::composer::Composer;
 use xr_app::headset::simulated::{Script, Simulated};
-use xr_app::headset::{Blend, Eye, Headset as _, Lent, Pose};
+use xr_app::headset::{Blend, Eye, FrameImages, Headset as _, Pose};
 use xr_app::placement::Placement;
 use xr_app::sight::Sight;
 
@@ -79,7 +79,7 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
                     gpu,
                     &part,
                     size,
-                    rung.min(rungs(SplatKind::of(&set)).len() - 1),
+                    rung.min(quality_levels(SplatKind::of(&set)).len() - 1),
                     arguments,
                 )?);
             }
@@ -100,7 +100,7 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
         vec![
             f.splats.to_string(),
             format!("{0}²", f.size),
-            format!("{}, {}", f.rung, rungs(SplatKind::of(&set))[f.rung].mode),
+            format!("{}, {}", f.rung, quality_levels(SplatKind::of(&set))[f.rung].mode),
             f.way.clone(),
             format!("{:.0}", f.ms),
             format!("{:.2}", f.part),
@@ -137,7 +137,7 @@ fn compare(gpu: &Gpu, set: &SplatSet, size: u32, rung: usize, arguments: &Argume
     let centre = (low + high) * 0.5;
     let before = Placement::before(&Pose::IDENTITY, centre, 0.0);
     let placement = Placement { position: DVec3::NEG_Z * arguments.distance, ..before };
-    let shown = &rungs(SplatKind::of(set))[rung..=rung];
+    let shown = &quality_levels(SplatKind::of(set))[rung..=rung];
     let mut ways = vec![
         Way::new(gpu, &scene, size, shown, (None, false))?,
         Way::new(gpu, &scene, size, shown, (None, true))?,
@@ -155,7 +155,7 @@ fn compare(gpu: &Gpu, set: &SplatSet, size: u32, rung: usize, arguments: &Argume
             }
         }
     }
-    let blind = [0, 1].map(|eye| Blind::of(&eyes[eye].fov, &headset.lenses()[eye]));
+    let masks = [0, 1].map(|eye| VisibilityMask::of(&eyes[eye].fov, &headset.lenses()[eye]));
     let whole = ways[0].eyes.read::<[u8; 4]>()?;
     let full = median(&ways[0].ms).unwrap_or(f64::NAN);
     let found = ways.iter().map(|way| -> Result<Found> {
@@ -167,7 +167,7 @@ fn compare(gpu: &Gpu, set: &SplatSet, size: u32, rung: usize, arguments: &Argume
             way: way.name.clone(),
             ms,
             part: ms / full,
-            psnr: psnr(&whole, &way.eyes.read::<[u8; 4]>()?, size as usize, &blind),
+            psnr: psnr(&whole, &way.eyes.read::<[u8; 4]>()?, size as usize, &masks),
         })
     });
     found.collect()
@@ -178,7 +178,7 @@ impl Way {
         gpu: &Gpu,
         scene: &Scene,
         size: u32,
-        rung: &[Rung],
+        rung: &[QualityLevel],
         (foveation, lenses): (Option<f64>, bool),
     ) -> Result<Self> {
         let name = foveation.map_or_else(|| "whole".to_owned(), |part| format!("foveated, {part}"));
@@ -205,7 +205,7 @@ impl Way {
     ) -> Result<()> {
         self.sight.aim();
         let mut frame = self.frames.begin(scene, 0)?;
-        let mut lent = Lent { colour: &mut self.eyes, depth: None };
+        let mut images = FrameImages { colour: &mut self.eyes, depth: None };
         let (insets, range) = (self.sight.insets(), placement.depth_range());
         self.composer.compose(
             &mut frame.recorder,
@@ -214,12 +214,12 @@ impl Way {
             range,
             insets,
             None,
-            &mut lent,
+            &mut images,
         );
         let nothing = Default::default();
         let lenses = if self.lenses { headset.lenses() } else { &nothing };
-        if let Some(blind) = self.sight.update(lenses, eyes) {
-            self.frames.set_blind(blind);
+        if let Some(masks) = self.sight.update(lenses, eyes) {
+            self.frames.set_visibility_masks(masks);
         }
         let ticket = self.frames.submit(frame, scene, &self.sight.cameras(placement, eyes))?;
         gpu.wait(ticket)?;
@@ -228,12 +228,12 @@ impl Way {
     }
 }
 
-/// Of the pixels of both eyes that do not lie in blind patches.
-fn psnr(whole: &[[u8; 4]], other: &[[u8; 4]], size: usize, blind: &[Blind; 2]) -> Option<f64> {
+/// Of the pixels of both eyes that do not lie in hidden patches.
+fn psnr(whole: &[[u8; 4]], other: &[[u8; 4]], size: usize, masks: &[VisibilityMask; 2]) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0);
     for (at, (a, b)) in whole.iter().zip(other).enumerate() {
         let (eye, y, x) = (at / (size * size), at / size % size, at % size);
-        if !blind[eye].at([x * 64 / size, y * 64 / size]) {
+        if !masks[eye].at([x * 64 / size, y * 64 / size]) {
             let square = |channel: usize| ((f64::from(a[channel]) - f64::from(b[channel])) / 255.0).powi(2);
             sum += (0..3).map(square).sum::<f64>();
             count += 3;

@@ -1,12 +1,12 @@
 //! A session in a simulated headset, whose head follows a script in real time: how regular frames are, what they cost, which
-//! rungs they take, and how old their poses are. One row for each number of splats and each budget.
+//! levels they take, and how old their poses are. One row for each number of splats and each budget.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use engine::gpu::Gpu;
-use engine::render::{Look, Scene, SplatKind, rungs};
+use engine::render::{Look, Scene, SplatKind, quality_levels};
 use engine::splat::SplatSet;
 use engine::{Result, transfer};
 use xr_app::headset::simulated::{Script, Simulated};
@@ -18,7 +18,7 @@ use crate::cost::mean;
 use crate::report::{Outputs, Table};
 use crate::scene::splats_by_importance;
 
-/// Frames at the start that do not count: the controller finds its rung.
+/// Frames at the start that do not count: the controller finds its level.
 const SETTLING: usize = 60;
 
 /// Sessions in a simulated headset
@@ -41,7 +41,7 @@ pub struct Arguments {
     /// Transfer function
     #[arg(long, default_value = "CT-Bone")]
     tf: String,
-    /// Writes frame times, rungs, and a histogram of motion to photon as a plot (SVG)
+    /// Writes frame times, levels, and a histogram of motion to photon as a plot (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     #[command(flatten)]
@@ -85,7 +85,7 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
         let traces: Vec<_> = reports
             .iter()
             .map(|(splats, budget, report)| {
-                let frames = report.samples.iter().map(|s| (s.rung, s.gpu_ms / s.budget_ms)).collect();
+                let frames = report.samples.iter().map(|s| (s.level, s.gpu_ms / s.budget_ms)).collect();
                 let name = format!("{splats} splats, a frame each {budget} ms");
                 Trace { name, frames, latency_ms: report.latency_histogram_ms.clone() }
             })
@@ -107,9 +107,9 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Res
     };
     let mut headset = Simulated::new(gpu, script)?;
     let options = Options {
-        rungs: rungs(SplatKind::of(set)).to_vec(),
+        levels: quality_levels(SplatKind::of(set)).to_vec(),
         budget_ms: None,
-        rung: None,
+        level: None,
         background: [0.0; 3],
         frames: None,
         panel: false,
@@ -127,7 +127,7 @@ fn row(splats: usize, period: f64, report: &Report) -> Vec<String> {
     // Of no frames there is nothing to tell.
     let one = |values: Vec<f64>| mean(&values).map_or("-".to_owned(), |value| format!("{value:.1}"));
     let late = |s: &Sample| if s.gpu_ms > s.budget_ms { 100.0 } else { 0.0 };
-    let changes = settled.windows(2).filter(|pair| pair[0].rung != pair[1].rung).count();
+    let changes = settled.windows(2).filter(|pair| pair[0].level != pair[1].level).count();
     vec![
         splats.to_string(),
         format!("{period:.0}"),
@@ -135,7 +135,7 @@ fn row(splats: usize, period: f64, report: &Report) -> Vec<String> {
         report.missed.to_string(),
         two(Distribution::of(settled.iter().map(|s| s.gpu_ms))),
         one(settled.iter().map(late).collect()),
-        one(settled.iter().map(|s| s.rung as f64).collect()),
+        one(settled.iter().map(|s| s.level as f64).collect()),
         changes.to_string(),
         report.latency_ms.map_or("-".to_owned(), |d| {
             [d.p5, d.median, d.p95, d.p99, d.most].map(|ms| format!("{ms:.0}")).join(" / ")

@@ -6,7 +6,8 @@ use egui::{Key, KeyboardShortcut, Modifiers};
 
 use crate::orbit::Side;
 
-/// What is asked for. [`crate::App::act`] does what concerns the state, and hands on what concerns files and the window.
+/// What is asked for. [`crate::App::act`] does what concerns the state, and hands on what concerns files and
+/// the window.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// Asks for a file to open.
@@ -19,7 +20,7 @@ pub enum Action {
     Save {
         /// Ends in `.toml`.
         path: PathBuf,
-        /// Whether an existing file is replaced.
+        /// True if an existing file is replaced.
         force: bool,
     },
     /// Asks for size and name of a picture.
@@ -30,7 +31,7 @@ pub enum Action {
         path: PathBuf,
         /// Width and height, pixels.
         size: [u32; 2],
-        /// Whether an existing file is replaced.
+        /// True if an existing file is replaced.
         force: bool,
     },
     /// Asks for size, frames and name of a turntable.
@@ -43,7 +44,7 @@ pub enum Action {
         size: [u32; 2],
         /// Frames of the turn.
         frames: u32,
-        /// Whether an existing file is replaced.
+        /// True if an existing file is replaced.
         force: bool,
     },
     /// Asks for a transfer function's file.
@@ -56,7 +57,7 @@ pub enum Action {
     SaveTransfer {
         /// Ends in `.vp.json`.
         path: PathBuf,
-        /// Whether an existing file is replaced.
+        /// True if an existing file is replaced.
         force: bool,
     },
     /// Ends the program; for the window.
@@ -174,13 +175,13 @@ pub static KEYS: &[Binding] = &[
     row(NONE, Key::F1, "Keys", "this list", Action::ToggleKeys),
 ];
 
-/// The first row of an action.
+/// Returns the first row of an action.
 pub fn binding(action: &Action) -> Option<&'static Binding> {
     KEYS.iter().find(|row| row.action == *action)
 }
 
-/// Takes the keys that were pressed from the input, in the order in which they were. Where a widget has the focus, arrows and
-/// the space bar are its own.
+/// Takes the keys that were pressed from the input, in the order in which they were. Where a widget has the
+/// focus, arrows and the space bar are its own.
 pub fn pressed(input: &mut egui::InputState, focus: bool) -> Vec<Action> {
     let own = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown, Key::Space];
     let mut actions = Vec::new();
@@ -205,7 +206,7 @@ mod tests {
         press_all(&[(modifiers, key)], focus)
     }
 
-    /// All between two frames.
+    /// Returns all between two frames.
     fn press_all(keys: &[(Modifiers, Key)], focus: bool) -> Vec<Action> {
         let events = keys.iter().flat_map(|&(modifiers, key)| {
             let event = Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers };

@@ -1,4 +1,5 @@
-//! What is painted over the picture: the patient's sides, the scale, distances, handles, the line of the split.
+//! What is painted over the picture: the patient's sides, the scale, distances, handles, the line of the
+//! split.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use engine::image::{annotate::scale_bar, orientation_labels};
@@ -122,7 +123,8 @@ impl Over<'_> {
         }
     }
 
-    /// The outlines of planes and of the box, and their handles; the one under the cursor or in the hand is bright.
+    /// The outlines of planes and of the box, and their handles; the one under the cursor or in the hand is
+    /// bright.
     pub fn handles(&self, clip: &Clip, bounds: [DVec3; 2], bright: Option<Handle>) {
         let thin = Stroke::new(1.0, ACCENT.gamma_multiply(0.7));
         for plane in clip.planes.iter().filter(|plane| plane.on) {
@@ -167,7 +169,7 @@ impl Over<'_> {
         self.text(cursor + vec2(14.0, 10.0), Align2::LEFT_TOP, &text, 12.0, SIGNAL);
     }
 
-    /// Where a point (mm RAS) is on the screen; nothing behind the eye.
+    /// Returns where a point (mm RAS) is on the screen; nothing behind the eye.
     fn at(&self, x: DVec3) -> Option<Pos2> {
         let (place, _) = self.orbit.seen(x, self.aspect)?;
         let size = self.rect.size();

@@ -1,4 +1,5 @@
-//! What is on the device for a window: the scenes with their pictures, and what puts these and the panels on its surface.
+//! What is on the device for a window: the scenes with their pictures, and what puts these and the panels on
+//! its surface.
 
 use std::sync::Arc;
 
@@ -12,20 +13,20 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
 use crate::composer::{Area, Composer, Composition, Layer};
 use crate::painter::{Painter, Painting};
-use crate::stage::{Stage, Way};
+use crate::rendered_scene::{RenderSetup, RenderedScene};
 use crate::state::{State, Subject, mode_row};
 
 /// What is on the device for a window.
 pub struct Canvas {
     // In this order: what draws on the surface goes before it.
-    splats: Option<Stage>,
-    volume: Option<Stage>,
+    splats: Option<RenderedScene>,
+    volume: Option<RenderedScene>,
     composer: Composer,
     painter: Painter,
     /// Changes of textures that no frame has carried out yet.
     textures: TexturesDelta,
     /// What the picture shows: one subject, or two with a split between them.
-    shown: Vec<(Subject, Way)>,
+    shown: Vec<(Subject, RenderSetup)>,
     surface: Surface,
     gpu: Gpu,
 }
@@ -40,28 +41,28 @@ pub struct Overlay {
     pub picture: Rect,
 }
 
-/// What the picture shows and how it is rendered: splats in this mode, a volume in the only one that there is, both with
-/// this given up.
-pub fn ways(
+/// What the picture shows and how it is rendered: splats in this mode, a volume in the only one that there
+/// is, both with this given up.
+pub fn render_setups(
     state: &State,
     size: [u32; 2],
     mode: &'static str,
     quality: Quality,
     there: impl Fn(Subject) -> bool,
-) -> Vec<(Subject, Way)> {
+) -> Vec<(Subject, RenderSetup)> {
     let subjects = match state.split {
         Some(_) => vec![Subject::Splats, Subject::Volume],
         None => vec![state.shown],
     };
     let settings = Settings { depth: true, step: state.quality.step, ..Settings::new(size) };
-    let way = |subject| {
+    let setup = |subject| {
         let name = match subject {
             Subject::Splats => mode,
             Subject::Volume => state.mode_of(subject),
         };
-        Way { mode: mode_row(name), settings: settings.clone(), quality }
+        RenderSetup { mode: mode_row(name), settings: settings.clone(), quality }
     };
-    subjects.into_iter().filter(|&s| there(s)).map(|subject| (subject, way(subject))).collect()
+    subjects.into_iter().filter(|&s| there(s)).map(|subject| (subject, setup(subject))).collect()
 }
 
 impl Canvas {
@@ -84,7 +85,7 @@ impl Canvas {
         })
     }
 
-    /// The device.
+    /// Returns the device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
     }
@@ -94,8 +95,8 @@ impl Canvas {
         self.surface.resize(size);
     }
 
-    /// What is on the device of a subject.
-    pub fn stage(&self, subject: Subject) -> Option<&Stage> {
+    /// Returns what is on the device of a subject.
+    pub fn scene_of(&self, subject: Subject) -> Option<&RenderedScene> {
         match subject {
             Subject::Splats => self.splats.as_ref(),
             Subject::Volume => self.volume.as_ref(),
@@ -104,61 +105,64 @@ impl Canvas {
 
     /// Shows a scene as this subject, or nothing.
     pub fn set_scene(&mut self, subject: Subject, scene: Option<Scene>) {
-        let stage = scene.map(|scene| Stage::new(&self.gpu, scene));
+        let shown_scene = scene.map(|scene| RenderedScene::new(&self.gpu, scene));
         match subject {
-            Subject::Splats => self.splats = stage,
-            Subject::Volume => self.volume = stage,
+            Subject::Splats => self.splats = shown_scene,
+            Subject::Volume => self.volume = shown_scene,
         }
         self.shown.clear();
     }
 
     /// Changes how a subject is seen.
     pub fn set_look(&mut self, subject: Subject, look: &Look) -> Result<()> {
-        let stage = match subject {
+        let shown_scene = match subject {
             Subject::Splats => &mut self.splats,
             Subject::Volume => &mut self.volume,
         };
-        stage.as_mut().map_or(Ok(()), |stage| stage.set_look(look))
+        shown_scene.as_mut().map_or(Ok(()), |shown_scene| shown_scene.set_look(look))
     }
 
     /// Renders at most so many splats from now on.
     pub fn set_splat_budget(&mut self, budget: Option<u64>) -> Result<()> {
         let budget = budget.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
-        self.splats.as_mut().map_or(Ok(()), |stage| stage.scene.set_splat_budget(budget))
+        self.splats.as_mut().map_or(Ok(()), |shown_scene| shown_scene.scene.set_splat_budget(budget))
     }
 
-    /// Whether there is no picture to show.
+    /// Returns true if there is no picture to show.
     pub fn is_blank(&self) -> bool {
         self.shown.is_empty()
     }
 
-    /// Corners of the box around all there is, mm RAS.
+    /// Returns the corners of the box around all there is, mm RAS.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
-        let stages = [&self.splats, &self.volume].into_iter().flatten();
-        stages.map(|stage| stage.scene.bounds()).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+        let shown_scenes = [&self.splats, &self.volume].into_iter().flatten();
+        shown_scenes
+            .map(|shown_scene| shown_scene.scene.bounds())
+            .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
     /// Renders what is to be shown, and waits. Gives what it took, ms.
-    pub fn render(&mut self, ways: Vec<(Subject, Way)>, camera: Camera) -> Result<f64> {
+    pub fn render(&mut self, setups: Vec<(Subject, RenderSetup)>, camera: Camera) -> Result<f64> {
         let mut ms = 0.0;
-        for (subject, way) in &ways {
-            let stage = match subject {
+        for (subject, setup) in &setups {
+            let shown_scene = match subject {
                 Subject::Splats => &mut self.splats,
                 Subject::Volume => &mut self.volume,
             };
-            if let Some(stage) = stage {
-                ms += stage.render(way, camera)?;
+            if let Some(shown_scene) = shown_scene {
+                ms += shown_scene.render(setup, camera)?;
             }
         }
-        self.shown = ways;
+        self.shown = setups;
         Ok(ms)
     }
 
-    /// Depth at a place of the picture (fractions from its upper left corner), mm along the viewing direction.
+    /// Returns the depth at a place of the picture (fractions from its upper left corner), mm along the
+    /// viewing direction.
     pub fn depth_at(&self, place: DVec2, split: Option<f64>) -> Option<f64> {
         let right = split.is_some_and(|split| place.x >= split) && self.shown.len() > 1;
-        let (subject, way) = self.shown.get(usize::from(right))?;
-        self.stage(*subject)?.depth_at(way, place)
+        let (subject, setup) = self.shown.get(usize::from(right))?;
+        self.scene_of(*subject)?.depth_at(setup, place)
     }
 
     /// Takes what panels of later frames need: new and freed textures.
@@ -175,12 +179,12 @@ impl Canvas {
         let place = pixels(overlay.picture, overlay.pixels_per_point);
         let blank = self.painter.blank();
         let layer = |at: usize| {
-            let (subject, way) = self.shown.get(at)?;
-            let stage = match subject {
+            let (subject, setup) = self.shown.get(at)?;
+            let shown_scene = match subject {
                 Subject::Splats => self.splats.as_ref(),
                 Subject::Volume => self.volume.as_ref(),
             };
-            stage?.layer(way)
+            shown_scene?.layer(setup)
         };
         let nothing = Layer { picture: blank, layer: 0, part: [1.0; 2] };
         let what = Composition {
@@ -210,12 +214,12 @@ impl Drop for Canvas {
     }
 }
 
-/// A rectangle in whole pixels.
+/// Returns a rectangle in whole pixels.
 pub fn pixels(rect: Rect, pixels_per_point: f32) -> Area {
     [rect.min.x, rect.min.y, rect.max.x, rect.max.y].map(|n| (n * pixels_per_point).round())
 }
 
-/// Width and height of a rectangle, whole pixels; nothing where there is no room for a picture.
+/// Returns the width and height of a rectangle, whole pixels; nothing where there is no room for a picture.
 pub fn size(rect: Rect, pixels_per_point: f32) -> Option<[u32; 2]> {
     let [left, top, right, bottom] = pixels(rect, pixels_per_point);
     let size = [right - left, bottom - top];
@@ -233,16 +237,21 @@ mod tests {
     #[test]
     fn what_is_there_is_shown_in_full_or_fast() {
         let mut state = state();
-        let names = |ways: &[(Subject, Way)]| ways.iter().map(|(_, way)| way.mode.name).collect::<Vec<_>>();
-        let full = ways(&state, [300, 200], "slab", Quality::FULL, |_| true);
+        let names = |setups: &[(Subject, RenderSetup)]| {
+            setups.iter().map(|(_, setup)| setup.mode.name).collect::<Vec<_>>()
+        };
+        let full = render_setups(&state, [300, 200], "slab", Quality::FULL, |_| true);
         assert_eq!(names(&full), ["slab"]);
         assert_eq!((full[0].1.settings.size, full[0].1.quality), ([300, 200], Quality::FULL));
         state.split = Some(0.5);
         let coarse = Quality { resolution: 0.25, ..Quality::FULL };
-        let fast = ways(&state, [300, 200], "alpha", coarse, |_| true);
+        let fast = render_setups(&state, [300, 200], "alpha", coarse, |_| true);
         assert_eq!(names(&fast), ["alpha", "volume"]);
         assert_eq!((fast[1].1.settings.size, fast[1].1.quality), ([300, 200], coarse));
-        assert_eq!(names(&ways(&state, [9, 9], "slab", coarse, |s| s == Subject::Volume)), ["volume"]);
+        assert_eq!(
+            names(&render_setups(&state, [9, 9], "slab", coarse, |s| s == Subject::Volume)),
+            ["volume"]
+        );
     }
 
     #[test]

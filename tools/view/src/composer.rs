@@ -1,4 +1,5 @@
-//! Puts rendered pictures into a window: over its background, and two of them side by side where the picture is split.
+//! Puts rendered pictures into a window: over its background, and two of them side by side where the picture
+//! is split.
 
 use engine::Result;
 use engine::gpu::{Drawing, Format, Gpu, Image, Recorder};

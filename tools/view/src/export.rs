@@ -10,7 +10,7 @@ use engine::image::{self, Annotation, Image, WriteOptions, annotate, orientation
 use engine::render::{Camera, Renderer, Scene, Settings};
 use glam::DVec3;
 
-use crate::content::Content;
+use crate::loaded_data::LoadedData;
 use crate::state::{State, Subject, mode_row};
 
 /// Frames a second of a turntable.
@@ -19,7 +19,7 @@ const FRAMES_PER_SECOND: u16 = 15;
 /// What is written: the state when it was asked for, so that the window may go on.
 pub struct Export {
     gpu: Gpu,
-    content: Content,
+    data: LoadedData,
     state: State,
     size: [u32; 2],
 }
@@ -32,8 +32,8 @@ struct Side {
 
 impl Export {
     /// Of what is shown now.
-    pub fn new(gpu: &Gpu, state: &State, content: &Content, size: [u32; 2]) -> Self {
-        Export { gpu: gpu.clone(), content: content.sources(), state: state.clone(), size }
+    pub fn new(gpu: &Gpu, state: &State, data: &LoadedData, size: [u32; 2]) -> Self {
+        Export { gpu: gpu.clone(), data: data.sources(), state: state.clone(), size }
     }
 
     /// Writes a picture; its format follows from the ending.
@@ -43,8 +43,8 @@ impl Export {
         image::write(path, &picture, None, &WriteOptions { background: Some(self.background()), force })
     }
 
-    /// Writes a full turn about the patient's long axis through the pivot as an animated PNG. `progress` is told which
-    /// part is done.
+    /// Writes a full turn about the patient's long axis through the pivot as an animated PNG. `progress` is
+    /// told which part is done.
     pub fn turntable(
         &self,
         path: &Path,
@@ -71,7 +71,7 @@ impl Export {
         self.state.orbit.camera(f64::from(self.size[0]) / f64::from(self.size[1]))
     }
 
-    /// What is shown: one subject, or two with a split between them.
+    /// Returns what is shown: one subject, or two with a split between them.
     fn sides(&self) -> Result<Vec<Side>> {
         let subjects = match self.state.split {
             Some(_) => vec![Subject::Splats, Subject::Volume],
@@ -80,7 +80,7 @@ impl Export {
         let settings = Settings { precise: true, step: self.state.quality.step, ..Settings::new(self.size) };
         let mut sides = Vec::new();
         for subject in subjects {
-            if let Some(scene) = self.content.scene(&self.gpu, subject, &self.state)? {
+            if let Some(scene) = self.data.scene(&self.gpu, subject, &self.state)? {
                 let mode = mode_row(self.state.mode_of(subject));
                 let renderer = Renderer::new(&self.gpu, mode, &scene, &settings)?;
                 sides.push(Side { scene, renderer });
@@ -109,8 +109,8 @@ impl Export {
     /// Letters and scale bar, as the window has them.
     fn annotation(&self, camera: &Camera) -> Annotation {
         let show = &self.state.show;
-        let labels = (show.orientation && self.content.oriented())
-            .then(|| orientation_labels(camera.right, camera.up));
+        let labels =
+            (show.orientation && self.data.oriented()).then(|| orientation_labels(camera.right, camera.up));
         let mm_per_pixel = show.scale_bar.then(|| self.state.orbit.height_mm() / f64::from(self.size[1]));
         Annotation { labels, mm_per_pixel }
     }

@@ -16,8 +16,8 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Of splats: each counts by its weight a integrated over space, which is in proportion to opacity × volume. Nothing
-    /// for splats without an intensity.
+    /// Of splats: each counts by its weight a integrated over space, which is in proportion to opacity ×
+    /// volume. Nothing for splats without an intensity.
     pub fn of_splats(set: &SplatSet) -> Option<Self> {
         let values = || set.splats.iter().map(|s| f64::from(s.intensity));
         let rows = set.splats.iter().map(|splat| {
@@ -29,8 +29,8 @@ impl Histogram {
         if set.has_intensity { Histogram::of(range_of(values())?, rows) } else { None }
     }
 
-    /// Of the voxels of a volume, each by its weight in the region; of all voxels without one. Samples that are not finite
-    /// do not count.
+    /// Of the voxels of a volume, each by its weight in the region; of all voxels without one. Samples that
+    /// are not finite do not count.
     pub fn of_volume(volume: &Volume, roi: Option<&Roi>) -> Option<Self> {
         let weight = |i: usize| roi.map_or(1.0, |roi| f64::from(roi.weight[i]));
         let samples = || volume.samples.iter().map(|&v| f64::from(v)).enumerate();
@@ -38,7 +38,8 @@ impl Histogram {
         Histogram::of(range_of(inside)?, samples().map(|(i, v)| (v, weight(i))))
     }
 
-    /// Of (intensity, weight) pairs. What is beyond the range, or has a weight that is not finite, is left out.
+    /// Of (intensity, weight) pairs. What is beyond the range, or has a weight that is not finite, is left
+    /// out.
     fn of(range: [f64; 2], rows: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
         let [low, high] = range;
         let mut bins = vec![0.0; BINS];
@@ -51,7 +52,8 @@ impl Histogram {
         Some(Histogram { range, bins })
     }
 
-    /// Heights from 0 to 1 for the screen, logarithmic over four decades below the highest bin: a tumour is 10⁻³ of a body.
+    /// Heights from 0 to 1 for the screen, logarithmic over four decades below the highest bin: a tumour is
+    /// 10⁻³ of a body.
     pub fn heights(&self) -> Vec<f32> {
         let most = self.bins.iter().copied().fold(0.0, f64::max);
         let height = |&n: &f64| if n > 0.0 { (1.0 + (n / most).log10() / 4.0).max(0.0) } else { 0.0 };
@@ -59,7 +61,7 @@ impl Histogram {
     }
 }
 
-/// Least and greatest finite value, at least 1 apart.
+/// Returns the least and greatest finite value, at least 1 apart.
 fn range_of(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
     let ends = |[low, high]: [f64; 2], v: f64| [low.min(v), high.max(v)];
     let [low, high] = values.filter(|v| v.is_finite()).fold([f64::INFINITY, f64::NEG_INFINITY], ends);

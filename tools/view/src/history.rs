@@ -17,7 +17,8 @@ impl<T: Clone + PartialEq> History<T> {
         History { past: Vec::new(), now, future: Vec::new() }
     }
 
-    /// To be called with what there is after each frame. A change becomes a step as soon as nothing is `held` any more.
+    /// To be called with what there is after each frame. A change becomes a step as soon as nothing is `held`
+    /// any more.
     pub fn observe(&mut self, there: &T, held: bool) {
         if held || *there == self.now {
             return;
@@ -30,7 +31,7 @@ impl<T: Clone + PartialEq> History<T> {
         self.future.clear();
     }
 
-    /// What there was when it was last looked at.
+    /// Returns what there was when it was last looked at.
     pub fn now(&self) -> &T {
         &self.now
     }
@@ -40,7 +41,8 @@ impl<T: Clone + PartialEq> History<T> {
         *self = History::new(now);
     }
 
-    /// One step back; nothing at the beginning. `there` is what is left, which may not have been observed yet.
+    /// One step back; nothing at the beginning. `there` is what is left, which may not have been observed
+    /// yet.
     pub fn undo(&mut self, there: &T) -> Option<T> {
         self.observe(there, false);
         let before = self.past.pop()?;
@@ -56,12 +58,12 @@ impl<T: Clone + PartialEq> History<T> {
         Some(self.now.clone())
     }
 
-    /// Whether there is a step back.
+    /// Returns true if there is a step back.
     pub fn can_undo(&self) -> bool {
         !self.past.is_empty()
     }
 
-    /// Whether there is a step forward.
+    /// Returns true if there is a step forward.
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()
     }

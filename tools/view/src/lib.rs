@@ -1,27 +1,27 @@
 //! The desktop viewer.
 //!
-//! What is shown is plain data ([`State`], the session file); panels draw it into any [`egui::Ui`] and change it, and know
-//! neither windows nor the device. [`App`] puts them together; `window::run` shows it in a window. Without the feature `window`
-//! the rest is there alone, for programs that show panels elsewhere.
+//! What is shown is plain data ([`State`], the session file); panels draw it into any [`egui::Ui`] and change
+//! it, and know neither windows nor the device. [`App`] puts them together; `window::run` shows it in a
+//! window. Without the feature `window` the rest is there alone, for programs that show panels elsewhere.
 //!
 //! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
 //!
 //! ```text
-//! window -> viewer -> app, canvas, export, content, loader, report, settings, facts, actions -> state
+//! window -> viewer -> app, canvas, export, loaded_data, loader, report, settings, panel_info, actions -> state
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles          annotations -> handles          prompt, annotations -> state, theme
-//! app, prompt, panels -> actions -> orbit          app, panels -> facts -> histogram          app, panels -> theme
+//! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
 //! app, handles, annotations, panels -> state -> orbit, transfer          app -> settings, editor, transfer
-//! export -> content -> loader -> pick, histogram          export, content, loader, settings, handles -> state
-//! canvas -> stage -> composer          canvas -> painter          handles, annotations -> orbit
+//! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
+//! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit
 //! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function
 //! actions   what a user may ask for, with its keys; `settings` what is remembered from start to start
 //! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts
 //! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `annotations` are over the picture
-//! facts     what panels are told anew for each frame
+//! panel_info     what panels are told anew for each frame
 //! app       the viewer without its window: puts the panels together
-//! loader, export   read and write beside the window; `content` is what was read
-//! canvas    the picture in the window: `stage` renders it, `composer` and `painter` put it and the panels on the screen
+//! loader, export   read and write beside the window; `loaded_data` is what was read
+//! canvas    the picture in the window: `rendered_scene` renders it, `composer` and `painter` put it and the panels on the screen
 //! viewer    frame after frame, within the frame budget; `report` is what was measured
 //! window    the events of winit
 //! ```
@@ -33,22 +33,22 @@ pub mod app;
 #[cfg(feature = "window")]
 pub mod canvas;
 pub mod composer;
-pub mod content;
 pub mod editor;
 pub mod export;
-pub mod facts;
 pub mod handles;
 pub mod histogram;
 pub mod history;
+pub mod loaded_data;
 pub mod loader;
 pub mod orbit;
 pub mod painter;
+pub mod panel_info;
 pub mod panels;
 pub mod pick;
 pub mod prompt;
+pub mod rendered_scene;
 pub mod report;
 pub mod settings;
-pub mod stage;
 pub mod state;
 pub mod theme;
 pub mod transfer;
@@ -59,9 +59,9 @@ pub mod window;
 
 pub use actions::Action;
 pub use app::{App, Changes};
-pub use facts::{Facts, Statistics};
 pub use histogram::Histogram;
 pub use orbit::Orbit;
+pub use panel_info::{PanelInfo, Statistics};
 pub use pick::Probe;
 pub use settings::Settings;
 pub use state::State;

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
 
 use engine::fit::place::place;
-use engine::render::MediumSource;
+use engine::render::VolumeSource;
 use engine::splat::{self, SplatSet};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
@@ -16,29 +16,30 @@ use crate::pick::Probe;
 use crate::state::{Files, Object, State};
 
 /// A volume and the part of it that is shown.
-pub struct Shown {
+pub struct LoadedVolume {
     /// The volume.
     pub volume: Volume,
     /// Its region; all of it where there is none.
     pub roi: Option<Roi>,
 }
 
-impl Shown {
+impl LoadedVolume {
     /// For a scene.
-    pub fn source(&self) -> MediumSource<'_> {
-        MediumSource { volume: &self.volume, roi: self.roi.as_ref() }
+    pub fn source(&self) -> VolumeSource<'_> {
+        VolumeSource { volume: &self.volume, roi: self.roi.as_ref() }
     }
 }
 
 /// The splats of all files, as one field.
-pub struct Splats {
+pub struct LoadedSplats {
     /// All of them.
     pub set: SplatSet,
-    /// The rows of the list of objects, with the number that the set knows each by and how many splats it has.
+    /// The rows of the list of objects, with the number that the set knows each by and how many splats it
+    /// has.
     pub objects: Vec<(Object, u8, usize)>,
 }
 
-impl Splats {
+impl LoadedSplats {
     /// Of files with what they hold.
     ///
     /// # Errors
@@ -59,18 +60,18 @@ impl Splats {
         // Joining numbers the objects in the order of files and labels.
         let objects = rows.into_iter().zip(set.objects());
         let objects = objects.map(|(row, o)| (Object { name: o.name, ..row }, o.number, o.splats)).collect();
-        Ok(Splats { set, objects })
+        Ok(LoadedSplats { set, objects })
     }
 }
 
 /// What was loaded.
 pub enum Loaded {
     /// All splat files.
-    Splats(Arc<Splats>),
+    Splats(Arc<LoadedSplats>),
     /// What tells the intensity of the splats' field at a point.
     Probe(Probe),
     /// The volume.
-    Volume(Arc<Shown>),
+    Volume(Arc<LoadedVolume>),
     /// Intensities of the splats.
     SplatHistogram(Option<Histogram>),
     /// Intensities of the volume within its region.
@@ -90,8 +91,8 @@ pub struct Sorted {
     pub files: Files,
 }
 
-/// Adds files to those that are open: splats to splats; a volume, and after it (or with it, where the name says mask,
-/// label, roi or seg) its region.
+/// Adds files to those that are open: splats to splats; a volume, and after it (or with it, where the name
+/// says mask, label, roi or seg) its region.
 ///
 /// # Errors
 /// [`Kind::Usage`] for a file that is none of these.
@@ -126,7 +127,7 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
 }
 
 impl Sorted {
-    /// The session, or nothing where there is none among them.
+    /// Returns the session, or nothing where there is none among them.
     pub fn state(&self) -> Option<Result<State>> {
         self.session.as_deref().map(State::read)
     }
@@ -160,7 +161,8 @@ impl Loader {
         Loader { wake: Arc::new(wake), sender, receiver, turn: 0, doing: Vec::new() }
     }
 
-    /// Begins to read files; what was being read before is forgotten. Of files that `had` has already, nothing is read.
+    /// Begins to read files; what was being read before is forgotten. Of files that `had` has already,
+    /// nothing is read.
     pub fn open(&mut self, files: &Files, had: &Files) {
         self.turn += 1;
         self.doing.clear();
@@ -182,7 +184,7 @@ impl Loader {
         std::thread::spawn(move || job(&teller));
     }
 
-    /// What has been loaded since the last call.
+    /// Returns what has been loaded since the last call.
     pub fn take(&mut self) -> Vec<Loaded> {
         let mut loaded = Vec::new();
         while let Ok((turn, message)) = self.receiver.try_recv() {
@@ -201,7 +203,7 @@ impl Loader {
         loaded
     }
 
-    /// What is being done, and which part of it is done where that is known.
+    /// Returns what is being done, and which part of it is done where that is known.
     pub fn doing(&self) -> Option<(&str, Option<f32>)> {
         self.doing.first().map(|(what, part)| (what.as_str(), *part))
     }
@@ -261,7 +263,7 @@ impl Teller {
     fn splats(&self, paths: &[PathBuf], volume: Option<&Path>, roi: Option<&Path>) {
         let sets = self.during("reading splats".to_owned(), || {
             let sets = paths.iter().map(|path| Ok((path.clone(), read_splats(path, volume, roi)?)));
-            Splats::join(sets.collect::<Result<_>>()?).map(Arc::new)
+            LoadedSplats::join(sets.collect::<Result<_>>()?).map(Arc::new)
         });
         let Some(splats) = sets else { return };
         self.say(Message::Loaded(Loaded::Splats(Arc::clone(&splats))));
@@ -293,7 +295,7 @@ fn read_splats(path: &Path, volume: Option<&Path>, roi: Option<&Path>) -> Result
     splats.placed(shown.map(|shown| place(&shown.volume, shown.roi.as_ref())).as_ref())
 }
 
-fn read_volume(path: &Path, roi: Option<&Path>) -> Result<Shown> {
+fn read_volume(path: &Path, roi: Option<&Path>) -> Result<LoadedVolume> {
     let options = ReadOptions::default();
     let volume = Volume::read(path, &options)?;
     let roi = roi
@@ -304,7 +306,7 @@ fn read_volume(path: &Path, roi: Option<&Path>) -> Result<Shown> {
                 .map_err(named)
         })
         .transpose()?;
-    Ok(Shown { volume, roi })
+    Ok(LoadedVolume { volume, roi })
 }
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
-//! Paints egui's panels over a picture: all triangles of a texture in one draw, from buffers that grow as they must.
+//! Paints egui's panels over a picture: all triangles of a texture in one draw, from buffers that grow as
+//! they must.
 //!
-//! The crate egui-ash-renderer does the same; it allocates behind the engine's account of memory, waits for the queue
-//! at every change of a texture, and starts partial uploads from an undefined layout.
+//! The crate egui-ash-renderer does the same; it allocates behind the engine's account of memory, waits for
+//! the queue at every change of a texture, and starts partial uploads from an undefined layout.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -57,12 +58,13 @@ impl Textures {
         Textures { gpu: gpu.clone(), pictures: HashMap::new() }
     }
 
-    /// The texture of this name, if it is not gone.
+    /// Returns the texture of this name, if it is not gone.
     pub fn get(&self, id: TextureId) -> Option<&Image> {
         self.pictures.get(&id)
     }
 
-    /// Brings the textures up to date. Those that egui frees are kept until after the frame: see [`Textures::forget`].
+    /// Brings the textures up to date. Those that egui frees are kept until after the frame: see
+    /// [`Textures::forget`].
     pub fn update(&mut self, recorder: &mut Recorder, changes: &mut TexturesDelta) -> Result<()> {
         for (id, deltas) in changes.set.drain() {
             for delta in deltas {
@@ -113,7 +115,7 @@ impl Painter {
         })
     }
 
-    /// A picture of nothing, to be shown where there is no other.
+    /// Returns a picture of nothing, to be shown where there is no other.
     pub fn blank(&self) -> &Image {
         &self.blank
     }

@@ -31,7 +31,7 @@ pub enum Purpose {
 }
 
 impl Purpose {
-    /// Title, the button that does it, and the endings of names that are listed.
+    /// Returns the title, the button that does it, and the endings of names that are listed.
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
         let data: &[&str] = &[".ply", ".toml", ".nii", ".nii.gz", ".hdr", ".img", ".inv3"];
         match self {
@@ -46,12 +46,12 @@ impl Purpose {
         }
     }
 
-    /// Whether the file is written.
+    /// Returns true if the file is written.
     fn writes(self) -> bool {
         !matches!(self, Purpose::Open | Purpose::Transfer)
     }
 
-    /// What a new file is called at first.
+    /// Returns what a new file is called at first.
     fn suggestion(self) -> &'static str {
         match self {
             Purpose::Open | Purpose::Transfer => "",
@@ -209,7 +209,8 @@ impl Prompt {
     }
 }
 
-/// Folders, with a slash, and files with one of these endings, in order; nothing hidden, nothing of what cannot be read.
+/// Folders, with a slash, and files with one of these endings, in order; nothing hidden, nothing of what
+/// cannot be read.
 fn entries(folder: &Path, endings: &[&str]) -> Vec<String> {
     let Ok(found) = std::fs::read_dir(folder) else { return Vec::new() };
     let name = |entry: std::fs::DirEntry| {

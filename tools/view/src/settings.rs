@@ -16,7 +16,7 @@ const MAX_BYTES: u64 = 1 << 20;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Whether the notice that this is not for diagnosis was seen.
+    /// True if the notice that this is not for diagnosis was seen.
     pub notice_seen: bool,
     /// Files that were opened, the latest first.
     pub recent: Vec<PathBuf>,
@@ -26,14 +26,15 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Where a user's settings are: `$XDG_CONFIG_HOME/vgs/view.toml`, or below `~/.config`.
+    /// Returns where a user's settings are: `$XDG_CONFIG_HOME/vgs/view.toml`, or below `~/.config`.
     pub fn place() -> Option<PathBuf> {
         let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
         let folder = absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")))?;
         Some(folder.join("vgs").join("view.toml"))
     }
 
-    /// The settings of a file, which is where they are written to later. What is missing is as at the first start.
+    /// The settings of a file, which is where they are written to later. What is missing is as at the first
+    /// start.
     ///
     /// # Errors
     /// [`Kind::BadData`] if the file is not one of settings, [`Kind::Io`] if it cannot be read.

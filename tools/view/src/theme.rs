@@ -46,7 +46,7 @@ pub fn apply(context: &Context) {
     });
 }
 
-/// A display-referred colour for egui.
+/// Returns a display-referred colour for egui.
 pub(crate) fn screen(colour: DVec3) -> Color32 {
     let [r, g, b] = bytes_of(colour);
     Color32::from_rgb(r, g, b)

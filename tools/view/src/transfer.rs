@@ -1,7 +1,8 @@
-//! The transfer function as it is edited: control points that have an intensity, an opacity and a colour each.
+//! The transfer function as it is edited: control points that have an intensity, an opacity and a colour
+//! each.
 //!
-//! The engine keeps points of colour and points of opacity apart. Here they are one list: where either has a point, the
-//! joint list has one with both values, so that the function between stays what it was.
+//! The engine keeps points of colour and points of opacity apart. Here they are one list: where either has a
+//! point, the joint list has one with both values, so that the function between stays what it was.
 
 use engine::Result;
 use engine::transfer::{ColourPoint, Material, OpacityPoint, TransferFunction};
@@ -61,8 +62,8 @@ impl Transfer {
         [end(self.points.first()), end(self.points.last())]
     }
 
-    /// Moves and stretches all points so that they span this window. Points at one intensity are only moved, and a window
-    /// that is empty or not finite changes nothing.
+    /// Moves and stretches all points so that they span this window. Points at one intensity are only moved,
+    /// and a window that is empty or not finite changes nothing.
     pub fn set_window(&mut self, [low, high]: [f64; 2]) {
         let [old_low, old_high] = self.window();
         let factor = if old_high > old_low { (high - low) / (old_high - old_low) } else { 1.0 };

@@ -6,18 +6,18 @@ use std::time::{Duration, Instant};
 
 use engine::Result;
 use engine::budget::Controller;
-use engine::render::{Cloud, Quality, SplatKind, ladder, rungs};
+use engine::render::{GpuSplats, Quality, SplatKind, level_costs, quality_levels};
 use engine::splat::Form;
 use glam::DVec2;
 use winit::window::Window;
 
 use crate::actions::Action;
 use crate::app::App;
-use crate::canvas::{self, Canvas, Overlay, ways};
-use crate::content::Content;
+use crate::canvas::{self, Canvas, Overlay, render_setups};
 use crate::export::Export;
-use crate::facts::{Facts, Statistics};
+use crate::loaded_data::LoadedData;
 use crate::loader::{Loaded, Loader, sort};
+use crate::panel_info::{PanelInfo, Statistics};
 use crate::report::Report;
 use crate::settings::Settings;
 use crate::state::{Files, SplatMode, State, Subject};
@@ -34,8 +34,8 @@ const PITCH: f64 = 1.0;
 /// Code of the error of a lost device.
 pub const LOST: &str = "VGS-GPU-012";
 
-/// The window with what draws in it.
-pub struct Pane {
+/// The open window with what draws in it.
+pub struct ActiveWindow {
     /// What is on the device.
     pub canvas: Canvas,
     /// From winit's events to egui's.
@@ -55,7 +55,7 @@ pub struct Next {
 /// The viewer.
 pub struct Viewer {
     app: App,
-    content: Content,
+    data: LoadedData,
     loader: Loader,
     statistics: Statistics,
     /// What was measured.
@@ -64,25 +64,25 @@ pub struct Viewer {
     object_splats: Vec<usize>,
     range: [f64; 2],
     controller: Controller,
-    /// Whose ladder the controller goes down.
+    /// Whose levels of quality the controller chooses among.
     kind: SplatKind,
-    /// Whether the last picture is less than it will be at rest.
+    /// True if the last picture is less than it will be at rest.
     draft: bool,
     /// When the picture moved last; nothing once it was rendered in full.
     moved: Option<Instant>,
     /// What the pictures on the device were rendered for.
     size: Option<[u32; 2]>,
-    /// Whether pictures have to be rendered whatever the user does.
+    /// True if pictures have to be rendered whatever the user does.
     stale: bool,
     /// When the first event came that no frame has answered yet.
     happened: Option<Instant>,
     /// The splat budget that the scene has.
     budget: Option<u64>,
-    /// Whether what the splats move faster with is there or being made.
+    /// True if what the splats move faster with is there or being made.
     prepared: bool,
-    /// Whether the field is being decoded, which mode decoded waits for.
+    /// True if the field is being decoded, which mode decoded waits for.
     decoding: bool,
-    /// Whether the camera is to show everything once something is there.
+    /// True if the camera is to show everything once something is there.
     fits: bool,
 }
 
@@ -99,13 +99,13 @@ impl Viewer {
         let budget_ms = state.quality.target_frame_ms;
         Viewer {
             app: App::new(state, settings),
-            content: Content::default(),
+            data: LoadedData::default(),
             loader,
             statistics: Statistics::new(),
             report,
             object_splats: Vec::new(),
             range: [0.0, 1.0],
-            controller: Controller::new(ladder(rungs(SplatKind::Field)), budget_ms),
+            controller: Controller::new(level_costs(quality_levels(SplatKind::Field)), budget_ms),
             kind: SplatKind::Field,
             draft: false,
             moved: None,
@@ -119,7 +119,7 @@ impl Viewer {
         }
     }
 
-    /// Title of the window.
+    /// Returns the title of the window.
     pub fn title(&self) -> String {
         let files = &self.app.state.files;
         let names = files.splats.iter().chain(&files.volume).filter_map(|p| p.file_name());
@@ -127,13 +127,13 @@ impl Viewer {
         if names.is_empty() { "vgs".to_owned() } else { format!("{} - vgs", names.join(", ")) }
     }
 
-    /// Something happened that a frame may have to answer.
-    pub fn happened(&mut self) {
+    /// Notes that something happened that a frame may have to answer.
+    pub fn note_event(&mut self) {
         self.happened.get_or_insert_with(Instant::now);
     }
 
-    /// Puts what is there on a new device.
-    pub fn attend(&mut self, canvas: &mut Canvas) -> Result<()> {
+    /// Makes the scenes anew on a new device.
+    pub fn set_device(&mut self, canvas: &mut Canvas) -> Result<()> {
         let chosen = canvas.gpu().description();
         self.statistics.device = format!("{} ({})", chosen.name, chosen.driver);
         for subject in [Subject::Splats, Subject::Volume] {
@@ -156,7 +156,7 @@ impl Viewer {
                 self.app.state.mode = SplatMode::Decoded;
                 self.app.done("These splats are fitted for the voxels of their CT: mode decoded shows them");
             }
-            match self.content.take(loaded) {
+            match self.data.take(loaded) {
                 Ok(subject) => new.extend(subject),
                 Err(error) => self.app.report(&error),
             }
@@ -166,26 +166,26 @@ impl Viewer {
     }
 
     fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
-        self.range = self.content.range();
+        self.range = self.data.range();
         self.prepared &= subject != Subject::Splats;
         self.decoding &= subject != Subject::Splats;
-        if let (Subject::Splats, Some(splats)) = (subject, &self.content.splats) {
+        if let (Subject::Splats, Some(splats)) = (subject, &self.data.splats) {
             let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
             let (rows, counts) = rows.unzip();
             self.app.state.set_objects(rows);
             self.object_splats = counts;
-        } else if !self.content.has(Subject::Splats) && self.content.has(Subject::Volume) {
+        } else if !self.data.has(Subject::Splats) && self.data.has(Subject::Volume) {
             self.app.state.shown = Subject::Volume;
         }
         let start = Instant::now();
-        match self.content.scene(canvas.gpu(), subject, &self.app.state) {
+        match self.data.scene(canvas.gpu(), subject, &self.app.state) {
             Ok(scene) => canvas.set_scene(subject, scene),
             Err(error) if error.code == LOST => return Err(error),
             // What the device has no room for is not shown; the rest goes on.
             Err(error) => self.app.report(&error),
         }
         tracing::debug!("{subject:?} on the device: {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
-        if self.fits && self.content.has(subject) {
+        if self.fits && self.data.has(subject) {
             self.app.fit_soon();
             self.fits = false;
         }
@@ -195,38 +195,38 @@ impl Viewer {
     }
 
     /// Draws a frame: panels, and the picture where it has changed.
-    pub fn draw(&mut self, pane: &mut Pane) -> Result<Next> {
+    pub fn draw(&mut self, active: &mut ActiveWindow) -> Result<Next> {
         let happened = self.happened.take();
-        let input = pane.input.take_egui_input(&pane.window);
-        let context = pane.input.egui_ctx().clone();
+        let input = active.input.take_egui_input(&active.window);
+        let context = active.input.egui_ctx().clone();
         let mut actions = Vec::new();
-        let Viewer { app, content, loader, statistics, object_splats, range, draft, .. } = self;
+        let Viewer { app, data, loader, statistics, object_splats, range, draft, .. } = self;
         let split = app.state.split;
-        let canvas = &pane.canvas;
+        let canvas = &active.canvas;
         let depth = |place: DVec2| canvas.depth_at(place, split);
-        let sample = |at_mm| content.sample(at_mm);
-        let facts = Facts {
+        let sample = |at_mm| data.sample(at_mm);
+        let info = PanelInfo {
             bounds: canvas.bounds(),
             range: *range,
-            unit: content.unit(),
-            oriented: content.oriented(),
-            splats: content.has(Subject::Splats).then(|| object_splats.iter().sum()),
-            volume: content.has(Subject::Volume),
+            unit: data.unit(),
+            oriented: data.oriented(),
+            splats: data.has(Subject::Splats).then(|| object_splats.iter().sum()),
+            volume: data.has(Subject::Volume),
             object_splats,
-            splat_histogram: content.splat_histogram.as_ref(),
-            volume_histogram: content.volume_histogram.as_ref(),
+            splat_histogram: data.splat_histogram.as_ref(),
+            volume_histogram: data.volume_histogram.as_ref(),
             draft: *draft,
             statistics,
             progress: loader.doing(),
             depth: &depth,
             sample: &sample,
         };
-        let mut output = context.run_ui(input, |ui| actions = app.ui(ui, &facts));
-        pane.canvas.take_textures(std::mem::take(&mut output.textures_delta));
-        pane.input.handle_platform_output(&pane.window, std::mem::take(&mut output.platform_output));
+        let mut output = context.run_ui(input, |ui| actions = app.ui(ui, &info));
+        active.canvas.take_textures(std::mem::take(&mut output.textures_delta));
+        active.input.handle_platform_output(&active.window, std::mem::take(&mut output.platform_output));
         let mut quit = false;
         for action in actions {
-            quit |= self.act(action, &mut pane.canvas)?;
+            quit |= self.act(action, &mut active.canvas)?;
         }
         let overlay = Overlay {
             primitives: context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point),
@@ -234,15 +234,15 @@ impl Viewer {
             picture: self.app.picture(),
         };
         let was_draft = self.draft;
-        let edited = self.render(&mut pane.canvas, &overlay)?;
-        let window = &pane.window;
+        let edited = self.render(&mut active.canvas, &overlay)?;
+        let window = &active.window;
         if self.draft != was_draft {
             // The panels of this frame say what the last picture was.
             window.request_redraw();
         }
-        let shown = pane.canvas.present(&self.app.state, overlay, || window.pre_present_notify())?;
+        let shown = active.canvas.present(&self.app.state, overlay, || window.pre_present_notify())?;
         if shown {
-            let with_picture = !pane.canvas.is_blank();
+            let with_picture = !active.canvas.is_blank();
             self.report.shown(with_picture, happened.filter(|_| edited));
             tracing::debug!("frame shown");
         }
@@ -258,7 +258,7 @@ impl Viewer {
     /// Renders the picture where that is needed. Whether the look was changed.
     fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
         let chosen = self.chosen_mode(canvas)?;
-        self.choose_ladder();
+        self.choose_levels();
         let changes = self.app.take_changes();
         let size = canvas::size(overlay.picture, overlay.pixels_per_point);
         if changes.look {
@@ -278,24 +278,26 @@ impl Viewer {
             return Ok(changes.look);
         };
         let fast = moves || first;
-        let rung = self.controller.rung();
+        let level = self.controller.level();
         let given_up = match (first, moves) {
             (true, _) => FIRST,
-            (false, true) => rungs(self.kind)[rung].quality,
+            (false, true) => quality_levels(self.kind)[level].quality,
             (false, false) => Quality::FULL,
         };
-        // The first rung is what the user has chosen, and so is every other whose mode would have to be waited for.
-        let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
-        let faster = rungs(self.kind)[rung].mode;
-        let other = moves && rung > 0 && cloud.is_some_and(|cloud| is_prepared(cloud, faster));
+        // The first level is what the user has chosen, and so is every other whose mode would have to be
+        // waited for.
+        let splats =
+            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
+        let faster = quality_levels(self.kind)[level].mode;
+        let other = moves && level > 0 && splats.is_some_and(|splats| is_prepared(splats, faster));
         let mode = if other { faster } else { chosen };
-        let ways = ways(&self.app.state, pixels, mode, given_up, |subject| self.content.has(subject));
-        if ways.is_empty() {
+        let setups = render_setups(&self.app.state, pixels, mode, given_up, |subject| self.data.has(subject));
+        if setups.is_empty() {
             return Ok(false);
         }
-        let ms = canvas.render(ways, self.app.camera())?;
+        let ms = canvas.render(setups, self.app.camera())?;
         if moves {
-            self.controller.finished(rung, ms);
+            self.controller.finished(level, ms);
         } else if !fast {
             // What moves next need not find out that it would be too slow in full.
             self.controller.foresee(ms);
@@ -313,24 +315,25 @@ impl Viewer {
         Ok(changes.look)
     }
 
-    /// The mode that splats are shown in when nothing moves: what the user has chosen, or slabs while the field that it shows
-    /// is decoded by a thread beside the window.
+    /// Returns the mode that splats are shown in when nothing moves: what the user has chosen, or slabs while
+    /// the field that it shows is decoded by a thread beside the window.
     fn chosen_mode(&mut self, canvas: &Canvas) -> Result<&'static str> {
         let chosen = self.app.state.mode_of(Subject::Splats);
-        let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
-        let Some(cloud) = cloud.filter(|_| chosen == SplatMode::Decoded.name()) else { return Ok(chosen) };
-        if cloud.has_decoded(PITCH) {
+        let splats =
+            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
+        let Some(splats) = splats.filter(|_| chosen == SplatMode::Decoded.name()) else { return Ok(chosen) };
+        if splats.has_decoded(PITCH) {
             self.stale |= std::mem::take(&mut self.decoding);
             return Ok(chosen);
         }
         if !std::mem::replace(&mut self.decoding, true) {
-            self.loader.prepare("decoding the field", cloud.decoding(canvas.gpu(), PITCH)?);
+            self.loader.prepare("decoding the field", splats.decoding(canvas.gpu(), PITCH)?);
         }
         Ok(SplatMode::Slab.name())
     }
 
-    /// Goes down another ladder where the user has chosen a mode of another.
-    fn choose_ladder(&mut self) {
+    /// Changes to the levels of quality that the mode which the user has chosen belongs to.
+    fn choose_levels(&mut self) {
         let kind = match self.app.state.mode {
             SplatMode::Decoded => SplatKind::Grid,
             SplatMode::Alpha => SplatKind::Coloured,
@@ -338,20 +341,21 @@ impl Viewer {
         };
         if kind != self.kind {
             self.kind = kind;
-            self.controller = Controller::new(ladder(rungs(kind)), self.controller.budget_ms());
+            self.controller = Controller::new(level_costs(quality_levels(kind)), self.controller.budget_ms());
         }
     }
 
     /// Begins to make, beside the window, what the splats move faster with.
     fn prepare(&mut self, canvas: &Canvas) -> Result<()> {
-        let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
-        let wanted = |mode| rungs(self.kind).iter().any(|rung| rung.mode == mode);
-        if let Some(cloud) = cloud {
-            if wanted("alpha") && !cloud.has_faces() {
-                self.loader.prepare("making what moves fast", cloud.preparation(canvas.gpu())?);
+        let splats =
+            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
+        let wanted = |mode| quality_levels(self.kind).iter().any(|level| level.mode == mode);
+        if let Some(splats) = splats {
+            if wanted("alpha") && !splats.has_faces() {
+                self.loader.prepare("making what moves fast", splats.preparation(canvas.gpu())?);
             }
-            if wanted("decoded") && !cloud.has_decoded(PITCH) && !self.decoding {
-                self.loader.prepare("decoding what moves fast", cloud.decoding(canvas.gpu(), PITCH)?);
+            if wanted("decoded") && !splats.has_decoded(PITCH) && !self.decoding {
+                self.loader.prepare("decoding what moves fast", splats.decoding(canvas.gpu(), PITCH)?);
             }
         }
         self.prepared = true;
@@ -360,7 +364,7 @@ impl Viewer {
 
     fn set_look(&mut self, canvas: &mut Canvas) -> Result<()> {
         for subject in [Subject::Splats, Subject::Volume] {
-            match self.content.look(subject, &self.app.state) {
+            match self.data.look(subject, &self.app.state) {
                 Ok(look) => canvas.set_look(subject, &look)?,
                 Err(error) => self.app.report(&error),
             }
@@ -377,8 +381,9 @@ impl Viewer {
         statistics.passes = passes.into_iter().map(|(name, time)| (name, time.total_ms)).collect();
         statistics.memory = canvas.gpu().memory_by_purpose();
         statistics.step = Some(self.app.state.quality.step);
-        let cloud = canvas.stage(Subject::Splats).and_then(|stage| stage.scene.cloud.as_ref());
-        statistics.active_splats = cloud.and_then(|cloud| cloud.active_count().ok());
+        let splats =
+            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
+        statistics.active_splats = splats.and_then(|splats| splats.active_count().ok());
     }
 
     /// Does what only the window can do. Whether that is to end.
@@ -388,7 +393,7 @@ impl Viewer {
             Action::Open(paths) => match self.open(&paths) {
                 Ok(gone) => {
                     for subject in gone {
-                        self.content.forget(subject);
+                        self.data.forget(subject);
                         self.set_scene(canvas, subject)?;
                     }
                 }
@@ -415,7 +420,7 @@ impl Viewer {
         size: [u32; 2],
         write: impl FnOnce(&Export, &Path, &mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
     ) {
-        let export = Export::new(canvas.gpu(), &self.app.state, &self.content, size);
+        let export = Export::new(canvas.gpu(), &self.app.state, &self.data, size);
         self.loader.write(path.clone(), move |progress| write(&export, &path, progress));
     }
 
@@ -449,11 +454,11 @@ impl Viewer {
     }
 }
 
-/// Whether a mode can render these splats at once.
-fn is_prepared(cloud: &Cloud, mode: &str) -> bool {
+/// Returns true if a mode can render these splats at once.
+fn is_prepared(splats: &GpuSplats, mode: &str) -> bool {
     match mode {
-        "alpha" => cloud.has_faces(),
-        "decoded" => cloud.has_decoded(PITCH),
+        "alpha" => splats.has_faces(),
+        "decoded" => splats.has_decoded(PITCH),
         _ => true,
     }
 }

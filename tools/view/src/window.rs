@@ -1,4 +1,5 @@
-//! The window: winit's events in, frames out. A frame is drawn when something has happened, and not otherwise.
+//! The window: winit's events in, frames out. A frame is drawn when something has happened, and not
+//! otherwise.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,13 +19,13 @@ use crate::report::Report;
 use crate::settings::Settings;
 use crate::state::State;
 use crate::theme;
-use crate::viewer::{LOST, Pane, Viewer};
+use crate::viewer::{ActiveWindow, LOST, Viewer};
 
 /// What the viewer begins with.
 pub struct Start {
     /// What is shown; its files are read.
     pub state: State,
-    /// Whether the camera stands where the state says; otherwise where it shows everything.
+    /// True if the camera stands where the state says; otherwise where it shows everything.
     pub keeps_camera: bool,
     /// What is remembered of the user.
     pub settings: Settings,
@@ -41,8 +42,8 @@ struct Woken;
 /// Opens the window and stays until it is closed. Gives what was measured.
 ///
 /// # Errors
-/// [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; what the device says where
-/// it fails, after one attempt to begin anew where it was lost.
+/// [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; what the device
+/// says where it fails, after one attempt to begin anew where it was lost.
 pub fn run(start: Start) -> Result<Report> {
     let events = EventLoop::<Woken>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
@@ -52,7 +53,8 @@ pub fn run(start: Start) -> Result<Report> {
     });
     let Start { state, keeps_camera, settings, gpu, since } = start;
     let viewer = Viewer::new(state, keeps_camera, settings, loader, Report::new(since));
-    let mut program = Program { viewer, options: gpu, pane: None, wake_at: None, lost: false, failure: None };
+    let mut program =
+        Program { viewer, options: gpu, active: None, wake_at: None, lost: false, failure: None };
     events.run_app(&mut program).map_err(|e| no_window(&e))?;
     match program.failure {
         Some(error) => Err(error),
@@ -69,10 +71,10 @@ fn no_window(why: &dyn std::fmt::Display) -> Error {
 struct Program {
     viewer: Viewer,
     options: GpuOptions,
-    pane: Option<Pane>,
+    active: Option<ActiveWindow>,
     /// When egui wants another frame by itself, as for a tooltip.
     wake_at: Option<Instant>,
-    /// Whether the device was lost.
+    /// True if the device was lost.
     lost: bool,
     failure: Option<Error>,
 }
@@ -83,7 +85,7 @@ fn open(
     options: &GpuOptions,
     title: String,
     window: Option<Arc<Window>>,
-) -> Result<Pane> {
+) -> Result<ActiveWindow> {
     let window = match window {
         Some(window) => window,
         None => {
@@ -109,7 +111,7 @@ fn open(
         Some(gpu.limits().picture_edge as usize),
     );
     let canvas = Canvas::new(&gpu, Arc::clone(&window), pixels(window.inner_size()))?;
-    Ok(Pane { canvas, input, window })
+    Ok(ActiveWindow { canvas, input, window })
 }
 
 fn pixels(size: PhysicalSize<u32>) -> [u32; 2] {
@@ -119,20 +121,20 @@ fn pixels(size: PhysicalSize<u32>) -> [u32; 2] {
 impl Program {
     fn begin(&mut self, event_loop: &ActiveEventLoop, window: Option<Arc<Window>>) {
         match open(event_loop, &self.options, self.viewer.title(), window) {
-            Ok(mut pane) => {
-                pane.window.request_redraw();
-                if let Err(error) = self.viewer.attend(&mut pane.canvas) {
+            Ok(mut active) => {
+                active.window.request_redraw();
+                if let Err(error) = self.viewer.set_device(&mut active.canvas) {
                     return self.fail(event_loop, error);
                 }
-                self.pane = Some(pane);
+                self.active = Some(active);
             }
             Err(error) => self.fail(event_loop, error),
         }
     }
 
     fn draw(&mut self, event_loop: &ActiveEventLoop) {
-        let Some(pane) = &mut self.pane else { return };
-        match self.viewer.draw(pane) {
+        let Some(active) = &mut self.active else { return };
+        match self.viewer.draw(active) {
             Ok(next) => {
                 self.wake_at = next.again.map(|after| Instant::now() + after);
                 if next.quit {
@@ -150,7 +152,7 @@ impl Program {
             self.lost = true;
             self.options.lost_at = None;
             // All of the old device goes before there is a new one.
-            let window = self.pane.take().map(|pane| pane.window);
+            let window = self.active.take().map(|active| active.window);
             return self.begin(event_loop, window);
         }
         self.failure.get_or_insert(error);
@@ -160,43 +162,43 @@ impl Program {
 
 impl ApplicationHandler<Woken> for Program {
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some(pane)) = (cause, &self.pane) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(active)) = (cause, &self.active) {
             self.wake_at = None;
-            pane.window.request_redraw();
+            active.window.request_redraw();
         }
     }
 
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
-        if self.pane.is_none() {
+        if self.active.is_none() {
             self.begin(event_loop, None);
         }
     }
 
     fn user_event(&mut self, event_loop: &ActiveEventLoop, _: Woken) {
-        let Some(pane) = &mut self.pane else { return };
-        match self.viewer.take_loaded(&mut pane.canvas) {
-            Ok(()) => pane.window.request_redraw(),
+        let Some(active) = &mut self.active else { return };
+        match self.viewer.take_loaded(&mut active.canvas) {
+            Ok(()) => active.window.request_redraw(),
             Err(error) => self.fail(event_loop, error),
         }
-        if let Some(pane) = &self.pane {
-            pane.window.set_title(&self.viewer.title());
+        if let Some(active) = &self.active {
+            active.window.set_title(&self.viewer.title());
         }
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        let Some(pane) = &mut self.pane else { return };
+        let Some(active) = &mut self.active else { return };
         match &event {
             WindowEvent::RedrawRequested => return self.draw(event_loop),
             WindowEvent::CloseRequested => return event_loop.exit(),
             WindowEvent::Resized(size) => {
-                pane.canvas.resize(pixels(*size));
-                pane.window.request_redraw();
+                active.canvas.resize(pixels(*size));
+                active.window.request_redraw();
             }
             _ => {}
         }
-        if pane.input.on_window_event(&pane.window, &event).repaint {
-            self.viewer.happened();
-            pane.window.request_redraw();
+        if active.input.on_window_event(&active.window, &event).repaint {
+            self.viewer.note_event();
+            active.window.request_redraw();
         }
     }
 
@@ -209,6 +211,6 @@ impl ApplicationHandler<Woken> for Program {
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
         // The device goes before the connection to the display.
-        self.pane = None;
+        self.active = None;
     }
 }

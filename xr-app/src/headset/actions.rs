@@ -14,7 +14,7 @@ const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
 /// What an action is bound to on a controller, below the hand's path; the same for both hands, or by hand.
 struct Profile {
     path: &'static str,
-    /// Whether the runtime must have XR_EXT_hand_interaction for it.
+    /// True if the runtime must have XR_EXT_hand_interaction for it.
     hands: bool,
     squeeze: &'static str,
     select: Option<&'static str>,

@@ -13,7 +13,7 @@ pub struct Hand {
     pub aim: Option<Pose>,
     /// How firmly it grabs, 0 to 1.
     pub squeeze: f64,
-    /// Whether the trigger or its like is pulled.
+    /// True if the trigger or its like is pulled.
     pub select: bool,
     /// The thumbstick: to the right and up, -1 to 1.
     pub stick: DVec2,
@@ -23,12 +23,12 @@ pub struct Hand {
     pub other: bool,
     /// The button that shows and hides the panel.
     pub panel: bool,
-    /// Whether there is no controller in it, and with it no such button.
+    /// True if there is no controller in it, and with it no such button.
     pub bare: bool,
 }
 
 impl Hand {
-    /// The ray that it points with, if it is known where it is.
+    /// Returns the ray that it points with, if it is known where it is.
     pub fn ray(&self) -> Option<Pose> {
         self.aim.or(self.grip)
     }

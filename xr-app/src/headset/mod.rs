@@ -1,7 +1,7 @@
 //! What a headset is to the loop: a clock, eyes, hands, and pictures to draw into.
 //!
-//! Poses are in metres in a room whose y points up and whose -z points away from where the viewer stood at the start,
-//! as OpenXR has it. Times are nanoseconds of a clock of the headset's own.
+//! Poses are in metres in a room whose y points up and whose -z points away from where the viewer stood at
+//! the start, as OpenXR has it. Times are nanoseconds of a clock of the headset's own.
 //!
 //! | file | what is there |
 //! |---|---|
@@ -21,6 +21,6 @@ mod session;
 pub mod simulated;
 
 pub use hands::{Hand, Hands};
-pub use headset::{DEPTH_RANGE, Headset, Lent};
+pub use headset::{DEPTH_RANGE, FrameImages, Headset};
 pub use pose::{Eye, Eyes, Pose};
 pub use session::{Blend, Description, Event, State, Timing};

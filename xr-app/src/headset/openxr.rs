@@ -1,5 +1,5 @@
-//! A headset through OpenXR (XR_KHR_vulkan_enable2): the runtime makes instance and device of Vulkan, lends pictures of a
-//! swapchain with a layer for each eye, and says when and from where to draw.
+//! A headset through OpenXR (XR_KHR_vulkan_enable2): the runtime makes instance and device of Vulkan, lends
+//! pictures of a swapchain with a layer for each eye, and says when and from where to draw.
 //!
 //! This is the one file of the program with `unsafe` code: handles of Vulkan go to the runtime and come back.
 #![allow(unsafe_code, reason = "handles of Vulkan pass between the engine and the runtime")]
@@ -18,7 +18,7 @@ use super::actions::Actions;
 use super::convert::{fov_of, fov_to, pose_of, pose_to, time};
 use super::error::runtime_error;
 use super::hands::Hands;
-use super::headset::{DEPTH_RANGE, Headset, Lent};
+use super::headset::{DEPTH_RANGE, FrameImages, Headset};
 use super::pose::{Eye, Eyes};
 use super::session::{Blend, Description, Event, State, Timing};
 
@@ -35,8 +35,8 @@ pub struct OpenXrOptions {
     pub resolution: Option<f64>,
 }
 
-/// A headset with a session of OpenXR. Fields are dropped in their order: pictures before the swapchain that owns their
-/// images, and the device last of all.
+/// A headset with a session of OpenXR. Fields are dropped in their order: pictures before the swapchain that
+/// owns their images, and the device last of all.
 pub struct OpenXr {
     description: Description,
     colour: Chain,
@@ -62,13 +62,13 @@ fn unavailable(code: &'static str, what: String) -> Error {
     )
 }
 
-/// What loader and instance are told about the system: nothing.
+/// Returns what loader and instance are told about the system: nothing.
 #[cfg(not(target_os = "android"))]
 fn platform() -> Result<impl xr::PlatformInfo> {
     Ok(())
 }
 
-/// What loader and instance are told about the system: the activity, once it has begun.
+/// Returns what loader and instance are told about the system: the activity, once it has begun.
 #[cfg(target_os = "android")]
 fn platform() -> Result<xr::AndroidPlatformInfo> {
     let app = ACTIVITY.lock().expect("nothing panics with it").clone();
@@ -158,7 +158,7 @@ impl Runtime {
     }
 }
 
-/// A result of Vulkan that came through the runtime.
+/// Returns a result of Vulkan that came through the runtime.
 fn made<T>(doing: &str, result: xr::Result<std::result::Result<T, i32>>) -> Result<T> {
     result.map_err(|e| runtime_error(doing, e))?.map_err(|code| {
         let e = vk::Result::from_raw(code);
@@ -176,7 +176,8 @@ impl Boot for Runtime {
         entry: &ash::Entry,
         info: &vk::InstanceCreateInfo<'_>,
     ) -> Result<ash::Instance> {
-        // SAFETY: both function types are vkGetInstanceProcAddr; the create-info lives until the call returns.
+        // SAFETY: both function types are vkGetInstanceProcAddr; the create-info lives until the call
+        // returns.
         let handle = unsafe {
             let loader = std::mem::transmute::<
                 vk::PFN_vkGetInstanceProcAddr,
@@ -204,8 +205,8 @@ impl Boot for Runtime {
         physical: vk::PhysicalDevice,
         info: &vk::DeviceCreateInfo<'_>,
     ) -> Result<ash::Device> {
-        // SAFETY: `info` has at least one queue; the function type is as above, and the loader of the instance is the one
-        // that gave it.
+        // SAFETY: `info` has at least one queue; the function type is as above, and the loader of the
+        // instance is the one that gave it.
         let (handle, queue_family_index) = unsafe {
             let entry = ash::Entry::load()
                 .map_err(|e| unavailable("VGS-XR-006", format!("no Vulkan loader: {e}")))?;
@@ -233,11 +234,11 @@ impl Boot for Runtime {
     }
 }
 
-/// Pictures of the runtime, with a layer for each eye, that it lends one at a time. They go before the swapchain that owns
-/// their images.
+/// Pictures of the runtime, with a layer for each eye, that it lends one at a time. They go before the
+/// swapchain that owns their images.
 struct Chain {
     pictures: Vec<Image>,
-    lent: Option<usize>,
+    acquired: Option<usize>,
     swapchain: xr::Swapchain<xr::Vulkan>,
 }
 
@@ -274,19 +275,19 @@ impl Chain {
             unsafe { gpu.external_image("eyes", vk::Image::from_raw(image), format, size, 2, layout) }
         };
         let pictures = images.iter().map(picture).collect::<Result<_>>()?;
-        Ok(Chain { pictures, lent: None, swapchain })
+        Ok(Chain { pictures, acquired: None, swapchain })
     }
 
-    fn lend(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
+    fn acquire_images(&mut self, recorder: &mut Recorder) -> Result<&mut Image> {
         let index =
             self.swapchain.acquire_image().map_err(|e| runtime_error("asking for a picture", e))? as usize;
-        self.lent = Some(index);
+        self.acquired = Some(index);
         recorder.acquire_image(&self.pictures[index]);
         Ok(&mut self.pictures[index])
     }
 
-    fn give_back(&mut self, recorder: &mut Recorder) -> Result<()> {
-        let index = self.lent.expect("a picture was lent");
+    fn release_images(&mut self, recorder: &mut Recorder) -> Result<()> {
+        let index = self.acquired.expect("a picture was lent");
         recorder.release_image(&self.pictures[index]);
         // The compositor may still read it: only now does the device need it.
         self.swapchain
@@ -295,13 +296,13 @@ impl Chain {
     }
 
     fn release(&mut self) -> Result<()> {
-        match self.lent.take() {
+        match self.acquired.take() {
             Some(_) => self.swapchain.release_image().map_err(|e| runtime_error("showing a frame", e)),
             None => Ok(()),
         }
     }
 
-    /// The layer of an eye.
+    /// Returns the layer of an eye.
     fn part(&self, eye: usize, [width, height]: [u32; 2]) -> xr::SwapchainSubImage<'_, xr::Vulkan> {
         let extent = xr::Extent2Di { width: width as i32, height: height as i32 };
         xr::SwapchainSubImage::new()
@@ -320,8 +321,8 @@ impl OpenXr {
         let Some(binding) = runtime.binding.take() else {
             return Err(Error::new(Kind::Internal, "VGS-XR-012", "no device was made"));
         };
-        // SAFETY: the handles are those of `gpu`, which is kept until the session has gone; its queue is used from the
-        // thread that uses the session, and only from there.
+        // SAFETY: the handles are those of `gpu`, which is kept until the session has gone; its queue is used
+        // from the thread that uses the session, and only from there.
         let opened = unsafe {
             instance.create_session_with_guard::<xr::Vulkan>(system, &binding, Box::new(gpu.clone()))
         };
@@ -357,7 +358,7 @@ impl OpenXr {
         Ok((gpu, headset))
     }
 
-    /// The time on the runtime's clock, if it can be read.
+    /// Returns the time on the runtime's clock, if it can be read.
     fn now_ns(&self) -> Option<i64> {
         self.instance.exts().khr_convert_timespec_time.as_ref()?;
         self.instance.now().ok().map(xr::Time::as_nanos)
@@ -430,7 +431,7 @@ fn describe(
     })
 }
 
-/// What the lens hides of the picture of an eye. A runtime that cannot say it hides nothing.
+/// Returns what the lens hides of the picture of an eye. A runtime that cannot say it hides nothing.
 fn hidden(session: &xr::Session<xr::Vulkan>, eye: u32) -> Vec<Triangle> {
     let hidden = xr::VisibilityMaskTypeKHR::HIDDEN_TRIANGLE_MESH;
     let mesh = session.get_visibility_mask_khr(STEREO, eye, hidden).unwrap_or_default();
@@ -538,15 +539,15 @@ impl Headset for OpenXr {
         self.actions.hands(&self.session, &self.room, time(timing.display_ns))
     }
 
-    fn lend(&mut self, recorder: &mut Recorder) -> Result<Lent<'_>> {
-        let colour = self.colour.lend(recorder)?;
-        let depth = self.depth.as_mut().map(|depth| depth.lend(recorder)).transpose()?;
-        Ok(Lent { colour, depth })
+    fn acquire_images(&mut self, recorder: &mut Recorder) -> Result<FrameImages<'_>> {
+        let colour = self.colour.acquire_images(recorder)?;
+        let depth = self.depth.as_mut().map(|depth| depth.acquire_images(recorder)).transpose()?;
+        Ok(FrameImages { colour, depth })
     }
 
-    fn give_back(&mut self, recorder: &mut Recorder) -> Result<()> {
-        self.colour.give_back(recorder)?;
-        self.depth.as_mut().map_or(Ok(()), |depth| depth.give_back(recorder))
+    fn release_images(&mut self, recorder: &mut Recorder) -> Result<()> {
+        self.colour.release_images(recorder)?;
+        self.depth.as_mut().map_or(Ok(()), |depth| depth.release_images(recorder))
     }
 
     fn eyes(&mut self, timing: &Timing) -> Result<Eyes> {

@@ -18,12 +18,12 @@ impl Pose {
     /// In the room's middle, looking ahead.
     pub const IDENTITY: Self = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
 
-    /// What is at `local`, as seen from here, is there in the room.
+    /// Returns the place in the room of what is at `local` as seen from here.
     pub fn place(&self, local: DVec3) -> DVec3 {
         self.position + self.orientation * local
     }
 
-    /// Where it looks or points to.
+    /// Returns where it looks or points to.
     pub fn forward(&self) -> DVec3 {
         self.orientation * DVec3::NEG_Z
     }
@@ -43,7 +43,7 @@ pub struct Eye {
 pub struct Eyes {
     /// Left and right.
     pub eyes: [Eye; 2],
-    /// Whether the headset knows where it looks; otherwise these are its last poses.
+    /// True if the headset knows where it looks; otherwise these are its last poses.
     pub tracked: bool,
     /// When this was asked, on the clock of [`Timing`], if the headset has one that the host can read.
     pub asked_ns: Option<i64>,

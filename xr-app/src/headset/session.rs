@@ -9,7 +9,7 @@ pub struct Timing {
     pub display_ns: i64,
     /// From it to the next.
     pub period_ns: i64,
-    /// Whether anybody will see it.
+    /// True if anybody will see it.
     pub visible: bool,
 }
 
@@ -71,9 +71,9 @@ pub struct Description {
     pub blend: Blend,
     /// Frames a second, where the runtime says so before the first frame.
     pub rate_hz: Option<f64>,
-    /// Whether it takes the depth of what an eye sees, to move the picture with the head.
+    /// True if it takes the depth of what an eye sees, to move the picture with the head.
     pub depth: bool,
-    /// Whether it says what its lenses hide.
+    /// True if it says what its lenses hide.
     pub lenses: bool,
     /// Extensions in use.
     pub extensions: Vec<&'static str>,

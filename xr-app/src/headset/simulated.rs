@@ -8,7 +8,7 @@ use engine::render::{Fov, Triangle};
 use glam::{DQuat, DVec2, DVec3};
 
 use super::hands::Hands;
-use super::headset::{Headset, Lent};
+use super::headset::{FrameImages, Headset};
 use super::pose::{Eye, Eyes, Pose};
 use super::session::{Blend, Description, Event, State, Timing};
 
@@ -27,12 +27,12 @@ pub struct Script {
     pub rate_hz: f64,
     /// What is behind the picture.
     pub blend: Blend,
-    /// Whether depth is taken.
+    /// True if depth is taken.
     pub depth: bool,
-    /// The frame from which on lenses are known to be round, so that corners of the pictures are hidden; never, where there
-    /// is none.
+    /// The frame from which on lenses are known to be round, so that corners of the pictures are hidden;
+    /// never, where there is none.
     pub round_from: Option<u64>,
-    /// Whether frames come at this rate, or as fast as they are ended, on a clock that jumps.
+    /// True if frames come at this rate, or as fast as they are ended, on a clock that jumps.
     pub real_time: bool,
     /// Frames after which the headset asks to end, if it does.
     pub frames: Option<u64>,
@@ -64,7 +64,7 @@ impl Default for Script {
     }
 }
 
-/// A head that sways about the room's middle, looking at a point half a metre ahead.
+/// Returns a head that sways about the room's middle, looking at a point half a metre ahead.
 pub fn sway(seconds: f64) -> Pose {
     let angle = 0.4 * (0.7 * seconds).sin();
     let height = 0.1 * (0.45 * seconds).sin();
@@ -73,7 +73,7 @@ pub fn sway(seconds: f64) -> Pose {
     Pose { position, orientation: DQuat::from_rotation_y(angle) * DQuat::from_rotation_x(-height) }
 }
 
-/// What a round lens hides of a field of view: all outside of the ellipse that touches its edges.
+/// Returns what a round lens hides of a field of view: all outside of the ellipse that touches its edges.
 fn corners(fov: &Fov) -> Vec<Triangle> {
     let middle = DVec2::new(fov.left + fov.right, fov.down + fov.up) * 0.5;
     let half = DVec2::new(fov.right - fov.left, fov.up - fov.down) * 0.5;
@@ -141,12 +141,12 @@ impl Simulated {
         })
     }
 
-    /// The picture that was shown last.
+    /// Returns the picture that was shown last.
     pub fn picture(&self) -> &Image {
         &self.pictures[(self.frame as usize + PICTURES - 1) % PICTURES]
     }
 
-    /// The depth that was shown with it, where it is taken.
+    /// Returns the depth that was shown with it, where it is taken.
     pub fn depth(&self) -> Option<&Image> {
         self.depths.get((self.frame as usize + PICTURES - 1) % PICTURES)
     }
@@ -155,7 +155,7 @@ impl Simulated {
         Duration::from_secs_f64(1.0 / self.script.rate_hz)
     }
 
-    /// What each eye sees.
+    /// Returns what each eye sees.
     fn fovs(&self) -> [Fov; 2] {
         let left = self.script.left_fov;
         [left, Fov { left: -left.right, right: -left.left, ..left }]
@@ -216,12 +216,12 @@ impl Headset for Simulated {
         Ok((self.script.hands)(timing.display_ns as f64 * 1e-9))
     }
 
-    fn lend(&mut self, _: &mut Recorder) -> Result<Lent<'_>> {
+    fn acquire_images(&mut self, _: &mut Recorder) -> Result<FrameImages<'_>> {
         let index = self.index();
-        Ok(Lent { colour: &mut self.pictures[index], depth: self.depths.get_mut(index) })
+        Ok(FrameImages { colour: &mut self.pictures[index], depth: self.depths.get_mut(index) })
     }
 
-    fn give_back(&mut self, _: &mut Recorder) -> Result<()> {
+    fn release_images(&mut self, _: &mut Recorder) -> Result<()> {
         Ok(())
     }
 

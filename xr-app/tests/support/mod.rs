@@ -7,14 +7,14 @@ pub mod screen;
 use std::sync::atomic::AtomicBool;
 
 use engine::gpu::{Gpu, GpuOptions};
-use engine::render::{Look, Quality, Rung, Scene, SplatKind, rungs};
+use engine::render::{Look, Quality, QualityLevel, Scene, SplatKind, quality_levels};
 use engine::splat::{Field, Splat, SplatSet};
 use engine::transfer::preset;
 use glam::DVec3;
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::viewer::{Options, Viewer};
 
-/// A device with validation layers, which must have nothing to say in the end.
+/// Returns a device with validation layers, which must have nothing to say in the end.
 pub fn device() -> Gpu {
     Gpu::new(&GpuOptions { validation: true, ..GpuOptions::default() })
         .expect("a device with validation layers")
@@ -25,7 +25,8 @@ pub fn silent(gpu: &Gpu) {
     assert_eq!(gpu.validation_messages(), Vec::<String>::new());
 }
 
-/// A cross of dense splats, longer at the patient's left and head, so that a mirrored picture is another one.
+/// Returns a cross of dense splats, longer at the patient's left and head, so that a mirrored picture is
+/// another one.
 pub fn set() -> SplatSet {
     let splat = |mean: [f32; 3], intensity| Splat {
         mean,
@@ -59,20 +60,20 @@ pub fn script(frames: u64) -> Script {
     Script { eye_size: [96, 112], real_time: false, frames: Some(frames), ..Script::default() }
 }
 
-/// The ladder of these splats, and a rung in mode alpha.
-pub fn all_rungs() -> Vec<Rung> {
-    let mut all = rungs(SplatKind::Field).to_vec();
+/// Returns the levels of these splats, and one in mode alpha.
+pub fn all_levels() -> Vec<QualityLevel> {
+    let mut all = quality_levels(SplatKind::Field).to_vec();
     let last = all.last().expect("a ladder").cost;
     let quality = Quality { resolution: 0.7, coarseness: 1.0 };
-    all.push(Rung { mode: "alpha", quality, cost: 0.5 * last });
+    all.push(QualityLevel { mode: "alpha", quality, cost: 0.5 * last });
     all
 }
 
 pub fn options() -> Options {
     Options {
-        rungs: all_rungs(),
+        levels: all_levels(),
         budget_ms: Some(1e9),
-        rung: None,
+        level: None,
         background: [0.2, 0.1, 0.0],
         frames: None,
         panel: false,

@@ -1,4 +1,5 @@
-//! Monado: whether it is there, what its remote driver is sent, and what a program leaves behind that ran under it.
+//! Monado: whether it is there, what its remote driver is sent, and what a program leaves behind that ran
+//! under it.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -7,7 +8,7 @@ use engine::render::Fov;
 use serde_json::Value;
 use xr_app::headset::{Eye, Pose};
 
-/// Where the scripts are, if these components are set up; otherwise it says which is not.
+/// Returns where the scripts are, if these components are set up; otherwise it says which is not.
 pub fn tools(components: &[&str]) -> Option<PathBuf> {
     let tools = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?.join("tools");
     let environment = PathBuf::from(std::env::var_os("VGS_CACHE")?).join("driver.env");
@@ -25,12 +26,13 @@ pub fn tools(components: &[&str]) -> Option<PathBuf> {
     Some(tools)
 }
 
-/// What a program said.
+/// Returns what a program said.
 pub fn said(output: &Output) -> String {
     [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat()
 }
 
-/// The variables that switch the validation layer of OpenXR on; its log is `openxr.log` in the folder.
+/// Returns the variables that switch the validation layer of OpenXR on; its log is `openxr.log` in the
+/// folder.
 pub fn validation(folder: &Path) -> [(&'static str, PathBuf); 3] {
     [
         ("XR_ENABLE_API_LAYERS", "XR_APILAYER_LUNARG_core_validation".into()),
@@ -49,7 +51,7 @@ pub fn report(folder: &Path, output: &Output) -> Value {
     serde_json::from_slice(&std::fs::read(folder.join("report.json")).expect("a report")).expect("JSON")
 }
 
-/// A field of view of these angles to the left, right, upper and lower edge, degrees.
+/// Returns a field of view of these angles to the left, right, upper and lower edge, degrees.
 pub fn degrees([left, right, up, down]: [f64; 4]) -> Fov {
     let tangent = |angle: f64| angle.to_radians().tan();
     Fov { left: tangent(left), right: tangent(right), up: tangent(up), down: tangent(down) }

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use engine::image::Image;
 
-/// The screen, from its file in the format of xwd: a header of big-endian words, colours, then rows of four bytes a pixel, blue
-/// first. Nothing where the file is not whole yet.
+/// Returns the screen, from its file in the format of xwd: a header of big-endian words, colours, then rows
+/// of four bytes a pixel, blue first. Nothing where the file is not whole yet.
 pub fn shot(file: &Path) -> Option<Image> {
     let xwd = std::fs::read(file).ok()?;
     let word = |i: usize| Some(u32::from_be_bytes(*xwd.get(4 * i..)?.first_chunk()?) as usize);

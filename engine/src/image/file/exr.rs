@@ -1,10 +1,11 @@
 //! OpenEXR through the crate `exr`: 32-bit floats, the channels R G B A and, with a depth, Z.
 //!
-//! In an EXR colour is linear and premultiplied, while an [`Image`] has the sRGB-encoded numbers of the display. So each
-//! pixel is divided by its opacity, decoded (or encoded) with the curve of IEC 61966-2-1, mirrored for negative and
-//! carried on for large values, and multiplied again. A pixel of opacity 0 has no colour. The trip there and back
-//! changes some 1e-7 of a value. What another program composites over a background in linear light will look a
-//! little different from [`Image::over`], which composites what the display gets.
+//! In an EXR colour is linear and premultiplied, while an [`Image`] has the sRGB-encoded numbers of the
+//! display. So each pixel is divided by its opacity, decoded (or encoded) with the curve of IEC 61966-2-1,
+//! mirrored for negative and carried on for large values, and multiplied again. A pixel of opacity 0 has no
+//! colour. The trip there and back changes some 1e-7 of a value. What another program composites over a
+//! background in linear light will look a little different from [`Image::over`], which composites what the
+//! display gets.
 //!
 //! Z is in mm, infinite where nothing is seen; other programs' Z is taken as it is.
 
@@ -140,7 +141,7 @@ fn write(image: &Image, depth: Option<&[f32]>, out: &mut dyn Write) -> io::Resul
     out.write_all(&bytes)
 }
 
-/// A function of each straight colour of a premultiplied pixel.
+/// Returns a function of each straight colour of a premultiplied pixel.
 fn each_straight([r, g, b, a]: [f32; 4], of: fn(f64) -> f64) -> [f32; 4] {
     if a == 0.0 {
         return [0.0; 4];
@@ -156,7 +157,7 @@ fn linear_from_display(v: f64) -> f64 {
     linear(v.abs()).copysign(v)
 }
 
-/// The sRGB-encoded number of linear light.
+/// Returns the sRGB-encoded number of linear light.
 fn display_from_linear(v: f64) -> f64 {
     let display = |v: f64| if v <= 0.0031308 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     display(v.abs()).copysign(v)

@@ -11,8 +11,8 @@ use crate::image::Image;
 pub struct Picture {
     /// Colour and opacity.
     pub image: Image,
-    /// Distance from the viewer of each pixel, mm, in the order of the pixels; what it is where nothing is seen, the
-    /// writer decides (infinity in files of this program).
+    /// Distance from the viewer of each pixel, mm, in the order of the pixels; what it is where nothing is
+    /// seen, the writer decides (infinity in files of this program).
     pub depth: Option<Vec<f32>>,
 }
 
@@ -29,7 +29,7 @@ pub struct WriteOptions {
 pub struct Format {
     /// Its name, which is also the extension.
     pub name: &'static str,
-    /// Whether it can hold a depth.
+    /// True if it can hold a depth.
     pub depth: bool,
     /// The bytes with which a file begins.
     pub(super) magic: &'static [u8],

@@ -16,8 +16,8 @@ pub const FORMATS: &[Format] = &[png::FORMAT, exr::FORMAT];
 /// Reads a picture; the content of the file decides on the format, not its name.
 ///
 /// # Errors
-/// [`Kind::Missing`] without such a file; [`Kind::BadData`] for what is no picture, is damaged, or has more than
-/// [`MAX_PIXELS`](crate::image::MAX_PIXELS).
+/// [`Kind::Missing`] without such a file; [`Kind::BadData`] for what is no picture, is damaged, or has more
+/// than [`MAX_PIXELS`](crate::image::MAX_PIXELS).
 pub fn read(path: impl AsRef<Path>) -> Result<Picture> {
     let path = path.as_ref();
     let mut source = Source::open(path)?;
@@ -65,7 +65,7 @@ pub fn write(
     crate::output::write_atomic(path, options.force, |out| (format.write)(image, depth, out))
 }
 
-/// The format that the extension of `path` names.
+/// Returns the format that the extension of `path` names.
 ///
 /// # Errors
 /// [`Kind::Usage`] if there is none: programs ask before they compute anything.

@@ -1,5 +1,5 @@
-//! PNG and animated PNG, through the crate `png`. Numbers are sRGB-encoded, and files say so; other colour spaces that
-//! a file may name (gAMA, iCCP) are not converted.
+//! PNG and animated PNG, through the crate `png`. Numbers are sRGB-encoded, and files say so; other colour
+//! spaces that a file may name (gAMA, iCCP) are not converted.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -30,8 +30,8 @@ pub struct Animation {
 
 /// Writes an animated PNG, atomically; `frame` makes one frame at a time, so only one is in memory.
 ///
-/// A viewer that knows no animation shows the first frame. Where all frames are opaque the file has no opacity; that
-/// is decided by `options.background`.
+/// A viewer that knows no animation shows the first frame. Where all frames are opaque the file has no
+/// opacity; that is decided by `options.background`.
 ///
 /// # Errors
 /// What `frame` returns, with nothing written; [`Kind::Usage`] for no frames or no frame rate; those of
@@ -104,7 +104,7 @@ fn encoder(
     encoder
 }
 
-/// The pixels as PNG has them: 8 bits, not premultiplied; without opacity if `opaque`.
+/// Returns the pixels as PNG has them: 8 bits, not premultiplied; without opacity if `opaque`.
 fn bytes(image: &Image, opaque: bool) -> Vec<u8> {
     let byte = |value: f32| (value * 255.0).round().clamp(0.0, 255.0) as u8; // NaN becomes 0.
     let mut out = Vec::with_capacity(image.pixels.len() * if opaque { 3 } else { 4 });

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use crate::{Error, Kind, Result};
 
-/// DEFLATE, the densest packing in these formats, cannot do better than 1032 : 1, so a longer claim is false before
-/// anything is allocated.
+/// DEFLATE, the densest packing in these formats, cannot do better than 1032 : 1, so a longer claim is false
+/// before anything is allocated.
 const MAX_RATIO: u64 = 1032;
 
 /// An open file.

@@ -1,8 +1,8 @@
 //! How colours between two control points are mixed: ParaView's colour spaces.
 //!
 //! Lab is CIE 1976 L*a*b* under D65, from sRGB. Diverging is Moreland's ("Diverging Color Maps for Scientific
-//! Visualization", 2009): a polar form of Lab, with white between two saturated colours of different hue. HSV takes the
-//! shorter way around the circle of hues.
+//! Visualization", 2009): a polar form of Lab, with white between two saturated colours of different hue. HSV
+//! takes the shorter way around the circle of hues.
 
 use std::f64::consts::{PI, TAU};
 
@@ -19,7 +19,7 @@ pub enum ColourSpace {
     Step,
 }
 
-/// The colour space of that name in ParaView.
+/// Returns the colour space of that name in ParaView.
 pub fn find(name: &str) -> Option<ColourSpace> {
     let known = [
         ("rgb", ColourSpace::Rgb),
@@ -92,7 +92,8 @@ impl Msh {
         rgb_from_lab(self.magnitude * DVec3::new(cos, sin * self.hue.cos(), sin * self.hue.sin()))
     }
 
-    /// The hue that a colour without saturation takes next to this one, so that the way between them looks even.
+    /// Returns the hue that a colour without saturation takes next to this one, so that the way between them
+    /// looks even.
     fn hue_towards(self, magnitude: f64) -> f64 {
         if self.magnitude >= magnitude - 0.1 {
             return self.hue;

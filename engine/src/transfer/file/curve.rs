@@ -1,9 +1,9 @@
 //! What lies between two control points when it is not a straight line.
 //!
 //! VTK gives every control point a midpoint and a sharpness, which bend the line to the next one (see
-//! `vtkPiecewiseFunction`): the value half way between both is reached at the midpoint, and a sharpness from 0 to 1
-//! leads from the straight line over an S to a step. Straight lines and steps are kept exactly; an S, and whatever else
-//! bends, is sampled.
+//! `vtkPiecewiseFunction`): the value half way between both is reached at the midpoint, and a sharpness from
+//! 0 to 1 leads from the straight line over an S to a step. Straight lines and steps are kept exactly; an S,
+//! and whatever else bends, is sampled.
 
 /// Parts into which a bent line is cut; the worst error of an S is below 1 percent of its height.
 const PARTS: usize = 64;
@@ -30,8 +30,9 @@ impl<V> Node<V> {
     }
 }
 
-/// Points that are joined by straight lines, for nodes in any order. `mix` leads from one value to another by a share;
-/// with `bent` even a straight line is sampled, because `mix` (or what is done to the points) is not linear.
+/// Points that are joined by straight lines, for nodes in any order. `mix` leads from one value to another by
+/// a share; with `bent` even a straight line is sampled, because `mix` (or what is done to the points) is not
+/// linear.
 pub fn straightened<V: Copy>(
     mut nodes: Vec<Node<V>>,
     bent: bool,
@@ -57,13 +58,13 @@ pub fn straightened<V: Copy>(
     points
 }
 
-/// Whether two intensities are meant to be one: Slicer cannot hold two points at one intensity, and moves the second
-/// one by the last bit.
+/// Returns true if two intensities are meant to be one: Slicer cannot hold two points at one intensity, and
+/// moves the second one by the last bit.
 fn is_step(low: f64, high: f64) -> bool {
     high - low <= 1e-15 * low.abs().max(1e-290)
 }
 
-/// The next number above, as Slicer moves the second point of a step.
+/// Returns the next number above, as Slicer moves the second point of a step.
 pub fn just_above(x: f64) -> f64 {
     // Never a subnormal number.
     if x == 0.0 { f64::MIN_POSITIVE } else { x.next_up() }
@@ -91,7 +92,7 @@ fn between(midpoint: f64, sharpness: f64, bent: bool) -> Vec<(f64, f64)> {
     if midpoint == 0.5 { Vec::new() } else { vec![(midpoint, 0.5)] }
 }
 
-/// The share of the second value at a place between two nodes, for a sharpness below that of a step.
+/// Returns the share of the second value at a place between two nodes, for a sharpness below that of a step.
 fn share_at(place: f64, midpoint: f64, sharpness: f64) -> f64 {
     let even = if place < midpoint {
         0.5 * place / midpoint

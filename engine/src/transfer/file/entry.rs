@@ -13,7 +13,7 @@ pub(super) struct Entry {
     pub(super) function: Result<TransferFunction>,
 }
 
-/// An error in the content of a file.
+/// Returns an error in the content of a file.
 pub(super) fn broken(message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, "VGS-TF-008", message)
 }

@@ -24,7 +24,7 @@ pub struct Format {
     read: fn(&str) -> Result<Vec<Entry>>,
     /// The text of a file with this function; nothing where the format is only read.
     write: Option<fn(&TransferFunction) -> String>,
-    /// Whether control points from 0 to 1 are shares of the range of the data.
+    /// True if control points from 0 to 1 are shares of the range of the data.
     shares: bool,
 }
 
@@ -64,9 +64,9 @@ pub const FORMATS: &[Format] = &[
     },
 ];
 
-/// The transfer function that a user names, as with `--tf`: a preset, `window:W,L` or `window:W,L,OPACITY` or
-/// `window:NAME`, or a file, with `:NAME` after it where it holds several. `data` is the least and the greatest
-/// intensity of what is shown, for functions in shares of it.
+/// Returns the transfer function that a user names, as with `--tf`: a preset, `window:W,L` or
+/// `window:W,L,OPACITY` or `window:NAME`, or a file, with `:NAME` after it where it holds several. `data` is
+/// the least and the greatest intensity of what is shown, for functions in shares of it.
 ///
 /// # Errors
 /// [`Kind::Usage`] if there is nothing of that name, with what would do; else as [`read`].
@@ -99,11 +99,12 @@ pub fn load(spec: &str, data: [f64; 2]) -> Result<TransferFunction> {
     )))
 }
 
-/// The function called `name`, or the first one, of a file in one of the [`FORMATS`]. `data` as in [`load`].
+/// Returns the function called `name`, or the first one, of a file in one of the [`FORMATS`]. `data` as in
+/// [`load`].
 ///
 /// # Errors
-/// [`Kind::Missing`], [`Kind::Io`], [`Kind::BadData`] (not a known format, or not well formed), [`Kind::Usage`] if the
-/// file has no function of that name; the error lists those that it has.
+/// [`Kind::Missing`], [`Kind::Io`], [`Kind::BadData`] (not a known format, or not well formed),
+/// [`Kind::Usage`] if the file has no function of that name; the error lists those that it has.
 pub fn read(path: impl AsRef<Path>, name: Option<&str>, data: [f64; 2]) -> Result<TransferFunction> {
     let path = path.as_ref();
     let text = text_of(path)?;
@@ -125,7 +126,8 @@ pub fn read(path: impl AsRef<Path>, name: Option<&str>, data: [f64; 2]) -> Resul
 /// Writes a transfer function in the format that the name of the file asks for, whole or not at all.
 ///
 /// # Errors
-/// [`Kind::Usage`] if the ending belongs to no format that is written; else as [`crate::output::write_atomic`].
+/// [`Kind::Usage`] if the ending belongs to no format that is written; else as
+/// [`crate::output::write_atomic`].
 pub fn save(tf: &TransferFunction, path: impl AsRef<Path>, force: bool) -> Result<()> {
     let path = path.as_ref();
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -139,7 +141,7 @@ pub fn save(tf: &TransferFunction, path: impl AsRef<Path>, force: bool) -> Resul
     crate::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
 }
 
-/// The format with the longest ending of a lower-case file name.
+/// Returns the format with the longest ending of a lower-case file name.
 fn extension_of(name: &str) -> Option<&'static Format> {
     let endings = FORMATS.iter().flat_map(|f| f.extensions.iter().map(move |e| (f, *e)));
     endings.filter(|(_, e)| name.ends_with(e)).max_by_key(|(_, e)| e.len()).map(|(f, _)| f)
@@ -150,7 +152,7 @@ fn known_extensions(which: impl Fn(&Format) -> bool) -> String {
     formats.flat_map(|f| f.extensions).copied().collect::<Vec<_>>().join(" ")
 }
 
-/// The file name without the ending of its format.
+/// Returns the file name without the ending of its format.
 fn stem(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let lower = name.to_lowercase();
@@ -177,7 +179,7 @@ fn text_of(path: &Path) -> Result<String> {
     })
 }
 
-/// The function called `name`, or the first one, of a text.
+/// Returns the function called `name`, or the first one, of a text.
 pub(super) fn parse(text: &str, name: Option<&str>) -> Result<(&'static Format, TransferFunction)> {
     // Some editors begin UTF-8 with a byte order mark.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -214,7 +216,7 @@ pub(super) fn parse(text: &str, name: Option<&str>) -> Result<(&'static Format, 
     Ok((format, entries.swap_remove(index).function?))
 }
 
-/// The names in a file; the first hundred of them.
+/// Returns the names in a file; the first hundred of them.
 fn listed(names: &[String]) -> String {
     let more = if names.len() > 100 { ", ..." } else { "" };
     format!("it has {}{more}", names[..names.len().min(100)].join(", "))

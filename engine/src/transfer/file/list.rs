@@ -1,4 +1,5 @@
-//! Lists of numbers as Slicer writes them in `.vp` and XML: how many there are, then intensity and values in turn.
+//! Lists of numbers as Slicer writes them in `.vp` and XML: how many there are, then intensity and values in
+//! turn.
 
 use glam::DVec3;
 
@@ -7,7 +8,7 @@ use super::curve::{Node, straightened};
 use super::entry::{MAX_POINTS, broken, opacity_points};
 use crate::error::Result;
 
-/// The numbers of a list, in rows of `N`: an intensity and its values.
+/// Returns the numbers of a list, in rows of `N`: an intensity and its values.
 fn rows<const N: usize>(what: &str, text: &str) -> Result<Vec<[f64; N]>> {
     let mut words = text.split_ascii_whitespace();
     let first = words.next().ok_or_else(|| broken(format!("{what} is empty")))?;

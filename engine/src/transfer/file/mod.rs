@@ -1,8 +1,8 @@
 //! Transfer functions in the files of other programs, and what a user may type to name one.
 //!
-//! A file may hold several functions. All readers share `curve` (what lies between two control points when that is
-//! no straight line) and the rules here: a size limit, numbers with a point whatever the locale, and errors that name
-//! the function and the place.
+//! A file may hold several functions. All readers share `curve` (what lies between two control points when
+//! that is no straight line) and the rules here: a size limit, numbers with a point whatever the locale, and
+//! errors that name the function and the place.
 //!
 //! | file | what is there |
 //! |---|---|

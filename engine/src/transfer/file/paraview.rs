@@ -52,7 +52,7 @@ pub fn read(text: &str) -> Result<Vec<Entry>> {
     Ok(maps.into_iter().enumerate().map(entry).collect())
 }
 
-/// Rows of four numbers.
+/// Returns the rows of four numbers.
 fn rows(what: &str, numbers: &[f64]) -> Result<Vec<[f64; 4]>> {
     let (rows, rest) = numbers.as_chunks();
     if !rest.is_empty() || rows.is_empty() || rows.len() > MAX_POINTS {

@@ -1,4 +1,5 @@
-//! Slicer's `presets.xml` and scenes (MRML): elements `VolumeProperty` with lists of numbers in their attributes.
+//! Slicer's `presets.xml` and scenes (MRML): elements `VolumeProperty` with lists of numbers in their
+//! attributes.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! Slicer's `.vp.json`, after its `volume-property-schema-v1.0.0.json`; the format that is also written.
 //!
-//! α is per `scalarOpacityUnitDistance` in mm. The name of a function is ours: the schema has none, and lets other keys
-//! be.
+//! α is per `scalarOpacityUnitDistance` in mm. The name of a function is ours: the schema has none, and lets
+//! other keys be.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -152,8 +152,8 @@ fn function(property: Property) -> Result<TransferFunction> {
     }
     let opacity = component.scalar_opacity.ok_or_else(|| broken("there is no scalarOpacity"))?;
     let opacities = curve("scalarOpacity", opacity, distance != 1.0)?;
-    // α over a distance d is that of d mm one after the other: (1 − α per mm)^d = 1 − α. What is outside 0 to 1 is left
-    // for the check.
+    // α over a distance d is that of d mm one after the other: (1 − α per mm)^d = 1 − α. What is outside 0 to
+    // 1 is left for the check.
     let per_mm = |(x, a): (f64, f64)| {
         let converts = distance != 1.0 && (0.0..=1.0).contains(&a);
         (x, if converts { -((-a).ln_1p() / distance).exp_m1() } else { a })
@@ -241,8 +241,8 @@ pub fn write(tf: &TransferFunction) -> String {
     text
 }
 
-/// Where the point of that index is written: the second one of a step stands just above the first, or VTK would drop
-/// one of them.
+/// Returns where the point of that index is written: the second one of a step stands just above the first, or
+/// VTK would drop one of them.
 fn place<P>(points: &[P], index: usize, intensity: impl Fn(&P) -> f64) -> f64 {
     let x = intensity(&points[index]);
     let second = index > 0 && intensity(&points[index - 1]) == x;

@@ -1,14 +1,15 @@
 //! A transfer function as a table, for a renderer to upload.
 //!
-//! Entry `i` stands at the intensity `first + i · step`; `step` is a power of two and every entry is a number of `f32`.
-//! There are two rows. `points` has rgb and τ (1/mm) at the entries. `integrals` has ∫τ·rgb and ∫τ from the first
-//! entry on, for pre-integrated classification (Engel, Kraus, Ertl 2001): along a segment on which the intensity goes
-//! evenly from v_a to v_b the mean extinction is (K(v_b) − K(v_a)) / (v_b − v_a).
+//! Entry `i` stands at the intensity `first + i · step`; `step` is a power of two and every entry is a number
+//! of `f32`. There are two rows. `points` has rgb and τ (1/mm) at the entries. `integrals` has ∫τ·rgb and ∫τ
+//! from the first entry on, for pre-integrated classification (Engel, Kraus, Ertl 2001): along a segment on
+//! which the intensity goes evenly from v_a to v_b the mean extinction is (K(v_b) − K(v_a)) / (v_b − v_a).
 //!
-//! Differences of prefix sums cancel: in `f32` the rounding of a large K would drown what little a translucent tissue
-//! adds. So the sums are whole numbers, in units of `integral_unit`: their differences are exact in 32 bits whatever
-//! stands before, and the error of a mean extinction is 2⁻³² of the whole integral per entry that the segment spans.
-//! A segment shorter than an entry uses the point in its middle instead ([`Table::segment`]).
+//! Differences of prefix sums cancel: in `f32` the rounding of a large K would drown what little a
+//! translucent tissue adds. So the sums are whole numbers, in units of `integral_unit`: their differences are
+//! exact in 32 bits whatever stands before, and the error of a mean extinction is 2⁻³² of the whole integral
+//! per entry that the segment spans. A segment shorter than an entry uses the point in its middle instead
+//! ([`Table::segment`]).
 
 use glam::DVec3;
 
@@ -19,8 +20,8 @@ use crate::transfer::{MAX_INTENSITY, TransferFunction};
 const MIN_LEN: usize = 4096;
 /// Most entries; a function over more intensities than that gets a step above 1.
 const MAX_LEN: usize = 65536;
-/// Entries are finer than this share of the greatest intensity only where a step of 1 demands it: `f32` could not tell
-/// the intensities apart.
+/// Entries are finer than this share of the greatest intensity only where a step of 1 demands it: `f32` could
+/// not tell the intensities apart.
 const FINEST: f64 = 1.0 / (1 << 22) as f64;
 /// Exponent of the finest step.
 const MIN_EXPONENT: i32 = -40;
@@ -30,7 +31,8 @@ const MIN_EXPONENT: i32 = -40;
 pub struct Table {
     /// Intensity of entry 0; a whole multiple of `step`.
     pub first: f64,
-    /// From entry to entry, in intensity: a power of two, at most 1 unless that takes more than 65536 entries.
+    /// From entry to entry, in intensity: a power of two, at most 1 unless that takes more than 65536
+    /// entries.
     pub step: f64,
     /// Red, green, blue (not premultiplied) and τ in 1/mm at each entry.
     pub points: Vec<[f32; 4]>,
@@ -41,9 +43,9 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table of a transfer function for intensities from `range[0]` to `range[1]`; what lies outside of it is shown
-    /// as its ends. Where the function is transparent or constant at the ends of the range, the table is shorter. A
-    /// bound that is not finite does not bound.
+    /// The table of a transfer function for intensities from `range[0]` to `range[1]`; what lies outside of
+    /// it is shown as its ends. Where the function is transparent or constant at the ends of the range, the
+    /// table is shorter. A bound that is not finite does not bound.
     pub fn new(tf: &TransferFunction, range: [f64; 2]) -> Self {
         let [low, high] = span(tf, range);
         let (first, step, len) = grid(low, high);
@@ -68,22 +70,22 @@ impl Table {
         Table { first, step, points, integrals, integral_unit }
     }
 
-    /// Number of entries.
+    /// Returns the number of entries.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether there are no entries; there always are.
+    /// Returns true if there are no entries; there always are.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// Where an intensity lies, in entries from the first one.
+    /// Returns where an intensity lies, in entries from the first one.
     fn entry(&self, v: f64) -> f64 {
         (v - self.first) / self.step
     }
 
-    /// Colour and extinction (1/mm) at an intensity: those of the nearest entry.
+    /// Returns the colour and extinction (1/mm) at an intensity: those of the nearest entry.
     pub fn point(&self, v: f64) -> (DVec3, f64) {
         let last = self.len() as f64 - 1.0;
         let nearest = (self.entry(v) + 0.5).floor().clamp(0.0, last);
@@ -91,9 +93,9 @@ impl Table {
         (DVec3::new(r, g, b), extinction)
     }
 
-    /// Mean colour and mean extinction (1/mm) along a segment on which the intensity goes evenly from `va` to `vb`,
-    /// in either direction; the colour is weighted with the extinction. The segment's opacity is 1 − exp(−extinction ·
-    /// length).
+    /// Returns the mean colour and mean extinction (1/mm) along a segment on which the intensity goes evenly
+    /// from `va` to `vb`, in either direction; the colour is weighted with the extinction. The segment's
+    /// opacity is 1 − exp(−extinction · length).
     pub fn segment(&self, va: f64, vb: f64) -> (DVec3, f64) {
         let (a, b) = (self.entry(va.min(vb)), self.entry(va.max(vb)));
         let width = b - a;
@@ -121,7 +123,7 @@ impl Table {
         (DVec3::new(sum[0], sum[1], sum[2]).min(DVec3::splat(sum[3])) / sum[3], sum[3] / width)
     }
 
-    /// The cell between two entries that a place lies in, and how far in it is, 0 to 1.
+    /// Returns the cell between two entries that a place lies in, and how far in it is, 0 to 1.
     fn cell(&self, entry: f64) -> (usize, f64) {
         let inside = entry.clamp(0.0, self.len() as f64 - 1.0);
         let cell = inside.floor().min(self.len() as f64 - 2.0);
@@ -129,7 +131,7 @@ impl Table {
     }
 }
 
-/// The intensities between which the function changes and can be seen.
+/// Returns the intensities between which the function changes and can be seen.
 fn span(tf: &TransferFunction, range: [f64; 2]) -> [f64; 2] {
     let [first, last] = tf.extent();
     let visible = tf.visible().unwrap_or([first, first]);
@@ -161,7 +163,7 @@ fn grid(low: f64, high: f64) -> (f64, f64, usize) {
     (first(step) * step, step, (count(step) as usize).max(MIN_LEN))
 }
 
-/// The smallest power of two in which `total` is a number of 32 bits.
+/// Returns the smallest power of two in which `total` is a number of 32 bits.
 fn unit_of(total: f64) -> f64 {
     if total <= 0.0 {
         return 1.0;

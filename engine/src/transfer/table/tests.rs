@@ -17,7 +17,8 @@ fn white(opacities: &[(f64, f64)]) -> TransferFunction {
     tf(&[(0.0, [1.0; 3])], opacities)
 }
 
-/// Mean colour (weighted with the extinction) and mean extinction between two intensities, by brute force.
+/// Returns the mean colour (weighted with the extinction) and mean extinction between two intensities, by
+/// brute force.
 fn mean(tf: &TransferFunction, va: f64, vb: f64) -> (DVec3, f64) {
     const N: usize = 4000;
     let (mut colours, mut sum) = (DVec3::ZERO, 0.0);
@@ -109,7 +110,8 @@ fn beyond_its_ends_the_table_goes_on() {
 
 #[test]
 fn a_faint_tissue_beyond_an_opaque_one_keeps_its_digits() {
-    // In prefix sums of f32 the bone's 7.6/mm over 3500 HU would leave the faint tissue with errors of 1e-3/mm.
+    // In prefix sums of f32 the bone's 7.6/mm over 3500 HU would leave the faint tissue with errors of
+    // 1e-3/mm.
     let faint = 0.002;
     let tf = white(&[(-1000.0, 1.0), (2500.0, 1.0), (2500.0, faint), (3000.0, faint), (3000.0, 0.0)]);
     let table = Table::new(&tf, CT);
@@ -158,8 +160,8 @@ proptest! {
         let (va, vb) = (va.clamp(CT[0], CT[1]), vb.clamp(CT[0], CT[1]));
         prop_assume!(vb - va >= table.step);
         let ((colour, extinction), (c, e)) = (table.segment(va, vb), mean(&tf, va, vb));
-        // At both ends the sum is linear across an entry: at most an eighth of the entry's jump each, at worst a full
-        // step of the function. And the sums are rounded.
+        // At both ends the sum is linear across an entry: at most an eighth of the entry's jump each, at
+        // worst a full step of the function. And the sums are rounded.
         let entries = (vb - va) / table.step;
         let greatest = tf.opacities().iter().map(|p| extinction_of(p.opacity)).fold(0.0, f64::max);
         let bound = greatest / entries * 0.55 + 4.0 * table.integral_unit / entries + 1e-3 * e + 1e-4 * greatest;

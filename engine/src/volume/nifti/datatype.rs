@@ -10,7 +10,7 @@ pub(super) struct Datatype {
     pub name: &'static str,
     /// Bytes of one voxel; 0 where the standard has none.
     pub bytes: usize,
-    /// Whether f32 may not hold every value exactly.
+    /// True if f32 may not hold every value exactly.
     pub wide_integer: bool,
     /// How to read it, if it is one number that this program can use.
     pub decode: Option<Decode>,

@@ -19,9 +19,9 @@ use crate::volume::affine::{axis_codes_of, spacing_of};
 pub struct Header {
     /// "NIfTI-1" or "NIfTI-2".
     pub format: &'static str,
-    /// Whether numbers are stored with the most significant byte first.
+    /// True if numbers are stored with the most significant byte first.
     pub big_endian: bool,
-    /// Whether the file with the header is gzip.
+    /// True if the file with the header is gzip.
     pub gzip: bool,
     /// The file that holds the voxels, if it is not the same.
     pub voxel_file: Option<PathBuf>,
@@ -31,7 +31,7 @@ pub struct Header {
     pub datatype: &'static str,
     /// The standard's code of the datatype.
     pub datatype_code: i16,
-    /// Whether the voxels are single real numbers, that is, readable as a [`Volume`].
+    /// True if the voxels are single real numbers, that is, readable as a [`Volume`].
     pub scalar: bool,
     /// Byte at which the voxels begin in their file.
     pub vox_offset: u64,
@@ -43,7 +43,7 @@ pub struct Header {
     pub affine_source: &'static str,
     /// Direction in which each index grows, as "LAS"; "???" if the orientation is unknown.
     pub axes: String,
-    /// Whether the file says how the patient lies.
+    /// True if the file says how the patient lies.
     pub oriented: bool,
     /// The length unit of the file.
     pub units: &'static str,

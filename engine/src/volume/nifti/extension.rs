@@ -7,8 +7,8 @@ use quick_xml::events::Event;
 
 use crate::{Error, Kind, Result};
 
-/// Label names from the extensions in `bytes`, which follow the header up to the voxels. Without extensions that
-/// hold a label table there are none.
+/// Label names from the extensions in `bytes`, which follow the header up to the voxels. Without extensions
+/// that hold a label table there are none.
 pub(super) fn labels(bytes: &[u8], big_endian: bool) -> Result<BTreeMap<i32, String>> {
     let mut labels = BTreeMap::new();
     let mut rest = bytes;

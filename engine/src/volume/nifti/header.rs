@@ -1,7 +1,7 @@
 //! The NIfTI header: parsed, checked field by field, and turned into a grid.
 //!
-//! NIfTI-1 is parsed by the `nifti` crate once the size, byte order and dimension count are known to be sound;
-//! NIfTI-2 here. Everything that decides how many bytes are read, and from where, is checked here.
+//! NIfTI-1 is parsed by the `nifti` crate once the size, byte order and dimension count are known to be
+//! sound; NIfTI-2 here. Everything that decides how many bytes are read, and from where, is checked here.
 
 use glam::{DAffine3, DMat3, DVec3};
 use nifti::{Endianness, NiftiHeader};
@@ -45,7 +45,7 @@ pub(super) struct Parsed {
     /// 1 or 2.
     pub version: u8,
     pub big_endian: bool,
-    /// Whether the voxels follow in the same file.
+    /// True if the voxels follow in the same file.
     pub single_file: bool,
     /// Effective dimensions, trailing ones dropped but never fewer than three.
     pub dims: Vec<usize>,
@@ -81,7 +81,7 @@ impl Parsed {
         self.dims[..3].iter().product()
     }
 
-    /// Bytes of one volume as stored.
+    /// Returns the bytes of one volume as stored.
     pub fn volume_bytes(&self) -> u64 {
         self.voxels() as u64 * self.datatype.bytes as u64
     }
@@ -414,7 +414,7 @@ fn qform(f: &Fields, spacing: DVec3, notes: &mut Vec<String>) -> Result<DAffine3
     Ok(DAffine3::from_mat3_translation(rotation * DMat3::from_diagonal(handed), offset))
 }
 
-/// The affine must be finite and invertible; shear and odd voxel sizes are noted.
+/// Returns the affine must be finite and invertible; shear and odd voxel sizes are noted.
 fn check_shape(affine: &DAffine3, notes: &mut Vec<String>) -> Result<()> {
     if !affine.is_finite() {
         return Err(bad("VGS-NII-012", "the affine holds NaN or infinity"));

@@ -1,9 +1,10 @@
 //! NIfTI-1 and NIfTI-2 files, read strictly and written atomically.
 //!
-//! Single files and pairs, plain or gzip, either byte order, every scalar datatype. Sizes are compared with the
-//! bytes that are there before anything is allocated, and a stream is read to its end so that its checksum counts.
-//! The `nifti` crate parses the NIfTI-1 header; its voxel reader is not used, since it begins at the wrong byte
-//! where extensions or a gap precede the voxels, applies a NaN slope, and stops before the checksum.
+//! Single files and pairs, plain or gzip, either byte order, every scalar datatype. Sizes are compared with
+//! the bytes that are there before anything is allocated, and a stream is read to its end so that its
+//! checksum counts. The `nifti` crate parses the NIfTI-1 header; its voxel reader is not used, since it
+//! begins at the wrong byte where extensions or a gap precede the voxels, applies a NaN slope, and stops
+//! before the checksum.
 //!
 //! | file | what is there |
 //! |---|---|

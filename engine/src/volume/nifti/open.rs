@@ -91,13 +91,13 @@ fn read_labels(
     }
 }
 
-/// Whether the name ends in `ending` or `ending.gz`, in either case.
+/// Returns true if the name ends in `ending` or `ending.gz`, in either case.
 fn has_ending(path: &Path, ending: &str) -> bool {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     name.strip_suffix(".gz").unwrap_or(&name).ends_with(ending)
 }
 
-/// The other file of a pair: `path` with `from` replaced by `to`, plain or gzip, whichever exists.
+/// Returns the other file of a pair: `path` with `from` replaced by `to`, plain or gzip, whichever exists.
 fn partner(path: &Path, from: &str, to: &str) -> Result<PathBuf> {
     if !has_ending(path, from) {
         return Err(Error::new(

@@ -18,9 +18,9 @@ const SCANNER: i32 = 1;
 const UNITS_MM: u8 = 2;
 const FLOAT32: i16 = 16;
 
-/// Writes `volume` as float32 to a `.nii` or `.nii.gz` file, atomically: NIfTI-1, or NIfTI-2 where a dimension
-/// exceeds the 32767 of NIfTI-1. A volume of unknown orientation gets neither sform nor qform. Label names are not
-/// written.
+/// Writes `volume` as float32 to a `.nii` or `.nii.gz` file, atomically: NIfTI-1, or NIfTI-2 where a
+/// dimension exceeds the 32767 of NIfTI-1. A volume of unknown orientation gets neither sform nor qform.
+/// Label names are not written.
 ///
 /// # Errors
 /// [`Kind::Usage`] for another name ending, [`Kind::Internal`] for an affine that is no grid, and those of
@@ -47,7 +47,7 @@ pub fn write(path: impl AsRef<Path>, volume: &Volume, force: bool) -> Result<()>
     })
 }
 
-/// Whether a file of this name is compressed.
+/// Returns true if a file of this name is compressed.
 ///
 /// # Errors
 /// [`Kind::Usage`] for a name that ends neither in `.nii` nor in `.nii.gz`.
@@ -71,7 +71,7 @@ fn write_samples(out: &mut dyn Write, samples: &[f32]) -> io::Result<()> {
     Ok(())
 }
 
-/// The qform of an affine: `pixdim[0]` and the quaternion's b, c, d, if its axes are orthogonal.
+/// Returns the qform of an affine: `pixdim[0]` and the quaternion's b, c, d, if its axes are orthogonal.
 fn qform(volume: &Volume) -> Option<(f64, [f64; 3])> {
     let spacing = volume.spacing_mm();
     let m = volume.world_from_voxel.matrix3;

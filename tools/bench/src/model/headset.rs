@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use engine::budget::budget_ms;
 use engine::gpu::Gpu;
-use engine::render::{Rung, SplatKind, rungs};
+use engine::render::{QualityLevel, SplatKind, quality_levels};
 use engine::{Error, Kind, Result};
 use serde::{Deserialize, Serialize};
 
@@ -131,12 +131,12 @@ fn size(text: &str) -> Result<[u32; 2]> {
 }
 
 /// The rungs that the model knows the stages of: slabs of splats that are right between the voxels, and mode alpha.
-fn modelled() -> Vec<Rung> {
-    let slabs = rungs(SplatKind::Field).iter().filter(|rung| rung.mode == "slab");
-    slabs.chain(rungs(SplatKind::Coloured)).copied().collect()
+fn modelled() -> Vec<QualityLevel> {
+    let slabs = quality_levels(SplatKind::Field).iter().filter(|rung| rung.mode == "slab");
+    slabs.chain(quality_levels(SplatKind::Coloured)).copied().collect()
 }
 
-fn shot(rung: &Rung, size: [u32; 2]) -> Shot {
+fn shot(rung: &QualityLevel, size: [u32; 2]) -> Shot {
     let q = rung.quality;
     Shot {
         mode: rung.mode.into(),

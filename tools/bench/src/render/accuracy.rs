@@ -2,7 +2,7 @@
 
 use engine::gpu::Gpu;
 use engine::image::{Image, flip, psnr, ssim};
-use engine::render::{Camera, Look, MediumSource, Scene};
+use engine::render::{Camera, Look, Scene, VolumeSource};
 use engine::splat::{Packed, SplatSet};
 use engine::transfer::TransferFunction;
 use engine::{Error, Kind, Result};
@@ -37,7 +37,7 @@ pub fn measure(
         cameras: place.cameras(&unit.orbit, &unit.views())?,
     };
     let first = Look::new(place.transfer(&unit.transfers[0])?);
-    let ct = MediumSource { volume: &place.volume, roi: Some(&place.roi) };
+    let ct = VolumeSource { volume: &place.volume, roi: Some(&place.roi) };
     let mut stage = Stage {
         full: Scene::new(gpu, Some(set), needs_volume(unit).then_some(&ct), &first)?,
         packed: packed(unit, set, gpu, &first)?,
@@ -45,7 +45,7 @@ pub fn measure(
     };
     for &factor in &unit.part.downsampled {
         let (volume, roi) = (place.volume.coarsened(factor), place.roi.coarsened(factor));
-        let scene = Scene::new(gpu, None, Some(&MediumSource { volume: &volume, roi: Some(&roi) }), &first)?;
+        let scene = Scene::new(gpu, None, Some(&VolumeSource { volume: &volume, roi: Some(&roi) }), &first)?;
         stage.downsampled.push((factor, volume_bytes(&roi), scene));
     }
     for transfer in &unit.transfers {

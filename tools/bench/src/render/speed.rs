@@ -6,7 +6,7 @@
 use engine::Result;
 use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
-use engine::render::{Camera, Look, MediumSource, Scene};
+use engine::render::{Camera, Look, Scene, VolumeSource};
 use engine::splat::SplatSet;
 
 use super::accuracy::{checked, mse};
@@ -116,7 +116,7 @@ impl Contestant {
     ) -> Result<Self> {
         let of_splats = mode_row(rendering).is_some_and(|row| row.of_splats);
         let gpu = Gpu::new(options)?;
-        let ct = MediumSource { volume: &place.volume, roi: (!whole).then_some(&place.roi) };
+        let ct = VolumeSource { volume: &place.volume, roi: (!whole).then_some(&place.roi) };
         let scene = match of_splats {
             true => Scene::new(&gpu, Some(set), None, look)?,
             false => Scene::new(&gpu, None, Some(&ct), look)?,

@@ -1,7 +1,8 @@
 //! The viewer without its window: state, panels, and what the mouse and the keys do.
 //!
-//! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it gives back; then it asks
-//! [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with [`App::camera`] and the state's look.
+//! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it gives back;
+//! then it asks [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with
+//! [`App::camera`] and the state's look.
 
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
 use engine::error::{Error, Result};
@@ -12,8 +13,8 @@ use glam::DVec3;
 use super::drag::Drag;
 use crate::actions::{Action, pressed};
 use crate::editor::Editor;
-use crate::facts::Facts;
 use crate::history::History;
+use crate::panel_info::PanelInfo;
 use crate::panels::notice::Message;
 use crate::panels::status::Reading;
 use crate::panels::{self, menu::Menus};
@@ -37,7 +38,7 @@ pub struct Changes {
 }
 
 impl Changes {
-    /// Whether the picture must be rendered anew.
+    /// Returns true if the picture must be rendered anew.
     pub fn any(self) -> bool {
         self.camera || self.look || self.rendering
     }
@@ -53,7 +54,7 @@ pub struct App {
     pub(super) history: History<Edited>,
     /// The state when the changes were last taken.
     pub(super) taken: State,
-    /// Whether the whole scene is to be shown as soon as it is there.
+    /// True if the whole scene is to be shown as soon as it is there.
     pub(super) fit: bool,
     /// Whether the tool that measures distances is taken up, and the first point of a distance, mm RAS.
     pub(super) measuring: Option<Option<DVec3>>,
@@ -69,7 +70,8 @@ pub struct App {
 }
 
 impl App {
-    /// A viewer of this state. The camera of a session stays; without one the scene is fitted once it is there.
+    /// A viewer of this state. The camera of a session stays; without one the scene is fitted once it is
+    /// there.
     pub fn new(state: State, settings: Settings) -> Self {
         App {
             editor: Editor::default(),
@@ -102,29 +104,29 @@ impl App {
         self.fit = true;
     }
 
-    /// Where the picture is, in points of the screen.
+    /// Returns where the picture is, in points of the screen.
     pub fn picture(&self) -> Rect {
         self.picture
     }
 
-    /// Width over height of the picture.
+    /// Returns the width over height of the picture.
     pub fn aspect(&self) -> f64 {
         let size = self.picture.size();
         let aspect = f64::from(size.x) / f64::from(size.y);
         if aspect.is_finite() && aspect > 0.0 { aspect } else { 1.0 }
     }
 
-    /// The camera of the picture.
+    /// Returns the camera of the picture.
     pub fn camera(&self) -> Camera {
         self.state.orbit.camera(self.aspect())
     }
 
-    /// Whether a button or key is held, so that what changes will go on changing.
+    /// Returns true if a button or key is held, so that what changes will go on changing.
     pub fn held(&self) -> bool {
         self.held
     }
 
-    /// What has changed since the last call of this, by whatever hand.
+    /// Returns what has changed since the last call of this, by whatever hand.
     pub fn take_changes(&mut self) -> Changes {
         let (new, old) = (&self.state, &self.taken);
         let changes = Changes {
@@ -151,29 +153,29 @@ impl App {
     }
 
     /// Lays out a frame and does what the user asks; gives what only the window can do.
-    pub fn ui(&mut self, ui: &mut Ui, facts: &Facts<'_>) -> Vec<Action> {
+    pub fn ui(&mut self, ui: &mut Ui, info: &PanelInfo<'_>) -> Vec<Action> {
         let mut actions = Vec::new();
         let dropped: Vec<_> = ui.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
         if !dropped.is_empty() {
             actions.push(Action::Open(dropped));
         }
-        self.frame(ui, facts, &mut actions);
+        self.frame(ui, info, &mut actions);
         let context = ui.ctx().clone();
-        self.windows(&context, facts, &mut actions);
+        self.windows(&context, info, &mut actions);
         // Widgets have taken what is theirs by now, and a question has to be answered first.
         let asks = self.prompt.is_some() || !self.settings.notice_seen;
         if !asks && !context.text_edit_focused() {
             let focus = context.egui_wants_keyboard_input();
             actions.extend(context.input_mut(|i| pressed(i, focus)));
         }
-        let left = actions.into_iter().filter_map(|action| self.act(action, facts)).collect();
+        let left = actions.into_iter().filter_map(|action| self.act(action, info)).collect();
         self.held = context.input(|i| i.pointer.any_down() || !i.keys_down.is_empty());
         self.remember(self.held || context.text_edit_focused());
         left
     }
 
     /// Does what is asked for, or gives it back where only the window can do it.
-    pub fn act(&mut self, action: Action, facts: &Facts<'_>) -> Option<Action> {
+    pub fn act(&mut self, action: Action, info: &PanelInfo<'_>) -> Option<Action> {
         let state = &mut self.state;
         match action {
             Action::Open(_) | Action::Screenshot { .. } | Action::Record { .. } | Action::Quit => {
@@ -187,14 +189,14 @@ impl App {
             Action::AskSaveTransfer => self.ask(Purpose::SaveTransfer),
             Action::Save { path, force } => {
                 let written = state.write(&path, force);
-                self.said(written, || format!("The session is in {}.", path.display()));
+                self.report_outcome(written, || format!("The session is in {}.", path.display()));
             }
             Action::SaveTransfer { path, force } => {
                 let written =
                     state.transfer.function().and_then(|f| engine::transfer::save(&f, &path, force));
-                self.said(written, || format!("The transfer function is in {}.", path.display()));
+                self.report_outcome(written, || format!("The transfer function is in {}.", path.display()));
             }
-            Action::Transfer(name) => self.take_transfer(&name, facts),
+            Action::Transfer(name) => self.take_transfer(&name, info),
             Action::Undo | Action::Redo => {
                 let edited = state.edited();
                 let step = match action {
@@ -205,21 +207,21 @@ impl App {
             }
             Action::Flip => {
                 state.shown = match state.shown {
-                    Subject::Splats if facts.volume => Subject::Volume,
-                    Subject::Volume if facts.splats.is_some() => Subject::Splats,
+                    Subject::Splats if info.volume => Subject::Volume,
+                    Subject::Volume if info.splats.is_some() => Subject::Splats,
                     same => same,
                 };
             }
             Action::Split => {
-                let both = facts.volume && facts.splats.is_some();
+                let both = info.volume && info.splats.is_some();
                 state.split = if state.split.is_none() && both { Some(0.5) } else { None };
             }
             Action::NextMode => {
                 let at = SplatMode::ALL.iter().position(|m| *m == state.mode).unwrap_or(0);
                 state.mode = SplatMode::ALL[(at + 1) % SplatMode::ALL.len()];
             }
-            Action::NextPreset => self.step_preset(1, facts),
-            Action::PreviousPreset => self.step_preset(PRESETS.len() - 1, facts),
+            Action::NextPreset => self.step_preset(1, info),
+            Action::PreviousPreset => self.step_preset(PRESETS.len() - 1, info),
             Action::Fit => self.fit = true,
             Action::View(side) => state.orbit.look_from(side),
             Action::Turn([azimuth, elevation]) => state.orbit.turn(azimuth, elevation),
@@ -229,13 +231,13 @@ impl App {
             Action::Clip => match state.clip.planes.first_mut() {
                 Some(plane) => plane.on = !plane.on,
                 None => {
-                    let plane = panels::clip::across(state, facts);
+                    let plane = panels::clip::across(state, info);
                     state.clip.planes.push(plane);
                 }
             },
             Action::Crop => match &mut state.clip.crop {
                 Some(crop) => crop.on = !crop.on,
-                None => state.clip.crop = Some(panels::clip::around(state, facts)),
+                None => state.clip.crop = Some(panels::clip::around(state, info)),
             },
             Action::Cancel => {
                 self.measuring = None;
@@ -255,7 +257,8 @@ impl App {
         None
     }
 
-    /// Makes a step of what has changed, unless something is held. Files that were opened begin a new history.
+    /// Makes a step of what has changed, unless something is held. Files that were opened begin a new
+    /// history.
     fn remember(&mut self, held: bool) {
         let edited = self.state.edited();
         if edited.has_objects_of(self.history.now()) {
@@ -271,28 +274,28 @@ impl App {
         self.prompt = Some(Prompt::new(purpose, &self.state.files, size));
     }
 
-    fn said(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
+    fn report_outcome(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
         match result {
             Ok(()) => self.done(what()),
             Err(error) => self.report(&error),
         }
     }
 
-    fn take_transfer(&mut self, name: &str, facts: &Facts<'_>) {
-        match engine::transfer::load(name, facts.range) {
+    fn take_transfer(&mut self, name: &str, info: &PanelInfo<'_>) {
+        match engine::transfer::load(name, info.range) {
             Ok(function) => self.state.transfer = Transfer::new(&function),
             Err(error) => self.report(&error),
         }
     }
 
-    fn step_preset(&mut self, by: usize, facts: &Facts<'_>) {
+    fn step_preset(&mut self, by: usize, info: &PanelInfo<'_>) {
         let at = PRESETS.iter().position(|p| p.name == self.state.transfer.name);
         let next = at.map_or(0, |at| (at + by) % PRESETS.len());
-        self.state.transfer = Transfer::new(&PRESETS[next].over(facts.range));
+        self.state.transfer = Transfer::new(&PRESETS[next].over(info.range));
     }
 
     /// Menus, panels, status line and the picture between them.
-    fn frame(&mut self, ui: &mut Ui, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+    fn frame(&mut self, ui: &mut Ui, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
         if self.state.show.panels {
             Panel::top("menus").show(ui, |ui| {
                 let menus = Menus {
@@ -304,8 +307,8 @@ impl App {
             });
             Panel::bottom("status").show(ui, |ui| {
                 let pixels = f64::from(self.picture.height() * ui.pixels_per_point());
-                let scale = facts.bounds.map(|_| self.state.orbit.height_mm() / pixels);
-                panels::status::show(ui, &self.state, facts, self.reading.as_ref(), scale);
+                let scale = info.bounds.map(|_| self.state.orbit.height_mm() / pixels);
+                panels::status::show(ui, &self.state, info, self.reading.as_ref(), scale);
             });
             // In a narrow window they would leave no picture.
             if ui.available_width() >= 1.5 * PANEL[0] {
@@ -314,30 +317,30 @@ impl App {
                     |ui| {
                         ScrollArea::vertical()
                             .auto_shrink(false)
-                            .show(ui, |ui| self.sections(ui, facts, actions));
+                            .show(ui, |ui| self.sections(ui, info, actions));
                     },
                 );
             }
         }
-        CentralPanel::no_frame().show(ui, |ui| self.central(ui, facts, actions));
+        CentralPanel::no_frame().show(ui, |ui| self.central(ui, info, actions));
     }
 
-    fn sections(&mut self, ui: &mut Ui, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+    fn sections(&mut self, ui: &mut Ui, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
         let state = &mut self.state;
         let section = |name: &str, open: bool| CollapsingHeader::new(name).default_open(open);
-        section("Objects", true).show_unindented(ui, |ui| panels::objects::show(ui, state, facts));
+        section("Objects", true).show_unindented(ui, |ui| panels::objects::show(ui, state, info));
         section("Transfer function", true)
-            .show_unindented(ui, |ui| panels::transfer::show(ui, state, &mut self.editor, facts, actions));
-        section("Quality", true).show_unindented(ui, |ui| panels::quality::show(ui, state, facts, actions));
+            .show_unindented(ui, |ui| panels::transfer::show(ui, state, &mut self.editor, info, actions));
+        section("Quality", true).show_unindented(ui, |ui| panels::quality::show(ui, state, info, actions));
         section("Camera", false).show_unindented(ui, |ui| panels::camera::show(ui, state, actions));
-        section("Clipping", false).show_unindented(ui, |ui| panels::clip::show(ui, state, facts, actions));
+        section("Clipping", false).show_unindented(ui, |ui| panels::clip::show(ui, state, info, actions));
         let measuring = self.measuring.is_some();
         section("Distances", false)
             .show_unindented(ui, |ui| panels::measure::show(ui, state, measuring, actions));
     }
 
     /// What lies over everything.
-    fn windows(&mut self, context: &egui::Context, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+    fn windows(&mut self, context: &egui::Context, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
         if let Some(prompt) = &mut self.prompt {
             match prompt.show(context) {
                 Answer::Open => {}
@@ -352,7 +355,7 @@ impl App {
             panels::welcome::hovered(context, self.picture);
         }
         if self.state.show.overlay {
-            panels::overlay::show(context, self.picture, facts, self.state.quality.target_frame_ms);
+            panels::overlay::show(context, self.picture, info, self.state.quality.target_frame_ms);
         }
         if self.keys {
             panels::keys::show(context, &mut self.keys);

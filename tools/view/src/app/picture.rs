@@ -7,8 +7,8 @@ use super::app::App;
 use super::drag::{Drag, Target};
 use crate::actions::Action;
 use crate::annotations::Over;
-use crate::facts::Facts;
 use crate::handles;
+use crate::panel_info::PanelInfo;
 use crate::panels::{self, status::Reading};
 use crate::state::{Distance, State};
 use crate::theme::SIGNAL;
@@ -27,32 +27,32 @@ const SPLIT_EDGE: f64 = 0.02;
 
 impl App {
     /// The picture's place, and the mouse in it.
-    pub(super) fn central(&mut self, ui: &mut Ui, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+    pub(super) fn central(&mut self, ui: &mut Ui, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
         let rect = ui.available_rect_before_wrap();
         self.picture = rect;
         self.pixels_per_point = ui.pixels_per_point();
         if !(rect.width() >= 1.0 && rect.height() >= 1.0) {
             return;
         }
-        if facts.bounds.is_none() {
+        if info.bounds.is_none() {
             self.reading = None;
-            if facts.progress.is_none() {
+            if info.progress.is_none() {
                 panels::welcome::show(ui, rect, &self.settings.recent, actions);
             }
             return;
         }
-        if let (true, Some(bounds)) = (self.fit, facts.bounds) {
+        if let (true, Some(bounds)) = (self.fit, info.bounds) {
             self.state.orbit.fit(bounds, self.aspect());
             self.fit = false;
         }
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
-        let over = self.grip(ui, &response, facts);
+        let over = self.grip(ui, &response, info);
         if self.grip.is_none() {
             self.lead(ui, &response);
         }
-        self.point(&response, facts);
-        self.paint(ui, &response, facts, over);
-        if facts.draft {
+        self.point(&response, info);
+        self.paint(ui, &response, info, over);
+        if info.draft {
             let at = rect.left_bottom() + vec2(10.0, -8.0);
             let font = TextStyle::Body.resolve(ui.style());
             for (by, colour) in [(1.0, Color32::BLACK), (0.0, SIGNAL)] {
@@ -62,19 +62,20 @@ impl App {
         }
     }
 
-    /// Takes hold of handles and of the line of the split, and moves them. What is under the cursor or in the hand.
-    fn grip(&mut self, ui: &Ui, response: &Response, facts: &Facts<'_>) -> Option<Target> {
+    /// Takes hold of handles and of the line of the split, and moves them. What is under the cursor or in the
+    /// hand.
+    fn grip(&mut self, ui: &Ui, response: &Response, info: &PanelInfo<'_>) -> Option<Target> {
         let primary = PointerButton::Primary;
         if response.drag_started_by(primary) && !ui.input(|i| i.modifiers.shift) {
             // A drag is known as one only when the mouse has moved a little.
             let origin = ui.input(|i| i.pointer.press_origin());
-            self.grip = origin.and_then(|at| Some(Drag { what: self.grip_at(at, facts)?, at }));
+            self.grip = origin.and_then(|at| Some(Drag { what: self.grip_at(at, info)?, at }));
         }
         if !response.dragged_by(primary) {
             self.grip = None;
         }
         let held = self.grip.map(|held| held.what);
-        let over = held.or_else(|| response.hover_pos().and_then(|at| self.grip_at(at, facts)));
+        let over = held.or_else(|| response.hover_pos().and_then(|at| self.grip_at(at, info)));
         if over.is_some() {
             let icon =
                 if over == Some(Target::Split) { CursorIcon::ResizeHorizontal } else { CursorIcon::Grab };
@@ -85,7 +86,7 @@ impl App {
         let before = std::mem::replace(&mut held.at, at);
         let what = held.what;
         let places = [self.place(before), self.place(at)];
-        match (what, facts.bounds) {
+        match (what, info.bounds) {
             (Target::Split, _) => self.state.split = Some(places[1].x.clamp(SPLIT_EDGE, 1.0 - SPLIT_EDGE)),
             (Target::Handle(handle), Some(bounds)) => {
                 let State { clip, orbit, .. } = &mut self.state;
@@ -96,13 +97,13 @@ impl App {
         over
     }
 
-    /// What there is to take hold of at a place of the screen.
-    fn grip_at(&self, at: Pos2, facts: &Facts<'_>) -> Option<Target> {
+    /// Returns what there is to take hold of at a place of the screen.
+    fn grip_at(&self, at: Pos2, info: &PanelInfo<'_>) -> Option<Target> {
         let place = self.place(at);
         let size = self.picture.size();
         let reach = f64::from(REACH / size.y);
         let State { clip, orbit, show, split, .. } = &self.state;
-        if let (true, Some(bounds)) = (show.handles, facts.bounds) {
+        if let (true, Some(bounds)) = (show.handles, info.bounds) {
             let placed = handles::handles(clip, bounds);
             if let Some(handle) = handles::hit(&placed, orbit, self.aspect(), place, reach) {
                 return Some(Target::Handle(handle));
@@ -113,8 +114,8 @@ impl App {
     }
 
     /// What is painted over the picture.
-    fn paint(&self, ui: &Ui, response: &Response, facts: &Facts<'_>, over: Option<Target>) {
-        let Some(bounds) = facts.bounds else { return };
+    fn paint(&self, ui: &Ui, response: &Response, info: &PanelInfo<'_>, over: Option<Target>) {
+        let Some(bounds) = info.bounds else { return };
         let state = &self.state;
         let painter = ui.painter_at(self.picture);
         let paint =
@@ -127,12 +128,12 @@ impl App {
         if let Some(split) = state.split {
             paint.split(split);
         }
-        paint.annotations(state, facts.oriented);
+        paint.annotations(state, info.oriented);
         let begun = self.measuring.flatten().map(|from| (from, self.reading.map(|r| r.at_mm)));
         paint.distances(&state.distances, begun);
         if let (Some(_), Some(reading), Some(cursor)) = (self.measuring, &self.reading, response.hover_pos())
         {
-            paint.reading(cursor, reading, facts.unit);
+            paint.reading(cursor, reading, info.unit);
         }
     }
 
@@ -174,14 +175,14 @@ impl App {
     }
 
     /// Reads what is under the cursor, measures, and moves the pivot.
-    fn point(&mut self, response: &Response, facts: &Facts<'_>) {
+    fn point(&mut self, response: &Response, info: &PanelInfo<'_>) {
         let aspect = self.aspect();
         let hit = |at: Pos2| {
             let place = self.place(at);
-            (facts.depth)(place).map(|depth| self.state.orbit.at_depth(place, depth, aspect))
+            (info.depth)(place).map(|depth| self.state.orbit.at_depth(place, depth, aspect))
         };
         let under = response.hover_pos().and_then(hit);
-        self.reading = under.map(|at_mm| Reading { at_mm, intensity: (facts.sample)(at_mm) });
+        self.reading = under.map(|at_mm| Reading { at_mm, intensity: (info.sample)(at_mm) });
         let Some(at_mm) = under else { return };
         if let (Some(first), true) = (self.measuring, response.clicked()) {
             match first {

@@ -12,7 +12,7 @@ struct Bench {
     context: Context,
     app: App,
     time: f64,
-    /// Whether the picture is less than it will be.
+    /// True if the picture is less than it will be.
     draft: bool,
     shapes: Vec<egui::epaint::ClippedShape>,
 }
@@ -36,7 +36,7 @@ impl Bench {
         bench
     }
 
-    /// A frame with these events. The scene is a ball of 100 mm seen at its nearest point.
+    /// Returns a frame with these events. The scene is a ball of 100 mm seen at its nearest point.
     fn frame(&mut self, events: Vec<Event>, modifiers: Modifiers) -> Vec<Action> {
         self.time += 0.05;
         let events = [vec![Event::ModifiersChanged(modifiers)], events].concat();
@@ -44,7 +44,7 @@ impl Bench {
             RawInput { screen_rect: Some(SCREEN), time: Some(self.time), events, ..RawInput::default() };
         let distance = self.app.state.orbit.distance_mm;
         let depth = move |_: DVec2| Some(distance - 100.0);
-        let facts = Facts {
+        let info = PanelInfo {
             bounds: Some([DVec3::splat(-100.0), DVec3::splat(100.0)]),
             range: [-1000.0, 2000.0],
             unit: " HU",
@@ -54,10 +54,10 @@ impl Bench {
             draft: self.draft,
             depth: &depth,
             sample: &|x| Some(x.y),
-            ..Facts::default()
+            ..PanelInfo::default()
         };
         let mut actions = Vec::new();
-        let output = self.context.run_ui(input, |ui| actions.extend(self.app.ui(ui, &facts)));
+        let output = self.context.run_ui(input, |ui| actions.extend(self.app.ui(ui, &info)));
         self.shapes.clone_from(&output.shapes);
         output.drop_without_applying_deltas();
         actions
@@ -108,7 +108,7 @@ impl Bench {
         self.rest();
     }
 
-    /// The middle of a text on the screen.
+    /// Returns the middle of a text on the screen.
     fn find(&self, text: &str) -> Pos2 {
         self.place_of(text).unwrap_or_else(|| panic!("{text:?} is not on the screen"))
     }
@@ -312,7 +312,7 @@ fn where_nothing_is_open_recent_files_are_offered() {
     for _ in 0..2 {
         let input = RawInput { screen_rect: Some(SCREEN), ..RawInput::default() };
         let output = bench.context.run_ui(input, |ui| {
-            bench.app.ui(ui, &Facts::default());
+            bench.app.ui(ui, &PanelInfo::default());
         });
         shapes.clone_from(&output.shapes);
         output.drop_without_applying_deltas();
@@ -325,7 +325,7 @@ fn where_nothing_is_open_recent_files_are_offered() {
 #[test]
 fn what_fails_is_said() {
     let mut bench = Bench::new();
-    bench.app.act(Action::Transfer("no such thing".into()), &Facts::default());
+    bench.app.act(Action::Transfer("no such thing".into()), &PanelInfo::default());
     bench.rest();
     assert!(bench.app.message.as_ref().is_some_and(|m| m.bad && m.text.contains("VGS-TF-006")));
     let before = bench.app.state.transfer.clone();
@@ -347,7 +347,7 @@ fn nothing_changes_by_itself_and_no_window_is_too_small() {
         let input =
             RawInput { screen_rect: Some(Rect::from_min_size(Pos2::ZERO, size)), ..RawInput::default() };
         let output = bench.context.run_ui(input, |ui| {
-            bench.app.ui(ui, &Facts::default());
+            bench.app.ui(ui, &PanelInfo::default());
         });
         output.drop_without_applying_deltas();
         assert!(bench.app.aspect() > 0.0 && bench.app.camera().eye.is_finite());
@@ -470,7 +470,7 @@ fn all_letters_can_be_drawn() {
     let mut bench = Bench::new();
     bench.app.state.objects[1].visible = false;
     for action in [Action::ToggleKeys, Action::ToggleOverlay, Action::Clip, Action::Crop, Action::AskRecord] {
-        bench.app.act(action, &Facts::default());
+        bench.app.act(action, &PanelInfo::default());
     }
     bench.rest();
     let texts: Vec<_> = bench

@@ -1,7 +1,8 @@
-//! The editor of a transfer function: what can be done to its points, and what part of the intensities is in view.
+//! The editor of a transfer function: what can be done to its points, and what part of the intensities is in
+//! view.
 //!
-//! Intensities here are those that a user sees, with the shift applied. Heights are from 0 to 1, the square root of the
-//! opacity per millimetre: a hundredth is as easily taken hold of as a half.
+//! Intensities here are those that a user sees, with the shift applied. Heights are from 0 to 1, the square
+//! root of the opacity per millimetre: a hundredth is as easily taken hold of as a half.
 
 use glam::DVec3;
 
@@ -22,18 +23,18 @@ pub struct Editor {
     view: Option<[f64; 2]>,
 }
 
-/// Height of an opacity per millimetre.
+/// Returns the height of an opacity per millimetre.
 pub fn height(opacity: f64) -> f64 {
     opacity.max(0.0).sqrt()
 }
 
-/// Opacity per millimetre at a height.
+/// Returns the opacity per millimetre at a height.
 pub fn opacity(height: f64) -> f64 {
     height.clamp(0.0, 1.0).powi(2)
 }
 
-/// All intensities that can be brought into view, and that points can be moved to: those of the data and a little more,
-/// and those that points have already.
+/// Returns all intensities that can be brought into view, and that points can be moved to: those of the data
+/// and a little more, and those that points have already.
 pub fn full_range(transfer: &Transfer, data: [f64; 2]) -> [f64; 2] {
     let [low, high] = transfer.window();
     let margin = 0.02 * (data[1] - data[0]).max(1e-3);
@@ -41,7 +42,7 @@ pub fn full_range(transfer: &Transfer, data: [f64; 2]) -> [f64; 2] {
 }
 
 impl Editor {
-    /// The chosen point; nothing where it is gone, as after an undo.
+    /// Returns the chosen point; nothing where it is gone, as after an undo.
     pub fn selected(&self, transfer: &Transfer) -> Option<usize> {
         self.selected.filter(|&i| i < transfer.points.len())
     }
@@ -84,7 +85,8 @@ impl Editor {
         self.view = if all || !low.is_finite() { None } else { Some([low, low + width]) };
     }
 
-    /// A new point of the colour that the function has there; chooses it. It is added unless it would lie on another one.
+    /// A new point of the colour that the function has there; chooses it. It is added unless it would lie on
+    /// another one.
     pub fn add(&mut self, transfer: &mut Transfer, intensity: f64, opacity: f64, full: [f64; 2]) -> bool {
         let Ok(function) = transfer.function() else { return false };
         let at = intensity.clamp(full[0], full[1]);
@@ -104,8 +106,8 @@ impl Editor {
         true
     }
 
-    /// A new point halfway between the chosen one and the next; before it where it is the last, in the middle of the view
-    /// where none is chosen.
+    /// A new point halfway between the chosen one and the next; before it where it is the last, in the middle
+    /// of the view where none is chosen.
     pub fn add_beside(&mut self, transfer: &mut Transfer, full: [f64; 2]) -> bool {
         let Ok(function) = transfer.function() else { return false };
         let at = |i: usize| transfer.points[i].intensity + transfer.shift;
@@ -173,7 +175,7 @@ impl Editor {
     }
 }
 
-/// Where a step of the axis may be labelled: multiples of a round number, at most `count` of them.
+/// Returns where a step of the axis may be labelled: multiples of a round number, at most `count` of them.
 pub fn ticks([low, high]: [f64; 2], count: usize) -> Vec<f64> {
     let step = engine::image::annotate::round_up((high - low) / count.max(1) as f64);
     let Some(step) = step else { return Vec::new() };

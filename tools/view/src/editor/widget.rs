@@ -61,7 +61,7 @@ impl Plot {
         opacity(f64::from((self.rect.bottom() - y) / self.rect.height()))
     }
 
-    /// Intensity of a width on the screen.
+    /// Returns the intensity of a width on the screen.
     fn span(&self, points: f32) -> f64 {
         f64::from(points / self.rect.width()) * (self.view[1] - self.view[0])
     }
@@ -96,7 +96,7 @@ pub fn show(
     response
 }
 
-/// The point that a place of the screen is on.
+/// Returns the point that a place of the screen is on.
 fn point_at(transfer: &Transfer, plot: &Plot, at: Pos2) -> Option<usize> {
     let distance = |i: &usize| plot.point(transfer, *i).distance(at);
     let nearest = (0..transfer.points.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
@@ -112,7 +112,8 @@ fn mouse(
     full: [f64; 2],
 ) {
     let pointer = response.interact_pointer_pos();
-    // What is dragged is decided where the button went down, and kept until it goes up: how far from the point it was.
+    // What is dragged is decided where the button went down, and kept until it goes up: how far from the
+    // point it was.
     let grip = response.id.with("grip");
     if response.is_pointer_button_down_on() && ui.input(|i| i.pointer.any_pressed()) {
         response.request_focus();
@@ -150,8 +151,8 @@ fn mouse(
     }
 }
 
-/// A drag of a point: where the pointer is, how far it moved, how far from the point it took hold, and whether it is to
-/// follow a tenth as far.
+/// A drag of a point: where the pointer is, how far it moved, how far from the point it took hold, and
+/// whether it is to follow a tenth as far.
 struct Drag {
     at: Pos2,
     by: Vec2,

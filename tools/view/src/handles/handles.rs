@@ -1,4 +1,5 @@
-//! Handles of clip planes and of the crop box: where they are, which one is under the cursor, and what a drag does.
+//! Handles of clip planes and of the crop box: where they are, which one is under the cursor, and what a drag
+//! does.
 //!
 //! Places are fractions of the picture, as in [`crate::orbit`].
 
@@ -26,7 +27,7 @@ pub enum Handle {
     Face {
         /// 0 left to right, 1 back to front, 2 foot to head.
         axis: usize,
-        /// Whether it is the face at the upper end.
+        /// True if it is the face at the upper end.
         high: bool,
     },
 }
@@ -40,12 +41,13 @@ pub struct Placed {
     pub at_mm: DVec3,
 }
 
-/// Middle and half diagonal of a box, mm.
+/// Returns the middle and half diagonal of a box, mm.
 fn ball([low, high]: [DVec3; 2]) -> (DVec3, f64) {
     ((low + high) * 0.5, (high - low).length() * 0.5)
 }
 
-/// The middle of a plane: the point of it nearest to the middle of the scene; and the tip of its arrow.
+/// Returns the middle of a plane: the point of it nearest to the middle of the scene; and the tip of its
+/// arrow.
 fn arrow(clip: &Clip, index: usize, bounds: [DVec3; 2]) -> Option<[DVec3; 2]> {
     let plane = clip.planes.get(index)?;
     let (middle, radius) = ball(bounds);
@@ -53,7 +55,7 @@ fn arrow(clip: &Clip, index: usize, bounds: [DVec3; 2]) -> Option<[DVec3; 2]> {
     Some([foot, foot + plane.normal * (ARROW * radius)])
 }
 
-/// The handles of what is on.
+/// Returns the handles of what is on.
 pub fn handles(clip: &Clip, bounds: [DVec3; 2]) -> Vec<Placed> {
     let mut placed = Vec::new();
     for (i, _) in clip.planes.iter().enumerate().filter(|(_, plane)| plane.on) {
@@ -75,8 +77,8 @@ pub fn handles(clip: &Clip, bounds: [DVec3; 2]) -> Vec<Placed> {
     placed
 }
 
-/// The handle that is seen at a place, within `reach` (a fraction of the picture's height); of several the nearest to the
-/// viewer.
+/// Returns the handle that is seen at a place, within `reach` (a fraction of the picture's height); of
+/// several the nearest to the viewer.
 pub fn hit(placed: &[Placed], orbit: &Orbit, aspect: f64, place: DVec2, reach: f64) -> Option<Handle> {
     let seen = placed.iter().filter_map(|p| {
         let (at, depth) = orbit.seen(p.at_mm, aspect)?;
@@ -126,8 +128,9 @@ pub fn drag(
     }
 }
 
-/// How far along `axis` (a unit vector) through `at` a drag leads, mm: both ends of it are put where the ray through them
-/// comes nearest to the axis. Where one looks along the axis, upwards is away from the viewer.
+/// Returns how far along `axis` (a unit vector) through `at` a drag leads, mm: both ends of it are put where
+/// the ray through them comes nearest to the axis. Where one looks along the axis, upwards is away from the
+/// viewer.
 fn along(orbit: &Orbit, aspect: f64, at: DVec3, axis: DVec3, [from, to]: [DVec2; 2]) -> f64 {
     let eye = orbit.eye_mm();
     let between = at - eye;
@@ -144,8 +147,9 @@ fn along(orbit: &Orbit, aspect: f64, at: DVec3, axis: DVec3, [from, to]: [DVec2;
     nearest(to) - nearest(from)
 }
 
-/// The direction from `middle` to the point that is seen at a place, of the ball about `middle` through `tip`; on the
-/// nearer half of the ball if the tip is there, on its outline where the place is beside it.
+/// Returns the direction from `middle` to the point that is seen at a place, of the ball about `middle`
+/// through `tip`; on the nearer half of the ball if the tip is there, on its outline where the place is
+/// beside it.
 fn on_ball(orbit: &Orbit, aspect: f64, middle: DVec3, tip: DVec3, place: DVec2) -> Option<DVec3> {
     let eye = orbit.eye_mm();
     let radius = tip.distance(middle);
@@ -157,7 +161,8 @@ fn on_ball(orbit: &Orbit, aspect: f64, middle: DVec3, tip: DVec3, place: DVec2) 
     (foot + ray * if near { -chord } else { chord } - middle).try_normalize()
 }
 
-/// Corners of the part of a plane that lies in a box, in order around it, mm RAS; empty where they do not meet.
+/// Returns the corners of the part of a plane that lies in a box, in order around it, mm RAS; empty where
+/// they do not meet.
 pub fn outline(normal: DVec3, offset: f64, [low, high]: [DVec3; 2]) -> Vec<DVec3> {
     let mut corners: Vec<DVec3> = edges([low, high])
         .into_iter()
@@ -174,7 +179,7 @@ pub fn outline(normal: DVec3, offset: f64, [low, high]: [DVec3; 2]) -> Vec<DVec3
     corners
 }
 
-/// The twelve edges of a box.
+/// Returns the twelve edges of a box.
 pub fn edges([low, high]: [DVec3; 2]) -> [[DVec3; 2]; 12] {
     let corner = |bits: usize| {
         let pick = |axis: usize| if bits >> axis & 1 == 1 { high[axis] } else { low[axis] };

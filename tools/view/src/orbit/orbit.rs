@@ -1,7 +1,7 @@
 //! A camera that is led around a pivot.
 //!
-//! Azimuth and elevation are kept, not a rotation: the head stays up however one turns, a session file says where one
-//! looked from, and at the poles the picture's axes are still given by the azimuth.
+//! Azimuth and elevation are kept, not a rotation: the head stays up however one turns, a session file says
+//! where one looked from, and at the poles the picture's axes are still given by the azimuth.
 //!
 //! Places in a picture are fractions of it: (0, 0) is its upper left corner, (1, 1) its lower right one.
 
@@ -40,7 +40,7 @@ impl Side {
     pub const ALL: [Side; 6] =
         [Side::Anterior, Side::Posterior, Side::Left, Side::Right, Side::Superior, Side::Inferior];
 
-    /// The word for it.
+    /// Returns the word for it.
     pub fn name(self) -> &'static str {
         match self {
             Side::Anterior => "anterior",
@@ -105,18 +105,19 @@ impl Orbit {
         [right, DVec3::Z * cosine - around * sine, around * cosine + DVec3::Z * sine]
     }
 
-    /// Where the eye is, mm RAS.
+    /// Returns where the eye is, mm RAS.
     pub fn eye_mm(&self) -> DVec3 {
         self.pivot_mm + self.axes()[2] * self.distance_mm
     }
 
-    /// The camera of a picture `aspect` times as wide as high.
+    /// Returns the camera of a picture `aspect` times as wide as high.
     pub fn camera(&self, aspect: f64) -> Camera {
         let [right, up, _] = self.axes();
         Camera { eye: self.eye_mm(), right, up, fov: Fov::symmetric(self.fov_deg, aspect) }
     }
 
-    /// Turns about the pivot, degrees: the eye goes to the patient's left and upwards. It stops above head and feet.
+    /// Turns about the pivot, degrees: the eye goes to the patient's left and upwards. It stops above head
+    /// and feet.
     pub fn turn(&mut self, azimuth_deg: f64, elevation_deg: f64) {
         self.azimuth_deg = wrapped(self.azimuth_deg + azimuth_deg);
         self.elevation_deg = (self.elevation_deg + elevation_deg).clamp(-90.0, 90.0);
@@ -127,7 +128,8 @@ impl Orbit {
         [self.azimuth_deg, self.elevation_deg] = side.angles();
     }
 
-    /// Moves the pivot so that the scene at the pivot's depth follows the cursor, which moved by so many pictures.
+    /// Moves the pivot so that the scene at the pivot's depth follows the cursor, which moved by so many
+    /// pictures.
     pub fn pan(&mut self, by: DVec2, aspect: f64) {
         let [right, up, _] = self.axes();
         let height = self.height_mm();
@@ -150,7 +152,8 @@ impl Orbit {
         self.distance_mm = distance.clamp(DISTANCE_RANGE[0], DISTANCE_RANGE[1]);
     }
 
-    /// Puts the pivot into the middle of a box (two corners, mm RAS) and goes as near as all its corners allow.
+    /// Puts the pivot into the middle of a box (two corners, mm RAS) and goes as near as all its corners
+    /// allow.
     pub fn fit(&mut self, [low, high]: [DVec3; 2], aspect: f64) {
         if !(low.is_finite() && high.is_finite()) {
             return;
@@ -169,19 +172,19 @@ impl Orbit {
         self.distance_mm = distance.clamp(DISTANCE_RANGE[0], DISTANCE_RANGE[1]);
     }
 
-    /// Height of the picture at the depth of the pivot, mm.
+    /// Returns the height of the picture at the depth of the pivot, mm.
     pub fn height_mm(&self) -> f64 {
         2.0 * self.distance_mm * (self.fov_deg.to_radians() * 0.5).tan()
     }
 
-    /// The point in the plane through the pivot, across the view, that is seen at a place; mm RAS.
+    /// Returns the point in the plane through the pivot, across the view, that is seen at a place; mm RAS.
     pub fn at_pivot(&self, place: DVec2, aspect: f64) -> DVec3 {
         let [right, up, _] = self.axes();
         let height = self.height_mm();
         self.pivot_mm + right * ((place.x - 0.5) * height * aspect) + up * ((0.5 - place.y) * height)
     }
 
-    /// Where a point (mm RAS) is seen, and its depth in mm; nothing where it is not before the eye.
+    /// Returns where a point (mm RAS) is seen, and its depth in mm; nothing where it is not before the eye.
     pub fn seen(&self, x: DVec3, aspect: f64) -> Option<(DVec2, f64)> {
         let [right, up, back] = self.axes();
         let x = x - self.eye_mm();
@@ -194,7 +197,7 @@ impl Orbit {
         (depth > 0.0 && place.is_finite()).then_some((place, depth))
     }
 
-    /// The point (mm RAS) that is seen at a place, `depth_mm` along the viewing direction.
+    /// Returns the point (mm RAS) that is seen at a place, `depth_mm` along the viewing direction.
     pub fn at_depth(&self, place: DVec2, depth_mm: f64, aspect: f64) -> DVec3 {
         let eye = self.eye_mm();
         // The plane of the pivot is `distance_mm` away, and all points of a ray are in proportion.
@@ -222,7 +225,7 @@ impl Orbit {
     }
 }
 
-/// An angle in (-180, 180] degrees.
+/// Returns an angle in (-180, 180] degrees.
 fn wrapped(degrees: f64) -> f64 {
     let turned = degrees.rem_euclid(360.0);
     if turned > 180.0 { turned - 360.0 } else { turned }

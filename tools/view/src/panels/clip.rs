@@ -5,11 +5,11 @@ use glam::DVec3;
 
 use super::widgets::{ask, row};
 use crate::actions::Action;
-use crate::facts::Facts;
+use crate::panel_info::PanelInfo;
 use crate::state::{CropBox, MOST_PLANES, Plane, State};
 
 /// Shows what is cut away and changes it.
-pub fn show(ui: &mut Ui, state: &mut State, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+pub fn show(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     let mut gone = None;
     for (i, plane) in state.clip.planes.iter_mut().enumerate() {
         ui.push_id(i, |ui| plane_rows(ui, i, plane, &mut gone));
@@ -23,7 +23,7 @@ pub fn show(ui: &mut Ui, state: &mut State, facts: &Facts<'_>, actions: &mut Vec
         } else if state.clip.planes.len() < MOST_PLANES
             && ui.button("Add plane").on_hover_text("one more clip plane, across the view").clicked()
         {
-            state.clip.planes.push(across(state, facts));
+            state.clip.planes.push(across(state, info));
         }
         if state.clip.crop.is_none() {
             ask(ui, "Add box", Action::Crop, actions);
@@ -31,23 +31,23 @@ pub fn show(ui: &mut Ui, state: &mut State, facts: &Facts<'_>, actions: &mut Vec
     });
     if let Some(crop) = &mut state.clip.crop {
         ui.separator();
-        crop_rows(ui, crop, facts);
+        crop_rows(ui, crop, info);
     }
     ui.checkbox(&mut state.show.handles, "Handles in the picture")
         .on_hover_text("drag planes and faces with the mouse");
 }
 
-/// A plane through the middle of the scene across the view: it takes the nearer half away.
-pub(crate) fn across(state: &State, facts: &Facts<'_>) -> Plane {
+/// Returns a plane through the middle of the scene across the view: it takes the nearer half away.
+pub(crate) fn across(state: &State, info: &PanelInfo<'_>) -> Plane {
     let [_, _, back] = state.orbit.axes();
-    let through = facts.bounds.map_or(state.orbit.pivot_mm, |[low, high]| (low + high) * 0.5);
+    let through = info.bounds.map_or(state.orbit.pivot_mm, |[low, high]| (low + high) * 0.5);
     Plane { on: true, normal: -back, offset_mm: (-back).dot(through) }
 }
 
-/// The box around the scene.
-pub(crate) fn around(state: &State, facts: &Facts<'_>) -> CropBox {
+/// Returns the box around the scene.
+pub(crate) fn around(state: &State, info: &PanelInfo<'_>) -> CropBox {
     let pivot = state.orbit.pivot_mm;
-    let [low_mm, high_mm] = facts.bounds.unwrap_or([pivot - 100.0, pivot + 100.0]);
+    let [low_mm, high_mm] = info.bounds.unwrap_or([pivot - 100.0, pivot + 100.0]);
     CropBox { on: true, low_mm, high_mm }
 }
 
@@ -86,11 +86,11 @@ fn plane_rows(ui: &mut Ui, index: usize, plane: &mut Plane, gone: &mut Option<us
     });
 }
 
-fn crop_rows(ui: &mut Ui, crop: &mut CropBox, facts: &Facts<'_>) {
+fn crop_rows(ui: &mut Ui, crop: &mut CropBox, info: &PanelInfo<'_>) {
     ui.horizontal(|ui| {
         ui.checkbox(&mut crop.on, "Crop box").on_hover_text("whether it cuts");
         if ui.button("Reset").on_hover_text("the box around the scene").clicked()
-            && let Some([low, high]) = facts.bounds
+            && let Some([low, high]) = info.bounds
         {
             (crop.low_mm, crop.high_mm) = (low, high);
         }

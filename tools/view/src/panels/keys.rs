@@ -42,7 +42,7 @@ pub fn show(context: &Context, open: &mut bool) {
     });
 }
 
-/// Name of a key, as it is printed on keyboards.
+/// Returns the name of a key, as it is printed on keyboards.
 fn name_of(context: &Context, key: &KeyboardShortcut) -> String {
     let name = context.format_shortcut(key);
     name.replace(key.logical_key.name(), key.logical_key.symbol_or_name())

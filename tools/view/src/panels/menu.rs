@@ -12,9 +12,9 @@ use crate::orbit::Side;
 pub struct Menus<'a> {
     /// Recent files, the latest first.
     pub recent: &'a [PathBuf],
-    /// Whether there is a step back.
+    /// True if there is a step back.
     pub can_undo: bool,
-    /// Whether there is a step forward.
+    /// True if there is a step forward.
     pub can_redo: bool,
 }
 

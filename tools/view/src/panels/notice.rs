@@ -27,7 +27,7 @@ pub struct Message {
     pub text: String,
     /// What to do; may be empty.
     pub help: String,
-    /// Whether something went wrong.
+    /// True if something went wrong.
     pub bad: bool,
 }
 

@@ -4,10 +4,11 @@ use egui::{Button, Slider, Ui};
 use glam::DVec3;
 
 use super::widgets::colour_button;
-use crate::facts::Facts;
+use crate::panel_info::PanelInfo;
 use crate::state::State;
 
-/// Colours for the objects that get one, in turn; told apart by people of all kinds of colour vision (Okabe and Ito 2008).
+/// Colours for the objects that get one, in turn; told apart by people of all kinds of colour vision (Okabe
+/// and Ito 2008).
 const TINTS: [[u8; 3]; 7] = [
     [230, 159, 0],
     [86, 180, 233],
@@ -19,7 +20,7 @@ const TINTS: [[u8; 3]; 7] = [
 ];
 
 /// Shows the list.
-pub fn show(ui: &mut Ui, state: &mut State, facts: &Facts<'_>) {
+pub fn show(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>) {
     if state.objects.is_empty() {
         ui.weak("Open splats, or drop a file here.");
         return;
@@ -54,7 +55,7 @@ pub fn show(ui: &mut Ui, state: &mut State, facts: &Facts<'_>) {
                 });
                 ui.spacing_mut().slider_width = 56.0;
                 ui.add(percent.suffix(" %").fixed_decimals(0)).on_hover_text("factor of the opacity per mm");
-                let count = facts.object_splats.get(i).copied();
+                let count = info.object_splats.get(i).copied();
                 let name = ui.add(egui::Label::new(&object.name).truncate());
                 if let Some(count) = count {
                     name.on_hover_text(format!("{}: {count} splats", object.name));

@@ -2,14 +2,14 @@
 
 use egui::{Align2, Color32, Context, Frame, Id, Rect, Sense, Stroke, Ui, pos2, vec2};
 
-use crate::facts::{FRAMES, Facts, Statistics};
+use crate::panel_info::{FRAMES, PanelInfo, Statistics};
 use crate::theme::{ACCENT, SIGNAL};
 
 /// Passes that are listed, the slowest.
 const PASSES: usize = 6;
 
 /// Shows the statistics at the upper right corner of the picture.
-pub fn show(context: &Context, picture: Rect, facts: &Facts<'_>, target_ms: f64) {
+pub fn show(context: &Context, picture: Rect, info: &PanelInfo<'_>, target_ms: f64) {
     egui::Area::new(Id::new("overlay"))
         .pivot(Align2::RIGHT_TOP)
         .fixed_pos(picture.right_top() + vec2(-8.0, 8.0))
@@ -17,13 +17,13 @@ pub fn show(context: &Context, picture: Rect, facts: &Facts<'_>, target_ms: f64)
         .show(context, |ui| {
             Frame::popup(ui.style()).fill(Color32::from_black_alpha(170)).show(ui, |ui| {
                 ui.set_width(230.0);
-                rows(ui, facts, target_ms);
+                rows(ui, info, target_ms);
             });
         });
 }
 
-fn rows(ui: &mut Ui, facts: &Facts<'_>, target_ms: f64) {
-    let statistics = facts.statistics;
+fn rows(ui: &mut Ui, info: &PanelInfo<'_>, target_ms: f64) {
+    let statistics = info.statistics;
     ui.small(&statistics.device);
     match (statistics.percentile_ms(0.5), statistics.percentile_ms(0.95)) {
         (Some(median), Some(p95)) => {
@@ -38,7 +38,7 @@ fn rows(ui: &mut Ui, facts: &Facts<'_>, target_ms: f64) {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.small(value));
         });
     };
-    if let Some(all) = facts.splats {
+    if let Some(all) = info.splats {
         let drawn = statistics.active_splats.map_or("?".to_owned(), |n| n.to_string());
         line(ui, "splats drawn", format!("{drawn} of {all}"));
     }

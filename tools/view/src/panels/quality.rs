@@ -4,19 +4,19 @@ use egui::{DragValue, Slider, Ui};
 
 use super::widgets::{explained, row};
 use crate::actions::Action;
-use crate::facts::Facts;
+use crate::panel_info::PanelInfo;
 use crate::state::{SplatMode, State, Subject, mode_row};
 
 /// Shows the mode and the quality and changes them.
-pub fn show(ui: &mut Ui, state: &mut State, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+pub fn show(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     row(ui, "Shown", "splats, or the volume they were fitted to", |ui| {
         for (text, subject, there) in
-            [("Splats", Subject::Splats, facts.splats.is_some()), ("Volume", Subject::Volume, facts.volume)]
+            [("Splats", Subject::Splats, info.splats.is_some()), ("Volume", Subject::Volume, info.volume)]
         {
             ui.add_enabled_ui(there, |ui| ui.selectable_value(&mut state.shown, subject, text));
         }
         let both = state.split.is_some();
-        let there = facts.splats.is_some() && facts.volume;
+        let there = info.splats.is_some() && info.volume;
         let button = ui.add_enabled(there, egui::Button::new("Both").selected(both));
         if button.clicked() {
             actions.push(Action::Split);
@@ -38,7 +38,7 @@ pub fn show(ui: &mut Ui, state: &mut State, facts: &Facts<'_>, actions: &mut Vec
             ui.add(Slider::new(&mut quality.step, 0.25..=4.0).logarithmic(true).suffix(" σ").max_decimals(2));
         },
     );
-    if let Some(splats) = facts.splats {
+    if let Some(splats) = info.splats {
         row(ui, "Splat budget", "most splats that are drawn", |ui| {
             let mut limited = quality.splat_budget.is_some();
             if ui.checkbox(&mut limited, "").on_hover_text("limit how many splats are drawn").changed() {

@@ -3,7 +3,7 @@
 use egui::{ProgressBar, Ui};
 use glam::DVec3;
 
-use crate::facts::Facts;
+use crate::panel_info::PanelInfo;
 use crate::state::State;
 
 /// What is seen under the cursor.
@@ -16,13 +16,13 @@ pub struct Reading {
 }
 
 /// Shows the line.
-pub fn show(ui: &mut Ui, state: &State, facts: &Facts<'_>, reading: Option<&Reading>, scale: Option<f64>) {
+pub fn show(ui: &mut Ui, state: &State, info: &PanelInfo<'_>, reading: Option<&Reading>, scale: Option<f64>) {
     ui.horizontal(|ui| {
         match reading {
             None => _ = ui.weak("point at something"),
             Some(Reading { at_mm, intensity }) => {
                 if let Some(v) = intensity {
-                    ui.monospace(format!("{v:7.1}{}", facts.unit))
+                    ui.monospace(format!("{v:7.1}{}", info.unit))
                         .on_hover_text("intensity of the surface under the cursor");
                 }
                 ui.monospace(format!("({:.1}, {:.1}, {:.1}) mm RAS", at_mm.x, at_mm.y, at_mm.z))
@@ -38,7 +38,7 @@ pub fn show(ui: &mut Ui, state: &State, facts: &Facts<'_>, reading: Option<&Read
             ui.separator();
             ui.monospace(format!("{mm:.3} mm/pixel")).on_hover_text("at the depth of the pivot");
         }
-        if let Some((what, share)) = facts.progress {
+        if let Some((what, share)) = info.progress {
             ui.separator();
             match share {
                 Some(share) => _ = ui.add(ProgressBar::new(share).desired_width(160.0).text(what)),

@@ -7,7 +7,7 @@ use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
 use crate::editor::widget::{self, Backdrop};
 use crate::editor::{Editor, full_range};
-use crate::facts::Facts;
+use crate::panel_info::PanelInfo;
 use crate::state::State;
 
 /// Height of the editor, points of the screen.
@@ -18,22 +18,22 @@ pub fn show(
     ui: &mut Ui,
     state: &mut State,
     editor: &mut Editor,
-    facts: &Facts<'_>,
+    info: &PanelInfo<'_>,
     actions: &mut Vec<Action>,
 ) {
-    choices(ui, state, facts, actions);
-    curve(ui, state, editor, facts);
+    choices(ui, state, info, actions);
+    curve(ui, state, editor, info);
     light(ui, state);
 }
 
 /// Shows the curve with its points, window and shift, and changes them.
-pub fn curve(ui: &mut Ui, state: &mut State, editor: &mut Editor, facts: &Facts<'_>) {
+pub fn curve(ui: &mut Ui, state: &mut State, editor: &mut Editor, info: &PanelInfo<'_>) {
     let backdrop =
-        Backdrop { range: facts.range, splats: facts.splat_histogram, volume: facts.volume_histogram };
+        Backdrop { range: info.range, splats: info.splat_histogram, volume: info.volume_histogram };
     widget::show(ui, editor, &mut state.transfer, &backdrop, TALL);
-    point(ui, state, editor, facts);
-    window_row(ui, state, facts);
-    shift_row(ui, state, facts);
+    point(ui, state, editor, info);
+    window_row(ui, state, info);
+    shift_row(ui, state, info);
 }
 
 /// Shows the names of all presets, to choose one of them.
@@ -47,14 +47,14 @@ pub fn presets(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
 }
 
 /// Presets, windows, files.
-fn choices(ui: &mut Ui, state: &State, facts: &Facts<'_>, actions: &mut Vec<Action>) {
+fn choices(ui: &mut Ui, state: &State, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         ComboBox::from_id_salt("preset").selected_text(&state.transfer.name).width(150.0).show_ui(ui, |ui| {
             presets(ui, state, actions);
         });
         ComboBox::from_id_salt("window").selected_text("Window").width(70.0).show_ui(ui, |ui| {
             for window in WINDOWS {
-                let help = format!("W {} L {}{}", window.width, window.level, facts.unit);
+                let help = format!("W {} L {}{}", window.width, window.level, info.unit);
                 if ui.selectable_label(false, window.name).on_hover_text(help).clicked() {
                     actions.push(Action::Transfer(format!("window:{}", window.name)));
                 }
@@ -67,9 +67,9 @@ fn choices(ui: &mut Ui, state: &State, facts: &Facts<'_>, actions: &mut Vec<Acti
 }
 
 /// The chosen point in numbers, and what can be done to the points.
-fn point(ui: &mut Ui, state: &mut State, editor: &mut Editor, facts: &Facts<'_>) {
+fn point(ui: &mut Ui, state: &mut State, editor: &mut Editor, info: &PanelInfo<'_>) {
     let transfer = &mut state.transfer;
-    let full = full_range(transfer, facts.range);
+    let full = full_range(transfer, info.range);
     ui.horizontal(|ui| {
         if ui
             .button("+")
@@ -98,7 +98,7 @@ fn point(ui: &mut Ui, state: &mut State, editor: &mut Editor, facts: &Facts<'_>)
         let point = transfer.points[index];
         let (mut at, mut percent) = (point.intensity + transfer.shift, 100.0 * point.opacity);
         let speed = ((full[1] - full[0]) / 1000.0).max(1e-6);
-        let value = DragValue::new(&mut at).speed(speed).max_decimals(1).suffix(facts.unit);
+        let value = DragValue::new(&mut at).speed(speed).max_decimals(1).suffix(info.unit);
         let moved = ui.add(value).on_hover_text("the point's intensity").changed();
         let value =
             DragValue::new(&mut percent).speed(0.1).range(0.0..=100.0).max_decimals(2).suffix(" %/mm");
@@ -109,11 +109,11 @@ fn point(ui: &mut Ui, state: &mut State, editor: &mut Editor, facts: &Facts<'_>)
     });
 }
 
-fn shift_row(ui: &mut Ui, state: &mut State, facts: &Facts<'_>) {
+fn shift_row(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>) {
     row(ui, "Shift", "moves all points", |ui| {
-        let span = facts.range[1] - facts.range[0];
+        let span = info.range[1] - info.range[0];
         let slider = Slider::new(&mut state.transfer.shift, -0.25 * span..=0.25 * span);
-        ui.add(slider.suffix(facts.unit).clamping(egui::SliderClamping::Never).max_decimals(1));
+        ui.add(slider.suffix(info.unit).clamping(egui::SliderClamping::Never).max_decimals(1));
         if ui.small_button("0").on_hover_text("no shift").clicked() {
             state.transfer.shift = 0.0;
         }
@@ -121,12 +121,12 @@ fn shift_row(ui: &mut Ui, state: &mut State, facts: &Facts<'_>) {
 }
 
 /// Width and level of the window that the points span.
-fn window_row(ui: &mut Ui, state: &mut State, facts: &Facts<'_>) {
+fn window_row(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>) {
     let [low, high] = state.transfer.window();
     let (mut width, mut level) = (high - low, (low + high) * 0.5);
     row(ui, "Window", "width and level: from the first to the last point, and the middle", |ui| {
-        let speed = ((facts.range[1] - facts.range[0]) / 1000.0).max(1e-6);
-        let value = |v| DragValue::new(v).speed(speed).max_decimals(1).suffix(facts.unit);
+        let speed = ((info.range[1] - info.range[0]) / 1000.0).max(1e-6);
+        let value = |v| DragValue::new(v).speed(speed).max_decimals(1).suffix(info.unit);
         let wide = ui.add(value(&mut width).prefix("W ").range(speed..=f64::MAX));
         let high = ui.add(value(&mut level).prefix("L "));
         if wide.changed() || high.changed() {

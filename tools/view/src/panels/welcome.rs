@@ -1,4 +1,5 @@
-//! What stands in place of the picture while nothing is open, and what is said while files hang over the window.
+//! What stands in place of the picture while nothing is open, and what is said while files hang over the
+//! window.
 
 use std::path::PathBuf;
 

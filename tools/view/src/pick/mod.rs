@@ -4,4 +4,4 @@
 
 mod probe;
 
-pub use probe::{Met, Probe, Reading};
+pub use probe::{Hit, Probe, Reading};

@@ -1,5 +1,6 @@
-//! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor. Of splats that
-//! are fitted for a grid it is the field at the voxels around, interpolated, as mode decoded shows it.
+//! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor.
+//! Of splats that are fitted for a grid it is the field at the voxels around, interpolated, as mode decoded
+//! shows it.
 
 use engine::render::Look;
 use engine::splat::{self, Activations, Field, Form, Splat, SplatSet};
@@ -16,8 +17,8 @@ const STEP: f64 = 0.5;
 /// Nearest that samples may be, mm.
 const LEAST_STEP: f64 = 0.05;
 
-/// The field of a splat set at single points. Splats are listed by the cells of a grid, so that a point asks only those whose
-/// boxes may hold it.
+/// The field of a splat set at single points. Splats are listed by the cells of a grid, so that a point asks
+/// only those whose boxes may hold it.
 pub struct Probe {
     field: Field,
     origin: DVec3,
@@ -41,7 +42,7 @@ struct Voxels {
     set_from_voxel: DAffine3,
     /// The last voxel along each axis.
     last: DVec3,
-    /// Whether an occupancy above ½ stands for 1, any other for 0.
+    /// True if an occupancy above ½ stands for 1, any other for 0.
     binary: bool,
 }
 
@@ -95,7 +96,7 @@ impl Grid {
         self.size.element_product() as usize
     }
 
-    /// The cell of a point; beyond the grid the nearest one.
+    /// Returns the cell of a point; beyond the grid the nearest one.
     fn cell(&self, x: DVec3) -> UVec3 {
         ((x - self.low) / self.edge).floor().max(DVec3::ZERO).as_uvec3().min(self.size - 1)
     }
@@ -114,7 +115,7 @@ impl Grid {
         (near < far && far.is_finite()).then_some([near, far])
     }
 
-    /// The cells that a splat's box reaches.
+    /// Returns the cells that a splat's box reaches.
     fn reached(&self, splat: &Ellipsoid) -> impl Iterator<Item = usize> {
         let [from, to] = [splat.mean - splat.reach, splat.mean + splat.reach].map(|x| self.cell(x));
         let row = move |y, z| (from.x..=to.x).map(move |x| self.index(UVec3::new(x, y, z)));
@@ -149,7 +150,7 @@ pub struct Reading {
 
 /// What a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Met {
+pub struct Hit {
     /// From where the ray starts, mm.
     pub distance_mm: f64,
     /// Where, mm RAS.
@@ -224,16 +225,17 @@ impl Probe {
         Probe { field, origin, voxels: Voxels::of(set), splats, grid, starts, listed, large, step }
     }
 
-    /// The field at a point, mm RAS; nothing where no splat reaches.
+    /// Returns the field at a point, mm RAS; nothing where no splat reaches.
     pub fn at(&self, x_mm: DVec3) -> Option<Reading> {
         let sample = self.sample(x_mm - self.origin, &Shown::ALL)?;
         Some(Reading { intensity: sample.intensity, occupancy: sample.occupancy })
     }
 
-    /// The first point of a ray that a look shows: where half of the light is gone, of what is there between `from_mm`
-    /// (RAS) and the end of the splats. The opacity O(x) α(V̂(x)) per mm is that of the modes of splats, which classify
-    /// after adding up; clip planes cut, hidden objects leave their place to others.
-    pub fn along(&self, from_mm: DVec3, direction: DVec3, look: &Look) -> Option<Met> {
+    /// Returns the first point of a ray that a look shows: where half of the light is gone, of what is there
+    /// between `from_mm` (RAS) and the end of the splats. The opacity O(x) α(V̂(x)) per mm is that of the
+    /// modes of splats, which classify after adding up; clip planes cut, hidden objects leave their place to
+    /// others.
+    pub fn along(&self, from_mm: DVec3, direction: DVec3, look: &Look) -> Option<Hit> {
         let direction = direction.try_normalize().filter(|_| from_mm.is_finite())?;
         let mut range = self.grid.range(from_mm - self.origin, direction)?;
         for plane in &look.clip {
@@ -262,12 +264,12 @@ impl Probe {
                 continue;
             }
             let distance_mm = from + path * left / depth;
-            return Some(Met { distance_mm, at_mm: from_mm + direction * distance_mm, intensity });
+            return Some(Hit { distance_mm, at_mm: from_mm + direction * distance_mm, intensity });
         }
         None
     }
 
-    /// What is at a point in the space of the set; nothing where no splat reaches.
+    /// Returns what is at a point in the space of the set; nothing where no splat reaches.
     fn sample(&self, x: DVec3, shown: &Shown) -> Option<Sample> {
         let Some(voxels) = &self.voxels else { return self.sample_field(&self.sums(x, shown, false)) };
         let at = voxels.voxel_from_set.transform_point3(x);
@@ -305,7 +307,8 @@ impl Probe {
         })
     }
 
-    /// The sums at a point in the space of the set, with those of hidden objects, which are not seen, or without.
+    /// Returns the sums at a point in the space of the set, with those of hidden objects, which are not seen,
+    /// or without.
     fn sums(&self, x: DVec3, shown: &Shown, hidden: bool) -> Sums {
         let mut sums = Sums::default();
         if !x.is_finite() || self.splats.is_empty() {

@@ -85,7 +85,8 @@ fn splats_are_listed_a_few_times() {
     assert!(probe.listed.len() < 8 * set.splats.len() && most < set.splats.len() / 5, "{most}");
 }
 
-/// A wall of splats across x from 40 mm on, of two objects: the first 20 mm are number 1, what is behind number 2.
+/// Returns a wall of splats across x from 40 mm on, of two objects: the first 20 mm are number 1, what is
+/// behind number 2.
 fn wall() -> SplatSet {
     let mut set = SplatSet { origin_mm: DVec3::new(100.0, -50.0, 7.0), ..SplatSet::default() };
     let mut labels = Vec::new();

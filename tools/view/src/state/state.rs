@@ -1,7 +1,7 @@
 //! What a viewer shows, as plain data: the session file.
 //!
-//! Whoever draws asks for the parts in the engine's terms ([`State::look`], [`Orbit::camera`], [`Clip::planes`]). Nothing
-//! here knows windows, panels or the device.
+//! Whoever draws asks for the parts in the engine's terms ([`State::look`], [`Orbit::camera`],
+//! [`Clip::planes`]). Nothing here knows windows, panels or the device.
 
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,8 @@ pub struct State {
     /// How splats are rendered.
     #[serde(default)]
     pub mode: SplatMode,
-    /// Where the picture is divided, a fraction of its width: splats to the left of it, the volume to the right.
+    /// Where the picture is divided, a fraction of its width: splats to the left of it, the volume to the
+    /// right.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split: Option<f64>,
     /// Behind everything: red, green, blue from 0 to 1.
@@ -115,7 +116,7 @@ pub struct Object {
     pub label: Option<u8>,
     /// For people.
     pub name: String,
-    /// Whether it is there.
+    /// True if it is there.
     pub visible: bool,
     /// Its colour, display-referred from 0 to 1; that of the transfer function where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -140,7 +141,7 @@ pub struct Clip {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plane {
-    /// Whether it cuts.
+    /// True if it cuts.
     pub on: bool,
     /// Unit vector towards what stays, RAS.
     pub normal: DVec3,
@@ -152,7 +153,7 @@ pub struct Plane {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CropBox {
-    /// Whether it cuts.
+    /// True if it cuts.
     pub on: bool,
     /// Its corner at the patient's left, back and feet, mm RAS.
     pub low_mm: DVec3,
@@ -164,14 +165,16 @@ pub struct CropBox {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Quality {
-    /// Distance of the slabs in standard deviations of the middle splat, of the samples of a volume in voxel edges.
+    /// Distance of the slabs in standard deviations of the middle splat, of the samples of a volume in voxel
+    /// edges.
     pub step: f64,
     /// Most splats that are drawn; all where nothing is said.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub splat_budget: Option<u64>,
     /// What a frame may take while the picture moves, ms.
     pub target_frame_ms: f64,
-    /// Whether quality falls while the picture moves so that the target is met; when it rests it is full again.
+    /// True if quality falls while the picture moves so that the target is met; when it rests it is full
+    /// again.
     pub adaptive: bool,
 }
 
@@ -212,7 +215,7 @@ pub struct Edited {
 }
 
 impl Edited {
-    /// Whether the list of objects is of the same fits and labels.
+    /// Returns true if the list of objects is of the same fits and labels.
     pub fn has_objects_of(&self, other: &Edited) -> bool {
         let key = |o: &Object| (o.file, o.label);
         self.objects.iter().map(key).eq(other.objects.iter().map(key))
@@ -259,7 +262,7 @@ impl Object {
         Object { file, label, name: name.into(), visible: true, tint: None, opacity: 1.0 }
     }
 
-    /// How the renderer shows it.
+    /// Returns how the renderer shows it.
     fn appearance(&self) -> Appearance {
         let tint = self.tint.map(|colour| colour.as_vec3().to_array());
         Appearance { visible: self.visible, tint, opacity: self.opacity as f32 }
@@ -275,7 +278,7 @@ impl Plane {
 }
 
 impl Clip {
-    /// The planes that are on, of the box too, for the engine.
+    /// Returns the planes that are on, of the box too, for the engine.
     pub fn planes(&self) -> Vec<ClipPlane> {
         let crop = self.crop.filter(|b| b.on).map(|b| ClipPlane::around(b.low_mm, b.high_mm));
         self.planes.iter().filter_map(Plane::engine).chain(crop.into_iter().flatten()).collect()
@@ -302,7 +305,7 @@ impl State {
         }
     }
 
-    /// The name of the engine's mode for what is shown.
+    /// Returns the name of the engine's mode for what is shown.
     pub fn mode_of(&self, subject: Subject) -> &'static str {
         match subject {
             Subject::Splats => self.mode.name(),
@@ -310,7 +313,8 @@ impl State {
         }
     }
 
-    /// How a scene is seen: `numbers` are those by which it knows the rows of [`State::objects`]; none for a volume.
+    /// Returns how a scene is seen: `numbers` are those by which it knows the rows of [`State::objects`];
+    /// none for a volume.
     ///
     /// # Errors
     /// As [`TransferFunction::new`].
@@ -320,8 +324,8 @@ impl State {
         Ok(Look { transfer: self.transfer.function()?, clip: self.clip.planes(), objects })
     }
 
-    /// Puts what was found in the files into the list. Rows that are there already, from a session file, stay as they are;
-    /// rows of what is gone are dropped.
+    /// Puts what was found in the files into the list. Rows that are there already, from a session file, stay
+    /// as they are; rows of what is gone are dropped.
     pub fn set_objects(&mut self, found: Vec<Object>) {
         let known = std::mem::take(&mut self.objects);
         let row = |new: Object| {
@@ -331,7 +335,7 @@ impl State {
         self.objects = found.into_iter().map(row).collect();
     }
 
-    /// What undo would bring back.
+    /// Returns what undo would bring back.
     pub fn edited(&self) -> Edited {
         Edited {
             transfer: self.transfer.clone(),
@@ -374,7 +378,7 @@ impl State {
         engine::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
     }
 
-    /// The text of a session file.
+    /// Returns the text of a session file.
     ///
     /// # Errors
     /// [`Kind::Usage`] if the path of a file is not UTF-8, which TOML cannot say.
@@ -436,7 +440,7 @@ impl State {
     }
 }
 
-/// The engine's row of a mode.
+/// Returns the engine's row of a mode.
 pub fn mode_row(name: &'static str) -> &'static render::ModeRow {
     render::mode(name).expect("names of modes are the engine's")
 }
@@ -449,7 +453,7 @@ pub(crate) fn toml_text(value: &impl Serialize) -> Result<String> {
     })
 }
 
-/// A text file of at most so many bytes.
+/// Returns a text file of at most so many bytes.
 pub(crate) fn text_of(path: &Path, max_bytes: u64) -> Result<String> {
     use std::io::Read;
     let failed = |e: &std::io::Error| Error::io(path, "reading settings", e);

@@ -41,7 +41,7 @@ pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
     ladder
 }
 
-/// As `engine::render::rungs` reads it.
+/// As `engine::render::quality_levels` reads it.
 pub fn toml(rows: &[Averages], device: &str) -> String {
     let mut out = format!(
         "# The rungs of engine::render::rungs, the best first. Written by `bench trade render --ladder`, which measured them on\n\

@@ -1,6 +1,6 @@
 //! Which pictures are made: a default, what differs from it in one thing, and some that give up several.
 
-use engine::render::{Quality, Rung, SplatKind, rungs};
+use engine::render::{Quality, QualityLevel, SplatKind, quality_levels};
 use serde::{Deserialize, Serialize};
 
 /// A way to render splats.
@@ -32,7 +32,7 @@ impl Choice {
     }
 
     /// A rung of the ladder of such splats.
-    pub fn of_rung(kind: SplatKind, rung: &Rung) -> Self {
+    pub fn of_rung(kind: SplatKind, rung: &QualityLevel) -> Self {
         Choice {
             mode: rung.mode.into(),
             of_grid: kind == SplatKind::Grid,
@@ -112,7 +112,7 @@ pub fn choices() -> Vec<Choice> {
     }
     // The ladders as they are, so that they can be compared with what they should be.
     for kind in SplatKind::ALL {
-        all.extend(rungs(kind).iter().map(|rung| Choice::of_rung(kind, rung)));
+        all.extend(quality_levels(kind).iter().map(|rung| Choice::of_rung(kind, rung)));
     }
     let mut once: Vec<Choice> = Vec::new();
     for choice in all {
@@ -144,7 +144,7 @@ mod tests {
             assert!(all.iter().any(|c| alone(c, &usual)));
         }
         for kind in SplatKind::ALL {
-            for rung in rungs(kind) {
+            for rung in quality_levels(kind) {
                 let choice = Choice::of_rung(kind, rung);
                 assert!(choice.is_rung() && choice.quality() == rung.quality && all.contains(&choice));
             }

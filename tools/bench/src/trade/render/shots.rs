@@ -4,7 +4,7 @@ use engine::Result;
 use engine::fit::FitConfig;
 use engine::gpu::Gpu;
 use engine::image::Image;
-use engine::render::{Camera, Frames, Look, MediumSource, Precision, Rung, Scene, Settings, mode};
+use engine::render::{Camera, Frames, Look, Precision, QualityLevel, Scene, Settings, VolumeSource, mode};
 use engine::splat::SplatSet;
 use serde::{Deserialize, Serialize};
 
@@ -93,12 +93,12 @@ impl Keep for Record {
 /// Makes all pictures of a unit, of splats of both of its fits.
 pub fn measure(unit: &Unit, place: &Place, set: &SplatSet, grid_set: &SplatSet, gpu: &Gpu) -> Result<Record> {
     let look = Look::new(place.transfer(&unit.transfer)?);
-    let ct = MediumSource { volume: &place.volume, roi: Some(&place.roi) };
+    let ct = VolumeSource { volume: &place.volume, roi: Some(&place.roi) };
     let mut full = Scene::new(gpu, Some(set), Some(&ct), &look)?;
     let packed = Scene::with_precision(gpu, Some(set), None, &look, Precision::Packed)?;
     let of_grid = Scene::new(gpu, Some(grid_set), None, &look)?;
     let cameras = place.cameras(&unit.orbit, &unit.views)?;
-    let active = full.cloud.as_ref().map_or(Ok(0), |cloud| cloud.active_count())?;
+    let active = full.splats.as_ref().map_or(Ok(0), |splats| splats.active_count())?;
     let mut record = Record {
         unit: unit.clone(),
         splats: [set.splats.len(), active],
@@ -148,7 +148,7 @@ fn shoot(
     choice: &Choice,
     cameras: &[Camera],
 ) -> Result<Vec<(Image, Cost)>> {
-    let rungs = [Rung { mode: mode(&choice.mode)?.name, quality: choice.quality(), cost: 1.0 }];
+    let rungs = [QualityLevel { mode: mode(&choice.mode)?.name, quality: choice.quality(), cost: 1.0 }];
     let settings = Settings { step: choice.fine_step(), precise: true, ..Settings::new([unit.size; 2]) };
     let mut frames = Frames::new(gpu, scene, &settings, &rungs)?;
     // A frame that needs more room than those before it lacks splats.

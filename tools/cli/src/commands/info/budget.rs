@@ -110,7 +110,7 @@ pub fn measure(path: &Path, arguments: &BudgetArguments) -> Result<FrameBudget> 
             passes.push(gpu.take_profile().into_iter().map(|(name, time)| (name, time.total_ms)).collect());
         }
     }
-    let count = |at: usize| stages[at].0.cloud.as_ref().map_or(Ok(0), |cloud| cloud.active_count());
+    let count = |at: usize| stages[at].0.splats.as_ref().map_or(Ok(0), |splats| splats.active_count());
     let [shown, all] = passes;
     let (shown, all) = (FrameTime::middle(count(0)?, shown), FrameTime::middle(count(1)?, all));
     let psnr_db = psnr(&picture(&stages[0].1)?, &picture(&stages[1].1)?)?;

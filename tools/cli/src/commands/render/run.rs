@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use engine::gpu::Gpu;
-use engine::render::{Camera, ClipPlane, Look, MediumSource, ModeRow, Renderer, Scene, Settings, mode};
+use engine::render::{Camera, ClipPlane, Look, VolumeSource, ModeRow, Renderer, Scene, Settings, mode};
 use engine::splat::{self, Form, SplatSet};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, transfer};
@@ -69,7 +69,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     }
     let wants_volume = set.is_none();
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
-    let source = volume.as_ref().map(|volume| MediumSource { volume, roi: roi.as_ref() });
+    let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
     let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()))?;
     let gpu = arguments.device.boot()?;
     let mut scene = Scene::with_precision(&gpu, set.as_ref(), source.as_ref(), &look, arguments.precision)?;
@@ -171,15 +171,15 @@ impl Arguments {
         frames: u32,
         seconds: f64,
     ) -> Result<()> {
-        let cloud = scene.cloud.as_ref();
-        let active = cloud.map(|c| c.active_count()).transpose()?;
+        let splats = scene.splats.as_ref();
+        let active = splats.map(|c| c.active_count()).transpose()?;
         if console.json {
             return console.json_data(&RenderOutput {
                 outputs: files.iter().map(|p| p.display().to_string()).collect(),
                 mode: row.name,
                 transfer_function: scene.look().transfer.name.clone(),
                 size: self.size.0,
-                splats: cloud.map(|c| c.count),
+                splats: splats.map(|c| c.count),
                 active_splats: active,
                 objects: scene
                     .objects()
@@ -193,9 +193,9 @@ impl Arguments {
                 driver: gpu.description().driver.clone(),
             });
         }
-        if let (Some(cloud), Some(active)) = (cloud, active) {
+        if let (Some(splats), Some(active)) = (splats, active) {
             let verb = if self.splat_budget.is_some() { "are rendered" } else { "can be seen" };
-            console.say(&format!("{active} of {} splats {verb}", cloud.count));
+            console.say(&format!("{active} of {} splats {verb}", splats.count));
         }
         for (purpose, bytes) in gpu.memory_by_purpose() {
             tracing::info!("device memory for {purpose}: {:.1} MB", bytes as f64 * 1e-6);

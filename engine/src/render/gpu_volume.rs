@@ -1,13 +1,15 @@
-//! What rays are marched through, on the device: intensity and occupancy in an image that is sampled with trilinear
-//! interpolation, and the intervals of intensity of its bricks, by which empty space is leapt over. It is a volume, or a
-//! decoded field ([`Decoded`]) in an atlas of bricks (`include/medium.glsl`).
+//! What rays are marched through, on the device: intensity and occupancy in an image that is sampled with
+//! trilinear interpolation, and the intervals of intensity of its bricks, by which empty space is leapt over.
+//! It is a volume, or a decoded field ([`Decoded`]) in an atlas of bricks (`include/medium.glsl`).
 //!
-//! Of a volume with a region the image is the region's box with a border of one voxel, and holds (V, M): outside the region there is
-//! nothing, and V and M are interpolated each for itself. Without one it is the whole volume and holds V; its occupancy
-//! is 1 up to the outermost voxel centres and fades to 0 over one voxel.
+//! Of a volume with a region the image is the region's box with a border of one voxel, and holds (V, M):
+//! outside the region there is nothing, and V and M are interpolated each for itself. Without one it is the
+//! whole volume and holds V; its occupancy is 1 up to the outermost voxel centres and fades to 0 over one
+//! voxel.
 //!
-//! Both are 16-bit fractions. Whole numbers that span at most 65535, as those of every CT do, are kept exactly: one unit is
-//! a whole number of steps. Other intensities are rounded to 1/65535 of their range, masks to 1/65535.
+//! Both are 16-bit fractions. Whole numbers that span at most 65535, as those of every CT do, are kept
+//! exactly: one unit is a whole number of steps. Other intensities are rounded to 1/65535 of their range,
+//! masks to 1/65535.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -23,20 +25,20 @@ use crate::gpu::{Buffer, Format, Gpu, Image, Recorder};
 use crate::passes::Occupancy;
 use crate::volume::{Roi, Volume};
 
-/// Edge of a brick along the axis of the shortest voxel edge, as a logarithm to base 2. Along the others it is the power
-/// of two that comes closest to the same length.
+/// Edge of a brick along the axis of the shortest voxel edge, as a logarithm to base 2. Along the others it
+/// is the power of two that comes closest to the same length.
 const BRICK_SHIFT: u32 = 2;
 
 /// A volume and where it is: outside the region there is nothing; without one all of the volume is there.
-pub struct MediumSource<'a> {
+pub struct VolumeSource<'a> {
     /// Intensities.
     pub volume: &'a Volume,
     /// The region whose mask is the occupancy.
     pub roi: Option<&'a Roi>,
 }
 
-impl MediumSource<'_> {
-    /// Middle of the volume, whole mm RAS.
+impl VolumeSource<'_> {
+    /// Returns the middle of the volume, whole mm RAS.
     pub(super) fn centre(&self) -> DVec3 {
         let [x, y, z] = self.volume.size.map(|n| (n as f64 - 1.0) * 0.5);
         self.volume.world_from_voxel.transform_point3(DVec3::new(x, y, z)).round()
@@ -44,7 +46,7 @@ impl MediumSource<'_> {
 }
 
 /// A volume or a decoded field on the device.
-pub struct Medium {
+pub struct GpuVolume {
     /// Least and greatest intensity.
     pub range: [f64; 2],
     /// Corners of the box around it, mm in the space of the scene.
@@ -54,7 +56,8 @@ pub struct Medium {
     image: Image,
     /// Of an atlas: where the bricks of the grid lie in it. A single number for a volume.
     places: Buffer<u32>,
-    /// Of an atlas: the objects that its voxels belong to; a single texel where all belong to one, and for a volume.
+    /// Of an atlas: the objects that its voxels belong to; a single texel where all belong to one, and for a
+    /// volume.
     labels: Image,
     is_atlas: bool,
     scale: Scale,
@@ -92,7 +95,7 @@ struct Cut {
 }
 
 impl Cut {
-    fn new(source: &MediumSource<'_>) -> Self {
+    fn new(source: &VolumeSource<'_>) -> Self {
         let volume = source.volume;
         let mask: Option<Vec<u16>> = match source.roi {
             Some(roi) => Some(roi.weight.par_iter().map(|&w| to_fraction(w)).collect()),
@@ -153,8 +156,8 @@ impl Cut {
         Cut { low, size, values, mask, scale }
     }
 
-    /// Intervals of intensity of all bricks. A brick's has all that is looked up for places in it and up to a voxel away,
-    /// so that of a step into or out of it nothing is lost, either.
+    /// Intervals of intensity of all bricks. A brick's has all that is looked up for places in it and up to a
+    /// voxel away, so that of a step into or out of it nothing is lost, either.
     fn intervals(&self, grid: &BrickGrid) -> Vec<[f32; 2]> {
         let [bx, by, bz] = grid.bricks.map(|n| n as usize);
         (0..bx * by * bz)
@@ -190,7 +193,7 @@ impl Cut {
     }
 }
 
-/// The box around all that is there, with a border of one voxel.
+/// Returns the box around all that is there, with a border of one voxel.
 fn around(mask: &[u16], size: [usize; 3]) -> ([i64; 3], [usize; 3]) {
     let (low, high) = mask
         .par_chunks(size[0])
@@ -226,8 +229,8 @@ pub(super) fn brick_grid(size: [usize; 3], spacing: DVec3) -> BrickGrid {
     BrickGrid { texels, bricks, shift }
 }
 
-impl Medium {
-    pub(super) fn new(gpu: &Gpu, source: &MediumSource<'_>, origin: DVec3) -> Result<Self> {
+impl GpuVolume {
+    pub(super) fn new(gpu: &Gpu, source: &VolumeSource<'_>, origin: DVec3) -> Result<Self> {
         let volume = source.volume;
         if volume.is_empty() {
             return Err(Error::new(Kind::NothingToDo, "VGS-RENDER-021", "a volume without voxels"));
@@ -266,7 +269,7 @@ impl Medium {
         let edge = if cut.mask.is_some() { 0.5 } else { -0.5 };
         let bounds = bounds(cut.size, edge, &scene_from_voxel);
         let grid = brick_grid(cut.size, spacing);
-        Ok(Medium {
+        Ok(GpuVolume {
             range: [cut.scale.value(least), cut.scale.value(greatest)],
             bounds,
             spacing_mm: spacing.min_element(),
@@ -296,7 +299,7 @@ impl Medium {
         let mut label_image = gpu.volume("labels of the atlas", "decoded field", Format::R8, texels)?;
         label_image.write(labels)?;
         let scale = field.scale;
-        Ok(Medium {
+        Ok(GpuVolume {
             range: [scale.first, scale.first + scale.span],
             bounds: bounds(size, 0.5, &field.scene_from_voxel),
             spacing_mm: spacing.min_element(),
@@ -311,7 +314,8 @@ impl Medium {
         })
     }
 
-    /// Which bricks a look can show something of. Where that is another look than before it is recorded anew.
+    /// Returns which bricks a look can show something of. Where that is another look than before it is
+    /// recorded anew.
     pub(super) fn marked(&self, recorder: &mut Recorder, look: &LookBuffers) -> MutexGuard<'_, Marked> {
         // What a panic has left is marked anew.
         let mut marked = self.marked.lock().unwrap_or_else(PoisonError::into_inner);
@@ -347,14 +351,15 @@ impl Medium {
         self.grid
     }
 
-    /// Rows of the affine from the scene, mm, to voxels of the image.
+    /// Returns the rows of the affine from the scene, mm, to voxels of the image.
     pub(super) fn voxel_from_scene(&self) -> [[f32; 4]; 3] {
         let m = self.voxel_from_scene;
         [0, 1, 2].map(|k| m.matrix3.row(k).extend(m.translation[k]).as_vec4().to_array())
     }
 }
 
-/// The box around all voxels, from `edge` beyond the centre of the first one to as much before that of the last.
+/// Returns the box around all voxels, from `edge` beyond the centre of the first one to as much before that
+/// of the last.
 fn bounds(size: [usize; 3], edge: f64, scene_from_voxel: &DAffine3) -> [DVec3; 2] {
     let last = DVec3::from_array(size.map(|n| n as f64 - 1.0)) - edge;
     let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];

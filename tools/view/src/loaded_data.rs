@@ -9,17 +9,17 @@ use engine::splat::SplatSet;
 use glam::DVec3;
 
 use crate::histogram::Histogram;
-use crate::loader::{Loaded, Shown, Splats};
+use crate::loader::{Loaded, LoadedSplats, LoadedVolume};
 use crate::pick::Probe;
 use crate::state::{State, Subject};
 
 /// What was read.
 #[derive(Default)]
-pub struct Content {
+pub struct LoadedData {
     /// The splats of all files.
-    pub splats: Option<Arc<Splats>>,
+    pub splats: Option<Arc<LoadedSplats>>,
     /// The volume.
-    pub volume: Option<Arc<Shown>>,
+    pub volume: Option<Arc<LoadedVolume>>,
     /// Intensities of the splats.
     pub splat_histogram: Option<Histogram>,
     /// Intensities of the volume within its region.
@@ -28,7 +28,7 @@ pub struct Content {
     probe: Option<Probe>,
 }
 
-impl Content {
+impl LoadedData {
     /// Takes what was loaded; gives the subject that has to be shown anew, or what went wrong.
     pub fn take(&mut self, loaded: Loaded) -> Result<Option<Subject>> {
         match loaded {
@@ -61,10 +61,10 @@ impl Content {
 
     /// The same without what was counted; shared, not copied.
     pub fn sources(&self) -> Self {
-        Content { splats: self.splats.clone(), volume: self.volume.clone(), ..Content::default() }
+        LoadedData { splats: self.splats.clone(), volume: self.volume.clone(), ..LoadedData::default() }
     }
 
-    /// Whether there is something of a subject.
+    /// Returns true if there is something of a subject.
     pub fn has(&self, subject: Subject) -> bool {
         match subject {
             Subject::Splats => self.splats.is_some(),
@@ -76,7 +76,7 @@ impl Content {
         self.splats.as_ref().map(|splats| &splats.set)
     }
 
-    /// Least and greatest intensity of all there is.
+    /// Returns the least and greatest intensity of all there is.
     pub fn range(&self) -> [f64; 2] {
         let splats = self.set().into_iter().flat_map(|set| &set.splats).map(|s| f64::from(s.intensity));
         let volume = self.volume.iter().filter_map(|v| v.volume.min_max());
@@ -87,12 +87,12 @@ impl Content {
         all.fold(None, wider).unwrap_or([0.0, 1.0])
     }
 
-    /// Whether it is known how the patient lies.
+    /// Returns true if it is known how the patient lies.
     pub fn oriented(&self) -> bool {
         self.volume.as_ref().is_none_or(|v| v.volume.oriented)
     }
 
-    /// What follows an intensity in texts: " HU" for CT, nothing for what has no unit.
+    /// Returns what follows an intensity in texts: " HU" for CT, nothing for what has no unit.
     pub fn unit(&self) -> &'static str {
         match &self.volume {
             Some(shown) if !shown.volume.is_ct() => "",
@@ -100,9 +100,10 @@ impl Content {
         }
     }
 
-    /// Intensity at a point, mm RAS, of the volume, or of the splats' field where there is no volume; nothing outside.
+    /// Returns the intensity at a point, mm RAS, of the volume, or of the splats' field where there is no
+    /// volume; nothing outside.
     pub fn sample(&self, at_mm: DVec3) -> Option<f64> {
-        let Some(Shown { volume, roi }) = self.volume.as_deref() else {
+        let Some(LoadedVolume { volume, roi }) = self.volume.as_deref() else {
             return self.probe.as_ref()?.at(at_mm).map(|reading| reading.intensity);
         };
         let voxel = volume.voxel_from_world().transform_point3(at_mm);
@@ -112,7 +113,7 @@ impl Content {
         seen.then(|| volume.trilinear(voxel))
     }
 
-    /// How a subject looks.
+    /// Returns how a subject looks.
     ///
     /// # Errors
     /// As [`State::look`].
@@ -122,7 +123,7 @@ impl Content {
         state.look(&numbers)
     }
 
-    /// The scene of a subject; none where there is nothing of it.
+    /// Returns the scene of a subject; none where there is nothing of it.
     pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &State) -> Result<Option<Scene>> {
         let look = self.look(subject, state)?;
         let splats = self.set().filter(|_| subject == Subject::Splats);

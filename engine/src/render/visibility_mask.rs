@@ -1,9 +1,10 @@
-//! What of a picture no eye sees: the corners behind a headset's lenses, or what another picture covers. Modes of splats
-//! spend nothing on it.
+//! The hidden area of a picture: the corners behind a headset's lenses, or what another picture covers.
+//! Modes of splats spend nothing on it.
 //!
-//! Areas are triangles in tangents of the view (x/z to the right, y/z upwards), as headsets give them. A picture has 64 x 64
-//! patches, whatever its size in pixels; one is blind where triangles cover all of it. What is left of a patch is cut
-//! exactly, triangle by triangle, into convex pieces, so that triangles may overlap and seams between them do not matter.
+//! Areas are triangles in tangents of the view (x/z to the right, y/z upwards), as headsets give them. A
+//! picture has 64 x 64 patches, whatever its size in pixels; one is hidden where triangles cover all of it.
+//! What is left of a patch is cut exactly, triangle by triangle, into convex pieces, so that triangles may
+//! overlap and seams between them do not matter.
 
 use glam::DVec2;
 use shaders_glsl::types::{PATCH_WORDS, PATCHES};
@@ -13,25 +14,26 @@ use super::camera::Fov;
 /// A triangle in tangents.
 pub type Triangle = [DVec2; 3];
 
-/// What may be left of a blind patch, as a part of it: more than the rounding of seams in 32 bits, far less than a pixel.
+/// What may be left of a hidden patch, as a part of it: more than the rounding of seams in 32 bits, far less
+/// than a pixel.
 const LEFT: f64 = 1e-4;
 
-/// Which patches of a picture are blind.
+/// Which patches of a picture no eye sees: its hidden area.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Blind {
+pub struct VisibilityMask {
     pub(super) words: [u32; PATCH_WORDS],
 }
 
-impl Default for Blind {
-    /// Nothing is blind.
+impl Default for VisibilityMask {
+    /// Returns the mask of a picture that is seen in full.
     fn default() -> Self {
-        Blind { words: [0; PATCH_WORDS] }
+        VisibilityMask { words: [0; PATCH_WORDS] }
     }
 }
 
-impl Blind {
-    /// Of a picture that covers `fov`: the patches that lie in the triangles. Triangles without an area, or with places
-    /// that are no numbers, cover nothing.
+impl VisibilityMask {
+    /// Of a picture that covers `fov`: the patches that lie in the triangles. Triangles without an area, or
+    /// with places that are no numbers, cover nothing.
     pub fn of(fov: &Fov, triangles: &[Triangle]) -> Self {
         let edge = PATCHES as f64;
         let zero = DVec2::new(fov.left, fov.up);
@@ -41,31 +43,31 @@ impl Blind {
             .map(|triangle| turned(triangle.map(|t| (t - zero) / size * edge)))
             .filter(|t| t.iter().all(|p| p.is_finite()) && area(t) > 0.0)
             .collect();
-        let mut blind = Blind::default();
+        let mut mask = VisibilityMask::default();
         for y in 0..PATCHES {
             for x in 0..PATCHES {
                 let low = DVec2::new(x as f64, y as f64);
                 if covered(low, &placed) {
-                    blind.words[2 * y + x / 32] |= 1 << (x % 32);
+                    mask.words[2 * y + x / 32] |= 1 << (x % 32);
                 }
             }
         }
-        blind
+        mask
     }
 
-    /// Whether a patch is blind, counted from the upper left corner of the picture.
+    /// True if a patch is hidden, counted from the upper left corner of the picture.
     pub fn at(&self, [x, y]: [usize; 2]) -> bool {
         self.words[2 * y + x / 32] >> (x % 32) & 1 == 1
     }
 
-    /// Part of the picture that is blind, 0 to 1.
+    /// Returns the part of the picture that is hidden, 0 to 1.
     pub fn share(&self) -> f64 {
         let count: u32 = self.words.iter().map(|word| word.count_ones()).sum();
         f64::from(count) / (PATCHES * PATCHES) as f64
     }
 }
 
-/// Whether triangles cover the square from `low` to 1 beyond it along both axes.
+/// Returns true if triangles cover the square from `low` to 1 beyond it along both axes.
 fn covered(low: DVec2, triangles: &[Triangle]) -> bool {
     let high = low + 1.0;
     let mut left = vec![vec![low, DVec2::new(high.x, low.y), high, DVec2::new(low.x, high.y)]];
@@ -79,7 +81,8 @@ fn covered(low: DVec2, triangles: &[Triangle]) -> bool {
     left.iter().map(|piece| area(piece)).sum::<f64>() < LEFT
 }
 
-/// What of a convex piece lies outside of a triangle, in convex pieces: edge by edge what is beyond it.
+/// Returns what of a convex piece lies outside of a triangle, in convex pieces: edge by edge what is beyond
+/// it.
 fn outside(piece: &[DVec2], triangle: &Triangle) -> Vec<Vec<DVec2>> {
     let mut rest = piece.to_vec();
     let mut out = Vec::new();
@@ -92,7 +95,8 @@ fn outside(piece: &[DVec2], triangle: &Triangle) -> Vec<Vec<DVec2>> {
     out
 }
 
-/// What of a convex piece lies on the inner side of an edge, where triangles go round as `area` counts.
+/// Returns what of a convex piece lies on the inner side of an edge, where triangles go round as `area`
+/// counts.
 fn within(piece: &[DVec2], from: DVec2, to: DVec2) -> Vec<DVec2> {
     let side = |p: DVec2| (to - from).perp_dot(p - from);
     let mut out = Vec::with_capacity(piece.len() + 1);
@@ -109,7 +113,7 @@ fn within(piece: &[DVec2], from: DVec2, to: DVec2) -> Vec<DVec2> {
     out
 }
 
-/// Area of a polygon; negative where it goes round the other way.
+/// Returns the area of a polygon; negative where it goes round the other way.
 fn area(polygon: &[DVec2]) -> f64 {
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().zip(next).map(|(p, q)| p.perp_dot(*q)).sum::<f64>() * 0.5
@@ -126,22 +130,22 @@ mod tests {
 
     const FOV: Fov = Fov { left: -1.2, right: 0.8, up: 0.9, down: -1.1 };
 
-    /// A rectangle of tangents as two triangles that go round in different ways.
+    /// Returns a rectangle of tangents as two triangles that go round in different ways.
     fn rectangle(low: DVec2, high: DVec2) -> [Triangle; 2] {
         let (a, b) = (DVec2::new(high.x, low.y), DVec2::new(low.x, high.y));
         [[low, a, b], [high, a, b]]
     }
 
-    /// The patches of a rectangle of patches.
-    fn patches([x0, y0]: [usize; 2], [x1, y1]: [usize; 2]) -> Blind {
-        let mut blind = Blind::default();
+    /// Returns the patches of a rectangle of patches.
+    fn patches([x0, y0]: [usize; 2], [x1, y1]: [usize; 2]) -> VisibilityMask {
+        let mut mask = VisibilityMask::default();
         for (y, x) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (y, x))) {
-            blind.words[2 * y + x / 32] |= 1 << (x % 32);
+            mask.words[2 * y + x / 32] |= 1 << (x % 32);
         }
-        blind
+        mask
     }
 
-    /// Where a place of the picture is, in patches from its upper left corner.
+    /// Returns where a place of the picture is, in patches from its upper left corner.
     fn tangents(x: f64, y: f64) -> DVec2 {
         let part = DVec2::new(x, y) / PATCHES as f64;
         DVec2::new(FOV.left + (FOV.right - FOV.left) * part.x, FOV.up + (FOV.down - FOV.up) * part.y)
@@ -150,26 +154,26 @@ mod tests {
     #[test]
     fn what_triangles_cover_is_blind_and_no_more() {
         let nothing: &[Triangle] = &[];
-        assert_eq!(Blind::of(&FOV, nothing), Blind::default());
+        assert_eq!(VisibilityMask::of(&FOV, nothing), VisibilityMask::default());
         // Across the word, to the picture's edge, and a part of a patch more, which does not count.
         let low = rectangle(tangents(20.0, 10.0), tangents(41.0, 64.5));
-        assert_eq!(Blind::of(&FOV, &low), patches([20, 10], [41, 64]));
+        assert_eq!(VisibilityMask::of(&FOV, &low), patches([20, 10], [41, 64]));
         let more = rectangle(tangents(19.1, 9.1), tangents(41.9, 70.0));
-        assert_eq!(Blind::of(&FOV, &more), patches([20, 10], [41, 64]));
+        assert_eq!(VisibilityMask::of(&FOV, &more), patches([20, 10], [41, 64]));
         let all = rectangle(DVec2::splat(-9.0), DVec2::splat(9.0));
-        assert_eq!(Blind::of(&FOV, &all).share(), 1.0);
+        assert_eq!(VisibilityMask::of(&FOV, &all).share(), 1.0);
         // A seam through patches, and triangles on top of each other.
         let two = [
             rectangle(tangents(4.0, 4.0), tangents(8.3, 9.0)),
             rectangle(tangents(8.3, 4.0), tangents(12.0, 9.0)),
         ];
         let over = [two[0], two[1], two[0]].concat();
-        assert_eq!(Blind::of(&FOV, &over), patches([4, 4], [12, 9]));
+        assert_eq!(VisibilityMask::of(&FOV, &over), patches([4, 4], [12, 9]));
         let line = [tangents(0.0, 0.0), tangents(30.0, 30.0), tangents(60.0, 60.0)];
         let broken = [tangents(0.0, 0.0), tangents(64.0, 0.0), DVec2::splat(f64::NAN)];
-        assert_eq!(Blind::of(&FOV, &[line, broken]), Blind::default());
+        assert_eq!(VisibilityMask::of(&FOV, &[line, broken]), VisibilityMask::default());
         let none = Fov { right: FOV.left, ..FOV };
-        assert_eq!(Blind::of(&none, &all), Blind::default(), "a field without a width");
+        assert_eq!(VisibilityMask::of(&none, &all), VisibilityMask::default(), "a field without a width");
     }
 
     #[test]
@@ -185,15 +189,15 @@ mod tests {
         };
         let ring: Vec<Triangle> =
             (0..24).flat_map(|k| [[rim(k), rim(k + 1), far(k)], [far(k), far(k + 1), rim(k + 1)]]).collect();
-        let blind = Blind::of(&FOV, &ring);
-        assert!((0.15..0.25).contains(&blind.share()), "{}", blind.share());
+        let mask = VisibilityMask::of(&FOV, &ring);
+        assert!((0.15..0.25).contains(&mask.share()), "{}", mask.share());
         for (y, x) in (0..PATCHES).flat_map(|y| (0..PATCHES).map(move |x| (y, x))) {
             let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
             let away = |[dx, dy]: [f64; 2]| (x as f64 + dx - 32.0).hypot(y as f64 + dy - 32.0);
             let nearest = corners.map(away).into_iter().fold(f64::INFINITY, f64::min);
             let inner = 31.0 * (std::f64::consts::PI / 24.0).cos();
-            assert!(!blind.at([x, y]) || nearest > inner - 1e-3, "{x}, {y}");
-            assert!(blind.at([x, y]) || nearest < 31.0, "{x}, {y}: {nearest}");
+            assert!(!mask.at([x, y]) || nearest > inner - 1e-3, "{x}, {y}");
+            assert!(mask.at([x, y]) || nearest < 31.0, "{x}, {y}: {nearest}");
         }
     }
 }

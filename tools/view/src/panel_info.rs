@@ -1,4 +1,4 @@
-//! What the window tells the panels, anew for each frame.
+//! What panels are told, anew for each frame.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -10,18 +10,18 @@ use crate::histogram::Histogram;
 pub const FRAMES: usize = 120;
 
 /// What is there, and how it is going.
-pub struct Facts<'a> {
+pub struct PanelInfo<'a> {
     /// Corners of the box around the scene, mm RAS; none without a scene.
     pub bounds: Option<[DVec3; 2]>,
     /// Least and greatest intensity of the scene, HU for CT.
     pub range: [f64; 2],
     /// What follows an intensity in texts: " HU" for CT, nothing for what has no unit.
     pub unit: &'a str,
-    /// Whether it is known how the patient lies.
+    /// True if it is known how the patient lies.
     pub oriented: bool,
     /// How many splats there are; none without splats.
     pub splats: Option<usize>,
-    /// Whether there is a volume.
+    /// True if there is a volume.
     pub volume: bool,
     /// How many splats each row of [`crate::State::objects`] has.
     pub object_splats: &'a [usize],
@@ -29,14 +29,14 @@ pub struct Facts<'a> {
     pub splat_histogram: Option<&'a Histogram>,
     /// Intensities of the volume within its region, as soon as they are counted.
     pub volume_histogram: Option<&'a Histogram>,
-    /// Whether the picture is less than it will be at rest.
+    /// True if the picture is less than it will be at rest.
     pub draft: bool,
     /// Frame times, passes, memory.
     pub statistics: &'a Statistics,
     /// What is being loaded or written, and how much of it is done, 0 to 1, where that is known.
     pub progress: Option<(&'a str, Option<f32>)>,
-    /// Depth at a place of the picture (fractions from its upper left corner), mm along the viewing direction; nothing
-    /// where nothing is seen, or where it is not known while the picture changes.
+    /// Depth at a place of the picture (fractions from its upper left corner), mm along the viewing
+    /// direction; nothing where nothing is seen, or where it is not known while the picture changes.
     pub depth: &'a dyn Fn(DVec2) -> Option<f64>,
     /// Intensity at a point, mm RAS; nothing outside of what is there.
     pub sample: &'a dyn Fn(DVec3) -> Option<f64>,
@@ -44,10 +44,10 @@ pub struct Facts<'a> {
 
 static NO_STATISTICS: Statistics = Statistics::new();
 
-impl Default for Facts<'_> {
+impl Default for PanelInfo<'_> {
     /// Nothing is open.
     fn default() -> Self {
-        Facts {
+        PanelInfo {
             bounds: None,
             range: [0.0, 1.0],
             unit: "",
@@ -104,12 +104,13 @@ impl Statistics {
         self.frames_ms.push_back(ms);
     }
 
-    /// Times of the last pictures, ms, the latest last.
+    /// Returns the times of the last pictures, ms, the latest last.
     pub fn frames_ms(&self) -> impl ExactSizeIterator<Item = f64> {
         self.frames_ms.iter().copied()
     }
 
-    /// The time that such a share of the last frames stayed within, ms: 0.5 is the median. Nothing before the first frame.
+    /// Returns the time that such a share of the last frames stayed within, ms: 0.5 is the median. Nothing
+    /// before the first frame.
     pub fn percentile_ms(&self, share: f64) -> Option<f64> {
         let mut sorted: Vec<f64> = self.frames_ms().collect();
         sorted.sort_by(f64::total_cmp);

@@ -9,18 +9,18 @@ use super::quality::Quality;
 use crate::budget;
 use crate::splat::{Form, SplatSet};
 
-/// A rung of a ladder: a way to render, and what it costs.
+/// A level of quality: a way to render, and what it costs.
 #[derive(Clone, Copy, Debug)]
-pub struct Rung {
+pub struct QualityLevel {
     /// Name of the mode.
     pub mode: &'static str,
     /// What is given up within the mode.
     pub quality: Quality,
-    /// Time of a frame relative to the first rung; measured by `bench trade render`.
+    /// Time of a frame relative to the first level; measured by `bench trade render`.
     pub cost: f64,
 }
 
-/// What splats are, for the ladder that they go down.
+/// What splats are, for the levels of quality that suit them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SplatKind {
     /// Splats that are right between the voxels, too.
@@ -35,7 +35,7 @@ impl SplatKind {
     /// Every kind.
     pub const ALL: [SplatKind; 3] = [SplatKind::Field, SplatKind::Grid, SplatKind::Coloured];
 
-    /// Name in `ladder.toml` and in tables.
+    /// Returns the name in `ladder.toml` and in tables.
     pub fn name(self) -> &'static str {
         match self {
             SplatKind::Field => "field",
@@ -54,10 +54,10 @@ impl SplatKind {
     }
 }
 
-/// The rungs of viewers for such a scene, the best first: those of the front of PSNR against cost that
-/// `bench trade render --ladder` measures. No rung leaves out a splat: what a transfer function shows is there on all of them, in
-/// a coarser picture. `ladder.toml` says on what they were measured.
-pub fn rungs(kind: SplatKind) -> &'static [Rung] {
+/// Returns the levels of quality for such splats, the best first: those of the front of PSNR against cost
+/// that `bench trade render --ladder` measures. No level leaves out a splat: what a transfer function shows
+/// is there on all of them, in a coarser picture. `ladder.toml` says on what they were measured.
+pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
     match kind {
         SplatKind::Field => &LADDERS.field,
         SplatKind::Grid => &LADDERS.grid,
@@ -71,14 +71,14 @@ pub fn rungs(kind: SplatKind) -> &'static [Rung] {
 /// If `ladder.toml` is not in order, which a test sees to.
 static LADDERS: LazyLock<Ladders> = LazyLock::new(|| {
     let file: File = toml::from_str(include_str!("ladder.toml")).expect("ladder.toml is of this form");
-    let all = |rows: &[Row]| rows.iter().map(Row::rung).collect();
+    let all = |rows: &[Row]| rows.iter().map(Row::level).collect();
     Ladders { field: all(&file.field), grid: all(&file.grid), coloured: all(&file.coloured) }
 });
 
 struct Ladders {
-    field: Vec<Rung>,
-    grid: Vec<Rung>,
-    coloured: Vec<Rung>,
+    field: Vec<QualityLevel>,
+    grid: Vec<QualityLevel>,
+    coloured: Vec<QualityLevel>,
 }
 
 /// What `ladder.toml` holds.
@@ -103,8 +103,8 @@ struct Row {
 }
 
 impl Row {
-    fn rung(&self) -> Rung {
-        Rung {
+    fn level(&self) -> QualityLevel {
+        QualityLevel {
             mode: mode(&self.mode).expect("ladder.toml names modes that there are").name,
             quality: Quality { resolution: self.resolution, coarseness: self.coarseness },
             cost: self.cost,
@@ -112,9 +112,9 @@ impl Row {
     }
 }
 
-/// The costs of rungs, for a controller.
-pub fn ladder(rungs: &[Rung]) -> budget::Ladder {
-    budget::Ladder::new(rungs.iter().map(|r| r.cost))
+/// Returns the costs of levels, for a controller.
+pub fn level_costs(levels: &[QualityLevel]) -> budget::LevelCosts {
+    budget::LevelCosts::new(levels.iter().map(|r| r.cost))
 }
 
 #[cfg(test)]
@@ -125,11 +125,11 @@ mod tests {
     #[test]
     fn every_ladder_begins_with_all_and_goes_down() {
         for (kind, first) in SplatKind::ALL.into_iter().zip(["slab", "decoded", "alpha"]) {
-            let rungs = rungs(kind);
-            assert_eq!((rungs[0].mode, rungs[0].quality, rungs[0].cost), (first, Quality::FULL, 1.0));
+            let levels = quality_levels(kind);
+            assert_eq!((levels[0].mode, levels[0].quality, levels[0].cost), (first, Quality::FULL, 1.0));
             // Refuses costs that do not fall.
-            assert_eq!(ladder(rungs).len(), rungs.len());
-            assert!(rungs.len() > 1, "{kind:?}");
+            assert_eq!(level_costs(levels).len(), levels.len());
+            assert!(levels.len() > 1, "{kind:?}");
         }
     }
 

@@ -1,4 +1,4 @@
-//! What is shown, on the device: the scene, and renderers for the ways it was rendered last.
+//! What is shown, on the device: a scene, and renderers with the setups that it was rendered with last.
 
 use std::cell::OnceCell;
 use std::time::Instant;
@@ -10,12 +10,13 @@ use glam::DVec2;
 
 use crate::composer::Layer;
 
-/// Renderers that are kept, so that a way that comes back (after moving, after a flip) needs nothing made anew.
+/// Renderers that are kept, so that a setup that comes back (after moving, after a flip) needs nothing made
+/// anew.
 const KEPT: usize = 6;
 
-/// A way to render.
+/// How a scene is rendered.
 #[derive(Clone)]
-pub struct Way {
+pub struct RenderSetup {
     /// The mode.
     pub mode: &'static ModeRow,
     /// What it is made for.
@@ -24,33 +25,33 @@ pub struct Way {
     pub quality: Quality,
 }
 
-impl Way {
-    /// Whether what renders in one way can render in the other.
+impl RenderSetup {
+    /// Returns true if what renders with one setup can render with the other.
     fn shares_renderer(&self, other: &Self) -> bool {
         self.mode.name == other.mode.name && self.settings == other.settings
     }
 }
 
 /// A scene and the pictures of it.
-pub struct Stage {
+pub struct RenderedScene {
     gpu: Gpu,
     /// What is seen.
     pub scene: Scene,
     /// The latest last.
-    made: Vec<(Way, Picture)>,
+    made: Vec<(RenderSetup, Picture)>,
 }
 
-/// What was rendered in a way.
+/// What was rendered with a setup.
 struct Picture {
     renderer: Renderer,
     /// Mean depths of the picture, mm along the viewing direction; read when somebody asks.
     depth: OnceCell<Vec<f32>>,
 }
 
-impl Stage {
+impl RenderedScene {
     /// Shows a scene.
     pub fn new(gpu: &Gpu, scene: Scene) -> Self {
-        Stage { gpu: gpu.clone(), scene, made: Vec::new() }
+        RenderedScene { gpu: gpu.clone(), scene, made: Vec::new() }
     }
 
     /// Changes how the scene is seen.
@@ -58,42 +59,42 @@ impl Stage {
         self.scene.set_look(look)
     }
 
-    /// Renders in a way, and waits. Gives what it took, ms.
-    pub fn render(&mut self, way: &Way, camera: Camera) -> Result<f64> {
-        let mut picture = match self.made.iter().position(|(made, _)| made.shares_renderer(way)) {
+    /// Renders with a setup, and waits. Gives what it took, ms.
+    pub fn render(&mut self, setup: &RenderSetup, camera: Camera) -> Result<f64> {
+        let mut picture = match self.made.iter().position(|(made, _)| made.shares_renderer(setup)) {
             Some(at) => self.made.remove(at).1,
             None => {
-                let renderer = Renderer::new(&self.gpu, way.mode, &self.scene, &way.settings)?;
+                let renderer = Renderer::new(&self.gpu, setup.mode, &self.scene, &setup.settings)?;
                 Picture { renderer, depth: OnceCell::new() }
             }
         };
         let start = Instant::now();
-        picture.renderer.render_at(&self.scene, &[camera], &way.quality)?;
+        picture.renderer.render_at(&self.scene, &[camera], &setup.quality)?;
         let ms = start.elapsed().as_secs_f64() * 1e3;
         picture.depth = OnceCell::new();
-        self.made.push((way.clone(), picture));
+        self.made.push((setup.clone(), picture));
         if self.made.len() > KEPT {
             self.made.remove(0);
         }
         Ok(ms)
     }
 
-    fn picture(&self, way: &Way) -> Option<&Picture> {
-        self.made.iter().find(|(made, _)| made.shares_renderer(way)).map(|(_, picture)| picture)
+    fn picture(&self, setup: &RenderSetup) -> Option<&Picture> {
+        self.made.iter().find(|(made, _)| made.shares_renderer(setup)).map(|(_, picture)| picture)
     }
 
-    /// What was rendered last in a way.
-    pub fn layer(&self, way: &Way) -> Option<Layer<'_>> {
-        let target = &self.picture(way)?.renderer.target;
-        let (part, whole) = (way.quality.size(target.size()), target.size());
+    /// Returns what was rendered last with a setup.
+    pub fn layer(&self, setup: &RenderSetup) -> Option<Layer<'_>> {
+        let target = &self.picture(setup)?.renderer.target;
+        let (part, whole) = (setup.quality.size(target.size()), target.size());
         let part = std::array::from_fn(|axis| part[axis] as f32 / whole[axis] as f32);
         Some(Layer { picture: &target.colour, layer: 0, part })
     }
 
-    /// Mean depth at a place of what was rendered last in a way (fractions from the upper left corner), mm along the
-    /// viewing direction; nothing where nothing is seen or depth was not kept.
-    pub fn depth_at(&self, way: &Way, place: DVec2) -> Option<f64> {
-        let picture = self.picture(way)?;
+    /// Returns the mean depth at a place of what was rendered last with a setup (fractions from the upper left
+    /// corner), mm along the viewing direction; nothing where nothing is seen or depth was not kept.
+    pub fn depth_at(&self, setup: &RenderSetup, place: DVec2) -> Option<f64> {
+        let picture = self.picture(setup)?;
         let depth = match picture.depth.get() {
             Some(depth) => depth,
             None => {
@@ -101,10 +102,10 @@ impl Stage {
                 picture.depth.get_or_init(|| read)
             }
         };
-        let [width, height] = way.quality.size(way.settings.size);
+        let [width, height] = setup.quality.size(setup.settings.size);
         let inside = place.cmpge(DVec2::ZERO).all() && place.cmplt(DVec2::ONE).all();
         let [x, y] = [(place.x * f64::from(width)) as usize, (place.y * f64::from(height)) as usize];
-        let mm = inside.then(|| depth.get(y * way.settings.size[0] as usize + x)).flatten()?;
+        let mm = inside.then(|| depth.get(y * setup.settings.size[0] as usize + x)).flatten()?;
         mm.is_finite().then(|| f64::from(*mm))
     }
 

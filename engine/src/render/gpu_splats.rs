@@ -1,9 +1,9 @@
 //! The splats of a scene on the device, and which of them a transfer function can show.
 //!
-//! A splat whose own intensity is transparent still holds down the field beside it, so it may only be left out where
-//! nothing that it reaches is visible. Within its support the field is a weighted mean of the intensities of the splats
-//! that reach there, too; [`intervals`] bounds these, once for a scene. A transfer function then drops exactly the splats
-//! whose interval it shows nothing of.
+//! A splat whose own intensity is transparent still holds down the field beside it, so it may only be left
+//! out where nothing that it reaches is visible. Within its support the field is a weighted mean of the
+//! intensities of the splats that reach there, too; [`intervals`] bounds these, once for a scene. A transfer
+//! function then drops exactly the splats whose interval it shows nothing of.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -13,8 +13,8 @@ use shaders_glsl::types::Centre;
 use super::centres::centres;
 use super::decoded;
 use super::extents::{intervals, middle_sigma, reaches};
+use super::gpu_volume::GpuVolume;
 use super::look::LookBuffers;
-use super::medium::Medium;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::activity::ActivitySources;
@@ -32,8 +32,8 @@ pub enum Precision {
     Packed,
 }
 
-/// What is particular to standard splats, those of ordinary 3D Gaussian splatting: they have colours instead of an
-/// intensity.
+/// What is particular to standard splats, those of ordinary 3D Gaussian splatting: they have colours instead
+/// of an intensity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Standard {
     /// Spherical harmonics of each colour.
@@ -41,16 +41,17 @@ pub(super) struct Standard {
 }
 
 /// A pitch, voxels, and the field at that.
-type Decoded = (f64, Arc<Medium>);
+type Decoded = (f64, Arc<GpuVolume>);
 
 /// The splats of a scene.
-pub struct Cloud {
+pub struct GpuSplats {
     rows: SplatRows,
     /// How they add up.
     pub field: Field,
     /// Number of splats.
     pub count: usize,
-    /// Standard deviation of the middle splat along its shortest axis, mm: what steps along a ray are measured in.
+    /// Standard deviation of the middle splat along its shortest axis, mm: what steps along a ray are
+    /// measured in.
     pub sigma_mm: f64,
     /// Least and greatest intensity.
     pub range: [f64; 2],
@@ -77,10 +78,10 @@ pub struct Cloud {
     standard: Option<Standard>,
 }
 
-impl Cloud {
+impl GpuSplats {
     pub(super) fn new(gpu: &Gpu, set: &SplatSet, precision: Precision) -> Result<Self> {
-        // Packed splats lie in an order of their own, and all that is computed here is of what is shown. Colours would
-        // have to follow: standard splats stay as they are.
+        // Packed splats lie in an order of their own, and all that is computed here is of what is shown.
+        // Colours would have to follow: standard splats stay as they are.
         let packed = (precision == Precision::Packed && set.colours.is_none())
             .then(|| Packed::new(&set.splats, set.labels.as_deref()));
         let unpacked = packed.as_ref().map(Packed::unpack_all);
@@ -107,12 +108,13 @@ impl Cloud {
             Some(packed) => SplatRows::packed(gpu, packed)?,
             None => SplatRows::full(gpu, splats)?,
         };
-        // No transfer function acts on colours: `mark_active` takes an interval that ends before it begins for that.
+        // No transfer function acts on colours: `mark_active` takes an interval that ends before it begins
+        // for that.
         let intervals = match set.colours {
             Some(_) => vec![[1.0, 0.0]; count],
             None => intervals(splats, &reach),
         };
-        Ok(Cloud {
+        Ok(GpuSplats {
             rows,
             field: set.field,
             count,
@@ -153,8 +155,8 @@ impl Cloud {
         self.activity.record(recorder, &sources, self.ranking.as_mut().zip(self.budget));
     }
 
-    /// Lists at most so many splats from now on, the most important of those that a look can show. The first budget
-    /// makes the order of importance, and waits for the device.
+    /// Lists at most so many splats from now on, the most important of those that a look can show. The first
+    /// budget makes the order of importance, and waits for the device.
     pub(super) fn set_budget(&mut self, gpu: &Gpu, budget: Option<usize>) -> Result<()> {
         self.budget = budget.filter(|&most| most < self.count);
         if self.budget.is_some() && self.ranking.is_none() {
@@ -174,13 +176,13 @@ impl Cloud {
         Ok(())
     }
 
-    /// Rows in mm in the space of the scene.
+    /// Returns the rows in mm in the space of the scene.
     pub(super) fn rows(&self) -> &SplatRows {
         &self.rows
     }
 
-    /// What the splats show: the field at their centres, or their spherical harmonics where they are standard splats; the
-    /// other of the two is of no use. The first call makes it, and waits for the device.
+    /// Returns what the splats show: the field at their centres, or their spherical harmonics where they are
+    /// standard splats; the other of the two is of no use. The first call makes it, and waits for the device.
     pub(super) fn faces(&self, gpu: &Gpu) -> Result<(&Buffer<Centre>, &Buffer<u32>)> {
         let made = match self.centres.get() {
             Some(made) => made,
@@ -192,13 +194,13 @@ impl Cloud {
         Ok((made, &self.harmonics))
     }
 
-    /// Whether mode alpha can begin at once.
+    /// Returns true if mode alpha can begin at once.
     pub fn has_faces(&self) -> bool {
         self.centres.get().is_some()
     }
 
-    /// What lets mode alpha begin at once when it has been called, from whatever thread: for 100,000 splats it takes
-    /// about a second of the host. Waits for the device.
+    /// Returns what lets mode alpha begin at once when it has been called, from whatever thread: for 100,000
+    /// splats it takes about a second of the host. Waits for the device.
     pub fn preparation(&self, gpu: &Gpu) -> Result<impl FnOnce() -> Result<()> + Send + use<>> {
         let (place, make) = (Arc::clone(&self.centres), self.faces_maker(gpu)?);
         Ok(move || {
@@ -222,8 +224,9 @@ impl Cloud {
         })
     }
 
-    /// The field on voxels so far apart, decoded now if it was not before; of several pitches the last one is kept.
-    pub(super) fn decoded(&self, gpu: &Gpu, pitch: f64) -> Result<Arc<Medium>> {
+    /// Returns the field on voxels so far apart, decoded now if it was not before; of several pitches the
+    /// last one is kept.
+    pub(super) fn decoded(&self, gpu: &Gpu, pitch: f64) -> Result<Arc<GpuVolume>> {
         if !self.has_decoded(pitch) {
             self.decoding(gpu, pitch)?()?;
         }
@@ -234,13 +237,14 @@ impl Cloud {
         }
     }
 
-    /// Whether mode decoded can begin at once.
+    /// Returns true if mode decoded can begin at once.
     pub fn has_decoded(&self, pitch: f64) -> bool {
         let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
         place.as_ref().is_some_and(|(made_for, _)| *made_for == pitch)
     }
 
-    /// What lets mode decoded begin at once when it has been called, from whatever thread. Waits for the device.
+    /// Returns what lets mode decoded begin at once when it has been called, from whatever thread. Waits for
+    /// the device.
     ///
     /// # Errors
     /// A pitch that is none.
@@ -258,13 +262,13 @@ impl Cloud {
         Ok(move || {
             let start = std::time::Instant::now();
             let field = source.decode(&gpu, pitch)?;
-            let medium = Arc::new(Medium::of_field(&gpu, &field)?);
+            let volume = Arc::new(GpuVolume::of_field(&gpu, &field)?);
             tracing::info!(
                 "{} bricks decoded in {:.2} s",
                 field.brick_count(),
                 start.elapsed().as_secs_f64()
             );
-            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((pitch, medium));
+            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((pitch, volume));
             Ok(())
         })
     }
@@ -274,7 +278,7 @@ impl Cloud {
         self.standard
     }
 
-    /// Indices of the splats that the look can show, in their order.
+    /// Returns the indices of the splats that the look can show, in their order.
     pub(super) fn active(&self) -> &Buffer<u32> {
         &self.activity.active
     }
@@ -284,12 +288,13 @@ impl Cloud {
         recorder.copy(&self.activity.places, self.count, count, 0, 1);
     }
 
-    /// The objects that these splats belong to.
+    /// Returns the objects that these splats belong to.
     pub(super) fn active_objects(&self) -> &Buffer<u32> {
         &self.activity.active_objects
     }
 
-    /// How many splats are rendered: those that the look can show, as far as the budget goes. Waits for the device.
+    /// Returns how many splats are rendered: those that the look can show, as far as the budget goes. Waits
+    /// for the device.
     pub fn active_count(&self) -> Result<usize> {
         Ok(self.activity.count.read()?[0] as usize)
     }
