@@ -1,6 +1,7 @@
 #version 460
-// The sum of all rows of three floats, in a fixed order: one workgroup owns all, one invocation every 256th row. In f32:
-// the relative error is that of count / 256 + 8 additions, 1e-6 or so for the bricks of a large volume.
+// The sum of all rows of three floats, in a fixed order: one workgroup owns all, one invocation every 256th
+// row. In f32: the relative error is that of count / 256 + 8 additions, 1e-6 or so for the bricks of a large
+// volume.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 256) in;
 layout(push_constant, scalar) uniform SumParams { uint count; } p;

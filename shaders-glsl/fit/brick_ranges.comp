@@ -1,6 +1,7 @@
 #version 460
-// Finds where the pairs of each slot begin: starts[s] is the first sorted pair whose key is >= s, starts[slots] the
-// count. One invocation owns a pair and fills the starts from the key before it (exclusive) to its own.
+// Finds where the pairs of each slot begin: starts[s] is the first sorted pair whose key is >= s,
+// starts[slots] the count. One invocation owns a pair and fills the starts from the key before it (exclusive)
+// to its own.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 256) in;
 layout(push_constant, scalar) uniform RangeParams { uint slot_count; uint count_index; uint capacity; } p;

@@ -1,7 +1,7 @@
 #version 460
-// Which of the 64 cells (2^3 samples) of its brick each pair's ellipsoid reaches, by the interval of every row; only
-// cells with samples that take part. Two words a pair: cells 0..32 and 32..64 in Morton order.
-// One invocation owns a pair.
+// Which of the 64 cells (2^3 samples) of its brick each pair's ellipsoid reaches, by the interval of every
+// row; only cells with samples that take part. Two words a pair: cells 0..32 and 32..64 in Morton order. One
+// invocation owns a pair.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"

@@ -5,8 +5,9 @@
 layout(push_constant, scalar) uniform AlphaParams { uint splat_count; } p;
 layout(scalar, binding = 0) readonly buffer Quads { Quad quads[]; };
 layout(scalar, binding = 1) readonly buffer Order { uint order[]; };
-// Linear on the picture, because w is 1. `noperspective` would say the same, but lavapipe (Mesa 25.0) interpolates that
-// wrongly in triangles that it has to clip: splats larger than the picture lost their opacity.
+// Linear on the picture, because w is 1. `noperspective` would say the same, but lavapipe (Mesa 25.0)
+// interpolates that wrongly in triangles that it has to clip: splats larger than the picture lost their
+// opacity.
 layout(location = 0) out vec2 place;
 layout(location = 1) flat out vec4 colour; // and the thickness
 layout(location = 2) flat out float depth;

@@ -1,8 +1,8 @@
 #version 460
-// The quads of the active splats, one for each view, and their place in the order that all views share: back to front along
-// the mean of the viewing directions, which for parallel eyes is exact for both (by the distance from the middle of the
-// eyes it would be for none). One invocation owns a splat. A splat that no view shows is sorted behind all others and not
-// counted; so is one whose centre a clip plane cuts away.
+// The quads of the active splats, one for each view, and their place in the order that all views share: back
+// to front along the mean of the viewing directions, which for parallel eyes is exact for both (by the
+// distance from the middle of the eyes it would be for none). One invocation owns a splat. A splat that no
+// view shows is sorted behind all others and not counted; so is one whose centre a clip plane cuts away.
 #define BLIND_BINDING 16
 #include "appearance.glsl"
 #include "blind.glsl"
@@ -44,13 +44,15 @@ Splat splat_at(uint i) {
     return full_splat(rows[3 * i], rows[3 * i + 1], rows[3 * i + 2]);
 }
 
-const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
-const uint LAST = (1u << 18) - 1; // key of what is not seen
+// Bits of the sort key: steps of 1/260,000 of the scene.
+const uint ORDER_BITS = 18;
+const uint LAST = (1u << ORDER_BITS) - 1; // key of what is not seen
 const Quad UNSEEN = Quad(vec2(0.0), vec3(0.0), 0.0, 0.0, 0.0, vec3(0.0));
 
 // Sets centre, axes and depth; gives √6/√A, half of the length of ray in the support, mm.
 float project(View v, Splat s, vec3 mean, inout Quad r) {
-    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y (Gram-Schmidt).
+    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y
+    // (Gram-Schmidt).
     mat3 axes = rotation_matrix(s.rotation);
     vec3 e0 = turned(v, axes[0]), e1 = turned(v, axes[1]), e2 = turned(v, axes[2]);
     vec3 wide = vec3(e0.x, e1.x, e2.x), high = vec3(e0.y, e1.y, e2.y), deep = vec3(e0.z, e1.z, e2.z);
@@ -97,8 +99,8 @@ vec3 own_colour(uint splat, vec3 direction) {
     return max(colour, 0.0);
 }
 
-// Whether no eye sees any of a rectangle around a place of the picture, from -1 to 1, and of the pixels beside it, which
-// samplers mix in.
+// Whether no eye sees any of a rectangle around a place of the picture, from -1 to 1, and of the pixels
+// beside it, which samplers mix in.
 bool unseen(uint view, vec2 centre, vec2 half_size) {
     vec2 reach = half_size + 2.0 / vec2(p.size);
     vec2 low = (centre - reach + 1.0) * (0.5 * float(PATCHES)), high = (centre + reach + 1.0) * (0.5 * float(PATCHES));

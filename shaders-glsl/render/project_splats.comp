@@ -1,6 +1,6 @@
 #version 460
-// Projects the active splats for every view, and counts the (tile, block) pairs of each. One invocation owns a splat of a
-// view. Rows of splats that cannot be seen stay as they are and have no pairs.
+// Projects the active splats for every view, and counts the (tile, block) pairs of each. One invocation owns
+// a splat of a view. Rows of splats that cannot be seen stay as they are and have no pairs.
 #include "kernel.glsl"
 #include "rows.glsl"
 #include "tiles.glsl"
@@ -48,7 +48,8 @@ void main() {
     r.amplitude = kernel_peak(s.log_scale) / (1.0 + exp(-s.opacity_logit));
     r.intensity = s.intensity - p.background;
 
-    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y (Gram-Schmidt).
+    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y
+    // (Gram-Schmidt).
     vec3 inverse = exp(-s.log_scale);
     vec3 a = (wide * r.centre.x + high * r.centre.y + deep) * inverse, b = wide * inverse, c = high * inverse;
     float aa = length(a);

@@ -11,7 +11,7 @@ use super::instance::Instance;
 use super::{Context, DeviceDescription, Gpu, check, choice, description};
 use crate::error::{Error, Kind, Result};
 
-/// How to boot.
+/// The options of booting.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
     /// Index (as `vgs devices` prints it) or part of the name of the device; the best one when absent.
@@ -49,8 +49,8 @@ impl Windows {
     }
 }
 
-/// Who creates the instance and the device: the engine itself, or a runtime such as OpenXR that insists on
-/// it.
+/// The one who creates the instance and the device: the engine itself, or a runtime such as OpenXR that
+/// insists on it.
 pub trait Boot {
     /// Creates the Vulkan instance from the engine's create-info.
     fn create_instance(&self, entry: &ash::Entry, info: &vk::InstanceCreateInfo<'_>)

@@ -30,7 +30,7 @@ pub struct Limits {
     pub filters_fractions: bool,
 }
 
-/// How often something was done that a frame loop must not do.
+/// Counts of what a frame loop must not do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Hitches {
     /// Allocations of device memory for a buffer or an image.

@@ -10,7 +10,7 @@ use super::drawing::{STAGES, view_mask};
 use super::hazards::Resident;
 use super::{Buffer, Drawing, Image, Recorder};
 
-/// Which vertices are drawn.
+/// The vertices that are drawn.
 enum Vertices {
     Of(Range<u32>),
     /// Read from a buffer at this byte.

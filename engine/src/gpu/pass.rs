@@ -2,6 +2,7 @@
 
 use ash::vk;
 use bytemuck::Pod;
+use shaders_glsl::Shader;
 
 use super::bindings::Bindings;
 use super::hazards::Resident;
@@ -27,7 +28,7 @@ pub struct Pass<'a> {
     push: Vec<u8>,
 }
 
-/// How many workgroups.
+/// The number of workgroups.
 enum Groups {
     Of([u32; 3]),
     /// Read from a buffer at this byte.
@@ -89,6 +90,26 @@ impl<'a> Pass<'a> {
     /// Records the pass over `x` workgroups; none at all for 0.
     pub fn dispatch(self, x: u32) {
         self.dispatch_3d([x, 1, 1]);
+    }
+
+    /// Records the pass over as many workgroups as so many invocations along x fill.
+    ///
+    /// # Panics
+    /// If a specialisation constant says how wide workgroups are.
+    pub fn dispatch_over(self, x: u32) {
+        self.dispatch_over_3d([x, 1, 1]);
+    }
+
+    /// Records the pass over as many workgroups as so many invocations along x, y and z fill.
+    ///
+    /// # Panics
+    /// As [`Pass::dispatch_over`].
+    pub fn dispatch_over_3d(self, invocations: [u32; 3]) {
+        let Shader { workgroup: Some(workgroup), .. } = self.kernel.shader else {
+            panic!("{}: a specialisation constant says how wide workgroups are", self.kernel.shader.name)
+        };
+        let groups = std::array::from_fn(|i| invocations[i].div_ceil(workgroup[i]));
+        self.dispatch_3d(groups);
     }
 
     /// Records the pass over so many workgroups along x, y and z; none at all where one is 0.

@@ -13,7 +13,7 @@ const MOST_NEWS: usize = 64;
 /// Time and calls of one named pass, from GPU timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PassTime {
-    /// How often the pass ran.
+    /// Number of times that the pass ran.
     pub calls: u64,
     /// Sum over all calls, milliseconds of device time.
     pub total_ms: f64,

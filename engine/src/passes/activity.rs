@@ -7,22 +7,19 @@ use super::{Ranking, Scan};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Invocations of a workgroup of the kernels.
-const GROUP: usize = 64;
-
 /// The list of active splats.
 pub struct Activity {
     mark: Kernel,
     list: Kernel,
     scan: Scan,
     flags: Buffer<u32>,
-    /// How many active splats come before each splat; and in the last element how many there are.
+    /// Number of active splats before each splat; and in the last element of all of them.
     pub places: Buffer<u32>,
     /// Indices of the active splats, in order.
     pub active: Buffer<u32>,
     /// The objects that these belong to.
     pub active_objects: Buffer<u32>,
-    /// How many there are, in its only element.
+    /// Number of active splats, in its only element.
     pub count: Buffer<u32>,
     splat_count: usize,
 }
@@ -31,9 +28,9 @@ pub struct Activity {
 pub struct ActivitySources<'a> {
     /// The row of the look.
     pub look: &'a Buffer<Look>,
-    /// How many entries of the look's table before each are visible; one more than there are entries.
+    /// Number of visible entries of the look's table before each; one more than there are entries.
     pub visible: &'a Buffer<u32>,
-    /// How each object is shown, by its number.
+    /// Appearance of each object, by its number.
     pub appearances: &'a Buffer<Appearance>,
     /// Least and greatest intensity that each splat may show.
     pub intervals: &'a Buffer<[f32; 2]>,
@@ -65,7 +62,6 @@ impl Activity {
         budget: Option<(&mut Ranking, usize)>,
     ) {
         let count = self.splat_count as u32;
-        let groups = self.splat_count.div_ceil(GROUP) as u32;
         recorder
             .pass(&self.mark)
             .read("look_rows", sources.look)
@@ -75,7 +71,7 @@ impl Activity {
             .read("appearances", sources.appearances)
             .write("flags", &mut self.flags)
             .push(&ActivityParams { count })
-            .dispatch(groups);
+            .dispatch_over(count);
         if let Some((ranking, budget)) = budget {
             ranking.rows.gather(recorder, &self.flags, &ranking.order, 0, &mut ranking.flags);
             self.scan.record(recorder, &ranking.flags, self.splat_count, &mut self.places);
@@ -85,7 +81,7 @@ impl Activity {
                 .read("ranks", &ranking.ranks)
                 .write("flags", &mut self.flags)
                 .push(&LimitParams { count, budget: u32::try_from(budget).unwrap_or(u32::MAX) })
-                .dispatch(groups);
+                .dispatch_over(count);
         }
         self.scan.record(recorder, &self.flags, self.splat_count, &mut self.places);
         recorder
@@ -95,7 +91,7 @@ impl Activity {
             .write("active_splats", &mut self.active)
             .write("active_objects", &mut self.active_objects)
             .push(&ListParams { count })
-            .dispatch(groups);
+            .dispatch_over(count);
         recorder.copy(&self.places, self.splat_count, &mut self.count, 0, 1);
     }
 }

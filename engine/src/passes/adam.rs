@@ -70,6 +70,6 @@ impl Adam {
             .write("frozen", &mut self.frozen)
             .write("histories", &mut state.histories)
             .push(params)
-            .dispatch(params.splat_count.div_ceil(64));
+            .dispatch_over(params.splat_count);
     }
 }

@@ -6,13 +6,13 @@ use shaders_glsl as glsl;
 use shaders_glsl::types::{Footprint, PairParams, SplatParams};
 
 use super::SampleGrid;
-use super::pair_lists::{PAIR_GROUP, PairLists, key_bits};
+use super::pair_lists::{PairLists, key_bits};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
 
 /// Cells of 2³ samples in a brick.
-pub const CELLS: usize = 64;
+pub const CELLS: usize = glsl::brick::CELLS as usize;
 
 /// Bins splats into the bricks of one chunk at a time.
 pub struct Binner {
@@ -107,7 +107,6 @@ impl Binner {
         let grid_params = grid.params(chunk, offset);
         let params =
             SplatParams { grid: grid_params, splat_count: n as u32, capacity, stretch: grid.stretch };
-        let groups = n.div_ceil(64) as u32;
         recorder
             .pass(&self.bounds)
             .read("splats", splats)
@@ -115,7 +114,7 @@ impl Binner {
             .write("footprints", &mut self.footprints)
             .write("pair_counts", &mut self.pairs.counts)
             .push(&params)
-            .dispatch(groups);
+            .dispatch_over(n as u32);
         self.pairs.sum(recorder, n, totals, chunk);
         let (pair_offsets, keys, values) = self.pairs.input();
         recorder
@@ -126,7 +125,7 @@ impl Binner {
             .write("keys", keys)
             .write("values", values)
             .push(&params)
-            .dispatch(groups);
+            .dispatch_over(n as u32);
         self.pairs.sort(recorder, n, self.key_bits, grid_params.slot_count);
         recorder
             .pass(&self.pair_masks_kernel)
@@ -138,7 +137,7 @@ impl Binner {
             .read("active_cells", &grid.active_cells)
             .write("pair_masks", &mut self.pair_masks)
             .push(&PairParams { grid: grid_params, count_index: n as u32, capacity })
-            .dispatch(capacity.div_ceil(PAIR_GROUP));
+            .dispatch_over(capacity);
         recorder
             .pass(&self.cell_masks_kernel)
             .read("starts", &self.pairs.starts)

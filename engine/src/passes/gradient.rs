@@ -9,9 +9,9 @@ use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
 
 /// Floats of a row of moments: S0, C0, S1 (3), S2 (6).
-const MOMENTS: usize = 11;
+const MOMENTS: usize = glsl::splat::MOMENTS as usize;
 /// Invocations that own a splat.
-const LANES: usize = 8;
+const LANES: usize = glsl::splat_to_volume_grad::LANES as usize;
 
 /// The backward pass and the gradient rows it fills.
 pub struct Gradient {
@@ -105,6 +105,6 @@ impl Gradient {
             .read("moments", &self.moments)
             .write("gradients", &mut self.rows)
             .push(&MomentParams { splat_count: n, stretch })
-            .dispatch(n.div_ceil(64));
+            .dispatch_over(n);
     }
 }

@@ -28,9 +28,9 @@ pub struct Term {
 }
 
 /// A term compares the predicted mask 1 - exp(-W) with the mask.
-pub const MASKS: u32 = 0;
+pub const MASKS: u32 = glsl::samples::QUANTITY_MASK;
 /// A term compares the intensities V̂ and V, from the lower end of their range on.
-pub const INTENSITIES: u32 = 1;
+pub const INTENSITIES: u32 = glsl::samples::QUANTITY_INTENSITY;
 
 /// Every loss term there is.
 pub const TERMS: &[Term] = &[

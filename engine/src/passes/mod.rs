@@ -2,20 +2,33 @@
 //! kernel or group of kernels that belong together. A pass knows buffers and counts; what they mean for a fit
 //! is `fit`'s business.
 //!
-//! | file | what it records, or holds |
-//! |---|---|
-//! | `scan`, `radix_sort`, `rows` | prefix sums, sorting, rows by a list of indices: of any buffer |
-//! | `pair_lists` | pairs counted, sorted, and found by list: what both binners share |
-//! | `sample_grid`, `bin` | the bricks of a fit, and which splats reach which of their samples |
-//! | `rasterise`, `sample` | splats to samples; the field at voxels, in HU |
-//! | `loss`, `overlap`, `gradient`, `adam` | what a step does after the forward pass |
-//! | `activity`, `ranking` | which splats a look can show |
-//! | `tiles`, `quads` | splats to tiles and blocks of planes; splats to quads |
-//! | `occupancy` | which bricks of a volume a look can show |
-//! | `views`, `splat_rows` | what kernels are told of views, and of splats |
-//! | `storage`, `workgroup_shape` | how samples are stored, how wide workgroups are |
-//! | `submission_pacer` | how much work one submission takes |
-//! | `work` | counts of what a frame was made of |
+//! | file | kernels recorded there | what it is |
+//! |---|---|---|
+//! | `scan` | `scan_sums`, `scan_offsets`, `scan_apply` | prefix sums of any buffer |
+//! | `radix_sort` | `radix_count`, `radix_scatter` | sorting of any keys and values |
+//! | `rows` | `gather_rows`, `scatter_rows` | rows of any buffer by a list of indices |
+//! | `pair_lists` | `brick_ranges` | pairs summed up, sorted, and found by list: what both binners share |
+//! | `sample_grid` | | the bricks of a fit, in chunks that a binding holds |
+//! | `bin` | `splat_bounds`, `emit_pairs`, `pair_masks`, `cell_masks` | which splats reach which samples of a fit |
+//! | `rasterise` | `splat_to_volume` | splats to samples |
+//! | `sample` | | the field at voxels, in HU |
+//! | `loss` | `loss_dice`, `loss_kl`, `loss_leak`, `loss_mse`, `loss_occupancy`, `loss_square` | its terms |
+//! | `overlap` | `overlap_sums`, `sum_triples` | the sums over all samples that a Dice loss needs first |
+//! | `gradient` | `splat_to_volume_grad`, `moments_to_grad` | the backward pass |
+//! | `adam` | `adam` | the optimiser |
+//! | `activity` | `mark_active`, `list_active` | which splats a look can show |
+//! | `ranking` | `limit_active` | an order of importance, for listings with a budget |
+//! | `tiles` | `blind_parts`, `project_splats`, `emit_tile_pairs` | splats to tiles and blocks of planes |
+//! | `quads` | `project_quads` | splats to quads |
+//! | `occupancy` | `occupancy_mark`, `occupancy_spread` | which bricks of a volume a look can show |
+//! | `render/slab` | `slab` | the modes slab and exact |
+//! | `render/raymarch` | `raymarch` | the modes volume and decoded |
+//! | `views`, `splat_rows` | | what kernels are told of views, and of splats |
+//! | `storage`, `workgroup_shape` | | how samples are stored, how wide workgroups are |
+//! | `submission_pacer` | | how much work one submission takes |
+//! | `work` | | counts of what a frame was made of |
+//!
+//! A test holds the table against the sources: every kernel is named in it once, and used in that file alone.
 
 pub mod activity;
 pub mod adam;
@@ -64,3 +77,6 @@ pub use tiles::TileBinner;
 pub use views::Views;
 pub use work::Work;
 pub use workgroup_shape::WorkgroupShape;
+
+#[cfg(test)]
+mod tests;

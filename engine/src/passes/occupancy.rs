@@ -7,10 +7,6 @@ use shaders_glsl::types::{BrickGrid, Look, OccupancyParams, SpreadParams};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Bricks of a workgroup that marks.
-const GROUP: usize = 64;
-/// Edge of the square of bricks of a workgroup that measures distances.
-const SQUARE: u32 = 8;
 /// Distance, in bricks, of what is farther away than that or farther than anything.
 pub const FARTHEST: u32 = 16;
 
@@ -37,7 +33,7 @@ impl Occupancy {
         assert_eq!(intervals.len(), count, "one interval for each brick");
         let limits = gpu.limits();
         let most = (limits.storage_range as usize / size_of::<[f32; 2]>())
-            .min(limits.workgroups as usize * GROUP)
+            .min(limits.workgroups as usize * glsl::OCCUPANCY_MARK.width() as usize)
             .min(u32::MAX as usize);
         if count > most {
             return Err(Error::new(
@@ -68,7 +64,7 @@ impl Occupancy {
             .read("intervals", &self.intervals)
             .write("distances", &mut self.scratch)
             .push(&OccupancyParams { count: count as u32, most: FARTHEST })
-            .dispatch(count.div_ceil(GROUP) as u32);
+            .dispatch_over(count as u32);
         let [x, y, z] = self.grid.bricks;
         let (mut from, mut to) = (&mut self.scratch, &mut self.distances);
         for axis in 0..3 {
@@ -77,7 +73,7 @@ impl Occupancy {
                 .read("before", from)
                 .write("after", to)
                 .push(&SpreadParams { grid: self.grid, axis })
-                .dispatch_3d([x.div_ceil(SQUARE), y.div_ceil(SQUARE), z]);
+                .dispatch_over_3d([x, y, z]);
             std::mem::swap(&mut from, &mut to);
         }
     }

@@ -8,7 +8,7 @@ use super::{Storage, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// How what is predicted and what is wanted overlap.
+/// The kernels that sum how what is predicted and what is wanted overlap.
 pub struct Overlap {
     region: f32,
     low: f32,

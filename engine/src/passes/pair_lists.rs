@@ -9,9 +9,6 @@ use super::{RadixSort, Scan, Work};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Pairs of one workgroup.
-pub(super) const PAIR_GROUP: u32 = 256;
-
 /// Sorts pairs into lists.
 pub(super) struct PairLists {
     gpu: Gpu,
@@ -55,7 +52,8 @@ impl PairLists {
 
     /// Returns the most pairs that this device sorts, where a buffer of the caller's holds `bound`.
     pub(super) fn most(&self, bound: usize) -> usize {
-        bound.min(self.gpu.limits().workgroups as usize * PAIR_GROUP as usize - 1)
+        let workgroups = self.gpu.limits().workgroups as usize;
+        bound.min(workgroups * glsl::BRICK_RANGES.width() as usize - 1)
     }
 
     /// Makes room for so many pairs. Nothing may be in flight.
@@ -93,7 +91,7 @@ impl PairLists {
             .read("keys", keys)
             .write("starts", &mut self.starts)
             .push(&RangeParams { slot_count: lists, count_index: rows as u32, capacity })
-            .dispatch((capacity + 1).div_ceil(PAIR_GROUP));
+            .dispatch_over(capacity + 1);
     }
 
     /// Returns the keys as [`PairLists::sort`] with the same `bits` left them.

@@ -1,16 +1,12 @@
 //! Splats to quads: one for each view, in one order for all views, and how many there are to draw.
 
 use shaders_glsl as glsl;
+pub use shaders_glsl::project_quads::ORDER_BITS;
 use shaders_glsl::types::{Appearance, Centre, Look, Quad, QuadParams};
 
 use super::{RadixSort, SplatRows, Views, Work, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-
-/// Invocations of a workgroup of `project_quads`.
-const GROUP: usize = 64;
-/// Bits of the sort key: steps of 1/260,000 of the scene. `project_quads` has the same number.
-pub const ORDER_BITS: u32 = 18;
 
 /// Counts the vertices of a quad on a device; `include/alpha.glsl` says why. The picture is the same.
 pub fn corners(gpu: &Gpu) -> u32 {
@@ -115,7 +111,7 @@ impl Quads {
             .read("appearances", sources.objects.1)
             .read("patches", &views.patches)
             .push(&QuadParams { range: sources.splats.range, ..*params })
-            .dispatch(params.splat_count.div_ceil(GROUP as u32));
+            .dispatch_over(params.splat_count);
         self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);
     }
 

@@ -2,16 +2,15 @@
 //! operations and without a readback: the number of pairs is read from a buffer.
 
 use shaders_glsl as glsl;
+use shaders_glsl::radix::{DIGIT_BITS, RADIX_BLOCK};
 use shaders_glsl::types::RadixParams;
 
 use super::{Scan, Work};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Bits of a digit.
-const DIGIT_BITS: u32 = 6;
 /// Pairs that one workgroup moves.
-const BLOCK: usize = 2048;
+const BLOCK: usize = RADIX_BLOCK as usize;
 
 /// The sort with its buffers; keys and values are written by others into [`RadixSort::input`].
 pub struct RadixSort {

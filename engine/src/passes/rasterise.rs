@@ -12,7 +12,7 @@ use crate::volume::Bricks;
 use crate::volume::bricks::SAMPLES;
 
 /// Cells of one workgroup.
-const CELLS_PER_GROUP: usize = 8;
+const CELLS_PER_GROUP: usize = glsl::splat_to_volume::CELLS_PER_GROUP as usize;
 
 /// The forward pass over a fixed sample grid and a fixed number of splats.
 pub struct Rasteriser {

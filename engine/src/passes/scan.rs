@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
 /// Elements that one workgroup scans.
-const BLOCK: usize = 4096;
+const BLOCK: usize = glsl::scan::SCAN_BLOCK as usize;
 
 /// The prefix sum and its scratch buffer.
 pub struct Scan {

@@ -3,16 +3,17 @@
 
 use bytemuck::Pod;
 use serde::{Deserialize, Serialize};
+use shaders_glsl::storage::{STORAGE_FULL, STORAGE_MIXED};
 
-/// How samples are stored between the passes of a step.
+/// The way samples are stored between the passes of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[repr(u32)]
 pub enum Storage {
     /// f32: two words a sample.
-    Full = 0,
+    Full = STORAGE_FULL,
     /// f16: one word a sample. Rounded to nearest; at most ±65504, so that there is no infinity.
-    Mixed = 1,
+    Mixed = STORAGE_MIXED,
 }
 
 impl Storage {

@@ -2,6 +2,7 @@
 //! and where the pairs of each begin.
 
 use shaders_glsl as glsl;
+pub use shaders_glsl::tiles::TILE;
 use shaders_glsl::types::{BlindParams, EmitParams, ProjectParams, Projected, TileGrid};
 
 use super::pair_lists::{PairLists, key_bits};
@@ -10,12 +11,8 @@ use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat;
 
-/// Pixels along the edge of a tile.
-pub const TILE: u32 = 16;
-/// Invocations of a workgroup of the kernels that own a splat.
-const GROUP: usize = 64;
-/// Most rows of projected splats: a pair keeps 8 of its 32 bits for the parts of a tile.
-const MOST_ROWS: usize = 1 << 24;
+/// Most rows of projected splats: a pair keeps the rest of its bits for the parts of a tile.
+const MOST_ROWS: usize = 1 << glsl::tiles::ROW_BITS;
 
 /// Sorts the splats of all views into tiles and blocks.
 pub struct TileBinner {
@@ -127,15 +124,15 @@ impl TileBinner {
         assert!(splats <= self.splat_count, "{}: {splats} splats", self.projected.name());
         let rows = splats * self.views as usize;
         self.rows = rows;
-        let groups = [splats.div_ceil(GROUP) as u32, self.views, 1];
+        let invocations = [splats as u32, self.views, 1];
         if let Some(blind) = &self.blind {
-            let tiles = (grid.tiles[0] * grid.tiles[1]).div_ceil(GROUP as u32);
+            let tiles = grid.tiles[0] * grid.tiles[1];
             recorder
                 .pass(blind)
                 .read("patches", &views.patches)
                 .write("blind_parts", &mut self.blind_parts)
                 .push(&BlindParams { size: grid.size, tiles: grid.tiles })
-                .dispatch_3d([tiles, self.views, 1]);
+                .dispatch_over_3d([tiles, self.views, 1]);
         }
         recorder
             .pass(&self.project)
@@ -149,7 +146,7 @@ impl TileBinner {
             .write("pair_counts", &mut self.pairs.counts)
             .read("blind_parts", &self.blind_parts)
             .push(&ProjectParams { grid: *grid, range: all.range, background })
-            .dispatch_3d(groups);
+            .dispatch_over_3d(invocations);
         self.pairs.sum(recorder, rows, &mut self.needed, 0);
         let (pair_offsets, keys, values) = self.pairs.input();
         recorder
@@ -162,7 +159,7 @@ impl TileBinner {
             .write("values", values)
             .read("blind_parts", &self.blind_parts)
             .push(&EmitParams { grid: *grid })
-            .dispatch_3d(groups);
+            .dispatch_over_3d(invocations);
         self.pairs.sort(recorder, rows, key_bits(self.lists), self.lists as u32);
     }
 

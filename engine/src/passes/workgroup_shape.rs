@@ -1,8 +1,8 @@
-//! How wide the workgroups of the forward and the backward pass are.
+//! The width of the workgroups of the forward and the backward pass.
 
 use crate::gpu::Gpu;
 
-/// How wide the workgroups of the forward and the backward pass are; the value is their invocations. Eight of
+/// The width of the workgroups of the forward and the backward pass; the value is their invocations. Eight of
 /// them own a cell or a splat. The result has the same bits in either shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]

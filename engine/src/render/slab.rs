@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 use shaders_glsl as glsl;
+use shaders_glsl::tiles::{PARTS, PLANES, TILE};
 use shaders_glsl::types::{SlabParams, TileGrid};
 
 use super::cloud::Cloud;
@@ -15,13 +16,8 @@ use super::target::Target;
 use super::variants::Variants;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-use crate::passes::tiles::TILE;
 use crate::passes::{TileBinner, Views, Work, WorkgroupShape};
 
-/// Planes that a ray adds up at a time.
-const PLANES: u32 = 8;
-/// Parts of a tile.
-const PARTS: u32 = 8;
 /// Planes of `exact` for one of `slab`.
 const EXACT: u32 = 10;
 /// Most blocks along the depth: slabs become thicker beyond that.

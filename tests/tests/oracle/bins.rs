@@ -69,7 +69,7 @@ fn stretched_bounds(
             .write("footprints", &mut footprints)
             .write("pair_counts", &mut counts)
             .push(&params)
-            .dispatch(count.div_ceil(64) as u32);
+            .dispatch_over(count as u32);
     });
     (footprints.read().unwrap(), counts.read().unwrap())
 }
@@ -150,7 +150,7 @@ pub fn emit_pairs() {
                     .write("keys", &mut keys)
                     .write("values", &mut values)
                     .push(&params)
-                    .dispatch(counts.len().div_ceil(64) as u32);
+                    .dispatch_over(counts.len() as u32);
             });
             let pairs = keys.read().unwrap().into_iter().zip(values.read().unwrap());
             pairs.collect::<Vec<(u32, u32)>>()
@@ -203,7 +203,7 @@ pub fn brick_ranges() {
                 .read("keys", &buffer)
                 .write("starts", &mut starts)
                 .push(&params)
-                .dispatch((capacity as u32 + 1).div_ceil(256));
+                .dispatch_over(capacity as u32 + 1);
         });
         assert_eq!(starts.read().unwrap(), pairs::brick_ranges(&keys, slot_count), "{} keys", keys.len());
     }
@@ -237,7 +237,7 @@ pub fn pair_masks() {
                 .read("active_cells", &active)
                 .write("pair_masks", &mut masks)
                 .push(&params)
-                .dispatch(list.len().div_ceil(256) as u32);
+                .dispatch_over(list.len() as u32);
         });
         let support = scene.kernel.support_q();
         let mut totals = [0; 3];

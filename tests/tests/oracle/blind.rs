@@ -63,7 +63,7 @@ pub fn blind_parts() {
                     .read("patches", &on_device)
                     .write("blind_parts", &mut parts)
                     .push(&BlindParams { size, tiles })
-                    .dispatch_3d([count.div_ceil(64), 2, 1]);
+                    .dispatch_over_3d([count, 2, 1]);
             });
             let wanted: Vec<u32> = (0..2 * count)
                 .map(|i| {

@@ -70,7 +70,7 @@ fn step(
             .write("frozen", &mut frozen)
             .write("histories", &mut histories)
             .push(params)
-            .dispatch(params.splat_count.div_ceil(64));
+            .dispatch_over(params.splat_count);
     });
     State {
         splats: splats.read().unwrap(),

@@ -22,7 +22,7 @@ use super::{blind, run};
 const SIZE: [u32; 2] = [60, 44];
 const RANGE: [f64; 2] = [-300.0, 1300.0];
 /// Key of what no view shows.
-const LAST: u32 = (1 << 18) - 1;
+const LAST: u32 = (1 << shaders_glsl::project_quads::ORDER_BITS) - 1;
 const CUT: [[f32; 4]; 2] = [[0.6, 0.0, 0.8, 18.0], [0.0, -1.0, 0.0, 25.0]];
 
 /// What is drawn of a splat.

@@ -48,7 +48,7 @@ pub fn occupancy_mark() {
                 .read("intervals", &on_device)
                 .write("distances", &mut distances)
                 .push(&OccupancyParams { count: count as u32, most: 9 })
-                .dispatch(count.div_ceil(64) as u32);
+                .dispatch_over(count as u32);
         });
         let wanted = bricks_twin::occupancy_mark(&intervals, &table, 9);
         assert!(count < 10 || wanted.contains(&0) && wanted.contains(&9), "{name}: both kinds");
@@ -76,7 +76,7 @@ pub fn occupancy_spread() {
                     .read("before", &from)
                     .write("after", &mut to)
                     .push(&SpreadParams { grid, axis: axis as u32 })
-                    .dispatch_3d([grid.bricks[0].div_ceil(8), grid.bricks[1].div_ceil(8), grid.bricks[2]]);
+                    .dispatch_over_3d(grid.bricks);
             });
             wanted = bricks_twin::occupancy_spread(&wanted, bricks, axis);
             assert_eq!(to.read().unwrap(), wanted, "{bricks:?} along {axis}");
@@ -163,7 +163,7 @@ struct Atlas {
 const EMPTY: [u16; 2] = [9000, 0];
 /// Voxels of a brick of an atlas along each axis, and those with its apron.
 const BRICK: usize = 8;
-const APRONED: usize = 9;
+const APRONED: usize = shaders_glsl::medium::APRONED as usize;
 
 impl Stage {
     /// Makes all voxels [`EMPTY`] that are not beside one with an occupancy: what an atlas does not keep.

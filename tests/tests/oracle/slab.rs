@@ -482,7 +482,7 @@ pub fn limit_active() {
                 .read("ranks", &ranks)
                 .write("flags", &mut on_device)
                 .push(&shaders_glsl::types::LimitParams { count: count as u32, budget })
-                .dispatch(count.div_ceil(64) as u32);
+                .dispatch_over(count as u32);
         });
         let wanted = limited(&flags, &order, budget as usize);
         assert_eq!(on_device.read().unwrap(), wanted.iter().map(|&f| u32::from(f)).collect::<Vec<_>>());
@@ -511,7 +511,7 @@ pub fn list_active() {
                 .write("active_splats", &mut active)
                 .write("active_objects", &mut objects)
                 .push(&shaders_glsl::types::ListParams { count: count as u32 })
-                .dispatch(count.div_ceil(64) as u32);
+                .dispatch_over(count as u32);
         });
         let wanted: Vec<u32> = (0..count as u32).filter(|&i| flags[i as usize] == 1).collect();
         assert_eq!(active.read_range(0, wanted.len()).unwrap(), wanted);

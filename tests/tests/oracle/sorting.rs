@@ -3,15 +3,15 @@
 use engine::gpu::Kernel;
 use engine::reference::{loss, radix, scan};
 use rand::RngExt;
+use shaders_glsl::radix::DIGIT_BITS;
 use shaders_glsl::types::{RadixParams, ScanParams, SumParams};
 use vgs_tests::scene::random;
 use vgs_tests::{Bound, Device, assert_close};
 
 use super::run;
 
-const SCAN_BLOCK: usize = 4096;
-const RADIX_BLOCK: usize = 2048;
-const DIGIT_BITS: u32 = 6;
+const SCAN_BLOCK: usize = shaders_glsl::scan::SCAN_BLOCK as usize;
+const RADIX_BLOCK: usize = shaders_glsl::radix::RADIX_BLOCK as usize;
 const SIZES: [usize; 9] = [1, 2, 15, 17, 4095, 4096, 4097, 9000, 300_000];
 
 fn values(count: usize) -> Vec<u32> {

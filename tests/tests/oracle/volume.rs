@@ -349,7 +349,7 @@ fn check_moments_to_grad(gpu: &Gpu, splat_kernel: splat::Kernel, stretch: [f32; 
             .read("moments", &rows)
             .write("gradients", &mut gradients)
             .push(&MomentParams { splat_count: count as u32, stretch })
-            .dispatch(count.div_ceil(64) as u32);
+            .dispatch_over(count as u32);
     });
     let mut pairs = Vec::new();
     let stretch64 = DVec3::from_array(stretch.map(f64::from));
