@@ -64,23 +64,24 @@ impl Sources {
 
     /// Returns the definition of a helper that a file calls: in the file itself, in its folder, or above.
     fn definition(&self, file: &str, helper: &str) -> Option<&[Token]> {
-        let in_file = |tokens: &'_ [Token]| {
-            let is_definition = |pair: &[Token]| {
-                matches!(&pair[0], Word(word) if word == "fn" || word == "let")
-                    && pair[1] == Word(helper.to_owned())
-            };
-            tokens.windows(2).position(is_definition)
-        };
         let own = self.0.get_key_value(file).into_iter();
         let folders = Path::new(file).ancestors().skip(1);
         let near = folders.flat_map(|folder| {
             self.0.iter().filter(move |(path, _)| Path::new(path).parent() == Some(folder))
         });
         own.chain(near).find_map(|(_, tokens)| {
-            let start = in_file(tokens)?;
+            let start = defined_at(tokens, helper)?;
             Some(&tokens[start..statement_end(tokens, start)])
         })
     }
+}
+
+/// Returns where a function or a closure of this name is defined.
+fn defined_at(tokens: &[Token], name: &str) -> Option<usize> {
+    let is_definition = |pair: &[Token]| {
+        matches!(&pair[0], Word(word) if word == "fn" || word == "let") && pair[1] == Word(name.to_owned())
+    };
+    tokens.windows(2).position(is_definition)
 }
 
 /// Returns the kinds that are named among tokens.
@@ -139,8 +140,8 @@ fn template(text: &str) -> String {
     (out + rest).split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Returns the messages that an expression can be.
-fn messages(tokens: &[Token], range: Range<usize>, depth: usize) -> BTreeSet<String> {
+/// Returns the messages that an expression can be. `others` are the files beside.
+fn messages(tokens: &[Token], range: Range<usize>, others: &[&[Token]], depth: usize) -> BTreeSet<String> {
     let expression = &tokens[range.clone()];
     let found = literals(expression);
     if !found.is_empty() {
@@ -159,12 +160,12 @@ fn messages(tokens: &[Token], range: Range<usize>, depth: usize) -> BTreeSet<Str
         return match value.iter().rposition(|t| *t == Sign('=')) {
             // What another variable is.
             Some(equals) if value.len() - equals <= 3 => {
-                messages(tokens, start + equals + 1..start + value.len(), depth - 1)
+                messages(tokens, start + equals + 1..start + value.len(), others, depth - 1)
             }
             _ => named,
         };
     }
-    let found = given(tokens, range.start, name, depth - 1);
+    let found = given(tokens, range.start, name, others, depth - 1);
     if found.is_empty() { named } else { found }
 }
 
@@ -194,8 +195,9 @@ fn literals(tokens: &[Token]) -> BTreeSet<String> {
     found
 }
 
-/// Returns what the calls of the function or closure around `at` give for its parameter `name`.
-fn given(tokens: &[Token], at: usize, name: &str, depth: usize) -> BTreeSet<String> {
+/// Returns what the calls of the function or closure around `at` give for its parameter `name`. Of a public function the
+/// calls in `others` count, too.
+fn given(tokens: &[Token], at: usize, name: &str, others: &[&[Token]], depth: usize) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for start in (0..at).rev() {
         let function = match &tokens[start..] {
@@ -225,11 +227,18 @@ fn given(tokens: &[Token], at: usize, name: &str, depth: usize) -> BTreeSet<Stri
             }
             continue;
         };
-        for (i, pair) in tokens.windows(2).enumerate() {
-            let calls = pair[0] == Word(function.clone()) && pair[1] == Sign('(');
-            let is_definition = i > 0 && tokens[i - 1] == Word("fn".into());
-            if let (true, false, Some(range)) = (calls, is_definition, arguments(tokens, i + 1).get(place)) {
-                found.extend(messages(tokens, range.clone(), depth));
+        let public = start > 0 && matches!(&tokens[start - 1], Word(word) if word == "pub")
+            || start > 0 && tokens[start - 1] == Sign(')');
+        let users = others.iter().filter(|other| public && defined_at(other, function).is_none());
+        for tokens in std::iter::once(tokens).chain(users.copied()) {
+            for (i, pair) in tokens.windows(2).enumerate() {
+                let calls = pair[0] == Word(function.clone()) && pair[1] == Sign('(');
+                let is_definition = i > 0 && tokens[i - 1] == Word("fn".into());
+                if let (true, false, Some(range)) =
+                    (calls, is_definition, arguments(tokens, i + 1).get(place))
+                {
+                    found.extend(messages(tokens, range.clone(), others, depth));
+                }
             }
         }
         break;
@@ -276,7 +285,10 @@ fn site(
     let Some(Word(callee)) = tokens.get(open.checked_sub(1)?) else { return None };
     let given = arguments(tokens, open);
     let place = given.iter().position(|range| range.contains(&i))?;
-    let message = messages(tokens, given.get(place + 1)?.clone(), DEPTH);
+    let folder = Path::new(file).parent();
+    let beside = sources.0.iter().filter(|(other, _)| *other != file && Path::new(other).parent() == folder);
+    let others: Vec<&[Token]> = beside.map(|(_, tokens)| tokens.as_slice()).collect();
+    let message = messages(tokens, given.get(place + 1)?.clone(), &others, DEPTH);
     if callee != "new" {
         return Some((kinds(sources.definition(file, callee)?), message));
     }

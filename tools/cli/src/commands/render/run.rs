@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use engine::gpu::Gpu;
-use engine::render::{Camera, ClipPlane, Look, VolumeSource, ModeRow, Renderer, Scene, Settings, mode};
+use engine::render::{Camera, ClipPlane, Look, ModeRow, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{self, Form, SplatSet};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, transfer};
