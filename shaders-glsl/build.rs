@@ -1,6 +1,7 @@
 //! Compiles every stage file with glslang (through shaderc), reflects it, and writes one table to `OUT_DIR`:
-//! `shaders.rs` with a `Shader` per file, and a compile-time check that each struct which a shader shares with
-//! the host has the same fields at the same offsets in `src/types.rs`.
+//! `shaders.rs` with a `Shader` per file, a module of constants per file that has some, and a compile-time
+//! check that each struct which a shader shares with the host has the same fields at the same offsets in
+//! `src/types.rs`.
 //!
 //! The unoptimised SPIR-V is reflected, because optimising drops names and unused bindings; the optimised one
 //! is shipped.
@@ -31,14 +32,13 @@ fn main() {
     let mut structs = BTreeMap::new();
     let mut items = String::new();
     let mut names = Vec::new();
+    let mut modules = Modules::new();
+    for file in list(&root.join("include")) {
+        read_constants(&file, &root, &mut modules);
+    }
     for folder in FOLDERS {
         println!("cargo::rerun-if-changed={folder}");
-        let mut files: Vec<_> = fs::read_dir(root.join(folder))
-            .unwrap_or_else(|e| panic!("{folder}: {e}"))
-            .map(|f| f.expect("a readable folder").path())
-            .collect();
-        files.sort();
-        for file in files {
+        for file in list(&root.join(folder)) {
             let ending = file.extension().unwrap_or_default().to_string_lossy().into_owned();
             let Some(&(_, kind, stage)) = STAGES.iter().find(|s| s.0 == ending) else { continue };
             let name = file.file_stem().expect("a file has a name").to_string_lossy().into_owned();
@@ -47,6 +47,8 @@ fn main() {
             let file_name = format!("{name}.{ending}");
             fs::write(out.join(format!("{file_name}.spv")), optimised).expect("OUT_DIR is writable");
             let reflected = reflect(&file_name, &plain, &mut structs);
+            read_constants(&file, &root, &mut modules);
+            let workgroup = workgroup(&fs::read_to_string(&file).expect("a listed file is readable"));
             let item = match stage {
                 "Compute" => name.to_uppercase(),
                 _ => file_name.to_uppercase().replace('.', "_"),
@@ -55,7 +57,8 @@ fn main() {
                 items,
                 "/// `{folder}/{file_name}`\npub static {item}: Shader = Shader {{ name: {name:?}, \
                  stage: Stage::{stage}, folder: {folder:?}, \
-                 spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file_name}.spv\")), {reflected} }};"
+                 spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file_name}.spv\")), {reflected}, \
+                 workgroup: {workgroup:?} }};"
             )
             .unwrap();
             if stage == "Compute" {
@@ -64,10 +67,76 @@ fn main() {
         }
     }
     writeln!(items, "/// Every compiled kernel.\npub static ALL: &[&Shader] = &[{}];", amp(&names)).unwrap();
+    for (name, constants) in &modules {
+        items += &module(name, constants);
+    }
     for (name, fields) in &structs {
         items += &layout_check(name, fields);
     }
     fs::write(out.join("shaders.rs"), items).expect("OUT_DIR is writable");
+}
+
+/// The files of a folder, sorted.
+fn list(folder: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<_> = fs::read_dir(folder)
+        .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
+        .map(|f| f.expect("a readable folder").path())
+        .collect();
+    files.sort();
+    files
+}
+
+/// Notes the constants of a source that are plain numbers: lines such as `const uint PLANES = 8;`.
+fn read_constants(file: &Path, root: &Path, modules: &mut Modules) {
+    let shown = file.strip_prefix(root).unwrap_or(file).to_string_lossy().into_owned();
+    let module = file.file_stem().expect("a file has a name").to_string_lossy().into_owned();
+    for line in fs::read_to_string(file).expect("a listed file is readable").lines() {
+        let Some((declared, value)) = line
+            .strip_prefix("const ")
+            .and_then(|rest| rest.split(';').next())
+            .and_then(|statement| statement.split_once(" = "))
+        else {
+            continue;
+        };
+        let value = value.trim_end_matches('u');
+        let (ty, value) = match declared.split_once(' ') {
+            Some(("uint", _)) => match value.strip_prefix("0x") {
+                Some(digits) => ("u32", u32::from_str_radix(digits, 16).ok().map(|v| v.to_string())),
+                None => ("u32", value.parse::<u32>().ok().map(|v| v.to_string())),
+            },
+            Some(("float", _)) => ("f32", value.parse::<f32>().ok().map(|v| format!("{v:?}"))),
+            _ => continue,
+        };
+        let (Some(value), Some((_, name))) = (value, declared.split_once(' ')) else { continue };
+        let item = format!("pub const {name}: {ty} = {value};");
+        let before =
+            modules.entry(module.clone()).or_default().insert(name.to_owned(), (item.clone(), shown.clone()));
+        assert!(
+            before.is_none_or(|(other, _)| other == item),
+            "{shown}: {name} differs from another {module}'s"
+        );
+    }
+}
+
+/// Constants by the stem of their file and their name: the item, and the file.
+type Modules = BTreeMap<String, BTreeMap<String, (String, String)>>;
+
+fn module(name: &str, constants: &BTreeMap<String, (String, String)>) -> String {
+    let items: String =
+        constants.iter().map(|(name, (item, file))| format!("/// `{name}` of `{file}`\n{item}\n")).collect();
+    format!("/// Constants of the shaders called `{name}`.\npub mod {name} {{\n{items}}}\n")
+}
+
+/// The workgroup of a kernel, where no specialisation constant says its size: from `layout(local_size_x = 64)
+/// in;`.
+fn workgroup(source: &str) -> Option<[u32; 3]> {
+    let line = source.lines().find(|l| l.starts_with("layout(local_size_x = "))?;
+    let inside = line.strip_prefix("layout(")?.split(')').next()?;
+    let mut size = [1; 3];
+    for (part, axis) in inside.split(", ").zip(&mut size) {
+        *axis = part.split(" = ").nth(1)?.parse().ok()?;
+    }
+    Some(size)
 }
 
 fn amp(names: &[String]) -> String {

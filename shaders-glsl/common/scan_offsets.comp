@@ -4,7 +4,7 @@
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 256) in;
 layout(push_constant, scalar) uniform ScanParams { uint count; } p; // number of block sums
-layout(scalar, binding = 0) buffer Sums { uint sums[]; };
+layout(scalar, binding = 0) buffer BlockSums { uint block_sums[]; };
 
 shared uint partial[256];
 
@@ -14,7 +14,7 @@ void main() {
     uint begin = min(t * run, p.count);
     uint end = min(begin + run, p.count);
     uint sum = 0;
-    for (uint i = begin; i < end; ++i) sum += sums[i];
+    for (uint i = begin; i < end; ++i) sum += block_sums[i];
     partial[t] = sum;
     barrier();
     // 256 partial sums: a serial scan by one invocation costs less than the barriers of a parallel one.
@@ -29,8 +29,8 @@ void main() {
     barrier();
     uint offset = partial[t];
     for (uint i = begin; i < end; ++i) {
-        uint s = sums[i];
-        sums[i] = offset;
+        uint s = block_sums[i];
+        block_sums[i] = offset;
         offset += s;
     }
 }

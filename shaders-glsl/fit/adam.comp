@@ -1,7 +1,8 @@
 #version 460
-// One step of Adam (Kingma & Ba 2015) for one splat an invocation, in voxel units, then the clamps. The rotation moves
-// on the sphere: q <- normalise(q (1, ω/2)). A splat whose gradient is not finite is left as it is and counted.
-// When a chunk of this step needed more room than the bins have, the step is void: nothing moves, the host repeats.
+// One step of Adam (Kingma & Ba 2015) for one splat an invocation, in voxel units, then the clamps. The
+// rotation moves on the sphere: q <- normalise(q (1, ω/2)). A splat whose gradient is not finite is left as
+// it is and counted. When a chunk of this step needed more room than the bins have, the step is void: nothing
+// moves, the host repeats.
 #include "splat.glsl"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform AdamParams {

@@ -1,8 +1,8 @@
 #version 460
-// Turns the masks of pairs (which cells does this pair reach) into masks of cells (which pairs reach this cell): for
-// every 32 pairs of a brick a block of 64 words, one a cell, bit j for pair j. The blocks of a slot begin at `mask_block`.
-// One workgroup owns a brick; an invocation takes 32 pairs and 8 cells at a time, as four transpositions of 8 by 8 bits
-// (Warren, Hacker's Delight, 7-3).
+// Turns the masks of pairs (which cells does this pair reach) into masks of cells (which pairs reach this
+// cell): for every 32 pairs of a brick a block of 64 words, one a cell, bit j for pair j. The blocks of a
+// slot begin at `mask_block`. One workgroup owns a brick; an invocation takes 32 pairs and 8 cells at a time,
+// as four transpositions of 8 by 8 bits (Warren, Hacker's Delight, 7-3).
 #include "splat.glsl"
 #include "brick.glsl"
 layout(local_size_x = 64) in;
@@ -44,7 +44,7 @@ void main() {
                 words[c + 4] |= ((columns.y >> (c * 8)) & 0xFFu) << (k * 8);
             }
         }
-        uint to = (block + (task >> 3)) * 64 + octet * 8;
+        uint to = (block + (task >> 3)) * CELLS + octet * 8;
         for (uint c = 0; c < 8; ++c) cell_masks[to + c] = words[c];
     }
 }

@@ -1,7 +1,7 @@
 #version 460
-// Writes a (slot, splat) pair for each brick of this chunk that a splat's box touches. One invocation owns a splat
-// and the run of pairs that the prefix sum gave it; pairs behind the capacity are dropped (the host sees the
-// total, grows the buffers and repeats the step).
+// Writes a (slot, splat) pair for each brick of this chunk that a splat's box touches. One invocation owns a
+// splat and the run of pairs that the prefix sum gave it; pairs behind the capacity are dropped (the host
+// sees the total, grows the buffers and repeats the step).
 #include "splat.glsl"
 #include "brick.glsl"
 layout(local_size_x = 64) in;

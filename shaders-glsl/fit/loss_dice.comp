@@ -1,10 +1,11 @@
 #version 460
-// λ/2 (1 - (2 I + s) / (S + s)), the Dice loss between what is predicted, p, and what is wanted, t: I = Σ p t, S = Σ p + Σ t
-// over the samples of the region (below 0: all that take part) of all chunks; overlap_sums and sum_triples have summed them
-// before. s, the parameter, is the smoothing; with twice that of Dice it is Tversky's loss of equal weights.
+// λ/2 (1 - (2 I + s) / (S + s)), the Dice loss between what is predicted, p, and what is wanted, t:
+// I = Σ p t, S = Σ p + Σ t over the samples of the region (below 0: all that take part) of all chunks; overlap_sums
+// and sum_triples have summed them before. s, the parameter, is the smoothing; with twice that of Dice it is
+// Tversky's loss of equal weights.
 //   dL/dp = λ/2 (-2 t / (S + s) + (2 I + s) / (S + s)^2)        dm^/dW = exp(-W)
-// Value and weight of a sample are p + t - 2 p t, written as what only one of both has, and p + t: the quotient of their
-// sums is 1 - 2 I / S.
+// Value and weight of a sample are p + t - 2 p t, written as what only one of both has, and p + t: the
+// quotient of their sums is 1 - 2 I / S.
 #define QUANTITY_CONSTANT 4
 #include "loss.glsl"
 layout(scalar, binding = 4) readonly buffer Overlap { vec3 overlap[]; }; // [0]: I, Σ p, Σ t

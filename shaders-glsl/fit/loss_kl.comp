@@ -1,6 +1,7 @@
 #version 460
-// λ/2 Σ t ln (t / p) over the region (below 0: over all samples that take part), the divergence of Kullback and Leibler
-// of what is predicted, p, from what is wanted, t, each kept in 1e-7..1, beyond which there is no slope.
+// λ/2 Σ t ln (t / p) over the region (below 0: over all samples that take part), the divergence of Kullback
+// and Leibler of what is predicted, p, from what is wanted, t, each kept in 1e-7..1, beyond which there is no
+// slope.
 //   dL/dp = -λ/2 t / p        dm^/dW = exp(-W)
 #define QUANTITY_CONSTANT 4
 #include "loss.glsl"

@@ -1,7 +1,7 @@
 #version 460
-// λ/2 Σ n m^^k with the predicted mask m^ = 1 - exp(-W) and the power k (the parameter, 1 or 2): what leaks out of the ROI.
-// n is 1 - M, or [M <= region] where the region has a threshold. The mean is Σ n m^^k / Σ n; the divisor is known before the
-// fit, and the host has it in λ. dm^/dW = exp(-W).
+// λ/2 Σ n m^^k with the predicted mask m^ = 1 - exp(-W) and the power k (the parameter, 1 or 2): what leaks
+// out of the ROI. n is 1 - M, or [M <= region] where the region has a threshold. The mean is Σ n m^^k / Σ n;
+// the divisor is known before the fit, and the host has it in λ. dm^/dW = exp(-W).
 #include "loss.glsl"
 
 void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adjoint adjoint) {

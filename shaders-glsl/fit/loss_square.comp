@@ -1,6 +1,6 @@
 #version 460
-// λ/2 Σ (m^ - M)^2 over the region (below 0: over all samples that take part), m^ = 1 - exp(-W) the predicted mask.
-// dm^/dW = exp(-W).
+// λ/2 Σ (m^ - M)^2 over the region (below 0: over all samples that take part), m^ = 1 - exp(-W) the predicted
+// mask. dm^/dW = exp(-W).
 #include "loss.glsl"
 
 void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adjoint adjoint) {

@@ -1,6 +1,6 @@
 #version 460
-// dL/d(parameters) of one splat an invocation, from the moments that splat_to_volume_grad summed. U is the whitening
-// matrix S^-1 R^T D^-1, B = U S2 U^T, a the amplitude of w, α times the kernel's peak:
+// dL/d(parameters) of one splat an invocation, from the moments that splat_to_volume_grad summed. U is the
+// whitening matrix S^-1 R^T D^-1, B = U S2 U^T, a the amplitude of w, α times the kernel's peak:
 //   dL/dμ = a U^T U S1,   dL/dln s_k = a B_kk,   dL/dω_k = a B_ij (s_i/s_j - s_j/s_i) with (i, j, k) cyclic,
 //   dL/dlogit = a (1 - α) S0,   dL/dc = a C0.
 // Where the peak is 1 / ((2π)^(3/2) s1 s2 s3), dln a/dln s_k = -1 and dL/dln s_k = a (B_kk - S0).

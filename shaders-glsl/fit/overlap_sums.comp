@@ -1,7 +1,7 @@
 #version 460
-// What the Dice loss needs of all samples before it can begin: Σ p t, Σ p and Σ t of each brick over the samples of the
-// region (below 0: all that take part), p predicted and t wanted. One workgroup owns a brick; summed in a fixed order, every
-// 64th sample together and then the 64 sums.
+// What the Dice loss needs of all samples before it can begin: Σ p t, Σ p and Σ t of each brick over the
+// samples of the region (below 0: all that take part), p predicted and t wanted. One workgroup owns a brick;
+// summed in a fixed order, every 64th sample together and then the 64 sums.
 #define STORAGE_CONSTANT 0
 #define QUANTITY_CONSTANT 2
 #include "samples.glsl"

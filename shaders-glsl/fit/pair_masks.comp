@@ -1,15 +1,15 @@
 #version 460
-// Which of the 64 cells (2^3 samples) of its brick each pair's ellipsoid reaches, by the interval of every row; only
-// cells with samples that take part. Two words a pair: cells 0..32 and 32..64 in Morton order.
-// One invocation owns a pair.
+// Which of the 64 cells (2^3 samples) of its brick each pair's ellipsoid reaches, by the interval of every
+// row; only cells with samples that take part. Two words a pair: cells 0..32 and 32..64 in Morton order. One
+// invocation owns a pair.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
 layout(local_size_x = 256) in;
 layout(push_constant, scalar) uniform PairParams { Grid grid; uint count_index; uint capacity; } p;
-layout(scalar, binding = 0) readonly buffer Counts { uint counts[]; };
+layout(scalar, binding = 0) readonly buffer PairOffsets { uint pair_offsets[]; };
 layout(scalar, binding = 1) readonly buffer Keys { uint keys[]; };
-layout(scalar, binding = 2) readonly buffer Values { uint values[]; };
+layout(scalar, binding = 2) readonly buffer PairSplats { uint pair_splats[]; };
 layout(scalar, binding = 3) readonly buffer Footprints { Footprint footprints[]; };
 layout(scalar, binding = 4) readonly buffer BrickCoordinates { uvec3 brick_coordinates[]; };
 layout(scalar, binding = 5) readonly buffer ActiveCells { uvec2 active_cells[]; };
@@ -17,9 +17,9 @@ layout(scalar, binding = 6) writeonly buffer PairMasks { uint pair_masks[]; }; /
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
-    if (i >= min(counts[p.count_index], p.capacity)) return;
+    if (i >= min(pair_offsets[p.count_index], p.capacity)) return;
     uint slot = keys[i] + p.grid.first_slot;
-    Footprint f = footprints[values[i]];
+    Footprint f = footprints[pair_splats[i]];
     ivec3 corner = ivec3(brick_coordinates[slot] * 8u);
     float support = support_q();
     vec3 mean = f.mean - p.grid.offset - vec3(corner); // in the brick

@@ -1,6 +1,6 @@
 #version 460
-// Activates the parameters of one splat an invocation: footprint (triangular whitening, amplitude, the box of the
-// support) and the number of bricks of this chunk that the box touches.
+// Activates the parameters of one splat an invocation: footprint (triangular whitening, amplitude, the box of
+// the support) and the number of bricks of this chunk that the box touches.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"

@@ -1,13 +1,13 @@
 #version 460
-// The backward pass: the moments of the loss gradient over the support of each splat, from the folded adjoints (A, H).
-// A gather: 8 invocations own a splat, each takes every eighth row of the box and walks just the interval of it that lies
-// in the support; the eight sums are added in a fixed order.
+// The backward pass: the moments of the loss gradient over the support of each splat, from the folded
+// adjoints (A, H). A gather: 8 invocations own a splat, each takes every eighth row of the box and walks just
+// the interval of it that lies in the support; the eight sums are added in a fixed order.
 //
 //   h = A c + H,  e = -2 dκ/dq,  d = x - μ:   S0 = Σ h κ,  C0 = Σ A κ,  S1 = Σ h e d,  S2 = Σ h e d d^T
 // What these sums mean for the parameters is moments_to_grad's business.
 //
-// A workgroup owns one splat (GROUP = 8: its loads are uniform, for CPU drivers) or eight (GROUP = 64: for GPUs).
-// engine/src/passes/mod.rs has the choice.
+// A workgroup owns one splat (GROUP = 8: its loads are uniform, for CPU drivers) or eight (GROUP = 64: for
+// GPUs). engine/src/passes/workgroup_shape.rs has the choice.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"
@@ -38,7 +38,8 @@ void main() {
         lane = gl_LocalInvocationIndex % LANES;
         i = p.first_splat + (gl_WorkGroupID.x * GROUP + gl_LocalInvocationIndex) / LANES;
     }
-    // Invocations behind the last splat walk it again up to the barrier, which all must reach, and write nothing.
+    // Invocations behind the last splat walk it again up to the barrier, which all must reach, and write
+    // nothing.
     Footprint f = footprints[min(i, p.splat_count - 1)];
     vec3 mean = f.mean - p.grid.offset;
     float support = support_q();

@@ -1,6 +1,6 @@
 #version 460
-// What was rendered for an eye, over the background, enlarged where it was rendered at a lower resolution. Colour is
-// premultiplied and display-referred; a headset that takes sRGB wants it as light.
+// What was rendered for an eye, over the background, enlarged where it was rendered at a lower resolution.
+// Colour is premultiplied and display-referred; a headset that takes sRGB wants it as light.
 #include "eyes.glsl"
 #include "light.glsl"
 layout(binding = 0) uniform sampler2DArray rendered;

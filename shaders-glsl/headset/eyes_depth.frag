@@ -1,6 +1,6 @@
 #version 460
-// As eyes.frag, and how far away it is: the mean depth of what an eye sees, as depth buffers have it, so that a runtime can
-// move the picture with the head. What is hardly seen is as far as can be.
+// As eyes.frag, and how far away it is: the mean depth of what an eye sees, as depth buffers have it, so that
+// a runtime can move the picture with the head. What is hardly seen is as far as can be.
 #include "eyes.glsl"
 #include "light.glsl"
 layout(binding = 0) uniform sampler2DArray rendered;
@@ -10,8 +10,8 @@ layout(location = 0) out vec4 result;
 
 const float SEEN = 0.05; // least opacity that has a depth
 
-// Colour at a place of a layer; gives the mean depth times the opacity, and the opacity. Between two surfaces there is no
-// depth: it is the nearest texel's, not a mean of several.
+// Colour at a place of a layer; gives the mean depth times the opacity, and the opacity. Between two surfaces
+// there is no depth: it is the nearest texel's, not a mean of several.
 vec2 seen_at(vec2 at, int layer, out vec4 colour) {
     colour = textureLod(rendered, vec3(at, float(layer)), 0.0);
     ivec3 texel = ivec3(at * vec2(textureSize(depths, 0).xy), layer);

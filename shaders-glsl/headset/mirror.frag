@@ -1,5 +1,6 @@
 #version 460
-// What the eyes see, one or both side by side, each as large as fits and in its proportions, in numbers of sRGB.
+// What the eyes see, one or both side by side, each as large as fits and in its proportions, in numbers of
+// sRGB.
 #extension GL_EXT_scalar_block_layout : require
 layout(constant_id = 0) const uint LINEAR = 0u; // whether what the eyes see is light where it is sampled
 layout(push_constant, scalar) uniform MirrorParams {

@@ -1,6 +1,6 @@
 #version 460
-// Triangles of egui on planes in the room, as both eyes see them: a point of the screen is a place on the plane of its
-// row. Behind an eye, and nearer than the range of depths, nothing is drawn.
+// Triangles of egui on planes in the room, as both eyes see them: a point of the screen is a place on the
+// plane of its row. Behind an eye, and nearer than the range of depths, nothing is drawn.
 #extension GL_EXT_multiview : require
 #include "panels.glsl"
 #include "sheets.glsl"

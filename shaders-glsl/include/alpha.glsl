@@ -3,8 +3,9 @@
 #define ALPHA_GLSL
 #include "quad.glsl"
 
-// Corners of a splat: 6 are a square of two triangles, 3 a triangle around the ellipse. That has 1.3 times the area and
-// half the triangles, which is better where setting up a triangle costs more than filling it: on CPU drivers.
+// Corners of a splat: 6 are a square of two triangles, 3 a triangle around the ellipse. That has 1.3 times
+// the area and half the triangles, which is better where setting up a triangle costs more than filling it: on
+// CPU drivers.
 layout(constant_id = 0) const uint CORNERS = 6;
 layout(constant_id = 1) const uint STANDARD = 0; // 1: standard splats
 layout(constant_id = 2) const uint COUNTING = 0; // 1: the picture shows work instead of colours

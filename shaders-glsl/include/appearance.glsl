@@ -1,4 +1,5 @@
-// How an object of a scene is shown. Σw of several splats mixes their tints and opacities as it mixes their intensities.
+// How an object of a scene is shown. Σw of several splats mixes their tints and opacities as it mixes their
+// intensities.
 #ifndef APPEARANCE_GLSL
 #define APPEARANCE_GLSL
 #extension GL_EXT_scalar_block_layout : require

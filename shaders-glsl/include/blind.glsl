@@ -1,5 +1,5 @@
-// What of the views' pictures no eye sees, in 64 x 64 patches of each picture: two words a row of patches, rows from the
-// top, the lowest bit at the left. A kernel says where the patches are bound, in BLIND_BINDING.
+// What of the views' pictures no eye sees, in 64 x 64 patches of each picture: two words a row of patches,
+// rows from the top, the lowest bit at the left. A kernel says where the patches are bound, in BLIND_BINDING.
 #ifndef BLIND_GLSL
 #define BLIND_GLSL
 #extension GL_EXT_scalar_block_layout : require

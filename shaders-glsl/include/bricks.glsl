@@ -1,5 +1,5 @@
-// A volume in an image, and the bricks that empty space is leapt over by. Places count in voxels from the centre of the
-// image's first one; brick 0 begins one voxel before that.
+// A volume in an image, and the bricks that empty space is leapt over by. Places count in voxels from the
+// centre of the image's first one; brick 0 begins one voxel before that.
 #ifndef BRICKS_GLSL
 #define BRICKS_GLSL
 #extension GL_EXT_scalar_block_layout : require

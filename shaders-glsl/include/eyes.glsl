@@ -1,5 +1,6 @@
-// What eyes.vert, eyes.frag and eyes_depth.frag share. With foveation an eye has two layers of what was rendered, two apart:
-// the surround, all that it sees, and the inset, a part of that with more pixels, which fades into it.
+// What eyes.vert, eyes.frag and eyes_depth.frag share. With foveation an eye has two layers of what was
+// rendered, two apart: the surround, all that it sees, and the inset, a part of that with more pixels, which
+// fades into it.
 #extension GL_EXT_multiview : require
 #extension GL_EXT_scalar_block_layout : require
 layout(constant_id = 0) const uint LINEAR = 0u;   // 1: the target turns light into sRGB by itself
@@ -24,8 +25,8 @@ vec2 inset_place(vec2 place, vec4 inset) {
     return texture_place((place - inset.xy) / (inset.zw - inset.xy));
 }
 
-// The inset's share of what is seen at a place: smoothly from 0 at its edges to 1, except at the edges of the picture, where
-// there is nothing to fade into.
+// The inset's share of what is seen at a place: smoothly from 0 at its edges to 1, except at the edges of the
+// picture, where there is nothing to fade into.
 float inset_share(vec2 place, vec4 inset) {
     vec2 reach = p.fading * (inset.zw - inset.xy);
     vec2 low = mix((place - inset.xy) / reach, vec2(1.0), lessThanEqual(inset.xy, vec2(0.0)));
@@ -33,7 +34,8 @@ float inset_share(vec2 place, vec4 inset) {
     return smoothstep(0.0, 1.0, min(min(low.x, low.y), min(high.x, high.y)));
 }
 
-// The mark of a draft over what is seen at a place: a disc of amber with a dark rim, so that it is seen before anything.
+// The mark of a draft over what is seen at a place: a disc of amber with a dark rim, so that it is seen
+// before anything.
 vec4 marked(vec2 place, vec4 colour) {
     vec4 mark = p.marks[gl_ViewIndex];
     float from_middle = mark.z > 0.0 ? length((place - mark.xy) / mark.zw) : 2.0;

@@ -1,5 +1,5 @@
-// Colours of standard splats: real spherical harmonics up to degree 3 (engine/src/splat/harmonics.rs), their coefficients
-// in halves.
+// Colours of standard splats: real spherical harmonics up to degree 3 (engine/src/splat/harmonics.rs), their
+// coefficients in halves.
 #ifndef HARMONICS_GLSL
 #define HARMONICS_GLSL
 

@@ -1,5 +1,5 @@
 // The splat kernel κ(q) of the squared whitened distance q, as a specialisation constant chooses it
-// (engine/src/splat/kernel.rs has the same table).
+// (engine/src/splat/kernel.rs has the same profiles).
 #ifndef KERNEL_GLSL
 #define KERNEL_GLSL
 
@@ -7,7 +7,6 @@ layout(constant_id = 0) const uint KERNEL = 0;
 const uint KERNEL_COMPACT = 0;  // (1 - q/6)^3: smooth end, no exp
 const uint KERNEL_GAUSSIAN = 1; // exp(-q/2), cut at 3 sigma: the paper's, and what ordinary viewers draw
 const uint KERNEL_DENSITY = 2;  // the same with a peak of 1 / ((2π)^(3/2) s1 s2 s3): of unit integral before the cut
-
 const uint KERNEL_GATED = 3;    // exp(-q/2) times a logistic gate around √q = 1.794, in a cube of 10 voxels around the mean
 
 float support_q() {
@@ -22,7 +21,8 @@ float kernel_reach() {
     return 1e30;
 }
 
-// Whether a sample at d from the mean of a splat whose box has this half size is not cut off; as `sample_box` decides.
+// Whether a sample at d from the mean of a splat whose box has this half size is not cut off; as `sample_box`
+// decides.
 bool within_reach(vec3 d, vec3 extent) {
     return KERNEL != KERNEL_GATED || all(lessThanEqual(abs(d), extent + 1e-3));
 }
@@ -35,10 +35,13 @@ vec2 gated(float q) {
     return vec2(k, k * (1.0 + (1.0 - gate) / (0.75 * r)));
 }
 
-// What α is multiplied with to give the amplitude of w. Through the logarithm, and at most exp(40): the product of
-// scales within their limits leaves the floats.
+// The greatest logarithm of a peak.
+const float LN_PEAK_MAX = 40.0;
+
+// What α is multiplied with to give the amplitude of w. Through the logarithm, and at most exp(LN_PEAK_MAX):
+// the product of scales within their limits leaves the floats.
 float kernel_peak(vec3 log_scale) {
-    if (KERNEL == KERNEL_DENSITY) return exp(min(-(log_scale.x + log_scale.y + log_scale.z) - 2.7568156, 40.0));
+    if (KERNEL == KERNEL_DENSITY) return exp(min(-(log_scale.x + log_scale.y + log_scale.z) - 2.7568156, LN_PEAK_MAX));
     return 1.0;
 }
 

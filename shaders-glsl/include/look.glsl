@@ -1,5 +1,6 @@
-// How intensities become colour and opacity, where the scene is clipped, and how it is lit. engine/src/transfer/table.rs
-// has the same table on the host. All kernels that show something bind the views and the look in these places.
+// How intensities become colour and opacity, where the scene is clipped, and how it is lit.
+// engine/src/transfer/table.rs has the same table on the host. All kernels that show something bind the views
+// and the look in these places.
 #ifndef LOOK_GLSL
 #define LOOK_GLSL
 #include "view.glsl"
@@ -21,8 +22,8 @@ vec4 look_point(float v) {
     return look_entry(uint(clamp(floor(at), 0.0, look_rows[0].last)));
 }
 
-// Opacity of a stretch of ray, mm: occupancy is a factor of the opacity per mm, 1 - exp(-extinction), so that a faint
-// occupancy stays faint however opaque the transfer function is.
+// Opacity of a stretch of ray, mm: occupancy is a factor of the opacity per mm, 1 - exp(-extinction), so that
+// a faint occupancy stays faint however opaque the transfer function is.
 float look_opacity(float extinction, float occupancy, float path) {
     return 1.0 - exp(path * log(1.0 - occupancy * (1.0 - exp(-extinction))));
 }
@@ -54,8 +55,8 @@ vec4 look_segment(float from, float to) {
     return vec4(min(sum.rgb, sum.a) / sum.a, sum.a / (b - a));
 }
 
-// Blinn and Phong, one light above the viewer's left shoulder; both sides of a surface are lit alike. `gradient` is that
-// of O (V - dark), `ray` goes from the eye; both in eye space.
+// Blinn and Phong, one light above the viewer's left shoulder; both sides of a surface are lit alike.
+// `gradient` is that of O (V - dark), `ray` goes from the eye; both in eye space.
 vec3 look_lit(vec3 base, vec3 gradient, vec3 ray) {
     float steepness = dot(gradient, gradient);
     if (steepness <= 0.0) return base;

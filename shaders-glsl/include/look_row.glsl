@@ -3,6 +3,9 @@
 #define LOOK_ROW_GLSL
 #extension GL_EXT_scalar_block_layout : require
 
+// Most clip planes at a time; a box takes six.
+const uint CLIP_PLANES = 8;
+
 // See types.rs.
 struct Look {
     float first;
@@ -15,7 +18,7 @@ struct Look {
     float specular;
     float power;
     uint plane_count;
-    vec4 planes[8];
+    vec4 planes[CLIP_PLANES];
 };
 
 #endif

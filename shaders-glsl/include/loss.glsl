@@ -1,10 +1,10 @@
-// What the loss kernels share: one workgroup owns a brick; the loss value and its weight are summed over the brick in a
-// fixed order, every 64th sample together and then the 64 sums. A loss never sees a splat. Bindings from 4 on are the
-// term's, and so are the constants from 4 on.
+// What the loss kernels share: one workgroup owns a brick; the loss value and its weight are summed over the
+// brick in a fixed order, every 64th sample together and then the 64 sums. A loss never sees a splat.
+// Bindings from 4 on are the term's, and so are the constants from 4 on.
 //
-// The first term overwrites the adjoints (dL/dV^, dL/dW), later ones add to them. The last one folds them into what the
-// backward pass multiplies with a splat's intensity c: A = dL/dV^ / (W + ε) and H = dL/dW - A V^, so that
-// dL/dw = A c + H and dL/dc = A w.
+// The first term overwrites the adjoints (dL/dV^, dL/dW), later ones add to them. The last one folds them
+// into what the backward pass multiplies with a splat's intensity c: A = dL/dV^ / (W + ε) and
+// H = dL/dW - A V^, so that dL/dw = A c + H and dL/dc = A w.
 #include "samples.glsl"
 layout(local_size_x_id = 3) in;
 layout(push_constant, scalar) uniform LossParams {

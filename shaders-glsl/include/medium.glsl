@@ -1,10 +1,10 @@
-// Where the V and O that a ray march samples come from, and how the objects in them are shown: a dense image of a volume, or
-// an atlas of bricks. The marcher knows only medium_at.
+// Where the V and O that a ray march samples come from, and how the objects in them are shown: a dense image
+// of a volume, or an atlas of bricks. The marcher knows only medium_at.
 //
-// An atlas has bricks of 8^3 voxels with an apron of one behind them, 9^3 texels: brick b has the voxels 8 b - 1 to 8 b + 7
-// along each axis, so whatever lies between two of them is interpolated within the brick. A table tells for each brick of the
-// grid where it lies; all that hold nothing share the first place. Labels lie in an image of the same shape, or in a single
-// texel where all have one.
+// An atlas has bricks of 8^3 voxels with an apron of one behind them, 9^3 texels: brick b has the voxels
+// 8 b - 1 to 8 b + 7 along each axis, so whatever lies between two of them is interpolated within the brick. A
+// table tells for each brick of the grid where it lies; all that hold nothing share the first place. Labels
+// lie in an image of the same shape, or in a single texel where all have one.
 #ifndef MEDIUM_GLSL
 #define MEDIUM_GLSL
 #extension GL_EXT_scalar_block_layout : require
@@ -20,7 +20,10 @@ layout(binding = 7) uniform sampler3D labels;
 layout(scalar, binding = 8) readonly buffer Appearances { Appearance appearances[]; };
 
 // Texels of a brick along each axis.
-const uint APRONED = 9u;
+const uint APRONED = 9;
+// Bits of a place of the atlas along each axis.
+const uint PLACE_BITS = 10;
+const uint PLACE_MASK = (1u << PLACE_BITS) - 1u;
 
 // A place of the grid as a place of the atlas, in texels from the centre of its first one.
 vec3 atlas_place(BrickGrid g, vec3 at) {
@@ -28,13 +31,14 @@ vec3 atlas_place(BrickGrid g, vec3 at) {
     uvec3 bricks = (g.texels + 8u) >> 3;
     uvec3 brick = min(uvec3(from_first) >> 3, bricks - 1u);
     uint place = places[(brick.z * bricks.y + brick.y) * bricks.x + brick.x];
-    uvec3 corner = uvec3(place & 1023u, (place >> 10) & 1023u, place >> 20) * APRONED;
+    uvec3 corner =
+        uvec3(place & PLACE_MASK, (place >> PLACE_BITS) & PLACE_MASK, place >> (2u * PLACE_BITS)) * APRONED;
     return vec3(corner) + (from_first - vec3(brick * 8u));
 }
 
-// V and O at a place, V as a fraction. Outside a dense image V is that of its face, and O is 0 from one voxel beyond. With
-// objects O is what their opacities leave of it, Σ O a of the voxels around, and `tint` the mean tint of what is there,
-// weighted by O: as splats mix theirs by their weights.
+// V and O at a place, V as a fraction. Outside a dense image V is that of its face, and O is 0 from one voxel
+// beyond. With objects O is what their opacities leave of it, Σ O a of the voxels around, and `tint` the mean
+// tint of what is there, weighted by O: as splats mix theirs by their weights.
 vec2 medium_at(BrickGrid g, vec3 at, out vec4 tint) {
     tint = vec4(0.0);
     if (ATLAS == 0) {

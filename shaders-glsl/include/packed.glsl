@@ -22,7 +22,8 @@ struct PackedRange {
     float intensity_high;
 };
 
-// Both ends are weighted, so that they come out exactly and no difference overflows; precise keeps it that way.
+// Both ends are weighted, so that they come out exactly and no difference overflows; precise keeps it that
+// way.
 float packed_between(float low, float high, uint code, float last) {
     float t = float(code) / last;
     precise float value = low * (1.0 - t) + high * t;

@@ -19,9 +19,9 @@ Reconstruction reconstruction_at(uint sample_index) {
     return Reconstruction(uintBitsToFloat(reconstructions[first]), uintBitsToFloat(reconstructions[first + 1]));
 }
 
-// m^ = 1 - exp(-W), the predicted mask. Below 1/64 by its series to the third order, which leaves out 2e-7 of the value,
-// where the difference loses more the smaller W is. What is no weight (NaN) predicts nothing: the sums over all samples
-// use this, and one bad splat must not spoil them for all others.
+// m^ = 1 - exp(-W), the predicted mask. Below 1/64 by its series to the third order, which leaves out 2e-7 of
+// the value, where the difference loses more the smaller W is. What is no weight (NaN) predicts nothing: the
+// sums over all samples use this, and one bad splat must not spoil them for all others.
 float predicted_mask(float weight) {
     if (!(weight > 0.0)) return 0.0;
     if (weight < 1.0 / 64.0) return weight * (1.0 - weight * (0.5 - weight * (1.0 / 6.0)));
@@ -29,7 +29,8 @@ float predicted_mask(float weight) {
 }
 
 #ifdef QUANTITY_CONSTANT
-// What a kernel compares, predicted with wanted: m^ with M, or V^ with V, both from the lower end of their range on.
+// What a kernel compares, predicted with wanted: m^ with M, or V^ with V, both from the lower end of their
+// range on.
 layout(constant_id = QUANTITY_CONSTANT) const uint QUANTITY = 0;
 const uint QUANTITY_MASK = 0;
 const uint QUANTITY_INTENSITY = 1;
@@ -41,8 +42,9 @@ vec2 compared(Target wanted, Reconstruction got, float low) {
 }
 #endif
 
-// The sum of `partial` (64 rows that a workgroup shares), the same additions in the same order whatever its size: a tree.
-// A workgroup of 8 is for CPU drivers, where a barrier costs more than what one invocation adds alone.
+// The sum of `partial` (64 rows that a workgroup shares), the same additions in the same order whatever its
+// size: a tree. A workgroup of 8 is for CPU drivers, where a barrier costs more than what one invocation adds
+// alone.
 #define SUM_OF_64(partial, lane, group)                                                            \
     if (group == 8) {                                                                              \
         barrier();                                                                                 \

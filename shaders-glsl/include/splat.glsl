@@ -1,4 +1,5 @@
-// The structs that kernels share with each other and with the host (src/types.rs mirrors them, build.rs checks).
+// The structs that kernels share with each other and with the host (src/types.rs mirrors them, build.rs
+// checks).
 #ifndef SPLAT_GLSL
 #define SPLAT_GLSL
 #extension GL_EXT_scalar_block_layout : require
@@ -14,8 +15,8 @@ struct Splat {
 
 // What rasterising needs of a splat. With d = x - mean the whitened distance is u = T d, T upper triangular:
 //   u.x = t_x . d,  u.y = t_y.x d.y + t_y.y d.z,  u.z = t_z d.z,   q = |u|^2 (the squared Mahalanobis distance).
-// T is the R of a QR decomposition of S^-1 R^T, so q is the same and six products do. Whitened, not through the
-// covariance: at an anisotropy of 1000 the covariance form has lost every digit, this one three of seven.
+// T is the R of a QR decomposition of S^-1 R^T, so q is the same and six products do. Whitened, not through
+// the covariance: at an anisotropy of 1000 the covariance form has lost every digit, this one three of seven.
 struct Footprint {
     vec3 mean;
     float amplitude; // a: w = a κ(q)
@@ -59,7 +60,8 @@ struct Reconstruction {
 };
 
 // What a sample should be, relative to the background in spans of the intensity range, so within -1 .. 1.
-// occupancy < 0 marks a sample that takes no part. Stored as two 16-bit fractions: a step of 0.12 HU over 4095.
+// occupancy < 0 marks a sample that takes no part. Stored as two 16-bit fractions: a step of 0.12 HU over
+// 4095.
 struct Target {
     float value;
     float occupancy;

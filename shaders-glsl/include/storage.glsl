@@ -1,5 +1,5 @@
-// How the two numbers of a sample are stored between the passes of a step: as floats in two words, or as halves in one.
-// Whatever is summed is a float. engine/src/passes/storage.rs has the other side.
+// How the two numbers of a sample are stored between the passes of a step: as floats in two words, or as
+// halves in one. Whatever is summed is a float. engine/src/passes/storage.rs has the other side.
 #ifndef STORAGE_GLSL
 #define STORAGE_GLSL
 
@@ -10,8 +10,8 @@ layout(constant_id = STORAGE_CONSTANT) const uint STORAGE = 0;
 const uint STORAGE_FULL = 0;
 const uint STORAGE_MIXED = 1;
 
-// The nearest half, ties to even; ±65504 where the number lies beyond, so that there is no infinity. NaN stays NaN: the
-// optimiser counts it. In integers, because a driver may round packHalf2x16 in another way.
+// The nearest half, ties to even; ±65504 where the number lies beyond, so that there is no infinity. NaN
+// stays NaN: the optimiser counts it. In integers, because a driver may round packHalf2x16 in another way.
 uint half_bits(float v) {
     uint bits = floatBitsToUint(v);
     uint size = bits & 0x7FFFFFFFu;

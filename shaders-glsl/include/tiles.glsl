@@ -1,12 +1,19 @@
-// Tiles of 16 x 16 pixels, and planes at right angles to the viewing direction. Eight planes times a refinement are a
-// block; a (tile, block) is what splats are sorted into. A tile has eight parts of 4 x 8 pixels.
+// Tiles of 16 x 16 pixels, and planes at right angles to the viewing direction. Eight planes times a
+// refinement are a block; a (tile, block) is what splats are sorted into. A tile has eight parts of 4 x 8
+// pixels.
 #ifndef TILES_GLSL
 #define TILES_GLSL
 #include "view.glsl"
 #include "projected.glsl"
 
+// Pixels along the edge of a tile.
 const uint TILE = 16;
-const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
+// Parts of a tile.
+const uint PARTS = 8;
+// Planes of a block, but for a refinement.
+const uint PLANES = 8;
+// Bits of a pair that say which projected row it belongs to; the others say which parts of the tile.
+const uint ROW_BITS = 24;
 
 // See types.rs.
 struct TileGrid {
@@ -35,9 +42,10 @@ ivec2 block_range(TileGrid g, float first, float depth, float reach) {
     return ivec2(uint(from) / g.planes, uint(to) / g.planes);
 }
 
-// Tangents between which an ellipsoid of extent `reach` around `mean` is seen, along one axis of the picture. The planes
-// through the eye that touch it satisfy (n . mean)^2 = Q n . cov n; relative to the centre's tangent nothing cancels.
-// `part` are the components along this axis of the ellipsoid's axes, `deep` those along the depth, scaled with sigma.
+// Tangents between which an ellipsoid of extent `reach` around `mean` is seen, along one axis of the picture.
+// The planes through the eye that touch it satisfy (n . mean)^2 = Q n . cov n; relative to the centre's
+// tangent nothing cancels. `part` are the components along this axis of the ellipsoid's axes, `deep` those
+// along the depth, scaled with sigma.
 vec2 tangent_bounds(vec3 part, vec3 deep, float at, float depth, float reach, float support) {
     float nearest = depth - reach;
     if (nearest <= NEAREST) {
@@ -61,8 +69,9 @@ vec2 tangents_to_places(View v, float axis_low, float axis_high, vec2 bounds, fl
     return vec2(min(places.x, places.y), max(places.x, places.y));
 }
 
-// Which of the eight parts of a tile the outline of a splat may meet, one bit each: 4 columns of 4 pixels, 2 rows of 8.
-// The outline is |across| <= g: (r11 x + r12 y)^2 + (r22 y)^2 <= g^2 in tangents relative to the centre.
+// Which of the eight parts of a tile the outline of a splat may meet, one bit each: 4 columns of 4 pixels, 2
+// rows of 8. The outline is |across| <= g: (r11 x + r12 y)^2 + (r22 y)^2 <= g^2 in tangents relative to the
+// centre.
 uint tile_parts(TileGrid grid, View v, Projected s, uvec2 tile, float g) {
     uint parts = 0;
     float slant = s.across.y / s.across.z;
@@ -75,7 +84,8 @@ uint tile_parts(TileGrid grid, View v, Projected s, uvec2 tile, float g) {
         float u0 = max(s.across.z * min(y0, y1), -g);
         float u1 = min(s.across.z * max(y0, y1), g);
         if (u0 > u1) continue;
-        // x = (-slant u ± sqrt(g^2 - u^2)) / r11; its extremes are where the ellipse leans furthest, or at the ends.
+        // x = (-slant u ± sqrt(g^2 - u^2)) / r11; its extremes are where the ellipse leans furthest, or at
+        // the ends.
         float ur = clamp(-slant * lean * g, u0, u1);
         float ul = clamp(slant * lean * g, u0, u1);
         float right = (-slant * ur + sqrt(max(g * g - ur * ur, 0.0))) / s.across.x + s.centre.x;

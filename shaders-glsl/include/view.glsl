@@ -1,6 +1,10 @@
-// One eye: where it is and what it sees. Eye space: x to the right, y up, z the distance along the viewing direction, mm.
+// One eye: where it is and what it sees. Eye space: x to the right, y up, z the distance along the viewing
+// direction, mm.
 #ifndef VIEW_GLSL
 #define VIEW_GLSL
+
+// Nothing nearer to the eye is shown, mm.
+const float NEAREST = 1.0;
 #extension GL_EXT_scalar_block_layout : require
 
 // See types.rs.

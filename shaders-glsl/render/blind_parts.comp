@@ -1,6 +1,7 @@
 #version 460
-// Which of the eight parts of each tile no eye sees: those of which every pixel, and every one beside it, which samplers mix
-// in, lies in blind patches. A part beyond the picture is blind. One invocation owns a tile of a view.
+// Which of the eight parts of each tile no eye sees: those of which every pixel, and every one beside it,
+// which samplers mix in, lies in blind patches. A part beyond the picture is blind. One invocation owns a
+// tile of a view.
 #define BLIND_BINDING 0
 #include "blind.glsl"
 #include "tiles.glsl"
@@ -14,7 +15,7 @@ void main() {
     if (i >= count) return;
     uvec2 tile = uvec2(i % p.tiles.x, i / p.tiles.x);
     uint blind = 0;
-    for (uint part = 0; part < 8; ++part) {
+    for (uint part = 0; part < PARTS; ++part) {
         uvec2 from = tile * TILE + uvec2((part & 3u) * 4, (part >> 2) * 8);
         uvec2 to = min(from + uvec2(5, 9), p.size);
         bool beyond = any(greaterThanEqual(from, p.size));

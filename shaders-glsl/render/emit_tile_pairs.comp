@@ -1,7 +1,8 @@
 #version 460
-// Writes a pair for each (tile, block) that a projected splat reaches: the key is view, tile and block, the value the
-// splat's row and in its upper 8 bits the parts of the tile. One invocation owns a splat and the run of pairs that the
-// prefix sum gave it; pairs behind the capacity are dropped (the host sees the total and renders again).
+// Writes a pair for each (tile, block) that a projected splat reaches: the key is view, tile and block, the
+// value the splat's row and in its upper 8 bits the parts of the tile. One invocation owns a splat and the
+// run of pairs that the prefix sum gave it; pairs behind the capacity are dropped (the host sees the total
+// and renders again).
 #include "kernel.glsl"
 #include "tiles.glsl"
 layout(local_size_x = 64) in;
@@ -31,13 +32,13 @@ void main() {
             uint tile = (gl_WorkGroupID.y * p.grid.tiles.y + ty) * p.grid.tiles.x + tx;
             uint blind = 0;
             if (BLIND == 1) blind = blind_parts[tile];
-            if (BLIND == 1 && blind == 255) continue;
+            if (BLIND == 1 && blind == (1u << PARTS) - 1) continue;
             uint parts = tile_parts(p.grid, v, s, uvec2(tx, ty), g) & ~blind;
             if (parts == 0) continue;
             for (int block = blocks.x; block <= blocks.y; ++block) {
                 if (at < p.grid.capacity) {
                     keys[at] = tile * p.grid.blocks + uint(block);
-                    values[at] = row | parts << 24;
+                    values[at] = row | parts << ROW_BITS;
                 }
                 at += 1;
             }

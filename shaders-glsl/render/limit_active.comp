@@ -1,7 +1,7 @@
 #version 460
-// Of the splats that are flagged, only the most important stay flagged, as many as the budget allows: `places` is the
-// prefix sum of the flags in the order of importance, `ranks` has the place of a splat in that order. One invocation owns
-// a splat.
+// Of the splats that are flagged, only the most important stay flagged, as many as the budget allows:
+// `places` is the prefix sum of the flags in the order of importance, `ranks` has the place of a splat in
+// that order. One invocation owns a splat.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform LimitParams { uint count; uint budget; } p;

@@ -1,5 +1,6 @@
 #version 460
-// Lists the splats that are active, in their order, and the objects that they belong to: `places` is the prefix sum of their flags, and the total.
+// Lists the splats that are active, in their order, and the objects that they belong to: `places` is the
+// prefix sum of their flags, and the total.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform ListParams { uint count; } p;

@@ -1,6 +1,6 @@
 #version 460
-// Which splats a look can show: those whose interval of intensity meets a visible entry of the table and whose object is
-// visible. One invocation owns a splat.
+// Which splats a look can show: those whose interval of intensity meets a visible entry of the table and
+// whose object is visible. One invocation owns a splat.
 #include "appearance.glsl"
 #include "look_row.glsl"
 layout(local_size_x = 64) in;
@@ -15,7 +15,8 @@ layout(scalar, binding = 5) writeonly buffer Flags { uint flags[]; };
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.count) return;
-    // The entries that points of this interval look up, and one more on each side: pre-integrated segments reach there.
+    // The entries that points of this interval look up, and one more on each side: pre-integrated segments
+    // reach there.
     vec2 at = (intervals[i] - look_rows[0].first) * look_rows[0].inverse_step;
     vec2 entry = clamp(vec2(floor(at.x), ceil(at.y)), 0.0, look_rows[0].last);
     bool visible = visible_before[uint(entry.y) + 1] > visible_before[uint(entry.x)];

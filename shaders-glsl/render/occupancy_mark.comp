@@ -1,7 +1,8 @@
 #version 460
-// Which bricks a look can show something of: those whose interval of intensity meets a visible entry of the table. An
-// interval that ends before it begins stands for a brick outside the region. Writes 0 for a brick that can be seen and
-// MOST for one that cannot: what occupancy_spread makes distances of. One invocation owns a brick.
+// Which bricks a look can show something of: those whose interval of intensity meets a visible entry of the
+// table. An interval that ends before it begins stands for a brick outside the region. Writes 0 for a brick
+// that can be seen and MOST for one that cannot: what occupancy_spread makes distances of. One invocation
+// owns a brick.
 #include "look_row.glsl"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform OccupancyParams { uint count; uint most; } p;

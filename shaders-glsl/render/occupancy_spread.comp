@@ -1,6 +1,7 @@
 #version 460
-// One axis of the Chebyshev distance from each brick to the nearest that can be seen: the least max(|d|, distance of the
-// brick d further along the axis). Once along x, y and z makes it whole. One invocation owns a brick.
+// One axis of the Chebyshev distance from each brick to the nearest that can be seen: the least max(|d|,
+// distance of the brick d further along the axis). Once along x, y and z makes it whole. One invocation owns
+// a brick.
 #include "bricks.glsl"
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform SpreadParams { BrickGrid grid; uint axis; } p;

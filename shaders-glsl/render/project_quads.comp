@@ -1,8 +1,8 @@
 #version 460
-// The quads of the active splats, one for each view, and their place in the order that all views share: back to front along
-// the mean of the viewing directions, which for parallel eyes is exact for both (by the distance from the middle of the
-// eyes it would be for none). One invocation owns a splat. A splat that no view shows is sorted behind all others and not
-// counted; so is one whose centre a clip plane cuts away.
+// The quads of the active splats, one for each view, and their place in the order that all views share: back
+// to front along the mean of the viewing directions, which for parallel eyes is exact for both (by the
+// distance from the middle of the eyes it would be for none). One invocation owns a splat. A splat that no
+// view shows is sorted behind all others and not counted; so is one whose centre a clip plane cuts away.
 #define BLIND_BINDING 16
 #include "appearance.glsl"
 #include "blind.glsl"
@@ -31,7 +31,7 @@ layout(scalar, binding = 5) readonly buffer Chunks { PackedChunk chunks[]; };
 layout(scalar, binding = 6) readonly buffer Centres { Centre centres[]; };
 layout(scalar, binding = 7) readonly buffer Harmonics { uint harmonic_halves[]; };
 layout(scalar, binding = 8) readonly buffer Active { uint active_splats[]; };
-layout(scalar, binding = 9) readonly buffer Counts { uint counts[]; };
+layout(scalar, binding = 9) readonly buffer ActiveCount { uint active_count[]; };
 layout(scalar, binding = 10) writeonly buffer Quads { Quad quads[]; };
 layout(scalar, binding = 11) writeonly buffer Keys { uint keys[]; };
 layout(scalar, binding = 12) writeonly buffer Values { uint values[]; };
@@ -44,13 +44,15 @@ Splat splat_at(uint i) {
     return full_splat(rows[3 * i], rows[3 * i + 1], rows[3 * i + 2]);
 }
 
-const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
-const uint LAST = (1u << 18) - 1; // key of what is not seen
+// Bits of the sort key: steps of 1/260,000 of the scene.
+const uint ORDER_BITS = 18;
+const uint LAST = (1u << ORDER_BITS) - 1; // key of what is not seen
 const Quad UNSEEN = Quad(vec2(0.0), vec3(0.0), 0.0, 0.0, 0.0, vec3(0.0));
 
 // Sets centre, axes and depth; gives √6/√A, half of the length of ray in the support, mm.
 float project(View v, Splat s, vec3 mean, inout Quad r) {
-    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y (Gram-Schmidt).
+    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y
+    // (Gram-Schmidt).
     mat3 axes = rotation_matrix(s.rotation);
     vec3 e0 = turned(v, axes[0]), e1 = turned(v, axes[1]), e2 = turned(v, axes[2]);
     vec3 wide = vec3(e0.x, e1.x, e2.x), high = vec3(e0.y, e1.y, e2.y), deep = vec3(e0.z, e1.z, e2.z);
@@ -97,8 +99,8 @@ vec3 own_colour(uint splat, vec3 direction) {
     return max(colour, 0.0);
 }
 
-// Whether no eye sees any of a rectangle around a place of the picture, from -1 to 1, and of the pixels beside it, which
-// samplers mix in.
+// Whether no eye sees any of a rectangle around a place of the picture, from -1 to 1, and of the pixels
+// beside it, which samplers mix in.
 bool unseen(uint view, vec2 centre, vec2 half_size) {
     vec2 reach = half_size + 2.0 / vec2(p.size);
     vec2 low = (centre - reach + 1.0) * (0.5 * float(PATCHES)), high = (centre + reach + 1.0) * (0.5 * float(PATCHES));
@@ -139,7 +141,7 @@ Quad quad_of(uint view, uint splat, Splat s, vec4 look, Appearance object) {
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i == 0) arguments[1] = 1;
-    if (i >= min(counts[0], p.splat_count)) return;
+    if (i >= min(active_count[0], p.splat_count)) return;
     uint splat = active_splats[i];
     Splat s = splat_at(splat);
     bool kept = true;

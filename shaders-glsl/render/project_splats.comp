@@ -1,6 +1,6 @@
 #version 460
-// Projects the active splats for every view, and counts the (tile, block) pairs of each. One invocation owns a splat of a
-// view. Rows of splats that cannot be seen stay as they are and have no pairs.
+// Projects the active splats for every view, and counts the (tile, block) pairs of each. One invocation owns
+// a splat of a view. Rows of splats that cannot be seen stay as they are and have no pairs.
 #include "kernel.glsl"
 #include "rows.glsl"
 #include "tiles.glsl"
@@ -12,7 +12,7 @@ layout(scalar, binding = 0) readonly buffer Views { View views[]; };
 layout(scalar, binding = 1) readonly buffer Rows { uvec4 rows[]; };
 layout(scalar, binding = 2) readonly buffer Chunks { PackedChunk chunks[]; };
 layout(scalar, binding = 3) readonly buffer Active { uint active_splats[]; };
-layout(scalar, binding = 4) readonly buffer Counts { uint counts[]; };
+layout(scalar, binding = 4) readonly buffer ActiveCount { uint active_count[]; };
 layout(scalar, binding = 5) writeonly buffer ProjectedRows { Projected projected[]; };
 layout(scalar, binding = 6) writeonly buffer Boxes { uvec4 boxes[]; };
 layout(scalar, binding = 7) writeonly buffer PairCounts { uint pair_counts[]; };
@@ -29,7 +29,7 @@ void main() {
     uint at = gl_WorkGroupID.y * p.grid.splat_count + i;
     boxes[at] = uvec4(0);
     pair_counts[at] = 0;
-    if (i >= counts[0]) return;
+    if (i >= active_count[0]) return;
     View v = views[gl_WorkGroupID.y];
     Splat s = splat_at(active_splats[i]);
     vec3 mean = turned(v, s.mean - v.eye);
@@ -48,7 +48,8 @@ void main() {
     r.amplitude = kernel_peak(s.log_scale) / (1.0 + exp(-s.opacity_logit));
     r.intensity = s.intensity - p.background;
 
-    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y (Gram-Schmidt).
+    // R of the QR decomposition of the whitening, by the columns along the ray, along x and along y
+    // (Gram-Schmidt).
     vec3 inverse = exp(-s.log_scale);
     vec3 a = (wide * r.centre.x + high * r.centre.y + deep) * inverse, b = wide * inverse, c = high * inverse;
     float aa = length(a);

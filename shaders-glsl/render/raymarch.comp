@@ -1,13 +1,14 @@
 #version 460
-// Marches rays through a volume or a decoded field (medium.glsl): V and O by trilinear sampling, then the transfer function,
-// front to back, until no light is left. A ray is cut into cells of one step; a cell's share of the ray is what clip planes and the volume's box leave of
-// it, so a homogeneous medium absorbs exactly. Bricks that show nothing are leapt over, as many at a time as their distance
-// to the next one that does allows. Where little is added, the light of a cell serves for the next one, too.
+// Marches rays through a volume or a decoded field (medium.glsl): V and O by trilinear sampling, then the
+// transfer function, front to back, until no light is left. A ray is cut into cells of one step; a cell's
+// share of the ray is what clip planes and the volume's box leave of it, so a homogeneous medium absorbs
+// exactly. Bricks that show nothing are leapt over, as many at a time as their distance to the next one that
+// does allows. Where little is added, the light of a cell serves for the next one, too.
 //
-// One invocation owns a pixel. Eight make a block of 4 x 2 pixels; a workgroup is one block where subgroups are of eight
-// (CPU drivers), else a square of eight blocks. The rays of a subgroup go together, cell by cell: what they read lies close
-// together, and no ray waits for another's brick. What a ray gathers does not depend on its company, since a cell that it
-// could have leapt over adds exactly nothing.
+// One invocation owns a pixel. Eight make a block of 4 x 2 pixels; a workgroup is one block where subgroups
+// are of eight (CPU drivers), else a square of eight blocks. The rays of a subgroup go together, cell by
+// cell: what they read lies close together, and no ray waits for another's brick. What a ray gathers does not
+// depend on its company, since a cell that it could have leapt over adds exactly nothing.
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_EXT_shader_image_load_formatted : require
@@ -35,7 +36,6 @@ layout(scalar, binding = 5) readonly buffer Distances { uint distances[]; };
 layout(binding = 9) writeonly uniform image2DArray colour_image;
 layout(binding = 10) writeonly uniform image2DArray depth_image;
 
-const float NEAREST = 1.0; // mm; nothing nearer to the eye is shown
 const float FAR = 1e30;
 const float MOST = 8388608.0;       // cells from the eye on; beyond, floats do not count any more
 const float FAINT = 1.0 / 4096.0;   // a cell that adds less than this finds no light of its own,

@@ -1,11 +1,12 @@
 #version 460
-// Slabs: along every ray, Σw and Σwc at eight planes at a time, then V = b + Σwc / (Σw + ε) and O = Σw / (Σw + w0), and only
-// then the transfer function; front to back, until no light is left (after the sheet buffers of Mueller and Crawfis 1998,
-// classified after reconstruction). Nothing is sorted within a block of planes: sums have no order.
+// Slabs: along every ray, Σw and Σwc at eight planes at a time, then V = b + Σwc / (Σw + ε) and O = Σw / (Σw
+// + w0), and only then the transfer function; front to back, until no light is left (after the sheet buffers
+// of Mueller and Crawfis 1998, classified after reconstruction). Nothing is sorted within a block of planes:
+// sums have no order.
 //
-// A tile has eight parts of 4 x 8 pixels; 8 invocations own a part, 4 pixels each. With GROUP = 64 the parts of a tile go
-// side by side. With GROUP = 8 a workgroup is one part: then all loads of splats are uniform, which a CPU driver turns
-// into scalar ones. The result has the same bits.
+// A tile has eight parts of 4 x 8 pixels; 8 invocations own a part, 4 pixels each. With GROUP = 64 the parts
+// of a tile go side by side. With GROUP = 8 a workgroup is one part: then all loads of splats are uniform,
+// which a CPU driver turns into scalar ones. The result has the same bits.
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_EXT_shader_image_load_formatted : require
@@ -29,7 +30,7 @@ layout(push_constant, scalar) uniform SlabParams {
     float dark;
 } p;
 layout(scalar, binding = 4) readonly buffer Starts { uint starts[]; };
-layout(scalar, binding = 5) readonly buffer Values { uint values[]; };
+layout(scalar, binding = 5) readonly buffer Pairs { uint pairs[]; };
 layout(scalar, binding = 6) readonly buffer ProjectedRows { Projected projected[]; };
 layout(binding = 7) writeonly uniform image2DArray colour_image;
 layout(binding = 8) writeonly uniform image2DArray depth_image;
@@ -37,10 +38,10 @@ layout(scalar, binding = 9) readonly buffer ActiveObjects { uint active_objects[
 layout(scalar, binding = 10) readonly buffer Appearances { Appearance appearances[]; };
 layout(scalar, binding = 11) readonly buffer BlindParts { uint blind_parts[]; };
 
-const uint PLANES = 8;
 const uint PIXELS = 4;
 
-// Σw, Σwc and, where there is light, their gradients in eye space; Σw times tint and opacity of the splats' objects.
+// Σw, Σwc and, where there is light, their gradients in eye space; Σw times tint and opacity of the splats'
+// objects.
 float weight[PLANES * PIXELS];
 float value[PLANES * PIXELS];
 vec3 weight_slope[PLANES * PIXELS];
@@ -96,8 +97,8 @@ void main() {
     uint part = gl_LocalInvocationIndex >> 3;
     uint column = gl_WorkGroupID.x;
     if (GROUP == 8) {
-        part = gl_WorkGroupID.x & 7u;
-        column = gl_WorkGroupID.x >> 3;
+        part = gl_WorkGroupID.x & (PARTS - 1u);
+        column = gl_WorkGroupID.x / PARTS;
     }
     uvec2 tile = uvec2(column, gl_WorkGroupID.y);
     View v = views[gl_WorkGroupID.z];
@@ -132,8 +133,8 @@ void main() {
         before[n] = vec2(0.0);
     }
 
-    // Of a part, where work is counted: planes at which splats of the part were evaluated, at which those of the whole tile
-    // would have been, planes classified, and pairs looked at.
+    // Of a part, where work is counted: planes at which splats of the part were evaluated, at which those of
+    // the whole tile would have been, planes classified, and pairs looked at.
     uvec4 work = uvec4(0);
     float first = first_depth(p.grid, v);
     uint rounds = p.grid.planes / PLANES;
@@ -162,18 +163,18 @@ void main() {
                 }
             }
             for (uint i = start; i < end; ++i) {
-                uint pair = values[i];
+                uint pair = pairs[i];
                 if (COUNTING == 1) {
-                    Projected c = projected[pair & 0xFFFFFFu];
+                    Projected c = projected[pair & ((1u << ROW_BITS) - 1u)];
                     float lowest = c.depth - c.reach, highest = c.depth + c.reach;
                     uint planes = highest >= depths[0] && lowest <= depths[3] ? 4 : 0;
                     if (highest >= depths[4] && lowest <= depths[7]) planes += 4;
-                    work += uvec4((pair >> (24 + part) & 1u) * planes, planes, 0, 1);
+                    work += uvec4((pair >> (ROW_BITS + part) & 1u) * planes, planes, 0, 1);
                 }
-                if ((pair >> (24 + part) & 1u) == 0) continue;
-                Projected s = projected[pair & 0xFFFFFFu];
+                if ((pair >> (ROW_BITS + part) & 1u) == 0) continue;
+                Projected s = projected[pair & ((1u << ROW_BITS) - 1u)];
                 Appearance object = Appearance(vec4(0.0), 1.0, 1);
-                if (OBJECTS == 1) object = appearances[active_objects[(pair & 0xFFFFFFu) - row]];
+                if (OBJECTS == 1) object = appearances[active_objects[(pair & ((1u << ROW_BITS) - 1u)) - row]];
                 float near = s.depth - s.reach, far = s.depth + s.reach;
                 if (far >= depths[0] && near <= depths[3]) add(s, object, ray, depths, 0);
                 if (far >= depths[4] && near <= depths[7]) add(s, object, ray, depths, 4);

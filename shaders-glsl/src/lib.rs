@@ -1,6 +1,8 @@
-//! The GLSL shaders of vgs, compiled and reflected when this crate is built, and the structs they share with the
-//! host. Adding a kernel is adding its `.comp` file to a folder; its [`Shader`] appears in [`ALL`]. Vertex and fragment
-//! shaders come in pairs of one name: `alpha.vert` and `alpha.frag` are `ALPHA_VERT` and `ALPHA_FRAG`.
+//! The GLSL shaders of vgs, compiled and reflected when this crate is built, and the structs and constants
+//! they share with the host. Adding a kernel is adding its `.comp` file to a folder; its [`Shader`] appears
+//! in [`ALL`]. Vertex and fragment shaders come in pairs of one name: `alpha.vert` and `alpha.frag` are
+//! `ALPHA_VERT` and `ALPHA_FRAG`. A line `const uint TILE = 16;` of `include/tiles.glsl` is [`tiles::TILE`]
+//! here: such a number is written in GLSL only.
 #![forbid(unsafe_code)]
 
 pub mod types;
@@ -71,6 +73,22 @@ pub struct Shader {
     pub constants: &'static [&'static str],
     /// Bytes of push constants; 0 when there are none.
     pub push_bytes: usize,
+    /// Invocations of a workgroup along x, y and z; `None` where a specialisation constant says how many, and
+    /// for shaders that are no kernels.
+    pub workgroup: Option<[u32; 3]>,
+}
+
+impl Shader {
+    /// Counts the invocations of a workgroup along x.
+    ///
+    /// # Panics
+    /// If a specialisation constant says how many.
+    pub const fn width(&self) -> u32 {
+        match self.workgroup {
+            Some([x, _, _]) => x,
+            None => panic!("a specialisation constant says how wide its workgroups are"),
+        }
+    }
 }
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));

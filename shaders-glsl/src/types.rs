@@ -2,13 +2,14 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// Patches along each edge of a picture, each blind or not; `include/blind.glsl` has the same number.
-pub const PATCHES: usize = 64;
-/// Words that hold the patches of a picture, a bit each: two for a row, rows from the top, the lowest bit at the left.
+/// Patches along each edge of a picture, each blind or not.
+pub const PATCHES: usize = crate::blind::PATCHES as usize;
+/// Words that hold the patches of a picture, a bit each: two for a row, rows from the top, the lowest bit at
+/// the left.
 pub const PATCH_WORDS: usize = PATCHES * PATCHES / 32;
 
-/// One splat by its raw parameters: 12 floats, 48 bytes. Spaces and units depend on the set that holds it: voxel
-/// space inside a fit, world mm relative to the set's origin in a file.
+/// One splat by its raw parameters: 12 floats, 48 bytes. Spaces and units depend on the set that holds it:
+/// voxel space inside a fit, world mm relative to the set's origin in a file.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Splat {
@@ -129,7 +130,8 @@ shared! {
         splat_count: u32,
         /// Pairs that fit the buffers.
         capacity: u32,
-        /// Voxels along each axis to a unit of the space in which splats have their shape; ones where that is voxel space.
+        /// Voxels along each axis to a unit of the space in which splats have their shape; ones where that is
+        /// voxel space.
         stretch: [f32; 3],
     }
     /// Push constants of `brick_ranges`.
@@ -305,11 +307,12 @@ shared! {
         /// Planes in use.
         plane_count: u32,
         /// Clip planes: what has n · x + d < 0 is cut away; x in mm in the space of the scene.
-        planes: [[f32; 4]; 8],
+        planes: [[f32; 4]; crate::look_row::CLIP_PLANES as usize],
     }
     /// How an object of a scene is shown; see `include/appearance.glsl`.
     Appearance {
-        /// A colour, and the share of the transfer function's colour that it replaces, 0 or 1; zeros where there is none.
+        /// A colour, and the share of the transfer function's colour that it replaces, 0 or 1; zeros where
+        /// there is none.
         tint: [f32; 4],
         /// Factor of the occupancy.
         opacity: f32,
@@ -587,9 +590,9 @@ impl Target {
     /// A sample that takes no part.
     pub const IDLE: Target = Target(0x8001_0000);
 
-    /// `value` is V - background in spans of the intensity range, -1..1; `occupancy` is M in 0..1. Rounds to the
-    /// nearest of 2·32767 steps, and down half-way between two: 0 is exact, and M = ½ does not come to lie above ½,
-    /// where a sample would count as inside.
+    /// `value` is V - background in spans of the intensity range, -1..1; `occupancy` is M in 0..1. Rounds to
+    /// the nearest of 2·32767 steps, and down half-way between two: 0 is exact, and M = ½ does not come to
+    /// lie above ½, where a sample would count as inside.
     pub fn new(value: f32, occupancy: f32) -> Self {
         let fraction = |v: f32| (v.clamp(-1.0, 1.0) * 32767.0 - 0.5).ceil() as i16 as u16;
         Target(u32::from(fraction(value)) | u32::from(fraction(occupancy.max(0.0))) << 16)

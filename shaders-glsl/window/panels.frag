@@ -1,6 +1,6 @@
 #version 460
-// Colour and texture are premultiplied sRGB and are multiplied as they are, as egui means them. One draw for all
-// panels: what lies outside a panel's clip rectangle is dropped here.
+// Colour and texture are premultiplied sRGB and are multiplied as they are, as egui means them. One draw for
+// all panels: what lies outside a panel's clip rectangle is dropped here.
 #include "light.glsl"
 layout(constant_id = 0) const uint LINEAR = 0u; // whether the target turns light into sRGB by itself
 layout(binding = 3) uniform sampler2DArray glyphs;

@@ -1,5 +1,6 @@
 #version 460
-// A picture over its background; beside the split, another. Pictures hold premultiplied display-referred colour.
+// A picture over its background; beside the split, another. Pictures hold premultiplied display-referred
+// colour.
 #include "show.glsl"
 #include "light.glsl"
 layout(constant_id = 0) const uint LINEAR = 0u; // whether the target turns light into sRGB by itself

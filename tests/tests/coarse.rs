@@ -1,12 +1,12 @@
 //! Coarser grids: the downsampled baseline on real data, and fits on a working grid.
 #![forbid(unsafe_code)]
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 use engine::fit::evaluate::{Evaluation, Protocol, evaluate};
-use engine::fit::{FitConfig, Scaling};
+use engine::fit::{self, FitConfig, Progress, Scaling};
 use engine::gpu::Gpu;
-use engine::splat::SplatSet;
 use engine::volume::resample::{AREA, Downsampling, LINEAR, downsampling_loss};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
 use glam::{DAffine3, DMat3, DVec3};
@@ -67,26 +67,16 @@ fn the_baseline_is_that_of_the_table() {
 
 /// Fits on the working grid, takes the splats through the world, and evaluates in `judged` on the native grid.
 fn native_evaluation(gpu: &Gpu, case: &Case, judged: &Roi) -> Evaluation {
-    let factor = case.config.working_grid as usize;
-    let scaling = Scaling::new(&case.volume, &case.roi, &case.config);
-    let config = FitConfig { hu_range: [scaling.range.0, scaling.range.1], ..case.config.clone() };
-    let working = Case { volume: case.volume.coarsened(factor), roi: case.roi.coarsened(factor), config };
-    let mut fitter = working.fit(gpu);
-    let field = case.config.field(fitter.scaling().background);
-    let splats = fitter.splats().expect("splats");
-    let set = SplatSet::from_voxel(&splats, &working.volume.world_from_voxel, field);
+    let go_on = |_: &Progress| ControlFlow::Continue(());
+    let set = fit::run(gpu, &case.volume, &case.roi, &case.config, go_on).expect("a fit");
+    let (low, high) = Scaling::new(&case.volume, &case.roi, &case.config).range;
     evaluate(
         gpu,
         &set.to_voxel(&case.volume.world_from_voxel),
-        &field,
+        &set.field,
         &case.volume,
         judged,
-        &Protocol {
-            offsets: vec![],
-            range: [scaling.range.0, scaling.range.1],
-            shell: case.config.shell,
-            threshold: 0.0,
-        },
+        &Protocol { offsets: vec![], range: [low, high], shell: case.config.shell, threshold: 0.0 },
     )
     .expect("an evaluation")
 }

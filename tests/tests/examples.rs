@@ -4,15 +4,24 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Where cargo puts the examples of this workspace: beside the folder of this test.
+/// Where cargo puts the examples of this workspace.
 fn example(name: &str) -> PathBuf {
-    let this = std::env::current_exe().expect("the path of this test");
-    let built = this.ancestors().nth(2).expect("target/PROFILE/deps/TEST");
-    built.join("examples").join(name).with_extension(std::env::consts::EXE_EXTENSION)
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("target/tmp");
+    let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
+    target.join(profile).join("examples").join(name).with_extension(std::env::consts::EXE_EXTENSION)
 }
 
 fn run(name: &str, folder: &Path, arguments: &[&str]) -> String {
-    let output = Command::new(example(name))
+    // The runner finds the driver that this test runs on.
+    let mut command = match std::env::var_os("VGS_RUNNER") {
+        Some(runner) => {
+            let mut command = Command::new(runner);
+            command.arg(example(name));
+            command
+        }
+        None => Command::new(example(name)),
+    };
+    let output = command
         .args(arguments)
         .current_dir(folder)
         .output()

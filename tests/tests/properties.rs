@@ -1,8 +1,8 @@
-//! What must hold without any reference: P1, P4, P6 and P7 of docs/results/numerics.md, as far as they concern the field and the
+//! What must hold without any reference: properties of the field and of the
 //! fit's step; `extremes` has the scenarios. Intensities are in HU and sampled through `fit::evaluate::Sampler`.
 #![forbid(unsafe_code)]
 
-use engine::passes::Shape;
+use engine::passes::WorkgroupShape;
 use engine::passes::{Gradient, Rasteriser};
 use engine::reference::{Footprint, Samples, splat_to_volume};
 use engine::splat::kernel::LN_PEAK_MAX;
@@ -245,7 +245,8 @@ fn both_shapes_of_the_passes_give_the_same_bits() {
             gpu.wait(recorder.submit().expect("a submission")).expect("the end of it");
             (samples, gradient.moments.read().expect("moments"))
         };
-        let ((narrow, narrow_moments), (wide, wide_moments)) = (run(Shape::OneByOne), run(Shape::SideBySide));
+        let ((narrow, narrow_moments), (wide, wide_moments)) =
+            (run(WorkgroupShape::OneByOne), run(WorkgroupShape::SideBySide));
         assert!(narrow_moments.iter().filter(|m| **m != 0.0).count() > 1000, "the splats have moments");
         let bits = |rows: &[f32]| rows.iter().map(|m| m.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&narrow_moments), bits(&wide_moments));

@@ -78,7 +78,7 @@ fn fifty_steps_of_the_default() {
 }
 
 /// The paper's method, every splat in every step and no change of their number. A prototype of the same text goes from
-/// 28.7 to 31.2 dB in 1000 steps; this one from 28.8 to 31.0 (docs/results/benchmarks.md).
+/// 28.7 to 31.2 dB in 1000 steps; this one from 28.8 to 31.0 (docs/design/paper.md, "What its choices do").
 #[test]
 fn sixty_steps_of_the_paper() {
     let profile = Profile::named("paper").and_then(Profile::config).expect("the paper's profile");

@@ -85,7 +85,7 @@ fn the_figures_of_a_subset_are_those_of_all_splats() {
 }
 
 /// A part of the splats in a field of all of them is fitted well; a part alone is not, since each block is asked to be
-/// the whole volume (docs/design/method.md has the figures on a CT).
+/// the whole volume (docs/design/paper.md has the figures on a CT).
 #[test]
 fn a_subset_learns_in_the_field_of_all_splats() {
     let gpu = Device::boot();

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use engine::passes::Shape;
+use engine::passes::WorkgroupShape;
 use engine::reference::eye::{self, Eye};
 use engine::reference::quads::{self, Face, Quad};
 use engine::reference::slab::{self as twin, Seen};
@@ -161,11 +161,11 @@ fn slabs_count_what_their_twin_meets() {
                 );
                 let least: BTreeSet<usize> = surely.iter().map(|&(_, half)| half).collect();
                 // A group as wide as a tile classifies what any of its parts needs.
-                let most = match Shape::of(&gpu) {
-                    Shape::OneByOne => {
+                let most = match WorkgroupShape::of(&gpu) {
+                    WorkgroupShape::OneByOne => {
                         perhaps.iter().map(|&(_, half)| half).collect::<BTreeSet<_>>().len() * HALF
                     }
-                    Shape::SideBySide => planes.count,
+                    WorkgroupShape::SideBySide => planes.count,
                 };
                 assert!(least.len() <= classified && classified <= most, "{part:?}: {classified}");
                 tile_counts.insert((whole, looked));
@@ -228,6 +228,7 @@ fn fragments_are_those_of_the_quads_ellipses() {
     // Squares and triangles around ellipses: 4/π and 3√3/π times their area, less where ellipses end beside the picture.
     let around = fragments as f64 / blended as f64;
     println!("{fragments} fragments, {blended} blended: {around:.3}");
-    let full = if Shape::of(&gpu) == Shape::OneByOne { 27f64.sqrt() } else { 4.0 } / std::f64::consts::PI;
+    let full = if WorkgroupShape::of(&gpu) == WorkgroupShape::OneByOne { 27f64.sqrt() } else { 4.0 }
+        / std::f64::consts::PI;
     assert!((0.8 * full..1.1 * full).contains(&around), "{around} {full}");
 }

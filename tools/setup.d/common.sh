@@ -51,7 +51,7 @@ megabytes() {
 
 require_cargo() {
     command -v cargo >/dev/null || die "cargo is missing." \
-        "Install Rust (stable, 1.85 or newer), with your system's packages or rustup."
+        "Install Rust (stable, 1.95 or newer), with your system's packages or rustup."
     command -v cc >/dev/null || die "a C compiler (cc) is missing." "On Debian: apt-get install gcc libc6-dev"
 }
 

@@ -68,9 +68,9 @@ impl Composer {
         }
         let whole = rendered.size();
         let part = |axis: usize, less: f32| (size[axis] as f32 - less) / whole[axis] as f32;
-        let mut drawing = recorder.draw(&self.drawing).sample(&rendered.colour);
+        let mut drawing = recorder.draw(&self.drawing).sample("rendered", &rendered.colour);
         if self.depth {
-            drawing = drawing.sample(&rendered.depth);
+            drawing = drawing.sample("depths", &rendered.depth);
         }
         drawing
             .push(&EyesParams {

@@ -180,7 +180,7 @@ impl Onlooker for Mirror {
         }
         recorder
             .draw(&self.drawing)
-            .sample(eyes)
+            .sample("eyes", eyes)
             .push(&MirrorParams {
                 window: size.map(|n| n as f32),
                 eye: self.eye.map(|n| n as f32),
@@ -195,7 +195,7 @@ impl Onlooker for Mirror {
         let Some(acquired) = self.acquired.take() else { return Ok(()) };
         let mut recorder = self.gpu.record()?;
         let size = self.surface.size().map(|n| n as f32);
-        let window = self.surface.borrow(&mut recorder, &acquired);
+        let window = self.surface.image(&mut recorder, &acquired);
         let area = [0.0, 0.0, size[0], size[1]];
         let what = Composition {
             first: Layer { picture: &self.copy, layer: 0, part: [1.0, 1.0] },

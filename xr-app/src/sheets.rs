@@ -182,11 +182,11 @@ impl Sheets {
             let Some(texture) = self.textures.get(*id) else { continue };
             recorder
                 .draw(drawing)
-                .read(vertices)
-                .read(indices)
-                .read(sheets)
-                .sample(texture)
-                .read(views)
+                .read("vertices", vertices)
+                .read("indices", indices)
+                .read("sheets", sheets)
+                .sample("glyphs", texture)
+                .read("views", views)
                 .push(&SheetsParams { range: placement.depth_range() })
                 .vertices_over(&mut eyes.pictures(), range.clone());
         }

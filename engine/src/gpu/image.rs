@@ -1,134 +1,61 @@
-//! Images on explicit memory: volumes that are sampled, and pictures that passes write. They stay in the general layout
-//! from birth on, so that nobody keeps track of layouts.
-//!
-//! A foreign picture is one of a swapchain: somebody else owns it and lends it for a frame. It is in the general
-//! layout between [`Recorder::borrow_image`] and [`Recorder::return_image`], and in no layout that matters outside.
+//! Images on explicit memory: volumes that are sampled, and pictures that passes write. They stay in the
+//! general layout from birth on, so that nobody keeps track of layouts.
 
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use ash::vk;
 use bytemuck::Pod;
 use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::vulkan::Allocation;
 
-use super::memory::Remains;
-use super::{Context, Gpu, Recorder, check, lock};
+use super::memory::{Dropped, Placement};
+use super::{Context, Format, Gpu, check, lock};
 use crate::error::{Error, Kind, Result};
-
-/// What a texel is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// Four 32-bit floats.
-    Rgba32f,
-    /// Four 16-bit floats.
-    Rgba16f,
-    /// One 32-bit float.
-    R32f,
-    /// One byte, a fraction 0 to 1.
-    R8,
-    /// One 16-bit fraction, 0 to 1.
-    R16,
-    /// Two 16-bit fractions, 0 to 1.
-    Rg16,
-    /// Four bytes, fractions 0 to 1, as they are.
-    Rgba8,
-    /// The same with blue first: what most screens take.
-    Bgra8,
-    /// Four bytes that hold sRGB: passes read and write linear light.
-    Srgba8,
-    /// The same with blue first.
-    Sbgra8,
-    /// One 32-bit float of depth, which drawings write as they write no other.
-    D32f,
-}
-
-impl Format {
-    pub(super) fn vk(self) -> vk::Format {
-        match self {
-            Format::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
-            Format::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
-            Format::R32f => vk::Format::R32_SFLOAT,
-            Format::R8 => vk::Format::R8_UNORM,
-            Format::R16 => vk::Format::R16_UNORM,
-            Format::Rg16 => vk::Format::R16G16_UNORM,
-            Format::Rgba8 => vk::Format::R8G8B8A8_UNORM,
-            Format::Bgra8 => vk::Format::B8G8R8A8_UNORM,
-            Format::Srgba8 => vk::Format::R8G8B8A8_SRGB,
-            Format::Sbgra8 => vk::Format::B8G8R8A8_SRGB,
-            Format::D32f => vk::Format::D32_SFLOAT,
-        }
-    }
-
-    /// Whether it is depth rather than colour.
-    pub fn is_depth(self) -> bool {
-        self == Format::D32f
-    }
-
-    pub(super) fn aspect(self) -> vk::ImageAspectFlags {
-        if self.is_depth() { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR }
-    }
-
-    /// Whether passes see linear light where memory holds sRGB.
-    pub fn is_srgb(self) -> bool {
-        matches!(self, Format::Srgba8 | Format::Sbgra8)
-    }
-
-    /// Bytes of a texel.
-    pub fn bytes(self) -> usize {
-        match self {
-            Format::Rgba32f => 16,
-            Format::Rgba16f => 8,
-            Format::R32f | Format::Rg16 | Format::D32f => 4,
-            Format::Rgba8 | Format::Bgra8 | Format::Srgba8 | Format::Sbgra8 => 4,
-            Format::R16 => 2,
-            Format::R8 => 1,
-        }
-    }
-}
 
 /// An image in device memory: a volume, or a picture of one or more layers.
 pub struct Image {
-    gpu: Gpu,
-    handle: vk::Image,
+    pub(super) gpu: Gpu,
+    pub(super) handle: vk::Image,
     pub(super) view: vk::ImageView,
-    /// `None` inside `Drop`, and where somebody else owns the image.
-    allocation: Option<Allocation>,
-    /// The layout in which the owner wants it back, where that is somebody else.
-    pub(super) lent_in: Option<vk::ImageLayout>,
-    size: [u32; 3],
-    layers: u32,
+    /// `None` inside `Drop`, and for an external image.
+    pub(super) allocation: Option<Allocation>,
+    /// The layout in which its owner wants an external image back.
+    pub(super) release_layout: Option<vk::ImageLayout>,
+    pub(super) size: [u32; 3],
+    pub(super) layers: u32,
     pub(super) format: Format,
-    name: String,
-    purpose: &'static str,
+    pub(super) name: String,
+    pub(super) purpose: &'static str,
 }
 
 impl Image {
-    /// Width, height and depth, texels.
+    /// Returns width, height and depth, texels.
     pub fn size(&self) -> [u32; 3] {
         self.size
     }
 
-    /// Layers of a picture; 1 for a volume.
+    /// Counts the layers of a picture; 1 for a volume.
     pub fn layers(&self) -> u32 {
         self.layers
     }
 
-    /// What a texel is made of.
+    /// Returns what a texel is made of.
     pub fn format(&self) -> Format {
         self.format
     }
 
-    /// Name of the image.
+    /// Returns the name of the image.
     pub fn name(&self) -> &str {
         &self.name
     }
 
+    /// Returns the handle.
     pub(super) fn handle(&self) -> vk::Image {
         self.handle
     }
 
-    fn region(&self) -> vk::BufferImageCopy {
+    /// Returns the region of all texels.
+    pub(super) fn region(&self) -> vk::BufferImageCopy {
         vk::BufferImageCopy::default()
             .image_subresource(
                 vk::ImageSubresourceLayers::default()
@@ -138,6 +65,7 @@ impl Image {
             .image_extent(vk::Extent3D { width: self.size[0], height: self.size[1], depth: self.size[2] })
     }
 
+    /// Counts the texels of all layers.
     fn texels(&self) -> usize {
         self.size.iter().map(|&n| n as usize).product::<usize>() * self.layers as usize
     }
@@ -171,51 +99,22 @@ impl Image {
     }
 }
 
-impl Recorder {
-    /// Overwrites a rectangle of a picture of one layer, from `corner` on, with what `texels` holds, rows from the top.
-    ///
-    /// # Panics
-    /// If the rectangle is not inside, or `texels` is not one `T` of a texel's size for each texel of it.
-    pub fn write_rectangle<T: Pod>(
-        &mut self,
-        image: &mut Image,
-        corner: [u32; 2],
-        size: [u32; 2],
-        texels: &[T],
-    ) -> Result<()> {
-        let name = &image.name;
-        assert_eq!(size_of::<T>(), image.format.bytes(), "{name}: texels differ in size");
-        assert_eq!(texels.len(), (size[0] * size[1]) as usize, "{name}: number of texels");
-        assert!(
-            (0..2).all(|i| corner[i] + size[i] <= image.size[i]) && image.layers == 1,
-            "{name}: a rectangle outside"
-        );
-        let staging = self.gpu.staged(&format!("{name} upload"), texels)?;
-        let region = image
-            .region()
-            .image_offset(vk::Offset3D { x: corner[0] as i32, y: corner[1] as i32, z: 0 })
-            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 });
-        self.fill_image(&staging, image, region);
-        self.keep(staging);
-        Ok(())
-    }
-}
-
 impl Drop for Image {
     fn drop(&mut self) {
         let last = lock(&self.gpu.0.queue).last_value();
         let mut memory = lock(&self.gpu.0.memory);
         match self.allocation.take() {
             Some(allocation) => {
-                memory.retire(last, Remains::Image(self.handle, self.view), allocation, self.purpose);
+                memory.delete_after(last, Dropped::Image(self.handle, self.view), allocation, self.purpose);
             }
-            None => memory.retire_view(last, self.view),
+            None => memory.delete_view_after(last, self.view),
         }
     }
 }
 
 impl Gpu {
-    /// A volume of `size` texels to be sampled with trilinear interpolation and clamped at its faces; all zero.
+    /// Makes a volume of `size` texels to be sampled with trilinear interpolation and clamped at its faces;
+    /// all zero.
     pub fn volume(&self, name: &str, purpose: &'static str, format: Format, size: [u32; 3]) -> Result<Image> {
         let most = self.0.limits.volume_edge;
         if size.iter().any(|&n| n > most) {
@@ -243,7 +142,8 @@ impl Gpu {
         self.image(name, purpose, format, size, 1, vk::ImageType::TYPE_3D, usage)
     }
 
-    /// A picture of `size` pixels and so many layers that kernels write and drawings are drawn to; all zero.
+    /// Makes a picture of `size` pixels and so many layers that kernels write and drawings are drawn to; all
+    /// zero.
     pub fn picture(
         &self,
         name: &str,
@@ -279,44 +179,7 @@ impl Gpu {
         self.image(name, purpose, format, [size[0], size[1], 1], layers, vk::ImageType::TYPE_2D, usage)
     }
 
-    /// A picture that somebody else owns, such as an image of a swapchain.
-    ///
-    /// # Safety
-    /// `handle` is an image of this device with so many layers of this format and size, made for attachments of its kind,
-    /// colour or depth; its owner wants it back in the layout `lent_in`, and keeps it until this picture was dropped and
-    /// the device has finished with it.
-    pub unsafe fn foreign_picture(
-        &self,
-        name: &str,
-        handle: vk::Image,
-        format: Format,
-        size: [u32; 2],
-        layers: u32,
-        lent_in: vk::ImageLayout,
-    ) -> Result<Image> {
-        let context: &Context = &self.0;
-        context.name(handle, name);
-        let info = vk::ImageViewCreateInfo::default()
-            .image(handle)
-            .view_type(vk::ImageViewType::TYPE_2D_ARRAY)
-            .format(format.vk())
-            .subresource_range(whole(format));
-        // SAFETY: as the caller promises.
-        let view = check(name, unsafe { context.device.create_image_view(&info, None) })?;
-        Ok(Image {
-            gpu: self.clone(),
-            handle,
-            view,
-            allocation: None,
-            lent_in: Some(lent_in),
-            size: [size[0], size[1], 1],
-            layers,
-            format,
-            name: name.to_owned(),
-            purpose: "of others",
-        })
-    }
-
+    /// Makes an image in the general layout, all zero.
     #[expect(clippy::too_many_arguments, reason = "private; the two callers above fix most of them")]
     fn image(
         &self,
@@ -347,43 +210,26 @@ impl Gpu {
             (handle, context.device.get_image_memory_requirements(handle))
         };
         context.name(handle, name);
+        let placement =
+            Placement { name, purpose, requirements, location: MemoryLocation::GpuOnly, linear: false };
+        let allocation = context.place(&placement, Dropped::Image(handle, vk::ImageView::null()))?;
+        let (memory, offset) = {
+            // SAFETY: read only to bind; the allocation outlives the image.
+            unsafe { (allocation.memory(), allocation.offset()) }
+        };
+        // From here on `Drop` cleans up.
         let mut image = Image {
             gpu: Gpu(Arc::clone(&self.0)),
             handle,
             view: vk::ImageView::null(),
-            allocation: None,
-            lent_in: None,
+            allocation: Some(allocation),
+            release_layout: None,
             size,
             layers,
             format,
             name: name.to_owned(),
             purpose,
         };
-        let placed = lock(&context.memory).allocate(
-            &AllocationCreateDesc {
-                name,
-                requirements,
-                location: MemoryLocation::GpuOnly,
-                linear: false,
-                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-            },
-            purpose,
-        );
-        let allocation = match placed {
-            Ok(allocation) => allocation,
-            Err(e) => {
-                // SAFETY: the image was never used; without an allocation its `Drop` does nothing.
-                unsafe { context.device.destroy_image(handle, None) };
-                return Err(e);
-            }
-        };
-        let (memory, offset) = {
-            // SAFETY: read only to bind; the allocation outlives the image.
-            unsafe { (allocation.memory(), allocation.offset()) }
-        };
-        context.counters.allocations.fetch_add(1, Ordering::Relaxed);
-        // From here on `Drop` cleans up.
-        image.allocation = Some(allocation);
         // SAFETY: memory and offset are the allocator's answer to this image's requirements.
         check(name, unsafe { context.device.bind_image_memory(handle, memory, offset) })?;
         let view_kind = match kind {
@@ -404,7 +250,7 @@ impl Gpu {
     }
 }
 
-/// All layers of an image.
+/// Returns the range of all layers of an image.
 pub(super) fn whole(format: Format) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange::default()
         .aspect_mask(format.aspect())

@@ -1,11 +1,11 @@
-//! Submissions: the queue, what is in flight on it, and the wait for it.
+//! Submissions: the queue, how work is handed to it, what is in flight on it, and the wait for it.
 
 use std::sync::atomic::Ordering;
 
 use ash::vk;
 
-use super::{Context, Gpu, check, lock, timing};
-use crate::error::Result;
+use super::{Context, Gpu, Recorder, check, lock, timing};
+use crate::error::{Error, Kind, Result};
 
 /// Timestamps in one submission: two per pass.
 pub(super) const QUERIES: u32 = 512;
@@ -19,7 +19,7 @@ pub(super) struct Submissions {
     pub(super) queue: vk::Queue,
     pub(super) last: u64,
     /// [`super::GpuOptions::lost_at`].
-    pub(super) lost_at: Option<u64>,
+    lost_at: Option<u64>,
     pub(super) free: Vec<Slot>,
     pub(super) flying: Vec<Flight>,
 }
@@ -39,18 +39,23 @@ pub(super) struct Flight {
 }
 
 impl Submissions {
-    pub(super) fn new(queue: vk::Queue) -> Self {
-        Submissions { queue, last: 0, lost_at: None, free: Vec::new(), flying: Vec::new() }
+    /// Takes over a queue that nobody else uses.
+    pub(super) fn new(queue: vk::Queue, lost_at: Option<u64>) -> Self {
+        Submissions { queue, last: 0, lost_at, free: Vec::new(), flying: Vec::new() }
     }
 
-    pub(super) fn is_lost(&self) -> bool {
+    /// True if the next submission is the one at which the device behaves as lost.
+    fn is_lost(&self) -> bool {
         self.lost_at.is_some_and(|at| self.last + 1 >= at)
     }
 
+    /// Returns the timeline value of the last submission.
     pub(super) fn last_value(&self) -> u64 {
         self.last
     }
 
+    /// Destroys all command buffers and what belongs to them.
+    ///
     /// # Safety
     /// The device must be idle.
     pub(super) unsafe fn destroy(&mut self, device: &ash::Device) {
@@ -66,7 +71,8 @@ impl Submissions {
 }
 
 impl Gpu {
-    /// Waits until the device has finished `ticket`, then counts its timestamps and frees what it was the last to use.
+    /// Waits until the device has finished `ticket`, then counts its timestamps and frees what it was the
+    /// last to use.
     pub fn wait(&self, ticket: Ticket) -> Result<()> {
         let context = &self.0;
         context.counters.waits.fetch_add(1, Ordering::Relaxed);
@@ -89,11 +95,88 @@ impl Gpu {
             }
             lock(&context.queue).free.push(flight.slot);
         }
-        lock(&context.memory).bury(&context.device, passed);
+        lock(&context.memory).delete_passed(&context.device, passed);
         Ok(())
     }
 }
 
+impl Recorder {
+    /// Hands what was recorded so far to the device and goes on in a new submission, which follows it.
+    pub fn split(&mut self) -> Result<Ticket> {
+        let gpu = self.gpu.clone();
+        std::mem::replace(self, gpu.record()?).submit()
+    }
+
+    /// Ends recording and hands the work to the device.
+    pub fn submit(self) -> Result<Ticket> {
+        self.submit_between(None, None)
+    }
+
+    /// Submits, to run after `wait` was signalled as far as colour is written, and to signal `signal` at the
+    /// end.
+    pub(super) fn submit_between(
+        mut self,
+        wait: Option<vk::Semaphore>,
+        signal: Option<vk::Semaphore>,
+    ) -> Result<Ticket> {
+        let Some(slot) = self.slot.take() else {
+            return Err(Error::new(Kind::Internal, "VGS-GPU-040", "submitted twice"));
+        };
+        let context = &self.gpu.0;
+        // A host read after the wait must see what the device wrote.
+        let to_host = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER | vk::PipelineStageFlags2::COMPUTE_SHADER)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE | vk::AccessFlags2::SHADER_STORAGE_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+            .dst_access_mask(vk::AccessFlags2::HOST_READ)];
+        let dependency = vk::DependencyInfo::default().memory_barriers(&to_host);
+        let mut queue = lock(&context.queue);
+        let value = queue.last + 1;
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(slot.commands)];
+        let at_end = |semaphore| {
+            vk::SemaphoreSubmitInfo::default()
+                .semaphore(semaphore)
+                .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        };
+        let mut signals = vec![at_end(context.timeline).value(value)];
+        signals.extend(signal.map(at_end));
+        let waits: Vec<_> = wait
+            .map(|semaphore| {
+                vk::SemaphoreSubmitInfo::default()
+                    .semaphore(semaphore)
+                    .stage_mask(vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT)
+            })
+            .into_iter()
+            .collect();
+        let submit = [vk::SubmitInfo2::default()
+            .wait_semaphore_infos(&waits)
+            .command_buffer_infos(&commands)
+            .signal_semaphore_infos(&signals)];
+        if queue.is_lost() {
+            queue.free.push(slot);
+            return check("submitting", Err(vk::Result::ERROR_DEVICE_LOST));
+        }
+        // SAFETY: the queue is ours alone while locked; the command buffer is complete.
+        let submitted = unsafe {
+            context.device.cmd_pipeline_barrier2(slot.commands, &dependency);
+            context
+                .device
+                .end_command_buffer(slot.commands)
+                .and_then(|()| context.device.queue_submit2(queue.queue, &submit, vk::Fence::null()))
+        };
+        if let Err(e) = submitted {
+            queue.free.push(slot);
+            return check("submitting", Err(e));
+        }
+        queue.last = value;
+        queue.flying.push(Flight { value, slot, passes: std::mem::take(&mut self.passes) });
+        // What was kept is dropped after this, with a submission to wait for.
+        drop(queue);
+        Ok(Ticket(value))
+    }
+}
+
+/// Makes a command buffer with what belongs to it.
 pub(super) fn new_slot(context: &Context) -> Result<Slot> {
     let device = &context.device;
     let pool_info = vk::CommandPoolCreateInfo::default()

@@ -1,4 +1,4 @@
-//! A window's surface and its swapchain: pictures that are lent for a frame each, drawn over, and shown.
+//! A window's surface and its swapchain: images that are acquired for a frame each, drawn over, and shown.
 
 use std::sync::Arc;
 
@@ -8,8 +8,8 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use super::{Context, Format, Gpu, Image, Recorder, Ticket, check, lock};
 use crate::error::{Error, Kind, Result};
 
-/// What a program draws in and a window shows. One frame is in flight at a time: [`Surface::acquire`] waits for the one
-/// before, so that the host prepares a frame while the device draws the last one.
+/// What a program draws in and a window shows. One frame is in flight at a time: [`Surface::acquire`] waits
+/// for the one before, so that the host prepares a frame while the device draws the last one.
 pub struct Surface {
     swapchain: Option<Swapchain>,
     loader: khr::swapchain::Device,
@@ -17,10 +17,10 @@ pub struct Surface {
     handle: vk::SurfaceKHR,
     format: (Format, vk::ColorSpaceKHR),
     /// Signalled when the picture that was asked for may be written.
-    lent: vk::Semaphore,
+    acquired: vk::Semaphore,
     /// The size that the window wants, pixels.
     wanted: [u32; 2],
-    /// Whether the swapchain no longer fits the window.
+    /// True if the swapchain no longer fits the window.
     stale: bool,
     last: Option<Ticket>,
     gpu: Gpu,
@@ -36,11 +36,12 @@ struct Swapchain {
     size: [u32; 2],
 }
 
-/// A picture of the swapchain that is ours until it is presented.
+/// An image of the swapchain that is ours until it is presented.
 pub struct Acquired(u32);
 
 impl Surface {
-    /// Of a window of a display for which the device was booted ([`super::GpuOptions::windows`]); `size` in pixels.
+    /// Makes the surface of a window of a display for which the device was booted
+    /// ([`super::GpuOptions::windows`]); `size` in pixels.
     ///
     /// # Errors
     /// [`Kind::Unavailable`] where the device cannot show pictures in this window.
@@ -70,7 +71,7 @@ impl Surface {
             queries,
             handle,
             format: (Format::Bgra8, vk::ColorSpaceKHR::SRGB_NONLINEAR),
-            lent: vk::Semaphore::null(),
+            acquired: vk::Semaphore::null(),
             wanted: size,
             stale: true,
             last: None,
@@ -78,7 +79,7 @@ impl Surface {
             _window: Box::new(window),
         };
         // SAFETY: the device is live.
-        surface.lent =
+        surface.acquired =
             check("creating a semaphore", unsafe { context.device.create_semaphore(&semaphore, None) })?;
         // SAFETY: surface and physical device are of the same instance.
         let (shows, formats) = unsafe {
@@ -96,7 +97,8 @@ impl Surface {
         Ok(surface)
     }
 
-    /// What its pictures are made of. Not sRGB in the sense of [`Format::is_srgb`] unless the window has nothing else.
+    /// Returns what its images are made of: not sRGB in the sense of [`Format::is_srgb`] unless the window
+    /// has nothing else.
     pub fn format(&self) -> Format {
         self.format.0
     }
@@ -107,8 +109,8 @@ impl Surface {
         self.wanted = size;
     }
 
-    /// The next picture, as soon as the frame before is finished; `None` while the window is minimised or between two
-    /// sizes: ask again when it says that it wants to be drawn.
+    /// Acquires the next image, as soon as the frame before is finished; `None` while the window is minimised
+    /// or between two sizes: ask again when it says that it wants to be drawn.
     pub fn acquire(&mut self) -> Result<Option<Acquired>> {
         if let Some(ticket) = self.last.take() {
             self.gpu.wait(ticket)?;
@@ -116,8 +118,8 @@ impl Surface {
         self.acquire_within(u64::MAX)
     }
 
-    /// The next picture, if there is one at once; `None` as well while the frame before is not finished. Waits only where the
-    /// window has another size.
+    /// Acquires the next image, if there is one at once; `None` as well while the frame before is not
+    /// finished. Waits only where the window has another size.
     pub fn acquire_at_once(&mut self) -> Result<Option<Acquired>> {
         if let Some(ticket) = self.last {
             if !self.gpu.has_finished(ticket)? {
@@ -128,6 +130,7 @@ impl Surface {
         self.acquire_within(0)
     }
 
+    /// Acquires the next image within so many nanoseconds.
     fn acquire_within(&mut self, timeout_ns: u64) -> Result<Option<Acquired>> {
         // A second time where the swapchain has turned out to be too old.
         for _ in 0..2 {
@@ -137,7 +140,7 @@ impl Surface {
             let Some(swapchain) = &self.swapchain else { return Ok(None) };
             // SAFETY: the semaphore is not pending: the submission that waited for it has finished.
             let asked = unsafe {
-                self.loader.acquire_next_image(swapchain.handle, timeout_ns, self.lent, vk::Fence::null())
+                self.loader.acquire_next_image(swapchain.handle, timeout_ns, self.acquired, vk::Fence::null())
             };
             match asked {
                 Ok((index, suboptimal)) => {
@@ -152,22 +155,23 @@ impl Surface {
         Ok(None)
     }
 
-    /// The picture to draw over, once a frame. Its content is undefined until it was drawn over whole.
-    pub fn borrow(&mut self, recorder: &mut Recorder, acquired: &Acquired) -> &mut Image {
+    /// Records the acquisition of the image to draw over, once a frame, and returns it. Its content is
+    /// undefined until it was drawn over whole.
+    pub fn image(&mut self, recorder: &mut Recorder, acquired: &Acquired) -> &mut Image {
         let swapchain = self.swapchain.as_mut().expect("what was acquired has a swapchain");
         let picture = &mut swapchain.pictures[acquired.0 as usize];
-        recorder.borrow_image(picture);
+        recorder.acquire_image(picture);
         picture
     }
 
-    /// Hands the frame to the device and the picture to the window.
+    /// Hands the frame to the device and the image to the window.
     pub fn present(&mut self, mut recorder: Recorder, acquired: Acquired) -> Result<Ticket> {
         let context = &self.gpu.0;
         let swapchain = self.swapchain.as_ref().expect("what was acquired has a swapchain");
         let index = acquired.0 as usize;
-        recorder.return_image(&swapchain.pictures[index]);
+        recorder.release_image(&swapchain.pictures[index]);
         let drawn = [swapchain.drawn[index]];
-        let ticket = recorder.submit_between(Some(self.lent), Some(drawn[0]))?;
+        let ticket = recorder.submit_between(Some(self.acquired), Some(drawn[0]))?;
         self.last = Some(ticket);
         let (chains, indices) = ([swapchain.handle], [acquired.0]);
         let info =
@@ -182,6 +186,7 @@ impl Surface {
         Ok(ticket)
     }
 
+    /// Makes the swapchain anew, in the size that the window has.
     fn rebuild(&mut self) -> Result<()> {
         let context = Arc::clone(&self.gpu.0);
         // SAFETY: surface and physical device are of the same instance.
@@ -226,9 +231,16 @@ impl Surface {
         // SAFETY: the swapchain is new; semaphores and pictures go before it.
         unsafe {
             for image in check("the swapchain of the window", self.loader.get_swapchain_images(handle))? {
-                let lent_in = vk::ImageLayout::PRESENT_SRC_KHR;
+                let release_layout = vk::ImageLayout::PRESENT_SRC_KHR;
                 let format = self.format.0;
-                swapchain.pictures.push(self.gpu.foreign_picture("window", image, format, size, 1, lent_in)?);
+                swapchain.pictures.push(self.gpu.external_image(
+                    "window",
+                    image,
+                    format,
+                    size,
+                    1,
+                    release_layout,
+                )?);
                 let semaphore = vk::SemaphoreCreateInfo::default();
                 swapchain
                     .drawn
@@ -239,7 +251,7 @@ impl Surface {
         Ok(())
     }
 
-    /// Width and height of its pictures, pixels; 0 while the window is minimised.
+    /// Returns width and height of its images, pixels; 0 while the window is minimised.
     pub fn size(&self) -> [u32; 2] {
         self.swapchain.as_ref().map_or([0, 0], |swapchain| swapchain.size)
     }
@@ -254,7 +266,7 @@ impl Surface {
         unsafe {
             let _ = context.device.queue_wait_idle(queue.queue);
             // The views of its pictures go first.
-            lock(&context.memory).bury(&context.device, queue.last_value());
+            lock(&context.memory).delete_passed(&context.device, queue.last_value());
             for semaphore in drawn {
                 context.device.destroy_semaphore(semaphore, None);
             }
@@ -272,13 +284,14 @@ impl Drop for Surface {
         // SAFETY: after the wait nothing uses what is destroyed; a null semaphore is ignored.
         unsafe {
             let _ = context.device.device_wait_idle();
-            context.device.destroy_semaphore(self.lent, None);
+            context.device.destroy_semaphore(self.acquired, None);
             self.queries.destroy_surface(self.handle, None);
         }
     }
 }
 
-/// Display-referred numbers go out as they are; where a window insists on sRGB formats, drawings turn them into light.
+/// Picks a format. Display-referred numbers go out as they are; where a window insists on sRGB formats,
+/// drawings turn them into light.
 fn pick_format(offered: &[vk::SurfaceFormatKHR]) -> Option<(Format, vk::ColorSpaceKHR)> {
     let space = vk::ColorSpaceKHR::SRGB_NONLINEAR;
     [Format::Bgra8, Format::Rgba8, Format::Sbgra8, Format::Srgba8]
@@ -287,7 +300,7 @@ fn pick_format(offered: &[vk::SurfaceFormatKHR]) -> Option<(Format, vk::ColorSpa
         .map(|format| (format, space))
 }
 
-/// The size that the surface dictates, or what the window wants where it leaves the choice.
+/// Returns the size that the surface dictates, or what the window wants where it leaves the choice.
 fn extent(can: &vk::SurfaceCapabilitiesKHR, wanted: [u32; 2]) -> [u32; 2] {
     let current = can.current_extent;
     if current.width != u32::MAX {

@@ -13,7 +13,7 @@ const MOST_NEWS: usize = 64;
 /// Time and calls of one named pass, from GPU timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PassTime {
-    /// How often the pass ran.
+    /// Number of times that the pass ran.
     pub calls: u64,
     /// Sum over all calls, milliseconds of device time.
     pub total_ms: f64,
@@ -63,33 +63,34 @@ pub(super) fn read(
 }
 
 impl Gpu {
-    /// Whether the device has finished `ticket`. Does not wait.
+    /// True if the device has finished `ticket`. Does not wait.
     pub fn has_finished(&self, ticket: Ticket) -> Result<bool> {
         Ok(self.0.passed()? >= ticket.0)
     }
 
-    /// Submissions that have finished since the last call of this, each with its device time from the first pass to the
-    /// end of the last one, ms. Does not wait. Only the latest 64 are kept, and those without timed passes are not.
+    /// Returns the submissions that have finished since the last call of this, each with its device time from
+    /// the first pass to the end of the last one, ms. Does not wait. Only the latest 64 are kept, and those
+    /// without timed passes are not.
     pub fn take_finished(&self) -> Result<Vec<(Ticket, f64)>> {
         self.collect()?;
         Ok(lock(&self.0.times).news.drain(..).collect())
     }
 
-    /// Device time by pass since the last call of this or since the start, slowest first.
+    /// Returns the device time by pass since the last call of this or since the start, slowest first.
     pub fn take_profile(&self) -> Vec<(String, PassTime)> {
         let mut rows: Vec<_> = std::mem::take(&mut lock(&self.0.times).passes).into_iter().collect();
         rows.sort_by(|a, b| b.1.total_ms.total_cmp(&a.1.total_ms));
         rows
     }
 
-    /// Device time of one pass since the last [`Gpu::take_profile`].
+    /// Returns the device time of one pass since the last [`Gpu::take_profile`].
     pub fn pass_time(&self, name: &str) -> PassTime {
         lock(&self.0.times).passes.get(name).copied().unwrap_or_default()
     }
 }
 
 impl Context {
-    /// The value of the last submission that the device has finished.
+    /// Returns the value of the last submission that the device has finished.
     pub(super) fn passed(&self) -> Result<u64> {
         // SAFETY: the timeline is live.
         check("asking the timeline", unsafe { self.device.get_semaphore_counter_value(self.timeline) })

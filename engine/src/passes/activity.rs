@@ -3,12 +3,9 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{ActivityParams, Appearance, LimitParams, ListParams, Look};
 
-use super::{Rows, Scan};
+use super::{Ranking, Scan};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-
-/// Invocations of a workgroup of the kernels.
-const GROUP: usize = 64;
 
 /// The list of active splats.
 pub struct Activity {
@@ -16,13 +13,13 @@ pub struct Activity {
     list: Kernel,
     scan: Scan,
     flags: Buffer<u32>,
-    /// How many active splats come before each splat; and in the last element how many there are.
+    /// Number of active splats before each splat; and in the last element of all of them.
     pub places: Buffer<u32>,
     /// Indices of the active splats, in order.
     pub active: Buffer<u32>,
     /// The objects that these belong to.
     pub active_objects: Buffer<u32>,
-    /// How many there are, in its only element.
+    /// Number of active splats, in its only element.
     pub count: Buffer<u32>,
     splat_count: usize,
 }
@@ -31,9 +28,9 @@ pub struct Activity {
 pub struct ActivitySources<'a> {
     /// The row of the look.
     pub look: &'a Buffer<Look>,
-    /// How many entries of the look's table before each are visible; one more than there are entries.
+    /// Number of visible entries of the look's table before each; one more than there are entries.
     pub visible: &'a Buffer<u32>,
-    /// How each object is shown, by its number.
+    /// Appearance of each object, by its number.
     pub appearances: &'a Buffer<Appearance>,
     /// Least and greatest intensity that each splat may show.
     pub intervals: &'a Buffer<[f32; 2]>,
@@ -42,7 +39,7 @@ pub struct ActivitySources<'a> {
 }
 
 impl Activity {
-    /// For so many splats.
+    /// Makes the list for so many splats.
     pub fn new(gpu: &Gpu, splat_count: usize) -> Result<Self> {
         Ok(Activity {
             mark: Kernel::new(gpu, &glsl::MARK_ACTIVE, &[])?,
@@ -65,66 +62,36 @@ impl Activity {
         budget: Option<(&mut Ranking, usize)>,
     ) {
         let count = self.splat_count as u32;
-        let groups = self.splat_count.div_ceil(GROUP) as u32;
         recorder
             .pass(&self.mark)
-            .read(sources.look)
-            .read(sources.visible)
-            .read(sources.intervals)
-            .read(sources.objects)
-            .read(sources.appearances)
-            .write(&mut self.flags)
+            .read("look_rows", sources.look)
+            .read("visible_before", sources.visible)
+            .read("intervals", sources.intervals)
+            .read("objects", sources.objects)
+            .read("appearances", sources.appearances)
+            .write("flags", &mut self.flags)
             .push(&ActivityParams { count })
-            .dispatch(groups);
+            .dispatch_over(count);
         if let Some((ranking, budget)) = budget {
             ranking.rows.gather(recorder, &self.flags, &ranking.order, 0, &mut ranking.flags);
             self.scan.record(recorder, &ranking.flags, self.splat_count, &mut self.places);
             recorder
                 .pass(&ranking.limit)
-                .read(&self.places)
-                .read(&ranking.ranks)
-                .write(&mut self.flags)
+                .read("places", &self.places)
+                .read("ranks", &ranking.ranks)
+                .write("flags", &mut self.flags)
                 .push(&LimitParams { count, budget: u32::try_from(budget).unwrap_or(u32::MAX) })
-                .dispatch(groups);
+                .dispatch_over(count);
         }
         self.scan.record(recorder, &self.flags, self.splat_count, &mut self.places);
         recorder
             .pass(&self.list)
-            .read(&self.places)
-            .read(sources.objects)
-            .write(&mut self.active)
-            .write(&mut self.active_objects)
+            .read("places", &self.places)
+            .read("objects", sources.objects)
+            .write("active_splats", &mut self.active)
+            .write("active_objects", &mut self.active_objects)
             .push(&ListParams { count })
-            .dispatch(groups);
+            .dispatch_over(count);
         recorder.copy(&self.places, self.splat_count, &mut self.count, 0, 1);
-    }
-}
-
-/// An order of importance of the splats, for listings with a budget.
-pub struct Ranking {
-    rows: Rows,
-    limit: Kernel,
-    order: Buffer<u32>,
-    ranks: Buffer<u32>,
-    flags: Buffer<u32>,
-}
-
-impl Ranking {
-    /// `order` has all splats, the most important first.
-    ///
-    /// # Panics
-    /// If it is no order of all splats.
-    pub fn new(gpu: &Gpu, order: &[u32]) -> Result<Self> {
-        let mut ranks = vec![0; order.len()];
-        for (rank, &splat) in (0..).zip(order) {
-            ranks[splat as usize] = rank;
-        }
-        Ok(Ranking {
-            rows: Rows::new(gpu)?,
-            limit: Kernel::new(gpu, &glsl::LIMIT_ACTIVE, &[])?,
-            order: gpu.upload("splats by importance", "splats", order)?,
-            ranks: gpu.upload("ranks of the splats", "splats", &ranks)?,
-            flags: gpu.buffer("activity by importance", "sorting", order.len())?,
-        })
     }
 }

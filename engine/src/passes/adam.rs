@@ -23,7 +23,8 @@ pub struct State {
 }
 
 impl State {
-    /// Makes buffers of zeros for `count` splats. A cap of 0 is one; write [`NO_CAP`] where there shall be none.
+    /// Makes buffers of zeros for `count` splats. A cap of 0 is one; write [`NO_CAP`] where there shall be
+    /// none.
     pub fn zeroed(gpu: &Gpu, count: usize) -> Result<Self> {
         Ok(State {
             splats: gpu.buffer("splats", "splats", count)?,
@@ -42,7 +43,7 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// For any number of splats.
+    /// Makes the optimiser, for any number of splats.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Adam {
             kernel: Kernel::new(gpu, &glsl::ADAM, &[])?,
@@ -61,14 +62,14 @@ impl Adam {
     ) {
         recorder
             .pass(&self.kernel)
-            .read(gradients)
-            .write(&mut state.splats)
-            .write(&mut state.first)
-            .write(&mut state.second)
-            .read(pair_totals)
-            .write(&mut self.frozen)
-            .write(&mut state.histories)
+            .read("gradients", gradients)
+            .write("splats", &mut state.splats)
+            .write("first_moments", &mut state.first)
+            .write("second_moments", &mut state.second)
+            .read("pair_totals", pair_totals)
+            .write("frozen", &mut self.frozen)
+            .write("histories", &mut state.histories)
             .push(params)
-            .dispatch(params.splat_count.div_ceil(64));
+            .dispatch_over(params.splat_count);
     }
 }

@@ -3,23 +3,22 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{Footprint, GradParams, MomentParams, SplatGrad};
 
-use super::bin::SampleGrid;
-use super::{Pace, Shape, Storage};
+use super::{SampleGrid, Storage, SubmissionPacer, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
 
 /// Floats of a row of moments: S0, C0, S1 (3), S2 (6).
-const MOMENTS: usize = 11;
+const MOMENTS: usize = glsl::splat::MOMENTS as usize;
 /// Invocations that own a splat.
-const LANES: usize = 8;
+const LANES: usize = glsl::splat_to_volume_grad::LANES as usize;
 
 /// The backward pass and the gradient rows it fills.
 pub struct Gradient {
     gpu: Gpu,
     gather: Kernel,
     splats_per_group: usize,
-    pace: Pace,
+    pace: SubmissionPacer,
     moments_to_grad: Kernel,
     /// What `gather` sums, 11 floats a splat.
     pub moments: Buffer<f32>,
@@ -28,18 +27,18 @@ pub struct Gradient {
 }
 
 impl Gradient {
-    /// For `splat_count` splats and adjoints in that storage.
+    /// Makes the pass for `splat_count` splats and adjoints in that storage.
     pub fn new(gpu: &Gpu, kernel: splat::Kernel, splat_count: usize, storage: Storage) -> Result<Self> {
-        Self::with_shape(gpu, kernel, splat_count, storage, Shape::of(gpu))
+        Self::with_shape(gpu, kernel, splat_count, storage, WorkgroupShape::of(gpu))
     }
 
-    /// The same in a shape of the caller's choice; the result has the same bits.
+    /// Makes the pass in a shape of the caller's choice; the result has the same bits.
     pub fn with_shape(
         gpu: &Gpu,
         kernel: splat::Kernel,
         splat_count: usize,
         storage: Storage,
-        shape: Shape,
+        shape: WorkgroupShape,
     ) -> Result<Self> {
         Ok(Gradient {
             gpu: gpu.clone(),
@@ -49,14 +48,14 @@ impl Gradient {
                 &[kernel.id(), shape as u32, storage as u32],
             )?,
             splats_per_group: shape as usize / LANES,
-            pace: Pace::new(glsl::SPLAT_TO_VOLUME_GRAD.name),
+            pace: SubmissionPacer::new(glsl::SPLAT_TO_VOLUME_GRAD.name),
             moments_to_grad: Kernel::new(gpu, &glsl::MOMENTS_TO_GRAD, &[kernel.id()])?,
             moments: gpu.buffer("moments", "optimiser", splat_count * MOMENTS)?,
             rows: gpu.buffer("gradients", "optimiser", splat_count)?,
         })
     }
 
-    /// Room for another number of splats. Nothing may be in flight.
+    /// Makes room for another number of splats. Nothing may be in flight.
     pub fn resize(&mut self, splat_count: usize) -> Result<()> {
         self.moments = self.gpu.buffer("moments", "optimiser", splat_count * MOMENTS)?;
         self.rows = self.gpu.buffer("gradients", "optimiser", splat_count)?;
@@ -83,10 +82,10 @@ impl Gradient {
         self.pace.run(&self.gpu, recorder, groups, limit, |recorder, first, count| {
             recorder
                 .pass(kernel)
-                .read(footprints)
-                .read(&grid.slots)
-                .read(adjoints)
-                .write(moments)
+                .read("footprints", footprints)
+                .read("slots", &grid.slots)
+                .read("adjoints", adjoints)
+                .write("moments", moments)
                 .push(&GradParams {
                     grid: params,
                     first_splat: (first * splats_per_group) as u32,
@@ -102,10 +101,10 @@ impl Gradient {
         let n = splats.len() as u32;
         recorder
             .pass(&self.moments_to_grad)
-            .read(splats)
-            .read(&self.moments)
-            .write(&mut self.rows)
+            .read("splats", splats)
+            .read("moments", &self.moments)
+            .write("gradients", &mut self.rows)
             .push(&MomentParams { splat_count: n, stretch })
-            .dispatch(n.div_ceil(64));
+            .dispatch_over(n);
     }
 }

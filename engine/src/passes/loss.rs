@@ -1,8 +1,8 @@
-//! Loss terms. A term reads samples and targets and adds its adjoints; it never sees a splat. To add one: a kernel
-//! `fit/loss_x.comp`, its twin in `reference::loss`, and a row here.
+//! Loss terms. A term reads samples and targets and adds its adjoints; it never sees a splat. To add one: a
+//! kernel `fit/loss_x.comp`, its twin in `reference::loss`, and a row here.
 //!
-//! With the sums of value and weight over all samples a term adds λ/2 · Σ value to the objective; a term that needs
-//! the overlap ([`Term::overlap`]) adds λ/2 · Σ value / Σ weight.
+//! With the sums of value and weight over all samples a term adds λ/2 · Σ value to the objective; a term that
+//! needs the overlap ([`Term::overlap`]) adds λ/2 · Σ value / Σ weight.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use shaders_glsl as glsl;
 use shaders_glsl::Shader;
 use shaders_glsl::types::{LossParams, Target};
 
-use super::{Overlap, Shape, Storage};
+use super::{Overlap, Storage, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::volume::bricks::SAMPLES;
@@ -28,9 +28,9 @@ pub struct Term {
 }
 
 /// A term compares the predicted mask 1 - exp(-W) with the mask.
-pub const MASKS: u32 = 0;
+pub const MASKS: u32 = glsl::samples::QUANTITY_MASK;
 /// A term compares the intensities V̂ and V, from the lower end of their range on.
-pub const INTENSITIES: u32 = 1;
+pub const INTENSITIES: u32 = glsl::samples::QUANTITY_INTENSITY;
 
 /// Every loss term there is.
 pub const TERMS: &[Term] = &[
@@ -61,7 +61,7 @@ pub const INTENSITY_DICE: usize = 6;
 /// Row of the divergence of the intensity.
 pub const INTENSITY_KL: usize = 7;
 
-/// Which term, with which λ and which parameter.
+/// A term with its λ and its parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weighted {
     /// Index into [`TERMS`].
@@ -70,7 +70,8 @@ pub struct Weighted {
     pub weight: f32,
     /// What the term needs besides; see its kernel.
     pub parameter: f32,
-    /// A sample is of the region where the mask is above this; below 0 the term has the mask itself, or all samples.
+    /// A sample is of the region where the mask is above this; below 0 the term has the mask itself, or all
+    /// samples.
     pub region: f32,
     /// The lower end of the intensity range, relative to the background in units of the fit.
     pub low: f32,
@@ -101,7 +102,7 @@ pub struct Sum {
 }
 
 impl Sum {
-    /// The mean value; 0 where nothing has a weight.
+    /// Returns the mean value; 0 where nothing has a weight.
     pub fn mean(&self) -> f64 {
         if self.weight > 0.0 { self.value / self.weight } else { 0.0 }
     }
@@ -121,8 +122,8 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// The given terms over chunks of at most `chunk_slots` slots, `chunks` of them; samples and adjoints in that
-    /// storage.
+    /// Makes the given terms over chunks of at most `chunk_slots` slots, `chunks` of them; samples and
+    /// adjoints in that storage.
     pub fn new(
         gpu: &Gpu,
         terms: &[Weighted],
@@ -132,7 +133,7 @@ impl Losses {
         chunks: usize,
     ) -> Result<Self> {
         let last = terms.len().saturating_sub(1);
-        let shape = Shape::of(gpu);
+        let shape = WorkgroupShape::of(gpu);
         let kernels: Result<Vec<_>> = terms
             .iter()
             .enumerate()
@@ -167,14 +168,14 @@ impl Losses {
         })
     }
 
-    /// Whether all chunks must be rasterised and summed by [`Losses::record_overlap`] before the first
+    /// True if all chunks must be rasterised and summed by [`Losses::record_overlap`] before the first
     /// [`Losses::record`] of a step.
     pub fn need_overlap(&self) -> bool {
         self.overlaps.iter().any(Option::is_some)
     }
 
-    /// Records what terms need of all samples before they begin, of the chunk that owns `slots`; chunks come in order.
-    /// Nothing where no term needs it.
+    /// Records what terms need of all samples before they begin, of the chunk that owns `slots`; chunks come
+    /// in order. Nothing where no term needs it.
     pub fn record_overlap(
         &mut self,
         recorder: &mut Recorder,
@@ -203,19 +204,19 @@ impl Losses {
         for (i, (term, kernel)) in terms.iter().zip(&self.kernels).enumerate() {
             let mut pass = recorder
                 .pass(kernel)
-                .read(targets)
-                .read(reconstructions)
-                .write(&mut self.adjoints)
-                .write(&mut self.sums[chunk * count + i]);
+                .read("targets", targets)
+                .read("reconstructions", reconstructions)
+                .write("adjoints", &mut self.adjoints)
+                .write("loss_sums", &mut self.sums[chunk * count + i]);
             if let Some(overlap) = &self.overlaps[i] {
-                pass = pass.read(&overlap.total);
+                pass = pass.read("overlap", &overlap.total);
             }
             pass.push(&term.params(self.epsilon)).dispatch(slots as u32);
         }
     }
 
-    /// The sums of the step that was finished last, one per term in the order given. Waits for the device; summed in
-    /// f64 in a fixed order.
+    /// Reads the sums of the step that was finished last, one per term in the order given. Waits for the
+    /// device; summed in f64 in a fixed order.
     pub fn sums(&self) -> Result<Vec<Sum>> {
         let count = self.kernels.len();
         let mut out = vec![Sum::default(); count];

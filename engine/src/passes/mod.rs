@@ -1,5 +1,34 @@
-//! One file per kernel or group of kernels that belong together: the pipelines, the scratch buffers, and how they are
-//! recorded. A pass knows buffers and counts; what they mean for a fit is `fit`'s business.
+//! The host side of the kernels: the pipelines, the scratch buffers, and how they are recorded. One file per
+//! kernel or group of kernels that belong together. A pass knows buffers and counts; what they mean for a fit
+//! is `fit`'s business.
+//!
+//! | file | kernels recorded there | what it is |
+//! |---|---|---|
+//! | `scan` | `scan_sums`, `scan_offsets`, `scan_apply` | prefix sums of any buffer |
+//! | `radix_sort` | `radix_count`, `radix_scatter` | sorting of any keys and values |
+//! | `rows` | `gather_rows`, `scatter_rows` | rows of any buffer by a list of indices |
+//! | `pair_lists` | `brick_ranges` | pairs summed up, sorted, and found by list: what both binners share |
+//! | `sample_grid` | | the bricks of a fit, in chunks that a binding holds |
+//! | `bin` | `splat_bounds`, `emit_pairs`, `pair_masks`, `cell_masks` | which splats reach which samples of a fit |
+//! | `rasterise` | `splat_to_volume` | splats to samples |
+//! | `sample` | | the field at voxels, in HU |
+//! | `loss` | `loss_dice`, `loss_kl`, `loss_leak`, `loss_mse`, `loss_occupancy`, `loss_square` | its terms |
+//! | `overlap` | `overlap_sums`, `sum_triples` | the sums over all samples that a Dice loss needs first |
+//! | `gradient` | `splat_to_volume_grad`, `moments_to_grad` | the backward pass |
+//! | `adam` | `adam` | the optimiser |
+//! | `activity` | `mark_active`, `list_active` | which splats a look can show |
+//! | `ranking` | `limit_active` | an order of importance, for listings with a budget |
+//! | `tiles` | `blind_parts`, `project_splats`, `emit_tile_pairs` | splats to tiles and blocks of planes |
+//! | `quads` | `project_quads` | splats to quads |
+//! | `occupancy` | `occupancy_mark`, `occupancy_spread` | which bricks of a volume a look can show |
+//! | `render/slab` | `slab` | the modes slab and exact |
+//! | `render/raymarch` | `raymarch` | the modes volume and decoded |
+//! | `views`, `splat_rows` | | what kernels are told of views, and of splats |
+//! | `storage`, `workgroup_shape` | | how samples are stored, how wide workgroups are |
+//! | `submission_pacer` | | how much work one submission takes |
+//! | `work` | | counts of what a frame was made of |
+//!
+//! A test holds the table against the sources: every kernel is named in it once, and used in that file alone.
 
 pub mod activity;
 pub mod adam;
@@ -8,18 +37,22 @@ pub mod gradient;
 pub mod loss;
 pub mod occupancy;
 pub mod overlap;
-mod pace;
+mod pair_lists;
 pub mod quads;
 pub mod radix_sort;
+mod ranking;
 pub mod rasterise;
 pub mod rows;
 mod sample;
+mod sample_grid;
 pub mod scan;
 pub mod splat_rows;
 mod storage;
+mod submission_pacer;
 pub mod tiles;
 pub mod views;
 mod work;
+mod workgroup_shape;
 
 pub use activity::Activity;
 pub use adam::Adam;
@@ -28,36 +61,22 @@ pub use gradient::Gradient;
 pub use loss::Losses;
 pub use occupancy::Occupancy;
 pub use overlap::Overlap;
-pub use pace::Pace;
 pub use quads::Quads;
 pub use radix_sort::RadixSort;
+pub use ranking::Ranking;
 pub use rasterise::Rasteriser;
 pub use rows::Rows;
 pub use sample::{FieldSample, Sampler};
+pub use sample_grid::SampleGrid;
 pub use scan::Scan;
 pub use shaders_glsl::types::{Adjoint, Reconstruction, SplatGrad, Target};
 pub use splat_rows::SplatRows;
 pub use storage::Storage;
+pub use submission_pacer::SubmissionPacer;
 pub use tiles::TileBinner;
 pub use views::Views;
 pub use work::Work;
+pub use workgroup_shape::WorkgroupShape;
 
-use crate::gpu::Gpu;
-
-/// How wide the workgroups of the forward and the backward pass are; the value is their invocations. Eight of them own a
-/// cell or a splat. The result has the same bits in either shape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Shape {
-    /// One cell or splat at a time, so that all its loads are uniform: for CPU drivers.
-    OneByOne = 8,
-    /// Eight side by side: for GPUs, which want full subgroups.
-    SideBySide = 64,
-}
-
-impl Shape {
-    /// What suits a device: one at a time where 8 invocations fill a subgroup.
-    pub fn of(gpu: &Gpu) -> Self {
-        if gpu.description().subgroup_size <= 8 { Shape::OneByOne } else { Shape::SideBySide }
-    }
-}
+#[cfg(test)]
+mod tests;

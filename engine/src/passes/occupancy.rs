@@ -1,5 +1,5 @@
-//! Which bricks of a volume a look can show something of, and how far each is from the next of them: what a ray march
-//! leaps over empty space by.
+//! Which bricks of a volume a look can show something of, and how far each is from the next of them: what a
+//! ray march leaps over empty space by.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{BrickGrid, Look, OccupancyParams, SpreadParams};
@@ -7,10 +7,6 @@ use shaders_glsl::types::{BrickGrid, Look, OccupancyParams, SpreadParams};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Bricks of a workgroup that marks.
-const GROUP: usize = 64;
-/// Edge of the square of bricks of a workgroup that measures distances.
-const SQUARE: u32 = 8;
 /// Distance, in bricks, of what is farther away than that or farther than anything.
 pub const FARTHEST: u32 = 16;
 
@@ -20,14 +16,15 @@ pub struct Occupancy {
     spread: Kernel,
     grid: BrickGrid,
     intervals: Buffer<[f32; 2]>,
-    /// For each brick the Chebyshev distance to the nearest that can be seen, in bricks; at most [`FARTHEST`].
+    /// For each brick the Chebyshev distance to the nearest that can be seen, in bricks; at most
+    /// [`FARTHEST`].
     pub distances: Buffer<u32>,
     scratch: Buffer<u32>,
 }
 
 impl Occupancy {
-    /// For bricks that hold these intervals of intensity, x fastest; an interval that ends before it begins holds
-    /// nothing.
+    /// Makes the passes for bricks that hold these intervals of intensity, x fastest; an interval that ends
+    /// before it begins holds nothing.
     ///
     /// # Panics
     /// If there is not one interval for each brick.
@@ -36,7 +33,7 @@ impl Occupancy {
         assert_eq!(intervals.len(), count, "one interval for each brick");
         let limits = gpu.limits();
         let most = (limits.storage_range as usize / size_of::<[f32; 2]>())
-            .min(limits.workgroups as usize * GROUP)
+            .min(limits.workgroups as usize * glsl::OCCUPANCY_MARK.width() as usize)
             .min(u32::MAX as usize);
         if count > most {
             return Err(Error::new(
@@ -56,26 +53,27 @@ impl Occupancy {
         })
     }
 
-    /// Records it for a look. `visible[i]` is how many entries of the look's table before `i` are visible.
+    /// Records the distances for a look. `visible[i]` is how many entries of the look's table before `i` are
+    /// visible.
     pub fn record(&mut self, recorder: &mut Recorder, look: &Buffer<Look>, visible: &Buffer<u32>) {
         let count = self.intervals.len();
         recorder
             .pass(&self.mark)
-            .read(look)
-            .read(visible)
-            .read(&self.intervals)
-            .write(&mut self.scratch)
+            .read("look_rows", look)
+            .read("visible_before", visible)
+            .read("intervals", &self.intervals)
+            .write("distances", &mut self.scratch)
             .push(&OccupancyParams { count: count as u32, most: FARTHEST })
-            .dispatch(count.div_ceil(GROUP) as u32);
+            .dispatch_over(count as u32);
         let [x, y, z] = self.grid.bricks;
         let (mut from, mut to) = (&mut self.scratch, &mut self.distances);
         for axis in 0..3 {
             recorder
                 .pass(&self.spread)
-                .read(from)
-                .write(to)
+                .read("before", from)
+                .write("after", to)
                 .push(&SpreadParams { grid: self.grid, axis })
-                .dispatch_3d([x.div_ceil(SQUARE), y.div_ceil(SQUARE), z]);
+                .dispatch_over_3d([x, y, z]);
             std::mem::swap(&mut from, &mut to);
         }
     }

@@ -1,14 +1,14 @@
-//! Sums over all samples that a Dice loss needs before its adjoints: Σ pt, Σ p and Σ t of what is predicted, p, and wanted,
-//! t, brick by brick, then over the bricks, in a fixed order whatever the chunks.
+//! Sums over all samples that a Dice loss needs before its adjoints: Σ pt, Σ p and Σ t of what is predicted,
+//! p, and wanted, t, brick by brick, then over the bricks, in a fixed order whatever the chunks.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{OverlapParams, SumParams, Target};
 
-use super::{Shape, Storage};
+use super::{Storage, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// How what is predicted and what is wanted overlap.
+/// The kernels that sum how what is predicted and what is wanted overlap.
 pub struct Overlap {
     region: f32,
     low: f32,
@@ -31,7 +31,7 @@ impl Overlap {
         region: f32,
         low: f32,
     ) -> Result<Self> {
-        let constants = [storage as u32, Shape::of(gpu) as u32, quantity];
+        let constants = [storage as u32, WorkgroupShape::of(gpu) as u32, quantity];
         Ok(Overlap {
             region,
             low,
@@ -42,7 +42,8 @@ impl Overlap {
         })
     }
 
-    /// Records the sums of the chunk that owns `slots`, then the total of all slots up to its last; chunks come in order.
+    /// Records the sums of the chunk that owns `slots`, then the total of all slots up to its last; chunks
+    /// come in order.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -52,15 +53,15 @@ impl Overlap {
     ) {
         recorder
             .pass(&self.overlap_sums)
-            .read(targets)
-            .read(reconstructions)
-            .write(&mut self.partials)
+            .read("targets", targets)
+            .read("reconstructions", reconstructions)
+            .write("partials", &mut self.partials)
             .push(&OverlapParams { first_slot: slots.start as u32, region: self.region, low: self.low })
             .dispatch(slots.len() as u32);
         recorder
             .pass(&self.sum_triples)
-            .read(&self.partials)
-            .write(&mut self.total)
+            .read("partials", &self.partials)
+            .write("total", &mut self.total)
             .push(&SumParams { count: slots.end as u32 })
             .dispatch(1);
     }

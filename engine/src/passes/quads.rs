@@ -1,22 +1,18 @@
 //! Splats to quads: one for each view, in one order for all views, and how many there are to draw.
 
 use shaders_glsl as glsl;
+pub use shaders_glsl::project_quads::ORDER_BITS;
 use shaders_glsl::types::{Appearance, Centre, Look, Quad, QuadParams};
 
-use super::{RadixSort, Shape, SplatRows, Views, Work};
+use super::{RadixSort, SplatRows, Views, Work, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Invocations of a workgroup of `project_quads`.
-const GROUP: usize = 64;
-/// Bits of the sort key: steps of 1/260,000 of the scene. `project_quads` has the same number.
-pub const ORDER_BITS: u32 = 18;
-
-/// Vertices of a quad on a device; `include/alpha.glsl` says why. The picture is the same.
+/// Counts the vertices of a quad on a device; `include/alpha.glsl` says why. The picture is the same.
 pub fn corners(gpu: &Gpu) -> u32 {
-    match Shape::of(gpu) {
-        Shape::OneByOne => 3,
-        Shape::SideBySide => 6,
+    match WorkgroupShape::of(gpu) {
+        WorkgroupShape::OneByOne => 3,
+        WorkgroupShape::SideBySide => 6,
     }
 }
 
@@ -41,15 +37,15 @@ pub struct QuadSources<'a> {
 pub struct QuadVariant {
     /// Vertices of a quad; see [`corners`].
     pub corners: u32,
-    /// Whether colour and opacity are the splats' own.
+    /// True if colour and opacity are the splats' own.
     pub standard: bool,
-    /// Whether surfaces are lit.
+    /// True if surfaces are lit.
     pub shaded: bool,
-    /// Whether rows are packed.
+    /// True if rows are packed.
     pub packed: bool,
-    /// Whether objects have tints and opacities.
+    /// True if objects have tints and opacities.
     pub objects: bool,
-    /// Whether views come with patches, and what lies in blind ones is left out.
+    /// True if views come with patches, and what lies in blind ones is left out.
     pub blind: bool,
 }
 
@@ -65,7 +61,7 @@ pub struct Quads {
 }
 
 impl Quads {
-    /// For so many splats in so many views.
+    /// Makes room for so many splats in so many views.
     pub fn new(gpu: &Gpu, views: u32, splat_count: usize) -> Result<Self> {
         Ok(Quads {
             sort: RadixSort::new(gpu, splat_count)?,
@@ -75,15 +71,15 @@ impl Quads {
         })
     }
 
-    /// A `project_quads`.
+    /// Makes a `project_quads`.
     pub fn kernel(gpu: &Gpu, variant: QuadVariant) -> Result<Kernel> {
         let QuadVariant { corners, standard, shaded, packed, objects, blind } = variant;
         let flags = [standard, shaded, packed, objects, blind].map(u32::from);
         Kernel::new(gpu, &glsl::PROJECT_QUADS, &[&[corners][..], &flags].concat())
     }
 
-    /// Records projection, by a [`Quads::kernel`], and sorting of the active splats, of which there are at most
-    /// `params.splat_count`.
+    /// Records projection, by a [`Quads::kernel`], and sorting of the active splats, of which there are at
+    /// most `params.splat_count`.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -97,39 +93,39 @@ impl Quads {
         let (keys, values) = self.sort.input();
         recorder
             .pass(kernel)
-            .read(&views.rows)
-            .read(sources.look.0)
-            .read(sources.look.1)
-            .read(sources.look.2)
-            .read(&sources.splats.rows)
-            .read(&sources.splats.chunks)
-            .read(sources.centres)
-            .read(sources.harmonics)
-            .read(sources.active.0)
-            .read(sources.active.1)
-            .write(&mut self.rows)
-            .write(keys)
-            .write(values)
-            .write_words(&mut self.arguments)
-            .read(sources.objects.0)
-            .read(sources.objects.1)
-            .read(&views.patches)
+            .read("views", &views.rows)
+            .read("look_rows", sources.look.0)
+            .read("look_points", sources.look.1)
+            .read("look_integrals", sources.look.2)
+            .read("rows", &sources.splats.rows)
+            .read("chunks", &sources.splats.chunks)
+            .read("centres", sources.centres)
+            .read("harmonic_halves", sources.harmonics)
+            .read("active_splats", sources.active.0)
+            .read("active_count", sources.active.1)
+            .write("quads", &mut self.rows)
+            .write("keys", keys)
+            .write("values", values)
+            .write_words("arguments", &mut self.arguments)
+            .read("active_objects", sources.objects.0)
+            .read("appearances", sources.objects.1)
+            .read("patches", &views.patches)
             .push(&QuadParams { range: sources.splats.range, ..*params })
-            .dispatch(params.splat_count.div_ceil(GROUP as u32));
+            .dispatch_over(params.splat_count);
         self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);
     }
 
-    /// What the last frame was made of, when `shown` splats were listed for it.
+    /// Counts what the last frame was made of, when `shown` splats were listed for it.
     pub fn work(&self, shown: u64) -> Work {
         Work { rows: self.splats as u64, sorted: shown, ..self.sort.work(ORDER_BITS) }
     }
 
-    /// Sort keys from back to front.
+    /// Returns the sort keys from back to front.
     pub fn sorted_keys(&self) -> &Buffer<u32> {
         self.sort.sorted_keys(ORDER_BITS)
     }
 
-    /// Rows of the quads from back to front; those that no view shows come last.
+    /// Returns the rows of the quads from back to front; those that no view shows come last.
     pub fn order(&self) -> &Buffer<u32> {
         self.sort.sorted_values(ORDER_BITS)
     }

@@ -1,17 +1,16 @@
-//! Stable least-significant-digit radix sort of (u32 key, u32 value) pairs, 6 bits a pass, without subgroup operations
-//! and without a readback: the number of pairs is read from a buffer.
+//! Stable least-significant-digit radix sort of (u32 key, u32 value) pairs, 6 bits a pass, without subgroup
+//! operations and without a readback: the number of pairs is read from a buffer.
 
 use shaders_glsl as glsl;
+use shaders_glsl::radix::{DIGIT_BITS, RADIX_BLOCK};
 use shaders_glsl::types::RadixParams;
 
 use super::{Scan, Work};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Bits of a digit.
-const DIGIT_BITS: u32 = 6;
 /// Pairs that one workgroup moves.
-const BLOCK: usize = 2048;
+const BLOCK: usize = RADIX_BLOCK as usize;
 
 /// The sort with its buffers; keys and values are written by others into [`RadixSort::input`].
 pub struct RadixSort {
@@ -26,7 +25,7 @@ pub struct RadixSort {
 }
 
 impl RadixSort {
-    /// A sort of at most `capacity` pairs.
+    /// Makes a sort of at most `capacity` pairs.
     pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self> {
         let blocks = capacity.div_ceil(BLOCK).max(1);
         let table = blocks << DIGIT_BITS;
@@ -43,12 +42,12 @@ impl RadixSort {
         })
     }
 
-    /// The most pairs this sort was made for.
+    /// Returns the most pairs this sort was made for.
     pub fn capacity(&self) -> usize {
         self.keys[0].len()
     }
 
-    /// What a sort by so many bits is made of, whatever it sorts.
+    /// Returns what a sort by so many bits is made of, whatever it sorts.
     pub fn work(&self, bits: u32) -> Work {
         let digits = u64::from(bits.div_ceil(DIGIT_BITS));
         Work {
@@ -59,14 +58,14 @@ impl RadixSort {
         }
     }
 
-    /// Where the unsorted keys and values go.
+    /// Returns where the unsorted keys and values go.
     pub fn input(&mut self) -> (&mut Buffer<u32>, &mut Buffer<u32>) {
         let ([keys, _], [values, _]) = (&mut self.keys, &mut self.values);
         (keys, values)
     }
 
-    /// Records the sort of the first `counts[count_index]` pairs by keys of at most `bits` bits, and gives sorted keys and
-    /// values.
+    /// Records the sort of the first `counts[count_index]` pairs by keys of at most `bits` bits, and gives
+    /// sorted keys and values.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -84,9 +83,9 @@ impl RadixSort {
             };
             recorder
                 .pass(&self.count)
-                .read(counts)
-                .read(&self.keys[from])
-                .write(&mut self.table)
+                .read("counts", counts)
+                .read("keys", &self.keys[from])
+                .write("table", &mut self.table)
                 .push(&params)
                 .dispatch(self.blocks as u32);
             self.scan.record(recorder, &self.table, self.blocks << DIGIT_BITS, &mut self.offsets);
@@ -98,12 +97,12 @@ impl RadixSort {
             };
             recorder
                 .pass(&self.scatter)
-                .read(counts)
-                .read(keys_from)
-                .read(values_from)
-                .read(&self.offsets)
-                .write(keys_to)
-                .write(values_to)
+                .read("counts", counts)
+                .read("keys", keys_from)
+                .read("values", values_from)
+                .read("offsets", &self.offsets)
+                .write("sorted_keys", keys_to)
+                .write("sorted_values", values_to)
                 .push(&params)
                 .dispatch(self.blocks as u32);
             from = 1 - from;
@@ -111,12 +110,12 @@ impl RadixSort {
         (&self.keys[from], &self.values[from])
     }
 
-    /// The keys as [`RadixSort::record`] with the same `bits` left them.
+    /// Returns the keys as [`RadixSort::record`] with the same `bits` left them.
     pub fn sorted_keys(&self, bits: u32) -> &Buffer<u32> {
         &self.keys[(bits.div_ceil(DIGIT_BITS) % 2) as usize]
     }
 
-    /// The values as [`RadixSort::record`] with the same `bits` left them.
+    /// Returns the values as [`RadixSort::record`] with the same `bits` left them.
     pub fn sorted_values(&self, bits: u32) -> &Buffer<u32> {
         &self.values[(bits.div_ceil(DIGIT_BITS) % 2) as usize]
     }

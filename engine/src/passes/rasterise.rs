@@ -3,8 +3,8 @@
 use shaders_glsl as glsl;
 use shaders_glsl::types::{RasterParams, Reconstruction};
 
-use super::bin::{CELLS, SampleGrid};
-use super::{Binner, Pace, Shape, Storage};
+use super::bin::CELLS;
+use super::{Binner, SampleGrid, Storage, SubmissionPacer, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::{self, Splat};
@@ -12,13 +12,13 @@ use crate::volume::Bricks;
 use crate::volume::bricks::SAMPLES;
 
 /// Cells of one workgroup.
-const CELLS_PER_GROUP: usize = 8;
+const CELLS_PER_GROUP: usize = glsl::splat_to_volume::CELLS_PER_GROUP as usize;
 
 /// The forward pass over a fixed sample grid and a fixed number of splats.
 pub struct Rasteriser {
     gpu: Gpu,
     kernel: Kernel,
-    pace: Pace,
+    pace: SubmissionPacer,
     /// The sample grid.
     pub grid: SampleGrid,
     /// Bins of the chunk that was rasterised last.
@@ -32,7 +32,8 @@ pub struct Rasteriser {
 }
 
 impl Rasteriser {
-    /// For `splat_count` splats in local voxel coordinates of `bricks`, in full storage. `epsilon` is ε of equation (2).
+    /// Makes the pass for `splat_count` splats in local voxel coordinates of `bricks`, in full storage.
+    /// `epsilon` is ε of equation (2).
     pub fn new(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -43,7 +44,7 @@ impl Rasteriser {
         Self::with_storage(gpu, kernel, epsilon, bricks, splat_count, Storage::Full)
     }
 
-    /// The same in a storage of the caller's choice.
+    /// Makes the pass in a storage of the caller's choice.
     pub fn with_storage(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -52,10 +53,10 @@ impl Rasteriser {
         splat_count: usize,
         storage: Storage,
     ) -> Result<Self> {
-        Self::with_shape(gpu, kernel, epsilon, bricks, splat_count, storage, Shape::of(gpu))
+        Self::with_shape(gpu, kernel, epsilon, bricks, splat_count, storage, WorkgroupShape::of(gpu))
     }
 
-    /// The same in a shape of the caller's choice; the result has the same bits.
+    /// Makes the pass in a shape of the caller's choice; the result has the same bits.
     pub fn with_shape(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -63,13 +64,13 @@ impl Rasteriser {
         bricks: &Bricks,
         splat_count: usize,
         storage: Storage,
-        shape: Shape,
+        shape: WorkgroupShape,
     ) -> Result<Self> {
         let grid = SampleGrid::new(gpu, bricks, storage.bytes())?;
         Ok(Rasteriser {
             gpu: gpu.clone(),
             kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), shape as u32, storage as u32])?,
-            pace: Pace::new(glsl::SPLAT_TO_VOLUME.name),
+            pace: SubmissionPacer::new(glsl::SPLAT_TO_VOLUME.name),
             bins: Binner::new(gpu, kernel, &grid, splat_count)?,
             reconstructions: gpu.buffer(
                 "reconstruction",
@@ -83,7 +84,7 @@ impl Rasteriser {
         })
     }
 
-    /// Room for another number of splats. Nothing may be in flight.
+    /// Makes room for another number of splats. Nothing may be in flight.
     pub fn resize(&mut self, splat_count: usize) -> Result<()> {
         self.bins.resize(splat_count)
     }
@@ -105,12 +106,12 @@ impl Rasteriser {
         self.pace.run(&self.gpu, recorder, groups, limit, |recorder, first, count| {
             recorder
                 .pass(kernel)
-                .read(&bins.starts)
-                .read(bins.pair_splats())
-                .read(&bins.cell_masks)
-                .read(&bins.footprints)
-                .read(coordinates)
-                .write(out)
+                .read("starts", bins.starts())
+                .read("pair_splats", bins.pair_splats())
+                .read("cell_masks", &bins.cell_masks)
+                .read("footprints", &bins.footprints)
+                .read("brick_coordinates", coordinates)
+                .write("reconstructions", out)
                 .push(&RasterParams { grid, first_cell: (first * CELLS_PER_GROUP) as u32, epsilon })
                 .dispatch(count as u32);
         })

@@ -7,9 +7,6 @@ use shaders_glsl::types::RowParams;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Words of one workgroup.
-const GROUP: usize = 256;
-
 /// The two kernels.
 pub struct Rows {
     gather: Kernel,
@@ -17,7 +14,7 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// For rows of any type.
+    /// Makes the kernels, for rows of any type.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Rows {
             gather: Kernel::new(gpu, &glsl::GATHER_ROWS, &[])?,
@@ -34,14 +31,14 @@ impl Rows {
         first: usize,
         gathered: &mut Buffer<T>,
     ) {
-        let (params, groups) = params::<T>(gathered.len(), first);
+        let (params, words) = params::<T>(gathered.len(), first);
         recorder
             .pass(&self.gather)
-            .read_words(rows)
-            .read(indices)
-            .write_words(gathered)
+            .read_words("rows", rows)
+            .read("indices", indices)
+            .write_words("gathered", gathered)
             .push(&params)
-            .dispatch(groups);
+            .dispatch_over(words);
     }
 
     /// Records `rows[indices[first + i]] = gathered[i]` for all of `gathered`; these indices must differ.
@@ -53,19 +50,19 @@ impl Rows {
         first: usize,
         rows: &mut Buffer<T>,
     ) {
-        let (params, groups) = params::<T>(gathered.len(), first);
+        let (params, words) = params::<T>(gathered.len(), first);
         recorder
             .pass(&self.scatter)
-            .read_words(gathered)
-            .read(indices)
-            .write_words(rows)
+            .read_words("gathered", gathered)
+            .read("indices", indices)
+            .write_words("rows", rows)
             .push(&params)
-            .dispatch(groups);
+            .dispatch_over(words);
     }
 }
 
+/// Returns push constants and words for so many rows.
 fn params<T>(count: usize, first: usize) -> (RowParams, u32) {
     let words = size_of::<T>() / size_of::<u32>();
-    let groups = (count * words).div_ceil(GROUP) as u32;
-    (RowParams { count: count as u32, words: words as u32, first: first as u32 }, groups)
+    (RowParams { count: count as u32, words: words as u32, first: first as u32 }, (count * words) as u32)
 }

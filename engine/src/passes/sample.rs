@@ -1,4 +1,5 @@
-//! The field of a set of splats at the voxels of a brick grid, in HU: what is measured, and what is decoded to be shown.
+//! The field of a set of splats at the voxels of a brick grid, in HU: what is measured, and what is decoded
+//! to be shown.
 
 use super::Rasteriser;
 use crate::error::Result;
@@ -28,12 +29,12 @@ pub struct Sampler {
     occupancy_w0: f32,
 }
 
-/// Intensities further than this from the background, HU, go to the device as parts of the furthest: otherwise their
-/// products with weights could leave f32.
+/// Intensities further than this from the background, HU, go to the device as parts of the furthest:
+/// otherwise their products with weights could leave f32.
 const FAR_HU: f64 = 1e12;
 
 impl Sampler {
-    /// For the samples of `bricks`; splats in voxel coordinates of the volume and HU.
+    /// Makes a sampler for the samples of `bricks`; splats in voxel coordinates of the volume and HU.
     pub fn new(gpu: &Gpu, splats: &[Splat], field: &Field, bricks: &Bricks) -> Result<Self> {
         let origin = bricks.origin.as_vec3().to_array();
         let away = |s: &Splat| f64::from(s.intensity) - f64::from(field.background);
@@ -59,7 +60,8 @@ impl Sampler {
         })
     }
 
-    /// All samples at one offset, in memory order of the bricks. Samples that take no part may hold anything.
+    /// Reads all samples at one offset, in memory order of the bricks. Samples that take no part may hold
+    /// anything.
     pub fn sample(&mut self, offset: [f32; 3]) -> Result<Vec<FieldSample>> {
         let got = self.rasteriser.rasterise(&self.splats, offset)?;
         Ok(got

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
 /// Elements that one workgroup scans.
-const BLOCK: usize = 4096;
+const BLOCK: usize = glsl::scan::SCAN_BLOCK as usize;
 
 /// The prefix sum and its scratch buffer.
 pub struct Scan {
@@ -18,7 +18,7 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// A scan of at most `capacity` elements.
+    /// Makes a scan of at most `capacity` elements.
     pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self> {
         Ok(Scan {
             sums: Kernel::new(gpu, &glsl::SCAN_SUMS, &[])?,
@@ -28,7 +28,8 @@ impl Scan {
         })
     }
 
-    /// Records `offsets[i] = values[0] + .. + values[i - 1]` for i in 0..=count; `offsets` has one element more.
+    /// Records `offsets[i] = values[0] + .. + values[i - 1]` for i in 0..=count; `offsets` has one element
+    /// more.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -42,20 +43,20 @@ impl Scan {
         let params = ScanParams { count: count as u32 };
         recorder
             .pass(&self.sums)
-            .read(values)
-            .write(&mut self.block_sums)
+            .read("values", values)
+            .write("block_sums", &mut self.block_sums)
             .push(&params)
             .dispatch(blocks as u32);
         recorder
             .pass(&self.offsets)
-            .write(&mut self.block_sums)
+            .write("block_sums", &mut self.block_sums)
             .push(&ScanParams { count: blocks as u32 })
             .dispatch(1);
         recorder
             .pass(&self.apply)
-            .read(values)
-            .read(&self.block_sums)
-            .write(offsets)
+            .read("values", values)
+            .read("block_sums", &self.block_sums)
+            .write("offsets", offsets)
             .push(&params)
             .dispatch(blocks as u32);
     }

@@ -14,7 +14,7 @@ pub struct SplatRows {
     pub chunks: Buffer<PackedChunk>,
     /// Ranges of a packed set.
     pub range: PackedRange,
-    /// Whether they are packed; the constant that kernels take.
+    /// True if they are packed; the constant that kernels take.
     pub packed: bool,
 }
 
@@ -39,7 +39,7 @@ impl SplatRows {
         })
     }
 
-    /// The splats as kernels see them. Waits for the device.
+    /// Reads the splats as kernels see them. Waits for the device.
     pub fn read(&self) -> Result<Vec<Splat>> {
         let rows = self.rows.read()?;
         if !self.packed {

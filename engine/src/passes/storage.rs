@@ -1,22 +1,23 @@
-//! How the two numbers of a sample (W and V̂, or A and H) are stored between the passes of a step; the other side is
-//! `include/storage.glsl`. What is summed, and all that belongs to a splat, is f32 in any case.
+//! How the two numbers of a sample (W and V̂, or A and H) are stored between the passes of a step; the other
+//! side is `include/storage.glsl`. What is summed, and all that belongs to a splat, is f32 in any case.
 
 use bytemuck::Pod;
 use serde::{Deserialize, Serialize};
+use shaders_glsl::storage::{STORAGE_FULL, STORAGE_MIXED};
 
-/// How samples are stored between the passes of a step.
+/// The way samples are stored between the passes of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[repr(u32)]
 pub enum Storage {
     /// f32: two words a sample.
-    Full = 0,
+    Full = STORAGE_FULL,
     /// f16: one word a sample. Rounded to nearest; at most ±65504, so that there is no infinity.
-    Mixed = 1,
+    Mixed = STORAGE_MIXED,
 }
 
 impl Storage {
-    /// Words of one sample.
+    /// Counts the words of one sample.
     pub fn words(self) -> usize {
         match self {
             Storage::Full => 2,
@@ -24,12 +25,12 @@ impl Storage {
         }
     }
 
-    /// Bytes of one sample.
+    /// Counts the bytes of one sample.
     pub fn bytes(self) -> usize {
         self.words() * size_of::<u32>()
     }
 
-    /// The samples in stored words: `Reconstruction`s or `Adjoint`s, two f32 each.
+    /// Returns the samples in stored words: `Reconstruction`s or `Adjoint`s, two f32 each.
     ///
     /// # Panics
     /// If a sample is not two f32, or the words are no whole number of samples.
@@ -44,7 +45,7 @@ impl Storage {
     }
 }
 
-/// The f16 with these bits.
+/// Returns the f16 with these bits.
 fn from_half(bits: u16) -> f32 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f32::from(bits & 1023));
     let magnitude = match exponent {

@@ -1,22 +1,18 @@
-//! Splats to the tiles and blocks of planes that they reach: projection, pairs sorted by (view, tile, block), and where
-//! the pairs of each begin.
+//! Splats to the tiles and blocks of planes that they reach: projection, pairs sorted by (view, tile, block),
+//! and where the pairs of each begin.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{BlindParams, EmitParams, ProjectParams, Projected, RangeParams, TileGrid};
+pub use shaders_glsl::tiles::TILE;
+use shaders_glsl::types::{BlindParams, EmitParams, ProjectParams, Projected, TileGrid};
 
-use super::{RadixSort, Scan, SplatRows, Views, Work};
+use super::pair_lists::{PairLists, key_bits};
+use super::{SplatRows, Views, Work};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat;
 
-/// Pixels along the edge of a tile.
-pub const TILE: u32 = 16;
-/// Invocations of a workgroup of the kernels that own a splat.
-const GROUP: usize = 64;
-/// Pairs of one workgroup of `brick_ranges`.
-const PAIR_GROUP: u32 = 256;
-/// Most rows of projected splats: a pair keeps 8 of its 32 bits for the parts of a tile.
-const MOST_ROWS: usize = 1 << 24;
+/// Most rows of projected splats: a pair keeps the rest of its bits for the parts of a tile.
+const MOST_ROWS: usize = 1 << glsl::tiles::ROW_BITS;
 
 /// Sorts the splats of all views into tiles and blocks.
 pub struct TileBinner {
@@ -25,18 +21,13 @@ pub struct TileBinner {
     blind: Option<Kernel>,
     project: Kernel,
     emit: Kernel,
-    ranges: Kernel,
-    scan: Scan,
-    sort: RadixSort,
+    pairs: PairLists,
     /// Splats as each view sees them, [view][place among the active ones].
     pub projected: Buffer<Projected>,
     boxes: Buffer<[u32; 4]>,
-    pair_counts: Buffer<u32>,
-    pair_offsets: Buffer<u32>,
-    /// First pair of each (view, tile, block), and the total.
-    pub starts: Buffer<u32>,
     needed: Buffer<u32>,
-    /// Parts of each tile that no eye sees, a bit each, by view and tile; a single word where none are asked for.
+    /// Parts of each tile that no eye sees, a bit each, by view and tile; a single word where none are asked
+    /// for.
     pub blind_parts: Buffer<u32>,
     /// (View, tile, block)s of the grid that was recorded last.
     lists: usize,
@@ -47,8 +38,8 @@ pub struct TileBinner {
 }
 
 impl TileBinner {
-    /// For so many splats, packed or not, in so many views of a grid or of grids with fewer tiles, blocks and splats. Where
-    /// views come with patches, what lies in blind ones gets no pairs.
+    /// Makes a binner of so many splats, packed or not, in so many views of a grid or of grids with fewer
+    /// tiles, blocks and splats. Where views come with patches, what lies in blind ones gets no pairs.
     pub fn new(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -75,14 +66,9 @@ impl TileBinner {
             blind: blind.then(|| Kernel::new(gpu, &glsl::BLIND_PARTS, &[])).transpose()?,
             project: Kernel::new(gpu, &glsl::PROJECT_SPLATS, &[kernel.id(), u32::from(packed), flag])?,
             emit: Kernel::new(gpu, &glsl::EMIT_TILE_PAIRS, &[kernel.id(), flag])?,
-            ranges: Kernel::new(gpu, &glsl::BRICK_RANGES, &[])?,
-            scan: Scan::new(gpu, rows)?,
-            sort: RadixSort::new(gpu, (rows * 8).max(4096))?,
+            pairs: PairLists::new(gpu, rows, lists)?,
             projected: gpu.buffer("projected splats", "views", rows)?,
             boxes: gpu.buffer("boxes of tiles", "views", rows)?,
-            pair_counts: gpu.buffer("pair counts", "sorting", rows)?,
-            pair_offsets: gpu.buffer("pair offsets", "sorting", rows + 1)?,
-            starts: gpu.buffer("pair starts", "sorting", lists + 1)?,
             needed: gpu.readback("pairs needed", 1)?,
             blind_parts: gpu.buffer("blind parts of tiles", "sorting", tiles as usize)?,
             lists,
@@ -92,21 +78,19 @@ impl TileBinner {
         })
     }
 
-    /// Pairs that fit the buffers.
+    /// Returns how many pairs fit the buffers.
     pub fn capacity(&self) -> usize {
-        self.sort.capacity()
+        self.pairs.capacity()
     }
 
-    /// Pairs that the last frame that has finished needed.
+    /// Returns how many pairs the last frame that has finished needed.
     pub fn needed(&self) -> Result<usize> {
         Ok(self.needed.mapped()?[0] as usize)
     }
 
     /// Makes room for at least `pairs`, with a margin. Nothing may be in flight.
     pub fn grow(&mut self, pairs: usize) -> Result<()> {
-        let limits = self.gpu.limits();
-        let most = (limits.storage_range as usize / size_of::<u32>())
-            .min(limits.workgroups as usize * PAIR_GROUP as usize - 1);
+        let most = self.pairs.most(self.gpu.limits().storage_range as usize / size_of::<u32>());
         if pairs > most {
             return Err(Error::new(
                 Kind::Temporary,
@@ -117,8 +101,7 @@ impl TileBinner {
             )
             .help("render a smaller picture, fewer splats, or with a greater --step"));
         }
-        self.sort = RadixSort::new(&self.gpu, (pairs + pairs / 4).min(most))?;
-        Ok(())
+        self.pairs.make_room((pairs + pairs / 4).min(most))
     }
 
     /// Records projection and sorting of the active splats.
@@ -135,61 +118,53 @@ impl TileBinner {
         (active, count): (&Buffer<u32>, &Buffer<u32>),
     ) {
         self.lists = lists(grid, self.views);
-        assert!(self.lists < self.starts.len(), "{}: {} lists", self.starts.name(), self.lists);
+        let starts = &self.pairs.starts;
+        assert!(self.lists < starts.len(), "{}: {} lists", starts.name(), self.lists);
         let splats = grid.splat_count as usize;
         assert!(splats <= self.splat_count, "{}: {splats} splats", self.projected.name());
         let rows = splats * self.views as usize;
         self.rows = rows;
-        let groups = [splats.div_ceil(GROUP) as u32, self.views, 1];
+        let invocations = [splats as u32, self.views, 1];
         if let Some(blind) = &self.blind {
-            let tiles = (grid.tiles[0] * grid.tiles[1]).div_ceil(GROUP as u32);
+            let tiles = grid.tiles[0] * grid.tiles[1];
             recorder
                 .pass(blind)
-                .read(&views.patches)
-                .write(&mut self.blind_parts)
+                .read("patches", &views.patches)
+                .write("blind_parts", &mut self.blind_parts)
                 .push(&BlindParams { size: grid.size, tiles: grid.tiles })
-                .dispatch_3d([tiles, self.views, 1]);
+                .dispatch_over_3d([tiles, self.views, 1]);
         }
         recorder
             .pass(&self.project)
-            .read(&views.rows)
-            .read(&all.rows)
-            .read(&all.chunks)
-            .read(active)
-            .read(count)
-            .write(&mut self.projected)
-            .write(&mut self.boxes)
-            .write(&mut self.pair_counts)
-            .read(&self.blind_parts)
+            .read("views", &views.rows)
+            .read("rows", &all.rows)
+            .read("chunks", &all.chunks)
+            .read("active_splats", active)
+            .read("active_count", count)
+            .write("projected", &mut self.projected)
+            .write("boxes", &mut self.boxes)
+            .write("pair_counts", &mut self.pairs.counts)
+            .read("blind_parts", &self.blind_parts)
             .push(&ProjectParams { grid: *grid, range: all.range, background })
-            .dispatch_3d(groups);
-        self.scan.record(recorder, &self.pair_counts, rows, &mut self.pair_offsets);
-        recorder.copy(&self.pair_offsets, rows, &mut self.needed, 0, 1);
-        let (keys, values) = self.sort.input();
+            .dispatch_over_3d(invocations);
+        self.pairs.sum(recorder, rows, &mut self.needed, 0);
+        let (pair_offsets, keys, values) = self.pairs.input();
         recorder
             .pass(&self.emit)
-            .read(&views.rows)
-            .read(&self.projected)
-            .read(&self.boxes)
-            .read(&self.pair_offsets)
-            .write(keys)
-            .write(values)
-            .read(&self.blind_parts)
+            .read("views", &views.rows)
+            .read("projected", &self.projected)
+            .read("boxes", &self.boxes)
+            .read("pair_offsets", pair_offsets)
+            .write("keys", keys)
+            .write("values", values)
+            .read("blind_parts", &self.blind_parts)
             .push(&EmitParams { grid: *grid })
-            .dispatch_3d(groups);
-        let capacity = self.sort.capacity() as u32;
-        let bits = self.key_bits();
-        let (keys, _) = self.sort.record(recorder, &self.pair_offsets, rows, bits);
-        recorder
-            .pass(&self.ranges)
-            .read(&self.pair_offsets)
-            .read(keys)
-            .write(&mut self.starts)
-            .push(&RangeParams { slot_count: self.lists as u32, count_index: rows as u32, capacity })
-            .dispatch((capacity + 1).div_ceil(PAIR_GROUP));
+            .dispatch_over_3d(invocations);
+        self.pairs.sort(recorder, rows, key_bits(self.lists), self.lists as u32);
     }
 
-    /// What the last frame was made of, but for the splats that were listed for it. Waits for the device.
+    /// Counts what the last frame was made of, but for the splats that were listed for it. Waits for the
+    /// device.
     pub fn work(&self) -> Result<Work> {
         let area = |[left, top, right, bottom]: &[u32; 4]| u64::from(right - left) * u64::from(bottom - top);
         Ok(Work {
@@ -197,21 +172,23 @@ impl TileBinner {
             tiles: self.boxes.read()?[..self.rows].iter().map(area).sum(),
             sorted: self.needed()? as u64,
             lists: self.lists as u64,
-            ..self.sort.work(self.key_bits())
+            ..self.pairs.work(key_bits(self.lists))
         })
     }
 
-    fn key_bits(&self) -> u32 {
-        usize::BITS - self.lists.leading_zeros()
+    /// Returns the first pair of each (view, tile, block), and the total.
+    pub fn starts(&self) -> &Buffer<u32> {
+        &self.pairs.starts
     }
 
-    /// The value of each sorted pair: row of the projected splat, and parts of the tile in the upper 8 bits.
+    /// Returns the value of each sorted pair: row of the projected splat, and parts of the tile in the upper
+    /// 8 bits.
     pub fn pairs(&self) -> &Buffer<u32> {
-        self.sort.sorted_values(self.key_bits())
+        self.pairs.values(key_bits(self.lists))
     }
 }
 
-/// How many (view, tile, block)s there are.
+/// Counts the (view, tile, block)s.
 fn lists(grid: &TileGrid, views: u32) -> usize {
     (views * grid.tiles[0] * grid.tiles[1] * grid.blocks) as usize
 }

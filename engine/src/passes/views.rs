@@ -9,12 +9,14 @@ use crate::gpu::{Buffer, Gpu};
 pub struct Views {
     /// One for each.
     pub rows: Buffer<View>,
-    /// What is blind of their pictures, [`PATCH_WORDS`] for each; a single word where kernels do not ask for blind patches.
+    /// What is blind of their pictures, [`PATCH_WORDS`] for each; a single word where kernels do not ask for
+    /// blind patches.
     pub patches: Buffer<u32>,
 }
 
 impl Views {
-    /// So many, in host memory, of which nothing is blind at first; without patches where no kernel asks for them.
+    /// Makes so many, in host memory, of which nothing is blind at first; without patches where no kernel
+    /// asks for them.
     pub fn new(gpu: &Gpu, name: &str, count: u32, blind: bool) -> Result<Self> {
         let words = if blind { PATCH_WORDS * count as usize } else { 1 };
         Ok(Views {
@@ -23,8 +25,8 @@ impl Views {
         })
     }
 
-    /// Says where the eyes are, and for as many views as there are patches what is blind of their pictures. No submission
-    /// that reads them may be in flight.
+    /// Says where the eyes are, and for as many views as there are patches what is blind of their pictures.
+    /// No submission that reads them may be in flight.
     ///
     /// # Panics
     /// If there is another number of rows, or there are more patches than there is room for.

@@ -1,10 +1,12 @@
-//! What a frame of splats is made of, counted where it is made: sizes of lists that are on the device anyway. What is done
-//! for each pixel is counted by the shaders themselves, in a run of its own ([`crate::render::Settings::counting`]).
+//! What a frame of splats is made of, counted where it is made: sizes of lists that are on the device anyway.
+//! What is done for each pixel is counted by the shaders themselves, in a run of its own
+//! ([`crate::render::Settings::counting`]).
 
 /// Counts of the frame that was rendered last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Invocations that the kernels which own a splat were started for: those of all splats, and in mode slab of all views.
+    /// Invocations that the kernels which own a splat were started for: those of all splats, and in mode slab
+    /// of all views.
     pub rows: u64,
     /// Those of them whose splat the look can show.
     pub shown: u64,

@@ -118,8 +118,8 @@ impl Mode for Alpha {
         }
         recorder
             .draw(&self.drawing)
-            .read(&self.quads.rows)
-            .read(self.quads.order())
+            .read("quads", &self.quads.rows)
+            .read("order", self.quads.order())
             .push(&AlphaParams { splat_count: params.splat_count })
             .within(size)
             .over(&mut pictures, &self.quads.arguments, 0);

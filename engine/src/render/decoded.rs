@@ -20,6 +20,7 @@
 
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 use rayon::prelude::*;
+use shaders_glsl::medium as glsl;
 use shaders_glsl::types::BrickGrid;
 
 use super::extents::{middle_sigma, reaches};
@@ -37,9 +38,9 @@ const MOST_BRICKS: usize = 1 << 17;
 /// Most bricks of 4³ voxels of the whole box, for the leaps over empty space: what all devices have room for.
 const MOST_LEAPS: f64 = 4e6;
 /// Texels of a brick in the atlas along each axis: an apron of one voxel behind its own.
-const APRONED: usize = BRICK + 1;
-/// Bricks of an atlas along an axis: ten bits each (`include/medium.glsl`).
-const MOST_ALONG: u32 = 1023;
+const APRONED: usize = glsl::APRONED as usize;
+/// Bricks of an atlas along an axis, so that a place fits its bits.
+const MOST_ALONG: u32 = (1 << glsl::PLACE_BITS) - 1;
 /// The finest and the coarsest pitch that one may ask for, voxels.
 const PITCHES: [f64; 2] = [0.25, 16.0];
 
@@ -518,7 +519,7 @@ impl Decoded {
         let mut places = vec![0; count as usize];
         for (to, &i) in (1..).zip(&kept) {
             let [x, y, z] = place(to);
-            places[i as usize] = x | y << 10 | z << 20;
+            places[i as usize] = x | y << glsl::PLACE_BITS | z << (2 * glsl::PLACE_BITS);
         }
         let size = bricks.map(|n| n * APRONED as u32);
         let [width, height, depth] = size.map(|n| n as usize);

@@ -17,8 +17,8 @@ use super::gpu_volume::GpuVolume;
 use super::look::LookBuffers;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder};
-use crate::passes::activity::{ActivitySources, Ranking};
-use crate::passes::{Activity, SplatRows};
+use crate::passes::activity::ActivitySources;
+use crate::passes::{Activity, Ranking, SplatRows};
 use crate::splat::harmonics::basis_count;
 use crate::splat::{Field, Form, Grid, Harmonics, Object, Packed, SplatSet, by_importance};
 

@@ -12,7 +12,7 @@ use crate::gpu::{Buffer, Gpu};
 use crate::transfer::{Table, TransferFunction};
 
 /// Most clip planes at a time; a box takes six.
-pub const PLANES: usize = 8;
+pub const PLANES: usize = shaders_glsl::look_row::CLIP_PLANES as usize;
 /// Objects that can have an appearance: as many as a label can number.
 const OBJECTS: usize = 256;
 

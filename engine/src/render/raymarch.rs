@@ -17,7 +17,7 @@ use super::target::Target;
 use super::variants::Variants;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Format, Gpu, Kernel, Recorder};
-use crate::passes::{Shape, Views};
+use crate::passes::{Views, WorkgroupShape};
 
 /// Samples nearer to each other than this, in voxels, would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
@@ -71,7 +71,7 @@ impl Raymarch {
         let objects = volume.is_atlas() && (look.objects_differ || look.hides);
         self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
-                Shape::of(gpu) as u32,
+                WorkgroupShape::of(gpu) as u32,
                 u32::from(volume.image().format() == Format::Rg16),
                 u32::from(*classification == Classification::PreIntegrated),
                 u32::from(*shaded),
@@ -100,25 +100,25 @@ impl Mode for Raymarch {
         let look = scene.look_buffers();
         let marked = volume.marked(recorder, look);
         // Pixels of a workgroup; see the kernel.
-        let group = match Shape::of(&self.gpu) {
-            Shape::OneByOne => [4, 2],
-            Shape::SideBySide => [8, 8],
+        let group = match WorkgroupShape::of(&self.gpu) {
+            WorkgroupShape::OneByOne => [4, 2],
+            WorkgroupShape::SideBySide => [8, 8],
         };
         let size @ [width, height] = quality.size(self.settings.size);
         recorder
             .pass(&self.kernels[kernel])
-            .read(&views.rows)
-            .read(&look.rows)
-            .read(&look.points)
-            .read(&look.integrals)
-            .sample(volume.image())
-            .read(marked.distances())
-            .read(volume.places())
-            .sample(volume.labels())
-            .read(&look.appearances)
-            .write_image(&mut target.colour)
-            .write_image(&mut target.depth)
-            .read(&views.patches)
+            .read("views", &views.rows)
+            .read("look_rows", &look.rows)
+            .read("look_points", &look.points)
+            .read("look_integrals", &look.integrals)
+            .sample("medium", volume.image())
+            .read("distances", marked.distances())
+            .read("places", volume.places())
+            .sample("labels", volume.labels())
+            .read("appearances", &look.appearances)
+            .write_image("colour_image", &mut target.colour)
+            .write_image("depth_image", &mut target.depth)
+            .read("patches", &views.patches)
             .push(&RaymarchParams {
                 grid: volume.grid(),
                 voxel_from_scene: volume.voxel_from_scene(),

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 use shaders_glsl as glsl;
+use shaders_glsl::tiles::{PARTS, PLANES, TILE};
 use shaders_glsl::types::{SlabParams, TileGrid};
 
 use super::gpu_splats::GpuSplats;
@@ -15,13 +16,8 @@ use super::target::Target;
 use super::variants::Variants;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
-use crate::passes::tiles::TILE;
-use crate::passes::{Shape, TileBinner, Views, Work};
+use crate::passes::{TileBinner, Views, Work, WorkgroupShape};
 
-/// Planes that a ray adds up at a time.
-const PLANES: u32 = 8;
-/// Parts of a tile.
-const PARTS: u32 = 8;
 /// Planes of `exact` for one of `slab`.
 const EXACT: u32 = 10;
 /// Most blocks along the depth: slabs become thicker beyond that.
@@ -88,7 +84,7 @@ impl Slab {
         self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
                 scene.expect_splats().field.kernel.id(),
-                Shape::of(gpu) as u32,
+                WorkgroupShape::of(gpu) as u32,
                 u32::from(*classification == Classification::PreIntegrated),
                 u32::from(*shaded),
                 u32::from(settings.depth),
@@ -142,24 +138,24 @@ impl Mode for Slab {
         splats.count_active(recorder, &mut self.count);
         let active = (splats.active(), &self.count);
         self.bins.record(recorder, &grid, field.background, views, splats.rows(), active);
-        let columns = match Shape::of(&self.gpu) {
-            Shape::OneByOne => grid.tiles[0] * PARTS,
-            Shape::SideBySide => grid.tiles[0],
+        let columns = match WorkgroupShape::of(&self.gpu) {
+            WorkgroupShape::OneByOne => grid.tiles[0] * PARTS,
+            WorkgroupShape::SideBySide => grid.tiles[0],
         };
         recorder
             .pass(&self.kernels[kernel])
-            .read(&views.rows)
-            .read(&look.rows)
-            .read(&look.points)
-            .read(&look.integrals)
-            .read(&self.bins.starts)
-            .read(self.bins.pairs())
-            .read(&self.bins.projected)
-            .write_image(&mut target.colour)
-            .write_image(&mut target.depth)
-            .read(splats.active_objects())
-            .read(&look.appearances)
-            .read(&self.bins.blind_parts)
+            .read("views", &views.rows)
+            .read("look_rows", &look.rows)
+            .read("look_points", &look.points)
+            .read("look_integrals", &look.integrals)
+            .read("starts", self.bins.starts())
+            .read("pairs", self.bins.pairs())
+            .read("projected", &self.bins.projected)
+            .write_image("colour_image", &mut target.colour)
+            .write_image("depth_image", &mut target.depth)
+            .read("active_objects", splats.active_objects())
+            .read("appearances", &look.appearances)
+            .read("blind_parts", &self.bins.blind_parts)
             .push(&SlabParams {
                 grid,
                 background: field.background,

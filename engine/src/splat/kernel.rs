@@ -5,6 +5,7 @@
 //! a set that was fitted with one and drawn with the other loses some 20 dB.
 
 use serde::{Deserialize, Serialize};
+use shaders_glsl::kernel::{KERNEL_COMPACT, KERNEL_DENSITY, KERNEL_GATED, KERNEL_GAUSSIAN};
 
 /// The kernel of a splat set. The discriminant is the id that shaders branch on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -12,20 +13,20 @@ use serde::{Deserialize, Serialize};
 #[repr(u32)]
 pub enum Kernel {
     /// κ = (1 − q/6)³ for q < 6: smooth to second order at its border, no exponential. The default of the fit.
-    Compact = 0,
+    Compact = KERNEL_COMPACT,
     /// κ = exp(−q/2) for q < 9 (3 σ): what ordinary Gaussian splatting viewers draw.
-    Gaussian = 1,
+    Gaussian = KERNEL_GAUSSIAN,
     /// The same κ at a peak of 1/((2π)^{3/2} s₁s₂s₃): before the cut its integral over space, in voxels, is 1. So w and
     /// what ε does to it depend on the size of a splat and on the voxels: a grid twice as fine has an eighth of w.
-    Density = 2,
+    Density = KERNEL_DENSITY,
     /// κ = exp(−q/2) σ((1.794 − √(q + 10⁻⁶))/0.75), the Gaussian of the paper's authors behind a soft gate at 1.794 σ, where
     /// it would be 0.2; cut off 10 voxels from the mean along each axis of a volume.
-    Gated = 3,
+    Gated = KERNEL_GATED,
 }
 
 /// Greatest ln of a peak: with it neither sums of w nor the gradient of the smallest splat leaves f32. It is reached at
-/// scales of 7·10⁻⁷ voxels; include/kernel.glsl has the same number.
-pub const LN_PEAK_MAX: f64 = 40.0;
+/// scales of 7·10⁻⁷ voxels.
+pub const LN_PEAK_MAX: f64 = shaders_glsl::kernel::LN_PEAK_MAX as f64;
 
 /// One kernel: its name, its support and its profile.
 pub struct KernelRow {

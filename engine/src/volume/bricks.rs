@@ -15,7 +15,7 @@ pub const BRICK: usize = 8;
 /// Samples in a brick.
 pub const SAMPLES: usize = BRICK * BRICK * BRICK;
 /// Table entry of a brick without a slot.
-pub const NO_SLOT: u32 = u32::MAX;
+pub const NO_SLOT: u32 = shaders_glsl::splat::NO_SLOT;
 
 /// A sparse grid of bricks.
 #[derive(Clone, Debug)]

@@ -54,10 +54,10 @@ fn n11_halves() {
         let mut recorder = gpu.record().expect("a recorder");
         recorder
             .pass(&kernel)
-            .read(&targets)
-            .read(&reconstructions)
-            .write(&mut adjoints)
-            .write(&mut sums)
+            .read("targets", &targets)
+            .read("reconstructions", &reconstructions)
+            .write("adjoints", &mut adjoints)
+            .write("loss_sums", &mut sums)
             .push(&Weighted { weight, region: 0.5, ..Weighted::default() }.params(EPSILON))
             .dispatch(1);
         gpu.wait(recorder.submit().expect("submitting")).expect("waiting");

@@ -64,12 +64,12 @@ fn stretched_bounds(
     let params = SplatParams { grid: grid(scene, slots), splat_count: count as u32, capacity: 0, stretch };
     run(gpu, |r| {
         r.pass(&kernel)
-            .read(&splats)
-            .read(&table)
-            .write(&mut footprints)
-            .write(&mut counts)
+            .read("splats", &splats)
+            .read("slots", &table)
+            .write("footprints", &mut footprints)
+            .write("pair_counts", &mut counts)
             .push(&params)
-            .dispatch(count.div_ceil(64) as u32);
+            .dispatch_over(count as u32);
     });
     (footprints.read().unwrap(), counts.read().unwrap())
 }
@@ -144,13 +144,13 @@ pub fn emit_pairs() {
             };
             run(&gpu, |r| {
                 r.pass(&kernel)
-                    .read(&footprints)
-                    .read(&table)
-                    .read(&offsets)
-                    .write(&mut keys)
-                    .write(&mut values)
+                    .read("footprints", &footprints)
+                    .read("slots", &table)
+                    .read("pair_offsets", &offsets)
+                    .write("keys", &mut keys)
+                    .write("values", &mut values)
                     .push(&params)
-                    .dispatch(counts.len().div_ceil(64) as u32);
+                    .dispatch_over(counts.len() as u32);
             });
             let pairs = keys.read().unwrap().into_iter().zip(values.read().unwrap());
             pairs.collect::<Vec<(u32, u32)>>()
@@ -199,11 +199,11 @@ pub fn brick_ranges() {
         let params = RangeParams { slot_count: slot_count as u32, count_index: 2, capacity: capacity as u32 };
         run(&gpu, |r| {
             r.pass(&kernel)
-                .read(&counts)
-                .read(&buffer)
-                .write(&mut starts)
+                .read("pair_offsets", &counts)
+                .read("keys", &buffer)
+                .write("starts", &mut starts)
                 .push(&params)
-                .dispatch((capacity as u32 + 1).div_ceil(256));
+                .dispatch_over(capacity as u32 + 1);
         });
         assert_eq!(starts.read().unwrap(), pairs::brick_ranges(&keys, slot_count), "{} keys", keys.len());
     }
@@ -229,15 +229,15 @@ pub fn pair_masks() {
         let params = PairParams { grid: grid(&scene, &slots), count_index: 0, capacity: list.len() as u32 };
         run(&gpu, |r| {
             r.pass(&kernel)
-                .read(&counts)
-                .read(&key_buffer)
-                .read(&value_buffer)
-                .read(&footprint_buffer)
-                .read(&coordinate_buffer)
-                .read(&active)
-                .write(&mut masks)
+                .read("pair_offsets", &counts)
+                .read("keys", &key_buffer)
+                .read("pair_splats", &value_buffer)
+                .read("footprints", &footprint_buffer)
+                .read("brick_coordinates", &coordinate_buffer)
+                .read("active_cells", &active)
+                .write("pair_masks", &mut masks)
                 .push(&params)
-                .dispatch(list.len().div_ceil(256) as u32);
+                .dispatch_over(list.len() as u32);
         });
         let support = scene.kernel.support_q();
         let mut totals = [0; 3];
@@ -289,9 +289,9 @@ pub fn cell_masks() {
         let mut cell_masks = gpu.buffer::<u32>("cell masks", "test", (pairs / 32 + slots + 1) * 64).unwrap();
         run(&gpu, |r| {
             r.pass(&kernel)
-                .read(&start_buffer)
-                .read(&mask_buffer)
-                .write(&mut cell_masks)
+                .read("starts", &start_buffer)
+                .read("pair_masks", &mask_buffer)
+                .write("cell_masks", &mut cell_masks)
                 .dispatch(slots as u32);
         });
         let got = cell_masks.read().unwrap();

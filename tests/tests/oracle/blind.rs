@@ -60,10 +60,10 @@ pub fn blind_parts() {
             let mut parts = gpu.buffer::<u32>("parts", "test", 2 * count as usize).unwrap();
             run(&gpu, |r| {
                 r.pass(&kernel)
-                    .read(&on_device)
-                    .write(&mut parts)
+                    .read("patches", &on_device)
+                    .write("blind_parts", &mut parts)
                     .push(&BlindParams { size, tiles })
-                    .dispatch_3d([count.div_ceil(64), 2, 1]);
+                    .dispatch_over_3d([count, 2, 1]);
             });
             let wanted: Vec<u32> = (0..2 * count)
                 .map(|i| {

@@ -62,15 +62,15 @@ fn step(
     let mut histories = gpu.upload("histories", "test", &state.histories).unwrap();
     run(gpu, |r| {
         r.pass(&kernel)
-            .read(&gradients)
-            .write(&mut splats)
-            .write(&mut first)
-            .write(&mut second)
-            .read(&totals)
-            .write(&mut frozen)
-            .write(&mut histories)
+            .read("gradients", &gradients)
+            .write("splats", &mut splats)
+            .write("first_moments", &mut first)
+            .write("second_moments", &mut second)
+            .read("pair_totals", &totals)
+            .write("frozen", &mut frozen)
+            .write("histories", &mut histories)
             .push(params)
-            .dispatch(params.splat_count.div_ceil(64));
+            .dispatch_over(params.splat_count);
     });
     State {
         splats: splats.read().unwrap(),

@@ -22,7 +22,7 @@ use super::{blind, run};
 const SIZE: [u32; 2] = [60, 44];
 const RANGE: [f64; 2] = [-300.0, 1300.0];
 /// Key of what no view shows.
-const LAST: u32 = (1 << 18) - 1;
+const LAST: u32 = (1 << shaders_glsl::project_quads::ORDER_BITS) - 1;
 const CUT: [[f32; 4]; 2] = [[0.6, 0.0, 0.8, 18.0], [0.0, -1.0, 0.0, 25.0]];
 
 /// What is drawn of a splat.
@@ -303,8 +303,8 @@ fn the_picture_of_alpha_is_that_of_its_twin() {
             Drawing::new(&gpu, &shaders_glsl::ALPHA_VERT, fragment, &constants, &formats, 2).unwrap();
         run(&gpu, |r| {
             r.draw(&drawing)
-                .read(&quads.rows)
-                .read(quads.order())
+                .read("quads", &quads.rows)
+                .read("order", quads.order())
                 .push(&AlphaParams { splat_count: stage.splats.len() as u32 })
                 .over(&mut [&mut target.colour, &mut target.depth], &quads.arguments, 0);
         });

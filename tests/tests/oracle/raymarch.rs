@@ -43,12 +43,12 @@ pub fn occupancy_mark() {
         let mut distances = gpu.buffer::<u32>("distances", "test", count).unwrap();
         run(&gpu, |r| {
             r.pass(&kernel)
-                .read(&buffers.rows)
-                .read(&buffers.visible)
-                .read(&on_device)
-                .write(&mut distances)
+                .read("look_rows", &buffers.rows)
+                .read("visible_before", &buffers.visible)
+                .read("intervals", &on_device)
+                .write("distances", &mut distances)
                 .push(&OccupancyParams { count: count as u32, most: 9 })
-                .dispatch(count.div_ceil(64) as u32);
+                .dispatch_over(count as u32);
         });
         let wanted = bricks_twin::occupancy_mark(&intervals, &table, 9);
         assert!(count < 10 || wanted.contains(&0) && wanted.contains(&9), "{name}: both kinds");
@@ -73,10 +73,10 @@ pub fn occupancy_spread() {
         for axis in 0..3 {
             run(&gpu, |r| {
                 r.pass(&kernel)
-                    .read(&from)
-                    .write(&mut to)
+                    .read("before", &from)
+                    .write("after", &mut to)
                     .push(&SpreadParams { grid, axis: axis as u32 })
-                    .dispatch_3d([grid.bricks[0].div_ceil(8), grid.bricks[1].div_ceil(8), grid.bricks[2]]);
+                    .dispatch_over_3d(grid.bricks);
             });
             wanted = bricks_twin::occupancy_spread(&wanted, bricks, axis);
             assert_eq!(to.read().unwrap(), wanted, "{bricks:?} along {axis}");
@@ -163,7 +163,7 @@ struct Atlas {
 const EMPTY: [u16; 2] = [9000, 0];
 /// Voxels of a brick of an atlas along each axis, and those with its apron.
 const BRICK: usize = 8;
-const APRONED: usize = 9;
+const APRONED: usize = shaders_glsl::medium::APRONED as usize;
 
 impl Stage {
     /// Makes all voxels [`EMPTY`] that are not beside one with an occupancy: what an atlas does not keep.
@@ -444,18 +444,18 @@ fn compare(gpu: &Device, row: &Row, seed: u64) {
         let mut target = Target::new(gpu, SIZE, 2, true, true).unwrap();
         run(gpu, |r| {
             r.pass(&kernel)
-                .read(&views)
-                .read(&buffers.rows)
-                .read(&buffers.points)
-                .read(&buffers.integrals)
-                .sample(&image)
-                .read(distances)
-                .read(&places)
-                .sample(&labels)
-                .read(&buffers.appearances)
-                .write_image(&mut target.colour)
-                .write_image(&mut target.depth)
-                .read(&patches)
+                .read("views", &views)
+                .read("look_rows", &buffers.rows)
+                .read("look_points", &buffers.points)
+                .read("look_integrals", &buffers.integrals)
+                .sample("medium", &image)
+                .read("distances", distances)
+                .read("places", &places)
+                .sample("labels", &labels)
+                .read("appearances", &buffers.appearances)
+                .write_image("colour_image", &mut target.colour)
+                .write_image("depth_image", &mut target.depth)
+                .read("patches", &patches)
                 .push(&params)
                 .dispatch_3d([SIZE[0].div_ceil(tile[0]), SIZE[1].div_ceil(tile[1]), 2]);
         });

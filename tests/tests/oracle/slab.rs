@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, HashMap};
 
 use engine::gpu::{Gpu, Kernel};
-use engine::passes::activity::{ActivitySources, Ranking};
+use engine::passes::activity::ActivitySources;
 use engine::passes::tiles::TILE;
-use engine::passes::{Activity, SplatRows, TileBinner};
+use engine::passes::{Activity, Ranking, SplatRows, TileBinner};
 use engine::reference::activity::limit_active as limited;
 use engine::reference::blind as blind_twin;
 use engine::reference::eye::{self, Eye};
@@ -214,7 +214,7 @@ pub fn emit_tile_pairs() {
         }
         let (bins, grid) = binned(&gpu, &stage);
         let [tx, ty] = grid.tiles;
-        let starts = bins.starts.read().unwrap();
+        let starts = bins.starts().read().unwrap();
         let pairs = bins.pairs().read_range(0, *starts.last().unwrap() as usize).unwrap();
         // Every list holds its splats in order, once.
         let mut parts: HashMap<(u32, usize), u32> = HashMap::new();
@@ -317,18 +317,18 @@ pub fn slab() {
             };
             run(&gpu, |r| {
                 r.pass(&kernel)
-                    .read(&views)
-                    .read(&buffers.rows)
-                    .read(&buffers.points)
-                    .read(&buffers.integrals)
-                    .read(&bins.starts)
-                    .read(bins.pairs())
-                    .read(&bins.projected)
-                    .write_image(&mut target.colour)
-                    .write_image(&mut target.depth)
-                    .read(&numbers)
-                    .read(&buffers.appearances)
-                    .read(&bins.blind_parts)
+                    .read("views", &views)
+                    .read("look_rows", &buffers.rows)
+                    .read("look_points", &buffers.points)
+                    .read("look_integrals", &buffers.integrals)
+                    .read("starts", bins.starts())
+                    .read("pairs", bins.pairs())
+                    .read("projected", &bins.projected)
+                    .write_image("colour_image", &mut target.colour)
+                    .write_image("depth_image", &mut target.depth)
+                    .read("active_objects", &numbers)
+                    .read("appearances", &buffers.appearances)
+                    .read("blind_parts", &bins.blind_parts)
                     .push(&params)
                     .dispatch_3d([grid.tiles[0] * if shape == 8 { 8 } else { 1 }, grid.tiles[1], 2]);
             });
@@ -478,11 +478,11 @@ pub fn limit_active() {
         let (places, ranks) = (places.unwrap(), ranks.unwrap());
         run(&gpu, |r| {
             r.pass(&kernel)
-                .read(&places)
-                .read(&ranks)
-                .write(&mut on_device)
+                .read("places", &places)
+                .read("ranks", &ranks)
+                .write("flags", &mut on_device)
                 .push(&shaders_glsl::types::LimitParams { count: count as u32, budget })
-                .dispatch(count.div_ceil(64) as u32);
+                .dispatch_over(count as u32);
         });
         let wanted = limited(&flags, &order, budget as usize);
         assert_eq!(on_device.read().unwrap(), wanted.iter().map(|&f| u32::from(f)).collect::<Vec<_>>());
@@ -506,12 +506,12 @@ pub fn list_active() {
         let mut objects = gpu.buffer::<u32>("active objects", "test", count).unwrap();
         run(&gpu, |r| {
             r.pass(&kernel)
-                .read(&on_device)
-                .read(&numbers_on_device)
-                .write(&mut active)
-                .write(&mut objects)
+                .read("places", &on_device)
+                .read("objects", &numbers_on_device)
+                .write("active_splats", &mut active)
+                .write("active_objects", &mut objects)
                 .push(&shaders_glsl::types::ListParams { count: count as u32 })
-                .dispatch(count.div_ceil(64) as u32);
+                .dispatch_over(count as u32);
         });
         let wanted: Vec<u32> = (0..count as u32).filter(|&i| flags[i as usize] == 1).collect();
         assert_eq!(active.read_range(0, wanted.len()).unwrap(), wanted);

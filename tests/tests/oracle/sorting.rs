@@ -3,15 +3,15 @@
 use engine::gpu::Kernel;
 use engine::reference::{loss, radix, scan};
 use rand::RngExt;
+use shaders_glsl::radix::DIGIT_BITS;
 use shaders_glsl::types::{RadixParams, ScanParams, SumParams};
 use vgs_tests::scene::random;
 use vgs_tests::{Bound, Device, assert_close};
 
 use super::run;
 
-const SCAN_BLOCK: usize = 4096;
-const RADIX_BLOCK: usize = 2048;
-const DIGIT_BITS: u32 = 6;
+const SCAN_BLOCK: usize = shaders_glsl::scan::SCAN_BLOCK as usize;
+const RADIX_BLOCK: usize = shaders_glsl::radix::RADIX_BLOCK as usize;
 const SIZES: [usize; 9] = [1, 2, 15, 17, 4095, 4096, 4097, 9000, 300_000];
 
 fn values(count: usize) -> Vec<u32> {
@@ -30,7 +30,11 @@ pub fn scan_sums() {
         let mut sums = gpu.buffer::<u32>("sums", "test", blocks).unwrap();
         run(&gpu, |r| {
             let params = ScanParams { count: count as u32 };
-            r.pass(&kernel).read(&input).write(&mut sums).push(&params).dispatch(blocks as u32);
+            r.pass(&kernel)
+                .read("values", &input)
+                .write("block_sums", &mut sums)
+                .push(&params)
+                .dispatch(blocks as u32);
         });
         assert_eq!(sums.read().unwrap(), scan::scan_sums(&values, SCAN_BLOCK), "{count} values");
     }
@@ -43,7 +47,10 @@ pub fn scan_offsets() {
         let sums = values(count);
         let mut buffer = gpu.upload("sums", "test", &sums).unwrap();
         run(&gpu, |r| {
-            r.pass(&kernel).write(&mut buffer).push(&ScanParams { count: count as u32 }).dispatch(1);
+            r.pass(&kernel)
+                .write("block_sums", &mut buffer)
+                .push(&ScanParams { count: count as u32 })
+                .dispatch(1);
         });
         assert_eq!(buffer.read().unwrap(), scan::scan_offsets(&sums), "{count} sums");
     }
@@ -61,9 +68,9 @@ pub fn scan_apply() {
         let mut out = gpu.buffer::<u32>("offsets", "test", count + 1).unwrap();
         run(&gpu, |r| {
             r.pass(&kernel)
-                .read(&input)
-                .read(&sums)
-                .write(&mut out)
+                .read("values", &input)
+                .read("block_sums", &sums)
+                .write("offsets", &mut out)
                 .push(&ScanParams { count: count as u32 })
                 .dispatch(blocks as u32);
         });
@@ -89,9 +96,9 @@ pub fn radix_count() {
                 RadixParams { shift, blocks: blocks as u32, count_index: 1, capacity: capacity as u32 };
             run(&gpu, |r| {
                 r.pass(&kernel)
-                    .read(&counts)
-                    .read(&input)
-                    .write(&mut table)
+                    .read("counts", &counts)
+                    .read("keys", &input)
+                    .write("table", &mut table)
                     .push(&params)
                     .dispatch(blocks as u32);
             });
@@ -120,12 +127,12 @@ pub fn radix_scatter() {
                 RadixParams { shift, blocks: blocks as u32, count_index: 0, capacity: capacity as u32 };
             run(&gpu, |r| {
                 r.pass(&kernel)
-                    .read(&counts)
-                    .read(&key_buffer)
-                    .read(&value_buffer)
-                    .read(&offsets)
-                    .write(&mut sorted_keys)
-                    .write(&mut sorted_values)
+                    .read("counts", &counts)
+                    .read("keys", &key_buffer)
+                    .read("values", &value_buffer)
+                    .read("offsets", &offsets)
+                    .write("sorted_keys", &mut sorted_keys)
+                    .write("sorted_values", &mut sorted_values)
                     .push(&params)
                     .dispatch(blocks as u32);
             });
@@ -151,7 +158,7 @@ pub fn sum_triples() {
         let mut total = gpu.buffer::<[f32; 3]>("total", "test", 1).unwrap();
         run(&gpu, |r| {
             let params = SumParams { count: count as u32 };
-            r.pass(&kernel).read(&input).write(&mut total).push(&params).dispatch(1);
+            r.pass(&kernel).read("partials", &input).write("total", &mut total).push(&params).dispatch(1);
         });
         let (found, wanted) = (total.read().unwrap()[0], loss::sum_triples(&rows64));
         let pairs = (0..3).map(|k| (f64::from(found[k]), wanted[k]));

@@ -4,7 +4,7 @@ use engine::gpu::{Gpu, Kernel};
 use engine::passes::loss::{
     DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MASKS, MSE, OCCUPANCY, SQUARE, TERMS, Weighted,
 };
-use engine::passes::{Shape, Storage};
+use engine::passes::{Storage, WorkgroupShape};
 use engine::reference::loss::Quantity;
 use engine::reference::moments_to_grad as gradient;
 use engine::reference::splat_to_volume as forward;
@@ -119,7 +119,7 @@ fn stored(storage: Storage, (targets, mut got, mut before): Samples) -> Samples 
 fn check_loss(rows: &[Weighted]) {
     let gpu = Device::boot();
     let slots = 5;
-    let shapes = [Shape::OneByOne, Shape::SideBySide];
+    let shapes = [WorkgroupShape::OneByOne, WorkgroupShape::SideBySide];
     for (weighted, storage) in rows.iter().flat_map(|row| STORAGES.map(|storage| (row, storage))) {
         let (shader, quantity) = (TERMS[weighted.term].shader, TERMS[weighted.term].quantity);
         let term = step::terms64(&[*weighted])[0];
@@ -147,19 +147,19 @@ fn check_loss(rows: &[Weighted]) {
             run(&gpu, |r| {
                 let mut pass = r
                     .pass(&kernel)
-                    .read(&target_buffer)
-                    .read(&sample_buffer)
-                    .write(&mut adjoints)
-                    .write(&mut sums);
+                    .read("targets", &target_buffer)
+                    .read("reconstructions", &sample_buffer)
+                    .write("adjoints", &mut adjoints)
+                    .write("loss_sums", &mut sums);
                 if TERMS[weighted.term].overlap {
-                    pass = pass.read(&overlap);
+                    pass = pass.read("overlap", &overlap);
                 }
                 pass.push(&weighted.params(EPSILON)).dispatch(slots as u32);
             });
             let bits = (adjoints.read().unwrap(), sums.read().unwrap());
             match shape {
-                Shape::OneByOne => last = Some(bits),
-                Shape::SideBySide => {
+                WorkgroupShape::OneByOne => last = Some(bits),
+                WorkgroupShape::SideBySide => {
                     assert!(last == Some(bits), "{}: both shapes have the same bits", shader.name)
                 }
             }
@@ -257,15 +257,15 @@ fn check_overlap_sums(gpu: &Gpu, storage: Storage, (id, quantity): (u32, Quantit
     let sample_buffer = gpu.upload("samples", "test", &pack(storage, &got)).unwrap();
     let first = 3;
     let untouched = [[-1.0f32; 3]; 9];
-    let [found, side_by_side] = [Shape::OneByOne, Shape::SideBySide].map(|shape| {
+    let [found, side_by_side] = [WorkgroupShape::OneByOne, WorkgroupShape::SideBySide].map(|shape| {
         let kernel =
             Kernel::new(gpu, &shaders_glsl::OVERLAP_SUMS, &[storage as u32, shape as u32, id]).unwrap();
         let mut partials = gpu.upload("partials", "test", &untouched).unwrap();
         run(gpu, |r| {
             r.pass(&kernel)
-                .read(&target_buffer)
-                .read(&sample_buffer)
-                .write(&mut partials)
+                .read("targets", &target_buffer)
+                .read("reconstructions", &sample_buffer)
+                .write("partials", &mut partials)
                 .push(&OverlapParams { first_slot: first as u32, region, low: step::LOW })
                 .dispatch(slots as u32);
         });
@@ -345,11 +345,11 @@ fn check_moments_to_grad(gpu: &Gpu, splat_kernel: splat::Kernel, stretch: [f32; 
     let mut gradients = gpu.buffer::<types::SplatGrad>("gradients", "test", count).unwrap();
     run(gpu, |r| {
         r.pass(&kernel)
-            .read(&splats)
-            .read(&rows)
-            .write(&mut gradients)
+            .read("splats", &splats)
+            .read("moments", &rows)
+            .write("gradients", &mut gradients)
             .push(&MomentParams { splat_count: count as u32, stretch })
-            .dispatch(count.div_ceil(64) as u32);
+            .dispatch_over(count as u32);
     });
     let mut pairs = Vec::new();
     let stretch64 = DVec3::from_array(stretch.map(f64::from));

@@ -193,7 +193,7 @@ fn median(mut times: Vec<f64>) -> f64 {
 /// Samples that the forward pass evaluates: 8 for each bit in the cell masks of the slots of the chunk.
 fn evaluated_forward(rasteriser: &Rasteriser, chunk: usize) -> Result<u64> {
     let masks = rasteriser.bins.cell_masks.read()?;
-    let starts = rasteriser.bins.starts.read()?;
+    let starts = rasteriser.bins.starts().read()?;
     let mut bits = 0u64;
     for slot in 0..rasteriser.grid.chunk(chunk).len() {
         let (start, end) = (starts[slot] as usize, starts[slot + 1] as usize);

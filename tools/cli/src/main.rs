@@ -1,58 +1,97 @@
-//! The command line of vgs.
+//! The command line of vgs: the list of commands, and the way from the arguments to one of them.
 //!
-//! One file for each command (`fit`, `eval`, `rasterize`, `render`, `compare`, `view`, `info`, `devices`, `phantom`): its flags,
-//! and `run`. What they share: `inputs` (volume and region of interest), `settings` (hyper-parameters from flags,
-//! environment and file), `optimise` (the loop of a fit), `report` (figures, run record, curve), `picture` (the
-//! comparison as PNG), `splats` (their files in any layout), and the ways to talk: `console` (stdout and logs), `failure` (errors and exit codes),
-//! `progress`, `signals`.
+//! `commands` has one module for each; they use `report` (what a command tells at its end) and `picture` (the comparison
+//! as PNG), and all of these use `shared`. No arrow runs up, and no command uses another.
 #![forbid(unsafe_code)]
 
-mod arguments;
-mod budget;
-mod checkpoint;
-mod clock;
-mod compare;
-mod console;
-mod devices;
-mod eval;
-mod explain;
-mod failure;
-mod fit;
-mod info;
-mod inputs;
-mod lock;
-mod optimise;
-mod outputs;
-mod phantom;
+mod commands;
 mod picture;
-mod progress;
-mod rasterize;
-mod render;
 mod report;
-mod settings;
-mod signals;
-mod splats;
-mod view;
+mod shared;
 
-use arguments::Command;
-use console::Console;
+use std::process::ExitCode;
+use std::time::Instant;
 
-fn main() -> std::process::ExitCode {
-    let start = std::time::Instant::now();
+use clap::{CommandFactory, Parser, Subcommand};
+
+use shared::console::{Console, TalkArguments};
+use shared::failure::{self, Stop};
+use shared::version::VERSION;
+
+/// Volumetric Gaussian splatting: splats with physical intensities for the region of interest of a CT or MR volume
+#[derive(Parser)]
+#[command(name = "vgs", version = VERSION, after_help = AFTER_HELP, max_term_width = 110)]
+struct Cli {
+    #[command(flatten)]
+    talk: TalkArguments,
+    #[command(subcommand)]
+    command: Command,
+}
+
+const AFTER_HELP: &str = "\
+A flag wins over the environment (VGS_ and the flag's name, as VGS_DEVICE),
+that over --config, that over --quality, that over --profile.
+
+Exit codes: 0 done, 2 wrong usage, 3 nothing to do, 65 bad input, 66 input
+missing, 69 no usable device, 70 fault of this program or a fit that diverged,
+71 out of memory, 73 output cannot be created, 74 reading or writing failed,
+75 try again (device lost or full, output locked), 130 and 143 stopped by a
+signal with what was reached written.
+
+Volumes: NIfTI (.nii, .nii.gz, .hdr and .img) and InVesalius projects (.inv3).
+Splats: PLY. Pictures: PNG and EXR. For looking, not for diagnosis.";
+
+#[derive(Subcommand)]
+enum Command {
+    Fit(Box<commands::fit::Arguments>),
+    Eval(commands::eval::Arguments),
+    Rasterize(commands::rasterize::Arguments),
+    Render(Box<commands::render::Arguments>),
+    View(commands::view::Arguments),
+    Compare(commands::compare::Arguments),
+    Info(commands::info::Arguments),
+    /// Lists the Vulkan devices of this machine
+    Devices,
+    Phantom(commands::phantom::Arguments),
+    Completions(commands::completions::Arguments),
+    Man(commands::man::Arguments),
+}
+
+fn main() -> ExitCode {
+    let start = Instant::now();
     failure::guard(|| {
-        let cli = arguments::parse()?;
+        let cli = parse()?;
         let console = Console::new(&cli.talk);
         console.start_logging();
         match cli.command {
-            Command::Fit(arguments) => fit::run(&arguments, &console),
-            Command::Eval(arguments) => eval::run(&arguments, &console),
-            Command::Rasterize(arguments) => rasterize::run(&arguments, &console),
-            Command::Render(arguments) => render::run(&arguments, &console),
-            Command::View(arguments) => view::run(&arguments, start),
-            Command::Compare(arguments) => compare::run(&arguments, &console),
-            Command::Info(arguments) => info::run(&arguments, &console),
-            Command::Phantom(arguments) => phantom::run(&arguments, &console),
-            Command::Devices => devices::run(&console),
+            Command::Fit(arguments) => commands::fit::run(&arguments, &console),
+            Command::Eval(arguments) => commands::eval::run(&arguments, &console),
+            Command::Rasterize(arguments) => commands::rasterize::run(&arguments, &console),
+            Command::Render(arguments) => commands::render::run(&arguments, &console),
+            Command::View(arguments) => commands::view::run(&arguments, start),
+            Command::Compare(arguments) => commands::compare::run(&arguments, &console),
+            Command::Info(arguments) => commands::info::run(&arguments, &console),
+            Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
+            Command::Devices => commands::devices::run(&console),
+            Command::Completions(arguments) => {
+                commands::completions::run(&arguments, Cli::command(), &console)
+            }
+            Command::Man(arguments) => commands::man::run(&arguments, Cli::command(), &console),
         }
     })
+}
+
+/// Parses the command line. Help and version are printed here and stop the program with success.
+fn parse() -> Result<Cli, Stop> {
+    Cli::try_parse().map_err(Stop::Arguments)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
 }

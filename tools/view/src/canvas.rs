@@ -195,7 +195,7 @@ impl Canvas {
             place,
             background: state.background.as_vec3().into(),
         };
-        let window = self.surface.borrow(&mut recorder, &acquired);
+        let window = self.surface.image(&mut recorder, &acquired);
         self.composer.compose(&mut recorder, &what, window);
         let painting =
             Painting { primitives: &overlay.primitives, points: size.map(|n| n / overlay.pixels_per_point) };

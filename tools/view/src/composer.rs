@@ -53,8 +53,8 @@ impl Composer {
         let second = what.second.unwrap_or(what.first);
         recorder
             .draw(&self.0)
-            .sample(what.first.picture)
-            .sample(second.picture)
+            .sample("first_picture", what.first.picture)
+            .sample("second_picture", second.picture)
             .push(&ShowParams {
                 window: [width as f32, height as f32],
                 area: what.area,

@@ -146,10 +146,10 @@ impl Painter {
             let Some(texture) = self.textures.get(id) else { continue };
             recorder
                 .draw(&self.drawing)
-                .read(&self.vertices)
-                .read(&self.indices)
-                .read(&self.clips)
-                .sample(texture)
+                .read("vertices", &self.vertices)
+                .read("indices", &self.indices)
+                .read("clips", &self.clips)
+                .sample("glyphs", texture)
                 .push(&PanelParams { window: painting.points })
                 .vertices_over(&mut [&mut *picture], range);
         }

@@ -72,7 +72,7 @@ fn platform() -> Result<impl xr::PlatformInfo> {
 #[cfg(target_os = "android")]
 fn platform() -> Result<xr::AndroidPlatformInfo> {
     let app = ACTIVITY.lock().expect("nothing panics with it").clone();
-    let app = app.ok_or_else(|| Error::new(Kind::Internal, "VGS-XR-013", "the activity has not begun"))?;
+    let app = app.ok_or_else(|| Error::new(Kind::Internal, "VGS-XR-014", "the activity has not begun"))?;
     // SAFETY: both are those of the activity, and valid as long as an `AndroidApp` of it: `android_main` has
     // one until the session has ended.
     Ok(unsafe { xr::AndroidPlatformInfo::new(app.vm_as_ptr(), app.activity_as_ptr()) })
@@ -272,7 +272,7 @@ impl Chain {
         let picture = |&image: &u64| {
             // SAFETY: the image belongs to the swapchain, which outlives the pictures; it was asked for with
             // two layers, this size and format, and OpenXR wants images back as attachments of their kind.
-            unsafe { gpu.foreign_picture("eyes", vk::Image::from_raw(image), format, size, 2, layout) }
+            unsafe { gpu.external_image("eyes", vk::Image::from_raw(image), format, size, 2, layout) }
         };
         let pictures = images.iter().map(picture).collect::<Result<_>>()?;
         Ok(Chain { pictures, acquired: None, swapchain })
@@ -282,13 +282,13 @@ impl Chain {
         let index =
             self.swapchain.acquire_image().map_err(|e| runtime_error("asking for a picture", e))? as usize;
         self.acquired = Some(index);
-        recorder.borrow_image(&self.pictures[index]);
+        recorder.acquire_image(&self.pictures[index]);
         Ok(&mut self.pictures[index])
     }
 
     fn release_images(&mut self, recorder: &mut Recorder) -> Result<()> {
         let index = self.acquired.expect("a picture was lent");
-        recorder.return_image(&self.pictures[index]);
+        recorder.release_image(&self.pictures[index]);
         // The compositor may still read it: only now does the device need it.
         self.swapchain
             .wait_image(xr::Duration::INFINITE)

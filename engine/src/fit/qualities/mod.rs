@@ -2,7 +2,7 @@
 //!
 //! Each is a plain TOML file in `qualities/`: `density_times`, by which the profile's splats per voxel (or its number of
 //! splats) are multiplied, and keys of [`FitConfig`] that take the place of the profile's. They were chosen from what
-//! `bench trade fit` measures; `docs/use/choosing.md` has what each costs and gives.
+//! `bench trade fit` measures; `docs/results/tradeoffs.md` has what each costs and gives.
 
 use serde::Deserialize;
 
@@ -21,7 +21,7 @@ pub struct QualityPreset {
     /// The file.
     pub toml: &'static str,
     /// Root mean square error at the voxels, of the default profile (of an MR: `mr`) at this quality, in units of what it is
-    /// after its first [`EARLY`] iterations: geometric mean over the cases of `docs/use/choosing.md`, which says how far they
+    /// after its first [`EARLY`] iterations: geometric mean over the cases of `docs/results/tradeoffs.md`, which says how far they
     /// lie around it.
     pub rmse_of_early: f64,
     /// The 99th percentile of the error, likewise.

@@ -27,8 +27,8 @@ pub use shaders_glsl::types::{PackedChunk, PackedRange};
 use super::Splat;
 use super::activation::{LOG_SCALE_LIMIT, unit_quaternion};
 
-/// Splats of a chunk; only the last may have fewer. `include/packed.glsl` has the same number.
-pub const CHUNK: usize = 256;
+/// Splats of a chunk; only the last may have fewer.
+pub const CHUNK: usize = shaders_glsl::packed::PACKED_CHUNK as usize;
 
 /// Greatest code of a coordinate of the mean.
 const MEAN_CODES: u32 = (1 << 12) - 1;

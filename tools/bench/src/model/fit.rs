@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use engine::gpu::Gpu;
-use engine::passes::Shape;
+use engine::passes::WorkgroupShape;
 use engine::{Error, Kind, Result};
 
 use super::plan::{self, Place, Unit, shots, sights};
@@ -64,7 +64,7 @@ pub fn run(gpu: &Gpu, a: &Arguments) -> Result<()> {
     }
     let store = Store::open(&a.out)?;
     let device = device(gpu);
-    let wide = Shape::of(gpu) == Shape::SideBySide;
+    let wide = WorkgroupShape::of(gpu) == WorkgroupShape::SideBySide;
     let mut report = Report::new(device.clone(), wide);
     let mut units = Vec::new();
     for path in &a.splats {

@@ -11,7 +11,7 @@ pub type Colour = [u8; 3];
 pub struct Canvas(Image);
 
 impl Canvas {
-    /// A canvas of one colour.
+    /// Makes a canvas of one colour.
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
         let [r, g, b] = shares(colour);
         Canvas(Image::new([width, height], [r, g, b, 1.0]))

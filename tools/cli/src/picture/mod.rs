@@ -1,101 +1,19 @@
-//! The picture of a comparison: slices of CT, splats and difference above shaded views of both, with their scales.
+//! The picture of a comparison of splats with their volume.
+//!
+//! | file | subject |
+//! |---|---|
+//! | `evaluation` | the picture of an evaluation, with its figures: what commands draw |
+//! | `sheet` | where everything is on the picture |
+//! | `slices` | three orthogonal slices of CT, splats and difference |
+//! | `solid` | shaded views of CT and splats |
+//! | `subject` | what is shown: CT, region and splats on one grid |
+//! | `canvas` | what is drawn on |
 
 mod canvas;
+mod evaluation;
+mod sheet;
 mod slices;
 mod solid;
 mod subject;
 
-use std::path::Path;
-
-use engine::Result;
-use engine::image::{Align, shortened};
-use engine::output::write_atomic;
-
-use canvas::{Canvas, Colour};
-use solid::Solids;
-pub use subject::Subject;
-use subject::{diverging, grey};
-
-/// Width of a slice's panel, pixels.
-const PANEL: usize = 440;
-const GAP: usize = 16;
-const MARGIN: usize = 24;
-const WIDTH: usize = 2 * MARGIN + 3 * PANEL + 2 * GAP;
-/// Most pixels of a shaded view's height.
-const SOLID_HEIGHT: usize = 560;
-/// Width of a colour bar.
-const BAR: usize = 260;
-
-const BACKGROUND: Colour = [20, 21, 24];
-const TEXT: Colour = [235, 235, 235];
-const DIM_TEXT: Colour = [166, 172, 182];
-
-/// Draws and writes the picture as PNG. `title` is its first line, `lines` the ones below.
-pub fn write(path: &Path, force: bool, subject: &Subject, title: &str, lines: &[String]) -> Result<()> {
-    let canvas = compose(subject, title, lines);
-    write_atomic(path, force, |out| canvas.write_png(out))
-}
-
-fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
-    let solid_width = (WIDTH - 2 * MARGIN - GAP) / 2;
-    let solids = Solids::new(subject, solid_width, SOLID_HEIGHT);
-    let (rows, scale) = slices::layout(subject);
-
-    let head = MARGIN + 30 + 22 * lines.len() + 14;
-    let first_row = head + 26;
-    let slices_end = first_row + rows.iter().map(|h| h + GAP).sum::<usize>();
-    let solids_top = slices_end + 52 + 30;
-    let height = solids_top + solids.height() + 60 + MARGIN;
-    let mut canvas = Canvas::new(WIDTH, height, BACKGROUND);
-
-    canvas.text([MARGIN, MARGIN], 3, Align::Left, TEXT, &shortened(title, 3, WIDTH - 2 * MARGIN));
-    for (i, line) in lines.iter().enumerate() {
-        canvas.text(
-            [MARGIN, MARGIN + 34 + 22 * i],
-            2,
-            Align::Left,
-            DIM_TEXT,
-            &shortened(line, 2, WIDTH - 2 * MARGIN),
-        );
-    }
-    let left: [usize; 3] = std::array::from_fn(|i| MARGIN + i * (PANEL + GAP));
-    for (name, x) in slices::columns(subject.name).iter().zip(left) {
-        canvas.text([x + PANEL / 2, head], 2, Align::Middle, TEXT, name);
-    }
-    let mut top = first_row;
-    for (row, height) in rows.iter().enumerate() {
-        slices::draw_row(&mut canvas, subject, row, left, top, scale);
-        top += height + GAP;
-    }
-
-    let ([low, high], unit) = (subject.window(), subject.unit);
-    let hu = |v: f32| format!("{v:.0}");
-    let middle = (left[0] + left[1] + PANEL) / 2;
-    bar(&mut canvas, [middle, slices_end], [&hu(low), "", &format!("{}{unit}", hu(high))], |t| {
-        grey(t as f32)
-    });
-    let ends = [&format!("-{}", hu(subject.difference)), "0", &format!("+{}{unit}", hu(subject.difference))];
-    bar(&mut canvas, [left[2] + PANEL / 2, slices_end], ends.map(|t| t as &str), |t| {
-        diverging(2.0 * t as f32 - 1.0)
-    });
-
-    let solid_names = [format!("{} in the region", subject.name), "splats".to_owned()];
-    for (i, name) in solid_names.iter().enumerate() {
-        let x = MARGIN + i * (solid_width + GAP);
-        canvas.text([x + solid_width / 2, solids_top - 26], 2, Align::Middle, TEXT, name);
-        solids.draw(&mut canvas, i, [x, solids_top], BACKGROUND);
-    }
-    let [low, high] = subject.percentiles.map(hu);
-    let end = solids_top + solids.height() + 16;
-    bar(&mut canvas, [WIDTH / 2, end], [&low, "", &format!("{high}{unit}")], |t| solids.ramp(t));
-    canvas
-}
-
-/// A horizontal colour bar with labels at its ends and its middle; `at` is the middle of its top edge.
-fn bar(canvas: &mut Canvas, at: [usize; 2], labels: [&str; 3], colour: impl Fn(f64) -> Colour) {
-    let x = at[0] - BAR / 2;
-    canvas.image([x, at[1]], [BAR, 12], |column, _| colour(column as f64 / (BAR - 1) as f64));
-    for (share, label) in labels.into_iter().enumerate() {
-        canvas.text([x + share * BAR / 2, at[1] + 18], 2, Align::Middle, DIM_TEXT, label);
-    }
-}
+pub use evaluation::{draw, names};

@@ -3,9 +3,11 @@
 use engine::image::Align;
 use glam::DVec3;
 
-use super::PANEL;
 use super::canvas::{Canvas, Colour};
 use super::subject::{Subject, diverging, grey};
+
+/// Width of a slice's panel, pixels.
+pub const PANEL: usize = 440;
 
 /// A slice as radiologists look at it: letters are directions of the patient.
 struct View {
@@ -23,7 +25,7 @@ const VIEWS: [View; 3] = [
 /// Colour of text over images.
 const LETTERS: Colour = [255, 205, 92];
 
-/// The titles of the three columns, for a volume that is called so.
+/// Returns the titles of the three columns; `volume` is what the volume is called.
 pub fn columns(volume: &str) -> [String; 3] {
     [volume.to_owned(), "splats".to_owned(), format!("difference (splats - {volume})")]
 }
@@ -36,7 +38,8 @@ struct Plane {
 }
 
 impl Plane {
-    /// `pixels_per_mm` is common to all views, so that one centimetre is one length everywhere.
+    /// Returns the plane of a view. `pixels_per_mm` is common to all views, so that one centimetre is one length
+    /// everywhere.
     fn of(view: &View, subject: &Subject, pixels_per_mm: f64) -> Plane {
         let across = axis_towards(subject, view.right);
         let (axis, upwards) = axis_towards(subject, view.up);
@@ -46,7 +49,7 @@ impl Plane {
         Plane { across, down, pixels }
     }
 
-    /// The pixel where the slices meet.
+    /// Returns the pixel where the slices meet.
     fn pixel(&self, subject: &Subject) -> [usize; 2] {
         [(self.across, self.pixels[0]), (self.down, self.pixels[1])].map(|((axis, forward), count)| {
             let share = (subject.centre[axis] + 0.5) / subject.ct.size[axis] as f64;
@@ -55,7 +58,7 @@ impl Plane {
         })
     }
 
-    /// Voxel coordinates of a pixel in the slice through the centre.
+    /// Returns the voxel coordinates of a pixel in the slice through the centre.
     fn voxel(&self, subject: &Subject, column: usize, row: usize) -> DVec3 {
         let mut voxel = subject.centre;
         for ((axis, forward), place, count) in
@@ -69,7 +72,7 @@ impl Plane {
     }
 }
 
-/// Four strokes around a pixel of a slice; they end at its edges.
+/// Draws four strokes around a pixel of a slice; they end at its edges.
 fn mark(canvas: &mut Canvas, [x, y]: [usize; 2], [width, height]: [usize; 2], at: [usize; 2]) {
     for away in 7..14i64 {
         for [dx, dy] in [[away, 0], [-away, 0], [0, away], [0, -away]] {
@@ -81,7 +84,7 @@ fn mark(canvas: &mut Canvas, [x, y]: [usize; 2], [width, height]: [usize; 2], at
     }
 }
 
-/// The voxel axis that runs along a direction of the patient, and whether it grows that way.
+/// Returns the voxel axis that runs along a direction of the patient, and true if its index grows that way.
 fn axis_towards(subject: &Subject, letter: char) -> (usize, bool) {
     let codes = subject.ct.axis_codes();
     let codes = if subject.ct.oriented { codes.as_str() } else { "RAS" };
@@ -104,7 +107,7 @@ fn extent_mm(subject: &Subject, axis: usize) -> f64 {
     subject.ct.size[axis] as f64 * subject.ct.spacing_mm()[axis]
 }
 
-/// Heights of the three rows, pixels, and the scale.
+/// Returns the heights of the three rows, pixels, and the scale, pixels per mm.
 pub fn layout(subject: &Subject) -> ([usize; 3], f64) {
     let longest = (0..3).map(|axis| extent_mm(subject, axis)).fold(f64::MIN_POSITIVE, f64::max);
     let pixels_per_mm = PANEL as f64 / longest;
@@ -147,7 +150,7 @@ pub fn draw_row(
     }
 }
 
-/// Text over an image: a shadow keeps it legible on any grey.
+/// Writes text over an image: a shadow keeps it legible on any grey.
 fn over(canvas: &mut Canvas, [x, y]: [usize; 2], text: &str) {
     for (dx, dy) in [(0, 2), (2, 0), (4, 2), (2, 4), (3, 3)] {
         canvas.text([x + dx - 2, y + dy - 2], 2, Align::Left, [0; 3], text);
@@ -155,7 +158,7 @@ fn over(canvas: &mut Canvas, [x, y]: [usize; 2], text: &str) {
     canvas.text([x, y], 2, Align::Left, LETTERS, text);
 }
 
-/// The colour of a place in one of the columns.
+/// Returns the colour of a place in one of the columns.
 fn colour(subject: &Subject, column: usize, voxel: DVec3) -> Colour {
     let ct = subject.sample(&subject.ct.samples, voxel);
     let shade = subject.grey(ct);

@@ -9,7 +9,7 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 use super::canvas::{Canvas, Colour};
 use super::subject::Subject;
 
-/// From the middle of the region to the viewer, RAS: in front, to the patient's left, and above.
+/// Direction from the middle of the region to the viewer, RAS: in front, to the patient's left, and above.
 const TOWARDS_VIEWER: DVec3 = DVec3::new(-0.45, 0.85, 0.28);
 /// Colours from the least to the greatest intensity of the region.
 const RAMP: [(f64, [f64; 3]); 4] = [
@@ -21,7 +21,7 @@ const RAMP: [(f64, [f64; 3]); 4] = [
 /// Extinction at the ends of the ramp, per voxel: most of the light ends at the surface.
 const EXTINCTION: [f64; 2] = [0.9, 2.5];
 
-/// How surfaces answer to light.
+/// How surfaces are lit.
 const MATERIAL: Material =
     Material { shade: true, ambient: 0.25, diffuse: 0.75, specular: 0.12, power: 30.0 };
 /// Distance of the eye in extents of the picture: rays are as good as parallel.
@@ -38,7 +38,7 @@ pub struct Solids {
 }
 
 impl Solids {
-    /// In images of `width` by at most `height` pixels.
+    /// Prepares the two views in images of `width` by at most `height` pixels.
     pub fn new(subject: &Subject, width: usize, height: usize) -> Self {
         let ct = &subject.ct;
         let spacing = ct.spacing_mm();
@@ -82,7 +82,7 @@ impl Solids {
         }
     }
 
-    /// Height of the images, pixels.
+    /// Returns the height of the images, pixels.
     pub fn height(&self) -> usize {
         self.size[1] as usize
     }
@@ -109,7 +109,7 @@ impl Solids {
         });
     }
 
-    /// The colour that stands for a share of the region's range, unlit.
+    /// Returns the colour that stands for a share of the region's range, unlit.
     pub fn ramp(&self, share: f64) -> Colour {
         let [low, high] = self.range;
         (self.transfer.at(low + (high - low) * share).0 * 255.0).to_array().map(|v| v.round() as u8)
@@ -130,8 +130,8 @@ fn transfer(subject: &Subject) -> TransferFunction {
         .expect("finite intensities, and opacities between 0 and 1")
 }
 
-/// Intensities with those of the region continued by one voxel, as the mean of the neighbours that are in it: what is
-/// outside does not colour the surface.
+/// Returns the intensities, with those of the region continued by one voxel as the mean of the neighbours that are in
+/// it: what is outside does not colour the surface.
 fn continued(size: [usize; 3], values: &[f32], occupancy: &[f32]) -> Vec<f32> {
     let mut out = values.to_vec();
     for (i, value) in out.iter_mut().enumerate().filter(|(i, _)| occupancy[*i] <= 0.0) {

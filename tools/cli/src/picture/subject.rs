@@ -10,7 +10,7 @@ use engine::volume::{Roi, Volume};
 use glam::{DAffine3, DVec3};
 
 use super::canvas::Colour;
-use crate::rasterize;
+use crate::shared::sampling;
 
 /// Voxels that are shown around the region.
 const MARGIN: usize = 6;
@@ -27,7 +27,7 @@ pub struct Subject {
     pub occupancy: Vec<f32>,
     /// Where the slices meet, voxels of this grid.
     pub centre: DVec3,
-    /// Whether the slices show where they meet.
+    /// True if the slices show where they meet.
     pub marked: bool,
     /// HU of the region that 3 and 96 of a hundred voxels lie below: metal and a few specks do not set the scale.
     pub percentiles: [f32; 2],
@@ -69,7 +69,7 @@ impl Subject {
         let splats = set.to_voxel(&ct.world_from_voxel);
         let mut hu = vec![set.field.background; ct.len()];
         let mut occupancy = vec![0.0; ct.len()];
-        rasterize::visit(gpu, &splats, &set.field, size, |index, s: &FieldSample| {
+        sampling::visit(gpu, &splats, &set.field, size, |index, s: &FieldSample| {
             hu[index] = s.hu;
             occupancy[index] = s.occupancy;
         })?;
@@ -95,7 +95,7 @@ impl Subject {
         })
     }
 
-    /// HU at black and at white.
+    /// Returns the HU at black and at white.
     pub fn window(&self) -> [f32; 2] {
         let [low, high] = self.percentiles;
         let span = (high - low).max(1.0);
@@ -103,31 +103,31 @@ impl Subject {
         [(low - 0.6 * span).round(), (high + 0.1 * span).round()]
     }
 
-    /// Voxels of the region.
+    /// Returns the voxels of the region.
     pub fn region(&self) -> impl Iterator<Item = DVec3> {
         let [nx, ny, _] = self.roi.size;
         marked(&self.roi)
             .map(move |i| DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64))
     }
 
-    /// Trilinear sample of any quantity on this grid.
+    /// Returns a trilinear sample of any quantity on this grid.
     pub fn sample(&self, values: &[f32], voxel: DVec3) -> f32 {
         trilinear(self.ct.size, voxel, |i| f64::from(values[i])) as f32
     }
 
-    /// V̂ - V at a place.
+    /// Returns V̂ - V at a place.
     pub fn error(&self, voxel: DVec3) -> f32 {
         self.sample(&self.hu, voxel) - self.sample(&self.ct.samples, voxel)
     }
 
-    /// Grey of a value in the window.
+    /// Returns the grey of a value in the window, 0 to 1.
     pub fn grey(&self, hu: f32) -> f32 {
         let [low, high] = self.window();
         ((hu - low) / (high - low)).clamp(0.0, 1.0)
     }
 }
 
-/// Blue below, white at, red above zero; `t` from -1 to 1.
+/// Returns the colour of a difference from -1 to 1: blue below, white at, red above zero.
 pub fn diverging(t: f32) -> Colour {
     let t = t.clamp(-1.0, 1.0);
     let (end, depth) = if t < 0.0 { ([8.0, 76.0, 168.0], -t) } else { ([184.0, 24.0, 32.0], t) };
@@ -137,7 +137,7 @@ pub fn diverging(t: f32) -> Colour {
     end.map(|c: f32| (white + (c - white) * share).round() as u8)
 }
 
-/// A grey from 0 to 1.
+/// Returns a grey from 0 to 1 as a colour.
 pub fn grey(value: f32) -> Colour {
     [(value.clamp(0.0, 1.0) * 255.0).round() as u8; 3]
 }
@@ -146,7 +146,7 @@ fn marked(roi: &Roi) -> impl Iterator<Item = usize> {
     roi.weight.iter().enumerate().filter(|(_, w)| **w >= 0.5).map(|(i, _)| i)
 }
 
-/// First voxel and size of the box of the region with its margin.
+/// Returns the first voxel and the size of the box of the region with its margin.
 fn bounds(roi: &Roi) -> ([usize; 3], [usize; 3]) {
     let [nx, ny, _] = roi.size;
     let (mut low, mut high) = (roi.size, [0; 3]);
@@ -181,7 +181,7 @@ fn percentile(values: &mut [f32], share: f64) -> f32 {
     *values.select_nth_unstable_by(index, f32::total_cmp).1
 }
 
-/// The next of 1, 2, 5, 10, ... from `value` up; at least 1.
+/// Returns the next of 1, 2, 5, 10, ... from `value` up; at least 1.
 fn round_up(value: f32) -> f32 {
     let mut decade = 1.0;
     loop {

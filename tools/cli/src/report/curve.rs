@@ -2,12 +2,11 @@
 
 use std::fmt::Write;
 
+use engine::fit::CurvePoint;
 use engine::{Error, Kind, Result};
 use plotters::prelude::*;
 
-use crate::optimise::CurvePoint;
-
-/// The curve as CSV.
+/// Returns the curve as CSV.
 pub fn csv(curve: &[CurvePoint]) -> String {
     let mut out = String::from("iteration,seconds,psnr_db,mse,occupancy_rmse,dice_loss,leak\n");
     // Empty where the term is off.
@@ -38,11 +37,11 @@ struct Panel {
     y_title: &'static str,
     colour: RGBColor,
     points: Vec<(f64, f64)>,
-    /// Whether the axis starts at 0.
+    /// True if the axis starts at 0.
     from_zero: bool,
 }
 
-/// The curve as SVG: PSNR above occupancy error, over iterations.
+/// Returns the curve as SVG: PSNR above occupancy error, over iterations.
 pub fn svg(curve: &[CurvePoint], title: &str, [low, high]: [f32; 2], unit: &str) -> Result<String> {
     let points = |value: fn(&CurvePoint) -> f64| -> Vec<(f64, f64)> {
         let all = curve.iter().map(|p| (f64::from(p.progress.iteration), value(p)));
@@ -66,7 +65,7 @@ pub fn svg(curve: &[CurvePoint], title: &str, [low, high]: [f32; 2], unit: &str)
     ];
     let mut text = String::new();
     draw(&mut text, &panels, title)
-        .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-030", format!("drawing the curve failed: {e}")))?;
+        .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-034", format!("drawing the curve failed: {e}")))?;
     Ok(text)
 }
 

@@ -4,41 +4,41 @@ use engine::fit::errors::{ErrorMap, Group};
 use engine::volume::{Labels, Volume};
 use serde::Serialize;
 
-use super::table;
+use crate::shared::figures::table;
 
 /// Figures of the region and of its parts, on the voxel grid and not clipped to any range. The names are part of the
 /// interface.
 #[derive(Clone, Debug, Serialize)]
-pub struct Errors {
+pub struct ErrorsByPlace {
     /// The whole region.
     pub region: Group,
     /// Voxels of the region that no splat reaches.
     pub uncovered_voxels: usize,
-    /// Where |V̂ − V| is largest: voxel index along x, y, z, and mm RAS.
+    /// Where |V̂ − V| is largest: voxel index along x, y, z.
     pub worst_voxel: [usize; 3],
-    /// See `worst_voxel`.
+    /// The same place, mm RAS.
     pub worst_mm: [f64; 3],
-    /// By the chosen labels of the mask; empty without.
+    /// Figures by the chosen labels of the mask; empty where none were chosen.
     pub by_label: Vec<Group>,
-    /// By the HU of the volume; empty where it is no CT.
+    /// Figures by the HU of the volume; empty where it is no CT.
     pub by_tissue: Vec<Group>,
-    /// By the distance to the nearest voxel outside the region, mm.
+    /// Figures by the distance to the nearest voxel outside the region, mm.
     pub by_distance_to_boundary: Vec<Group>,
-    /// By the distance to the nearest voxel with a strong gradient, mm.
+    /// Figures by the distance to the nearest voxel with a strong gradient, mm.
     pub by_distance_to_edges: Vec<Group>,
-    /// The gradient from which one is strong, HU per mm: that of the steepest tenth of the region.
+    /// The least gradient that counts as strong, HU per mm: that of the steepest tenth of the region.
     pub strong_gradient: f64,
 }
 
-impl Errors {
-    /// Of a map.
+impl ErrorsByPlace {
+    /// Returns the figures of a map.
     pub fn of(map: &ErrorMap, volume: &Volume, labels: Option<&Labels>) -> Self {
         let worst = map.worst_voxel();
         let [nx, ny, _] = volume.size;
         let worst_voxel = [worst % nx, worst / nx % ny, worst / (nx * ny)];
         let place = glam::DVec3::from_array(worst_voxel.map(|v| v as f64));
         let (by_distance_to_edges, strong_gradient) = map.by_distance_to_edges();
-        Errors {
+        ErrorsByPlace {
             region: map.whole(),
             uncovered_voxels: map.uncovered,
             worst_voxel,
@@ -51,7 +51,7 @@ impl Errors {
         }
     }
 
-    /// As a table for people.
+    /// Returns the figures as a table for people.
     pub fn table(&self, volume: &Volume) -> String {
         let unit = volume.unit();
         let [x, y, z] = self.worst_voxel;

@@ -7,14 +7,14 @@ use engine::gpu::{DeviceDescription, PassTime};
 use engine::volume::{Roi, Volume};
 use serde::Serialize;
 
-use super::Quality;
-use crate::explain::Checked;
-use crate::inputs::InputRecord;
+use super::estimate::CheckedEstimate;
+use super::results::FitResults;
+use crate::shared::inputs::InputRecord;
 
 /// The record. Field names are part of the interface.
 #[derive(Serialize)]
 pub struct RunRecord<'a> {
-    /// Version of this form.
+    /// Version of this format.
     pub format: &'static str,
     /// When the run ended, UTC.
     pub date: String,
@@ -23,9 +23,9 @@ pub struct RunRecord<'a> {
     pub commit: &'static str,
     /// The command line.
     pub command: Vec<String>,
-    /// "finished", "stopped" or "failed".
+    /// How the fit ended: "finished", "stopped" or "failed".
     pub end: &'a str,
-    /// What failed, if something did.
+    /// The error, if the fit failed.
     pub error: Option<String>,
     pub inputs: BTreeMap<&'static str, InputRecord>,
     pub volume: VolumeRecord,
@@ -33,7 +33,7 @@ pub struct RunRecord<'a> {
     /// The coarser grid that was fitted, if `working_grid` asks for one; the results are on the native one.
     pub working_grid: Option<WorkingRecord>,
     pub profile: &'a str,
-    /// The quality that the profile was fitted at, if one was asked for.
+    /// The quality that was chosen, if one was.
     pub quality: Option<&'a str>,
     /// Keys that were not left at the profile's value.
     pub explicit: &'a [String],
@@ -42,10 +42,10 @@ pub struct RunRecord<'a> {
     pub time_budget_seconds: Option<f64>,
     pub device: &'a DeviceDescription,
     pub timings: Timings,
-    pub memory: Memory,
-    /// What `--explain` said, and how right it was.
-    pub estimate: Option<Checked>,
-    pub results: &'a Results,
+    pub memory: MemoryRecord,
+    /// The estimate of `--explain`, and how right it was.
+    pub estimate: Option<CheckedEstimate>,
+    pub results: &'a FitResults,
 }
 
 /// The volume as it was read.
@@ -65,7 +65,7 @@ pub struct VolumeRecord {
 }
 
 impl VolumeRecord {
-    /// Of a volume.
+    /// Returns what the record keeps of a volume.
     pub fn of(volume: &Volume) -> Self {
         let stats = volume.gather_stats();
         let [x, y, z, t] = volume.world_from_voxel.to_cols_array_2d();
@@ -96,7 +96,7 @@ pub struct RoiRecord {
 }
 
 impl RoiRecord {
-    /// Of a region in its volume.
+    /// Returns what the record keeps of a region in its volume.
     pub fn of(roi: &Roi, volume: &Volume) -> Self {
         let weighted = || roi.weight.iter().zip(&volume.samples).filter(|(w, v)| **w > 0.0 && v.is_finite());
         let weight = roi.weight_sum();
@@ -125,7 +125,7 @@ pub struct WorkingRecord {
 pub struct Timings {
     pub read: f64,
     pub initialise: f64,
-    /// Of `--explain`; in no other figure but the total.
+    /// Seconds of the estimate of `--explain`, which are part of the total alone.
     pub calibrate: f64,
     pub fit: f64,
     pub evaluate: f64,
@@ -144,7 +144,7 @@ pub struct PassRecord {
 }
 
 impl PassRecord {
-    /// From the device's account.
+    /// Returns the passes of the device's profile.
     pub fn list(profile: Vec<(String, PassTime)>) -> Vec<Self> {
         let row = |(name, t): (String, PassTime)| PassRecord {
             name,
@@ -158,36 +158,9 @@ impl PassRecord {
 
 /// Where the memory went, bytes.
 #[derive(Clone, Debug, Serialize)]
-pub struct Memory {
-    /// Of the device, at the end of the fit.
+pub struct MemoryRecord {
+    /// Device memory at the end of the fit, by purpose.
     pub device_by_purpose: BTreeMap<&'static str, u64>,
     pub device_peak_bytes: u64,
     pub host_peak_bytes: Option<u64>,
-}
-
-/// What a fit came to: the object that `vgs fit --json` prints. Flat, so that plain tools can pick fields.
-#[derive(Clone, Debug, Serialize)]
-pub struct Results {
-    pub splats: usize,
-    #[serde(flatten)]
-    pub quality: Option<Quality>,
-    /// From the start of the command to its end.
-    pub seconds: f64,
-    pub fit_seconds: f64,
-    pub seconds_per_iteration: f64,
-    pub iterations: u32,
-    pub frozen_updates: u32,
-    pub device_peak_bytes: u64,
-    pub host_peak_bytes: Option<u64>,
-    pub device: String,
-    pub driver: String,
-    pub roi_voxels: usize,
-    pub outputs: Vec<String>,
-}
-
-/// The most memory that this process had resident, where the system says (Linux).
-pub fn host_peak_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
 }

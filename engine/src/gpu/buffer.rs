@@ -1,0 +1,237 @@
+//! Typed storage buffers. Every one has a name and a purpose; the sum by purpose and the peak are kept, so
+//! that a program can say where its bytes are.
+
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use ash::vk;
+use bytemuck::Pod;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::Allocation;
+
+use super::memory::{Dropped, Placement};
+use super::{Context, Gpu, Recorder, check, lock};
+use crate::error::{Error, Kind, Result};
+
+/// A storage buffer of `len` elements of `T`, in device memory. The name and the purpose appear in error
+/// texts, in debuggers and in the account of bytes.
+pub struct Buffer<T> {
+    gpu: Gpu,
+    handle: vk::Buffer,
+    /// `None` only inside `Drop`.
+    allocation: Option<Allocation>,
+    len: usize,
+    name: String,
+    purpose: &'static str,
+    element: PhantomData<T>,
+}
+
+impl<T: Pod> Buffer<T> {
+    /// Counts the elements.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// True if there are no elements. (The memory then holds one all the same: Vulkan has no empty buffers.)
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Returns the bytes of the elements.
+    pub fn bytes(&self) -> u64 {
+        (self.len * size_of::<T>()) as u64
+    }
+
+    /// Returns the name of the buffer.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Returns the handle.
+    pub(super) fn handle(&self) -> vk::Buffer {
+        self.handle
+    }
+
+    /// Reads all elements back. Waits for the device.
+    pub fn read(&self) -> Result<Vec<T>> {
+        self.read_range(0, self.len)
+    }
+
+    /// Reads `len` elements from `start`. Waits for the device.
+    pub fn read_range(&self, start: usize, len: usize) -> Result<Vec<T>> {
+        assert!(start + len <= self.len, "{}: reading behind the end", self.name);
+        if len == 0 {
+            return Ok(Vec::new());
+        }
+        let bytes = (len * size_of::<T>()) as u64;
+        let mut staging = self.gpu.raw::<T>(
+            &format!("{} read back", self.name),
+            "staging",
+            len,
+            MemoryLocation::GpuToCpu,
+        )?;
+        let mut recorder = self.gpu.record()?;
+        recorder.copy_bytes(
+            (self.handle, (start * size_of::<T>()) as u64),
+            (staging.handle, 0),
+            bytes,
+            &self.name,
+        );
+        let ticket = recorder.submit()?;
+        self.gpu.wait(ticket)?;
+        let mapped = staging.mapped_bytes()?;
+        let mut out = vec![T::zeroed(); len];
+        bytemuck::cast_slice_mut::<T, u8>(&mut out).copy_from_slice(&mapped[..bytes as usize]);
+        Ok(out)
+    }
+
+    /// Overwrites the elements from `start`. Waits for the device.
+    pub fn write_range(&mut self, start: usize, data: &[T]) -> Result<()> {
+        assert!(start + data.len() <= self.len, "{}: writing behind the end", self.name);
+        if data.is_empty() {
+            return Ok(());
+        }
+        let staging = self.gpu.staged(&format!("{} upload", self.name), data)?;
+        let mut recorder = self.gpu.record()?;
+        recorder.copy_bytes(
+            (staging.handle, 0),
+            (self.handle, (start * size_of::<T>()) as u64),
+            size_of_val(data) as u64,
+            &self.name,
+        );
+        let ticket = recorder.submit()?;
+        self.gpu.wait(ticket)
+    }
+
+    /// Returns what a buffer of [`Gpu::readback`] holds, as of the last submission that was waited for.
+    pub fn mapped(&self) -> Result<&[T]> {
+        let bytes = self.allocation.as_ref().and_then(Allocation::mapped_slice).ok_or_else(|| {
+            Error::new(Kind::Internal, "VGS-GPU-025", format!("{}: not a read-back buffer", self.name))
+        })?;
+        Ok(bytemuck::cast_slice(&bytes[..self.len * size_of::<T>()]))
+    }
+
+    /// Returns what a buffer of [`Gpu::mapped`] holds. What is written is seen by the submissions that
+    /// follow; none that reads it may be in flight meanwhile.
+    pub fn mapped_mut(&mut self) -> Result<&mut [T]> {
+        let bytes = self.len * size_of::<T>();
+        Ok(bytemuck::cast_slice_mut(&mut self.mapped_bytes()?[..bytes]))
+    }
+
+    /// Returns the bytes of memory that the host sees.
+    fn mapped_bytes(&mut self) -> Result<&mut [u8]> {
+        let name = &self.name;
+        self.allocation.as_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(|| {
+            Error::new(Kind::Internal, "VGS-GPU-021", format!("{name}: staging memory is not mapped"))
+        })
+    }
+}
+
+impl<T> Drop for Buffer<T> {
+    fn drop(&mut self) {
+        let last = lock(&self.gpu.0.queue).last_value();
+        if let Some(allocation) = self.allocation.take() {
+            lock(&self.gpu.0.memory).delete_after(
+                last,
+                Dropped::Buffer(self.handle),
+                allocation,
+                self.purpose,
+            );
+        }
+    }
+}
+
+impl Gpu {
+    /// Makes a zeroed storage buffer. `purpose` is the row of the account of bytes that it counts under.
+    pub fn buffer<T: Pod>(&self, name: &str, purpose: &'static str, len: usize) -> Result<Buffer<T>> {
+        let bytes = (len * size_of::<T>()) as u64;
+        if bytes > self.0.limits.storage_range {
+            return Err(Error::new(
+                Kind::Temporary,
+                "VGS-GPU-022",
+                format!(
+                    "{name} needs {bytes} bytes; {} binds at most {}",
+                    self.0.description.name, self.0.limits.storage_range
+                ),
+            )
+            .help("use fewer splats or a device with a larger storage-buffer range"));
+        }
+        let buffer = self.raw(name, purpose, len, MemoryLocation::GpuOnly)?;
+        let mut recorder: Recorder = self.record()?;
+        recorder.clear(&buffer);
+        recorder.submit()?;
+        Ok(buffer)
+    }
+
+    /// Makes a buffer in host memory that passes are copied into, to be read without a submission of its own.
+    pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
+        self.raw(name, "staging", len, MemoryLocation::GpuToCpu)
+    }
+
+    /// Makes a buffer that the host writes and passes read, without a copy between: for the little that
+    /// changes in each frame.
+    pub fn mapped<T: Pod>(&self, name: &str, purpose: &'static str, len: usize) -> Result<Buffer<T>> {
+        let mut buffer = self.raw::<T>(name, purpose, len, MemoryLocation::CpuToGpu)?;
+        buffer.mapped_bytes()?.fill(0);
+        Ok(buffer)
+    }
+
+    /// Makes a buffer in host memory that holds `data`, to be copied from.
+    pub(super) fn staged<T: Pod>(&self, name: &str, data: &[T]) -> Result<Buffer<T>> {
+        let bytes = bytemuck::cast_slice::<T, u8>(data);
+        let mut staging = self.raw::<T>(name, "staging", data.len(), MemoryLocation::CpuToGpu)?;
+        staging.mapped_bytes()?[..bytes.len()].copy_from_slice(bytes);
+        Ok(staging)
+    }
+
+    /// Makes a storage buffer that holds `data`.
+    pub fn upload<T: Pod>(&self, name: &str, purpose: &'static str, data: &[T]) -> Result<Buffer<T>> {
+        let mut buffer = self.buffer(name, purpose, data.len())?;
+        buffer.write_range(0, data)?;
+        Ok(buffer)
+    }
+
+    /// Makes a buffer that holds anything.
+    fn raw<T: Pod>(
+        &self,
+        name: &str,
+        purpose: &'static str,
+        len: usize,
+        location: MemoryLocation,
+    ) -> Result<Buffer<T>> {
+        let context: &Context = &self.0;
+        // Rounded up to whole words, which is what fills need.
+        let bytes = ((len.max(1) * size_of::<T>()) as u64).next_multiple_of(4);
+        let info = vk::BufferCreateInfo::default()
+            .size(bytes)
+            .usage(
+                vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::INDIRECT_BUFFER
+                    | vk::BufferUsageFlags::TRANSFER_SRC
+                    | vk::BufferUsageFlags::TRANSFER_DST,
+            )
+            .sharing_mode(vk::SharingMode::EXCLUSIVE);
+        // SAFETY: the device is live; the requirements are asked of the buffer just made.
+        let (handle, requirements) = unsafe {
+            let handle = check(name, context.device.create_buffer(&info, None))?;
+            (handle, context.device.get_buffer_memory_requirements(handle))
+        };
+        context.name(handle, name);
+        let placement = Placement { name, purpose, requirements, location, linear: true };
+        let allocation = context.place(&placement, Dropped::Buffer(handle))?;
+        // SAFETY: memory and offset are the allocator's answer to this buffer's requirements.
+        let bound =
+            unsafe { context.device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) };
+        // From here on `Drop` cleans up.
+        let buffer = Buffer {
+            gpu: Gpu(Arc::clone(&self.0)),
+            handle,
+            allocation: Some(allocation),
+            len,
+            name: name.to_owned(),
+            purpose,
+            element: PhantomData,
+        };
+        check(name, bound).map(|()| buffer)
+    }
+}

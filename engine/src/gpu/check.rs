@@ -1,0 +1,23 @@
+//! Results of Vulkan as errors.
+
+use ash::vk;
+
+use crate::error::{Error, Kind, Result};
+
+/// Turns a Vulkan result into an error that says what was being done.
+pub(super) fn check<T>(doing: &str, result: ash::prelude::VkResult<T>) -> Result<T> {
+    result.map_err(|e| match e {
+        vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
+            Error::new(Kind::Temporary, "VGS-GPU-010", format!("{doing}: out of device memory"))
+                .help("close other programs that use the GPU, use fewer splats or a smaller ROI")
+        }
+        vk::Result::ERROR_OUT_OF_HOST_MEMORY => {
+            Error::new(Kind::HostMemory, "VGS-GPU-011", format!("{doing}: out of host memory"))
+        }
+        vk::Result::ERROR_DEVICE_LOST => {
+            Error::new(Kind::Temporary, "VGS-GPU-012", format!("{doing}: the device was lost"))
+                .help("run it again; if it happens again, update the driver or choose another --device")
+        }
+        e => Error::new(Kind::Internal, "VGS-GPU-013", format!("{doing}: Vulkan said {e}")),
+    })
+}

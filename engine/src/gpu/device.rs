@@ -1,0 +1,84 @@
+//! The handle to a booted device: what it is, what it can, and how its memory is used.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use super::context::Counters;
+use super::{Context, DeviceDescription, Ticket, lock};
+use crate::error::Result;
+
+/// A booted Vulkan device. Cheap to clone; all clones are the same device.
+#[derive(Clone)]
+pub struct Gpu(pub(super) Arc<Context>);
+
+/// What the device reported about itself, and the limits that this engine plans with.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Largest range one storage-buffer binding may have, bytes. [`super::GpuOptions::storage_range_limit`]
+    /// lowers it for tests.
+    pub storage_range: u64,
+    /// Nanoseconds per timestamp tick; 0 when the queue has no timestamps.
+    pub timestamp_period: f32,
+    /// Most workgroups along x in one dispatch.
+    pub workgroups: u32,
+    /// Most texels along an axis of a volume.
+    pub volume_edge: u32,
+    /// Most pixels along an axis of a picture.
+    pub picture_edge: u32,
+    /// True if volumes of 16-bit fractions can be sampled with interpolation.
+    pub filters_fractions: bool,
+}
+
+/// Counts of what a frame loop must not do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Hitches {
+    /// Allocations of device memory for a buffer or an image.
+    pub allocations: u64,
+    /// Pipelines that were made.
+    pub pipelines: u64,
+    /// Waits of the host for the device.
+    pub waits: u64,
+}
+
+impl Gpu {
+    /// Returns the description of the device that was chosen: name, driver, kind, features.
+    pub fn description(&self) -> &DeviceDescription {
+        &self.0.description
+    }
+
+    /// Returns the limits that buffers and dispatches are planned with.
+    pub fn limits(&self) -> &Limits {
+        &self.0.limits
+    }
+
+    /// Counts what was done since the start that a frame loop must not do.
+    pub fn hitches(&self) -> Hitches {
+        let Counters { allocations, pipelines, waits } = &self.0.counters;
+        let [allocations, pipelines, waits] =
+            [allocations, pipelines, waits].map(|counter| counter.load(Ordering::Relaxed));
+        Hitches { allocations, pipelines, waits }
+    }
+
+    /// Returns the bytes of device memory in use now, by purpose.
+    pub fn memory_by_purpose(&self) -> BTreeMap<&'static str, u64> {
+        lock(&self.0.memory).by_purpose.clone()
+    }
+
+    /// Returns the most bytes of device memory that were in use at any one time.
+    pub fn peak_bytes(&self) -> u64 {
+        lock(&self.0.memory).peak
+    }
+
+    /// Returns the messages of the validation layers so far (errors and warnings); none when all is well or
+    /// no layer is on.
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.0.instance.messages()
+    }
+
+    /// Waits until the device has finished all that was submitted.
+    pub fn wait_idle(&self) -> Result<()> {
+        let last = lock(&self.0.queue).last_value();
+        self.wait(Ticket(last))
+    }
+}

@@ -1,0 +1,165 @@
+//! The sentence that describes a pass: kernel, reads, writes, constants, dispatch.
+
+use ash::vk;
+use bytemuck::Pod;
+use shaders_glsl::Shader;
+
+use super::bindings::Bindings;
+use super::hazards::Resident;
+use super::{Buffer, Image, Kernel, Recorder};
+
+impl Recorder {
+    /// Starts a pass of `kernel`.
+    pub fn pass<'a>(&'a mut self, kernel: &'a Kernel) -> Pass<'a> {
+        Pass { recorder: self, kernel, bindings: Bindings::default(), push: Vec::new() }
+    }
+}
+
+/// One pass being described. Resources are bound in the order of the bindings in the shader, each by its name
+/// there.
+///
+/// # Panics
+/// Wherever what is bound is not what the shader has next: another name, access, element size, or kind of
+/// resource.
+pub struct Pass<'a> {
+    recorder: &'a mut Recorder,
+    kernel: &'a Kernel,
+    bindings: Bindings,
+    push: Vec<u8>,
+}
+
+/// The number of workgroups.
+enum Groups {
+    Of([u32; 3]),
+    /// Read from a buffer at this byte.
+    From(vk::Buffer, u64),
+}
+
+impl<'a> Pass<'a> {
+    /// Binds the next buffer, which the shader calls `name`, for reading.
+    #[must_use]
+    pub fn read<T: Pod>(self, name: &str, buffer: &'a Buffer<T>) -> Self {
+        self.bind(name, buffer, size_of::<T>(), false)
+    }
+
+    /// Binds the next buffer for writing (or reading and writing).
+    #[must_use]
+    pub fn write<T: Pod>(self, name: &str, buffer: &'a mut Buffer<T>) -> Self {
+        self.bind(name, buffer, size_of::<T>(), true)
+    }
+
+    /// Binds the next buffer for reading where the shader sees rows of any type as plain words.
+    #[must_use]
+    pub fn read_words<T: Pod>(self, name: &str, buffer: &'a Buffer<T>) -> Self {
+        self.bind(name, buffer, size_of::<u32>(), false)
+    }
+
+    /// Binds the next buffer for writing where the shader sees rows of any type as plain words.
+    #[must_use]
+    pub fn write_words<T: Pod>(self, name: &str, buffer: &'a mut Buffer<T>) -> Self {
+        self.bind(name, buffer, size_of::<u32>(), true)
+    }
+
+    /// Binds the next image, which the shader calls `name`, to be sampled.
+    #[must_use]
+    pub fn sample(mut self, name: &str, image: &'a Image) -> Self {
+        self.bindings.image(&self.kernel.place(name, false), image);
+        self
+    }
+
+    /// Binds the next image, to be written.
+    #[must_use]
+    pub fn write_image(mut self, name: &str, image: &'a mut Image) -> Self {
+        self.bindings.image(&self.kernel.place(name, true), image);
+        self
+    }
+
+    /// Binds the next buffer.
+    fn bind<T: Pod>(mut self, name: &str, buffer: &Buffer<T>, stride: usize, write: bool) -> Self {
+        self.bindings.buffer(&self.kernel.place(name, write), buffer, stride);
+        self
+    }
+
+    /// Sets the push constants.
+    #[must_use]
+    pub fn push<P: Pod>(mut self, params: &P) -> Self {
+        self.push = bytemuck::bytes_of(params).to_vec();
+        self
+    }
+
+    /// Records the pass over `x` workgroups; none at all for 0.
+    pub fn dispatch(self, x: u32) {
+        self.dispatch_3d([x, 1, 1]);
+    }
+
+    /// Records the pass over as many workgroups as so many invocations along x fill.
+    ///
+    /// # Panics
+    /// If a specialisation constant says how wide workgroups are.
+    pub fn dispatch_over(self, x: u32) {
+        self.dispatch_over_3d([x, 1, 1]);
+    }
+
+    /// Records the pass over as many workgroups as so many invocations along x, y and z fill.
+    ///
+    /// # Panics
+    /// As [`Pass::dispatch_over`].
+    pub fn dispatch_over_3d(self, invocations: [u32; 3]) {
+        let Shader { workgroup: Some(workgroup), .. } = self.kernel.shader else {
+            panic!("{}: a specialisation constant says how wide workgroups are", self.kernel.shader.name)
+        };
+        let groups = std::array::from_fn(|i| invocations[i].div_ceil(workgroup[i]));
+        self.dispatch_3d(groups);
+    }
+
+    /// Records the pass over so many workgroups along x, y and z; none at all where one is 0.
+    pub fn dispatch_3d(self, groups: [u32; 3]) {
+        let most = self.recorder.gpu.0.limits.workgroups;
+        let name = self.kernel.shader.name;
+        // Every device allows 65535 along y and z.
+        assert!(
+            groups[0] <= most && groups[1].max(groups[2]) <= 65535,
+            "{name}: {groups:?} workgroups are too many"
+        );
+        if !groups.contains(&0) {
+            self.record(Groups::Of(groups));
+        }
+    }
+
+    /// Records the pass over as many workgroups as `counts[index]` says when it runs.
+    pub fn dispatch_indirect(self, counts: &Buffer<[u32; 3]>, index: usize) {
+        assert!(index < counts.len(), "{}: no such row", counts.name());
+        let handle = counts.handle();
+        self.record(Groups::From(handle, (index * size_of::<[u32; 3]>()) as u64));
+    }
+
+    /// Checks that all is there, and records the pass.
+    fn record(self, groups: Groups) {
+        let Pass { recorder, kernel, mut bindings, push } = self;
+        let shader = kernel.shader;
+        assert_eq!(bindings.bound.len(), shader.bindings.len(), "{}: a resource is missing", shader.name);
+        assert_eq!(push.len(), shader.push_bytes, "{}: push constants differ in size", shader.name);
+        if let Groups::From(buffer, _) = groups {
+            recorder.graphics_barriers = true;
+            bindings.accesses.push((Resident::Buffer(buffer), false));
+        }
+        recorder.touch(&bindings.accesses);
+        recorder.timed(shader.name, vk::PipelineStageFlags2::COMPUTE_SHADER, |context, commands| {
+            let device = &context.device;
+            // SAFETY: recording; pipeline, layout and resources are live, the reflected layout matches what
+            // is pushed, and indirect counts lie in a buffer made for them.
+            unsafe {
+                device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline.handle);
+                bindings.push(context, commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline.layout);
+                if !push.is_empty() {
+                    let stages = vk::ShaderStageFlags::COMPUTE;
+                    device.cmd_push_constants(commands, kernel.pipeline.layout, stages, 0, &push);
+                }
+                match groups {
+                    Groups::Of([x, y, z]) => device.cmd_dispatch(commands, x, y, z),
+                    Groups::From(buffer, offset) => device.cmd_dispatch_indirect(commands, buffer, offset),
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,137 @@
+//! Pipelines in general: the layouts that follow from reflection, the modules, and one owner of the three
+//! handles.
+
+use std::collections::HashMap;
+use std::sync::atomic::Ordering;
+
+use ash::vk;
+use shaders_glsl::{Binding, Resource, Shader};
+
+use super::{Context, check};
+use crate::error::Result;
+
+/// A pipeline with its layouts. Whoever holds the last copy calls [`Pipeline::destroy`]: the table of
+/// kernels, or a drawing.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Pipeline {
+    pub(super) handle: vk::Pipeline,
+    pub(super) layout: vk::PipelineLayout,
+    set_layout: vk::DescriptorSetLayout,
+}
+
+/// The pipelines of kernels, by the name of their shader and its constants.
+#[derive(Default)]
+pub(super) struct Pipelines(pub(super) HashMap<(&'static str, Vec<u32>), Pipeline>);
+
+impl Pipelines {
+    /// Destroys all of them. Nothing may use them any more.
+    pub(super) fn destroy(&mut self, device: &ash::Device) {
+        self.0.drain().for_each(|(_, pipeline)| pipeline.destroy(device));
+    }
+}
+
+/// What the layout of a pipeline is made from.
+pub(super) struct Interface<'a> {
+    pub(super) name: &'a str,
+    pub(super) bindings: &'a [Binding],
+    pub(super) push_bytes: usize,
+    pub(super) stages: vk::ShaderStageFlags,
+}
+
+impl Pipeline {
+    /// Makes layouts and, by `build`, the pipeline; what was made before a failure is destroyed.
+    pub(super) fn new(
+        context: &Context,
+        interface: &Interface<'_>,
+        build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
+    ) -> Result<Self> {
+        let mut pipeline = Pipeline::default();
+        let made = pipeline.make(context, interface, build);
+        if made.is_err() {
+            pipeline.destroy(&context.device);
+        }
+        made.map(|()| pipeline)
+    }
+
+    /// Fills the handles one after the other.
+    fn make(
+        &mut self,
+        context: &Context,
+        interface: &Interface<'_>,
+        build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
+    ) -> Result<()> {
+        let &Interface { name, bindings, push_bytes, stages } = interface;
+        self.set_layout = set_layout(context, name, bindings, stages)?;
+        let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size: push_bytes as u32 }];
+        let layouts = [self.set_layout];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+        if push_bytes > 0 {
+            info = info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: the device is live; the create-info lives on this stack.
+        self.layout = check(name, unsafe { context.device.create_pipeline_layout(&info, None) })?;
+        self.handle = build(self.layout)?;
+        context.counters.pipelines.fetch_add(1, Ordering::Relaxed);
+        context.name(self.handle, name);
+        Ok(())
+    }
+
+    /// Destroys the handles. Nothing may use them any more.
+    pub(super) fn destroy(self, device: &ash::Device) {
+        // SAFETY: nothing uses the handles any more, or ever did; null handles are ignored.
+        unsafe {
+            device.destroy_pipeline(self.handle, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+/// Returns the kind of descriptor that a resource is bound by.
+fn descriptor_type(resource: Resource) -> vk::DescriptorType {
+    match resource {
+        Resource::Buffer { .. } => vk::DescriptorType::STORAGE_BUFFER,
+        Resource::Texture => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+        Resource::Image => vk::DescriptorType::STORAGE_IMAGE,
+    }
+}
+
+/// Makes the layout of one set of push descriptors.
+fn set_layout(
+    context: &Context,
+    name: &str,
+    bindings: &[Binding],
+    stages: vk::ShaderStageFlags,
+) -> Result<vk::DescriptorSetLayout> {
+    let bindings: Vec<_> = bindings
+        .iter()
+        .map(|binding| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(binding.number)
+                .descriptor_type(descriptor_type(binding.resource))
+                .descriptor_count(1)
+                .stage_flags(stages)
+        })
+        .collect();
+    let info = vk::DescriptorSetLayoutCreateInfo::default()
+        .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
+        .bindings(&bindings);
+    // SAFETY: the device is live; the create-info lives on this stack.
+    check(name, unsafe { context.device.create_descriptor_set_layout(&info, None) })
+}
+
+/// Makes the shader as the driver takes it; to be destroyed when the pipeline is made.
+pub(super) fn module(context: &Context, shader: &Shader) -> Result<vk::ShaderModule> {
+    let code: Vec<u32> =
+        shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
+    let info = vk::ShaderModuleCreateInfo::default().code(&code);
+    // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
+    check(shader.name, unsafe { context.device.create_shader_module(&info, None) })
+}
+
+/// Maps specialisation constants to their places: id after id, four bytes each.
+pub(super) fn constant_places(constants: &[u32]) -> Vec<vk::SpecializationMapEntry> {
+    (0..constants.len())
+        .map(|i| vk::SpecializationMapEntry { constant_id: i as u32, offset: (i * 4) as u32, size: 4 })
+        .collect()
+}

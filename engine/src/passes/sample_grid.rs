@@ -1,0 +1,83 @@
+//! The samples of a fit on the device: which bricks there are, cut into chunks that a binding holds.
+
+use shaders_glsl::types::Grid;
+
+use crate::error::{Error, Kind, Result};
+use crate::gpu::{Buffer, Gpu};
+use crate::volume::Bricks;
+
+/// The sample grid on the device: tables of slots and bricks, cut into chunks that fit a storage-buffer
+/// binding.
+pub struct SampleGrid {
+    /// Brick -> slot.
+    pub(super) slots: Buffer<u32>,
+    /// Slot -> brick.
+    pub(super) coordinates: Buffer<[u32; 3]>,
+    /// Slot -> cells that hold a sample which takes part.
+    pub(super) active_cells: Buffer<[u32; 2]>,
+    /// Bricks along x, y, z.
+    bricks: [u32; 3],
+    /// Slots in all.
+    pub slot_count: usize,
+    /// Slots of one chunk; the last chunk may have fewer.
+    chunk_slots: usize,
+    /// Voxels along each axis to a unit of the space in which splats have their shape: ones where that is
+    /// voxel space.
+    pub stretch: [f32; 3],
+}
+
+impl SampleGrid {
+    /// Uploads the tables. `bytes_per_sample` is the widest per-sample row that will be bound; chunks are
+    /// made to fit.
+    pub fn new(gpu: &Gpu, bricks: &Bricks, bytes_per_sample: usize) -> Result<Self> {
+        if bricks.is_empty() {
+            return Err(Error::new(Kind::NothingToDo, "VGS-FIT-001", "no voxel takes part"));
+        }
+        let coordinates: Vec<[u32; 3]> = bricks.coordinates.iter().map(|c| c.to_array()).collect();
+        let fits = gpu.limits().storage_range as usize / (bytes_per_sample * crate::volume::bricks::SAMPLES);
+        if fits == 0 {
+            return Err(Error::new(
+                Kind::Unavailable,
+                "VGS-GPU-050",
+                format!("one brick does not fit a storage buffer of {} bytes", gpu.limits().storage_range),
+            ));
+        }
+        // Chunks of equal size rather than full ones and a rest.
+        let chunk_slots = bricks.len().div_ceil(bricks.len().div_ceil(fits));
+        Ok(SampleGrid {
+            slots: gpu.upload("brick slots", "bricks", &bricks.slots)?,
+            coordinates: gpu.upload("brick coordinates", "bricks", &coordinates)?,
+            active_cells: gpu.upload("active cells", "bricks", &bricks.active_cells())?,
+            bricks: bricks.grid.to_array(),
+            slot_count: bricks.len(),
+            chunk_slots,
+            stretch: [1.0; 3],
+        })
+    }
+
+    /// Counts the chunks.
+    pub fn chunks(&self) -> usize {
+        self.slot_count.div_ceil(self.chunk_slots)
+    }
+
+    /// Counts the slots of the largest chunk.
+    pub fn chunk_slots(&self) -> usize {
+        self.chunk_slots
+    }
+
+    /// Returns the slots of a chunk.
+    pub fn chunk(&self, index: usize) -> std::ops::Range<usize> {
+        index * self.chunk_slots..((index + 1) * self.chunk_slots).min(self.slot_count)
+    }
+
+    /// Returns the push constants for a chunk, samples displaced by `offset` voxels.
+    pub fn params(&self, chunk: usize, offset: [f32; 3]) -> Grid {
+        let range = self.chunk(chunk);
+        Grid { bricks: self.bricks, first_slot: range.start as u32, offset, slot_count: range.len() as u32 }
+    }
+
+    /// Returns the upper corner of the samples in local voxels, with the half voxel that belongs to the last.
+    pub fn max_mean(&self) -> [f32; 3] {
+        self.bricks.map(|n| n as f32 * 8.0 - 0.5)
+    }
+}

@@ -1,0 +1,289 @@
+//! docs/use/error-codes.md is what the sources say: every code `VGS-XXX-NNN` with its exit code, its messages and its module.
+//! `VGS_WRITE_ERROR_CODES=1` writes the page anew.
+//!
+//! The sources are read as tokens, not compiled; `sites` says which ways of making an error it understands, and a test holds
+//! the sources to them.
+#![forbid(unsafe_code)]
+
+mod meanings;
+mod sites;
+mod tokens;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use engine::Kind;
+use meanings::{GROUPS, MEANINGS};
+use sites::{Site, Sources, sites};
+
+/// The kinds of errors.
+const KINDS: [Kind; 10] = [
+    Kind::Usage,
+    Kind::NothingToDo,
+    Kind::BadData,
+    Kind::Missing,
+    Kind::Unavailable,
+    Kind::Internal,
+    Kind::HostMemory,
+    Kind::CannotCreate,
+    Kind::Io,
+    Kind::Temporary,
+];
+
+const HEAD: &str = "\
+# Error codes
+
+Every error that a program of vgs reports has a code, which stays as it is while texts may change: `error[VGS-NII-012]: ...`
+on stderr, and `\"code\": \"VGS-NII-012\"` with `--json`. The exit code of the program follows from the kind of the error.
+`…` and names in braces stand for what is put into a message. A test writes this page from the sources:
+`VGS_WRITE_ERROR_CODES=1 cargo test -p vgs-tests --test error_codes`.
+
+";
+
+/// All that is known of a code.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct CodeRow {
+    kinds: BTreeSet<String>,
+    messages: BTreeSet<String>,
+    modules: BTreeSet<String>,
+}
+
+fn page() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/use/error-codes.md")
+}
+
+/// Returns what is known of each code.
+fn rows(sites: &[Site]) -> BTreeMap<String, CodeRow> {
+    let mut rows = BTreeMap::<String, CodeRow>::new();
+    for site in sites {
+        let row = rows.entry(site.code.clone()).or_default();
+        row.kinds.extend(site.kinds.clone());
+        row.messages.extend(site.messages.iter().filter(|message| says_something(message)).cloned());
+        row.modules.insert(module(&site.file));
+    }
+    rows
+}
+
+/// Returns the module of a source, as `engine::volume`: its folder, or itself where it lies in `src`.
+fn module(file: &str) -> String {
+    let (folder, inside) = file.split_once("/src/").unwrap_or(("", file));
+    let name = match folder {
+        "tools/cli" => "vgs",
+        "tools/view" => "view",
+        "tools/bench" => "bench",
+        "xr-app" => "vgs-xr",
+        other => other,
+    };
+    let parts: Vec<&str> = inside.trim_end_matches(".rs").split('/').collect();
+    let parts = &parts[..(parts.len() - 1).max(1)];
+    std::iter::once(&name).chain(parts).copied().collect::<Vec<_>>().join("::")
+}
+
+/// True if a message has words of its own besides what is put in.
+fn says_something(message: &str) -> bool {
+    let mut depth = 0;
+    message.chars().any(|c| {
+        depth += i32::from(c == '{') - i32::from(c == '}');
+        depth == 0 && c.is_alphabetic()
+    })
+}
+
+fn meaning(code: &str) -> Option<&'static str> {
+    MEANINGS.iter().find(|(of, _)| *of == code).map(|(_, meaning)| *meaning)
+}
+
+fn exit_code(kind: &str) -> Option<u8> {
+    KINDS.iter().find(|known| format!("{known:?}") == kind).map(|known| known.exit_code())
+}
+
+/// Returns what is wrong with the use of codes.
+fn faults(sites: &[Site]) -> Vec<String> {
+    let mut out = Vec::new();
+    for (code, row) in rows(sites) {
+        let places: Vec<&Site> = sites.iter().filter(|site| site.code == code).collect();
+        if places.iter().any(|place| place.kinds.is_disjoint(&places[0].kinds)) {
+            out.push(format!("{code} has one kind here and another there: {places:#?}"));
+        }
+        let differs = places.iter().any(|place| place.messages != places[0].messages);
+        let several = differs && meaning(&code).is_none();
+        if several {
+            out.push(format!(
+                "{code} is used in several places with different messages; give one of them another code, or say in \
+                 MEANINGS what they have in common: {:?}",
+                row.messages
+            ));
+        }
+        if row.messages.is_empty() && meaning(&code).is_none() {
+            out.push(format!("{code} has no message of its own; say in MEANINGS what it means"));
+        }
+        for kind in row.kinds.iter().filter(|kind| exit_code(kind).is_none()) {
+            out.push(format!("{code}: KINDS does not know {kind}"));
+        }
+        let group = code.split('-').nth(1).unwrap_or_default();
+        if !GROUPS.iter().any(|(name, _)| *name == group) {
+            out.push(format!("{code}: GROUPS has no heading for {group}"));
+        }
+    }
+    let rows = rows(sites);
+    let unused = MEANINGS.iter().filter(|(code, _)| !rows.contains_key(*code));
+    out.extend(unused.map(|(code, _)| format!("{code} is in MEANINGS and nowhere else")));
+    out
+}
+
+/// Returns the page.
+fn written(rows: &BTreeMap<String, CodeRow>) -> String {
+    let mut out = HEAD.to_owned();
+    out += "| exit code | kind | when |\n|---|---|---|\n";
+    for kind in KINDS {
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "| {} | {kind:?} | {} |", kind.exit_code(), when(kind));
+    }
+    out += "\n0 is success; 130 and 143 are a stop by a signal, with what was reached written.\n";
+    for (group, heading) in GROUPS {
+        let inside = |code: &str| code.split('-').nth(1) == Some(group);
+        let _ =
+            writeln!(out, "\n## {group}: {heading}\n\n| code | exit | message | module |\n|---|---|---|---|");
+        for (code, row) in rows.iter().filter(|(code, _)| inside(code)) {
+            let exits: BTreeSet<u8> = row.kinds.iter().filter_map(|kind| exit_code(kind)).collect();
+            let exits: Vec<String> = exits.iter().map(u8::to_string).collect();
+            let modules: Vec<String> = row.modules.iter().map(|module| format!("`{module}`")).collect();
+            let wording = wording(code, row);
+            let _ = writeln!(out, "| {code} | {} | {wording} | {} |", exits.join(", "), modules.join(", "));
+        }
+    }
+    out
+}
+
+/// Returns the messages of a code, and before them its meaning where `MEANINGS` has one.
+fn wording(code: &str, row: &CodeRow) -> String {
+    let messages = row.messages.iter().map(|message| message.replace('|', "\\|").replace('<', "\\<"));
+    let meaning = meaning(code).map(|meaning| format!("*{meaning}*"));
+    meaning.into_iter().chain(messages).collect::<Vec<_>>().join("<br>")
+}
+
+/// Returns when errors of a kind come.
+fn when(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Usage => "a wrong argument or configuration value",
+        Kind::NothingToDo => {
+            "the input is valid and there is nothing to do, as with an empty region of interest"
+        }
+        Kind::BadData => "an input file holds something that cannot be used",
+        Kind::Missing => "an input file is missing",
+        Kind::Unavailable => "no Vulkan device or headset, or one that lacks what is needed",
+        Kind::Internal => "a fault of this program, or a fit that diverged",
+        Kind::HostMemory => "out of memory",
+        Kind::CannotCreate => {
+            "an output cannot be created: it exists, is read-only, or its folder is missing"
+        }
+        Kind::Io => "reading or writing failed on the way",
+        Kind::Temporary => "device lost or out of its memory, or an output is locked: trying again may help",
+    }
+}
+
+#[test]
+fn the_page_is_what_the_sources_say() {
+    let (sites, _) = sites(&Sources::read());
+    let new = written(&rows(&sites));
+    if std::env::var_os("VGS_WRITE_ERROR_CODES").is_some_and(|v| v == "1") {
+        std::fs::write(page(), &new).expect("writing docs/use/error-codes.md");
+    }
+    let old = std::fs::read_to_string(page()).unwrap_or_default();
+    let first = new.lines().zip(old.lines().chain(std::iter::repeat(""))).find(|(new, old)| new != old);
+    assert!(
+        new == old,
+        "docs/use/error-codes.md is out of date; VGS_WRITE_ERROR_CODES=1 writes it anew. The first line that differs, as it \
+         should be and as it is: {first:?}"
+    );
+}
+
+#[test]
+fn a_code_means_one_thing() {
+    let (sites, unread) = sites(&Sources::read());
+    assert!(sites.len() > 200, "the sources were found");
+    assert!(
+        unread.is_empty(),
+        "these codes cannot be read; write Error::new(Kind::X, \"CODE\", message), or a helper near by: {unread:#?}"
+    );
+    let faults = faults(&sites);
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// The reader itself, on the ways to make an error.
+#[test]
+fn errors_are_read_from_sources() {
+    let read = |source: &str| sites(&Sources::of(source));
+    for (source, kinds, messages) in [
+        (r#"Error::new(Kind::Io, "VGS-A-001", "text")"#, vec!["Io"], vec!["text"]),
+        (
+            r#"Error::new(engine::Kind::Io, "VGS-A-001", format!("a {} {b:.1} {{c}}", 1)).file(x)"#,
+            vec!["Io"],
+            vec!["a … {b} {c}"],
+        ),
+        (
+            "fn f() { let m = \"one\"; Error::new(Kind::Io, \"VGS-A-001\", m); let m = \"two\"; }",
+            vec!["Io"],
+            vec!["one"],
+        ),
+        (
+            r#"fn f() { let (k, m) = if a { (Kind::Io, format!("x {a}")) } else { (Kind::Usage, format!("y")) };
+               Error::new(k, "VGS-A-001", m) }"#,
+            vec!["Io", "Usage"],
+            vec!["x {a}", "y"],
+        ),
+        (
+            r#"fn bad(code: &'static str, m: &str) -> Error { Error::new(Kind::BadData, code, m) } fn f() { bad("VGS-A-001", "t") }"#,
+            vec!["BadData"],
+            vec!["t"],
+        ),
+        (
+            r#"fn f() { let no = |why: &str| Error::new(Kind::Usage, "VGS-A-001", format!("{why}").as_str()); no("a"); }"#,
+            vec!["Usage"],
+            vec!["{why}"],
+        ),
+        (
+            r#"fn f() { let no = |why: String| Error::new(Kind::Usage, "VGS-A-001", why); no("a".into()); no(format!("b")) }"#,
+            vec!["Usage"],
+            vec!["a", "b"],
+        ),
+        (
+            "fn f() { let m = match x { None => \"none\", Some(_) => \"some \\\n    more\" }; Error::new(Kind::Io, \"VGS-A-001\", m) }",
+            vec!["Io"],
+            vec!["none", "some more"],
+        ),
+    ] {
+        let (found, unread) = read(source);
+        assert!(unread.is_empty() && found.len() == 1, "{source}: {found:?} {unread:?}");
+        assert_eq!(found[0].kinds.iter().map(String::as_str).collect::<Vec<_>>(), kinds, "{source}");
+        assert_eq!(found[0].messages.iter().map(String::as_str).collect::<Vec<_>>(), messages, "{source}");
+    }
+    for none in [
+        r#"// Error::new(Kind::Io, "VGS-A-001", "text")"#,
+        r#"#[cfg(test)] mod tests { fn f() { assert_eq!(e.code, "VGS-A-001"); } }"#,
+        r#"fn f() { e.code == "VGS-A-001" }"#,
+        r##"const A: &str = r#"VGS-A-001"#; let l: &'static str = "x"; let q = '"';"##,
+    ] {
+        assert_eq!(read(none), (vec![], vec![]), "{none}");
+    }
+    let (_, unread) = read(r#"fn f() { strange("VGS-A-001", "text") }"#);
+    assert_eq!(unread.len(), 1, "what cannot be read is told");
+}
+
+/// The rules themselves, on codes that break them.
+#[test]
+fn a_code_with_two_meanings_is_found() {
+    let found = |source: &str| {
+        let (sites, _) = sites(&Sources::of(source));
+        faults(&sites).into_iter().filter(|fault| fault.starts_with("VGS-CLI-999")).collect::<Vec<_>>()
+    };
+    let two = |second: &str| {
+        found(&format!(r#"fn f() {{ Error::new(Kind::Io, "VGS-CLI-999", "one"); Error::new({second}); }}"#))
+    };
+    assert_eq!(two(r#"Kind::Io, "VGS-CLI-999", "one""#), Vec::<String>::new());
+    assert!(two(r#"Kind::Io, "VGS-CLI-999", "other""#)[0].contains("different messages"));
+    assert!(two(r#"Kind::Usage, "VGS-CLI-999", "one""#)[0].contains("one kind here"));
+    assert!(
+        found(r#"fn f(why: String) { Error::new(Kind::Io, "VGS-CLI-999", why); }"#)[0].contains("no message")
+    );
+}

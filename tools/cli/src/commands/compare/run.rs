@@ -1,0 +1,15 @@
+//! `vgs compare`: pictures or volumes, as the first file says.
+
+use super::arguments::Arguments;
+use super::{pictures, volumes};
+use crate::shared::console::Console;
+use crate::shared::failure::Stop;
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> Result<u8, Stop> {
+    if arguments.of_volumes() {
+        volumes::compare(arguments, console)
+    } else {
+        pictures::compare(arguments, console)
+    }
+}

@@ -1,0 +1,37 @@
+//! `vgs devices`: which Vulkan devices there are, and whether vgs can use them.
+
+use engine::gpu::{self, DeviceDescription};
+
+use crate::shared::console::Console;
+use crate::shared::failure::Stop;
+use crate::shared::figures::{bytes, table};
+
+/// Runs the command.
+pub fn run(console: &Console) -> Result<u8, Stop> {
+    let devices = gpu::devices()?;
+    if console.json {
+        console.json_data(&serde_json::json!({ "devices": devices }))?;
+        return Ok(0);
+    }
+    if devices.is_empty() {
+        console.say("no Vulkan device was found; tools/vgs brings a software driver");
+    }
+    let row = |d: &DeviceDescription| {
+        let state = match d.missing.as_slice() {
+            [] => "usable".to_owned(),
+            missing => format!("lacks {}", missing.join(", ")),
+        };
+        vec![
+            d.index.to_string(),
+            d.name.clone(),
+            d.kind.to_owned(),
+            d.driver.clone(),
+            d.api.clone(),
+            bytes(d.memory_bytes),
+            state,
+        ]
+    };
+    let heads = ["", "device", "kind", "driver", "Vulkan", "memory", "state"];
+    console.data(&table(&heads, &devices.iter().map(row).collect::<Vec<_>>()))?;
+    Ok(0)
+}

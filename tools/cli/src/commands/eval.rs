@@ -1,0 +1,247 @@
+//! `vgs eval`: how well splats reproduce a volume in a region of interest.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+use engine::fit::errors::ErrorMap;
+use engine::fit::evaluate::{self, Evaluation, Protocol};
+use engine::fit::place::place;
+use engine::output::write_atomic;
+use engine::splat::{Form, Splat, SplatSet};
+use engine::volume::nifti;
+use engine::{Error, Kind, Result};
+use serde::Serialize;
+
+use crate::picture;
+use crate::report::errors::ErrorsByPlace;
+use crate::report::quality::{Quality, quality_table};
+use crate::shared::console::Console;
+use crate::shared::evaluation::{EVAL_SEED, evaluate_decoded, unweighted};
+use crate::shared::failure::Stop;
+use crate::shared::flags::{DeviceArguments, Range, range_or_roi};
+use crate::shared::inputs::{Case, ReadArguments, RoiArguments};
+use crate::shared::memory::host_peak_bytes;
+use crate::shared::{outputs, splat_files};
+
+/// Measures splats against a volume, at the voxels and between them
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct Arguments {
+    /// The splats (PLY with intensities; also that of the paper's authors)
+    splats: PathBuf,
+    /// The volume
+    volume: PathBuf,
+    #[command(flatten)]
+    region: RoiArguments,
+    #[command(flatten)]
+    read: ReadArguments,
+    /// What the PSNR is over: two HU, or roi for the volume's range inside the region (of a soft mask where it is above
+    /// 1 % of its maximum), the paper's normalisation [default: the range of the whole volume]
+    #[arg(long, value_name = "LOW,HIGH|roi", value_parser = range_or_roi, allow_hyphen_values = true,
+          help_heading = "Evaluation")]
+    range: Option<Range>,
+    /// Sub-voxel offset grids besides the voxel grid
+    #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Evaluation",
+          value_parser = clap::value_parser!(u32).range(0..=64))]
+    offsets: u32,
+    /// Seed of the offsets
+    #[arg(long, value_name = "N", default_value_t = EVAL_SEED, help_heading = "Evaluation")]
+    seed: u64,
+    /// How far around the region the occupancy counts, voxels along each axis
+    #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Evaluation",
+          value_parser = clap::value_parser!(u32).range(0..=32))]
+    shell: u32,
+    /// Slices and shaded views of CT, splats and difference
+    #[arg(long, value_name = "FILE.png", help_heading = "Output")]
+    picture: Option<PathBuf>,
+    /// Where the slices of the picture meet: in the middle of the region, or at its worst voxel
+    #[arg(long, value_enum, default_value_t, requires = "picture", help_heading = "Output")]
+    slices: Slices,
+    /// The signed error at each voxel, splats less volume, on the volume's grid; 0 outside the region
+    #[arg(long, value_name = "FILE.nii.gz", help_heading = "Output")]
+    map: Option<PathBuf>,
+    /// All figures of all grids as a table
+    #[arg(long, value_name = "FILE.csv", help_heading = "Output")]
+    table: Option<PathBuf>,
+    /// Replaces outputs that exist
+    #[arg(short, long, help_heading = "Output")]
+    force: bool,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
+
+/// Where the slices of a picture meet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, ValueEnum)]
+pub enum Slices {
+    /// In the centre of mass of the region.
+    #[default]
+    Centre,
+    /// Where the error is largest.
+    Worst,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  vgs eval bones.ply ct.nii.gz --roi bones.nii.gz
+  vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --range -1024,3071 --json
+  vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --range roi      as the paper and its authors' code normalise
+  vgs eval skull.ply skull.inv3 --roi-threshold 226,3071 --picture skull.png --table skull.csv
+  vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --map error.nii.gz --picture error.png --slices worst";
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct EvaluationOutput {
+    splats: usize,
+    /// The quality of what is shown, as a fit records it: `decoded` where `form` is a grid, else `field`.
+    #[serde(flatten)]
+    quality: Quality,
+    /// What the splats were fitted for: `field`, `grid` or `grid-binary`.
+    form: &'static str,
+    /// The quality of the splats' field, which modes slab and exact show.
+    field: Quality,
+    /// The quality of the field decoded on the CT's grid and interpolated, which mode decoded shows.
+    decoded: Quality,
+    /// What `range` was taken from: the `volume`, the volume inside the `roi`, or `given`.
+    range_of: &'static str,
+    /// Where the error is.
+    errors: ErrorsByPlace,
+    /// Iterations of the fit; null where the file does not say.
+    iterations: Option<u32>,
+    seconds: f64,
+    device_peak_bytes: u64,
+    host_peak_bytes: Option<u64>,
+    device: String,
+    driver: String,
+    roi_voxels: usize,
+    outputs: Vec<String>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+    let start = Instant::now();
+    let written: Vec<&Path> = [&arguments.picture, &arguments.table, &arguments.map]
+        .into_iter()
+        .flatten()
+        .map(PathBuf::as_path)
+        .collect();
+    let mut inputs = vec![arguments.splats.as_path(), arguments.volume.as_path()];
+    inputs.extend(arguments.region.roi.as_deref());
+    outputs::check(&written, &inputs, arguments.force)?;
+    if let Some(map) = &arguments.map {
+        nifti::check_name(map)?;
+    }
+
+    let read = splat_files::read_with_intensity(&arguments.splats)?;
+    let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
+    let set = read.placed(Some(&place(&case.volume, Some(&case.roi))))?;
+    let splats = in_volume(&set, &case, &arguments.splats)?;
+    let gpu = arguments.device.boot()?;
+    let protocol = arguments.protocol(&case)?;
+    let of_field = evaluate::evaluate(&gpu, &splats, &set.field, &case.volume, &case.roi, &protocol)?;
+    let of_decoded = evaluate_decoded(&gpu, &set, &case, &protocol)?;
+    let of_grid = set.form != Form::Field;
+    // What is shown comes first.
+    let evaluation = if of_grid { &of_decoded } else { &of_field };
+    let map = ErrorMap::new(&gpu, &splats, &set.field, &case.volume, &case.roi)?;
+    let errors = ErrorsByPlace::of(&map, &case.volume, labels.as_ref());
+
+    if let Some(path) = &arguments.picture {
+        picture::draw(
+            path,
+            arguments.force,
+            &gpu,
+            &set,
+            &case,
+            (arguments.slices == Slices::Worst).then(|| map.worst_voxel()),
+            &picture::names(&arguments.splats, &arguments.volume),
+            evaluation,
+        )?;
+    }
+    if let Some(path) = &arguments.table {
+        write_atomic(path, arguments.force, |out| out.write_all(csv(evaluation).as_bytes()))?;
+    }
+    if let Some(path) = &arguments.map {
+        nifti::write(path, &map.volume(), arguments.force)?;
+    }
+    if console.json {
+        let description = gpu.description();
+        console.json_data(&EvaluationOutput {
+            splats: splats.len(),
+            quality: Quality::of(evaluation),
+            form: set.form.name(),
+            field: Quality::of(&of_field),
+            decoded: Quality::of(&of_decoded),
+            range_of: range_of(arguments.range).0,
+            errors,
+            iterations: set.iterations,
+            seconds: start.elapsed().as_secs_f64(),
+            device_peak_bytes: gpu.peak_bytes(),
+            host_peak_bytes: host_peak_bytes(),
+            device: description.name.clone(),
+            driver: description.driver.clone(),
+            roi_voxels: case.roi.voxel_count(),
+            outputs: written.iter().map(|p| p.display().to_string()).collect(),
+        })?;
+    } else {
+        let head = format!("{} splats in {} voxels\n", splats.len(), case.roi.voxel_count());
+        let of = range_of(arguments.range).1;
+        let field = ("of the splats' field (modes slab, exact)", &of_field);
+        let decoded = ("of the field on the CT's grid, interpolated (mode decoded)", &of_decoded);
+        let tables = if of_grid { [decoded, field] } else { [field, decoded] };
+        let quality: String =
+            tables.iter().map(|(what, found)| format!("{what}:\n{}", quality_table(found, of))).collect();
+        console.data(&(head + &quality + &errors.table(&case.volume)))?;
+    }
+    Ok(0)
+}
+
+impl Arguments {
+    fn protocol(&self, case: &Case) -> Result<Protocol> {
+        Ok(Protocol {
+            offsets: evaluate::random_offsets(self.offsets as usize, self.seed),
+            range: case.range(self.range)?,
+            shell: self.shell,
+            threshold: unweighted(self.range),
+        })
+    }
+}
+
+/// Returns what a range was taken from, for scripts and for people.
+fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
+    match chosen {
+        Some(Range::Given(_)) => ("given", "given"),
+        Some(Range::Roi) => ("roi", "the volume's inside the region"),
+        Some(Range::Own) | None => ("volume", "of the whole volume"),
+    }
+}
+
+/// Returns the splats in the voxel space of a case, and refuses splats of which none lies there.
+fn in_volume(set: &SplatSet, case: &Case, path: &Path) -> Result<Vec<Splat>> {
+    let splats = set.to_voxel(&case.volume.world_from_voxel);
+    let size = case.volume.size;
+    let inside = |s: &Splat| (0..3).all(|a| s.mean[a] >= -1.0 && s.mean[a] <= size[a] as f32);
+    if !splats.iter().any(inside) {
+        let message = "no splat lies in the volume: they are of different scans, or one lost its place";
+        return Err(Error::new(Kind::BadData, "VGS-CLI-042", message).file(path));
+    }
+    Ok(splats)
+}
+
+fn csv(evaluation: &Evaluation) -> String {
+    let mut out = String::from(
+        "offset_x,offset_y,offset_z,psnr_db,mmse,rmse_hu,p99_hu,occupancy_rmse,soft_dice,range_low,range_high\n",
+    );
+    let [low, high] = evaluation.range;
+    for m in std::iter::once(&evaluation.on_grid).chain(&evaluation.between) {
+        let [x, y, z] = m.offset;
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            out,
+            "{x},{y},{z},{},{},{},{},{},{},{low},{high}",
+            m.psnr_db, m.mmse, m.rmse_hu, m.p99_hu, m.occupancy_rmse, m.soft_dice
+        );
+    }
+    out
+}

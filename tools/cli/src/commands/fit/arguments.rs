@@ -1,0 +1,112 @@
+//! The flags of `vgs fit`.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use engine::Result;
+use engine::fit::Schedule;
+
+use super::checkpoint::CheckpointArguments;
+use super::settings::{Settings, SettingsArguments};
+use crate::shared::flags::{DeviceArguments, Range, duration, range_or_roi};
+use crate::shared::inputs::{InputRecord, ReadArguments, RoiArguments};
+use crate::shared::splat_files::LayoutArguments;
+
+/// Fits splats to the region of interest of a volume
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct Arguments {
+    /// The volume: NIfTI or InVesalius project
+    pub volume: PathBuf,
+    #[command(flatten)]
+    pub region: RoiArguments,
+    /// Where the splats go (PLY). Beside it: .run.json (record), .csv and .svg (curve)
+    #[arg(short, long, value_name = "OUT.ply", help_heading = "Output")]
+    pub output: PathBuf,
+    /// Replaces outputs that exist
+    #[arg(short, long, help_heading = "Output")]
+    pub force: bool,
+    /// Slices and shaded views of CT, splats and difference, as `vgs eval` draws them
+    #[arg(long, value_name = "FILE.png", help_heading = "Output", conflicts_with = "no_eval")]
+    pub picture: Option<PathBuf>,
+    /// Leaves out the closing evaluation
+    #[arg(long, help_heading = "Output")]
+    pub no_eval: bool,
+    /// What the PSNR of the closing evaluation is over: two HU, or roi for the volume's range inside the region [default:
+    /// the range of the whole volume]
+    #[arg(long, value_name = "LOW,HIGH|roi", value_parser = range_or_roi, allow_hyphen_values = true,
+          help_heading = "Output")]
+    pub eval_range: Option<Range>,
+    /// Sub-voxel offset grids of the closing evaluation
+    #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Output",
+          value_parser = clap::value_parser!(u32).range(0..=64))]
+    pub eval_offsets: u32,
+    /// Says first what the fit will cost on this device: time, memory, file, error. The record then has both that and what
+    /// it came to
+    #[arg(long, help_heading = "Output", conflicts_with = "resume")]
+    pub explain: bool,
+    /// Says it and does not fit; nothing is written
+    #[arg(long, help_heading = "Output", conflicts_with_all = ["resume", "explain"])]
+    pub dry_run: bool,
+    #[command(flatten)]
+    pub layout: LayoutArguments,
+    #[command(flatten)]
+    pub checkpoint: CheckpointArguments,
+    #[command(flatten)]
+    pub read: ReadArguments,
+    /// Time until the splats are ready (90s, 5m), reading included: as many iterations as it allows are done, and
+    /// the schedule follows the clock. Two runs then differ. --iterations limits it only where it is given
+    #[arg(long, value_name = "TIME", value_parser = duration, help_heading = "Settings")]
+    pub time_budget: Option<Duration>,
+    #[command(flatten)]
+    pub device: DeviceArguments,
+    #[command(flatten)]
+    pub settings: SettingsArguments,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --quality fine --dry-run     what that would cost
+  vgs fit ct.nii.gz --roi labels.nii.gz --roi-label liver,aorta -o organs.ply --density 0.2
+  vgs fit skull.inv3 --roi-threshold 226,3071 -o skull.ply --time-budget 5m
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --kernel gaussian --ply-layout reference
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --checkpoint-every 100
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --resume";
+
+impl Arguments {
+    /// Returns the files that the fit reads.
+    pub fn inputs(&self) -> Vec<&Path> {
+        let mut inputs = vec![self.volume.as_path()];
+        inputs.extend(self.region.roi.as_deref());
+        inputs
+    }
+
+    /// True if outputs that exist may be replaced. What an interrupted fit has written is its own to replace, and a dry run
+    /// writes nothing that could replace anything.
+    pub fn replaces_outputs(&self) -> bool {
+        self.force || self.checkpoint.resume || self.dry_run
+    }
+
+    /// Returns how long the fit goes on, when `spent` has passed since the command began.
+    pub fn schedule(&self, settings: &Settings, spent: Duration) -> Schedule {
+        // The default number of iterations is meant for fits without a clock.
+        let iterations = match self.time_budget {
+            Some(_) if !settings.is_explicit("iterations") => u32::MAX,
+            _ => settings.config.iterations,
+        };
+        Schedule { iterations, time: self.time_budget.map(|t| t.saturating_sub(spent)) }
+    }
+
+    /// Returns what a record keeps of the input files.
+    pub fn input_records(&self) -> Result<BTreeMap<&'static str, InputRecord>> {
+        let mut records = BTreeMap::from([("volume", InputRecord::of(&self.volume)?)]);
+        if let Some(mask) = &self.region.roi {
+            records.insert("roi", InputRecord::of(mask)?);
+        }
+        Ok(records)
+    }
+}

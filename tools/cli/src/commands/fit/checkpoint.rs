@@ -1,0 +1,222 @@
+//! What a fit leaves on the way, so that it can be looked at and can go on: splats as PLY, and its state.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use engine::fit::{CurvePoint, FitConfig, Interrupted, State};
+use engine::output::check_writable;
+use engine::splat::{self, Field, Form, Grid, Splat, SplatSet, WriteOptions};
+use engine::{Error, Kind, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::shared::inputs::{InputRecord, RoiArguments};
+use crate::shared::outputs::beside;
+
+/// Stopping and going on.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Output")]
+pub struct CheckpointArguments {
+    /// Every N iterations writes the splats so far (OUT.000100.ply) and what --resume needs (OUT.state)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    checkpoint_every: Option<u32>,
+    /// Goes on from OUT.state, which an interrupted fit leaves: to the splats of a fit that never stopped, bit for bit.
+    /// Outputs of the interrupted fit are replaced
+    #[arg(long)]
+    pub resume: bool,
+}
+
+/// What a state file holds beside the state: the fit that it belongs to, and the course so far.
+#[derive(Serialize, Deserialize)]
+struct StateNotes {
+    /// Hash of each input file, by its name in the record.
+    inputs: BTreeMap<String, String>,
+    /// The region of interest as the flags say it.
+    region: String,
+    config: FitConfig,
+    seconds: f64,
+    curve: Vec<CurvePoint>,
+}
+
+/// The checkpoints of one fit.
+pub struct Checkpoints {
+    every: Option<u32>,
+    output: PathBuf,
+    /// How splats are written; with `force` files that exist are replaced.
+    write: WriteOptions,
+    inputs: BTreeMap<String, String>,
+    region: String,
+    config: FitConfig,
+}
+
+/// Returns the file that holds the state of a fit to `output`.
+pub fn state_path(output: &Path) -> PathBuf {
+    beside(output, ".state")
+}
+
+impl Checkpoints {
+    /// Makes ready for the checkpoints of a fit to `output`. Refuses where a file that a checkpoint would write
+    /// exists, unless `write` replaces it.
+    pub fn new(
+        arguments: &CheckpointArguments,
+        output: &Path,
+        inputs: &BTreeMap<&'static str, InputRecord>,
+        region: &RoiArguments,
+        config: &FitConfig,
+        write: WriteOptions,
+    ) -> Result<Self> {
+        let checkpoints = Checkpoints {
+            every: arguments.checkpoint_every,
+            output: output.to_owned(),
+            write: WriteOptions { force: write.force || arguments.resume, ..write },
+            inputs: inputs.iter().map(|(&name, input)| (name.to_owned(), input.sha256.clone())).collect(),
+            region: format!("{:?} {:?}", region.roi_threshold, region.roi_label),
+            config: config.clone(),
+        };
+        let state = state_path(output);
+        if state.exists() && !checkpoints.write.force {
+            let message = "an interrupted fit has left its state here";
+            return Err(Error::new(Kind::CannotCreate, "VGS-CLI-030", message)
+                .file(state)
+                .help("go on with --resume, or begin again with --force"));
+        }
+        if let Some(every) = checkpoints.every {
+            for k in (every..=config.iterations).step_by(every as usize) {
+                check_writable(checkpoints.splats_path(k), checkpoints.write.force)?;
+            }
+        }
+        Ok(checkpoints)
+    }
+
+    fn splats_path(&self, iteration: u32) -> PathBuf {
+        beside(&self.output, &format!(".{iteration:06}.ply"))
+    }
+
+    /// True if a checkpoint is written after this iteration.
+    pub fn is_due(&self, iteration: u32) -> bool {
+        self.every.is_some_and(|every| iteration > 0 && iteration.is_multiple_of(every))
+    }
+
+    /// Writes the splats of an iteration, given in voxel space of the grid and HU.
+    pub fn write_splats(
+        &self,
+        splats: &[Splat],
+        iteration: u32,
+        (grid, form): (Grid, Form),
+        field: Field,
+    ) -> Result<()> {
+        let set = SplatSet {
+            iterations: Some(iteration),
+            grid: Some(grid),
+            form,
+            ..SplatSet::from_voxel(splats, &grid.world_from_voxel, field)
+        };
+        splat::write_as(&self.splats_path(iteration), &set, &self.write)
+    }
+
+    /// Writes where the fit stands.
+    pub fn write_state(&self, state: &State, seconds: f64, curve: &[CurvePoint]) -> Result<()> {
+        let notes = StateNotes {
+            inputs: self.inputs.clone(),
+            region: self.region.clone(),
+            config: self.config.clone(),
+            seconds,
+            curve: curve.to_vec(),
+        };
+        let notes = serde_json::to_string(&notes).map_err(|e| {
+            Error::new(Kind::Internal, "VGS-CLI-031", format!("the notes of a state cannot be written: {e}"))
+        })?;
+        // The state before this one is this fit's own.
+        state.write(&state_path(&self.output), &notes, true)
+    }
+
+    /// Removes the state of a fit that is finished.
+    pub fn clean(&self) {
+        let _ = std::fs::remove_file(state_path(&self.output));
+    }
+
+    /// Reads where the fit stands. It must be this fit: the same inputs, region and hyper-parameters.
+    pub fn read(&self) -> Result<Interrupted> {
+        let path = state_path(&self.output);
+        let (state, text) = State::read(&path)?;
+        let notes: StateNotes = serde_json::from_str(&text).map_err(|e| {
+            Error::new(Kind::BadData, "VGS-CLI-032", format!("the notes cannot be read: {e}"))
+                .file(&path)
+                .help("start the fit anew, with --force")
+        })?;
+        let other = |what: String| {
+            Err(Error::new(Kind::Usage, "VGS-CLI-033", format!("this is the state of another fit: {what}"))
+                .file(&path)
+                .help("give the flags of the interrupted fit, or begin again with --force"))
+        };
+        for (name, hash) in &self.inputs {
+            if notes.inputs.get(name) != Some(hash) {
+                return other(format!("the file of the {name} differs"));
+            }
+        }
+        if notes.inputs.len() != self.inputs.len() || notes.region != self.region {
+            return other("the region of interest is chosen otherwise".into());
+        }
+        if let Some((key, was, is)) = difference(&notes.config, &self.config) {
+            return other(format!("{key} was {was} and is {is} now"));
+        }
+        Ok(Interrupted { state, seconds: notes.seconds, curve: notes.curve })
+    }
+}
+
+/// Returns the first key in which two configurations differ, and both values.
+fn difference(a: &FitConfig, b: &FitConfig) -> Option<(&'static str, Value, Value)> {
+    // By way of text, so that 0.1 as f32 stays 0.1.
+    let text = |config| serde_json::to_string(config).unwrap_or_default();
+    let values = |config| serde_json::from_str::<Value>(&text(config)).unwrap_or_default();
+    let (a, b) = (values(a), values(b));
+    let mut keys = FitConfig::FIELDS.iter().map(|field| field.key);
+    keys.find(|key| a[key] != b[key]).map(|key| (key, a[key].clone(), b[key].clone()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checkpoints(folder: &Path, config: FitConfig) -> Checkpoints {
+        let arguments = CheckpointArguments { checkpoint_every: Some(10), resume: true };
+        let region = RoiArguments { roi: None, roi_threshold: Some([1.0, 2.0]), roi_label: None };
+        let record = InputRecord { path: "v.nii".into(), bytes: 3, sha256: "abc".into() };
+        let inputs = BTreeMap::from([("volume", record)]);
+        Checkpoints::new(
+            &arguments,
+            &folder.join("a.ply"),
+            &inputs,
+            &region,
+            &config,
+            WriteOptions::default(),
+        )
+        .expect("checkpoints")
+    }
+
+    #[test]
+    fn they_come_every_so_often() {
+        let folder = tempfile::tempdir().unwrap();
+        let c = checkpoints(folder.path(), FitConfig::default());
+        let due: Vec<u32> = (0..35).filter(|&k| c.is_due(k)).collect();
+        assert_eq!(due, [10, 20, 30]);
+        assert!(c.splats_path(10).ends_with("a.000010.ply"));
+    }
+
+    #[test]
+    fn another_configuration_is_told_by_its_key() {
+        let a = FitConfig::default();
+        assert!(difference(&a, &a).is_none());
+        let b = FitConfig { rate_mean: 0.3, ..a.clone() };
+        let (key, was, is) = difference(&a, &b).unwrap();
+        assert_eq!((key, was.to_string(), is.to_string()), ("rate_mean", "0.2".into(), "0.3".into()));
+    }
+
+    #[test]
+    fn a_missing_state_is_told_as_a_missing_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = checkpoints(folder.path(), FitConfig::default()).read().err().unwrap();
+        assert_eq!(error.kind, Kind::Missing);
+    }
+}

@@ -1,0 +1,93 @@
+//! The files that a fit writes.
+
+use std::path::{Path, PathBuf};
+
+use engine::fit::Outcome;
+use engine::output::write_atomic;
+use engine::{Error, Kind, Result, splat};
+
+use super::arguments::Arguments;
+use crate::report::curve;
+use crate::report::record::RunRecord;
+use crate::shared::lock::Lock;
+use crate::shared::outputs;
+use crate::shared::signals::Signals;
+
+/// The outputs of a fit.
+pub struct OutputFiles {
+    /// The splats.
+    pub splats: PathBuf,
+    record: PathBuf,
+    csv: PathBuf,
+    svg: PathBuf,
+    /// The picture of the closing evaluation, if one was asked for.
+    pub picture: Option<PathBuf>,
+}
+
+impl OutputFiles {
+    /// Returns the outputs that the flags name, once it is sure that they can be written.
+    pub fn checked(arguments: &Arguments) -> Result<Self> {
+        let output = &arguments.output;
+        let files = OutputFiles {
+            splats: output.clone(),
+            record: outputs::beside(output, ".run.json"),
+            csv: outputs::beside(output, ".csv"),
+            svg: outputs::beside(output, ".svg"),
+            picture: arguments.picture.clone(),
+        };
+        files.check(arguments)?;
+        check_extension(&files.splats)?;
+        Ok(files)
+    }
+
+    fn check(&self, arguments: &Arguments) -> Result<()> {
+        outputs::check(&self.list(), &arguments.inputs(), arguments.replaces_outputs())
+    }
+
+    /// Locks the outputs for this process; a dry run needs no lock.
+    pub fn lock(&self, arguments: &Arguments, signals: &Signals) -> Result<Option<Lock>> {
+        let lock = if arguments.dry_run { None } else { Some(Lock::take(&self.splats, signals)?) };
+        // Another run may have written them before it gave the lock away.
+        self.check(arguments)?;
+        Ok(lock)
+    }
+
+    /// Returns all outputs, the splats first.
+    pub fn list(&self) -> Vec<&Path> {
+        let mut list = vec![self.splats.as_path(), &self.record, &self.csv, &self.svg];
+        list.extend(self.picture.as_deref());
+        list
+    }
+
+    /// Writes the record and the curve, as a table and as a plot; `unit` is that of the volume, which is in the title.
+    pub fn write_reports(
+        &self,
+        record: &RunRecord<'_>,
+        outcome: &Outcome,
+        (volume, unit): (&Path, &str),
+        force: bool,
+    ) -> Result<()> {
+        let json = serde_json::to_string_pretty(record).map_err(|e| {
+            Error::new(Kind::Internal, "VGS-CLI-003", format!("a result cannot be written as JSON: {e}"))
+        })?;
+        let name = volume.file_name().unwrap_or_default().to_string_lossy();
+        let title = format!("{name}: {} splats", outcome.splats.len());
+        let plot = curve::svg(&outcome.curve, &title, outcome.range, unit)?;
+        let put = |path: &Path, text: &str| write_atomic(path, force, |out| out.write_all(text.as_bytes()));
+        put(&self.record, &(json + "\n"))?;
+        put(&self.csv, &curve::csv(&outcome.curve))?;
+        put(&self.svg, &plot)
+    }
+}
+
+/// Refuses an extension that names no splat format: that must not be found out after the fit.
+fn check_extension(path: &Path) -> Result<()> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    if splat::FORMATS.iter().any(|format| format.name.eq_ignore_ascii_case(&extension)) {
+        return Ok(());
+    }
+    let names: Vec<_> = splat::FORMATS.iter().map(|format| format!(".{}", format.name)).collect();
+    Err(Error::new(Kind::Usage, "VGS-CLI-022", "the extension names no splat format")
+        .file(path)
+        .help(format!("known: {}", names.join(", "))))
+}

@@ -1,0 +1,159 @@
+//! The first stage of a fit: everything that it needs is read, chosen and checked.
+
+use std::time::{Duration, Instant};
+
+use engine::Result;
+use engine::fit::evaluate::{self, Protocol};
+use engine::fit::labels::label;
+use engine::fit::{FitConfig, IntensityRange, Problem, Schedule, Start};
+use engine::gpu::Gpu;
+use engine::splat::{Field, Splat, SplatSet, WriteOptions};
+use engine::volume::Labels;
+
+use super::arguments::Arguments;
+use super::checkpoint::Checkpoints;
+use super::output_files::OutputFiles;
+use super::settings::Settings;
+use crate::shared::evaluation::{EVAL_SEED, unweighted};
+use crate::shared::flags::Range;
+use crate::shared::inputs::Case;
+
+/// What a fit reads.
+pub struct Inputs {
+    case: Case,
+    labels: Option<Labels>,
+}
+
+impl Inputs {
+    /// Reads the volume and its region.
+    pub fn read(arguments: &Arguments) -> Result<Self> {
+        let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
+        Ok(Inputs { case, labels })
+    }
+}
+
+/// A fit that is ready to begin: what its stages read.
+pub struct Prepared<'a> {
+    /// The flags.
+    pub arguments: &'a Arguments,
+    /// The hyper-parameters.
+    pub settings: &'a Settings,
+    /// The outputs.
+    pub files: &'a OutputFiles,
+    /// Volume and region as they were read.
+    pub case: &'a Case,
+    labels: Option<&'a Labels>,
+    /// What is fitted: volume and region on the working grid, with the hyper-parameters for it.
+    pub problem: Problem<'a>,
+    /// What is left on the way.
+    pub checkpoints: Checkpoints,
+    /// The device of the fit.
+    pub gpu: Gpu,
+    /// How the splats add up.
+    pub field: Field,
+    /// How the splats are written.
+    pub write: WriteOptions,
+    /// The closing evaluation, if there is one.
+    pub protocol: Option<Protocol>,
+    /// How long the fit goes on.
+    pub schedule: Schedule,
+    /// When the command began.
+    pub start: Instant,
+    /// Seconds from there until the inputs were read and the device was ready.
+    pub read_seconds: f64,
+    /// Seconds that placing the first splats took.
+    pub initialise_seconds: f64,
+    /// Time from the start until all of this was ready.
+    pub before: Duration,
+}
+
+/// Boots the device and places the first splats, or reads where an interrupted fit stands.
+pub fn prepare<'a>(
+    arguments: &'a Arguments,
+    settings: &'a Settings,
+    files: &'a OutputFiles,
+    inputs: &'a Inputs,
+    start: Instant,
+) -> Result<(Prepared<'a>, Start)> {
+    let case = &inputs.case;
+    let write = arguments.layout.options(&case.volume, &case.roi, arguments.replaces_outputs());
+    let checkpoints = Checkpoints::new(
+        &arguments.checkpoint,
+        &files.splats,
+        &arguments.input_records()?,
+        &arguments.region,
+        &settings.config,
+        write,
+    )?;
+    let interrupted = if arguments.checkpoint.resume { Some(checkpoints.read()?) } else { None };
+    let gpu = arguments.device.boot()?;
+    let read_seconds = start.elapsed().as_secs_f64();
+
+    let initialising = Instant::now();
+    let config = &settings.config;
+    let problem = Problem::new(&case.volume, &case.roi, config)?;
+    let begin = match interrupted {
+        Some(interrupted) => Start::Interrupted(interrupted),
+        None => Start::First(problem.first_splats()?),
+    };
+    let initialise_seconds = initialising.elapsed().as_secs_f64();
+
+    warn_of_kernel(&write, config);
+    let protocol = protocol(arguments, config, case)?;
+    let before = start.elapsed();
+    let prepared = Prepared {
+        arguments,
+        settings,
+        files,
+        case,
+        labels: inputs.labels.as_ref(),
+        field: problem.field(),
+        problem,
+        checkpoints,
+        gpu,
+        write,
+        protocol: (!arguments.no_eval).then_some(protocol),
+        schedule: arguments.schedule(settings, before),
+        start,
+        read_seconds,
+        initialise_seconds,
+        before,
+    };
+    Ok((prepared, begin))
+}
+
+impl Prepared<'_> {
+    /// Returns splats of the fit, given in its voxel space, as a file keeps them.
+    pub fn set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
+        let mut set = self.problem.splat_set(splats, iterations);
+        if let Some(labels) = self.labels {
+            label(&mut set, labels);
+        }
+        set
+    }
+}
+
+/// Warns where programs that read the layout draw another kernel than that of the fit.
+fn warn_of_kernel(write: &WriteOptions, config: &FitConfig) {
+    if let Some(theirs) = write.layout.kernel.filter(|&kernel| kernel != config.kernel) {
+        tracing::warn!(
+            "programs that read the layout {} draw the kernel {}, the fit is with {}: fit with --kernel {} for them",
+            write.layout.name,
+            theirs.name(),
+            config.kernel.name(),
+            theirs.name()
+        );
+    }
+}
+
+/// Returns how the splats are measured at the end.
+fn protocol(arguments: &Arguments, config: &FitConfig, case: &Case) -> Result<Protocol> {
+    // A fit over the region's range is measured over it, too.
+    let range = arguments.eval_range.or((config.range == IntensityRange::Roi).then_some(Range::Roi));
+    Ok(Protocol {
+        offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
+        range: case.range(range)?,
+        shell: config.shell,
+        threshold: unweighted(range).max(config.region_threshold),
+    })
+}

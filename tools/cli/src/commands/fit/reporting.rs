@@ -1,0 +1,201 @@
+//! The last stage of a fit: the run record, the curve, and the figures that are printed.
+
+use std::path::Path;
+
+use engine::fit::evaluate::Evaluation;
+use engine::fit::{End, Outcome};
+use engine::{Result, splat};
+
+use super::checkpoint;
+use super::output_files::OutputFiles;
+use super::prepare::Prepared;
+use super::stages::{Evaluated, Fitted};
+use crate::report::estimate::{CheckedEstimate, Estimate};
+use crate::report::quality::Quality;
+use crate::report::record::{MemoryRecord, RoiRecord, RunRecord, Timings, VolumeRecord, WorkingRecord};
+use crate::report::results::FitResults;
+use crate::shared::clock;
+use crate::shared::console::Console;
+use crate::shared::figures::{bytes, psnr, seconds};
+use crate::shared::memory::host_peak_bytes;
+use crate::shared::version::{COMMIT, NUMBER, VERSION};
+
+/// Writes the record and the curve of a fit, and prints what it came to.
+pub fn report(
+    prepared: &Prepared<'_>,
+    fitted: &Fitted,
+    evaluated: &Evaluated,
+    estimate: Option<Estimate>,
+    console: &Console,
+) -> Result<()> {
+    let Prepared { arguments, files, .. } = prepared;
+    let timings = timings(prepared, fitted, evaluated, estimate.as_ref());
+    let results = results(prepared, fitted, evaluated, &timings);
+    let checked = match estimate {
+        Some(estimate) => {
+            let file_bytes = splat::file_bytes(&files.splats, &fitted.set, &prepared.write)?;
+            Some(CheckedEstimate::new(estimate, &results, file_bytes))
+        }
+        None => None,
+    };
+    let record = record(prepared, &fitted.outcome, timings, checked, &results)?;
+    files.write_reports(
+        &record,
+        &fitted.outcome,
+        (&arguments.volume, prepared.case.volume.unit()),
+        prepared.write.force,
+    )?;
+    if console.json {
+        console.json_data(&results)?;
+    } else if !console.quiet {
+        console.data(&summary(&results, &fitted.outcome, evaluated.evaluation.as_ref(), files))?;
+    }
+    Ok(())
+}
+
+/// Returns where the time went.
+fn timings(
+    prepared: &Prepared<'_>,
+    fitted: &Fitted,
+    evaluated: &Evaluated,
+    estimate: Option<&Estimate>,
+) -> Timings {
+    Timings {
+        read: prepared.read_seconds,
+        initialise: prepared.initialise_seconds,
+        calibrate: estimate.map(|estimate| estimate.calibration_seconds).unwrap_or_default(),
+        fit: fitted.outcome.seconds,
+        evaluate: evaluated.seconds,
+        total: prepared.start.elapsed().as_secs_f64(),
+        passes: fitted.passes.clone(),
+    }
+}
+
+/// Returns what the fit came to, as it is printed.
+fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timings: &Timings) -> FitResults {
+    let Prepared { gpu, case, files, .. } = prepared;
+    let outcome = &fitted.outcome;
+    let device = gpu.description();
+    FitResults {
+        splats: outcome.splats.len(),
+        quality: evaluated.evaluation.as_ref().map(Quality::of),
+        seconds: timings.total,
+        fit_seconds: outcome.seconds,
+        seconds_per_iteration: outcome.seconds / f64::from(outcome.iterations.max(1)),
+        iterations: outcome.iterations,
+        frozen_updates: outcome.frozen,
+        device_peak_bytes: gpu.peak_bytes(),
+        host_peak_bytes: host_peak_bytes(),
+        device: device.name.clone(),
+        driver: device.driver.clone(),
+        roi_voxels: case.roi.voxel_count(),
+        outputs: files.list().iter().map(|p| p.display().to_string()).collect(),
+    }
+}
+
+/// Returns the run record.
+fn record<'a>(
+    prepared: &'a Prepared<'_>,
+    outcome: &Outcome,
+    timings: Timings,
+    estimate: Option<CheckedEstimate>,
+    results: &'a FitResults,
+) -> Result<RunRecord<'a>> {
+    let Prepared { arguments, settings, case, problem, gpu, .. } = prepared;
+    let (end, error) = match &outcome.end {
+        End::Finished => ("finished", None),
+        End::Stopped => ("stopped", None),
+        End::Failed(error) => ("failed", Some(error.to_string())),
+    };
+    Ok(RunRecord {
+        format: "vgs-run-1",
+        date: clock::now(),
+        version: NUMBER,
+        commit: COMMIT,
+        command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
+        end,
+        error,
+        inputs: arguments.input_records()?,
+        volume: VolumeRecord::of(&case.volume),
+        roi: RoiRecord::of(&case.roi, &case.volume),
+        working_grid: problem.is_coarser().then(|| WorkingRecord {
+            volume: VolumeRecord::of(problem.volume()),
+            roi: RoiRecord::of(problem.roi(), problem.volume()),
+        }),
+        profile: &settings.profile,
+        quality: settings.quality.as_deref(),
+        explicit: &settings.explicit,
+        config: &settings.config,
+        time_budget_seconds: arguments.time_budget.map(|t| t.as_secs_f64()),
+        device: gpu.description(),
+        timings,
+        memory: MemoryRecord {
+            device_by_purpose: outcome.device_bytes.clone(),
+            device_peak_bytes: results.device_peak_bytes,
+            host_peak_bytes: results.host_peak_bytes,
+        },
+        estimate,
+        results,
+    })
+}
+
+/// Returns the end of a fit in plain words.
+fn summary(
+    results: &FitResults,
+    outcome: &Outcome,
+    evaluation: Option<&Evaluation>,
+    files: &OutputFiles,
+) -> String {
+    let how = match &outcome.end {
+        End::Finished => "fitted",
+        End::Stopped => "stopped early: fitted",
+        End::Failed(_) => "failed: what is left are",
+    };
+    let mut out = format!(
+        "{how} {} splats to {} voxels in {} ({} iterations, {} each; {} in all)\n",
+        results.splats,
+        results.roi_voxels,
+        seconds(results.fit_seconds),
+        results.iterations,
+        seconds(results.seconds_per_iteration),
+        seconds(results.seconds)
+    );
+    if let (Some(quality), Some(evaluation)) = (&results.quality, evaluation) {
+        let ([low, high], unit) = (quality.range, evaluation.unit);
+        out.push_str(&format!(
+            "quality in the region, PSNR over {low} to {high}{unit}:\n  at the voxels: {}, an error of {:.1}{unit} (root \
+             mean square)\n",
+            psnr(quality.psnr_db, quality.range),
+            quality.rmse_hu
+        ));
+        if !evaluation.between.is_empty() {
+            out.push_str(&format!(
+                "  between the voxels: {} at the worst of {} offsets, {} in the mean\n",
+                psnr(quality.psnr_min_offset_db, quality.range),
+                evaluation.between.len(),
+                psnr(quality.psnr_mean_offset_db, quality.range)
+            ));
+        }
+        out.push_str(&format!(
+            "  outline: occupancy off by {:.3} (root mean square between the voxels), soft Dice {:.4}\n",
+            quality.occupancy_rmse, quality.soft_dice
+        ));
+    }
+    let host = results.host_peak_bytes.map(|n| format!(", {} of the host", bytes(n))).unwrap_or_default();
+    let name = |p: &&Path| p.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let names: Vec<_> = files.list()[1..].iter().map(name).collect();
+    out.push_str(&format!(
+        "memory: at most {} of the device{host}\non: {} ({})\nwritten: {}, and {}\n",
+        bytes(results.device_peak_bytes),
+        results.device,
+        results.driver,
+        files.splats.display(),
+        names.join(", ")
+    ));
+    if matches!(outcome.end, End::Stopped) {
+        let state = checkpoint::state_path(&files.splats);
+        out.push_str(&format!("to go on: the same command with --resume ({})\n", state.display()));
+    }
+    out.push_str(&format!("vgs {VERSION}. For looking, not for diagnosis.\n"));
+    out
+}

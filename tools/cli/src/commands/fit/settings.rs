@@ -1,0 +1,330 @@
+//! The hyper-parameters of a fit, from five places: a profile, a quality, a file, the environment, flags; later ones
+//! win.
+//!
+//! Keys, flags, types and defaults all come from [`FitConfig`]; a new field there is a flag here without a word.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
+use engine::fit::{FitConfig, PROFILES, Profile, QUALITIES, QualityPreset};
+use engine::{Error, Kind, Result};
+use serde_json::{Map, Value};
+
+/// The flags: a profile, a quality, a file, and one for every field of [`FitConfig`].
+#[derive(Clone, Debug)]
+pub struct SettingsArguments {
+    profile: String,
+    quality: Option<String>,
+    config: Option<PathBuf>,
+    /// Text by key, of the flags and variables that were given.
+    given: BTreeMap<&'static str, String>,
+}
+
+/// The resolved hyper-parameters.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// The values.
+    pub config: FitConfig,
+    /// Name of the profile that they started from.
+    pub profile: String,
+    /// Name of the quality that was chosen, if one was.
+    pub quality: Option<String>,
+    /// Keys that a file, a variable or a flag has set.
+    pub explicit: Vec<String>,
+}
+
+impl SettingsArguments {
+    /// Merges the values of all places and checks the result.
+    pub fn resolve(&self) -> Result<Settings> {
+        let profile = Profile::named(&self.profile)?.config()?;
+        let mut values = values_of(&match &self.quality {
+            Some(name) => QualityPreset::named(name)?.of(&profile)?,
+            None => profile,
+        });
+        let mut explicit = Vec::new();
+        if let Some(path) = &self.config {
+            for (key, value) in read_file(path)? {
+                set(&mut values, &key, value).map_err(|e| e.file(path))?;
+                explicit.push(key);
+            }
+        }
+        for (&key, text) in &self.given {
+            let flag = flag_of(key);
+            let value = parse(text, &values[key])
+                .ok_or_else(|| wrong_value(&format!("--{flag}"), &format!("{text:?} cannot be read")))?;
+            set(&mut values, key, value)?;
+            explicit.push(key.to_owned());
+        }
+        let config: FitConfig = serde_json::from_value(Value::Object(values))
+            .map_err(|e| wrong_value("the configuration", &e.to_string()))?;
+        config.check()?;
+        Ok(Settings { config, profile: self.profile.clone(), quality: self.quality.clone(), explicit })
+    }
+}
+
+impl Settings {
+    /// True if a file, a variable or a flag has set this key.
+    pub fn is_explicit(&self, key: &str) -> bool {
+        self.explicit.iter().any(|k| k == key)
+    }
+
+    /// Returns the quality, if it was chosen with the default profile and nothing else was changed: only for that are
+    /// its errors measured.
+    pub fn plain_quality(&self) -> Option<&'static QualityPreset> {
+        let measured = self.explicit.is_empty() && self.profile == PROFILES[0].name;
+        self.quality.as_deref().filter(|_| measured).and_then(|name| QualityPreset::named(name).ok())
+    }
+}
+
+fn flag_of(key: &str) -> String {
+    key.replace('_', "-")
+}
+
+/// Returns the fields as JSON. They go through text, so that 0.1 as f32 stays 0.1.
+fn values_of(config: &FitConfig) -> Map<String, Value> {
+    let text = serde_json::to_string(config).unwrap_or_default();
+    serde_json::from_str(&text).unwrap_or_default()
+}
+
+/// Replaces the value of `key`, if `value` has its type.
+fn set(values: &mut Map<String, Value>, key: &str, value: Value) -> Result<()> {
+    if !values.contains_key(key) {
+        let message = format!("unknown key {key:?}");
+        let error = Error::new(Kind::Usage, "VGS-CFG-011", message);
+        return Err(match nearest(key) {
+            Some(near) => error.help(format!("did you mean {near:?}?")),
+            None => error.help("`vgs fit --help` lists them as flags, with `-` for `_`"),
+        });
+    }
+    let alone = Map::from_iter([(key.to_owned(), value.clone())]);
+    serde_json::from_value::<FitConfig>(Value::Object(alone))
+        .map_err(|e| wrong_value(key, &e.to_string()))?;
+    values.insert(key.to_owned(), value);
+    Ok(())
+}
+
+fn wrong_value(what: &str, why: &str) -> Error {
+    Error::new(Kind::Usage, "VGS-CFG-012", format!("{what}: {why}"))
+        .help("`vgs fit --help` says what each one means")
+}
+
+/// Parses a flag's text as a value of the same type as `like`.
+fn parse(text: &str, like: &Value) -> Option<Value> {
+    let text = text.trim();
+    match like {
+        Value::String(_) => Some(Value::String(text.to_owned())),
+        Value::Bool(_) => text.parse().ok().map(Value::Bool),
+        Value::Array(_) => {
+            text.split(',').map(|part| number(part.trim())).collect::<Option<_>>().map(Value::Array)
+        }
+        _ => number(text),
+    }
+}
+
+fn number(text: &str) -> Option<Value> {
+    if let Ok(n) = text.parse::<u64>() {
+        return Some(Value::from(n));
+    }
+    text.parse::<f64>().ok().and_then(serde_json::Number::from_f64).map(Value::Number)
+}
+
+/// Reads keys and values of a TOML file.
+fn read_file(path: &Path) -> Result<Vec<(String, Value)>> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "reading the configuration", &e))?;
+    let bad = |why: String| Error::new(Kind::Usage, "VGS-CFG-013", why).file(path);
+    let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
+        let place = e.span().map(|s| text[..s.start.min(text.len())].lines().count().max(1));
+        let line = place.map(|n| format!("line {n}: ")).unwrap_or_default();
+        bad(format!("not valid TOML: {line}{}", e.message())).help("write lines such as: iterations = 600")
+    })?;
+    table
+        .into_iter()
+        .map(|(key, value)| match serde_json::to_value(value) {
+            Ok(value) => Ok((key, value)),
+            Err(e) => Err(bad(format!("{key}: {e}"))),
+        })
+        .collect()
+}
+
+/// Returns the key that was probably meant.
+fn nearest(key: &str) -> Option<&'static str> {
+    let key = key.replace('-', "_").to_lowercase();
+    let near = FitConfig::FIELDS.iter().map(|f| (distance(&key, f.key), f.key)).min()?;
+    (near.0 <= 1 + key.len() / 4).then_some(near.1)
+}
+
+/// Returns Levenshtein's distance of two words.
+fn distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, cb) in b.chars().enumerate() {
+            let replaced = diagonal + usize::from(ca != cb);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(row[j + 1] + 1);
+        }
+    }
+    row[row.len() - 1]
+}
+
+impl FromArgMatches for SettingsArguments {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Self, clap::Error> {
+        let given = FitConfig::FIELDS
+            .iter()
+            .filter_map(|field| matches.get_one::<String>(field.key).map(|text| (field.key, text.clone())));
+        Ok(SettingsArguments {
+            profile: matches.get_one::<String>("profile").cloned().unwrap_or_default(),
+            quality: matches.get_one::<String>("quality").cloned(),
+            config: matches.get_one::<PathBuf>("config").cloned(),
+            given: given.collect(),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl Args for SettingsArguments {
+    fn augment_args(command: Command) -> Command {
+        let defaults = values_of(&FitConfig::default());
+        let profiles = PROFILES.iter().map(|row| format!("{} ({})", row.name, row.about));
+        let profile = Arg::new("profile")
+            .long("profile")
+            .value_name("NAME")
+            .default_value(PROFILES[0].name)
+            .env("VGS_PROFILE")
+            .hide_env(true)
+            .help(format!("Hyper-parameters to start from: {}", profiles.collect::<Vec<_>>().join("; ")));
+        let qualities = QUALITIES.iter().map(|row| format!("{} ({})", row.name, row.about));
+        let quality =
+            Arg::new("quality").long("quality").value_name("NAME").env("VGS_QUALITY").hide_env(true).help(
+                format!(
+                    "Error against cost, on whatever profile: {}; the profile as it is where nothing is said",
+                    qualities.collect::<Vec<_>>().join("; ")
+                ),
+            );
+        let config = Arg::new("config")
+            .long("config")
+            .value_name("FILE.toml")
+            .value_parser(clap::value_parser!(PathBuf))
+            .env("VGS_CONFIG")
+            .hide_env(true)
+            .help("Hyper-parameters from a file: the names below with _ for -, as in: rate_mean = 0.1");
+        let fields = FitConfig::FIELDS.iter().map(|field| {
+            let default = &defaults[field.key];
+            let several = default.is_array();
+            let (name, shown) = match default {
+                Value::String(text) => ("NAME", text.clone()),
+                Value::Array(parts) => {
+                    ("LOW,HIGH", parts.iter().map(ToString::to_string).collect::<Vec<_>>().join(","))
+                }
+                Value::Bool(yes) => ("true|false", yes.to_string()),
+                other => ("N", other.to_string()),
+            };
+            Arg::new(field.key)
+                .long(flag_of(field.key))
+                .value_name(name)
+                .env(format!("VGS_{}", field.key.to_uppercase()))
+                .hide_env(true)
+                .allow_hyphen_values(several)
+                .allow_negative_numbers(!several)
+                .help_heading("Hyper-parameters")
+                .help(format!("{} [default: {shown}]", field.doc.trim().trim_end_matches('.')))
+        });
+        command.next_help_heading("Settings").arg(profile).arg(quality).arg(config).args(fields)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn resolve(given: &[(&'static str, &str)]) -> Result<Settings> {
+        let given = given.iter().map(|&(k, v)| (k, v.to_owned())).collect();
+        SettingsArguments { profile: "default".into(), quality: None, config: None, given }.resolve()
+    }
+
+    #[test]
+    fn nothing_given_is_the_default() {
+        assert_eq!(resolve(&[]).unwrap().config, FitConfig::default());
+    }
+
+    #[test]
+    fn a_quality_changes_a_profile_and_a_flag_changes_both() {
+        let resolve = |profile: &str, quality: &str, given: &[(&'static str, &str)]| {
+            let given = given.iter().map(|&(k, v)| (k, v.to_owned())).collect();
+            let quality = Some(quality.to_owned());
+            SettingsArguments { profile: profile.into(), quality, config: None, given }.resolve()
+        };
+        let bones = Profile::named("bones").unwrap().config().unwrap();
+        let fine = resolve("bones", "fine", &[]).unwrap();
+        assert_eq!(fine.config, QualityPreset::named("fine").unwrap().of(&bones).unwrap());
+        assert_ne!(fine.config, bones);
+        assert!(fine.plain_quality().is_none(), "measured with the default profile alone");
+        assert_eq!(resolve("default", "fine", &[]).unwrap().plain_quality().unwrap().name, "fine");
+        let flagged = resolve("default", "fine", &[("iterations", "7")]).unwrap();
+        assert_eq!(
+            (flagged.config.iterations, flagged.config.density),
+            (7, { QualityPreset::named("fine").unwrap().of(&FitConfig::default()).unwrap().density })
+        );
+        assert!(flagged.plain_quality().is_none());
+        assert!(resolve("default", "best", &[]).is_err_and(|e| e.help.contains("preview")));
+    }
+
+    #[test]
+    fn flags_of_every_type() {
+        let settings = resolve(&[
+            ("iterations", "7"),
+            ("rate_mean", "1"),
+            ("hu_range", "-1024, 3071.5"),
+            ("kernel", "gaussian"),
+            ("adam_epsilon", "1e-12"),
+        ])
+        .unwrap();
+        let c = &settings.config;
+        assert_eq!((c.iterations, c.rate_mean, c.hu_range), (7, 1.0, [-1024.0, 3071.5]));
+        assert_eq!((c.kernel.name(), c.adam_epsilon), ("gaussian", 1e-12));
+        assert!(settings.is_explicit("kernel") && !settings.is_explicit("seed"));
+    }
+
+    #[test]
+    fn wrong_values_name_the_key() {
+        for (key, text) in [
+            ("iterations", "1.5"),
+            ("iterations", "-1"),
+            ("iterations", "1e12"),
+            ("iterations", "0"),
+            ("rate_mean", "fast"),
+            ("rate_mean", "-0.1"),
+            ("rate_mean", "NaN"),
+            ("hu_range", "1,2,3"),
+            ("hu_range", "5"),
+            ("kernel", "box"),
+        ] {
+            let error = resolve(&[(key, text)]).expect_err(text);
+            assert_eq!(error.kind, Kind::Usage, "{key} {text}");
+            let said = format!("{} {}", error.message, error.help).replace('-', "_");
+            assert!(said.contains(key), "{key} {text}: {said}");
+        }
+    }
+
+    #[test]
+    fn a_near_miss_is_pointed_out() {
+        for (typed, meant) in [
+            ("iteration", Some("iterations")),
+            ("rate-mean", Some("rate_mean")),
+            ("Densty", Some("density")),
+            ("learning_rate_of_everything", None),
+        ] {
+            assert_eq!(nearest(typed), meant, "{typed}");
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! The stages of a fit between preparing and reporting: estimate, fit, evaluate.
+
+use std::time::Instant;
+
+use engine::Result;
+use engine::fit::evaluate::{self, Evaluation};
+use engine::fit::{End, Outcome, Start};
+use engine::splat::{Form, SplatSet};
+
+use super::explain;
+use super::prepare::Prepared;
+use super::watch::FitWatch;
+use crate::picture;
+use crate::report::estimate::{self, Estimate};
+use crate::report::record::PassRecord;
+use crate::shared::console::Console;
+use crate::shared::evaluation::evaluate_decoded;
+use crate::shared::signals::Signals;
+use crate::shared::splat_files;
+
+/// Finds out what the fit will cost and tells it, where that was asked for.
+pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Result<Option<Estimate>> {
+    let Prepared { arguments, settings, .. } = prepared;
+    let first = match begin {
+        Start::First(first) if arguments.explain || arguments.dry_run => first,
+        _ => return Ok(None),
+    };
+    let estimate = explain::estimate(&explain::Plan {
+        gpu: &arguments.device.boot()?,
+        problem: &prepared.problem,
+        native: prepared.case,
+        begin,
+        first,
+        schedule: prepared.schedule,
+        protocol: prepared.protocol.clone(),
+        set: &prepared.set(first, settings.config.iterations),
+        output: &prepared.files.splats,
+        write: &prepared.write,
+        quality: settings.plain_quality(),
+        before: prepared.before,
+    })?;
+    if !arguments.dry_run {
+        console.say(&estimate::text(&estimate));
+    } else if console.json {
+        console.json_data(&estimate)?;
+    } else {
+        console.data(&(estimate::text(&estimate) + "\n"))?;
+    }
+    Ok(Some(estimate))
+}
+
+/// The splats of a fit, written, and how it went.
+pub struct Fitted {
+    /// How the loop ended, and what it left.
+    pub outcome: Outcome,
+    /// The splats as the file has them.
+    pub set: SplatSet,
+    /// Device time by pass.
+    pub passes: Vec<PassRecord>,
+}
+
+/// Fits the splats and writes them.
+pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &Console) -> Result<Fitted> {
+    let outcome = {
+        let mut watch = FitWatch::new(prepared, signals, console);
+        prepared.problem.run(&prepared.gpu, begin, prepared.schedule, &mut watch)?
+    };
+    if matches!(outcome.end, End::Finished) {
+        prepared.checkpoints.clean();
+    }
+    let passes = PassRecord::list(prepared.gpu.take_profile());
+    if outcome.frozen > 0 {
+        tracing::warn!("{} updates of splats were left out: a gradient was not finite", outcome.frozen);
+    }
+    let set = prepared.set(&outcome.splats, outcome.iterations);
+    splat_files::write(&prepared.files.splats, &set, &prepared.write)?;
+    Ok(Fitted { outcome, set, passes })
+}
+
+/// The closing evaluation.
+pub struct Evaluated {
+    /// What was measured; nothing where it was not asked for or the fit did not finish.
+    pub evaluation: Option<Evaluation>,
+    /// Seconds that it took, with the picture.
+    pub seconds: f64,
+}
+
+/// Measures the splats of a fit that finished, and draws the picture of that.
+pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> Result<Evaluated> {
+    let evaluating = Instant::now();
+    let finished = matches!(fitted.outcome.end, End::Finished) && signals.exit_code().is_none();
+    let evaluation = if finished { measure(prepared, fitted)? } else { None };
+    if let (Some(path), Some(evaluation)) = (&prepared.files.picture, &evaluation) {
+        picture::draw(
+            path,
+            prepared.write.force,
+            &prepared.gpu,
+            &fitted.set,
+            prepared.case,
+            None,
+            &picture::names(&prepared.files.splats, &prepared.arguments.volume),
+            evaluation,
+        )?;
+    }
+    Ok(Evaluated { evaluation, seconds: evaluating.elapsed().as_secs_f64() })
+}
+
+/// Measures what is shown of the splats: of those fitted for the voxels alone, that is the decoded field.
+fn measure(prepared: &Prepared<'_>, fitted: &Fitted) -> Result<Option<Evaluation>> {
+    let Prepared { gpu, case, .. } = prepared;
+    let Some(protocol) = &prepared.protocol else { return Ok(None) };
+    if fitted.set.form != Form::Field {
+        return evaluate_decoded(gpu, &fitted.set, case, protocol).map(Some);
+    }
+    // Splats of a working grid are brought to the native one; without it they are there, and nothing need be rounded.
+    let native = prepared.problem.is_coarser().then(|| fitted.set.to_voxel(&case.volume.world_from_voxel));
+    let splats = native.as_deref().unwrap_or(&fitted.outcome.splats);
+    evaluate::evaluate(gpu, splats, &prepared.field, &case.volume, &case.roi, protocol).map(Some)
+}

@@ -1,0 +1,76 @@
+//! Who accompanies a fit: progress for people, signals that stop it, checkpoints on the way.
+
+use engine::Result;
+use engine::fit::{Beginning, Milestone, Progress, Watch, grid_of};
+
+use super::prepare::Prepared;
+use crate::shared::console::Console;
+use crate::shared::progress::Display;
+use crate::shared::signals::Signals;
+
+/// The company of one fit.
+pub struct FitWatch<'a> {
+    prepared: &'a Prepared<'a>,
+    signals: &'a Signals,
+    console: &'a Console,
+    display: Option<Display>,
+    /// The iteration of the last checkpoint, or that with which the fit goes on.
+    saved: u32,
+}
+
+impl<'a> FitWatch<'a> {
+    /// Makes ready to accompany a fit.
+    pub fn new(prepared: &'a Prepared<'a>, signals: &'a Signals, console: &'a Console) -> Self {
+        FitWatch { prepared, signals, console, display: None, saved: 0 }
+    }
+}
+
+impl Watch for FitWatch<'_> {
+    fn begin(&mut self, beginning: &Beginning) {
+        let &Beginning { splats, iterations, range: [low, high] } = beginning;
+        self.signals.defer_first_signal();
+        let before = match iterations {
+            0 => String::new(),
+            _ => format!("going on after {iterations} iterations: "),
+        };
+        let problem = &self.prepared.problem;
+        let (voxels, unit) = (problem.roi().voxel_count(), problem.volume().unit());
+        self.console.say(&format!(
+            "{before}fitting {splats} splats to {voxels} voxels; the PSNR on the way is over {low} to {high}{unit}"
+        ));
+        self.display = Some(Display::new(self.console));
+        self.saved = iterations;
+    }
+
+    fn step(&mut self, iteration: u32, share: f64) {
+        if let Some(display) = &mut self.display {
+            display.show(iteration, share);
+        }
+    }
+
+    fn figures(&mut self, progress: &Progress) {
+        if let Some(display) = &mut self.display {
+            display.figures(progress);
+        }
+    }
+
+    fn stops(&mut self) -> bool {
+        self.signals.exit_code().is_some()
+    }
+
+    fn keeps(&self, iteration: u32) -> bool {
+        iteration > self.saved && self.prepared.checkpoints.is_due(iteration)
+    }
+
+    fn keep(&mut self, milestone: &mut Milestone<'_, '_>) -> Result<bool> {
+        let Prepared { problem, checkpoints, field, .. } = self.prepared;
+        let state = milestone.fitter.state()?;
+        if self.keeps(milestone.iteration) {
+            let grid = (grid_of(problem.volume()), problem.config().fitted_form(problem.roi()));
+            checkpoints.write_splats(milestone.splats, milestone.iteration, grid, *field)?;
+            self.saved = milestone.iteration;
+        }
+        checkpoints.write_state(&state, milestone.seconds, milestone.curve)?;
+        Ok(true)
+    }
+}

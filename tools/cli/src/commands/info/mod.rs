@@ -1,0 +1,11 @@
+//! `vgs info`: what a file holds.
+//!
+//! | file | subject |
+//! |---|---|
+//! | `run` | the command and its text |
+//! | `budget` | where bytes and milliseconds go when splats are rendered |
+
+mod budget;
+mod run;
+
+pub use run::{Arguments, run};

@@ -1,0 +1,290 @@
+//! `vgs info`: what a file holds.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use engine::splat::{self, LabelCount, Summary};
+use engine::volume::nifti::{self, Header};
+use engine::volume::{Stats, Volume};
+use engine::{Error, Result};
+use serde::Serialize;
+
+use super::budget::{self, BudgetArguments, FrameBudget};
+use crate::shared::console::Console;
+use crate::shared::failure::Stop;
+use crate::shared::figures::bytes;
+use crate::shared::inputs::ReadArguments;
+use crate::shared::terminal::clean;
+
+/// Tells what volumes and splat files hold
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct Arguments {
+    /// Files: NIfTI, InVesalius projects, PLY
+    #[arg(required = true)]
+    files: Vec<PathBuf>,
+    #[command(flatten)]
+    read: ReadArguments,
+    #[command(flatten)]
+    budget: BudgetArguments,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  vgs info ct.nii.gz bones.ply
+  vgs info --json bones.ply       one object, on one line, for each file
+  vgs info --budget --tf CT-Bone body.ply     where bytes and milliseconds of a frame go";
+
+/// What a file holds; the tag `kind` and the fields of its format are on one level.
+#[derive(Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
+enum FileContent {
+    Splats(Box<Summary>),
+    Volume {
+        #[serde(flatten)]
+        header: Option<Box<Header>>,
+        #[serde(flatten)]
+        voxels: Option<Voxels>,
+    },
+}
+
+/// Grid and statistics of a readable volume.
+#[derive(Serialize)]
+struct Voxels {
+    size: [usize; 3],
+    spacing_mm: [f64; 3],
+    axes: String,
+    min: f32,
+    max: f32,
+    mean: f64,
+    std_dev: f64,
+    non_finite: usize,
+}
+
+#[derive(Serialize)]
+struct FileOutput<'a> {
+    file: String,
+    #[serde(flatten)]
+    content: &'a FileContent,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    budget: Option<&'a FrameBudget>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+    for (i, path) in arguments.files.iter().enumerate() {
+        let content = read_content(path, &arguments.read)?;
+        let asked = arguments.budget.budget && matches!(content, FileContent::Splats(_));
+        let budget = asked.then(|| budget::measure(path, &arguments.budget)).transpose()?;
+        let file = path.display().to_string();
+        if console.json {
+            console.json_data(&FileOutput { file, content: &content, budget: budget.as_ref() })?;
+        } else {
+            let gap = if i > 0 { "\n" } else { "" };
+            let mut out = text(&content);
+            for (name, value) in budget.iter().flat_map(FrameBudget::lines) {
+                out.add(name, value);
+            }
+            console.data(&format!("{gap}{}\n{}", clean(&file), out.0))?;
+        }
+    }
+    Ok(0)
+}
+
+fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
+    let mut start = Vec::new();
+    // A file that cannot be read is reported by the reader below.
+    let _ = File::open(path).and_then(|file| file.take(splat::SNIFF_BYTES).read_to_end(&mut start));
+    if splat::FORMATS.iter().any(|format| (format.sniff)(&start)) {
+        let summary = splat::describe(path, &splat::ReadOptions::default())?;
+        return Ok(FileContent::Splats(Box::new(summary)));
+    }
+    let header = nifti::describe(path).ok().map(Box::new);
+    if header.as_ref().is_some_and(|h| !h.scalar) {
+        return Ok(FileContent::Volume { header, voxels: None });
+    }
+    let mut options = read.options();
+    if header.as_ref().is_some_and(|h| h.dims.iter().skip(3).product::<usize>() > 1) {
+        options.volume_index = options.volume_index.or(Some(0));
+    }
+    let volume = Volume::read(path, &options).map_err(|e| not_splats_either(e, path))?;
+    Ok(FileContent::Volume { header, voxels: Some(Voxels::of(&volume)) })
+}
+
+fn not_splats_either(error: Error, path: &Path) -> Error {
+    let ply = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
+    if ply { Error { message: "not a PLY file, nor a volume".into(), ..error } } else { error }
+}
+
+impl Voxels {
+    fn of(volume: &Volume) -> Self {
+        let Stats { min, max, mean, std_dev, non_finite, .. } = volume.gather_stats();
+        Voxels {
+            size: volume.size,
+            spacing_mm: volume.spacing_mm().to_array(),
+            axes: volume.axis_codes(),
+            min,
+            max,
+            mean,
+            std_dev,
+            non_finite,
+        }
+    }
+}
+
+/// Lines of `name: value`.
+struct Lines(String);
+
+impl Lines {
+    fn add(&mut self, name: &str, value: impl AsRef<str>) {
+        self.0.push_str(&format!("  {name:<12} {}\n", clean(value.as_ref()).replace('\n', " ")));
+    }
+}
+
+fn text(content: &FileContent) -> Lines {
+    let mut out = Lines(String::new());
+    match content {
+        FileContent::Splats(summary) => splat_lines(summary, &mut out),
+        FileContent::Volume { header, voxels } => volume_lines(header.as_deref(), voxels.as_ref(), &mut out),
+    }
+    out
+}
+
+fn joined<T: ToString>(values: &[T], between: &str) -> String {
+    values.iter().map(ToString::to_string).collect::<Vec<_>>().join(between)
+}
+
+fn rounded(values: &[f64]) -> String {
+    values
+        .iter()
+        .map(|v| format!("{:.4}", v))
+        .map(|t| t.trim_end_matches('0').trim_end_matches('.').to_owned())
+        .collect::<Vec<_>>()
+        .join(" x ")
+}
+
+fn volume_lines(header: Option<&Header>, voxels: Option<&Voxels>, out: &mut Lines) {
+    let Some(h) = header else {
+        out.add("format", "InVesalius project");
+        if let Some(v) = voxels {
+            out.add("voxels", joined(&v.size, " x "));
+            out.add("spacing", format!("{} mm", rounded(&v.spacing_mm)));
+            out.add("axes", format!("{} (assumed: the file does not say)", v.axes));
+            value_lines(v, out);
+        }
+        return;
+    };
+    let gzip = if h.gzip { ", gzip" } else { "" };
+    let order = if h.big_endian { ", big-endian" } else { "" };
+    out.add("format", format!("{}{gzip}{order}", h.format));
+    out.add("voxels", format!("{}, {}", joined(&h.dims, " x "), h.datatype));
+    out.add("spacing", format!("{} mm (units in the file: {})", rounded(&h.spacing_mm), h.units));
+    let source = if h.oriented { "" } else { ": the file does not say how the patient lies" };
+    out.add("axes", format!("{} (from {}{source})", h.axes, h.affine_source));
+    for (name, row) in ["to world", "", ""].iter().zip(&h.affine) {
+        out.add(name, joined(&row.map(|v| format!("{v:10.4}")), " "));
+    }
+    if let (Some(slope), Some(inter)) = (h.slope, h.inter) {
+        out.add("scaling", format!("{slope} x stored + {inter}"));
+    }
+    if !h.description.is_empty() {
+        out.add("description", &h.description);
+    }
+    if !h.labels.is_empty() {
+        let list: Vec<_> = h.labels.iter().map(|(n, name)| format!("{n} {name}")).collect();
+        out.add("labels", list.join(", "));
+    }
+    match voxels {
+        Some(v) => value_lines(v, out),
+        None => {
+            out.add("values", format!("{}: not one number a voxel, so not readable as a volume", h.datatype))
+        }
+    }
+    for note in &h.notes {
+        out.add("note", note);
+    }
+}
+
+fn value_lines(v: &Voxels, out: &mut Lines) {
+    out.add(
+        "values",
+        format!("{} to {}, mean {:.2}, standard deviation {:.2}", v.min, v.max, v.mean, v.std_dev),
+    );
+    if v.non_finite > 0 {
+        out.add("", format!("{} voxels are NaN or infinite", v.non_finite));
+    }
+}
+
+fn splat_lines(s: &Summary, out: &mut Lines) {
+    out.add("format", format!("{}, {}, {}", s.format.to_uppercase(), s.encoding, bytes(s.file_bytes)));
+    let dropped =
+        if s.dropped > 0 { format!(" ({} unusable ones dropped)", s.dropped) } else { String::new() };
+    let widened = if s.widened > 0 {
+        format!(" ({} thinner than 1/10000 of their length widened)", s.widened)
+    } else {
+        String::new()
+    };
+    out.add("splats", format!("{}{dropped}{widened}", s.splats));
+    let meaning = LAYOUTS.iter().find(|(name, _)| *name == s.layout).map_or("", |(_, meaning)| meaning);
+    out.add("layout", format!("{}: {meaning}", s.layout));
+    if let Some([low, high]) = s.intensity_range {
+        let unit = if s.has_intensity { "HU" } else { "luminance of the colour; the file holds no HU" };
+        out.add("intensity", format!("{low} to {high} {unit}"));
+    }
+    if let Some([low, high]) = s.intensity_01_range {
+        out.add("intensity_01", format!("0 to 1 stand for {low} to {high} HU"));
+    }
+    if let Some(degree) = s.harmonics_degree {
+        out.add("colours", format!("spherical harmonics of degree {degree}"));
+    }
+    if !s.labels.is_empty() {
+        out.add("labels", joined(&s.labels.iter().map(label_text).collect::<Vec<_>>(), ", "));
+    }
+    if let Some([low, high]) = s.bounding_box_mm {
+        let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
+        out.add("means", format!("({}) to ({}) mm RAS", point(low), point(high)));
+    }
+    if let Some([low, high]) = s.index_box_mm {
+        let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
+        out.add("means", format!("({}) to ({}) mm, voxel index times spacing", point(low), point(high)));
+    }
+    out.add("kernel", s.kernel);
+    let field = format!("background {}, epsilon {}, w0 {}", s.background, s.epsilon, s.occupancy_w0);
+    out.add("field", field);
+    if let Some(iterations) = s.iterations {
+        out.add("fit", format!("{iterations} iterations"));
+    }
+    if let Some(size) = s.grid_size {
+        let right = match s.form {
+            "field" => "the splats are right between them, too",
+            _ => "the splats are right at these alone: mode decoded shows them",
+        };
+        out.add("grid", format!("{} voxels; {right}", joined(&size, " x ")));
+    }
+    let elements: Vec<_> = s.elements.iter().map(|(name, n)| format!("{name} ({n})")).collect();
+    out.add("elements", elements.join(", "));
+    out.add("properties", s.properties.join(" "));
+}
+
+/// What each layout of splats means.
+const LAYOUTS: [(&str, &str); 3] = [
+    ("vgs", "places in mm RAS, an intensity for each splat"),
+    (
+        "reference",
+        "that of the paper's authors; opacities are probabilities, and only the volume can place the splats: give it to \
+         eval, rasterize, render or view, with the mask of the fit",
+    ),
+    ("3dgs", "that of ordinary 3D Gaussian splatting"),
+];
+
+/// Returns a label with its name and how many splats have it.
+fn label_text(count: &LabelCount) -> String {
+    let LabelCount { label, name, splats } = count;
+    match (label, name) {
+        (0, _) => format!("none ({splats})"),
+        (_, Some(name)) => format!("{label} {name} ({splats})"),
+        (_, None) => format!("{label} ({splats})"),
+    }
+}

@@ -1,0 +1,13 @@
+//! One file or folder for each command: its flags, and `run`. No command uses another.
+
+pub mod compare;
+pub mod completions;
+pub mod devices;
+pub mod eval;
+pub mod fit;
+pub mod info;
+pub mod man;
+pub mod phantom;
+pub mod rasterize;
+pub mod render;
+pub mod view;

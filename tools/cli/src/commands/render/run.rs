@@ -1,0 +1,221 @@
+//! The command: what is shown, how, and from where.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use engine::gpu::Gpu;
+use engine::render::{Camera, ClipPlane, Look, ModeRow, Renderer, Scene, Settings, VolumeSource, mode};
+use engine::splat::{self, Form, SplatSet};
+use engine::volume::{Roi, Volume};
+use engine::{Error, Kind, Result, fit, transfer};
+use serde::Serialize;
+
+use super::arguments::{Arguments, VolumeRegion};
+use super::frames;
+use super::values::{ObjectChange, View};
+use crate::shared::console::Console;
+use crate::shared::failure::Stop;
+use crate::shared::inputs::{region_of, volume_of};
+use crate::shared::outputs;
+
+/// Steps of a still picture: fine enough that lit surfaces show no rings.
+const STEP: f64 = 0.5;
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct RenderOutput {
+    outputs: Vec<String>,
+    mode: &'static str,
+    transfer_function: String,
+    size: [u32; 2],
+    splats: Option<usize>,
+    active_splats: Option<usize>,
+    objects: Vec<ObjectOutput>,
+    frames: u32,
+    seconds_per_frame: f64,
+    device_bytes: u64,
+    device: String,
+    driver: String,
+}
+
+/// An object of the scene.
+#[derive(Serialize)]
+struct ObjectOutput {
+    number: u8,
+    name: String,
+    splats: usize,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+    let files = arguments.output.files(&arguments.turntable)?;
+    let written: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+    let volumes = [&arguments.volume, &arguments.region.roi].into_iter().flatten();
+    let inputs: Vec<&Path> = arguments.splats.iter().chain(volumes).map(PathBuf::as_path).collect();
+    outputs::check(&written, &inputs, arguments.output.force)?;
+    let mut row = arguments.mode_row()?;
+    // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
+    let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
+    let of_grid = set.as_ref().is_some_and(|set| set.form != Form::Field);
+    if of_grid && arguments.mode.is_none() {
+        row = mode("decoded")?;
+    } else if of_grid && row.name != "decoded" {
+        tracing::warn!(
+            "these splats are fitted for the voxels of their CT alone (vgs.form grid): mode {} shows what lies between \
+             the voxels, too, which means nothing; leave --mode out",
+            row.name
+        );
+    }
+    let wants_volume = set.is_none();
+    let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
+    let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
+    let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()))?;
+    let gpu = arguments.device.boot()?;
+    let mut scene = Scene::with_precision(&gpu, set.as_ref(), source.as_ref(), &look, arguments.precision)?;
+    if let Some(budget) = arguments.splat_budget {
+        scene.set_splat_budget(Some(budget as usize))?;
+    }
+    let camera = arguments.camera(&scene)?;
+    let settings = Settings {
+        depth: arguments.output.wants_depth(),
+        step: arguments.step.unwrap_or(STEP),
+        pitch: arguments.pitch,
+        classification: arguments.classification.0,
+        precise: true,
+        ..Settings::new(arguments.size.0)
+    };
+    let mut renderer = Renderer::new(&gpu, row, &scene, &settings)?;
+    let start = Instant::now();
+    let oriented = volume.as_ref().is_none_or(|v| v.oriented);
+    let count = frames::render(arguments, console, &mut renderer, &scene, camera, oriented)?;
+    let seconds = start.elapsed().as_secs_f64() / f64::from(count);
+    arguments.report(console, row, &gpu, &scene, &files, count, seconds)?;
+    Ok(0)
+}
+
+impl Arguments {
+    fn mode_row(&self) -> Result<&'static ModeRow> {
+        let name = self.mode.unwrap_or(if self.splats.is_empty() { "volume" } else { "slab" });
+        let row = mode(name)?;
+        if row.of_splats && self.splats.is_empty() {
+            return Err(Error::new(Kind::Usage, "VGS-CLI-090", format!("--mode {name} renders splats"))
+                .help("give a PLY, or --mode volume"));
+        }
+        if !row.of_splats && self.volume.is_none() {
+            return Err(Error::new(Kind::Usage, "VGS-CLI-091", format!("--mode {name} renders a volume"))
+                .help("give it with --volume, and its mask with --roi"));
+        }
+        Ok(row)
+    }
+
+    /// Reads the volume and its region, where they are given.
+    fn read_volume(&self) -> Result<(Option<Volume>, Option<Roi>)> {
+        let Some(path) = &self.volume else { return Ok((None, None)) };
+        let volume = volume_of(path, &self.read)?;
+        let VolumeRegion { roi, roi_threshold, roi_label } = &self.region;
+        let roi = region_of(&volume, &self.read, roi.as_deref(), *roi_threshold, roi_label.as_deref())?;
+        Ok((Some(volume), roi))
+    }
+
+    /// Reads splats of any kind, of several files as one set; the volume only if one of them must be placed. Objects are
+    /// called after the files.
+    fn read_splats(&self) -> Result<SplatSet> {
+        splat::read_all(&self.splats, || {
+            let (volume, roi) = self.read_volume()?;
+            Ok(volume.map(|volume| fit::place::place(&volume, roi.as_ref())))
+        })
+    }
+
+    /// Returns the look that the flags ask for. `range` are the intensities of what is shown; some presets are
+    /// stretched over them.
+    fn look(&self, splats: Option<&SplatSet>, range: [f64; 2]) -> Result<Look> {
+        let mut transfer = transfer::load(&self.tf, range)?;
+        if self.tf_shift != 0.0 {
+            transfer = transfer.shifted(self.tf_shift)?;
+        }
+        if let Some(shade) = self.shade {
+            transfer.material.shade = shade;
+        }
+        let clip: Vec<ClipPlane> = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
+        let there = splats.map(SplatSet::objects).unwrap_or_default();
+        let mut objects = BTreeMap::new();
+        for change in
+            self.object.iter().cloned().chain(self.hide_label.iter().map(|l| ObjectChange::hiding(l)))
+        {
+            change.apply(&there, &mut objects)?;
+        }
+        Ok(Look { transfer, clip, objects })
+    }
+
+    fn camera(&self, scene: &Scene) -> Result<Camera> {
+        let [low, high] = scene.bounds();
+        let aspect = f64::from(self.size.0[0]) / f64::from(self.size.0[1]);
+        match &self.camera {
+            View::File(file) => file.camera(aspect),
+            View::Side(name) => {
+                let radius = (high - low).length() * 0.5 / self.zoom;
+                Camera::from_side(name, (low + high) * 0.5, radius, self.fov, aspect)
+            }
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "what is reported comes from everywhere")]
+    fn report(
+        &self,
+        console: &Console,
+        row: &ModeRow,
+        gpu: &Gpu,
+        scene: &Scene,
+        files: &[PathBuf],
+        frames: u32,
+        seconds: f64,
+    ) -> Result<()> {
+        let splats = scene.splats.as_ref();
+        let active = splats.map(|c| c.active_count()).transpose()?;
+        if console.json {
+            return console.json_data(&RenderOutput {
+                outputs: files.iter().map(|p| p.display().to_string()).collect(),
+                mode: row.name,
+                transfer_function: scene.look().transfer.name.clone(),
+                size: self.size.0,
+                splats: splats.map(|c| c.count),
+                active_splats: active,
+                objects: scene
+                    .objects()
+                    .iter()
+                    .map(|o| ObjectOutput { number: o.number, name: o.name.clone(), splats: o.splats })
+                    .collect(),
+                frames,
+                seconds_per_frame: seconds,
+                device_bytes: gpu.memory_by_purpose().values().sum(),
+                device: gpu.description().name.clone(),
+                driver: gpu.description().driver.clone(),
+            });
+        }
+        if let (Some(splats), Some(active)) = (splats, active) {
+            let verb = if self.splat_budget.is_some() { "are rendered" } else { "can be seen" };
+            console.say(&format!("{active} of {} splats {verb}", splats.count));
+        }
+        for (purpose, bytes) in gpu.memory_by_purpose() {
+            tracing::info!("device memory for {purpose}: {:.1} MB", bytes as f64 * 1e-6);
+        }
+        let what = if frames > 1 {
+            format!("{frames} frames, {seconds:.3} s each")
+        } else {
+            format!("{seconds:.3} s")
+        };
+        console.say(&format!("{}: {what}, mode {}", files[0].display(), row.name));
+        Ok(())
+    }
+}
+
+/// Returns the least and the greatest intensity of what is shown.
+fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
+    let range = match (set, volume) {
+        (Some(set), _) => set.intensity_range(),
+        (None, Some(volume)) => volume.min_max().map(|(low, high)| [f64::from(low), f64::from(high)]),
+        (None, None) => None,
+    };
+    range.unwrap_or([0.0, 1.0])
+}

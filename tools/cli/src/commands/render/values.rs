@@ -1,0 +1,282 @@
+//! The values of the flags of `vgs render`.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::str::FromStr;
+
+use engine::render::{Appearance, CameraFile, Classification, ClipPlane, Precision};
+use engine::splat::Object;
+use engine::{Error, Kind};
+use glam::DVec3;
+
+/// The colour behind everything; `None` keeps the opacity.
+#[derive(Clone, Copy, Debug)]
+pub struct Background(pub Option<[f32; 3]>);
+
+impl FromStr for Background {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let named = match text.to_lowercase().as_str() {
+            "transparent" | "none" => return Ok(Background(None)),
+            "black" => Some([0.0; 3]),
+            "white" => Some([1.0; 3]),
+            "grey" | "gray" => Some([0.5; 3]),
+            _ => None,
+        };
+        let colour = named.or_else(|| hex_colour(text));
+        colour.map(|c| Background(Some(c))).ok_or_else(|| "black, white, grey, #rrggbb or transparent".into())
+    }
+}
+
+/// Parses the colour #rrggbb.
+fn hex_colour(text: &str) -> Option<[f32; 3]> {
+    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
+    let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|b| f32::from(b) / 255.0);
+    Some([byte(0)?, byte(2)?, byte(4)?])
+}
+
+/// A change of how the objects of a name are shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObjectChange {
+    name: String,
+    hidden: bool,
+    colour: Option<[f32; 3]>,
+    opacity: Option<f32>,
+}
+
+impl FromStr for ObjectChange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong =
+            || "NAME:colour=#rrggbb,opacity=0.4 or NAME:hidden; NAME is a name or a number".to_owned();
+        let (name, words) = text.rsplit_once(':').ok_or_else(wrong)?;
+        let mut change = ObjectChange::hiding(name);
+        change.hidden = false;
+        for word in words.split(',').map(str::trim) {
+            match word.split_once('=') {
+                None if word == "hidden" => change.hidden = true,
+                Some(("colour" | "color", colour)) => {
+                    change.colour = Some(hex_colour(colour).ok_or("a colour is #rrggbb")?);
+                }
+                Some(("opacity", opacity)) => change.opacity = Some(number(opacity, 0.0..=1.0)? as f32),
+                _ => return Err(wrong()),
+            }
+        }
+        Ok(change)
+    }
+}
+
+impl ObjectChange {
+    /// Returns the change that hides the objects of a name.
+    pub fn hiding(name: &str) -> Self {
+        ObjectChange { name: name.trim().to_owned(), hidden: true, colour: None, opacity: None }
+    }
+
+    /// Changes the appearances of all objects that it names: by number, by name, or by a part of the name before
+    /// or after its slash.
+    pub fn apply(
+        &self,
+        objects: &[Object],
+        appearances: &mut BTreeMap<u8, Appearance>,
+    ) -> engine::Result<()> {
+        let mut found = false;
+        for object in objects.iter().filter(|object| self.matches(object)) {
+            found = true;
+            let appearance = appearances.entry(object.number).or_default();
+            appearance.visible &= !self.hidden;
+            appearance.tint = self.colour.or(appearance.tint);
+            appearance.opacity = self.opacity.unwrap_or(appearance.opacity);
+        }
+        if found {
+            return Ok(());
+        }
+        let known: Vec<_> = objects.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
+        let help = match known.as_slice() {
+            [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
+            known => format!("objects are labels and files; here there are {}", known.join(", ")),
+        };
+        Err(Error::new(Kind::Usage, "VGS-CLI-092", format!("no object is called {:?}", self.name)).help(help))
+    }
+
+    /// True if the change is of this object.
+    fn matches(&self, object: &Object) -> bool {
+        let same = |other: &str| other.eq_ignore_ascii_case(&self.name);
+        let part = object.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
+        same(&object.name) || part || self.name.parse() == Ok(object.number)
+    }
+}
+
+/// Planes that cut away.
+#[derive(Clone, Debug)]
+pub struct Clip(pub Vec<ClipPlane>);
+
+impl FromStr for Clip {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || "x<MM, y>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 (mm, patient RAS)".to_owned();
+        if let Some(corners) = text.strip_prefix("box:") {
+            let numbers: Result<Vec<f64>, _> = corners.split(',').map(|t| t.trim().parse::<f64>()).collect();
+            let numbers =
+                numbers.ok().filter(|n| n.len() == 6 && n.iter().all(|v| v.is_finite())).ok_or_else(wrong)?;
+            let (a, b) = (DVec3::from_slice(&numbers[..3]), DVec3::from_slice(&numbers[3..]));
+            return Ok(Clip(ClipPlane::around(a.min(b), a.max(b)).to_vec()));
+        }
+        let mut letters = text.trim().chars();
+        let axis = match letters.next().map(|c| c.to_ascii_lowercase()) {
+            Some('x') => DVec3::X,
+            Some('y') => DVec3::Y,
+            Some('z') => DVec3::Z,
+            _ => return Err(wrong()),
+        };
+        let side = letters.next();
+        let at: f64 = letters.as_str().trim().parse().map_err(|_| wrong())?;
+        match side {
+            _ if !at.is_finite() => Err(wrong()),
+            Some('<') => Ok(Clip(vec![ClipPlane { normal: axis, offset: at }])),
+            Some('>') => Ok(Clip(vec![ClipPlane { normal: -axis, offset: -at }])),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+/// Where a picture is taken from.
+#[derive(Clone, Debug)]
+pub enum View {
+    /// A side of the patient.
+    Side(String),
+    /// A camera read from a file.
+    File(CameraFile),
+}
+
+impl FromStr for View {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if !text.to_lowercase().ends_with(".json") {
+            return Ok(View::Side(text.to_owned()));
+        }
+        let content = std::fs::read_to_string(Path::new(text)).map_err(|e| format!("{text}: {e}"))?;
+        serde_json::from_str(&content).map(View::File).map_err(|e| {
+            format!("{text}: {e}; needed: {{\"eye_mm\": [x, y, z], \"target_mm\": [x, y, z], \"up\": [0, 0, 1], \"fov_deg\": 30}}")
+        })
+    }
+}
+
+/// How a transfer function is applied; `None` leaves that to its shape.
+#[derive(Clone, Copy, Debug)]
+pub struct Classified(pub Option<Classification>);
+
+/// Parses a classification.
+pub fn classification(text: &str) -> Result<Classified, String> {
+    match text {
+        "auto" => Ok(Classified(None)),
+        "point" => Ok(Classified(Some(Classification::Point))),
+        "pre-integrated" => Ok(Classified(Some(Classification::PreIntegrated))),
+        _ => Err("auto, point or pre-integrated".into()),
+    }
+}
+
+fn number(text: &str, range: std::ops::RangeInclusive<f64>) -> Result<f64, String> {
+    let found = text.trim().parse::<f64>().ok().filter(|v| range.contains(v));
+    found.ok_or_else(|| format!("a number from {} to {} is needed", range.start(), range.end()))
+}
+
+/// Parses a field of view, degrees.
+pub fn degrees(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=170.0)
+}
+
+/// Parses a magnification.
+pub fn zoom(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=1000.0)
+}
+
+/// Parses a step.
+pub fn step(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=100.0)
+}
+
+/// Parses a pitch.
+pub fn pitch(text: &str) -> Result<f64, String> {
+    number(text, 0.25..=16.0)
+}
+
+/// Parses a precision.
+pub fn precision(text: &str) -> Result<Precision, String> {
+    match text {
+        "full" => Ok(Precision::Full),
+        "packed" => Ok(Precision::Packed),
+        _ => Err("full or packed".into()),
+    }
+}
+
+/// Parses `on` or `off`.
+pub fn on_off(text: &str) -> Result<bool, String> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("on or off".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_are_changed_by_number_name_and_part_of_a_name() {
+        let names = ["bones", "organs/liver", "organs/label 5"];
+        let object = |(number, name): (u8, &&str)| Object { number, name: (*name).to_owned(), splats: 1 };
+        let objects: Vec<_> = (1..).zip(&names).map(object).collect();
+        let changed = |texts: &[&str]| {
+            let mut appearances = BTreeMap::new();
+            for text in texts {
+                let change: ObjectChange = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
+                change.apply(&objects, &mut appearances).unwrap_or_else(|e| panic!("{text}: {e}"));
+            }
+            appearances
+        };
+        let red = Appearance { tint: Some([1.0, 0.0, 0.0]), opacity: 0.5, visible: true };
+        for text in ["1:colour=#ff0000,opacity=0.5", " Bones : opacity=0.5, color=#FF0000"] {
+            assert_eq!(changed(&[text]), BTreeMap::from([(1, red)]), "{text}");
+        }
+        let hidden = Appearance { visible: false, ..Appearance::default() };
+        assert_eq!(changed(&["organs:hidden"]), BTreeMap::from([(2, hidden), (3, hidden)]));
+        assert_eq!(changed(&["label 5:hidden"]), BTreeMap::from([(3, hidden)]));
+        // One after the other, the later ones on top.
+        let both = Appearance { opacity: 0.25, visible: false, ..red };
+        assert_eq!(
+            changed(&["liver:colour=#ff0000,opacity=0.5", "organs/liver:opacity=0.25,hidden"]),
+            BTreeMap::from([(2, both)])
+        );
+        for text in ["", "1", "1:", "1:red", "1:colour=red", "1:opacity=2", "1:opacity=nan", "1:hidden=yes"] {
+            assert!(text.parse::<ObjectChange>().is_err(), "{text}");
+        }
+        for name in ["5", "heart", ""] {
+            let error = ObjectChange::hiding(name).apply(&objects, &mut BTreeMap::new()).expect_err(name);
+            assert!(error.code == "VGS-CLI-092" && error.help.contains("organs/liver (2)"), "{}", error.help);
+        }
+    }
+
+    #[test]
+    fn backgrounds_and_clips() {
+        assert_eq!("#ff0080".parse::<Background>().unwrap().0.unwrap()[0], 1.0);
+        assert!("transparent".parse::<Background>().unwrap().0.is_none());
+        for text in ["", "#ff00", "#gg0000", "pink", "#é2345"] {
+            assert!(text.parse::<Background>().is_err(), "{text}");
+        }
+        let behind = "y>20".parse::<Clip>().unwrap().0[0];
+        // What has y > 20 is cut away.
+        assert!(behind.normal.dot(DVec3::new(0.0, 21.0, 0.0)) < behind.offset);
+        assert!(behind.normal.dot(DVec3::new(0.0, 19.0, 0.0)) > behind.offset);
+        let kept = "box:10,0,0,-10,5,5".parse::<Clip>().unwrap().0;
+        assert!(kept.iter().all(|p| p.normal.dot(DVec3::new(0.0, 1.0, 1.0)) > p.offset));
+        assert!(kept.iter().any(|p| p.normal.dot(DVec3::new(11.0, 1.0, 1.0)) < p.offset));
+        for text in ["", "x", "x<", "w<3", "x=3", "x<nan", "box:1,2,3", "é<3"] {
+            assert!(text.parse::<Clip>().is_err(), "{text}");
+        }
+    }
+}

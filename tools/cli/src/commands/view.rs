@@ -1,0 +1,113 @@
+//! `vgs view`: splats in a window.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use engine::{Error, Kind, Result, transfer};
+use view::loader;
+use view::settings::Settings;
+use view::state::{Files, State};
+use view::window::{self, Start};
+
+use crate::shared::failure::Stop;
+use crate::shared::flags::DeviceArguments;
+use crate::shared::outputs;
+
+/// Shows splats, the volume they were fitted to, or both, in a window
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct Arguments {
+    /// What is shown: splats (PLY), a volume, a session (TOML); more can be dropped on the window
+    files: Vec<PathBuf>,
+    /// The volume that the splats were fitted to: the space bar flips between the two
+    #[arg(long, value_name = "VOLUME")]
+    volume: Option<PathBuf>,
+    /// Shows nothing of the volume outside this mask
+    #[arg(long, value_name = "MASK")]
+    roi: Option<PathBuf>,
+    /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL
+    #[arg(long, value_name = "PRESET|FILE")]
+    tf: Option<String>,
+    /// At the end writes what was measured (JSON): times to the first picture, from edits to frames, of pictures
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
+    /// Replaces the report where it exists
+    #[arg(short, long, requires = "report")]
+    force: bool,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  vgs view bones.ply
+  vgs view bones.ply --volume ct.nii.gz --roi bones.nii.gz
+  vgs view bones.ply vessels.ply --tf CT-Angio
+  vgs view session.toml
+
+Left button turns, middle moves, wheel zooms, right sets window and level; ? lists the keys.
+For looking, not for diagnosis.";
+
+/// Transfer function where none is given.
+const FIRST: &str = "CT-Bone";
+
+/// Runs the command.
+pub fn run(arguments: &Arguments, since: Instant) -> std::result::Result<u8, Stop> {
+    if let Some(report) = &arguments.report {
+        outputs::check(&[report], &[], arguments.force)?;
+    }
+    let (state, keeps_camera) = arguments.state()?;
+    let settings = Settings::read(Settings::place()).unwrap_or_else(|error| {
+        tracing::warn!("{error}; going on without");
+        Settings::default()
+    });
+    let gpu = arguments.device.options();
+    let report = window::run(Start { state, keeps_camera, settings, gpu, since })?;
+    if let Some(path) = &arguments.report {
+        let text = serde_json::to_string_pretty(&report)
+            .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-095", format!("writing JSON failed: {e}")))?;
+        engine::output::write_atomic(path, arguments.force, |out| out.write_all(text.as_bytes()))?;
+    }
+    Ok(0)
+}
+
+impl Arguments {
+    /// Returns what is shown at first, and true if its camera is to be kept.
+    fn state(&self) -> Result<(State, bool)> {
+        let mut sorted = loader::sort(&Files::default(), &self.files)?;
+        let session = sorted.state().transpose()?;
+        let keeps_camera = session.is_some();
+        let mut state = match session {
+            Some(state) => state,
+            // What is stretched over the intensities that are there is so once they are read.
+            None => State::new(&transfer::load(self.tf.as_deref().unwrap_or(FIRST), [-1000.0, 3000.0])?),
+        };
+        if let (true, Some(tf)) = (keeps_camera, &self.tf) {
+            state.transfer = view::transfer::Transfer::new(&transfer::load(tf, [-1000.0, 3000.0])?);
+        }
+        if !keeps_camera {
+            state.files = std::mem::take(&mut sorted.files);
+        }
+        if self.volume.is_some() {
+            state.files.volume.clone_from(&self.volume);
+        }
+        if self.roi.is_some() {
+            state.files.roi.clone_from(&self.roi);
+        }
+        if state.files.roi.is_some() && state.files.volume.is_none() {
+            return Err(Error::new(Kind::Usage, "VGS-CLI-096", "--roi is the region of a volume")
+                .help("give the volume with --volume"));
+        }
+        let Files { splats, volume, roi } = &state.files;
+        for file in splats.iter().chain(volume).chain(roi) {
+            exists(file)?;
+        }
+        Ok((state, keeps_camera))
+    }
+}
+
+/// Refuses a file that does not exist before the window opens.
+fn exists(path: &Path) -> Result<()> {
+    std::fs::metadata(path).map(|_| ()).map_err(|e| Error::io(path, "opening", &e))
+}

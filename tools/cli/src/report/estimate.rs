@@ -1,0 +1,140 @@
+//! What a fit will cost, as it is told before it begins, and how right that was, as the record keeps it.
+
+use serde::Serialize;
+
+use super::results::FitResults;
+use crate::shared::figures::{bytes, seconds};
+
+/// Errors at the voxels, HU.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct VoxelErrors {
+    /// Root mean square error at the voxels.
+    pub rmse_hu: f64,
+    /// Error that 99 % of the voxels do not exceed.
+    pub p99_hu: f64,
+}
+
+/// What a fit will cost. The names are part of the interface.
+#[derive(Clone, Debug, Serialize)]
+pub struct Estimate {
+    pub device: String,
+    pub splats: usize,
+    /// True if the number of splats may grow on the way; the figures are of those that the fit starts with.
+    pub may_grow: bool,
+    pub roi_voxels: usize,
+    pub iterations: u32,
+    /// From the start of the command to its end.
+    pub seconds: f64,
+    pub fit_seconds: f64,
+    pub seconds_per_iteration: f64,
+    pub device_peak_bytes: u64,
+    pub file_bytes: u64,
+    /// Errors measured after [`engine::fit::EARLY`] iterations.
+    pub early: VoxelErrors,
+    /// Errors to be expected; known only of a quality with nothing changed, for which they were measured.
+    #[serde(flatten)]
+    pub expected: Option<VoxelErrors>,
+    /// Seconds that the estimate took.
+    pub calibration_seconds: f64,
+}
+
+/// Returns an estimate in plain words.
+pub fn text(estimate: &Estimate) -> String {
+    let e = estimate;
+    let grows = if e.may_grow { "; more may come on the way, and all of it grows with them" } else { "" };
+    let mut out = format!(
+        "this fit of {} splats to {} voxels on {} will cost{grows}:\n  time: about {}, of which {} are {} iterations of {}\n  \
+         memory: about {} of the device\n  file: {}\n",
+        e.splats,
+        e.roi_voxels,
+        e.device,
+        seconds(e.seconds),
+        seconds(e.fit_seconds),
+        e.iterations,
+        seconds(e.seconds_per_iteration),
+        bytes(e.device_peak_bytes),
+        bytes(e.file_bytes)
+    );
+    match e.expected {
+        Some(VoxelErrors { rmse_hu, p99_hu }) => out.push_str(&format!(
+            "  error at the voxels: about {rmse_hu:.0} HU (root mean square), 99 % within {p99_hu:.0} HU\n"
+        )),
+        None => out.push_str("  error: not known of settings other than a --quality as it is\n"),
+    }
+    out.push_str(&format!("(found out in {})", seconds(e.calibration_seconds)));
+    out
+}
+
+/// An estimate beside the outcome, for the record.
+#[derive(Clone, Debug, Serialize)]
+pub struct CheckedEstimate {
+    pub estimate: Estimate,
+    /// Estimate divided by outcome: 1 is right.
+    pub ratio: EstimateRatio,
+}
+
+/// The parts of an estimate divided by their outcome.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct EstimateRatio {
+    pub seconds: f64,
+    pub fit_seconds: f64,
+    pub device_peak_bytes: f64,
+    pub file_bytes: f64,
+    /// `None` where one of them is not known.
+    pub rmse_hu: Option<f64>,
+    pub p99_hu: Option<f64>,
+}
+
+impl CheckedEstimate {
+    /// Compares an estimate with the results. `file_bytes` is the size of the file that was written; the time of the
+    /// calibration is no part of the fit's.
+    pub fn new(estimate: Estimate, results: &FitResults, file_bytes: u64) -> Self {
+        let e = &estimate;
+        let over = |a: f64, b: f64| if b > 0.0 { a / b } else { f64::NAN };
+        let errors = e.expected.zip(results.quality.as_ref());
+        let ratio = EstimateRatio {
+            seconds: over(e.seconds, results.seconds - e.calibration_seconds),
+            fit_seconds: over(e.fit_seconds, results.fit_seconds),
+            device_peak_bytes: over(e.device_peak_bytes as f64, results.device_peak_bytes as f64),
+            file_bytes: over(e.file_bytes as f64, file_bytes as f64),
+            rmse_hu: errors.map(|(e, q)| over(e.rmse_hu, q.rmse_hu)),
+            p99_hu: errors.map(|(e, q)| over(e.p99_hu, q.p99_hu)),
+        };
+        CheckedEstimate { estimate, ratio }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_says_what_is_not_known() {
+        let mut estimate = Estimate {
+            device: "a device".into(),
+            splats: 10,
+            may_grow: false,
+            roi_voxels: 100,
+            iterations: 400,
+            seconds: 90.0,
+            fit_seconds: 80.0,
+            seconds_per_iteration: 0.2,
+            device_peak_bytes: 2_500_000,
+            file_bytes: 1234,
+            early: VoxelErrors { rmse_hu: 60.0, p99_hu: 240.0 },
+            expected: None,
+            calibration_seconds: 3.0,
+        };
+        let plain = text(&estimate);
+        for says in ["90 s", "80 s are 400 iterations of 0.2 s", "2.5 MB", "1.2 kB", "not known"] {
+            assert!(plain.contains(says), "{says} in {plain}");
+        }
+        estimate.expected = Some(VoxelErrors { rmse_hu: 31.4, p99_hu: 120.0 });
+        estimate.may_grow = true;
+        let told = text(&estimate);
+        assert!(
+            told.contains("31 HU") && told.contains("120 HU") && told.contains("more may come"),
+            "{told}"
+        );
+    }
+}

@@ -1,0 +1,25 @@
+//! What a fit came to.
+
+use serde::Serialize;
+
+use super::quality::Quality;
+
+/// The results of a fit: the object that `vgs fit --json` prints. It is flat, so that plain tools can pick fields.
+#[derive(Clone, Debug, Serialize)]
+pub struct FitResults {
+    pub splats: usize,
+    #[serde(flatten)]
+    pub quality: Option<Quality>,
+    /// From the start of the command to its end.
+    pub seconds: f64,
+    pub fit_seconds: f64,
+    pub seconds_per_iteration: f64,
+    pub iterations: u32,
+    pub frozen_updates: u32,
+    pub device_peak_bytes: u64,
+    pub host_peak_bytes: Option<u64>,
+    pub device: String,
+    pub driver: String,
+    pub roi_voxels: usize,
+    pub outputs: Vec<String>,
+}

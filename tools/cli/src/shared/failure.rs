@@ -1,0 +1,131 @@
+//! How a program ends: errors as text or JSON on stderr, exit codes, and panics turned into an error.
+
+use std::io::Write;
+use std::panic::{self, AssertUnwindSafe};
+use std::process::ExitCode;
+use std::sync::Mutex;
+
+use engine::{Error, Kind};
+use serde::Serialize;
+
+use super::terminal::{clean, stderr_has_colour};
+
+/// Why a command did not run to its end.
+pub enum Stop {
+    /// The command line, or a request for help or version.
+    Arguments(clap::Error),
+    /// Anything else.
+    Failed(Error),
+}
+
+impl From<Error> for Stop {
+    fn from(error: Error) -> Self {
+        Stop::Failed(error)
+    }
+}
+
+/// An error as JSON. The names are part of the interface.
+#[derive(Serialize)]
+struct ErrorReport<'a> {
+    level: &'static str,
+    code: &'a str,
+    file: Option<String>,
+    msg: &'a str,
+    help: &'a str,
+    exit: u8,
+}
+
+/// Where the last panic happened, kept by the hook for [`guard`].
+static PANIC: Mutex<Option<String>> = Mutex::new(None);
+
+/// Runs a command and reports how it ended. A command's own number is its exit code.
+pub fn guard(run: impl FnOnce() -> Result<u8, Stop>) -> ExitCode {
+    panic::set_hook(Box::new(|info| {
+        let text = match info.payload().downcast_ref::<&str>() {
+            Some(text) => (*text).to_owned(),
+            None => info.payload().downcast_ref::<String>().cloned().unwrap_or_default(),
+        };
+        let place = info.location().map(ToString::to_string).unwrap_or_default();
+        let mut last = PANIC.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        last.get_or_insert(format!("{text} ({place})"));
+    }));
+    let code = match panic::catch_unwind(AssertUnwindSafe(run)) {
+        Ok(Ok(code)) => code,
+        Ok(Err(Stop::Arguments(error))) => refuse_arguments(&error),
+        Ok(Err(Stop::Failed(error))) => report(&error),
+        Err(_) => {
+            let what = PANIC.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+            let message = format!("a fault in vgs itself: {}", what.unwrap_or_default());
+            report(&Error::new(Kind::Internal, "VGS-CLI-070", message).help(
+                "please report this message with the command and, if you can, the input; outputs that existed are \
+                 untouched",
+            ))
+        }
+    };
+    ExitCode::from(code)
+}
+
+/// True if messages are to be JSON. It is read from the raw arguments, since they may be what is wrong.
+fn wants_json() -> bool {
+    std::env::args_os().skip(1).take_while(|a| a != "--").any(|a| a == "--json")
+}
+
+/// Tells what is wrong with the arguments, or prints the help that they ask for, and returns the exit code.
+fn refuse_arguments(error: &clap::Error) -> u8 {
+    let code = u8::try_from(error.exit_code()).unwrap_or(2);
+    if code == 0 || !wants_json() {
+        // Standard output or error may be closed: then there is nobody to tell.
+        let _ = error.print();
+        return code;
+    }
+    let text = error.render().to_string();
+    let mut parts = text.trim_start_matches("error: ").split("\n\n");
+    let message = parts.next().unwrap_or_default().trim();
+    let help = parts.collect::<Vec<_>>().join(" ");
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    report_json(&Error::new(Kind::Usage, "VGS-CLI-001", message).help(help))
+}
+
+/// Writes an error to stderr and returns its exit code.
+fn report(error: &Error) -> u8 {
+    if wants_json() {
+        return report_json(error);
+    }
+    let (bold, plain) = if stderr_has_colour() { ("\x1b[1;31m", "\x1b[0m") } else { ("", "") };
+    let text = clean(&error.to_string());
+    let mut out = format!("{bold}error[{}]{plain}: {text}\n", error.code);
+    if !error.help.is_empty() {
+        out.push_str(&format!("  help: {}\n", clean(&error.help)));
+    }
+    let _ = std::io::stderr().write_all(out.as_bytes());
+    error.kind.exit_code()
+}
+
+/// Writes an error to stderr as one line of JSON and returns its exit code.
+fn report_json(error: &Error) -> u8 {
+    let exit = error.kind.exit_code();
+    let line = serde_json::to_string(&ErrorReport {
+        level: "error",
+        code: error.code,
+        file: error.file.as_ref().map(|f| f.display().to_string()),
+        msg: &error.message,
+        help: &error.help,
+        exit,
+    });
+    let _ = writeln!(std::io::stderr(), "{}", line.unwrap_or_default());
+    exit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_way_to_end_has_its_exit_code() {
+        let before = panic::take_hook();
+        assert_eq!(guard(|| Ok(130)), ExitCode::from(130));
+        assert_eq!(guard(|| Err(Error::new(Kind::NothingToDo, "T", "").into())), ExitCode::from(3));
+        assert_eq!(guard(|| panic!("on purpose")), ExitCode::from(70));
+        panic::set_hook(before);
+    }
+}

@@ -1,0 +1,211 @@
+//! Flags that several commands have, and how their texts are parsed.
+
+use std::str::FromStr;
+
+use clap::Args;
+use glam::DVec3;
+
+/// Which device computes.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Device")]
+pub struct DeviceArguments {
+    /// Vulkan device: its number in `vgs devices` or part of its name; the fastest kind by default
+    #[arg(long, value_name = "N|NAME", env = "VGS_DEVICE", hide_env = true)]
+    pub device: Option<String>,
+    /// Largest storage-buffer range that is used, bytes: to see on any device what a small one does
+    #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_FORCE_SSBO_LIMIT", hide = true)]
+    pub storage_range_limit: Option<u64>,
+    /// Behaves as if the device were lost at this submission, counted from 1: to see on any device what is done then
+    #[arg(long, value_name = "N", hide = true)]
+    pub lost_at: Option<u64>,
+}
+
+impl DeviceArguments {
+    /// Returns how the device is booted.
+    pub fn options(&self) -> engine::gpu::GpuOptions {
+        engine::gpu::GpuOptions {
+            device: self.device.clone(),
+            storage_range_limit: self.storage_range_limit,
+            lost_at: self.lost_at,
+            windows: None,
+            validation: false,
+        }
+    }
+
+    /// Boots the device.
+    pub fn boot(&self) -> engine::Result<engine::gpu::Gpu> {
+        let gpu = engine::gpu::Gpu::new(&self.options())?;
+        let chosen = gpu.description();
+        tracing::info!("device: {} ({}, {})", chosen.name, chosen.kind, chosen.driver);
+        Ok(gpu)
+    }
+}
+
+/// Width and height.
+#[derive(Clone, Copy, Debug)]
+pub struct Size(pub [u32; 2]);
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let sides: Result<Vec<u32>, _> = text.split(['x', 'X', ',']).map(|t| t.trim().parse()).collect();
+        let size = match sides.as_deref() {
+            Ok(&[n]) => [n, n],
+            Ok(&[w, h]) => [w, h],
+            _ => return Err("width and height in pixels are needed, as 1920x1080".into()),
+        };
+        if size.iter().all(|n| (1..=16384).contains(n)) {
+            Ok(Size(size))
+        } else {
+            Err("1 to 16384 pixels".into())
+        }
+    }
+}
+
+/// Parses `LOW,HIGH`.
+pub fn pair(text: &str) -> Result<[f32; 2], String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|t| t.trim().parse::<f32>()).collect();
+    match numbers.as_deref() {
+        Ok(&[low, high]) if low.is_finite() && high.is_finite() => Ok([low, high]),
+        _ => Err("two numbers with a comma between are needed, as -1024,3071".into()),
+    }
+}
+
+/// Parses `LOW,HIGH` with LOW below HIGH.
+pub fn range(text: &str) -> Result<[f32; 2], String> {
+    match pair(text)? {
+        [low, high] if low < high => Ok([low, high]),
+        _ => Err("the first number must be the lower one".into()),
+    }
+}
+
+/// The range of a PSNR.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// From the least to the greatest intensity of each volume itself.
+    Own,
+    /// From the least to the greatest intensity of the volume inside the region.
+    Roi,
+    /// From one of these intensities to the other.
+    Given([f32; 2]),
+}
+
+/// Parses `LOW,HIGH` or `roi`.
+pub fn range_or_roi(text: &str) -> Result<Range, String> {
+    match text.trim() {
+        "roi" => Ok(Range::Roi),
+        text => range(text).map(Range::Given).map_err(|e| format!("{e}; or roi")),
+    }
+}
+
+/// Parses `LOW,HIGH`, `roi` or `own`.
+pub fn any_range(text: &str) -> Result<Range, String> {
+    match text.trim() {
+        "own" => Ok(Range::Own),
+        text => range_or_roi(text).map_err(|e| format!("{e} or own")),
+    }
+}
+
+/// Parses a number of bytes with an optional suffix K, M, G or T (powers of 1024).
+pub fn bytes(text: &str) -> Result<u64, String> {
+    let text = text.trim();
+    let power = text.chars().last().and_then(|c| "KMGT".find(c.to_ascii_uppercase()));
+    let (digits, shift) = match power {
+        Some(index) => (&text[..text.len() - 1], 10 * (index as u32 + 1)),
+        None => (text, 0),
+    };
+    digits
+        .parse::<u64>()
+        .ok()
+        .and_then(|n| n.checked_mul(1 << shift))
+        .filter(|&n| n > 0)
+        .ok_or_else(|| "a number of bytes is needed, as 4G or 500000000".into())
+}
+
+/// Parses a duration: `90s`, `5m`, `1.5h`, or seconds.
+pub fn duration(text: &str) -> Result<std::time::Duration, String> {
+    let text = text.trim();
+    let (number, unit) = match text.strip_suffix(['s', 'm', 'h']) {
+        Some(number) => (number, text.as_bytes()[text.len() - 1]),
+        None => (text, b's'),
+    };
+    let seconds = number.parse::<f64>().ok().map(|n| {
+        n * match unit {
+            b'm' => 60.0,
+            b'h' => 3600.0,
+            _ => 1.0,
+        }
+    });
+    match seconds {
+        Some(s) if (0.1..1e7).contains(&s) => Ok(std::time::Duration::from_secs_f64(s)),
+        _ => Err("a time such as 90s, 5m or 1.5h is needed".into()),
+    }
+}
+
+/// Parses one spacing or three, mm.
+pub fn spacing(text: &str) -> Result<DVec3, String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse::<f64>()).collect();
+    let spacing = match numbers.as_deref() {
+        Ok(&[s]) => DVec3::splat(s),
+        Ok(&[x, y, z]) => DVec3::new(x, y, z),
+        _ => return Err("one number or three with commas between are needed, mm".into()),
+    };
+    let sensible = spacing.is_finite() && spacing.min_element() >= 1e-3 && spacing.max_element() <= 1e3;
+    if sensible { Ok(spacing) } else { Err("0.001 to 1000 mm".into()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pairs_and_ranges() {
+        assert_eq!(pair("-1024,3071"), Ok([-1024.0, 3071.0]));
+        assert_eq!(pair(" 1 , 2e3 "), Ok([1.0, 2000.0]));
+        assert_eq!(range("1,2"), Ok([1.0, 2.0]));
+        for text in ["", "1", "1,2,3", "a,b", "nan,1", "1,inf", "1;2"] {
+            assert!(pair(text).is_err(), "{text}");
+        }
+        assert!(range("2,1").is_err() && range("1,1").is_err());
+        assert_eq!(range_or_roi("roi"), Ok(Range::Roi));
+        assert_eq!(range_or_roi("-5,5"), Ok(Range::Given([-5.0, 5.0])));
+        assert_eq!(any_range("own"), Ok(Range::Own));
+        assert!(range_or_roi("own").is_err_and(|e| e.contains("or roi")));
+        assert!(any_range("mine").is_err_and(|e| e.contains("or roi or own")));
+    }
+
+    #[test]
+    fn bytes_and_durations() {
+        for (text, expected) in [("1", 1), ("500000000", 500_000_000), ("4G", 4 << 30), ("2k", 2048)] {
+            assert_eq!(bytes(text), Ok(expected), "{text}");
+        }
+        for text in ["", "G", "-1", "0", "1.5G", "99999999T", "ü"] {
+            assert!(bytes(text).is_err(), "{text}");
+        }
+        for (text, seconds) in [("90", 90.0), ("90s", 90.0), ("5m", 300.0), ("1.5h", 5400.0)] {
+            assert_eq!(duration(text).map(|d| d.as_secs_f64()), Ok(seconds), "{text}");
+        }
+        for text in ["", "s", "-1s", "0", "nan", "inf", "5 minutes"] {
+            assert!(duration(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn sizes() {
+        assert_eq!("1920x1080".parse::<Size>().unwrap().0, [1920, 1080]);
+        assert_eq!("64".parse::<Size>().unwrap().0, [64, 64]);
+        for text in ["", "0x5", "5x", "1x2x3", "99999x1", "-1x4"] {
+            assert!(text.parse::<Size>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn spacings() {
+        assert_eq!(spacing("0.5"), Ok(DVec3::splat(0.5)));
+        assert_eq!(spacing("1,2,3"), Ok(DVec3::new(1.0, 2.0, 3.0)));
+        for text in ["", "0", "-1", "1,2", "nan", "1e9"] {
+            assert!(spacing(text).is_err(), "{text}");
+        }
+    }
+}

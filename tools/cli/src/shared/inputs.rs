@@ -1,0 +1,210 @@
+//! The volume and the region of interest of a command, and what a record keeps of their files.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use clap::{ArgGroup, Args};
+use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
+use engine::{Error, Kind, Result};
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use super::flags::{Range, bytes, pair};
+
+/// How volumes are read.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Input")]
+pub struct ReadArguments {
+    /// Which volume of a series (4-D file), counted from 0
+    #[arg(long, value_name = "N")]
+    pub volume_index: Option<usize>,
+    /// Largest volume that is accepted, bytes; K, M, G stand for powers of 1024 [default: 2G]
+    #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_MAX_BYTES", hide_env = true)]
+    pub max_bytes: Option<u64>,
+    /// Accepts damage that leaves every voxel readable
+    #[arg(long)]
+    pub lenient: bool,
+}
+
+impl ReadArguments {
+    /// Returns how the volume itself is read.
+    pub fn options(&self) -> ReadOptions {
+        let default = ReadOptions::default();
+        ReadOptions {
+            max_bytes: self.max_bytes.unwrap_or(default.max_bytes),
+            volume_index: self.volume_index,
+            lenient: self.lenient,
+        }
+    }
+}
+
+/// Where the fit looks.
+#[derive(Args, Clone, Debug)]
+#[group(skip)]
+#[command(
+    next_help_heading = "Region of interest",
+    group = ArgGroup::new("region").required(true).args(["roi", "roi_threshold"])
+)]
+pub struct RoiArguments {
+    /// Mask file: 0 and 1, soft in [0, 1], or labels
+    #[arg(long, value_name = "MASK")]
+    pub roi: Option<PathBuf>,
+    /// Instead of a mask: the voxels from LOW to HIGH, HU
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
+    pub roi_threshold: Option<[f32; 2]>,
+    /// Which labels of the mask, by number or name; a fit keeps the label of each splat
+    #[arg(long, value_name = "N|NAME,...", requires = "roi")]
+    pub roi_label: Option<String>,
+}
+
+/// A volume with its region of interest.
+pub struct Case {
+    /// The volume.
+    pub volume: Volume,
+    /// The region on its grid.
+    pub roi: Roi,
+}
+
+impl Case {
+    /// Reads both, and the labels if some of a label map were chosen.
+    pub fn read_labelled(
+        volume_path: &Path,
+        read: &ReadArguments,
+        region: &RoiArguments,
+    ) -> Result<(Case, Option<Labels>)> {
+        let (case, mask) = Case::with_mask(volume_path, read, region)?;
+        let labels = match (&region.roi, mask) {
+            (Some(path), Some((mask, choice))) => {
+                Labels::chosen(&mask, &choice, &case.volume).map_err(|e| named(e, path))?
+            }
+            _ => None,
+        };
+        Ok((case, labels))
+    }
+
+    fn with_mask(
+        volume_path: &Path,
+        read: &ReadArguments,
+        region: &RoiArguments,
+    ) -> Result<(Case, Option<Mask>)> {
+        let volume = volume_of(volume_path, read)?;
+        let (mask, label) = (region.roi.as_deref(), region.roi_label.as_deref());
+        let (roi, mask) = region_with_mask(&volume, read, mask, region.roi_threshold, label)
+            .map_err(|e| named(e, volume_path))?
+            // The flags are a required group.
+            .unwrap_or_else(|| unreachable!("a region of interest is required"));
+        tracing::info!(
+            "{}: {:?} voxels, {} in the region of interest",
+            volume_path.display(),
+            volume.size,
+            roi.voxel_count()
+        );
+        Ok((Case { volume, roi }, mask))
+    }
+
+    /// Returns the least and the greatest finite sample of the whole volume: the usual normalisation of a PSNR.
+    pub fn full_range(&self) -> [f32; 2] {
+        self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()
+    }
+
+    /// Returns the range of a PSNR; the [full range](Case::full_range) where nothing is chosen.
+    pub fn range(&self, chosen: Option<Range>) -> Result<[f32; 2]> {
+        match chosen {
+            Some(Range::Given(range)) => Ok(range),
+            Some(Range::Roi) => region_range(&self.volume, &self.roi),
+            Some(Range::Own) | None => Ok(self.full_range()),
+        }
+    }
+}
+
+/// Returns the range of a volume inside a region, and refuses a volume that is constant there.
+pub fn region_range(volume: &Volume, roi: &Roi) -> Result<[f32; 2]> {
+    match roi.range(volume) {
+        Some([low, high]) if low < high => Ok([low, high]),
+        found => {
+            let value = found.map_or("nothing".to_owned(), |[low, _]| low.to_string());
+            let message = format!("the volume is {value} everywhere in the region: that is no range");
+            Err(Error::new(Kind::BadData, "VGS-CLI-043", message).help("give one: --range LOW,HIGH"))
+        }
+    }
+}
+
+/// Reads a volume.
+pub fn volume_of(path: &Path, read: &ReadArguments) -> Result<Volume> {
+    Volume::read(path, &read.options())
+}
+
+/// Reads the region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU; `None`
+/// where neither is given.
+pub fn region_of(
+    volume: &Volume,
+    read: &ReadArguments,
+    mask: Option<&Path>,
+    threshold: Option<[f32; 2]>,
+    labels: Option<&str>,
+) -> Result<Option<Roi>> {
+    Ok(region_with_mask(volume, read, mask, threshold, labels)?.map(|(roi, _)| roi))
+}
+
+/// A mask as its file has it, and the labels that were chosen of it.
+type Mask = (Volume, LabelChoice);
+
+/// Reads the region as [`region_of`] does, and returns the mask that it comes from, too.
+fn region_with_mask(
+    volume: &Volume,
+    read: &ReadArguments,
+    mask: Option<&Path>,
+    threshold: Option<[f32; 2]>,
+    labels: Option<&str>,
+) -> Result<Option<(Roi, Option<Mask>)>> {
+    let labels: LabelChoice = match labels {
+        Some(text) => text.parse()?,
+        None => LabelChoice::Whole,
+    };
+    if let Some(path) = mask {
+        // The index chooses a volume of the series; a mask is a single one.
+        let options = ReadOptions { volume_index: None, ..read.options() };
+        let mask = Volume::read(path, &options)?;
+        let roi = Roi::from_mask(&mask, &labels, volume).map_err(|e| named(e, path))?;
+        return Ok(Some((roi, Some((mask, labels)))));
+    }
+    let roi = threshold.map(|[low, high]| Roi::from_threshold(volume, low, high)).transpose()?;
+    Ok(roi.map(|roi| (roi, None)))
+}
+
+fn named(error: Error, path: &Path) -> Error {
+    if error.file.is_some() { error } else { error.file(path) }
+}
+
+/// An input file as a record keeps it.
+#[derive(Clone, Debug, Serialize)]
+pub struct InputRecord {
+    /// The path as it was given.
+    pub path: String,
+    /// Size in bytes.
+    pub bytes: u64,
+    /// Hash of the content, hexadecimal.
+    pub sha256: String,
+}
+
+impl InputRecord {
+    /// Reads the file once more, for its hash.
+    pub fn of(path: &Path) -> Result<InputRecord> {
+        let failed = |e: std::io::Error| Error::io(path, "reading", &e);
+        let mut file = File::open(path).map_err(failed)?;
+        let mut hash = Sha256::new();
+        let mut block = vec![0; 1 << 18];
+        let mut bytes = 0;
+        loop {
+            let n = file.read(&mut block).map_err(failed)?;
+            if n == 0 {
+                break;
+            }
+            hash.update(&block[..n]);
+            bytes += n as u64;
+        }
+        let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        Ok(InputRecord { path: path.display().to_string(), bytes, sha256 })
+    }
+}

@@ -1,0 +1,32 @@
+//! What commands share.
+//!
+//! | file | subject |
+//! |---|---|
+//! | `flags` | flags that several commands have, and how their texts are parsed |
+//! | `inputs` | the volume and the region of interest, and what a record keeps of their files |
+//! | `splat_files` | reading and writing splats, whatever their layout |
+//! | `outputs` | checks before anything is written; `lock`: one run per output |
+//! | `sampling` | the field of splats at the voxels of a grid |
+//! | `evaluation` | how splats are measured against a volume |
+//! | `console` | results to stdout, messages to stderr; `figures`: how numbers are written |
+//! | `progress` | the bar or the lines of long work |
+//! | `failure` | how the program ends: errors and exit codes |
+//! | `signals` | Ctrl-C and its relatives |
+//! | `terminal`, `clock`, `memory`, `version` | the machine and the program itself |
+
+pub mod clock;
+pub mod console;
+pub mod evaluation;
+pub mod failure;
+pub mod figures;
+pub mod flags;
+pub mod inputs;
+pub mod lock;
+pub mod memory;
+pub mod outputs;
+pub mod progress;
+pub mod sampling;
+pub mod signals;
+pub mod splat_files;
+pub mod terminal;
+pub mod version;

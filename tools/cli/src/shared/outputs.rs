@@ -1,0 +1,41 @@
+//! The files that a command will write, checked before anything is read or computed.
+
+use std::path::{Path, PathBuf};
+
+use engine::output::{check_writable, same_file};
+use engine::{Error, Kind, Result};
+
+/// Refuses outputs that cannot be written, that are also inputs, or that name each other.
+pub fn check(outputs: &[&Path], inputs: &[&Path], force: bool) -> Result<()> {
+    for (i, output) in outputs.iter().enumerate() {
+        if outputs[..i].contains(output) {
+            let message = "two outputs have the same name";
+            return Err(Error::new(Kind::Usage, "VGS-CLI-020", message).file(output));
+        }
+        if let Some(input) = inputs.iter().find(|input| same_file(input, output)) {
+            let message = format!("the output is the input {}", input.display());
+            return Err(Error::new(Kind::CannotCreate, "VGS-CLI-021", message)
+                .file(output)
+                .help("choose another name for the output"));
+        }
+        check_writable(output, force)?;
+    }
+    Ok(())
+}
+
+/// Makes a folder for outputs, where there is none yet.
+pub fn make_folder(path: &Path) -> Result<()> {
+    if path.exists() {
+        return Ok(());
+    }
+    std::fs::create_dir(path).map_err(|e| {
+        Error::new(Kind::CannotCreate, "VGS-CLI-061", format!("cannot make the folder: {e}")).file(path)
+    })
+}
+
+/// Returns `path` with another ending: `a.ply` -> `a.run.json`.
+pub fn beside(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(ending);
+    path.with_file_name(name)
+}

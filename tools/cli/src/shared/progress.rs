@@ -1,0 +1,139 @@
+//! What a fit shows while it runs: a bar on a terminal, plain lines elsewhere.
+
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use engine::fit::Progress;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::console::Console;
+use super::figures::seconds;
+use super::terminal::{bars, stderr_has_colour};
+
+/// Plain lines come this far apart, or at a tenth of the way where that is later.
+const LINE_EVERY: Duration = Duration::from_secs(5);
+/// The rate is taken over this long.
+const RATE_EVERY: Duration = Duration::from_secs(1);
+/// Positions of the bar.
+const STEPS: u64 = 1000;
+
+/// The display of one fit.
+pub struct Display {
+    bar: Option<ProgressBar>,
+    lines: bool,
+    start: Instant,
+    last_line: Instant,
+    last_line_share: f64,
+    /// Where the rate was taken last.
+    last: (Instant, u32),
+    rate: Option<f64>,
+    figures: String,
+}
+
+impl Display {
+    /// Starts the display; the clock of the time that is left starts too.
+    pub fn new(console: &Console) -> Self {
+        let now = Instant::now();
+        let shown = !console.json && !console.quiet;
+        let bar = (shown && stderr_has_colour()).then(|| {
+            let style = ProgressStyle::with_template("{bar:20} {percent:>3}% {wide_msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            bars().add(ProgressBar::new(STEPS).with_style(style))
+        });
+        Display {
+            lines: shown && bar.is_none(),
+            bar,
+            start: now,
+            last_line: now,
+            last_line_share: 0.0,
+            last: (now, 0),
+            rate: None,
+            figures: String::new(),
+        }
+    }
+
+    /// Notes new figures, as a fit gives them now and then.
+    pub fn figures(&mut self, progress: &Progress) {
+        // The outline by whichever term the fit follows.
+        let outline = progress.dice.unwrap_or(progress.occupancy_rmse);
+        self.figures = format!(", {:.2} dB, outline off {outline:.3}", progress.psnr_db);
+    }
+
+    /// Shows how far the fit is; `share` is the part of the schedule that is done, 0 to 1.
+    pub fn show(&mut self, iteration: u32, share: f64) {
+        let spent = self.start.elapsed().as_secs_f64();
+        let left = if share > 0.0 { seconds(spent * (1.0 - share) / share) } else { "?".to_owned() };
+        let (time, from) = self.last;
+        if time.elapsed() >= RATE_EVERY && iteration > from {
+            self.rate = Some(f64::from(iteration - from) / time.elapsed().as_secs_f64());
+            self.last = (Instant::now(), iteration);
+        }
+        let rate = self.rate.map(|r| format!(", {r:.1} it/s")).unwrap_or_default();
+        let text = || format!("{iteration} iterations{}{rate}, {left} left", self.figures);
+        if let Some(bar) = &self.bar {
+            bar.set_position((share * STEPS as f64) as u64);
+            bar.set_message(text());
+        } else if self.lines
+            && self.last_line.elapsed() >= LINE_EVERY
+            && (share >= self.last_line_share + 0.1 || self.last_line.elapsed() >= 4 * LINE_EVERY)
+        {
+            let _ = writeln!(std::io::stderr(), "{:>3.0} %: {}", 100.0 * share, text());
+            self.last_line = Instant::now();
+            self.last_line_share = share;
+        }
+    }
+}
+
+/// The display of work that is a number of like steps.
+pub struct Steps {
+    bar: Option<ProgressBar>,
+    lines: bool,
+    what: &'static str,
+    count: u64,
+    start: Instant,
+    last_line: Instant,
+}
+
+impl Steps {
+    /// Starts the display of `count` times `what`; nothing is shown for a single one.
+    pub fn new(console: &Console, what: &'static str, count: u64) -> Self {
+        let now = Instant::now();
+        let shown = !console.json && !console.quiet && count > 1;
+        let bar = (shown && stderr_has_colour()).then(|| {
+            let style = ProgressStyle::with_template("{bar:20} {percent:>3}% {wide_msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+            bars().add(ProgressBar::new(count).with_style(style))
+        });
+        Steps { lines: shown && bar.is_none(), bar, what, count, start: now, last_line: now }
+    }
+
+    /// Shows that `done` steps are done.
+    pub fn done(&mut self, done: u64) {
+        let left = self.start.elapsed().as_secs_f64() * (self.count - done) as f64 / done.max(1) as f64;
+        let text = || format!("{} {done} of {}, {} left", self.what, self.count, seconds(left));
+        if let Some(bar) = &self.bar {
+            bar.set_position(done);
+            bar.set_message(text());
+        } else if self.lines && self.last_line.elapsed() >= LINE_EVERY {
+            let _ =
+                writeln!(std::io::stderr(), "{:>3.0} %: {}", 100.0 * done as f64 / self.count as f64, text());
+            self.last_line = Instant::now();
+        }
+    }
+}
+
+impl Drop for Steps {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! Ctrl-C and its relatives: the first asks the running fit to stop and save, the second ends the program at once.
+//! Before and after the fit there is nothing to save, and the first ends it too.
+
+use std::fs;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering::SeqCst};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use engine::{Error, Kind, Result};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator;
+
+/// What the signal thread and the command share.
+#[derive(Default)]
+struct SharedState {
+    /// The first signal, or 0.
+    received: AtomicI32,
+    /// True while a fit is running that will look at `received`.
+    deferring: AtomicBool,
+    /// A file to remove when the program ends, however it ends.
+    remove_on_exit: Mutex<Option<PathBuf>>,
+}
+
+/// The state of the signals of this process.
+#[derive(Clone)]
+pub struct Signals(Arc<SharedState>);
+
+impl Signals {
+    /// Takes over SIGINT, SIGTERM and SIGHUP.
+    pub fn install() -> Result<Self> {
+        let failed = |e: std::io::Error| {
+            Error::new(Kind::Internal, "VGS-CLI-004", format!("signals cannot be watched: {e}"))
+        };
+        let mut incoming = iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(failed)?;
+        let signals = Signals(Arc::default());
+        let shared = signals.clone().0;
+        std::thread::Builder::new()
+            .name("signals".into())
+            .spawn(move || {
+                for signal in incoming.forever() {
+                    let first = shared.received.compare_exchange(0, signal, SeqCst, SeqCst).is_ok();
+                    if !(first && shared.deferring.load(SeqCst)) {
+                        if let Some(path) =
+                            shared.remove_on_exit.lock().unwrap_or_else(PoisonError::into_inner).take()
+                        {
+                            let _ = fs::remove_file(path);
+                        }
+                        // Without destructors: other threads may be anywhere, in a driver for instance.
+                        signal_hook::low_level::exit(128 + signal);
+                    }
+                }
+            })
+            .map_err(failed)?;
+        Ok(signals)
+    }
+
+    /// Makes the first signal from here on only noted, so that the fit can stop and save.
+    pub fn defer_first_signal(&self) {
+        self.0.deferring.store(true, SeqCst);
+    }
+
+    /// Returns the exit code of the signal that came, if one did.
+    pub fn exit_code(&self) -> Option<u8> {
+        match self.0.received.load(SeqCst) {
+            0 => None,
+            signal => Some(u8::try_from(128 + signal).unwrap_or(130)),
+        }
+    }
+
+    /// Names a file to remove if a signal ends the program.
+    pub fn remove_on_exit(&self, path: Option<PathBuf>) {
+        *self.0.remove_on_exit.lock().unwrap_or_else(PoisonError::into_inner) = path;
+    }
+}

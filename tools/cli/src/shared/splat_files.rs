@@ -1,0 +1,69 @@
+//! Splats as commands read and write them: whatever their layout, with the volume that places them where one must.
+
+use std::path::Path;
+
+use clap::Args;
+use engine::fit::place::place;
+use engine::splat::{self, PLY_LAYOUTS, PlyLayout, SplatSet, Unplaced, WriteOptions};
+use engine::volume::{Roi, Volume};
+use engine::{Error, Kind, Result};
+
+/// How splats are written.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Output")]
+pub struct LayoutArguments {
+    /// What the numbers of the PLY stand for: vgs (mm RAS and HU, what every command reads), or reference, that of the
+    /// paper's authors for their viewer; commands then need the volume beside it
+    #[arg(long, value_name = "LAYOUT", default_value = PLY_LAYOUTS[0].name, value_parser = layout)]
+    ply_layout: &'static PlyLayout,
+}
+
+impl LayoutArguments {
+    /// Returns how splats of this volume and region are written.
+    pub fn options(self, volume: &Volume, roi: &Roi, force: bool) -> WriteOptions {
+        WriteOptions { layout: self.ply_layout, place: Some(place(volume, Some(roi))), force }
+    }
+}
+
+fn layout(text: &str) -> std::result::Result<&'static PlyLayout, String> {
+    PlyLayout::named(text).ok_or_else(|| {
+        let names: Vec<_> =
+            PLY_LAYOUTS.iter().map(|layout| format!("{} ({})", layout.name, layout.about)).collect();
+        format!("known: {}", names.join("; "))
+    })
+}
+
+/// Reads splats that have an intensity in HU.
+pub fn read_with_intensity(path: &Path) -> Result<Unplaced> {
+    let splats = splat::read_some(path)?;
+    if !splats.has_intensity() {
+        let message = "these splats have a colour but no intensity: there is nothing to compare with HU";
+        return Err(Error::new(Kind::BadData, "VGS-CLI-041", message)
+            .file(path)
+            .help("use splats from `vgs fit`, or a PLY with a property `intensity` or `hu`"));
+    }
+    Ok(splats)
+}
+
+/// Writes the splats of a fit, and warns of what the layout does not keep.
+pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
+    splat::write_as(path, set, options)?;
+    for loss in options.layout.losses(set, options.place.as_ref()) {
+        tracing::warn!("{}: the layout {} is without {loss}", path.display(), options.layout.name);
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layouts_are_called_by_their_names() {
+        for row in PLY_LAYOUTS {
+            assert_eq!(layout(row.name).map(|found| found.name), Ok(row.name));
+        }
+        let error = layout("authors").expect_err("no such layout");
+        assert!(error.contains("vgs (") && error.contains("reference ("), "{error}");
+    }
+}

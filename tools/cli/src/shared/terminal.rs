@@ -1,0 +1,49 @@
+//! Stderr as a terminal: whether it shows colours, what is safe to write to it, and how text gets past a progress bar.
+
+use std::io::{self, IsTerminal};
+use std::sync::OnceLock;
+
+use indicatif::{MultiProgress, ProgressDrawTarget};
+
+/// True if stderr may get colours and moving bars.
+pub fn stderr_has_colour() -> bool {
+    let no = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
+    let dumb = std::env::var_os("TERM").is_some_and(|v| v == "dumb");
+    !no && !dumb && io::stderr().is_terminal()
+}
+
+/// Returns a text without control characters that a file or a path may have brought in; line breaks stay.
+pub fn clean(text: &str) -> String {
+    text.chars()
+        .flat_map(|c| {
+            let (keep, escaped) =
+                if c.is_control() && c != '\n' { (None, Some(c.escape_default())) } else { (Some(c), None) };
+            keep.into_iter().chain(escaped.into_iter().flatten())
+        })
+        .collect()
+}
+
+/// Returns the progress bars of this program, of which stderr shows at most one.
+pub fn bars() -> &'static MultiProgress {
+    static TERMINAL: OnceLock<MultiProgress> = OnceLock::new();
+    TERMINAL.get_or_init(|| {
+        let target =
+            if stderr_has_colour() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        MultiProgress::with_draw_target(target)
+    })
+}
+
+/// Runs `write`, which writes to stderr, with the bar out of the way.
+pub fn suspend_bars(write: impl FnOnce()) {
+    bars().suspend(write);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_are_shown_and_not_obeyed() {
+        assert_eq!(clean("a\u{1b}[31mb\nc\u{7}ü"), "a\\u{1b}[31mb\nc\\u{7}ü");
+    }
+}
