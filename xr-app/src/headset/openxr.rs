@@ -73,8 +73,8 @@ fn platform() -> Result<impl xr::PlatformInfo> {
 fn platform() -> Result<xr::AndroidPlatformInfo> {
     let app = ACTIVITY.lock().expect("nothing panics with it").clone();
     let app = app.ok_or_else(|| Error::new(Kind::Internal, "VGS-XR-014", "the activity has not begun"))?;
-    // SAFETY: both are those of the activity, and valid as long as an `AndroidApp` of it: `android_main` has one until the session
-    // has ended.
+    // SAFETY: both are those of the activity, and valid as long as an `AndroidApp` of it: `android_main` has
+    // one until the session has ended.
     Ok(unsafe { xr::AndroidPlatformInfo::new(app.vm_as_ptr(), app.activity_as_ptr()) })
 }
 
@@ -270,8 +270,8 @@ impl Chain {
             .map_err(|e| runtime_error("making pictures for the eyes", e))?;
         let images = swapchain.enumerate_images().map_err(|e| runtime_error("asking for pictures", e))?;
         let picture = |&image: &u64| {
-            // SAFETY: the image belongs to the swapchain, which outlives the pictures; it was asked for with two layers, this
-            // size and format, and OpenXR wants images back as attachments of their kind.
+            // SAFETY: the image belongs to the swapchain, which outlives the pictures; it was asked for with
+            // two layers, this size and format, and OpenXR wants images back as attachments of their kind.
             unsafe { gpu.external_image("eyes", vk::Image::from_raw(image), format, size, 2, layout) }
         };
         let pictures = images.iter().map(picture).collect::<Result<_>>()?;

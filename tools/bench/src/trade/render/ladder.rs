@@ -44,7 +44,7 @@ pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
 /// As `engine::render::quality_levels` reads it.
 pub fn toml(rows: &[Averages], device: &str) -> String {
     let mut out = format!(
-        "# The rungs of engine::render::rungs, the best first. Written by `bench trade render --ladder`, which measured them on\n\
+        "# The levels of engine::render::quality_levels, the best first. Written by `bench trade render --ladder`, which measured them on\n\
          # {device}.\n\
          # field: splats that are right between the voxels, too; grid: those fitted for a CT's grid; coloured: standard 3DGS files\n\
          # (measured with the first). cost: of a frame, relative to the first rung; psnr: against the CT, dB, mean over cases,\n\
