@@ -4,8 +4,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::init::{INITIALISERS, InitConfig, Initialiser, ORIENTATIONS, Orientation};
-use super::terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};
-use super::topology::{TOPOLOGIES, Topology};
 use super::unit::ScaleUnit;
 use crate::error::{Error, Kind, Result};
 pub use crate::passes::Storage;
@@ -131,11 +129,11 @@ config! {
         /// Weight of the intensity error inside the ROI.
         mse_weight: f32 = 1.0,
         /// The intensity error: "mse", or "dice", "tversky", "kl" between intensities in 0..1.
-        intensity_loss: String = INTENSITY_LOSSES[0].name.to_owned(),
+        intensity_loss: String = "mse".to_owned(),
         /// Weight of the loss between 1 - exp(-W) and the mask over ROI and shell; 0 switches the term off.
         mask_weight: f32 = 0.0,
         /// The loss of the mask: "dice", "mse", "tversky" or "kl".
-        mask_loss: String = MASK_LOSSES[0].name.to_owned(),
+        mask_loss: String = "dice".to_owned(),
         /// Added to both sums of Dice, and twice that to those of Tversky, so that nothing is divided by nothing.
         dice_smoothing: f32 = 0.0,
         /// Weight of the mean of 1 - exp(-W) outside the ROI, in the shell; 0 switches the term off.
@@ -218,7 +216,7 @@ config! {
         /// How the number and the places of the splats change on the way: "none", "densify" (the paper's clone, split,
         /// prune and hole filling), "growth" (new splats where the error is largest), "relocate" (idle splats move
         /// there) or "reference" (densify as the paper's authors' code has it).
-        topology: String = TOPOLOGIES[0].name.to_owned(),
+        topology: String = "none".to_owned(),
         /// Topology: first iteration after which splats may change.
         topology_from: u32 = 100,
         /// Topology: last iteration after which splats may change.
@@ -338,29 +336,14 @@ impl FitConfig {
         self.init().check()
     }
 
-    /// The row of the table that `initialiser` names.
+    /// Returns the row of the table that `initialiser` names.
     pub fn initialiser(&self) -> Result<&'static Initialiser> {
         row("initialiser", &self.initialiser, INITIALISERS, |row| row.name)
     }
 
-    /// The row of the table that `init_orientation` names.
+    /// Returns the row of the table that `init_orientation` names.
     pub fn orientation(&self) -> Result<&'static Orientation> {
         row("init_orientation", &self.init_orientation, ORIENTATIONS, |row| row.name)
-    }
-
-    /// The row of the table that `mask_loss` names.
-    pub fn mask_loss(&self) -> Result<&'static ChosenLoss> {
-        row("mask_loss", &self.mask_loss, MASK_LOSSES, |row| row.name)
-    }
-
-    /// The row of the table that `intensity_loss` names.
-    pub fn intensity_loss(&self) -> Result<&'static ChosenLoss> {
-        row("intensity_loss", &self.intensity_loss, INTENSITY_LOSSES, |row| row.name)
-    }
-
-    /// The row of the table that `topology` names.
-    pub fn topology(&self) -> Result<&'static Topology> {
-        row("topology", &self.topology, TOPOLOGIES, |row| row.name)
     }
 
     /// The hyper-parameters of the initialiser. [`FitConfig::check`] refuses an orientation of unknown name; here it
@@ -416,8 +399,8 @@ impl FitConfig {
     }
 }
 
-/// The row that a key names.
-fn row<T>(
+/// Returns the row that a key names.
+pub(super) fn row<T>(
     key: &str,
     name: &str,
     table: &'static [T],

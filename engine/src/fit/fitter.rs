@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use shaders_glsl::types::{AdamParams, History, SplatGrad, Target};
 
 use super::config::{FitConfig, FitForm};
-use super::run::Schedule;
+use super::schedule::Schedule;
 use super::state::{Row, State};
 use super::subset::Subset;
 use super::targets::{Scaling, offsets, sample};

@@ -4,7 +4,7 @@
 //!
 //! | file | what it is |
 //! |---|---|
-//! | `run` | the front door: [`Problem`], [`Schedule`], and who accompanies a fit ([`Watch`]) |
+//! | `run`, `schedule` | the front door: [`Problem`], [`Schedule`], and who accompanies a fit ([`Watch`]) |
 //! | `config`, `unit` | every hyper-parameter, with its unit |
 //! | `profiles`, `qualities` | configurations with a name |
 //! | `init` | the first splats |
@@ -27,6 +27,7 @@ pub mod place;
 mod profiles;
 mod qualities;
 mod run;
+mod schedule;
 mod state;
 mod subset;
 mod targets;
@@ -39,9 +40,9 @@ pub use fitter::{Fitter, Progress};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};
 pub use run::{
-    Beginning, CurvePoint, End, Interrupted, Milestone, Outcome, Problem, Schedule, Start, Watch, grid_of,
-    run,
+    Beginning, CurvePoint, End, Interrupted, Milestone, Outcome, Problem, Start, Watch, grid_of, run,
 };
+pub use schedule::Schedule;
 pub use state::State;
 pub use targets::{Scaling, offsets, sample};
 pub use terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::{FitConfig, Fitter, Progress, Scaling, State};
+use super::{FitConfig, Fitter, Progress, Scaling, Schedule, State};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::splat::{self, Field, Grid, Splat, SplatSet};
@@ -207,24 +207,6 @@ impl<'a> Problem<'a> {
 /// Returns the voxels of a volume, as splat sets and their files keep them.
 pub fn grid_of(volume: &Volume) -> Grid {
     Grid { size: volume.size.map(|n| n as u32), world_from_voxel: volume.world_from_voxel }
-}
-
-/// How long a fit goes on.
-#[derive(Clone, Copy, Debug)]
-pub struct Schedule {
-    /// The most iterations.
-    pub iterations: u32,
-    /// The time for all iterations.
-    pub time: Option<Duration>,
-}
-
-impl Schedule {
-    /// Returns the part that is done, 0 to 1: of whichever limit is nearer.
-    pub fn share(&self, iteration: u32, elapsed: Duration) -> f64 {
-        let of_iterations = f64::from(iteration) / f64::from(self.iterations.max(1));
-        let of_time = self.time.map_or(0.0, |t| elapsed.as_secs_f64() / t.as_secs_f64().max(1e-9));
-        of_iterations.max(of_time).min(1.0)
-    }
 }
 
 /// Where a fit begins.
@@ -508,16 +490,6 @@ mod tests {
             let error = check(9, Some(&progress), &[splat], 5).expect_err("diverged");
             assert_eq!((error.kind, error.code), (Kind::Internal, "VGS-FIT-010"));
             assert!(error.message.contains("iteration 5 are kept"), "{}", error.message);
-        }
-    }
-
-    #[test]
-    fn the_nearer_limit_sets_the_schedule() {
-        let schedule = Schedule { iterations: 100, time: Some(Duration::from_secs(10)) };
-        for (iteration, seconds, share) in
-            [(0, 0, 0.0), (50, 1, 0.5), (10, 5, 0.5), (200, 1, 1.0), (1, 20, 1.0)]
-        {
-            assert_eq!(schedule.share(iteration, Duration::from_secs(seconds)), share);
         }
     }
 }

@@ -7,7 +7,9 @@
 
 use shaders_glsl::types::Target;
 
-use super::{FitConfig, Scaling};
+use super::config::{FitConfig, row};
+use super::targets::Scaling;
+use crate::error::Result;
 use crate::passes::loss::{DICE, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, Weighted};
 use crate::volume::Roi;
 
@@ -49,6 +51,18 @@ pub const INTENSITY_LOSSES: &[ChosenLoss] = &[
     ChosenLoss { name: "tversky", term: INTENSITY_DICE, smoothing: 2.0, mean: Mean::None },
     ChosenLoss { name: "kl", term: INTENSITY_KL, smoothing: 0.0, mean: Mean::Slices },
 ];
+
+impl FitConfig {
+    /// Returns the row of the table that `mask_loss` names.
+    pub fn mask_loss(&self) -> Result<&'static ChosenLoss> {
+        row("mask_loss", &self.mask_loss, MASK_LOSSES, |row| row.name)
+    }
+
+    /// Returns the row of the table that `intensity_loss` names.
+    pub fn intensity_loss(&self) -> Result<&'static ChosenLoss> {
+        row("intensity_loss", &self.intensity_loss, INTENSITY_LOSSES, |row| row.name)
+    }
+}
 
 /// Voxels of the region as the mean intensity error counts them: the sum of the mask, or all above the threshold.
 pub(super) fn region_size(config: &FitConfig, roi: &Roi) -> f64 {

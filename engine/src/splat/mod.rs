@@ -13,14 +13,15 @@
 //! | `grid` | the grid that a set was fitted on, and what it is right for |
 //! | `harmonics` | colours of splats that have no intensity |
 //! | `packed` | a set in 16 bytes a splat |
-//! | `file`, `ply` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
-//! | `place` | a file may leave open where its splats lie: it is read as [`Unplaced`], the [`Place`] of a volume makes it a set |
+//! | `file`, `format`, `ply` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
+//! | `place`, `unplaced` | a file may leave open where its splats lie: it is read as [`Unplaced`], the [`Place`] of a volume makes it a set |
 //! | `defect` | which splats a file must not hold |
 
 pub mod activation;
 mod defect;
 mod field;
 mod file;
+mod format;
 mod grid;
 pub mod harmonics;
 mod importance;
@@ -32,14 +33,13 @@ mod place;
 pub mod ply;
 mod set;
 pub mod space;
+mod unplaced;
 
 pub use activation::Activations;
 pub use defect::defect;
 pub use field::Field;
-pub use file::{
-    FORMATS, Format, ReadOptions, SNIFF_BYTES, Summary, WriteOptions, describe, file_bytes, read, read_all,
-    read_some, read_unplaced, write, write_as,
-};
+pub use file::{FORMATS, describe, file_bytes, read, read_all, read_some, read_unplaced, write, write_as};
+pub use format::{Format, ReadOptions, SNIFF_BYTES, Summary, WriteOptions};
 pub use grid::{Form, Grid};
 pub use harmonics::Harmonics;
 pub use importance::by_importance;
@@ -47,7 +47,8 @@ pub use kernel::Kernel;
 pub use labels::{LabelCount, label_name};
 pub use objects::{MOST_OBJECTS, Object, join};
 pub use packed::Packed;
-pub use place::{Place, Unplaced};
+pub use place::Place;
 pub use ply::{PLY_LAYOUTS, PlyLayout};
 pub use set::SplatSet;
 pub use shaders_glsl::types::Splat;
+pub use unplaced::Unplaced;

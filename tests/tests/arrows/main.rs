@@ -31,8 +31,8 @@ const MEMBERS: [(&str, &str); 7] = [
 const MAPS: [&str; 3] = ["engine/src", "tools/view/src", "xr-app/src"];
 /// The crates whose files must not use each other in a circle.
 const UNTIED: [&str; 5] = ["engine/src", "tools/view/src", "xr-app/src", "tools/bench/src", "tools/cli/src"];
-/// Folders in which circles, and files `foo.rs` beside a folder `foo`, are left.
-const NOT_YET: [&str; 0] = [];
+/// Folders in which files may use each other in a circle: a device and what lives as long as it know each other.
+const NOT_YET: [&str; 1] = ["engine/src/gpu/"];
 
 /// Which module may use which.
 type Table = BTreeMap<String, BTreeSet<String>>;

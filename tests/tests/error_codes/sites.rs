@@ -227,8 +227,8 @@ fn given(tokens: &[Token], at: usize, name: &str, others: &[&[Token]], depth: us
             }
             continue;
         };
-        let public = start > 0 && matches!(&tokens[start - 1], Word(word) if word == "pub")
-            || start > 0 && tokens[start - 1] == Sign(')');
+        let public = start > 0
+            && (matches!(&tokens[start - 1], Word(word) if word == "pub") || tokens[start - 1] == Sign(')'));
         let users = others.iter().filter(|other| public && defined_at(other, function).is_none());
         for tokens in std::iter::once(tokens).chain(users.copied()) {
             for (i, pair) in tokens.windows(2).enumerate() {

@@ -1,6 +1,7 @@
 //! What all initialisers are told, and the splat that they all begin with.
 
-use super::Orientation;
+use super::density::GradientWeights;
+use super::orientation::Orientation;
 use crate::error::{Error, Kind, Result};
 use crate::fit::ScaleUnit;
 use crate::splat::Splat;
@@ -37,6 +38,15 @@ pub struct InitConfig {
 }
 
 impl InitConfig {
+    /// Returns how the gradient weighs voxels.
+    pub(super) fn weights(&self) -> GradientWeights {
+        GradientWeights {
+            smoothing_sigma: self.smoothing_sigma,
+            exponent: self.gradient_exponent,
+            floor: self.gradient_floor,
+        }
+    }
+
     /// Fails, naming the field, if a value lies outside the range in which the initialisation makes sense.
     pub fn check(&self) -> Result<()> {
         let rows = [

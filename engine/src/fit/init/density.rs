@@ -4,7 +4,6 @@ use glam::{DMat3, DVec3};
 use rand::RngExt;
 use rayon::prelude::*;
 
-use super::InitConfig;
 use crate::volume::{Roi, Volume};
 
 /// Spacings follow the density only down to this share of its mean, so that a nearly excluded voxel does not claim a
@@ -39,10 +38,21 @@ pub(super) struct Density {
     pub mean_gradient: f64,
 }
 
+/// How the gradient of the intensity weighs a voxel: (G∗|∇(G∗V)| / mean + floor)^exponent.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GradientWeights {
+    /// Standard deviation of G, voxels.
+    pub smoothing_sigma: f32,
+    /// 0: all voxels of the region weigh what the mask says.
+    pub exponent: f32,
+    /// In units of the mean gradient.
+    pub floor: f32,
+}
+
 impl Density {
     /// Weighs the voxels of `roi`; nothing if none has a weight above 0.
-    pub fn of(volume: &Volume, roi: &Roi, config: &InitConfig) -> Option<Density> {
-        let taps = gaussian_taps(config.smoothing_sigma);
+    pub fn of(volume: &Volume, roi: &Roi, weights: GradientWeights) -> Option<Density> {
+        let taps = gaussian_taps(weights.smoothing_sigma);
         // Two smoothings, one difference, and half a voxel that a point may lie beyond its voxel's centre: nothing
         // beyond the margin reaches the region.
         let margin = 2 * (taps.len() / 2) + 2;
@@ -60,7 +70,7 @@ impl Density {
         }
         let mean_gradient = sum / total_weight;
         let scale = if mean_gradient > 0.0 { mean_gradient.recip() } else { 0.0 };
-        let (floor, exponent) = (f64::from(config.gradient_floor), f64::from(config.gradient_exponent));
+        let (floor, exponent) = (f64::from(weights.floor), f64::from(weights.exponent));
         let edge = |i: usize| (f64::from(gradient[i]) * scale + floor).powf(exponent);
         let mut cumulative = running_sum(&voxels, |i| f64::from(weight[i]) * edge(i));
         if !cumulative.last().is_some_and(|sum| sum.is_normal()) {
@@ -368,7 +378,7 @@ mod tests {
             let weight: Vec<f32> = (0..count).map(|i| ((i * 37) % 11) as f32 / 10.0 + 1e-6).collect();
             let volume = Volume::new(size, glam::DAffine3::IDENTITY, samples);
             let roi = Roi { size, weight, soft: true };
-            let density = Density::of(&volume, &roi, &crate::fit::FitConfig::default().init())
+            let density = Density::of(&volume, &roi, crate::fit::FitConfig::default().init().weights())
                 .expect("weights above 0");
             for i in 0..10_000 {
                 let at = f64::from(i) / 10_000.0;

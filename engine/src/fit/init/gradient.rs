@@ -27,7 +27,9 @@ use crate::volume::{Roi, Volume};
 /// region has a weight above 0. Samples that are not finite count as 0. `config` must pass [`InitConfig::check`].
 pub fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &InitConfig) -> Vec<Splat> {
     assert_eq!(volume.size, roi.size, "a region of interest lies on the grid of its volume");
-    let Some(density) = Density::of(volume, roi, config).filter(|_| count > 0) else { return Vec::new() };
+    let Some(density) = Density::of(volume, roi, config.weights()).filter(|_| count > 0) else {
+        return Vec::new();
+    };
     let points = blue_noise::throw(&density, count, &mut Pcg64::seed_from_u64(seed));
     let means: Vec<[f32; 3]> = (0..count).map(|index| points.grid.point(index)).collect();
     let turns = (config.orientation.run)(&density, &means, None);

@@ -35,7 +35,9 @@ pub(super) fn initialise(
     config: &InitConfig,
 ) -> Vec<Splat> {
     assert_eq!(volume.size, roi.size, "a region of interest lies on the grid of its volume");
-    let Some(density) = Density::of(volume, roi, config).filter(|_| count > 0) else { return Vec::new() };
+    let Some(density) = Density::of(volume, roi, config.weights()).filter(|_| count > 0) else {
+        return Vec::new();
+    };
     let mut rng = Pcg64::seed_from_u64(seed);
     let means = means(roi, count, &mut rng);
     let span = config.scale_max - config.scale_min;

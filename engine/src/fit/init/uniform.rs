@@ -14,7 +14,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::config::{InitConfig, prototype, set_opacity};
-use super::density::Density;
+use super::density::{Density, GradientWeights};
 use super::intensity::intensity;
 use crate::fit::ScaleUnit;
 use crate::splat::space::reshaped;
@@ -32,8 +32,8 @@ pub(super) fn initialise(
 ) -> Vec<Splat> {
     assert_eq!(volume.size, roi.size, "a region of interest lies on the grid of its volume");
     // Without the gradient the density is the mask.
-    let even = InitConfig { gradient_exponent: 0.0, ..*config };
-    let Some(density) = Density::of(volume, roi, &even).filter(|_| count > 0) else { return Vec::new() };
+    let even = GradientWeights { exponent: 0.0, ..config.weights() };
+    let Some(density) = Density::of(volume, roi, even).filter(|_| count > 0) else { return Vec::new() };
     let mut rng = Pcg64::seed_from_u64(seed);
     let means = density.draw_points(count, &mut rng);
     let span = config.scale_max - config.scale_min;

@@ -28,6 +28,9 @@ use rand_pcg::Pcg64;
 
 pub use scene::{Change, Scene};
 
+use super::config::{FitConfig, row};
+use crate::error::Result;
+
 /// A row of [`TOPOLOGIES`].
 pub struct Topology {
     /// Name in configurations.
@@ -44,3 +47,10 @@ pub const TOPOLOGIES: &[Topology] = &[
     Topology { name: "relocate", change: Some(relocate::relocate) },
     Topology { name: "reference", change: Some(reference::densify) },
 ];
+
+impl FitConfig {
+    /// Returns the row of the table that `topology` names.
+    pub fn topology(&self) -> Result<&'static Topology> {
+        row("topology", &self.topology, TOPOLOGIES, |row| row.name)
+    }
+}

@@ -49,7 +49,7 @@ impl Header {
         let mut bytes = Vec::new();
         let failed = |error| Error::new(Kind::Io, "VGS-PLY-008", format!("reading the PLY header: {error}"));
         source.by_ref().take(HEADER_LIMIT).read_to_end(&mut bytes).map_err(failed)?;
-        if !super::sniff(&bytes) {
+        if !super::names::sniff(&bytes) {
             return Err(bad("VGS-PLY-001", "not a PLY file: it does not begin with a line `ply`"));
         }
         let length = header_length(&bytes).ok_or_else(|| {

@@ -26,7 +26,10 @@
 //! Every input ends as a set or as an error of class `BadData`, at a cost that the file's length bounds.
 
 mod comments;
+mod encode;
 mod header;
+mod layout;
+mod names;
 mod read;
 pub(super) mod reference;
 mod rows;
@@ -34,28 +37,7 @@ mod rows;
 mod tests;
 mod write;
 
-use super::Format;
-
+pub use layout::{PLY_LAYOUTS, PlyLayout};
+pub(super) use names::sniff;
 pub use read::{describe, read};
-pub use write::{PLY_LAYOUTS, PlyLayout, bytes, write};
-
-/// The row of this format in [`super::FORMATS`].
-pub const FORMAT: Format = Format { name: "ply", sniff, read, write, bytes, describe };
-
-/// The second element, one row per vertex.
-const INTENSITY_ELEMENT: &str = "splat_intensity";
-
-/// The property of the second element that holds the label.
-const LABEL_PROPERTY: &str = "label";
-
-/// The colour of degree 0; [`rest_property`] names the others.
-const COLOUR_PROPERTIES: [&str; 3] = ["f_dc_0", "f_dc_1", "f_dc_2"];
-
-/// The vertex property of a harmonic beyond degree 0: all of red by rising degree, then green, then blue.
-fn rest_property(index: usize) -> String {
-    format!("f_rest_{index}")
-}
-
-fn sniff(start: &[u8]) -> bool {
-    start.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
-}
+pub use write::{bytes, write};

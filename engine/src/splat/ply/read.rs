@@ -8,11 +8,10 @@ use glam::DVec3;
 use ply_rs::ply::{ElementDef, PropertyType};
 
 use super::header::{Header, bad, quoted};
+use super::layout::PLY_LAYOUTS;
+use super::names::{COLOUR_PROPERTIES, INTENSITY_ELEMENT, LABEL_PROPERTY, rest_property};
 use super::rows::{self, Column};
-use super::{
-    COLOUR_PROPERTIES, FORMAT, INTENSITY_ELEMENT, LABEL_PROPERTY, PLY_LAYOUTS, comments, reference,
-    rest_property,
-};
+use super::{comments, reference};
 use crate::error::{Error, Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, SH0, basis_count};
@@ -58,7 +57,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
     let box_mm = bounds(|splat| splat.mean).map(|corners| corners.map(world));
     let vertex = header.element("vertex").map(|(_, element)| element);
     Ok(Summary {
-        format: FORMAT.name,
+        format: "ply",
         encoding: header.encoding.to_string(),
         layout,
         file_bytes: bytes,

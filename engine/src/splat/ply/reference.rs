@@ -22,9 +22,10 @@ use glam::{DMat3, DVec3};
 use ply_rs::ply::ElementDef;
 use rayon::prelude::*;
 
+use super::comments;
+use super::encode::BLOCK_ROWS;
 use super::header::{Header, bad};
-use super::write::BLOCK_ROWS;
-use super::{INTENSITY_ELEMENT, comments};
+use super::names::INTENSITY_ELEMENT;
 use crate::error::{Error, Kind, Result};
 use crate::splat::harmonics::SH0;
 use crate::splat::space::{centre, reshaped};

@@ -6,8 +6,9 @@ use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
 
 use super::describe;
+use super::encode::encode;
 use super::read::{Loaded, load};
-use super::write::{check, encode};
+use super::write::check;
 use crate::error::{Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::SH0;

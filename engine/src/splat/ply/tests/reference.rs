@@ -3,9 +3,9 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use super::*;
-use crate::splat::place::{Place, Unplaced};
 use crate::splat::ply::reference::KERNEL;
 use crate::splat::{Activations, Harmonics, PLY_LAYOUTS, PlyLayout, WriteOptions, read_unplaced, write_as};
+use crate::splat::{Place, Unplaced};
 
 const THEIRS: [&str; 20] = [
     "x",
