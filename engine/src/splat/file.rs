@@ -136,8 +136,11 @@ mod tests {
             let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-001"), "{name}");
         }
-        let none = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
-        std::fs::write(at("none.ply"), none).expect("writing");
+        // A mean that is no number cannot be used.
+        let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
+        let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
+        let header = format!("ply\nformat ascii 1.0\nelement vertex 1\n{properties}end_header\n");
+        std::fs::write(at("none.ply"), header + "nan 0 0 0 0 0 0 0 0 0 1 0 0 0\n").expect("writing");
         let error = read_all(&[at("a.dat"), at("none.ply")], || Ok(None)).expect_err("nothing to see");
         assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-005"));
         let both =
