@@ -3,7 +3,7 @@
 //! | file | what is there |
 //! |---|---|
 //! | `image` | [`Image`]: what a renderer shows and what all else here works on |
-//! | `file` | [`read`] and [`write`]: PNG and OpenEXR, a row of [`file::FORMATS`] each |
+//! | `file` | [`read`] and [`write()`]: PNG and OpenEXR, a row of [`file::FORMATS`] each |
 //! | `measure`, `flip` | how different two pictures are |
 //! | `difference` | a picture of the difference |
 //! | `lettering`, `font` | writing on pictures, and the letters |

@@ -45,7 +45,7 @@ impl Default for WriteOptions {
 /// What a splat file holds, for people and for scripts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Name of the format, a row of [`FORMATS`].
+    /// Name of the format, a row of [`FORMATS`](super::FORMATS).
     pub format: &'static str,
     /// How the numbers are stored, in the format's own words.
     pub encoding: String,
@@ -58,7 +58,7 @@ pub struct Summary {
     /// Splats that were dropped because a value is unusable.
     pub dropped: usize,
     /// Splats whose thin axes were widened, because they were longer than
-    /// [`ANISOTROPY_LIMIT`](activation::ANISOTROPY_LIMIT) times their width.
+    /// [`ANISOTROPY_LIMIT`](super::activation::ANISOTROPY_LIMIT) times their width.
     pub widened: usize,
     /// Elements of the file with their counts, in file order.
     pub elements: Vec<(String, u64)>,
@@ -93,7 +93,7 @@ pub struct Summary {
     pub iterations: Option<u32>,
     /// Voxels along x, y, z of the grid that the set was fitted on, where the file says so.
     pub grid_size: Option<[u32; 3]>,
-    /// What it was fitted for: the name of a [`Form`].
+    /// What it was fitted for: the name of a [`Form`](super::Form).
     pub form: &'static str,
 }
 

@@ -22,7 +22,7 @@ pub struct SplatSet {
     pub colours: Option<Harmonics>,
     /// Which structure each splat belongs to, by the labels of the label map it was fitted to; 0 is none of them.
     pub labels: Option<Vec<u8>>,
-    /// Names of labels, at most one for each, in ascending order; see [`label_name`].
+    /// Names of labels, at most one for each, in ascending order; see [`label_name`](super::label_name).
     pub label_names: Vec<(u8, String)>,
     /// Iterations of the fit that made the set; nothing where the file does not say.
     pub iterations: Option<u32>,

@@ -36,7 +36,8 @@ use crate::volume::{Roi, Volume};
 pub struct Initialiser {
     /// Name on the command line.
     pub name: &'static str,
-    /// Places `count` splats in voxel space; see [`gradient::initialise`]. With [`ScaleUnit::Box`](super::ScaleUnit::Box) they have their shape in the unit
+    /// Places `count` splats in voxel space; exactly that many, none if no voxel of the region
+    /// has a weight above 0. With [`ScaleUnit::Box`](super::ScaleUnit::Box) they have their shape in the unit
     /// cube of the volume's box, in the unit of [`ScaleUnit::stretch`](super::ScaleUnit::stretch), as a fit with that unit takes them.
     pub run: fn(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &InitConfig) -> Vec<Splat>,
 }

@@ -3,7 +3,7 @@
 //! | file | what is there |
 //! |---|---|
 //! | `format` | [`Format`]: what a row has; [`Picture`]: what a file holds |
-//! | `formats` | [`FORMATS`], and [`read`] and [`write`] by them |
+//! | `formats` | [`FORMATS`], and [`read`] and [`write()`] by them |
 //! | `png`, `exr` | the formats |
 //! | `source` | an open file |
 
