@@ -41,7 +41,7 @@ const FIGURES_SHARE: u32 = 10;
 /// use engine::volume::{ReadOptions, Roi, Volume};
 ///
 /// # fn main() -> engine::Result<()> {
-/// let volume = Volume::read("ct.nii.gz".as_ref(), &ReadOptions::default())?;
+/// let volume = Volume::read("ct.nii.gz", &ReadOptions::default())?;
 /// let bone = Roi::from_threshold(&volume, 226.0, 3071.0)?;
 /// let gpu = Gpu::new(&GpuOptions::default())?;
 /// let config = FitConfig { density: 0.05, ..FitConfig::default() };
@@ -49,7 +49,7 @@ const FIGURES_SHARE: u32 = 10;
 ///     println!("iteration {}: {:.1} dB", progress.iteration, progress.psnr_db);
 ///     ControlFlow::Continue(())
 /// })?;
-/// engine::splat::write("bone.ply".as_ref(), &splats, false)?;
+/// engine::splat::write(std::path::Path::new("bone.ply"), &splats, false)?;
 /// # Ok(())
 /// # }
 /// ```
