@@ -41,7 +41,7 @@ void add(inout vec2 total, inout vec2 lost, vec2 term) {
     total = next;
 }
 
-void rasterise(uint cell, uint lane) {
+void rasterize(uint cell, uint lane) {
     uint slot = cell / CELLS;
     uint morton = (cell & (CELLS - 1u)) * 8u + lane;
     vec3 x = vec3(brick_coordinates[p.grid.first_slot + slot] * 8u + brick_voxel(morton)) + p.grid.offset;
@@ -89,8 +89,8 @@ void rasterise(uint cell, uint lane) {
 void main() {
     uint cell = p.first_cell + gl_WorkGroupID.x * CELLS_PER_GROUP;
     if (GROUP == 8) {
-        for (uint c = 0; c < CELLS_PER_GROUP; ++c) rasterise(cell + c, gl_LocalInvocationIndex);
+        for (uint c = 0; c < CELLS_PER_GROUP; ++c) rasterize(cell + c, gl_LocalInvocationIndex);
     } else {
-        rasterise(cell + gl_LocalInvocationIndex / 8, gl_LocalInvocationIndex & 7u);
+        rasterize(cell + gl_LocalInvocationIndex / 8, gl_LocalInvocationIndex & 7u);
     }
 }

@@ -13,7 +13,7 @@ struct Splat {
     float intensity;
 };
 
-// What rasterising needs of a splat. With d = x - mean the whitened distance is u = T d, T upper triangular:
+// What rasterizing needs of a splat. With d = x - mean the whitened distance is u = T d, T upper triangular:
 //   u.x = t_x . d,  u.y = t_y.x d.y + t_y.y d.z,  u.z = t_z d.z,   q = |u|^2 (the squared Mahalanobis distance).
 // T is the R of a QR decomposition of S^-1 R^T, so q is the same and six products do. Whitened, not through
 // the covariance: at an anisotropy of 1000 the covariance form has lost every digit, this one three of seven.

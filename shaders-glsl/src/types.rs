@@ -35,7 +35,7 @@ macro_rules! shared {
 }
 
 shared! {
-    /// What rasterising needs of a splat; see `include/splat.glsl`.
+    /// What rasterizing needs of a splat; see `include/splat.glsl`.
     Footprint {
         /// Centre, voxels in the brick grid.
         mean: [f32; 3],

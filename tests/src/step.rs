@@ -5,7 +5,7 @@ use engine::gpu::{Buffer, Gpu, Recorder};
 use engine::passes::loss::{
     DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, Sum, TERMS, Weighted,
 };
-use engine::passes::{Gradient, Losses, Rasteriser, Storage};
+use engine::passes::{Gradient, Losses, Rasterizer, Storage};
 use engine::reference;
 use engine::reference::loss::Quantity;
 use engine::splat::{Kernel, Splat};
@@ -120,7 +120,7 @@ struct Inputs<'a> {
 fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) -> Pass {
     let &Inputs { bricks, splats, targets, kernel, offset } = inputs;
     let mut raster =
-        Rasteriser::with_storage(gpu, kernel, EPSILON, bricks, splats.len(), storage).expect("a rasteriser");
+        Rasterizer::with_storage(gpu, kernel, EPSILON, bricks, splats.len(), storage).expect("a rasterizer");
     let chunks = raster.grid.chunks();
     let mut losses =
         Losses::new(gpu, terms, EPSILON, storage, raster.grid.chunk_slots(), chunks).expect("losses");
@@ -144,13 +144,13 @@ fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) 
         .collect();
     if losses.need_overlap() {
         for (chunk, wanted) in targets.iter().enumerate() {
-            rasterise(gpu, &mut raster, &buffer, chunk, offset);
+            rasterize(gpu, &mut raster, &buffer, chunk, offset);
             let slots = raster.grid.chunk(chunk);
             submit(gpu, |r| losses.record_overlap(r, wanted, &raster.reconstructions, slots));
         }
     }
     for (chunk, wanted) in targets.iter().enumerate() {
-        rasterise(gpu, &mut raster, &buffer, chunk, offset);
+        rasterize(gpu, &mut raster, &buffer, chunk, offset);
         let slots = raster.grid.chunk(chunk).len();
         submit(gpu, |r| {
             losses.record(r, terms, wanted, &raster.reconstructions, chunk, slots);
@@ -181,8 +181,8 @@ fn submit(gpu: &Gpu, record: impl FnOnce(&mut Recorder)) {
     gpu.wait(ticket).expect("waiting");
 }
 
-/// Rasterises a chunk: once to learn how large the bins must be, if need be once more with bins that large.
-fn rasterise(gpu: &Gpu, raster: &mut Rasteriser, splats: &Buffer<Splat>, chunk: usize, offset: [f32; 3]) {
+/// Rasterizes a chunk: once to learn how large the bins must be, if need be once more with bins that large.
+fn rasterize(gpu: &Gpu, raster: &mut Rasterizer, splats: &Buffer<Splat>, chunk: usize, offset: [f32; 3]) {
     let settled = (0..2).any(|_| {
         submit(gpu, |r| raster.record(r, splats, chunk, offset).expect("the forward pass"));
         let needed = raster.pair_totals.read_range(chunk, 1).expect("pair totals")[0] as usize;

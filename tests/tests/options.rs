@@ -18,7 +18,7 @@ use vgs_tests::fitting::Case;
 const SIZE: [usize; 3] = [13, 10, 9];
 const SPLATS: usize = 24;
 
-/// Splats of a mini-batch, and whether it is rasterised alone.
+/// Splats of a mini-batch, and whether it is rasterized alone.
 const SUBSETS: [(usize, bool); 3] = [(0, true), (7, true), (7, false)];
 
 /// A volume of other spacings along each axis, and a region of pieces at all of its 8 corners, 12 edges and 6 faces.

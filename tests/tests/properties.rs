@@ -3,7 +3,7 @@
 #![forbid(unsafe_code)]
 
 use engine::passes::WorkgroupShape;
-use engine::passes::{Gradient, Rasteriser};
+use engine::passes::{Gradient, Rasterizer};
 use engine::reference::{Footprint, Samples, splat_to_volume};
 use engine::splat::kernel::LN_PEAK_MAX;
 use engine::splat::{Kernel, Splat};
@@ -229,18 +229,18 @@ fn both_shapes_of_the_passes_give_the_same_bits() {
         let splats = some_splats(31, 301);
         let buffer = gpu.upload("splats", "test", &splats).expect("splats");
         let run = |shape| {
-            let mut rasteriser =
-                Rasteriser::with_shape(&gpu, kernel, EPSILON, &bricks, splats.len(), storage, shape)
-                    .expect("a rasteriser");
-            let samples = rasteriser.rasterise(&buffer, [0.2, -0.3, 0.4]).expect("samples");
+            let mut rasterizer =
+                Rasterizer::with_shape(&gpu, kernel, EPSILON, &bricks, splats.len(), storage, shape)
+                    .expect("a rasterizer");
+            let samples = rasterizer.rasterize(&buffer, [0.2, -0.3, 0.4]).expect("samples");
             // Any adjoints will do: here W and V̂ themselves.
-            let adjoints = &rasteriser.reconstructions;
+            let adjoints = &rasterizer.reconstructions;
             let mut gradient =
                 Gradient::with_shape(&gpu, kernel, splats.len(), storage, shape).expect("a gradient");
             let mut recorder = gpu.record().expect("a recorder");
-            let footprints = &rasteriser.bins.footprints;
+            let footprints = &rasterizer.bins.footprints;
             gradient
-                .gather(&mut recorder, &rasteriser.grid, footprints, adjoints, 0, [0.2, -0.3, 0.4])
+                .gather(&mut recorder, &rasterizer.grid, footprints, adjoints, 0, [0.2, -0.3, 0.4])
                 .expect("the backward pass");
             gpu.wait(recorder.submit().expect("a submission")).expect("the end of it");
             (samples, gradient.moments.read().expect("moments"))

@@ -207,7 +207,7 @@ config! {
         logit_max: f32 = 9.0,
         /// Splats that one iteration updates, another random part of all each time; 0: all of them.
         subset: usize = 0,
-        /// Whether an iteration rasterises its subset alone, which saves memory; otherwise all splats are rasterised and
+        /// Whether an iteration rasterizes its subset alone, which saves memory; otherwise all splats are rasterized and
         /// the subset moves.
         subset_alone: bool = true,
         /// Whether Adam takes a step for all splats at each iteration, those outside of the subset with a gradient of 0, so

@@ -24,7 +24,7 @@ use super::unit::ScaleUnit;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Ticket};
 use crate::passes::loss::{DICE, LEAK, MSE, OCCUPANCY, Weighted};
-use crate::passes::{Adam, Gradient, Losses, Rasteriser, adam};
+use crate::passes::{Adam, Gradient, Losses, Rasterizer, adam};
 use crate::splat::Splat;
 use crate::splat::activation::normalised;
 use crate::splat::space::reshaped;
@@ -72,15 +72,15 @@ pub struct Fitter<'a> {
 
 /// What has a row per splat.
 pub(super) struct Work {
-    /// Of all splats, or of a subset where one is rasterised alone.
-    pub(super) rasteriser: Rasteriser,
+    /// Of all splats, or of a subset where one is rasterized alone.
+    pub(super) rasterizer: Rasterizer,
     pub(super) gradient: Gradient,
     pub(super) all: adam::State,
     pub(super) subset: Option<Subset>,
     /// Gradients of all splats, 0 outside the subset, where Adam takes a step for all.
     pub(super) dense: Option<Buffer<SplatGrad>>,
-    /// Of all splats where `rasteriser` has a subset; made when it is first needed.
-    pub(super) whole: Option<Rasteriser>,
+    /// Of all splats where `rasterizer` has a subset; made when it is first needed.
+    pub(super) whole: Option<Rasterizer>,
 }
 
 pub(super) struct Flight {
@@ -169,7 +169,7 @@ impl<'a> Fitter<'a> {
         let scaling = Scaling::new(volume, roi, config);
         let stretch = config.scale_unit.stretch(volume);
         let work = Work::new(gpu, &bricks, count, config, stretch.as_vec3().to_array())?;
-        let grid = &work.rasteriser.grid;
+        let grid = &work.rasterizer.grid;
         let count_offsets = if config.form == FitForm::Grid { 1 } else { config.offsets };
         let offsets = offsets(count_offsets, config.seed);
         let (mut targets, mut terms) = (Vec::new(), Vec::new());
@@ -247,28 +247,28 @@ impl<'a> Fitter<'a> {
         let offset = self.offsets[index];
         let params = self.adam_params(turn, share);
         let alone = self.config.subset_alone;
-        let Work { rasteriser, gradient, all, subset, dense, .. } = &mut self.work;
-        let chunks = rasteriser.grid.chunks();
+        let Work { rasterizer, gradient, all, subset, dense, .. } = &mut self.work;
+        let chunks = rasterizer.grid.chunks();
         let mut recorder = self.gpu.record()?;
-        recorder.copy(&rasteriser.pair_totals, 0, &mut self.pair_totals, chunks, chunks);
+        recorder.copy(&rasterizer.pair_totals, 0, &mut self.pair_totals, chunks, chunks);
         if let Some(subset) = subset {
             subset.take(&mut recorder, all, turn);
         }
-        // One chunk is rasterised once. More share their buffers: a loss that needs sums over all samples first
+        // One chunk is rasterized once. More share their buffers: a loss that needs sums over all samples first
         // (`Losses::need_overlap`) takes a sweep of its own.
         let sweeps = if self.losses.need_overlap() && chunks > 1 { 2 } else { 1 };
         for (sweep, chunk) in (0..sweeps).flat_map(|sweep| (0..chunks).map(move |chunk| (sweep, chunk))) {
-            let slots = rasteriser.grid.chunk(chunk);
+            let slots = rasterizer.grid.chunk(chunk);
             let (slot_count, targets) = (slots.len(), &self.targets[index][chunk]);
             let splats = match subset {
                 Some(subset) if alone => &subset.active.splats,
                 _ => &all.splats,
             };
-            rasteriser.record(&mut recorder, splats, chunk, offset)?;
+            rasterizer.record(&mut recorder, splats, chunk, offset)?;
             if slot_count > LONG_LOSSES {
                 recorder.split()?;
             }
-            let samples = &rasteriser.reconstructions;
+            let samples = &rasterizer.reconstructions;
             if sweep == 0 {
                 self.losses.record_overlap(&mut recorder, targets, samples, slots);
             }
@@ -281,20 +281,20 @@ impl<'a> Fitter<'a> {
             }
             let footprints = match subset {
                 Some(subset) if !alone => {
-                    subset.take_footprints(&mut recorder, &rasteriser.bins.footprints, turn);
+                    subset.take_footprints(&mut recorder, &rasterizer.bins.footprints, turn);
                     &subset.footprints
                 }
-                _ => &rasteriser.bins.footprints,
+                _ => &rasterizer.bins.footprints,
             };
-            let (grid, adjoints) = (&rasteriser.grid, &self.losses.adjoints);
+            let (grid, adjoints) = (&rasterizer.grid, &self.losses.adjoints);
             gradient.gather(&mut recorder, grid, footprints, adjoints, chunk, offset)?;
         }
         let moving = match subset {
             Some(subset) => &mut subset.active,
             None => &mut *all,
         };
-        gradient.record(&mut recorder, &moving.splats, rasteriser.grid.stretch);
-        recorder.copy(&rasteriser.pair_totals, 0, &mut self.pair_totals, 0, chunks);
+        gradient.record(&mut recorder, &moving.splats, rasterizer.grid.stretch);
+        recorder.copy(&rasterizer.pair_totals, 0, &mut self.pair_totals, 0, chunks);
         let (adam, totals) = (&mut self.adam, &self.pair_totals);
         match (subset, dense) {
             (None, _) => adam.record(&mut recorder, &gradient.rows, all, totals, &params),
@@ -369,12 +369,12 @@ impl<'a> Fitter<'a> {
         self.gpu.wait(flight.ticket)?;
         let needed = flight.readback.mapped()?.iter().copied().max().unwrap_or_default() as usize;
         self.readbacks.push(flight.readback);
-        if needed > self.work.rasteriser.bins.capacity() {
+        if needed > self.work.rasterizer.bins.capacity() {
             while let Some(later) = self.flying.pop_front() {
                 self.gpu.wait(later.ticket)?;
                 self.readbacks.push(later.readback);
             }
-            self.work.rasteriser.bins.grow(needed)?;
+            self.work.rasterizer.bins.grow(needed)?;
             self.iteration = flight.iteration;
         }
         Ok(())
@@ -389,14 +389,14 @@ impl<'a> Fitter<'a> {
         let decay = f64::from(c.rate_decay).powf(share.clamp(0.0, 1.0)) as f32;
         let spent = f64::from(turn) / f64::from(c.rate_mean_decay_iterations);
         let mean_decay = decay * f64::from(c.rate_mean_decay).powf(spent) as f32;
-        let rasteriser = &self.work.rasteriser;
+        let rasterizer = &self.work.rasterizer;
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powf(t))) as f32;
         AdamParams {
             splat_count: block.map_or(self.work.all.splats.len(), Subset::size) as u32,
             // With one step in flight before this one, what that needed counts too: had it no room, it moved nothing and
             // will be repeated, so this one must not move anything either.
-            chunk_count: (IN_FLIGHT * rasteriser.grid.chunks()) as u32,
-            capacity: rasteriser.bins.capacity() as u32,
+            chunk_count: (IN_FLIGHT * rasterizer.grid.chunks()) as u32,
+            capacity: rasterizer.bins.capacity() as u32,
             beta1: c.beta1,
             beta2: c.beta2,
             correction1: correction(c.beta1),
@@ -413,7 +413,7 @@ impl<'a> Fitter<'a> {
             max_logit: c.logit_max,
             min_intensity: self.scaling.value(self.scaling.intensity_range.0),
             max_intensity: self.scaling.value(self.scaling.intensity_range.1),
-            max_mean: rasteriser.grid.max_mean(),
+            max_mean: rasterizer.grid.max_mean(),
         }
     }
 
@@ -496,13 +496,13 @@ impl<'a> Fitter<'a> {
     fn measure_all(&mut self) -> Result<()> {
         let index = self.offset_index(self.iteration.saturating_sub(1));
         let offset = self.offsets[index];
-        let (rasteriser, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
-        for chunk in 0..rasteriser.grid.chunks() {
-            let slots = rasteriser.grid.chunk(chunk).len();
-            rasteriser.rasterise_chunk(splats, chunk, offset)?;
+        let (rasterizer, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
+        for chunk in 0..rasterizer.grid.chunks() {
+            let slots = rasterizer.grid.chunk(chunk).len();
+            rasterizer.rasterize_chunk(splats, chunk, offset)?;
             let mut recorder = self.gpu.record()?;
             let (terms, targets) = (&self.terms[index], &self.targets[index][chunk]);
-            self.losses.record(&mut recorder, terms, targets, &rasteriser.reconstructions, chunk, slots);
+            self.losses.record(&mut recorder, terms, targets, &rasterizer.reconstructions, chunk, slots);
             self.gpu.wait(recorder.submit()?)?;
         }
         Ok(())
@@ -513,9 +513,9 @@ impl Work {
     fn new(gpu: &Gpu, bricks: &Bricks, count: usize, config: &FitConfig, stretch: [f32; 3]) -> Result<Self> {
         let subset = Subset::of(gpu, count, config)?;
         let moving = subset.as_ref().map_or(count, Subset::size);
-        let rasterised = if config.subset_alone { moving } else { count };
+        let rasterized = if config.subset_alone { moving } else { count };
         Ok(Work {
-            rasteriser: rasteriser(gpu, bricks, rasterised, config, stretch)?,
+            rasterizer: rasterizer(gpu, bricks, rasterized, config, stretch)?,
             dense: dense_gradients(gpu, count, &subset, config)?,
             gradient: Gradient::new(gpu, config.kernel, moving, config.storage)?,
             all: adam::State::zeroed(gpu, count)?,
@@ -524,21 +524,21 @@ impl Work {
         })
     }
 
-    /// A rasteriser of all splats, and them.
+    /// A rasterizer of all splats, and them.
     pub(super) fn whole(
         &mut self,
         gpu: &Gpu,
         bricks: &Bricks,
         config: &FitConfig,
-    ) -> Result<(&mut Rasteriser, &Buffer<Splat>)> {
+    ) -> Result<(&mut Rasterizer, &Buffer<Splat>)> {
         let splats = &self.all.splats;
         if self.subset.is_none() || !config.subset_alone {
-            return Ok((&mut self.rasteriser, splats));
+            return Ok((&mut self.rasterizer, splats));
         }
         if self.whole.is_none() {
-            self.whole = Some(rasteriser(gpu, bricks, splats.len(), config, self.rasteriser.grid.stretch)?);
+            self.whole = Some(rasterizer(gpu, bricks, splats.len(), config, self.rasterizer.grid.stretch)?);
         }
-        let whole = self.whole.as_mut().unwrap_or(&mut self.rasteriser);
+        let whole = self.whole.as_mut().unwrap_or(&mut self.rasterizer);
         Ok((whole, splats))
     }
 
@@ -558,18 +558,18 @@ impl Work {
     }
 }
 
-/// Creates a rasteriser whose samples are stored as the losses of the fit read them.
-pub(super) fn rasteriser(
+/// Creates a rasterizer whose samples are stored as the losses of the fit read them.
+pub(super) fn rasterizer(
     gpu: &Gpu,
     bricks: &Bricks,
     count: usize,
     config: &FitConfig,
     stretch: [f32; 3],
-) -> Result<Rasteriser> {
-    let mut rasteriser =
-        Rasteriser::with_storage(gpu, config.kernel, config.epsilon, bricks, count, config.storage)?;
-    rasteriser.grid.stretch = stretch;
-    Ok(rasteriser)
+) -> Result<Rasterizer> {
+    let mut rasterizer =
+        Rasterizer::with_storage(gpu, config.kernel, config.epsilon, bricks, count, config.storage)?;
+    rasterizer.grid.stretch = stretch;
+    Ok(rasterizer)
 }
 
 /// Creates the gradients of all splats where a subset gives them, and Adam takes a step for all.

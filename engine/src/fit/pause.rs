@@ -85,8 +85,8 @@ impl Fitter<'_> {
 
     /// The field of all splats at the voxel centres, [slot][Morton place], HU.
     fn field_at_voxels(&mut self) -> Result<Vec<FieldSample>> {
-        let (rasteriser, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
-        let got = rasteriser.rasterise(splats, [0.0; 3])?;
+        let (rasterizer, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
+        let got = rasterizer.rasterize(splats, [0.0; 3])?;
         let (scaling, w0) = (self.scaling, self.config.occupancy_w0);
         let sample = |weight: f32, value: f32| FieldSample {
             hu: scaling.hu(value),
@@ -169,7 +169,7 @@ impl Work {
         self.subset = Subset::of(gpu, count, config)?;
         self.dense = dense_gradients(gpu, count, &self.subset, config)?;
         let moving = self.subset.as_ref().map_or(count, Subset::size);
-        self.rasteriser.resize(if config.subset_alone { moving } else { count })?;
+        self.rasterizer.resize(if config.subset_alone { moving } else { count })?;
         self.gradient.resize(moving)?;
         self.all = crate::passes::adam::State::zeroed(gpu, count)?;
         Ok(())

@@ -26,7 +26,7 @@ pub(super) struct Subset {
     order: Buffer<u32>,
     /// The block in work.
     pub active: State,
-    /// Its footprints, where all splats are rasterised.
+    /// Its footprints, where all splats are rasterized.
     pub footprints: Buffer<Footprint>,
 }
 

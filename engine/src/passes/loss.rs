@@ -168,7 +168,7 @@ impl Losses {
         })
     }
 
-    /// True if all chunks must be rasterised and summed by [`Losses::record_overlap`] before the first
+    /// True if all chunks must be rasterized and summed by [`Losses::record_overlap`] before the first
     /// [`Losses::record`] of a step.
     pub fn need_overlap(&self) -> bool {
         self.overlaps.iter().any(Option::is_some)

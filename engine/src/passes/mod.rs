@@ -10,7 +10,7 @@
 //! | `pair_lists` | `brick_ranges` | pairs summed up, sorted, and found by list: what both binners share |
 //! | `sample_grid` | | the bricks of a fit, in chunks that a binding holds |
 //! | `bin` | `splat_bounds`, `emit_pairs`, `pair_masks`, `cell_masks` | which splats reach which samples of a fit |
-//! | `rasterise` | `splat_to_volume` | splats to samples |
+//! | `rasterize` | `splat_to_volume` | splats to samples |
 //! | `sample` | | the field at voxels, in HU |
 //! | `loss` | `loss_dice`, `loss_kl`, `loss_leak`, `loss_mse`, `loss_occupancy`, `loss_square` | its terms |
 //! | `overlap` | `overlap_sums`, `sum_triples` | the sums over all samples that a Dice loss needs first |
@@ -41,7 +41,7 @@ mod pair_lists;
 pub mod quads;
 pub mod radix_sort;
 mod ranking;
-pub mod rasterise;
+pub mod rasterize;
 pub mod rows;
 mod sample;
 mod sample_grid;
@@ -64,7 +64,7 @@ pub use overlap::Overlap;
 pub use quads::Quads;
 pub use radix_sort::RadixSort;
 pub use ranking::Ranking;
-pub use rasterise::Rasteriser;
+pub use rasterize::Rasterizer;
 pub use rows::Rows;
 pub use sample::{FieldSample, Sampler};
 pub use sample_grid::SampleGrid;

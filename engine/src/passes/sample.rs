@@ -1,7 +1,7 @@
 //! The field of a set of splats at the voxels of a brick grid, in HU: what is measured, and what is decoded
 //! to be shown.
 
-use super::Rasteriser;
+use super::Rasterizer;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::splat::activation::{limit_anisotropy, normalised};
@@ -21,7 +21,7 @@ pub struct FieldSample {
 
 /// Samples a field on a brick grid.
 pub struct Sampler {
-    rasteriser: Rasteriser,
+    rasterizer: Rasterizer,
     splats: Buffer<Splat>,
     background: f32,
     /// HU per unit of the intensities on the device.
@@ -52,7 +52,7 @@ impl Sampler {
             })
             .collect();
         Ok(Sampler {
-            rasteriser: Rasteriser::new(gpu, field.kernel, field.epsilon, bricks, local.len())?,
+            rasterizer: Rasterizer::new(gpu, field.kernel, field.epsilon, bricks, local.len())?,
             splats: gpu.upload("splats", "splats", &local)?,
             background: field.background,
             unit,
@@ -63,7 +63,7 @@ impl Sampler {
     /// Reads all samples at one offset, in memory order of the bricks. Samples that take no part may hold
     /// anything.
     pub fn sample(&mut self, offset: [f32; 3]) -> Result<Vec<FieldSample>> {
-        let got = self.rasteriser.rasterise(&self.splats, offset)?;
+        let got = self.rasterizer.rasterize(&self.splats, offset)?;
         Ok(got
             .into_iter()
             .map(|r| FieldSample {

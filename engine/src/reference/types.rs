@@ -21,7 +21,7 @@ pub struct Splat {
     pub intensity: f64,
 }
 
-/// What rasterising needs of a splat.
+/// What rasterizing needs of a splat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
     /// Centre, voxels.

@@ -1,6 +1,6 @@
 //! Alpha: every splat a quad of one colour, that of the field at its centre, blended back to front.
 //!
-//! The cheapest mode, and one that any rasteriser can do. Where `slab` classifies what it has added up, this
+//! The cheapest mode, and one that any rasterizer can do. Where `slab` classifies what it has added up, this
 //! one adds up what it has classified: see `centres` for what it puts down to each splat. The transfer
 //! function is looked up once for a splat and frame. One order serves all views: back to front along the mean
 //! of the viewing directions. Clip planes take whole splats, by their centres.

@@ -1,6 +1,6 @@
 //! What splats add up to: constants, opacities from 0 to 1, places that none reaches, a million on one spot.
 
-use engine::passes::Rasteriser;
+use engine::passes::Rasterizer;
 use engine::reference::{Samples, splat_bounds, splat_to_volume};
 use engine::splat::{Activations, Field, Kernel, Splat};
 use engine::volume::Bricks;
@@ -260,9 +260,9 @@ fn n10_a_million_in_one_voxel() {
         .collect();
     let run = |splats: &[Splat]| {
         let mut raster =
-            Rasteriser::new(&gpu, Kernel::Compact, EPSILON, &bricks, MILLION).expect("a rasteriser");
+            Rasterizer::new(&gpu, Kernel::Compact, EPSILON, &bricks, MILLION).expect("a rasterizer");
         let buffer = gpu.upload("splats", "test", splats).expect("splats");
-        let samples = raster.rasterise(&buffer, [0.0; 3]).expect("samples");
+        let samples = raster.rasterize(&buffer, [0.0; 3]).expect("samples");
         (samples, raster.pair_totals.read().expect("totals")[0])
     };
     let (first, pairs) = run(&splats);

@@ -64,8 +64,8 @@ fn n3_larger_than_the_volume() {
         }
         let buffer = gpu.upload("splats", "test", &[huge]).expect("splats");
         let mut raster =
-            engine::passes::Rasteriser::new(&gpu, kernel, 0.0, &bricks(), 1).expect("a rasteriser");
-        raster.rasterise(&buffer, [0.2; 3]).expect("samples");
+            engine::passes::Rasterizer::new(&gpu, kernel, 0.0, &bricks(), 1).expect("a rasterizer");
+        raster.rasterize(&buffer, [0.2; 3]).expect("samples");
         pairs = pairs.max(f64::from(raster.pair_totals.read().expect("totals")[0]) / slots);
     }
     keep("N3a", ulps);

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use clap::Args;
 use engine::Result;
 use engine::gpu::Gpu;
-use engine::passes::{Gradient, Rasteriser, Storage};
+use engine::passes::{Gradient, Rasterizer, Storage};
 use engine::splat::activation::rotation_matrix;
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
@@ -128,32 +128,32 @@ fn measure(gpu: &Gpu, scene: &Scene, density: f64, a: &Arguments) -> Result<Row>
     let Fitted { config, splats, bricks } = &fitted;
     let offset = [0.1, 0.2, -0.3];
     let storage = if a.mixed { Storage::Mixed } else { Storage::Full };
-    let mut rasteriser =
-        Rasteriser::with_storage(gpu, config.kernel, config.epsilon, bricks, splats.len(), storage)?;
+    let mut rasterizer =
+        Rasterizer::with_storage(gpu, config.kernel, config.epsilon, bricks, splats.len(), storage)?;
     let mut gradient = Gradient::new(gpu, config.kernel, splats.len(), storage)?;
     let device_splats = gpu.upload("splats", "splats", splats)?;
     // Correct first: the device's Σw at a few samples against a plain sum.
-    let got = rasteriser.rasterise(&device_splats, offset)?;
+    let got = rasterizer.rasterize(&device_splats, offset)?;
     check(&got.iter().map(|r| r.weight).collect::<Vec<_>>(), &fitted, offset);
     let mut forward_evaluated = 0;
     let mut times = [Vec::new(), Vec::new(), Vec::new()];
     for run in 0..a.runs + 3 {
         gpu.take_profile();
-        for chunk in 0..rasteriser.grid.chunks() {
+        for chunk in 0..rasterizer.grid.chunks() {
             let mut recorder = gpu.record()?;
-            rasteriser.record(&mut recorder, &device_splats, chunk, offset)?;
+            rasterizer.record(&mut recorder, &device_splats, chunk, offset)?;
             gradient.gather(
                 &mut recorder,
-                &rasteriser.grid,
-                &rasteriser.bins.footprints,
-                &rasteriser.reconstructions, // any adjoints will do
+                &rasterizer.grid,
+                &rasterizer.bins.footprints,
+                &rasterizer.reconstructions, // any adjoints will do
                 chunk,
                 offset,
             )?;
             let ticket = recorder.submit()?;
             gpu.wait(ticket)?;
             if run == 0 {
-                forward_evaluated += evaluated_forward(&rasteriser, chunk)?;
+                forward_evaluated += evaluated_forward(&rasterizer, chunk)?;
             }
         }
         if run < 3 {
@@ -191,11 +191,11 @@ fn median(mut times: Vec<f64>) -> f64 {
 }
 
 /// Samples that the forward pass evaluates: 8 for each bit in the cell masks of the slots of the chunk.
-fn evaluated_forward(rasteriser: &Rasteriser, chunk: usize) -> Result<u64> {
-    let masks = rasteriser.bins.cell_masks.read()?;
-    let starts = rasteriser.bins.starts().read()?;
+fn evaluated_forward(rasterizer: &Rasterizer, chunk: usize) -> Result<u64> {
+    let masks = rasterizer.bins.cell_masks.read()?;
+    let starts = rasterizer.bins.starts().read()?;
     let mut bits = 0u64;
-    for slot in 0..rasteriser.grid.chunk(chunk).len() {
+    for slot in 0..rasterizer.grid.chunk(chunk).len() {
         let (start, end) = (starts[slot] as usize, starts[slot + 1] as usize);
         let first = (start / 32 + slot) * 64;
         let words = (end - start).div_ceil(32) * 64;

@@ -59,7 +59,7 @@ pub enum Limit {
     Operations,
     /// Memory.
     Memory,
-    /// The rasteriser.
+    /// The rasterizer.
     Fragments,
 }
 

@@ -24,7 +24,7 @@ pub struct Term {
     pub ops: f64,
     /// Bytes of memory of one.
     pub bytes: f64,
-    /// Fragments that the rasteriser fills for one.
+    /// Fragments that the rasterizer fills for one.
     pub fills: f64,
 }
 

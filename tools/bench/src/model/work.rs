@@ -48,7 +48,7 @@ pub struct Work {
     pub narrow: Pixels,
     /// By groups as wide as a tile.
     pub wide: Pixels,
-    /// Fragments that were rasterised, of triangles around the splats' ellipses or of squares.
+    /// Fragments that were rasterized, of triangles around the splats' ellipses or of squares.
     pub fragments: f64,
     /// Those of them that were blended.
     pub blended: f64,

@@ -8,7 +8,7 @@ use crate::store::hash;
 
 /// Iterations between two measurements.
 pub const MEASURE_EVERY: u32 = 50;
-/// The same for the mini-batches of Tables 2, 4 and 6: a measurement rasterises every splat and takes as long as
+/// The same for the mini-batches of Tables 2, 4 and 6: a measurement rasterizes every splat and takes as long as
 /// hundreds of their iterations.
 pub const MEASURE_BATCHES_EVERY: u32 = 250;
 /// Held-out offsets at which fits of the default profile are measured at the end.

@@ -31,8 +31,8 @@ pub fn estimate(job: &Job, place: &Place) -> f64 {
         _ => splats as f64 * SAMPLES_A_SPLAT * place.aspect,
     };
     let moving = if c.subset > 0 { c.subset } else { c.splats };
-    let rasterised = if c.subset_alone { moving } else { c.splats };
-    let step = (evaluations(rasterised) + evaluations(moving)) / RATE + place.bricks as f64 * BRICK;
+    let rasterized = if c.subset_alone { moving } else { c.splats };
+    let step = (evaluations(rasterized) + evaluations(moving)) / RATE + place.bricks as f64 * BRICK;
     let measurement = evaluations(c.splats) / RATE + place.bricks as f64 * 512.0 * COMPARED;
     let measurements = c.iterations / job.measure_every + 2 + job.held_out as u32;
     f64::from(c.iterations) * step + f64::from(measurements) * measurement + 1.0
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_subset_costs_less_than_all_and_more_when_all_are_rasterised() {
+    fn a_subset_costs_less_than_all_and_more_when_all_are_rasterized() {
         let place = Place::new(Scene::phantom(24).expect("a phantom"));
         let with = |subset: usize, alone: bool| {
             let mut job = job(10_000);

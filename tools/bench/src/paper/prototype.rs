@@ -104,9 +104,9 @@ pub const FIDELITY: [Fidelity; 3] = [
 pub enum Variant {
     /// Not at all.
     FullBatch,
-    /// 1.6 % of the splats a step, and nothing but these is rasterised.
+    /// 1.6 % of the splats a step, and nothing but these is rasterized.
     SubsetAlone,
-    /// 1.6 % of the splats a step; all are rasterised.
+    /// 1.6 % of the splats a step; all are rasterized.
     SubsetOfAll,
     /// Intensities are those of the volume.
     Sampled,

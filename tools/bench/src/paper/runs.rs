@@ -1,6 +1,6 @@
 //! Carrying out a run: fit, and measure on the way.
 //!
-//! Measurements rasterise all splats at the voxel centres, on a device object of their own, so that neither their time nor
+//! Measurements rasterize all splats at the voxel centres, on a device object of their own, so that neither their time nor
 //! their memory is part of what the fit is said to cost.
 
 use std::time::Instant;

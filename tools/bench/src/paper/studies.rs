@@ -200,8 +200,8 @@ pub fn findings(rows: &[(&'static Finding, Job)], results: &Results) -> Table {
 fn what(variant: Variant) -> &'static str {
     match variant {
         Variant::FullBatch => "every splat in every step",
-        Variant::SubsetAlone => "a subset a step, rasterised alone",
-        Variant::SubsetOfAll => "a subset a step, all splats rasterised",
+        Variant::SubsetAlone => "a subset a step, rasterized alone",
+        Variant::SubsetOfAll => "a subset a step, all splats rasterized",
         Variant::Sampled => "intensities sampled at the means, not learned",
         Variant::DensityKernel => "kernel of unit integral instead of peak 1",
         Variant::NoMask => "no Dice (λ_mask = 0)",

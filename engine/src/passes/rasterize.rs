@@ -15,15 +15,15 @@ use crate::volume::bricks::SAMPLES;
 const CELLS_PER_GROUP: usize = glsl::splat_to_volume::CELLS_PER_GROUP as usize;
 
 /// The forward pass over a fixed sample grid and a fixed number of splats.
-pub struct Rasteriser {
+pub struct Rasterizer {
     gpu: Gpu,
     kernel: Kernel,
     pace: SubmissionPacer,
     /// The sample grid.
     pub grid: SampleGrid,
-    /// Bins of the chunk that was rasterised last.
+    /// Bins of the chunk that was rasterized last.
     pub bins: Binner,
-    /// Σw and V̂ of the chunk that was rasterised last, [slot][Morton place], as `storage` says.
+    /// Σw and V̂ of the chunk that was rasterized last, [slot][Morton place], as `storage` says.
     pub reconstructions: Buffer<u32>,
     storage: Storage,
     /// Pairs that each chunk needed.
@@ -31,7 +31,7 @@ pub struct Rasteriser {
     epsilon: f32,
 }
 
-impl Rasteriser {
+impl Rasterizer {
     /// Makes the pass for `splat_count` splats in local voxel coordinates of `bricks`, in full storage.
     /// `epsilon` is ε of equation (2).
     pub fn new(
@@ -67,7 +67,7 @@ impl Rasteriser {
         shape: WorkgroupShape,
     ) -> Result<Self> {
         let grid = SampleGrid::new(gpu, bricks, storage.bytes())?;
-        Ok(Rasteriser {
+        Ok(Rasterizer {
             gpu: gpu.clone(),
             kernel: Kernel::new(gpu, &glsl::SPLAT_TO_VOLUME, &[kernel.id(), shape as u32, storage as u32])?,
             pace: SubmissionPacer::new(glsl::SPLAT_TO_VOLUME.name),
@@ -117,8 +117,8 @@ impl Rasteriser {
         })
     }
 
-    /// Rasterises one chunk and waits; bins that are too small grow.
-    pub fn rasterise_chunk(&mut self, splats: &Buffer<Splat>, chunk: usize, offset: [f32; 3]) -> Result<()> {
+    /// Rasterizes one chunk and waits; bins that are too small grow.
+    pub fn rasterize_chunk(&mut self, splats: &Buffer<Splat>, chunk: usize, offset: [f32; 3]) -> Result<()> {
         loop {
             let mut recorder = self.gpu.record()?;
             self.record(&mut recorder, splats, chunk, offset)?;
@@ -132,11 +132,11 @@ impl Rasteriser {
         }
     }
 
-    /// Rasterises all chunks at one offset and reads the samples back, in memory order of the bricks.
-    pub fn rasterise(&mut self, splats: &Buffer<Splat>, offset: [f32; 3]) -> Result<Vec<Reconstruction>> {
+    /// Rasterizes all chunks at one offset and reads the samples back, in memory order of the bricks.
+    pub fn rasterize(&mut self, splats: &Buffer<Splat>, offset: [f32; 3]) -> Result<Vec<Reconstruction>> {
         let mut out = Vec::with_capacity(self.grid.slot_count * SAMPLES);
         for chunk in 0..self.grid.chunks() {
-            self.rasterise_chunk(splats, chunk, offset)?;
+            self.rasterize_chunk(splats, chunk, offset)?;
             let words = self.grid.chunk(chunk).len() * SAMPLES * self.storage.words();
             out.extend(self.storage.unpack::<Reconstruction>(&self.reconstructions.read_range(0, words)?));
         }
