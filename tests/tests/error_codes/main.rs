@@ -1,4 +1,4 @@
-//! docs/use/error-codes.md is what the sources say: every code `VGS-XXX-NNN` with its exit code, its messages and its module.
+//! docs/use/error-codes.md is what the sources say: every code with its exit code, its messages and its module.
 //! `VGS_WRITE_ERROR_CODES=1` writes the page anew.
 //!
 //! The sources are read as tokens, not compiled; `sites` says which ways of making an error it understands, and a test holds

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use engine::fit::{CurvePoint, FitConfig, Interrupted, State};
 use engine::output::check_writable;
-use engine::splat::{self, Field, Form, Grid, Splat, SplatSet, WriteOptions};
+use engine::splat::{self, SplatSet, WriteOptions};
 use engine::{Error, Kind, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -98,21 +98,9 @@ impl Checkpoints {
         self.every.is_some_and(|every| iteration > 0 && iteration.is_multiple_of(every))
     }
 
-    /// Writes the splats of an iteration, given in voxel space of the grid and HU.
-    pub fn write_splats(
-        &self,
-        splats: &[Splat],
-        iteration: u32,
-        (grid, form): (Grid, Form),
-        field: Field,
-    ) -> Result<()> {
-        let set = SplatSet {
-            iterations: Some(iteration),
-            grid: Some(grid),
-            form,
-            ..SplatSet::from_voxel(splats, &grid.world_from_voxel, field)
-        };
-        splat::write_as(&self.splats_path(iteration), &set, &self.write)
+    /// Writes the splats of an iteration.
+    pub fn write_splats(&self, set: &SplatSet, iteration: u32) -> Result<()> {
+        splat::write_as(&self.splats_path(iteration), set, &self.write)
     }
 
     /// Writes where the fit stands.

@@ -1,7 +1,7 @@
 //! Who accompanies a fit: progress for people, signals that stop it, checkpoints on the way.
 
 use engine::Result;
-use engine::fit::{Beginning, Milestone, Progress, Watch, grid_of};
+use engine::fit::{Beginning, Milestone, Progress, Watch};
 
 use super::prepare::Prepared;
 use crate::shared::console::Console;
@@ -63,11 +63,11 @@ impl Watch for FitWatch<'_> {
     }
 
     fn keep(&mut self, milestone: &mut Milestone<'_, '_>) -> Result<bool> {
-        let Prepared { problem, checkpoints, field, .. } = self.prepared;
+        let checkpoints = &self.prepared.checkpoints;
         let state = milestone.fitter.state()?;
         if self.keeps(milestone.iteration) {
-            let grid = (grid_of(problem.volume()), problem.config().fitted_form(problem.roi()));
-            checkpoints.write_splats(milestone.splats, milestone.iteration, grid, *field)?;
+            let set = self.prepared.set(milestone.splats, milestone.iteration);
+            checkpoints.write_splats(&set, milestone.iteration)?;
             self.saved = milestone.iteration;
         }
         checkpoints.write_state(&state, milestone.seconds, milestone.curve)?;
