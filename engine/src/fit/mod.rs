@@ -39,9 +39,7 @@ pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, Stor
 pub use fitter::{Fitter, Progress};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};
-pub use run::{
-    Beginning, CurvePoint, End, Interrupted, Milestone, Outcome, Problem, Start, Watch, grid_of, run,
-};
+pub use run::{Beginning, CurvePoint, End, Interrupted, Milestone, Outcome, Problem, Start, Watch, run};
 pub use schedule::Schedule;
 pub use state::State;
 pub use targets::{Scaling, offsets, sample};

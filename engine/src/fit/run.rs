@@ -205,7 +205,7 @@ impl<'a> Problem<'a> {
 }
 
 /// Returns the voxels of a volume, as splat sets and their files keep them.
-pub fn grid_of(volume: &Volume) -> Grid {
+fn grid_of(volume: &Volume) -> Grid {
     Grid { size: volume.size.map(|n| n as u32), world_from_voxel: volume.world_from_voxel }
 }
 
