@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use engine::fit::FitConfig;
+use engine::fit::{FitConfig, Profile};
 use engine::image::{Image, psnr};
 use engine::render::{Camera, Look, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Form, Grid, SplatSet};
@@ -26,7 +26,8 @@ fn bones_are_as_near_to_the_ct_as_slabs_of_them() {
     let read = |name: &str| Volume::read(folder.join(name), &ReadOptions::default()).expect(name);
     let (volume, mask) = (read("ct.nii.gz"), read("mask_bones.nii.gz"));
     let roi = Roi::from_mask(&mask, &LabelChoice::Whole, &volume).expect("a region");
-    let config = FitConfig { iterations: ITERATIONS, density: 0.1, ..FitConfig::default() };
+    let field = Profile::named("field").and_then(Profile::config).expect("the field's profile");
+    let config = FitConfig { iterations: ITERATIONS, density: 0.1, ..field };
     let case = Case { volume, roi, config };
     let gpu = Device::boot();
     let mut fitter = case.fit(&gpu);

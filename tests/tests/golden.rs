@@ -1,9 +1,10 @@
-//! A fit of the phantom against figures that were written down: `tests/golden/phantom.txt`.
+//! Fits of the phantom against figures that were written down: `tests/golden/phantom.txt` and `phantom-field.txt`.
 //!
 //! On one driver the figures repeat to the bit. Another rounds otherwise, and Adam's first steps turn that into small
 //! differences; the tolerances are for these, not for a change of method.
 #![forbid(unsafe_code)]
 
+use engine::fit::FitForm;
 use engine::fit::evaluate::{Protocol, Sampler, evaluate, random_offsets};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
@@ -18,8 +19,18 @@ const CLASSES: [f32; 9] = [0.0, 100.0, 200.0, 300.0, 400.0, 600.0, 800.0, 1000.0
 
 #[test]
 fn the_phantom_is_fitted_as_it_was() {
+    as_it_was("phantom", FitForm::Grid);
+}
+
+#[test]
+fn the_field_of_the_phantom_is_fitted_as_it_was() {
+    as_it_was("phantom-field", FitForm::Field);
+}
+
+fn as_it_was(name: &str, form: FitForm) {
     let gpu = Device::boot();
-    let case = Case::phantom([40, 36, 40], 60);
+    let mut case = Case::phantom([40, 36, 40], 60);
+    case.config.form = form;
     let start = case.start();
     let mut fitter = case.fitter(&gpu, &start);
     let mut curve = Vec::new();
@@ -74,5 +85,5 @@ fn the_phantom_is_fitted_as_it_was() {
             probes.iter().map(|s| f64::from(s.occupancy)),
         ),
     ];
-    check("phantom", &rows);
+    check(name, &rows);
 }

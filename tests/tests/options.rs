@@ -164,7 +164,7 @@ profiles! {
     from_bones: "bones",
     from_organs: "organs",
     from_mr: "mr",
-    from_grid: "grid",
+    from_field: "field",
     from_paper: "paper",
     from_reference: "reference",
 }

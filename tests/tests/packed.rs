@@ -105,5 +105,5 @@ fn a_packed_fit_of_a_ct_shows_the_same_field() {
     print_errors(&set);
     let [hu, occupancy] = psnr(&gpu, &set, &case.volume, &case.roi);
     println!("{hu:.2} dB, occupancy {occupancy:.2} dB");
-    assert!(hu > 73.0 && occupancy > 59.0, "{hu} dB, {occupancy} dB");
+    assert!(hu > 72.0 && occupancy > 59.0, "{hu} dB, {occupancy} dB");
 }

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use engine::fit::evaluate::{Protocol, evaluate, random_offsets};
-use engine::fit::{FitConfig, Fitter, Profile};
+use engine::fit::{FitConfig, FitForm, Fitter, Profile};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
@@ -45,6 +45,7 @@ fn fifty_steps_on_the_grid() {
     let config = FitConfig {
         iterations: 50,
         density: 0.05,
+        form: FitForm::Field,
         offsets: 1,
         occupancy_weight: 0.0,
         ..FitConfig::default()
@@ -63,6 +64,20 @@ fn fifty_steps_on_the_grid() {
 #[test]
 fn fifty_steps_of_the_default() {
     let Some(case) = case(FitConfig { iterations: 50, density: 0.05, ..FitConfig::default() }) else {
+        return;
+    };
+    let gpu = Device::boot();
+    let mut fitter = case.fit(&gpu);
+    let (on_grid, ..) = figures(&gpu, &case, &mut fitter);
+    println!("{on_grid:.2} dB on the grid");
+    assert!(on_grid >= 43.5, "{on_grid} dB");
+    assert_eq!(fitter.frozen().expect("a count"), 0);
+}
+
+#[test]
+fn fifty_steps_of_the_field() {
+    let profile = Profile::named("field").and_then(Profile::config).expect("the field's profile");
+    let Some(case) = case(FitConfig { iterations: 50, density: 0.05, ..profile }) else {
         return;
     };
     let gpu = Device::boot();

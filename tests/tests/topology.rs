@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use engine::fit::topology::TOPOLOGIES;
-use engine::fit::{Fitter, State};
+use engine::fit::{FitForm, Fitter, State};
 use engine::splat::defect;
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
@@ -13,7 +13,7 @@ const LIMIT: usize = 180;
 fn case(topology: &str) -> Case {
     let mut case = Case::phantom([28, 26, 30], 64);
     let config = &mut case.config;
-    config.offsets = 1; // what the changes look at is what is fitted
+    (config.form, config.offsets) = (FitForm::Field, 1); // what the changes look at is what is fitted
     config.splats = FIRST;
     config.topology = topology.to_owned();
     config.topology_from = 4;

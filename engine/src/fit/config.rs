@@ -33,10 +33,10 @@ pub enum Background {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FitForm {
+    /// The voxels: what is decoded there and interpolated, as a picture shows it.
+    Grid,
     /// The field everywhere, at sub-voxel offsets too.
     Field,
-    /// The voxels alone.
-    Grid,
 }
 
 /// What the intensities of a fit are clipped to, and what its loss counts in, where no range is given.
@@ -74,7 +74,7 @@ config! {
     /// Hyper-parameters of a fit; the default is the profile `default` of `docs/design/method.md`.
     pub struct FitConfig {
         /// Iterations of the optimiser.
-        iterations: u32 = 400,
+        iterations: u32 = 300,
         /// Splats per ROI voxel, when their number is not given.
         density: f64 = 0.1,
         /// Number of splats; 0 takes it from the density.
@@ -154,13 +154,13 @@ config! {
         /// Whether the shell goes on beyond the faces of the volume, where nothing is: a region that the end of the scan
         /// cuts off then ends there.
         shell_beyond: bool = true,
-        /// What the fit is right for: "field", also between the voxels, or "grid", the voxels alone: splats that are decoded
-        /// there and interpolated look more like the CT, and are never shown in another way. "grid" takes no offsets.
-        form: FitForm = FitForm::Field,
+        /// What the fit is right for: "grid", the voxels, where splats are decoded and interpolated, as the CT itself is shown;
+        /// or "field", the space between them too. "grid" takes no offsets, and becomes "field" with a working_grid above 1.
+        form: FitForm = FitForm::Grid,
         /// Weight of the squared intensity error in the rim of one voxel around the ROI, for form "grid" and a binary mask:
         /// a sample between two voxels at the edge takes its intensity from there, too.
         rim_weight: f32 = 0.1,
-        /// Sub-voxel target offsets, visited in turn: the grid itself and offsets - 1 random ones. 1: on the grid only.
+        /// Sub-voxel target offsets of form "field", visited in turn: the grid itself and offsets - 1 random ones.
         offsets: usize = 16,
         /// Visits the grid itself every so many iterations besides its turn; 0: only in its turn.
         grid_every: u32 = 0,
@@ -370,9 +370,15 @@ impl FitConfig {
         self.scale_unit.clamp(self.scale_min, self.scale_max, volume)
     }
 
+    /// Returns what the fit is right for: `form`, but the field where the working grid is coarser than the volume's own,
+    /// since its voxels are not those that are shown.
+    pub fn effective_form(&self) -> FitForm {
+        if self.working_grid > 1 { FitForm::Field } else { self.form }
+    }
+
     /// Returns what the fitted splats stand for, for files and pictures.
     pub fn fitted_form(&self, roi: &Roi) -> splat::Form {
-        match self.form {
+        match self.effective_form() {
             FitForm::Field => splat::Form::Field,
             FitForm::Grid => splat::Form::Grid { binary: !roi.soft },
         }
@@ -380,7 +386,10 @@ impl FitConfig {
 
     /// Whether the rim of a region has a weight of its own.
     pub(super) fn has_rim(&self, roi: &Roi) -> bool {
-        self.form == FitForm::Grid && !roi.soft && self.region_threshold == 0.0 && self.rim_weight > 0.0
+        self.effective_form() == FitForm::Grid
+            && !roi.soft
+            && self.region_threshold == 0.0
+            && self.rim_weight > 0.0
     }
 
     /// How many splats a region of interest of that many voxels gets; at least one.

@@ -95,7 +95,8 @@ pub(super) struct Flight {
 pub struct Progress {
     /// Steps done.
     pub iteration: u32,
-    /// Mean squared intensity error at the last step's offset, in squared spans of the HU range.
+    /// Mean squared intensity error at the last step's offset as the loss weighs it (with the rim of a fit for the grid), in
+    /// squared spans of the HU range.
     pub mse: f64,
     /// PSNR over the span of the HU range, dB; infinite where the error is 0, which not every format can say.
     #[serde(skip)]
@@ -170,7 +171,7 @@ impl<'a> Fitter<'a> {
         let stretch = config.scale_unit.stretch(volume);
         let work = Work::new(gpu, &bricks, count, config, stretch.as_vec3().to_array())?;
         let grid = &work.rasterizer.grid;
-        let count_offsets = if config.form == FitForm::Grid { 1 } else { config.offsets };
+        let count_offsets = if config.effective_form() == FitForm::Grid { 1 } else { config.offsets };
         let offsets = offsets(count_offsets, config.seed);
         let (mut targets, mut terms) = (Vec::new(), Vec::new());
         for (i, &offset) in offsets.iter().enumerate() {

@@ -459,6 +459,13 @@ impl Decoded {
         (v, o)
     }
 
+    /// Returns V and O at places given in voxels of `volume`, for an origin of the scene in the world, mm RAS.
+    pub fn in_voxels_of(&self, volume: &Volume, origin: DVec3) -> impl Fn(DVec3) -> (f64, f64) + Sync + '_ {
+        let world_from_box = DAffine3::from_translation(origin) * self.scene_from_voxel;
+        let box_from_voxel = world_from_box.inverse() * volume.world_from_voxel;
+        move |voxel| self.trilinear(box_from_voxel.transform_point3(voxel))
+    }
+
     /// Returns all of the box as a volume and a region, for an origin of the scene in the world, mm RAS: what
     /// mode volume shows of them is what mode decoded shows of this. Takes four bytes a voxel and as many for
     /// the region.

@@ -75,6 +75,14 @@ impl Form {
         NAMES.iter().find(|(_, form)| *form == self).map_or("field", |(name, _)| name)
     }
 
+    /// The form of two sets of the same kind together: an occupancy is rounded where both masks were binary.
+    pub fn joined(self, other: Self) -> Self {
+        match (self, other) {
+            (Form::Grid { binary: a }, Form::Grid { binary: b }) => Form::Grid { binary: a && b },
+            _ => self,
+        }
+    }
+
     /// The form of a name.
     pub fn from_name(name: &str) -> Option<Self> {
         NAMES.iter().find(|(known, _)| *known == name).map(|(_, form)| *form)

@@ -72,7 +72,8 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let colours = first.colours.is_some().then(|| joined_colours(&sets));
     let iterations =
         first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
-    let (grid, form) = (first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid)), first.form);
+    let grid = first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid));
+    let form = others.iter().fold(first.form, |form, (_, s)| form.joined(s.form));
     let mut splats = Vec::with_capacity(labels.len());
     for (_, set) in sets {
         let apart = set.origin_mm - origin_mm;
@@ -110,9 +111,15 @@ fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
         return Some((what, "render splats of vgs and splats of other programs apart"));
     }
     // Between the voxels of its own grid such a fit is not right, and where two are, their grids are one.
-    if (a.form, b.form) != (Form::Field, Form::Field) && (a.form, a.grid) != (b.form, b.grid) {
-        let what = "they were not fitted for the same grid".to_owned();
-        return Some((what, "fit both to the same volume in the same way, or render them apart"));
+    let of_grid = [a, b].map(|set| set.form != Form::Field);
+    if of_grid == [true, true] && a.grid != b.grid {
+        let what = "they were fitted for the voxels of different grids".to_owned();
+        return Some((what, "fit both with --profile field, or render them apart"));
+    }
+    if of_grid[0] != of_grid[1] {
+        let what =
+            "one was fitted for the voxels of its grid, the other for the field between them too".to_owned();
+        return Some((what, "fit both with the same --form, or render them apart"));
     }
     let (a, b) = (&a.field, &b.field);
     if a.kernel != b.kernel {
@@ -199,8 +206,10 @@ fn joined_colours(sets: &[(String, SplatSet)]) -> Harmonics {
 
 #[cfg(test)]
 mod tests {
+    use glam::DAffine3;
+
     use super::*;
-    use crate::splat::{Kernel, Splat};
+    use crate::splat::{Grid, Kernel, Splat};
 
     fn at(origin: DVec3, means: &[[f32; 3]]) -> SplatSet {
         let splat = |&mean: &[f32; 3]| Splat { mean, rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
@@ -264,6 +273,25 @@ mod tests {
     }
 
     #[test]
+    fn fits_for_one_grid_go_together_and_round_only_what_was_binary_in_both() {
+        let grid = |n: u32| Some(Grid { size: [n; 3], world_from_voxel: DAffine3::IDENTITY });
+        let of = |size, binary| SplatSet {
+            grid: grid(size),
+            form: Form::Grid { binary },
+            ..at(DVec3::ZERO, &[[0.0; 3]])
+        };
+        for (a, b) in [(true, true), (true, false), (false, true), (false, false)] {
+            let joined = join(named(&[("a", &of(4, a)), ("b", &of(4, b))])).expect("one grid");
+            assert_eq!((joined.form, joined.grid), (Form::Grid { binary: a && b }, grid(4)));
+        }
+        let error = join(named(&[("a", &of(4, true)), ("b", &of(5, true))])).expect_err("two grids");
+        assert!(
+            error.message.contains("different grids") && error.help.contains("--profile field"),
+            "{error}"
+        );
+    }
+
+    #[test]
     fn sets_that_do_not_add_up_are_refused() {
         let set = at(DVec3::ZERO, &[[0.0; 3]]);
         let with = |change: &dyn Fn(&mut SplatSet)| {
@@ -277,6 +305,7 @@ mod tests {
         });
         for (other, code, word) in [
             (with(&|s| s.field.kernel = Kernel::Gaussian), "VGS-SPLAT-003", "kernel"),
+            (with(&|s| s.form = Form::Grid { binary: true }), "VGS-SPLAT-003", "the field between"),
             (with(&|s| s.field.epsilon *= 2.0), "VGS-SPLAT-003", "ε"),
             (with(&|s| s.field.occupancy_w0 *= 2.0), "VGS-SPLAT-003", "w₀"),
             (with(&|s| s.has_intensity = false), "VGS-SPLAT-003", "luminances"),

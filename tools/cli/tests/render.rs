@@ -5,11 +5,11 @@ mod support;
 use engine::image::{Picture, psnr, read};
 use support::{Folder, fit};
 
-/// A folder with splats of a phantom.
+/// A folder with splats of a phantom that every mode can show.
 fn folder() -> Folder {
     let folder = Folder::new(40);
-    let ended =
-        folder.run(&fit("s.ply", &["--no-eval", "--iterations", "24", "--splats", "800", "--offsets", "4"]));
+    let more = ["--no-eval", "--profile", "field", "--iterations", "24", "--splats", "800", "--offsets", "4"];
+    let ended = folder.run(&fit("s.ply", &more));
     assert_eq!(ended.code, 0, "{}", ended.err);
     folder
 }

@@ -15,7 +15,7 @@ pub struct Profile {
 
 /// Every profile; the first is the default.
 pub const PROFILES: &[Profile] = &[
-    Profile { name: "default", about: "right between the voxels too, sharp outline", toml: "" },
+    Profile { name: "default", about: "what is shown: right at the voxels, sharp outline", toml: "" },
     Profile {
         name: "vessels",
         about: "contrast-filled vessels: thin and bright",
@@ -25,9 +25,9 @@ pub const PROFILES: &[Profile] = &[
     Profile { name: "organs", about: "smooth and large, with few splats", toml: include_str!("organs.toml") },
     Profile { name: "mr", about: "broad tissues, intensities of any scale", toml: include_str!("mr.toml") },
     Profile {
-        name: "grid",
-        about: "for pictures: right at the voxels, to be decoded there",
-        toml: include_str!("grid.toml"),
+        name: "field",
+        about: "a field without a grid: right between the voxels too",
+        toml: include_str!("field.toml"),
     },
     Profile { name: "paper", about: "the paper's method to the letter", toml: include_str!("paper.toml") },
     Profile {

@@ -134,7 +134,7 @@ mod tests {
         let preset = preset("density_times = 2.5\niterations = 7\n");
         let config = preset.of(&FitConfig { splats: 100, ..FitConfig::default() }).expect("a configuration");
         assert_eq!((config.splats, config.density, config.iterations), (250, 0.25, 7));
-        let same = FitConfig { density: 0.1, iterations: 400, splats: 0, ..config };
+        let same = FitConfig { density: 0.1, iterations: 300, splats: 0, ..config };
         assert_eq!(same, FitConfig::default(), "all else stays what it is, to the bit");
     }
 

@@ -47,11 +47,7 @@ pub(super) fn of_set(set: &SplatSet) -> String {
             text(&grid.rows())
         )
     });
-    // What a file does not say is the field.
-    let form = match set.form {
-        Form::Field => String::new(),
-        Form::Grid { .. } => format!("comment vgs.form {}\n", set.form.name()),
-    };
+    let form = of_form(set.form);
     let name = |(label, name): &(u8, String)| format!("comment vgs.label {label} {name}\n");
     let names: String = set.label_names.iter().map(name).collect();
     common(set, &place, &format!("comment vgs.intensity {intensity}\n{grid}{form}")) + &names
@@ -59,8 +55,16 @@ pub(super) fn of_set(set: &SplatSet) -> String {
 
 /// The comment lines of `set` in the layout of the paper's authors, with what `intensity_01` is over.
 pub(super) fn of_reference(set: &SplatSet, [low, high]: [f32; 2]) -> String {
-    let range = format!("comment vgs.intensity_01_range {low} {high}\n");
+    let range = format!("comment vgs.intensity_01_range {low} {high}\n{}", of_form(set.form));
     common(set, "comment vgs.layout reference\n", &range)
+}
+
+/// The comment line of a form; none of the field, which is what a file that does not say stands for.
+fn of_form(form: Form) -> String {
+    match form {
+        Form::Field => String::new(),
+        Form::Grid { .. } => format!("comment vgs.form {}\n", form.name()),
+    }
 }
 
 /// What both have: who wrote it, then `place`, the field, `intensity` and the iterations.

@@ -29,7 +29,7 @@ use super::names::INTENSITY_ELEMENT;
 use crate::error::{Error, Kind, Result};
 use crate::splat::harmonics::SH0;
 use crate::splat::space::{centre, reshaped};
-use crate::splat::{Activations, Field, Kernel, Place, Splat, SplatSet};
+use crate::splat::{Activations, Field, Grid, Kernel, Place, Splat, SplatSet};
 
 /// κ of files that name no kernel.
 pub const KERNEL: Kernel = Kernel::Gated;
@@ -142,6 +142,10 @@ impl Rows {
             })
             .collect();
         set.origin_mm = centre(means.iter().copied());
+        set.grid = Some(Grid {
+            size: place.size.map(|n| u32::try_from(n).unwrap_or(u32::MAX)),
+            world_from_voxel: place.world_from_voxel,
+        });
         let origin = set.origin_mm;
         set.splats.par_iter_mut().zip(&means).for_each(|(splat, mean)| {
             let probability = splat.opacity_logit;

@@ -31,7 +31,7 @@ impl Effort {
     pub const FULL: Effort = Effort {
         quick: false,
         paper_iterations: 1000,
-        default_iterations: 400,
+        default_iterations: 300,
         finding_iterations: 1000,
         sweep_iterations: 1000,
     };
@@ -438,7 +438,7 @@ mod tests {
                 paper.config.subset > 0 && paper.config.subset_alone && paper.config.topology == "densify"
             );
             assert_eq!((paper.profile.as_str(), paper.config.iterations, paper.held_out), ("paper", 1000, 0));
-            assert_eq!((ours.profile.as_str(), ours.config.iterations, ours.held_out), ("default", 400, 8));
+            assert_eq!((ours.profile.as_str(), ours.config.iterations, ours.held_out), ("default", 300, 8));
             assert_eq!(paper.config.splats, ours.config.splats);
         }
     }

@@ -7,14 +7,16 @@ use std::time::Instant;
 
 use engine::Result;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
-use engine::fit::{Beginning, End, Milestone, Problem, Start, Watch};
+use engine::fit::{Beginning, End, FitForm, Milestone, Problem, Start, Watch};
 use engine::gpu::{Gpu, GpuOptions};
-use engine::splat::{self, Field, Splat, SplatSet};
+use engine::render;
+use engine::splat::{self, Splat, SplatSet};
 use serde::{Deserialize, Serialize};
 
 use super::job::{HELD_OUT_SEED, Job, Range};
 use super::library::Place;
 use crate::cost::cpu_ms;
+use crate::scene::Scene;
 use crate::store::Keep;
 
 /// A measurement.
@@ -187,7 +189,7 @@ pub fn run(
     initialising.add_to(&mut setup);
     let initialise_seconds = setup.wall;
     let gpu = Gpu::new(options)?;
-    let bench = Bench { job, place, judge, field: problem.field() };
+    let bench = Bench { job, place, judge, problem: &problem };
     let record = Record {
         job: job.clone(),
         points: Vec::new(),
@@ -295,7 +297,7 @@ struct Bench<'a> {
     job: &'a Job,
     place: &'a Place,
     judge: &'a Gpu,
-    field: Field,
+    problem: &'a Problem<'a>,
 }
 
 impl Bench<'_> {
@@ -307,7 +309,7 @@ impl Bench<'_> {
         }
     }
 
-    /// On the grid; at the end with shell and held-out offsets, too.
+    /// On the grid; at the end with shell and held-out offsets, too, and as it is shown.
     fn measure(&self, splats: &[Splat], is_last: bool) -> Result<Evaluation> {
         let protocol = Protocol {
             offsets: match is_last {
@@ -319,15 +321,26 @@ impl Bench<'_> {
             shell: if is_last { self.job.config.shell } else { 0 },
             threshold: self.job.config.region_threshold,
         };
-        let scene = &self.place.scene;
-        evaluate::evaluate(self.judge, splats, &self.field, &scene.volume, &scene.roi, &protocol)
+        let Scene { volume, roi, .. } = &self.place.scene;
+        if is_last && self.job.config.effective_form() == FitForm::Grid {
+            let set = self.set(splats);
+            let decoded = render::decode(self.judge, &set, 1.0)?;
+            return Ok(evaluate::evaluate_field(
+                decoded.in_voxels_of(volume, set.origin_mm),
+                volume,
+                roi,
+                &protocol,
+            ));
+        }
+        evaluate::evaluate(self.judge, splats, &self.problem.field(), volume, roi, &protocol)
+    }
+
+    fn set(&self, splats: &[Splat]) -> SplatSet {
+        self.problem.splat_set(splats, self.job.config.iterations)
     }
 
     fn file_bytes(&self, splats: &[Splat]) -> Result<u64> {
-        let world = &self.place.scene.volume.world_from_voxel;
-        let iterations = Some(self.job.config.iterations);
-        let set = SplatSet { iterations, ..SplatSet::from_voxel(splats, world, self.field) };
-        splat::file_bytes("a.ply".as_ref(), &set, &splat::WriteOptions::default())
+        splat::file_bytes("a.ply".as_ref(), &self.set(splats), &splat::WriteOptions::default())
     }
 
     fn last(&self, evaluation: &Evaluation) -> Last {
@@ -350,7 +363,6 @@ pub mod tests {
 
     use super::*;
     use crate::paper::job::tests::job;
-    use crate::scene::Scene;
 
     /// A result with these errors at iterations 0, 50, 100 and so on.
     pub fn record(job: Job, mmse: &[f64]) -> Record {

@@ -16,7 +16,7 @@ pub fn preamble(effort: &Effort, device: &str) -> String {
     if effort.quick {
         text += &format!(
             "**Short run** (`--quick`): {} iterations of `--profile paper` instead of 1000 and {} of the default profile \
-             instead of 400, one row of each case, fewer densities and findings of {} iterations. The fidelity rows are run in \
+             instead of 300, one row of each case, fewer densities and findings of {} iterations. The fidelity rows are run in \
              full. Figures of a short run say whether the method works, not how good it is.\n\n",
             effort.paper_iterations, effort.default_iterations, effort.finding_iterations
         );

@@ -173,6 +173,12 @@ pub struct Subject {
     /// File of splats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ply: Option<PathBuf>,
+    /// Profile of the fit in place of the case's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
+    /// Names of what is measured, in place of the section's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub renderings: Option<Vec<String>>,
     /// Whether the splats are rendered as standard ones, with colours of their own in place of an intensity.
     #[serde(default, skip_serializing_if = "is_false")]
     pub coloured: bool,
@@ -328,6 +334,12 @@ impl Config {
         named(&self.cases, "case", name, |row| &row.name)
     }
 
+    /// The case of a subject, with the profile that it is fitted with.
+    pub fn case_of(&self, subject: &Subject) -> Result<Case> {
+        let case = self.case(&subject.case)?.clone();
+        Ok(Case { profile: subject.profile.clone().unwrap_or(case.profile), ..case })
+    }
+
     /// The transfer function of that name.
     pub fn transfer(&self, name: &str) -> Result<&Transfer> {
         named(&self.transfers, "transfer", name, |row| &row.name)
@@ -340,7 +352,7 @@ impl Config {
 
     /// Hyper-parameters of the fit of a subject that is no file.
     pub fn fit(&self, subject: &Subject) -> Result<FitConfig> {
-        let profile = Profile::named(&self.case(&subject.case)?.profile)?.config()?;
+        let profile = Profile::named(&self.case_of(subject)?.profile)?.config()?;
         let config = FitConfig {
             iterations: self.iterations.unwrap_or(profile.iterations),
             splats: subject.splats.unwrap_or(0),
@@ -423,7 +435,7 @@ impl Config {
         let renderings = part.renderings.iter().chain(&part.stereo).chain(&part.reference);
         renderings.into_iter().try_for_each(|name| self.rendering(name).map(drop))?;
         for subject in &part.subjects {
-            self.case(&subject.case)?;
+            subject.renderings.iter().flatten().try_for_each(|name| self.rendering(name).map(drop))?;
             let ways = [subject.density.is_some(), subject.splats.is_some(), subject.ply.is_some()];
             require(ways.iter().filter(|&&given| given).count() == 1, || {
                 wrong(format!("a subject of case {:?} needs one of density, splats, ply", subject.case))
@@ -514,8 +526,10 @@ mod tests {
             };
             known(&goal.case, part.subjects.iter().map(|s| s.case.clone()).collect());
             known(&goal.transfer, part.transfers.clone());
-            known(&goal.rendering, part.renderings.clone());
-            known(&goal.of, part.renderings.clone());
+            let own = part.subjects.iter().filter_map(|s| s.renderings.clone()).flatten();
+            let renderings: Vec<String> = part.renderings.iter().cloned().chain(own).collect();
+            known(&goal.rendering, renderings.clone());
+            known(&goal.of, renderings);
         }
     }
 

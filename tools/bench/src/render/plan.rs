@@ -111,7 +111,11 @@ impl Plan {
                 }
                 Ok(list)
             };
-            let (renderings, stereo) = (all(&part.renderings)?, all(&part.stereo)?);
+            let stereo = all(&part.stereo)?;
+            let mut renderings = Vec::new();
+            for subject in &part.subjects {
+                renderings.push(all(subject.renderings.as_ref().unwrap_or(&part.renderings))?);
+            }
             let reference = part.reference.as_ref().map(&there).transpose()?.flatten();
             if let (Some(name), None) = (&part.reference, &reference) {
                 plan.left_out.push(format!("{}, all of it", missing(section, config.rendering(name)?)));
@@ -122,14 +126,14 @@ impl Plan {
                 .iter()
                 .map(|name| config.transfer(name).cloned())
                 .collect::<Result<Vec<_>>>()?;
-            for subject in &part.subjects {
+            for (subject, renderings) in part.subjects.iter().zip(renderings) {
                 plan.units.push(Unit {
                     section,
-                    case: config.case(&subject.case)?.clone(),
+                    case: config.case_of(subject)?,
                     source: source(config, subject)?,
                     coloured: subject.coloured,
                     transfers: transfers.clone(),
-                    renderings: renderings.clone(),
+                    renderings,
                     reference: reference.clone(),
                     stereo: stereo.clone(),
                     part: Part { subjects: Vec::new(), budget_minutes: None, ..part.clone() },

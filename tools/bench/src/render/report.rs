@@ -276,7 +276,11 @@ impl Results<'_> {
 
 /// The case, where it comes from, and its splats.
 fn subject(unit: &Unit, record: &Record) -> String {
-    format!("{} ({}), {} splats", unit.case.name, unit.case.source(), thousands(record.splats as u64))
+    let fitted = match (&unit.source, unit.case.profile.as_str()) {
+        (Source::File(..), _) | (_, "default") => String::new(),
+        (Source::Fit(_), profile) => format!(", --profile {profile}"),
+    };
+    format!("{} ({}), {} splats{fitted}", unit.case.name, unit.case.source(), thousands(record.splats as u64))
 }
 
 /// How many splats were asked for, where a number was.

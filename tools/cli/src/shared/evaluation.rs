@@ -5,7 +5,6 @@ use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::gpu::Gpu;
 use engine::render;
 use engine::splat::SplatSet;
-use glam::DAffine3;
 
 use super::flags::Range;
 use super::inputs::Case;
@@ -22,8 +21,6 @@ pub fn unweighted(range: Option<Range>) -> f32 {
 /// Measures what mode decoded shows of a set.
 pub fn evaluate_decoded(gpu: &Gpu, set: &SplatSet, case: &Case, protocol: &Protocol) -> Result<Evaluation> {
     let decoded = render::decode(gpu, set, 1.0)?;
-    let world_from_box = DAffine3::from_translation(set.origin_mm) * decoded.scene_from_voxel;
-    let box_from_voxel = world_from_box.inverse() * case.volume.world_from_voxel;
-    let field = |voxel| decoded.trilinear(box_from_voxel.transform_point3(voxel));
+    let field = decoded.in_voxels_of(&case.volume, set.origin_mm);
     Ok(evaluate::evaluate_field(field, &case.volume, &case.roi, protocol))
 }

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 use engine::Result;
-use engine::fit::{FitConfig, Profile, QUALITIES, Storage};
+use engine::fit::{FitConfig, FitForm, Profile, QUALITIES, Storage};
 use engine::splat::Kernel;
 
 use crate::paper::job::{Job, Range};
@@ -53,17 +53,25 @@ impl Extent {
 /// One thing that is other than usual.
 struct Spoke {
     name: &'static str,
+    /// The form of fits that it is for; nothing if it is for both.
+    form: Option<FitForm>,
     change: fn(&mut FitConfig),
 }
 
+const fn spoke(name: &'static str, form: Option<FitForm>, change: fn(&mut FitConfig)) -> Spoke {
+    Spoke { name, form, change }
+}
+
 /// A lattice of offsets is that at which targets are sampled: 1 is the voxel grid alone.
-const SPOKES: [Spoke; 6] = [
-    Spoke { name: "Gaussian kernel", change: |c| c.kernel = Kernel::Gaussian },
-    Spoke { name: "mixed storage", change: |c| c.storage = Storage::Mixed },
-    Spoke { name: "on the grid only", change: |c| c.offsets = 1 },
-    Spoke { name: "2 offsets", change: |c| c.offsets = 2 },
-    Spoke { name: "4 offsets", change: |c| c.offsets = 4 },
-    Spoke { name: "8 offsets", change: |c| c.offsets = 8 },
+const SPOKES: [Spoke; 8] = [
+    spoke("Gaussian kernel", None, |c| c.kernel = Kernel::Gaussian),
+    spoke("mixed storage", None, |c| c.storage = Storage::Mixed),
+    spoke("no rim", Some(FitForm::Grid), |c| c.rim_weight = 0.0),
+    spoke("rim × 3", Some(FitForm::Grid), |c| c.rim_weight *= 3.0),
+    spoke("on the grid only", Some(FitForm::Field), |c| c.offsets = 1),
+    spoke("2 offsets", Some(FitForm::Field), |c| c.offsets = 2),
+    spoke("4 offsets", Some(FitForm::Field), |c| c.offsets = 4),
+    spoke("8 offsets", Some(FitForm::Field), |c| c.offsets = 8),
 ];
 
 /// Where the fits are made.
@@ -110,7 +118,7 @@ pub fn rows(place: &Where<'_>, profile: &Profile, extent: &Extent, parts: &[Part
     }
     if parts.contains(&Part::Spokes) {
         let (times, iterations) = extent.middle();
-        for spoke in &SPOKES {
+        for spoke in SPOKES.iter().filter(|s| s.form.is_none_or(|form| form == plain.form)) {
             let mut config = scaled(times, iterations);
             (spoke.change)(&mut config);
             rows.push(row(Part::Spokes, spoke.name.into(), times, config)?);
@@ -142,7 +150,7 @@ mod tests {
         let rows = rows(&place, profile, &extent, &all).expect("a design");
         let of = |part: Part| rows.iter().filter(|r| r.part == part).collect::<Vec<_>>();
         assert_eq!(of(Part::Qualities).len(), QUALITIES.len());
-        assert_eq!(of(Part::Spokes).len(), SPOKES.len());
+        assert_eq!(of(Part::Spokes).len(), 4, "those of a fit for the grid");
         assert!(rows.iter().all(|r| r.job.config.splats == (150.0 * r.density_times).round() as usize));
         let keys: std::collections::BTreeSet<String> = rows.iter().map(|r| r.job.key()).collect();
         assert_eq!(keys.len(), rows.len());

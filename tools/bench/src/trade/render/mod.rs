@@ -134,12 +134,14 @@ fn units(a: &Arguments, device: &str) -> Result<Vec<Unit>> {
     let mut units = Vec::new();
     for (name, density) in cases {
         let (case, density) = (name.clone(), Some(density * a.density));
-        let subject = Subject { case, density, splats: None, ply: None, coloured: false };
+        let profile = Some("field".into());
+        let subject =
+            Subject { case, density, splats: None, ply: None, profile, renderings: None, coloured: false };
         let fit = config.fit(&subject)?;
         let iterations = if a.quick { QUICK_ITERATIONS } else { fit.iterations };
         for transfer in transfers {
             units.push(Unit {
-                case: config.case(name)?.clone(),
+                case: config.case_of(&subject)?,
                 fit: FitConfig { iterations, ..fit.clone() },
                 grid_fit: grid_fit(&fit, a.quick)?,
                 transfer: config.transfer(transfer)?.clone(),
@@ -156,7 +158,7 @@ fn units(a: &Arguments, device: &str) -> Result<Vec<Unit>> {
 
 /// The fit for the grid of as many splats.
 fn grid_fit(fit: &FitConfig, quick: bool) -> Result<FitConfig> {
-    let grid = Profile::named("grid")?.config()?;
+    let grid = Profile::named("default")?.config()?;
     let iterations = if quick { QUICK_ITERATIONS } else { grid.iterations };
     Ok(FitConfig { density: fit.density, splats: fit.splats, iterations, ..grid })
 }
