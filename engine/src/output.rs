@@ -1,11 +1,13 @@
 //! Output files that appear whole or not at all.
 //!
 //! A file is written under a temporary name in its own folder, flushed, synced and renamed: a crash, a full disk or
-//! a signal leaves either the old content or the new, never half of one, and no temporary file after an error.
+//! a signal leaves either the old content or the new, never half of one, and no temporary file after an error. What a
+//! killed run left behind is removed by the next one that asks for an output in that folder.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use tempfile::{Builder, NamedTempFile};
 
@@ -53,6 +55,7 @@ pub fn write_atomic(
 pub fn check_writable(path: impl AsRef<Path>, force: bool) -> Result<()> {
     let path = path.as_ref();
     check_target(path, force)?;
+    remove_abandoned(&folder_of(path));
     // Permission bits say little (ACLs, read-only mounts, root): only a file that was made proves the folder.
     temporary_beside(path).map(drop)
 }
@@ -115,18 +118,52 @@ fn check_target(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
+/// What names of temporary files begin and end with, and how many letters and digits are between.
+const TEMPORARY: (&str, &str, usize) = (".vgs-", ".tmp", 6);
+
+/// A temporary file that nobody has locked is in use for so long at most: between being made and being locked.
+const UNLOCKED: Duration = Duration::from_secs(60);
+
+/// Removes temporary files of runs that were killed: those whose lock went with their process. What cannot be looked at
+/// stays.
+fn remove_abandoned(folder: &Path) {
+    let (prefix, suffix, letters) = TEMPORARY;
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let inner = name.to_str().and_then(|n| n.strip_prefix(prefix)).and_then(|n| n.strip_suffix(suffix));
+        if !inner.is_some_and(|n| n.len() == letters && n.bytes().all(|b| b.is_ascii_alphanumeric())) {
+            continue;
+        }
+        // Of a link, its own: it is no file, and is left alone.
+        let Ok(meta) = entry.metadata() else { continue };
+        let age = meta.modified().ok().and_then(|at| at.elapsed().ok()).unwrap_or_default();
+        if !meta.is_file() || age < UNLOCKED {
+            continue;
+        }
+        let Ok(file) = File::open(entry.path()) else { continue };
+        if file.try_lock().is_ok() {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
 fn temporary_beside(path: &Path) -> Result<NamedTempFile> {
     let folder = folder_of(path);
+    let (prefix, suffix, letters) = TEMPORARY;
     let mut builder = Builder::new();
     // The name does not grow with the target's, which may already be as long as the file system allows.
-    builder.prefix(".vgs-").suffix(".tmp");
+    builder.prefix(prefix).suffix(suffix).rand_bytes(letters);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
         // The rename keeps the mode, so the file is made as any other output is: 0666 less the umask.
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    builder.tempfile_in(&folder).map_err(|e| {
+    let made = builder.tempfile_in(&folder).inspect(|temporary| {
+        // Where a file system has no locks, nothing is ever taken for abandoned.
+        let _ = temporary.as_file().try_lock();
+    });
+    made.map_err(|e| {
         let message = format!("cannot create a file in {}: {e}", folder.display());
         match e.kind() {
             io::ErrorKind::StorageFull => Error::new(Kind::Io, "VGS-OUT-006", message).file(path),
@@ -188,6 +225,30 @@ mod tests {
         assert_eq!(error.kind, Kind::Io);
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(dir.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let put = |name: &str, seconds: u64| {
+            let file = File::create(dir.path().join(name)).unwrap();
+            file.set_modified(std::time::SystemTime::now() - Duration::from_secs(seconds)).unwrap();
+            file
+        };
+        put(".vgs-a1B2c3.tmp", 3600);
+        let locked = put(".vgs-locked.tmp", 3600);
+        locked.lock().unwrap();
+        for (name, age) in [(".vgs-young1.tmp", 1), (".vgs-longer7.tmp", 3600), (".vgs-a.1B2.tmp", 3600)] {
+            put(name, age);
+        }
+        put("vgs-a1B2c3.tmp", 3600);
+        check_writable(dir.path().join("a.txt"), false).unwrap();
+        let left =
+            [".vgs-a.1B2.tmp", ".vgs-locked.tmp", ".vgs-longer7.tmp", ".vgs-young1.tmp", "vgs-a1B2c3.tmp"];
+        assert_eq!(names(dir.path()), left);
+        drop(locked);
+        check_writable(dir.path().join("a.txt"), false).unwrap();
+        assert!(!names(dir.path()).contains(&left[1].to_owned()), "its process is gone");
     }
 
     #[test]

@@ -376,6 +376,11 @@ impl FitConfig {
         if self.working_grid > 1 { FitForm::Field } else { self.form }
     }
 
+    /// Returns how many grids of targets the fit visits in turn: `offsets`, and one for the form "grid".
+    pub fn offset_count(&self) -> usize {
+        if self.effective_form() == FitForm::Grid { 1 } else { self.offsets }
+    }
+
     /// Returns what the fitted splats stand for, for files and pictures.
     pub fn fitted_form(&self, roi: &Roi) -> splat::Form {
         match self.effective_form() {

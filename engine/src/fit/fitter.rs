@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use shaders_glsl::types::{AdamParams, History, SplatGrad, Target};
 
-use super::config::{FitConfig, FitForm};
+use super::config::FitConfig;
 use super::schedule::Schedule;
 use super::state::{Row, State};
 use super::subset::Subset;
@@ -171,8 +171,7 @@ impl<'a> Fitter<'a> {
         let stretch = config.scale_unit.stretch(volume);
         let work = Work::new(gpu, &bricks, count, config, stretch.as_vec3().to_array())?;
         let grid = &work.rasterizer.grid;
-        let count_offsets = if config.effective_form() == FitForm::Grid { 1 } else { config.offsets };
-        let offsets = offsets(count_offsets, config.seed);
+        let offsets = offsets(config.offset_count(), config.seed);
         let (mut targets, mut terms) = (Vec::new(), Vec::new());
         for (i, &offset) in offsets.iter().enumerate() {
             let mut outside = 0.0;

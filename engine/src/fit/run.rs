@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::{FitConfig, Fitter, Progress, Scaling, Schedule, State};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
+use crate::memory;
 use crate::splat::{self, Field, Grid, Splat, SplatSet};
 use crate::volume::{Roi, Volume};
 
@@ -25,6 +26,13 @@ const FIGURES_AFTER: Duration = Duration::from_millis(500);
 const FIGURES_AT_LATEST: Duration = Duration::from_secs(20);
 /// Fetching figures takes at most one part in so many of the time.
 const FIGURES_SHARE: u32 = 10;
+
+/// Most splats for each voxel of the region, as many as a density may ask for ...
+const MOST_A_VOXEL: f64 = 100.0;
+/// ... and a number that is allowed for any region.
+const LEAST_LIMIT: f64 = 10_000.0;
+/// What a splat takes on the host at least, while a fit is prepared and written: itself in two spaces, its set, its row.
+const HOST_BYTES_A_SPLAT: u64 = 300;
 
 /// Fits splats to the region of interest of a volume, as `config` says, and returns them in the world of the volume (mm
 /// RAS, HU). `watch` sees the figures of the fit a few times a second and may break it off; the set is then that of the
@@ -131,9 +139,20 @@ impl<'a> Problem<'a> {
     }
 
     /// Places the first splats, in voxel space of the working grid and HU.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] for more splats than any density allows, [`Kind::HostMemory`] for more than there is memory for.
     pub fn first_splats(&self) -> Result<Vec<Splat>> {
         let place = self.config.initialiser()?.run;
         let count = self.config.splat_count(self.native_voxels);
+        let most = (MOST_A_VOXEL * self.native_voxels).max(LEAST_LIMIT);
+        if count as f64 > most {
+            let message = format!("{count} splats for a region of {:.0} voxels", self.native_voxels);
+            return Err(Error::new(Kind::Usage, "VGS-FIT-040", message).help(format!(
+                "choose at most {most:.0}; 0.1 a voxel is usual, and more than 1 helps nobody"
+            )));
+        }
+        memory::require(count as u64 * HOST_BYTES_A_SPLAT, &format!("{count} splats"))?;
         Ok(place(&self.volume, &self.roi, count, self.config.seed, &self.config.init()))
     }
 
@@ -184,7 +203,7 @@ impl<'a> Problem<'a> {
             begun: Instant::now(),
             figures: Figures { iteration: iterations, at: Instant::now(), took: Duration::ZERO },
             // Offset grids that the iterations visit in turn.
-            grids: u32::try_from(self.config.offsets).unwrap_or(1).max(1),
+            grids: u32::try_from(self.config.offset_count()).unwrap_or(1).max(1),
             kept: None,
         };
         let end = match course.run(&mut fitter, schedule, watch) {

@@ -25,9 +25,11 @@ pub(super) fn choose<'a>(
             .help("run through tools/vgs, which brings a software driver, or install a GPU driver"));
     }
     let chosen = match wanted {
-        Some(text) => list
-            .iter()
-            .find(|d| text.parse() == Ok(d.index) || d.name.to_lowercase().contains(&text.to_lowercase())),
+        // A number is an index and never a part of a name, such as that of a version in it.
+        Some(text) => match text.parse::<usize>() {
+            Ok(index) => list.iter().find(|d| d.index == index),
+            Err(_) => list.iter().find(|d| d.name.to_lowercase().contains(&text.to_lowercase())),
+        },
         None => list.iter().filter(|d| d.missing.is_empty()).min_by_key(|d| {
             ["discrete GPU", "integrated GPU", "virtual GPU", "CPU"]
                 .iter()
@@ -76,14 +78,14 @@ mod tests {
     #[test]
     fn the_fastest_usable_device_is_chosen_unless_the_user_says_otherwise() {
         let list = [
-            device(0, "llvmpipe", "CPU", &[]),
+            device(0, "llvmpipe (LLVM 19.1.7)", "CPU", &[]),
             device(1, "Big GPU", "discrete GPU", &["feature scalarBlockLayout"]),
             device(2, "Small GPU", "integrated GPU", &[]),
         ];
         for (wanted, expect) in [(None, 2), (Some("0"), 0), (Some("pipe"), 0), (Some("small"), 2)] {
             assert_eq!(choose(&list, wanted).unwrap().index, expect, "{wanted:?}");
         }
-        for wanted in ["1", "big", "none such"] {
+        for wanted in ["1", "big", "none such", "7", "19"] {
             let e = choose(&list, Some(wanted)).unwrap_err();
             assert_eq!(e.kind, Kind::Unavailable);
             assert!(e.help.contains("llvmpipe"), "the help lists the devices: {}", e.help);

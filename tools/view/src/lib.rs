@@ -7,7 +7,7 @@
 //! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
 //!
 //! ```text
-//! window -> viewer -> app, canvas, export, loaded_data, loader, report, settings, panel_info, actions -> state
+//! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, report, settings, panel_info, actions -> state
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles          annotations -> handles          prompt, annotations -> state, theme
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
@@ -20,7 +20,7 @@
 //! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `annotations` are over the picture
 //! panel_info     what panels are told anew for each frame
 //! app       the viewer without its window: puts the panels together
-//! loader, export   read and write beside the window; `loaded_data` is what was read
+//! loader, export   read and write beside the window; `loaded_data` is what was read, `open_files` from where
 //! canvas    the picture in the window: `rendered_scene` renders it, `composer` and `painter` put it and the panels on the screen
 //! viewer    frame after frame, within the frame budget; `report` is what was measured
 //! window    the events of winit
@@ -40,6 +40,7 @@ pub mod histogram;
 pub mod history;
 pub mod loaded_data;
 pub mod loader;
+pub mod open_files;
 pub mod orbit;
 pub mod painter;
 pub mod panel_info;

@@ -46,7 +46,7 @@ impl LoadedData {
             Loaded::VolumeHistogram(histogram) => self.volume_histogram = histogram,
             Loaded::Probe(probe) => self.probe = Some(probe),
             Loaded::Written(_) => {}
-            Loaded::Failed(error) => return Err(error),
+            Loaded::Failed(_, error) => return Err(error),
         }
         Ok(None)
     }

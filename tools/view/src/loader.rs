@@ -13,7 +13,7 @@ use engine::{Error, Kind, Result};
 
 use crate::histogram::Histogram;
 use crate::pick::Probe;
-use crate::state::{Files, Object, State};
+use crate::state::{Files, Object, State, Subject};
 
 /// A volume and the part of it that is shown.
 pub struct LoadedVolume {
@@ -78,8 +78,8 @@ pub enum Loaded {
     VolumeHistogram(Option<Histogram>),
     /// A file was written.
     Written(PathBuf),
-    /// Something could not be read; the rest goes on.
-    Failed(Error),
+    /// Something could not be done; the rest goes on. With a subject it was to read its files.
+    Failed(Option<Subject>, Error),
 }
 
 /// What files are, by their names and by what is open already.
@@ -245,6 +245,15 @@ impl Teller {
     }
 
     fn during<T>(&self, what: String, job: impl FnOnce() -> Result<T>) -> Option<T> {
+        self.doing(what, None, job)
+    }
+
+    /// Reads the files of a subject.
+    fn reading<T>(&self, what: String, subject: Subject, job: impl FnOnce() -> Result<T>) -> Option<T> {
+        self.doing(what, Some(subject), job)
+    }
+
+    fn doing<T>(&self, what: String, subject: Option<Subject>, job: impl FnOnce() -> Result<T>) -> Option<T> {
         self.say(Message::Doing(what.clone(), None));
         let start = Instant::now();
         let result = job();
@@ -252,7 +261,7 @@ impl Teller {
         let value = match result {
             Ok(value) => Some(value),
             Err(error) => {
-                self.say(Message::Loaded(Loaded::Failed(error)));
+                self.say(Message::Loaded(Loaded::Failed(subject, error)));
                 None
             }
         };
@@ -261,7 +270,7 @@ impl Teller {
     }
 
     fn splats(&self, paths: &[PathBuf], volume: Option<&Path>, roi: Option<&Path>) {
-        let sets = self.during("reading splats".to_owned(), || {
+        let sets = self.reading("reading splats".to_owned(), Subject::Splats, || {
             let sets = paths.iter().map(|path| Ok((path.clone(), read_splats(path, volume, roi)?)));
             LoadedSplats::join(sets.collect::<Result<_>>()?).map(Arc::new)
         });
@@ -277,7 +286,8 @@ impl Teller {
 
     fn volume(&self, path: &Path, roi: Option<&Path>) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let shown = self.during(format!("reading {name}"), || read_volume(path, roi).map(Arc::new));
+        let shown =
+            self.reading(format!("reading {name}"), Subject::Volume, || read_volume(path, roi).map(Arc::new));
         let Some(shown) = shown else { return };
         self.say(Message::Loaded(Loaded::Volume(Arc::clone(&shown))));
         let histogram = self.during(format!("counting intensities of {name}"), || {
@@ -346,7 +356,9 @@ mod tests {
             woken.recv_timeout(std::time::Duration::from_secs(20)).expect("an answer");
             loaded.extend(loader.take());
         }
-        let [Loaded::Failed(error)] = loaded.as_slice() else { panic!("one failure") };
+        let [Loaded::Failed(Some(Subject::Splats), error)] = loaded.as_slice() else {
+            panic!("one failure of splats")
+        };
         assert_eq!((error.kind, error.file.as_ref()), (Kind::Missing, Some(&nothing)));
     }
 

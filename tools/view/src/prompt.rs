@@ -73,6 +73,8 @@ pub struct Prompt {
     frames: u32,
     /// The folder that was listed last, and what is in it: names, folders with a slash.
     listed: Option<(PathBuf, Vec<String>)>,
+    /// True until it was shown: then the path takes the keyboard.
+    fresh: bool,
 }
 
 /// What became of a question.
@@ -92,7 +94,7 @@ impl Prompt {
         let near = files.splats.first().or(files.volume.as_ref()).and_then(|p| p.parent());
         let folder = near.filter(|p| p.is_dir()).map_or_else(std::env::current_dir, |p| Ok(p.to_owned()));
         let path = folder.unwrap_or_default().join(purpose.suggestion()).to_string_lossy().into_owned();
-        Prompt { purpose, path, size, frames: 120, listed: None }
+        Prompt { purpose, path, size, frames: 120, listed: None, fresh: true }
     }
 
     /// Shows the question.
@@ -108,10 +110,8 @@ impl Prompt {
         let (title, word, endings) = self.purpose.words();
         ui.heading(title);
         let id = ui.make_persistent_id("path");
-        let first = ui.data(|data| data.get_temp::<bool>(id).is_none());
         let field = ui.add(TextEdit::singleline(&mut self.path).id(id).desired_width(f32::INFINITY));
-        if first {
-            ui.data_mut(|data| data.insert_temp(id, true));
+        if std::mem::take(&mut self.fresh) {
             field.request_focus();
         }
         let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
@@ -140,9 +140,6 @@ impl Prompt {
                 ui.weak("there is no such file");
             }
         });
-        if answer != Answer::Open {
-            ui.data_mut(|data| data.remove::<bool>(id));
-        }
         answer
     }
 

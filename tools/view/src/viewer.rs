@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use engine::Result;
 use engine::budget::Controller;
 use engine::render::{GpuSplats, Quality, SplatKind, level_costs, quality_levels};
-use engine::splat::Form;
+use engine::splat::SplatSet;
 use glam::DVec2;
 use winit::window::Window;
 
@@ -17,6 +17,7 @@ use crate::canvas::{self, Canvas, Overlay, render_setups};
 use crate::export::Export;
 use crate::loaded_data::LoadedData;
 use crate::loader::{Loaded, Loader, sort};
+use crate::open_files::OpenFiles;
 use crate::panel_info::{PanelInfo, Statistics};
 use crate::report::Report;
 use crate::settings::Settings;
@@ -60,6 +61,8 @@ pub struct Viewer {
     statistics: Statistics,
     /// What was measured.
     pub report: Report,
+    /// Which files were read.
+    open_files: OpenFiles,
     /// How many splats each row of the list of objects has.
     object_splats: Vec<usize>,
     range: [f64; 2],
@@ -103,6 +106,7 @@ impl Viewer {
             loader,
             statistics: Statistics::new(),
             report,
+            open_files: OpenFiles::default(),
             object_splats: Vec::new(),
             range: [0.0, 1.0],
             controller: Controller::new(level_costs(quality_levels(SplatKind::Field)), budget_ms),
@@ -149,20 +153,46 @@ impl Viewer {
             if let Loaded::Written(path) = &loaded {
                 self.app.done(format!("Written: {}", path.display()));
             }
-            if let Loaded::Splats(splats) = &loaded
-                && splats.set.form != Form::Field
-                && self.app.state.mode != SplatMode::Decoded
-            {
-                self.app.state.mode = SplatMode::Decoded;
-                self.app.done("These splats are fitted for the voxels of their CT: mode decoded shows them");
+            if let Loaded::Splats(splats) = &loaded {
+                self.choose_mode(&splats.set);
+            }
+            if let Loaded::Failed(Some(subject), _) = &loaded {
+                self.open_files.could_not_be_read(*subject, &mut self.app.state.files);
             }
             match self.data.take(loaded) {
-                Ok(subject) => new.extend(subject),
+                Ok(Some(subject)) => {
+                    self.remember_files(subject);
+                    new.push(subject);
+                }
+                Ok(None) => {}
                 Err(error) => self.app.report(&error),
             }
         }
         // What was loaded is kept whatever becomes of the device.
         new.into_iter().try_for_each(|subject| self.set_scene(canvas, subject))
+    }
+
+    /// Chooses the mode that alone shows these splats, if there is one.
+    fn choose_mode(&mut self, set: &SplatSet) {
+        let own = match SplatKind::of(set) {
+            SplatKind::Field => return,
+            SplatKind::Grid => SplatMode::Decoded,
+            SplatKind::Coloured => SplatMode::Alpha,
+        };
+        if std::mem::replace(&mut self.app.state.mode, own) != own && own == SplatMode::Alpha {
+            self.app.done("These splats have colours and no intensity: mode alpha shows them");
+        }
+    }
+
+    /// Notes that the files of a subject are open, and puts them among the recent ones.
+    fn remember_files(&mut self, subject: Subject) {
+        let opened = self.open_files.was_read(subject, &self.app.state.files);
+        opened.iter().for_each(|path| self.app.settings.opened(path));
+        if !opened.is_empty()
+            && let Err(error) = self.app.settings.write()
+        {
+            self.app.report(&error);
+        }
     }
 
     fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
@@ -394,6 +424,7 @@ impl Viewer {
                 Ok(gone) => {
                     for subject in gone {
                         self.data.forget(subject);
+                        self.open_files.forget(subject);
                         self.set_scene(canvas, subject)?;
                     }
                 }
@@ -427,20 +458,20 @@ impl Viewer {
     /// Begins to read files. Gives the subjects that a session has nothing of.
     fn open(&mut self, paths: &[PathBuf]) -> Result<Vec<Subject>> {
         let sorted = sort(&self.app.state.files, paths)?;
-        let had = self.app.state.files.clone();
+        // What is still being read is read again, beside what comes to it.
+        let had = self.open_files.read().clone();
         if let Some(state) = sorted.state().transpose()? {
             self.app.begin(state);
             self.fits = false;
+            sorted.session.iter().for_each(|path| self.app.settings.opened(path));
+            if let Err(error) = self.app.settings.write() {
+                self.app.report(&error);
+            }
         } else {
             self.app.state.files = sorted.files;
             self.fits |= had == Files::default();
         }
-        for path in paths {
-            self.app.settings.opened(path);
-        }
-        if let Err(error) = self.app.settings.write() {
-            self.app.report(&error);
-        }
+        self.open_files.ask(paths);
         let files = &self.app.state.files;
         let mut gone = Vec::new();
         if files.splats.is_empty() {

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
 
 use super::super::{Material, TransferFunction};
 use super::entry::{Entry, broken};
@@ -27,7 +27,7 @@ pub fn read(text: &str) -> Result<Vec<Entry>> {
         };
         let event = reader.read_event();
         match event.map_err(|e| broken(format!("line {}: not well-formed XML: {e}", line(&reader))))? {
-            Event::Start(e) | Event::Empty(e) if e.local_name().as_ref() == b"VolumeProperty" => {
+            Event::Start(e) | Event::Empty(e) if e.local_name().as_ref() == "VolumeProperty" => {
                 let attributes =
                     attributes(&e).map_err(|e| broken(format!("line {}: {}", line(&reader), e.message)))?;
                 entries.push(entry(&attributes));
@@ -39,14 +39,19 @@ pub fn read(text: &str) -> Result<Vec<Entry>> {
 }
 
 fn attributes(element: &BytesStart) -> Result<Attributes> {
-    let pair = |attribute: std::result::Result<quick_xml::events::attributes::Attribute, _>| {
-        let attribute =
-            attribute.map_err(|e: quick_xml::events::attributes::AttrError| broken(e.to_string()))?;
-        let name = String::from_utf8_lossy(attribute.key.local_name().as_ref()).into_owned();
-        let value = attribute.unescape_value().map_err(|e| broken(format!("attribute {name}: {e}")))?;
-        Ok((name, value.into_owned()))
-    };
-    element.attributes().map(pair).collect()
+    let mut found = Attributes::new();
+    // The reader's own check of names compares each with all before it.
+    for attribute in element.attributes().with_checks(false) {
+        let attribute = attribute.map_err(|e| broken(e.to_string()))?;
+        let name = attribute.key.local_name().as_ref().to_owned();
+        let value = attribute
+            .normalized_value(XmlVersion::Implicit1_0)
+            .map_err(|e| broken(format!("attribute {name}: {e}")))?;
+        if found.insert(name.clone(), value.into_owned()).is_some() {
+            return Err(broken(format!("attribute {name} is there twice")));
+        }
+    }
+    Ok(found)
 }
 
 fn entry(attributes: &Attributes) -> Entry {

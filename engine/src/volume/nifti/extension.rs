@@ -44,35 +44,37 @@ fn label_table(xml: &[u8]) -> Result<BTreeMap<i32, String>> {
     let (mut labels, mut open) = (BTreeMap::new(), None::<(i32, String)>);
     loop {
         match reader.read_event().map_err(|e| broken(&e))? {
-            Event::Start(e) if e.name().as_ref() == b"Label" => {
-                let key = e.try_get_attribute("Key").map_err(|e| broken(&e))?;
-                let key = key.and_then(|k| std::str::from_utf8(&k.value).ok()?.trim().parse().ok());
+            Event::Start(e) if e.name().as_ref() == "Label" => {
+                // The reader's own search compares each name with all before it.
+                let mut attributes = e.attributes();
+                let key = attributes.with_checks(false).flatten().find(|a| a.key.as_ref() == "Key");
+                let key = key.and_then(|key| key.value.trim().parse().ok());
                 open = Some((key.ok_or_else(|| broken(&"a label without a numeric key"))?, String::new()));
             }
             Event::Text(e) => {
                 if let Some((_, name)) = &mut open {
-                    name.push_str(&e.decode().map_err(|e| broken(&e))?);
+                    name.push_str(&e);
                 }
             }
             Event::CData(e) => {
                 if let Some((_, name)) = &mut open {
-                    name.push_str(&e.decode().map_err(|e| broken(&e))?);
+                    name.push_str(&e);
                 }
             }
             Event::GeneralRef(e) => {
                 if let Some((_, name)) = &mut open {
                     let named = match &*e {
-                        b"amp" => Some('&'),
-                        b"lt" => Some('<'),
-                        b"gt" => Some('>'),
-                        b"quot" => Some('"'),
-                        b"apos" => Some('\''),
+                        "amp" => Some('&'),
+                        "lt" => Some('<'),
+                        "gt" => Some('>'),
+                        "quot" => Some('"'),
+                        "apos" => Some('\''),
                         _ => e.resolve_char_ref().map_err(|e| broken(&e))?,
                     };
                     name.extend(named);
                 }
             }
-            Event::End(e) if e.name().as_ref() == b"Label" => {
+            Event::End(e) if e.name().as_ref() == "Label" => {
                 if let Some((key, name)) = open.take() {
                     labels.insert(key, name.trim().to_owned());
                 }

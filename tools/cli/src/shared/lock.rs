@@ -1,8 +1,9 @@
 //! One run per output: an advisory lock on a file beside it, which says who holds it and since when. The lock
 //! belongs to the process and goes with it, however it ends; a file that is left behind locks nobody out.
+//! What stands in the lock's place and is no lock of ours (a link, a file with other content) is never touched.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{Read, Seek, Write};
+use std::io::{ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use engine::{Error, Kind, Result};
@@ -22,7 +23,7 @@ impl Lock {
     /// Locks `output` for this process.
     ///
     /// # Errors
-    /// [`Kind::Temporary`] if another process holds it.
+    /// [`Kind::Temporary`] if another process holds it, [`Kind::CannotCreate`] if something else has the lock's name.
     pub fn take(output: &Path, signals: &Signals) -> Result<Lock> {
         let mut name = output.file_name().unwrap_or_default().to_owned();
         name.push(".lock");
@@ -32,14 +33,7 @@ impl Lock {
             Error::new(Kind::CannotCreate, "VGS-CLI-010", message).file(output)
         };
         loop {
-            let mut options = OpenOptions::new();
-            let mut file = options
-                .read(true)
-                .write(true)
-                .create(true)
-                .truncate(false)
-                .open(&path)
-                .map_err(|e| failed(&e))?;
+            let Some(mut file) = open(&path).map_err(|e| failed(&e))? else { return Err(foreign(&path)) };
             match file.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => return Err(busy(output, file)),
@@ -49,8 +43,14 @@ impl Lock {
             if !is_still(&file, &path) {
                 continue;
             }
+            if !is_ours(&mut file).map_err(|e| failed(&e))? {
+                return Err(foreign(&path));
+            }
             let note = format!("{} {}\n", std::process::id(), clock::now());
-            file.set_len(0).and_then(|()| file.write_all(note.as_bytes())).map_err(|e| failed(&e))?;
+            file.set_len(0)
+                .and_then(|()| file.rewind())
+                .and_then(|()| file.write_all(note.as_bytes()))
+                .map_err(|e| failed(&e))?;
             signals.remove_on_exit(Some(path.clone()));
             return Ok(Lock { path, _file: file, signals: signals.clone() });
         }
@@ -64,9 +64,60 @@ impl Drop for Lock {
     }
 }
 
+/// Opens the file at `path`, or makes it; nothing if what stands there is no regular file. A link is not followed: one
+/// that takes the place of a file between the two looks is not what [`is_still`] finds there.
+fn open(path: &Path) -> std::io::Result<Option<File>> {
+    loop {
+        let mut options = OpenOptions::new();
+        options.read(true).write(true);
+        match options.clone().create_new(true).open(path) {
+            Err(e) if e.kind() == ErrorKind::AlreadyExists => {}
+            made => return made.map(Some),
+        }
+        match fs::symlink_metadata(path) {
+            Ok(there) if !there.is_file() => return Ok(None),
+            Ok(_) => match options.open(path) {
+                Err(e) if e.kind() == ErrorKind::NotFound => {}
+                opened => return opened.map(Some),
+            },
+            Err(e) if e.kind() == ErrorKind::NotFound => {}
+            Err(e) => return Err(e),
+        }
+    }
+}
+
+/// Longest note of a lock, bytes: a process and a date.
+const LONGEST_NOTE: u64 = 64;
+
+/// Returns true if the file holds nothing, or the note of a lock.
+fn is_ours(file: &mut File) -> std::io::Result<bool> {
+    let mut bytes = Vec::new();
+    file.rewind()?;
+    file.take(LONGEST_NOTE + 1).read_to_end(&mut bytes)?;
+    let Ok(note) = std::str::from_utf8(&bytes) else { return Ok(false) };
+    let words: Vec<&str> = note.split_whitespace().collect();
+    let is_note = |process: &str, since: &str| {
+        process.parse::<u32>().is_ok()
+            && since.starts_with(|c: char| c.is_ascii_digit())
+            && since.ends_with('Z')
+    };
+    Ok(match words[..] {
+        [] => bytes.is_empty(),
+        [process, since] => bytes.len() as u64 <= LONGEST_NOTE && is_note(process, since),
+        _ => false,
+    })
+}
+
+fn foreign(path: &Path) -> Error {
+    let message = "this is not the lock of a run, which needs its name: nothing was changed";
+    Error::new(Kind::CannotCreate, "VGS-CLI-097", message)
+        .file(path)
+        .help("move it away, or choose another name for the output")
+}
+
 fn is_still(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
-    match (file.metadata(), fs::metadata(path)) {
+    match (file.metadata(), fs::symlink_metadata(path)) {
         (Ok(a), Ok(b)) => a.ino() == b.ino() && a.dev() == b.dev(),
         _ => false,
     }
@@ -83,4 +134,43 @@ fn busy(output: &Path, mut file: File) -> Error {
     Error::new(Kind::Temporary, "VGS-CLI-011", message)
         .file(output)
         .help("another run writes this output: wait for it, or choose another name")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_lock_is_left_alone() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (output, lock) = (folder.path().join("a.ply"), folder.path().join("a.ply.lock"));
+        let take = || Lock::take(&output, &Signals::default());
+        let precious = folder.path().join("precious");
+        fs::write(&precious, "precious").expect("a file");
+
+        std::os::unix::fs::symlink(&precious, &lock).expect("a link");
+        assert_eq!(take().err().map(|e| e.code), Some("VGS-CLI-097"));
+        fs::remove_file(&lock).expect("the link");
+        std::os::unix::fs::symlink(folder.path().join("nowhere"), &lock).expect("a link to nothing");
+        assert_eq!(take().err().map(|e| e.code), Some("VGS-CLI-097"));
+        assert!(!folder.path().join("nowhere").exists());
+        fs::remove_file(&lock).expect("the link");
+        for content in ["my notes", "12 monkeys", "\n", "1 2Z 3", &"9".repeat(100)] {
+            fs::write(&lock, content).expect("a file");
+            assert_eq!(take().err().map(|e| e.code), Some("VGS-CLI-097"), "{content}");
+            assert_eq!(fs::read_to_string(&lock).expect("the file"), content);
+        }
+        assert_eq!(fs::read_to_string(&precious).expect("the file"), "precious");
+
+        // What a run that was killed left behind locks nobody out, and neither does an empty file.
+        for content in ["4711 2026-01-31T12:00:00Z\n", ""] {
+            fs::write(&lock, content).expect("a file");
+            let held = take().expect("a lock");
+            let note = fs::read_to_string(&lock).expect("a note");
+            assert!(note.starts_with(&format!("{} ", std::process::id())), "{note}");
+            assert_eq!(take().err().map(|e| e.code), Some("VGS-CLI-011"), "held by this process");
+            drop(held);
+            assert!(!lock.exists());
+        }
+    }
 }

@@ -21,8 +21,8 @@ struct SharedState {
     remove_on_exit: Mutex<Option<PathBuf>>,
 }
 
-/// The state of the signals of this process.
-#[derive(Clone)]
+/// The state of the signals of this process; by default none are watched.
+#[derive(Clone, Default)]
 pub struct Signals(Arc<SharedState>);
 
 impl Signals {

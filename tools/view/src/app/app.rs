@@ -11,6 +11,7 @@ use engine::transfer::PRESETS;
 use glam::DVec3;
 
 use super::drag::Drag;
+use super::held_keys::HeldKeys;
 use crate::actions::{Action, pressed};
 use crate::editor::Editor;
 use crate::history::History;
@@ -66,6 +67,7 @@ pub struct App {
     pub(super) picture: Rect,
     pub(super) pixels_per_point: f32,
     pub(super) held: bool,
+    pub(super) held_keys: HeldKeys,
     pub(super) reading: Option<Reading>,
 }
 
@@ -88,6 +90,7 @@ impl App {
             picture: Rect::NOTHING,
             pixels_per_point: 1.0,
             held: false,
+            held_keys: HeldKeys::default(),
             reading: None,
         }
     }
@@ -169,7 +172,10 @@ impl App {
             actions.extend(context.input_mut(|i| pressed(i, focus)));
         }
         let left = actions.into_iter().filter_map(|action| self.act(action, info)).collect();
-        self.held = context.input(|i| i.pointer.any_down() || !i.keys_down.is_empty());
+        self.held = context.input(|i| {
+            self.held_keys.follow(&i.raw);
+            i.pointer.any_down() || self.held_keys.any()
+        });
         self.remember(self.held || context.text_edit_focused());
         left
     }

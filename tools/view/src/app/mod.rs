@@ -5,9 +5,11 @@
 //! | `app` | [`App`]: the state with its panels; what actions do, and what has to be rendered anew |
 //! | `picture` | the picture between the panels: what the mouse does in it, and what is painted over it |
 //! | `drag` | what the mouse has taken hold of |
+//! | `held_keys` | which keys are down |
 
 mod app;
 mod drag;
+mod held_keys;
 mod picture;
 
 pub use app::{App, Changes};

@@ -99,7 +99,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
         rates.evaluation = evaluating.elapsed().as_secs_f64() * (1 + protocol.offsets.len()) as f64;
     }
     let iterations = rates.iterations(&plan.schedule);
-    let looks = iterations / u32::try_from(plan.problem.config().offsets).unwrap_or(1).max(LOOK_EVERY);
+    let looks = iterations / u32::try_from(plan.problem.config().offset_count()).unwrap_or(1).max(LOOK_EVERY);
     Ok(Estimate {
         device: plan.gpu.description().name.clone(),
         splats: plan.first.len(),

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use engine::gpu::Gpu;
-use engine::render::{Camera, ClipPlane, Look, ModeRow, Renderer, Scene, Settings, VolumeSource, mode};
-use engine::splat::{self, Form, SplatSet};
+use engine::render::{
+    Camera, ClipPlane, Look, ModeRow, Renderer, Scene, Settings, SplatKind, VolumeSource, mode,
+};
+use engine::splat::{self, SplatSet};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, transfer};
 use serde::Serialize;
@@ -57,15 +59,12 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let mut row = arguments.mode_row()?;
     // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
     let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
-    let of_grid = set.as_ref().is_some_and(|set| set.form != Form::Field);
-    if of_grid && arguments.mode.is_none() {
-        row = mode("decoded")?;
-    } else if of_grid && row.name != "decoded" {
-        tracing::warn!(
-            "these splats are fitted for the voxels of their CT alone (vgs.form grid): mode {} shows what lies between \
-             the voxels, too, which means nothing; leave --mode out",
-            row.name
-        );
+    if let Some((own, why)) = set.as_ref().and_then(mode_of_set) {
+        if arguments.mode.is_none() {
+            row = mode(own)?;
+        } else if row.name != own {
+            tracing::warn!("{why}: mode {} shows something else; leave --mode out", row.name);
+        }
     }
     let wants_volume = set.is_none();
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
@@ -92,6 +91,21 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let seconds = start.elapsed().as_secs_f64() / f64::from(count);
     arguments.report(console, row, &gpu, &scene, &files, count, seconds)?;
     Ok(0)
+}
+
+/// Returns the mode that alone shows a set, and why; nothing for a set that every mode shows.
+fn mode_of_set(set: &SplatSet) -> Option<(&'static str, &'static str)> {
+    match SplatKind::of(set) {
+        SplatKind::Field => None,
+        SplatKind::Grid => Some((
+            "decoded",
+            "these splats are fitted for the voxels of their CT alone (vgs.form grid), and mean nothing between them",
+        )),
+        SplatKind::Coloured => Some((
+            "alpha",
+            "these splats have colours of their own and no intensity that a transfer function could classify",
+        )),
+    }
 }
 
 impl Arguments {
