@@ -1,7 +1,7 @@
 //! What the page says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the page.
-pub const GROUPS: [(&str, &str); 21] = [
+pub const GROUPS: [(&str, &str); 22] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -20,6 +20,7 @@ pub const GROUPS: [(&str, &str); 21] = [
     ("VIEW", "the viewer"),
     ("XR", "the headset"),
     ("GPU", "the device"),
+    ("MEM", "memory of the host"),
     ("OUT", "outputs"),
     ("IO", "reading and writing"),
     ("BEN", "the benchmarks"),
