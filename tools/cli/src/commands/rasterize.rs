@@ -103,7 +103,6 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     }
     let read = splat_files::read_with_intensity(&arguments.splats)?;
     let (set, mut volume) = arguments.place(read)?;
-    let splats = set.to_voxel(&volume.world_from_voxel);
     let gpu = arguments.device.boot()?;
     let quantity = arguments.quantity;
     let nothing = match quantity {
@@ -119,11 +118,21 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         Quantity::Occupancy => s.occupancy,
         Quantity::Weight => s.weight,
     };
-    let (mut filled, size) = (0, volume.size);
-    sampling::visit(&gpu, &splats, &set.field, size, |index, sample| {
-        volume.samples[index] = value(sample);
+    let mut filled = 0;
+    let mut samples = std::mem::take(&mut volume.samples);
+    let take = |index: usize, sample: &FieldSample| {
+        samples[index] = value(sample);
         filled += usize::from(sample.weight > 0.0);
-    })?;
+    };
+    match quantity {
+        // It is the splats' own, whatever they were fitted for.
+        Quantity::Weight => {
+            let splats = set.to_voxel(&volume.world_from_voxel);
+            sampling::visit(&gpu, &splats, &set.field, volume.size, take)?;
+        }
+        _ => sampling::visit_shown(&gpu, &set, &volume, take)?,
+    }
+    volume.samples = samples;
     if filled == 0 {
         tracing::warn!("no splat reaches the grid: every voxel is {nothing}");
     }
@@ -131,7 +140,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let [x, y, z] = volume.size;
     if console.json {
         console.json_data(&serde_json::json!({
-            "splats": splats.len(),
+            "splats": set.splats.len(),
             "size": volume.size,
             "spacing_mm": volume.spacing_mm().to_array(),
             "reached_voxels": filled,
@@ -141,7 +150,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
         console.say(&format!(
             "{}: {x} x {y} x {z} voxels, {filled} of them reached by {} splats",
             arguments.output.display(),
-            splats.len()
+            set.splats.len()
         ));
     }
     Ok(0)

@@ -4,12 +4,10 @@
 use engine::Result;
 use engine::fit::evaluate::FieldSample;
 use engine::gpu::Gpu;
-use engine::render;
-use engine::splat::{Form, SplatSet};
+use engine::splat::SplatSet;
 use engine::volume::trilinear;
 use engine::volume::{Roi, Volume};
 use glam::{DAffine3, DVec3};
-use rayon::prelude::*;
 
 use super::canvas::Colour;
 use crate::shared::sampling;
@@ -68,27 +66,12 @@ impl Subject {
         ct.samples.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = least);
         let roi = Roi { size, weight: cut(&roi.weight), soft: roi.soft };
 
-        let (hu, occupancy) = if set.form == Form::Field {
-            let splats = set.to_voxel(&ct.world_from_voxel);
-            let mut hu = vec![set.field.background; ct.len()];
-            let mut occupancy = vec![0.0; ct.len()];
-            sampling::visit(gpu, &splats, &set.field, size, |index, s: &FieldSample| {
-                hu[index] = s.hu;
-                occupancy[index] = s.occupancy;
-            })?;
-            (hu, occupancy)
-        } else {
-            // As mode decoded shows them: the outline is that of the mask, not of O.
-            let decoded = render::decode(gpu, set, 1.0)?;
-            let field = decoded.in_voxels_of(&ct, set.origin_mm);
-            let at = |i: usize| {
-                let [nx, ny, _] = size;
-                let (hu, occupancy) =
-                    field(DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64));
-                (hu as f32, occupancy as f32)
-            };
-            (0..ct.len()).into_par_iter().map(at).unzip()
-        };
+        let mut hu = vec![set.field.background; ct.len()];
+        let mut occupancy = vec![0.0; ct.len()];
+        sampling::visit_shown(gpu, set, &ct, |index, s: &FieldSample| {
+            hu[index] = s.hu;
+            occupancy[index] = s.occupancy;
+        })?;
 
         let mut inside: Vec<f32> = marked(&roi).map(|i| ct.samples[i]).collect();
         let mut errors: Vec<f32> = marked(&roi).map(|i| (hu[i] - ct.samples[i]).abs()).collect();

@@ -8,9 +8,10 @@ use std::cmp::Ordering;
 use engine::Result;
 use engine::fit::evaluate::{FieldSample, Sampler};
 use engine::gpu::Gpu;
-use engine::splat::{Activations, Field, Splat};
-use engine::volume::Bricks;
+use engine::render;
+use engine::splat::{Activations, Field, Form, Splat, SplatSet};
 use engine::volume::bricks::{BRICK, SAMPLES};
+use engine::volume::{Bricks, Volume};
 use glam::{DVec3, IVec3, UVec3};
 use rayon::prelude::*;
 
@@ -41,6 +42,32 @@ fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 
         out[axis] = [first as usize / BRICK, last as usize / BRICK];
     }
     Some(out)
+}
+
+/// Calls `take` with index and field of every voxel of `volume` that a set says something about, as it is shown: splats
+/// that were fitted for the voxels of a grid are decoded there and interpolated. The weight is then the occupancy.
+pub fn visit_shown(
+    gpu: &Gpu,
+    set: &SplatSet,
+    volume: &Volume,
+    mut take: impl FnMut(usize, &FieldSample),
+) -> Result<()> {
+    if set.form == Form::Field {
+        return visit(gpu, &set.to_voxel(&volume.world_from_voxel), &set.field, volume.size, take);
+    }
+    let decoded = render::decode(gpu, set, 1.0)?;
+    let field = decoded.in_voxels_of(volume, set.origin_mm);
+    let [nx, ny, _] = volume.size;
+    let layer = nx * ny;
+    for z in 0..volume.size[2] {
+        let at = |i: usize| {
+            let (hu, occupancy) = field(DVec3::new((i % nx) as f64, (i / nx) as f64, z as f64));
+            FieldSample { hu: hu as f32, occupancy: occupancy as f32, weight: occupancy as f32 }
+        };
+        let samples: Vec<FieldSample> = (0..layer).into_par_iter().map(at).collect();
+        samples.iter().enumerate().for_each(|(i, sample)| take(z * layer + i, sample));
+    }
+    Ok(())
 }
 
 /// Calls `take` with index and field of every voxel of a grid that a splat may reach; splats in its voxel space.
