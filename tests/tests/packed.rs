@@ -69,18 +69,23 @@ fn print_errors(set: &SplatSet) {
     );
 }
 
+/// Fits a case; returns the PSNR of V and of O of the packed splats against those in full, dB.
+fn of_fit(gpu: &Device, case: &Case) -> [f64; 2] {
+    let mut fitter = case.fit(gpu);
+    let splats = fitter.splats().expect("splats");
+    let field = case.config.field(fitter.scaling().background);
+    let set = SplatSet::from_voxel(&splats, &case.volume.world_from_voxel, field);
+    print_errors(&set);
+    psnr(gpu, &set, &case.volume, &case.roi)
+}
+
 #[test]
 fn a_packed_fit_shows_the_same_field() {
     let gpu = Device::boot();
     for (form, least_hu) in [(FitForm::Grid, 61.0), (FitForm::Field, 66.0)] {
         let mut case = Case::phantom([40, 36, 40], 60);
         case.config.form = form;
-        let mut fitter = case.fit(&gpu);
-        let splats = fitter.splats().expect("splats");
-        let field = case.config.field(fitter.scaling().background);
-        let set = SplatSet::from_voxel(&splats, &case.volume.world_from_voxel, field);
-        print_errors(&set);
-        let [hu, occupancy] = psnr(&gpu, &set, &case.volume, &case.roi);
+        let [hu, occupancy] = of_fit(&gpu, &case);
         println!("{form:?}: {hu:.2} dB, occupancy {occupancy:.2} dB");
         assert!(hu > least_hu && occupancy > 58.0, "{form:?}: {hu} dB, {occupancy} dB");
     }
@@ -101,12 +106,7 @@ fn a_packed_fit_of_a_ct_shows_the_same_field() {
     let roi = Roi::from_mask(&mask, &LabelChoice::Whole, &volume).expect("a region");
     let config = FitConfig { iterations: 40, density: 0.05, ..FitConfig::default() };
     let case = Case { volume, roi, config };
-    let mut fitter = case.fit(&gpu);
-    let splats = fitter.splats().expect("splats");
-    let field = case.config.field(fitter.scaling().background);
-    let set = SplatSet::from_voxel(&splats, &case.volume.world_from_voxel, field);
-    print_errors(&set);
-    let [hu, occupancy] = psnr(&gpu, &set, &case.volume, &case.roi);
+    let [hu, occupancy] = of_fit(&gpu, &case);
     println!("{hu:.2} dB, occupancy {occupancy:.2} dB");
     assert!(hu > 72.0 && occupancy > 59.0, "{hu} dB, {occupancy} dB");
 }

@@ -171,7 +171,7 @@ impl<'a> Problem<'a> {
     pub fn splat_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
         SplatSet {
             iterations: Some(iterations),
-            grid: Some(grid_of(&self.volume)),
+            grid: Some(Grid::of_voxels(self.volume.size, self.volume.world_from_voxel)),
             form: self.config.fitted_form(&self.roi),
             ..SplatSet::from_voxel(splats, &self.volume.world_from_voxel, self.field())
         }
@@ -221,11 +221,6 @@ impl<'a> Problem<'a> {
             end,
         })
     }
-}
-
-/// Returns the voxels of a volume, as splat sets and their files keep them.
-fn grid_of(volume: &Volume) -> Grid {
-    Grid { size: volume.size.map(|n| n as u32), world_from_voxel: volume.world_from_voxel }
 }
 
 /// Where a fit begins.

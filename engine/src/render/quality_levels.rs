@@ -44,6 +44,15 @@ impl SplatKind {
         }
     }
 
+    /// Returns the mode that alone shows such splats as they are meant; nothing where every mode does.
+    pub fn own_mode(self) -> Option<&'static str> {
+        match self {
+            SplatKind::Field => None,
+            SplatKind::Grid => Some("decoded"),
+            SplatKind::Coloured => Some("alpha"),
+        }
+    }
+
     /// What a set is.
     pub fn of(set: &SplatSet) -> Self {
         match set.form {

@@ -12,6 +12,11 @@ pub struct Grid {
 }
 
 impl Grid {
+    /// The voxels of a volume of that size.
+    pub fn of_voxels(size: [usize; 3], world_from_voxel: DAffine3) -> Self {
+        Grid { size: size.map(|n| u32::try_from(n).unwrap_or(u32::MAX)), world_from_voxel }
+    }
+
     /// The grid with samples `pitch` voxels apart, from the centre of the first voxel on: at ½ every second sample is the
     /// centre of a voxel, at 2 every sample is that of every second one.
     ///

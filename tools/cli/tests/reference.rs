@@ -244,6 +244,19 @@ fn a_fit_for_the_grid_is_decoded() {
     let info = folder.run(&["info", "grid.ply"]).out;
     assert!(info.contains("24 x 24 x 24 voxels; the splats are right at these alone"), "{info}");
 
+    // As a volume, too, it is what is shown: the mask was binary, so O is 0 or 1 at the voxels.
+    let rasterize =
+        ["rasterize", "grid.ply", "--like", "ct.nii.gz", "-o", "o.nii", "--quantity", "occupancy"];
+    assert_eq!(folder.run(&rasterize).code, 0);
+    let occupancy = Volume::read(folder.path("o.nii"), &Default::default()).expect("a volume");
+    let inside = occupancy.samples.iter().filter(|&&o| (o - 1.0).abs() < 1e-3).count();
+    assert!(inside > 100 && occupancy.samples.iter().all(|&o| o < 1e-3 || (o - 1.0).abs() < 1e-3));
+
+    // More splats than any density asks for are refused before anything is done.
+    let refused =
+        folder.run(&["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "n.ply", "--splats", "1000000000"]);
+    assert!(refused.code == 2 && refused.err.contains("VGS-FIT-040"), "{}", refused.err);
+
     let eval = ["eval", "grid.ply", "ct.nii.gz", "--roi", "mask.nii.gz"];
     let told = folder.run(&[&eval[..], &["--json"]].concat()).json();
     assert_eq!(told["form"], "grid-binary");

@@ -174,11 +174,8 @@ impl Viewer {
 
     /// Chooses the mode that alone shows these splats, if there is one.
     fn choose_mode(&mut self, set: &SplatSet) {
-        let own = match SplatKind::of(set) {
-            SplatKind::Field => return,
-            SplatKind::Grid => SplatMode::Decoded,
-            SplatKind::Coloured => SplatMode::Alpha,
-        };
+        let own = SplatKind::of(set).own_mode();
+        let Some(own) = SplatMode::ALL.into_iter().find(|mode| Some(mode.name()) == own) else { return };
         if std::mem::replace(&mut self.app.state.mode, own) != own && own == SplatMode::Alpha {
             self.app.done("These splats have colours and no intensity: mode alpha shows them");
         }

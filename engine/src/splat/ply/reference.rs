@@ -142,10 +142,7 @@ impl Rows {
             })
             .collect();
         set.origin_mm = centre(means.iter().copied());
-        set.grid = Some(Grid {
-            size: place.size.map(|n| u32::try_from(n).unwrap_or(u32::MAX)),
-            world_from_voxel: place.world_from_voxel,
-        });
+        set.grid = Some(Grid::of_voxels(place.size, place.world_from_voxel));
         let origin = set.origin_mm;
         set.splats.par_iter_mut().zip(&means).for_each(|(splat, mean)| {
             let probability = splat.opacity_logit;

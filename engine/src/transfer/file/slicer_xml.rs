@@ -86,3 +86,22 @@ fn function(name: &str, attributes: &Attributes) -> Result<TransferFunction> {
     };
     TransferFunction::new(name, colours, opacities, material)?.with_gradient_opacity(gradient)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_attribute_is_there_once_and_very_many_of_them_are_no_trouble() {
+        let list = "scalarOpacity=\"4 0 0 100 1\" colorTransfer=\"8 0 0 0 0 100 1 1 1\"";
+        let entries = read(&format!("<VolumeProperty name=\"a\" {list}/>")).expect("XML");
+        assert!(entries.len() == 1 && entries[0].function.is_ok());
+        let error =
+            read(&format!("<VolumeProperty name=\"a\" name=\"b\" {list}/>")).err().expect("two names");
+        assert!(error.message.contains("name is there twice"), "{error}");
+        // 0.9 MB: with each name compared with all before it, this took a quarter of a minute.
+        let many: String = (0..60_000).map(|i| format!(" a{i}=\"{i}\"")).collect();
+        let entries = read(&format!("<VolumeProperty name=\"a\" {list}{many}/>")).expect("XML");
+        assert!(entries.len() == 1 && entries[0].function.is_ok());
+    }
+}

@@ -74,9 +74,9 @@ struct FittedRegion {
 enum Quantity {
     /// HU where the occupancy is one half or more
     Intensity,
-    /// HU everywhere, as vgs eval takes it; where no splat reaches, that of the background
+    /// HU everywhere, as vgs eval takes it; far from all splats that of the background
     Field,
-    /// From 0 to 1
+    /// From 0 to 1; of a fit to a binary mask, at the voxels, 0 or 1
     Occupancy,
     /// The summed weight of the splats
     Weight,

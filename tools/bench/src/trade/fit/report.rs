@@ -96,7 +96,7 @@ impl Figures {
             iterations: config.iterations,
             kernel: Kernel::name(config.kernel),
             storage: config.storage,
-            offsets: config.offsets,
+            offsets: config.offset_count(),
             psnr_worst_db: held_out.worst,
             psnr_mean_db: held_out.mean,
             psnr_grid_db: end.psnr(),

@@ -59,10 +59,15 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let mut row = arguments.mode_row()?;
     // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
     let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
-    if let Some((own, why)) = set.as_ref().and_then(mode_of_set) {
+    let kind = set.as_ref().map(SplatKind::of);
+    if let Some((kind, own)) = kind.and_then(|kind| Some((kind, kind.own_mode()?))) {
         if arguments.mode.is_none() {
             row = mode(own)?;
         } else if row.name != own {
+            let why = match kind {
+                SplatKind::Coloured => "these splats have colours and no intensity that could be classified",
+                _ => "these splats are fitted for the voxels of their CT alone (vgs.form grid)",
+            };
             tracing::warn!("{why}: mode {} shows something else; leave --mode out", row.name);
         }
     }
@@ -91,21 +96,6 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     let seconds = start.elapsed().as_secs_f64() / f64::from(count);
     arguments.report(console, row, &gpu, &scene, &files, count, seconds)?;
     Ok(0)
-}
-
-/// Returns the mode that alone shows a set, and why; nothing for a set that every mode shows.
-fn mode_of_set(set: &SplatSet) -> Option<(&'static str, &'static str)> {
-    match SplatKind::of(set) {
-        SplatKind::Field => None,
-        SplatKind::Grid => Some((
-            "decoded",
-            "these splats are fitted for the voxels of their CT alone (vgs.form grid), and mean nothing between them",
-        )),
-        SplatKind::Coloured => Some((
-            "alpha",
-            "these splats have colours of their own and no intensity that a transfer function could classify",
-        )),
-    }
 }
 
 impl Arguments {
