@@ -260,7 +260,7 @@ fn a_lost_device_is_made_again() {
     };
     let (whole, log) = shot(&[]);
     assert!(!log.contains("beginning anew"));
-    // In the middle of the upload, and between two frames.
+    // In the middle of the upload, and while the field is decoded beside the window.
     for at in ["3", "30"] {
         let (again, log) = shot(&["--lost-at", at]);
         again.keep(&format!("lost-{at}"));

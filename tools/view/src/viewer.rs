@@ -165,6 +165,9 @@ impl Viewer {
                     new.push(subject);
                 }
                 Ok(None) => {}
+                // The next picture meets the same loss, and the window begins anew; a device that has
+                // taken the lost one's place draws one picture more.
+                Err(error) if error.code == LOST => self.stale = true,
                 Err(error) => self.app.report(&error),
             }
         }
