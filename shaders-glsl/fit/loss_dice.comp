@@ -8,7 +8,7 @@
 // quotient of their sums is 1 - 2 I / S.
 #define QUANTITY_CONSTANT 4
 #include "loss.glsl"
-layout(scalar, binding = 4) readonly buffer Overlap { vec3 overlap[]; }; // [0]: I, Σ p, Σ t
+layout(scalar, binding = 6) readonly buffer Overlap { vec3 overlap[]; }; // [0]: I, Σ p, Σ t
 
 void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adjoint adjoint) {
     value_weight = vec2(0.0);

@@ -13,12 +13,20 @@ layout(push_constant, scalar) uniform OverlapParams {
     float low;
 } p;
 layout(scalar, binding = 2) writeonly buffer Partials { vec3 partials[]; }; // [slot], all chunks
+layout(scalar, binding = 3) readonly buffer Starts { uint starts[]; };      // [slot] of the chunk: its first pair
+layout(scalar, binding = 4) readonly buffer UntouchedSums { vec3 untouched_sums[]; }; // [slot] of the chunk
 
 shared vec3 partial[64];
 
 void main() {
     uint lane = gl_LocalInvocationIndex;
-    uint begin = gl_WorkGroupID.x * 512;
+    uint slot = gl_WorkGroupID.x;
+    if (starts[slot] == starts[slot + 1]) {
+        // No splat reaches the brick: its sums are known.
+        if (lane == 0) partials[p.first_slot + slot] = untouched_sums[slot];
+        return;
+    }
+    uint begin = slot * 512;
     for (uint t = lane; t < 64; t += GROUP) {
         vec3 sum = vec3(0.0);
         for (uint i = begin + t; i < begin + 512; i += 64) {
@@ -30,5 +38,5 @@ void main() {
         partial[t] = sum;
     }
     SUM_OF_64(partial, lane, GROUP)
-    if (lane == 0) partials[p.first_slot + gl_WorkGroupID.x] = partial[0];
+    if (lane == 0) partials[p.first_slot + slot] = partial[0];
 }

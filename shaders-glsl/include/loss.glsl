@@ -1,6 +1,6 @@
 // What the loss kernels share: one workgroup owns a brick; the loss value and its weight are summed over the
 // brick in a fixed order, every 64th sample together and then the 64 sums. A loss never sees a splat.
-// Bindings from 4 on are the term's, and so are the constants from 4 on.
+// Bindings from 6 on are the term's, and so are the constants from 4 on.
 //
 // The first term overwrites the adjoints (dL/dV^, dL/dW), later ones add to them. The last one folds them
 // into what the backward pass multiplies with a splat's intensity c: A = dL/dV^ / (W + ε) and
@@ -19,6 +19,8 @@ layout(constant_id = 1) const uint FOLD = 0;       // 1: the last term
 layout(constant_id = 3) const uint GROUP = 64;     // invocations of a workgroup: 64, or 8 for CPU drivers
 layout(scalar, binding = 2) buffer Adjoints { uint adjoints[]; };
 layout(scalar, binding = 3) writeonly buffer LossSums { vec2 loss_sums[]; }; // [slot]: Σ value, Σ weight
+layout(scalar, binding = 4) readonly buffer Starts { uint starts[]; };       // [slot]: its first pair
+layout(scalar, binding = 5) readonly buffer UntouchedSums { vec2 untouched_sums[]; }; // [slot] that no pair reaches
 
 shared vec2 partial[64];
 
@@ -44,7 +46,16 @@ void loss_term(Target wanted, Reconstruction got, out vec2 value_weight, out Adj
 
 void main() {
     uint lane = gl_LocalInvocationIndex;
-    uint begin = gl_WorkGroupID.x * 512;
+    uint slot = gl_WorkGroupID.x;
+    uint begin = slot * 512;
+    if (starts[slot] == starts[slot + 1]) {
+        // A mini-batch leaves most bricks so. The sums are known, and there is nothing to move: a splat whose
+        // support holds only samples that take no part has no pair, and reads zeros.
+        if (lane == 0) loss_sums[slot] = untouched_sums[slot];
+        if (ACCUMULATE == 0)
+            for (uint i = begin + lane; i < begin + 512; i += GROUP) store_adjoint(i, Adjoint(0.0, 0.0));
+        return;
+    }
     for (uint t = lane; t < 64; t += GROUP) {
         vec2 sum = vec2(0.0);
         for (uint i = begin + t; i < begin + 512; i += 64) {
@@ -70,5 +81,5 @@ void main() {
         partial[t] = sum;
     }
     SUM_OF_64(partial, lane, GROUP)
-    if (lane == 0) loss_sums[gl_WorkGroupID.x] = partial[0];
+    if (lane == 0) loss_sums[slot] = partial[0];
 }

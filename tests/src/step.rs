@@ -3,7 +3,8 @@
 
 use engine::gpu::{Buffer, Gpu, Recorder};
 use engine::passes::loss::{
-    DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, Sum, TERMS, Weighted,
+    ChunkSamples, DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, Sum,
+    TERMS, Weighted,
 };
 use engine::passes::{Gradient, Losses, Rasterizer, Storage};
 use engine::reference;
@@ -90,8 +91,12 @@ pub fn run(gpu: &Gpu, scene: &Scene, terms: &[Weighted]) -> Pass {
 
 /// Runs a scene.
 pub fn run_stored(gpu: &Gpu, scene: &Scene, terms: &[Weighted], storage: Storage) -> Pass {
-    let Scene { bricks, splats, targets, kernel, offset } = scene;
-    run_inputs(gpu, &Inputs { bricks, splats, targets, kernel: *kernel, offset: *offset }, terms, storage)
+    run_inputs(gpu, &Inputs::of(scene, false), terms, storage)
+}
+
+/// Runs a scene with the losses of only those bricks that a splat reaches.
+pub fn run_touched(gpu: &Gpu, scene: &Scene, terms: &[Weighted], storage: Storage) -> Pass {
+    run_inputs(gpu, &Inputs::of(scene, true), terms, storage)
 }
 
 /// Runs splats against targets in full storage.
@@ -104,7 +109,8 @@ pub fn run_with(
     offset: [f32; 3],
     terms: &[Weighted],
 ) -> Pass {
-    run_inputs(gpu, &Inputs { bricks, splats, targets, kernel, offset }, terms, Storage::Full)
+    let inputs = Inputs { bricks, splats, targets, kernel, offset, touched_only: false };
+    run_inputs(gpu, &inputs, terms, Storage::Full)
 }
 
 /// A scene of borrowed parts.
@@ -114,11 +120,19 @@ struct Inputs<'a> {
     targets: &'a [Target],
     kernel: Kernel,
     offset: [f32; 3],
+    touched_only: bool,
+}
+
+impl<'a> Inputs<'a> {
+    fn of(scene: &'a Scene, touched_only: bool) -> Self {
+        let Scene { bricks, splats, targets, kernel, offset } = scene;
+        Inputs { bricks, splats, targets, kernel: *kernel, offset: *offset, touched_only }
+    }
 }
 
 /// Over all chunks, binning again where the bins were too small.
 fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) -> Pass {
-    let &Inputs { bricks, splats, targets, kernel, offset } = inputs;
+    let &Inputs { bricks, splats, targets, kernel, offset, touched_only } = inputs;
     let mut raster =
         Rasterizer::with_storage(gpu, kernel, EPSILON, bricks, splats.len(), storage).expect("a rasterizer");
     let chunks = raster.grid.chunks();
@@ -142,18 +156,30 @@ fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) 
                 .expect("targets")
         })
         .collect();
-    if losses.need_overlap() {
-        for (chunk, wanted) in targets.iter().enumerate() {
-            rasterize(gpu, &mut raster, &buffer, chunk, offset);
-            let slots = raster.grid.chunk(chunk);
-            submit(gpu, |r| losses.record_overlap(r, wanted, &raster.reconstructions, slots));
-        }
-    }
-    for (chunk, wanted) in targets.iter().enumerate() {
+    let untouched: Vec<_> = (0..if touched_only { chunks } else { 0 })
+        .map(|c| {
+            let (slots, nothing) = (raster.grid.chunk(c), &raster.reconstructions);
+            losses.untouched_sums(gpu, terms, &targets[c], nothing, c, slots).expect("sums of nothing")
+        })
+        .collect();
+    let sweeps = if losses.need_overlap() { [0, 1].as_slice() } else { &[1] };
+    for (&sweep, (chunk, wanted)) in
+        sweeps.iter().flat_map(|s| targets.iter().enumerate().map(move |t| (s, t)))
+    {
         rasterize(gpu, &mut raster, &buffer, chunk, offset);
-        let slots = raster.grid.chunk(chunk).len();
+        let samples = ChunkSamples {
+            chunk,
+            slots: raster.grid.chunk(chunk),
+            targets: wanted,
+            reconstructions: &raster.reconstructions,
+            touched: untouched.get(chunk).map(|sums| (raster.bins.starts(), sums)),
+        };
+        if sweep == 0 {
+            submit(gpu, |r| losses.record_overlap(r, &samples));
+            continue;
+        }
         submit(gpu, |r| {
-            losses.record(r, terms, wanted, &raster.reconstructions, chunk, slots);
+            losses.record(r, terms, &samples);
             gradient
                 .gather(r, &raster.grid, &raster.bins.footprints, &losses.adjoints, chunk, offset)
                 .expect("the backward pass");
@@ -161,7 +187,7 @@ fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) 
                 gradient.record(r, &buffer, raster.grid.stretch);
             }
         });
-        let words = slots * SAMPLES * storage.words();
+        let words = samples.slots.len() * SAMPLES * storage.words();
         let samples = raster.reconstructions.read_range(0, words).expect("samples");
         pass.reconstructions.extend(storage.unpack::<Reconstruction>(&samples));
         let adjoints = losses.adjoints.read_range(0, words).expect("adjoints");

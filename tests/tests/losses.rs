@@ -3,17 +3,17 @@
 
 use engine::fit::{FitConfig, Progress};
 use engine::gpu::{Gpu, GpuOptions};
-use engine::passes::loss::{DICE, LEAK, Sum, Weighted};
+use engine::passes::loss::{ChunkSamples, DICE, LEAK, Sum, Weighted};
 use engine::passes::{Losses, Storage};
-use engine::splat::Splat;
+use engine::splat::{Kernel, Splat};
 use engine::volume::bricks::SAMPLES;
 use engine::volume::{Roi, Volume};
 use glam::DAffine3;
 use shaders_glsl::types::{Adjoint, Reconstruction, Target};
 use vgs_tests::fitting::Case;
 use vgs_tests::scene::EPSILON;
-use vgs_tests::storage::pack;
-use vgs_tests::{Bound, Device, assert_close};
+use vgs_tests::storage::{STORAGES, pack};
+use vgs_tests::{Bound, Device, Scene, assert_close, step};
 
 /// Dice and leak of one brick: sums and folded adjoints, which are dL/dW as no term looks at V̂.
 fn brick(gpu: &Gpu, targets: &[Target], weights: &[f32]) -> (Vec<Sum>, Vec<Adjoint>) {
@@ -27,8 +27,10 @@ fn brick(gpu: &Gpu, targets: &[Target], weights: &[f32]) -> (Vec<Sum>, Vec<Adjoi
     let samples = gpu.upload("samples", "test", &pack(Storage::Full, &samples)).expect("samples");
     let mut losses = Losses::new(gpu, &terms, EPSILON, Storage::Full, 1, 1).expect("losses");
     let mut recorder = gpu.record().expect("a recorder");
-    losses.record_overlap(&mut recorder, &targets, &samples, 0..1);
-    losses.record(&mut recorder, &terms, &targets, &samples, 0, 1);
+    let samples =
+        ChunkSamples { chunk: 0, slots: 0..1, targets: &targets, reconstructions: &samples, touched: None };
+    losses.record_overlap(&mut recorder, &samples);
+    losses.record(&mut recorder, &terms, &samples);
     gpu.wait(recorder.submit().expect("submitting")).expect("waiting");
     let adjoints = Storage::Full.unpack(&losses.adjoints.read().expect("adjoints"));
     (losses.sums().expect("sums"), adjoints)
@@ -217,6 +219,27 @@ fn chunks_have_the_dice_loss_of_the_whole() {
     };
     let pairs = many.iter().zip(&one).flat_map(|(x, y)| lanes(x).into_iter().zip(lanes(y)));
     assert_close("parameters", Bound::new(1e-4, 1e-5).outliers(0.05, 0.8), pairs);
+}
+
+/// Bricks that no splat reaches are left out with the same bits: sums, and what every splat is told.
+#[test]
+fn bricks_that_no_splat_reaches_need_not_be_computed() {
+    let whole = Device::boot();
+    let small = Device::boot_with(GpuOptions { storage_range_limit: Some(90_000), ..GpuOptions::default() });
+    for (gpu, storage) in [&whole, &small].into_iter().flat_map(|gpu| STORAGES.map(|storage| (gpu, storage)))
+    {
+        // Few enough that most bricks are left out, and at least one is not.
+        let scene = Scene::random(3, 8, Kernel::Gaussian, true);
+        let terms = step::all_terms(true);
+        let every = step::run_stored(gpu, &scene, &terms, storage);
+        let touched = step::run_touched(gpu, &scene, &terms, storage);
+        let left_out = every.adjoints.chunks(SAMPLES).zip(touched.adjoints.chunks(SAMPLES));
+        let left_out = left_out.filter(|(a, b)| a != b).count();
+        let bricks = scene.bricks.len();
+        assert!(bricks / 4 < left_out && left_out < bricks, "{left_out} of {bricks} bricks left out");
+        assert_eq!(every.sums, touched.sums, "{storage:?}");
+        assert_eq!(every.moments, touched.moments, "{storage:?}");
+    }
 }
 
 fn figures(p: Progress) -> [f64; 3] {

@@ -23,7 +23,7 @@ use super::terms;
 use super::unit::ScaleUnit;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Ticket};
-use crate::passes::loss::{DICE, LEAK, MSE, OCCUPANCY, Weighted};
+use crate::passes::loss::{ChunkSamples, DICE, LEAK, MSE, OCCUPANCY, UntouchedSums, Weighted};
 use crate::passes::{Adam, Gradient, Losses, Rasterizer, adam};
 use crate::splat::Splat;
 use crate::splat::activation::normalised;
@@ -52,6 +52,8 @@ pub struct Fitter<'a> {
     pub(super) losses: Losses,
     /// [offset]: the loss terms with their weights there.
     pub(super) terms: Vec<Vec<Weighted>>,
+    /// [offset][chunk]: sums of the bricks that a mini-batch leaves out; nothing where all splats are rasterized.
+    untouched: Vec<Vec<UntouchedSums>>,
     pub(super) adam: Adam,
     pub(super) work: Work,
     pub(super) offsets: Vec<[f32; 3]>,
@@ -187,9 +189,10 @@ impl<'a> Fitter<'a> {
             terms.push(terms::weighted(config, roi, &scaling, outside));
         }
         let (scale_min, scale_max) = config.scale_clamp(volume);
-        let losses =
+        let mut losses =
             Losses::new(gpu, &terms[0], config.epsilon, config.storage, grid.chunk_slots(), grid.chunks())?;
         let pair_totals = gpu.buffer("pair totals of two steps", "sorting", 2 * grid.chunks())?;
+        let untouched = untouched_sums(gpu, config, &work.rasterizer, &mut losses, &terms, &targets)?;
         Ok(Fitter {
             gpu: gpu.clone(),
             volume,
@@ -203,6 +206,7 @@ impl<'a> Fitter<'a> {
             work,
             losses,
             terms,
+            untouched,
             offsets,
             targets,
             iteration: 0,
@@ -268,14 +272,20 @@ impl<'a> Fitter<'a> {
             if slot_count > LONG_LOSSES {
                 recorder.split()?;
             }
-            let samples = &rasterizer.reconstructions;
+            let samples = ChunkSamples {
+                chunk,
+                slots,
+                targets,
+                reconstructions: &rasterizer.reconstructions,
+                touched: self.untouched.get(index).map(|row| (rasterizer.bins.starts(), &row[chunk])),
+            };
             if sweep == 0 {
-                self.losses.record_overlap(&mut recorder, targets, samples, slots);
+                self.losses.record_overlap(&mut recorder, &samples);
             }
             if sweep + 1 < sweeps {
                 continue;
             }
-            self.losses.record(&mut recorder, &self.terms[index], targets, samples, chunk, slot_count);
+            self.losses.record(&mut recorder, &self.terms[index], &samples);
             if slot_count > LONG_LOSSES {
                 recorder.split()?;
             }
@@ -498,11 +508,16 @@ impl<'a> Fitter<'a> {
         let offset = self.offsets[index];
         let (rasterizer, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
         for chunk in 0..rasterizer.grid.chunks() {
-            let slots = rasterizer.grid.chunk(chunk).len();
             rasterizer.rasterize_chunk(splats, chunk, offset)?;
             let mut recorder = self.gpu.record()?;
-            let (terms, targets) = (&self.terms[index], &self.targets[index][chunk]);
-            self.losses.record(&mut recorder, terms, targets, &rasterizer.reconstructions, chunk, slots);
+            let samples = ChunkSamples {
+                chunk,
+                slots: rasterizer.grid.chunk(chunk),
+                targets: &self.targets[index][chunk],
+                reconstructions: &rasterizer.reconstructions,
+                touched: None,
+            };
+            self.losses.record(&mut recorder, &self.terms[index], &samples);
             self.gpu.wait(recorder.submit()?)?;
         }
         Ok(())
@@ -556,6 +571,28 @@ impl Work {
         self.all.second.write_range(0, &rows.iter().map(|r| r.second).collect::<Vec<_>>())?;
         self.all.histories.write_range(0, &rows.iter().map(|r| r.history).collect::<Vec<_>>())
     }
+}
+
+/// Computes what the losses sum up to in bricks that no splat reaches: a mini-batch that is rasterized alone leaves most
+/// so.
+fn untouched_sums(
+    gpu: &Gpu,
+    config: &FitConfig,
+    rasterizer: &Rasterizer,
+    losses: &mut Losses,
+    terms: &[Vec<Weighted>],
+    targets: &[Vec<Buffer<Target>>],
+) -> Result<Vec<Vec<UntouchedSums>>> {
+    if config.subset == 0 || !config.subset_alone {
+        return Ok(Vec::new());
+    }
+    let Rasterizer { grid, reconstructions: nothing, .. } = rasterizer;
+    let mut chunks = |terms: &[Weighted], targets: &[Buffer<Target>]| {
+        let of_chunk =
+            |(chunk, targets)| losses.untouched_sums(gpu, terms, targets, nothing, chunk, grid.chunk(chunk));
+        targets.iter().enumerate().map(of_chunk).collect()
+    };
+    terms.iter().zip(targets).map(|(terms, targets)| chunks(terms, targets)).collect()
 }
 
 /// Creates a rasterizer whose samples are stored as the losses of the fit read them.

@@ -108,6 +108,43 @@ impl Sum {
     }
 }
 
+/// The samples of one chunk, of which the terms are computed.
+pub struct ChunkSamples<'a> {
+    /// Number of the chunk.
+    pub chunk: usize,
+    /// The slots that it owns.
+    pub slots: Range<usize>,
+    /// What is wanted, [slot of the chunk][Morton place].
+    pub targets: &'a Buffer<Target>,
+    /// W and V̂, as the targets, in the storage of the fit.
+    pub reconstructions: &'a Buffer<u32>,
+    /// Where bricks that no splat reaches are left out: the first pair of each slot
+    /// ([`super::Binner::starts`]), and the sums there.
+    pub touched: Option<(&'a Buffer<u32>, &'a UntouchedSums)>,
+}
+
+/// What the terms sum up to in bricks that no splat reaches: constants of the targets of one offset and chunk.
+pub struct UntouchedSums {
+    /// [term][slot of the chunk]
+    losses: Vec<Buffer<[f32; 2]>>,
+    /// The same of terms that need the overlap.
+    overlaps: Vec<Option<Buffer<[f32; 3]>>>,
+}
+
+impl UntouchedSums {
+    fn new(gpu: &Gpu, terms: &[Weighted], slots: usize) -> Result<Self> {
+        let losses = terms.iter().map(|_| gpu.buffer("sums of untouched bricks", "samples", slots));
+        let overlaps = terms.iter().map(|t| {
+            let overlap = || gpu.buffer("overlap of untouched bricks", "samples", slots);
+            TERMS[t.term].overlap.then(overlap).transpose()
+        });
+        Ok(UntouchedSums {
+            losses: losses.collect::<Result<_>>()?,
+            overlaps: overlaps.collect::<Result<_>>()?,
+        })
+    }
+}
+
 /// The terms of one fit.
 pub struct Losses {
     /// Of each term.
@@ -118,6 +155,10 @@ pub struct Losses {
     pub adjoints: Buffer<u32>,
     /// One row per term: the sums of each slot, all chunks.
     sums: Vec<Buffer<[f32; 2]>>,
+    /// Stands for the first pairs of slots where every brick is computed: no two are the same.
+    every: Buffer<u32>,
+    /// Stands for the sums that no brick asks for then.
+    none: UntouchedSums,
     epsilon: f32,
 }
 
@@ -164,6 +205,8 @@ impl Losses {
             overlaps: overlaps?,
             adjoints: gpu.buffer("adjoints", "samples", chunk_slots * SAMPLES * storage.words())?,
             sums: sums?,
+            every: gpu.upload("all slots", "samples", &(0..=chunk_slots as u32).collect::<Vec<_>>())?,
+            none: UntouchedSums::new(gpu, terms, 1)?,
             epsilon,
         })
     }
@@ -174,45 +217,69 @@ impl Losses {
         self.overlaps.iter().any(Option::is_some)
     }
 
-    /// Records what terms need of all samples before they begin, of the chunk that owns `slots`; chunks come
-    /// in order. Nothing where no term needs it.
-    pub fn record_overlap(
-        &mut self,
-        recorder: &mut Recorder,
-        targets: &Buffer<Target>,
-        reconstructions: &Buffer<u32>,
-        slots: Range<usize>,
-    ) {
-        for overlap in self.overlaps.iter_mut().flatten() {
-            overlap.record(recorder, targets, reconstructions, slots.clone());
+    /// Records what terms need of all samples before they begin; chunks come in order. Nothing where no term
+    /// needs it.
+    pub fn record_overlap(&mut self, recorder: &mut Recorder, samples: &ChunkSamples) {
+        let (starts, untouched) = samples.touched.unwrap_or((&self.every, &self.none));
+        for (overlap, untouched) in self.overlaps.iter_mut().zip(&untouched.overlaps) {
+            if let (Some(overlap), Some(untouched)) = (overlap, untouched) {
+                overlap.record(recorder, samples, starts, untouched);
+            }
         }
     }
 
     /// Records all terms of one chunk and folds their adjoints for the backward pass. `terms` are those of
-    /// [`Losses::new`], in that order; weights and parameters may change from step to step.
-    pub fn record(
-        &mut self,
-        recorder: &mut Recorder,
-        terms: &[Weighted],
-        targets: &Buffer<Target>,
-        reconstructions: &Buffer<u32>,
-        chunk: usize,
-        slots: usize,
-    ) {
+    /// [`Losses::new`], in that order; weights and parameters may change from step to step. In bricks that are
+    /// left out ([`ChunkSamples::touched`]) the adjoints are 0.
+    pub fn record(&mut self, recorder: &mut Recorder, terms: &[Weighted], samples: &ChunkSamples) {
         let count = self.kernels.len();
         assert_eq!(count, terms.len(), "the terms of a fit stay the same");
+        let (starts, untouched) = samples.touched.unwrap_or((&self.every, &self.none));
         for (i, (term, kernel)) in terms.iter().zip(&self.kernels).enumerate() {
             let mut pass = recorder
                 .pass(kernel)
-                .read("targets", targets)
-                .read("reconstructions", reconstructions)
+                .read("targets", samples.targets)
+                .read("reconstructions", samples.reconstructions)
                 .write("adjoints", &mut self.adjoints)
-                .write("loss_sums", &mut self.sums[chunk * count + i]);
+                .write("loss_sums", &mut self.sums[samples.chunk * count + i])
+                .read("starts", starts)
+                .read("untouched_sums", &untouched.losses[i]);
             if let Some(overlap) = &self.overlaps[i] {
                 pass = pass.read("overlap", &overlap.total);
             }
-            pass.push(&term.params(self.epsilon)).dispatch(slots as u32);
+            pass.push(&term.params(self.epsilon)).dispatch(samples.slots.len() as u32);
         }
+    }
+
+    /// Computes the sums of bricks that no splat reaches, for all slots of a chunk. `nothing` is as large as its
+    /// reconstructions and is cleared. Waits for the device.
+    pub fn untouched_sums(
+        &mut self,
+        gpu: &Gpu,
+        terms: &[Weighted],
+        targets: &Buffer<Target>,
+        nothing: &Buffer<u32>,
+        chunk: usize,
+        slots: Range<usize>,
+    ) -> Result<UntouchedSums> {
+        let mut untouched = UntouchedSums::new(gpu, terms, slots.len())?;
+        let mut recorder = gpu.record()?;
+        recorder.clear(nothing);
+        let (first, count) = (slots.start, slots.len());
+        let samples = ChunkSamples { chunk, slots, targets, reconstructions: nothing, touched: None };
+        self.record_overlap(&mut recorder, &samples);
+        self.record(&mut recorder, terms, &samples);
+        let sums = &self.sums[chunk * terms.len()..][..terms.len()];
+        for (from, to) in sums.iter().zip(&mut untouched.losses) {
+            recorder.copy(from, 0, to, 0, count);
+        }
+        for (from, to) in self.overlaps.iter().zip(&mut untouched.overlaps) {
+            if let (Some(from), Some(to)) = (from, to) {
+                recorder.copy(&from.partials, first, to, 0, count);
+            }
+        }
+        gpu.wait(recorder.submit()?)?;
+        Ok(untouched)
     }
 
     /// Reads the sums of the step that was finished last, one per term in the order given. Waits for the

@@ -2,8 +2,9 @@
 //! p, and wanted, t, brick by brick, then over the bricks, in a fixed order whatever the chunks.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{OverlapParams, SumParams, Target};
+use shaders_glsl::types::{OverlapParams, SumParams};
 
+use super::loss::ChunkSamples;
 use super::{Storage, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
@@ -15,7 +16,7 @@ pub struct Overlap {
     overlap_sums: Kernel,
     sum_triples: Kernel,
     /// [slot], all chunks.
-    partials: Buffer<[f32; 3]>,
+    pub(super) partials: Buffer<[f32; 3]>,
     /// \[0\]: Σ pt, Σ p, Σ t over the slots recorded so far.
     pub total: Buffer<[f32; 3]>,
 }
@@ -42,20 +43,23 @@ impl Overlap {
         })
     }
 
-    /// Records the sums of the chunk that owns `slots`, then the total of all slots up to its last; chunks
-    /// come in order.
+    /// Records the sums of a chunk, then the total of all slots up to its last; chunks come in order. Where a
+    /// slot has no pair in `starts` its sums are those of `untouched`.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
-        targets: &Buffer<Target>,
-        reconstructions: &Buffer<u32>,
-        slots: std::ops::Range<usize>,
+        samples: &ChunkSamples,
+        starts: &Buffer<u32>,
+        untouched: &Buffer<[f32; 3]>,
     ) {
+        let slots = &samples.slots;
         recorder
             .pass(&self.overlap_sums)
-            .read("targets", targets)
-            .read("reconstructions", reconstructions)
+            .read("targets", samples.targets)
+            .read("reconstructions", samples.reconstructions)
             .write("partials", &mut self.partials)
+            .read("starts", starts)
+            .read("untouched_sums", untouched)
             .push(&OverlapParams { first_slot: slots.start as u32, region: self.region, low: self.low })
             .dispatch(slots.len() as u32);
         recorder

@@ -30,6 +30,7 @@ fn n11_halves() {
         .collect();
     let targets = gpu.upload("targets", "test", &vec![Target::new(0.0, 1.0); SAMPLES]).expect("targets");
     let reconstructions = gpu.upload("samples", "test", &pack(Storage::Mixed, &samples)).expect("samples");
+    let starts = gpu.upload("starts", "test", &[0u32, 1]).expect("starts");
     let step = 2f32.powi(-11);
     let ulp = f32::EPSILON;
     let mut weights = vec![
@@ -58,6 +59,8 @@ fn n11_halves() {
             .read("reconstructions", &reconstructions)
             .write("adjoints", &mut adjoints)
             .write("loss_sums", &mut sums)
+            .read("starts", &starts)
+            .read("untouched_sums", &gpu.buffer::<[f32; 2]>("untouched", "test", 1).expect("sums"))
             .push(&Weighted { weight, region: 0.5, ..Weighted::default() }.params(EPSILON))
             .dispatch(1);
         gpu.wait(recorder.submit().expect("submitting")).expect("waiting");

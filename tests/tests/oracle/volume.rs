@@ -115,7 +115,12 @@ fn stored(storage: Storage, (targets, mut got, mut before): Samples) -> Samples 
     (targets, got, before)
 }
 
-/// Checks the kernel of each term with both storages, as the first, a middle, the last and the only term, in both shapes.
+/// A slot that no pair reaches, among five: what begins where the next one begins.
+const UNTOUCHED: usize = 3;
+const STARTS: [u32; 6] = [0, 4, 5, 7, 7, 8];
+
+/// Checks the kernel of each term with both storages, as the first, a middle, the last and the only term, in both shapes;
+/// the slot that no pair reaches has the sums that it is given, and adjoints of 0 by the first term.
 fn check_loss(rows: &[Weighted]) {
     let gpu = Device::boot();
     let slots = 5;
@@ -144,13 +149,17 @@ fn check_loss(rows: &[Weighted]) {
             let overlap = term.overlap(&targets64, &got64);
             let overlap = [overlap.intersection, overlap.predicted, overlap.wanted].map(|v| v as f32);
             let overlap = gpu.upload("overlap", "test", &[overlap]).unwrap();
+            let starts = gpu.upload("starts", "test", &STARTS).unwrap();
+            let untouched = gpu.upload("untouched sums", "test", &[[-3.0f32, -4.0]; 5]).unwrap();
             run(&gpu, |r| {
                 let mut pass = r
                     .pass(&kernel)
                     .read("targets", &target_buffer)
                     .read("reconstructions", &sample_buffer)
                     .write("adjoints", &mut adjoints)
-                    .write("loss_sums", &mut sums);
+                    .write("loss_sums", &mut sums)
+                    .read("starts", &starts)
+                    .read("untouched_sums", &untouched);
                 if TERMS[weighted.term].overlap {
                     pass = pass.read("overlap", &overlap);
                 }
@@ -165,30 +174,36 @@ fn check_loss(rows: &[Weighted]) {
             }
             let wanted = loss::adjoints(&[term], &targets64, &got64);
             let found = storage.unpack::<types::Adjoint>(&adjoints.read().unwrap());
-            let pairs =
-                found.iter().zip(&wanted).zip(before.iter().zip(&got64)).flat_map(|((g, w), (b, r))| {
-                    let b = if accumulate == 1 { Adjoint::from(b) } else { Adjoint::default() };
-                    let sum = Adjoint { value: w.value + b.value, weight: w.weight + b.weight };
-                    let w = if fold == 1 { loss::fold(*r, sum, f64::from(EPSILON)) } else { sum };
-                    // Folding divides the rounding of the sum by W + ε, and H is a difference.
-                    let (divisor, size) = match fold {
-                        1 => {
-                            let divisor = r.weight + f64::from(EPSILON);
-                            (divisor, 1.0 + (w.value * r.value).abs() + (r.value / divisor).abs())
-                        }
-                        _ => (1.0, 1.0),
-                    };
-                    [
-                        (f64::from(g.value) * divisor, w.value * divisor),
-                        (f64::from(g.weight) / size, w.weight / size),
-                    ]
-                });
+            let alone = |i: &usize| i / SAMPLES == UNTOUCHED;
+            let left = |i: usize| if accumulate == 1 { before[i] } else { types::Adjoint::default() };
+            assert!((0..found.len()).filter(alone).all(|i| found[i] == left(i)), "{}", shader.name);
+            let computed = found.iter().zip(&wanted).zip(before.iter().zip(&got64)).enumerate();
+            let pairs = computed.filter(|(i, _)| !alone(i)).flat_map(|(_, ((g, w), (b, r)))| {
+                let b = if accumulate == 1 { Adjoint::from(b) } else { Adjoint::default() };
+                let sum = Adjoint { value: w.value + b.value, weight: w.weight + b.weight };
+                let w = if fold == 1 { loss::fold(*r, sum, f64::from(EPSILON)) } else { sum };
+                // Folding divides the rounding of the sum by W + ε, and H is a difference.
+                let (divisor, size) = match fold {
+                    1 => {
+                        let divisor = r.weight + f64::from(EPSILON);
+                        (divisor, 1.0 + (w.value * r.value).abs() + (r.value / divisor).abs())
+                    }
+                    _ => (1.0, 1.0),
+                };
+                [
+                    (f64::from(g.value) * divisor, w.value * divisor),
+                    (f64::from(g.weight) / size, w.weight / size),
+                ]
+            });
             // t / p has the rounding of p, which is a difference: 1 - exp(-W), or V less the lower end of the range.
             let rounding = if [KL, INTENSITY_KL].contains(&weighted.term) { 4e-5 } else { 3e-6 };
             let bound = Bound::new(3e-7 + 4.0 * least_step, rounding + half_step);
             assert_close(&format!("{}: adjoints, {storage:?}", shader.name), bound, pairs);
             let wanted = loss::sums(&term, &targets64, &got64, SAMPLES);
-            let found = sums.read().unwrap();
+            let mut found = sums.read().unwrap();
+            assert_eq!(found.remove(UNTOUCHED), [-3.0, -4.0], "{}", shader.name);
+            let mut wanted = wanted;
+            wanted.remove(UNTOUCHED);
             let pairs = found.iter().zip(&wanted).flat_map(|(g, w)| (0..2).map(|i| (f64::from(g[i]), w[i])));
             assert_close(&format!("{}: sums", shader.name), Bound::new(0.0, 2e-6), pairs);
         }
@@ -244,35 +259,40 @@ pub fn overlap_sums() {
 
 fn check_overlap_sums(gpu: &Gpu, storage: Storage, (id, quantity): (u32, Quantity), region: f32) {
     let slots = 5;
-    let (targets, mut got, before) = samples(slots);
+    let (targets, mut got, adjoints) = samples(slots);
     // One brick on either side of where the kernel changes from the series to the difference, one beyond all weights.
     for (i, sample) in got.iter_mut().enumerate().take(2 * SAMPLES) {
         sample.weight = if i < SAMPLES { i as f32 / 16384.0 } else { i as f32 * i as f32 };
     }
-    let (targets, got, _) = stored(storage, (targets, got, before));
+    let (targets, got, _) = stored(storage, (targets, got, adjoints));
     let targets64: Vec<Target> = targets.iter().map(Into::into).collect();
     let got64: Vec<Reconstruction> = got.iter().map(Into::into).collect();
-    let wanted = loss::overlap_sums(&targets64, &got64, SAMPLES, quantity, region.into());
+    let mut wanted = loss::overlap_sums(&targets64, &got64, SAMPLES, quantity, region.into());
     let target_buffer = gpu.upload("targets", "test", &targets).unwrap();
     let sample_buffer = gpu.upload("samples", "test", &pack(storage, &got)).unwrap();
     let first = 3;
-    let untouched = [[-1.0f32; 3]; 9];
+    let before = [[-1.0f32; 3]; 9];
+    let starts = gpu.upload("starts", "test", &STARTS).unwrap();
+    let untouched = gpu.upload("untouched sums", "test", &[[-3.0f32, -4.0, -5.0]; 5]).unwrap();
     let [found, side_by_side] = [WorkgroupShape::OneByOne, WorkgroupShape::SideBySide].map(|shape| {
         let kernel =
             Kernel::new(gpu, &shaders_glsl::OVERLAP_SUMS, &[storage as u32, shape as u32, id]).unwrap();
-        let mut partials = gpu.upload("partials", "test", &untouched).unwrap();
+        let mut partials = gpu.upload("partials", "test", &before).unwrap();
         run(gpu, |r| {
             r.pass(&kernel)
                 .read("targets", &target_buffer)
                 .read("reconstructions", &sample_buffer)
                 .write("partials", &mut partials)
+                .read("starts", &starts)
+                .read("untouched_sums", &untouched)
                 .push(&OverlapParams { first_slot: first as u32, region, low: step::LOW })
                 .dispatch(slots as u32);
         });
         partials.read().unwrap()
     });
     assert_eq!(found, side_by_side, "both shapes have the same bits");
-    assert_eq!((&found[..first], &found[first + slots..]), (&untouched[..3], &untouched[..1]));
+    assert_eq!((&found[..first], &found[first + slots..]), (&before[..3], &before[..1]));
+    wanted[UNTOUCHED] = [-3.0, -4.0, -5.0];
     let found = found[first..first + slots].as_flattened().iter().map(|&v| f64::from(v));
     let pairs = found.zip(wanted.as_flattened().iter().copied());
     // Behind the series, at W = 1/64, rounding of 1 - exp(-W) is 4e-6 of it.
