@@ -223,7 +223,8 @@ impl Losses {
         let (starts, untouched) = samples.touched.unwrap_or((&self.every, &self.none));
         for (overlap, untouched) in self.overlaps.iter_mut().zip(&untouched.overlaps) {
             if let (Some(overlap), Some(untouched)) = (overlap, untouched) {
-                overlap.record(recorder, samples, starts, untouched);
+                let words = [samples.reconstructions, starts];
+                overlap.record(recorder, words, samples.targets, untouched, &samples.slots);
             }
         }
     }

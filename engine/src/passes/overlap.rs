@@ -2,9 +2,8 @@
 //! p, and wanted, t, brick by brick, then over the bricks, in a fixed order whatever the chunks.
 
 use shaders_glsl as glsl;
-use shaders_glsl::types::{OverlapParams, SumParams};
+use shaders_glsl::types::{OverlapParams, SumParams, Target};
 
-use super::loss::ChunkSamples;
 use super::{Storage, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
@@ -43,20 +42,20 @@ impl Overlap {
         })
     }
 
-    /// Records the sums of a chunk, then the total of all slots up to its last; chunks come in order. Where a
-    /// slot has no pair in `starts` its sums are those of `untouched`.
+    /// Records the sums of the chunk that owns `slots`, then the total of all slots up to its last; chunks
+    /// come in order. Where a slot has no pair in `starts` its sums are those of `untouched`.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
-        samples: &ChunkSamples,
-        starts: &Buffer<u32>,
+        [reconstructions, starts]: [&Buffer<u32>; 2],
+        targets: &Buffer<Target>,
         untouched: &Buffer<[f32; 3]>,
+        slots: &std::ops::Range<usize>,
     ) {
-        let slots = &samples.slots;
         recorder
             .pass(&self.overlap_sums)
-            .read("targets", samples.targets)
-            .read("reconstructions", samples.reconstructions)
+            .read("targets", targets)
+            .read("reconstructions", reconstructions)
             .write("partials", &mut self.partials)
             .read("starts", starts)
             .read("untouched_sums", untouched)

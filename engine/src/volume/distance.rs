@@ -17,7 +17,9 @@ pub fn distances_mm(size: [usize; 3], spacing_mm: DVec3, site: impl Fn(usize) ->
         if count == 0 {
             break;
         }
-        squared.par_chunks_mut(nx).for_each(|row| lower_envelope(row, spacing));
+        squared
+            .par_chunks_mut(nx)
+            .for_each_init(Vec::new, |envelope, row| lower_envelope(row, spacing, envelope));
         let mut turned = vec![0.0; count];
         turned.par_chunks_mut(ny * nz).enumerate().for_each(|(x, plane)| {
             plane.iter_mut().enumerate().for_each(|(row, out)| *out = squared[row * nx + x]);
@@ -28,11 +30,19 @@ pub fn distances_mm(size: [usize; 3], spacing_mm: DVec3, site: impl Fn(usize) ->
     squared
 }
 
-/// min over j of row[j] + (spacing (i − j))², for each i.
-fn lower_envelope(row: &mut [f32], spacing: f64) {
-    // Parabolas of the envelope from left to right, and where each begins to be the lowest.
-    let mut parabolas: Vec<(f64, f64, f64)> = Vec::with_capacity(row.len());
+/// A parabola of an envelope: where its vertex is (mm), the value there (mm²), and from where on it is the lowest (mm).
+pub(super) type Parabola = (f64, f64, f64);
+
+/// Replaces row[i] (mm²) by the min over j of row[j] + (spacing (i − j))², for each i. `parabolas` is room to work in; what
+/// it holds does not matter.
+pub(super) fn lower_envelope(row: &mut [f32], spacing: f64, parabolas: &mut Vec<Parabola>) {
+    // Parabolas of the envelope from left to right.
+    parabolas.clear();
     for (j, &height) in row.iter().enumerate().filter(|(_, height)| height.is_finite()) {
+        // Between two sites, a site is the nearest one of no voxel but itself.
+        if height == 0.0 && j > 0 && row[j - 1] == 0.0 && row.get(j + 1) == Some(&0.0) {
+            continue;
+        }
         let (at, height) = (spacing * j as f64, f64::from(height));
         let mut from = f64::NEG_INFINITY;
         while let Some(&(other, low, begin)) = parabolas.last() {
@@ -49,7 +59,7 @@ fn lower_envelope(row: &mut [f32], spacing: f64) {
         return;
     }
     let mut lowest = 0;
-    for (i, out) in row.iter_mut().enumerate() {
+    for (i, out) in row.iter_mut().enumerate().filter(|(_, value)| **value != 0.0) {
         let x = spacing * i as f64;
         while parabolas.get(lowest + 1).is_some_and(|next| next.2 <= x) {
             lowest += 1;

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::read_options::ReadOptions;
 use super::source::Source;
 use super::volume::Volume;
-use super::{inv3, nifti};
+use super::{dicom, inv3, metaimage, nifti, npy, nrrd};
 use crate::{Error, Kind, Result};
 
 /// A file format that [`Volume::read`] knows.
@@ -22,6 +22,9 @@ pub struct Format {
 /// How much of a file is looked at to recognise it.
 pub const SNIFF_BYTES: usize = 1024;
 
+const DICOM: Format =
+    Format { name: dicom::NAME, extensions: &[".dcm", ".ima"], sniff: dicom::sniff, read: dicom::read };
+
 /// Every format; the content decides, and the name only where the content is not recognised.
 pub const FORMATS: &[Format] = &[
     Format {
@@ -30,21 +33,32 @@ pub const FORMATS: &[Format] = &[
         sniff: nifti::sniff,
         read: nifti::read,
     },
-    Format { name: "InVesalius project", extensions: &[".inv3"], sniff: inv3::sniff, read: inv3::read },
+    DICOM,
+    Format { name: inv3::NAME, extensions: &[".inv3"], sniff: inv3::sniff, read: inv3::read },
+    Format { name: "NRRD", extensions: &[".nrrd", ".nhdr"], sniff: nrrd::sniff, read: nrrd::read },
+    Format {
+        name: "MetaImage",
+        extensions: &[".mha", ".mhd"],
+        sniff: metaimage::sniff,
+        read: metaimage::read,
+    },
+    Format { name: "NumPy array", extensions: &[".npy"], sniff: npy::sniff, read: npy::read },
 ];
 
-impl Volume {
-    /// Reads a volume in any of the [`FORMATS`]. What is odd but readable is warned about.
+impl Format {
+    /// Returns the format of a file by its content, or by its name where the content is not recognised. A folder
+    /// is one of DICOM slices.
     ///
     /// # Errors
-    /// [`Kind::Missing`], [`Kind::BadData`], [`Kind::Usage`] (a volume of a series must be chosen),
-    /// [`Kind::HostMemory`] or [`Kind::Io`].
-    pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Volume> {
-        let path = path.as_ref();
+    /// [`Kind::Missing`], [`Kind::BadData`] or [`Kind::Io`].
+    pub fn of(path: &Path, options: &ReadOptions) -> Result<&'static Format> {
+        if path.is_dir() {
+            return Ok(&DICOM);
+        }
         let mut head = vec![0; SNIFF_BYTES];
         let n = Source::open(path, options.lenient)?.read_some(&mut head)?;
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        let format = FORMATS
+        FORMATS
             .iter()
             .find(|f| (f.sniff)(&head[..n]))
             .or_else(|| FORMATS.iter().find(|f| f.extensions.iter().any(|e| name.ends_with(e))))
@@ -54,7 +68,19 @@ impl Volume {
                 Error::new(Kind::BadData, "VGS-VOL-009", "not a volume in a known format")
                     .file(path)
                     .help(format!("known formats: {}", known.join(", ")))
-            })?;
-        (format.read)(path, options)
+            })
+    }
+}
+
+impl Volume {
+    /// Reads a volume in any of the [`FORMATS`], or the DICOM series in a folder. What is odd but readable is
+    /// warned about.
+    ///
+    /// # Errors
+    /// [`Kind::Missing`], [`Kind::BadData`], [`Kind::Usage`] (a volume or a series must be chosen),
+    /// [`Kind::HostMemory`] or [`Kind::Io`].
+    pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Volume> {
+        let path = path.as_ref();
+        (Format::of(path, options)?.read)(path, options)
     }
 }

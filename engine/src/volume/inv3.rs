@@ -15,6 +15,8 @@ use super::source::{Source, reserve_samples};
 use super::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
+/// Name of the format.
+pub const NAME: &str = "InVesalius project";
 /// A main.plist is about 1.5 kB.
 const MAX_PLIST: u64 = 1 << 20;
 

@@ -8,29 +8,42 @@
 //! | `volume` | [`Volume`]: samples on a regular grid, and where it is in the patient |
 //! | `affine`, `interpolation` | what an affine says of a grid; values between voxels |
 //! | `formats`, `read_options` | [`Volume::read`] with [`FORMATS`], a row per file format |
-//! | `nifti`, `inv3`, `source` | the formats, and how their files are opened |
+//! | `dicom`, `nifti`, `inv3`, `nrrd`, `metaimage`, `npy` | the formats |
+//! | `source`, `payload` | how their files are opened, and the voxels behind a header are unpacked and bounded |
+//! | `elements`, `text_header` | types of voxels; what the headers of NRRD and MetaImage have in common |
 //! | `roi`, `labels` | [`Roi`]: where a volume counts; [`Labels`]: which label each voxel has |
+//! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold, made clean; pieces, closing and holes of masks |
 //! | `bricks`, `distance` | [`Bricks`]: the blocks of 8³ voxels that a region touches; distances to a mask |
 //! | `resample`, `compare`, `phantom` | coarser grids, differences of two volumes, a synthetic CT |
 
 mod affine;
 pub mod bricks;
+mod cleaning;
 pub mod compare;
+pub mod dicom;
 pub mod distance;
+mod elements;
 mod formats;
 mod interpolation;
 pub mod inv3;
 mod labels;
+pub mod metaimage;
+pub mod morphology;
 pub mod nifti;
+pub mod npy;
+pub mod nrrd;
+mod payload;
 pub mod phantom;
 mod read_options;
 pub mod resample;
 mod roi;
 mod source;
+mod text_header;
 mod volume;
 
 pub(crate) use affine::spacing_of;
 pub use bricks::Bricks;
+pub use cleaning::Cleaning;
 pub use formats::{FORMATS, Format, SNIFF_BYTES};
 pub use interpolation::trilinear;
 pub use labels::Labels;

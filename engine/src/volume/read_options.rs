@@ -8,6 +8,9 @@ pub struct ReadOptions {
     pub max_bytes: u64,
     /// Which volume of a series (4-D file) to read, counted from 0. Needed if there are several.
     pub volume_index: Option<usize>,
+    /// Which series of a DICOM folder to read: its number in the list of [`super::dicom::list`], its UID, or a
+    /// part of its description. Needed if there are several.
+    pub series: Option<String>,
     /// Accept damage that leaves every voxel readable: bytes after the compressed data, a wrong checksum
     /// (then a voxel may be wrong), a broken header extension.
     pub lenient: bool,
@@ -15,6 +18,6 @@ pub struct ReadOptions {
 
 impl Default for ReadOptions {
     fn default() -> Self {
-        ReadOptions { max_bytes: 1 << 31, volume_index: None, lenient: false }
+        ReadOptions { max_bytes: 1 << 31, volume_index: None, series: None, lenient: false }
     }
 }

@@ -77,8 +77,15 @@ fn axis_codes_follow_the_closest_direction() {
 #[test]
 fn files_in_no_known_format_are_refused() {
     let dir = tempfile::tempdir().unwrap();
-    let cases: [(&str, &[u8], Kind, &str); 4] = [
-        ("a.nrrd", b"NRRD0004\n", Kind::BadData, "VGS-VOL-009"),
+    let cases: [(&str, &[u8], Kind, &str); 11] = [
+        ("a.mnc", b"CDF\x01", Kind::BadData, "VGS-VOL-009"),
+        ("a.nrrd", b"NRRD0004\n", Kind::BadData, "VGS-NRD-003"),
+        ("text.nhdr", b"hello", Kind::BadData, "VGS-NRD-001"),
+        ("a.mha", b"ObjectType = Image\n", Kind::BadData, "VGS-MHA-002"),
+        ("text.mhd", b"hello", Kind::BadData, "VGS-MHA-001"),
+        ("a.npy", b"\x93NUMPY\x01\0", Kind::BadData, "VGS-NPY-001"),
+        ("text.npy", b"hello", Kind::BadData, "VGS-NPY-002"),
+        ("empty.npy", b"", Kind::BadData, "VGS-VOL-003"),
         ("empty.nii", b"", Kind::BadData, "VGS-VOL-003"),
         ("empty.inv3", b"", Kind::BadData, "VGS-VOL-003"),
         ("text.inv3", b"hello", Kind::BadData, "VGS-INV-001"),

@@ -68,6 +68,48 @@ const ROWS: &[Row] = &[
         says: &["ct.nii.gz: the region of interest is empty"],
     },
     Row {
+        name: "a negative radius, before a file is read",
+        arguments: &["fit", "none.nii", "--roi-threshold", "0,1", "--roi-close", "-1", "-o", "x.ply"],
+        exit: 2,
+        says: &["VGS-ROI-014", "--roi-close is -1; it must be a radius from 0 to 50 mm", "--roi-close 2"],
+    },
+    Row {
+        name: "a radius that closes everything",
+        arguments: &["fit", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-close", "60", "-o", "x.ply"],
+        exit: 2,
+        says: &["VGS-ROI-014", "--roi-close is 60"],
+    },
+    Row {
+        name: "a least volume that is no number",
+        arguments: &["eval", "away.ply", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-min-ml", "NaN"],
+        exit: 2,
+        says: &["VGS-ROI-014", "--roi-min-ml is NaN"],
+    },
+    Row {
+        name: "no piece of the threshold",
+        arguments: &["fit", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-largest=0", "-o", "x.ply"],
+        exit: 2,
+        says: &["VGS-ROI-014", "--roi-largest is 0"],
+    },
+    Row {
+        name: "no piece of the threshold is large enough",
+        arguments: &["fit", "ct.nii.gz", "--roi-threshold", "-9e3,9e3", "--roi-min-ml", "1e6", "-o", "x.ply"],
+        exit: 3,
+        says: &["VGS-ROI-015", "ct.nii.gz: no connected piece from -9000 to 9000 has 1000000 ml"],
+    },
+    Row {
+        name: "a mask is not cleaned",
+        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "--roi-largest", "-o", "x.ply"],
+        exit: 2,
+        says: &["--roi", "cannot be used with", "--roi-largest"],
+    },
+    Row {
+        name: "cleaning without a threshold",
+        arguments: &["fit", "ct.nii.gz", "--roi-fill", "-o", "x.ply"],
+        exit: 2,
+        says: &["--roi-threshold"],
+    },
+    Row {
         name: "neither mask nor thresholds",
         arguments: &["fit", "ct.nii.gz", "-o", "x.ply"],
         exit: 2,

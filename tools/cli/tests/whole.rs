@@ -5,7 +5,8 @@ mod support;
 use engine::splat;
 use engine::volume::resample::{AREA, downsampling_loss};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume, nifti};
-use support::{Folder, fit};
+use glam::DAffine3;
+use support::{Folder, QUICK, fit};
 
 #[test]
 fn phantom_fit_eval_rasterize_info() {
@@ -302,6 +303,59 @@ fn a_constant_volume_is_fitted_exactly() {
     let result = folder.run(&[&base[..], &more].concat()).json();
     assert_eq!(result["psnr_db"], "inf", "{result}");
     assert_eq!((&result["rmse_hu"], &result["p99_hu"]), (&0.0.into(), &0.0.into()));
+}
+
+/// A box of bone with walls of 3 mm, a hole of 1 mm through one of them and soft tissue within, among specks of noise: 1 mm
+/// voxels.
+fn noisy_box() -> Volume {
+    let within = |p: [usize; 3], low: usize, high: usize| p.into_iter().all(|c| (low..=high).contains(&c));
+    let value = |i: usize| {
+        let p = [i % 24, i / 24 % 24, i / (24 * 24)];
+        let speck = p.into_iter().all(|c| c % 3 == 0);
+        match (within(p, 4, 16), within(p, 7, 13)) {
+            (_, true) if speck => 400.0,
+            (_, true) => 40.0,
+            (true, _) if p[0] == 10 && p[1] == 10 && p[2] < 7 => -1000.0,
+            (true, _) => 500.0,
+            _ if speck && !within(p, 2, 18) => 400.0,
+            _ => -1000.0,
+        }
+    };
+    Volume::new([24; 3], DAffine3::IDENTITY, (0..24 * 24 * 24).map(value).collect())
+}
+
+#[test]
+fn a_threshold_is_made_clean() {
+    let folder = Folder::new(8);
+    nifti::write(folder.path("box.nii"), &noisy_box(), false).expect("a volume");
+    // 13³ voxels, of which 7³ lie within the walls and 3 in the hole; 8 specks within and 8³ − 6³ around.
+    let walls = 13_u64.pow(3) - 7_u64.pow(3) - 3;
+    // The ball reaches into the hole by a voxel from either side, and leaves the outer one of these open.
+    let whole = 13_u64.pow(3) - 1;
+    let region = ["--roi-threshold", "200,3000", "--roi-largest", "--roi-close", "2", "--roi-fill"];
+    let ended =
+        folder.run(&[&["fit", "box.nii", "-o", "a.ply", "-v", "--json"], &region[..], &QUICK].concat());
+    assert_eq!(ended.json()["roi_voxels"], whole, "{}", ended.err);
+    for says in [
+        format!("from 200 to 3000: {} voxels (2.155 ml)", walls + 304),
+        format!("; 1 of 305 connected pieces kept: {walls} voxels (1.851 ml); closed by 2 mm: "),
+        format!("; holes filled: {whole} voxels (2.196 ml)"),
+    ] {
+        assert!(ended.err.contains(&says), "{says} in {}", ended.err);
+    }
+    let record: serde_json::Value = serde_json::from_str(&folder.text("a.run.json")).expect("a record");
+    assert_eq!(record["roi"]["voxels"], whole);
+    let command = record["command"].as_array().expect("the command line");
+    assert!(region.iter().all(|word| command.contains(&(*word).into())), "{command:?}");
+
+    // Pieces by their volume: a speck has 0.001 ml.
+    for (flag, voxels) in
+        [("--roi-min-ml=0.002", walls), ("--roi-min-ml=0.001", walls + 304), ("--roi-largest=11", walls + 10)]
+    {
+        let eval =
+            ["eval", "a.ply", "box.nii", "--roi-threshold", "200,3000", flag, "--offsets", "1", "--json"];
+        assert_eq!(folder.run(&eval).json()["roi_voxels"], voxels, "{flag}");
+    }
 }
 
 #[test]

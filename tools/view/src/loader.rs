@@ -8,7 +8,7 @@ use std::time::Instant;
 use engine::fit::place::place;
 use engine::render::VolumeSource;
 use engine::splat::{self, SplatSet};
-use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
+use engine::volume::{FORMATS, LabelChoice, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 
 use crate::histogram::Histogram;
@@ -100,7 +100,8 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
     let mut sorted = Sorted { session: None, files: open.clone() };
     for path in added {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        let is_volume = [".nii", ".nii.gz", ".hdr", ".img", ".inv3"].iter().any(|end| name.ends_with(end));
+        // A folder is one of DICOM slices.
+        let is_volume = path.is_dir() || volume_endings().any(|end| name.ends_with(end));
         if name.ends_with(".ply") {
             if !sorted.files.splats.contains(path) {
                 sorted.files.splats.push(path.clone());
@@ -112,11 +113,10 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
         } else if is_volume {
             sorted.files.volume = Some(path.clone());
         } else {
+            let volumes: Vec<_> = volume_endings().collect();
             return Err(Error::new(Kind::Usage, "VGS-VIEW-020", "not a file that can be shown")
                 .file(path)
-                .help(
-                    "splats are .ply; volumes and masks .nii, .nii.gz, .hdr, .img or .inv3; sessions .toml",
-                ));
+                .help(format!("splats are .ply; volumes and masks {}; sessions .toml", volumes.join(", "))));
         }
     }
     if sorted.files.roi.is_some() && sorted.files.volume.is_none() {
@@ -124,6 +124,11 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
         sorted.files.volume = sorted.files.roi.take();
     }
     Ok(sorted)
+}
+
+/// Returns the endings of the names of volumes, in lower case.
+fn volume_endings() -> impl Iterator<Item = &'static str> {
+    FORMATS.iter().flat_map(|format| format.extensions).copied()
 }
 
 impl Sorted {
@@ -336,6 +341,13 @@ mod tests {
         let more = sort(&sorted.files, &paths(&["a.PLY", "b.ply"])).unwrap();
         assert_eq!(more.files.splats, paths(&["b.ply", "a.PLY"]), "none is open twice");
         assert_eq!(more.files.volume, sorted.files.volume, "what is open stays");
+        for name in ["ct.nrrd", "ct.nhdr", "ct.mha", "CT.MHD", "ct.npy"] {
+            let sorted = sort(&Files::default(), &paths(&[name, "bones.seg.nrrd"])).unwrap();
+            assert_eq!(
+                (sorted.files.volume, sorted.files.roi),
+                (Some(name.into()), Some("bones.seg.nrrd".into()))
+            );
+        }
         let alone = sort(&Files::default(), &paths(&["mask.nii"])).unwrap();
         assert_eq!((alone.files.volume, alone.files.roi), (Some("mask.nii".into()), None));
         assert_eq!(sort(&more.files, &paths(&["s.toml"])).unwrap().session, Some("s.toml".into()));

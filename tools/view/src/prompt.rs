@@ -1,6 +1,7 @@
 //! Asks for a file: what is to be done with it, its path, and what lies in its folder.
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use egui::{Context, DragValue, Id, Key, Modal, ScrollArea, TextEdit, Ui};
 
@@ -33,9 +34,12 @@ pub enum Purpose {
 impl Purpose {
     /// Returns the title, the button that does it, and the endings of names that are listed.
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
-        let data: &[&str] = &[".ply", ".toml", ".nii", ".nii.gz", ".hdr", ".img", ".inv3"];
+        static DATA: LazyLock<Vec<&str>> = LazyLock::new(|| {
+            let volumes = engine::volume::FORMATS.iter().flat_map(|format| format.extensions);
+            [".ply", ".toml"].iter().chain(volumes).copied().collect()
+        });
         match self {
-            Purpose::Open => ("Open splats, a volume, a mask or a session", "Open", data),
+            Purpose::Open => ("Open splats, a volume, a mask or a session", "Open", DATA.as_slice()),
             Purpose::Save => ("Save the session", "Save", &[".toml"]),
             Purpose::Screenshot => ("Screenshot", "Write", &[".png", ".exr"]),
             Purpose::Record => ("Record a turntable", "Record", &[".png"]),

@@ -70,7 +70,7 @@ pub struct Header {
 pub fn describe(path: impl AsRef<Path>) -> Result<Header> {
     let path = path.as_ref();
     // The voxels are not read, so their amount is no reason to refuse.
-    let options = ReadOptions { max_bytes: u64::MAX, volume_index: None, lenient: true };
+    let options = ReadOptions { max_bytes: u64::MAX, lenient: true, ..ReadOptions::default() };
     let opened = open(path, &options).map_err(|e| if e.file.is_some() { e } else { e.file(path) })?;
     let h = opened.header;
     let oriented = h.affine_source != "pixdim";

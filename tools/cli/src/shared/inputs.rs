@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
-use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
+use engine::volume::{Cleaning, LabelChoice, Labels, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -19,6 +19,9 @@ pub struct ReadArguments {
     /// Which volume of a series (4-D file), counted from 0
     #[arg(long, value_name = "N")]
     pub volume_index: Option<usize>,
+    /// Which series of a DICOM folder: its number in `vgs info`, its UID, or a part of its description
+    #[arg(long, value_name = "N|TEXT")]
+    pub series: Option<String>,
     /// Largest volume that is accepted, bytes; K, M, G stand for powers of 1024 [default: 2G]
     #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_MAX_BYTES", hide_env = true)]
     pub max_bytes: Option<u64>,
@@ -34,6 +37,7 @@ impl ReadArguments {
         ReadOptions {
             max_bytes: self.max_bytes.unwrap_or(default.max_bytes),
             volume_index: self.volume_index,
+            series: self.series.clone(),
             lenient: self.lenient,
         }
     }
@@ -54,8 +58,53 @@ pub struct RoiArguments {
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
     pub roi_threshold: Option<[f32; 2]>,
     /// Which labels of the mask, by number or name; a fit keeps the label of each splat
-    #[arg(long, value_name = "N|NAME,...", requires = "roi")]
+    #[arg(long, value_name = "N|NAME,...", requires = "roi", conflicts_with = "roi_threshold")]
     pub roi_label: Option<String>,
+    #[command(flatten)]
+    pub cleaning: CleaningArguments,
+}
+
+/// What is done to the voxels of a threshold. A flag that needs another one is not refused where that one is in conflict
+/// with what is given, so each of these names the mask as well.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+#[command(next_help_heading = "Region of interest")]
+pub struct CleaningArguments {
+    /// Leaves out connected pieces of the threshold below this volume, ml
+    #[arg(
+        long,
+        value_name = "ML",
+        requires = "roi_threshold",
+        conflicts_with = "roi",
+        allow_negative_numbers = true
+    )]
+    pub roi_min_ml: Option<f64>,
+    /// Keeps the largest connected piece of the threshold, or the N largest
+    #[arg(long, value_name = "N", requires = "roi_threshold", conflicts_with = "roi", num_args = 0..=1,
+          require_equals = true, default_missing_value = "1")]
+    pub roi_largest: Option<usize>,
+    /// Then closes gaps with a ball of this radius, mm
+    #[arg(
+        long,
+        value_name = "MM",
+        requires = "roi_threshold",
+        conflicts_with = "roi",
+        allow_negative_numbers = true
+    )]
+    pub roi_close: Option<f64>,
+    /// Then fills what is enclosed on all sides
+    #[arg(long, requires = "roi_threshold", conflicts_with = "roi")]
+    pub roi_fill: bool,
+}
+
+impl CleaningArguments {
+    /// Returns the steps, or what is wrong with their values.
+    fn steps(&self) -> Result<Cleaning> {
+        let CleaningArguments { roi_min_ml, roi_largest, roi_close, roi_fill } = *self;
+        let cleaning =
+            Cleaning { min_ml: roi_min_ml, largest: roi_largest, close_mm: roi_close, fill_holes: roi_fill };
+        cleaning.check()?;
+        Ok(cleaning)
+    }
 }
 
 /// A volume with its region of interest.
@@ -88,9 +137,11 @@ impl Case {
         read: &ReadArguments,
         region: &RoiArguments,
     ) -> Result<(Case, Option<Mask>)> {
+        // Before a large file is read.
+        let cleaning = region.cleaning.steps()?;
         let volume = volume_of(volume_path, read)?;
         let (mask, label) = (region.roi.as_deref(), region.roi_label.as_deref());
-        let (roi, mask) = region_with_mask(&volume, read, mask, region.roi_threshold, label)
+        let (roi, mask) = region_with_mask(&volume, read, mask, region.roi_threshold, &cleaning, label)
             .map_err(|e| named(e, volume_path))?
             // The flags are a required group.
             .unwrap_or_else(|| unreachable!("a region of interest is required"));
@@ -144,18 +195,20 @@ pub fn region_of(
     threshold: Option<[f32; 2]>,
     labels: Option<&str>,
 ) -> Result<Option<Roi>> {
-    Ok(region_with_mask(volume, read, mask, threshold, labels)?.map(|(roi, _)| roi))
+    let as_it_is = Cleaning::default();
+    Ok(region_with_mask(volume, read, mask, threshold, &as_it_is, labels)?.map(|(roi, _)| roi))
 }
 
 /// A mask as its file has it, and the labels that were chosen of it.
 type Mask = (Volume, LabelChoice);
 
-/// Reads the region as [`region_of`] does, and returns the mask that it comes from, too.
+/// Reads the region as [`region_of`] does, with that of a threshold cleaned, and returns the mask that it comes from, too.
 fn region_with_mask(
     volume: &Volume,
     read: &ReadArguments,
     mask: Option<&Path>,
     threshold: Option<[f32; 2]>,
+    cleaning: &Cleaning,
     labels: Option<&str>,
 ) -> Result<Option<(Roi, Option<Mask>)>> {
     let labels: LabelChoice = match labels {
@@ -163,13 +216,13 @@ fn region_with_mask(
         None => LabelChoice::Whole,
     };
     if let Some(path) = mask {
-        // The index chooses a volume of the series; a mask is a single one.
-        let options = ReadOptions { volume_index: None, ..read.options() };
+        // Index and series choose the volume; a mask is a single one.
+        let options = ReadOptions { volume_index: None, series: None, ..read.options() };
         let mask = Volume::read(path, &options)?;
         let roi = Roi::from_mask(&mask, &labels, volume).map_err(|e| named(e, path))?;
         return Ok(Some((roi, Some((mask, labels)))));
     }
-    let roi = threshold.map(|[low, high]| Roi::from_threshold(volume, low, high)).transpose()?;
+    let roi = threshold.map(|[low, high]| cleaning.region(volume, low, high)).transpose()?;
     Ok(roi.map(|roi| (roi, None)))
 }
 
@@ -189,22 +242,46 @@ pub struct InputRecord {
 }
 
 impl InputRecord {
-    /// Reads the file once more, for its hash.
+    /// Reads the file once more, for its hash; of a folder all files within it, in the order of their names.
     pub fn of(path: &Path) -> Result<InputRecord> {
-        let failed = |e: std::io::Error| Error::io(path, "reading", &e);
-        let mut file = File::open(path).map_err(failed)?;
+        let mut files = Vec::new();
+        files_within(path, &mut files)?;
+        files.sort();
         let mut hash = Sha256::new();
         let mut block = vec![0; 1 << 18];
         let mut bytes = 0;
-        loop {
-            let n = file.read(&mut block).map_err(failed)?;
-            if n == 0 {
-                break;
+        for file in &files {
+            let failed = |e: std::io::Error| Error::io(file, "reading", &e);
+            let mut open = File::open(file).map_err(failed)?;
+            loop {
+                let n = open.read(&mut block).map_err(failed)?;
+                if n == 0 {
+                    break;
+                }
+                hash.update(&block[..n]);
+                bytes += n as u64;
             }
-            hash.update(&block[..n]);
-            bytes += n as u64;
         }
         let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
         Ok(InputRecord { path: path.display().to_string(), bytes, sha256 })
     }
+}
+
+/// Adds the files of a folder and of those within it; links to folders are not followed. A file is itself.
+fn files_within(path: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
+    if !path.is_dir() {
+        files.push(path.to_owned());
+        return Ok(());
+    }
+    let failed = |e: std::io::Error| Error::io(path, "reading", &e);
+    for entry in std::fs::read_dir(path).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let kind = entry.file_type().map_err(failed)?;
+        if kind.is_dir() {
+            files_within(&entry.path(), files)?;
+        } else if entry.path().is_file() {
+            files.push(entry.path());
+        }
+    }
+    Ok(())
 }

@@ -93,7 +93,7 @@ impl Arguments {
     pub fn of_volumes(&self) -> bool {
         let name = self.a.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let mut endings = volume::FORMATS.iter().flat_map(|format| format.extensions);
-        self.volumes.are_given() || endings.any(|ending| name.ends_with(ending))
+        self.volumes.are_given() || self.a.is_dir() || endings.any(|ending| name.ends_with(ending))
     }
 
     /// Names both files in what is wrong with the pair.

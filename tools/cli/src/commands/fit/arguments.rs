@@ -18,7 +18,7 @@ use crate::shared::splat_files::LayoutArguments;
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Arguments {
-    /// The volume: NIfTI or InVesalius project
+    /// The volume: a file (NIfTI, NRRD, MetaImage, ...) or a folder of DICOM slices
     pub volume: PathBuf,
     #[command(flatten)]
     pub region: RoiArguments,
@@ -72,6 +72,8 @@ Examples:
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --quality fine --dry-run     what that would cost
   vgs fit ct.nii.gz --roi labels.nii.gz --roi-label liver,aorta -o organs.ply --density 0.2
   vgs fit skull.inv3 --roi-threshold 226,3071 -o skull.ply --time-budget 5m
+  vgs fit scans/ --series 3 --roi bones.nii.gz -o bones.ply     a DICOM series; vgs info scans/ lists them
+  vgs fit ct.nii.gz --roi-threshold 200,3000 --roi-largest --roi-close 2 --roi-fill -o bone.ply
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --kernel gaussian --ply-layout reference
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --checkpoint-every 100

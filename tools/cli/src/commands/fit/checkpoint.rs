@@ -11,7 +11,7 @@ use engine::{Error, Kind, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::shared::inputs::{InputRecord, RoiArguments};
+use crate::shared::inputs::{CleaningArguments, InputRecord, RoiArguments};
 use crate::shared::outputs::beside;
 
 /// Stopping and going on.
@@ -71,7 +71,7 @@ impl Checkpoints {
             output: output.to_owned(),
             write: WriteOptions { force: write.force || arguments.resume, ..write },
             inputs: inputs.iter().map(|(&name, input)| (name.to_owned(), input.sha256.clone())).collect(),
-            region: format!("{:?} {:?}", region.roi_threshold, region.roi_label),
+            region: region_text(region),
             config: config.clone(),
         };
         let state = state_path(output);
@@ -153,6 +153,15 @@ impl Checkpoints {
     }
 }
 
+/// Returns the region as the flags say it. Without steps that clean it the text is what it was before there were any, so
+/// that older states can go on.
+fn region_text(region: &RoiArguments) -> String {
+    let RoiArguments { roi: _, roi_threshold, roi_label, cleaning } = region;
+    let steps =
+        if *cleaning == CleaningArguments::default() { String::new() } else { format!(" {cleaning:?}") };
+    format!("{roi_threshold:?} {roi_label:?}{steps}")
+}
+
 /// Returns the first key in which two configurations differ, and both values.
 fn difference(a: &FitConfig, b: &FitConfig) -> Option<(&'static str, Value, Value)> {
     // By way of text, so that 0.1 as f32 stays 0.1.
@@ -165,11 +174,17 @@ fn difference(a: &FitConfig, b: &FitConfig) -> Option<(&'static str, Value, Valu
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
+
+    fn threshold(cleaning: CleaningArguments) -> RoiArguments {
+        RoiArguments { roi: None, roi_threshold: Some([1.0, 2.0]), roi_label: None, cleaning }
+    }
 
     fn checkpoints(folder: &Path, config: FitConfig) -> Checkpoints {
         let arguments = CheckpointArguments { checkpoint_every: Some(10), resume: true };
-        let region = RoiArguments { roi: None, roi_threshold: Some([1.0, 2.0]), roi_label: None };
+        let region = threshold(CleaningArguments::default());
         let record = InputRecord { path: "v.nii".into(), bytes: 3, sha256: "abc".into() };
         let inputs = BTreeMap::from([("volume", record)]);
         Checkpoints::new(
@@ -190,6 +205,22 @@ mod tests {
         let due: Vec<u32> = (0..35).filter(|&k| c.is_due(k)).collect();
         assert_eq!(due, [10, 20, 30]);
         assert!(c.splats_path(10).ends_with("a.000010.ply"));
+    }
+
+    #[test]
+    fn a_region_that_is_cleaned_otherwise_is_another_one() {
+        let none = CleaningArguments::default();
+        assert_eq!(region_text(&threshold(none.clone())), "Some([1.0, 2.0]) None");
+        let others = [
+            none.clone(),
+            CleaningArguments { roi_min_ml: Some(1.0), ..none.clone() },
+            CleaningArguments { roi_largest: Some(1), ..none.clone() },
+            CleaningArguments { roi_largest: Some(2), ..none.clone() },
+            CleaningArguments { roi_close: Some(1.0), ..none.clone() },
+            CleaningArguments { roi_fill: true, ..none },
+        ];
+        let texts: BTreeSet<String> = others.map(|cleaning| region_text(&threshold(cleaning))).into();
+        assert_eq!(texts.len(), 6, "{texts:?}");
     }
 
     #[test]

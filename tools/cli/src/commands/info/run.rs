@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use engine::splat::{self, LabelCount, Summary};
+use engine::volume::dicom::{self, StackSummary};
 use engine::volume::nifti::{self, Header};
-use engine::volume::{Stats, Volume};
-use engine::{Error, Result};
+use engine::volume::{Format, ReadOptions, Stats, Volume, inv3};
+use engine::{Error, Kind, Result};
 use serde::Serialize;
 
 use super::budget::{self, BudgetArguments, FrameBudget};
@@ -22,7 +23,7 @@ use crate::shared::terminal::clean;
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct Arguments {
-    /// Files: NIfTI, InVesalius projects, PLY
+    /// Volumes, splat files, and folders of DICOM series
     #[arg(required = true)]
     files: Vec<PathBuf>,
     #[command(flatten)]
@@ -34,6 +35,7 @@ pub struct Arguments {
 const EXAMPLES: &str = "\
 Examples:
   vgs info ct.nii.gz bones.ply
+  vgs info scans/                 the DICOM series in a folder; --series N tells more of one
   vgs info --json bones.ply       one object, on one line, for each file
   vgs info --budget --tf CT-Bone body.ply     where bytes and milliseconds of a frame go";
 
@@ -43,8 +45,14 @@ Examples:
 enum FileContent {
     Splats(Box<Summary>),
     Volume {
+        /// Name of the format, where no header tells it.
+        #[serde(rename = "file_format", skip_serializing_if = "Option::is_none")]
+        format: Option<&'static str>,
         #[serde(flatten)]
         header: Option<Box<Header>>,
+        /// What a DICOM folder holds.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        series: Vec<StackSummary>,
         #[serde(flatten)]
         voxels: Option<Voxels>,
     },
@@ -56,6 +64,7 @@ struct Voxels {
     size: [usize; 3],
     spacing_mm: [f64; 3],
     axes: String,
+    oriented: bool,
     min: f32,
     max: f32,
     mean: f64,
@@ -101,16 +110,36 @@ fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
         let summary = splat::describe(path, &splat::ReadOptions::default())?;
         return Ok(FileContent::Splats(Box::new(summary)));
     }
+    let mut options = read.options();
+    if Format::of(path, &options).is_ok_and(|format| format.name == dicom::NAME) {
+        return dicom_content(path, &options);
+    }
     let header = nifti::describe(path).ok().map(Box::new);
     if header.as_ref().is_some_and(|h| !h.scalar) {
-        return Ok(FileContent::Volume { header, voxels: None });
+        return Ok(FileContent::Volume { format: None, header, series: Vec::new(), voxels: None });
     }
-    let mut options = read.options();
     if header.as_ref().is_some_and(|h| h.dims.iter().skip(3).product::<usize>() > 1) {
         options.volume_index = options.volume_index.or(Some(0));
     }
     let volume = Volume::read(path, &options).map_err(|e| not_splats_either(e, path))?;
-    Ok(FileContent::Volume { header, voxels: Some(Voxels::of(&volume)) })
+    let format = if header.is_some() { None } else { Some(Format::of(path, &options)?.name) };
+    Ok(FileContent::Volume { format, header, series: Vec::new(), voxels: Some(Voxels::of(&volume)) })
+}
+
+/// Lists what a DICOM folder holds, and tells of the series that is chosen, or is the only one.
+fn dicom_content(path: &Path, options: &ReadOptions) -> Result<FileContent> {
+    let series = dicom::list(path, options)?;
+    let voxels = match Volume::read(path, options) {
+        Ok(volume) => Some(Voxels::of(&volume)),
+        // Nothing is chosen yet: the list is the answer.
+        Err(error)
+            if error.kind == Kind::Usage && options.series.is_none() && options.volume_index.is_none() =>
+        {
+            None
+        }
+        Err(error) => return Err(error),
+    };
+    Ok(FileContent::Volume { format: Some(dicom::NAME), header: None, series, voxels })
 }
 
 fn not_splats_either(error: Error, path: &Path) -> Error {
@@ -125,6 +154,7 @@ impl Voxels {
             size: volume.size,
             spacing_mm: volume.spacing_mm().to_array(),
             axes: volume.axis_codes(),
+            oriented: volume.oriented,
             min,
             max,
             mean,
@@ -147,7 +177,10 @@ fn text(content: &FileContent) -> Lines {
     let mut out = Lines(String::new());
     match content {
         FileContent::Splats(summary) => splat_lines(summary, &mut out),
-        FileContent::Volume { header, voxels } => volume_lines(header.as_deref(), voxels.as_ref(), &mut out),
+        FileContent::Volume { format, header, series, voxels } => {
+            let header = header.as_deref();
+            volume_lines(format.unwrap_or_default(), header, series, voxels.as_ref(), &mut out);
+        }
     }
     out
 }
@@ -165,13 +198,27 @@ fn rounded(values: &[f64]) -> String {
         .join(" x ")
 }
 
-fn volume_lines(header: Option<&Header>, voxels: Option<&Voxels>, out: &mut Lines) {
+fn volume_lines(
+    format: &str,
+    header: Option<&Header>,
+    series: &[StackSummary],
+    voxels: Option<&Voxels>,
+    out: &mut Lines,
+) {
     let Some(h) = header else {
-        out.add("format", "InVesalius project");
+        out.add("format", format);
+        for (i, row) in series.iter().enumerate() {
+            out.add(if i == 0 { "series" } else { "" }, row.line());
+        }
         if let Some(v) = voxels {
             out.add("voxels", joined(&v.size, " x "));
             out.add("spacing", format!("{} mm", rounded(&v.spacing_mm)));
-            out.add("axes", format!("{} (assumed: the file does not say)", v.axes));
+            let source = match (format, v.oriented) {
+                (inv3::NAME, _) => " (assumed: the file does not say)",
+                (_, false) => " (the file does not say how the patient lies)",
+                _ => "",
+            };
+            out.add("axes", format!("{}{source}", v.axes));
             value_lines(v, out);
         }
         return;

@@ -1,0 +1,74 @@
+//! The DICOM files of a folder.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::{MAGIC, MAGIC_AT, sniff};
+use crate::{Error, Kind, Result};
+
+/// Folders within folders that are looked into.
+const DEEPEST: usize = 8;
+/// More files than any study has: somebody named the wrong folder.
+const MOST_FILES: usize = 100_000;
+
+/// Returns the DICOM files of a folder and of those within it, in the order of their names. Links to folders
+/// are not followed.
+///
+/// # Errors
+/// [`Kind::BadData`] where there is none or the folder holds far too many files, and [`Kind::Io`].
+pub(super) fn dicom_files(folder: &Path) -> Result<Vec<PathBuf>> {
+    files_within(folder, DEEPEST)
+}
+
+/// The same without the folders within it.
+pub(super) fn dicom_files_beside(folder: &Path) -> Result<Vec<PathBuf>> {
+    files_within(folder, 0)
+}
+
+fn files_within(folder: &Path, depth: usize) -> Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    gather(folder, depth, &mut files)?;
+    let looked_at = files.len();
+    files.retain(|path| is_dicom(path));
+    if files.is_empty() {
+        let message = format!("none of the {looked_at} files in the folder is DICOM");
+        return Err(Error::new(Kind::BadData, "VGS-DCM-001", message)
+            .file(folder)
+            .help("give the folder of a DICOM series, or a volume file such as .nii.gz"));
+    }
+    files.sort();
+    Ok(files)
+}
+
+fn gather(folder: &Path, deeper: usize, files: &mut Vec<PathBuf>) -> Result<()> {
+    for entry in fs::read_dir(folder).map_err(|e| Error::io(folder, "reading", &e))? {
+        let entry = entry.map_err(|e| Error::io(folder, "reading", &e))?;
+        let kind = entry.file_type().map_err(|e| Error::io(entry.path(), "reading", &e))?;
+        if kind.is_dir() && deeper > 0 {
+            gather(&entry.path(), deeper - 1, files)?;
+        } else if !kind.is_dir() {
+            files.push(entry.path());
+        }
+        if files.len() > MOST_FILES {
+            return Err(Error::new(
+                Kind::BadData,
+                "VGS-DCM-002",
+                format!("the folder holds more than {MOST_FILES} files"),
+            )
+            .file(folder)
+            .help("give the folder of one study or series"));
+        }
+    }
+    Ok(())
+}
+
+/// Returns true if a file has DICOM's magic; what cannot be read has none.
+fn is_dicom(path: &Path) -> bool {
+    let mut head = Vec::new();
+    let length = (MAGIC_AT + MAGIC.len()) as u64;
+    let regular = fs::metadata(path).is_ok_and(|meta| meta.is_file());
+    regular
+        && File::open(path).and_then(|file| file.take(length).read_to_end(&mut head)).is_ok()
+        && sniff(&head)
+}

@@ -1,0 +1,214 @@
+//! The planes of a stack in space.
+
+use glam::{DAffine3, DMat3, DVec3};
+
+use super::header::Frame;
+use super::stacks::{Stack, along_normal, doubled, normal};
+use crate::{Error, Kind, Result};
+
+/// Part of the distance of planes by which a slice may lie beside its plane: writers round positions.
+const BESIDE: f64 = 0.05;
+/// Parts of the usual distance that are tried as the distance of planes where slices are uneven.
+const PARTS: u32 = 8;
+/// Part of a pixel by which slices may shift against the line through the first and the last one.
+const SIDEWAYS: f64 = 0.1;
+/// A line of slices that leaves their normal by more is told as a tilt, degrees.
+const TILT_DEGREES: f64 = 0.05;
+/// World axes of DICOM (LPS) to those of volumes (RAS).
+const RAS_FROM_LPS: DMat3 =
+    DMat3::from_cols(DVec3::new(-1.0, 0.0, 0.0), DVec3::new(0.0, -1.0, 0.0), DVec3::new(0.0, 0.0, 1.0));
+
+/// Where the slices of a stack lie on a regular grid.
+#[derive(Clone, Debug)]
+pub(super) struct Arrangement {
+    /// Voxel counts along columns, rows and planes.
+    pub size: [usize; 3],
+    /// Voxels to mm RAS.
+    pub world_from_voxel: DAffine3,
+    /// The plane of each frame, in their order, growing. Other planes have no values.
+    pub planes: Vec<usize>,
+    /// What the user should know.
+    pub notes: Vec<String>,
+}
+
+/// Finds the regular planes that all slices of a stack lie on.
+///
+/// # Errors
+/// [`Kind::BadData`] where two slices lie at one place, shift sideways, or lie on no regular planes.
+pub(super) fn arrange(stack: &Stack) -> Result<Arrangement> {
+    let frames = &stack.frames;
+    let first = stack.first();
+    let normal = normal(first);
+    let mut notes = Vec::new();
+    if let Some([a, b]) = doubled(frames) {
+        let message =
+            format!("two slices lie at one place, {} and {}, and nothing tells them apart", name(a), name(b));
+        return Err(bad("VGS-DCM-007", message)
+            .help("export one volume of the series (one phase, one echo) into a folder of its own"));
+    }
+    let positions: Vec<f64> =
+        frames.iter().map(|frame| along_normal(frame, normal) - along_normal(first, normal)).collect();
+    let (planes, step) = planes(&positions, first.thickness, &mut notes)?;
+    let last = planes.last().copied().unwrap_or(0);
+    let step = match frames.last() {
+        Some(end) if last > 0 => (end.position - first.position) / last as f64,
+        _ => normal * step,
+    };
+    check_line(frames, &planes, step)?;
+    let tilt = (step.dot(normal) / step.length()).clamp(-1.0, 1.0).acos().to_degrees();
+    if tilt > TILT_DEGREES {
+        notes.push(format!(
+            "the gantry was tilted by {tilt:.1} degrees: the grid is sheared by it, not resampled"
+        ));
+    }
+    let [columns, rows] = first.size;
+    let axes = DMat3::from_cols(first.along[0] * first.spacing[0], first.along[1] * first.spacing[1], step);
+    Ok(Arrangement {
+        size: [columns, rows, last + 1],
+        world_from_voxel: DAffine3::from_mat3_translation(RAS_FROM_LPS * axes, RAS_FROM_LPS * first.position),
+        planes,
+        notes,
+    })
+}
+
+fn bad(code: &'static str, message: impl Into<String>) -> Error {
+    Error::new(Kind::BadData, code, message)
+}
+
+fn name(frame: &Frame) -> String {
+    let name = frame.file.path.file_name().unwrap_or_default().to_string_lossy();
+    if frame.number > 0 { format!("{name} (frame {})", frame.number) } else { name.into_owned() }
+}
+
+/// Returns the plane of each position (mm from the first, growing), and the distance of planes, mm.
+fn planes(positions: &[f64], thickness: f64, notes: &mut Vec<String>) -> Result<(Vec<usize>, f64)> {
+    let mut distances: Vec<f64> = positions.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    distances.sort_by(f64::total_cmp);
+    let (Some(&least), Some(&most)) = (distances.first(), distances.last()) else {
+        if thickness == 0.0 {
+            notes.push("there is one slice, and its thickness is not told: 1 mm is assumed".to_owned());
+        }
+        return Ok((vec![0], if thickness > 0.0 { thickness } else { 1.0 }));
+    };
+    let usual = distances[distances.len() / 2];
+    for parts in 1..=PARTS {
+        let Some((planes, step)) = on_planes(positions, usual / f64::from(parts)) else { continue };
+        let empty = planes.last().copied().unwrap_or(0) + 1 - planes.len();
+        if empty == 0 {
+            return Ok((planes, step));
+        }
+        let what = match parts {
+            1 => gaps(&planes, step, positions),
+            _ => format!("slices are {least:.2} to {most:.2} mm apart"),
+        };
+        notes.push(format!(
+            "{what}: the grid has planes {step:.3} mm apart, {empty} of {} without values",
+            empty + planes.len()
+        ));
+        return Ok((planes, step));
+    }
+    let message = format!("slices are {least:.2} to {most:.2} mm apart, on no regular planes");
+    Err(bad("VGS-DCM-008", message)
+        .help("reconstruct or resample the series with one distance, for instance by dcm2niix or 3D Slicer"))
+}
+
+/// Returns the plane of each position where planes about `step` mm apart have them all, and their distance as the
+/// positions have it.
+fn on_planes(positions: &[f64], step: f64) -> Option<(Vec<usize>, f64)> {
+    // From one to the next, since a step that is not quite right adds up.
+    let mut planes = vec![0_usize];
+    for pair in positions.windows(2) {
+        let count = ((pair[1] - pair[0]) / step).round();
+        if !(1.0..1e6).contains(&count) {
+            return None;
+        }
+        planes.push(planes.last()? + count as usize);
+    }
+    let exact = positions.last()? / *planes.last()? as f64;
+    let fits = positions
+        .iter()
+        .zip(&planes)
+        .all(|(&at, &plane)| (at - plane as f64 * exact).abs() <= BESIDE * exact);
+    fits.then_some((planes, exact))
+}
+
+/// Tells where slices are missing.
+fn gaps(planes: &[usize], step: f64, positions: &[f64]) -> String {
+    let pairs = planes.windows(2).zip(positions.windows(2)).enumerate();
+    let gaps: Vec<_> = pairs.filter(|(_, (planes, _))| planes[1] - planes[0] > 1).collect();
+    let told = gaps.iter().take(3).map(|(i, (_, at))| {
+        let (from, to) = (i + 1, i + 2);
+        format!("{:.1} mm between slices {from} and {to}", at[1] - at[0])
+    });
+    let told: Vec<_> = told.collect();
+    let more = if gaps.len() > told.len() {
+        format!(" and {} more", gaps.len() - told.len())
+    } else {
+        String::new()
+    };
+    format!("slices are missing, {}{more}, where {step:.2} mm is usual", told.join(", "))
+}
+
+/// Refuses slices that do not lie on one line: `step` leads from plane to plane, mm.
+fn check_line(frames: &[Frame], planes: &[usize], step: DVec3) -> Result<()> {
+    let first = &frames[0];
+    let most = SIDEWAYS * first.spacing[0].min(first.spacing[1]) + BESIDE * step.length();
+    for (frame, &plane) in frames.iter().zip(planes) {
+        let off = (frame.position - first.position - step * plane as f64).length();
+        if off > most {
+            let message = format!("{} lies {off:.2} mm beside the line of the other slices", name(frame));
+            return Err(bad("VGS-DCM-009", message).help(
+                "the slices do not form one block; export the original series, not a reformatted one",
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn planes_of(positions: &[f64]) -> (Vec<usize>, f64, Vec<String>) {
+        let mut notes = Vec::new();
+        let (planes, step) = planes(positions, 0.0, &mut notes).unwrap();
+        (planes, step, notes)
+    }
+
+    #[test]
+    fn even_slices_have_a_plane_each() {
+        let (planes, step, notes) = planes_of(&[0.0, 2.5, 5.0, 7.5]);
+        assert_eq!((planes, notes), (vec![0, 1, 2, 3], vec![]));
+        assert!((step - 2.5).abs() < 1e-12);
+        // Rounded to a tenth: 0.625 mm apart.
+        let rounded: Vec<f64> = (0..400).map(|i| (f64::from(i) * 6.25).round() / 10.0).collect();
+        assert!(planes_of(&rounded).1 - 0.625 < 1e-3);
+    }
+
+    #[test]
+    fn what_is_missing_is_told_in_mm() {
+        let (planes, step, notes) = planes_of(&[0.0, 5.0, 10.0, 212.5, 217.5]);
+        assert_eq!(planes.len(), 5);
+        assert!(step > 0.0 && notes.len() == 1, "{notes:?}");
+        let (planes, _, notes) = planes_of(&[0.0, 5.0, 10.0, 25.0, 30.0]);
+        assert_eq!(planes, [0, 1, 2, 5, 6]);
+        assert!(
+            notes[0].contains("15.0 mm between slices 3 and 4") && notes[0].contains("2 of 7"),
+            "{notes:?}"
+        );
+    }
+
+    #[test]
+    fn uneven_slices_lie_on_finer_planes() {
+        let (planes, step, notes) = planes_of(&[0.0, 5.0, 7.5, 12.5, 17.5]);
+        assert_eq!(planes, [0, 2, 3, 5, 7]);
+        assert!((step - 2.5).abs() < 1e-12 && notes[0].contains("2.50 to 5.00 mm"), "{notes:?}");
+        let mut notes = Vec::new();
+        let error = planes_error(&[0.0, 1.0, 2.618, 5.236, 6.0, 9.47], &mut notes);
+        assert_eq!(error.code, "VGS-DCM-008");
+    }
+
+    fn planes_error(positions: &[f64], notes: &mut Vec<String>) -> Error {
+        planes(positions, 0.0, notes).unwrap_err()
+    }
+}

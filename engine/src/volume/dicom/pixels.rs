@@ -1,0 +1,161 @@
+//! Stored values to intensities.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use dicom_encoding::TransferSyntaxIndex;
+use dicom_object::open_file;
+use dicom_pixeldata::{DecodedPixelData, PixelDecoder};
+use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
+
+use super::header::{FileHeader, Frame, damaged};
+use crate::{Error, Kind, Result};
+
+/// The transfer syntax that has the most significant byte first.
+const BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
+
+/// Refuses what cannot be read as intensities, before any pixel is.
+///
+/// # Errors
+/// [`Kind::BadData`] for colours, [`Kind::Unavailable`] for a compression that is not known.
+pub(super) fn check(file: &FileHeader) -> Result<()> {
+    if !file.photometric.starts_with("MONOCHROME") {
+        let message = format!("a colour picture ({})", file.photometric);
+        return Err(Error::new(Kind::BadData, "VGS-DCM-010", message).file(&file.path).help(
+            "intensities are needed: MONOCHROME1 or MONOCHROME2; choose the original series with --series",
+        ));
+    }
+    let syntax = TransferSyntaxRegistry.get(&file.transfer_syntax);
+    // The library turns the bytes of 16-bit words around, and those of longer ones in halves.
+    let turned = file.transfer_syntax == BIG_ENDIAN && file.bits_allocated > 16;
+    if syntax.is_some_and(|syntax| syntax.can_decode_all()) && !turned {
+        return Ok(());
+    }
+    let name = syntax.map_or(file.transfer_syntax.as_str(), |syntax| syntax.name());
+    let message = format!("pixels of {} bits as {name}, which is not read", file.bits_allocated);
+    Err(Error::new(Kind::Unavailable, "VGS-DCM-011", message)
+        .file(&file.path)
+        .help("unpack the series first: `dcm2niix`, or `gdcmconv --raw IN OUT` for each file"))
+}
+
+/// Reads frames of one file, each into its plane.
+///
+/// # Errors
+/// [`Kind::BadData`] for damaged pixels, and [`Kind::Io`].
+pub(super) fn read_frames(file: &FileHeader, frames: Vec<(&Frame, &mut [f32])>) -> Result<()> {
+    let object = open_file(&file.path).map_err(|e| damaged(&file.path, &e))?;
+    // The decoders are other people's, and a damaged stream may break what one of them takes for granted.
+    let decoded = match catch_unwind(AssertUnwindSafe(|| object.decode_pixel_data())) {
+        Ok(Ok(decoded)) => decoded,
+        Ok(Err(e)) => return Err(damaged(&file.path, &e)),
+        Err(_) => return Err(damaged(&file.path, &std::io::Error::other("its decoder gave up"))),
+    };
+    frames.into_iter().try_for_each(|(frame, plane)| intensities(file, &decoded, frame, plane))
+}
+
+fn intensities(
+    file: &FileHeader,
+    decoded: &DecodedPixelData,
+    frame: &Frame,
+    plane: &mut [f32],
+) -> Result<()> {
+    let bytes = usize::from(decoded.bits_allocated()).div_ceil(8);
+    let length = bytes * plane.len();
+    let first = length * frame.number as usize;
+    let found = decoded.data().get(first..first.saturating_add(length));
+    let same = [decoded.columns(), decoded.rows()].map(|n| n as usize) == frame.size
+        && decoded.samples_per_pixel() == 1;
+    let (Some(stored), 1 | 2 | 4, true) = (found, bytes, same) else {
+        let [columns, rows] = frame.size;
+        let message = format!(
+            "expected {length} bytes for frame {} of {columns} x {rows} pixels, got {} bytes for all",
+            frame.number,
+            decoded.data().len()
+        );
+        return Err(Error::new(Kind::BadData, "VGS-DCM-012", message)
+            .file(&file.path)
+            .help("the file is damaged or cut short; copy it again"));
+    };
+    let [slope, intercept] = frame.rescale;
+    let value = Stored::of(file, bytes);
+    for (intensity, word) in plane.iter_mut().zip(stored.chunks_exact(bytes)) {
+        let stored = value.of_word(word.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte)));
+        *intensity =
+            if value.is_padding(stored) { f32::NAN } else { (slope * stored as f64 + intercept) as f32 };
+    }
+    Ok(())
+}
+
+/// How a word of the file holds a value: the rest of its bits may hold anything.
+struct Stored {
+    shift: u32,
+    bits: u32,
+    signed: bool,
+    padding: Option<[i64; 2]>,
+}
+
+impl Stored {
+    fn of(file: &FileHeader, bytes: usize) -> Self {
+        let most = 8 * bytes as u32;
+        let bits = file.bits_stored.min(most);
+        let shift = (file.high_bit + 1).saturating_sub(bits).min(most - bits);
+        Stored {
+            shift,
+            bits,
+            signed: file.signed,
+            padding: file.padding.map(|ends| ends.map(|v| signed(v, file))),
+        }
+    }
+
+    fn of_word(&self, word: u32) -> i64 {
+        let value = i64::from(word >> self.shift) & ((1 << self.bits) - 1);
+        if self.signed && value >> (self.bits - 1) == 1 { value - (1 << self.bits) } else { value }
+    }
+
+    fn is_padding(&self, value: i64) -> bool {
+        self.padding.is_some_and(|[from, to]| (from..=to).contains(&value))
+    }
+}
+
+/// Returns the value of an element that is signed where the pixels are, and that a file without types leaves unsigned.
+fn signed(value: i64, file: &FileHeader) -> i64 {
+    if file.signed && value > i64::from(i16::MAX) && value <= i64::from(u16::MAX) {
+        value - (1 << 16)
+    } else {
+        value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_stored_bits_count() {
+        let file = |bits_stored, high_bit, signed| FileHeader {
+            bits_stored,
+            high_bit,
+            signed,
+            ..Default::default()
+        };
+        let of = |file: &FileHeader, word| Stored::of(file, 2).of_word(word);
+        assert_eq!(of(&file(12, 11, false), 0xf7ff), 0x7ff, "bits above are others'");
+        assert_eq!(of(&file(12, 11, true), 0x0fff), -1, "the sign is the highest stored bit");
+        assert_eq!(of(&file(12, 15, false), 0x7ff5), 0x7ff, "stored in the upper bits");
+        assert_eq!(of(&file(16, 15, true), 0xfc18), -1000);
+        assert_eq!(of(&file(16, 15, false), 0xfc18), 64536);
+        assert_eq!(Stored::of(&file(16, 15, true), 1).of_word(0x80), -128, "no more bits than there are");
+    }
+
+    #[test]
+    fn padding_is_outside() {
+        let file = FileHeader {
+            bits_stored: 16,
+            high_bit: 15,
+            signed: true,
+            padding: Some([63536, 63536]),
+            ..Default::default()
+        };
+        let stored = Stored::of(&file, 2);
+        assert!(stored.is_padding(-2000) && !stored.is_padding(-1000));
+    }
+}

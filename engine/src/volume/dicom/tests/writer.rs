@@ -1,0 +1,111 @@
+//! Writes DICOM files byte by byte, for tests: nothing of it is shared with what reads them.
+#![allow(dead_code, reason = "each test that includes this file uses a part of it")]
+
+use glam::DVec3;
+
+/// Explicit VR, little-endian: the plain transfer syntax.
+const PLAIN: &str = "1.2.840.10008.1.2.1";
+
+/// Tag, type and value.
+type Element = ((u16, u16), &'static [u8; 2], Vec<u8>);
+
+/// A file in the making: elements in the order of their tags.
+#[derive(Clone)]
+pub struct Dicom {
+    pub syntax: &'static str,
+    pub class: &'static str,
+    elements: Vec<Element>,
+}
+
+/// Returns 16-bit words as a file has them.
+pub fn words(values: &[u16]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+fn numbers(values: &[f64]) -> String {
+    values.iter().map(f64::to_string).collect::<Vec<_>>().join("\\")
+}
+
+impl Dicom {
+    /// A slice of 4 columns and 3 rows at a position along an oblique grid, with what a CT has.
+    pub fn slice(number: u16, position: DVec3) -> Self {
+        let mut file = Dicom { syntax: PLAIN, class: "1.2.840.10008.5.1.4.1.1.2", elements: Vec::new() };
+        file.text((0x0008, 0x0018), b"UI", &format!("1.2.3.{number}"));
+        file.text((0x0008, 0x0060), b"CS", "CT");
+        file.text((0x0008, 0x103e), b"LO", "Abdomen 1.0");
+        file.text((0x0020, 0x000e), b"UI", "1.2.3");
+        file.text((0x0020, 0x0011), b"IS", "2");
+        file.text((0x0020, 0x0032), b"DS", &numbers(&position.to_array()));
+        file.text((0x0020, 0x0037), b"DS", "0.8\\0.6\\0\\-0.6\\0.8\\0");
+        file.text((0x0028, 0x0004), b"CS", "MONOCHROME2");
+        // Rows are 2 mm apart, columns half a millimetre.
+        file.text((0x0028, 0x0030), b"DS", "2\\0.5");
+        file.text((0x0028, 0x1052), b"DS", "-1024");
+        file.text((0x0028, 0x1053), b"DS", "2");
+        for (tag, value) in
+            [(0x0002, 1), (0x0010, 3), (0x0011, 4), (0x0100, 16), (0x0101, 16), (0x0102, 15), (0x0103, 0)]
+        {
+            file.put((0x0028, tag), b"US", words(&[value]));
+        }
+        let pixels: Vec<u16> = (0..12).map(|i| 100 * number + i).collect();
+        file.put((0x7fe0, 0x0010), b"OW", words(&pixels));
+        file
+    }
+
+    /// Sets an element.
+    pub fn put(&mut self, tag: (u16, u16), vr: &'static [u8; 2], mut value: Vec<u8>) {
+        if value.len() % 2 == 1 {
+            value.push(if vr == b"UI" { 0 } else { b' ' });
+        }
+        self.elements.retain(|(other, ..)| *other != tag);
+        self.elements.push((tag, vr, value));
+    }
+
+    /// Sets an element of text.
+    pub fn text(&mut self, tag: (u16, u16), vr: &'static [u8; 2], value: &str) {
+        self.put(tag, vr, value.as_bytes().to_vec());
+    }
+
+    /// Removes an element.
+    pub fn remove(&mut self, tag: (u16, u16)) {
+        self.elements.retain(|(other, ..)| *other != tag);
+    }
+
+    /// Returns the file.
+    pub fn bytes(&self) -> Vec<u8> {
+        let element = |(group, number): (u16, u16), vr: &[u8; 2], value: &[u8]| {
+            let mut bytes = words(&[group, number]);
+            bytes.extend(vr);
+            match vr {
+                b"OB" | b"OW" | b"SQ" | b"UN" => {
+                    bytes.extend([0, 0]);
+                    bytes.extend((value.len() as u32).to_le_bytes());
+                }
+                _ => bytes.extend((value.len() as u16).to_le_bytes()),
+            }
+            bytes.extend(value);
+            bytes
+        };
+        let padded = |text: &str| {
+            let mut bytes = text.as_bytes().to_vec();
+            bytes.resize(bytes.len().next_multiple_of(2), 0);
+            bytes
+        };
+        let meta = [
+            element((2, 1), b"OB", &[0, 1]),
+            element((2, 2), b"UI", &padded(self.class)),
+            element((2, 3), b"UI", &padded("1.2.3.4")),
+            element((2, 0x10), b"UI", &padded(self.syntax)),
+            element((2, 0x12), b"UI", &padded("1.2")),
+        ]
+        .concat();
+        let mut all = vec![0; 128];
+        all.extend(b"DICM");
+        all.extend(element((2, 0), b"UL", &(meta.len() as u32).to_le_bytes()));
+        all.extend(meta);
+        let mut elements = self.elements.clone();
+        elements.sort_by_key(|(tag, ..)| *tag);
+        elements.iter().for_each(|(tag, vr, value)| all.extend(element(*tag, vr, value)));
+        all
+    }
+}
