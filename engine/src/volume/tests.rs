@@ -102,7 +102,8 @@ fn files_in_no_known_format_are_refused() {
     }
     let missing = Volume::read(dir.path().join("none.nii"), &ReadOptions::default()).unwrap_err();
     assert_eq!(missing.kind, Kind::Missing);
-    assert_eq!(Volume::read(dir.path(), &ReadOptions::default()).unwrap_err().code, "VGS-VOL-002");
+    // A folder is one of DICOM slices, and this one has none.
+    assert_eq!(Volume::read(dir.path(), &ReadOptions::default()).unwrap_err().code, "VGS-DCM-001");
 }
 
 /// Returns the folder of real cases, or `None` with a note where it is absent.
