@@ -33,6 +33,9 @@ pub struct Metrics {
     pub occupancy_rmse: f64,
     /// 2 Σ O M / (Σ O² + Σ M²) over ROI and shell.
     pub soft_dice: f64,
+    /// Σ M of the samples that the intensity errors are of; 0 where no sample is inside the region.
+    #[serde(skip)]
+    pub weight: f64,
 }
 
 /// Figures of a set of splats.
@@ -40,7 +43,8 @@ pub struct Metrics {
 pub struct Evaluation {
     /// At the voxel centres.
     pub on_grid: Metrics,
-    /// At the sub-voxel offsets asked for.
+    /// At the sub-voxel offsets asked for, but for those at which no sample is inside the region: where it is one
+    /// voxel thin, most of them.
     pub between: Vec<Metrics>,
     /// Intensity range of the normalisation, HU.
     pub range: [f32; 2],
@@ -110,7 +114,7 @@ pub fn evaluate(
     };
     Ok(Evaluation {
         on_grid: at([0.0; 3])?,
-        between: offsets.iter().map(|&o| at(o)).collect::<Result<_>>()?,
+        between: inside(offsets.iter().map(|&o| at(o)).collect::<Result<_>>()?),
         range: *range,
         unit: volume.unit(),
     })
@@ -140,10 +144,21 @@ pub fn evaluate_field(
     };
     Evaluation {
         on_grid: at([0.0; 3]),
-        between: offsets.iter().map(|&offset| at(offset)).collect(),
+        between: inside(offsets.iter().map(|&offset| at(offset)).collect()),
         range: *range,
         unit: volume.unit(),
     }
+}
+
+/// Leaves out the figures of offsets without a sample: an error of nothing is no error of 0.
+fn inside(mut between: Vec<Metrics>) -> Vec<Metrics> {
+    let asked = between.len();
+    between.retain(|metrics| metrics.weight > 0.0);
+    if between.len() < asked {
+        let left_out = asked - between.len();
+        tracing::warn!("at {left_out} of {asked} offsets no sample is inside the region: left out");
+    }
+    between
 }
 
 /// `count` random offsets in ±½ voxel for evaluation: never those of a fit with the same seed.
@@ -205,6 +220,7 @@ fn compare(
         p99_hu: percentile(&mut errors, 0.99),
         occupancy_rmse: (occupancy / count.max(1.0)).sqrt(),
         soft_dice: if squares > 0.0 { 2.0 * both / squares } else { 1.0 },
+        weight,
     }
 }
 
@@ -222,7 +238,30 @@ fn percentile(errors: &mut [[f32; 2]], share: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::percentile;
+    use super::*;
+
+    #[test]
+    fn an_offset_without_a_sample_in_the_region_is_no_perfect_one() {
+        for size in [[1, 6, 6], [6, 1, 1], [1, 1, 1]] {
+            let count = size.iter().product();
+            let values = (0..count).map(|i| 100.0 + i as f32).collect();
+            let volume = Volume::new(size, glam::DAffine3::IDENTITY, values);
+            let roi = Roi::new(vec![1.0; count], &volume).unwrap();
+            let protocol = Protocol {
+                offsets: random_offsets(16, 3),
+                range: [-1000.0, 1000.0],
+                shell: 2,
+                threshold: 0.0,
+            };
+            let figures = evaluate_field(|_| (0.0, 1.0), &volume, &roi, &protocol);
+            let thin = size.iter().filter(|&&n| n == 1).count();
+            assert!(figures.between.len() < 16 || thin < 2, "{size:?}");
+            assert!(figures.between.iter().all(|m| m.mmse > 0.0), "{size:?}");
+            for db in [figures.worst_psnr_db(), figures.mean_psnr_db(), figures.on_grid.psnr_db] {
+                assert!(db.is_finite() && db < 60.0, "{size:?}: {db} dB");
+            }
+        }
+    }
 
     #[test]
     fn a_percentile_counts_weight_not_samples() {

@@ -1,12 +1,14 @@
 //! How large splats are and how far they reach.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::splat::{Activations, Splat};
 
 /// Most cells of the grid that intervals are found with.
 const MOST_CELLS: f64 = 4e6;
+/// One of so many splats, at either end of an axis, may lie far from all others.
+const FAR_SHARE: usize = 200;
 
 /// Returns the standard deviation of the middle splat along its shortest axis; 1 without splats.
 pub(super) fn middle_sigma(splats: &[Splat]) -> f64 {
@@ -41,20 +43,10 @@ pub(super) fn intervals(splats: &[Splat], reach: &[Vec3]) -> Vec<[f32; 2]> {
     }
     let middle = sizes.len() / 2;
     let typical = *sizes.select_nth_unstable_by(middle, f32::total_cmp).1;
-    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for splat in splats {
-        let mean = Vec3::from_array(splat.mean);
-        (low, high) = (low.min(mean), high.max(mean));
-    }
-    // What reaches beyond the box of the centres falls into its outermost cells.
-    let extent = high - low;
-    let volume =
-        f64::from(extent.x + typical) * f64::from(extent.y + typical) * f64::from(extent.z + typical);
-    let edge = typical.max((volume / MOST_CELLS).cbrt() as f32).max(f32::MIN_POSITIVE);
-    let cells = (extent / edge).floor().as_uvec3() + 1;
+    let CellGrid { low, edge, cells } = CellGrid::around(splats, typical.into());
     let span = |i: usize| {
         let mean = Vec3::from_array(splats[i].mean);
-        let at = |x: Vec3| ((x - low) / edge).floor().max(Vec3::ZERO).as_uvec3().min(cells - 1);
+        let at = |x: Vec3| ((x.as_dvec3() - low) / edge).floor().max(DVec3::ZERO).as_uvec3().min(cells - 1);
         (at(mean - reach[i]), at(mean + reach[i]))
     };
     let each = |i: usize, visit: &mut dyn FnMut(usize)| {
@@ -80,4 +72,87 @@ pub(super) fn intervals(splats: &[Splat], reach: &[Vec3]) -> Vec<[f32; 2]> {
             own
         })
         .collect()
+}
+
+/// A regular grid of cells over most of the splats. What lies or reaches beyond it counts to its outermost cells.
+struct CellGrid {
+    /// Where the first cell begins, in the unit of the splats.
+    low: DVec3,
+    /// Edge of a cell.
+    edge: f64,
+    /// Cells along each axis; [`MOST_CELLS`] in all at the most.
+    cells: UVec3,
+}
+
+impl CellGrid {
+    /// Returns a grid of cells as large as a typical splat reaches, or larger where there would be too many.
+    fn around(splats: &[Splat], typical: f64) -> Self {
+        let (mut low, mut extent) = (DVec3::ZERO, DVec3::ZERO);
+        for axis in 0..3 {
+            let mut places: Vec<f32> = splats.iter().map(|splat| splat.mean[axis]).collect();
+            places.sort_unstable_by(f32::total_cmp);
+            let last = places.len().saturating_sub(1);
+            let at = |i: usize| places.get(i).copied().map_or(0.0, f64::from);
+            // One splat far away must not make the cells of all others large.
+            let (from, to) = (at(last / FAR_SHARE), at(last - last / FAR_SHARE));
+            let beyond = to - from + typical;
+            low[axis] = at(0).max(from - beyond);
+            extent[axis] = at(last).min(to + beyond) - low[axis];
+        }
+        let count = |edge: f64| (extent / edge).floor() + 1.0;
+        let mut edge = typical.max(f64::from(f32::MIN_POSITIVE));
+        while count(edge).element_product() > MOST_CELLS {
+            edge *= 1.25;
+        }
+        CellGrid { low, edge, cells: count(edge).as_uvec3() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn splat(mean: [f32; 3], intensity: f32) -> Splat {
+        Splat { mean, intensity, rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() }
+    }
+
+    /// A block of splats, one apart, with intensities that grow along x.
+    fn block() -> Vec<Splat> {
+        (0..4096).map(|i| [i % 16, i / 16 % 16, i / 256].map(|v| v as f32)).map(|m| splat(m, m[0])).collect()
+    }
+
+    #[test]
+    fn one_splat_far_away_changes_nothing_for_the_others() {
+        let near = block();
+        let reach = |count| vec![Vec3::splat(1.0); count];
+        let wanted = intervals(&near, &reach(near.len()));
+        for far in [1e4, 1e11, 1e13, -1e30, f32::MAX] {
+            for axis in 0..3 {
+                let mut mean = [8.0; 3];
+                mean[axis] = far;
+                let all = [near.clone(), vec![splat(mean, 99.0)]].concat();
+                let grid = CellGrid::around(&all, 1.0);
+                assert!(grid.cells.as_dvec3().element_product() <= MOST_CELLS, "{far}");
+                let found = intervals(&all, &reach(all.len()));
+                let wider = found.iter().zip(&wanted).filter(|(a, b)| a != b).count();
+                assert!(wider < near.len() / 2, "{far} along {axis}: {wider} of {}", near.len());
+                assert!(found.iter().zip(&wanted).all(|(a, b)| a[0] <= b[0] && a[1] >= b[1]), "{far}");
+            }
+        }
+    }
+
+    #[test]
+    fn cells_are_bounded_whatever_the_splats_are() {
+        for (places, typical) in [
+            (vec![[-f32::MAX; 3], [f32::MAX; 3]], 1.0),
+            (vec![[0.0; 3], [1e12, 1.0, 1.0]], 1e-30),
+            (vec![[0.0; 3]], 0.0),
+            (vec![], 1.0),
+        ] {
+            let splats: Vec<_> = places.into_iter().map(|mean| splat(mean, 1.0)).collect();
+            let grid = CellGrid::around(&splats, typical);
+            assert!(grid.cells.min_element() > 0 && grid.cells.as_dvec3().element_product() <= MOST_CELLS);
+            assert!(grid.edge > 0.0 && grid.low.is_finite());
+        }
+    }
 }

@@ -6,7 +6,7 @@
 //! and surfaces of the project are not read.
 
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DVec3};
 use plist::Value;
@@ -19,6 +19,8 @@ use crate::{Error, Kind, Result};
 pub const NAME: &str = "InVesalius project";
 /// A main.plist is about 1.5 kB.
 const MAX_PLIST: u64 = 1 << 20;
+/// Longer than the longest path of any system.
+const MAX_NAME: u64 = 1 << 16;
 
 /// What `main.plist` says about the volume.
 #[derive(Debug)]
@@ -117,9 +119,21 @@ fn find<T>(
     let mut archive = tar::Archive::new(Source::open(path, options.lenient)?);
     let mut use_entry = Some(use_entry);
     let mut found = None;
-    for entry in archive.entries().map_err(damaged)? {
+    // A name too long for its header comes before its member. The tar crate would read it whole, whatever its
+    // size, hence raw entries.
+    let mut long_name = None;
+    for entry in archive.entries().map_err(damaged)?.raw(true) {
         let mut entry = entry.map_err(damaged)?;
-        let is_it = entry.path().is_ok_and(|p| p.file_name().is_some_and(|f| f == name));
+        let kind = entry.header().entry_type();
+        if kind.is_gnu_longname() || kind.is_pax_local_extensions() {
+            long_name = read_name(&mut entry)?.or(long_name);
+            continue;
+        }
+        let path = match long_name.take() {
+            Some(path) => path,
+            None => entry.path().map(PathBuf::from).unwrap_or_default(),
+        };
+        let is_it = path.file_name().is_some_and(|f| f == name);
         if is_it && entry.header().entry_type().is_file() {
             let size = entry.size();
             let take = use_entry.take().expect("only the first member of the name is used");
@@ -133,6 +147,23 @@ fn find<T>(
         bad("VGS-INV-003", format!("an archive without {name}: not an InVesalius project"))
             .help("choose a .inv3 file, or a NIfTI volume")
     })
+}
+
+/// Reads the name that a member before its file gives it: all of it (GNU), or the line `path` of a list (PAX).
+fn read_name(entry: &mut tar::Entry<impl Read>) -> Result<Option<PathBuf>> {
+    let size = entry.size();
+    if size > MAX_NAME {
+        let message = format!("a member of the archive has a name or a list of {size} bytes");
+        return Err(bad("VGS-INV-007", message).help("save the project again with InVesalius"));
+    }
+    let mut bytes = Vec::new();
+    entry.read_to_end(&mut bytes).map_err(damaged)?;
+    let text = |bytes: &[u8]| PathBuf::from(String::from_utf8_lossy(bytes).trim_end_matches('\0'));
+    if entry.header().entry_type().is_gnu_longname() {
+        return Ok(Some(text(&bytes)));
+    }
+    let mut lines = tar::PaxExtensions::new(&bytes).flatten();
+    Ok(lines.find(|line| line.key_bytes() == b"path").map(|line| text(line.value_bytes())))
 }
 
 fn project(plist: &[u8]) -> Result<Project> {
@@ -239,6 +270,39 @@ mod tests {
             assert_eq!(v.axis_codes(), "LAS");
             assert_eq!(v.spacing_mm(), DVec3::new(0.5, 0.75, 2.0));
             assert_eq!(v.world_from_voxel.translation, DVec3::new(0.75, -0.75, 0.0));
+        }
+    }
+
+    /// What comes before a member to say more of it than its header holds.
+    fn extension(kind: tar::EntryType, data: &[u8]) -> Vec<u8> {
+        let mut header = tar::Header::new_ustar();
+        header.set_entry_type(kind);
+        header.set_size(data.len() as u64);
+        header.set_path("more").unwrap();
+        header.set_cksum();
+        let mut bytes = [header.as_bytes(), data].concat();
+        bytes.resize(bytes.len().next_multiple_of(512), 0);
+        bytes
+    }
+
+    #[test]
+    fn names_that_come_before_their_members_are_read_and_bounded() {
+        let plist = main_plist("int16", "2 3 4", "1 1 1");
+        let rest = archive(&[("matrix.dat", &[0; 48])]);
+        let named = |name: Vec<u8>| {
+            let mut plist = archive(&[("cut-o", plist.as_bytes())]);
+            plist.truncate(plist.len() - 1024);
+            [name, plist, rest.clone()].concat()
+        };
+        let gnu = extension(tar::EntryType::GNULongName, b"a/very/long/way/main.plist\0");
+        let pax = extension(tar::EntryType::XHeader, b"17 path=a/main.plist\n".as_slice());
+        let pax_with_time = extension(tar::EntryType::XHeader, b"14 mtime=1.25\n21 path=a/main.plist\n");
+        assert_eq!(read_bytes(&named(gnu)).unwrap().size, [4, 3, 2]);
+        assert_eq!(read_bytes(&named(pax_with_time)).unwrap().size, [4, 3, 2]);
+        assert!(read_bytes(&named(pax)).is_err(), "a line of another length than it says is none");
+        for kind in [tar::EntryType::GNULongName, tar::EntryType::XHeader] {
+            let huge = gzip(&named(extension(kind, &vec![b'x'; 8 << 20])));
+            assert_eq!(read_bytes(&huge).unwrap_err().code, "VGS-INV-007");
         }
     }
 

@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use support::{Folder, finish};
+use support::{Folder, finish, fit};
 
 /// A fit that would go on for hours.
 fn endless(folder: &Folder) -> Child {
@@ -64,6 +64,37 @@ fn a_signal_leaves_usable_splats() {
     }
 }
 
+/// What a finished fit has left is not replaced by what a stopped one came to; what a stopped one has left is.
+#[test]
+fn a_stopped_fit_leaves_a_finished_one_alone() {
+    let folder = Folder::new(16);
+    let ended = folder.run(&fit("a.ply", &[]));
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    let outputs = ["a.ply", "a.run.json", "a.csv", "a.svg"];
+    let before = outputs.map(|name| folder.read(name));
+    let stopped = |output: &str| {
+        let child = folder.start(&[&LONG_RUN[..], &["-o", output, "--force"]].concat());
+        wait_for("a checkpoint", || folder.path(&output.replace(".ply", ".000100.ply")).exists());
+        send(&child, "-INT");
+        finish(child)
+    };
+    let ended = stopped("a.ply");
+    assert_eq!(ended.code, 130, "{}", ended.err);
+    assert!(ended.err.contains("a.ply stays as it is"), "{}", ended.err);
+    assert!(ended.out.contains("a.unfinished.ply") && ended.out.contains("a.state"), "{}", ended.out);
+    assert!(outputs.map(|name| folder.read(name)) == before, "the finished fit is all there");
+    let record: serde_json::Value =
+        serde_json::from_str(&folder.text("a.unfinished.run.json")).expect("a record");
+    assert_eq!(record["end"], "stopped");
+    // Of two stopped fits the later one counts.
+    for _ in 0..2 {
+        let ended = stopped("b.ply");
+        assert!(ended.code == 130 && ended.out.contains("written: b.ply"), "{}{}", ended.err, ended.out);
+        std::fs::remove_file(folder.path("b.000100.ply")).expect("a checkpoint");
+    }
+    assert!(!folder.path("b.unfinished.ply").exists());
+}
+
 #[test]
 fn a_second_run_on_the_same_output_is_told_to_wait() {
     let folder = Folder::new(16);
@@ -83,6 +114,21 @@ fn a_second_run_on_the_same_output_is_told_to_wait() {
     assert_eq!(ended.code, 0, "{}", ended.err);
     assert!(!folder.path("a.ply.lock").exists());
 }
+
+/// A fit that goes on until it is stopped.
+const LONG_RUN: [&str; 11] = [
+    "fit",
+    "ct.nii.gz",
+    "--roi",
+    "mask.nii.gz",
+    "--splats",
+    "40",
+    "--iterations",
+    "1000000",
+    "--checkpoint-every",
+    "100",
+    "--no-eval",
+];
 
 const LONG: [&str; 10] = [
     "--splats",

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use engine::fit::Outcome;
+use engine::fit::{End, Outcome};
 use engine::output::write_atomic;
 use engine::{Error, Kind, Result, splat};
 
@@ -27,17 +27,43 @@ pub struct OutputFiles {
 impl OutputFiles {
     /// Returns the outputs that the flags name, once it is sure that they can be written.
     pub fn checked(arguments: &Arguments) -> Result<Self> {
-        let output = &arguments.output;
-        let files = OutputFiles {
-            splats: output.clone(),
-            record: outputs::beside(output, ".run.json"),
-            csv: outputs::beside(output, ".csv"),
-            svg: outputs::beside(output, ".svg"),
-            picture: arguments.picture.clone(),
-        };
+        let files = OutputFiles::of(&arguments.output, arguments.picture.clone());
         files.check(arguments)?;
         check_extension(&files.splats)?;
         Ok(files)
+    }
+
+    fn of(splats: &Path, picture: Option<PathBuf>) -> Self {
+        OutputFiles {
+            splats: splats.to_owned(),
+            record: outputs::beside(splats, ".run.json"),
+            csv: outputs::beside(splats, ".csv"),
+            svg: outputs::beside(splats, ".svg"),
+            picture,
+        }
+    }
+
+    /// Returns where a fit that ended so writes. What a finished fit has left is not replaced by less: then an unfinished one
+    /// writes beside it.
+    pub fn after(&self, end: &End) -> Self {
+        let finished = matches!(end, End::Finished);
+        if finished || !self.splats.exists() || self.holds_an_unfinished_fit() {
+            return OutputFiles::of(&self.splats, self.picture.clone());
+        }
+        let beside = outputs::beside(&self.splats, ".unfinished.ply");
+        tracing::warn!(
+            "{} stays as it is; what this fit came to is in {}",
+            self.splats.display(),
+            beside.display()
+        );
+        OutputFiles::of(&beside, None)
+    }
+
+    /// Returns true if the record beside the splats says that their fit was stopped or has failed.
+    fn holds_an_unfinished_fit(&self) -> bool {
+        let record = std::fs::read_to_string(&self.record).unwrap_or_default();
+        let record: serde_json::Value = serde_json::from_str(&record).unwrap_or_default();
+        record["end"].as_str().is_some_and(|end| end != "finished")
     }
 
     fn check(&self, arguments: &Arguments) -> Result<()> {

@@ -7,7 +7,6 @@ use engine::fit::{End, Outcome};
 use engine::{Result, splat};
 
 use super::checkpoint;
-use super::output_files::OutputFiles;
 use super::prepare::Prepared;
 use super::stages::{Evaluated, Fitted};
 use crate::report::estimate::{CheckedEstimate, Estimate};
@@ -28,7 +27,7 @@ pub fn report(
     estimate: Option<Estimate>,
     console: &Console,
 ) -> Result<()> {
-    let Prepared { arguments, files, .. } = prepared;
+    let (arguments, files) = (prepared.arguments, &fitted.files);
     let timings = timings(prepared, fitted, evaluated, estimate.as_ref());
     let results = results(prepared, fitted, evaluated, &timings);
     let checked = match estimate {
@@ -48,7 +47,7 @@ pub fn report(
     if console.json {
         console.json_data(&results)?;
     } else if !console.quiet {
-        console.data(&summary(&results, &fitted.outcome, evaluated.evaluation.as_ref(), files))?;
+        console.data(&summary(&results, fitted, evaluated.evaluation.as_ref(), &arguments.output))?;
     }
     Ok(())
 }
@@ -73,7 +72,7 @@ fn timings(
 
 /// Returns what the fit came to, as it is printed.
 fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timings: &Timings) -> FitResults {
-    let Prepared { gpu, case, files, .. } = prepared;
+    let Prepared { gpu, case, .. } = prepared;
     let outcome = &fitted.outcome;
     let device = gpu.description();
     FitResults {
@@ -89,7 +88,7 @@ fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timi
         device: device.name.clone(),
         driver: device.driver.clone(),
         roi_voxels: case.roi.voxel_count(),
-        outputs: files.list().iter().map(|p| p.display().to_string()).collect(),
+        outputs: fitted.files.list().iter().map(|p| p.display().to_string()).collect(),
     }
 }
 
@@ -142,9 +141,9 @@ fn record<'a>(
 /// Returns the end of a fit in plain words.
 fn summary(
     results: &FitResults,
-    outcome: &Outcome,
+    Fitted { outcome, files, .. }: &Fitted,
     evaluation: Option<&Evaluation>,
-    files: &OutputFiles,
+    output: &Path,
 ) -> String {
     let how = match &outcome.end {
         End::Finished => "fitted",
@@ -193,7 +192,7 @@ fn summary(
         names.join(", ")
     ));
     if matches!(outcome.end, End::Stopped) {
-        let state = checkpoint::state_path(&files.splats);
+        let state = checkpoint::state_path(output);
         out.push_str(&format!("to go on: the same command with --resume ({})\n", state.display()));
     }
     out.push_str(&format!("vgs {VERSION}. For looking, not for diagnosis.\n"));

@@ -8,6 +8,7 @@ use engine::fit::{End, Outcome, Start};
 use engine::splat::{Form, SplatSet};
 
 use super::explain;
+use super::output_files::OutputFiles;
 use super::prepare::Prepared;
 use super::watch::FitWatch;
 use crate::picture;
@@ -57,6 +58,8 @@ pub struct Fitted {
     pub set: SplatSet,
     /// Device time by pass.
     pub passes: Vec<PassRecord>,
+    /// Where they are, and where the reports belong.
+    pub files: OutputFiles,
 }
 
 /// Fits the splats and writes them.
@@ -73,8 +76,9 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
         tracing::warn!("{} updates of splats were left out: a gradient was not finite", outcome.frozen);
     }
     let set = prepared.set(&outcome.splats, outcome.iterations);
-    splat_files::write(&prepared.files.splats, &set, &prepared.write)?;
-    Ok(Fitted { outcome, set, passes })
+    let files = prepared.files.after(&outcome.end);
+    splat_files::write(&files.splats, &set, &prepared.write)?;
+    Ok(Fitted { outcome, set, passes, files })
 }
 
 /// The closing evaluation.
