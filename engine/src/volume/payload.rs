@@ -13,11 +13,9 @@ use flate2::{Decompress, FlushDecompress, Status};
 
 use super::elements::Element;
 use super::read_options::ReadOptions;
-use super::source::{Source, reserve_samples};
+use super::source::{MAX_RATIO, Source, reserve_samples};
 use crate::{Error, Kind, Result};
 
-/// DEFLATE cannot pack better than 1032 : 1, so a longer claim is false before anything is decoded.
-const MAX_RATIO: u64 = 1032;
 /// Numbers that are decoded at a time.
 const BLOCK: usize = 65536;
 /// The longest number in text.

@@ -15,7 +15,7 @@ use crate::{Error, Kind, Result};
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 
 /// DEFLATE cannot pack better than 1032 : 1, so a longer claim is false before anything is decoded.
-const MAX_RATIO: u64 = 1032;
+pub(super) const MAX_RATIO: u64 = 1032;
 
 /// An open input, decompressed if it was gzip.
 pub(super) struct Source {
