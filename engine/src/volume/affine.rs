@@ -1,6 +1,17 @@
-//! What the affine of a grid says: the distances between its voxels, and where its axes point.
+//! The affine of a grid: made from the axes that a file gives; the distances between its voxels, and where its
+//! axes point.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
+
+/// From x to the left, y to the back (LPS) to x to the right, y to the front (RAS); z is to the head in both.
+pub(super) const RAS_FROM_LPS: DVec3 = DVec3::new(-1.0, -1.0, 1.0);
+
+/// Returns the affine of axes that step along `columns`, from the file's world to RAS by the sign of each
+/// axis.
+pub(super) fn grid(columns: [DVec3; 3], origin: DVec3, signs: DVec3) -> DAffine3 {
+    let [x, y, z] = columns.map(|column| signs * column);
+    DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation: signs * origin }
+}
 
 /// Returns the length of each column of an affine.
 pub(crate) fn spacing_of(affine: &DAffine3) -> DVec3 {

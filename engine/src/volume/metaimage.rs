@@ -12,10 +12,11 @@ use std::path::Path;
 
 use glam::{DAffine3, DVec3};
 
+use super::affine::{RAS_FROM_LPS, grid};
 use super::elements::{self, Element};
 use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
-use super::text_header::{Lines, RAS_FROM_LPS, check_grid, excerpt, grid, open_beside, reals};
+use super::text_header::{Lines, check_grid, excerpt, open_beside, reals};
 use super::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 

@@ -1,10 +1,10 @@
-//! What NRRD and MetaImage have in common: a header of lines, a file of voxels beside it, and a grid that is
-//! given by directions in space.
+//! What NRRD and MetaImage have in common: a header of lines, a file of voxels beside it, and a grid whose
+//! directions may be anything.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::DAffine3;
 
 use super::affine::{axis_codes_of, spacing_of};
 use super::source::Source;
@@ -12,9 +12,6 @@ use crate::{Error, Kind, Result};
 
 /// The longest header: those of real files have some kilobytes, also with the names of a hundred labels.
 const MAX_HEADER: usize = 1 << 20;
-
-/// From x to the left, y to the back (LPS) to x to the right, y to the front (RAS); z is to the head in both.
-pub(super) const RAS_FROM_LPS: DVec3 = DVec3::new(-1.0, -1.0, 1.0);
 
 /// The lines of a header. The source is left at the byte after the last line that was read.
 pub(super) struct Lines<'a> {
@@ -101,13 +98,6 @@ pub(super) fn open_beside(header: &Path, name: &str, lenient: bool) -> Result<(S
         _ => e,
     })?;
     Ok((source, path))
-}
-
-/// Returns the affine of axes that step along `columns`, from the file's world to RAS by the sign of each
-/// axis.
-pub(super) fn grid(columns: [DVec3; 3], origin: DVec3, signs: DVec3) -> DAffine3 {
-    let [x, y, z] = columns.map(|column| signs * column);
-    DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation: signs * origin }
 }
 
 /// Refuses an affine that is no grid; returns what is odd about it, as sentences.

@@ -38,8 +38,9 @@ missing, 69 no usable device, 70 fault of this program or a fit that diverged,
 75 try again (device lost or full, output locked), 130 and 143 stopped by a
 signal with what was reached written.
 
-Volumes: NIfTI (.nii, .nii.gz, .hdr and .img), NRRD (.nrrd, .nhdr), MetaImage
-(.mha, .mhd), NumPy arrays (.npy) and InVesalius projects (.inv3).
+Volumes: folders of DICOM slices, NIfTI (.nii, .nii.gz, .hdr and .img), NRRD
+(.nrrd, .nhdr), MetaImage (.mha, .mhd), NumPy arrays (.npy) and InVesalius
+projects (.inv3).
 Splats: PLY. Pictures: PNG and EXR. For looking, not for diagnosis.";
 
 #[derive(Subcommand)]

@@ -104,6 +104,12 @@ const ROWS: &[Row] = &[
         says: &["--roi", "cannot be used with", "--roi-largest"],
     },
     Row {
+        name: "a threshold has no labels",
+        arguments: &["fit", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-label", "5", "-o", "x.ply"],
+        exit: 2,
+        says: &["--roi-label", "cannot be used with", "--roi-threshold"],
+    },
+    Row {
         name: "cleaning without a threshold",
         arguments: &["fit", "ct.nii.gz", "--roi-fill", "-o", "x.ply"],
         exit: 2,

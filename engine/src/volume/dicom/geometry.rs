@@ -1,9 +1,10 @@
 //! The planes of a stack in space.
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DVec3};
 
 use super::header::Frame;
 use super::stacks::{Stack, along_normal, doubled, normal};
+use crate::volume::affine::{RAS_FROM_LPS, grid};
 use crate::{Error, Kind, Result};
 
 /// Part of the distance of planes by which a slice may lie beside its plane: writers round positions.
@@ -14,9 +15,6 @@ const PARTS: u32 = 8;
 const SIDEWAYS: f64 = 0.1;
 /// A line of slices that leaves their normal by more is told as a tilt, degrees.
 const TILT_DEGREES: f64 = 0.05;
-/// World axes of DICOM (LPS) to those of volumes (RAS).
-const RAS_FROM_LPS: DMat3 =
-    DMat3::from_cols(DVec3::new(-1.0, 0.0, 0.0), DVec3::new(0.0, -1.0, 0.0), DVec3::new(0.0, 0.0, 1.0));
 
 /// Where the slices of a stack lie on a regular grid.
 #[derive(Clone, Debug)]
@@ -62,10 +60,10 @@ pub(super) fn arrange(stack: &Stack) -> Result<Arrangement> {
         ));
     }
     let [columns, rows] = first.size;
-    let axes = DMat3::from_cols(first.along[0] * first.spacing[0], first.along[1] * first.spacing[1], step);
+    let axes = [first.along[0] * first.spacing[0], first.along[1] * first.spacing[1], step];
     Ok(Arrangement {
         size: [columns, rows, last + 1],
-        world_from_voxel: DAffine3::from_mat3_translation(RAS_FROM_LPS * axes, RAS_FROM_LPS * first.position),
+        world_from_voxel: grid(axes, first.position, RAS_FROM_LPS),
         planes,
         notes,
     })

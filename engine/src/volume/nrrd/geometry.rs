@@ -4,7 +4,8 @@ use glam::{DAffine3, DVec3};
 
 use super::header::{Header, bad};
 use crate::Result;
-use crate::volume::text_header::{RAS_FROM_LPS, excerpt, grid, reals};
+use crate::volume::affine::{RAS_FROM_LPS, grid};
+use crate::volume::text_header::{excerpt, reals};
 
 /// The spaces of a patient, by both of their names, with the sign that takes each of their axes to RAS.
 const SPACES: [(&str, &str, DVec3); 3] = [
