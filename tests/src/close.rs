@@ -29,7 +29,7 @@ impl Bound {
 
 /// What a comparison found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report {
+pub struct Comparison {
     /// How many numbers were compared.
     pub count: usize,
     /// Largest |got - want|.
@@ -45,9 +45,15 @@ pub struct Report {
 }
 
 /// Compares pairs (got, want). A NaN on either side agrees with nothing; equal infinities agree.
-pub fn compare(bound: Bound, pairs: impl IntoIterator<Item = (f64, f64)>) -> Report {
-    let mut report =
-        Report { count: 0, worst_absolute: 0.0, worst: 0.0, worst_at: (0, 0.0, 0.0), outliers: 0, beyond: 0 };
+pub fn compare(bound: Bound, pairs: impl IntoIterator<Item = (f64, f64)>) -> Comparison {
+    let mut report = Comparison {
+        count: 0,
+        worst_absolute: 0.0,
+        worst: 0.0,
+        worst_at: (0, 0.0, 0.0),
+        outliers: 0,
+        beyond: 0,
+    };
     for (index, (got, want)) in pairs.into_iter().enumerate() {
         report.count += 1;
         if got == want {
@@ -70,7 +76,7 @@ pub fn compare(bound: Bound, pairs: impl IntoIterator<Item = (f64, f64)>) -> Rep
     report
 }
 
-impl Report {
+impl Comparison {
     /// Whether the numbers agree within `bound`.
     pub fn holds(&self, bound: Bound) -> bool {
         self.beyond == 0 && self.outliers as f64 <= bound.outlier_share * self.count as f64

@@ -10,7 +10,7 @@ use crate::close::{Bound, compare};
 
 /// One named row of numbers.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct GoldenRow {
     /// Name, without spaces.
     pub name: String,
     /// Numbers.
@@ -19,15 +19,15 @@ pub struct Row {
     pub bound: Bound,
 }
 
-impl Row {
+impl GoldenRow {
     /// A row.
     pub fn new(name: &str, bound: Bound, values: impl IntoIterator<Item = f64>) -> Self {
-        Row { name: name.to_owned(), values: values.into_iter().collect(), bound }
+        GoldenRow { name: name.to_owned(), values: values.into_iter().collect(), bound }
     }
 }
 
 /// The text of some rows: a name and its numbers a line, eight to a line.
-pub fn text(rows: &[Row]) -> String {
+pub fn text(rows: &[GoldenRow]) -> String {
     let mut out = String::new();
     for row in rows {
         for numbers in row.values.chunks(8) {
@@ -42,7 +42,7 @@ pub fn text(rows: &[Row]) -> String {
 }
 
 /// What differs between rows and a text, one sentence each.
-pub fn differences(rows: &[Row], golden: &str) -> Vec<String> {
+pub fn differences(rows: &[GoldenRow], golden: &str) -> Vec<String> {
     let mut found = Vec::new();
     for row in rows {
         let wanted: Result<Vec<f64>, _> = golden
@@ -75,7 +75,7 @@ pub fn differences(rows: &[Row], golden: &str) -> Vec<String> {
 }
 
 /// Compares rows with the golden text `name`, or rewrites it.
-pub fn check(name: &str, rows: &[Row]) {
+pub fn check(name: &str, rows: &[GoldenRow]) {
     let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/golden"));
     let path = folder.join(format!("{name}.txt"));
     let found = text(rows);
@@ -109,8 +109,8 @@ mod tests {
     fn a_text_agrees_with_its_rows_and_with_nothing_else() {
         let rows = |second: f64| {
             [
-                Row::new("a", Bound::new(0.01, 0.0), (0..20).map(f64::from)),
-                Row::new("ab", Bound::new(0.0, 1e-6), [second]),
+                GoldenRow::new("a", Bound::new(0.01, 0.0), (0..20).map(f64::from)),
+                GoldenRow::new("ab", Bound::new(0.0, 1e-6), [second]),
             ]
         };
         let golden = text(&rows(5.0));

@@ -9,7 +9,7 @@ use engine::fit::evaluate::{Protocol, Sampler, evaluate, random_offsets};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use vgs_tests::fitting::Case;
-use vgs_tests::golden::{Row, check};
+use vgs_tests::golden::{GoldenRow, check};
 use vgs_tests::{Bound, Device};
 
 /// Samples whose V̂ and O are written down.
@@ -63,23 +63,23 @@ fn as_it_was(name: &str, form: FitForm) {
     let exact = Bound::new(0.0, 0.0);
     let near = Bound::new(0.0, 0.02);
     let rows = [
-        Row::new("splats", exact, [splats.len() as f64]),
-        Row::new("roi_voxels", exact, [case.roi.voxel_count() as f64]),
-        Row::new("samples", exact, [active.len() as f64]),
-        Row::new("background_hu", Bound::new(1e-3, 0.0), [f64::from(field.background)]),
-        Row::new("mmse_on_grid", near, [e.on_grid.mmse]),
-        Row::new("mmse_between", near, e.between.iter().map(|m| m.mmse)),
-        Row::new("occupancy_rmse", near, [e.on_grid.occupancy_rmse, e.occupancy_rmse()]),
-        Row::new("soft_dice", Bound::new(0.005, 0.0), [e.on_grid.soft_dice]),
-        Row::new("curve_mse", near, curve.iter().map(|p| p.mse)),
-        Row::new("curve_occupancy", near, curve.iter().map(|p| p.occupancy_rmse)),
-        Row::new("histogram", Bound::new(3.0, 0.03), histogram),
-        Row::new(
+        GoldenRow::new("splats", exact, [splats.len() as f64]),
+        GoldenRow::new("roi_voxels", exact, [case.roi.voxel_count() as f64]),
+        GoldenRow::new("samples", exact, [active.len() as f64]),
+        GoldenRow::new("background_hu", Bound::new(1e-3, 0.0), [f64::from(field.background)]),
+        GoldenRow::new("mmse_on_grid", near, [e.on_grid.mmse]),
+        GoldenRow::new("mmse_between", near, e.between.iter().map(|m| m.mmse)),
+        GoldenRow::new("occupancy_rmse", near, [e.on_grid.occupancy_rmse, e.occupancy_rmse()]),
+        GoldenRow::new("soft_dice", Bound::new(0.005, 0.0), [e.on_grid.soft_dice]),
+        GoldenRow::new("curve_mse", near, curve.iter().map(|p| p.mse)),
+        GoldenRow::new("curve_occupancy", near, curve.iter().map(|p| p.occupancy_rmse)),
+        GoldenRow::new("histogram", Bound::new(3.0, 0.03), histogram),
+        GoldenRow::new(
             "probe_hu",
             Bound::new(8.0, 0.0).outliers(0.05, 100.0),
             probes.iter().map(|s| f64::from(s.hu)),
         ),
-        Row::new(
+        GoldenRow::new(
             "probe_occupancy",
             Bound::new(0.01, 0.0).outliers(0.05, 0.1),
             probes.iter().map(|s| f64::from(s.occupancy)),

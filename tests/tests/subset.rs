@@ -1,7 +1,7 @@
 //! Sparse mini-batches, stopping and going on, and what happens between iterations.
 #![forbid(unsafe_code)]
 
-use engine::fit::{Fitter, State};
+use engine::fit::{FitState, Fitter};
 use engine::splat::Splat;
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
@@ -132,13 +132,13 @@ fn interrupted(case: &Case, stops: &[u32]) -> Vec<Splat> {
     drop(fitter);
     for &stop in stops[1..].iter().chain([&case.config.iterations]) {
         let gpu = Device::boot();
-        let (state, _) = State::read(&path).expect("a state");
+        let (state, _) = FitState::read(&path).expect("a state");
         let mut fitter =
             Fitter::resume(&gpu, &case.volume, &case.roi, &state, &case.config).expect("a fitter");
         case.run(&mut fitter, stop);
         fitter.state().expect("a state").write(&path, "", true).expect("writing");
     }
-    let (state, _) = State::read(&path).expect("a state");
+    let (state, _) = FitState::read(&path).expect("a state");
     assert_eq!(state.iteration, case.config.iterations);
     Fitter::resume(&gpu, &case.volume, &case.roi, &state, &case.config)
         .and_then(|mut fitter| fitter.splats())

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use engine::fit::topology::TOPOLOGIES;
-use engine::fit::{FitForm, Fitter, State};
+use engine::fit::{FitForm, FitState, Fitter};
 use engine::splat::defect;
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
@@ -68,7 +68,7 @@ fn a_fit_with_changes_has_the_same_bits_twice_and_after_a_stop() {
             let mut fitter = case.fitter(&gpu, &case.start());
             case.run(&mut fitter, stop);
             fitter.state().expect("a state").write(&path, "", true).expect("writing");
-            let (state, _) = State::read(&path).expect("a state");
+            let (state, _) = FitState::read(&path).expect("a state");
             let mut fitter =
                 Fitter::resume(&gpu, &case.volume, &case.roi, &state, &case.config).expect("a fitter");
             case.run(&mut fitter, case.config.iterations);

@@ -8,7 +8,7 @@ use std::time::Duration;
 use android_activity::{AndroidApp, MainEvent, PollEvent};
 use engine::{Error, Kind, Result};
 
-use crate::arguments::Arguments;
+use crate::arguments::HeadsetArguments;
 use crate::headset::openxr;
 use crate::program::{prepare, session};
 
@@ -45,6 +45,6 @@ fn run(app: &AndroidApp, stop: &AtomicBool) -> Result<()> {
     let folder = app.external_data_path().ok_or_else(|| {
         Error::new(Kind::Unavailable, "VGS-XR-027", "the system gives the program no storage")
     })?;
-    let arguments = Arguments::of_folder(&folder)?;
+    let arguments = HeadsetArguments::of_folder(&folder)?;
     session(&arguments, prepare(&arguments)?, None, stop, |_, _| Ok(None))
 }

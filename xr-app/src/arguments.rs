@@ -12,7 +12,7 @@ use crate::mirror::Shown;
 /// Shows splats in a headset, through OpenXR
 #[derive(Parser, Debug)]
 #[command(name = "vgs-xr", version, after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct HeadsetArguments {
     /// The splats (PLY); several files become one scene
     #[arg(required = true)]
     pub splats: Vec<PathBuf>,
@@ -121,7 +121,7 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err("a number above 0 is needed".into()) }
 }
 
-impl Arguments {
+impl HeadsetArguments {
     /// Those of a program that has no command line: all splats (PLY) of a folder, in the order of their names, and the defaults.
     ///
     /// # Errors
@@ -149,20 +149,23 @@ mod tests {
     #[test]
     fn arguments_are_sound() {
         use clap::CommandFactory as _;
-        Arguments::command().debug_assert();
+        HeadsetArguments::command().debug_assert();
     }
 
     #[test]
     fn a_folder_gives_its_splats_by_name() {
         let folder = tempfile::tempdir().expect("a folder");
-        let none = Arguments::of_folder(folder.path()).expect_err("no splats");
+        let none = HeadsetArguments::of_folder(folder.path()).expect_err("no splats");
         assert_eq!((none.kind, none.code), (Kind::Missing, "VGS-XR-026"));
         for name in ["b.ply", "-a.PLY", "notes.txt", "ply"] {
             std::fs::write(folder.path().join(name), "").expect("a file");
         }
-        let found = Arguments::of_folder(folder.path()).expect("splats");
+        let found = HeadsetArguments::of_folder(folder.path()).expect("splats");
         assert_eq!(found.splats, ["-a.PLY", "b.ply"].map(|name| folder.path().join(name)));
         assert_eq!((found.tf.as_str(), found.simulated, found.frames), ("CT-Bone", false, None));
-        assert!(Arguments::of_folder(&folder.path().join("none")).is_err(), "a folder that is not there");
+        assert!(
+            HeadsetArguments::of_folder(&folder.path().join("none")).is_err(),
+            "a folder that is not there"
+        );
     }
 }

@@ -6,7 +6,7 @@ use engine::render::{ClipPlane, Look};
 use engine::splat::Object;
 use engine::transfer::{PRESETS, load};
 use glam::DVec3;
-use view::state::{self, State};
+use view::state::{self, ViewState};
 use view::transfer::Transfer;
 
 use crate::headset::{Hand, Hands, Pose};
@@ -45,7 +45,7 @@ pub struct Controls {
     /// Where the patient is.
     pub placement: Placement,
     /// What is shown of it: hands change it, and the panel.
-    pub state: State,
+    pub state: ViewState,
     /// Least and greatest intensity of the scene.
     pub range: [f64; 2],
     home: Placement,
@@ -67,7 +67,7 @@ pub struct Controls {
 impl Controls {
     /// Nothing done yet, to a scene of these objects with intensities in `range`.
     pub fn new(placement: Placement, look: &Look, objects: &[Object], range: [f64; 2]) -> Self {
-        let mut state = State::new(&look.transfer);
+        let mut state = ViewState::new(&look.transfer);
         let row = |object: &Object| {
             let row = state::Object::new(0, Some(object.number), &object.name);
             match look.objects.get(&object.number) {
@@ -128,7 +128,7 @@ impl Controls {
         self.cutting ^= self.other[1].pressed(hands[1].other);
         self.window(&hands[1], seconds);
         let cut = hands[1].grip.filter(|_| self.cutting).map(|grip| self.plane(&grip));
-        let State { transfer, objects, .. } = &self.state;
+        let ViewState { transfer, objects, .. } = &self.state;
         if (transfer, objects, cut) == (&self.shown.transfer, &self.shown.objects, self.shown.cut) {
             return Ok(None);
         }

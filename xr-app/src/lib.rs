@@ -45,6 +45,6 @@ pub mod sight;
 pub mod statistics;
 pub mod viewer;
 
-pub use arguments::Arguments;
+pub use arguments::HeadsetArguments;
 #[cfg(not(target_os = "android"))]
 pub use program::run;

@@ -4,10 +4,10 @@
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use xr_app::Arguments;
+use xr_app::HeadsetArguments;
 
 fn main() -> ExitCode {
-    match xr_app::run(&Arguments::parse()) {
+    match xr_app::run(&HeadsetArguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("error[{}]: {e}", e.code);

@@ -16,7 +16,7 @@ use view::actions::Action;
 use view::editor::Editor;
 use view::panel_info::PanelInfo;
 use view::panels;
-use view::state::State;
+use view::state::ViewState;
 use view::theme::{self, ACCENT, SIGNAL};
 
 /// Width and height of the panel, points; in the room a point is a millimetre.
@@ -87,7 +87,7 @@ pub struct Panel {
 /// What the sections show, and what they change.
 pub struct PanelContent<'a> {
     /// What is edited.
-    pub state: &'a mut State,
+    pub state: &'a mut ViewState,
     /// What is known.
     pub info: &'a PanelInfo<'a>,
     /// True if the tool that measures is taken up.
@@ -275,12 +275,12 @@ mod tests {
 
     use super::*;
 
-    fn state() -> State {
-        State::new(&preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]))
+    fn state() -> ViewState {
+        ViewState::new(&preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]))
     }
 
     /// Runs a panel once at a time with a pointer.
-    fn run(panel: &mut Panel, state: &mut State, seconds: f64, pointer: Option<Pointer>) -> Option<Made> {
+    fn run(panel: &mut Panel, state: &mut ViewState, seconds: f64, pointer: Option<Pointer>) -> Option<Made> {
         let info = PanelInfo { range: [-1000.0, 2000.0], ..PanelInfo::default() };
         let mut content = PanelContent { state, info: &info, measuring: false, scale: 1.0 };
         let marks = vec![Mark::Text("7 HU".into()), Mark::Cursor];
@@ -294,7 +294,7 @@ mod tests {
         let (mut panel, mut state) = (Panel::new(), state());
         // Sizes settle in the first runs.
         let mut at = 0.0;
-        let mut step = |panel: &mut Panel, state: &mut State, pointer| {
+        let mut step = |panel: &mut Panel, state: &mut ViewState, pointer| {
             at += 0.1;
             run(panel, state, at, pointer)
         };

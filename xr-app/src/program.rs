@@ -12,7 +12,7 @@ use engine::render::{self, Look, QualityLevel, Scene, SplatKind};
 use engine::splat::{self, SplatSet};
 use engine::{Error, Kind, Result, output, transfer};
 
-use crate::arguments::Arguments;
+use crate::arguments::HeadsetArguments;
 use crate::headset::openxr::{OpenXr, OpenXrOptions};
 use crate::headset::simulated::{Script, Simulated};
 use crate::headset::{Description, Headset};
@@ -21,12 +21,12 @@ use crate::memory;
 use crate::mirror::Opened;
 use crate::onlooker::Onlooker;
 use crate::pointing::PickData;
-use crate::statistics::Report;
+use crate::statistics::SessionReport;
 use crate::viewer::{Options, Viewer};
 
 /// Runs the program, until the session ends or a signal ends it.
 #[cfg(not(target_os = "android"))]
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &HeadsetArguments) -> Result<()> {
     let prepared = prepare(arguments)?;
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
@@ -45,7 +45,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 /// Returns what there is to show, and the levels on which it can be; everything that can be wrong before
 /// there is a device.
-pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<QualityLevel>)> {
+pub(crate) fn prepare(arguments: &HeadsetArguments) -> Result<(SplatSet, Vec<QualityLevel>)> {
     for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
         output::check_writable(path, arguments.force)?;
     }
@@ -57,7 +57,7 @@ pub(crate) fn prepare(arguments: &Arguments) -> Result<(SplatSet, Vec<QualityLev
 /// A session, until it ends or `stop` is set. `windows` is what the device must know to draw in that of
 /// `onlooker`, which makes who is shown what the eyes see, if anybody is.
 pub(crate) fn session(
-    arguments: &Arguments,
+    arguments: &HeadsetArguments,
     (set, levels): (SplatSet, Vec<QualityLevel>),
     windows: Option<Windows>,
     stop: &AtomicBool,
@@ -92,7 +92,7 @@ pub(crate) fn session(
 }
 
 /// Returns the levels of such splats.
-fn levels(arguments: &Arguments, set: &SplatSet) -> Result<Vec<QualityLevel>> {
+fn levels(arguments: &HeadsetArguments, set: &SplatSet) -> Result<Vec<QualityLevel>> {
     let levels = render::quality_levels(SplatKind::of(set));
     match arguments.level {
         Some(level) if level >= levels.len() => {
@@ -104,7 +104,7 @@ fn levels(arguments: &Arguments, set: &SplatSet) -> Result<Vec<QualityLevel>> {
 }
 
 fn show(
-    arguments: &Arguments,
+    arguments: &HeadsetArguments,
     gpu: &Gpu,
     mut set: SplatSet,
     levels: Vec<QualityLevel>,
@@ -171,7 +171,7 @@ fn announce(headset: &dyn Headset) {
     );
 }
 
-fn print(report: &Report) {
+fn print(report: &SessionReport) {
     println!(
         "{} frames, {} missed, {} over the budget, {} changes of quality",
         report.frames, report.missed, report.over_budget, report.level_changes

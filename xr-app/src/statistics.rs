@@ -140,12 +140,12 @@ impl Statistics {
         levels: &[QualityLevel],
         (placement, hidden): (&Placement, [f64; 2]),
         hitches: Hitches,
-    ) -> Report {
+    ) -> SessionReport {
         let samples = || self.samples.iter();
         let mut frames_on = vec![0; levels.len()];
         samples().for_each(|s| frames_on[s.level] += 1);
         let pairs = samples().zip(samples().skip(1));
-        Report {
+        SessionReport {
             runtime: headset.runtime.clone(),
             headset: headset.system.clone(),
             device: gpu.description().name.clone(),
@@ -187,7 +187,7 @@ fn keep<T>(all: &mut VecDeque<T>, one: T) {
 
 /// What a session was like.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct SessionReport {
     /// Name and version of the runtime.
     pub runtime: String,
     /// Name of the headset.

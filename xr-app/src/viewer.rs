@@ -11,12 +11,12 @@ use glam::DVec3;
 
 use crate::composer::Composer;
 use crate::controls::Controls;
-use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, State, Timing};
+use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
 use crate::pointing::{PickData, Pointing};
 use crate::sight::Sight;
-use crate::statistics::{Report, Statistics};
+use crate::statistics::{SessionReport, Statistics};
 
 /// How the scene is shown.
 #[derive(Clone, Debug)]
@@ -163,7 +163,7 @@ impl Viewer {
 
     fn handle_event(&mut self, event: Event) {
         match event {
-            Event::State(State::Over | State::Lost) => self.over = true,
+            Event::State(SessionState::Over | SessionState::Lost) => self.over = true,
             Event::State(_) => {}
             Event::Recentred => self.place = true,
             Event::Lenses => self.sight.forget(),
@@ -321,7 +321,7 @@ impl Viewer {
     }
 
     /// Returns what the session was like so far.
-    pub fn report(&self, headset: &dyn Headset) -> Report {
+    pub fn report(&self, headset: &dyn Headset) -> SessionReport {
         let now = self.gpu.hitches();
         let hitches = Hitches {
             allocations: now.allocations - self.before.allocations,

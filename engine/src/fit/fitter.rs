@@ -16,7 +16,7 @@ use shaders_glsl::types::{AdamParams, History, SplatGrad, Target};
 
 use super::config::FitConfig;
 use super::schedule::Schedule;
-use super::state::{Row, State};
+use super::state::{FitState, SplatRow};
 use super::subset::Subset;
 use super::targets::{Scaling, offsets, sample};
 use super::terms;
@@ -77,7 +77,7 @@ pub(super) struct Work {
     /// Of all splats, or of a subset where one is rasterized alone.
     pub(super) rasterizer: Rasterizer,
     pub(super) gradient: Gradient,
-    pub(super) all: adam::State,
+    pub(super) all: adam::AdamState,
     pub(super) subset: Option<Subset>,
     /// Gradients of all splats, 0 outside the subset, where Adam takes a step for all.
     pub(super) dense: Option<Buffer<SplatGrad>>,
@@ -144,7 +144,7 @@ impl<'a> Fitter<'a> {
         gpu: &Gpu,
         volume: &'a Volume,
         roi: &'a Roi,
-        state: &State,
+        state: &FitState,
         config: &FitConfig,
     ) -> Result<Self> {
         let mut fitter = Fitter::of_count(gpu, volume, roi, state.rows.len(), config)?;
@@ -490,9 +490,9 @@ impl<'a> Fitter<'a> {
     }
 
     /// Where the fit stands, for [`Fitter::resume`]. Waits for the device.
-    pub fn state(&mut self) -> Result<State> {
+    pub fn state(&mut self) -> Result<FitState> {
         self.finish()?;
-        Ok(State {
+        Ok(FitState {
             iteration: self.iteration,
             paused_at: self.paused_at,
             frozen: self.adam.frozen.read()?[0],
@@ -533,7 +533,7 @@ impl Work {
             rasterizer: rasterizer(gpu, bricks, rasterized, config, stretch)?,
             dense: dense_gradients(gpu, count, &subset, config)?,
             gradient: Gradient::new(gpu, config.kernel, moving, config.storage)?,
-            all: adam::State::zeroed(gpu, count)?,
+            all: adam::AdamState::zeroed(gpu, count)?,
             subset,
             whole: None,
         })
@@ -557,15 +557,17 @@ impl Work {
         Ok((whole, splats))
     }
 
-    pub(super) fn read_rows(&self) -> Result<Vec<Row>> {
+    pub(super) fn read_rows(&self) -> Result<Vec<SplatRow>> {
         let (splats, first) = (self.all.splats.read()?, self.all.first.read()?);
         let (second, histories) = (self.all.second.read()?, self.all.histories.read()?);
         let rows = splats.into_iter().zip(first).zip(second).zip(histories);
-        Ok(rows.map(|(((splat, first), second), history)| Row { splat, first, second, history }).collect())
+        Ok(rows
+            .map(|(((splat, first), second), history)| SplatRow { splat, first, second, history })
+            .collect())
     }
 
     /// As many rows as there are splats.
-    pub(super) fn write_rows(&mut self, rows: &[Row]) -> Result<()> {
+    pub(super) fn write_rows(&mut self, rows: &[SplatRow]) -> Result<()> {
         self.all.splats.write_range(0, &rows.iter().map(|r| r.splat).collect::<Vec<_>>())?;
         self.all.first.write_range(0, &rows.iter().map(|r| r.first).collect::<Vec<_>>())?;
         self.all.second.write_range(0, &rows.iter().map(|r| r.second).collect::<Vec<_>>())?;

@@ -41,7 +41,7 @@ pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};
 pub use run::{Beginning, CurvePoint, End, Interrupted, Milestone, Outcome, Problem, Start, Watch, run};
 pub use schedule::Schedule;
-pub use state::State;
+pub use state::FitState;
 pub use targets::{Scaling, offsets, sample};
 pub use terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};
 pub use unit::ScaleUnit;

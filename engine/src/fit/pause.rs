@@ -9,7 +9,7 @@ use shaders_glsl::types::History;
 
 use super::evaluate::FieldSample;
 use super::fitter::{Fitter, Work, dense_gradients, to_local};
-use super::state::Row;
+use super::state::SplatRow;
 use super::subset::Subset;
 use super::topology::{Change, Scene};
 use crate::error::Result;
@@ -99,7 +99,7 @@ impl Fitter<'_> {
     /// Puts the splats of a change in place of `old`, all gradient norms at zero.
     fn replace(&mut self, old: &[Splat], changed: &Change) -> Result<()> {
         let before = self.work.read_rows()?;
-        let rows: Vec<Row> = changed
+        let rows: Vec<SplatRow> = changed
             .splats
             .iter()
             .zip(&changed.keeps)
@@ -107,13 +107,13 @@ impl Fitter<'_> {
                 let kept = keeps.map(|i| i as usize);
                 // A splat that stays as it is keeps its bits: there and back again is not exact.
                 let same = kept.filter(|&i| old[i] == *splat);
-                let moments = kept.map_or(Row::default(), |i| before[i]);
+                let moments = kept.map_or(SplatRow::default(), |i| before[i]);
                 let local = same.map_or_else(|| self.changed(splat), |i| before[i].splat);
                 let history = match same {
                     Some(i) => History { gradient_norm: 0.0, ..before[i].history },
                     None => self.history(&local),
                 };
-                Row { splat: local, history, ..moments }
+                SplatRow { splat: local, history, ..moments }
             })
             .collect();
         if rows.len() != before.len() {
@@ -171,7 +171,7 @@ impl Work {
         let moving = self.subset.as_ref().map_or(count, Subset::size);
         self.rasterizer.resize(if config.subset_alone { moving } else { count })?;
         self.gradient.resize(moving)?;
-        self.all = crate::passes::adam::State::zeroed(gpu, count)?;
+        self.all = crate::passes::adam::AdamState::zeroed(gpu, count)?;
         Ok(())
     }
 }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::{FitConfig, Fitter, Progress, Scaling, Schedule, State};
+use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::memory;
@@ -234,7 +234,7 @@ pub enum Start {
 /// A fit that was stopped, with what it had come to.
 pub struct Interrupted {
     /// Splats and moments.
-    pub state: State,
+    pub state: FitState,
     /// Time of its iterations so far.
     pub seconds: f64,
     /// Its figures so far.

@@ -20,7 +20,7 @@ const MAGIC: &[u8] = b"vgs-state-2\n";
 
 /// All that a fit needs to go on, besides its inputs and its configuration.
 #[derive(Clone, Debug, PartialEq)]
-pub struct State {
+pub struct FitState {
     /// Steps done.
     pub iteration: u32,
     /// The iteration before which splats or intensities were changed last.
@@ -30,20 +30,20 @@ pub struct State {
     /// How many splats there were first.
     pub(super) first_count: usize,
     /// Parameters in the fit's own units, and what the optimiser keeps.
-    pub(super) rows: Vec<Row>,
+    pub(super) rows: Vec<SplatRow>,
 }
 
 /// A splat in the fit's own units and what the optimiser keeps of it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(super) struct Row {
+pub(super) struct SplatRow {
     pub splat: Splat,
     pub first: SplatGrad,
     pub second: SplatGrad,
     pub history: History,
 }
 
-impl State {
+impl FitState {
     /// Number of splats.
     pub fn splat_count(&self) -> usize {
         self.rows.len()
@@ -63,7 +63,7 @@ impl State {
         bytes.extend(
             self.rows
                 .iter()
-                .flat_map(bytemuck::cast_ref::<Row, [f32; ROW_WORDS]>)
+                .flat_map(bytemuck::cast_ref::<SplatRow, [f32; ROW_WORDS]>)
                 .flat_map(|v| v.to_le_bytes()),
         );
         let mut crc = Crc::new();
@@ -73,7 +73,7 @@ impl State {
     }
 
     /// Reads a state and the notes beside it.
-    pub fn read(path: &Path) -> Result<(State, String)> {
+    pub fn read(path: &Path) -> Result<(FitState, String)> {
         let mut bytes = Vec::new();
         std::fs::File::open(path)
             .and_then(|mut file| file.read_to_end(&mut bytes))
@@ -86,10 +86,10 @@ impl State {
     }
 }
 
-const ROW_WORDS: usize = size_of::<Row>() / size_of::<f32>();
+const ROW_WORDS: usize = size_of::<SplatRow>() / size_of::<f32>();
 
-/// What [`State::write`] wrote; nothing where it did not.
-fn parse(bytes: &[u8]) -> Option<(State, String)> {
+/// What [`FitState::write`] wrote; nothing where it did not.
+fn parse(bytes: &[u8]) -> Option<(FitState, String)> {
     let (body, sum) = bytes.split_at_checked(bytes.len().checked_sub(4)?)?;
     let mut crc = Crc::new();
     crc.update(body);
@@ -111,13 +111,13 @@ fn parse(bytes: &[u8]) -> Option<(State, String)> {
     }
     let first_count = usize::try_from(long(take(8)?)?).ok()?;
     let count = usize::try_from(long(take(8)?)?).ok()?;
-    let payload = take(count.checked_mul(size_of::<Row>())?)?;
+    let payload = take(count.checked_mul(size_of::<SplatRow>())?)?;
     let numbers: Vec<f32> = payload.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
-    let rows: Vec<Row> =
+    let rows: Vec<SplatRow> =
         numbers.as_chunks::<ROW_WORDS>().0.iter().map(|row| *bytemuck::cast_ref(row)).collect();
     let [iteration, paused, frozen, _] = words;
     (rest.is_empty() && count > 0)
-        .then(|| (State { iteration, paused_at: paused.checked_sub(1), frozen, first_count, rows }, notes))
+        .then(|| (FitState { iteration, paused_at: paused.checked_sub(1), frozen, first_count, rows }, notes))
 }
 
 #[cfg(test)]
@@ -129,17 +129,17 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.state");
         let rows = (0..5)
-            .map(|i| Row {
+            .map(|i| SplatRow {
                 splat: Splat { mean: [i as f32, 1e-42, f32::MAX], intensity: -0.0, ..Splat::default() },
                 history: History { gradient_norm: 0.1 * i as f32, log_scale_cap: 1.0 },
-                ..Row::default()
+                ..SplatRow::default()
             })
             .collect();
-        let state = State { iteration: 7, paused_at: Some(0), frozen: 2, first_count: 4, rows };
+        let state = FitState { iteration: 7, paused_at: Some(0), frozen: 2, first_count: 4, rows };
         state.write(&path, "notes, größer", false).unwrap();
-        let (back, notes) = State::read(&path).unwrap();
+        let (back, notes) = FitState::read(&path).unwrap();
         assert_eq!((&back, notes.as_str()), (&state, "notes, größer"));
-        let bits = |s: &State| s.rows.iter().map(|r| r.splat.mean.map(f32::to_bits)).collect::<Vec<_>>();
+        let bits = |s: &FitState| s.rows.iter().map(|r| r.splat.mean.map(f32::to_bits)).collect::<Vec<_>>();
         assert_eq!(bits(&back), bits(&state));
 
         let whole = std::fs::read(&path).unwrap();
@@ -153,9 +153,9 @@ mod tests {
         }
         let error = {
             std::fs::write(&path, b"ply\n").unwrap();
-            State::read(&path).unwrap_err()
+            FitState::read(&path).unwrap_err()
         };
         assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-FIT-020"));
-        assert!(State::read(&folder.path().join("none")).is_err_and(|e| e.kind == Kind::Missing));
+        assert!(FitState::read(&folder.path().join("none")).is_err_and(|e| e.kind == Kind::Missing));
     }
 }

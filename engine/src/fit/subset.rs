@@ -11,7 +11,7 @@ use super::FitConfig;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::Rows;
-use crate::passes::adam::State;
+use crate::passes::adam::AdamState;
 
 /// The blocks of a number of splats, and the device's copy of the one in work.
 pub(super) struct Subset {
@@ -25,7 +25,7 @@ pub(super) struct Subset {
     epoch: Option<u32>,
     order: Buffer<u32>,
     /// The block in work.
-    pub active: State,
+    pub active: AdamState,
     /// Its footprints, where all splats are rasterized.
     pub footprints: Buffer<Footprint>,
 }
@@ -46,7 +46,7 @@ impl Subset {
             blocks: blocks as u32,
             epoch: None,
             order: gpu.buffer("order of the subsets", "optimiser", count)?,
-            active: State::zeroed(gpu, size)?,
+            active: AdamState::zeroed(gpu, size)?,
             footprints: gpu.buffer("footprints of the subset", "splats", size)?,
         }))
     }
@@ -83,7 +83,7 @@ impl Subset {
     }
 
     /// Records the copying of this iteration's block out of `all`.
-    pub fn take(&mut self, recorder: &mut Recorder, all: &State, turn: u32) {
+    pub fn take(&mut self, recorder: &mut Recorder, all: &AdamState, turn: u32) {
         let (rows, first, active) = (&self.rows, self.first(turn), &mut self.active);
         rows.gather(recorder, &all.splats, &self.order, first, &mut active.splats);
         rows.gather(recorder, &all.first, &self.order, first, &mut active.first);
@@ -97,7 +97,7 @@ impl Subset {
     }
 
     /// Records the copying of the block back into `all`.
-    pub fn put(&self, recorder: &mut Recorder, all: &mut State, turn: u32) {
+    pub fn put(&self, recorder: &mut Recorder, all: &mut AdamState, turn: u32) {
         let (rows, first, active) = (&self.rows, self.first(turn), &self.active);
         rows.scatter(recorder, &active.splats, &self.order, first, &mut all.splats);
         rows.scatter(recorder, &active.first, &self.order, first, &mut all.first);

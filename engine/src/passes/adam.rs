@@ -11,7 +11,7 @@ use crate::splat::Splat;
 pub const NO_CAP: f32 = 1e30;
 
 /// Splats and what the optimiser keeps of each.
-pub struct State {
+pub struct AdamState {
     /// Parameters.
     pub splats: Buffer<Splat>,
     /// First moments.
@@ -22,11 +22,11 @@ pub struct State {
     pub histories: Buffer<History>,
 }
 
-impl State {
+impl AdamState {
     /// Makes buffers of zeros for `count` splats. A cap of 0 is one; write [`NO_CAP`] where there shall be
     /// none.
     pub fn zeroed(gpu: &Gpu, count: usize) -> Result<Self> {
-        Ok(State {
+        Ok(AdamState {
             splats: gpu.buffer("splats", "splats", count)?,
             first: gpu.buffer("first moments", "optimiser", count)?,
             second: gpu.buffer("second moments", "optimiser", count)?,
@@ -56,7 +56,7 @@ impl Adam {
         &mut self,
         recorder: &mut Recorder,
         gradients: &Buffer<SplatGrad>,
-        state: &mut State,
+        state: &mut AdamState,
         pair_totals: &Buffer<u32>,
         params: &AdamParams,
     ) {

@@ -8,7 +8,7 @@ use super::{Gradient, Splat};
 
 /// What Adam keeps of a splat.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State {
+pub struct AdamState {
     /// Parameters.
     pub splat: Splat,
     /// Moving mean of the gradient.
@@ -36,13 +36,13 @@ fn moved3(g: DVec3, first: &mut DVec3, second: &mut DVec3, rate: [f32; 3], p: &A
 }
 
 /// One step; `None` where the gradient is not finite: then nothing changes and the splat is counted as frozen.
-pub fn adam(state: &State, gradient: &Gradient, p: &AdamParams) -> Option<State> {
+pub fn adam(state: &AdamState, gradient: &Gradient, p: &AdamParams) -> Option<AdamState> {
     let size: f64 = gradient.lanes().iter().map(|g| g * g).sum();
     // The square must fit an f32, since it goes into the second moment; NaN fails the comparison.
     if !matches!(size.partial_cmp(&1e37), Some(std::cmp::Ordering::Less)) {
         return None;
     }
-    let State { mut splat, mut first, mut second, gradient_norm, log_scale_cap } = *state;
+    let AdamState { mut splat, mut first, mut second, gradient_norm, log_scale_cap } = *state;
     let scale = splat.log_scale.exp();
     let pull = f64::from(p.scale_weight) * scale * scale / scale.length();
     splat.mean += moved3(gradient.mean, &mut first.mean, &mut second.mean, p.rate_mean, p);
@@ -62,7 +62,7 @@ pub fn adam(state: &State, gradient: &Gradient, p: &AdamParams) -> Option<State>
         moved(gradient.intensity, &mut first.intensity, &mut second.intensity, p.rate_intensity, p);
     splat.intensity = splat.intensity.clamp(f64::from(p.min_intensity), f64::from(p.max_intensity));
     let gradient_norm = gradient_norm + gradient.mean.length();
-    Some(State { splat, first, second, gradient_norm, log_scale_cap })
+    Some(AdamState { splat, first, second, gradient_norm, log_scale_cap })
 }
 
 /// The quaternion product a b, whatever the lengths.

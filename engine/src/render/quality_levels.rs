@@ -16,7 +16,7 @@ pub struct QualityLevel {
     pub mode: &'static str,
     /// What is given up within the mode.
     pub quality: Quality,
-    /// Time of a frame relative to the first level; measured by `bench trade render`.
+    /// Time of a frame relative to the first level; measured by `studies trade render`.
     pub cost: f64,
 }
 
@@ -64,7 +64,7 @@ impl SplatKind {
 }
 
 /// Returns the levels of quality for such splats, the best first: those of the front of PSNR against cost
-/// that `bench trade render --ladder` measures. No level leaves out a splat: what a transfer function shows
+/// that `studies trade render --ladder` measures. No level leaves out a splat: what a transfer function shows
 /// is there on all of them, in a coarser picture. `ladder.toml` says on what they were measured.
 pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
     match kind {
@@ -80,7 +80,7 @@ pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
 /// If `ladder.toml` is not in order, which a test sees to.
 static LADDERS: LazyLock<Ladders> = LazyLock::new(|| {
     let file: File = toml::from_str(include_str!("ladder.toml")).expect("ladder.toml is of this form");
-    let all = |rows: &[Row]| rows.iter().map(Row::level).collect();
+    let all = |rows: &[LevelRow]| rows.iter().map(LevelRow::level).collect();
     Ladders { field: all(&file.field), grid: all(&file.grid), coloured: all(&file.coloured) }
 });
 
@@ -94,14 +94,14 @@ struct Ladders {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    field: Vec<Row>,
-    grid: Vec<Row>,
-    coloured: Vec<Row>,
+    field: Vec<LevelRow>,
+    grid: Vec<LevelRow>,
+    coloured: Vec<LevelRow>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Row {
+struct LevelRow {
     mode: String,
     resolution: f64,
     coarseness: f64,
@@ -111,7 +111,7 @@ struct Row {
     _psnr: f64,
 }
 
-impl Row {
+impl LevelRow {
     fn level(&self) -> QualityLevel {
         QualityLevel {
             mode: mode(&self.mode).expect("ladder.toml names modes that there are").name,

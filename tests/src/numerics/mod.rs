@@ -1,6 +1,6 @@
 //! The table of docs/results/numerics.md: what happens at the extremes, how far off it may be and how far off it was.
 //!
-//! A test hands what it measured to [`keep`], which holds it to the bound of its [`Row`] and to the words of the docs.
+//! A test hands what it measured to [`keep`], which holds it to the bound of its [`ExtremeRow`] and to the words of the docs.
 //! `VGS_WRITE_NUMERICS=1` writes the table anew, with what was measured; figures differ from device to device, so
 //! without it only the bound counts.
 
@@ -14,7 +14,7 @@ pub use rows::ROWS;
 
 /// One scenario of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
+pub struct ExtremeRow {
     /// N and the number of the scenario, with a letter where it has several figures; R for those of real data.
     pub id: &'static str,
     /// What is tried.
@@ -91,8 +91,8 @@ fn with(text: &str, id: &str, worst: &str) -> String {
     format!("{}{new}{}", &text[..start], &text[start + length..])
 }
 
-fn line(row: &Row, worst: &str) -> String {
-    let Row { id, scenario, measured, test, .. } = row;
+fn line(row: &ExtremeRow, worst: &str) -> String {
+    let ExtremeRow { id, scenario, measured, test, .. } = row;
     format!("| {id} | {scenario} | {measured} | {} | {worst} | `{test}` |", number(row.bound))
 }
 

@@ -1,6 +1,6 @@
 //! The rows of the table.
 
-use super::Row;
+use super::ExtremeRow;
 
 const fn row(
     id: &'static str,
@@ -8,13 +8,13 @@ const fn row(
     measured: &'static str,
     bound: f64,
     test: &'static str,
-) -> Row {
-    Row { id, scenario, measured, bound, test }
+) -> ExtremeRow {
+    ExtremeRow { id, scenario, measured, bound, test }
 }
 
 /// All scenarios, in the order of the table.
 #[rustfmt::skip]
-pub const ROWS: &[Row] = &[
+pub const ROWS: &[ExtremeRow] = &[
     row("N1a", "all splats have the background's intensity, any weights", "samples that have another, to the bit", 0.0, "field::n1_constants"),
     row("N1b", "all splats have one intensity (whole HU), any weights down to 1e-30, ε = 0", "covered samples that have another, to the bit", 0.0, "field::n1_constants"),
     row("N1c", "the same, 1000 HU from the background, ε = 1e-3", "HU from b + (c - b) W / (W + ε)", 5e-4, "field::n1_constants"),

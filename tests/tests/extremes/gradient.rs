@@ -1,7 +1,7 @@
 //! Derivatives of a thousand splats against differences of the objective, and gradients that are no numbers.
 
 use engine::passes::Adam;
-use engine::passes::adam::State;
+use engine::passes::adam::AdamState;
 use engine::passes::loss::{OCCUPANCY, Weighted};
 use engine::reference::types::LANES;
 use engine::reference::{self, Footprint, Gradient, Samples, splat_bounds, splat_to_volume};
@@ -185,7 +185,7 @@ fn n18_gradients_that_are_no_numbers() {
     };
     let step = |rows: &[SplatGrad]| {
         let mut adam = Adam::new(&gpu).expect("a kernel");
-        let mut state = State::zeroed(&gpu, 200).expect("moments");
+        let mut state = AdamState::zeroed(&gpu, 200).expect("moments");
         state.splats.write_range(0, &splats).expect("splats");
         let free = History { gradient_norm: 0.0, log_scale_cap: engine::passes::adam::NO_CAP };
         state.histories.write_range(0, &[free; 200]).expect("histories");

@@ -12,7 +12,7 @@ use vgs_tests::{Bound, Device, assert_close};
 
 use super::run;
 
-struct State {
+struct AdamRows {
     splats: Vec<Splat>,
     first: Vec<SplatGrad>,
     second: Vec<SplatGrad>,
@@ -47,11 +47,11 @@ fn params(count: usize) -> AdamParams {
 
 fn step(
     gpu: &Gpu,
-    state: &State,
+    state: &AdamRows,
     gradients: &[SplatGrad],
     pair_totals: &[u32],
     params: &AdamParams,
-) -> State {
+) -> AdamRows {
     let kernel = Kernel::new(gpu, &shaders_glsl::ADAM, &[]).unwrap();
     let gradients = gpu.upload("gradients", "test", gradients).unwrap();
     let mut splats = gpu.upload("splats", "test", &state.splats).unwrap();
@@ -72,7 +72,7 @@ fn step(
             .push(params)
             .dispatch_over(params.splat_count);
     });
-    State {
+    AdamRows {
         splats: splats.read().unwrap(),
         first: first.read().unwrap(),
         second: second.read().unwrap(),
@@ -93,7 +93,7 @@ pub fn adam() {
     let count = 300;
     let mut rng = random(31);
     let extent = glam::Vec3::new(34.0, 32.0, 19.0);
-    let state = State {
+    let state = AdamRows {
         splats: (0..count).map(|_| splat(&mut rng, extent)).collect(),
         first: (0..count).map(|_| row(&mut rng, -0.1, 0.1)).collect(),
         second: (0..count).map(|_| row(&mut rng, 0.0, 0.02)).collect(),
@@ -124,7 +124,7 @@ pub fn adam() {
     let (mut splats, mut moments, mut squares, mut norms) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut frozen = state.frozen;
     for (i, gradient) in gradients.iter().enumerate() {
-        let before = twin::State {
+        let before = twin::AdamState {
             splat: (&state.splats[i]).into(),
             first: (&state.first[i]).into(),
             second: (&state.second[i]).into(),

@@ -321,7 +321,7 @@ enum Source {
 }
 
 /// A row of what the kernel is compared in.
-struct Row {
+struct RaymarchRow {
     source: Source,
     preset: &'static str,
     masked: bool,
@@ -333,7 +333,7 @@ struct Row {
 
 pub fn raymarch() {
     let gpu = Device::boot();
-    let row = |source, preset, masked, segments, shade, jitter, group| Row {
+    let row = |source, preset, masked, segments, shade, jitter, group| RaymarchRow {
         source,
         preset,
         masked,
@@ -363,7 +363,7 @@ pub fn raymarch() {
     }
 }
 
-fn compare(gpu: &Device, row: &Row, seed: u64) {
+fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     let stage = stage(seed, row.masked);
     let stage = if row.source == Source::Image { stage } else { stage.emptied() };
     let mut transfer = preset(row.preset).unwrap().over(RANGE);

@@ -23,7 +23,7 @@ const RUNG: RGBColor = RGBColor(210, 150, 60);
 
 /// The frame-budget controller on simulated GPUs
 #[derive(Args)]
-pub struct Arguments {
+pub struct BudgetArguments {
     /// Frames a second of the display
     #[arg(long, default_value_t = 90.0)]
     rate: f64,
@@ -38,7 +38,7 @@ pub struct Arguments {
 }
 
 /// Runs the simulations.
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub fn run(arguments: &BudgetArguments) -> Result<()> {
     let budget = budget_ms(arguments.rate);
     let costs = level_costs(quality_levels(SplatKind::Field));
     let traces: Vec<(&str, Vec<Frame>)> = BEHAVIOURS

@@ -23,7 +23,7 @@ use crate::scene::splats_by_importance;
 
 /// What the lenses and foveation save
 #[derive(Args)]
-pub struct Arguments {
+pub struct EyesArguments {
     /// The splats (PLY)
     splats: PathBuf,
     /// Numbers of splats, of which the most important are taken
@@ -67,7 +67,7 @@ struct Found {
 }
 
 /// Runs it.
-pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
+pub fn run(gpu: &Gpu, arguments: &EyesArguments) -> Result<()> {
     let set = splats_by_importance(&arguments.splats)?;
     let mut found = Vec::new();
     for &count in &arguments.counts {
@@ -123,7 +123,13 @@ struct Way {
     ms: Vec<f64>,
 }
 
-fn compare(gpu: &Gpu, set: &SplatSet, size: u32, rung: usize, arguments: &Arguments) -> Result<Vec<Found>> {
+fn compare(
+    gpu: &Gpu,
+    set: &SplatSet,
+    size: u32,
+    rung: usize,
+    arguments: &EyesArguments,
+) -> Result<Vec<Found>> {
     let range = set.intensity_range().unwrap_or_default();
     let scene = Scene::new(gpu, Some(set), None, &Look::new(transfer::load(&arguments.tf, range)?))?;
     let head = |_: f64| (Pose::IDENTITY, true);

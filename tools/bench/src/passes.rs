@@ -21,8 +21,9 @@ use rayon::prelude::*;
 use crate::report::{Outputs, Table};
 use crate::scene::{Fitted, Scene};
 
+/// Forward and backward pass of the fit: evaluations per second, waste, and growth
 #[derive(Args)]
-pub struct Arguments {
+pub struct PassesArguments {
     /// A CT to measure on, besides the phantom.
     #[arg(long, requires = "roi")]
     volume: Option<PathBuf>,
@@ -48,7 +49,8 @@ pub struct Arguments {
     outputs: Outputs,
 }
 
-pub fn run(gpu: &Gpu, a: &Arguments) -> Result<()> {
+/// Measures the passes of a fit on phantoms and on the given volume, and prints or writes the tables.
+pub fn run(gpu: &Gpu, a: &PassesArguments) -> Result<()> {
     let d = gpu.description();
     let software = if d.kind == "CPU" { ", a software driver" } else { "" };
     let device = format!("{} ({}{software})", d.name, d.driver);
@@ -72,7 +74,7 @@ pub fn run(gpu: &Gpu, a: &Arguments) -> Result<()> {
 }
 
 /// What one scene costs.
-struct Row {
+struct PassesRow {
     scene: String,
     roi_voxels: usize,
     splats: usize,
@@ -84,9 +86,10 @@ struct Row {
     backward_ms: f64,
 }
 
-fn table(title: String, rows: Vec<Row>) -> Table {
+fn table(title: String, rows: Vec<PassesRow>) -> Table {
     let rate = |evaluations: u64, ms: f64| format!("{:.0}", evaluations as f64 / ms * 1e-3);
-    let waste = |evaluated: u64, r: &Row| format!("{:.2}", evaluated as f64 / r.in_support.max(1) as f64);
+    let waste =
+        |evaluated: u64, r: &PassesRow| format!("{:.2}", evaluated as f64 / r.in_support.max(1) as f64);
     Table {
         title,
         columns: vec![
@@ -123,7 +126,7 @@ fn table(title: String, rows: Vec<Row>) -> Table {
     }
 }
 
-fn measure(gpu: &Gpu, scene: &Scene, density: f64, a: &Arguments) -> Result<Row> {
+fn measure(gpu: &Gpu, scene: &Scene, density: f64, a: &PassesArguments) -> Result<PassesRow> {
     let fitted = scene.fitted(gpu, density, a.iterations)?;
     let Fitted { config, splats, bricks } = &fitted;
     let offset = [0.1, 0.2, -0.3];
@@ -172,7 +175,7 @@ fn measure(gpu: &Gpu, scene: &Scene, density: f64, a: &Arguments) -> Result<Row>
     }
     let [bin_ms, forward_ms, backward_ms] = times.map(median);
     let counted = count(&fitted, offset);
-    Ok(Row {
+    Ok(PassesRow {
         scene: scene.name.clone(),
         roi_voxels: scene.roi.voxel_count(),
         splats: splats.len(),

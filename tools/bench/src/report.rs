@@ -1,9 +1,10 @@
 //! Rows of figures as a table for people, Markdown, CSV and JSON.
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::Args;
-use engine::{Result, output};
+use engine::{Error, Kind, Result, output};
 use serde::Serialize;
 
 /// A table: column titles with units, and rows of text.
@@ -63,4 +64,23 @@ impl Outputs {
         }
         Ok(())
     }
+}
+
+/// Writes a value as JSON, indented.
+///
+/// # Errors
+/// [`Kind::Internal`] if it cannot be written as JSON.
+pub fn json(value: &impl Serialize) -> Result<String> {
+    serde_json::to_string_pretty(value)
+        .map_err(|e| Error::new(Kind::Internal, "VGS-BEN-026", format!("writing JSON failed: {e}")))
+}
+
+/// Ends a program: tells the error, if there is one, and returns its exit code.
+pub fn exit(result: Result<()>) -> ExitCode {
+    let Err(e) = result else { return ExitCode::SUCCESS };
+    eprintln!("error[{}]: {e}", e.code);
+    if !e.help.is_empty() {
+        eprintln!("  help: {}", e.help);
+    }
+    ExitCode::from(e.kind.exit_code())
 }

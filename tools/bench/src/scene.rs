@@ -3,19 +3,36 @@
 
 use std::path::Path;
 
-use engine::Result;
 use engine::fit::{FitConfig, Problem, Scaling, Start};
 use engine::gpu::Gpu;
 use engine::splat::{self, Splat, SplatSet};
 use engine::volume::phantom::Phantom;
 use engine::volume::{Bricks, LabelChoice, ReadOptions, Roi, Volume};
+use engine::{Error, Kind, Result};
 use glam::DVec3;
+
+/// Samples that a fit of the default profile evaluates for each voxel of the region.
+pub const SAMPLES_A_VOXEL: f64 = 25.0;
+/// What a small splat costs besides, in samples.
+pub const SMALL_SPLAT: f64 = 150.0;
+/// Samples that two CPU cores evaluate in a second.
+pub const EVALUATIONS_A_SECOND: f64 = 1e8;
 
 /// Splats of a file, the most important first.
 pub fn splats_by_importance(path: &Path) -> Result<SplatSet> {
     let mut set = splat::read_some(path)?.placed(None)?;
     set.order_by_importance();
     Ok(set)
+}
+
+/// Where a file is missing, says what --data should have.
+pub fn help(error: Error) -> Error {
+    match error.kind {
+        Kind::Missing => {
+            error.help("--data is a folder that has a folder for each case: ct-thorax-1p5mm and others")
+        }
+        _ => error,
+    }
 }
 
 /// A volume and where to look.

@@ -97,17 +97,35 @@ impl Store {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::paper::job::tests::job;
-    use crate::paper::runs::Record;
-    use crate::paper::runs::tests::record;
+
+    /// A result of so many splats.
+    #[derive(Clone, Debug, PartialEq, Serialize, serde::Deserialize)]
+    struct Counted {
+        splats: usize,
+        errors: Vec<f64>,
+    }
+
+    impl Keep for Counted {
+        fn key(&self) -> String {
+            format!("{}-{}", self.splats, hash(&self.splats))
+        }
+
+        fn defect(&self) -> Option<&'static str> {
+            self.errors.is_empty().then_some("there is no measurement in it")
+        }
+    }
+
+    fn counted(splats: usize, errors: &[f64]) -> Counted {
+        Counted { splats, errors: errors.to_vec() }
+    }
 
     #[test]
     fn a_result_comes_back_and_only_by_its_own_key() {
         let folder = tempfile::tempdir().expect("a folder");
         let store = Store::open(&folder.path().join("a/b")).expect("a store");
-        let load = |store: &Store, splats: usize| store.load::<Record>(&job(splats).key());
+        let load = |store: &Store, splats: usize| store.load::<Counted>(&counted(splats, &[]).key());
         assert!(load(&store, 5).expect("no error").is_none());
-        let kept = record(job(5), &[0.0123, 0.25]);
+        let kept = counted(5, &[0.0123, 0.25]);
         store.save(&kept).expect("written");
         let again = Store::open(&folder.path().join("a/b")).expect("the same store");
         assert_eq!(load(&again, 5).expect("a result"), Some(kept));
@@ -118,13 +136,14 @@ mod tests {
     fn what_is_no_result_is_refused_by_name() {
         let folder = tempfile::tempdir().expect("a folder");
         let store = Store::open(folder.path()).expect("a store");
-        let other = serde_json::to_string(&record(job(6), &[0.1])).expect("json");
-        let empty = serde_json::to_string(&record(job(5), &[])).expect("json");
+        let key = counted(5, &[]).key();
+        let other = serde_json::to_string(&counted(6, &[0.1])).expect("json");
+        let empty = serde_json::to_string(&counted(5, &[])).expect("json");
         for (text, says) in
             [("{", "no result"), (other.as_str(), "the result of"), (empty.as_str(), "no measurement")]
         {
-            fs::write(store.path(&job(5).key()), text).expect("written");
-            let error = store.load::<Record>(&job(5).key()).expect_err(says);
+            fs::write(store.path(&key), text).expect("written");
+            let error = store.load::<Counted>(&key).expect_err(says);
             assert!(error.message.contains(says) && error.file.is_some(), "{error}");
         }
     }

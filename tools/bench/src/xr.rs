@@ -10,7 +10,7 @@ use engine::render::{Look, Scene, SplatKind, quality_levels};
 use engine::splat::SplatSet;
 use engine::{Result, transfer};
 use xr_app::headset::simulated::{Script, Simulated};
-use xr_app::statistics::{Distribution, Report, Sample};
+use xr_app::statistics::{Distribution, Sample, SessionReport};
 use xr_app::viewer::{Options, Viewer};
 
 use crate::budget::{Trace, write_plot};
@@ -23,7 +23,7 @@ const SETTLING: usize = 60;
 
 /// Sessions in a simulated headset
 #[derive(Args)]
-pub struct Arguments {
+pub struct XrArguments {
     /// The splats (PLY)
     splats: PathBuf,
     /// Numbers of splats, of which the most important are taken
@@ -49,7 +49,7 @@ pub struct Arguments {
 }
 
 /// Runs the sessions.
-pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
+pub fn run(gpu: &Gpu, arguments: &XrArguments) -> Result<()> {
     let set = splats_by_importance(&arguments.splats)?;
     let mut reports = Vec::new();
     for &count in &arguments.counts {
@@ -95,7 +95,7 @@ pub fn run(gpu: &Gpu, arguments: &Arguments) -> Result<()> {
     arguments.outputs.finish_with(&[Table { title, columns, rows }], &reports)
 }
 
-fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Result<Report> {
+fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &XrArguments) -> Result<SessionReport> {
     let range = set.intensity_range().unwrap_or_default();
     let look = Look::new(transfer::load(&arguments.tf, range)?);
     let scene = Scene::new(gpu, Some(set), None, &look)?;
@@ -120,7 +120,7 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &Arguments) -> Res
     Ok(viewer.report(&headset))
 }
 
-fn row(splats: usize, period: f64, report: &Report) -> Vec<String> {
+fn row(splats: usize, period: f64, report: &SessionReport) -> Vec<String> {
     let two =
         |d: Option<Distribution>| d.map_or("-".to_owned(), |d| format!("{:.0} / {:.0}", d.median, d.p99));
     let settled = &report.samples[SETTLING.min(report.samples.len())..];

@@ -45,18 +45,18 @@ Splats: PLY. Pictures: PNG and EXR. For looking, not for diagnosis.";
 
 #[derive(Subcommand)]
 enum Command {
-    Fit(Box<commands::fit::Arguments>),
-    Eval(commands::eval::Arguments),
-    Rasterize(commands::rasterize::Arguments),
-    Render(Box<commands::render::Arguments>),
-    View(commands::view::Arguments),
-    Compare(commands::compare::Arguments),
-    Info(commands::info::Arguments),
+    Fit(Box<commands::fit::FitArguments>),
+    Eval(commands::eval::EvalArguments),
+    Rasterize(commands::rasterize::RasterizeArguments),
+    Render(Box<commands::render::RenderArguments>),
+    View(commands::view::ViewArguments),
+    Compare(commands::compare::CompareArguments),
+    Info(commands::info::InfoArguments),
     /// Lists the Vulkan devices of this machine
     Devices,
-    Phantom(commands::phantom::Arguments),
-    Completions(commands::completions::Arguments),
-    Man(commands::man::Arguments),
+    Phantom(commands::phantom::PhantomArguments),
+    Completions(commands::completions::CompletionsArguments),
+    Man(commands::man::ManArguments),
 }
 
 fn main() -> ExitCode {

@@ -4,7 +4,7 @@ mod support;
 
 use support::Folder;
 
-struct Row {
+struct RefusalRow {
     name: &'static str,
     arguments: &'static [&'static str],
     exit: i32,
@@ -12,266 +12,266 @@ struct Row {
     says: &'static [&'static str],
 }
 
-const ROWS: &[Row] = &[
-    Row {
+const ROWS: &[RefusalRow] = &[
+    RefusalRow {
         name: "the volume is missing",
         arguments: &["fit", "none.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply"],
         exit: 66,
         says: &["error[VGS-VOL-001]: none.nii.gz: no such file"],
     },
-    Row {
+    RefusalRow {
         name: "the mask is missing",
         arguments: &["fit", "ct.nii.gz", "--roi", "none.nii.gz", "-o", "x.ply"],
         exit: 66,
         says: &["none.nii.gz: no such file"],
     },
-    Row {
+    RefusalRow {
         name: "the volume is empty",
         arguments: &["fit", "empty.nii", "--roi", "mask.nii.gz", "-o", "x.ply"],
         exit: 65,
         says: &["empty.nii: the file is empty"],
     },
-    Row {
+    RefusalRow {
         name: "the mask is zero everywhere",
         arguments: &["fit", "ct.nii.gz", "--roi", "zero.nii", "-o", "x.ply"],
         exit: 3,
         says: &["zero.nii: the mask is zero everywhere"],
     },
-    Row {
+    RefusalRow {
         name: "mask and volume are apart",
         arguments: &["fit", "ct.nii.gz", "--roi", "far.nii", "-o", "x.ply"],
         exit: 65,
         says: &["far.nii: mask and volume do not overlap (boxes"],
     },
-    Row {
+    RefusalRow {
         name: "no label was chosen",
         arguments: &["fit", "ct.nii.gz", "--roi", "labels.nii", "-o", "x.ply"],
         exit: 2,
         says: &["labels.nii", "--roi-label", "5 ("],
     },
-    Row {
+    RefusalRow {
         name: "a label that is not there",
         arguments: &["fit", "ct.nii.gz", "--roi", "labels.nii", "--roi-label", "7", "-o", "x.ply"],
         exit: 2,
         says: &["no label '7'"],
     },
-    Row {
+    RefusalRow {
         name: "a label that no splat can carry",
         arguments: &["fit", "ct.nii.gz", "--roi", "atlas.nii", "--roi-label", "300", "-o", "x.ply"],
         exit: 65,
         says: &["VGS-ROI-013", "atlas.nii: label 300", "renumber"],
     },
-    Row {
+    RefusalRow {
         name: "no voxel is between the thresholds",
         arguments: &["fit", "ct.nii.gz", "--roi-threshold", "20000,30000", "-o", "x.ply"],
         exit: 3,
         says: &["ct.nii.gz: the region of interest is empty"],
     },
-    Row {
+    RefusalRow {
         name: "a negative radius, before a file is read",
         arguments: &["fit", "none.nii", "--roi-threshold", "0,1", "--roi-close", "-1", "-o", "x.ply"],
         exit: 2,
         says: &["VGS-ROI-014", "--roi-close is -1; it must be a radius from 0 to 50 mm", "--roi-close 2"],
     },
-    Row {
+    RefusalRow {
         name: "a radius that closes everything",
         arguments: &["fit", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-close", "60", "-o", "x.ply"],
         exit: 2,
         says: &["VGS-ROI-014", "--roi-close is 60"],
     },
-    Row {
+    RefusalRow {
         name: "a least volume that is no number",
         arguments: &["eval", "away.ply", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-min-ml", "NaN"],
         exit: 2,
         says: &["VGS-ROI-014", "--roi-min-ml is NaN"],
     },
-    Row {
+    RefusalRow {
         name: "no piece of the threshold",
         arguments: &["fit", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-largest=0", "-o", "x.ply"],
         exit: 2,
         says: &["VGS-ROI-014", "--roi-largest is 0"],
     },
-    Row {
+    RefusalRow {
         name: "no piece of the threshold is large enough",
         arguments: &["fit", "ct.nii.gz", "--roi-threshold", "-9e3,9e3", "--roi-min-ml", "1e6", "-o", "x.ply"],
         exit: 3,
         says: &["VGS-ROI-015", "ct.nii.gz: no connected piece from -9000 to 9000 has 1000000 ml"],
     },
-    Row {
+    RefusalRow {
         name: "a mask is not cleaned",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "--roi-largest", "-o", "x.ply"],
         exit: 2,
         says: &["--roi", "cannot be used with", "--roi-largest"],
     },
-    Row {
+    RefusalRow {
         name: "a threshold has no labels",
         arguments: &["fit", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-label", "5", "-o", "x.ply"],
         exit: 2,
         says: &["--roi-label", "cannot be used with", "--roi-threshold"],
     },
-    Row {
+    RefusalRow {
         name: "cleaning without a threshold",
         arguments: &["fit", "ct.nii.gz", "--roi-fill", "-o", "x.ply"],
         exit: 2,
         says: &["--roi-threshold"],
     },
-    Row {
+    RefusalRow {
         name: "neither mask nor thresholds",
         arguments: &["fit", "ct.nii.gz", "-o", "x.ply"],
         exit: 2,
         says: &["--roi"],
     },
-    Row {
+    RefusalRow {
         name: "mask and thresholds",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "--roi-threshold", "0,1", "-o", "x.ply"],
         exit: 2,
         says: &["--roi"],
     },
-    Row {
+    RefusalRow {
         name: "the output exists",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "taken.ply"],
         exit: 73,
         says: &["taken.ply: the output exists already", "--force"],
     },
-    Row {
+    RefusalRow {
         name: "a file beside the output exists",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "half.ply"],
         exit: 73,
         says: &["half.csv: the output exists already"],
     },
-    Row {
+    RefusalRow {
         name: "the output is the input",
         arguments: &["rasterize", "taken.ply", "--like", "ct.nii.gz", "-o", "link.nii.gz", "--force"],
         exit: 73,
         says: &["the output is the input"],
     },
-    Row {
+    RefusalRow {
         name: "the output's folder is missing",
         arguments: &["fit", "none.nii.gz", "--roi", "mask.nii.gz", "-o", "nowhere/x.ply"],
         exit: 73,
         says: &["nowhere/x.ply"],
     },
-    Row {
+    RefusalRow {
         name: "the output's folder is a file",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "empty.nii/x.ply"],
         exit: 73,
         says: &["empty.nii/x.ply"],
     },
-    Row {
+    RefusalRow {
         name: "the output's extension is unknown",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.obj"],
         exit: 2,
         says: &["x.obj", ".ply"],
     },
-    Row {
+    RefusalRow {
         name: "an unknown key in the configuration",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "typo.toml"],
         exit: 2,
         says: &["typo.toml", "\"iteratons\"", "did you mean \"iterations\""],
     },
-    Row {
+    RefusalRow {
         name: "a wrong type in the configuration",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "type.toml"],
         exit: 2,
         says: &["type.toml: rate_mean"],
     },
-    Row {
+    RefusalRow {
         name: "a configuration that is no TOML",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "broken.toml"],
         exit: 2,
         says: &["broken.toml", "not valid TOML"],
     },
-    Row {
+    RefusalRow {
         name: "a missing configuration",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "none.toml"],
         exit: 66,
         says: &["none.toml"],
     },
-    Row {
+    RefusalRow {
         name: "a negative learning rate",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--rate-mean", "-1"],
         exit: 2,
         says: &["rate_mean"],
     },
-    Row {
+    RefusalRow {
         name: "far too many iterations",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--iterations", "1e12"],
         exit: 2,
         says: &["iterations"],
     },
-    Row {
+    RefusalRow {
         name: "a profile that is not there",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--profile", "best"],
         exit: 2,
         says: &["\"best\"", "profiles: default"],
     },
-    Row {
+    RefusalRow {
         name: "a quality that is not there",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--quality", "best"],
         exit: 2,
         says: &["\"best\"", "qualities: preview"],
     },
-    Row {
+    RefusalRow {
         name: "a device that is not there",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--device", "no such device"],
         exit: 69,
         says: &["no Vulkan device", "no such device"],
     },
-    Row {
+    RefusalRow {
         name: "a volume beyond the limit",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--max-bytes", "1000"],
         exit: 65,
         says: &["--max-bytes"],
     },
-    Row {
+    RefusalRow {
         name: "splats without an intensity",
         arguments: &["eval", "colour.ply", "ct.nii.gz", "--roi", "mask.nii.gz"],
         exit: 65,
         says: &["colour.ply", "no intensity"],
     },
-    Row {
+    RefusalRow {
         name: "the picture exists",
         arguments: &["eval", "away.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--picture", "half.csv"],
         exit: 73,
         says: &["half.csv: the output exists already"],
     },
-    Row {
+    RefusalRow {
         name: "splats of another place",
         arguments: &["eval", "away.ply", "ct.nii.gz", "--roi", "mask.nii.gz"],
         exit: 65,
         says: &["away.ply", "no splat lies in the volume"],
     },
-    Row {
+    RefusalRow {
         name: "no PLY at all",
         arguments: &["eval", "ct.nii.gz", "ct.nii.gz", "--roi", "mask.nii.gz"],
         exit: 65,
         says: &["not a splat file"],
     },
-    Row {
+    RefusalRow {
         name: "a reversed range",
         arguments: &["eval", "away.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--range", "3071,-1024"],
         exit: 2,
         says: &["--range"],
     },
-    Row {
+    RefusalRow {
         name: "a grid around the splats beyond the limit",
         arguments: &["rasterize", "away.ply", "--spacing", "0.001", "-o", "x.nii.gz", "--max-bytes", "1M"],
         exit: 2,
         says: &["--spacing"],
     },
-    Row {
+    RefusalRow {
         name: "a volume with another ending",
         arguments: &["rasterize", "away.ply", "--spacing", "1", "-o", "x.mha"],
         exit: 2,
         says: &["x.mha", ".nii.gz"],
     },
-    Row {
+    RefusalRow {
         name: "a file that is nothing known",
         arguments: &["info", "typo.toml"],
         exit: 65,
         says: &["typo.toml"],
     },
-    Row { name: "no command", arguments: &[], exit: 2, says: &["Usage"] },
+    RefusalRow { name: "no command", arguments: &[], exit: 2, says: &["Usage"] },
 ];
 
 /// A NIfTI-1 file of uint8 voxels, 1 mm apart, whose first voxel lies at (x, x, x).

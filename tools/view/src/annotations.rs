@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::handles::{Handle, Placed, edges, handles, outline};
 use crate::orbit::Orbit;
 use crate::panels::status::Reading;
-use crate::state::{Clip, Distance, State};
+use crate::state::{Clip, Distance, ViewState};
 use crate::theme::{ACCENT, SIGNAL};
 
 /// Free space to the border of the picture, points of the screen.
@@ -28,7 +28,7 @@ pub struct Over<'a> {
 
 impl Over<'_> {
     /// The letters and the scale bar.
-    pub fn annotations(&self, state: &State, oriented: bool) {
+    pub fn annotations(&self, state: &ViewState, oriented: bool) {
         if state.show.orientation && oriented {
             self.letters();
         }

@@ -14,7 +14,7 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use crate::composer::{Area, Composer, Composition, Layer};
 use crate::painter::{Painter, Painting};
 use crate::rendered_scene::{RenderSetup, RenderedScene};
-use crate::state::{State, Subject, mode_row};
+use crate::state::{Subject, ViewState, mode_row};
 
 /// What is on the device for a window.
 pub struct Canvas {
@@ -44,7 +44,7 @@ pub struct Overlay {
 /// What the picture shows and how it is rendered: splats in this mode, a volume in the only one that there
 /// is, both with this given up.
 pub fn render_setups(
-    state: &State,
+    state: &ViewState,
     size: [u32; 2],
     mode: &'static str,
     quality: Quality,
@@ -171,7 +171,7 @@ impl Canvas {
     }
 
     /// Puts the picture and the panels on the surface. Whether there was one: a minimised window has none.
-    pub fn present(&mut self, state: &State, overlay: Overlay, before: impl FnOnce()) -> Result<bool> {
+    pub fn present(&mut self, state: &ViewState, overlay: Overlay, before: impl FnOnce()) -> Result<bool> {
         let Some(acquired) = self.surface.acquire()? else { return Ok(false) };
         let mut recorder = self.gpu.record()?;
         self.painter.update(&mut recorder, &mut self.textures)?;
@@ -230,8 +230,8 @@ pub fn size(rect: Rect, pixels_per_point: f32) -> Option<[u32; 2]> {
 mod tests {
     use super::*;
 
-    fn state() -> State {
-        State::new(&engine::transfer::load("CT-Bone", [-1000.0, 2000.0]).expect("a preset"))
+    fn state() -> ViewState {
+        ViewState::new(&engine::transfer::load("CT-Bone", [-1000.0, 2000.0]).expect("a preset"))
     }
 
     #[test]

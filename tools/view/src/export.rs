@@ -11,7 +11,7 @@ use engine::render::{Camera, Renderer, Scene, Settings};
 use glam::DVec3;
 
 use crate::loaded_data::LoadedData;
-use crate::state::{State, Subject, mode_row};
+use crate::state::{Subject, ViewState, mode_row};
 
 /// Frames a second of a turntable.
 const FRAMES_PER_SECOND: u16 = 15;
@@ -20,7 +20,7 @@ const FRAMES_PER_SECOND: u16 = 15;
 pub struct Export {
     gpu: Gpu,
     data: LoadedData,
-    state: State,
+    state: ViewState,
     size: [u32; 2],
 }
 
@@ -32,7 +32,7 @@ struct Side {
 
 impl Export {
     /// Of what is shown now.
-    pub fn new(gpu: &Gpu, state: &State, data: &LoadedData, size: [u32; 2]) -> Self {
+    pub fn new(gpu: &Gpu, state: &ViewState, data: &LoadedData, size: [u32; 2]) -> Self {
         Export { gpu: gpu.clone(), data: data.sources(), state: state.clone(), size }
     }
 

@@ -1,6 +1,6 @@
 //! The desktop viewer.
 //!
-//! What is shown is plain data ([`State`], the session file); panels draw it into any [`egui::Ui`] and change
+//! What is shown is plain data ([`ViewState`], the session file); panels draw it into any [`egui::Ui`] and change
 //! it, and know neither windows nor the device. [`App`] puts them together; `window::run` shows it in a
 //! window. Without the feature `window` the rest is there alone, for programs that show panels elsewhere.
 //!
@@ -65,4 +65,4 @@ pub use orbit::Orbit;
 pub use panel_info::{PanelInfo, Statistics};
 pub use pick::Probe;
 pub use settings::Settings;
-pub use state::State;
+pub use state::ViewState;

@@ -11,7 +11,7 @@ use glam::DVec3;
 use crate::histogram::Histogram;
 use crate::loader::{Loaded, LoadedSplats, LoadedVolume};
 use crate::pick::Probe;
-use crate::state::{State, Subject};
+use crate::state::{Subject, ViewState};
 
 /// What was read.
 #[derive(Default)]
@@ -116,15 +116,15 @@ impl LoadedData {
     /// Returns how a subject looks.
     ///
     /// # Errors
-    /// As [`State::look`].
-    pub fn look(&self, subject: Subject, state: &State) -> Result<Look> {
+    /// As [`ViewState::look`].
+    pub fn look(&self, subject: Subject, state: &ViewState) -> Result<Look> {
         let splats = self.splats.as_ref().filter(|_| subject == Subject::Splats);
         let numbers: Vec<u8> = splats.iter().flat_map(|s| &s.objects).map(|(_, number, _)| *number).collect();
         state.look(&numbers)
     }
 
     /// Returns the scene of a subject; none where there is nothing of it.
-    pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &State) -> Result<Option<Scene>> {
+    pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &ViewState) -> Result<Option<Scene>> {
         let look = self.look(subject, state)?;
         let splats = self.set().filter(|_| subject == Subject::Splats);
         let volume = self.volume.as_ref().filter(|_| subject == Subject::Volume).map(|shown| shown.source());

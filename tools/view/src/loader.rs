@@ -13,7 +13,7 @@ use engine::{Error, Kind, Result};
 
 use crate::histogram::Histogram;
 use crate::pick::Probe;
-use crate::state::{Files, Object, State, Subject};
+use crate::state::{Files, Object, Subject, ViewState};
 
 /// A volume and the part of it that is shown.
 pub struct LoadedVolume {
@@ -133,8 +133,8 @@ fn volume_endings() -> impl Iterator<Item = &'static str> {
 
 impl Sorted {
     /// Returns the session, or nothing where there is none among them.
-    pub fn state(&self) -> Option<Result<State>> {
-        self.session.as_deref().map(State::read)
+    pub fn state(&self) -> Option<Result<ViewState>> {
+        self.session.as_deref().map(ViewState::read)
     }
 }
 

@@ -23,7 +23,7 @@ pub struct PanelInfo<'a> {
     pub splats: Option<usize>,
     /// True if there is a volume.
     pub volume: bool,
-    /// How many splats each row of [`crate::State::objects`] has.
+    /// How many splats each row of [`crate::ViewState::objects`] has.
     pub object_splats: &'a [usize],
     /// Intensities of the splats, as soon as they are counted.
     pub splat_histogram: Option<&'a Histogram>,

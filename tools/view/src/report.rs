@@ -6,7 +6,7 @@ use serde::Serialize;
 
 /// What was measured from start to end.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct WindowReport {
     #[serde(skip)]
     since: Instant,
     /// From the start of the program to the first frame of the window, ms.
@@ -26,10 +26,10 @@ pub struct Report {
 /// Values that are kept of each kind; a long session must not fill the memory.
 const KEPT: usize = 10_000;
 
-impl Report {
+impl WindowReport {
     /// Of a program that was started then.
     pub fn new(since: Instant) -> Self {
-        Report {
+        WindowReport {
             since,
             first_frame_ms: None,
             first_picture_ms: None,

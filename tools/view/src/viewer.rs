@@ -19,9 +19,9 @@ use crate::loaded_data::LoadedData;
 use crate::loader::{Loaded, Loader, sort};
 use crate::open_files::OpenFiles;
 use crate::panel_info::{PanelInfo, Statistics};
-use crate::report::Report;
+use crate::report::WindowReport;
 use crate::settings::Settings;
-use crate::state::{Files, SplatMode, State, Subject};
+use crate::state::{Files, SplatMode, Subject, ViewState};
 
 /// What is given up in the first picture, for something to be there at once.
 const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0 };
@@ -60,7 +60,7 @@ pub struct Viewer {
     loader: Loader,
     statistics: Statistics,
     /// What was measured.
-    pub report: Report,
+    pub report: WindowReport,
     /// Which files were read.
     open_files: OpenFiles,
     /// How many splats each row of the list of objects has.
@@ -92,11 +92,11 @@ pub struct Viewer {
 impl Viewer {
     /// Begins to read the files of the state.
     pub fn new(
-        state: State,
+        state: ViewState,
         keeps_camera: bool,
         settings: Settings,
         mut loader: Loader,
-        report: Report,
+        report: WindowReport,
     ) -> Self {
         loader.open(&state.files, &Files::default());
         let budget_ms = state.quality.target_frame_ms;

@@ -15,16 +15,16 @@ use winit::window::{Window, WindowId};
 
 use crate::canvas::Canvas;
 use crate::loader::Loader;
-use crate::report::Report;
+use crate::report::WindowReport;
 use crate::settings::Settings;
-use crate::state::State;
+use crate::state::ViewState;
 use crate::theme;
 use crate::viewer::{ActiveWindow, LOST, Viewer};
 
 /// What the viewer begins with.
 pub struct Start {
     /// What is shown; its files are read.
-    pub state: State,
+    pub state: ViewState,
     /// True if the camera stands where the state says; otherwise where it shows everything.
     pub keeps_camera: bool,
     /// What is remembered of the user.
@@ -44,7 +44,7 @@ struct Woken;
 /// # Errors
 /// [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; what the device
 /// says where it fails, after one attempt to begin anew where it was lost.
-pub fn run(start: Start) -> Result<Report> {
+pub fn run(start: Start) -> Result<WindowReport> {
     let events = EventLoop::<Woken>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
     let loader = Loader::new(move || {
@@ -52,7 +52,7 @@ pub fn run(start: Start) -> Result<Report> {
         let _ = proxy.send_event(Woken);
     });
     let Start { state, keeps_camera, settings, gpu, since } = start;
-    let viewer = Viewer::new(state, keeps_camera, settings, loader, Report::new(since));
+    let viewer = Viewer::new(state, keeps_camera, settings, loader, WindowReport::new(since));
     let mut program =
         Program { viewer, options: gpu, active: None, wake_at: None, lost: false, failure: None };
     events.run_app(&mut program).map_err(|e| no_window(&e))?;

@@ -23,4 +23,4 @@ pub mod simulated;
 pub use hands::{Hand, Hands};
 pub use headset::{DEPTH_RANGE, FrameImages, Headset};
 pub use pose::{Eye, Eyes, Pose};
-pub use session::{Blend, Description, Event, State, Timing};
+pub use session::{Blend, Description, Event, SessionState, Timing};

@@ -20,7 +20,7 @@ use super::error::runtime_error;
 use super::hands::Hands;
 use super::headset::{DEPTH_RANGE, FrameImages, Headset};
 use super::pose::{Eye, Eyes};
-use super::session::{Blend, Description, Event, State, Timing};
+use super::session::{Blend, Description, Event, SessionState, Timing};
 
 const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
@@ -487,24 +487,24 @@ impl Headset for OpenXr {
             let Some(event) = event else { return Ok(out) };
             match event {
                 xr::Event::SessionStateChanged(e) => match e.state() {
-                    xr::SessionState::IDLE => out.push(Event::State(State::Idle)),
+                    xr::SessionState::IDLE => out.push(Event::State(SessionState::Idle)),
                     xr::SessionState::READY => {
                         self.session.begin(STEREO).map_err(|e| runtime_error("beginning the session", e))?;
                         self.running = true;
                     }
-                    xr::SessionState::SYNCHRONIZED => out.push(Event::State(State::Synchronized)),
-                    xr::SessionState::VISIBLE => out.push(Event::State(State::Visible)),
-                    xr::SessionState::FOCUSED => out.push(Event::State(State::Focused)),
+                    xr::SessionState::SYNCHRONIZED => out.push(Event::State(SessionState::Synchronized)),
+                    xr::SessionState::VISIBLE => out.push(Event::State(SessionState::Visible)),
+                    xr::SessionState::FOCUSED => out.push(Event::State(SessionState::Focused)),
                     xr::SessionState::STOPPING => {
                         self.session.end().map_err(|e| runtime_error("ending the session", e))?;
                         self.running = false;
-                        out.push(Event::State(State::Stopping));
+                        out.push(Event::State(SessionState::Stopping));
                     }
-                    xr::SessionState::EXITING => out.push(Event::State(State::Over)),
-                    xr::SessionState::LOSS_PENDING => out.push(Event::State(State::Lost)),
+                    xr::SessionState::EXITING => out.push(Event::State(SessionState::Over)),
+                    xr::SessionState::LOSS_PENDING => out.push(Event::State(SessionState::Lost)),
                     _ => {}
                 },
-                xr::Event::InstanceLossPending(_) => out.push(Event::State(State::Lost)),
+                xr::Event::InstanceLossPending(_) => out.push(Event::State(SessionState::Lost)),
                 xr::Event::ReferenceSpaceChangePending(_) => out.push(Event::Recentred),
                 xr::Event::DisplayRefreshRateChangedFB(e) => {
                     out.push(Event::Rate(f64::from(e.to_display_refresh_rate())));

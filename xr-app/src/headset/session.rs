@@ -15,7 +15,7 @@ pub struct Timing {
 
 /// How far a session has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum State {
+pub enum SessionState {
     /// The headset is not used, or by others.
     Idle,
     /// Frames are wanted, though nobody sees them yet.
@@ -36,7 +36,7 @@ pub enum State {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     /// The session has come to another state.
-    State(State),
+    State(SessionState),
     /// The viewer has chosen a new middle of the room.
     Recentred,
     /// The display shows another number of frames a second.

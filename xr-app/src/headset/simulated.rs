@@ -10,7 +10,7 @@ use glam::{DQuat, DVec2, DVec3};
 use super::hands::Hands;
 use super::headset::{FrameImages, Headset};
 use super::pose::{Eye, Eyes, Pose};
-use super::session::{Blend, Description, Event, State, Timing};
+use super::session::{Blend, Description, Event, SessionState, Timing};
 
 /// Pictures that go round, as in the swapchains of runtimes.
 const PICTURES: usize = 3;
@@ -180,7 +180,9 @@ impl Headset for Simulated {
         if !self.begun {
             self.begun = true;
             self.start = Instant::now();
-            events.extend([State::Synchronized, State::Visible, State::Focused].map(Event::State));
+            events.extend(
+                [SessionState::Synchronized, SessionState::Visible, SessionState::Focused].map(Event::State),
+            );
         }
         events.extend((self.script.events)(self.frame));
         if self.script.round_from.is_some_and(|frame| frame <= self.frame) && self.lenses[0].is_empty() {
@@ -189,7 +191,7 @@ impl Headset for Simulated {
         }
         if !self.over && (self.leaving || self.script.frames.is_some_and(|n| self.frame >= n)) {
             self.over = true;
-            events.extend([State::Stopping, State::Over].map(Event::State));
+            events.extend([SessionState::Stopping, SessionState::Over].map(Event::State));
         }
         Ok(events)
     }

@@ -2,7 +2,7 @@
 //!
 //! Each is a plain TOML file in `qualities/`: `density_times`, by which the profile's splats per voxel (or its number of
 //! splats) are multiplied, and keys of [`FitConfig`] that take the place of the profile's. They were chosen from what
-//! `bench trade fit` measures; `docs/results/tradeoffs.md` has what each costs and gives.
+//! `studies trade fit` measures; `docs/results/tradeoffs.md` has what each costs and gives.
 
 use serde::Deserialize;
 

@@ -35,9 +35,10 @@ use self::record::{Record, Records};
 use self::results::{Device, Results};
 use self::scenes::Library;
 use crate::cost::median;
-use crate::paper::progress::{Series, all_done};
+use crate::progress::{Series, all_done};
 use crate::store::Store;
 
+/// Pictures of all modes against what they should be, and what frames cost
 #[derive(Args)]
 #[command(after_help = "\
 Each subject of a section that is finished is a file in OUT/runs, named by a hash of all settings and the device: what is \
@@ -50,7 +51,7 @@ Examples:
   bench render --data DIR --out pictures             all of it: hours on a CPU
   bench render --data DIR --only end-to-end,speed
   bench render --data DIR --config mine.toml         other cases and settings; tools/bench/src/render/default.toml explains them")]
-pub struct Arguments {
+pub struct RenderArguments {
     /// Folder with the cases: CASE/ct.nii.gz and its masks
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
@@ -71,7 +72,7 @@ pub struct Arguments {
     force: bool,
 }
 
-impl Arguments {
+impl RenderArguments {
     fn sections(&self) -> Vec<Section> {
         let mut all =
             if self.only.is_empty() { Section::value_variants().to_vec() } else { self.only.clone() };
@@ -98,7 +99,7 @@ impl Arguments {
 }
 
 /// Measures what is missing and writes the tables.
-pub fn run(options: &GpuOptions, a: &Arguments) -> Result<()> {
+pub fn run(options: &GpuOptions, a: &RenderArguments) -> Result<()> {
     let config = Config::read(a.config.as_deref())?;
     let config = if a.quick { config.quick() } else { config };
     let sections = a.sections();

@@ -17,8 +17,7 @@ use glam::DVec3;
 use super::config::{Case, Orbit, Rendering, Transfer};
 use super::plan::{Source, Unit, mode_row};
 use crate::cost::{self, Cost};
-use crate::paper::library::help;
-use crate::paper::progress::{RATE, SAMPLES_A_VOXEL, SMALL_SPLAT};
+use crate::scene::{EVALUATIONS_A_SECOND, SAMPLES_A_VOXEL, SMALL_SPLAT, help};
 use crate::store::hash;
 
 /// A case, read.
@@ -173,7 +172,7 @@ impl<'a> Library<'a> {
         }
         let voxels = self.place(&unit.case)?.roi.weight_sum();
         let samples = voxels * SAMPLES_A_VOXEL + config.splat_count(voxels) as f64 * SMALL_SPLAT;
-        Ok(f64::from(config.iterations) * 2.0 * samples / RATE)
+        Ok(f64::from(config.iterations) * 2.0 * samples / EVALUATIONS_A_SECOND)
     }
 
     /// The splats of a unit, fitted if they are not there, with its case.

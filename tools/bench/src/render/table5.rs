@@ -20,7 +20,7 @@ enum Method {
 
 /// A row of the paper: data set and mask there, folder and mask of the nearest case here, method, frames a second on an
 /// RTX 4060 Mobile.
-struct Row {
+struct Table5Row {
     dataset: &'static str,
     folder: &'static str,
     mask: &'static str,
@@ -28,8 +28,8 @@ struct Row {
     fps: u32,
 }
 
-const fn row(case: (&'static str, &'static str, &'static str), method: Method, fps: u32) -> Row {
-    Row { dataset: case.0, folder: case.1, mask: case.2, method, fps }
+const fn row(case: (&'static str, &'static str, &'static str), method: Method, fps: u32) -> Table5Row {
+    Table5Row { dataset: case.0, folder: case.1, mask: case.2, method, fps }
 }
 
 const CASE_1: (&str, &str, &str) = ("Case 1, TS", "ct-thorax-1p5mm", "mask_ts");
@@ -37,7 +37,7 @@ const CASE_4: (&str, &str, &str) = ("Case 4, TS-bones", "ct-abdomen-full", "mask
 const CASE_6: (&str, &str, &str) = ("Case 6, TS", "ct-chest-full", "mask_vessels");
 
 /// Table 5, digit by digit.
-const PAPER: [Row; 15] = [
+const PAPER: [Table5Row; 15] = [
     row(CASE_1, Method::Volume, 107),
     row(CASE_1, Method::Standard(250), 272),
     row(CASE_1, Method::Ours(250), 337),
@@ -102,7 +102,7 @@ pub fn markdown(report: &Results<'_>) -> String {
     Table { title, columns, rows }.markdown()
 }
 
-impl Row {
+impl Table5Row {
     fn is_case(&self, unit: &Unit) -> bool {
         unit.case.folder == self.folder
             && unit.case.mask.trim_end_matches(".gz").trim_end_matches(".nii") == self.mask

@@ -26,10 +26,10 @@ fn has(mode: &str) -> bool {
     MODES.iter().any(|row| row.name == mode)
 }
 
-fn arguments(folder: &Path) -> Arguments {
+fn arguments(folder: &Path) -> RenderArguments {
     let config = folder.join("phantom.toml");
     std::fs::write(&config, PHANTOM).expect("written");
-    Arguments {
+    RenderArguments {
         data: folder.join("none"),
         out: folder.join("out"),
         config: Some(config),
@@ -126,7 +126,7 @@ fn all_sections_run_on_the_phantom_and_only_once() {
     assert_eq!(read("render.json"), json);
     let splats = || std::fs::read_dir(out.join("splats")).expect("splats").count();
     assert_eq!(splats(), 2, "sections share their fits");
-    run(&options, &Arguments { force: true, only: vec![Section::Speed], ..a }).expect("by force");
+    run(&options, &RenderArguments { force: true, only: vec![Section::Speed], ..a }).expect("by force");
     let after: serde_json::Value = serde_json::from_str(&read("render.json")).expect("JSON");
     assert_eq!(after["units"].as_array().map(Vec::len), Some(1), "the sections that were asked for");
     assert_ne!(after["units"][0]["record"]["timings"], all["units"][0]["record"]["timings"]);

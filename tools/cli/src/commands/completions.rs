@@ -9,7 +9,7 @@ use crate::shared::failure::Stop;
 /// Prints a script with which a shell completes commands and flags
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct CompletionsArguments {
     /// The shell
     #[arg(value_enum)]
     shell: Shell,
@@ -23,7 +23,7 @@ Examples:
   vgs completions powershell >> $PROFILE";
 
 /// Runs the command; `vgs` is the whole command line.
-pub fn run(arguments: &Arguments, mut vgs: Command, console: &Console) -> Result<u8, Stop> {
+pub fn run(arguments: &CompletionsArguments, mut vgs: Command, console: &Console) -> Result<u8, Stop> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut vgs, "vgs", &mut script);
     let script = String::from_utf8_lossy(&script);

@@ -28,7 +28,7 @@ use crate::shared::{outputs, splat_files};
 /// Measures splats against a volume, at the voxels and between them
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct EvalArguments {
     /// The splats (PLY with intensities; also that of the paper's authors)
     splats: PathBuf,
     /// The volume
@@ -119,7 +119,7 @@ struct EvaluationOutput {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<u8, Stop> {
     let start = Instant::now();
     let written: Vec<&Path> = [&arguments.picture, &arguments.table, &arguments.map]
         .into_iter()
@@ -197,7 +197,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     Ok(0)
 }
 
-impl Arguments {
+impl EvalArguments {
     fn protocol(&self, case: &Case) -> Result<Protocol> {
         Ok(Protocol {
             offsets: evaluate::random_offsets(self.offsets as usize, self.seed),

@@ -15,7 +15,7 @@ use crate::shared::version::NUMBER;
 /// Writes manual pages: vgs.1, and one for each command
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct ManArguments {
     /// Folder of the pages, made if missing
     folder: PathBuf,
     /// Replaces pages that exist
@@ -29,7 +29,7 @@ Examples:
   vgs man pages && man pages/vgs-fit.1";
 
 /// Runs the command; `vgs` is the whole command line.
-pub fn run(arguments: &Arguments, vgs: Command, console: &Console) -> std::result::Result<u8, Stop> {
+pub fn run(arguments: &ManArguments, vgs: Command, console: &Console) -> std::result::Result<u8, Stop> {
     let pages = pages(vgs, &arguments.folder);
     let files: Vec<&Path> = pages.iter().map(|(path, _)| path.as_path()).collect();
     outputs::make_folder(&arguments.folder)?;

@@ -16,7 +16,7 @@ use crate::shared::outputs;
 /// Writes a synthetic CT (body, bone, contrast-filled vessels) and the mask of its bone and vessels
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct PhantomArguments {
     /// The CT (.nii or .nii.gz), or a folder for ct.nii.gz and mask.nii.gz, made if missing
     #[arg(short, long, value_name = "CT|FOLDER", help_heading = "Output")]
     output: PathBuf,
@@ -61,7 +61,7 @@ fn size(text: &str) -> Result<[usize; 3], String> {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<u8, Stop> {
+pub fn run(arguments: &PhantomArguments, console: &Console) -> Result<u8, Stop> {
     let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let is_file = name.ends_with(".nii") || name.ends_with(".nii.gz");
     let (ct, mask) = match (is_file && !arguments.output.is_dir(), &arguments.mask) {

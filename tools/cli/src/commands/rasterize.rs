@@ -19,7 +19,7 @@ use crate::shared::{outputs, sampling, splat_files};
 /// Turns splats back into a volume
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct RasterizeArguments {
     /// The splats (PLY with intensities; also that of the paper's authors)
     splats: PathBuf,
     #[command(flatten)]
@@ -91,7 +91,7 @@ Examples:
   vgs rasterize theirs.ply --like ct.nii.gz --roi bones.nii.gz -o theirs.nii.gz     a PLY of the paper's authors";
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+pub fn run(arguments: &RasterizeArguments, console: &Console) -> std::result::Result<u8, Stop> {
     let mut inputs = vec![arguments.splats.as_path()];
     inputs.extend(arguments.grid.like.as_deref());
     inputs.extend(arguments.region.roi.as_deref());
@@ -156,7 +156,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     Ok(0)
 }
 
-impl Arguments {
+impl RasterizeArguments {
     /// Returns the splats in patient space, and a volume on the output's grid, whose samples are still to be filled.
     fn place(&self, splats: Unplaced) -> Result<(SplatSet, Volume)> {
         let Some(path) = &self.grid.like else {

@@ -7,7 +7,7 @@ use clap::Args;
 use engine::{Error, Kind, Result, transfer};
 use view::loader;
 use view::settings::Settings;
-use view::state::{Files, State};
+use view::state::{Files, ViewState};
 use view::window::{self, Start};
 
 use crate::shared::failure::Stop;
@@ -17,7 +17,7 @@ use crate::shared::outputs;
 /// Shows splats, the volume they were fitted to, or both, in a window
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct ViewArguments {
     /// What is shown: splats (PLY), a volume, a session (TOML); more can be dropped on the window
     files: Vec<PathBuf>,
     /// The volume that the splats were fitted to: the space bar flips between the two
@@ -53,7 +53,7 @@ For looking, not for diagnosis.";
 const FIRST: &str = "CT-Bone";
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, since: Instant) -> std::result::Result<u8, Stop> {
+pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8, Stop> {
     if let Some(report) = &arguments.report {
         outputs::check(&[report], &[], arguments.force)?;
     }
@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments, since: Instant) -> std::result::Result<u8, Sto
     Ok(0)
 }
 
-impl Arguments {
+impl ViewArguments {
     /// Returns what is shown at first, and true if its camera is to be kept.
     fn state(&self) -> Result<(State, bool)> {
         let mut sorted = loader::sort(&Files::default(), &self.files)?;
@@ -81,7 +81,7 @@ impl Arguments {
         let mut state = match session {
             Some(state) => state,
             // What is stretched over the intensities that are there is so once they are read.
-            None => State::new(&transfer::load(self.tf.as_deref().unwrap_or(FIRST), [-1000.0, 3000.0])?),
+            None => ViewState::new(&transfer::load(self.tf.as_deref().unwrap_or(FIRST), [-1000.0, 3000.0])?),
         };
         if let (true, Some(tf)) = (keeps_camera, &self.tf) {
             state.transfer = view::transfer::Transfer::new(&transfer::load(tf, [-1000.0, 3000.0])?);

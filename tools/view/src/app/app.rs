@@ -21,7 +21,7 @@ use crate::panels::status::Reading;
 use crate::panels::{self, menu::Menus};
 use crate::prompt::{Answer, Prompt, Purpose};
 use crate::settings::Settings;
-use crate::state::{Edited, SplatMode, State, Subject};
+use crate::state::{Edited, SplatMode, Subject, ViewState};
 use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
@@ -32,7 +32,7 @@ const PANEL: [f32; 2] = [384.0, 640.0];
 pub struct Changes {
     /// The camera.
     pub camera: bool,
-    /// Transfer function, objects, clip planes: [`State::look`].
+    /// Transfer function, objects, clip planes: [`ViewState::look`].
     pub look: bool,
     /// Mode, what is shown, split, background, quality.
     pub rendering: bool,
@@ -48,13 +48,13 @@ impl Changes {
 /// The viewer without its window.
 pub struct App {
     /// What is shown; the session.
-    pub state: State,
+    pub state: ViewState,
     /// What is remembered from start to start.
     pub settings: Settings,
     pub(super) editor: Editor,
     pub(super) history: History<Edited>,
     /// The state when the changes were last taken.
-    pub(super) taken: State,
+    pub(super) taken: ViewState,
     /// True if the whole scene is to be shown as soon as it is there.
     pub(super) fit: bool,
     /// Whether the tool that measures distances is taken up, and the first point of a distance, mm RAS.
@@ -74,7 +74,7 @@ pub struct App {
 impl App {
     /// A viewer of this state. The camera of a session stays; without one the scene is fitted once it is
     /// there.
-    pub fn new(state: State, settings: Settings) -> Self {
+    pub fn new(state: ViewState, settings: Settings) -> Self {
         App {
             editor: Editor::default(),
             history: History::new(state.edited()),
@@ -96,7 +96,7 @@ impl App {
     }
 
     /// Takes another state, as of a session file that was opened. There is no way back by undo.
-    pub fn begin(&mut self, state: State) {
+    pub fn begin(&mut self, state: ViewState) {
         self.history.restart(state.edited());
         self.state = state;
         self.fit = false;

@@ -10,7 +10,7 @@ use crate::annotations::Over;
 use crate::handles;
 use crate::panel_info::PanelInfo;
 use crate::panels::{self, status::Reading};
-use crate::state::{Distance, State};
+use crate::state::{Distance, ViewState};
 use crate::theme::SIGNAL;
 
 /// A drag across so many points of the screen turns by a degree.
@@ -89,7 +89,7 @@ impl App {
         match (what, info.bounds) {
             (Target::Split, _) => self.state.split = Some(places[1].x.clamp(SPLIT_EDGE, 1.0 - SPLIT_EDGE)),
             (Target::Handle(handle), Some(bounds)) => {
-                let State { clip, orbit, .. } = &mut self.state;
+                let ViewState { clip, orbit, .. } = &mut self.state;
                 handles::drag(clip, handle, bounds, orbit, aspect, places);
             }
             (Target::Handle(_), None) => {}
@@ -102,7 +102,7 @@ impl App {
         let place = self.place(at);
         let size = self.picture.size();
         let reach = f64::from(REACH / size.y);
-        let State { clip, orbit, show, split, .. } = &self.state;
+        let ViewState { clip, orbit, show, split, .. } = &self.state;
         if let (true, Some(bounds)) = (show.handles, info.bounds) {
             let placed = handles::handles(clip, bounds);
             if let Some(handle) = handles::hit(&placed, orbit, self.aspect(), place, reach) {

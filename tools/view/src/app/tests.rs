@@ -19,7 +19,7 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let mut state = State::new(&PRESETS[0].over([-1000.0, 2000.0]));
+        let mut state = ViewState::new(&PRESETS[0].over([-1000.0, 2000.0]));
         state.files.splats = vec!["a.ply".into()];
         state.objects = vec![Object::new(0, Some(1), "liver"), Object::new(0, Some(2), "aorta")];
         let mut settings = Settings::default();
@@ -435,7 +435,7 @@ fn a_file_is_asked_for_and_written_once() {
     bench.press(Key::S, Modifiers::COMMAND);
     let save = bench.find("Save");
     bench.click(save);
-    assert_eq!(State::read(&path).expect("a session"), bench.app.state);
+    assert_eq!(ViewState::read(&path).expect("a session"), bench.app.state);
     let written = std::fs::read(&path).expect("a file");
     bench.press(Key::Escape, Modifiers::NONE);
     bench.app.state.transfer.shift = 5.0;
@@ -445,7 +445,7 @@ fn a_file_is_asked_for_and_written_once() {
     assert_eq!(std::fs::read(&path).expect("a file"), written);
     let replace = bench.find("Replace");
     bench.click(replace);
-    assert_eq!(State::read(&path).expect("a session").transfer.shift, 5.0);
+    assert_eq!(ViewState::read(&path).expect("a session").transfer.shift, 5.0);
     bench.press(Key::O, Modifiers::COMMAND);
     bench.find("session.toml");
     bench.press(Key::Escape, Modifiers::NONE);

@@ -5,10 +5,10 @@ use egui::{DragValue, Slider, Ui};
 use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
 use crate::orbit::{FOV_RANGE, Side};
-use crate::state::State;
+use crate::state::ViewState;
 
 /// Shows the camera and changes it.
-pub fn show(ui: &mut Ui, state: &mut State, actions: &mut Vec<Action>) {
+pub fn show(ui: &mut Ui, state: &mut ViewState, actions: &mut Vec<Action>) {
     for pair in Side::ALL.chunks(2) {
         ui.columns(2, |columns| {
             for (ui, &side) in columns.iter_mut().zip(pair) {

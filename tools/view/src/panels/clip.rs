@@ -6,10 +6,10 @@ use glam::DVec3;
 use super::widgets::{ask, row};
 use crate::actions::Action;
 use crate::panel_info::PanelInfo;
-use crate::state::{CropBox, MOST_PLANES, Plane, State};
+use crate::state::{CropBox, MOST_PLANES, Plane, ViewState};
 
 /// Shows what is cut away and changes it.
-pub fn show(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
+pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     let mut gone = None;
     for (i, plane) in state.clip.planes.iter_mut().enumerate() {
         ui.push_id(i, |ui| plane_rows(ui, i, plane, &mut gone));
@@ -38,14 +38,14 @@ pub fn show(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>, actions: &mut 
 }
 
 /// Returns a plane through the middle of the scene across the view: it takes the nearer half away.
-pub(crate) fn across(state: &State, info: &PanelInfo<'_>) -> Plane {
+pub(crate) fn across(state: &ViewState, info: &PanelInfo<'_>) -> Plane {
     let [_, _, back] = state.orbit.axes();
     let through = info.bounds.map_or(state.orbit.pivot_mm, |[low, high]| (low + high) * 0.5);
     Plane { on: true, normal: -back, offset_mm: (-back).dot(through) }
 }
 
 /// Returns the box around the scene.
-pub(crate) fn around(state: &State, info: &PanelInfo<'_>) -> CropBox {
+pub(crate) fn around(state: &ViewState, info: &PanelInfo<'_>) -> CropBox {
     let pivot = state.orbit.pivot_mm;
     let [low_mm, high_mm] = info.bounds.unwrap_or([pivot - 100.0, pivot + 100.0]);
     CropBox { on: true, low_mm, high_mm }

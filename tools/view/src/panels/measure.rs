@@ -4,10 +4,10 @@ use egui::Ui;
 
 use super::widgets::explained;
 use crate::actions::Action;
-use crate::state::State;
+use crate::state::ViewState;
 
 /// Shows the distances; `measuring` is whether the tool is taken up.
-pub fn show(ui: &mut Ui, state: &mut State, measuring: bool, actions: &mut Vec<Action>) {
+pub fn show(ui: &mut Ui, state: &mut ViewState, measuring: bool, actions: &mut Vec<Action>) {
     let button = ui.add(egui::Button::new("Measure").selected(measuring));
     if button.clicked() {
         actions.push(Action::Measure);

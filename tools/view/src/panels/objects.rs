@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::widgets::colour_button;
 use crate::panel_info::PanelInfo;
-use crate::state::State;
+use crate::state::ViewState;
 
 /// Colours for the objects that get one, in turn; told apart by people of all kinds of colour vision (Okabe
 /// and Ito 2008).
@@ -20,7 +20,7 @@ const TINTS: [[u8; 3]; 7] = [
 ];
 
 /// Shows the list.
-pub fn show(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>) {
+pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     if state.objects.is_empty() {
         ui.weak("Open splats, or drop a file here.");
         return;

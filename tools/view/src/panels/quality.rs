@@ -5,10 +5,10 @@ use egui::{DragValue, Slider, Ui};
 use super::widgets::{explained, row};
 use crate::actions::Action;
 use crate::panel_info::PanelInfo;
-use crate::state::{SplatMode, State, Subject, mode_row};
+use crate::state::{SplatMode, Subject, ViewState, mode_row};
 
 /// Shows the mode and the quality and changes them.
-pub fn show(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
+pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     row(ui, "Shown", "splats, or the volume they were fitted to", |ui| {
         for (text, subject, there) in
             [("Splats", Subject::Splats, info.splats.is_some()), ("Volume", Subject::Volume, info.volume)]

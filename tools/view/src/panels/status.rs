@@ -4,7 +4,7 @@ use egui::{ProgressBar, Ui};
 use glam::DVec3;
 
 use crate::panel_info::PanelInfo;
-use crate::state::State;
+use crate::state::ViewState;
 
 /// What is seen under the cursor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,7 +16,13 @@ pub struct Reading {
 }
 
 /// Shows the line.
-pub fn show(ui: &mut Ui, state: &State, info: &PanelInfo<'_>, reading: Option<&Reading>, scale: Option<f64>) {
+pub fn show(
+    ui: &mut Ui,
+    state: &ViewState,
+    info: &PanelInfo<'_>,
+    reading: Option<&Reading>,
+    scale: Option<f64>,
+) {
     ui.horizontal(|ui| {
         match reading {
             None => _ = ui.weak("point at something"),

@@ -8,7 +8,7 @@ use crate::actions::Action;
 use crate::editor::widget::{self, Backdrop};
 use crate::editor::{Editor, full_range};
 use crate::panel_info::PanelInfo;
-use crate::state::State;
+use crate::state::ViewState;
 
 /// Height of the editor, points of the screen.
 const TALL: f32 = 190.0;
@@ -16,7 +16,7 @@ const TALL: f32 = 190.0;
 /// Shows the transfer function and changes it.
 pub fn show(
     ui: &mut Ui,
-    state: &mut State,
+    state: &mut ViewState,
     editor: &mut Editor,
     info: &PanelInfo<'_>,
     actions: &mut Vec<Action>,
@@ -27,7 +27,7 @@ pub fn show(
 }
 
 /// Shows the curve with its points, window and shift, and changes them.
-pub fn curve(ui: &mut Ui, state: &mut State, editor: &mut Editor, info: &PanelInfo<'_>) {
+pub fn curve(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &PanelInfo<'_>) {
     let backdrop =
         Backdrop { range: info.range, splats: info.splat_histogram, volume: info.volume_histogram };
     widget::show(ui, editor, &mut state.transfer, &backdrop, TALL);
@@ -37,7 +37,7 @@ pub fn curve(ui: &mut Ui, state: &mut State, editor: &mut Editor, info: &PanelIn
 }
 
 /// Shows the names of all presets, to choose one of them.
-pub fn presets(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
+pub fn presets(ui: &mut Ui, state: &ViewState, actions: &mut Vec<Action>) {
     for preset in PRESETS {
         let chosen = state.transfer.name == preset.name;
         if ui.selectable_label(chosen, preset.name).on_hover_text(preset.about).clicked() {
@@ -47,7 +47,7 @@ pub fn presets(ui: &mut Ui, state: &State, actions: &mut Vec<Action>) {
 }
 
 /// Presets, windows, files.
-fn choices(ui: &mut Ui, state: &State, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
+fn choices(ui: &mut Ui, state: &ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         ComboBox::from_id_salt("preset").selected_text(&state.transfer.name).width(150.0).show_ui(ui, |ui| {
             presets(ui, state, actions);
@@ -67,7 +67,7 @@ fn choices(ui: &mut Ui, state: &State, info: &PanelInfo<'_>, actions: &mut Vec<A
 }
 
 /// The chosen point in numbers, and what can be done to the points.
-fn point(ui: &mut Ui, state: &mut State, editor: &mut Editor, info: &PanelInfo<'_>) {
+fn point(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &PanelInfo<'_>) {
     let transfer = &mut state.transfer;
     let full = full_range(transfer, info.range);
     ui.horizontal(|ui| {
@@ -109,7 +109,7 @@ fn point(ui: &mut Ui, state: &mut State, editor: &mut Editor, info: &PanelInfo<'
     });
 }
 
-fn shift_row(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>) {
+fn shift_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     row(ui, "Shift", "moves all points", |ui| {
         let span = info.range[1] - info.range[0];
         let slider = Slider::new(&mut state.transfer.shift, -0.25 * span..=0.25 * span);
@@ -121,7 +121,7 @@ fn shift_row(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>) {
 }
 
 /// Width and level of the window that the points span.
-fn window_row(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>) {
+fn window_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     let [low, high] = state.transfer.window();
     let (mut width, mut level) = (high - low, (low + high) * 0.5);
     row(ui, "Window", "width and level: from the first to the last point, and the middle", |ui| {
@@ -136,7 +136,7 @@ fn window_row(ui: &mut Ui, state: &mut State, info: &PanelInfo<'_>) {
 }
 
 /// Shows how the transfer function's colours answer to light, and changes it.
-pub fn light(ui: &mut Ui, state: &mut State) {
+pub fn light(ui: &mut Ui, state: &mut ViewState) {
     let material = &mut state.transfer.material;
     ui.checkbox(&mut material.shade, "Light").on_hover_text("Blinn and Phong, from above the left shoulder");
     ui.add_enabled_ui(material.shade, |ui| {

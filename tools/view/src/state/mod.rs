@@ -1,11 +1,11 @@
 //! What a viewer shows, as plain data: the session file.
 //!
-//! `state` has all of it: [`State`], its parts, and how it is read and written.
+//! `state` has all of it: [`ViewState`], its parts, and how it is read and written.
 
 mod state;
 
 pub use state::{
-    Clip, CropBox, Distance, Edited, Files, MOST_PLANES, Object, Plane, Quality, Show, SplatMode, State,
-    Subject, VERSION, mode_row,
+    Clip, CropBox, Distance, Edited, Files, MOST_PLANES, Object, Plane, Quality, Show, SplatMode, Subject,
+    VERSION, ViewState, mode_row,
 };
 pub(crate) use state::{text_of, toml_text};

@@ -1,6 +1,6 @@
 //! What a viewer shows, as plain data: the session file.
 //!
-//! Whoever draws asks for the parts in the engine's terms ([`State::look`], [`Orbit::camera`],
+//! Whoever draws asks for the parts in the engine's terms ([`ViewState::look`], [`Orbit::camera`],
 //! [`Clip::planes`]). Nothing here knows windows, panels or the device.
 
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ const MAX_BYTES: u64 = 4 << 20;
 /// All that a session file restores.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct State {
+pub struct ViewState {
     /// [`VERSION`] of the program that wrote it.
     pub version: u32,
     /// Which of the two is shown where both are there.
@@ -285,10 +285,10 @@ impl Clip {
     }
 }
 
-impl State {
+impl ViewState {
     /// Of nothing, seen through a transfer function.
     pub fn new(transfer: &TransferFunction) -> Self {
-        State {
+        ViewState {
             version: VERSION,
             shown: Subject::default(),
             mode: SplatMode::default(),
@@ -313,7 +313,7 @@ impl State {
         }
     }
 
-    /// Returns how a scene is seen: `numbers` are those by which it knows the rows of [`State::objects`];
+    /// Returns how a scene is seen: `numbers` are those by which it knows the rows of [`ViewState::objects`];
     /// none for a volume.
     ///
     /// # Errors
@@ -359,7 +359,7 @@ impl State {
     /// [`Kind::Missing`], [`Kind::Io`], or [`Kind::BadData`] with the line and what is wrong with it.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let mut state = State::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
+        let mut state = ViewState::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let Files { splats, volume, roi } = &mut state.files;
         for file in splats.iter_mut().chain(volume).chain(roi) {
@@ -372,7 +372,7 @@ impl State {
     /// Writes a session file, whole or not at all.
     ///
     /// # Errors
-    /// As [`engine::output::write_atomic`] and [`State::text`].
+    /// As [`engine::output::write_atomic`] and [`ViewState::text`].
     pub fn write(&self, path: impl AsRef<Path>, force: bool) -> Result<()> {
         let text = self.text()?;
         engine::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
@@ -398,7 +398,7 @@ impl State {
             return Err(Error::new(Kind::BadData, "VGS-VIEW-001", message)
                 .help("open it with the program that wrote it, or begin without it"));
         }
-        let state: State = toml::from_str(text).map_err(|e| {
+        let state: ViewState = toml::from_str(text).map_err(|e| {
             Error::new(Kind::BadData, "VGS-VIEW-002", format!("not a session file: {e}")).help(help)
         })?;
         state.check()?;

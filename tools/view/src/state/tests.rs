@@ -2,8 +2,8 @@ use engine::transfer::PRESETS;
 
 use super::*;
 
-fn full() -> State {
-    let mut state = State::new(&PRESETS[0].over([-1000.0, 2000.0]));
+fn full() -> ViewState {
+    let mut state = ViewState::new(&PRESETS[0].over([-1000.0, 2000.0]));
     state.shown = Subject::Volume;
     state.mode = SplatMode::Exact;
     state.split = Some(0.25);
@@ -34,9 +34,9 @@ fn full() -> State {
 
 #[test]
 fn what_is_written_is_read_back_equal() {
-    for state in [full(), State::new(&PRESETS[1].over([0.0, 1.0]))] {
+    for state in [full(), ViewState::new(&PRESETS[1].over([0.0, 1.0]))] {
         let text = state.text().expect("UTF-8");
-        assert_eq!(State::parse(&text).unwrap_or_else(|e| panic!("{e}\n{text}")), state);
+        assert_eq!(ViewState::parse(&text).unwrap_or_else(|e| panic!("{e}\n{text}")), state);
     }
 }
 
@@ -47,12 +47,12 @@ fn files_are_found_from_the_session_file() {
     let mut state = full();
     state.files.splats[0] = "near.ply".into();
     state.write(&path, false).expect("written");
-    let read = State::read(&path).expect("read");
+    let read = ViewState::read(&path).expect("read");
     assert_eq!(read.files.splats[0], folder.path().join("near.ply"));
     assert_eq!(read.files.volume, state.files.volume);
     assert_eq!(state.write(&path, false).expect_err("it exists").code, "VGS-OUT-001");
     state.write(&path, true).expect("replaced");
-    let missing = State::read(folder.path().join("none.toml")).expect_err("missing");
+    let missing = ViewState::read(folder.path().join("none.toml")).expect_err("missing");
     assert_eq!(missing.kind, Kind::Missing);
 }
 
@@ -61,7 +61,7 @@ fn a_short_file_takes_defaults() {
     let text = full().text().expect("UTF-8");
     let transfer =
         &text[text.find("[transfer]").expect("a section")..text.find("[[objects]]").expect("rows")];
-    let state = State::parse(&format!("version = 1\n{transfer}")).expect("the rest has defaults");
+    let state = ViewState::parse(&format!("version = 1\n{transfer}")).expect("the rest has defaults");
     assert_eq!(state.quality, Quality::default());
     assert_eq!(state.orbit, Orbit::default());
 }
@@ -83,11 +83,11 @@ fn what_is_wrong_is_named() {
         ("opacity = 0.4", "opacity = 1.4", "VGS-VIEW-003", "objects"),
     ] {
         assert!(text.contains(from), "{from}\n{text}");
-        let error = State::parse(&text.replace(from, to)).expect_err(to);
+        let error = ViewState::parse(&text.replace(from, to)).expect_err(to);
         assert_eq!(error.code, code, "{to}: {error}");
         assert!(error.message.contains(word), "{to}: {error}");
     }
-    assert_eq!(State::parse("not toml at all").expect_err("nonsense").code, "VGS-VIEW-002");
+    assert_eq!(ViewState::parse("not toml at all").expect_err("nonsense").code, "VGS-VIEW-002");
 }
 
 #[test]

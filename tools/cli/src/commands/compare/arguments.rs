@@ -11,7 +11,7 @@ use crate::shared::inputs::ReadArguments;
 /// Tells how different two pictures are, or two volumes inside a region
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct CompareArguments {
     /// A picture (PNG or EXR) or a volume; the reference where one is
     pub a: PathBuf,
     /// Another of the same size, or on the same grid
@@ -88,7 +88,7 @@ impl VolumeArguments {
     }
 }
 
-impl Arguments {
+impl CompareArguments {
     /// True if volumes are compared: by the name of the first file, or by flags that only volumes have.
     pub fn of_volumes(&self) -> bool {
         let name = self.a.file_name().unwrap_or_default().to_string_lossy().to_lowercase();

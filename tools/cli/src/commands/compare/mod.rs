@@ -11,5 +11,5 @@ mod pictures;
 mod run;
 mod volumes;
 
-pub use arguments::Arguments;
+pub use arguments::CompareArguments;
 pub use run::run;

@@ -6,7 +6,7 @@ use engine::Result;
 use engine::image::{self, DifferenceMap, Flip, Image, WriteOptions, difference_picture};
 use serde::Serialize;
 
-use super::arguments::{Arguments, Map};
+use super::arguments::{CompareArguments, Map};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::decibel;
@@ -31,7 +31,7 @@ struct PictureComparison {
 }
 
 /// Compares two pictures.
-pub fn compare(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+pub fn compare(arguments: &CompareArguments, console: &Console) -> std::result::Result<u8, Stop> {
     let written: Vec<&Path> = arguments.diff.iter().map(PathBuf::as_path).collect();
     outputs::check(&written, &[&arguments.a, &arguments.b], arguments.force)?;
     for path in &written {
@@ -63,7 +63,7 @@ pub fn compare(arguments: &Arguments, console: &Console) -> std::result::Result<
 }
 
 /// Draws two pictures and a map of their differences side by side.
-fn draw(arguments: &Arguments, path: &Path, a: &Image, b: &Image, flip: &Flip) -> Result<()> {
+fn draw(arguments: &CompareArguments, path: &Path, a: &Image, b: &Image, flip: &Flip) -> Result<()> {
     let map = match arguments.map {
         Map::Flip => DifferenceMap::flip(flip),
         Map::Absolute => DifferenceMap::absolute(a, b)?,

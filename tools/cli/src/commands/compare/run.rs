@@ -1,12 +1,12 @@
 //! `vgs compare`: pictures or volumes, as the first file says.
 
-use super::arguments::Arguments;
+use super::arguments::CompareArguments;
 use super::{pictures, volumes};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<u8, Stop> {
+pub fn run(arguments: &CompareArguments, console: &Console) -> Result<u8, Stop> {
     if arguments.of_volumes() {
         volumes::compare(arguments, console)
     } else {

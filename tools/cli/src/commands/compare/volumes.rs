@@ -5,7 +5,7 @@ use engine::volume::{Roi, Volume};
 use engine::{Error, Kind};
 use serde::Serialize;
 
-use super::arguments::Arguments;
+use super::arguments::CompareArguments;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::decibel;
@@ -26,7 +26,7 @@ struct VolumeComparison {
 }
 
 /// Compares two volumes.
-pub fn compare(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+pub fn compare(arguments: &CompareArguments, console: &Console) -> std::result::Result<u8, Stop> {
     if let Some(path) = &arguments.diff {
         let message = "--diff draws pictures; these are volumes";
         return Err(Error::new(Kind::Usage, "VGS-CLI-044", message)

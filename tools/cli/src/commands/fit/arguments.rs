@@ -17,7 +17,7 @@ use crate::shared::splat_files::LayoutArguments;
 /// Fits splats to the region of interest of a volume
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct FitArguments {
     /// The volume: a file (NIfTI, NRRD, MetaImage, ...) or a folder of DICOM slices
     pub volume: PathBuf,
     #[command(flatten)]
@@ -79,7 +79,7 @@ Examples:
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --checkpoint-every 100
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --resume";
 
-impl Arguments {
+impl FitArguments {
     /// Returns the files that the fit reads.
     pub fn inputs(&self) -> Vec<&Path> {
         let mut inputs = vec![self.volume.as_path()];

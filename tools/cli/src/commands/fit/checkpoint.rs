@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::fit::{CurvePoint, FitConfig, Interrupted, State};
+use engine::fit::{CurvePoint, FitConfig, Interrupted, FitState};
 use engine::output::check_writable;
 use engine::splat::{self, SplatSet, WriteOptions};
 use engine::{Error, Kind, Result};
@@ -104,7 +104,7 @@ impl Checkpoints {
     }
 
     /// Writes where the fit stands.
-    pub fn write_state(&self, state: &State, seconds: f64, curve: &[CurvePoint]) -> Result<()> {
+    pub fn write_state(&self, state: &FitState, seconds: f64, curve: &[CurvePoint]) -> Result<()> {
         let notes = StateNotes {
             inputs: self.inputs.clone(),
             region: self.region.clone(),
@@ -127,7 +127,7 @@ impl Checkpoints {
     /// Reads where the fit stands. It must be this fit: the same inputs, region and hyper-parameters.
     pub fn read(&self) -> Result<Interrupted> {
         let path = state_path(&self.output);
-        let (state, text) = State::read(&path)?;
+        let (state, text) = FitState::read(&path)?;
         let notes: StateNotes = serde_json::from_str(&text).map_err(|e| {
             Error::new(Kind::BadData, "VGS-CLI-032", format!("the notes cannot be read: {e}"))
                 .file(&path)

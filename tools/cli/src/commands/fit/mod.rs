@@ -22,5 +22,5 @@ mod settings;
 mod stages;
 mod watch;
 
-pub use arguments::Arguments;
+pub use arguments::FitArguments;
 pub use run::run;

@@ -6,7 +6,7 @@ use engine::fit::{End, Outcome};
 use engine::output::write_atomic;
 use engine::{Error, Kind, Result, splat};
 
-use super::arguments::Arguments;
+use super::arguments::FitArguments;
 use crate::report::curve;
 use crate::report::record::RunRecord;
 use crate::shared::lock::Lock;
@@ -26,7 +26,7 @@ pub struct OutputFiles {
 
 impl OutputFiles {
     /// Returns the outputs that the flags name, once it is sure that they can be written.
-    pub fn checked(arguments: &Arguments) -> Result<Self> {
+    pub fn checked(arguments: &FitArguments) -> Result<Self> {
         let files = OutputFiles::of(&arguments.output, arguments.picture.clone());
         files.check(arguments)?;
         check_extension(&files.splats)?;
@@ -66,12 +66,12 @@ impl OutputFiles {
         record["end"].as_str().is_some_and(|end| end != "finished")
     }
 
-    fn check(&self, arguments: &Arguments) -> Result<()> {
+    fn check(&self, arguments: &FitArguments) -> Result<()> {
         outputs::check(&self.list(), &arguments.inputs(), arguments.replaces_outputs())
     }
 
     /// Locks the outputs for this process; a dry run needs no lock.
-    pub fn lock(&self, arguments: &Arguments, signals: &Signals) -> Result<Option<Lock>> {
+    pub fn lock(&self, arguments: &FitArguments, signals: &Signals) -> Result<Option<Lock>> {
         let lock = if arguments.dry_run { None } else { Some(Lock::take(&self.splats, signals)?) };
         // Another run may have written them before it gave the lock away.
         self.check(arguments)?;

@@ -10,7 +10,7 @@ use engine::gpu::Gpu;
 use engine::splat::{Field, Splat, SplatSet, WriteOptions};
 use engine::volume::Labels;
 
-use super::arguments::Arguments;
+use super::arguments::FitArguments;
 use super::checkpoint::Checkpoints;
 use super::output_files::OutputFiles;
 use super::settings::Settings;
@@ -26,7 +26,7 @@ pub struct Inputs {
 
 impl Inputs {
     /// Reads the volume and its region.
-    pub fn read(arguments: &Arguments) -> Result<Self> {
+    pub fn read(arguments: &FitArguments) -> Result<Self> {
         let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
         Ok(Inputs { case, labels })
     }
@@ -35,7 +35,7 @@ impl Inputs {
 /// A fit that is ready to begin: what its stages read.
 pub struct Prepared<'a> {
     /// The flags.
-    pub arguments: &'a Arguments,
+    pub arguments: &'a FitArguments,
     /// The hyper-parameters.
     pub settings: &'a Settings,
     /// The outputs.
@@ -69,7 +69,7 @@ pub struct Prepared<'a> {
 
 /// Boots the device and places the first splats, or reads where an interrupted fit stands.
 pub fn prepare<'a>(
-    arguments: &'a Arguments,
+    arguments: &'a FitArguments,
     settings: &'a Settings,
     files: &'a OutputFiles,
     inputs: &'a Inputs,
@@ -147,7 +147,7 @@ fn warn_of_kernel(write: &WriteOptions, config: &FitConfig) {
 }
 
 /// Returns how the splats are measured at the end.
-fn protocol(arguments: &Arguments, config: &FitConfig, case: &Case) -> Result<Protocol> {
+fn protocol(arguments: &FitArguments, config: &FitConfig, case: &Case) -> Result<Protocol> {
     // A fit over the region's range is measured over it, too.
     let range = arguments.eval_range.or((config.range == IntensityRange::Roi).then_some(Range::Roi));
     Ok(Protocol {

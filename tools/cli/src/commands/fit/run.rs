@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use engine::fit::End;
 
-use super::arguments::Arguments;
+use super::arguments::FitArguments;
 use super::output_files::OutputFiles;
 use super::prepare::{Inputs, prepare};
 use super::reporting::report;
@@ -14,7 +14,7 @@ use crate::shared::failure::Stop;
 use crate::shared::signals::Signals;
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> Result<u8, Stop> {
+pub fn run(arguments: &FitArguments, console: &Console) -> Result<u8, Stop> {
     let start = Instant::now();
     let settings = arguments.settings.resolve()?;
     let files = OutputFiles::checked(arguments)?;

@@ -8,4 +8,4 @@
 mod budget;
 mod run;
 
-pub use run::{Arguments, run};
+pub use run::{InfoArguments, run};

@@ -22,7 +22,7 @@ use crate::shared::terminal::clean;
 /// Tells what volumes and splat files hold
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct InfoArguments {
     /// Volumes, splat files, and folders of DICOM series
     #[arg(required = true)]
     files: Vec<PathBuf>,
@@ -82,7 +82,7 @@ struct FileOutput<'a> {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+pub fn run(arguments: &InfoArguments, console: &Console) -> std::result::Result<u8, Stop> {
     for (i, path) in arguments.files.iter().enumerate() {
         let content = read_content(path, &arguments.read)?;
         let asked = arguments.budget.budget && matches!(content, FileContent::Splats(_));

@@ -14,7 +14,7 @@ use crate::shared::inputs::ReadArguments;
 /// Renders splats or a volume through a transfer function
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
-pub struct Arguments {
+pub struct RenderArguments {
     /// The splats (PLY); several files are shown together, in the space of the patient
     #[arg(required_unless_present = "volume")]
     pub splats: Vec<PathBuf>,

@@ -8,13 +8,13 @@ use engine::image::{self, Annotation, Image, WriteOptions, annotate, orientation
 use engine::render::{Camera, Renderer, Scene};
 use glam::DVec3;
 
-use super::arguments::Arguments;
+use super::arguments::RenderArguments;
 use crate::shared::console::Console;
 use crate::shared::progress::Steps;
 
 /// Renders and writes all frames; gives their number. `oriented` says whether it is known how the patient lies.
 pub fn render(
-    arguments: &Arguments,
+    arguments: &RenderArguments,
     console: &Console,
     renderer: &mut Renderer,
     scene: &Scene,
@@ -55,7 +55,7 @@ pub fn render(
 }
 
 /// Returns letters and scale bar, as asked for. The bar is true in the plane through `centre`.
-fn annotation(arguments: &Arguments, camera: &Camera, centre: DVec3, oriented: bool) -> Annotation {
+fn annotation(arguments: &RenderArguments, camera: &Camera, centre: DVec3, oriented: bool) -> Annotation {
     let labels = (arguments.orientation && oriented).then(|| orientation_labels(camera.right, camera.up));
     let mm_per_pixel = arguments.scale_bar.then(|| {
         let distance = (centre - camera.eye).dot(camera.forward());

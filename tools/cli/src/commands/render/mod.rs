@@ -11,5 +11,5 @@ mod frames;
 mod run;
 mod values;
 
-pub use arguments::Arguments;
+pub use arguments::RenderArguments;
 pub use run::run;

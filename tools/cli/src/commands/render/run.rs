@@ -13,7 +13,7 @@ use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, transfer};
 use serde::Serialize;
 
-use super::arguments::{Arguments, VolumeRegion};
+use super::arguments::{RenderArguments, VolumeRegion};
 use super::frames;
 use super::values::{ObjectChange, View};
 use crate::shared::console::Console;
@@ -50,7 +50,7 @@ struct ObjectOutput {
 }
 
 /// Runs the command.
-pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, Stop> {
+pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Result<u8, Stop> {
     let files = arguments.output.files(&arguments.turntable)?;
     let written: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     let volumes = [&arguments.volume, &arguments.region.roi].into_iter().flatten();
@@ -98,7 +98,7 @@ pub fn run(arguments: &Arguments, console: &Console) -> std::result::Result<u8, 
     Ok(0)
 }
 
-impl Arguments {
+impl RenderArguments {
     fn mode_row(&self) -> Result<&'static ModeRow> {
         let name = self.mode.unwrap_or(if self.splats.is_empty() { "volume" } else { "slab" });
         let row = mode(name)?;

@@ -1,0 +1,16 @@
+//! Benchmarks of vgs: what users and CI run to know what the programs cost and how right they are. Each checks what it
+//! measures before it times it, warms up, takes many runs and reports medians with device and driver. The experiments
+//! behind published figures are in `tools/studies`, which uses the same tables, plots, scenes and stores of results.
+#![forbid(unsafe_code)]
+
+pub mod budget;
+pub mod cost;
+pub mod eyes;
+pub mod passes;
+pub mod plot;
+pub mod progress;
+pub mod render;
+pub mod report;
+pub mod scene;
+pub mod store;
+pub mod xr;

@@ -1,0 +1,58 @@
+//! `studies`: the experiments behind the published figures. Their results lie in `docs/results`; each run is kept as a
+//! file, so that a study that was stopped goes on.
+#![forbid(unsafe_code)]
+
+mod model;
+mod paper;
+mod trade;
+
+use clap::{Parser, Subcommand};
+use engine::Result;
+use engine::gpu::{Gpu, GpuOptions};
+
+#[derive(Parser)]
+#[command(
+    name = "studies",
+    about = "The experiments behind the published figures of vgs",
+    after_help = "\
+Examples:
+  studies paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; studies paper --help
+  studies trade fit ct.nii.gz --roi bones.nii.gz    what a fit's accuracy costs; studies trade fit --help
+  studies trade render --data DIR     what a picture's accuracy costs, and the quality levels of the frame budget
+  studies model fit *.ply --out DIR   what a frame costs, from the work that it is made of; studies model fit --help
+  studies model headset *.ply --out DIR    what a standalone headset would take for it"
+)]
+struct StudiesArguments {
+    /// Device by index or part of its name, as `vgs devices` lists them.
+    #[arg(long, global = true)]
+    device: Option<String>,
+    #[command(subcommand)]
+    study: Study,
+}
+
+#[derive(Subcommand)]
+enum Study {
+    /// The paper's tables: the paper's figures, ours with --profile paper, and ours by default.
+    Paper(paper::PaperArguments),
+    /// What accuracy costs, of fits and of pictures, and where the front is.
+    #[command(subcommand)]
+    Trade(trade::TradeStudy),
+    /// What a frame costs, from the work that it is made of, here and on devices that are not at hand.
+    #[command(subcommand)]
+    Model(model::ModelStudy),
+}
+
+fn main() -> std::process::ExitCode {
+    bench::report::exit(run(&StudiesArguments::parse()))
+}
+
+fn run(arguments: &StudiesArguments) -> Result<()> {
+    let options = GpuOptions { device: arguments.device.clone(), ..GpuOptions::default() };
+    match &arguments.study {
+        Study::Paper(a) => paper::run(&options, a),
+        Study::Trade(trade::TradeStudy::Fit(a)) => trade::fit::run(&options, a),
+        Study::Trade(trade::TradeStudy::Render(a)) => trade::render::run(&options, a),
+        Study::Model(model::ModelStudy::Fit(a)) => model::fit(&Gpu::new(&options)?, a),
+        Study::Model(model::ModelStudy::Headset(a)) => model::headset(&Gpu::new(&options)?, a),
+    }
+}

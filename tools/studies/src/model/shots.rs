@@ -1,0 +1,124 @@
+//! Frames that are rendered, counted and timed.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use engine::Result;
+use engine::gpu::Gpu;
+use engine::render::{Camera, Renderer, Scene, Settings, mode};
+use serde::{Deserialize, Serialize};
+
+use super::plan::{Place, Shot, Sight, Unit};
+use super::work::Work;
+use bench::scene::splats_by_importance;
+use bench::store::Keep;
+
+/// A frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// How it was seen, from where, and how it was rendered.
+    pub sight: Sight,
+    pub place: Place,
+    pub shot: Shot,
+    /// What it was made of.
+    pub work: Work,
+    /// Device time of each pass, ms: of the frame in the middle of all by its time.
+    pub passes: BTreeMap<String, f64>,
+}
+
+/// What a unit gave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// What was rendered.
+    pub unit: Unit,
+    /// Splats of the scene.
+    pub splats: usize,
+    /// All frames in which something is drawn.
+    pub frames: Vec<Frame>,
+}
+
+impl Keep for Record {
+    fn key(&self) -> String {
+        self.unit.key()
+    }
+}
+
+/// Renders all frames of a unit, whose splats are in `path`.
+pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
+    let mut set = splats_by_importance(path)?;
+    if let Some(count) = unit.splats {
+        set.truncate(count);
+    }
+    let range = set.intensity_range().unwrap_or_default();
+    let looks = unit.sights.iter().map(|s| s.look(range)).collect::<Result<Vec<_>>>()?;
+    let Some(first) = looks.first() else {
+        return Ok(Record { unit: unit.clone(), splats: 0, frames: Vec::new() });
+    };
+    let mut scene = Scene::new(gpu, Some(&set), None, first)?;
+    let mut frames = Vec::new();
+    for (sight, look) in unit.sights.iter().zip(&looks) {
+        scene.set_look(look)?;
+        for shot in &unit.shots {
+            // One at a time: their buffers are the largest there are.
+            let mut timed = Vec::new();
+            let mut renderer = Renderer::new(gpu, mode(&shot.mode)?, &scene, &shot.settings(sight))?;
+            for &place in &unit.places {
+                let cameras = place.cameras(&scene, shot.size, shot.views)?;
+                let passes = time(gpu, &mut renderer, &scene, &cameras, shot, unit.frames)?;
+                let mut work = begin(&scene, sight, shot);
+                work.add_lists(renderer.work()?);
+                timed.push((place, cameras, passes, work));
+            }
+            drop(renderer);
+            let settings = Settings { counting: true, precise: true, depth: false, ..shot.settings(sight) };
+            let mut counting = Renderer::new(gpu, mode(&shot.mode)?, &scene, &settings)?;
+            for (place, cameras, passes, mut work) in timed {
+                counting.render_at(&scene, &cameras, &shot.quality())?;
+                work.add_pixels(&counting, shot.quality().size(shot.size))?;
+                if work.sorted > 0.0 {
+                    frames.push(Frame { sight: sight.clone(), place, shot: shot.clone(), work, passes });
+                }
+            }
+        }
+    }
+    Ok(Record { unit: unit.clone(), splats: set.splats.len(), frames })
+}
+
+/// What is known without counting.
+fn begin(scene: &Scene, sight: &Sight, shot: &Shot) -> Work {
+    let [width, height] = shot.quality().size(shot.size).map(f64::from);
+    Work {
+        mode: shot.mode.clone(),
+        views: f64::from(shot.views),
+        pixels: width * height * f64::from(shot.views),
+        // Four halves, and a float of depth.
+        pixel_bytes: if shot.depth { 12.0 } else { 8.0 },
+        lit: scene.look().transfer.material.shade,
+        integrated: sight.integrated,
+        ..Work::default()
+    }
+}
+
+/// Device time of each pass of the frame in the middle of `frames`.
+fn time(
+    gpu: &Gpu,
+    renderer: &mut Renderer,
+    scene: &Scene,
+    cameras: &[Camera],
+    shot: &Shot,
+    frames: usize,
+) -> Result<BTreeMap<String, f64>> {
+    // The first frame makes kernels and finds room.
+    renderer.render_at(scene, cameras, &shot.quality())?;
+    gpu.take_profile();
+    let mut times: Vec<(f64, BTreeMap<String, f64>)> = Vec::new();
+    for _ in 0..frames {
+        renderer.render_at(scene, cameras, &shot.quality())?;
+        let passes: BTreeMap<String, f64> =
+            gpu.take_profile().into_iter().map(|(name, time)| (name, time.total_ms)).collect();
+        times.push((passes.values().sum(), passes));
+    }
+    times.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let middle = times.len() / 2;
+    Ok(times.into_iter().nth(middle).unwrap_or_default().1)
+}

@@ -1,0 +1,50 @@
+//! What a run costs, by rates of two CPU cores with a software driver.
+
+use bench::scene::{EVALUATIONS_A_SECOND, SAMPLES_A_VOXEL, SMALL_SPLAT};
+use engine::splat::Kernel;
+
+use super::job::Job;
+use super::library::Place;
+
+/// Samples in the support of a splat of the paper's size, where spacings are equal.
+const SAMPLES_A_SPLAT: f64 = 2000.0;
+/// Of the loss, a brick, seconds.
+const BRICK: f64 = 20e-6;
+/// Of a measurement on the host, a voxel, seconds.
+const COMPARED: f64 = 1e-7;
+
+/// Seconds that a run may take.
+pub fn estimate(job: &Job, place: &Place) -> f64 {
+    let c = &job.config;
+    let evaluations = |splats: usize| match c.kernel {
+        Kernel::Compact => place.voxels * SAMPLES_A_VOXEL + splats as f64 * SMALL_SPLAT,
+        _ => splats as f64 * SAMPLES_A_SPLAT * place.aspect,
+    };
+    let moving = if c.subset > 0 { c.subset } else { c.splats };
+    let rasterized = if c.subset_alone { moving } else { c.splats };
+    let step =
+        (evaluations(rasterized) + evaluations(moving)) / EVALUATIONS_A_SECOND + place.bricks as f64 * BRICK;
+    let measurement = evaluations(c.splats) / EVALUATIONS_A_SECOND + place.bricks as f64 * 512.0 * COMPARED;
+    let measurements = c.iterations / job.measure_every + 2 + job.held_out as u32;
+    f64::from(c.iterations) * step + f64::from(measurements) * measurement + 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::paper::job::tests::job;
+    use bench::scene::Scene;
+
+    #[test]
+    fn a_subset_costs_less_than_all_and_more_when_all_are_rasterized() {
+        let place = Place::new(Scene::phantom(24).expect("a phantom"));
+        let with = |subset: usize, alone: bool| {
+            let mut job = job(10_000);
+            job.config.kernel = Kernel::Gaussian;
+            (job.config.subset, job.config.subset_alone) = (subset, alone);
+            estimate(&job, &place)
+        };
+        assert!(with(100, true) < with(100, false) && with(100, false) < with(0, true));
+        assert!((place.aspect - 1.0).abs() < 1e-9 && place.bricks > 0);
+    }
+}

@@ -1,0 +1,170 @@
+//! Which fits are made: a grid of density and iterations, a few that differ from its middle in one thing, and the qualities.
+
+use clap::ValueEnum;
+use engine::Result;
+use engine::fit::{FitConfig, FitForm, Profile, QUALITIES, Storage};
+use engine::splat::Kernel;
+
+use crate::paper::job::{Job, Range};
+
+/// Held-out offsets at which the fits are measured.
+const HELD_OUT: usize = 8;
+
+/// What `--only` may name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// Density by iterations
+    Grid,
+    /// One thing other than in the middle: kernel, storage, lattice of offsets
+    Spokes,
+    /// The rows of --quality
+    Qualities,
+}
+
+/// A fit of the design.
+#[derive(Clone, Debug)]
+pub struct FitRow {
+    /// Which part it belongs to.
+    pub part: Part,
+    /// What it is: a series of the plot, or the name of a quality.
+    pub name: String,
+    /// How many times the splats of the profile.
+    pub density_times: f64,
+    /// The run.
+    pub job: Job,
+}
+
+/// What spans the grid.
+#[derive(Clone, Debug)]
+pub struct Extent {
+    /// Factors of the profile's density.
+    pub densities: Vec<f64>,
+    /// Iterations.
+    pub iterations: Vec<u32>,
+}
+
+impl Extent {
+    /// The middle of the grid, around which the spokes are.
+    fn middle(&self) -> (f64, u32) {
+        (self.densities[self.densities.len() / 2], self.iterations[self.iterations.len() / 2])
+    }
+}
+
+/// One thing that is other than usual.
+struct Spoke {
+    name: &'static str,
+    /// The form of fits that it is for; nothing if it is for both.
+    form: Option<FitForm>,
+    change: fn(&mut FitConfig),
+}
+
+const fn spoke(name: &'static str, form: Option<FitForm>, change: fn(&mut FitConfig)) -> Spoke {
+    Spoke { name, form, change }
+}
+
+/// A lattice of offsets is that at which targets are sampled: 1 is the voxel grid alone.
+const SPOKES: [Spoke; 8] = [
+    spoke("Gaussian kernel", None, |c| c.kernel = Kernel::Gaussian),
+    spoke("mixed storage", None, |c| c.storage = Storage::Mixed),
+    spoke("no rim", Some(FitForm::Grid), |c| c.rim_weight = 0.0),
+    spoke("rim × 3", Some(FitForm::Grid), |c| c.rim_weight *= 3.0),
+    spoke("on the grid only", Some(FitForm::Field), |c| c.offsets = 1),
+    spoke("2 offsets", Some(FitForm::Field), |c| c.offsets = 2),
+    spoke("4 offsets", Some(FitForm::Field), |c| c.offsets = 4),
+    spoke("8 offsets", Some(FitForm::Field), |c| c.offsets = 8),
+];
+
+/// Where the fits are made.
+pub struct Where<'a> {
+    /// What the case is called.
+    pub case: &'a str,
+    /// What its mask is called.
+    pub mask: &'a str,
+    /// Sum of the mask.
+    pub voxels: f64,
+    /// Name of the device.
+    pub device: &'a str,
+}
+
+/// All fits of these parts, each once: a quality that is a point of the grid is there as a quality.
+pub fn rows(place: &Where<'_>, profile: &Profile, extent: &Extent, parts: &[Part]) -> Result<Vec<FitRow>> {
+    let plain = profile.config()?;
+    let row = |part: Part, name: String, density_times: f64, config: FitConfig| {
+        let splats = config.splat_count(place.voxels);
+        let job = Job {
+            folder: place.case.into(),
+            mask: place.mask.into(),
+            profile: profile.name.into(),
+            config: FitConfig { splats, ..config },
+            range: Range::MinMax,
+            held_out: HELD_OUT,
+            measure_every: u32::MAX,
+            device: place.device.into(),
+        };
+        job.check().map(|()| FitRow { part, name, density_times, job })
+    };
+    let scaled = |times: f64, iterations: u32| FitConfig {
+        density: plain.density * times,
+        iterations,
+        ..plain.clone()
+    };
+    let mut rows = Vec::new();
+    if parts.contains(&Part::Qualities) {
+        for quality in QUALITIES {
+            let config = quality.of(&plain)?;
+            let times = config.density / plain.density;
+            rows.push(row(Part::Qualities, quality.name.into(), times, config)?);
+        }
+    }
+    if parts.contains(&Part::Spokes) {
+        let (times, iterations) = extent.middle();
+        for spoke in SPOKES.iter().filter(|s| s.form.is_none_or(|form| form == plain.form)) {
+            let mut config = scaled(times, iterations);
+            (spoke.change)(&mut config);
+            rows.push(row(Part::Spokes, spoke.name.into(), times, config)?);
+        }
+    }
+    if parts.contains(&Part::Grid) {
+        for &iterations in &extent.iterations {
+            for &times in &extent.densities {
+                let name = format!("{iterations} iterations");
+                rows.push(row(Part::Grid, name, times, scaled(times, iterations))?);
+            }
+        }
+    }
+    let mut seen = std::collections::BTreeSet::new();
+    rows.retain(|row| seen.insert(row.job.key()));
+    Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_design_has_every_fit_once_and_the_qualities_by_name() {
+        let place = Where { case: "c", mask: "m", voxels: 1000.0, device: "none" };
+        let extent = Extent { densities: vec![0.5, 1.0, 2.0], iterations: vec![50, 100] };
+        let profile = Profile::named("bones").expect("a profile");
+        let all = [Part::Grid, Part::Spokes, Part::Qualities];
+        let rows = rows(&place, profile, &extent, &all).expect("a design");
+        let of = |part: Part| rows.iter().filter(|r| r.part == part).collect::<Vec<_>>();
+        assert_eq!(of(Part::Qualities).len(), QUALITIES.len());
+        assert_eq!(of(Part::Spokes).len(), 4, "those of a fit for the grid");
+        assert!(rows.iter().all(|r| r.job.config.splats == (150.0 * r.density_times).round() as usize));
+        let keys: std::collections::BTreeSet<String> = rows.iter().map(|r| r.job.key()).collect();
+        assert_eq!(keys.len(), rows.len());
+        // Each spoke differs from the middle in one key.
+        let rows = super::rows(&place, profile, &extent, &[Part::Grid, Part::Spokes]).expect("a design");
+        let of = |part: Part| rows.iter().filter(|r| r.part == part).collect::<Vec<_>>();
+        let is_middle = |r: &&FitRow| r.density_times == 1.0 && r.job.config.iterations == 100;
+        let middle = of(Part::Grid).into_iter().find(is_middle).expect("the middle");
+        let value = |c: &FitConfig| serde_json::to_value(c).expect("JSON");
+        let middle = value(&middle.job.config);
+        for spoke in of(Part::Spokes) {
+            let it = value(&spoke.job.config);
+            let differing = FitConfig::FIELDS.iter().filter(|f| it[f.key] != middle[f.key]).count();
+            assert_eq!(differing, 1, "{}", spoke.name);
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! The rungs of the frame budget's ladder, from what was measured.
+
+use std::fmt::Write;
+
+use engine::render::SplatKind;
+
+use super::averages::Averages;
+use super::plan::Choice;
+
+use crate::trade::front::{Point, front};
+
+/// A rung costs at most this part of the one above it: with smaller steps the controller would go up and down among rungs
+/// whose difference its scatter hides.
+const STEP: f64 = 0.8;
+
+/// The ladder of such splats: from all that they can be down along the front of PSNR against cost, as far as it goes.
+pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
+    let usual = match kind {
+        SplatKind::Field => Choice::usual("slab"),
+        SplatKind::Grid => Choice::of_grid(),
+        SplatKind::Coloured => Choice::usual("alpha"),
+    };
+    let Some(first) = rows.iter().find(|row| row.choice == usual) else { return Vec::new() };
+    let fits = |choice: &Choice| {
+        choice.is_rung()
+            && choice.of_grid == usual.of_grid
+            && (kind != SplatKind::Coloured || choice.mode == usual.mode)
+    };
+    let mut cheaper: Vec<&Averages> =
+        rows.iter().filter(|row| fits(&row.choice) && row.cost < first.cost).collect();
+    let points: Vec<Point> = cheaper.iter().map(|row| Point { cost: row.cost, gain: row.psnr }).collect();
+    let mut on = front(&points).into_iter();
+    cheaper.retain(|_| on.next().unwrap_or(false));
+    cheaper.sort_by(|a, b| b.cost.total_cmp(&a.cost));
+    let mut ladder = vec![first.clone()];
+    for row in cheaper {
+        if ladder.last().is_some_and(|last| row.cost <= STEP * last.cost) {
+            ladder.push(row.clone());
+        }
+    }
+    ladder
+}
+
+/// As `engine::render::quality_levels` reads it.
+pub fn toml(rows: &[Averages], device: &str) -> String {
+    let mut out = format!(
+        "# The levels of engine::render::quality_levels, the best first. Written by `studies trade render --ladder`, which measured them on\n\
+         # {device}.\n\
+         # field: splats that are right between the voxels, too; grid: those fitted for a CT's grid; coloured: standard 3DGS files\n\
+         # (measured with the first). cost: of a frame, relative to the first rung; psnr: against the CT, dB, mean over cases,\n\
+         # transfer functions and views.\n"
+    );
+    for kind in SplatKind::ALL {
+        let rungs = rungs_of(kind, rows);
+        let whole = rungs.first().map_or(1.0, |row| row.cost);
+        for row in rungs {
+            let quality = row.choice.quality();
+            // Writing to a string cannot fail.
+            let _ = write!(
+                out,
+                "\n[[{}]]\nmode = \"{}\"\nresolution = {:?}\ncoarseness = {:?}\ncost = {:.3}\npsnr = {:.2}\n",
+                kind.name(),
+                row.choice.mode,
+                quality.resolution,
+                quality.coarseness,
+                row.cost / whole,
+                row.psnr
+            );
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(choice: Choice, cost: f64, psnr: f64) -> Averages {
+        Averages {
+            choice,
+            cost,
+            ms: 10.0 * cost,
+            device_ms: cost,
+            psnr,
+            worst_psnr: psnr,
+            ssim: 0.9,
+            flip: 0.1,
+        }
+    }
+
+    #[test]
+    fn a_ladder_follows_the_front_in_steps() {
+        let slab = Choice::usual("slab");
+        let alpha = |resolution: f64| Choice { resolution, ..Choice::usual("alpha") };
+        let rows = [
+            row(Choice::usual("exact"), 5.0, 40.0),
+            row(slab.clone(), 1.0, 38.0),
+            // Hardly cheaper than the slabs.
+            row(Choice { step: 1.5, ..slab.clone() }, 0.9, 37.0),
+            row(Choice { step: 2.0, ..slab.clone() }, 0.7, 36.0),
+            // Dearer and worse.
+            row(alpha(1.0), 0.75, 30.0),
+            row(alpha(0.7), 0.4, 29.0),
+            // Cannot be a rung.
+            row(Choice { packed: true, ..slab.clone() }, 0.5, 37.9),
+            row(alpha(0.5), 0.2, 25.0),
+            // Leaves something out.
+            row(Choice { splats: 0.3, ..slab.clone() }, 0.3, 35.0),
+            // Other splats.
+            row(Choice::of_grid(), 0.5, 45.0),
+            row(Choice { resolution: 0.7, ..Choice::of_grid() }, 0.3, 40.0),
+        ];
+        let costs = |kind| rungs_of(kind, &rows).iter().map(|r| r.cost).collect::<Vec<_>>();
+        assert_eq!(costs(SplatKind::Field), [1.0, 0.7, 0.4, 0.2]);
+        assert_eq!(costs(SplatKind::Grid), [0.5, 0.3]);
+        assert_eq!(costs(SplatKind::Coloured), [0.75, 0.4, 0.2]);
+        let read: toml::Table = toml(&rows, "a device").parse().expect("TOML");
+        assert_eq!(read["field"].as_array().map(Vec::len), Some(4));
+        assert_eq!(read["field"][1]["coarseness"].as_float(), Some(2.0));
+        assert_eq!(read["grid"][1]["cost"].as_float(), Some(0.6));
+        assert!(rungs_of(SplatKind::Field, &rows[2..]).is_empty(), "no ladder without its first rung");
+    }
+}
