@@ -74,7 +74,7 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
 
 impl ViewArguments {
     /// Returns what is shown at first, and true if its camera is to be kept.
-    fn state(&self) -> Result<(State, bool)> {
+    fn state(&self) -> Result<(ViewState, bool)> {
         let mut sorted = loader::sort(&Files::default(), &self.files)?;
         let session = sorted.state().transpose()?;
         let keeps_camera = session.is_some();
