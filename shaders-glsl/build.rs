@@ -15,9 +15,9 @@ use spirq::ReflectConfig;
 use spirq::ty::{AccessType, DescriptorType, Type};
 use spirq::var::Variable;
 
-/// The folders that hold kernels; `include/` holds what they share.
+/// The folders that hold shaders; `include/` holds the files that they share.
 const FOLDERS: [&str; 5] = ["common", "fit", "headset", "render", "window"];
-/// Endings of the files that are compiled, what glslang and the table call their stage.
+/// Endings of the files that are compiled, with the name of their stage for glslang and for the table.
 const STAGES: [(&str, shaderc::ShaderKind, &str); 3] = [
     ("comp", shaderc::ShaderKind::Compute, "Compute"),
     ("vert", shaderc::ShaderKind::Vertex, "Vertex"),
@@ -32,6 +32,7 @@ fn main() {
     let mut structs = BTreeMap::new();
     let mut items = String::new();
     let mut names = Vec::new();
+    let mut plain_items = String::new();
     let mut modules = Modules::new();
     for file in list(&root.join("include")) {
         read_constants(&file, &root, &mut modules);
@@ -46,6 +47,11 @@ fn main() {
             let optimised = compile(&compiler, &root, &file, kind, true);
             let file_name = format!("{name}.{ending}");
             fs::write(out.join(format!("{file_name}.spv")), optimised).expect("OUT_DIR is writable");
+            fs::write(out.join(format!("{file_name}.plain.spv")), without_source(&plain))
+                .expect("OUT_DIR is writable");
+            plain_items += &format!(
+                "({file_name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file_name}.plain.spv\"))), "
+            );
             let reflected = reflect(&file_name, &plain, &mut structs);
             read_constants(&file, &root, &mut modules);
             let workgroup = workgroup(&fs::read_to_string(&file).expect("a listed file is readable"));
@@ -67,6 +73,12 @@ fn main() {
         }
     }
     writeln!(items, "/// Every compiled kernel.\npub static ALL: &[&Shader] = &[{}];", amp(&names)).unwrap();
+    writeln!(
+        items,
+        "/// Unoptimised SPIR-V with names, by file: what programs that study the kernels read.\n\
+         #[cfg(feature = \"plain\")]\npub static PLAIN: &[(&str, &[u8])] = &[{plain_items}];"
+    )
+    .unwrap();
     for (name, constants) in &modules {
         items += &module(name, constants);
     }
@@ -76,7 +88,7 @@ fn main() {
     fs::write(out.join("shaders.rs"), items).expect("OUT_DIR is writable");
 }
 
-/// The files of a folder, sorted.
+/// Returns the files of a folder, sorted.
 fn list(folder: &Path) -> Vec<PathBuf> {
     let mut files: Vec<_> = fs::read_dir(folder)
         .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
@@ -118,7 +130,7 @@ fn read_constants(file: &Path, root: &Path, modules: &mut Modules) {
     }
 }
 
-/// Constants by the stem of their file and their name: the item, and the file.
+/// Constants by the stem of their file and their name; each has its item and its file.
 type Modules = BTreeMap<String, BTreeMap<String, (String, String)>>;
 
 fn module(name: &str, constants: &BTreeMap<String, (String, String)>) -> String {
@@ -127,8 +139,8 @@ fn module(name: &str, constants: &BTreeMap<String, (String, String)>) -> String 
     format!("/// Constants of the shaders called `{name}`.\npub mod {name} {{\n{items}}}\n")
 }
 
-/// The workgroup of a kernel, where no specialisation constant says its size: from `layout(local_size_x = 64)
-/// in;`.
+/// Reads the workgroup of a kernel from `layout(local_size_x = 64) in;`; `None` if a specialisation constant
+/// says its size.
 fn workgroup(source: &str) -> Option<[u32; 3]> {
     let line = source.lines().find(|l| l.starts_with("layout(local_size_x = "))?;
     let inside = line.strip_prefix("layout(")?.split(')').next()?;
@@ -152,7 +164,7 @@ fn compile(
 ) -> Vec<u8> {
     let mut options = shaderc::CompileOptions::new().expect("glslang has options");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
-    // 1.5: what every Vulkan 1.2 and 1.3 driver reads.
+    // Every Vulkan 1.2 and 1.3 driver reads SPIR-V 1.5.
     options.set_target_spirv(shaderc::SpirvVersion::V1_5);
     options.set_warnings_as_errors();
     if optimise {
@@ -176,7 +188,26 @@ fn compile(
     }
 }
 
-/// (offset, field name) of each member, and the size of the whole.
+/// Returns SPIR-V without the text of its source and its line numbers: glslang cuts long texts anywhere, also inside
+/// of a letter.
+fn without_source(spirv: &[u8]) -> Vec<u8> {
+    const HEADER: usize = 5 * 4;
+    // OpSourceContinued, OpSource, OpSourceExtension, OpString, OpLine, OpNoLine.
+    const SOURCE: [u16; 6] = [2, 3, 4, 7, 8, 317];
+    let (header, mut rest) = spirv.split_at(HEADER);
+    let mut kept = header.to_vec();
+    while let &[low, high, words_low, words_high, ..] = rest {
+        let length = 4 * usize::from(u16::from_le_bytes([words_low, words_high]));
+        let (instruction, behind) = rest.split_at(length);
+        if !SOURCE.contains(&u16::from_le_bytes([low, high])) {
+            kept.extend(instruction);
+        }
+        rest = behind;
+    }
+    kept
+}
+
+/// The offset and name of each member of a struct, and the size of the whole.
 type Fields = (Vec<(usize, String)>, usize);
 
 fn reflect(name: &str, spirv: &[u8], structs: &mut BTreeMap<String, Fields>) -> String {
@@ -240,7 +271,7 @@ fn reflect(name: &str, spirv: &[u8], structs: &mut BTreeMap<String, Fields>) -> 
             Variable::Input { .. } | Variable::Output { .. } => {}
         }
     }
-    // Of a pair of vertex and fragment shader only all bindings together need to count up.
+    // For a pair of vertex and fragment shader, only all bindings together must count up.
     assert!(
         !name.ends_with(".comp") || bindings.keys().copied().eq(0..bindings.len() as u32),
         "{name}: bindings count up from 0"

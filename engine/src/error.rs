@@ -1,4 +1,4 @@
-//! The one error of the engine: what happened, to which file, and what to do about it.
+//! The error type of the engine: it says what happened, to which file, and what to do about it.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The process exit code that stands for this class.
+    /// Returns the exit code of a process for this class.
     pub fn exit_code(self) -> u8 {
         match self {
             Kind::Usage => 2,
@@ -46,13 +46,13 @@ impl Kind {
     }
 }
 
-/// An error that a user can act on: the class, a stable code, the file if there is one, what was found against
+/// An error that a user can act on: its class, a stable code, the file if there is one, what was found and
 /// what was needed, and what to do.
 #[derive(Clone, Debug, thiserror::Error)]
 pub struct Error {
-    /// Class, and with it the exit code.
+    /// The class, which also decides the exit code.
     pub kind: Kind,
-    /// Stable code, such as `VGS-NII-012`: scripts match on it, texts may change.
+    /// A stable code, such as `VGS-NII-012`: scripts may match on it, while texts may change.
     pub code: &'static str,
     /// The file at fault.
     pub file: Option<PathBuf>,
@@ -66,26 +66,27 @@ pub struct Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// A new error without a file and without help.
+    /// Creates an error without a file and without help.
     pub fn new(kind: Kind, code: &'static str, message: impl Into<String>) -> Self {
         Error { kind, code, file: None, message: message.into(), help: String::new() }
     }
 
-    /// Names the file at fault.
+    /// Sets the file at fault.
     #[must_use]
     pub fn file(mut self, path: impl AsRef<Path>) -> Self {
         self.file = Some(path.as_ref().to_owned());
         self
     }
 
-    /// Says what to do.
+    /// Sets the advice on what to do.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = help.into();
         self
     }
 
-    /// A failed read or write of `path`: missing files, full disks and forbidden places get their own class.
+    /// Creates the error of a failed read or write of `path`; `doing` says what was being done. A missing
+    /// file is [`Kind::Missing`], a lack of memory [`Kind::HostMemory`], everything else [`Kind::Io`].
     pub fn io(path: impl AsRef<Path>, doing: &str, error: &std::io::Error) -> Self {
         use std::io::ErrorKind as E;
         let kind = match error.kind() {

@@ -1,14 +1,14 @@
-//! The memory of the host: what there is, asked before what a file or a flag sizes is taken.
+//! Host memory: how much is available, checked before a size from a file or a flag is allocated.
 
 use crate::error::{Error, Kind, Result};
 
-/// Returns the bytes that a program may still take without swapping; nothing where the system does not say.
+/// Returns the bytes that a program may still allocate without swapping; `None` if the system does not tell.
 pub fn available() -> Option<u64> {
     from_meminfo(&std::fs::read_to_string("/proc/meminfo").ok()?)
 }
 
-/// Fails with [`Kind::HostMemory`] if `bytes` for `what` are more than there are. Where the system does not say, the
-/// allocation itself has to.
+/// Fails with [`Kind::HostMemory`] if `bytes` for `what` are more than is available. Where the system does
+/// not tell, the allocation itself has to fail.
 pub fn require(bytes: u64, what: &str) -> Result<()> {
     match available() {
         Some(there) if bytes > there => {
@@ -24,7 +24,7 @@ pub fn require(bytes: u64, what: &str) -> Result<()> {
     }
 }
 
-/// Reads the line "MemAvailable:   123456 kB" (Linux, proc(5)).
+/// Parses the line "MemAvailable:   123456 kB" (Linux, proc(5)) and returns the number in bytes.
 fn from_meminfo(text: &str) -> Option<u64> {
     let rest = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     let kilobytes: u64 = rest.trim().strip_suffix("kB")?.trim().parse().ok()?;

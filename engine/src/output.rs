@@ -1,8 +1,8 @@
 //! Output files that appear whole or not at all.
 //!
-//! A file is written under a temporary name in its own folder, flushed, synced and renamed: a crash, a full disk or
-//! a signal leaves either the old content or the new, never half of one, and no temporary file after an error. What a
-//! killed run left behind is removed by the next one that asks for an output in that folder.
+//! A file is written under a temporary name in its own folder, flushed, synced and renamed: a crash, a full
+//! disk or a signal leaves either the old content or the new, never half of one, and no temporary file after
+//! an error. What a killed run left behind is removed by the next one that asks for an output in that folder.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -15,11 +15,13 @@ use crate::{Error, Kind, Result};
 
 /// Writes `path` through `write`, atomically. An existing file is refused unless `force` is set.
 ///
-/// With `force` a symbolic link at `path` is itself replaced by the new file; what it pointed to stays as it was.
-/// The content is buffered here, so `write` may issue small writes; errors of the final flush are reported.
+/// With `force` a symbolic link at `path` is itself replaced by the new file; what it pointed to stays as it
+/// was. The content is buffered here, so `write` may issue small writes; errors of the final flush are
+/// reported.
 ///
 /// # Errors
-/// [`Kind::CannotCreate`] where [`check_writable`] gives it, [`Kind::Io`] when writing fails (as on a full disk).
+/// [`Kind::CannotCreate`] where [`check_writable`] gives it, [`Kind::Io`] when writing fails (as on a full
+/// disk).
 pub fn write_atomic(
     path: impl AsRef<Path>,
     force: bool,
@@ -47,11 +49,12 @@ pub fn write_atomic(
     sync_folder(&folder_of(path)).map_err(|e| failed(&e))
 }
 
-/// Whether `path` could be written by [`write_atomic`]: programs ask before they compute anything.
+/// Checks that [`write_atomic`] could write `path`, so that a program can ask before it computes anything.
+/// Also removes temporary files that killed runs left in the folder.
 ///
 /// # Errors
-/// [`Kind::CannotCreate`] if `path` exists and `force` is not set, if it is a folder or a device, or if its folder
-/// is missing, is no folder or cannot be written to.
+/// [`Kind::CannotCreate`] if `path` exists and `force` is not set, if it is a folder or a device, or if its
+/// folder is missing, is no folder or cannot be written to.
 pub fn check_writable(path: impl AsRef<Path>, force: bool) -> Result<()> {
     let path = path.as_ref();
     check_target(path, force)?;
@@ -60,7 +63,8 @@ pub fn check_writable(path: impl AsRef<Path>, force: bool) -> Result<()> {
     temporary_beside(path).map(drop)
 }
 
-/// Whether two paths name one file, by hard or symbolic link too. False if either does not exist.
+/// Returns true if two paths name one file, also through hard or symbolic links; false if either does not
+/// exist.
 pub fn same_file(a: impl AsRef<Path>, b: impl AsRef<Path>) -> bool {
     let (Ok(a), Ok(b)) = (fs::canonicalize(a), fs::canonicalize(b)) else { return false };
     a == b || same_inode(&a, &b)
@@ -118,14 +122,15 @@ fn check_target(path: &Path, force: bool) -> Result<()> {
     Ok(())
 }
 
-/// What names of temporary files begin and end with, and how many letters and digits are between.
+/// Beginning and end of the names of temporary files, and the number of letters and digits between them.
 const TEMPORARY: (&str, &str, usize) = (".vgs-", ".tmp", 6);
 
-/// A temporary file that nobody has locked is in use for so long at most: between being made and being locked.
+/// The longest time between creating a temporary file and locking it. An older file that nobody has locked is
+/// abandoned.
 const UNLOCKED: Duration = Duration::from_secs(60);
 
-/// Removes temporary files of runs that were killed: those whose lock went with their process. What cannot be looked at
-/// stays.
+/// Removes temporary files of runs that were killed: their locks went with the processes. Leaves files that
+/// it cannot examine.
 fn remove_abandoned(folder: &Path) {
     let (prefix, suffix, letters) = TEMPORARY;
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -134,7 +139,7 @@ fn remove_abandoned(folder: &Path) {
         if !inner.is_some_and(|n| n.len() == letters && n.bytes().all(|b| b.is_ascii_alphanumeric())) {
             continue;
         }
-        // Of a link, its own: it is no file, and is left alone.
+        // For a link this is the metadata of the link itself: it is not a file, so it is left alone.
         let Ok(meta) = entry.metadata() else { continue };
         let age = meta.modified().ok().and_then(|at| at.elapsed().ok()).unwrap_or_default();
         if !meta.is_file() || age < UNLOCKED {
@@ -160,7 +165,7 @@ fn temporary_beside(path: &Path) -> Result<NamedTempFile> {
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     let made = builder.tempfile_in(&folder).inspect(|temporary| {
-        // Where a file system has no locks, nothing is ever taken for abandoned.
+        // On a file system without locks nothing is ever taken for abandoned.
         let _ = temporary.as_file().try_lock();
     });
     made.map_err(|e| {
@@ -174,7 +179,7 @@ fn temporary_beside(path: &Path) -> Result<NamedTempFile> {
     })
 }
 
-/// Makes the rename itself durable; platforms on which a folder cannot be opened have no such call.
+/// Makes the rename itself durable by syncing `folder`. Does nothing on platforms that cannot open a folder.
 fn sync_folder(folder: &Path) -> io::Result<()> {
     if cfg!(unix) { File::open(folder)?.sync_all() } else { Ok(()) }
 }

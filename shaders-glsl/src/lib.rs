@@ -7,7 +7,7 @@
 
 pub mod types;
 
-/// What a kernel does with a bound buffer.
+/// Access of a kernel to a bound resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// `readonly` in the shader.
@@ -18,7 +18,7 @@ pub enum Access {
     ReadWrite,
 }
 
-/// What is bound.
+/// Kind of a bound resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resource {
     /// A storage buffer that holds one array.
@@ -39,13 +39,13 @@ pub struct Binding {
     pub number: u32,
     /// Name of the array or the image in the shader.
     pub name: &'static str,
-    /// What the shader does with it.
+    /// Access of the shader.
     pub access: Access,
-    /// What it is.
+    /// Kind of the resource.
     pub resource: Resource,
 }
 
-/// Where in the pipeline a shader runs.
+/// Stage of the pipeline in which a shader runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// `.comp`: a kernel.
@@ -73,16 +73,16 @@ pub struct Shader {
     pub constants: &'static [&'static str],
     /// Bytes of push constants; 0 when there are none.
     pub push_bytes: usize,
-    /// Invocations of a workgroup along x, y and z; `None` where a specialisation constant says how many, and
-    /// for shaders that are no kernels.
+    /// Invocations of a workgroup along x, y and z; `None` if a specialisation constant says how many, and
+    /// for shaders that are not kernels.
     pub workgroup: Option<[u32; 3]>,
 }
 
 impl Shader {
-    /// Counts the invocations of a workgroup along x.
+    /// Returns the number of invocations of a workgroup along x.
     ///
     /// # Panics
-    /// If a specialisation constant says how many.
+    /// If a specialisation constant says how many there are.
     pub const fn width(&self) -> u32 {
         match self.workgroup {
             Some([x, _, _]) => x,

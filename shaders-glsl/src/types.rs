@@ -2,10 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// Patches along each edge of a picture, each blind or not.
+/// Number of patches along each edge of a picture, each hidden by the lens or not.
 pub const PATCHES: usize = crate::blind::PATCHES as usize;
-/// Words that hold the patches of a picture, a bit each: two for a row, rows from the top, the lowest bit at
-/// the left.
+/// Number of words that hold the patches of a picture, a bit each: two words for a row, rows from the top,
+/// the lowest bit at the left.
 pub const PATCH_WORDS: usize = PATCHES * PATCHES / 32;
 
 /// One splat by its raw parameters: 12 floats, 48 bytes. Spaces and units depend on the set that holds it:
@@ -35,7 +35,7 @@ macro_rules! shared {
 }
 
 shared! {
-    /// What rasterizing needs of a splat; see `include/splat.glsl`.
+    /// The part of a splat that rasterization needs; see `include/splat.glsl`.
     Footprint {
         /// Centre, voxels in the brick grid.
         mean: [f32; 3],
@@ -52,35 +52,35 @@ shared! {
         /// Half size of the box around the support, voxels.
         extent: [f32; 3],
     }
-    /// dL/d(parameter) of one splat, and a row of Adam's moments.
+    /// dL/d(parameter) of one splat; also a row of Adam's moments.
     SplatGrad {
-        /// By the centre.
+        /// Derivative by the centre.
         mean: [f32; 3],
-        /// By the opacity logit.
+        /// Derivative by the opacity logit.
         opacity_logit: f32,
-        /// By a small rotation about each of the splat's own axes, radians.
+        /// Derivative by a small rotation about each of the splat's own axes, radians.
         rotation: [f32; 3],
-        /// By the logarithm of each scale.
+        /// Derivative by the logarithm of each scale.
         log_scale: [f32; 3],
-        /// By the intensity.
+        /// Derivative by the intensity.
         intensity: f32,
     }
-    /// What a fit keeps of a splat besides Adam's moments.
+    /// The history that a fit keeps of a splat besides Adam's moments.
     History {
         /// Σ |dL/dμ| since the last change of the splats.
         gradient_norm: f32,
-        /// No log scale exceeds this.
+        /// Upper bound of each log scale.
         log_scale_cap: f32,
     }
-    /// Where the samples of a pass lie.
+    /// The samples of a chunk.
     Grid {
         /// Bricks along x, y, z.
         bricks: [u32; 3],
         /// First slot of the chunk.
         first_slot: u32,
-        /// Of the samples from the voxel centres, voxels.
+        /// Displacement of the samples from the voxel centres, voxels.
         offset: [f32; 3],
-        /// Slots in the chunk.
+        /// Number of slots in the chunk.
         slot_count: u32,
     }
     /// Σw and V̂ (relative to the background) of one sample.
@@ -99,25 +99,25 @@ shared! {
     }
     /// Push constants of the prefix sum.
     ScanParams {
-        /// Elements.
+        /// Number of elements.
         count: u32,
     }
     /// Push constants of the radix sort.
     RadixParams {
         /// First bit of the digit.
         shift: u32,
-        /// Blocks in the digit table.
+        /// Number of blocks in the digit table.
         blocks: u32,
-        /// Which count is the number of keys.
+        /// Index of the count that is the number of keys.
         count_index: u32,
-        /// The most keys there can be.
+        /// Greatest number of keys.
         capacity: u32,
     }
     /// Push constants of `gather_rows` and `scatter_rows`.
     RowParams {
-        /// Rows.
+        /// Number of rows.
         count: u32,
-        /// Words of a row.
+        /// Number of words of a row.
         words: u32,
         /// First index that is used.
         first: u32,
@@ -126,30 +126,30 @@ shared! {
     SplatParams {
         /// Sample grid.
         grid: Grid,
-        /// Splats.
+        /// Number of splats.
         splat_count: u32,
-        /// Pairs that fit the buffers.
+        /// Number of pairs that fit the buffers.
         capacity: u32,
-        /// Voxels along each axis to a unit of the space in which splats have their shape; ones where that is
-        /// voxel space.
+        /// Voxels along each axis per unit of the space in which splats have their shape; ones for voxel
+        /// space.
         stretch: [f32; 3],
     }
     /// Push constants of `brick_ranges`.
     RangeParams {
-        /// Slots of the chunk.
+        /// Number of slots of the chunk.
         slot_count: u32,
-        /// Which count is the number of pairs.
+        /// Index of the count that is the number of pairs.
         count_index: u32,
-        /// The most pairs there can be.
+        /// Greatest number of pairs.
         capacity: u32,
     }
     /// Push constants of `pair_masks`.
     PairParams {
         /// Sample grid.
         grid: Grid,
-        /// Which count is the number of pairs.
+        /// Index of the count that is the number of pairs.
         count_index: u32,
-        /// The most pairs there can be.
+        /// Greatest number of pairs.
         capacity: u32,
     }
     /// Push constants of `splat_to_volume`.
@@ -165,11 +165,12 @@ shared! {
     LossParams {
         /// λ of the term.
         weight: f32,
-        /// What the term needs besides.
+        /// Further parameter of the term.
         parameter: f32,
         /// ε of equation (2).
         epsilon: f32,
-        /// A sample is of the region where the mask is above this; below 0 the term has the mask itself.
+        /// Threshold: a sample is in the region if the mask exceeds it; below 0 the term uses the mask
+        /// itself.
         region: f32,
         /// The lower end of the intensity range, relative to the background in units of the fit.
         low: f32,
@@ -178,14 +179,14 @@ shared! {
     OverlapParams {
         /// First slot of the chunk.
         first_slot: u32,
-        /// As in [`LossParams`].
+        /// Threshold of [`LossParams`].
         region: f32,
-        /// As in [`LossParams`].
+        /// Lower end of the range, as in [`LossParams`].
         low: f32,
     }
     /// Push constants of `sum_triples`.
     SumParams {
-        /// Rows.
+        /// Number of rows.
         count: u32,
     }
     /// Push constants of `splat_to_volume_grad`.
@@ -194,25 +195,25 @@ shared! {
         grid: Grid,
         /// First splat of this dispatch.
         first_splat: u32,
-        /// Splats in all.
+        /// Number of splats.
         splat_count: u32,
-        /// 1 when a former chunk's moments are added to.
+        /// 1 if the moments are added to those of former chunks.
         accumulate: u32,
     }
     /// Push constants of `moments_to_grad`.
     MomentParams {
-        /// Splats.
+        /// Number of splats.
         splat_count: u32,
-        /// As in [`SplatParams`].
+        /// Voxels along each axis per unit, as in [`SplatParams`].
         stretch: [f32; 3],
     }
-    /// Push constants of `adam`; see there.
+    /// Push constants of `adam`; see the kernel.
     AdamParams {
-        /// Splats.
+        /// Number of splats.
         splat_count: u32,
-        /// Chunks of this step.
+        /// Number of chunks of this step.
         chunk_count: u32,
-        /// Pairs that fit the bins.
+        /// Number of pairs that fit the bins.
         capacity: u32,
         /// β₁.
         beta1: f32,
@@ -224,32 +225,32 @@ shared! {
         correction2: f32,
         /// ε of Adam.
         epsilon: f32,
-        /// Voxels.
+        /// Learning rate of the centre, voxels.
         rate_mean: [f32; 3],
-        /// Radians.
+        /// Learning rate of the rotation, radians.
         rate_rotation: f32,
-        /// Natural logarithm.
+        /// Learning rate of the natural logarithm of the scales.
         rate_log_scale: f32,
-        /// Logit.
+        /// Learning rate of the opacity logit.
         rate_opacity: f32,
-        /// Units of the fit.
+        /// Learning rate of the intensity, units of the fit.
         rate_intensity: f32,
-        /// Clamp of the log scales along each of the splat's own axes.
+        /// Lower clamp of the log scales along each of the splat's own axes.
         min_log_scale: [f32; 3],
-        /// Clamp of the log scales along each of the splat's own axes.
+        /// Upper clamp of the log scales along each of the splat's own axes.
         max_log_scale: [f32; 3],
         /// λ of Σ |s|, s the three scales of a splat; 0 leaves it out.
         scale_weight: f32,
         /// Clamp of the opacity logit, both ways.
         max_logit: f32,
-        /// Clamp of the intensity.
+        /// Lower clamp of the intensity.
         min_intensity: f32,
-        /// Clamp of the intensity.
+        /// Upper clamp of the intensity.
         max_intensity: f32,
         /// Upper corner of the sample grid, voxels.
         max_mean: [f32; 3],
     }
-    /// What the rows of a chunk of packed splats are measured by; see `include/packed.glsl`.
+    /// Ranges by which the rows of a chunk of packed splats are quantised; see `include/packed.glsl`.
     PackedChunk {
         /// Lower corner of the box of the means.
         low: [f32; 3],
@@ -260,7 +261,7 @@ shared! {
         /// Greatest log scale of any axis.
         log_scale_high: f32,
     }
-    /// What all rows of a packed set are measured by.
+    /// Ranges by which all rows of a packed set are quantised.
     PackedRange {
         /// Least opacity logit.
         logit_low: f32,
@@ -273,7 +274,7 @@ shared! {
     }
     /// One eye. Eye space: x to the right, y up, z the distance along the viewing direction, mm.
     View {
-        /// Where the eye is, mm in the space of the scene.
+        /// Position of the eye, mm in the space of the scene.
         eye: [f32; 3],
         /// Unit vector to the right of the picture.
         right: [f32; 3],
@@ -284,7 +285,7 @@ shared! {
         /// x/z of the left and the right edge of the picture, y/z of the upper and the lower one.
         tangents: [f32; 4],
     }
-    /// How intensities become colour and opacity, where the scene is clipped, how it is lit.
+    /// A look: the transfer function's table, the light and the clip planes.
     Look {
         /// Intensity of the first entry of the table.
         first: f32,
@@ -304,26 +305,26 @@ shared! {
         specular: f32,
         /// Exponent of the highlight.
         power: f32,
-        /// Planes in use.
+        /// Number of planes in use.
         plane_count: u32,
-        /// Clip planes: what has n · x + d < 0 is cut away; x in mm in the space of the scene.
+        /// Clip planes: points with n · x + d < 0 are cut away; x in mm in the space of the scene.
         planes: [[f32; 4]; crate::look_row::CLIP_PLANES as usize],
     }
-    /// How an object of a scene is shown; see `include/appearance.glsl`.
+    /// Appearance of an object of a scene; see `include/appearance.glsl`.
     Appearance {
-        /// A colour, and the share of the transfer function's colour that it replaces, 0 or 1; zeros where
-        /// there is none.
+        /// A colour, and the share of the transfer function's colour that it replaces, 0 or 1; zeros if there
+        /// is none.
         tint: [f32; 4],
         /// Factor of the occupancy.
         opacity: f32,
-        /// 0 where its splats are left out.
+        /// 0 if its splats are left out.
         visible: u32,
     }
-    /// How a picture is cut into tiles and the depth of a scene into slabs; see `include/tiles.glsl`.
+    /// The tiles of a picture and the slabs along the depth of a scene; see `include/tiles.glsl`.
     TileGrid {
         /// Width and height of the picture, pixels.
         size: [u32; 2],
-        /// Tiles along them.
+        /// Number of tiles along width and height.
         tiles: [u32; 2],
         /// Centre of a ball around the scene, mm.
         centre: [f32; 3],
@@ -331,29 +332,29 @@ shared! {
         radius: f32,
         /// Distance of the planes, mm.
         spacing: f32,
-        /// Planes of a block.
+        /// Number of planes of a block.
         planes: u32,
-        /// Blocks along the depth.
+        /// Number of blocks along the depth.
         blocks: u32,
-        /// Rows of splats of one view.
+        /// Number of rows of splats of one view.
         splat_count: u32,
-        /// Pairs that fit the buffers.
+        /// Number of pairs that fit the buffers.
         capacity: u32,
     }
     /// Push constants of `blind_parts`.
     BlindParams {
         /// Width and height of the picture, pixels.
         size: [u32; 2],
-        /// Tiles along them.
+        /// Number of tiles along width and height.
         tiles: [u32; 2],
     }
     /// Push constants of `project_splats`.
     ProjectParams {
         /// Tiles and planes.
         grid: TileGrid,
-        /// Of packed rows.
+        /// Ranges of packed rows.
         range: PackedRange,
-        /// b of the field.
+        /// Background b of the field.
         background: f32,
     }
     /// Push constants of `emit_tile_pairs`.
@@ -365,30 +366,30 @@ shared! {
     SlabParams {
         /// Tiles and planes.
         grid: TileGrid,
-        /// b of the field.
+        /// Background b of the field.
         background: f32,
         /// ε of the field.
         epsilon: f32,
         /// w0 of the occupancy.
         occupancy_w0: f32,
-        /// Rays end where less light than this would pass.
+        /// Least light: rays end when less than this would pass.
         dark: f32,
     }
     /// Push constants of `mark_active`.
     ActivityParams {
-        /// Splats.
+        /// Number of splats.
         count: u32,
     }
     /// Push constants of `list_active`.
     ListParams {
-        /// Splats.
+        /// Number of splats.
         count: u32,
     }
     /// Push constants of `limit_active`.
     LimitParams {
-        /// Splats.
+        /// Number of splats.
         count: u32,
-        /// Most splats that stay.
+        /// Greatest number of splats that stay.
         budget: u32,
     }
     /// A volume in an image, and its bricks; see `include/bricks.glsl`.
@@ -402,7 +403,7 @@ shared! {
     }
     /// Push constants of `occupancy_mark`.
     OccupancyParams {
-        /// Bricks.
+        /// Number of bricks.
         count: u32,
         /// Distance of a brick that cannot be seen.
         most: u32,
@@ -411,7 +412,7 @@ shared! {
     SpreadParams {
         /// The bricks.
         grid: BrickGrid,
-        /// Along which axis.
+        /// Axis along which distances are spread.
         axis: u32,
     }
     /// Push constants of `raymarch`.
@@ -422,13 +423,13 @@ shared! {
         voxel_from_scene: [[f32; 4]; 3],
         /// Intensity that the fraction 0 stands for.
         first: f32,
-        /// Intensity from the fraction 0 to 1.
+        /// Difference of intensity between the fractions 0 and 1.
         span: f32,
         /// Width and height of the picture, pixels.
         size: [u32; 2],
         /// Length of a cell, mm.
         step: f32,
-        /// Rays end where less light than this would pass.
+        /// Least light: rays end when less than this would pass.
         dark: f32,
     }
     /// A splat as one eye sees it; see `include/projected.glsl`.
@@ -439,22 +440,22 @@ shared! {
         depth: f32,
         /// Half of the depth that its support spans, mm.
         reach: f32,
-        /// Row of the triangular whitening that has the depth: by relative depth, x/z, y/z.
+        /// Row of the triangular whitening that contains the depth: by relative depth, x/z, y/z.
         along: [f32; 3],
-        /// Rows without it.
+        /// Elements of the rows without the depth.
         across: [f32; 3],
         /// Amplitude a of the weight.
         amplitude: f32,
         /// Intensity relative to the background.
         intensity: f32,
     }
-    /// The field at the centre of a splat, and what of the field's extinction is put down to it.
+    /// The field at the centre of a splat, and the splat's share of its extinction.
     Centre {
         /// V.
         intensity: f32,
-        /// s: the occupancy that is put down to the splat, at its centre.
+        /// s: the occupancy at the centre that is attributed to the splat.
         share: f32,
-        /// Half of the intensities that the splat stands for: V ± this.
+        /// Half the range of intensities that the splat stands for: V ± this.
         spread: f32,
         /// ∇(O V), 1/mm.
         slope: [f32; 3],
@@ -463,11 +464,11 @@ shared! {
     }
     /// A splat as mode alpha draws it for one view; see `include/quad.glsl`.
     Quad {
-        /// Of the ellipse, on a picture from -1 to 1 with y downwards.
+        /// Centre of the ellipse, on a picture from -1 to 1 with y downwards.
         centre: [f32; 2],
-        /// From the unit circle to the ellipse γ = 6: centre + (x u + y v, z v).
+        /// Axes that take the unit circle to the ellipse γ = 6: centre + (x u + y v, z v).
         axes: [f32; 3],
-        /// Part of these axes at which the opacity ends; 0 where the splat is not seen.
+        /// Part of these axes at which the opacity ends; 0 if the splat is not seen.
         edge: f32,
         /// Optical depth through the centre; for standard splats the opacity.
         thickness: f32,
@@ -484,48 +485,49 @@ shared! {
         centre: [f32; 3],
         /// Radius of that ball, mm.
         radius: f32,
-        /// Views.
+        /// Number of views.
         view_count: u32,
-        /// Splats, and rows of quads of one view.
+        /// Number of splats, and of rows of quads of one view.
         splat_count: u32,
-        /// Spherical harmonics of each colour of a standard splat.
+        /// Number of spherical harmonics of each colour of a standard splat.
         coefficients: u32,
-        /// Of packed rows.
+        /// Ranges of packed rows.
         range: PackedRange,
     }
     /// Push constants of `alpha`.
     AlphaParams {
-        /// Rows of quads of one view.
+        /// Number of rows of quads of one view.
         splat_count: u32,
     }
     /// Push constants of `show`.
     ShowParams {
         /// Width and height of the window, pixels.
         window: [f32; 2],
-        /// What is covered: left, top, right, bottom, pixels.
+        /// Area that is covered: left, top, right, bottom, pixels.
         area: [f32; 4],
-        /// Where the picture lies, the same.
+        /// Area of the picture: left, top, right, bottom, pixels.
         picture: [f32; 4],
-        /// Display-referred and opaque.
+        /// Background, display-referred and opaque.
         background: [f32; 4],
-        /// Left of this is the first picture, from it on the second; pixels.
+        /// Border: left of it is the first picture, from it on the second; pixels.
         split: f32,
         /// Layer of the first picture.
         first: u32,
         /// Layer of the second picture.
         second: u32,
-        /// Edges of what is shown of the first picture, from its upper left corner, as parts of its own.
+        /// Edges of the part of the first picture that is shown, from its upper left corner, as parts of its
+        /// own.
         first_part: [f32; 2],
-        /// The same of the second picture.
+        /// Edges of the part of the second picture that is shown, likewise.
         second_part: [f32; 2],
     }
     /// Push constants of `eyes`.
     EyesParams {
-        /// Edges of what was rendered, as parts of the picture's.
+        /// Edges of the rendered part, as parts of the picture's.
         part: [f32; 2],
-        /// Texture coordinates beyond which a sample would take in what was not rendered.
+        /// Greatest texture coordinates at which a sample takes in only what was rendered.
         most: [f32; 2],
-        /// Premultiplied and display-referred.
+        /// Background, premultiplied and display-referred.
         background: [f32; 4],
         /// Distances along the viewing direction of depths 0 and 1, mm.
         range: [f32; 2],
@@ -533,7 +535,7 @@ shared! {
         insets: [[f32; 4]; 2],
         /// Part of an inset's edges over which it fades.
         fading: f32,
-        /// Middle and half-axes of the mark of a draft, as parts of the eyes' pictures; 0: there is none.
+        /// Middle and half-axes of the mark of a draft, as parts of the eyes' pictures; 0 if there is none.
         marks: [[f32; 4]; 2],
     }
     /// Push constants of `mirror`.
@@ -544,12 +546,12 @@ shared! {
         eye: [f32; 2],
         /// The layer that is shown, or the first of several.
         first: u32,
-        /// How many are shown, side by side.
+        /// Number of layers that are shown, side by side.
         count: u32,
     }
     /// Push constants of `sheets`.
     SheetsParams {
-        /// As in [`EyesParams`].
+        /// Distances along the viewing direction of depths 0 and 1, mm.
         range: [f32; 2],
     }
     /// Push constants of `panels`.
@@ -559,29 +561,29 @@ shared! {
     }
     /// A rectangle of egui's screen on a plane in the room.
     Sheet {
-        /// Outside of this nothing is painted: left, top, right, bottom; points.
+        /// Clip rectangle, outside of which nothing is painted: left, top, right, bottom; points.
         clip: [f32; 4],
-        /// Where the screen's zero is, mm in the space of the scene.
+        /// Place of the screen's origin, mm in the space of the scene.
         zero: [f32; 3],
-        /// A point to the right, mm.
+        /// Step of one point to the right, mm.
         right: [f32; 3],
-        /// A point down, mm.
+        /// Step of one point down, mm.
         down: [f32; 3],
     }
     /// A corner of a triangle of the panels.
     PanelVertex {
-        /// Points, from the window's upper left corner.
+        /// Position from the window's upper left corner, points.
         place: [f32; 2],
-        /// 0 to 1 in the texture.
+        /// Position in the texture, 0 to 1.
         texel: [f32; 2],
-        /// Premultiplied sRGB, a byte each, red lowest.
+        /// Colour, premultiplied sRGB, a byte each, red lowest.
         colour: u32,
-        /// Row of the clip rectangles.
+        /// Index of its clip rectangle.
         clip: u32,
     }
 }
 
-/// What a sample should be, as the loss kernels read it: two 16-bit signed fractions.
+/// Wanted value and occupancy of a sample, as the loss kernels read them: two 16-bit signed fractions.
 #[repr(transparent)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Target(u32);
@@ -590,20 +592,20 @@ impl Target {
     /// A sample that takes no part.
     pub const IDLE: Target = Target(0x8001_0000);
 
-    /// `value` is V - background in spans of the intensity range, -1..1; `occupancy` is M in 0..1. Rounds to
-    /// the nearest of 2·32767 steps, and down half-way between two: 0 is exact, and M = ½ does not come to
-    /// lie above ½, where a sample would count as inside.
+    /// Creates a target: `value` is V - background in spans of the intensity range, -1..1; `occupancy` is M
+    /// in 0..1. Rounds to the nearest of 2·32767 steps, and down half-way between two: 0 is exact, and M = ½
+    /// does not come to lie above ½, where a sample would count as inside.
     pub fn new(value: f32, occupancy: f32) -> Self {
         let fraction = |v: f32| (v.clamp(-1.0, 1.0) * 32767.0 - 0.5).ceil() as i16 as u16;
         Target(u32::from(fraction(value)) | u32::from(fraction(occupancy.max(0.0))) << 16)
     }
 
-    /// V - background in spans of the intensity range.
+    /// Returns V - background in spans of the intensity range.
     pub fn value(self) -> f32 {
         f32::from(self.0 as u16 as i16) / 32767.0
     }
 
-    /// M; negative where the sample takes no part.
+    /// Returns M; negative if the sample takes no part.
     pub fn occupancy(self) -> f32 {
         f32::from((self.0 >> 16) as u16 as i16) / 32767.0
     }

@@ -1,46 +1,48 @@
-//! When two lists of numbers agree: an absolute and a relative bound, and a share of outliers where a threshold may
-//! fall either way. The worst error is printed always, so that a bound can be judged by what was measured.
+//! Comparison of two lists of numbers: an absolute and a relative bound, and a share of outliers where a
+//! threshold may fall either way. The worst error is always printed, so that a bound can be judged by the
+//! measured errors.
 
-/// How far numbers may be apart.
+/// Bound of the distance between two numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
     /// |got - want| may be this much plus `relative` · |want|.
     pub absolute: f64,
     /// See `absolute`.
     pub relative: f64,
-    /// Share of the numbers that may exceed that.
+    /// Share of the numbers that may exceed this bound.
     pub outlier_share: f64,
     /// Absolute bound that outliers keep.
     pub outlier_limit: f64,
 }
 
 impl Bound {
-    /// A bound without outliers.
+    /// Creates a bound without outliers.
     pub const fn new(absolute: f64, relative: f64) -> Self {
         Bound { absolute, relative, outlier_share: 0.0, outlier_limit: 0.0 }
     }
 
-    /// The same bound, which up to `share` of the numbers may exceed as long as they keep the absolute bound `limit`.
+    /// Returns the same bound, which up to `share` of the numbers may exceed as long as they keep the
+    /// absolute bound `limit`.
     #[must_use]
     pub const fn outliers(self, share: f64, limit: f64) -> Self {
         Bound { outlier_share: share, outlier_limit: limit, ..self }
     }
 }
 
-/// What a comparison found.
+/// Result of a comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// How many numbers were compared.
+    /// Number of numbers that were compared.
     pub count: usize,
     /// Largest |got - want|.
     pub worst_absolute: f64,
-    /// Largest |got - want| in units of what the bound allows there; above 1 it is an outlier.
+    /// Largest |got - want| as a multiple of what the bound allows there; above 1 it is an outlier.
     pub worst: f64,
     /// Index, number and wanted number of `worst`.
     pub worst_at: (usize, f64, f64),
-    /// How many exceed the bound.
+    /// Number of outliers: those that exceed the bound.
     pub outliers: usize,
-    /// How many outliers exceed their own limit.
+    /// Number of outliers that exceed their own limit.
     pub beyond: usize,
 }
 
@@ -77,14 +79,14 @@ pub fn compare(bound: Bound, pairs: impl IntoIterator<Item = (f64, f64)>) -> Com
 }
 
 impl Comparison {
-    /// Whether the numbers agree within `bound`.
+    /// Returns true if the numbers agree within `bound`.
     pub fn holds(&self, bound: Bound) -> bool {
         self.beyond == 0 && self.outliers as f64 <= bound.outlier_share * self.count as f64
     }
 }
 
-/// Compares pairs (got, want), prints the worst error and panics if they do not agree within `bound`, or if there are
-/// none to compare.
+/// Compares pairs (got, want), prints the worst error and panics if they do not agree within `bound`, or if
+/// there are none to compare.
 pub fn assert_close(what: &str, bound: Bound, pairs: impl IntoIterator<Item = (f64, f64)>) {
     let report = compare(bound, pairs);
     let (index, got, want) = report.worst_at;

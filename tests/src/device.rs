@@ -4,10 +4,11 @@ use std::ops::Deref;
 
 use engine::gpu::{Gpu, GpuOptions};
 
-/// Set to 1, tests run without validation layers and say so. Without it a missing layer fails every GPU test.
+/// Environment variable: set to 1, tests run without validation layers and say so. Otherwise a missing layer
+/// fails every GPU test.
 const NO_VALIDATION: &str = "VGS_TEST_NO_VALIDATION";
 
-/// A booted device. When it goes, it checks that the validation layers had nothing to say.
+/// A booted device. On drop it checks that the validation layers have reported nothing.
 pub struct Device {
     gpu: Gpu,
 }
@@ -21,7 +22,7 @@ impl Device {
         Self::boot_with(GpuOptions::default())
     }
 
-    /// Boots with these options, validation on.
+    /// Boots a device with these options, validation on.
     pub fn boot_with(options: GpuOptions) -> Self {
         let validation = std::env::var_os(NO_VALIDATION).is_none_or(|v| v != "1");
         if !validation {
@@ -48,7 +49,7 @@ impl Deref for Device {
 
 impl Drop for Device {
     fn drop(&mut self) {
-        // What is still in flight may yet complain. A second panic would hide the first.
+        // Work in flight may still cause messages. A second panic would hide the first.
         if std::thread::panicking() {
             return;
         }

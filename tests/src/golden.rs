@@ -1,7 +1,7 @@
 //! Golden texts: lines of a name and numbers, each name with its tolerance, kept in `tests/golden/`.
 //!
-//! `UPDATE_GOLDEN=1` rewrites them; without it a missing or different one fails, and what was found is left in
-//! `target/golden/`.
+//! `UPDATE_GOLDEN=1` rewrites them. Without it a missing or different text fails the test, and the text that
+//! was found is left in `target/golden/`.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -15,18 +15,18 @@ pub struct GoldenRow {
     pub name: String,
     /// Numbers.
     pub values: Vec<f64>,
-    /// How far they may move.
+    /// Bound within which the numbers may move.
     pub bound: Bound,
 }
 
 impl GoldenRow {
-    /// A row.
+    /// Creates a row.
     pub fn new(name: &str, bound: Bound, values: impl IntoIterator<Item = f64>) -> Self {
         GoldenRow { name: name.to_owned(), values: values.into_iter().collect(), bound }
     }
 }
 
-/// The text of some rows: a name and its numbers a line, eight to a line.
+/// Writes some rows as text: on each line a name and up to eight of its numbers.
 pub fn text(rows: &[GoldenRow]) -> String {
     let mut out = String::new();
     for row in rows {
@@ -41,7 +41,7 @@ pub fn text(rows: &[GoldenRow]) -> String {
     out
 }
 
-/// What differs between rows and a text, one sentence each.
+/// Returns the differences between rows and a text, one sentence each.
 pub fn differences(rows: &[GoldenRow], golden: &str) -> Vec<String> {
     let mut found = Vec::new();
     for row in rows {

@@ -1,9 +1,11 @@
-//! What the tests of vgs share: a device that fails on validation messages, a tolerance model, seeded scenes, one
-//! forward and backward pass with everything it leaves behind, golden texts, and the table of docs/results/numerics.md.
+//! Helpers that the tests of vgs share: a device that fails on validation messages, a tolerance model, seeded
+//! scenes, one forward and backward pass with all its results, golden texts, and the table of
+//! docs/results/numerics.md.
 //!
-//! The tests themselves are in `tests/`, one file per question: does each kernel compute what its twin does
-//! (`oracle`), are the derivatives right (`gradients`), what holds without any reference (`properties`), does the
-//! whole fit (`fit`, `golden`, `real`), how far off are the extremes (`extremes`), and is the source tree as it claims to be (`arrows`).
+//! The tests themselves are in `tests/`, one file per question: does each kernel compute what its reference
+//! implementation does (`oracle`), are the derivatives right (`gradients`), what holds without any reference
+//! (`properties`), does a whole fit work (`fit`, `golden`, `real`), how large are the errors at the extremes
+//! (`extremes`), and does the source tree have the structure that it claims (`arrows`).
 #![forbid(unsafe_code)]
 
 pub mod close;

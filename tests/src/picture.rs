@@ -1,19 +1,22 @@
-//! Golden pictures: at most 128 pixels wide, made by the f64 twin and kept in `tests/golden/` as PNG.
+//! Golden pictures: at most 128 pixels wide, made by the f64 reference implementation and kept in
+//! `tests/golden/` as PNG.
 //!
-//! `UPDATE_GOLDEN=1` makes them anew from the twin; without it a missing one fails, and where a picture differs, what was
-//! found and the difference are left in `target/golden/`.
+//! `UPDATE_GOLDEN=1` makes them anew with the reference implementation. Without it a missing picture fails
+//! the test; if a picture differs, it and the difference are left in `target/golden/`.
 
 use std::path::PathBuf;
 
 use engine::image::{self, Image, WriteOptions};
 
-/// Bytes that a golden picture may take.
+/// Greatest size of a golden picture, bytes.
 const MOST_BYTES: u64 = 32 << 10;
-/// How far a picture may be from its golden one, in the 255 steps of a channel: on average, and 99 of 100 pixels.
+/// Greatest differences of a picture from its golden one, in the 255 steps of a channel: on average, and for
+/// 99 of 100 pixels.
 const MEAN: f64 = 0.6;
 const PERCENTILE: f64 = 2.0;
 
-/// Compares a picture over black with the golden one `name`, or makes that anew with `twin`.
+/// Compares a picture over black with the golden picture `name`, or makes that anew with `twin`, the
+/// reference implementation.
 pub fn check(name: &str, found: &Image, twin: impl FnOnce() -> Image) {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/golden")).join(format!("{name}.png"));
     let options = WriteOptions { background: Some([0.0; 3]), force: true };

@@ -1,4 +1,5 @@
-//! A scene of random splats, its pictures in any mode, and what the twin of mode slab sees of it.
+//! A scene of random splats, its pictures in any mode, and its picture by the reference implementation of
+//! mode slab.
 
 use engine::gpu::Gpu;
 use engine::image::Image;
@@ -15,7 +16,8 @@ use crate::scene::{random, splat};
 /// Size of the pictures.
 pub const SIZE: [u32; 2] = [72, 56];
 
-/// Splats in a ball of 30 mm about a place far from the world's origin, soft and dense ones apart from each other.
+/// Creates splats in a ball of 30 mm about a place far from the world's origin, soft and dense ones apart
+/// from each other.
 pub fn set(count: usize, kernel: Kernel) -> SplatSet {
     let mut rng = random(21);
     let splats = (0..count)
@@ -40,24 +42,24 @@ pub fn set(count: usize, kernel: Kernel) -> SplatSet {
     }
 }
 
-/// No splats, with intensities all the same.
+/// Creates a set without splats.
 pub fn empty() -> SplatSet {
     SplatSet { has_intensity: true, ..SplatSet::default() }
 }
 
-/// A preset over −100 to 900 HU, lit or not.
+/// Creates the look of a preset over −100 to 900 HU, lit or not.
 pub fn look(name: &str, shade: bool) -> Look {
     let mut transfer: TransferFunction = preset(name).expect("a preset").over([-100.0, 900.0]);
     transfer.material.shade = shade;
     Look::new(transfer)
 }
 
-/// Pictures of [`SIZE`] in f32.
+/// Returns settings for pictures of [`SIZE`] in f32.
 pub fn settings() -> Settings {
     Settings { precise: true, ..Settings::new(SIZE) }
 }
 
-/// A camera that sees all of the scene from the patient's left front.
+/// Creates a camera that sees all of the scene from the patient's left front.
 pub fn camera(scene: &Scene) -> Camera {
     let [low, high] = scene.bounds();
     let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
@@ -65,7 +67,7 @@ pub fn camera(scene: &Scene) -> Camera {
         .expect("a camera")
 }
 
-/// A picture for each camera.
+/// Renders a picture for each camera.
 pub fn render(
     gpu: &Gpu,
     row: &ModeRow,
@@ -83,12 +85,12 @@ pub fn render(
         .collect()
 }
 
-/// The modes that show splats.
+/// Returns the modes that show splats.
 pub fn of_splats() -> impl Iterator<Item = &'static ModeRow> {
     MODES.iter().filter(|row| row.of_splats)
 }
 
-/// What the twin sees of a set, at planes as the mode places them.
+/// Renders a set with the reference implementation, at planes as the mode places them.
 pub fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, step: f64) -> Image {
     let gpu_splats = scene.splats.as_ref().expect("splats");
     let eye = Eye::from(&camera.view(scene.origin));

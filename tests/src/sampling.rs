@@ -1,4 +1,4 @@
-//! Fields in HU on a small grid, sampled as `fit::evaluate` samples them.
+//! Fields in HU on a small grid, sampled as in `fit::evaluate`.
 
 use engine::fit::evaluate::{FieldSample, Sampler};
 use engine::gpu::Gpu;
@@ -11,22 +11,22 @@ use crate::scene::{EPSILON, random, splat};
 
 /// All splat kernels.
 pub const KERNELS: [Kernel; 3] = [Kernel::Compact, Kernel::Gaussian, Kernel::Density];
-/// The quaternion that turns nothing.
+/// The quaternion without a rotation.
 pub const IDENTITY: [f32; 4] = [1.0, 0.0, 0.0, 0.0];
 /// Size of the grid, voxels.
 pub const EXTENT: UVec3 = UVec3::new(20, 17, 12);
 
-/// The grid: all voxels of a box of [`EXTENT`].
+/// Creates the grid: all voxels of a box of [`EXTENT`].
 pub fn bricks() -> Bricks {
     Bricks::of_box(IVec3::ZERO, EXTENT, |_| true)
 }
 
-/// A field with the ε of the tests.
+/// Creates a field with the ε of the tests.
 pub fn field(kernel: Kernel, background: f32) -> Field {
     Field { kernel, background, epsilon: EPSILON, occupancy_w0: 0.05 }
 }
 
-/// All samples that take part.
+/// Evaluates a field at all samples that take part.
 pub fn sample(
     gpu: &Gpu,
     splats: &[Splat],
@@ -40,19 +40,19 @@ pub fn sample(
     (0..all.len()).filter(active).map(|i| all[i]).collect()
 }
 
-/// Random splats of −1000 to 3000 HU.
+/// Creates random splats of −1000 to 3000 HU.
 pub fn some_splats(seed: u64, count: usize) -> Vec<Splat> {
     let mut rng = random(seed);
     let hu = |s: Splat| Splat { intensity: s.intensity * 4000.0 + 1000.0, ..s };
     (0..count).map(|_| hu(splat(&mut rng, EXTENT.as_vec3()))).collect()
 }
 
-/// A splat that is not turned.
+/// Creates a splat that is not rotated.
 pub fn one(mean: [f32; 3], log_scale: [f32; 3], opacity_logit: f32, intensity: f32) -> Splat {
     Splat { mean, opacity_logit, rotation: IDENTITY, log_scale, intensity }
 }
 
-/// The splats with all opacities times `factor`.
+/// Returns the splats with all opacities times `factor`.
 pub fn fainter(splats: &[Splat], factor: f64) -> Vec<Splat> {
     let scaled = |s: &Splat| {
         let alpha = factor / (1.0 + (-f64::from(s.opacity_logit)).exp());

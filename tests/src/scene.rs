@@ -1,4 +1,4 @@
-//! Seeded scenes: splats that are as different as they can be, and a brick grid with holes.
+//! Seeded scenes: splats that differ as much as possible, and a brick grid with holes.
 
 use engine::reference::{self, Samples};
 use engine::splat::{Kernel, Splat};
@@ -12,12 +12,12 @@ use shaders_glsl::types::Target;
 /// ε of equation (2) in the tests.
 pub const EPSILON: f32 = 1e-3;
 
-/// A random stream for a seed.
+/// Creates a random stream for a seed.
 pub fn random(seed: u64) -> Pcg64 {
     Pcg64::seed_from_u64(seed)
 }
 
-/// Splats over a brick grid, what the samples should be, and where the samples lie.
+/// Splats over a brick grid, with the samples' targets and positions.
 #[derive(Clone)]
 pub struct Scene {
     /// The sample grid.
@@ -28,14 +28,15 @@ pub struct Scene {
     pub targets: Vec<Target>,
     /// Kernel of the splats.
     pub kernel: Kernel,
-    /// Of the samples from the voxel centres, voxels.
+    /// Displacement of the samples from the voxel centres, voxels.
     pub offset: [f32; 3],
 }
 
 impl Scene {
-    /// `count` random splats over a grid of 5 × 4 × 3 bricks, the outermost partly cut off, some of which have no slot;
-    /// about one active sample in eight is missing. Among the splats are small and large, flat and long ones, some
-    /// outside the grid and one that covers all of it. Softness of the mask as asked for.
+    /// Creates `count` random splats over a grid of 5 × 4 × 3 bricks, the outermost partly cut off, some of
+    /// which have no slot; about one active sample in eight is missing. Among the splats are small and large,
+    /// flat and long ones, some outside the grid and one that covers all of it. `soft` says that the mask has
+    /// values between 0 and 1.
     pub fn random(seed: u64, count: usize, kernel: Kernel, soft: bool) -> Self {
         let mut rng = random(seed);
         let extent = UVec3::new(37, 32, 19);
@@ -61,23 +62,23 @@ impl Scene {
         Scene { bricks, splats, targets, kernel, offset }
     }
 
-    /// Where the samples lie, for the twins.
+    /// Returns the positions of the samples, for the reference implementations.
     pub fn samples(&self) -> Samples<'_> {
         Samples::all(&self.bricks, self.offset)
     }
 
-    /// The splats in f64.
+    /// Returns the splats in f64.
     pub fn splats64(&self) -> Vec<reference::Splat> {
         self.splats.iter().map(Into::into).collect()
     }
 
-    /// The targets in f64.
+    /// Returns the targets in f64.
     pub fn targets64(&self) -> Vec<reference::Target> {
         self.targets.iter().map(Into::into).collect()
     }
 }
 
-/// A splat anywhere in a box, of any opacity and orientation, scales from 0.4 to 5 voxels.
+/// Creates a splat anywhere in a box, of any opacity and orientation, with scales from 0.4 to 5 voxels.
 pub fn splat(rng: &mut Pcg64, extent: Vec3) -> Splat {
     let mean = std::array::from_fn(|axis| rng.random_range(-2.0..extent[axis] + 2.0));
     Splat {
@@ -89,7 +90,7 @@ pub fn splat(rng: &mut Pcg64, extent: Vec3) -> Splat {
     }
 }
 
-/// A random rotation, as a unit quaternion (w, x, y, z).
+/// Creates a random rotation, as a unit quaternion (w, x, y, z).
 pub fn rotation(rng: &mut Pcg64) -> [f32; 4] {
     loop {
         let q: [f64; 4] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
@@ -100,7 +101,7 @@ pub fn rotation(rng: &mut Pcg64) -> [f32; 4] {
     }
 }
 
-/// Random targets; samples that take no part are marked.
+/// Creates random targets; samples that take no part are marked.
 fn targets(rng: &mut Pcg64, bricks: &Bricks, soft: bool) -> Vec<Target> {
     let mut out = Vec::with_capacity(bricks.len() * SAMPLES);
     for slot in 0..bricks.len() {

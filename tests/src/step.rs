@@ -1,5 +1,5 @@
-//! One forward and backward pass on the device through the pass types, with everything it leaves behind. The one place
-//! that knows how the passes hang together, besides the fit itself.
+//! One forward and backward pass on the device through the pass types, with all its results. This is the only
+//! place, besides the fit itself, that knows the order of the passes.
 
 use engine::gpu::{Buffer, Gpu, Recorder};
 use engine::passes::loss::{
@@ -17,7 +17,7 @@ use shaders_glsl::types::{Adjoint, Footprint, Reconstruction, SplatGrad, Target}
 use crate::Scene;
 use crate::scene::EPSILON;
 
-/// What a pass over all chunks left behind.
+/// Results of a pass over all chunks.
 pub struct Pass {
     /// Footprint of each splat.
     pub footprints: Vec<Footprint>,
@@ -25,27 +25,30 @@ pub struct Pass {
     pub reconstructions: Vec<Reconstruction>,
     /// Folded adjoints of all samples.
     pub adjoints: Vec<Adjoint>,
-    /// What the backward pass sums for each splat; `reference::splat_to_volume_grad::Moments` has the order.
+    /// Moments that the backward pass sums for each splat, in the order of
+    /// `reference::splat_to_volume_grad::Moments`.
     pub moments: Vec<[f32; 11]>,
     /// dL/d(parameters).
     pub gradients: Vec<SplatGrad>,
     /// Sums of the terms, in the order given.
     pub sums: Vec<Sum>,
-    /// How many chunks the grid was cut into.
+    /// Number of chunks into which the grid was cut.
     pub chunks: usize,
 }
 
-/// What the lower end of the range is relative to the background in the tests: as low as targets and intensities go.
+/// Lower end of the range relative to the background in the tests: the least value of targets and
+/// intensities.
 pub const LOW: f32 = -0.5;
 
-/// The terms of the paper and of the default fit with weights that make each matter: the Dice loss is one number for all
-/// samples, the others are sums.
+/// Returns the terms of the paper and of the default fit with weights that make each matter: the Dice loss is
+/// one number for all samples, the others are sums.
 pub fn terms(soft: bool) -> [Weighted; 4] {
     let [mse, occupancy, dice, leak, ..] = all_terms(soft);
     [mse, occupancy, dice, leak]
 }
 
-/// All terms there are. The slope of a divergence has no bound, so that together they are no measure of rounding.
+/// Returns all terms. The slope of a divergence has no bound, so that together they are no measure of
+/// rounding.
 pub fn all_terms(soft: bool) -> [Weighted; 8] {
     let region = if soft { -1.0 } else { 0.5 };
     let term = |term, weight| Weighted { term, weight, region, low: LOW, ..Weighted::default() };
@@ -61,7 +64,7 @@ pub fn all_terms(soft: bool) -> [Weighted; 8] {
     ]
 }
 
-/// The twins of [`Weighted`] terms.
+/// Returns the reference implementations of [`Weighted`] terms.
 pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
     let twin = |t: &Weighted| {
         let (weight, parameter, region) = (f64::from(t.weight), f64::from(t.parameter), f64::from(t.region));
@@ -89,7 +92,7 @@ pub fn run(gpu: &Gpu, scene: &Scene, terms: &[Weighted]) -> Pass {
     run_stored(gpu, scene, terms, Storage::Full)
 }
 
-/// Runs a scene.
+/// Runs a scene with samples in `storage`.
 pub fn run_stored(gpu: &Gpu, scene: &Scene, terms: &[Weighted], storage: Storage) -> Pass {
     run_inputs(gpu, &Inputs::of(scene, false), terms, storage)
 }
@@ -130,7 +133,7 @@ impl<'a> Inputs<'a> {
     }
 }
 
-/// Over all chunks, binning again where the bins were too small.
+/// Runs all chunks; bins again if the bins were too small.
 fn run_inputs(gpu: &Gpu, inputs: &Inputs, terms: &[Weighted], storage: Storage) -> Pass {
     let &Inputs { bricks, splats, targets, kernel, offset, touched_only } = inputs;
     let mut raster =

@@ -4,10 +4,10 @@ use bytemuck::Pod;
 use engine::passes::Storage;
 use engine::reference::half;
 
-/// Both.
+/// Both storages.
 pub const STORAGES: [Storage; 2] = [Storage::Full, Storage::Mixed];
 
-/// What a storage keeps of a number.
+/// Returns a number as a storage keeps it.
 pub fn kept(storage: Storage, v: f32) -> f32 {
     match storage {
         Storage::Full => v,
@@ -15,7 +15,7 @@ pub fn kept(storage: Storage, v: f32) -> f32 {
     }
 }
 
-/// Words of `Reconstruction`s or `Adjoint`s; the inverse of [`Storage::unpack`].
+/// Packs `Reconstruction`s or `Adjoint`s into words; the inverse of [`Storage::unpack`].
 pub fn pack<T: Pod>(storage: Storage, samples: &[T]) -> Vec<u32> {
     let rows: &[[f32; 2]] = bytemuck::cast_slice(samples);
     match storage {
@@ -24,7 +24,7 @@ pub fn pack<T: Pod>(storage: Storage, samples: &[T]) -> Vec<u32> {
     }
 }
 
-/// The bits of the nearest half.
+/// Returns the bits of the nearest half.
 fn half_bits(v: f32) -> u32 {
     let v = kept(Storage::Mixed, v);
     let size = if v.abs() < 2f32.powi(-14) {

@@ -1,5 +1,5 @@
-//! The program as an activity of a standalone headset: it shows the splats that are in its storage, and says
-//! what it has to say to the log.
+//! The program as an activity of a standalone headset: it shows the splats that are in its storage, and
+//! writes its messages to the log.
 #![allow(unsafe_code, reason = "the system calls the entry of the program by its name")]
 
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,4 +1,4 @@
-//! What the program is told on its command line.
+//! The arguments of the command line.
 
 use std::path::{Path, PathBuf};
 
@@ -122,10 +122,11 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl HeadsetArguments {
-    /// Those of a program that has no command line: all splats (PLY) of a folder, in the order of their names, and the defaults.
+    /// Creates the arguments of a program without a command line: all splats (PLY) of a folder, in the order
+    /// of their names, and the defaults.
     ///
     /// # Errors
-    /// [`Kind::Missing`] where there are no splats.
+    /// [`Kind::Missing`] if there are no splats.
     pub fn of_folder(folder: &Path) -> Result<Self> {
         let files =
             std::fs::read_dir(folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));

@@ -1,5 +1,5 @@
-//! Puts what was rendered into the pictures of the eyes; with foveation, of each eye the surround and over it
-//! the inset.
+//! Composes the eyes' pictures from what was rendered; with foveation, each eye's surround with the inset
+//! over it.
 
 use engine::Result;
 use engine::gpu::{Drawing, Format, Gpu, Recorder};
@@ -10,19 +10,20 @@ use shaders_glsl::types::EyesParams;
 use crate::headset::{Blend, FrameImages};
 use crate::sight::{FADING, Inset, Mark};
 
-/// What puts pictures into those of a headset.
+/// Draws rendered pictures into those of a headset.
 pub struct Composer {
     drawing: Drawing,
     depth: bool,
-    /// Display-referred, premultiplied.
+    /// Colour behind what was rendered, display-referred, premultiplied.
     background: [f32; 4],
-    /// True if what is drawn is no cover for what the picture held.
+    /// True if the drawing does not cover the old content of the picture.
     translucent: bool,
 }
 
 impl Composer {
-    /// For pictures of a format, with or without depth. `background` is behind what was rendered where the
-    /// headset shows no room there. Foveated, what was rendered has insets.
+    /// Creates a composer for pictures of a format, with or without depth. `background` is drawn behind what
+    /// was rendered, unless the headset shows the room there. `foveated` says that the rendered views have
+    /// insets.
     pub fn new(
         gpu: &Gpu,
         format: Format,
@@ -49,9 +50,9 @@ impl Composer {
         })
     }
 
-    /// Records it. `size` is the part of the target that was rendered, pixels, `range` are the distances of
-    /// depths 0 and 1, mm, `insets` are where the insets lie, if this was made for them, and `marks` where it
-    /// is marked that this is a draft, if it is one.
+    /// Records the composition. `size` is the part of the target that was rendered, pixels; `range` are the
+    /// distances of depths 0 and 1, mm. `insets` are the places of the insets, if this was created for them;
+    /// `marks` are the places of the mark that the picture is a draft, if it is one.
     #[expect(clippy::too_many_arguments, reason = "what a picture is made of, once")]
     pub fn compose(
         &self,

@@ -1,5 +1,5 @@
-//! What hands do to the scene: one carries it, two stretch and turn it, thumbsticks move window and level,
-//! buttons change presets, hold a cutting plane, and put everything back.
+//! What hands do to the scene: one hand carries it, two stretch and turn it, the thumbstick moves window and
+//! level, buttons change presets, hold a cutting plane, and reset everything.
 
 use engine::Result;
 use engine::render::{ClipPlane, Look};
@@ -12,27 +12,27 @@ use view::transfer::Transfer;
 use crate::headset::{Hand, Hands, Pose};
 use crate::placement::Placement;
 
-/// A hand holds from this on, and lets go below half of it.
+/// Squeeze from which a hand holds; it lets go below half of it.
 const HOLDS: f64 = 0.6;
-/// Where a thumbstick rests, its ends are not yet meant.
+/// Largest deflection of a thumbstick that counts as rest.
 const RESTS: f64 = 0.15;
-/// A thumbstick at its end moves level or width by this part of the data's range in a second.
+/// Part of the data's range by which a thumbstick at its end moves level or width in a second.
 const PER_SECOND: f64 = 0.25;
-/// Narrowest window, a part of the one of the preset.
+/// Narrowest window, as a part of the preset's window.
 const NARROWEST: f64 = 0.05;
 
-/// Whether a button went down.
+/// A button, with its state at the last call: true if it was down.
 #[derive(Clone, Copy, Default)]
 pub struct Button(bool);
 
 impl Button {
-    /// Returns true if it is down now and was not at the last call.
+    /// Returns true if the button is down now and was not at the last call.
     pub fn pressed(&mut self, down: bool) -> bool {
         !std::mem::replace(&mut self.0, down) && down
     }
 }
 
-/// What was shown last.
+/// The state that was shown last.
 #[derive(PartialEq)]
 struct Shown {
     transfer: Transfer,
@@ -40,16 +40,16 @@ struct Shown {
     cut: Option<ClipPlane>,
 }
 
-/// What hands have done so far.
+/// The state that hands have changed so far.
 pub struct Controls {
-    /// Where the patient is.
+    /// Placement of the patient in the room.
     pub placement: Placement,
-    /// What is shown of it: hands change it, and the panel.
+    /// View of the patient, which hands and the panel change.
     pub state: ViewState,
     /// Least and greatest intensity of the scene.
     pub range: [f64; 2],
     home: Placement,
-    /// Where each hand that holds was in the frame before.
+    /// Pose, in the frame before, of each hand that holds.
     held: [Option<Pose>; 2],
     next: [Button; 2],
     other: [Button; 2],
@@ -59,13 +59,14 @@ pub struct Controls {
     /// True if the right hand holds a plane.
     cutting: bool,
     clip: Vec<ClipPlane>,
-    /// By which the scene knows the rows of the objects.
+    /// Numbers by which the scene knows the rows of the objects.
     numbers: Vec<u8>,
     shown: Shown,
 }
 
 impl Controls {
-    /// Nothing done yet, to a scene of these objects with intensities in `range`.
+    /// Creates the controls of a scene with these objects and with intensities in `range`; nothing is changed
+    /// yet.
     pub fn new(placement: Placement, look: &Look, objects: &[Object], range: [f64; 2]) -> Self {
         let mut state = ViewState::new(&look.transfer);
         let row = |object: &Object| {
@@ -99,7 +100,7 @@ impl Controls {
         }
     }
 
-    /// Puts the patient elsewhere, which is where a reset puts it.
+    /// Moves the patient to a placement; a reset returns it there.
     pub fn place(&mut self, placement: Placement) {
         (self.placement, self.home) = (placement, placement);
         self.held = [None; 2];
@@ -110,8 +111,8 @@ impl Controls {
         self.held[side].is_some()
     }
 
-    /// Takes note of what the hands do in a frame that lasts so long, and says what the scene looks like now
-    /// if that has changed, by whatever hand.
+    /// Applies what the hands do in a frame that lasts `seconds`. Returns the scene's look if it has changed
+    /// since the last call, by a hand or by the panel.
     pub fn update(&mut self, hands: &Hands, seconds: f64) -> Result<Option<Look>> {
         self.carry(hands);
         for (side, step) in [(0, PRESETS.len() - 1), (1, 1)] {
@@ -138,7 +139,7 @@ impl Controls {
         Ok(Some(look))
     }
 
-    /// One hand carries, two stretch.
+    /// Moves the patient: one hand carries it, two stretch it.
     fn carry(&mut self, hands: &Hands) {
         let before = self.held;
         for (held, hand) in self.held.iter_mut().zip(hands) {
@@ -157,7 +158,7 @@ impl Controls {
         };
     }
 
-    /// The thumbstick: sideways the width, up and down the level.
+    /// Moves the window with the thumbstick: sideways its width, up and down its level.
     fn window(&mut self, hand: &Hand, seconds: f64) {
         let beyond = |v: f64| v.signum() * (v.abs() - RESTS).max(0.0) / (1.0 - RESTS);
         let (x, y) = (beyond(hand.stick.x), beyond(hand.stick.y));
@@ -178,8 +179,8 @@ impl Controls {
         Ok(())
     }
 
-    /// Returns a plane across the hand, like a blade in it: what lies to the left of it, as the hand sees it,
-    /// is cut away.
+    /// Returns a plane across the hand, like a blade in it: everything to the left of it, as the hand sees
+    /// it, is cut away.
     fn plane(&self, grip: &Pose) -> ClipPlane {
         let normal = self.placement.patient_direction(grip.orientation * DVec3::X);
         ClipPlane { normal, offset: normal.dot(self.placement.patient(grip.position)) }

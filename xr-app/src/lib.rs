@@ -21,8 +21,8 @@
 //! memory     what fits on the device
 //! ```
 //!
-//! Unsafe code is in `headset::openxr` and in the entry of `android` alone; everything else runs and is
-//! tested without a runtime.
+//! Unsafe code is only in `headset::openxr` and in the entry of `android`; everything else runs and is tested
+//! without a runtime.
 #![deny(unsafe_code)]
 
 #[cfg(target_os = "android")]

@@ -1,18 +1,18 @@
-//! Keeps what is on the device within a budget of bytes: first splats are packed, then the least important
-//! ones left out.
+//! Keeps the memory of the device within a budget of bytes: first splats are packed, then the least important
+//! ones are left out.
 
 use engine::gpu::Gpu;
 use engine::render::Precision;
 use engine::splat::SplatSet;
 use engine::{Error, Kind, Result};
 
-/// Where splats are left out, what remains is to take this part of the budget at most by reckoning, so that
-/// it seldom has to be reckoned again.
+/// Part of the budget that the remaining splats should take, by estimate, when splats are left out; so
+/// another round is seldom needed.
 const MARGIN: f64 = 0.95;
 
-/// Makes something of a set, by `make`, that takes at most so many MiB of device memory, and says so where it
-/// is not all of it. What is made is measured, not guessed: where it is too large it is made again of less.
-/// The set begins with the splats that matter most.
+/// Creates something from a set, with `make`, that takes at most `budget_mib` MiB of device memory, and
+/// prints a note if splats were packed or left out. The memory is measured, not estimated: if it is too
+/// large, `make` is called again with a smaller set. The set begins with the splats that matter most.
 pub fn within<T>(
     gpu: &Gpu,
     budget_mib: Option<f64>,

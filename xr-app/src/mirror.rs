@@ -1,6 +1,5 @@
-//! A window on the desktop that shows what the eyes see. It never holds the headset up: a frame for which the
-//! window has no picture at once is not mirrored, and what is shown is handed over after the headset has its
-//! own.
+//! A window on the desktop that shows what the eyes see. It never delays the headset: a frame is not mirrored
+//! if the window has no picture for it at once, and the picture is presented after the headset has its own.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -35,7 +34,7 @@ pub enum Shown {
 }
 
 impl Shown {
-    /// Returns the first layer, and how many.
+    /// Returns the index of the first layer, and the number of layers.
     fn layers(self) -> [u32; 2] {
         match self {
             Shown::Left => [0, 1],
@@ -45,7 +44,7 @@ impl Shown {
     }
 }
 
-/// What winit tells.
+/// State that winit's events have set.
 #[derive(Default)]
 struct MirrorWindow {
     eyes: u32,
@@ -86,7 +85,7 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Opens a window for so much; from the main thread.
+    /// Opens a window for the eyes in `shown`; must be called on the main thread.
     ///
     /// # Errors
     /// [`Kind::Unavailable`] without a display.
@@ -100,12 +99,12 @@ impl Opened {
         }
     }
 
-    /// Returns what the device has to know to draw in it.
+    /// Returns the windows with which the device must be booted to draw in this one.
     pub fn windows(&self) -> Result<Windows> {
         Windows::of(&*self.window)
     }
 
-    /// Shows pictures of a format with this width and height, a layer for each eye.
+    /// Creates the mirror of pictures of a format with this width and height, a layer for each eye.
     pub fn show(self, gpu: &Gpu, format: Format, eye: [u32; 2]) -> Result<Mirror> {
         let PhysicalSize { width, height } = self.window.inner_size();
         let size = [width, height];
@@ -136,11 +135,11 @@ fn copy(gpu: &Gpu, size: [u32; 2]) -> Result<Image> {
     gpu.picture("mirror", "pictures", Format::Rgba8, size.map(|n| n.max(1)), 1)
 }
 
-/// A window that shows what the eyes see. Fields are dropped in their order: what draws before its surface.
+/// A window that shows what the eyes see. Fields are dropped in their order: drawings before the surface.
 pub struct Mirror {
     drawing: Drawing,
     composer: Composer,
-    /// What is shown next, as large as the window.
+    /// Picture that is shown next, as large as the window.
     copy: Image,
     /// The window's picture for this frame.
     acquired: Option<Acquired>,

@@ -1,17 +1,17 @@
-//! Who is shown what the eyes see, beside the headset.
+//! Onlookers: those who are shown what the eyes see, beside the headset.
 
 use engine::Result;
 use engine::gpu::{Image, Recorder};
 
-/// Somebody beside the headset. A frame is [`take`](Onlooker::take), its submission, and
+/// An onlooker beside the headset. A frame consists of [`take`](Onlooker::take), its submission, and
 /// [`show`](Onlooker::show).
 pub trait Onlooker {
-    /// Returns true if nobody looks any more, which ends the session.
+    /// Returns true if nobody looks any more; this ends the session.
     fn gone(&self) -> bool;
-    /// Frames that were shown, and frames for which there was no picture.
+    /// Returns the number of frames that were shown, and of frames for which there was no picture.
     fn counts(&self) -> [u64; 2];
-    /// Records a copy of what the eyes see, with a layer for each, if that holds nobody up.
+    /// Records a copy of what the eyes see, with a layer for each, if that delays nobody.
     fn take(&mut self, recorder: &mut Recorder, eyes: &Image) -> Result<()>;
-    /// Shows the copy, once the frame has been handed over in which it was recorded.
+    /// Shows the copy, after the frame in which it was recorded has been submitted.
     fn show(&mut self) -> Result<()>;
 }

@@ -1,31 +1,31 @@
-//! A hand without a controller calls the panel by its palm: held open before the eyes for half a second, as
-//! hand menus are called elsewhere. No pinch belongs to it, since headsets keep a pinch with the palm towards
-//! the face for themselves; and who grabs or clicks does not show an open palm.
+//! The gesture by which a hand without a controller calls the panel: its palm is held open before the eyes
+//! for half a second, as for hand menus elsewhere. No pinch belongs to it, since headsets keep a pinch with
+//! the palm towards the face for themselves; and nobody who grabs or clicks shows an open palm.
 
 use glam::DVec3;
 
 use crate::headset::{Hand, Hands, Pose};
 
-/// So long the palm is shown before it counts, seconds.
+/// Time that the palm must be shown before it counts, seconds.
 const HELD: f64 = 0.5;
-/// Angles from the palm's direction to the eyes, and from where these look to the hand, radians: to begin
-/// with, and to go on.
+/// Largest angles from the palm's direction to the eyes, and from the viewing direction to the hand, radians:
+/// to begin, and to continue.
 const TOWARDS: [f64; 2] = [0.6, 0.85];
-/// Nearest and furthest from the eyes, metres: an arm's length, but not a hand at the face.
+/// Least and greatest distance from the eyes, metres: an arm's length, but not a hand at the face.
 const REACH: [f64; 2] = [0.15, 0.75];
-/// A hand that grabs more firmly is not open.
+/// Largest squeeze of an open hand.
 const OPEN: f64 = 0.3;
 
 /// Palms that are shown.
 #[derive(Default)]
 pub struct Palms {
-    /// Since when, seconds.
+    /// Time at which each palm was first shown, seconds.
     since: [Option<f64>; 2],
 }
 
 impl Palms {
-    /// Returns which hands have shown their palm long enough at this time, seconds, to the eyes of a head;
-    /// they do until it is turned away.
+    /// Returns true for each hand that has shown its palm long enough at this time, seconds, to the eyes of a
+    /// head. It stays true until the palm is turned away.
     pub fn shown(&mut self, hands: &Hands, head: &Pose, seconds: f64) -> [bool; 2] {
         [0, 1].map(|side| {
             let since = &mut self.since[side];
@@ -36,7 +36,7 @@ impl Palms {
     }
 }
 
-/// Returns true if an open hand is looked at, and its palm looks back, both to so many radians.
+/// Returns true if the head looks at an open hand whose palm faces the eyes, both within `most` radians.
 fn faces(hand: &Hand, side: usize, head: &Pose, most: f64) -> bool {
     let (true, Some(grip)) = (hand.bare && hand.squeeze < OPEN && !hand.select, hand.grip) else {
         return false;
@@ -66,7 +66,7 @@ mod tests {
         Hand { grip: Some(Pose { position, orientation }), bare: true, ..Hand::default() }
     }
 
-    /// Returns true if the palm of a hand counts in the end, after so many seconds of it.
+    /// Returns true if the palm of a hand counts after it was shown for so many seconds.
     fn shown(side: usize, hand: Hand, seconds: f64) -> bool {
         let mut hands = [Hand::default(); 2];
         hands[side] = hand;

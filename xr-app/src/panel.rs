@@ -1,8 +1,8 @@
-//! The panel in the room, and marks beside it: egui's part. The sections are those of the desktop viewer.
+//! The panel in the room, and marks beside it, drawn by egui. The sections are those of the desktop viewer.
 //!
 //! Everything is on one screen of egui's. The panel takes its left part; each mark has a rectangle of its own
-//! far to the right of it, so that what egui makes can be told apart by where it is clipped. egui runs when
-//! there is something new: the pointer, what is shown, or a time that egui has asked for.
+//! far to the right of it, so that egui's primitives can be told apart by their clip rectangles. egui runs
+//! when there is something new: the pointer, the content, or a time that egui has asked for.
 
 use std::time::Duration;
 
@@ -23,18 +23,17 @@ use view::theme::{self, ACCENT, SIGNAL};
 pub const SIZE: Vec2 = Vec2::new(400.0, 560.0);
 /// Texels of a point: as fine as a headset with 25 pixels a degree shows it from 0.9 m.
 const PIXELS_PER_POINT: f32 = 1.6;
-/// Rectangles of marks begin at multiples of this, points.
+/// Distance from the start of one mark's rectangle to the next, points.
 const APART: f32 = 1000.0;
-/// Length of a beam or a line on the screen, points; in the room it is stretched to what it is there.
+/// Length of a beam or a line on the screen, points; in the room it is stretched to its real length.
 pub const LENGTH: f32 = 800.0;
-/// Where a mark's place is in its rectangle, points: the start of a line, the middle of a cursor, the foot of
-/// a text.
+/// Place of a mark in its rectangle, points: the start of a line, the middle of a cursor, the foot of a text.
 pub const ANCHOR: Pos2 = pos2(90.0, 100.0);
-/// A pointer that moves less than this, points, has not moved: hands tremble.
+/// Movement of a pointer, points, that does not count: hands tremble.
 const STILL: f32 = 0.7;
-/// A hand that pulls a trigger moves; what moves less than this meanwhile is a click, points.
+/// Movement during a click, points, that does not make it a drag: a hand that pulls a trigger moves.
 const CLICK: f32 = 16.0;
-/// A thumbstick at its end scrolls so many points a second.
+/// Points a second that a thumbstick at its end scrolls.
 const SCROLL: f32 = 600.0;
 
 /// Something that is drawn in the room.
@@ -42,9 +41,9 @@ const SCROLL: f32 = 600.0;
 pub enum Mark {
     /// The ray of a hand.
     Beam,
-    /// Where it ends.
+    /// The end of the ray.
     Cursor,
-    /// Between two ends of a distance.
+    /// The line between two ends of a distance.
     Line,
     /// A few words above and beside a place.
     Text(String),
@@ -55,21 +54,21 @@ pub enum Mark {
 /// A pointer on the panel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pointer {
-    /// Where, points.
+    /// Place of the pointer, points.
     pub at: Pos2,
     /// True if it clicks.
     pub down: bool,
-    /// The thumbstick, up positive.
+    /// Scrolling by the thumbstick, points, up positive.
     pub scroll: f32,
 }
 
-/// What egui makes of the panel and the marks.
+/// egui's output for the panel and the marks.
 pub struct Made {
     /// Triangles.
     pub primitives: Vec<ClippedPrimitive>,
     /// New and freed textures.
     pub textures: TexturesDelta,
-    /// What is asked for.
+    /// Actions that the user asks for.
     pub actions: Vec<Action>,
 }
 
@@ -80,24 +79,24 @@ pub struct Panel {
     shown: bool,
     pointer: Option<Pointer>,
     marks: Vec<Mark>,
-    /// When egui wants to run again by itself, seconds.
+    /// Time at which egui wants to run again by itself, seconds.
     again: f64,
 }
 
-/// What the sections show, and what they change.
+/// The content of the sections: what they show, and what they change.
 pub struct PanelContent<'a> {
-    /// What is edited.
+    /// The state that is edited.
     pub state: &'a mut ViewState,
-    /// What is known.
+    /// Information that is shown.
     pub info: &'a PanelInfo<'a>,
-    /// True if the tool that measures is taken up.
+    /// True if the measuring tool is in use.
     pub measuring: bool,
     /// Magnification; 1 is real size.
     pub scale: f64,
 }
 
 impl Panel {
-    /// Not shown.
+    /// Creates a panel that is not shown.
     pub fn new() -> Self {
         let context = Context::default();
         theme::apply(&context);
@@ -118,17 +117,17 @@ impl Panel {
         ANCHOR + vec2(APART * (mark + 1) as f32, 0.0)
     }
 
-    /// Returns what is drawn within this clip: 0 for the panel, one more than its number for a mark.
+    /// Returns the sheet of a clip rectangle: 0 for the panel, one more than its number for a mark.
     pub fn sheet(clip: Rect) -> usize {
         (clip.min.x / APART).floor().max(0.0) as usize
     }
 
-    /// Something that it shows was changed from without.
+    /// Makes egui run again, after something that it shows was changed from outside.
     pub fn refresh(&mut self) {
         self.again = f64::NEG_INFINITY;
     }
 
-    /// Runs egui if there is anything new at this time, seconds.
+    /// Runs egui if there is anything new at this time, seconds. Returns its output if it ran.
     pub fn update(
         &mut self,
         seconds: f64,
@@ -169,7 +168,7 @@ impl Panel {
         Some(Made { primitives, textures, actions })
     }
 
-    /// Returns what the pointer does, as egui takes it.
+    /// Returns the pointer's changes as egui's events.
     fn events(&mut self, now: Option<Pointer>) -> Vec<Event> {
         let before = self.pointer;
         let button = |pos, pressed| Event::PointerButton {
@@ -214,7 +213,7 @@ impl Default for Panel {
     }
 }
 
-/// Points that a thumbstick scrolls in so many seconds.
+/// Returns the points that a thumbstick scrolls in so many seconds.
 pub fn scrolled(stick: f64, seconds: f64) -> f32 {
     SCROLL * (stick * seconds) as f32
 }
@@ -279,7 +278,7 @@ mod tests {
         ViewState::new(&preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]))
     }
 
-    /// Runs a panel once at a time with a pointer.
+    /// Runs a panel once, at a time and with a pointer.
     fn run(panel: &mut Panel, state: &mut ViewState, seconds: f64, pointer: Option<Pointer>) -> Option<Made> {
         let info = PanelInfo { range: [-1000.0, 2000.0], ..PanelInfo::default() };
         let mut content = PanelContent { state, info: &info, measuring: false, scale: 1.0 };

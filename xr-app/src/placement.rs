@@ -1,4 +1,4 @@
-//! Where the patient is in the room, and how large.
+//! The placement of the patient in the room, with its magnification.
 
 use engine::render::Camera;
 use glam::{DMat3, DQuat, DVec3};
@@ -9,26 +9,26 @@ use crate::headset::{DEPTH_RANGE, Eye, Pose};
 const MM: f64 = 1000.0;
 /// Smallest and greatest magnification.
 const SCALES: [f64; 2] = [0.05, 50.0];
-/// From the head to the patient's middle at the start, metres; further where the patient is large.
+/// Distance from the head to the patient's middle at the start, metres; greater for a large patient.
 const REACH: f64 = 0.6;
 
-/// Room from patient: turned, magnified, and moved.
+/// Transformation from the patient to the room: rotation, magnification, translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placement {
     /// The patient's point that stays with `position`, mm RAS.
     pub centre_mm: DVec3,
-    /// Where that point is in the room, metres.
+    /// Place of that point in the room, metres.
     pub position: DVec3,
-    /// From the patient's axes (right, anterior, superior) to those of the room.
+    /// Rotation from the patient's axes (right, anterior, superior) to those of the room.
     pub orientation: DQuat,
     /// Magnification; 1 is real size.
     pub scale: f64,
 }
 
 impl Placement {
-    /// In real size before a head, upright, the face to the viewer.
+    /// Creates the placement of a patient before a head: in real size, upright, the face to the viewer.
     pub fn before(head: &Pose, centre_mm: DVec3, radius_mm: f64) -> Self {
-        // Level, whatever the head does.
+        // The direction is level, however the head is tilted.
         let ahead = (head.forward() * DVec3::new(1.0, 0.0, 1.0)).try_normalize().unwrap_or(DVec3::NEG_Z);
         let distance = REACH.max(1.5 * radius_mm / MM);
         // The patient's right is at the viewer's left, anterior towards the viewer, superior up.
@@ -42,22 +42,22 @@ impl Placement {
         }
     }
 
-    /// Returns where a point of the patient is in the room, metres.
+    /// Returns the place of a point of the patient in the room, metres.
     pub fn room(&self, mm: DVec3) -> DVec3 {
         self.position + self.orientation * ((mm - self.centre_mm) * (self.scale / MM))
     }
 
-    /// Returns which point of the patient is there in the room, mm RAS.
+    /// Returns the point of the patient at a place in the room, mm RAS.
     pub fn patient(&self, room: DVec3) -> DVec3 {
         self.centre_mm + self.orientation.inverse() * (room - self.position) * (MM / self.scale)
     }
 
-    /// Returns a direction of the room, in the patient.
+    /// Returns a direction of the room as one in the patient.
     pub fn patient_direction(&self, room: DVec3) -> DVec3 {
         self.orientation.inverse() * room
     }
 
-    /// Returns a step in the room, metres, as one in the patient, mm.
+    /// Returns an offset in the room, metres, as one in the patient, mm.
     pub fn patient_offset(&self, room: DVec3) -> DVec3 {
         self.patient_direction(room) * (MM / self.scale)
     }
@@ -78,7 +78,7 @@ impl Placement {
         }
     }
 
-    /// Carried from a hand's pose to its next.
+    /// Returns the placement after a hand has carried the patient from its pose to the next.
     #[must_use]
     pub fn carried(&self, from: &Pose, to: &Pose) -> Self {
         let turn = (to.orientation * from.orientation.inverse()).normalize();
@@ -89,8 +89,9 @@ impl Placement {
         }
     }
 
-    /// Held by two hands that have moved: turned with the line between them, scaled with its length, moved
-    /// with its middle. Turning about that line is left out: two points do not say it.
+    /// Returns the placement after two hands have stretched the patient: turned with the line between them,
+    /// scaled with its length, moved with its middle. There is no turn about that line, since two points do
+    /// not determine it.
     #[must_use]
     pub fn stretched(&self, from: [DVec3; 2], to: [DVec3; 2]) -> Self {
         let (before, after) = (from[1] - from[0], to[1] - to[0]);

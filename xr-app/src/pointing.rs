@@ -1,5 +1,5 @@
-//! What hands point at: the panel, on which they click, or the patient, of whom they read the intensity and
-//! on whom they measure. Rays, cursors, readings and distances are marks in the room.
+//! Pointing with the hands: at the panel, on which they click, or at the patient, whose intensity they read
+//! and on whom they measure. Rays, cursors, readings and distances are marks in the room.
 
 use egui::{Rect, pos2};
 use engine::Result;
@@ -20,19 +20,20 @@ use crate::palm::Palms;
 use crate::panel::{LENGTH, Mark, Panel, PanelContent, Pointer, SIZE, scrolled};
 use crate::sheets::{Plane, Sheets};
 
-/// Metres of a point of the panel.
+/// Metres per point of the panel.
 const POINT: f64 = 0.001;
-/// Where the panel's middle is before a head: so far away, metres, so far to the left, radians, and below,
-/// metres.
+/// Place of the panel's middle before a head: distance, metres, angle to the left, radians, and offset
+/// downwards, metres.
 const BEFORE: (f64, f64, f64) = (0.65, 0.45, 0.08);
-/// At this distance from the eye texts are as large as on the panel; elsewhere they look as large, metres.
+/// Distance from the eye, metres, at which texts are as large as on the panel; elsewhere they look equally
+/// large.
 const TEXTS: f64 = 0.65;
-/// A ray that meets nothing is drawn so long, metres.
+/// Length of a ray that meets nothing, metres.
 const BEAM: f64 = 1.5;
-/// Most distances that are drawn; the list on the panel has all.
+/// Greatest number of distances that are drawn; the list on the panel has all.
 const DISTANCES: usize = 8;
 
-/// What the host knows of the splats, to tell what a ray hits and to draw their histogram.
+/// Data of the splats on the host that tell what a ray hits, and their histogram.
 pub struct PickData {
     probe: Probe,
     histogram: Option<Histogram>,
@@ -40,36 +41,38 @@ pub struct PickData {
 }
 
 impl PickData {
-    /// Of the splats that are shown.
+    /// Computes the data of the splats that are shown.
     pub fn of(set: &SplatSet) -> Self {
         let unit = if set.has_intensity { " HU" } else { "" };
         PickData { probe: Probe::new(set), histogram: Histogram::of_splats(set), unit }
     }
 }
 
-/// What hands point at.
+/// State of pointing.
 pub struct Pointing {
     panel: Panel,
     sheets: Sheets,
     pick: Option<PickData>,
     object_splats: Vec<usize>,
-    /// Where the panel is, while it is shown.
+    /// Plane of the panel, while it is shown.
     place: Option<Plane>,
-    /// Where the panel and the marks are.
+    /// Planes of the panel and the marks.
     planes: Vec<Plane>,
     toggle: [Button; 2],
     palms: Palms,
     select: [Button; 2],
     /// The hand that points: the one that clicked last.
     active: usize,
-    /// Whether the tool that measures is taken up, and the first end of a distance, mm RAS.
+    /// The first end of a distance, mm RAS, if there is one yet; the outer option is set while the measuring
+    /// tool is in use.
     measuring: Option<Option<DVec3>>,
-    /// What the ray of the active hand meets.
+    /// The hit of the active hand's ray.
     hit: Option<Hit>,
 }
 
 impl Pointing {
-    /// At nothing, before this headset; `object_splats` are the splats of each object.
+    /// Creates the state for a headset, pointing at nothing. `object_splats` are the numbers of splats of the
+    /// objects.
     pub fn new(
         gpu: &Gpu,
         about: &Description,
@@ -90,7 +93,7 @@ impl Pointing {
             measuring: None,
             hit: None,
         };
-        // Letters and textures are made once, before the first frame.
+        // Glyphs and textures are created once, before the first frame.
         let letters = Mark::Text("0123456789 -.,()mHU".to_owned());
         pointing.lay_out(0.0, true, None, vec![letters], controls)?;
         pointing.lay_out(0.0, false, None, Vec::new(), controls)?;
@@ -100,7 +103,7 @@ impl Pointing {
         Ok(pointing)
     }
 
-    /// Sets what the host knows of the splats, without which nothing is read or measured.
+    /// Sets the data for picking, without which nothing is read or measured.
     pub fn set_pick_data(&mut self, pick: PickData) {
         self.pick = Some(pick);
         self.panel.refresh();
@@ -114,24 +117,24 @@ impl Pointing {
         };
     }
 
-    /// Returns where the panel is, if it is shown.
+    /// Returns the plane of the panel, if it is shown.
     pub fn panel(&self) -> Option<&Plane> {
         self.place.as_ref()
     }
 
-    /// Takes up the tool that measures, or lays it down.
+    /// Takes up the measuring tool, or lays it down.
     pub fn measure(&mut self) {
         self.measuring = if self.measuring.is_none() { Some(None) } else { None };
         self.panel.refresh();
     }
 
-    /// Returns what the ray of the hand that points hits, as the tool that measures shows it.
+    /// Returns the hit of the pointing hand's ray, as the measuring tool shows it.
     pub fn hit(&self) -> Option<&Hit> {
         self.hit.as_ref()
     }
 
-    /// Does what hands mean that point at something, at a time and in a frame that lasts so long, seconds.
-    /// Gives the hands as they are for all else.
+    /// Carries out what pointing hands mean, given the time and the frame's duration, seconds. Returns the
+    /// hands as everything else should see them.
     pub fn update(
         &mut self,
         hands: &Hands,
@@ -151,7 +154,7 @@ impl Pointing {
             self.active = side;
         }
         let on_panel = [0, 1].map(|side| self.on_panel(&hands[side]));
-        // Who is on the panel points, whichever hand it is.
+        // A hand on the panel points, whichever hand it is.
         if on_panel[self.active].is_none() && on_panel[1 - self.active].is_some() {
             self.active = 1 - self.active;
         }
@@ -181,8 +184,8 @@ impl Pointing {
         Ok(self.freed(hands, controls, pointed.is_some()))
     }
 
-    /// Returns the hands without what was meant for the panel or the tool: a hand there takes hold of
-    /// nothing, unless it has before.
+    /// Returns the hands without what was meant for the panel or the tool: a hand there grabs nothing, unless
+    /// it holds the patient already.
     fn freed(&self, hands: &Hands, controls: &Controls, on_panel: bool) -> Hands {
         let mut freed = *hands;
         let hand = &mut freed[self.active];
@@ -196,7 +199,7 @@ impl Pointing {
         freed
     }
 
-    /// Returns which point of the panel a hand points at, and how far away that is, metres.
+    /// Returns the point of the panel that a hand points at, and its distance, metres.
     fn on_panel(&self, hand: &Hand) -> Option<(egui::Pos2, f64)> {
         let (plane, ray) = (self.place?, hand.ray()?);
         plane.met(&ray).filter(|(at, _)| Rect::from_min_size(pos2(0.0, 0.0), SIZE).contains(*at))
@@ -215,7 +218,7 @@ impl Pointing {
         });
     }
 
-    /// Everything that is drawn beside the panel, and where: the panel's plane comes first.
+    /// Returns everything that is drawn beside the panel, and the planes: the panel's plane comes first.
     fn marks(
         &self,
         ray: Option<Pose>,
@@ -278,20 +281,20 @@ impl Pointing {
             match action {
                 Action::Transfer(name) => controls.choose(&name)?,
                 Action::Measure => self.measure(),
-                // The sections of this panel ask for nothing else.
+                // The sections of this panel ask for no other actions.
                 _ => {}
             }
         }
         Ok(())
     }
 
-    /// Brings what egui draws from up to date.
+    /// Records updates of the textures from which egui draws.
     pub fn prepare(&mut self, recorder: &mut Recorder) -> Result<()> {
         self.sheets.update(recorder)
     }
 
-    /// Records the panel and the marks over the pictures of the eyes, for a frame of this turn with these
-    /// views, of a scene with its zero at `origin`.
+    /// Records the panel and the marks over the pictures of the eyes. `turn` is the frame's turn with its
+    /// views; `origin` is the scene's origin, mm RAS.
     pub fn draw(
         &mut self,
         recorder: &mut Recorder,
@@ -304,7 +307,7 @@ impl Pointing {
     }
 }
 
-/// Returns a plane for the panel before a head: upright, to the left of where it looks.
+/// Returns a plane for the panel before a head: upright, to the left of the viewing direction.
 pub fn panel_before(head: &Pose) -> Plane {
     let (distance, left, below) = BEFORE;
     let level = (head.forward() * DVec3::new(1.0, 0.0, 1.0)).try_normalize().unwrap_or(DVec3::NEG_Z);
@@ -322,7 +325,7 @@ struct Marks {
 }
 
 impl Marks {
-    /// Something at a place, facing the viewer, who sees it in one size however far it is.
+    /// Adds a mark at a place. It faces the viewer, who sees it in one size however far it is.
     fn at(&mut self, mark: Mark, at: DVec3) {
         let anchor = Panel::anchor(self.list.len());
         let metres = POINT * at.distance(self.head) / TEXTS;
@@ -330,7 +333,7 @@ impl Marks {
         self.list.push(mark);
     }
 
-    /// Something from a place to another, its broad side to the viewer.
+    /// Adds a mark from one place to another. Its broad side faces the viewer.
     fn line(&mut self, mark: Mark, from: DVec3, to: DVec3) {
         let anchor = Panel::anchor(self.list.len());
         let along = to - from;

@@ -1,5 +1,5 @@
-//! The program: reads the splats, starts a headset, shows them until the session ends, and writes what was
-//! measured.
+//! The program: reads the splats, starts a headset, shows them until the session ends, and writes the
+//! measurements.
 
 use std::path::Path;
 #[cfg(not(target_os = "android"))]
@@ -43,8 +43,8 @@ pub fn run(arguments: &HeadsetArguments) -> Result<()> {
     })
 }
 
-/// Returns what there is to show, and the levels on which it can be; everything that can be wrong before
-/// there is a device.
+/// Returns the splats and their quality levels. Checks everything that can be checked before there is a
+/// device.
 pub(crate) fn prepare(arguments: &HeadsetArguments) -> Result<(SplatSet, Vec<QualityLevel>)> {
     for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
         output::check_writable(path, arguments.force)?;
@@ -54,8 +54,9 @@ pub(crate) fn prepare(arguments: &HeadsetArguments) -> Result<(SplatSet, Vec<Qua
     Ok((set, levels))
 }
 
-/// A session, until it ends or `stop` is set. `windows` is what the device must know to draw in that of
-/// `onlooker`, which makes who is shown what the eyes see, if anybody is.
+/// Runs a session until it ends or `stop` is set. `windows` are those with which the device must be booted so
+/// that `onlooker` can draw; `onlooker` creates the onlooker that is shown what the eyes see, if there is
+/// one.
 pub(crate) fn session(
     arguments: &HeadsetArguments,
     (set, levels): (SplatSet, Vec<QualityLevel>),
@@ -91,7 +92,7 @@ pub(crate) fn session(
     }
 }
 
-/// Returns the levels of such splats.
+/// Returns the quality levels of a set's splats.
 fn levels(arguments: &HeadsetArguments, set: &SplatSet) -> Result<Vec<QualityLevel>> {
     let levels = render::quality_levels(SplatKind::of(set));
     match arguments.level {
@@ -136,7 +137,7 @@ fn show(
     }
     announce(headset);
     let ended = viewer.run(headset, stop);
-    // What was measured is worth keeping however it ended.
+    // The measurements are reported however the session ended.
     let report = viewer.report(headset);
     print(&report);
     if let Some([shown, skipped]) = viewer.onlooker_counts() {
@@ -190,7 +191,7 @@ fn print(report: &SessionReport) {
     }
 }
 
-/// Returns what both eyes saw last, side by side, over black.
+/// Writes what both eyes saw last, side by side, over black.
 fn write_picture(path: &Path, viewer: &mut Viewer, force: bool) -> Result<()> {
     let eyes = viewer.picture()?;
     let [width, height, _] = eyes.size().map(|n| n as usize);

@@ -1,9 +1,9 @@
-//! Planes in the room with what egui paints on them, drawn over the pictures of both eyes.
+//! Sheets: planes in the room with egui's painting on them, drawn over the pictures of both eyes.
 //!
 //! egui has one screen, of points. A sheet is a rectangle of that screen on a plane of its own: the panel is
-//! one, and each label, line and cursor another. Triangles go to the device when egui has made new ones;
-//! where the planes are, in each frame. All sheets are one draw, in painting order, and nothing of the scene
-//! hides them.
+//! one, and each label, line and cursor another. Triangles go to the device when egui has new ones; the
+//! positions of the planes, in each frame. All sheets are one draw, in painting order, and nothing of the
+//! scene hides them.
 
 use egui::TexturesDelta;
 use egui::epaint::ClippedPrimitive;
@@ -19,41 +19,40 @@ use view::painter::{Mesh, Textures, fill};
 use crate::headset::{FrameImages, Pose};
 use crate::placement::Placement;
 
-/// Room for this many corners, indices and rectangles from the start on: a panel with labels takes a third of
-/// it.
+/// Initial capacity for corners, indices and rectangles; a panel with labels takes a third of it.
 const ROOM: [usize; 3] = [1 << 15, 1 << 16, 1 << 9];
 
 /// A plane in the room with the screen's points on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Plane {
-    /// Where the screen's zero is, metres.
+    /// Place of the screen's origin, metres.
     pub zero: DVec3,
-    /// From there a point to the right, metres.
+    /// Step of one point to the right, metres.
     pub right: DVec3,
-    /// From there a point down, metres.
+    /// Step of one point down, metres.
     pub down: DVec3,
 }
 
 impl Plane {
-    /// With `anchor` of the screen at a place in the room.
+    /// Creates a plane with the point `anchor` of the screen at a place in the room.
     pub fn anchored(anchor: Pos2, at: DVec3, right: DVec3, down: DVec3) -> Self {
         let zero = at - right * f64::from(anchor.x) - down * f64::from(anchor.y);
         Plane { zero, right, down }
     }
 
-    /// Upright, facing an eye, a point `metres` large.
+    /// Creates an upright plane that faces an eye, with points `metres` large.
     pub fn facing(anchor: Pos2, at: DVec3, eye: DVec3, metres: f64) -> Self {
         let towards = (eye - at).try_normalize().unwrap_or(DVec3::Z);
         let right = DVec3::Y.cross(towards).try_normalize().unwrap_or(DVec3::X);
         Plane::anchored(anchor, at, right * metres, right.cross(towards) * metres)
     }
 
-    /// Returns where a point of the screen is in the room, metres.
+    /// Returns the place of a point of the screen in the room, metres.
     pub fn place(&self, at: Pos2) -> DVec3 {
         self.zero + self.right * f64::from(at.x) + self.down * f64::from(at.y)
     }
 
-    /// Returns which point of the screen a ray meets, and how far away, metres.
+    /// Returns the point of the screen that a ray meets, and its distance, metres.
     pub fn met(&self, ray: &Pose) -> Option<(Pos2, f64)> {
         let normal = self.right.cross(self.down);
         let distance = (self.zero - ray.position).dot(normal) / ray.forward().dot(normal);
@@ -66,34 +65,34 @@ impl Plane {
     }
 }
 
-/// What is on the device for a turn of frames.
+/// Buffers on the device for one turn of the frames.
 struct Slot {
     vertices: Buffer<PanelVertex>,
     indices: Buffer<u32>,
     sheets: Buffer<Sheet>,
-    /// The triangles that are in its buffers.
+    /// Version of the triangles in its buffers.
     version: u64,
 }
 
-/// What draws sheets.
+/// Draws sheets.
 pub struct Sheets {
     gpu: Gpu,
     drawing: Drawing,
-    /// The format of the pictures, and whether they have depth.
+    /// Format of the pictures; true if they have depth.
     kind: (Format, bool),
-    /// For pictures of another kind, kept because what was recorded needs it until it has run.
+    /// Drawing for pictures of another kind, kept because recorded commands need it until they have run.
     other: Option<((Format, bool), Drawing)>,
     textures: Textures,
     changes: TexturesDelta,
     mesh: Mesh,
-    /// Which plane each rectangle of the mesh is on.
+    /// Index of the plane of each rectangle of the mesh.
     plane_of: Vec<usize>,
     version: u64,
     slots: Vec<Slot>,
 }
 
 impl Sheets {
-    /// Over pictures of this format, with or without depth, with a layer for each eye.
+    /// Creates the drawing over pictures of this format, with or without depth, with a layer for each eye.
     pub fn new(gpu: &Gpu, format: Format, depth: bool) -> Result<Self> {
         let slot = |n| {
             let name = |what: &str| format!("{what} of sheets {n}");
@@ -118,7 +117,8 @@ impl Sheets {
         })
     }
 
-    /// Takes what egui has made; `plane` says which plane the rectangle is on that a primitive is clipped to.
+    /// Takes egui's output; `plane` returns the index of the plane for the rectangle to which a primitive is
+    /// clipped.
     pub fn take(
         &mut self,
         primitives: &[ClippedPrimitive],
@@ -132,16 +132,16 @@ impl Sheets {
         self.version += 1;
     }
 
-    /// Brings egui's textures up to date.
+    /// Records updates of egui's textures.
     pub fn update(&mut self, recorder: &mut Recorder) -> Result<()> {
         self.textures.update(recorder, &mut self.changes)?;
         self.textures.forget(&mut self.changes);
         Ok(())
     }
 
-    /// Records the sheets over the pictures of both eyes, which see the scene as `views` say: patients placed
-    /// so, with the scene's zero at `origin`. `slot` is the frame's turn. For pictures of another kind than
-    /// the headset's a pipeline is made first.
+    /// Records the sheets over the pictures of both eyes, which see the scene as `views` say. `slot` is the
+    /// frame's turn, `placement` that of the patient, and `origin` the scene's origin, mm RAS. For pictures
+    /// of another kind than the headset's a pipeline is created first.
     pub fn draw(
         &mut self,
         recorder: &mut Recorder,
@@ -196,7 +196,7 @@ impl Sheets {
 
 impl Drop for Sheets {
     fn drop(&mut self) {
-        // egui wants to be told that changes no longer matter.
+        // egui must be told that changes no longer matter.
         self.changes.clear();
     }
 }

@@ -1,9 +1,9 @@
-//! Which views show what the eyes see, and what of their pictures no eye sees.
+//! The views that show what the eyes see, and the visibility masks of their pictures.
 //!
-//! Without foveation there is a view for each eye. With it there are two, with pictures of one size, a part
-//! of the eye's: the surround is all that the eye sees, at fewer pixels, and the inset is the middle around
-//! the axis straight ahead, pixel for pixel. Nothing is rendered of the surround where the inset covers it,
-//! nor of either behind the rims of the lenses.
+//! Without foveation there is a view for each eye. With it there are two views for each eye, with pictures of
+//! one size, a part of the eye's: the surround is all that the eye sees, at fewer pixels, and the inset is
+//! the middle around the axis straight ahead, at full resolution. Nothing is rendered of the surround where
+//! the inset covers it, nor of either where the lenses hide it.
 
 use engine::render::{Camera, Fov, Settings, Triangle, VisibilityMask};
 use glam::{DVec2, DVec3};
@@ -14,17 +14,18 @@ use crate::placement::Placement;
 /// Part of an inset's edges over which it fades into the surround.
 pub const FADING: f64 = 0.1;
 
-/// Where an inset lies in the picture of an eye: its left, upper, right and lower edge as parts of the
+/// Place of an inset in the picture of an eye: its left, upper, right and lower edge as parts of the
 /// picture's.
 pub type Inset = [f64; 4];
 
-/// Where an eye sees the mark of a draft: its middle and its half-axes as parts of the picture's edges.
+/// Place of the mark of a draft in the picture of an eye: its middle and its half-axes as parts of the
+/// picture's edges.
 pub type Mark = [f64; 4];
 
-/// How far below straight ahead that is, and its radius; tangents.
+/// Offset of the mark below straight ahead, and its radius; tangents.
 const MARK: [f64; 2] = [0.36, 0.009];
 
-/// What is rendered for the eyes.
+/// The views that are rendered for the eyes.
 pub struct Sight {
     eye_size: [u32; 2],
     /// Width and height of the pictures of views, pixels.
@@ -36,15 +37,15 @@ pub struct Sight {
     fovs: Option<[Fov; 2]>,
     insets: [Inset; 2],
     marks: [Mark; 2],
-    /// What the masks were made for.
+    /// Fields of view and insets for which the masks were computed.
     made_for: Option<([Fov; 2], [Inset; 2])>,
     masks: Vec<VisibilityMask>,
     hidden: [f64; 2],
 }
 
 impl Sight {
-    /// For eyes with pictures of a size, pixels, behind lenses that may hide something; with foveation, for
-    /// pictures of views whose edges are such a part of them.
+    /// Creates the views for eyes with pictures of `eye_size` pixels, behind lenses that may hide something.
+    /// With foveation, the edges of the views' pictures are such a part of the eyes'.
     pub fn new(eye_size: [u32; 2], foveation: Option<f64>, lenses: bool) -> Self {
         let part = foveation.unwrap_or(1.0);
         let size = eye_size.map(|n| ((f64::from(n) * part).round() as u32).clamp(1, n));
@@ -62,7 +63,7 @@ impl Sight {
         }
     }
 
-    /// Of what renders the views.
+    /// Returns the settings of the renderer of the views.
     pub fn settings(&self, depth: bool) -> Settings {
         let (views, masked) = (if self.foveated { 4 } else { 2 }, self.foveated || self.lenses);
         Settings { views, depth, masked, ..Settings::new(self.size) }
@@ -73,18 +74,18 @@ impl Sight {
         self.eye_size
     }
 
-    /// Returns where the insets of the frame lie, if there are any.
+    /// Returns the places of the frame's insets, if there are any.
     pub fn insets(&self) -> Option<&[Inset; 2]> {
         self.foveated.then_some(&self.insets)
     }
 
-    /// Returns where the eyes see the mark of a draft: in one direction, so that it is one mark for both.
+    /// Returns the place of the mark of a draft for each eye: in one direction, so that both see one mark.
     pub fn marks(&self) -> &[Mark; 2] {
         &self.marks
     }
 
-    /// Puts the insets of the next frame straight ahead of the eyes of the last. They must not move any more
-    /// when the next one is recorded, which is before it is known where its eyes are.
+    /// Moves the insets of the next frame straight ahead of the eyes of the last. It must be called before
+    /// the next frame is recorded, when its eyes are not yet known; the insets stay there from then on.
     pub fn aim(&mut self) {
         if let Some(fovs) = self.fovs {
             self.insets = fovs.map(|fov| {
@@ -94,13 +95,13 @@ impl Sight {
         }
     }
 
-    /// Forgets what is known of lenses, so that the hidden areas are recomputed.
+    /// Forgets the lenses, so that the visibility masks are recomputed.
     pub fn forget(&mut self) {
         self.made_for = None;
     }
 
-    /// Recomputes the hidden areas of the pictures of a frame with these eyes behind such lenses; returns
-    /// them if they changed. Notes the eyes for [`Self::aim`].
+    /// Recomputes the visibility masks of a frame with these eyes behind such lenses; returns them if they
+    /// changed. Keeps the fields of view for [`Self::aim`].
     pub fn update(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) -> Option<&[VisibilityMask]> {
         let fovs = eyes.map(|eye| eye.fov);
         self.fovs = Some(fovs);
@@ -122,8 +123,8 @@ impl Sight {
         Some(&self.masks)
     }
 
-    /// Returns the views of these eyes, in the order of the pictures' layers: what both see, then their
-    /// insets.
+    /// Returns the views of these eyes, in the order of the pictures' layers: first those of both eyes, then
+    /// their insets.
     pub fn cameras(&self, placement: &Placement, eyes: &[Eye; 2]) -> Vec<Camera> {
         let insets = self.insets().into_iter().flatten();
         let within = eyes.iter().zip(insets).map(|(eye, inset)| Eye { fov: inner(&eye.fov, inset), ..*eye });
@@ -136,7 +137,7 @@ impl Sight {
     }
 }
 
-/// Returns the mark in the direction that is straight ahead of both eyes together and somewhat down.
+/// Returns the mark in the direction straight ahead of both eyes together and somewhat down.
 fn marks(eyes: &[Eye; 2]) -> [Mark; 2] {
     let mean = |axis: DVec3| (eyes[0].pose.orientation * axis + eyes[1].pose.orientation * axis).normalize();
     let [below, radius] = MARK;
@@ -149,7 +150,7 @@ fn marks(eyes: &[Eye; 2]) -> [Mark; 2] {
     })
 }
 
-/// Returns an inset of so many pixels around a place of a picture, or as near to it as the picture's edges
+/// Returns an inset of `size` pixels around a place of a picture, or as near to it as the picture's edges
 /// allow, on whole pixels.
 fn inset(middle: DVec2, size: [u32; 2], of: [u32; 2]) -> Inset {
     let [x, y] = [0, 1].map(|axis| {
@@ -160,14 +161,14 @@ fn inset(middle: DVec2, size: [u32; 2], of: [u32; 2]) -> Inset {
     [x.0, y.0, x.1, y.1]
 }
 
-/// Returns what an inset shows of a field of view.
+/// Returns the part of a field of view that an inset shows.
 fn inner(fov: &Fov, &[left, up, right, down]: &Inset) -> Fov {
     let across = |part: f64| fov.left + (fov.right - fov.left) * part;
     let along = |part: f64| fov.up + (fov.down - fov.up) * part;
     Fov { left: across(left), right: across(right), up: along(up), down: along(down) }
 }
 
-/// Returns where an inset shows all, and nothing of the surround.
+/// Returns the area in which the inset is opaque and nothing of the surround shows.
 fn covered(fov: &Fov, &[left, up, right, down]: &Inset) -> [Triangle; 2] {
     // As in `eyes.glsl`: at an edge of the picture an inset does not fade.
     let from = |low: f64, edge: f64| if low > 0.0 { low + edge * FADING } else { 0.0 };

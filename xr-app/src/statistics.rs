@@ -1,5 +1,5 @@
-//! What is measured of the frames: how regular they were, what they cost, on which level, and how old their
-//! poses.
+//! Measurements of the frames: how regular they were, what they cost, their quality levels, and the age of
+//! their poses.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::headset::{Description, Eye, Eyes, Timing};
 use crate::placement::Placement;
 
-/// Frames that are kept: twelve minutes at 90 Hz.
+/// Number of frames that are kept: twelve minutes at 90 Hz.
 const KEPT: usize = 1 << 16;
 
 /// Narrowest bins for motion to photon, ms.
@@ -19,32 +19,32 @@ const LATENCY_BIN_MS: f64 = 0.1;
 /// A frame that has finished.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sample {
-    /// The level that it was rendered on.
+    /// Quality level of the frame.
     #[serde(rename = "rung")]
     pub level: usize,
     /// Device time, ms.
     pub gpu_ms: f64,
-    /// What it might have taken, ms.
+    /// Budget of the frame, ms.
     pub budget_ms: f64,
 }
 
-/// Percentiles of something, in its unit.
+/// Percentiles of some numbers, in their unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Distribution {
-    /// 5 of 100 are at most this.
+    /// The number that 5 % do not exceed.
     pub p5: f64,
-    /// The middle one.
+    /// The median.
     pub median: f64,
-    /// 95 of 100 are at most this.
+    /// The number that 95 % do not exceed.
     pub p95: f64,
-    /// 99 of 100 are at most this.
+    /// The number that 99 % do not exceed.
     pub p99: f64,
-    /// The greatest.
+    /// The greatest number.
     pub most: f64,
 }
 
 impl Distribution {
-    /// Of some numbers; none of no numbers.
+    /// Computes the percentiles of the finite ones of some numbers; `None` if there are none.
     pub fn of(numbers: impl Iterator<Item = f64>) -> Option<Self> {
         let mut sorted: Vec<f64> = numbers.filter(|v| v.is_finite()).collect();
         sorted.sort_by(f64::total_cmp);
@@ -55,22 +55,23 @@ impl Distribution {
     }
 }
 
-/// Most bins of a [`Histogram`].
+/// Greatest number of bins of a [`Histogram`].
 const BINS: f64 = 40.0;
 
-/// How many of some numbers lie in each of a row of bins as wide as each other.
+/// A histogram with bins of equal width.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Histogram {
     /// Lower end of the first bin, in the unit of the numbers; a multiple of the width.
     pub from: f64,
     /// Width of a bin, in the same unit: 1, 2 or 5 times a power of ten.
     pub width: f64,
-    /// Numbers in each bin; one on the border of two is in the upper one.
+    /// Counts of the bins; a number on the border of two bins is in the upper one.
     pub counts: Vec<u64>,
 }
 
 impl Histogram {
-    /// Of some numbers, in bins no narrower than `least`, at most 40; none of no numbers.
+    /// Computes the histogram of the finite ones of some numbers, in at most 40 bins no narrower than
+    /// `least`; `None` if there are none.
     pub fn of(numbers: impl Iterator<Item = f64>, least: f64) -> Option<Self> {
         let numbers: Vec<f64> = numbers.filter(|v| v.is_finite()).collect();
         let low = numbers.iter().copied().reduce(f64::min)?;
@@ -85,7 +86,7 @@ impl Histogram {
     }
 }
 
-/// Collects what is measured.
+/// Collects the measurements.
 #[derive(Default)]
 pub struct Statistics {
     frames: u64,
@@ -100,12 +101,12 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Frames that the headset asked for.
+    /// Returns the number of frames that the headset asked for.
     pub fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// A frame is about to be rendered, or not, where nobody sees it.
+    /// Notes a frame that is about to be rendered, or that is not rendered because nobody sees it.
     pub fn note_frame(&mut self, timing: &Timing) {
         self.frames += 1;
         self.invisible += u64::from(!timing.visible);
@@ -118,7 +119,7 @@ impl Statistics {
         }
     }
 
-    /// The eyes were asked for.
+    /// Notes the poses of the eyes that a frame was rendered for.
     pub fn note_eyes(&mut self, timing: &Timing, eyes: &Eyes) {
         self.untracked += u64::from(!eyes.tracked);
         self.eyes = Some(eyes.eyes);
@@ -127,12 +128,12 @@ impl Statistics {
         }
     }
 
-    /// A frame has finished.
+    /// Notes a frame that has finished.
     pub fn note_finished(&mut self, frame: &Finished, budget_ms: f64) {
         keep(&mut self.samples, Sample { level: frame.level, gpu_ms: frame.gpu_ms, budget_ms });
     }
 
-    /// All there is to say.
+    /// Returns the report of the session so far.
     pub fn report(
         &self,
         gpu: &Gpu,
@@ -185,7 +186,7 @@ fn keep<T>(all: &mut VecDeque<T>, one: T) {
     all.push_back(one);
 }
 
-/// What a session was like.
+/// Report of a session.
 #[derive(Clone, Debug, Serialize)]
 pub struct SessionReport {
     /// Name and version of the runtime.
@@ -200,69 +201,69 @@ pub struct SessionReport {
     pub eye_size: [u32; 2],
     /// Extensions in use.
     pub extensions: Vec<&'static str>,
-    /// From frame to frame of the display, ms, at last.
+    /// Last period of the display from frame to frame, ms.
     pub period_ms: f64,
     /// Frames that the headset asked for.
     pub frames: u64,
-    /// Those that somebody saw.
+    /// Frames that somebody saw.
     pub rendered: u64,
-    /// Frames with poses that were not known and are the last ones.
+    /// Frames without known poses, for which the last ones were used.
     pub untracked: u64,
     /// Periods of the display without a new frame.
     pub missed: u64,
-    /// Between the times at which frames are seen.
+    /// Times between two frames as they are seen, ms.
     pub interval_ms: Option<Distribution>,
-    /// Device time.
+    /// Device times, ms.
     pub gpu_ms: Option<Distribution>,
     /// Device time as a part of the budget.
     pub budget_use: Option<Distribution>,
     /// Frames that took more than the budget.
     pub over_budget: u64,
-    /// How often the level changed.
+    /// Number of changes of the level.
     #[serde(rename = "rung_changes")]
     pub level_changes: u64,
-    /// Frames on each level.
+    /// Number of frames on each level.
     pub frames_on: Vec<u64>,
-    /// From asking for poses to the light of the frame (motion to photon), ms, by the time for which the
-    /// headset wanted the frame: where the host comes after that, it is negative, and the frame is seen
-    /// later.
+    /// Times from the request for poses to the light of the frame (motion to photon), ms, by the time for
+    /// which the headset wanted the frame. If the host is later than that, the time is negative, and the
+    /// frame is seen later.
     pub latency_ms: Option<Distribution>,
-    /// The same in bins of so many ms.
+    /// Histogram of the same times, ms.
     pub latency_histogram_ms: Option<Histogram>,
-    /// Allocations of device memory within the loop.
+    /// Number of allocations of device memory within the loop.
     pub allocations: u64,
-    /// Pipelines that were made within the loop.
+    /// Number of pipelines that were created within the loop.
     pub pipelines: u64,
-    /// Waits of the host for the device within the loop.
+    /// Number of waits of the host for the device within the loop.
     pub waits: u64,
     /// Device memory by purpose, bytes.
     pub device_bytes: BTreeMap<&'static str, u64>,
-    /// Part of each eye's picture that lenses hide, by patches that lie behind them altogether.
+    /// Part of each eye's picture that lenses hide, by patches that are hidden completely.
     pub hidden: [f64; 2],
-    /// Where the eyes were at last.
+    /// The eyes of the last frame.
     pub eyes: Option<[SeenBy; 2]>,
-    /// Where the patient's middle was at last, in the room, metres.
+    /// Last place of the patient's middle in the room, metres.
     pub patient: [f64; 3],
-    /// Magnification of the patient at last; 1 is real size.
+    /// Last magnification of the patient; 1 is real size.
     pub scale: f64,
     /// Frames in their order.
     pub samples: Vec<Sample>,
 }
 
-/// An eye, as it is reported.
+/// An eye in the report.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct SeenBy {
-    /// Where it was in the room, metres.
+    /// Position in the room, metres.
     pub position: [f64; 3],
-    /// Where it looked.
+    /// Viewing direction.
     pub forward: [f64; 3],
-    /// Tangent of the angle to the left edge of what it saw.
+    /// Tangent of the angle to the left edge of its field of view.
     pub left: f64,
-    /// To the right edge.
+    /// Tangent of the angle to the right edge.
     pub right: f64,
-    /// To the upper edge.
+    /// Tangent of the angle to the upper edge.
     pub up: f64,
-    /// To the lower edge.
+    /// Tangent of the angle to the lower edge.
     pub down: f64,
 }
 
@@ -298,7 +299,7 @@ mod tests {
         assert_eq!(far.counts.iter().sum::<u64>(), 5);
     }
 
-    /// From asking for the poses to the light, whatever the frames in between.
+    /// Latency lasts from the request for the poses to the light, whatever the frames in between.
     #[test]
     fn latency_is_a_distribution() {
         let mut statistics = Statistics::default();

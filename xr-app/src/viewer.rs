@@ -1,4 +1,4 @@
-//! The loop: what happens between a headset's call for a frame and the frame.
+//! The loop: from a headset's call for a frame to the frame.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -18,23 +18,23 @@ use crate::pointing::{PickData, Pointing};
 use crate::sight::Sight;
 use crate::statistics::{SessionReport, Statistics};
 
-/// How the scene is shown.
+/// Options of the view.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Ways to render, the best first.
+    /// Quality levels, the best first.
     pub levels: Vec<QualityLevel>,
-    /// Device time of a frame, ms; from the display's rate where nothing is said.
+    /// Device time of a frame, ms; `None` derives it from the display's rate.
     pub budget_ms: Option<f64>,
-    /// The level to stay on, if the controller is not to choose.
+    /// Level that is always used; `None` lets the controller choose.
     pub level: Option<usize>,
-    /// Behind everything, display-referred, where the headset shows no room there.
+    /// Colour behind everything, display-referred, unless the headset shows the room there.
     pub background: [f32; 3],
-    /// Ends after so many frames.
+    /// Number of frames after which the session ends.
     pub frames: Option<u64>,
-    /// True if the panel is there from the start.
+    /// True if the panel is shown from the start.
     pub panel: bool,
-    /// Edges of pictures with fewer pixels around an inset with all of them, as a part of the eyes'
-    /// ([`Sight`]); without foveation where nothing is said.
+    /// Edges of the views' pictures, as a part of the eyes', with foveation ([`Sight`]); `None` for no
+    /// foveation.
     pub foveation: Option<f64>,
 }
 
@@ -54,23 +54,24 @@ pub struct Viewer {
     pointing: Pointing,
     sight: Sight,
     onlooker: Option<Box<dyn Onlooker>>,
-    /// Where the head was in the last frame.
+    /// Pose of the head in the last frame.
     head: Pose,
     /// The turn of the last frame.
     slot: usize,
     statistics: Statistics,
-    /// True if the patient is to be put before the viewer again.
+    /// True if the patient is to be placed before the viewer again.
     place: bool,
     over: bool,
     shown_size: [u32; 2],
-    /// True if what was rendered last is less than all that the splats can be.
+    /// True if what was rendered last is below the best quality level.
     is_draft: bool,
-    /// What was counted before the first frame.
+    /// Counts before the first frame.
     before: Hitches,
 }
 
 impl Viewer {
-    /// For a scene in a headset.
+    /// Creates a viewer of a scene in a headset. Renders once in advance, so that later frames find their
+    /// buffers large enough.
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
         let sight = Sight::new(about.eye_size, options.foveation, about.lenses);
@@ -109,12 +110,12 @@ impl Viewer {
         Ok(viewer)
     }
 
-    /// Sets what the host knows of the splats, without which hands read and measure nothing.
+    /// Sets the data for picking, without which hands read and measure nothing.
     pub fn set_pick_data(&mut self, pick: PickData) {
         self.pointing.set_pick_data(pick);
     }
 
-    /// Adds somebody who is shown what the eyes see, too, and who ends the session by going.
+    /// Adds an onlooker who is shown what the eyes see, too, and who ends the session by leaving.
     pub fn add_onlooker(&mut self, onlooker: Box<dyn Onlooker>) {
         self.onlooker = Some(onlooker);
         self.before = self.gpu.hitches();
@@ -174,7 +175,7 @@ impl Viewer {
         }
     }
 
-    /// One frame, from the headset's call for it to its end.
+    /// Renders one frame, from the headset's call for it to its end.
     fn frame(&mut self, headset: &mut dyn Headset) -> Result<()> {
         let timing = headset.wait()?;
         self.statistics.note_frame(&timing);
@@ -209,7 +210,7 @@ impl Viewer {
         }
         headset.release_images(&mut frame.recorder)?;
         (self.shown_size, self.slot, self.is_draft) = (frame.size, frame.slot, level > 0);
-        // All is recorded: now, and not before, it is asked where the eyes are.
+        // Everything is recorded: only now the poses of the eyes are asked for.
         let seen = headset.eyes(&timing)?;
         self.statistics.note_eyes(&timing, &seen);
         self.head = head(&seen.eyes);
@@ -220,14 +221,14 @@ impl Viewer {
         self.onlooker.as_mut().map_or(Ok(()), |onlooker| onlooker.show())
     }
 
-    /// Updates the hidden areas of the pictures of these eyes.
+    /// Updates the visibility masks of the pictures of these eyes.
     fn update_visibility_masks(&mut self, lenses: &[Vec<Triangle>; 2], eyes: &[Eye; 2]) {
         if let Some(masks) = self.sight.update(lenses, eyes) {
             self.frames.set_visibility_masks(masks);
         }
     }
 
-    /// Tells the controller what has finished, and what the display's rate allows.
+    /// Updates the budget by the display's rate, and tells the controller which frames have finished.
     fn update_budget(&mut self, timing: &Timing) -> Result<()> {
         if self.options.budget_ms.is_none() && timing.period_ns > 0 {
             self.controller.set_budget_ms(budget_ms(1e9 / timing.period_ns as f64));
@@ -243,7 +244,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Puts the patient before the viewer, as soon as it is known where that is.
+    /// Puts the patient before the viewer, as soon as the head's pose is known.
     fn place_patient(&mut self, headset: &mut dyn Headset, timing: &Timing) -> Result<()> {
         let found = headset.eyes(timing)?;
         if found.tracked {
@@ -257,27 +258,27 @@ impl Viewer {
         Ok(())
     }
 
-    /// Returns where the patient is.
+    /// Returns the placement of the patient.
     pub fn placement(&self) -> &Placement {
         &self.controls.placement
     }
 
-    /// Returns what hands have done.
+    /// Returns the controls: the state that hands have changed.
     pub fn controls(&self) -> &Controls {
         &self.controls
     }
 
-    /// Returns what hands point at.
+    /// Returns the state of pointing.
     pub fn pointing(&self) -> &Pointing {
         &self.pointing
     }
 
-    /// Returns what hands point at, to be changed from without.
+    /// Returns the state of pointing, to be changed from outside.
     pub fn pointing_mut(&mut self) -> &mut Pointing {
         &mut self.pointing
     }
 
-    /// Returns what both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the
+    /// Renders what both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the
     /// device.
     pub fn picture(&mut self) -> Result<Image> {
         let format = Format::Rgba8;
@@ -305,22 +306,22 @@ impl Viewer {
         Ok(eyes)
     }
 
-    /// Returns what is shown.
+    /// Returns the scene that is shown.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// Returns the width and height of what was rendered last, pixels.
+    /// Returns the width and height of the picture that was rendered last, pixels.
     pub fn shown_size(&self) -> [u32; 2] {
         self.shown_size
     }
 
-    /// Returns what was rendered last, before it was put into the pictures of the eyes.
+    /// Returns the frames, with the pictures that were rendered last, before they were composed for the eyes.
     pub fn frames(&self) -> &Frames {
         &self.frames
     }
 
-    /// Returns what the session was like so far.
+    /// Returns the report of the session so far.
     pub fn report(&self, headset: &dyn Headset) -> SessionReport {
         let now = self.gpu.hitches();
         let hitches = Hitches {
@@ -339,7 +340,7 @@ impl Viewer {
     }
 }
 
-/// Between the eyes, looking as the left one does.
+/// Returns the pose between the eyes, looking as the left one does.
 fn head(eyes: &[Eye; 2]) -> Pose {
     let [left, right] = eyes.map(|eye| eye.pose);
     Pose { position: (left.position + right.position) * 0.5, ..left }

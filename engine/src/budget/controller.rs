@@ -1,25 +1,26 @@
-//! The controller: finished frame times in, levels out.
+//! The controller of the frame budget: it takes finished frame times and chooses quality levels.
 
 use std::collections::VecDeque;
 
 use super::LevelCosts;
 
-/// Frames that the controller looks back upon when it considers a better level.
+/// Number of frames that the controller looks back on when it considers a better level.
 const WINDOW: usize = 60;
-/// Frames that a trend is read from.
+/// Number of frames from which a trend is read.
 const TREND: usize = 32;
-/// So many late frames in a row are an overload; one alone is an outlier.
+/// Number of late frames in a row that count as an overload; a single one is an outlier.
 const LATE: usize = 2;
-/// What a level should take of the budget when it is chosen, so that it is not left at once.
+/// Part of the budget that a level should take when it is chosen, so that it is not left again at once.
 const AIM: f64 = 0.85;
-/// Where a trend says that the budget is about to be missed, a part of it. With normal scatter the third
-/// largest of 32 is 1.35 deviations above the mean and the 99th of 100 frames 2.33: for 8 % scatter, 7 %
-/// more.
+/// Part of the budget above which a trend says that frames are about to be late. With normal scatter the
+/// third largest of 32 frames is 1.35 deviations above the mean and the 99th of 100 is 2.33: for 8 % scatter,
+/// 7 % more.
 const EDGE: f64 = 0.93;
-/// Frames between two changes upwards, at first and at most; it doubles each time that going up has failed.
+/// Frames to wait before going up, at first and at most; the number doubles each time that going up has
+/// failed.
 const PATIENCE: [usize; 2] = [60, 60 << 7];
 
-/// Chooses the level of quality for the next frame from the times of frames that have finished.
+/// Chooses the quality level of the next frame from the times of finished frames.
 #[derive(Clone, Debug)]
 pub struct Controller {
     costs: LevelCosts,
@@ -36,7 +37,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// Begins on the best level.
+    /// Creates a controller that begins on the best level, with a budget of `budget_ms` for each frame.
     pub fn new(costs: LevelCosts, budget_ms: f64) -> Self {
         let patience = vec![PATIENCE[0]; costs.len()];
         Controller { costs, budget_ms, level: 0, times: VecDeque::new(), age: 0, patience, climbed: false }
@@ -52,7 +53,7 @@ impl Controller {
         self.budget_ms
     }
 
-    /// Another budget, as when the display changes its rate.
+    /// Sets another budget, for example when the refresh rate of the display changes.
     pub fn set_budget_ms(&mut self, budget_ms: f64) {
         if budget_ms != self.budget_ms {
             self.budget_ms = budget_ms;
@@ -61,8 +62,8 @@ impl Controller {
         }
     }
 
-    /// Takes note of a frame that has finished: the level that it was rendered on, and its device time in ms.
-    /// Frames on another level than the present one were under way when it changed, and say nothing any more.
+    /// Records a finished frame: its quality level and its device time in ms. Frames on another level than
+    /// the present one were already under way when the level changed, and are ignored.
     pub fn finished(&mut self, level: usize, gpu_ms: f64) {
         if level != self.level || !gpu_ms.is_finite() {
             return;
@@ -79,17 +80,17 @@ impl Controller {
         }
     }
 
-    /// Takes note of what a frame on the best level has taken or would take, ms, though it was not one of
-    /// those in a row that have to be in time: where the best level is the present one and that is too long,
-    /// there need not be late frames first.
+    /// Goes down at once if the best level is the present one and one of its frames has taken, or would take,
+    /// more than the budget (`gpu_ms`, in ms). This is for frames that need not be in time, so that no frame
+    /// has to be late first.
     pub fn foresee(&mut self, gpu_ms: f64) {
         if self.level == 0 && gpu_ms.is_finite() && gpu_ms > self.budget_ms {
             self.go_down(gpu_ms);
         }
     }
 
-    /// Returns what frames take now, ms, where that is too much: the shortest of those late in a row, or
-    /// where the trend leads to.
+    /// Returns how long frames take now, ms, if that is too long: the shortest of the latest frames if all of
+    /// them are late, or the time that the trend leads to.
     fn overload(&self) -> Option<f64> {
         let latest = self.times.iter().rev().take(LATE).copied().reduce(f64::min);
         if let Some(least) = latest.filter(|&ms| ms > self.budget_ms && self.times.len() >= LATE) {
@@ -107,7 +108,7 @@ impl Controller {
         if self.level == last {
             return;
         }
-        // Going up was a mistake, if this comes soon after it: next time later.
+        // If this comes soon after going up, going up was a mistake: wait longer next time.
         if self.climbed && self.age <= 2 * self.patience[self.level] {
             self.patience[self.level] = (2 * self.patience[self.level]).min(PATIENCE[1]);
         }
@@ -115,8 +116,8 @@ impl Controller {
         self.change(wanted.max(self.level + 1), false);
     }
 
-    /// Returns true if all but two of the frames of a whole window would have fitted on the next better
-    /// level, and that long enough.
+    /// Returns true if all but two frames of a whole window would have fitted on the next better level, and
+    /// the controller has waited long enough.
     fn may_go_up(&self) -> bool {
         if self.level == 0 || self.times.len() < WINDOW || self.age < self.patience[self.level - 1] {
             return false;
@@ -137,7 +138,8 @@ impl Controller {
     }
 }
 
-/// Two outliers are no trend.
+/// Returns the third largest of `times`, so that two outliers do not make a trend; −∞ if there are fewer than
+/// three.
 fn third_largest<'a>(times: impl Iterator<Item = &'a f64>) -> f64 {
     let mut top = [f64::NEG_INFINITY; 3];
     for &ms in times {

@@ -1,4 +1,4 @@
-//! The frame budget: which level of quality to render with, so that frames are ready in time.
+//! The frame budget: which quality level to render with, so that frames are ready in time.
 //!
 //! [`LevelCosts`] has the cost of each level relative to the first, which is the best. A [`Controller`] is
 //! told the device time of each frame that has finished and says which level the next frame should take: down
@@ -12,12 +12,12 @@ pub mod simulation;
 
 pub use controller::Controller;
 
-/// Ways to render, the best first: the cost of each, relative to that of the first.
+/// The cost of each quality level, the best first, relative to that of the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LevelCosts(Vec<f64>);
 
 impl LevelCosts {
-    /// From the costs of the levels, by measurement.
+    /// Creates the table from the measured costs of the levels.
     ///
     /// # Panics
     /// If there is no level, or one that is not cheaper than the one before it.
@@ -34,22 +34,22 @@ impl LevelCosts {
         self.0.len()
     }
 
-    /// Cost of level `to` relative to that of level `from`.
+    /// Returns the cost of level `to` relative to that of level `from`.
     fn ratio(&self, from: usize, to: usize) -> f64 {
         self.0[to] / self.0[from]
     }
 
-    /// Returns the best level that costs at most `share` of level `from`; the last where none does.
+    /// Returns the best level that costs at most `share` of level `from`, or the last level if none does.
     fn within(&self, from: usize, share: f64) -> usize {
         (0..self.len()).find(|&to| self.ratio(from, to) <= share).unwrap_or(self.len() - 1)
     }
 }
 
-/// Part of a display period that a compositor may need on the same device to show what was rendered.
+/// Part of a display period that a compositor may need on the same device to show the frame.
 const COMPOSITOR: f64 = 0.1;
 
-/// Returns the device time that a frame may take on a display of so many frames a second, ms: the period less
-/// what the compositor needs.
+/// Returns the device time that a frame may take on a display of `rate_hz` frames a second, ms: the period
+/// less what the compositor needs.
 pub fn budget_ms(rate_hz: f64) -> f64 {
     1000.0 / rate_hz * (1.0 - COMPOSITOR)
 }

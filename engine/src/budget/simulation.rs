@@ -1,24 +1,24 @@
-//! GPUs that are made up, to try a controller on: what a frame takes on them follows from a model and a seed.
+//! Simulated GPUs to try a controller on: their frame times follow from a model and a seed.
 
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg32;
 
 use super::{Controller, LevelCosts};
 
-/// How a made-up GPU behaves.
+/// How a simulated GPU behaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Behaviour {
-    /// Every frame takes the same.
+    /// Every frame takes the same time.
     Steady,
     /// Frames scatter by 8 %, and one in a hundred takes twice as long.
     Noisy,
     /// The clock falls to 55 % as the chip heats up, and rises again as it cools.
     Throttling,
-    /// From one frame on the scene costs 2.5 times as much, and 600 frames later it does not any more.
+    /// The scene costs 2.5 times as much from one frame on, and 600 frames later no more than before.
     SuddenLoad,
 }
 
-/// All of them, with names.
+/// All behaviours with their names.
 pub const BEHAVIOURS: [(&str, Behaviour); 4] = [
     ("steady", Behaviour::Steady),
     ("noisy", Behaviour::Noisy),
@@ -26,44 +26,44 @@ pub const BEHAVIOURS: [(&str, Behaviour); 4] = [
     ("sudden load", Behaviour::SuddenLoad),
 ];
 
-/// Frames from the recording of one to the news of its time.
+/// Frames between recording a frame and learning its time.
 const LATENCY: usize = 2;
-/// Frames between which [`Behaviour::SuddenLoad`] is on.
+/// The frames during which [`Behaviour::SuddenLoad`] is under load.
 pub const LOADED: std::ops::Range<usize> = 1200..1800;
 
 /// A frame of a trace.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
-    /// The level that it was rendered on.
+    /// The quality level that it was rendered on.
     pub level: usize,
     /// Device time, ms.
     pub gpu_ms: f64,
 }
 
-/// A made-up GPU.
+/// A simulated GPU.
 pub struct SimulatedGpu {
     behaviour: Behaviour,
     random: Pcg32,
-    /// 0 cold, 1 as hot as full load makes it.
+    /// Heat of the chip: 0 is cold, 1 as hot as full load makes it.
     heat: f64,
     frame: usize,
 }
 
 impl SimulatedGpu {
-    /// Cold, before its first frame.
+    /// Creates a cold GPU before its first frame.
     pub fn new(behaviour: Behaviour, seed: u64) -> Self {
         SimulatedGpu { behaviour, random: Pcg32::seed_from_u64(seed), heat: 0.0, frame: 0 }
     }
 
-    /// Returns the device time of the next frame, ms: one that takes `work_ms` where nothing is in the way,
-    /// and that is shown for `period_ms`.
+    /// Returns the device time of the next frame, ms. `work_ms` is what it takes without any disturbance,
+    /// `period_ms` how long it is shown.
     pub fn frame(&mut self, work_ms: f64, period_ms: f64) -> f64 {
         let at = self.frame;
         self.frame += 1;
         match self.behaviour {
             Behaviour::Steady => work_ms,
             Behaviour::Noisy => {
-                // Sum of four even numbers: nearly normal, without tails beyond 3.5 standard deviations.
+                // Sum of four uniform numbers: nearly normal, without tails beyond 3.5 standard deviations.
                 let even: f64 = (0..4).map(|_| self.random.random::<f64>() - 0.5).sum();
                 let outlier = if self.random.random::<f64>() < 0.01 { 2.0 } else { 1.0 };
                 work_ms * (1.0 + 0.08 * even * 3f64.sqrt()) * outlier
@@ -81,8 +81,8 @@ impl SimulatedGpu {
     }
 }
 
-/// Frames of a made-up GPU under a controller. `best_ms` is what the best level takes where nothing is in the
-/// way.
+/// Simulates `frames` frames of a GPU under a controller and returns them. `best_ms` is what the best level
+/// takes without any disturbance.
 pub fn trace(
     costs: &LevelCosts,
     behaviour: Behaviour,
@@ -121,7 +121,7 @@ mod tests {
         frames.windows(2).filter(|pair| pair[0].level != pair[1].level).count()
     }
 
-    /// 72, 90 and 120 Hz, and scenes from one that fits to one that takes six times too long.
+    /// Runs `check` at 72, 90 and 120 Hz on scenes from one that fits to one that takes six times too long.
     fn each(behaviour: Behaviour, check: impl Fn(&[Frame], f64, f64, &str)) {
         for rate in [72.0, 90.0, 120.0] {
             for excess in [0.7, 1.0, 1.7, 3.0, 6.0] {

@@ -1,5 +1,5 @@
-//! Every hyper-parameter of a fit: one documented field, which is also the key of a configuration file and the flag of
-//! a command line (`rate_mean` ↔ `--rate-mean`).
+//! Every hyper-parameter of a fit. Each is one documented field, which is also the key of a configuration
+//! file and the flag of a command line (`rate_mean` ↔ `--rate-mean`).
 
 use serde::{Deserialize, Serialize};
 
@@ -15,11 +15,11 @@ use crate::volume::{Roi, Volume};
 pub struct Parameter {
     /// Key in a file; the flag has `-` for `_`.
     pub key: &'static str,
-    /// What it is, with its unit.
+    /// Description, with the unit.
     pub doc: &'static str,
 }
 
-/// What stands where no splat reaches, and what intensities are relative to inside a fit.
+/// Intensity of the field where no splat reaches; inside a fit, intensities are relative to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Background {
@@ -29,17 +29,18 @@ pub enum Background {
     Low,
 }
 
-/// What a fit is right for.
+/// Places where the field of a fit must match the volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FitForm {
-    /// The voxels: what is decoded there and interpolated, as a picture shows it.
+    /// At the voxels: the field is decoded there and interpolated, as a picture shows it.
     Grid,
-    /// The field everywhere, at sub-voxel offsets too.
+    /// Everywhere, at sub-voxel offsets too.
     Field,
 }
 
-/// What the intensities of a fit are clipped to, and what its loss counts in, where no range is given.
+/// Range that intensities are clipped to, and whose span is the unit of the loss, if the configuration gives
+/// no numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum IntensityRange {
@@ -81,13 +82,14 @@ config! {
         splats: usize = 0,
         /// Seed of everything random; the same seed gives the same bits on the same device.
         seed: u64 = 0,
-        /// Fits to volume and mask averaged over blocks of this many voxels along each axis; 1: to the voxels themselves.
+        /// Fits to volume and mask averaged over blocks of this many voxels along each axis; 1: to the voxels
+        /// themselves.
         working_grid: u32 = 1,
-        /// Splat kernel: "compact" (1-q/6)^3, "gaussian" exp(-q/2) for ordinary viewers, or "density", the Gaussian
-        /// of unit integral.
+        /// Splat kernel: "compact" (1-q/6)^3, "gaussian" exp(-q/2) for ordinary viewers, or "density", the
+        /// Gaussian of unit integral.
         kernel: Kernel = Kernel::Compact,
-        /// How splats are placed first: "gradient" (blue noise, denser where the intensity changes) or "uniform"
-        /// (at random, the mask being the probability, with random scales).
+        /// How splats are placed first: "gradient" (blue noise, denser where the intensity changes) or
+        /// "uniform" (at random, the mask being the probability, with random scales).
         initialiser: String = INITIALISERS[0].name.to_owned(),
         /// Initialiser: exponent of the gradient in the density; 0 is an even density.
         init_gradient_exponent: f32 = 0.7,
@@ -95,14 +97,15 @@ config! {
         init_gradient_floor: f32 = 0.1,
         /// Initialiser: standard deviation of the smoothing before and after the gradient, voxels.
         init_smoothing: f32 = 0.8,
-        /// Initialiser: what turns the splats: "gradient" (thin across an edge), "structure-tensor", "hessian" (long
-        /// along a vessel) or "none".
+        /// Initialiser: what turns the splats: "gradient" (thin across an edge), "structure-tensor",
+        /// "hessian" (long along a vessel) or "none".
         init_orientation: String = ORIENTATIONS[0].name.to_owned(),
         /// Initialiser: scale across the gradient over scale along it is this to the power 3/2.
         init_anisotropy: f32 = 1.5,
         /// Initialiser: scale over the mean distance of the four nearest neighbours.
         init_scale: f32 = 0.6,
-        /// Initialiser: least scale before it is flattened, voxels; "uniform" draws all scales from this one ...
+        /// Initialiser: least scale before it is flattened, voxels; "uniform" draws all scales from this one
+        /// ...
         init_scale_min: f32 = 0.45,
         /// Initialiser: ... to the greatest.
         init_scale_max: f32 = 8.0,
@@ -110,19 +113,22 @@ config! {
         init_opacity: f32 = 0.5,
         /// Initialiser: opacity of every splat is the mask at its centre instead.
         init_opacity_mask: bool = false,
-        /// Intensities are clipped to this range (HU); the span is the unit of the loss. [0, 0] leaves it to `range`.
+        /// Intensities are clipped to this range (HU); the span is the unit of the loss. [0, 0] leaves it to
+        /// `range`.
         hu_range: [f32; 2] = [0.0, 0.0],
-        /// What hu_range [0, 0] stands for: "auto" (-1024..3071 for a CT, whose minimum is below -200, and the range of
-        /// the volume otherwise) or "roi" (that of the region, which the figures at the end then count in, too).
+        /// What hu_range [0, 0] stands for: "auto" (-1024..3071 for a CT, whose minimum is below -200, and
+        /// the range of the volume otherwise) or "roi" (that of the region, which the figures at the end then
+        /// count in, too).
         range: IntensityRange = IntensityRange::Auto,
-        /// Which voxels are the region: 0: the mask weighs them (a binary one above one half); above 0: those whose mask is
-        /// above this, all alike, and Dice and its kin look at no others.
+        /// Which voxels are the region: 0: the mask weighs them (a binary one above one half); above 0: those
+        /// whose mask is above this, all alike, and Dice and its kin look at no others.
         region_threshold: f32 = 0.0,
-        /// Initialiser: from this scale on (geometric mean, voxels) a splat takes the mean intensity of the voxels within
-        /// one standard deviation; 0: every splat takes that of its centre.
+        /// Initialiser: from this scale on (geometric mean, voxels) a splat takes the mean intensity of the
+        /// voxels within one standard deviation; 0: every splat takes that of its centre.
         init_footprint: f32 = 0.0,
-        /// What the initial scales and the clamps of the scales count in: "voxel"; "spacing", the mean voxel spacing; or
-        /// "box", where splats are shaped in the unit cube that the volume's box becomes (rate_mean counts in it, too).
+        /// What the initial scales and the clamps of the scales count in: "voxel"; "spacing", the mean voxel
+        /// spacing; or "box", where splats are shaped in the unit cube that the volume's box becomes
+        /// (rate_mean counts in it, too).
         scale_unit: ScaleUnit = ScaleUnit::Voxel,
         /// What stands where no splat reaches: the "mean" of the ROI, or "low", the lower end of hu_range.
         background: Background = Background::Mean,
@@ -134,33 +140,38 @@ config! {
         mask_weight: f32 = 0.0,
         /// The loss of the mask: "dice", "mse", "tversky" or "kl".
         mask_loss: String = "dice".to_owned(),
-        /// Added to both sums of Dice, and twice that to those of Tversky, so that nothing is divided by nothing.
+        /// Added to both sums of Dice, and twice that to those of Tversky, so that nothing is divided by
+        /// nothing.
         dice_smoothing: f32 = 0.0,
         /// Weight of the mean of 1 - exp(-W) outside the ROI, in the shell; 0 switches the term off.
         leak_weight: f32 = 0.0,
         /// Power of 1 - exp(-W) in that mean, 1 or 2.
         leak_power: u32 = 1,
-        /// Whether that mean is over all voxels of the volume outside the ROI. The shell must hold whatever a splat reaches.
+        /// Whether that mean is over all voxels of the volume outside the ROI. The shell must hold whatever a
+        /// splat reaches.
         leak_volume: bool = false,
-        /// Weight of the mean length of a splat's three scales, in scale_unit (in edges of the cube where that is "box"),
-        /// beside the mean intensity error; 0 switches the term off.
+        /// Weight of the mean length of a splat's three scales, in scale_unit (in edges of the cube where
+        /// that is "box"), beside the mean intensity error; 0 switches the term off.
         scale_weight: f32 = 0.0,
         /// Weight of the occupancy error over ROI and shell; 0 switches the term off.
         occupancy_weight: f32 = 0.004,
         /// w0 of the occupancy O = W / (W + w0), in units of the summed weight W.
         occupancy_w0: f32 = 0.05,
-        /// Thickness of the shell around the ROI that occupancy, Dice and leak look at, voxels along each axis.
+        /// Thickness of the shell around the ROI that occupancy, Dice and leak look at, voxels along each
+        /// axis.
         shell: u32 = 4,
-        /// Whether the shell goes on beyond the faces of the volume, where nothing is: a region that the end of the scan
-        /// cuts off then ends there.
+        /// Whether the shell goes on beyond the faces of the volume, where nothing is: a region that the end
+        /// of the scan cuts off then ends there.
         shell_beyond: bool = true,
-        /// What the fit is right for: "grid", the voxels, where splats are decoded and interpolated, as the CT itself is shown;
-        /// or "field", the space between them too. "grid" takes no offsets, and becomes "field" with a working_grid above 1.
+        /// What the fit is right for: "grid", the voxels, where splats are decoded and interpolated, as the
+        /// CT itself is shown; or "field", the space between them too. "grid" takes no offsets, and becomes
+        /// "field" with a working_grid above 1.
         form: FitForm = FitForm::Grid,
-        /// Weight of the squared intensity error in the rim of one voxel around the ROI, for form "grid" and a binary mask:
-        /// a sample between two voxels at the edge takes its intensity from there, too.
+        /// Weight of the squared intensity error in the rim of one voxel around the ROI, for form "grid" and
+        /// a binary mask: a sample between two voxels at the edge takes its intensity from there, too.
         rim_weight: f32 = 0.1,
-        /// Sub-voxel target offsets of form "field", visited in turn: the grid itself and offsets - 1 random ones.
+        /// Sub-voxel target offsets of form "field", visited in turn: the grid itself and offsets - 1 random
+        /// ones.
         offsets: usize = 16,
         /// Visits the grid itself every so many iterations besides its turn; 0: only in its turn.
         grid_every: u32 = 0,
@@ -178,10 +189,11 @@ config! {
         rate_intensity: f32 = 0.02,
         /// Whether intensities are learned; otherwise they are those of the volume at the means.
         learn_intensity: bool = true,
-        /// Whether opacities are learned; otherwise they are those of the mask, its mean within one standard deviation.
+        /// Whether opacities are learned; otherwise they are those of the mask, its mean within one standard
+        /// deviation.
         learn_opacity: bool = true,
-        /// Iterations between two samplings of intensities or opacities that are not learned; 0: only at the end, where they
-        /// are always sampled.
+        /// Iterations between two samplings of intensities or opacities that are not learned; 0: only at the
+        /// end, where they are always sampled.
         sample_every: u32 = 100,
         /// Whether intensities stay in the range of the ROI, which a transfer function per splat needs.
         clamp_intensity: bool = true,
@@ -207,15 +219,15 @@ config! {
         logit_max: f32 = 9.0,
         /// Splats that one iteration updates, another random part of all each time; 0: all of them.
         subset: usize = 0,
-        /// Whether an iteration rasterizes its subset alone, which saves memory; otherwise all splats are rasterized and
-        /// the subset moves.
+        /// Whether an iteration rasterizes its subset alone, which saves memory; otherwise all splats are
+        /// rasterized and the subset moves.
         subset_alone: bool = true,
-        /// Whether Adam takes a step for all splats at each iteration, those outside of the subset with a gradient of 0, so
-        /// that their momentum carries them on.
+        /// Whether Adam takes a step for all splats at each iteration, those outside of the subset with a
+        /// gradient of 0, so that their momentum carries them on.
         subset_dense: bool = false,
-        /// How the number and the places of the splats change on the way: "none", "densify" (the paper's clone, split,
-        /// prune and hole filling), "growth" (new splats where the error is largest), "relocate" (idle splats move
-        /// there) or "reference" (densify as the paper's authors' code has it).
+        /// How the number and the places of the splats change on the way: "none", "densify" (the paper's
+        /// clone, split, prune and hole filling), "growth" (new splats where the error is largest),
+        /// "relocate" (idle splats move there) or "reference" (densify as the paper's authors' code has it).
         topology: String = "none".to_owned(),
         /// Topology: first iteration after which splats may change.
         topology_from: u32 = 100,
@@ -227,7 +239,8 @@ config! {
         topology_share: f32 = 0.05,
         /// Topology: the number of splats never exceeds this times the first one.
         topology_limit: f32 = 1.0,
-        /// Topology "densify": splats whose accumulated position gradient lies above this percentile are refined.
+        /// Topology "densify": splats whose accumulated position gradient lies above this percentile are
+        /// refined.
         topology_percentile: f32 = 60.0,
         /// Topology "densify": splats up to this largest scale are cloned, larger ones split, voxels.
         topology_split_scale: f32 = 2.75,
@@ -346,8 +359,8 @@ impl FitConfig {
         row("init_orientation", &self.init_orientation, ORIENTATIONS, |row| row.name)
     }
 
-    /// The hyper-parameters of the initialiser. [`FitConfig::check`] refuses an orientation of unknown name; here it
-    /// counts as the default one.
+    /// Returns the hyper-parameters of the initialiser. An orientation of unknown name, which
+    /// [`FitConfig::check`] refuses, counts as the default one.
     pub fn init(&self) -> InitConfig {
         InitConfig {
             gradient_exponent: self.init_gradient_exponent,
@@ -370,18 +383,18 @@ impl FitConfig {
         self.scale_unit.clamp(self.scale_min, self.scale_max, volume)
     }
 
-    /// Returns what the fit is right for: `form`, but the field where the working grid is coarser than the volume's own,
-    /// since its voxels are not those that are shown.
+    /// Returns where the field must match the volume: `form`, except that a working grid coarser than the
+    /// volume's own needs [`FitForm::Field`], since its voxels are not those that are shown.
     pub fn effective_form(&self) -> FitForm {
         if self.working_grid > 1 { FitForm::Field } else { self.form }
     }
 
-    /// Returns how many grids of targets the fit visits in turn: `offsets`, and one for the form "grid".
+    /// Returns the number of target grids that the fit visits in turn: `offsets`, or one for the form "grid".
     pub fn offset_count(&self) -> usize {
         if self.effective_form() == FitForm::Grid { 1 } else { self.offsets }
     }
 
-    /// Returns what the fitted splats stand for, for files and pictures.
+    /// Returns the form of the fitted splats, for files and pictures.
     pub fn fitted_form(&self, roi: &Roi) -> splat::Form {
         match self.effective_form() {
             FitForm::Field => splat::Form::Field,
@@ -389,7 +402,7 @@ impl FitConfig {
         }
     }
 
-    /// Whether the rim of a region has a weight of its own.
+    /// Returns true if the rim of `roi` has a weight of its own.
     pub(super) fn has_rim(&self, roi: &Roi) -> bool {
         self.effective_form() == FitForm::Grid
             && !roi.soft
@@ -397,12 +410,12 @@ impl FitConfig {
             && self.rim_weight > 0.0
     }
 
-    /// How many splats a region of interest of that many voxels gets; at least one.
+    /// Returns the number of splats for a region of interest of `roi_voxels` voxels; at least one.
     pub fn splat_count(&self, roi_voxels: f64) -> usize {
         if self.splats > 0 { self.splats } else { ((roi_voxels * self.density).round() as usize).max(1) }
     }
 
-    /// The constants of the fitted field.
+    /// Returns the constants of the fitted field over `background`, the intensity where no splat reaches.
     pub fn field(&self, background: f32) -> splat::Field {
         splat::Field {
             kernel: self.kernel,
@@ -413,7 +426,7 @@ impl FitConfig {
     }
 }
 
-/// Returns the row that a key names.
+/// Returns the row of `table` called `name`; if there is none, fails with `key` and the list of names.
 pub(super) fn row<T>(
     key: &str,
     name: &str,

@@ -1,7 +1,9 @@
-//! Where the error is: V̂ − V voxel by voxel, and its figures by label, by tissue and by distance to edges.
+//! Error maps: V̂ − V at every voxel of a region, and its statistics by label, by tissue and by distance to
+//! edges.
 //!
-//! On the voxel grid, not clipped to any range. Figures weight a voxel with its mask, as the evaluation does, so those of the
-//! whole region are the evaluation's own.
+//! Errors are taken on the voxel grid and are not clipped to any range. Means weight a voxel by its mask, as
+//! the evaluation does, so the RMSE of the whole region is that of the evaluation as long as the evaluation's
+//! range clips nothing. Percentiles and maxima count every voxel alike.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -24,24 +26,24 @@ pub struct ErrorMap<'a> {
     roi: &'a Roi,
     /// V̂ − V, HU, for each voxel of the volume; 0 outside the region.
     pub hu: Vec<f32>,
-    /// Voxels of the region that no splat reaches.
+    /// Number of voxels of the region that no splat reaches.
     pub uncovered: usize,
     /// Indices of the region's voxels, ascending.
     region: Vec<usize>,
 }
 
-/// Figures of a part of the region.
+/// Error statistics of a part of the region.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Group {
-    /// What part.
+    /// Name of the part.
     pub name: String,
-    /// How many voxels it has.
+    /// Number of voxels.
     pub voxels: usize,
-    /// Mean of V̂ − V, HU: what is lost to one side.
+    /// Mean of V̂ − V, HU: the bias.
     pub mean_hu: f64,
     /// Root mean square of V̂ − V, HU.
     pub rmse_hu: f64,
-    /// |V̂ − V| that 99 of 100 voxels do not exceed, HU.
+    /// 99th percentile of |V̂ − V| over the voxels, HU.
     pub p99_hu: f64,
     /// Largest |V̂ − V|, HU.
     pub worst_hu: f64,
@@ -57,14 +59,14 @@ pub const TISSUES: [(&str, f32); 6] = [
     ("metal", 3000.0),
 ];
 
-/// Upper ends of the bins of distances, mm; the last bin has none.
+/// Upper ends of the distance bins, mm; one more bin takes all that lies beyond.
 pub const DISTANCES_MM: [f32; 5] = [1.0, 2.0, 4.0, 8.0, 16.0];
 
-/// A gradient is strong from that of this share of the region's voxels on.
+/// Quantile of the region's gradients from which a gradient counts as strong.
 const STRONG: f64 = 0.9;
 
 impl<'a> ErrorMap<'a> {
-    /// Of splats in voxel coordinates and HU.
+    /// Computes the error map of `splats`, given in voxel coordinates and HU.
     pub fn new(gpu: &Gpu, splats: &[Splat], field: &Field, volume: &'a Volume, roi: &'a Roi) -> Result<Self> {
         let bricks = Bricks::around(roi, 0);
         let got = Sampler::new(gpu, splats, field, &bricks)?.sample([0.0; 3])?;
@@ -84,23 +86,24 @@ impl<'a> ErrorMap<'a> {
         Ok(ErrorMap { volume, roi, hu, uncovered, region })
     }
 
-    /// The whole region.
+    /// Returns the statistics of the whole region.
     pub fn whole(&self) -> Group {
         self.group("region".to_owned(), &self.region)
     }
 
-    /// The voxel with the largest |V̂ − V|; the first of several.
+    /// Returns the index of the voxel with the largest |V̂ − V|, the first of several.
     pub fn worst_voxel(&self) -> usize {
         let larger = |best: usize, &i: &usize| if self.hu[i].abs() > self.hu[best].abs() { i } else { best };
         self.region.iter().fold(self.region[0], larger)
     }
 
-    /// The map as a volume on the grid of the other.
+    /// Returns the error map as a volume on the grid of the fitted one.
     pub fn volume(&self) -> Volume {
         Volume { samples: self.hu.clone(), labels: BTreeMap::new(), ..self.volume.clone() }
     }
 
-    /// By the label of the voxel, ascending; `label_name` gives each a name.
+    /// Returns the statistics by label, in ascending order. Each voxel has the label nearest to it in the
+    /// world; a group is named by the number of its label and, where there is one, the label's name.
     pub fn by_label(&self, labels: &Labels) -> Vec<Group> {
         let [nx, ny, _] = self.volume.size;
         let world = |i: &usize| {
@@ -118,7 +121,7 @@ impl<'a> ErrorMap<'a> {
             .collect()
     }
 
-    /// By the HU of the volume, as [`TISSUES`] has them.
+    /// Returns the statistics by tissue: the HU of the volume in the classes of [`TISSUES`].
     pub fn by_tissue(&self) -> Vec<Group> {
         let class = |v: f32| TISSUES.iter().rposition(|(_, low)| v >= *low).unwrap_or_default();
         let text = |k: usize| match (TISSUES[k], TISSUES.get(k + 1)) {
@@ -131,13 +134,15 @@ impl<'a> ErrorMap<'a> {
             .collect()
     }
 
-    /// By the distance to the nearest voxel outside the region (what lies beyond the volume is outside), centre to centre.
+    /// Returns the statistics by the distance to the nearest voxel outside the region, centre to centre. What
+    /// lies beyond the volume is outside.
     pub fn by_distance_to_boundary(&self) -> Vec<Group> {
         self.by_distance(|i| self.roi.weight[i] <= 0.0, true)
     }
 
-    /// By the distance to the nearest voxel of the region where the volume changes strongly, and the gradient, HU per mm, from
-    /// which a change is strong: that of the steepest tenth. No groups where the region is flat.
+    /// Returns the statistics by the distance to the nearest voxel of the region with a strong gradient, and
+    /// the least gradient that counts as strong, HU per mm: that of the steepest tenth. Returns no groups if
+    /// the region is flat.
     pub fn by_distance_to_edges(&self) -> (Vec<Group>, f64) {
         let steepness: Vec<f32> = self.region.par_iter().map(|&i| self.steepness(i)).collect();
         let mut sorted = steepness.clone();
@@ -153,7 +158,8 @@ impl<'a> ErrorMap<'a> {
         (self.by_distance(|i| edge[i], false), f64::from(strong))
     }
 
-    /// |∇V| at a voxel, HU per mm: central differences, one-sided at the faces of the volume.
+    /// Returns |∇V| at voxel `i`, HU per mm, by central differences, one-sided at the faces of the volume; 0
+    /// where a neighbour is not finite.
     fn steepness(&self, i: usize) -> f32 {
         let [nx, ny, nz] = self.volume.size;
         let place = [i % nx, i / nx % ny, i / (nx * ny)];
@@ -168,11 +174,13 @@ impl<'a> ErrorMap<'a> {
         let by_voxel = DVec3::new(slope(0, nx, 1), slope(1, ny, nx), slope(2, nz, nx * ny));
         let to_mm: DMat3 = self.volume.world_from_voxel.matrix3.inverse().transpose();
         let steep = (to_mm * by_voxel).length() as f32;
-        // Beside a voxel without a value.
+        // A neighbour is not finite.
         if steep.is_finite() { steep } else { 0.0 }
     }
 
-    /// Bins of the distance to sites, which lie within a voxel of the region's box; `beyond`: so does all beyond the volume.
+    /// Returns the statistics by the distance to the nearest voxel for which `site` (given the voxel's index)
+    /// is true, in the bins of [`DISTANCES_MM`]. Sites are searched in the region's bounding box and one
+    /// voxel around it; if `beyond` is true, everything beyond the volume is a site.
     fn by_distance(&self, site: impl Fn(usize) -> bool + Sync, beyond: bool) -> Vec<Group> {
         let size = self.volume.size;
         let place = |i: usize| [i % size[0], i / size[0] % size[1], i / (size[0] * size[1])];
@@ -210,7 +218,8 @@ impl<'a> ErrorMap<'a> {
         (0..=DISTANCES_MM.len()).filter_map(|k| self.part(text(k), |at, _| bins[at] == k)).collect()
     }
 
-    /// The group of those that `of` takes, by their place among the region's voxels and by their index; nothing for none.
+    /// Returns the statistics of the voxels that `of` accepts, given their place among the region's voxels
+    /// and their index; nothing if it accepts none.
     fn part(&self, name: String, of: impl Fn(usize, usize) -> bool) -> Option<Group> {
         let voxels: Vec<usize> =
             self.region.iter().enumerate().filter(|&(at, &i)| of(at, i)).map(|(_, &i)| i).collect();

@@ -1,7 +1,8 @@
-//! How good a set of splats is, on the native grid with all splats: equation (4) and what belongs beside it.
+//! Evaluation of a set of splats, on the native grid with all splats: equation (4) and related error figures.
 //!
-//! On-grid figures alone can be gamed (a fit may be right at the voxels and wrong between them), so the same figures
-//! are taken at sub-voxel offsets against the trilinear volume, and the worst stands beside the first.
+//! On-grid figures alone can be gamed (a fit may be right at the voxels and wrong between them), so the same
+//! figures are taken at sub-voxel offsets against the trilinear volume, and the worst is reported beside the
+//! on-grid one.
 
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
@@ -15,15 +16,15 @@ use crate::splat::{Field, Splat};
 use crate::volume::bricks::SAMPLES;
 use crate::volume::{Bricks, Roi, Volume};
 
-/// Figures at one offset.
+/// Error figures at one offset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Metrics {
-    /// Of the samples from the voxel centres, voxels.
+    /// Offset of the samples from the voxel centres, voxels.
     pub offset: [f32; 3],
-    /// Equation (4): Σ M (V̂ - V)² / Σ M, in squared spans of the range. On the grid M is the mask as it is; between
-    /// voxels a binary mask counts where its interpolation exceeds ½, a soft one weights.
+    /// Equation (4): Σ M (V̂ - V)² / Σ M, in squared spans of the range. On the grid M is the mask as it is;
+    /// between voxels a binary mask counts where its interpolation exceeds ½, and a soft mask is the weight.
     pub mmse: f64,
-    /// -10 log10(mmse); infinite when V̂ is exact.
+    /// PSNR, -10 log10(mmse), dB; infinite when V̂ is exact.
     pub psnr_db: f64,
     /// Root mean square intensity error in the ROI, HU.
     pub rmse_hu: f64,
@@ -31,30 +32,31 @@ pub struct Metrics {
     pub p99_hu: f64,
     /// Root mean square of O - M over ROI and shell.
     pub occupancy_rmse: f64,
-    /// 2 Σ O M / (Σ O² + Σ M²) over ROI and shell.
+    /// Soft Dice of occupancy and mask, 2 Σ O M / (Σ O² + Σ M²), over ROI and shell.
     pub soft_dice: f64,
-    /// Σ M of the samples that the intensity errors are of; 0 where no sample is inside the region.
+    /// Σ M over the samples that the intensity errors count; 0 if no sample is inside the region.
     #[serde(skip)]
     pub weight: f64,
 }
 
-/// Figures of a set of splats.
+/// Error figures of a set of splats.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluation {
-    /// At the voxel centres.
+    /// Figures at the voxel centres.
     pub on_grid: Metrics,
-    /// At the sub-voxel offsets asked for, but for those at which no sample is inside the region: where it is one
-    /// voxel thin, most of them.
+    /// Figures at the requested sub-voxel offsets, without those at which no sample is inside the region: in
+    /// a region one voxel thin, most of them.
     pub between: Vec<Metrics>,
     /// Intensity range of the normalisation, HU.
     pub range: [f32; 2],
-    /// What follows an intensity in texts; see [`Volume::unit`].
+    /// Text printed after an intensity; see [`Volume::unit`].
     #[serde(skip)]
     pub unit: &'static str,
 }
 
 impl Evaluation {
-    /// The worst PSNR between voxels, dB; on the grid when no offset was asked for.
+    /// Returns the worst PSNR between voxels, dB, or the one on the grid if there are no figures between
+    /// voxels.
     pub fn worst_psnr_db(&self) -> f64 {
         self.between.iter().map(|m| m.psnr_db).fold(f64::INFINITY, f64::min).min(if self.between.is_empty() {
             self.on_grid.psnr_db
@@ -63,7 +65,8 @@ impl Evaluation {
         })
     }
 
-    /// The mean PSNR between voxels, dB; on the grid when no offset was asked for.
+    /// Returns the mean PSNR between voxels, dB, or the one on the grid if there are no figures between
+    /// voxels.
     pub fn mean_psnr_db(&self) -> f64 {
         if self.between.is_empty() {
             return self.on_grid.psnr_db;
@@ -71,8 +74,9 @@ impl Evaluation {
         self.between.iter().map(|m| m.psnr_db).sum::<f64>() / self.between.len() as f64
     }
 
-    /// The occupancy error over all offsets between voxels (root of the mean square); on the grid when no offset was
-    /// asked for. On the grid itself it is larger, because the trilinear mask has its kinks there.
+    /// Returns the occupancy error over all offsets between voxels (root of the mean square), or the one on
+    /// the grid if there are no figures between voxels. On the grid it is larger, because the trilinear mask
+    /// has its kinks there.
     pub fn occupancy_rmse(&self) -> f64 {
         if self.between.is_empty() {
             return self.on_grid.occupancy_rmse;
@@ -82,17 +86,18 @@ impl Evaluation {
     }
 }
 
-/// How splats are evaluated.
+/// Settings of an evaluation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Protocol {
     /// Sub-voxel offsets besides the voxel centres, voxels.
     pub offsets: Vec<[f32; 3]>,
-    /// The normalisation, HU: the volume is clipped to it (which does nothing for the whole volume's own range) and
-    /// errors are divided by its span.
+    /// Intensity range of the normalisation, HU: the volume is clipped to it (which does nothing for the
+    /// whole volume's own range) and errors are divided by its span.
     pub range: [f32; 2],
     /// Distance from the ROI up to which the occupancy counts, voxels along each axis.
     pub shell: u32,
-    /// Above 0: the region is every voxel whose mask is above this, all alike; 0: the mask weighs.
+    /// Above 0: the region is every voxel whose mask exceeds this, all with the same weight; 0: the mask is
+    /// the weight.
     pub threshold: f32,
 }
 
@@ -120,8 +125,8 @@ pub fn evaluate(
     })
 }
 
-/// Evaluates any field in the same way: `field` gives V, HU, and O at places, voxels of the volume. Of a decoded field that is
-/// what a picture of it shows.
+/// Evaluates any field in the same way. `field` gives V̂ (HU) and O at a place in voxel coordinates of the
+/// volume. For a decoded field, this is the error of what a picture of it shows.
 pub fn evaluate_field(
     field: impl Fn(DVec3) -> (f64, f64) + Sync,
     volume: &Volume,
@@ -150,7 +155,8 @@ pub fn evaluate_field(
     }
 }
 
-/// Leaves out the figures of offsets without a sample: an error of nothing is no error of 0.
+/// Leaves out the figures of offsets that have no sample inside the region, with a warning: an error over no
+/// samples is not an error of 0.
 fn inside(mut between: Vec<Metrics>) -> Vec<Metrics> {
     let asked = between.len();
     between.retain(|metrics| metrics.weight > 0.0);
@@ -161,7 +167,8 @@ fn inside(mut between: Vec<Metrics>) -> Vec<Metrics> {
     between
 }
 
-/// `count` random offsets in ±½ voxel for evaluation: never those of a fit with the same seed.
+/// Returns `count` random offsets in ±½ voxel for evaluation, which are never those of a fit with the same
+/// seed.
 pub fn random_offsets(count: usize, seed: u64) -> Vec<[f32; 3]> {
     targets::offsets(count + 1, seed.wrapping_add(0x6576_616c)).split_off(1)
 }
@@ -178,7 +185,8 @@ fn compare(
     let between = offset != [0.0; 3];
     let shift = glam::Vec3::from_array(offset).as_dvec3();
     let clip = (range[0], range[1]);
-    // Per sample: (weight, weighted squared error in HU, O, M); summed in a fixed order below.
+    // Per sample: weight, V in HU, M (-1 where the sample takes no part) and a number that is not used. The
+    // totals below are summed in a fixed order.
     let idle = [0.0f64, 0.0, -1.0, 0.0];
     let mut totals = [0.0f64; 6];
     let mut errors = Vec::new();
@@ -224,7 +232,8 @@ fn compare(
     }
 }
 
-/// The least error that `share` of all weight does not exceed, of rows (error, weight); 0 of nothing.
+/// Returns the least error that `share` of the total weight does not exceed; 0 if there are no errors. Sorts
+/// `errors`, whose rows are (error, weight).
 fn percentile(errors: &mut [[f32; 2]], share: f64) -> f64 {
     errors.par_sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
     let whole: f64 = errors.iter().map(|e| f64::from(e[1])).sum();

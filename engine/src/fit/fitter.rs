@@ -1,9 +1,9 @@
-//! A fit in progress.
+//! A fit in progress, on the device.
 //!
-//! [`Fitter::new`] samples targets on the host; [`Fitter::step`] is one iteration on the device, the list of passes below
-//! with nothing hidden. What happens between iterations (splats that come and go, sampled intensities) is in `pause`.
-//! Inside, lengths are voxels, positions count from the first voxel of the brick grid, and intensities are relative to
-//! the background in spans of the HU range ([`Scaling`]).
+//! [`Fitter::new`] samples targets on the host; [`Fitter::step`] records one iteration for the device as a
+//! plain list of passes. What happens between iterations (splats are added, removed and moved, intensities
+//! are sampled) is in `pause`. Inside, lengths are voxels, positions count from the first voxel of the brick
+//! grid, and intensities are relative to the background in spans of the HU range ([`Scaling`]).
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -30,11 +30,11 @@ use crate::splat::activation::normalised;
 use crate::splat::space::reshaped;
 use crate::volume::{Bricks, Roi, Volume};
 
-/// Steps that may be in flight at once: one runs while the next is recorded.
+/// Number of steps that may be in flight at once: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
 
-/// From so many bricks on the losses get a submission of their own, so that none takes long: on a CPU driver they need
-/// some 20 µs a brick.
+/// Number of bricks above which the losses get a submission of their own, so that none takes long: on a CPU
+/// driver they need some 20 µs a brick.
 const LONG_LOSSES: usize = 4096;
 
 /// A fit in progress.
@@ -45,75 +45,78 @@ pub struct Fitter<'a> {
     pub(super) config: FitConfig,
     pub(super) scaling: Scaling,
     pub(super) bricks: Arc<Bricks>,
-    /// Voxels along each axis to a unit of the space in which splats have their shape.
+    /// Voxels along each axis that are one unit of the space in which splats have their shape.
     pub(super) stretch: DVec3,
     /// Least and greatest log scale along each of a splat's own axes.
     pub(super) log_scale_range: [[f32; 3]; 2],
     pub(super) losses: Losses,
-    /// [offset]: the loss terms with their weights there.
+    /// [offset]: the loss terms with their weights at that offset.
     pub(super) terms: Vec<Vec<Weighted>>,
-    /// [offset][chunk]: sums of the bricks that a mini-batch leaves out; nothing where all splats are rasterized.
+    /// [offset][chunk]: sums of the losses in bricks that no splat reaches, which a mini-batch leaves out;
+    /// empty where all splats are rasterized.
     untouched: Vec<Vec<UntouchedSums>>,
     pub(super) adam: Adam,
     pub(super) work: Work,
     pub(super) offsets: Vec<[f32; 3]>,
-    /// [offset][chunk]
+    /// [offset][chunk]: the targets.
     pub(super) targets: Vec<Vec<Buffer<Target>>>,
-    /// Pairs that each chunk needed in this step, then in the one before it.
+    /// Number of pairs that each chunk needed in this step, then in the one before it.
     pub(super) pair_totals: Buffer<u32>,
-    /// Steps done, counting those in flight.
+    /// Number of steps done, counting those in flight.
     pub(super) iteration: u32,
     /// The iteration before which the fit paused last.
     pub(super) paused_at: Option<u32>,
-    /// How many splats there were first.
+    /// Number of splats that the fit began with.
     pub(super) first_count: usize,
     pub(super) flying: VecDeque<Flight>,
     /// Read-back buffers of finished steps, to be used again.
     pub(super) readbacks: Vec<Buffer<u32>>,
 }
 
-/// What has a row per splat.
+/// Buffers and passes that have a row per splat.
 pub(super) struct Work {
-    /// Of all splats, or of a subset where one is rasterized alone.
+    /// Rasterizer of all splats, or of a mini-batch where that is rasterized alone.
     pub(super) rasterizer: Rasterizer,
     pub(super) gradient: Gradient,
     pub(super) all: adam::AdamState,
     pub(super) subset: Option<Subset>,
-    /// Gradients of all splats, 0 outside the subset, where Adam takes a step for all.
+    /// Gradients of all splats, 0 outside the mini-batch, used where Adam takes a step for all splats.
     pub(super) dense: Option<Buffer<SplatGrad>>,
-    /// Of all splats where `rasterizer` has a subset; made when it is first needed.
+    /// Rasterizer of all splats where `rasterizer` has a mini-batch; it is created when it is first needed.
     pub(super) whole: Option<Rasterizer>,
 }
 
 pub(super) struct Flight {
     iteration: u32,
     ticket: Ticket,
-    /// What `pair_totals` held.
+    /// Copy of `pair_totals`.
     readback: Buffer<u32>,
 }
 
-/// How a fit stands, from the sums of its last step.
+/// Figures of a fit in progress, from the sums of its last step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Progress {
-    /// Steps done.
+    /// Number of steps done.
     pub iteration: u32,
-    /// Mean squared intensity error at the last step's offset as the loss weighs it (with the rim of a fit for the grid), in
-    /// squared spans of the HU range.
+    /// Mean squared intensity error at the last step's offset as the loss weighs it (with the rim of a fit
+    /// for the grid), in squared spans of the HU range.
     pub mse: f64,
-    /// PSNR over the span of the HU range, dB; infinite where the error is 0, which not every format can say.
+    /// PSNR over the span of the HU range, dB; infinite where the error is 0, which not every file format can
+    /// hold.
     #[serde(skip)]
     pub psnr_db: f64,
     /// Root mean square of O - M over ROI and shell; 0 when the term is off.
     pub occupancy_rmse: f64,
-    /// Dice loss of the predicted mask 1 - exp(-W) over ROI and shell, 0..1; nothing when the term is off.
+    /// Dice loss of the predicted mask 1 - exp(-W) over ROI and shell, 0..1; none when the term is off.
     pub dice: Option<f64>,
-    /// Mean of the predicted mask outside the ROI, 0..1; nothing when the term is off.
+    /// Mean of the predicted mask outside the ROI, 0..1; none when the term is off.
     pub leak: Option<f64>,
 }
 
 impl<'a> Fitter<'a> {
-    /// Prepares a fit of `splats` as an initialiser gives them: in voxel coordinates of the volume and in HU, and shaped in
-    /// the space of `scale_unit`. `config` must have passed [`FitConfig::check`].
+    /// Prepares a fit of `splats` as an initialiser gives them: in voxel coordinates of the volume and in HU,
+    /// and shaped in the space of `scale_unit`. `config` must have passed [`FitConfig::check`]. Fails if
+    /// there are no splats.
     pub fn new(
         gpu: &Gpu,
         volume: &'a Volume,
@@ -129,7 +132,7 @@ impl<'a> Fitter<'a> {
         Ok(fitter)
     }
 
-    /// What a fit keeps of a splat that begins now.
+    /// Returns the history of a splat that is new to the fit: no gradient yet, and the cap of its log scales.
     pub(super) fn history(&self, splat: &Splat) -> History {
         let largest = splat.log_scale.into_iter().fold(f32::NEG_INFINITY, f32::max);
         let log_scale_cap = match self.config.scale_growth {
@@ -139,7 +142,8 @@ impl<'a> Fitter<'a> {
         History { gradient_norm: 0.0, log_scale_cap }
     }
 
-    /// Goes on where [`Fitter::state`] left off, with the same inputs and the same configuration.
+    /// Prepares a fit that goes on from what [`Fitter::state`] returned, with the same inputs and the same
+    /// configuration.
     pub fn resume(
         gpu: &Gpu,
         volume: &'a Volume,
@@ -156,7 +160,7 @@ impl<'a> Fitter<'a> {
         Ok(fitter)
     }
 
-    /// Everything but the splats.
+    /// Prepares a fit of `count` splats, except for the splats themselves. Fails if `count` is 0.
     fn of_count(
         gpu: &Gpu,
         volume: &'a Volume,
@@ -218,22 +222,22 @@ impl<'a> Fitter<'a> {
         })
     }
 
-    /// How HU map to the fit's numbers.
+    /// Returns the map between HU and the fit's numbers.
     pub fn scaling(&self) -> &Scaling {
         &self.scaling
     }
 
-    /// The sample grid.
+    /// Returns the sample grid.
     pub fn bricks(&self) -> &Bricks {
         &self.bricks
     }
 
-    /// Steps done.
+    /// Returns the number of steps done, counting those in flight.
     pub fn iteration(&self) -> u32 {
         self.iteration
     }
 
-    /// Which of the offsets iteration `turn` looks at.
+    /// Returns the index of the offset that iteration `turn` samples at.
     fn offset_index(&self, turn: u32) -> usize {
         if self.config.grid_every > 0 && turn.is_multiple_of(self.config.grid_every) {
             0
@@ -242,8 +246,8 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// One iteration. The rates follow `share`, the part of the schedule that is done (0..1): iterations, or the time
-    /// budget.
+    /// Submits one iteration to the device. The learning rates follow `share`, the part of the schedule that
+    /// is done (0..1), by iterations or by the time budget.
     pub fn step(&mut self, share: f64) -> Result<()> {
         self.prepare(share)?;
         let turn = self.iteration;
@@ -258,8 +262,8 @@ impl<'a> Fitter<'a> {
         if let Some(subset) = subset {
             subset.take(&mut recorder, all, turn);
         }
-        // One chunk is rasterized once. More share their buffers: a loss that needs sums over all samples first
-        // (`Losses::need_overlap`) takes a sweep of its own.
+        // One chunk is rasterized once. More share their buffers: a loss that needs sums over all samples
+        // first (`Losses::need_overlap`) takes a sweep of its own.
         let sweeps = if self.losses.need_overlap() && chunks > 1 { 2 } else { 1 };
         for (sweep, chunk) in (0..sweeps).flat_map(|sweep| (0..chunks).map(move |chunk| (sweep, chunk))) {
             let slots = rasterizer.grid.chunk(chunk);
@@ -326,15 +330,16 @@ impl<'a> Fitter<'a> {
         let ticket = recorder.submit()?;
         self.flying.push_back(Flight { iteration: turn, ticket, readback });
         self.iteration += 1;
-        // Behind the submission and not before the next: a void step sets the count back, and the caller takes the
-        // share of the next step from the count.
+        // This waits after the submission and not before the next one: a step that must be repeated sets the
+        // count back, and the caller takes the share of the next step from the count.
         while self.flying.len() >= IN_FLIGHT {
             self.land()?;
         }
         Ok(())
     }
 
-    /// Steps until `iteration` steps are done, by this schedule as far as it counts iterations, and waits for the device.
+    /// Runs steps until `iteration` of them are done, and waits for the device. The rates follow the
+    /// iterations of `schedule`, not its time.
     pub fn run_to(&mut self, iteration: u32, schedule: Schedule) -> Result<()> {
         while self.iteration < iteration {
             while self.iteration < iteration {
@@ -346,7 +351,8 @@ impl<'a> Fitter<'a> {
         Ok(())
     }
 
-    /// Does what must happen before the next iteration, with nothing in flight. Waiting may set the count back.
+    /// Pauses the fit and shuffles the mini-batches where that must happen before the next iteration, with
+    /// nothing in flight. Waiting may set the count back.
     fn prepare(&mut self, share: f64) -> Result<()> {
         loop {
             let shuffled = self.work.subset.as_ref().is_none_or(|subset| subset.is_ready(self.iteration));
@@ -372,8 +378,8 @@ impl<'a> Fitter<'a> {
         Ok(())
     }
 
-    /// Waits for the oldest step in flight. Where its pairs did not fit, neither it nor those after it moved anything
-    /// (`adam.comp`): the buffers grow and the count goes back to it.
+    /// Waits for the oldest step in flight. If its pairs did not fit, neither it nor those after it moved
+    /// anything (`adam.comp`): the buffers grow and the count goes back to it.
     fn land(&mut self) -> Result<()> {
         let Some(flight) = self.flying.pop_front() else { return Ok(()) };
         self.gpu.wait(flight.ticket)?;
@@ -393,7 +399,7 @@ impl<'a> Fitter<'a> {
     fn adam_params(&self, turn: u32, share: f64) -> AdamParams {
         let c = &self.config;
         let subset = self.work.subset.as_ref();
-        // How often each splat that moves now will have moved.
+        // Number of updates of each splat that moves now, this one included.
         let block = subset.filter(|_| !c.subset_dense);
         let t = f64::from(block.map_or(turn, |subset| subset.epoch(turn)) + 1);
         let decay = f64::from(c.rate_decay).powf(share.clamp(0.0, 1.0)) as f32;
@@ -403,8 +409,8 @@ impl<'a> Fitter<'a> {
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powf(t))) as f32;
         AdamParams {
             splat_count: block.map_or(self.work.all.splats.len(), Subset::size) as u32,
-            // With one step in flight before this one, what that needed counts too: had it no room, it moved nothing and
-            // will be repeated, so this one must not move anything either.
+            // If a step is in flight before this one, its needs count too: if its pairs had no room, it moved
+            // nothing and will be repeated, so this one must not move anything either.
             chunk_count: (IN_FLIGHT * rasterizer.grid.chunks()) as u32,
             capacity: rasterizer.bins.capacity() as u32,
             beta1: c.beta1,
@@ -427,7 +433,7 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// Voxels along each axis to the unit of `rate_mean`.
+    /// Returns the voxels along each axis that are one unit of `rate_mean`.
     fn edges(&self) -> [f32; 3] {
         match self.config.scale_unit {
             ScaleUnit::Voxel | ScaleUnit::Spacing => [1.0; 3],
@@ -435,7 +441,8 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// λ of Σ |s| over the splats: that of the mean, in the objective that is a sum over samples (`terms`).
+    /// Returns λ of Σ |s| over the splats, from `scale_weight`, which is that of the mean, for an objective
+    /// that is a sum over samples (`terms`).
     fn scale_weight(&self) -> f32 {
         let edge = match self.config.scale_unit {
             ScaleUnit::Voxel | ScaleUnit::Spacing => 1.0,
@@ -446,7 +453,7 @@ impl<'a> Fitter<'a> {
         (f64::from(self.config.scale_weight) * 0.5 * size * edge / count) as f32
     }
 
-    /// How the fit stands. Waits for the device.
+    /// Returns the figures of the last step. Waits for the device.
     pub fn progress(&mut self) -> Result<Progress> {
         self.finish()?;
         if self.work.subset.is_some() && self.config.subset_alone {
@@ -465,13 +472,15 @@ impl<'a> Fitter<'a> {
         })
     }
 
-    /// Number of times that a splat kept still because its gradient was not finite. Waits for the device.
+    /// Returns how many times a splat was left as it was because its gradient was not finite. Waits for the
+    /// device.
     pub fn frozen(&mut self) -> Result<u32> {
         self.finish()?;
         Ok(self.adam.frozen.read()?[0])
     }
 
-    /// The splats as they are now, in voxel coordinates of the volume and in HU. Waits for the device.
+    /// Returns the splats as they are now, in voxel coordinates of the volume and in HU. Waits for the
+    /// device.
     pub fn splats(&mut self) -> Result<Vec<Splat>> {
         self.finish()?;
         let local = self.work.all.splats.read()?;
@@ -489,7 +498,7 @@ impl<'a> Fitter<'a> {
         Ok(splats)
     }
 
-    /// Where the fit stands, for [`Fitter::resume`]. Waits for the device.
+    /// Returns the state of the fit, for [`Fitter::resume`]. Waits for the device.
     pub fn state(&mut self) -> Result<FitState> {
         self.finish()?;
         Ok(FitState {
@@ -501,8 +510,8 @@ impl<'a> Fitter<'a> {
         })
     }
 
-    /// Takes the sums of the losses over all splats, where a step has those of its subset. Only adjoints need the
-    /// overlap first, values do not.
+    /// Computes the sums of the losses over all splats, where a step has only those of its mini-batch.
+    /// Values, unlike adjoints, do not need the overlap first.
     fn measure_all(&mut self) -> Result<()> {
         let index = self.offset_index(self.iteration.saturating_sub(1));
         let offset = self.offsets[index];
@@ -539,7 +548,7 @@ impl Work {
         })
     }
 
-    /// A rasterizer of all splats, and them.
+    /// Returns a rasterizer of all splats, created at the first call if need be, and the splats.
     pub(super) fn whole(
         &mut self,
         gpu: &Gpu,
@@ -566,7 +575,7 @@ impl Work {
             .collect())
     }
 
-    /// As many rows as there are splats.
+    /// Writes `rows` to the device; their number must be that of the splats.
     pub(super) fn write_rows(&mut self, rows: &[SplatRow]) -> Result<()> {
         self.all.splats.write_range(0, &rows.iter().map(|r| r.splat).collect::<Vec<_>>())?;
         self.all.first.write_range(0, &rows.iter().map(|r| r.first).collect::<Vec<_>>())?;
@@ -575,8 +584,8 @@ impl Work {
     }
 }
 
-/// Computes what the losses sum up to in bricks that no splat reaches: a mini-batch that is rasterized alone leaves most
-/// so.
+/// Computes what the losses sum up to in bricks that no splat reaches, by [offset][chunk]. Most bricks are of
+/// this kind where a mini-batch is rasterized alone; for other fits nothing is returned.
 fn untouched_sums(
     gpu: &Gpu,
     config: &FitConfig,
@@ -611,7 +620,8 @@ pub(super) fn rasterizer(
     Ok(rasterizer)
 }
 
-/// Creates the gradients of all splats where a subset gives them, and Adam takes a step for all.
+/// Creates the buffer of the gradients of all splats if there are mini-batches and Adam takes a step for all
+/// splats.
 pub(super) fn dense_gradients(
     gpu: &Gpu,
     count: usize,
@@ -622,8 +632,9 @@ pub(super) fn dense_gradients(
     needed.then(|| gpu.buffer("gradients of all splats", "optimiser", count)).transpose()
 }
 
-/// Least and greatest log scale along each of a splat's own axes. In the unit cube of the box axis k has the clamps in voxels
-/// of the volume's axis k, however the splat lies: so the paper's authors' code has it.
+/// Returns the least and greatest log scale along each of a splat's own axes. In the unit cube of the box,
+/// axis k has the clamps in voxels of the volume's axis k, however the splat is turned, as in the code of the
+/// paper's authors.
 fn log_scale_range(least: f32, most: f32, config: &FitConfig, stretch: DVec3) -> [[f32; 3]; 2] {
     let unit = match config.scale_unit {
         ScaleUnit::Voxel | ScaleUnit::Spacing => [1.0; 3],
@@ -632,7 +643,8 @@ fn log_scale_range(least: f32, most: f32, config: &FitConfig, stretch: DVec3) ->
     [least, most].map(|scale| unit.map(|unit| (scale / unit).ln()))
 }
 
-/// From voxel coordinates and HU to the brick grid and the fit's numbers.
+/// Converts a splat from voxel coordinates and HU to the brick grid and the fit's numbers; its intensity is
+/// clamped and its rotation normalised.
 pub(super) fn to_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
     let origin = bricks.origin.as_vec3().to_array();
     Splat {
@@ -644,7 +656,8 @@ pub(super) fn to_local(s: &Splat, bricks: &Bricks, scaling: &Scaling) -> Splat {
 }
 
 impl Fitter<'_> {
-    /// From the fit's numbers to voxel coordinates of the volume and HU; the shape stays in the space of `scale_unit`.
+    /// Converts a splat from the fit's numbers to voxel coordinates of the volume and HU; its shape stays in
+    /// the space of `scale_unit`.
     fn to_voxel(&self, s: &Splat) -> Splat {
         let origin = self.bricks.origin.as_vec3().to_array();
         let (low, high) = self.scaling.intensity_range;

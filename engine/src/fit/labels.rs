@@ -1,4 +1,4 @@
-//! What a label map says about splats: which structure each of them belongs to.
+//! Labels of splats: which structure of a label map each splat belongs to.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use crate::splat::{SplatSet, label_name};
 use crate::volume::Labels;
 
-/// Gives each splat of `set` the label of the voxel nearest to its mean, and the set the names of the labels. The splats
-/// of a fit reach a little beyond the region: out there it is the nearest voxel that has a label.
+/// Gives each splat of `set` the label of the voxel nearest to its mean, and the set the names of the labels.
+/// The splats of a fit reach a little beyond the region; there the nearest voxel that has a label counts.
 pub fn label(set: &mut SplatSet, labels: &Labels) {
     let world = |mean: [f32; 3]| DVec3::from_array(mean.map(f64::from)) + set.origin_mm;
     set.labels = Some(labels.of(set.splats.par_iter().map(|splat| world(splat.mean))));

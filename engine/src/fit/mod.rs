@@ -1,20 +1,20 @@
-//! The fit: splats for the voxels of a region of interest.
+//! Fitting: the optimization of splats against the voxels of a region of interest.
 //!
-//! [`run()`] is the front door: from a volume and a region to a splat set.
+//! [`run()`] is the entry point: it turns a volume and a region into a splat set.
 //!
 //! | file | what it is |
 //! |---|---|
-//! | `run`, `schedule` | the front door: [`Problem`], [`Schedule`], and who accompanies a fit ([`Watch`]) |
+//! | `run`, `schedule` | the entry point: [`Problem`], [`Schedule`], and the observer of a fit ([`Watch`]) |
 //! | `config`, `unit` | every hyper-parameter, with its unit |
 //! | `profiles`, `qualities` | configurations with a name |
 //! | `init` | the first splats |
-//! | `fitter` | one iteration after the other on the device |
+//! | `fitter` | the iterations on the device |
 //! | `subset` | mini-batches |
-//! | `pause`, `topology` | what happens between iterations: splats come, go and move |
-//! | `targets`, `terms` | what the volume looks like to the fit, and its losses |
-//! | `state` | a fit that was interrupted, as a file |
+//! | `pause`, `topology` | between iterations: splats are added, removed and moved (density control) |
+//! | `targets`, `terms` | the samples that a fit must match, and its loss terms |
+//! | `state` | an interrupted fit, as a file |
 //! | `evaluate`, `errors` | how good splats are, and where they are wrong |
-//! | `labels`, `place` | which structure a splat belongs to; what places splats of other programs |
+//! | `labels`, `place` | which structure a splat belongs to; the voxel grid of splats from other programs |
 
 mod config;
 pub mod errors;

@@ -1,5 +1,5 @@
-//! What happens between two iterations, on the host: splats come, go and move (`topology`), and intensities and opacities
-//! that are not learned are sampled.
+//! Work between two iterations, on the host: splats are added, removed and moved (`topology`), and
+//! intensities and opacities that are not learned are sampled.
 
 use glam::{DMat3, DVec3, IVec3};
 use rand::SeedableRng;
@@ -17,7 +17,7 @@ use crate::splat::space::reshaped;
 use crate::splat::{Activations, Splat};
 
 impl Fitter<'_> {
-    /// Whether the fit must pause before its next iteration.
+    /// Returns true if the fit must pause before its next iteration.
     pub(super) fn is_pause_due(&self) -> bool {
         let is_new = self.iteration > 0 && self.paused_at != Some(self.iteration);
         is_new && (self.is_change_due() || self.is_sampling_due())
@@ -37,7 +37,8 @@ impl Fitter<'_> {
             && !(c.learn_intensity && c.learn_opacity)
     }
 
-    /// Changes splats and samples intensities. Nothing may be in flight.
+    /// Changes splats and samples intensities and opacities, as far as either is due. Nothing may be in
+    /// flight.
     pub(super) fn pause(&mut self, share: f64) -> Result<()> {
         if self.is_change_due() {
             self.change_topology(share)?;
@@ -83,7 +84,7 @@ impl Fitter<'_> {
         self.replace(&splats, &changed)
     }
 
-    /// The field of all splats at the voxel centres, [slot][Morton place], HU.
+    /// Returns the field of all splats at the voxel centres, [slot][Morton place], HU.
     fn field_at_voxels(&mut self) -> Result<Vec<FieldSample>> {
         let (rasterizer, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
         let got = rasterizer.rasterize(splats, [0.0; 3])?;
@@ -96,7 +97,7 @@ impl Fitter<'_> {
         Ok(got.into_iter().map(|r| sample(r.weight, r.value)).collect())
     }
 
-    /// Puts the splats of a change in place of `old`, all gradient norms at zero.
+    /// Replaces the splats `old` by those of a change, with all gradient norms at zero.
     fn replace(&mut self, old: &[Splat], changed: &Change) -> Result<()> {
         let before = self.work.read_rows()?;
         let rows: Vec<SplatRow> = changed
@@ -105,7 +106,7 @@ impl Fitter<'_> {
             .zip(&changed.keeps)
             .map(|(splat, keeps)| {
                 let kept = keeps.map(|i| i as usize);
-                // A splat that stays as it is keeps its bits: there and back again is not exact.
+                // A splat that stays as it is keeps its bits: converting it there and back is not exact.
                 let same = kept.filter(|&i| old[i] == *splat);
                 let moments = kept.map_or(SplatRow::default(), |i| before[i]);
                 let local = same.map_or_else(|| self.changed(splat), |i| before[i].splat);
@@ -122,7 +123,7 @@ impl Fitter<'_> {
         self.work.write_rows(&rows)
     }
 
-    /// A splat in voxel space as the fit has it.
+    /// Converts a splat from voxel space and HU to the space and the numbers of the fit.
     fn changed(&self, splat: &Splat) -> Splat {
         let local = to_local(splat, &self.bricks, &self.scaling);
         if self.stretch == DVec3::ONE {
@@ -131,9 +132,9 @@ impl Fitter<'_> {
         reshaped(&local, &DMat3::from_diagonal(self.stretch.recip()))
     }
 
-    /// Opacities that are those of the mask around the means: a weighted mean over 27 points up to one standard deviation
-    /// away, as the paper's authors' code has it, which does not turn them with the splat. Splats in voxel coordinates,
-    /// shaped in the space of `scale_unit`.
+    /// Sets the opacities to those of the mask around the means: a weighted mean over 27 points, one standard
+    /// deviation away along the axes. As in the code of the paper's authors, the points are not turned with
+    /// the splat. The splats are in voxel coordinates and shaped in the space of `scale_unit`.
     pub(super) fn sample_opacities(&self, splats: &mut [Splat]) {
         let last = DVec3::from_array(self.volume.size.map(|n| n.saturating_sub(1) as f64));
         let weight = |step: DVec3| (-0.5 * step.length_squared()).exp();
@@ -151,7 +152,7 @@ impl Fitter<'_> {
         });
     }
 
-    /// Intensities that are those of the volume at the means.
+    /// Sets the intensities to those of the volume at the means.
     pub(super) fn sample_intensities(&self, splats: &mut [Splat]) {
         let (range, (low, high)) = (self.scaling.range, self.scaling.intensity_range);
         for splat in splats {
@@ -163,7 +164,7 @@ impl Fitter<'_> {
 }
 
 impl Work {
-    /// Room for another number of splats; what the rows hold is lost.
+    /// Makes room for `count` splats; what the rows held is lost.
     fn resize(&mut self, gpu: &crate::gpu::Gpu, count: usize, config: &super::FitConfig) -> Result<()> {
         self.whole = None;
         self.subset = Subset::of(gpu, count, config)?;

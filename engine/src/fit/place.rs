@@ -1,9 +1,10 @@
-//! What a volume and its region tell splats that count in its voxels.
+//! The voxel grid and intensity ranges of a volume, for splats of other programs that count in its voxels.
 
 use crate::splat::Place;
 use crate::volume::{Roi, Volume};
 
-/// The place of a set that was fitted to `volume`; intensities can be parts of the range inside `roi` where it is known.
+/// Returns the place of a set that was fitted to `volume`. If `roi` is known, intensities may be parts of the
+/// range inside it.
 pub fn place(volume: &Volume, roi: Option<&Roi>) -> Place {
     Place {
         size: volume.size,

@@ -1,8 +1,9 @@
-//! The front door: from a volume and a region of interest to a splat set.
+//! The entry point of a fit: from a volume and a region of interest to a splat set.
 //!
-//! [`run`] is one call. Behind it stands a [`Problem`], which does everything that a [`FitConfig`] asks for: it puts volume
-//! and region on the working grid, places the first splats, follows the [`Schedule`], repeats steps whose buffers were too
-//! small, and makes the set. A [`Watch`] hears of the progress, may stop the fit and may keep what comes on the way.
+//! [`run`] is one call. It builds a [`Problem`], which does everything that a [`FitConfig`] asks for: it puts
+//! volume and region on the working grid, places the first splats, follows the [`Schedule`], repeats steps
+//! whose buffers were too small, and makes the set. A [`Watch`] is told of the progress, may stop the fit and
+//! may keep intermediate states.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -21,26 +22,27 @@ use crate::volume::{Roi, Volume};
 const FIGURES_EVERY: u32 = 20;
 /// ... or this long, if that comes first: fetching waits for the device.
 const FIGURES_AFTER: Duration = Duration::from_millis(500);
-/// Figures belong to the offset grid of their iteration, so they are fetched where the same grid has its turn; if that
-/// takes longer than this, anywhere.
+/// Figures belong to the offset grid of their iteration, so they are fetched when the same grid has its turn
+/// again; after this long, they are fetched at any grid.
 const FIGURES_AT_LATEST: Duration = Duration::from_secs(20);
-/// Fetching figures takes at most one part in so many of the time.
+/// Fetching figures takes at most one part in this many of the time.
 const FIGURES_SHARE: u32 = 10;
 
-/// Most splats for each voxel of the region, as many as a density may ask for ...
+/// Maximum number of splats for each voxel of the region, as many as a density may ask for ...
 const MOST_A_VOXEL: f64 = 100.0;
-/// ... and a number that is allowed for any region.
+/// ... and a number of splats that is allowed for any region.
 const LEAST_LIMIT: f64 = 10_000.0;
-/// What a splat takes on the host at least, while a fit is prepared and written: itself in two spaces, its set, its row.
+/// Least host memory of a splat, bytes, while a fit is prepared and written: itself in two spaces, its set,
+/// its row.
 const HOST_BYTES_A_SPLAT: u64 = 300;
 
-/// Fits splats to the region of interest of a volume, as `config` says, and returns them in the world of the volume (mm
-/// RAS, HU). `watch` sees the figures of the fit a few times a second and may break it off; the set is then that of the
-/// iterations that were done.
+/// Fits splats to the region of interest of a volume, as `config` says, and returns them in the world of the
+/// volume (mm RAS, HU). `watch` receives the figures of the fit a few times a second and may stop it; the set
+/// is then that of the iterations that were done.
 ///
 /// # Errors
-/// Refuses a configuration that cannot work and a region without voxels; fails where the device does, and where the fit
-/// diverges.
+/// Fails for a configuration that cannot work, for a region without voxels, if the device fails, and if the
+/// fit diverges.
 ///
 /// ```no_run
 /// use std::ops::ControlFlow;
@@ -78,18 +80,18 @@ pub fn run(
     }
 }
 
-/// What is fitted and how: a volume and a region on the grid that the fit works on, and a configuration that was checked.
+/// A fitting problem: a volume and a region on the working grid, and a configuration that was checked.
 pub struct Problem<'a> {
     volume: Cow<'a, Volume>,
     roi: Cow<'a, Roi>,
     config: FitConfig,
-    /// Sum of the mask on the volume's own grid, voxels: what a density counts in.
+    /// Sum of the mask on the volume's own grid, voxels: what a density is multiplied by.
     native_voxels: f64,
 }
 
 impl<'a> Problem<'a> {
-    /// Checks the configuration and puts volume and region on its working grid: block means of `working_grid` voxels
-    /// along each axis, or the voxels themselves.
+    /// Checks the configuration and puts volume and region on its working grid: block means of `working_grid`
+    /// voxels along each axis, or the voxels themselves.
     pub fn new(volume: &'a Volume, roi: &'a Roi, config: &FitConfig) -> Result<Self> {
         config.check()?;
         let native_voxels = roi.weight_sum();
@@ -97,7 +99,7 @@ impl<'a> Problem<'a> {
             let (volume, roi) = (Cow::Borrowed(volume), Cow::Borrowed(roi));
             return Ok(Problem { volume, roi, config: config.clone(), native_voxels });
         }
-        // The range that the native volume has or suggests: the means of its blocks reach less far.
+        // The range is that of the native volume: the means of its blocks reach less far.
         let (low, high) = Scaling::new(volume, roi, config).range;
         let factor = config.working_grid as usize;
         Ok(Problem {
@@ -141,7 +143,8 @@ impl<'a> Problem<'a> {
     /// Places the first splats, in voxel space of the working grid and HU.
     ///
     /// # Errors
-    /// [`Kind::Usage`] for more splats than any density allows, [`Kind::HostMemory`] for more than there is memory for.
+    /// [`Kind::Usage`] for more splats than any density allows, [`Kind::HostMemory`] for more than there is
+    /// memory for.
     pub fn first_splats(&self) -> Result<Vec<Splat>> {
         let place = self.config.initialiser()?.run;
         let count = self.config.splat_count(self.native_voxels);
@@ -156,7 +159,7 @@ impl<'a> Problem<'a> {
         Ok(place(&self.volume, &self.roi, count, self.config.seed, &self.config.init()))
     }
 
-    /// Prepares the device for a fit that begins with `first`, or goes on from a state.
+    /// Prepares the device for a fit that begins with first splats or goes on from a state, as `start` says.
     pub fn fitter(&self, gpu: &Gpu, start: &Start) -> Result<Fitter<'_>> {
         match start {
             Start::First(first) => Fitter::new(gpu, &self.volume, &self.roi, first, &self.config),
@@ -166,8 +169,8 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Returns splats of the fit (voxel space of the working grid, HU) as a set in the world, with the grid that they were
-    /// fitted on and what they were fitted for.
+    /// Returns splats of the fit (voxel space of the working grid, HU) as a set in the world, with the grid
+    /// that they were fitted on and their form.
     pub fn splat_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
         SplatSet {
             iterations: Some(iterations),
@@ -177,21 +180,22 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Fits from `start` until the schedule is done or `watch` stops it. A fit that fails on the way keeps the last splats
-    /// that were seen to be good; an error is returned only where it cannot begin.
+    /// Fits from `start` until `schedule` is done or `watch` stops it. If the fit fails on the way, the
+    /// outcome has the last splats that were seen to be good; an error is returned only if the fit cannot
+    /// begin.
     pub fn run(&self, gpu: &Gpu, start: Start, schedule: Schedule, watch: &mut dyn Watch) -> Result<Outcome> {
         let mut fitter = self.fitter(gpu, &start)?;
         let (mut curve, before) = match start {
             Start::First(_) => (Vec::new(), 0.0),
             Start::Interrupted(Interrupted { curve, seconds, .. }) => (curve, seconds),
         };
-        // Infinity is not written.
+        // A PSNR can be infinite, so it is not written; it is computed again here.
         for point in &mut curve {
             point.progress.psnr_db = -10.0 * point.progress.mse.log10();
         }
         let good = fitter.splats()?;
         let iterations = fitter.iteration();
-        // Uploads and kernels are not part of the passes' account.
+        // Uploads and the creation of kernels are not part of the profile of the passes.
         gpu.take_profile();
         let (low, high) = fitter.scaling().range;
         watch.begin(&Beginning { splats: good.len(), iterations, range: [low, high] });
@@ -202,7 +206,7 @@ impl<'a> Problem<'a> {
             before: Duration::from_secs_f64(before),
             begun: Instant::now(),
             figures: Figures { iteration: iterations, at: Instant::now(), took: Duration::ZERO },
-            // Offset grids that the iterations visit in turn.
+            // Number of offset grids that the iterations visit in turn.
             grids: u32::try_from(self.config.offset_count()).unwrap_or(1).max(1),
             kept: None,
         };
@@ -223,19 +227,19 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Where a fit begins.
+/// Starting point of a fit.
 pub enum Start {
-    /// With first splats, in voxel space of the working grid and HU.
+    /// First splats, in voxel space of the working grid and HU.
     First(Vec<Splat>),
-    /// Where it was interrupted.
+    /// An interrupted fit, which goes on.
     Interrupted(Interrupted),
 }
 
-/// A fit that was stopped, with what it had come to.
+/// An interrupted fit and its figures so far.
 pub struct Interrupted {
-    /// Splats and moments.
+    /// Splats and what the optimiser keeps of them.
     pub state: FitState,
-    /// Time of its iterations so far.
+    /// Time of its iterations so far, seconds.
     pub seconds: f64,
     /// Its figures so far.
     pub curve: Vec<CurvePoint>,
@@ -244,30 +248,31 @@ pub struct Interrupted {
 /// The figures of a fit at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
-    /// Since the first iteration.
+    /// Time of the iterations so far, seconds.
     pub seconds: f64,
     /// The figures.
     pub progress: Progress,
 }
 
-/// What is known when the iterations begin.
+/// State of a fit when its iterations begin.
 #[derive(Clone, Copy, Debug)]
 pub struct Beginning {
-    /// Splats.
+    /// Number of splats.
     pub splats: usize,
-    /// Iterations that were done before, by a fit that was interrupted.
+    /// Number of iterations that were done before, by a fit that was interrupted.
     pub iterations: u32,
-    /// The range that the PSNR of the figures is over, HU.
+    /// Range whose span the PSNR of the figures refers to, HU.
     pub range: [f32; 2],
 }
 
-/// Who accompanies a fit. Every method has a default that does nothing.
+/// Observer of a fit. Every method has a default that leaves the fit alone.
 pub trait Watch {
-    /// Hears that the iterations begin.
+    /// Receives the state of the fit when the iterations begin.
     fn begin(&mut self, _beginning: &Beginning) {}
 
-    /// Hears of each step. `share` is the part of the schedule that is done, 0 to 1. A step whose buffers were too small is
-    /// repeated, so the count may go back.
+    /// Receives the number of iterations after each step, and `share`, the part of the schedule that was done
+    /// when the step began, 0 to 1. A step whose buffers were too small is repeated, so the number may go
+    /// back.
     fn step(&mut self, _iteration: u32, _share: f64) {}
 
     /// Returns true if the fit should take figures on the way.
@@ -275,87 +280,88 @@ pub trait Watch {
         true
     }
 
-    /// Hears of figures, some times a second.
+    /// Receives figures, a few times a second.
     fn figures(&mut self, _progress: &Progress) {}
 
-    /// Returns true if the fit must stop; asked before each step.
+    /// Returns true if the fit must stop. The fit asks before each step.
     fn stops(&mut self) -> bool {
         false
     }
 
-    /// Returns true if what there is after this number of iterations is to be kept.
+    /// Returns true if the fit as it is after this number of iterations should be kept.
     fn keeps(&self, _iteration: u32) -> bool {
         false
     }
 
-    /// Keeps what there is: where [`Watch::keeps`] says so, and at last where [`Watch::stops`] broke the fit off. Returns
-    /// true if the fit goes on.
+    /// Keeps the fit as it is. The fit calls this where [`Watch::keeps`] returns true, and a last time when
+    /// [`Watch::stops`] has stopped it. Returns true if the fit should go on.
     fn keep(&mut self, _milestone: &mut Milestone<'_, '_>) -> Result<bool> {
         Ok(true)
     }
 }
 
-/// The fit after a number of iterations that is final, for [`Watch::keep`].
+/// The fit after a number of iterations, for [`Watch::keep`]. The number is final: no step of them will be
+/// repeated.
 pub struct Milestone<'a, 'b> {
     /// The fit; nothing is in flight.
     pub fitter: &'a mut Fitter<'b>,
     /// The splats, in voxel space of the working grid and HU.
     pub splats: &'a [Splat],
-    /// The iterations behind them.
+    /// Number of iterations behind the splats.
     pub iteration: u32,
-    /// Time of the iterations so far, this and other milestones included.
+    /// Time of the iterations so far, seconds, this and other milestones included.
     pub seconds: f64,
-    /// The figures so far.
+    /// Figures so far.
     pub curve: &'a [CurvePoint],
-    /// True if the fit was broken off here.
+    /// True if the fit was stopped here.
     pub stopped: bool,
 }
 
-/// How a fit ended.
+/// Reason for the end of a fit.
 pub enum End {
-    /// The schedule is done, or [`Watch::keep`] had enough.
+    /// The schedule is done, or [`Watch::keep`] returned false.
     Finished,
-    /// [`Watch::stops`] said so.
+    /// [`Watch::stops`] returned true.
     Stopped,
-    /// The device failed, or the error was no number any more.
+    /// The device failed, the fit diverged, or [`Watch::keep`] failed.
     Failed(Error),
 }
 
-/// What a fit came to.
+/// Result of a fit.
 pub struct Outcome {
     /// The last good splats, in voxel space of the working grid and HU.
     pub splats: Vec<Splat>,
-    /// The iterations behind these splats.
+    /// Number of iterations behind these splats.
     pub iterations: u32,
-    /// Time of the iterations.
+    /// Time of the iterations, seconds.
     pub seconds: f64,
-    /// Figures on the way.
+    /// Figures over the course of the fit.
     pub curve: Vec<CurvePoint>,
-    /// The range that the PSNR of the figures is over, HU.
+    /// Range whose span the PSNR of the figures refers to, HU.
     pub range: [f32; 2],
-    /// Updates that were left out because a gradient was not finite.
+    /// Number of updates that were left out because a gradient was not finite.
     pub frozen: u32,
-    /// Bytes of device memory by purpose, at the end.
+    /// Device memory by purpose at the end, bytes.
     pub device_bytes: std::collections::BTreeMap<&'static str, u64>,
-    /// How it ended.
+    /// Reason for the end of the fit.
     pub end: End,
 }
 
-/// When figures were fetched last.
+/// The last time that figures were fetched.
 struct Figures {
     iteration: u32,
     at: Instant,
-    /// How long that took.
+    /// Time that fetching them took.
     took: Duration,
 }
 
-/// The iterations of a fit.
+/// State of the loop over the iterations of a fit.
 struct Course {
     /// The last splats that were seen to be good, and the iterations behind them.
     good: Vec<Splat>,
     iterations: u32,
     curve: Vec<CurvePoint>,
-    /// Time of the iterations before this run went on.
+    /// Time of the iterations before this run, if it goes on from an interrupted fit.
     before: Duration,
     begun: Instant,
     figures: Figures,
@@ -369,8 +375,9 @@ impl Course {
         self.before + self.begun.elapsed()
     }
 
-    /// Returns true if figures should be fetched at this iteration. They belong to the grid whose turn it is, so they are
-    /// taken where the same one has it; where only a mini-batch is rasterized they cost more than an iteration.
+    /// Returns true if figures should be fetched at this iteration. Figures belong to the offset grid whose
+    /// turn it is, so they are taken when the same grid has its turn, unless they are overdue. Where only a
+    /// mini-batch is rasterized, they cost more than an iteration.
     fn are_figures_due(&self, iteration: u32) -> bool {
         let since = iteration.saturating_sub(self.figures.iteration);
         let waited = self.figures.at.elapsed();
@@ -422,7 +429,8 @@ impl Course {
         })
     }
 
-    /// Fetches the splats, and the figures where they are wanted, and keeps them if they are good.
+    /// Fetches the splats, and the figures where they are wanted, and keeps them. Fails if the fit has
+    /// diverged.
     fn look(&mut self, fitter: &mut Fitter<'_>, watch: &mut dyn Watch) -> Result<()> {
         let begin = Instant::now();
         fitter.finish()?;
@@ -444,7 +452,8 @@ impl Course {
     }
 }
 
-/// Refuses what is no fit any more. `kept` is the iteration of the last good splats.
+/// Fails if the fit has diverged: if an error is not finite or a splat is unusable. `kept` is the iteration
+/// of the last good splats.
 fn check(iteration: u32, progress: Option<&Progress>, splats: &[Splat], kept: u32) -> Result<()> {
     let bad = splats.iter().filter(|s| splat::defect(s).is_some()).count();
     let errors = progress.map(|p| [Some(p.mse), Some(p.occupancy_rmse), p.dice, p.leak]);
@@ -460,7 +469,7 @@ fn check(iteration: u32, progress: Option<&Progress>, splats: &[Splat], kept: u3
         .help("lower the learning rates; if they are the default ones, please report it"))
 }
 
-/// A closure as a [`Watch`].
+/// A [`Watch`] that hands figures to a closure, which may stop the fit.
 struct OnFigures<F> {
     watch: F,
     stop: bool,

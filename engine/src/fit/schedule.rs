@@ -1,18 +1,18 @@
-//! How long a fit goes on.
+//! The schedule of a fit: its limits in iterations and in time.
 
 use std::time::Duration;
 
-/// How long a fit goes on.
+/// Limits of a fit, in iterations and in time.
 #[derive(Clone, Copy, Debug)]
 pub struct Schedule {
-    /// The most iterations.
+    /// Maximum number of iterations.
     pub iterations: u32,
-    /// The time for all iterations.
+    /// Time for all iterations; none for no limit.
     pub time: Option<Duration>,
 }
 
 impl Schedule {
-    /// Returns the part that is done, 0 to 1: of whichever limit is nearer.
+    /// Returns the part of the schedule that is done, 0 to 1, by whichever limit is nearer.
     pub fn share(&self, iteration: u32, elapsed: Duration) -> f64 {
         let of_iterations = f64::from(iteration) / f64::from(self.iterations.max(1));
         let of_time = self.time.map_or(0.0, |t| elapsed.as_secs_f64() / t.as_secs_f64().max(1e-9));

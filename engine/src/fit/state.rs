@@ -1,9 +1,10 @@
-//! Where a fit stands, as a file: with its inputs and its configuration it goes on as if it had never stopped, to the
-//! bit.
+//! State of a fit, as a file. With its inputs and its configuration the fit goes on as if it had never
+//! stopped, to the bit.
 //!
-//! The file: a line that names the format, then little-endian: the length of the caller's notes (u64) and the notes (UTF-8),
-//! iteration, last pause + 1 or 0, frozen splats, reserved (4 × u32), first count and count (2 × u64), the rows of all
-//! splats (parameters, first and second moments, gradient norm and cap of the scales), and a CRC-32 of all before it.
+//! The file begins with a line that names the format. Then follow, little-endian: the length of the caller's
+//! notes (u64) and the notes (UTF-8); iteration, last pause + 1 or 0, frozen splats and a reserved word (4 ×
+//! u32); first count and count (2 × u64); the rows of all splats (parameters, first and second moments,
+//! gradient norm and cap of the scales); and a CRC-32 of everything before it.
 
 use std::io::Read;
 use std::path::Path;
@@ -18,22 +19,22 @@ use crate::splat::Splat;
 
 const MAGIC: &[u8] = b"vgs-state-2\n";
 
-/// All that a fit needs to go on, besides its inputs and its configuration.
+/// Everything that a fit needs to go on, besides its inputs and its configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitState {
-    /// Steps done.
+    /// Number of steps done.
     pub iteration: u32,
-    /// The iteration before which splats or intensities were changed last.
+    /// The iteration before which the fit paused last, to change splats or intensities.
     pub(super) paused_at: Option<u32>,
-    /// Splats whose gradient was not finite so far.
+    /// Number of updates left out so far because a gradient was not finite.
     pub(super) frozen: u32,
-    /// How many splats there were first.
+    /// Number of splats that the fit began with.
     pub(super) first_count: usize,
-    /// Parameters in the fit's own units, and what the optimiser keeps.
+    /// Parameters in the fit's own units, and what the optimiser keeps of each splat.
     pub(super) rows: Vec<SplatRow>,
 }
 
-/// A splat in the fit's own units and what the optimiser keeps of it.
+/// A splat in the fit's own units, and what the optimiser keeps of it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(super) struct SplatRow {
@@ -44,12 +45,13 @@ pub(super) struct SplatRow {
 }
 
 impl FitState {
-    /// Number of splats.
+    /// Returns the number of splats.
     pub fn splat_count(&self) -> usize {
         self.rows.len()
     }
 
-    /// Writes the state with `notes` of the caller.
+    /// Writes the state and the caller's `notes`, atomically. An existing file is refused unless `force` is
+    /// true.
     pub fn write(&self, path: &Path, notes: &str, force: bool) -> Result<()> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend((notes.len() as u64).to_le_bytes());
@@ -72,7 +74,7 @@ impl FitState {
         write_atomic(path, force, |out| out.write_all(&bytes))
     }
 
-    /// Reads a state and the notes beside it.
+    /// Reads a state and the notes that were written with it.
     pub fn read(path: &Path) -> Result<(FitState, String)> {
         let mut bytes = Vec::new();
         std::fs::File::open(path)
@@ -88,7 +90,7 @@ impl FitState {
 
 const ROW_WORDS: usize = size_of::<SplatRow>() / size_of::<f32>();
 
-/// What [`FitState::write`] wrote; nothing where it did not.
+/// Parses what [`FitState::write`] wrote; returns nothing if the bytes are not a state or are damaged.
 fn parse(bytes: &[u8]) -> Option<(FitState, String)> {
     let (body, sum) = bytes.split_at_checked(bytes.len().checked_sub(4)?)?;
     let mut crc = Crc::new();

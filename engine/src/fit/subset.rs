@@ -1,6 +1,6 @@
-//! Sparse mini-batches: an iteration updates one block of the splats, the next another. The blocks of an epoch are a random
-//! order of all splats cut into pieces, so after an epoch every splat has been updated, and their number of updates is
-//! the epoch's.
+//! Mini-batches: each iteration updates one block of the splats. The blocks of an epoch are a random order of
+//! all splats cut into pieces, so after an epoch every splat has been updated, and the number of its updates
+//! is taken to be the number of epochs.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -13,25 +13,26 @@ use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::Rows;
 use crate::passes::adam::AdamState;
 
-/// The blocks of a number of splats, and the device's copy of the one in work.
+/// The blocks of all splats, and the device's copy of the current one.
 pub(super) struct Subset {
     rows: Rows,
     seed: u64,
     count: usize,
-    /// Splats of a block.
+    /// Number of splats in a block.
     size: usize,
     blocks: u32,
-    /// Whose order `order` is.
+    /// The epoch that `order` belongs to.
     epoch: Option<u32>,
     order: Buffer<u32>,
-    /// The block in work.
+    /// Parameters and optimiser state of the current block.
     pub active: AdamState,
-    /// Its footprints, where all splats are rasterized.
+    /// Footprints of the current block, used where all splats are rasterized.
     pub footprints: Buffer<Footprint>,
 }
 
 impl Subset {
-    /// Blocks of at most `config.subset` of `count` splats, as equal as they can be; none where all splats are in one.
+    /// Divides `count` splats into blocks of at most `config.subset`, as equal as they can be; returns
+    /// nothing if one block would hold them all.
     pub fn of(gpu: &Gpu, count: usize, config: &FitConfig) -> Result<Option<Self>> {
         if config.subset == 0 || config.subset >= count {
             return Ok(None);
@@ -51,22 +52,23 @@ impl Subset {
         }))
     }
 
-    /// Splats of a block.
+    /// Returns the number of splats in a block.
     pub fn size(&self) -> usize {
         self.size
     }
 
-    /// How often each splat has been updated before iteration `turn`.
+    /// Returns the epoch of iteration `turn`: how often each splat has been updated before it.
     pub fn epoch(&self, turn: u32) -> u32 {
         turn / self.blocks
     }
 
-    /// Whether the order of this iteration's epoch is on the device.
+    /// Returns true if the order of the epoch of iteration `turn` is on the device.
     pub fn is_ready(&self, turn: u32) -> bool {
         self.epoch == Some(self.epoch(turn))
     }
 
-    /// Puts the order of this iteration's epoch on the device. Nothing may be in flight.
+    /// Shuffles the splats for the epoch of iteration `turn` and writes their order to the device. Nothing
+    /// may be in flight.
     pub fn shuffle(&mut self, turn: u32) -> Result<()> {
         let epoch = self.epoch(turn);
         let mut order: Vec<u32> = (0..self.count as u32).collect();
@@ -76,13 +78,13 @@ impl Subset {
         Ok(())
     }
 
-    /// Where the block of this iteration begins. The last one of an epoch ends with the order, so that it may share some
-    /// splats with the one before.
+    /// Returns where the block of iteration `turn` begins in the order. The last block of an epoch ends with
+    /// the order, so it may share some splats with the one before.
     fn first(&self, turn: u32) -> usize {
         ((turn % self.blocks) as usize * self.size).min(self.count - self.size)
     }
 
-    /// Records the copying of this iteration's block out of `all`.
+    /// Records copying the block of iteration `turn` out of `all`.
     pub fn take(&mut self, recorder: &mut Recorder, all: &AdamState, turn: u32) {
         let (rows, first, active) = (&self.rows, self.first(turn), &mut self.active);
         rows.gather(recorder, &all.splats, &self.order, first, &mut active.splats);
@@ -91,12 +93,12 @@ impl Subset {
         rows.gather(recorder, &all.histories, &self.order, first, &mut active.histories);
     }
 
-    /// Records the copying of its footprints out of those of all splats.
+    /// Records copying the block's footprints out of those of all splats.
     pub fn take_footprints(&mut self, recorder: &mut Recorder, all: &Buffer<Footprint>, turn: u32) {
         self.rows.gather(recorder, all, &self.order, self.first(turn), &mut self.footprints);
     }
 
-    /// Records the copying of the block back into `all`.
+    /// Records copying the block back into `all`.
     pub fn put(&self, recorder: &mut Recorder, all: &mut AdamState, turn: u32) {
         let (rows, first, active) = (&self.rows, self.first(turn), &self.active);
         rows.scatter(recorder, &active.splats, &self.order, first, &mut all.splats);
@@ -105,7 +107,7 @@ impl Subset {
         rows.scatter(recorder, &active.histories, &self.order, first, &mut all.histories);
     }
 
-    /// Records the copying of the block's gradients into those of all splats.
+    /// Records copying the block's gradients into those of all splats.
     pub fn put_gradients(
         &self,
         recorder: &mut Recorder,

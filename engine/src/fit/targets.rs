@@ -1,5 +1,5 @@
-//! What the samples should be: volume and mask, sampled trilinearly at each sub-voxel offset, because that is what every
-//! volume renderer shows.
+//! Targets of a fit: volume and mask, sampled trilinearly at each sub-voxel offset, because that is what
+//! every volume renderer shows.
 
 use glam::IVec3;
 use rand::{RngExt, SeedableRng};
@@ -9,24 +9,26 @@ use shaders_glsl::types::Target;
 use super::{Background, FitConfig, IntensityRange};
 use crate::volume::{Bricks, Roi, Volume};
 
-/// Spans of the range within which intensities stay finite where they are not clamped.
+/// Limit of intensities that are not clamped, so that they stay finite: this many spans beyond the range.
 const FAR: f32 = 1000.0;
 
-/// How HU become the numbers of a fit, and back: value = (HU - background) / unit.
+/// The map between HU and the numbers of a fit: value = (HU - background) / unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scaling {
-    /// Intensities are clipped to this range, HU.
+    /// Range that intensities are clipped to, HU.
     pub range: (f32, f32),
-    /// What an uncovered sample has, HU: the mean over the ROI or the lower end of the range.
+    /// Intensity where no splat reaches, HU: the mean over the ROI or the lower end of the range.
     pub background: f32,
     /// HU per unit of the fit: the span of the range.
     pub unit: f32,
-    /// Splat intensities stay inside, HU: least and greatest in the ROI after clipping, or next to no limit.
+    /// Range that the intensities of splats stay in, HU: least and greatest in the ROI after clipping, or
+    /// next to no limit.
     pub intensity_range: (f32, f32),
 }
 
 impl Scaling {
-    /// Of a volume in its ROI, with the range that the configuration names or the data suggest.
+    /// Creates the scaling of a volume in its ROI, with the range that the configuration names or the data
+    /// suggest.
     pub fn new(volume: &Volume, roi: &Roi, config: &FitConfig) -> Self {
         let range = match config.hu_range {
             [0.0, 0.0] if config.range == IntensityRange::Roi => roi.range(volume).unwrap_or_default().into(),
@@ -66,18 +68,18 @@ impl Scaling {
         Scaling { range, background, unit, intensity_range }
     }
 
-    /// HU -> the fit's number.
+    /// Converts HU to the fit's number.
     pub fn value(&self, hu: f32) -> f32 {
         (hu - self.background) / self.unit
     }
 
-    /// The fit's number -> HU.
+    /// Converts the fit's number to HU.
     pub fn hu(&self, value: f32) -> f32 {
         value * self.unit + self.background
     }
 }
 
-/// The grid itself, then random offsets in ±½ voxel.
+/// Returns the zero offset (the grid itself), then `count` - 1 random offsets in ±½ voxel.
 pub fn offsets(count: usize, seed: u64) -> Vec<[f32; 3]> {
     let mut random = Pcg64::seed_from_u64(seed ^ 0x6f66_6673_6574_7321);
     let mut list = vec![[0.0; 3]];
@@ -85,11 +87,12 @@ pub fn offsets(count: usize, seed: u64) -> Vec<[f32; 3]> {
     list
 }
 
-/// Mask of a sample in the rim of a binary region: the least that a target can hold, nothing to a term of the mask.
+/// Mask that marks a sample in the rim of a binary region: the least that a target can hold, negligible to a
+/// term of the mask.
 const RIM: f32 = 1.0 / 32767.0;
 
-/// The targets of the slots `range` at one offset, in memory order. With a `rim` the voxels beside the region, 26 around each
-/// of its own, are marked as such.
+/// Returns the targets of the slots `range` at one offset, in memory order. If `rim` is true, voxels beside
+/// the region (among the 26 around a voxel of it) are marked as its rim.
 pub fn sample(
     bricks: &Bricks,
     range: std::ops::Range<usize>,
@@ -109,7 +112,7 @@ pub fn sample(
     })
 }
 
-/// The finite samples of the rim, some of them several times.
+/// Returns the finite samples of the rim, some of them several times.
 fn rim_samples<'a>(volume: &'a Volume, roi: &'a Roi) -> impl Iterator<Item = f32> + 'a {
     let [nx, ny, _] = volume.size;
     let size = IVec3::from_array(volume.size.map(|n| n as i32));
@@ -123,7 +126,8 @@ fn rim_samples<'a>(volume: &'a Volume, roi: &'a Roi) -> impl Iterator<Item = f32
     inside.flat_map(around).filter(is_rim).map(sample).filter(|v| v.is_finite())
 }
 
-/// True if one of the 26 voxels around a voxel of the volume is of the region. Beyond the volume there is no intensity.
+/// Returns true if one of the 26 voxels around a voxel of the volume is in the region; false beyond the
+/// volume, where there is no intensity.
 fn is_beside(roi: &Roi, voxel: IVec3) -> bool {
     let size = IVec3::from_array(roi.size.map(|n| n as i32));
     let is_in_volume = voxel.cmpge(IVec3::ZERO).all() && voxel.cmplt(size).all();

@@ -1,9 +1,9 @@
-//! The loss terms of a fit with their weights. The objective is a sum over samples, as Adam and f32 like it: only the
-//! ratio of the terms counts. With |ROI| the sum of the ROI's weights it is
+//! The loss terms of a fit with their weights. The objective is a sum over samples, which suits Adam and f32:
+//! only the ratio of the terms counts. With |ROI| the sum of the ROI's weights it is
 //!
-//! L = λ_ct/2 Σ m (V̂ - V)² + |ROI|/2 (λ_mask L_mask + λ_leak L_leak) + λ_occ/2 Σ (O - M)²,
+//! L = λ_ct/2 Σ m (V̂ - V)² + |ROI|/2 (λ_mask L_mask + λ_leak L_leak) + λ_occ/2 Σ (O - M)².
 //!
-//! without the last sum |ROI|/2 times the paper's equation (3) with the mean squared error as L_ct.
+//! Without the last sum this is |ROI|/2 times the paper's equation (3) with the mean squared error as L_ct.
 
 use shaders_glsl::types::Target;
 
@@ -20,19 +20,20 @@ pub struct ChosenLoss {
     pub name: &'static str,
     /// Row of `passes::loss::TERMS`.
     pub term: usize,
-    /// Times the smoothing of the configuration. Tversky's loss of weights 1/2 is Dice with twice the smoothing.
+    /// Factor of the configuration's smoothing. Tversky's loss with weights 1/2 is Dice with twice the
+    /// smoothing.
     smoothing: f32,
     mean: Mean,
 }
 
-/// What turns the sum of a term into the loss that a weight belongs to.
+/// Divisor that turns the sum of a term into the loss that the weight applies to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mean {
-    /// It is divided already.
+    /// None: the term is a ratio already.
     None,
-    /// By the voxels of the region.
+    /// The number of voxels of the region.
     Region,
-    /// By the slices of the volume, as PyTorch's `batchmean` of a volume does.
+    /// The number of slices of the volume, as in PyTorch's `batchmean` of a volume.
     Slices,
 }
 
@@ -64,7 +65,8 @@ impl FitConfig {
     }
 }
 
-/// Voxels of the region as the mean intensity error counts them: the sum of the mask, or all above the threshold.
+/// Returns the number of voxels of the region as the mean intensity error counts them: the sum of the mask,
+/// or all above the threshold.
 pub(super) fn region_size(config: &FitConfig, roi: &Roi) -> f64 {
     match config.region_threshold {
         0.0 => roi.weight_sum(),
@@ -72,13 +74,14 @@ pub(super) fn region_size(config: &FitConfig, roi: &Roi) -> f64 {
     }
 }
 
-/// Thickness of the shell, voxels: none where no term looks at it.
+/// Returns the thickness of the shell, voxels; 0 if no term needs it.
 pub(super) fn shell(config: &FitConfig) -> u32 {
     let looked_at = [config.occupancy_weight, config.mask_weight, config.leak_weight];
     if looked_at.iter().any(|&weight| weight > 0.0) { config.shell } else { 0 }
 }
 
-/// Σ (1 - M) over the samples that take part, or the number of those outside the region where it has a threshold.
+/// Returns Σ (1 - M) over the samples that take part, or, if the region has a threshold, the number of
+/// samples outside it.
 pub(super) fn outside(config: &FitConfig, targets: &[Target]) -> f64 {
     let part = |m: f64| match f64::from(config.region_threshold) {
         0.0 => 1.0 - m,
@@ -87,8 +90,8 @@ pub(super) fn outside(config: &FitConfig, targets: &[Target]) -> f64 {
     targets.iter().map(|t| f64::from(t.occupancy())).filter(|&m| m >= 0.0).map(part).sum()
 }
 
-/// The terms that have a weight, and always the squared error, which every fit reports. `outside` is Σ (1 - M) at the
-/// offset they are for; which terms there are does not depend on it.
+/// Returns the terms that have a weight, and always the squared error, which every fit reports. `outside` is
+/// Σ (1 - M) at the offset that the terms are for; it affects the weights but not which terms there are.
 pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside: f64) -> Vec<Weighted> {
     let size = region_size(config, roi);
     let of_region = |weight: f32, divisor: f64| {

@@ -1,4 +1,4 @@
-//! What a pass binds, checked against what reflection found in its shaders.
+//! The resources that a pass binds, checked against what reflection found in its shaders.
 
 use ash::vk;
 use bytemuck::Pod;
@@ -15,7 +15,8 @@ pub(super) enum Bound {
     Image(vk::ImageView),
 }
 
-/// What a pass binds. A mismatch is a bug of the caller and panics with the name of shader and binding.
+/// The resources that a pass binds. A mismatch is a bug of the caller and panics with the name of shader and
+/// binding.
 #[derive(Default)]
 pub(super) struct Bindings {
     pub(super) bound: Vec<Bound>,
@@ -35,7 +36,7 @@ pub(super) struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Returns what the shader has at the place with this number, which must be the one that is meant.
+    /// Checks the place with this number against the shader and returns the kind of resource there.
     fn check(&self, number: usize, given: &str) -> Resource {
         let &Place { shader, bindings, name, write } = self;
         let Some(binding) = bindings.get(number) else {
@@ -57,8 +58,8 @@ impl Place<'_> {
 }
 
 impl Bindings {
-    /// Binds a buffer to the next place. `stride` is what the elements of the shader's array must measure,
-    /// bytes.
+    /// Binds a buffer to the next place. `stride` is the size that the elements of the shader's array must
+    /// have, bytes.
     pub(super) fn buffer<T: Pod>(&mut self, place: &Place<'_>, buffer: &Buffer<T>, stride: usize) {
         let resource = place.check(self.bound.len(), buffer.name());
         assert_eq!(
@@ -95,7 +96,7 @@ impl Bindings {
     /// Pushes the descriptors.
     ///
     /// # Safety
-    /// `commands` is recording, and `layout` is what the shader of these bindings was made with.
+    /// `commands` is recording, and `layout` is the one that the pipeline of these bindings was created with.
     pub(super) unsafe fn push(
         &self,
         context: &Context,

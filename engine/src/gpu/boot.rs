@@ -1,4 +1,5 @@
-//! Booting: options, who makes instance and device, and the way from nothing to a [`Gpu`].
+//! Booting: its options, the trait of those who create instance and device, and the steps that lead to a
+//! [`Gpu`].
 
 use std::ffi::c_char;
 use std::sync::Arc;
@@ -14,19 +15,20 @@ use crate::error::{Error, Kind, Result};
 /// The options of booting.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
-    /// Index (as `vgs devices` prints it) or part of the name of the device; the best one when absent.
+    /// Index (as `vgs devices` prints it) or part of the name of the device; the best device if absent.
     pub device: Option<String>,
-    /// Turns on the validation layer with synchronisation checks; an error when the layer is not installed.
+    /// True if the validation layer with synchronisation checks is on; booting fails if the layer is not
+    /// installed.
     pub validation: bool,
-    /// Plans with a storage-buffer range of at most so many bytes, as a smaller device has; for tests.
+    /// Largest storage-buffer range to plan with, bytes, as on a smaller device; for tests.
     pub storage_range_limit: Option<u64>,
-    /// Behaves as a device that is lost at this submission, counted from 1; for tests.
+    /// Number of the submission, counted from 1, at which the device behaves as lost; for tests.
     pub lost_at: Option<u64>,
-    /// The windows that pictures are to be shown in, if in any.
+    /// The windows in which pictures are shown, if any.
     pub windows: Option<Windows>,
 }
 
-/// The windows of a display, as far as booting needs to know them: what Vulkan calls them.
+/// The instance extensions that Vulkan needs to show pictures in the windows of a display.
 #[derive(Clone, Debug)]
 pub struct Windows(pub(super) &'static [*const c_char]);
 
@@ -36,7 +38,7 @@ unsafe impl Send for Windows {}
 unsafe impl Sync for Windows {}
 
 impl Windows {
-    /// Asks what Vulkan calls the windows of this display.
+    /// Returns the windows of this display. Fails if Vulkan cannot show pictures on it.
     pub fn of(display: &impl HasDisplayHandle) -> Result<Self> {
         let unavailable = |what: String| {
             Error::new(Kind::Unavailable, "VGS-GPU-007", what)
@@ -49,13 +51,13 @@ impl Windows {
     }
 }
 
-/// The one who creates the instance and the device: the engine itself, or a runtime such as OpenXR that
-/// insists on it.
+/// A creator of the instance and the device: the engine itself, or a runtime such as OpenXR that insists on
+/// it.
 pub trait Boot {
     /// Creates the Vulkan instance from the engine's create-info.
     fn create_instance(&self, entry: &ash::Entry, info: &vk::InstanceCreateInfo<'_>)
     -> Result<ash::Instance>;
-    /// Returns the only device the runtime allows, if it insists on one.
+    /// Returns the only device that the runtime allows, if it insists on one.
     fn required_device(&self, instance: &ash::Instance) -> Result<Option<vk::PhysicalDevice>>;
     /// Creates the device from the engine's create-info.
     fn create_device(
@@ -66,7 +68,7 @@ pub trait Boot {
     ) -> Result<ash::Device>;
 }
 
-/// The engine boots Vulkan itself.
+/// The engine itself as creator of instance and device.
 pub(super) struct Own;
 
 impl Boot for Own {
@@ -99,13 +101,13 @@ impl Boot for Own {
 }
 
 impl Gpu {
-    /// Boots an instance and a device of its own. Callers that bring their own (OpenXR) use
+    /// Boots an instance and a device of its own. Callers that create their own (OpenXR) use
     /// [`Gpu::with_boot`].
     pub fn new(options: &GpuOptions) -> Result<Self> {
         Self::with_boot(&Own, options)
     }
 
-    /// Boots with instance and device made by `boot`.
+    /// Boots with an instance and a device that `boot` creates.
     pub fn with_boot(boot: &dyn Boot, options: &GpuOptions) -> Result<Self> {
         let instance = Instance::new(boot, options.validation, options.windows.as_ref())?;
         let (physical, description) = choose(boot, options, &instance)?;
@@ -116,7 +118,7 @@ impl Gpu {
     }
 }
 
-/// Chooses the device that the runtime insists on, else the one that the options ask for.
+/// Chooses the device that the runtime insists on, or else the one that the options ask for.
 fn choose(
     boot: &dyn Boot,
     options: &GpuOptions,

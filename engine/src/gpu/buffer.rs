@@ -1,5 +1,5 @@
-//! Typed storage buffers. Every one has a name and a purpose; the sum by purpose and the peak are kept, so
-//! that a program can say where its bytes are.
+//! Typed storage buffers. Every buffer has a name and a purpose; the sum by purpose and the peak are kept, so
+//! that a program can say what its memory is used for.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -27,17 +27,18 @@ pub struct Buffer<T> {
 }
 
 impl<T: Pod> Buffer<T> {
-    /// Counts the elements.
+    /// Returns the number of elements.
     pub fn len(&self) -> usize {
         self.len
     }
 
-    /// True if there are no elements. (The memory then holds one all the same: Vulkan has no empty buffers.)
+    /// Returns true if there are no elements. (The memory then holds one all the same: Vulkan has no empty
+    /// buffers.)
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// Returns the bytes of the elements.
+    /// Returns the size of the elements, bytes.
     pub fn bytes(&self) -> u64 {
         (self.len * size_of::<T>()) as u64
     }
@@ -103,7 +104,7 @@ impl<T: Pod> Buffer<T> {
         self.gpu.wait(ticket)
     }
 
-    /// Returns what a buffer of [`Gpu::readback`] holds, as of the last submission that was waited for.
+    /// Returns the content of a buffer of [`Gpu::readback`], as of the last submission that was waited for.
     pub fn mapped(&self) -> Result<&[T]> {
         let bytes = self.allocation.as_ref().and_then(Allocation::mapped_slice).ok_or_else(|| {
             Error::new(Kind::Internal, "VGS-GPU-025", format!("{}: not a read-back buffer", self.name))
@@ -111,8 +112,8 @@ impl<T: Pod> Buffer<T> {
         Ok(bytemuck::cast_slice(&bytes[..self.len * size_of::<T>()]))
     }
 
-    /// Returns what a buffer of [`Gpu::mapped`] holds. What is written is seen by the submissions that
-    /// follow; none that reads it may be in flight meanwhile.
+    /// Returns the content of a buffer of [`Gpu::mapped`]. Changes are seen by the submissions that follow;
+    /// none that reads the buffer may be in flight meanwhile.
     pub fn mapped_mut(&mut self) -> Result<&mut [T]> {
         let bytes = self.len * size_of::<T>();
         Ok(bytemuck::cast_slice_mut(&mut self.mapped_bytes()?[..bytes]))
@@ -142,7 +143,8 @@ impl<T> Drop for Buffer<T> {
 }
 
 impl Gpu {
-    /// Makes a zeroed storage buffer. `purpose` is the row of the account of bytes that it counts under.
+    /// Creates a zeroed storage buffer. `purpose` is the row of the account of bytes under which it is
+    /// counted.
     pub fn buffer<T: Pod>(&self, name: &str, purpose: &'static str, len: usize) -> Result<Buffer<T>> {
         let bytes = (len * size_of::<T>()) as u64;
         if bytes > self.0.limits.storage_range {
@@ -163,20 +165,21 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Makes a buffer in host memory that passes are copied into, to be read without a submission of its own.
+    /// Creates a buffer in host memory into which passes are copied, to be read without a submission of its
+    /// own.
     pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
         self.raw(name, "staging", len, MemoryLocation::GpuToCpu)
     }
 
-    /// Makes a buffer that the host writes and passes read, without a copy between: for the little that
-    /// changes in each frame.
+    /// Creates a buffer that the host writes and passes read, without a copy between: for the few data that
+    /// change in each frame.
     pub fn mapped<T: Pod>(&self, name: &str, purpose: &'static str, len: usize) -> Result<Buffer<T>> {
         let mut buffer = self.raw::<T>(name, purpose, len, MemoryLocation::CpuToGpu)?;
         buffer.mapped_bytes()?.fill(0);
         Ok(buffer)
     }
 
-    /// Makes a buffer in host memory that holds `data`, to be copied from.
+    /// Creates a buffer in host memory that holds `data`, to be copied from.
     pub(super) fn staged<T: Pod>(&self, name: &str, data: &[T]) -> Result<Buffer<T>> {
         let bytes = bytemuck::cast_slice::<T, u8>(data);
         let mut staging = self.raw::<T>(name, "staging", data.len(), MemoryLocation::CpuToGpu)?;
@@ -184,14 +187,14 @@ impl Gpu {
         Ok(staging)
     }
 
-    /// Makes a storage buffer that holds `data`.
+    /// Creates a storage buffer that holds `data`.
     pub fn upload<T: Pod>(&self, name: &str, purpose: &'static str, data: &[T]) -> Result<Buffer<T>> {
         let mut buffer = self.buffer(name, purpose, data.len())?;
         buffer.write_range(0, data)?;
         Ok(buffer)
     }
 
-    /// Makes a buffer that holds anything.
+    /// Creates a buffer with undefined content.
     fn raw<T: Pod>(
         &self,
         name: &str,
@@ -200,7 +203,7 @@ impl Gpu {
         location: MemoryLocation,
     ) -> Result<Buffer<T>> {
         let context: &Context = &self.0;
-        // Rounded up to whole words, which is what fills need.
+        // The size is rounded up to whole words, which fills need.
         let bytes = ((len.max(1) * size_of::<T>()) as u64).next_multiple_of(4);
         let info = vk::BufferCreateInfo::default()
             .size(bytes)

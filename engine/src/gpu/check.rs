@@ -1,4 +1,4 @@
-//! Results of Vulkan as errors.
+//! Conversion of Vulkan results into errors.
 
 use ash::vk;
 

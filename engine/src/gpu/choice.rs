@@ -1,9 +1,10 @@
-//! Which device is taken.
+//! The choice of the device.
 
 use super::DeviceDescription;
 use crate::error::{Error, Kind, Result};
 
-/// Picks by index or part of the name where the user said so, else the fastest kind that can be used.
+/// Picks a device by index or part of the name if `wanted` is given, or else the fastest kind that can be
+/// used.
 pub(super) fn choose<'a>(
     list: &'a [DeviceDescription],
     wanted: Option<&str>,

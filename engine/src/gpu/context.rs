@@ -1,4 +1,4 @@
-//! All that lives as long as the device: made once, shared by every handle, destroyed by the last one.
+//! The context of a device: created once, shared by every handle, destroyed with the last one.
 
 use std::ffi::CString;
 use std::sync::atomic::AtomicU64;
@@ -26,7 +26,7 @@ pub(super) struct Context {
     pub(super) queue_family: u32,
     pub(super) timeline: vk::Semaphore,
     pub(super) pipeline_cache: vk::PipelineCache,
-    /// Linear, clamped to the edge: the one sampler of the engine.
+    /// The one sampler of the engine: linear, clamped to the edge.
     pub(super) sampler: vk::Sampler,
     pub(super) queue: Mutex<Submissions>,
     pub(super) memory: Mutex<Memory>,
@@ -49,13 +49,13 @@ pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-/// Turns a name of ours into a `CString`; a name with a NUL inside loses what follows it.
+/// Turns a name into a `CString`; a name with a NUL inside loses what follows it.
 pub(super) fn c_name(name: &str) -> CString {
     CString::new(name.split('\0').next().unwrap_or_default()).unwrap_or_default()
 }
 
 impl Context {
-    /// Takes over a device that was just made, and makes what belongs to it.
+    /// Takes over a device that was just created, and creates everything that belongs to it.
     pub(super) fn new(
         instance: Instance,
         physical: vk::PhysicalDevice,
@@ -109,7 +109,7 @@ impl Context {
         Ok(context)
     }
 
-    /// Names a handle for debuggers and for messages of the validation layers.
+    /// Gives a handle a name, for debuggers and for messages of the validation layers.
     pub(super) fn name<H: vk::Handle>(&self, handle: H, name: &str) {
         if let Some(debug) = &self.debug_utils {
             let name = c_name(name);

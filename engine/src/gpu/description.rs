@@ -1,4 +1,4 @@
-//! Devices as they describe themselves, and what they lack of what the engine needs.
+//! Devices as they describe themselves, and what the engine needs that they lack.
 
 use std::ffi::CStr;
 
@@ -13,7 +13,7 @@ use crate::error::Result;
 /// One Vulkan device as it describes itself.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviceDescription {
-    /// Place in the list of devices.
+    /// Index in the list of devices.
     pub index: usize,
     /// Name, such as "llvmpipe (LLVM 19.1.7, 256 bits)".
     pub name: String,
@@ -25,22 +25,22 @@ pub struct DeviceDescription {
     pub api: String,
     /// Bytes of all device-local heaps.
     pub memory_bytes: u64,
-    /// Invocations that run in lockstep; informative, nothing assumes it.
+    /// Number of invocations that run in lockstep; informative, nothing assumes it.
     pub subgroup_size: u32,
     /// Largest storage-buffer binding, bytes.
     pub max_storage_range: u64,
-    /// What this device lacks of what the engine needs; empty when it can be used.
+    /// Names of what the engine needs and this device lacks; empty if the device can be used.
     pub missing: Vec<String>,
 }
 
-/// Asks a device what it is and what it lacks.
+/// Describes a device and what it lacks.
 fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> DeviceDescription {
     // SAFETY: queries on a physical device of this instance; the chained structs live until the calls return.
     let (properties, driver, subgroup, memory, extensions) = unsafe {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
         let mut two = vk::PhysicalDeviceProperties2::default();
-        // The chain is only valid on 1.2 and newer; older devices are listed with what 1.0 tells.
+        // The chain is only valid on 1.2 and newer; older devices are listed with the information of 1.0.
         if instance.get_physical_device_properties(physical).api_version >= vk::API_VERSION_1_2 {
             two = two.push_next(&mut driver).push_next(&mut subgroup);
         }
@@ -103,14 +103,14 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
     }
 }
 
-/// True if a device has an extension.
+/// Returns true if a device has an extension.
 pub(super) fn offers(instance: &ash::Instance, physical: vk::PhysicalDevice, extension: &CStr) -> bool {
     // SAFETY: plain enumeration.
     let offered = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
     offered.iter().any(|e| e.extension_name_as_c_str() == Ok(extension))
 }
 
-/// Finds a family that has both compute and graphics: the fit and the renderer share one queue.
+/// Finds a queue family that has both compute and graphics: the fit and the renderer share one queue.
 pub(super) fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Option<u32> {
     // SAFETY: plain query.
     let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };

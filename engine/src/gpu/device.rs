@@ -1,4 +1,4 @@
-//! The handle to a booted device: what it is, what it can, and how its memory is used.
+//! The handle to a booted device: its description, its limits, and the use of its memory.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,36 +8,36 @@ use super::context::Counters;
 use super::{Context, DeviceDescription, Ticket, lock};
 use crate::error::Result;
 
-/// A booted Vulkan device. Cheap to clone; all clones are the same device.
+/// A booted Vulkan device. A clone is cheap; all clones are the same device.
 #[derive(Clone)]
 pub struct Gpu(pub(super) Arc<Context>);
 
-/// What the device reported about itself, and the limits that this engine plans with.
+/// Limits that the engine plans with, as the device reported them.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// Largest range one storage-buffer binding may have, bytes. [`super::GpuOptions::storage_range_limit`]
-    /// lowers it for tests.
+    /// Largest range of one storage-buffer binding, bytes. [`super::GpuOptions::storage_range_limit`] lowers
+    /// it for tests.
     pub storage_range: u64,
-    /// Nanoseconds per timestamp tick; 0 when the queue has no timestamps.
+    /// Nanoseconds per timestamp tick; 0 if the queue has no timestamps.
     pub timestamp_period: f32,
-    /// Most workgroups along x in one dispatch.
+    /// Greatest number of workgroups along x in one dispatch.
     pub workgroups: u32,
-    /// Most texels along an axis of a volume.
+    /// Greatest number of texels along an axis of a volume.
     pub volume_edge: u32,
-    /// Most pixels along an axis of a picture.
+    /// Greatest number of pixels along an axis of a picture.
     pub picture_edge: u32,
     /// True if volumes of 16-bit fractions can be sampled with interpolation.
     pub filters_fractions: bool,
 }
 
-/// Counts of what a frame loop must not do.
+/// Counts of actions that would interrupt a frame loop.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Hitches {
-    /// Allocations of device memory for a buffer or an image.
+    /// Number of allocations of device memory for a buffer or an image.
     pub allocations: u64,
-    /// Pipelines that were made.
+    /// Number of pipelines that were created.
     pub pipelines: u64,
-    /// Waits of the host for the device.
+    /// Number of waits of the host for the device.
     pub waits: u64,
 }
 
@@ -52,7 +52,7 @@ impl Gpu {
         &self.0.limits
     }
 
-    /// Counts what was done since the start that a frame loop must not do.
+    /// Returns the counts, since the start, of actions that would interrupt a frame loop.
     pub fn hitches(&self) -> Hitches {
         let Counters { allocations, pipelines, waits } = &self.0.counters;
         let [allocations, pipelines, waits] =
@@ -65,18 +65,18 @@ impl Gpu {
         lock(&self.0.memory).by_purpose.clone()
     }
 
-    /// Returns the most bytes of device memory that were in use at any one time.
+    /// Returns the peak of the device memory in use, bytes.
     pub fn peak_bytes(&self) -> u64 {
         lock(&self.0.memory).peak
     }
 
-    /// Returns the messages of the validation layers so far (errors and warnings); none when all is well or
-    /// no layer is on.
+    /// Returns the messages of the validation layers so far (errors and warnings); none if all is well or no
+    /// layer is on.
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.instance.messages()
     }
 
-    /// Waits until the device has finished all that was submitted.
+    /// Waits until the device has finished all submissions.
     pub fn wait_idle(&self) -> Result<()> {
         let last = lock(&self.0.queue).last_value();
         self.wait(Ticket(last))

@@ -1,4 +1,4 @@
-//! The sentence that describes a drawing: shaders, reads, constants, pictures.
+//! The description of a drawing: shaders, reads, constants, pictures.
 
 use std::ops::Range;
 
@@ -13,12 +13,12 @@ use super::{Buffer, Drawing, Image, Recorder};
 /// The vertices that are drawn.
 enum Vertices {
     Of(Range<u32>),
-    /// Read from a buffer at this byte.
+    /// A buffer from which the range is read, and the byte at which it lies.
     From(vk::Buffer, u64),
 }
 
 /// One drawing being described. Resources are only read; they are bound in the order of the bindings of the
-/// shaders, each by its name there; what is not so panics, as with [`super::Pass`].
+/// shaders, each by its name there. A mismatch panics, as with [`super::Pass`].
 pub struct DrawPass<'a> {
     recorder: &'a mut Recorder,
     drawing: &'a Drawing,
@@ -56,18 +56,18 @@ impl<'a> DrawPass<'a> {
         self
     }
 
-    /// Draws into the upper left corner of the pictures, of so many pixels, instead of all over them.
+    /// Draws into the upper left corner of the pictures, `size` pixels large, instead of all over them.
     #[must_use]
     pub fn within(mut self, size: [u32; 2]) -> Self {
         self.size = Some(size);
         self
     }
 
-    /// Records the drawing into `pictures`, over what they hold. `arguments[index]` says when it runs:
+    /// Records the drawing into `pictures`, over what they hold. When it runs it reads `arguments[index]`:
     /// vertices, instances, first vertex, first instance.
     ///
     /// # Panics
-    /// If pictures, resources or push constants are not those that the drawing was made for.
+    /// If pictures, resources or push constants are not those that the drawing was created for.
     pub fn over(self, pictures: &mut [&mut Image], arguments: &Buffer<[u32; 4]>, index: usize) {
         assert!(index < arguments.len(), "{}: no such row", arguments.name());
         let offset = (index * size_of::<[u32; 4]>()) as u64;
@@ -77,12 +77,12 @@ impl<'a> DrawPass<'a> {
     /// Records the drawing of a range of vertices into `pictures`, over what they hold.
     ///
     /// # Panics
-    /// As [`DrawPass::over`].
+    /// Under the same conditions as [`DrawPass::over`].
     pub fn vertices_over(self, pictures: &mut [&mut Image], vertices: Range<u32>) {
         self.record(pictures, Vertices::Of(vertices));
     }
 
-    /// Checks that all is there, and records the drawing.
+    /// Checks that everything is bound, and records the drawing.
     fn record(self, pictures: &mut [&mut Image], vertices: Vertices) {
         let DrawPass { recorder, drawing, mut bindings, push, size } = self;
         let name = drawing.vertex.name;

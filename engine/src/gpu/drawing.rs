@@ -1,4 +1,4 @@
-//! Drawings: a vertex and a fragment shader whose triangles are blended into pictures, all views at once
+//! Drawings: a vertex and a fragment shader whose triangles are blended into pictures, for all views at once
 //! (multiview).
 
 use std::sync::Arc;
@@ -11,9 +11,9 @@ use super::pipeline::{Interface, Pipeline, constant_places, module};
 use super::{Context, Format, Gpu, check, lock};
 use crate::error::Result;
 
-/// A graphics pipeline that draws triangles without vertex buffers and blends premultiplied colours over what
-/// is there: result = source + (1 - source alpha) · target, in every picture alike. The depth of what is
-/// drawn last replaces the one before, where there is a picture of depth.
+/// A graphics pipeline that draws triangles without vertex buffers and blends premultiplied colours over the
+/// target: result = source + (1 - source alpha) · target, in every picture. If there is a picture of depth,
+/// the depth of what is drawn last replaces the one before.
 pub struct Drawing {
     context: Arc<Context>,
     pub(super) vertex: &'static Shader,
@@ -30,12 +30,12 @@ pub(super) const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
 );
 
 impl Drawing {
-    /// Builds the pipeline. `constants` are the specialisation constants of both shaders in id order;
+    /// Creates the pipeline. `constants` are the specialisation constants of both shaders in id order;
     /// `formats` are those of the pictures, of which the last may be depth; `views` is the number of layers
     /// that are drawn at once.
     ///
     /// # Panics
-    /// If the shaders are no pair: the stages, or bindings or push constants that differ.
+    /// If the shaders are not a pair: their stages are wrong, or their bindings or push constants differ.
     pub fn new(
         gpu: &Gpu,
         vertex: &'static Shader,
@@ -67,7 +67,7 @@ impl Drawing {
 }
 
 impl Drawing {
-    /// Describes a place that a drawing binds to.
+    /// Describes a place to which a drawing binds.
     pub(super) fn place<'a>(&'a self, name: &'a str) -> Place<'a> {
         Place { shader: self.vertex.name, bindings: &self.bindings, name, write: false }
     }
@@ -151,7 +151,7 @@ fn build(
     Ok(check(shaders[0].name, made)?[0])
 }
 
-/// Returns the views as bits; 0, which turns multiview off, for a single one.
+/// Returns the views as a bit mask; 0, which turns multiview off, for a single view.
 pub(super) fn view_mask(views: u32) -> u32 {
     if views > 1 { (1 << views) - 1 } else { 0 }
 }

@@ -1,6 +1,6 @@
-//! External images: those of a swapchain, which somebody else owns. One is acquired for a frame and released
-//! after it; between [`Recorder::acquire_image`] and [`Recorder::release_image`] it is in the general layout,
-//! and outside in no layout that matters.
+//! External images, such as those of a swapchain, which somebody else owns. One is acquired for a frame and
+//! released after it. Between [`Recorder::acquire_image`] and [`Recorder::release_image`] it is in the
+//! general layout; outside, its layout does not matter.
 
 use ash::vk;
 
@@ -10,11 +10,11 @@ use super::{Context, Format, Gpu, Image, Recorder, check};
 use crate::error::Result;
 
 impl Gpu {
-    /// Takes up an image that somebody else owns, such as one of a swapchain.
+    /// Wraps an image that somebody else owns, such as one of a swapchain.
     ///
     /// # Safety
-    /// `handle` is an image of this device with so many layers of this format and size, made for attachments
-    /// of its kind, colour or depth; its owner wants it released in `release_layout`, and keeps it until this
+    /// `handle` is an image of this device with `layers` layers of this format and size, made for attachments
+    /// of its kind, colour or depth. Its owner wants it released in `release_layout`, and keeps it until this
     /// image was dropped and the device has finished with it.
     pub unsafe fn external_image(
         &self,
@@ -50,7 +50,7 @@ impl Gpu {
 }
 
 impl Recorder {
-    /// Acquires an external image from its owner; what it held is gone.
+    /// Acquires an external image from its owner; its content is lost.
     ///
     /// # Panics
     /// If the image is not external.
@@ -58,7 +58,7 @@ impl Recorder {
         assert!(image.release_layout.is_some(), "{} is not an external image", image.name());
         let (stage, read, write) = attached(image);
         let layout = vk::ImageMemoryBarrier2::default()
-            // What the wait for the owner's semaphore holds back.
+            // The wait for the owner's semaphore holds back this stage.
             .src_stage_mask(stage)
             .dst_stage_mask(stage)
             .dst_access_mask(read | write)
@@ -67,7 +67,7 @@ impl Recorder {
         self.change_layout(image, layout);
     }
 
-    /// Releases an external image to its owner; drawings are all that wrote it.
+    /// Releases an external image to its owner; only drawings may have written it.
     ///
     /// # Panics
     /// If the image is not external.
@@ -94,7 +94,8 @@ impl Recorder {
     }
 }
 
-/// Returns the stages at which drawings have an image attached, and how they read and write it there.
+/// Returns the stages at which drawings have an image attached, and their read and write accesses to it
+/// there.
 fn attached(image: &Image) -> (vk::PipelineStageFlags2, vk::AccessFlags2, vk::AccessFlags2) {
     use vk::AccessFlags2 as Access;
     match image.format().is_depth() {

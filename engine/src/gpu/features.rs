@@ -1,4 +1,4 @@
-//! Version, extensions and features of Vulkan that the engine needs: whether they are there, and how they are
+//! The version, extensions and features of Vulkan that the engine needs: the check for them, and how they are
 //! turned on.
 
 use std::ffi::CStr;
@@ -10,7 +10,7 @@ pub(super) const API: u32 = vk::API_VERSION_1_3;
 /// The extensions that every device must have.
 pub(super) const EXTENSIONS: [&CStr; 1] = [ash::khr::push_descriptor::NAME];
 
-/// Names the features that a device of version 1.3 lacks.
+/// Returns the names of the needed features that a device of version 1.3 lacks.
 pub(super) fn missing(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Vec<String> {
     let mut v11 = vk::PhysicalDeviceVulkan11Features::default();
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
@@ -35,8 +35,8 @@ pub(super) fn missing(instance: &ash::Instance, physical: vk::PhysicalDevice) ->
     .collect()
 }
 
-/// The structs that turn features on. Single ones, not `Vulkan12Features`: an OpenXR runtime may chain its
-/// own timeline struct.
+/// The structs that turn features on. They are single ones, not `Vulkan12Features`: an OpenXR runtime may
+/// chain its own timeline struct.
 pub(super) struct Features<'a> {
     basic: vk::PhysicalDeviceFeatures,
     multiview: vk::PhysicalDeviceMultiviewFeatures<'a>,
@@ -46,7 +46,7 @@ pub(super) struct Features<'a> {
 }
 
 impl<'a> Features<'a> {
-    /// Returns what [`missing`] looks for, all of it on.
+    /// Returns the features of [`missing`], all turned on.
     pub(super) fn needed() -> Self {
         Features {
             basic: vk::PhysicalDeviceFeatures::default().shader_storage_image_write_without_format(true),

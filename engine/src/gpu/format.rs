@@ -1,8 +1,8 @@
-//! What texels are made of.
+//! Formats of texels.
 
 use ash::vk;
 
-/// What a texel is made of.
+/// Format of a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// Four 32-bit floats.
@@ -17,20 +17,20 @@ pub enum Format {
     R16,
     /// Two 16-bit fractions, 0 to 1.
     Rg16,
-    /// Four bytes, fractions 0 to 1, as they are.
+    /// Four bytes, fractions 0 to 1, without a conversion.
     Rgba8,
-    /// The same with blue first: what most screens take.
+    /// [`Format::Rgba8`] with blue first, as most screens take it.
     Bgra8,
-    /// Four bytes that hold sRGB: passes read and write linear light.
+    /// Four bytes that hold sRGB; passes read and write linear light.
     Srgba8,
-    /// The same with blue first.
+    /// [`Format::Srgba8`] with blue first.
     Sbgra8,
-    /// One 32-bit float of depth, which drawings write as they write no other.
+    /// One 32-bit float of depth; only drawings write it.
     D32f,
 }
 
 impl Format {
-    /// Returns what Vulkan calls it.
+    /// Returns the Vulkan format.
     pub(super) fn vk(self) -> vk::Format {
         match self {
             Format::Rgba32f => vk::Format::R32G32B32A32_SFLOAT,
@@ -47,7 +47,7 @@ impl Format {
         }
     }
 
-    /// True if it is depth rather than colour.
+    /// Returns true if it is depth rather than colour.
     pub fn is_depth(self) -> bool {
         self == Format::D32f
     }
@@ -57,12 +57,12 @@ impl Format {
         if self.is_depth() { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR }
     }
 
-    /// True if passes see linear light where memory holds sRGB.
+    /// Returns true if memory holds sRGB and passes see linear light.
     pub fn is_srgb(self) -> bool {
         matches!(self, Format::Srgba8 | Format::Sbgra8)
     }
 
-    /// Returns the bytes of a texel.
+    /// Returns the size of a texel, bytes.
     pub fn bytes(self) -> usize {
         match self {
             Format::Rgba32f => 16,

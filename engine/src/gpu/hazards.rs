@@ -1,5 +1,5 @@
-//! Barriers. The recorder notes what was touched since the last barrier, and places one before an access that
-//! meets an earlier one where either writes.
+//! Barriers. The recorder notes accesses since the last barrier, and places a barrier before an access to the
+//! same resource if either access writes.
 
 use ash::vk;
 
@@ -11,7 +11,7 @@ pub(super) const DEPTH_TESTS: vk::PipelineStageFlags2 = vk::PipelineStageFlags2:
         | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS.as_raw(),
 );
 
-/// A resource as hazards are tracked: by its handle, which is unique only within its kind.
+/// A resource by whose handle hazards are tracked; a handle is unique only within its kind.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Resident {
     Buffer(vk::Buffer),
@@ -19,8 +19,8 @@ pub(super) enum Resident {
 }
 
 impl Recorder {
-    /// Makes all earlier writes visible to all that follows. One memory barrier for all buffers: on the
-    /// devices we know, a list of buffer barriers costs more than it saves.
+    /// Makes all earlier writes visible to all commands that follow. It is one memory barrier for all
+    /// buffers: on the devices we know, a list of buffer barriers costs more than it saves.
     pub(super) fn barrier(&mut self) {
         self.touched.clear();
         let mut stages = vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER;
@@ -50,7 +50,8 @@ impl Recorder {
         unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
     }
 
-    /// Places a barrier if one of the coming accesses meets an earlier one and either writes.
+    /// Registers the coming accesses. Places a barrier first if one of them meets an earlier access and
+    /// either writes.
     pub(super) fn touch(&mut self, accesses: &[(Resident, bool)]) {
         let hazard = accesses
             .iter()

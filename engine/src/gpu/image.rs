@@ -1,5 +1,5 @@
 //! Images on explicit memory: volumes that are sampled, and pictures that passes write. They stay in the
-//! general layout from birth on, so that nobody keeps track of layouts.
+//! general layout from their creation on, so that nobody keeps track of layouts.
 
 use std::sync::Arc;
 
@@ -34,12 +34,12 @@ impl Image {
         self.size
     }
 
-    /// Counts the layers of a picture; 1 for a volume.
+    /// Returns the number of layers of a picture; 1 for a volume.
     pub fn layers(&self) -> u32 {
         self.layers
     }
 
-    /// Returns what a texel is made of.
+    /// Returns the format of the texels.
     pub fn format(&self) -> Format {
         self.format
     }
@@ -65,7 +65,7 @@ impl Image {
             .image_extent(vk::Extent3D { width: self.size[0], height: self.size[1], depth: self.size[2] })
     }
 
-    /// Counts the texels of all layers.
+    /// Returns the number of texels of all layers.
     fn texels(&self) -> usize {
         self.size.iter().map(|&n| n as usize).product::<usize>() * self.layers as usize
     }
@@ -73,7 +73,7 @@ impl Image {
     /// Reads all texels back, layer after layer, x fastest. Waits for the device.
     ///
     /// # Panics
-    /// If `T` has not the size of a texel.
+    /// If `T` does not have the size of a texel.
     pub fn read<T: Pod>(&self) -> Result<Vec<T>> {
         assert_eq!(size_of::<T>(), self.format.bytes(), "{}: texels differ in size", self.name);
         let staging = self.gpu.readback::<T>(&format!("{} read back", self.name), self.texels())?;
@@ -113,8 +113,8 @@ impl Drop for Image {
 }
 
 impl Gpu {
-    /// Makes a volume of `size` texels to be sampled with trilinear interpolation and clamped at its faces;
-    /// all zero.
+    /// Creates a volume of `size` texels, all zero, that is sampled with trilinear interpolation and clamped
+    /// at its faces.
     pub fn volume(&self, name: &str, purpose: &'static str, format: Format, size: [u32; 3]) -> Result<Image> {
         let most = self.0.limits.volume_edge;
         if size.iter().any(|&n| n > most) {
@@ -142,8 +142,8 @@ impl Gpu {
         self.image(name, purpose, format, size, 1, vk::ImageType::TYPE_3D, usage)
     }
 
-    /// Makes a picture of `size` pixels and so many layers that kernels write and drawings are drawn to; all
-    /// zero.
+    /// Creates a picture of `size` pixels and `layers` layers, all zero, that kernels write and drawings are
+    /// drawn to.
     pub fn picture(
         &self,
         name: &str,
@@ -172,14 +172,14 @@ impl Gpu {
             | vk::ImageUsageFlags::SAMPLED
             | vk::ImageUsageFlags::TRANSFER_DST
             | vk::ImageUsageFlags::TRANSFER_SRC;
-        // Kernels write floats; few devices let them write what screens take.
+        // Kernels write floats; few devices let them write the formats of screens.
         if matches!(format, Format::Rgba32f | Format::Rgba16f | Format::R32f) {
             usage |= vk::ImageUsageFlags::STORAGE;
         }
         self.image(name, purpose, format, [size[0], size[1], 1], layers, vk::ImageType::TYPE_2D, usage)
     }
 
-    /// Makes an image in the general layout, all zero.
+    /// Creates an image in the general layout, all zero.
     #[expect(clippy::too_many_arguments, reason = "private; the two callers above fix most of them")]
     fn image(
         &self,

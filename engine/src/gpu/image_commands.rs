@@ -9,7 +9,7 @@ use super::{Buffer, Image, Recorder};
 use crate::error::Result;
 
 impl Recorder {
-    /// Brings a new image into the layout that it keeps, and clears it.
+    /// Brings a new image into the general layout, and clears it.
     pub(super) fn begin_image(&mut self, image: &Image) {
         let layout = [vk::ImageMemoryBarrier2::default()
             .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
@@ -75,11 +75,11 @@ impl Recorder {
         });
     }
 
-    /// Overwrites a rectangle of a picture of one layer, from `corner` on, with what `texels` holds, rows
-    /// from the top.
+    /// Overwrites a rectangle of a picture of one layer, from `corner` on, with `texels`, rows from the top.
     ///
     /// # Panics
-    /// If the rectangle is not inside, or `texels` is not one `T` of a texel's size for each texel of it.
+    /// If the rectangle is not inside the picture, or `texels` is not one `T` of a texel's size for each of
+    /// its texels.
     pub fn write_rectangle<T: Pod>(
         &mut self,
         image: &mut Image,

@@ -1,4 +1,4 @@
-//! The Vulkan instance, with its loader and the catcher of messages.
+//! The Vulkan instance, with its loader and its message catcher.
 
 use std::ffi::{CStr, c_void};
 use std::sync::Mutex;
@@ -22,7 +22,7 @@ pub(super) struct Instance {
 type Messages = Mutex<Vec<String>>;
 
 impl Instance {
-    /// Creates the instance, with the validation layer and for windows where they are asked for.
+    /// Creates the instance; with the validation layer and for windows if they are asked for.
     pub(super) fn new(boot: &dyn Boot, validation: bool, windows: Option<&Windows>) -> Result<Self> {
         // SAFETY: loading the Vulkan loader runs its initialisers; it is the system's own library.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
@@ -83,7 +83,7 @@ impl Instance {
         Ok(instance)
     }
 
-    /// True if messages are caught, which is when the validation layer is on.
+    /// Returns true if messages are caught, that is, if the validation layer is on.
     pub(super) fn has_messenger(&self) -> bool {
         self.messenger.is_some()
     }
@@ -93,7 +93,7 @@ impl Instance {
         lock(&self.messages).clone()
     }
 
-    /// Lists the devices, in the order that Vulkan has them.
+    /// Lists the devices, in Vulkan's order.
     pub(super) fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>> {
         // SAFETY: plain enumeration on a live instance.
         check("listing Vulkan devices", unsafe { self.handle.enumerate_physical_devices() })
@@ -102,8 +102,8 @@ impl Instance {
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // SAFETY: whoever made a device from the instance has destroyed it before: `Context` does in its own
-        // `Drop`.
+        // SAFETY: whoever created a device from the instance has destroyed it before: `Context` does so in
+        // its own `Drop`.
         unsafe {
             if let Some((utils, messenger)) = &self.messenger {
                 utils.destroy_debug_utils_messenger(*messenger, None);

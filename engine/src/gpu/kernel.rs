@@ -1,4 +1,4 @@
-//! Compute pipelines made from reflected shaders. Push descriptors: no pools, no sets to own.
+//! Compute pipelines created from reflected shaders. They use push descriptors: no pools, no sets to own.
 
 use ash::vk;
 use shaders_glsl::Shader;
@@ -9,16 +9,16 @@ use super::{Context, Gpu, check, lock};
 use crate::error::{Error, Kind, Result};
 
 /// A compute pipeline: one shader with its specialisation constants fixed. Kernels of the same shader and
-/// constants share one pipeline, which lives as long as the device: making it is what costs, and a fit or an
-/// evaluation makes a dozen.
+/// constants share one pipeline, which lives as long as the device: its creation is slow, and a fit or an
+/// evaluation needs a dozen.
 pub struct Kernel {
     pub(super) shader: &'static Shader,
     pub(super) pipeline: Pipeline,
 }
 
 impl Kernel {
-    /// Returns the pipeline, building it where it is not there yet. `constants` are the specialisation
-    /// constants in id order; fewer leave defaults.
+    /// Returns the kernel; creates its pipeline if it does not exist yet. `constants` are the specialisation
+    /// constants in id order; those that are left out keep their defaults.
     pub fn new(gpu: &Gpu, shader: &'static Shader, constants: &[u32]) -> Result<Self> {
         let context = &gpu.0;
         if constants.len() > shader.constants.len() {
@@ -29,8 +29,8 @@ impl Kernel {
             ));
         }
         let key = (shader.name, constants.to_vec());
-        // The lock is not held while a pipeline is built: another thread may want another one. Two that build
-        // the same one keep the first.
+        // The lock is not held while a pipeline is created: another thread may want another one. If two
+        // threads create the same one, the first is kept.
         let there = lock(&context.pipelines).0.get(&key).copied();
         let pipeline = match there {
             Some(pipeline) => pipeline,
@@ -52,7 +52,7 @@ impl Kernel {
         Ok(Kernel { shader, pipeline })
     }
 
-    /// Describes a place that a pass binds to.
+    /// Describes a place to which a pass binds.
     pub(super) fn place<'a>(&self, name: &'a str, write: bool) -> Place<'a> {
         Place { shader: self.shader.name, bindings: self.shader.bindings, name, write }
     }
@@ -63,14 +63,14 @@ impl Kernel {
     }
 }
 
-/// Makes a pipeline.
+/// Creates a pipeline with its layouts.
 fn make(context: &Context, shader: &'static Shader, constants: &[u32]) -> Result<Pipeline> {
     let &Shader { name, bindings, push_bytes, .. } = shader;
     let interface = Interface { name, bindings, push_bytes, stages: vk::ShaderStageFlags::COMPUTE };
     Pipeline::new(context, &interface, |layout| build(context, shader, constants, layout))
 }
 
-/// Builds the pipeline on its layout.
+/// Creates the pipeline on its layout.
 fn build(
     context: &Context,
     shader: &Shader,

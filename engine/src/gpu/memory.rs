@@ -1,5 +1,5 @@
-//! Device memory: the allocator, its account of bytes, and deletions that are deferred until the device has
-//! passed the last submission that may use what was dropped.
+//! Device memory: the allocator, its account of bytes, and deferred deletion. A dropped object is deleted
+//! when the device has passed the last submission that may use it.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
@@ -13,26 +13,26 @@ use gpu_allocator::vulkan::{
 use super::{Context, lock};
 use crate::error::{Error, Kind, Result};
 
-/// The allocator, what waits to be deleted, and the account of bytes.
+/// The allocator, the deferred deletions, and the account of bytes.
 #[derive(Default)]
 pub(super) struct Memory {
-    /// `None` only while the device is being made or destroyed.
+    /// `None` only while the device is being created or destroyed.
     allocator: Option<Allocator>,
     deferred: Vec<DeferredDeletion>,
     pub(super) by_purpose: BTreeMap<&'static str, u64>,
     pub(super) peak: u64,
 }
 
-/// Something dropped that the device may still use.
+/// A dropped object that the device may still use.
 struct DeferredDeletion {
-    /// The timeline value after which nothing uses it.
+    /// The timeline value after which nothing uses the object.
     after: u64,
     dropped: Dropped,
-    /// `None` where somebody else owns the memory.
+    /// `None` if somebody else owns the memory.
     allocation: Option<Allocation>,
 }
 
-/// Handles of something dropped.
+/// Handles of a dropped object.
 pub(super) enum Dropped {
     Buffer(vk::Buffer),
     Image(vk::Image, vk::ImageView),
@@ -61,7 +61,7 @@ impl Dropped {
 }
 
 impl Memory {
-    /// Makes the allocator of a device.
+    /// Creates the allocator of a device.
     pub(super) fn new(
         instance: ash::Instance,
         physical: vk::PhysicalDevice,
@@ -79,7 +79,7 @@ impl Memory {
         Ok(Memory { allocator: Some(allocator), ..Memory::default() })
     }
 
-    /// Deletes what was dropped and what the device, which has passed this timeline value, no longer uses.
+    /// Deletes the dropped objects that a device which has passed this timeline value no longer uses.
     pub(super) fn delete_passed(&mut self, device: &ash::Device, passed: u64) {
         let Some(allocator) = &mut self.allocator else { return };
         for deletion in self.deferred.extract_if(.., |deletion| deletion.after <= passed) {
@@ -92,7 +92,7 @@ impl Memory {
         }
     }
 
-    /// Allocates memory for what `desc` says, counted under `purpose`.
+    /// Allocates memory as `desc` says, counted under `purpose`.
     fn allocate(&mut self, desc: &AllocationCreateDesc<'_>, purpose: &'static str) -> Result<Allocation> {
         let Some(allocator) = &mut self.allocator else {
             return Err(Error::new(Kind::Internal, "VGS-GPU-023", "the device is being destroyed"));
@@ -111,8 +111,8 @@ impl Memory {
         Ok(allocation)
     }
 
-    /// Defers the deletion of something dropped; `after` is the last submission that may use it. Its bytes
-    /// count no longer.
+    /// Defers the deletion of a dropped object; `after` is the last submission that may use it. Its bytes are
+    /// no longer counted.
     pub(super) fn delete_after(
         &mut self,
         after: u64,
@@ -131,7 +131,7 @@ impl Memory {
         self.deferred.push(DeferredDeletion { after, dropped: Dropped::View(view), allocation: None });
     }
 
-    /// Deletes all that was dropped, and the allocator.
+    /// Deletes all dropped objects, and the allocator.
     ///
     /// # Safety
     /// The device must be idle.
@@ -141,7 +141,7 @@ impl Memory {
     }
 }
 
-/// What an allocation is for.
+/// Requirements and purpose of an allocation.
 pub(super) struct Placement<'a> {
     pub(super) name: &'a str,
     pub(super) purpose: &'static str,
@@ -152,8 +152,8 @@ pub(super) struct Placement<'a> {
 }
 
 impl Context {
-    /// Allocates memory for something that was just made and is not used yet; destroys it where there is
-    /// none.
+    /// Allocates memory for an object that was just created and is not used yet; destroys the object if there
+    /// is no memory.
     pub(super) fn place(&self, placement: &Placement<'_>, made: Dropped) -> Result<Allocation> {
         let &Placement { name, purpose, requirements, location, linear } = placement;
         let desc = AllocationCreateDesc {

@@ -1,30 +1,30 @@
 //! The Vulkan layer: device, memory, kernels, recorded passes. It knows Vulkan, never medicine.
 //!
-//! A program boots one [`Gpu`], allocates [`Buffer`]s from it (each with a name and a purpose), makes
+//! A program boots one [`Gpu`], allocates [`Buffer`]s from it (each with a name and a purpose), creates
 //! [`Kernel`]s from compiled shaders and records passes with a [`Recorder`]. Barriers follow from the
 //! declared reads and writes; nobody outside this folder writes one. Handles keep the device alive; the
 //! deletion of a dropped buffer is deferred until the device has passed the last submission that may use it.
 //!
 //! | file | what is there |
 //! |---|---|
-//! | `boot` | options, [`Boot`], and the way from nothing to a [`Gpu`] |
+//! | `boot` | options, [`Boot`], and the steps that lead to a [`Gpu`] |
 //! | `instance` | the instance with its loader and its message catcher |
 //! | `description` | devices as they describe themselves, and what they lack |
-//! | `choice` | which device is taken |
+//! | `choice` | the choice of the device |
 //! | `features` | extensions and features that are asked for, and turned on |
-//! | `context`, `device` | all that lives as long as the device, and the handle [`Gpu`] to it |
+//! | `context`, `device` | everything that lives as long as the device, and the handle [`Gpu`] to it |
 //! | `pipeline_cache` | compiled pipelines between two runs of a program |
-//! | `check` | results of Vulkan as errors |
+//! | `check` | Vulkan results as errors |
 //! | `memory` | the allocator, its account of bytes, deferred deletions |
-//! | `buffer`, `image`, `format` | typed buffers, images, what texels are made of |
+//! | `buffer`, `image`, `format` | typed buffers, images, formats of texels |
 //! | `external_image` | images of a swapchain, acquired for a frame and released after it |
 //! | `pipeline`, `kernel`, `drawing` | pipelines in general, of a compute shader, of a vertex and a fragment shader |
 //! | `recorder` | recording of commands |
-//! | `hazards` | barriers, from what was touched since the last one |
+//! | `hazards` | barriers, from the accesses since the last one |
 //! | `image_commands` | clearing and copying images |
-//! | `bindings` | what a pass binds, checked against its shaders |
-//! | `pass`, `draw_pass` | the sentence that describes a pass, and a drawing |
-//! | `submissions` | the queue, what is in flight on it, the wait for it |
+//! | `bindings` | the resources that a pass binds, checked against its shaders |
+//! | `pass`, `draw_pass` | the description of a pass, and of a drawing |
+//! | `submissions` | the queue, the submissions in flight on it, the wait for them |
 //! | `timing` | device time by pass and by submission |
 //! | `surface` | a window's surface and its swapchain |
 //!

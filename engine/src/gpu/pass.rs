@@ -1,4 +1,4 @@
-//! The sentence that describes a pass: kernel, reads, writes, constants, dispatch.
+//! The description of a pass: kernel, reads, writes, constants, dispatch.
 
 use ash::vk;
 use bytemuck::Pod;
@@ -19,8 +19,7 @@ impl Recorder {
 /// there.
 ///
 /// # Panics
-/// Wherever what is bound is not what the shader has next: another name, access, element size, or kind of
-/// resource.
+/// If a bound resource is not the shader's next one: its name, access, element size or kind differs.
 pub struct Pass<'a> {
     recorder: &'a mut Recorder,
     kernel: &'a Kernel,
@@ -31,7 +30,7 @@ pub struct Pass<'a> {
 /// The number of workgroups.
 enum Groups {
     Of([u32; 3]),
-    /// Read from a buffer at this byte.
+    /// A buffer from which the number is read, and the byte at which it lies.
     From(vk::Buffer, u64),
 }
 
@@ -48,13 +47,13 @@ impl<'a> Pass<'a> {
         self.bind(name, buffer, size_of::<T>(), true)
     }
 
-    /// Binds the next buffer for reading where the shader sees rows of any type as plain words.
+    /// Binds the next buffer, of rows of any type, for reading; the shader sees it as plain words.
     #[must_use]
     pub fn read_words<T: Pod>(self, name: &str, buffer: &'a Buffer<T>) -> Self {
         self.bind(name, buffer, size_of::<u32>(), false)
     }
 
-    /// Binds the next buffer for writing where the shader sees rows of any type as plain words.
+    /// Binds the next buffer, of rows of any type, for writing; the shader sees it as plain words.
     #[must_use]
     pub fn write_words<T: Pod>(self, name: &str, buffer: &'a mut Buffer<T>) -> Self {
         self.bind(name, buffer, size_of::<u32>(), true)
@@ -67,7 +66,7 @@ impl<'a> Pass<'a> {
         self
     }
 
-    /// Binds the next image, to be written.
+    /// Binds the next image for writing.
     #[must_use]
     pub fn write_image(mut self, name: &str, image: &'a mut Image) -> Self {
         self.bindings.image(&self.kernel.place(name, true), image);
@@ -87,12 +86,12 @@ impl<'a> Pass<'a> {
         self
     }
 
-    /// Records the pass over `x` workgroups; none at all for 0.
+    /// Records the pass over `x` workgroups; records nothing for 0.
     pub fn dispatch(self, x: u32) {
         self.dispatch_3d([x, 1, 1]);
     }
 
-    /// Records the pass over as many workgroups as so many invocations along x fill.
+    /// Records the pass over as many workgroups as `x` invocations fill.
     ///
     /// # Panics
     /// If a specialisation constant says how wide workgroups are.
@@ -100,10 +99,10 @@ impl<'a> Pass<'a> {
         self.dispatch_over_3d([x, 1, 1]);
     }
 
-    /// Records the pass over as many workgroups as so many invocations along x, y and z fill.
+    /// Records the pass over as many workgroups as `invocations` along x, y and z fill.
     ///
     /// # Panics
-    /// As [`Pass::dispatch_over`].
+    /// Under the same conditions as [`Pass::dispatch_over`].
     pub fn dispatch_over_3d(self, invocations: [u32; 3]) {
         let Shader { workgroup: Some(workgroup), .. } = self.kernel.shader else {
             panic!("{}: a specialisation constant says how wide workgroups are", self.kernel.shader.name)
@@ -112,7 +111,7 @@ impl<'a> Pass<'a> {
         self.dispatch_3d(groups);
     }
 
-    /// Records the pass over so many workgroups along x, y and z; none at all where one is 0.
+    /// Records the pass over `groups` workgroups along x, y and z; records nothing if one number is 0.
     pub fn dispatch_3d(self, groups: [u32; 3]) {
         let most = self.recorder.gpu.0.limits.workgroups;
         let name = self.kernel.shader.name;
@@ -126,14 +125,14 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Records the pass over as many workgroups as `counts[index]` says when it runs.
+    /// Records the pass; when it runs, `counts[index]` is its number of workgroups.
     pub fn dispatch_indirect(self, counts: &Buffer<[u32; 3]>, index: usize) {
         assert!(index < counts.len(), "{}: no such row", counts.name());
         let handle = counts.handle();
         self.record(Groups::From(handle, (index * size_of::<[u32; 3]>()) as u64));
     }
 
-    /// Checks that all is there, and records the pass.
+    /// Checks that everything is bound, and records the pass.
     fn record(self, groups: Groups) {
         let Pass { recorder, kernel, mut bindings, push } = self;
         let shader = kernel.shader;

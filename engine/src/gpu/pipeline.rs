@@ -1,4 +1,4 @@
-//! Pipelines in general: the layouts that follow from reflection, the modules, and one owner of the three
+//! Pipelines of any kind: the layouts that follow from reflection, the modules, and one owner of the three
 //! handles.
 
 use std::collections::HashMap;
@@ -10,8 +10,8 @@ use shaders_glsl::{Binding, Resource, Shader};
 use super::{Context, check};
 use crate::error::Result;
 
-/// A pipeline with its layouts. Whoever holds the last copy calls [`Pipeline::destroy`]: the table of
-/// kernels, or a drawing.
+/// A pipeline with its layouts. The holder of the last copy, the table of kernels or a drawing, calls
+/// [`Pipeline::destroy`].
 #[derive(Clone, Copy, Default)]
 pub(super) struct Pipeline {
     pub(super) handle: vk::Pipeline,
@@ -19,18 +19,18 @@ pub(super) struct Pipeline {
     set_layout: vk::DescriptorSetLayout,
 }
 
-/// The pipelines of kernels, by the name of their shader and its constants.
+/// The pipelines of kernels, by the name and the constants of their shader.
 #[derive(Default)]
 pub(super) struct Pipelines(pub(super) HashMap<(&'static str, Vec<u32>), Pipeline>);
 
 impl Pipelines {
-    /// Destroys all of them. Nothing may use them any more.
+    /// Destroys all pipelines. Nothing may use them any more.
     pub(super) fn destroy(&mut self, device: &ash::Device) {
         self.0.drain().for_each(|(_, pipeline)| pipeline.destroy(device));
     }
 }
 
-/// What the layout of a pipeline is made from.
+/// The interface of shaders from which the layout of a pipeline is created.
 pub(super) struct Interface<'a> {
     pub(super) name: &'a str,
     pub(super) bindings: &'a [Binding],
@@ -39,7 +39,8 @@ pub(super) struct Interface<'a> {
 }
 
 impl Pipeline {
-    /// Makes layouts and, by `build`, the pipeline; what was made before a failure is destroyed.
+    /// Creates the layouts and, with `build`, the pipeline. If a step fails, the handles created before it
+    /// are destroyed.
     pub(super) fn new(
         context: &Context,
         interface: &Interface<'_>,
@@ -53,7 +54,7 @@ impl Pipeline {
         made.map(|()| pipeline)
     }
 
-    /// Fills the handles one after the other.
+    /// Creates the handles one after the other.
     fn make(
         &mut self,
         context: &Context,
@@ -87,7 +88,7 @@ impl Pipeline {
     }
 }
 
-/// Returns the kind of descriptor that a resource is bound by.
+/// Returns the kind of descriptor by which a resource is bound.
 fn descriptor_type(resource: Resource) -> vk::DescriptorType {
     match resource {
         Resource::Buffer { .. } => vk::DescriptorType::STORAGE_BUFFER,
@@ -96,7 +97,7 @@ fn descriptor_type(resource: Resource) -> vk::DescriptorType {
     }
 }
 
-/// Makes the layout of one set of push descriptors.
+/// Creates the layout of one set of push descriptors.
 fn set_layout(
     context: &Context,
     name: &str,
@@ -120,7 +121,7 @@ fn set_layout(
     check(name, unsafe { context.device.create_descriptor_set_layout(&info, None) })
 }
 
-/// Makes the shader as the driver takes it; to be destroyed when the pipeline is made.
+/// Creates the driver's module of a shader; it is destroyed when the pipeline exists.
 pub(super) fn module(context: &Context, shader: &Shader) -> Result<vk::ShaderModule> {
     let code: Vec<u32> =
         shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();

@@ -1,4 +1,4 @@
-//! Compiled pipelines between two runs of a program: a file in the user's cache folder.
+//! The cache of compiled pipelines between two runs of a program: a file in the user's cache folder.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use ash::vk;
 use super::{DeviceDescription, check};
 use crate::error::Result;
 
-/// Creates the cache of a device, filled with what an earlier run has left.
+/// Creates the cache of a device, filled from the file that an earlier run left.
 pub(super) fn load(device: &ash::Device, description: &DeviceDescription) -> Result<vk::PipelineCache> {
     let cached = path(description).and_then(|p| std::fs::read(p).ok()).unwrap_or_default();
     let info = vk::PipelineCacheCreateInfo::default().initial_data(&cached);
@@ -15,8 +15,7 @@ pub(super) fn load(device: &ash::Device, description: &DeviceDescription) -> Res
     check("creating the pipeline cache", unsafe { device.create_pipeline_cache(&info, None) })
 }
 
-/// Saves the cache as well as it can: one that cannot be written costs compile time at the next start,
-/// nothing else.
+/// Saves the cache if it can. A cache that cannot be written only costs compile time at the next start.
 ///
 /// # Safety
 /// `cache` must be a live pipeline cache of `device`, or null.
@@ -31,7 +30,8 @@ pub(super) unsafe fn save(device: &ash::Device, cache: vk::PipelineCache, descri
     if std::fs::read(&path).is_ok_and(|old| old == data) || std::fs::create_dir_all(folder).is_err() {
         return;
     }
-    // Written aside and renamed, so that a process that starts meanwhile never reads half a file.
+    // The data are written aside and renamed, so that a process that starts meanwhile never reads half a
+    // file.
     if let Ok(mut file) = tempfile::NamedTempFile::new_in(folder)
         && std::io::Write::write_all(&mut file, &data).is_ok()
     {
@@ -39,7 +39,7 @@ pub(super) unsafe fn save(device: &ash::Device, cache: vk::PipelineCache, descri
     }
 }
 
-/// Returns the file of a device and driver; `None` where the user has no cache folder.
+/// Returns the file for a device and driver; `None` if the user has no cache folder.
 fn path(description: &DeviceDescription) -> Option<PathBuf> {
     let folder = std::env::var_os("XDG_CACHE_HOME")
         .map(PathBuf::from)

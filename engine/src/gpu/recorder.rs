@@ -1,4 +1,4 @@
-//! Recording of commands. A pass is a sentence: kernel, reads, writes, constants, dispatch. The recorder
+//! Recording of commands. A pass is described by kernel, reads, writes, constants and dispatch. The recorder
 //! places the barriers, opens a debug label and takes two timestamps per pass.
 
 use std::any::Any;
@@ -50,14 +50,14 @@ impl Gpu {
 /// One submission being recorded.
 pub struct Recorder {
     pub(super) gpu: Gpu,
-    /// `None` once submitted.
+    /// Slot of the recording; `None` after the submission.
     pub(super) slot: Option<Slot>,
     /// Names of the passes that have timestamps.
     pub(super) passes: Vec<String>,
-    /// What was touched since the last barrier, and whether it was written.
+    /// Resources that were accessed since the last barrier; true if they were written.
     pub(super) touched: HashMap<Resident, bool>,
-    /// True if barriers reach the graphics stages and indirect arguments, too; they need it from the first
-    /// use on.
+    /// True if barriers reach the graphics stages and indirect arguments, too; this is needed from their
+    /// first use on.
     pub(super) graphics_barriers: bool,
     /// Staging buffers that the recorded copies read.
     kept: Vec<Box<dyn Any>>,
@@ -117,8 +117,7 @@ impl Recorder {
         });
     }
 
-    /// Runs `record` inside a debug label and, as far as there are queries, between two timestamps at
-    /// `stage`.
+    /// Runs `record` inside a debug label and, if queries are left, between two timestamps at `stage`.
     pub(super) fn timed(
         &mut self,
         name: &str,
@@ -162,7 +161,8 @@ impl Recorder {
         }
     }
 
-    /// Keeps a staging buffer until this is submitted: only then does its end know what it must wait for.
+    /// Keeps a staging buffer until this is submitted: only then does its deletion know which submission to
+    /// wait for.
     pub(super) fn keep<T: Pod>(&mut self, staging: Buffer<T>) {
         self.kept.push(Box::new(staging));
     }
@@ -170,7 +170,7 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        // Recorded but never submitted: the slot goes back, its pool is reset before the next use.
+        // A slot that was recorded but never submitted goes back; its pool is reset before the next use.
         if let Some(slot) = self.slot.take() {
             lock(&self.gpu.0.queue).free.push(slot);
         }

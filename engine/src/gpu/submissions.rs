@@ -1,4 +1,4 @@
-//! Submissions: the queue, how work is handed to it, what is in flight on it, and the wait for it.
+//! Submissions: the queue, how work is submitted to it, what is in flight on it, and the wait for it.
 
 use std::sync::atomic::Ordering;
 
@@ -7,31 +7,31 @@ use ash::vk;
 use super::{Context, Gpu, Recorder, check, lock, timing};
 use crate::error::{Error, Kind, Result};
 
-/// Timestamps in one submission: two per pass.
+/// Number of timestamps in one submission: two per pass.
 pub(super) const QUERIES: u32 = 512;
 
 /// A submission: the value that the timeline reaches when the device has finished it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Ticket(pub(super) u64);
 
-/// The queue and the command buffers that go round.
+/// The queue and the command buffers that are reused.
 pub(super) struct Submissions {
     pub(super) queue: vk::Queue,
     pub(super) last: u64,
-    /// [`super::GpuOptions::lost_at`].
+    /// See [`super::GpuOptions::lost_at`].
     lost_at: Option<u64>,
     pub(super) free: Vec<Slot>,
     pub(super) flying: Vec<Flight>,
 }
 
-/// A command buffer with what belongs to it, used for one submission at a time.
+/// A command buffer with its pool and queries, used for one submission at a time.
 pub(super) struct Slot {
     pub(super) pool: vk::CommandPool,
     pub(super) commands: vk::CommandBuffer,
     pub(super) queries: vk::QueryPool,
 }
 
-/// A submission that the device may not have finished: the timeline's value, and the names of its passes.
+/// A submission that the device may not have finished: its timeline value, and the names of its passes.
 pub(super) struct Flight {
     pub(super) value: u64,
     pub(super) slot: Slot,
@@ -44,7 +44,7 @@ impl Submissions {
         Submissions { queue, last: 0, lost_at, free: Vec::new(), flying: Vec::new() }
     }
 
-    /// True if the next submission is the one at which the device behaves as lost.
+    /// Returns true if the next submission is one at which the device behaves as lost.
     fn is_lost(&self) -> bool {
         self.lost_at.is_some_and(|at| self.last + 1 >= at)
     }
@@ -54,7 +54,7 @@ impl Submissions {
         self.last
     }
 
-    /// Destroys all command buffers and what belongs to them.
+    /// Destroys all command buffers with their pools and queries.
     ///
     /// # Safety
     /// The device must be idle.
@@ -71,8 +71,8 @@ impl Submissions {
 }
 
 impl Gpu {
-    /// Waits until the device has finished `ticket`, then counts its timestamps and frees what it was the
-    /// last to use.
+    /// Waits until the device has finished `ticket`. Then reads the timestamps of finished submissions and
+    /// deletes dropped objects that they were the last to use.
     pub fn wait(&self, ticket: Ticket) -> Result<()> {
         let context = &self.0;
         context.counters.waits.fetch_add(1, Ordering::Relaxed);
@@ -101,19 +101,18 @@ impl Gpu {
 }
 
 impl Recorder {
-    /// Hands what was recorded so far to the device and goes on in a new submission, which follows it.
+    /// Submits the commands recorded so far and continues in a new submission, which follows it.
     pub fn split(&mut self) -> Result<Ticket> {
         let gpu = self.gpu.clone();
         std::mem::replace(self, gpu.record()?).submit()
     }
 
-    /// Ends recording and hands the work to the device.
+    /// Ends recording and submits the commands to the device.
     pub fn submit(self) -> Result<Ticket> {
         self.submit_between(None, None)
     }
 
-    /// Submits, to run after `wait` was signalled as far as colour is written, and to signal `signal` at the
-    /// end.
+    /// Submits the commands. Writes of colour wait for `wait`, and `signal` is signalled at the end.
     pub(super) fn submit_between(
         mut self,
         wait: Option<vk::Semaphore>,
@@ -170,13 +169,13 @@ impl Recorder {
         }
         queue.last = value;
         queue.flying.push(Flight { value, slot, passes: std::mem::take(&mut self.passes) });
-        // What was kept is dropped after this, with a submission to wait for.
+        // Buffers that were kept are dropped after this, so that their deletion waits for this submission.
         drop(queue);
         Ok(Ticket(value))
     }
 }
 
-/// Makes a command buffer with what belongs to it.
+/// Creates a command buffer with its pool and queries.
 pub(super) fn new_slot(context: &Context) -> Result<Slot> {
     let device = &context.device;
     let pool_info = vk::CommandPoolCreateInfo::default()

@@ -8,7 +8,7 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use super::{Context, Format, Gpu, Image, Recorder, Ticket, check, lock};
 use crate::error::{Error, Kind, Result};
 
-/// What a program draws in and a window shows. One frame is in flight at a time: [`Surface::acquire`] waits
+/// A window's surface, in which a program draws. One frame is in flight at a time: [`Surface::acquire`] waits
 /// for the one before, so that the host prepares a frame while the device draws the last one.
 pub struct Surface {
     swapchain: Option<Swapchain>,
@@ -16,7 +16,7 @@ pub struct Surface {
     queries: khr::surface::Instance,
     handle: vk::SurfaceKHR,
     format: (Format, vk::ColorSpaceKHR),
-    /// Signalled when the picture that was asked for may be written.
+    /// Signalled when the acquired picture may be written.
     acquired: vk::Semaphore,
     /// The size that the window wants, pixels.
     wanted: [u32; 2],
@@ -31,20 +31,20 @@ pub struct Surface {
 struct Swapchain {
     handle: vk::SwapchainKHR,
     pictures: Vec<Image>,
-    /// One for each picture: signalled when it may be shown.
+    /// Semaphore of each picture, signalled when it may be shown.
     drawn: Vec<vk::Semaphore>,
     size: [u32; 2],
 }
 
-/// An image of the swapchain that is ours until it is presented.
+/// An image of the swapchain that the program may draw to until it is presented.
 pub struct Acquired(u32);
 
 impl Surface {
-    /// Makes the surface of a window of a display for which the device was booted
-    /// ([`super::GpuOptions::windows`]); `size` in pixels.
+    /// Creates the surface of a window. The device must have been booted for its display
+    /// ([`super::GpuOptions::windows`]). `size` is in pixels.
     ///
     /// # Errors
-    /// [`Kind::Unavailable`] where the device cannot show pictures in this window.
+    /// [`Kind::Unavailable`] if the device cannot show pictures in this window.
     pub fn new<W>(gpu: &Gpu, window: Arc<W>, size: [u32; 2]) -> Result<Self>
     where
         W: HasDisplayHandle + HasWindowHandle + 'static,
@@ -97,20 +97,20 @@ impl Surface {
         Ok(surface)
     }
 
-    /// Returns what its images are made of: not sRGB in the sense of [`Format::is_srgb`] unless the window
+    /// Returns the format of its images. It is sRGB in the sense of [`Format::is_srgb`] only if the window
     /// has nothing else.
     pub fn format(&self) -> Format {
         self.format.0
     }
 
-    /// Follows the window to another size, pixels; 0 where it is minimised.
+    /// Follows the window to another size, pixels; 0 if it is minimised.
     pub fn resize(&mut self, size: [u32; 2]) {
         self.stale |= size != self.wanted;
         self.wanted = size;
     }
 
-    /// Acquires the next image, as soon as the frame before is finished; `None` while the window is minimised
-    /// or between two sizes: ask again when it says that it wants to be drawn.
+    /// Acquires the next image when the frame before is finished. Returns `None` while the window is
+    /// minimised or between two sizes; the caller asks again when the window wants to be drawn.
     pub fn acquire(&mut self) -> Result<Option<Acquired>> {
         if let Some(ticket) = self.last.take() {
             self.gpu.wait(ticket)?;
@@ -118,8 +118,8 @@ impl Surface {
         self.acquire_within(u64::MAX)
     }
 
-    /// Acquires the next image, if there is one at once; `None` as well while the frame before is not
-    /// finished. Waits only where the window has another size.
+    /// Acquires the next image if there is one at once. Returns `None` also while the frame before is not
+    /// finished. Waits only if the window has another size.
     pub fn acquire_at_once(&mut self) -> Result<Option<Acquired>> {
         if let Some(ticket) = self.last {
             if !self.gpu.has_finished(ticket)? {
@@ -130,9 +130,9 @@ impl Surface {
         self.acquire_within(0)
     }
 
-    /// Acquires the next image within so many nanoseconds.
+    /// Acquires the next image within `timeout_ns` nanoseconds.
     fn acquire_within(&mut self, timeout_ns: u64) -> Result<Option<Acquired>> {
-        // A second time where the swapchain has turned out to be too old.
+        // The second attempt is for a swapchain that has turned out to be too old.
         for _ in 0..2 {
             if self.stale {
                 self.rebuild()?;
@@ -156,7 +156,7 @@ impl Surface {
     }
 
     /// Records the acquisition of the image to draw over, once a frame, and returns it. Its content is
-    /// undefined until it was drawn over whole.
+    /// undefined until all of it was drawn over.
     pub fn image(&mut self, recorder: &mut Recorder, acquired: &Acquired) -> &mut Image {
         let swapchain = self.swapchain.as_mut().expect("what was acquired has a swapchain");
         let picture = &mut swapchain.pictures[acquired.0 as usize];
@@ -164,7 +164,7 @@ impl Surface {
         picture
     }
 
-    /// Hands the frame to the device and the image to the window.
+    /// Submits the frame to the device and presents the image in the window.
     pub fn present(&mut self, mut recorder: Recorder, acquired: Acquired) -> Result<Ticket> {
         let context = &self.gpu.0;
         let swapchain = self.swapchain.as_ref().expect("what was acquired has a swapchain");
@@ -186,7 +186,7 @@ impl Surface {
         Ok(ticket)
     }
 
-    /// Makes the swapchain anew, in the size that the window has.
+    /// Creates the swapchain anew, in the size that the window has.
     fn rebuild(&mut self) -> Result<()> {
         let context = Arc::clone(&self.gpu.0);
         // SAFETY: surface and physical device are of the same instance.
@@ -217,7 +217,7 @@ impl Surface {
             .image_sharing_mode(vk::SharingMode::EXCLUSIVE)
             .pre_transform(can.current_transform)
             .composite_alpha(alpha)
-            // The one that every device has; no faster than the screen.
+            // Every device has this mode; it is no faster than the screen.
             .present_mode(vk::PresentModeKHR::FIFO)
             .clipped(true)
             .old_swapchain(old.as_ref().map_or(vk::SwapchainKHR::null(), |old| old.handle));
@@ -225,7 +225,7 @@ impl Surface {
         let made = unsafe { self.loader.create_swapchain(&info, None) };
         self.destroy(old);
         let handle = check("the swapchain of the window", made)?;
-        // Whole from here on, so that `Drop` finds what there is.
+        // The swapchain is complete from here on, so that `Drop` finds all that exists.
         let swapchain =
             self.swapchain.insert(Swapchain { handle, pictures: Vec::new(), drawn: Vec::new(), size });
         // SAFETY: the swapchain is new; semaphores and pictures go before it.
@@ -290,8 +290,8 @@ impl Drop for Surface {
     }
 }
 
-/// Picks a format. Display-referred numbers go out as they are; where a window insists on sRGB formats,
-/// drawings turn them into light.
+/// Picks a format. Display-referred numbers are shown without a conversion; if a window insists on sRGB
+/// formats, drawings convert them to light.
 fn pick_format(offered: &[vk::SurfaceFormatKHR]) -> Option<(Format, vk::ColorSpaceKHR)> {
     let space = vk::ColorSpaceKHR::SRGB_NONLINEAR;
     [Format::Bgra8, Format::Rgba8, Format::Sbgra8, Format::Srgba8]
@@ -300,7 +300,8 @@ fn pick_format(offered: &[vk::SurfaceFormatKHR]) -> Option<(Format, vk::ColorSpa
         .map(|format| (format, space))
 }
 
-/// Returns the size that the surface dictates, or what the window wants where it leaves the choice.
+/// Returns the size that the surface dictates, or the one that the window wants if the surface leaves the
+/// choice.
 fn extent(can: &vk::SurfaceCapabilitiesKHR, wanted: [u32; 2]) -> [u32; 2] {
     let current = can.current_extent;
     if current.width != u32::MAX {

@@ -1,4 +1,4 @@
-//! How long the device took: for each pass by its name, and for each submission as a whole.
+//! Times of the device: of each pass by its name, and of each submission as a whole.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -7,7 +7,7 @@ use ash::vk;
 use super::{Context, Gpu, Ticket, check, lock};
 use crate::error::Result;
 
-/// Finished submissions whose times are kept until somebody asks for them.
+/// Greatest number of finished submissions whose times are kept until somebody asks for them.
 const MOST_NEWS: usize = 64;
 
 /// Time and calls of one named pass, from GPU timestamps.
@@ -21,11 +21,11 @@ pub struct PassTime {
     pub longest_ms: f64,
 }
 
-/// What is known of submissions that have finished.
+/// Times of submissions that have finished.
 #[derive(Default)]
 pub(super) struct Times {
     passes: BTreeMap<String, PassTime>,
-    /// Submissions with their device time in ms; the latest ones.
+    /// The latest submissions with their device time, ms.
     news: VecDeque<(Ticket, f64)>,
 }
 
@@ -63,14 +63,14 @@ pub(super) fn read(
 }
 
 impl Gpu {
-    /// True if the device has finished `ticket`. Does not wait.
+    /// Returns true if the device has finished `ticket`. Does not wait.
     pub fn has_finished(&self, ticket: Ticket) -> Result<bool> {
         Ok(self.0.passed()? >= ticket.0)
     }
 
     /// Returns the submissions that have finished since the last call of this, each with its device time from
-    /// the first pass to the end of the last one, ms. Does not wait. Only the latest 64 are kept, and those
-    /// without timed passes are not.
+    /// the first pass to the end of the last one, ms. Does not wait. Only the latest 64 are kept, and only
+    /// those with timed passes.
     pub fn take_finished(&self) -> Result<Vec<(Ticket, f64)>> {
         self.collect()?;
         Ok(lock(&self.0.times).news.drain(..).collect())

@@ -1,24 +1,24 @@
-//! What a medical picture must say: how the patient lies, and how large things are.
+//! Annotations of medical pictures: how the patient lies, and a scale bar.
 
 use glam::DVec3;
 
 use super::lettering::{Align, text_width};
 use super::{Image, font};
 
-/// A direction less than this out of a plane or axis has no letter for it: sin 15°.
+/// Least component along an axis for which a direction gets the letter of that axis: sin 15°.
 const OBLIQUE: f64 = 0.258_819_045_102_520_74;
 
 /// What [`annotate`] writes on a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Annotation {
-    /// Letters at the left, right, top and bottom border; none where it is unknown how the patient lies.
+    /// Letters at the left, right, top and bottom border; `None` if it is unknown how the patient lies.
     pub labels: Option<[String; 4]>,
-    /// Millimetres for each pixel in the plane that the viewer looks at; none without a scale bar.
+    /// Millimetres per pixel in the plane that the viewer looks at; `None` for no scale bar.
     pub mm_per_pixel: Option<f64>,
 }
 
-/// Returns the patient's sides at the left, right, top and bottom border of a picture, from the directions to
-/// its right and upwards in RAS.
+/// Returns the letters of the patient's sides at the left, right, top and bottom border of a picture, from
+/// the directions to its right and upwards in RAS.
 ///
 /// A direction along an axis has one letter (R or L, A or P, S or I); an oblique one has up to three, the
 /// nearest axis first, as in "LA"; axes that it leaves by less than 15° are not named. A zero or broken
@@ -39,19 +39,19 @@ fn direction_label(direction: DVec3) -> String {
     parts.into_iter().map(|(_, letter)| letter).collect()
 }
 
-/// Returns the greatest of 1, 2 and 5 times a power of ten that is at most `value`; none unless `value` is a
-/// positive number.
+/// Returns the greatest of 1, 2 and 5 times a power of ten that is at most `value`; `None` unless `value` is
+/// a positive number.
 pub fn round_down(value: f64) -> Option<f64> {
     near(value).filter(|round| *round <= value).last()
 }
 
-/// Returns the least of 1, 2 and 5 times a power of ten that is at least `value`; none unless `value` is a
+/// Returns the least of 1, 2 and 5 times a power of ten that is at least `value`; `None` unless `value` is a
 /// positive number.
 pub fn round_up(value: f64) -> Option<f64> {
     near(value).find(|round| *round >= value)
 }
 
-/// Round numbers around `value`, ascending.
+/// Returns round numbers around `value`, ascending; none unless `value` is a positive number.
 fn near(value: f64) -> impl Iterator<Item = f64> {
     let decade = (value.is_finite() && value > 0.0).then(|| value.log10().floor() as i32);
     decade.into_iter().flat_map(|decade| {
@@ -62,8 +62,8 @@ fn near(value: f64) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Writes the letters at the borders and draws a scale bar of a round length at the bottom left, of at most a
-/// quarter of the width. A bar or letters that do not fit are left out.
+/// Writes the letters at the borders and draws a scale bar at the bottom left, whose length is round and at
+/// most a quarter of the width. A bar or letters that do not fit are left out.
 pub fn annotate(image: &mut Image, annotation: &Annotation) {
     let [width, height] = image.size;
     let scale = (width.min(height) / 240).clamp(1, 12);
@@ -103,8 +103,8 @@ pub fn annotate(image: &mut Image, annotation: &Annotation) {
     }
 }
 
-/// Returns the length in pixels and label of the scale bar of a picture of `width` pixels: a round length of
-/// at most a quarter of the width. None where there is none of a pixel or more.
+/// Returns the length in pixels and the label of the scale bar for a picture of `width` pixels: a round
+/// length of at most a quarter of the width. `None` if there is no such length of a pixel or more.
 pub fn scale_bar(mm_per_pixel: f64, width: usize) -> Option<(usize, String)> {
     let mm = round_down(mm_per_pixel * width as f64 / 4.0)?;
     let pixels = (mm / mm_per_pixel).round();

@@ -8,24 +8,25 @@ use super::lettering::{Align, shortened, text_width};
 use super::measure::check_sizes;
 use crate::Result;
 
-/// A difference for each pixel.
+/// A map with one difference for each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DifferenceMap {
-    /// What is mapped, as the heading above the map.
+    /// The measure that is mapped, as the heading above the map.
     pub name: String,
-    /// A value for each pixel, in their order.
+    /// One value for each pixel, in the order of the pixels.
     pub values: Vec<f32>,
     /// The value at the bright end of the colour bar; the dark end is 0.
     pub greatest: f64,
 }
 
 impl DifferenceMap {
-    /// FLIP, on its own scale from 0 to 1.
+    /// Creates the map of a FLIP comparison, on its own scale from 0 to 1.
     pub fn flip(flip: &Flip) -> Self {
         DifferenceMap { name: "FLIP".into(), values: flip.map.clone(), greatest: 1.0 }
     }
 
-    /// |A - B|, the greatest of red, green and blue; amplified so that a round value above all is the brightest.
+    /// Creates the map of |A - B|, the greatest of red, green and blue. The bright end of the scale is the
+    /// least round value that is not exceeded.
     ///
     /// # Errors
     /// [`Kind::Usage`](crate::Kind::Usage) for pictures of different sizes.
@@ -39,17 +40,17 @@ impl DifferenceMap {
 }
 
 const MARGIN: usize = 16;
-/// Enlargement of letters.
+/// Magnification of letters.
 const LETTERS: usize = 2;
 const LINE: usize = font::HEIGHT * LETTERS;
-/// Least width of a panel, pixels, that letters find room.
+/// Least width of a panel, pixels, so that there is room for letters.
 const PANEL: usize = 160;
 const BAR: [usize; 2] = [256, 12];
 const BACKGROUND: [f32; 4] = [0.08, 0.08, 0.09, 1.0];
 const TEXT: [f32; 3] = [0.92; 3];
 
-/// A, B and the map from left to right; A and B over black, under their names, the map in the colours of
-/// magma over its bar.
+/// Draws A, B and the map from left to right: A and B over black, under their names, and the map in the
+/// colours of magma over its colour bar.
 ///
 /// # Errors
 /// [`Kind::Usage`](crate::Kind::Usage) for pictures of different sizes,

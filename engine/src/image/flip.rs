@@ -8,32 +8,32 @@ use super::Image;
 use super::measure::check_sizes;
 use crate::Result;
 
-/// The observer's pixels for each degree of the visual field: a screen of 3840 pixels and 0.7 m at 0.7 m.
+/// Pixels per degree of the observer's visual field: a screen of 3840 pixels, 0.7 m wide and 0.7 m away.
 pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 
-/// Rows of a band, and how far its filters look, pixels: 0.135 degrees, the widest contrast filter of the
-/// paper.
+/// Rows of a band that is compared at a time, and the rows that the filters need beyond it: 0.135 degrees,
+/// the widest contrast filter of the paper.
 const BAND: usize = 128;
 const HALO: usize = (0.14 * PIXELS_PER_DEGREE) as usize + 2;
 
 /// A FLIP comparison.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flip {
-    /// The difference at each pixel, in their order.
+    /// The difference at each pixel, in the order of the pixels.
     pub map: Vec<f32>,
-    /// Their mean.
+    /// The mean of the map.
     pub mean: f64,
 }
 
-/// LDR-FLIP of two pictures over black, at [`PIXELS_PER_DEGREE`]. Colours are rounded to 8 bits first, as on
-/// a screen.
+/// Compares two pictures over black by LDR-FLIP at [`PIXELS_PER_DEGREE`]. Colours are rounded to 8 bits
+/// first, as on a screen.
 ///
 /// # Errors
 /// [`Kind::Usage`](crate::Kind::Usage) for pictures of different sizes.
 pub fn flip(reference: &Image, test: &Image) -> Result<Flip> {
     check_sizes(reference, test)?;
     let [width, height] = reference.size;
-    // A pixel depends on no more than HALO rows on either side, so bands at once give the same bits as the
+    // A pixel depends on no more than HALO rows on either side, so parallel bands give the same bits as the
     // whole.
     let bands: Vec<Vec<f32>> = (0..height.div_ceil(BAND))
         .into_par_iter()

@@ -1,4 +1,4 @@
-//! Letters of 5 by 7 pixels, drawn for this program: enough for names, numbers and units, and nothing to
+//! A font of 5 by 7 pixels, drawn for this program: enough for names, numbers and units, with nothing to
 //! install.
 
 /// Width of a letter's cell, pixels: five and a gap.
@@ -7,7 +7,7 @@ pub const ADVANCE: usize = 6;
 pub const HEIGHT: usize = 7;
 const WIDTH: usize = 5;
 
-/// Each letter's seven rows, a byte each from the top; bit 4 is the leftmost pixel.
+/// The seven rows of each letter, one byte per row from the top; bit 4 is the leftmost pixel.
 #[rustfmt::skip]
 const GLYPHS: &[(char, u64)] = &[
     ('A', 0x0E11111F111111), ('B', 0x1E11111E11111E), ('C', 0x0E11101010110E), ('D', 0x1E11111111111E),
@@ -36,10 +36,10 @@ const GLYPHS: &[(char, u64)] = &[
     ('×', 0x00110A040A1100),
 ];
 
-/// A frame, for letters that are not in the table.
+/// The glyph of letters that are not in the table: an empty frame.
 const UNKNOWN: u64 = 0x1F_1111_1111_111F;
 
-/// Returns the pixels of a letter that are set: column and row.
+/// Returns the pixels of a letter that are set, as column and row.
 pub fn pixels(letter: char) -> impl Iterator<Item = (usize, usize)> {
     let rows = match letter {
         ' ' => 0,

@@ -1,4 +1,4 @@
-//! A picture, and how large it may be.
+//! Pictures, and the limits of their size.
 
 use crate::{Error, Kind, Result};
 
@@ -17,7 +17,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// A picture of one premultiplied colour.
+    /// Creates a picture of one premultiplied colour.
     pub fn new(size: [usize; 2], colour: [f32; 4]) -> Self {
         Image { size, pixels: vec![colour; size[0] * size[1]] }
     }
@@ -27,8 +27,8 @@ impl Image {
         self.pixels[y * self.size[0] + x]
     }
 
-    /// This picture over one opaque colour, not premultiplied; composited as the numbers are, without
-    /// linearisation, as VTK and Slicer do. The result is opaque.
+    /// Returns this picture over one opaque colour that is not premultiplied. The sRGB-encoded numbers are
+    /// composited as they are, without linearisation, as VTK and Slicer do. The result is opaque.
     #[must_use]
     pub fn over(&self, background: [f32; 3]) -> Image {
         let over = |&[r, g, b, a]: &[f32; 4]| {
@@ -52,7 +52,8 @@ pub(super) fn check_size(size: [usize; 2]) -> Result<()> {
     }
 }
 
-/// Room for so many values, or an error where memory ends; sizes from files are not trusted to fit.
+/// Returns an empty vector with room for `count` values, or an error if there is no memory for them: sizes
+/// from files may be too large.
 pub(super) fn room<T>(count: usize) -> Result<Vec<T>> {
     let mut values = Vec::new();
     values.try_reserve_exact(count).map_err(|_| {

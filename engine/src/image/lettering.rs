@@ -1,24 +1,24 @@
-//! Rectangles and text on an [`Image`]. What lies outside is left out; what is drawn is opaque.
+//! Rectangles and text on an [`Image`]. Parts outside of the picture are left out; all drawing is opaque.
 
 use super::{Image, font};
 
 /// Where text stands relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Align {
-    /// The point is its left end.
+    /// The point is the left end of the text.
     Left,
-    /// The point is its middle.
+    /// The point is the middle of the text.
     Middle,
-    /// The point is its right end.
+    /// The point is the right end of the text.
     Right,
 }
 
-/// Returns the width of a text, pixels, in letters of 5 by 7 pixels that are `scale` times enlarged.
+/// Returns the width of a text in pixels, in letters of 5 by 7 pixels that are magnified `scale` times.
 pub fn text_width(text: &str, scale: usize) -> usize {
     (text.chars().count() * font::ADVANCE * scale).saturating_sub(scale)
 }
 
-/// Returns the text, or its beginning and three dots, that fits into `room` pixels.
+/// Returns the text if it fits into `room` pixels, otherwise its beginning and three dots.
 pub fn shortened(text: &str, scale: usize, room: usize) -> String {
     if text_width(text, scale) <= room {
         return text.to_owned();
@@ -35,7 +35,7 @@ impl Image {
         }
     }
 
-    /// Fills a rectangle, given by its corner at the top left and its size, with an opaque colour.
+    /// Fills a rectangle with an opaque colour; `x`, `y` is its top left corner.
     pub fn fill(&mut self, [x, y]: [usize; 2], [width, height]: [usize; 2], colour: [f32; 3]) {
         for row in y..(y + height).min(self.size[1]) {
             for column in x..(x + width).min(self.size[0]) {
@@ -44,7 +44,8 @@ impl Image {
         }
     }
 
-    /// Writes text whose letters are `scale` times 5 by 7 pixels, its top at `y`.
+    /// Writes text in letters of `scale` times 5 by 7 pixels; `y` is the top of the text, and `align` says
+    /// where `x` is.
     pub fn text(&mut self, [x, y]: [usize; 2], scale: usize, align: Align, colour: [f32; 3], text: &str) {
         let left = align.left(x, text_width(text, scale));
         for (i, letter) in text.chars().enumerate() {
@@ -55,7 +56,7 @@ impl Image {
         }
     }
 
-    /// White text with a black outline: legible on any picture.
+    /// Writes white text with a black outline, which is legible on any picture.
     pub fn outlined_text(&mut self, [x, y]: [usize; 2], scale: usize, align: Align, text: &str) {
         let (left, width) = (align.left(x, text_width(text, scale)), scale.div_ceil(2));
         for dy in 0..3 {
@@ -69,7 +70,7 @@ impl Image {
 }
 
 impl Align {
-    /// Returns where a text of `width` pixels begins; never left of the picture.
+    /// Returns the column at which a text of `width` pixels begins, at least 0.
     fn left(self, x: usize, width: usize) -> usize {
         match self {
             Align::Left => x,

@@ -1,16 +1,16 @@
-//! How different two pictures are, as people measure it: PSNR, SSIM and the largest difference.
+//! Measures of the difference of two pictures: PSNR, SSIM and the largest difference.
 //!
-//! All look at display-referred colour over black, which is premultiplied colour as it is: opacity counts by
-//! what it dims. Sums are in f64 in the order of the pixels, so the same pictures give the same bits on any
-//! number of threads.
+//! All of them compare display-referred colour over black, which is premultiplied colour as it is: opacity
+//! counts by how much it dims. Sums are in f64 in the order of the pixels, so the same pictures give the same
+//! bits on any number of threads.
 
 use rayon::prelude::*;
 
 use super::Image;
 use crate::{Error, Kind, Result};
 
-/// Peak signal-to-noise ratio, dB: 10 lg(1 / MSE), where MSE is the mean of the squared differences of red,
-/// green and blue of all pixels; infinite for equal pictures. The peak is 1.
+/// Returns the peak signal-to-noise ratio, dB: 10 lg(1 / MSE), where MSE is the mean of the squared
+/// differences of red, green and blue of all pixels and the peak is 1. It is infinite for equal pictures.
 ///
 /// # Errors
 /// [`Kind::Usage`] for pictures of different sizes.
@@ -34,13 +34,13 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Structural similarity after Wang, Bovik, Sheikh and Simoncelli, "Image quality assessment: from error
-/// visibility to structural similarity", 2004: 1 for equal pictures, at least -1.
+/// Returns the structural similarity of two pictures: 1 for equal ones, at least -1. Source: Wang, Bovik,
+/// Sheikh and Simoncelli, "Image quality assessment: from error visibility to structural similarity", 2004.
 ///
-/// The mean of SSIM over all places where a window of 11 x 11 pixels lies within the picture; weights are
-/// Gaussian with σ 1.5 pixels and sum 1, variances and covariance are weighted sums without Bessel's
+/// It is the mean of SSIM over all places where a window of 11 x 11 pixels lies within the picture. Weights
+/// are Gaussian with σ 1.5 pixels and sum 1; variances and covariance are weighted sums without Bessel's
 /// correction. As in the authors' `ssim_index.m` there is one channel, luma: 0.299 R + 0.587 G + 0.114 B of
-/// the display-referred numbers; the pictures are not made smaller first. In a picture of fewer than 11
+/// the display-referred numbers, and the pictures are not downsampled first. In a picture of fewer than 11
 /// pixels along an axis the window is as long as fits, an odd number of pixels.
 ///
 /// # Errors
@@ -79,13 +79,13 @@ pub fn ssim(a: &Image, b: &Image) -> Result<f64> {
     Ok(row_sums.iter().sum::<f64>() / (columns * rows) as f64)
 }
 
-/// SSIM of one place from the means of a, b, a², b² and ab.
+/// Returns the SSIM of one place from the means of a, b, a², b² and ab.
 fn similarity([a, b, aa, bb, ab]: [f64; 5]) -> f64 {
     let (variances, covariance) = (aa - a * a + bb - b * b, ab - a * b);
     (2.0 * a * b + C1) * (2.0 * covariance + C2) / ((a * a + b * b + C1) * (variances + C2))
 }
 
-/// Gaussian weights of the longest window within `length` pixels.
+/// Returns the Gaussian weights of the longest window that fits into `length` pixels.
 fn window(length: usize) -> Vec<f64> {
     let radius = (WINDOW.min(length) - 1) / 2;
     let weight = |i: usize| (-0.5 * ((i as f64 - radius as f64) / SIGMA).powi(2)).exp();
@@ -100,18 +100,18 @@ fn luma(image: &Image) -> Vec<f64> {
     image.pixels.par_iter().map(weighted).collect()
 }
 
-/// The greatest difference of two pictures and where it is.
+/// The greatest difference of two pictures, and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
-    /// |A - B|, 1 is from black to the brightest.
+    /// The difference |A - B|; 1 is that of black from the brightest.
     pub value: f32,
-    /// Column from the left and row from the top of the first pixel that differs by so much.
+    /// Column from the left and row from the top of the first pixel with this difference.
     pub at: [usize; 2],
-    /// 0 red, 1 green, 2 blue.
+    /// The channel: 0 red, 1 green, 2 blue.
     pub channel: usize,
 }
 
-/// Returns the greatest difference in red, green or blue.
+/// Returns the greatest difference in red, green or blue of any pixel.
 ///
 /// # Errors
 /// [`Kind::Usage`] for pictures of different sizes.
@@ -129,7 +129,7 @@ pub fn largest_difference(a: &Image, b: &Image) -> Result<Difference> {
     Ok(largest)
 }
 
-/// Refuses what cannot be compared pixel by pixel.
+/// Refuses pictures that cannot be compared pixel by pixel.
 pub(super) fn check_sizes(a: &Image, b: &Image) -> Result<()> {
     super::image::check_size(a.size)?;
     if a.size != b.size {

@@ -1,4 +1,4 @@
-//! Which splats a look can show: marked, limited to a budget where there is one, counted, listed.
+//! The list of the splats that a look can show: marked, limited to a budget if there is one, counted, listed.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{ActivityParams, Appearance, LimitParams, ListParams, Look};
@@ -13,33 +13,33 @@ pub struct Activity {
     list: Kernel,
     scan: Scan,
     flags: Buffer<u32>,
-    /// Number of active splats before each splat; and in the last element of all of them.
+    /// Number of active splats before each splat; the last element is the number of all active splats.
     pub places: Buffer<u32>,
     /// Indices of the active splats, in order.
     pub active: Buffer<u32>,
-    /// The objects that these belong to.
+    /// Objects that the active splats belong to.
     pub active_objects: Buffer<u32>,
     /// Number of active splats, in its only element.
     pub count: Buffer<u32>,
     splat_count: usize,
 }
 
-/// What a listing is made from.
+/// Buffers that a listing is made from.
 pub struct ActivitySources<'a> {
     /// The row of the look.
     pub look: &'a Buffer<Look>,
-    /// Number of visible entries of the look's table before each; one more than there are entries.
+    /// Number of visible entries before each entry of the look's table; one more than there are entries.
     pub visible: &'a Buffer<u32>,
     /// Appearance of each object, by its number.
     pub appearances: &'a Buffer<Appearance>,
     /// Least and greatest intensity that each splat may show.
     pub intervals: &'a Buffer<[f32; 2]>,
-    /// The number of each splat's object.
+    /// Number of each splat's object.
     pub objects: &'a Buffer<u32>,
 }
 
 impl Activity {
-    /// Makes the list for so many splats.
+    /// Creates the list for `splat_count` splats.
     pub fn new(gpu: &Gpu, splat_count: usize) -> Result<Self> {
         Ok(Activity {
             mark: Kernel::new(gpu, &glsl::MARK_ACTIVE, &[])?,
@@ -54,7 +54,7 @@ impl Activity {
         })
     }
 
-    /// Records the listing; with a budget, of so many splats at most, the first ones of a ranking.
+    /// Records the listing. With a budget it lists at most that many splats, the first ones of the ranking.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,

@@ -7,10 +7,10 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat::Splat;
 
-/// Cap of the log scales of a splat that has none.
+/// Cap of the log scales that stands for no cap.
 pub const NO_CAP: f32 = 1e30;
 
-/// Splats and what the optimiser keeps of each.
+/// Splats with what Adam keeps of each.
 pub struct AdamState {
     /// Parameters.
     pub splats: Buffer<Splat>,
@@ -23,8 +23,8 @@ pub struct AdamState {
 }
 
 impl AdamState {
-    /// Makes buffers of zeros for `count` splats. A cap of 0 is one; write [`NO_CAP`] where there shall be
-    /// none.
+    /// Creates buffers of zeros for `count` splats. A cap of 0 limits the scales too; write [`NO_CAP`] for
+    /// splats without a cap.
     pub fn zeroed(gpu: &Gpu, count: usize) -> Result<Self> {
         Ok(AdamState {
             splats: gpu.buffer("splats", "splats", count)?,
@@ -43,7 +43,7 @@ pub struct Adam {
 }
 
 impl Adam {
-    /// Makes the optimiser, for any number of splats.
+    /// Creates the optimiser, for any number of splats.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Adam {
             kernel: Kernel::new(gpu, &glsl::ADAM, &[])?,

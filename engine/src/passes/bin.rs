@@ -1,6 +1,6 @@
-//! Which splats reach which samples: footprints, (slot, splat) pairs sorted by slot, for each pair the cells
-//! of the brick that its ellipsoid reaches, and from these for each cell of 2³ samples the pairs that reach
-//! it.
+//! Binning: which splats reach which samples. It computes footprints, (slot, splat) pairs sorted by slot, for
+//! each pair the cells of the brick that its ellipsoid reaches, and from these for each cell of 2³ samples
+//! the pairs that reach it.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{Footprint, PairParams, SplatParams};
@@ -22,11 +22,12 @@ pub struct Binner {
     pair_masks_kernel: Kernel,
     cell_masks_kernel: Kernel,
     pairs: PairLists,
-    /// Footprint of each splat, from the chunk that was binned last.
+    /// Footprint of each splat, for the chunk that was binned last.
     pub footprints: Buffer<Footprint>,
-    /// Two words a pair: the cells of its brick that it reaches.
+    /// Cells of its brick that each pair reaches, two words a pair.
     pair_masks: Buffer<u32>,
-    /// For every 32 pairs of a slot which of them reach each cell; `brick.glsl` says where a slot begins.
+    /// Masks of the pairs that reach each cell, for every 32 pairs of a slot; `brick.glsl` says where a slot
+    /// begins.
     pub cell_masks: Buffer<u32>,
     /// Bits of the largest key.
     key_bits: u32,
@@ -35,7 +36,7 @@ pub struct Binner {
 }
 
 impl Binner {
-    /// Makes a binner of `splat_count` splats over `grid`, with buffers for a first guess of pairs.
+    /// Creates a binner of `splat_count` splats over `grid`, with buffers for a first guess of pairs.
     pub fn new(gpu: &Gpu, kernel: splat::Kernel, grid: &SampleGrid, splat_count: usize) -> Result<Self> {
         let chunk_slots = grid.chunk_slots();
         let pairs = PairLists::new(gpu, splat_count, chunk_slots)?;
@@ -64,12 +65,13 @@ impl Binner {
         Ok(())
     }
 
-    /// Returns how many pairs fit the buffers.
+    /// Returns the number of pairs that fit the buffers.
     pub fn capacity(&self) -> usize {
         self.pairs.capacity()
     }
 
-    /// Makes room for at least `pairs`, with a margin for growth to come. Nothing may be in flight.
+    /// Grows the buffers to at least `pairs` pairs, with a margin for growth to come. Nothing may be in
+    /// flight.
     pub fn grow(&mut self, pairs: usize) -> Result<()> {
         let range = self.gpu.limits().storage_range as usize;
         // The masks are the longest rows: two words a pair, and a block for each slot.
@@ -90,8 +92,8 @@ impl Binner {
         Ok(())
     }
 
-    /// Records the binning of one chunk. The number of pairs that it needs is copied to `totals[chunk]`; if
-    /// it exceeds the capacity, what follows works on a part of the pairs and must be repeated after
+    /// Records the binning of one chunk. The number of pairs that it needs is copied to `totals[chunk]`. If
+    /// it exceeds the capacity, later passes see only a part of the pairs, and all must be repeated after
     /// [`Binner::grow`].
     pub fn record(
         &mut self,
@@ -157,7 +159,7 @@ impl Binner {
     }
 }
 
-/// Counts the words of the cell masks of that many pairs: 64 for every 32 pairs begun in each slot.
+/// Returns the number of words of the cell masks for `pairs` pairs: 64 for every 32 pairs begun in each slot.
 fn mask_words(pairs: usize, slots: usize) -> usize {
     (pairs / 32 + slots + 1) * CELLS
 }

@@ -1,4 +1,4 @@
-//! The backward pass: samples to moments, chunk by chunk, and moments to splat gradients.
+//! The backward pass: from samples to moments, chunk by chunk, and from moments to splat gradients.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{Footprint, GradParams, MomentParams, SplatGrad};
@@ -20,19 +20,19 @@ pub struct Gradient {
     splats_per_group: usize,
     pace: SubmissionPacer,
     moments_to_grad: Kernel,
-    /// What `gather` sums, 11 floats a splat.
+    /// Moments that `gather` sums, 11 floats a splat.
     pub moments: Buffer<f32>,
     /// dL/d(parameters), one row a splat.
     pub rows: Buffer<SplatGrad>,
 }
 
 impl Gradient {
-    /// Makes the pass for `splat_count` splats and adjoints in that storage.
+    /// Creates the pass for `splat_count` splats, with adjoints in `storage`.
     pub fn new(gpu: &Gpu, kernel: splat::Kernel, splat_count: usize, storage: Storage) -> Result<Self> {
         Self::with_shape(gpu, kernel, splat_count, storage, WorkgroupShape::of(gpu))
     }
 
-    /// Makes the pass in a shape of the caller's choice; the result has the same bits.
+    /// Creates the pass with the given workgroup shape; the result has the same bits.
     pub fn with_shape(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -62,7 +62,7 @@ impl Gradient {
         Ok(())
     }
 
-    /// Records the moments of one chunk; the first overwrites, later ones add. May submit in between.
+    /// Records the moments of one chunk; the first chunk overwrites, later ones add. May submit in between.
     pub fn gather(
         &mut self,
         recorder: &mut Recorder,
@@ -96,7 +96,7 @@ impl Gradient {
         })
     }
 
-    /// Records the gradients, once the moments of all chunks are there. `stretch` is that of the sample grid.
+    /// Records the gradients after the moments of all chunks. `stretch` is that of the sample grid.
     pub fn record(&mut self, recorder: &mut Recorder, splats: &Buffer<Splat>, stretch: [f32; 3]) {
         let n = splats.len() as u32;
         recorder

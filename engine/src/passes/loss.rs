@@ -1,8 +1,8 @@
-//! Loss terms. A term reads samples and targets and adds its adjoints; it never sees a splat. To add one: a
-//! kernel `fit/loss_x.comp`, its twin in `reference::loss`, and a row here.
+//! Loss terms. A term reads samples and targets and adds its adjoints; it never sees a splat. A new term
+//! needs a kernel `fit/loss_x.comp`, its reference implementation in `reference::loss`, and a row here.
 //!
-//! With the sums of value and weight over all samples a term adds λ/2 · Σ value to the objective; a term that
-//! needs the overlap ([`Term::overlap`]) adds λ/2 · Σ value / Σ weight.
+//! Given the sums of value and weight over all samples, a term adds λ/2 · Σ value to the objective; a term
+//! that needs the overlap ([`Term::overlap`]) adds λ/2 · Σ value / Σ weight.
 
 use std::ops::Range;
 
@@ -23,16 +23,16 @@ pub struct Term {
     pub shader: &'static Shader,
     /// True if it needs the sums of [`Overlap`] over all samples of all chunks first.
     pub overlap: bool,
-    /// What it compares, where its kernel can compare either: [`MASKS`] or [`INTENSITIES`].
+    /// Quantity that it compares, if its kernel can compare either: [`MASKS`] or [`INTENSITIES`].
     pub quantity: Option<u32>,
 }
 
-/// A term compares the predicted mask 1 - exp(-W) with the mask.
+/// Quantity of a term that compares the predicted mask 1 - exp(-W) with the mask.
 pub const MASKS: u32 = glsl::samples::QUANTITY_MASK;
-/// A term compares the intensities V̂ and V, from the lower end of their range on.
+/// Quantity of a term that compares the intensities V̂ and V, from the lower end of their range on.
 pub const INTENSITIES: u32 = glsl::samples::QUANTITY_INTENSITY;
 
-/// Every loss term there is.
+/// All loss terms.
 pub const TERMS: &[Term] = &[
     Term { name: "mse", shader: &glsl::LOSS_MSE, overlap: false, quantity: None },
     Term { name: "occupancy", shader: &glsl::LOSS_OCCUPANCY, overlap: false, quantity: None },
@@ -68,24 +68,24 @@ pub struct Weighted {
     pub term: usize,
     /// λ.
     pub weight: f32,
-    /// What the term needs besides; see its kernel.
+    /// Further parameter of the term; see its kernel.
     pub parameter: f32,
-    /// A sample is of the region where the mask is above this; below 0 the term has the mask itself, or all
-    /// samples.
+    /// Threshold: a sample is in the region if the mask exceeds it. Below 0 the term uses the mask itself, or
+    /// all samples.
     pub region: f32,
     /// The lower end of the intensity range, relative to the background in units of the fit.
     pub low: f32,
 }
 
 impl Default for Weighted {
-    /// The squared error of intensities in a soft mask.
+    /// Returns the squared error of intensities in a soft mask, with weight 1.
     fn default() -> Self {
         Weighted { term: MSE, weight: 1.0, parameter: 0.0, region: -1.0, low: 0.0 }
     }
 }
 
 impl Weighted {
-    /// Returns what its kernel is told; ε is that of equation (2).
+    /// Returns the push constants of its kernel; ε is that of equation (2).
     pub fn params(&self, epsilon: f32) -> LossParams {
         let &Weighted { weight, parameter, region, low, .. } = self;
         LossParams { weight, parameter, epsilon, region, low }
@@ -97,37 +97,37 @@ impl Weighted {
 pub struct Sum {
     /// Σ of the unweighted term (without λ and without ½).
     pub value: f64,
-    /// Σ of what the mean divides by.
+    /// Σ of the weights by which the mean divides.
     pub weight: f64,
 }
 
 impl Sum {
-    /// Returns the mean value; 0 where nothing has a weight.
+    /// Returns the mean value; 0 if the weights sum to 0.
     pub fn mean(&self) -> f64 {
         if self.weight > 0.0 { self.value / self.weight } else { 0.0 }
     }
 }
 
-/// The samples of one chunk, of which the terms are computed.
+/// The samples of one chunk, for which the terms are computed.
 pub struct ChunkSamples<'a> {
     /// Number of the chunk.
     pub chunk: usize,
     /// The slots that it owns.
     pub slots: Range<usize>,
-    /// What is wanted, [slot of the chunk][Morton place].
+    /// Targets, [slot of the chunk][Morton place].
     pub targets: &'a Buffer<Target>,
-    /// W and V̂, as the targets, in the storage of the fit.
+    /// W and V̂, ordered as the targets, in the storage of the fit.
     pub reconstructions: &'a Buffer<u32>,
-    /// Where bricks that no splat reaches are left out: the first pair of each slot
-    /// ([`super::Binner::starts`]), and the sums there.
+    /// First pair of each slot ([`super::Binner::starts`]), and the sums of untouched bricks, if bricks that
+    /// no splat reaches are left out; `None` if all bricks are computed.
     pub touched: Option<(&'a Buffer<u32>, &'a UntouchedSums)>,
 }
 
-/// What the terms sum up to in bricks that no splat reaches: constants of the targets of one offset and chunk.
+/// Sums of the terms in bricks that no splat reaches: constants of the targets of one offset and chunk.
 pub struct UntouchedSums {
-    /// [term][slot of the chunk]
+    /// Value and weight, [term][slot of the chunk].
     losses: Vec<Buffer<[f32; 2]>>,
-    /// The same of terms that need the overlap.
+    /// Overlap of the terms that need it, [term][slot of the chunk].
     overlaps: Vec<Option<Buffer<[f32; 3]>>>,
 }
 
@@ -147,24 +147,24 @@ impl UntouchedSums {
 
 /// The terms of one fit.
 pub struct Losses {
-    /// Of each term.
+    /// Kernel of each term.
     kernels: Vec<Kernel>,
-    /// Of each term that needs it.
+    /// Overlap of each term that needs it.
     overlaps: Vec<Option<Overlap>>,
     /// Adjoints of the chunk in work, in the storage that was asked for.
     pub adjoints: Buffer<u32>,
-    /// One row per term: the sums of each slot, all chunks.
+    /// Value and weight of each slot, [chunk × term][slot].
     sums: Vec<Buffer<[f32; 2]>>,
-    /// Stands for the first pairs of slots where every brick is computed: no two are the same.
+    /// Stands for the first pairs of slots if every brick is computed: no two are the same.
     every: Buffer<u32>,
-    /// Stands for the sums that no brick asks for then.
+    /// Stands for the sums of untouched bricks, which are not read then.
     none: UntouchedSums,
     epsilon: f32,
 }
 
 impl Losses {
-    /// Makes the given terms over chunks of at most `chunk_slots` slots, `chunks` of them; samples and
-    /// adjoints in that storage.
+    /// Creates the given terms for `chunks` chunks of at most `chunk_slots` slots, with samples and adjoints
+    /// in `storage`.
     pub fn new(
         gpu: &Gpu,
         terms: &[Weighted],
@@ -211,14 +211,14 @@ impl Losses {
         })
     }
 
-    /// True if all chunks must be rasterized and summed by [`Losses::record_overlap`] before the first
-    /// [`Losses::record`] of a step.
+    /// Returns true if all chunks must be rasterized and summed by [`Losses::record_overlap`] before the
+    /// first [`Losses::record`] of a step.
     pub fn need_overlap(&self) -> bool {
         self.overlaps.iter().any(Option::is_some)
     }
 
-    /// Records what terms need of all samples before they begin; chunks come in order. Nothing where no term
-    /// needs it.
+    /// Records the sums over all samples that terms need before they begin; chunks come in order. Records
+    /// nothing if no term needs them.
     pub fn record_overlap(&mut self, recorder: &mut Recorder, samples: &ChunkSamples) {
         let (starts, untouched) = samples.touched.unwrap_or((&self.every, &self.none));
         for (overlap, untouched) in self.overlaps.iter_mut().zip(&untouched.overlaps) {
@@ -230,8 +230,8 @@ impl Losses {
     }
 
     /// Records all terms of one chunk and folds their adjoints for the backward pass. `terms` are those of
-    /// [`Losses::new`], in that order; weights and parameters may change from step to step. In bricks that are
-    /// left out ([`ChunkSamples::touched`]) the adjoints are 0.
+    /// [`Losses::new`], in that order; weights and parameters may change from step to step. In bricks that
+    /// are left out ([`ChunkSamples::touched`]) the adjoints are 0.
     pub fn record(&mut self, recorder: &mut Recorder, terms: &[Weighted], samples: &ChunkSamples) {
         let count = self.kernels.len();
         assert_eq!(count, terms.len(), "the terms of a fit stay the same");
@@ -252,8 +252,8 @@ impl Losses {
         }
     }
 
-    /// Computes the sums of bricks that no splat reaches, for all slots of a chunk. `nothing` is as large as its
-    /// reconstructions and is cleared. Waits for the device.
+    /// Computes the sums of bricks that no splat reaches, for all slots of a chunk. `nothing` is as large as
+    /// the chunk's reconstructions and is cleared. Waits for the device.
     pub fn untouched_sums(
         &mut self,
         gpu: &Gpu,
@@ -283,8 +283,8 @@ impl Losses {
         Ok(untouched)
     }
 
-    /// Reads the sums of the step that was finished last, one per term in the order given. Waits for the
-    /// device; summed in f64 in a fixed order.
+    /// Reads the sums of the step that was finished last, one per term in the order given; they are added in
+    /// f64 in a fixed order. Waits for the device.
     pub fn sums(&self) -> Result<Vec<Sum>> {
         let count = self.kernels.len();
         let mut out = vec![Sum::default(); count];

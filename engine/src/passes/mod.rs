@@ -1,16 +1,16 @@
-//! The host side of the kernels: the pipelines, the scratch buffers, and how they are recorded. One file per
-//! kernel or group of kernels that belong together. A pass knows buffers and counts; what they mean for a fit
-//! is `fit`'s business.
+//! The host side of the kernels: pipelines, scratch buffers, and how they are recorded. There is one file per
+//! kernel or group of kernels that belong together. A pass knows buffers and counts; `fit` knows what they
+//! mean for a fit.
 //!
 //! | file | kernels recorded there | what it is |
 //! |---|---|---|
 //! | `scan` | `scan_sums`, `scan_offsets`, `scan_apply` | prefix sums of any buffer |
 //! | `radix_sort` | `radix_count`, `radix_scatter` | sorting of any keys and values |
 //! | `rows` | `gather_rows`, `scatter_rows` | rows of any buffer by a list of indices |
-//! | `pair_lists` | `brick_ranges` | pairs summed up, sorted, and found by list: what both binners share |
+//! | `pair_lists` | `brick_ranges` | pairs summed up, sorted, and found by list, for both binners |
 //! | `sample_grid` | | the bricks of a fit, in chunks that a binding holds |
 //! | `bin` | `splat_bounds`, `emit_pairs`, `pair_masks`, `cell_masks` | which splats reach which samples of a fit |
-//! | `rasterize` | `splat_to_volume` | splats to samples |
+//! | `rasterize` | `splat_to_volume` | rasterization, from splats to samples |
 //! | `sample` | | the field at voxels, in HU |
 //! | `loss` | `loss_dice`, `loss_kl`, `loss_leak`, `loss_mse`, `loss_occupancy`, `loss_square` | its terms |
 //! | `overlap` | `overlap_sums`, `sum_triples` | the sums over all samples that a Dice loss needs first |
@@ -18,15 +18,15 @@
 //! | `adam` | `adam` | the optimiser |
 //! | `activity` | `mark_active`, `list_active` | which splats a look can show |
 //! | `ranking` | `limit_active` | an order of importance, for listings with a budget |
-//! | `tiles` | `blind_parts`, `project_splats`, `emit_tile_pairs` | splats to tiles and blocks of planes |
-//! | `quads` | `project_quads` | splats to quads |
+//! | `tiles` | `blind_parts`, `project_splats`, `emit_tile_pairs` | splats into tiles and blocks of planes |
+//! | `quads` | `project_quads` | projection of splats to quads |
 //! | `occupancy` | `occupancy_mark`, `occupancy_spread` | which bricks of a volume a look can show |
 //! | `render/slab` | `slab` | the modes slab and exact |
 //! | `render/raymarch` | `raymarch` | the modes volume and decoded |
-//! | `views`, `splat_rows` | | what kernels are told of views, and of splats |
+//! | `views`, `splat_rows` | | the views and the splats that kernels read |
 //! | `storage`, `workgroup_shape` | | how samples are stored, how wide workgroups are |
 //! | `submission_pacer` | | how much work one submission takes |
-//! | `work` | | counts of what a frame was made of |
+//! | `work` | | counts of the work of a frame |
 //!
 //! A test holds the table against the sources: every kernel is named in it once, and used in that file alone.
 

@@ -1,5 +1,5 @@
-//! Which bricks of a volume a look can show something of, and how far each is from the next of them: what a
-//! ray march leaps over empty space by.
+//! Occupied bricks of a volume: those of which a look can show something, and the distance from each brick to
+//! the next of them. A ray march skips empty space by these distances.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{BrickGrid, Look, OccupancyParams, SpreadParams};
@@ -7,7 +7,7 @@ use shaders_glsl::types::{BrickGrid, Look, OccupancyParams, SpreadParams};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Distance, in bricks, of what is farther away than that or farther than anything.
+/// Largest distance, in bricks; it also stands for greater distances and for no visible brick at all.
 pub const FARTHEST: u32 = 16;
 
 /// Marks bricks and measures distances between them.
@@ -16,14 +16,14 @@ pub struct Occupancy {
     spread: Kernel,
     grid: BrickGrid,
     intervals: Buffer<[f32; 2]>,
-    /// For each brick the Chebyshev distance to the nearest that can be seen, in bricks; at most
+    /// For each brick the Chebyshev distance to the nearest brick that can be seen, in bricks; at most
     /// [`FARTHEST`].
     pub distances: Buffer<u32>,
     scratch: Buffer<u32>,
 }
 
 impl Occupancy {
-    /// Makes the passes for bricks that hold these intervals of intensity, x fastest; an interval that ends
+    /// Creates the passes for bricks that hold these intervals of intensity, x fastest; an interval that ends
     /// before it begins holds nothing.
     ///
     /// # Panics
@@ -53,8 +53,8 @@ impl Occupancy {
         })
     }
 
-    /// Records the distances for a look. `visible[i]` is how many entries of the look's table before `i` are
-    /// visible.
+    /// Records the distances for a look. `visible[i]` is the number of visible entries before entry `i` of
+    /// the look's table.
     pub fn record(&mut self, recorder: &mut Recorder, look: &Buffer<Look>, visible: &Buffer<u32>) {
         let count = self.intervals.len();
         recorder

@@ -1,5 +1,6 @@
-//! Sums over all samples that a Dice loss needs before its adjoints: Σ pt, Σ p and Σ t of what is predicted,
-//! p, and wanted, t, brick by brick, then over the bricks, in a fixed order whatever the chunks.
+//! Sums over all samples that a Dice loss needs before its adjoints: Σ pt, Σ p and Σ t of the predicted
+//! numbers p and the wanted numbers t. They are summed brick by brick, then over the bricks, in a fixed order
+//! whatever the chunks.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{OverlapParams, SumParams, Target};
@@ -8,21 +9,21 @@ use super::{Storage, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// The kernels that sum how what is predicted and what is wanted overlap.
+/// The kernels that sum the overlap of predicted and wanted numbers.
 pub struct Overlap {
     region: f32,
     low: f32,
     overlap_sums: Kernel,
     sum_triples: Kernel,
-    /// [slot], all chunks.
+    /// Sums of each slot, [slot], all chunks.
     pub(super) partials: Buffer<[f32; 3]>,
-    /// \[0\]: Σ pt, Σ p, Σ t over the slots recorded so far.
+    /// Σ pt, Σ p, Σ t over the slots recorded so far, in the only element.
     pub total: Buffer<[f32; 3]>,
 }
 
 impl Overlap {
-    /// Builds the kernels for `slots` slots in all, samples in that storage. The other arguments are those of
-    /// [`super::loss::Weighted`] and the quantity of its row.
+    /// Creates the kernels for `slots` slots in all, with samples in `storage`. The other arguments are those
+    /// of [`super::loss::Weighted`] and the quantity of its row.
     pub fn new(
         gpu: &Gpu,
         storage: Storage,
@@ -43,7 +44,7 @@ impl Overlap {
     }
 
     /// Records the sums of the chunk that owns `slots`, then the total of all slots up to its last; chunks
-    /// come in order. Where a slot has no pair in `starts` its sums are those of `untouched`.
+    /// come in order. A slot without a pair in `starts` takes its sums from `untouched`.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,

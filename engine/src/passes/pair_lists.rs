@@ -1,6 +1,6 @@
-//! Pairs of a splat and a list that it belongs to (a brick, or a tile and a block of planes): summed up,
-//! sorted by list, and where the pairs of each list begin. Who counts and emits them is the caller's
-//! business.
+//! Pairs of a splat and a list that it belongs to (a brick, or a tile and a block of planes). The pairs are
+//! summed up and sorted by list, and the first pair of each list is found. Counting and emitting them is the
+//! caller's business.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::RangeParams;
@@ -15,16 +15,16 @@ pub(super) struct PairLists {
     ranges: Kernel,
     scan: Scan,
     sort: RadixSort,
-    /// Pairs of each row, written by the caller.
+    /// Number of pairs of each row, written by the caller.
     pub(super) counts: Buffer<u32>,
-    /// Pairs before each row; and in the last element how many there are.
+    /// Number of pairs before each row; the last element is the number of all pairs.
     pub(super) offsets: Buffer<u32>,
     /// First pair of each list, and the total.
     pub(super) starts: Buffer<u32>,
 }
 
 impl PairLists {
-    /// Makes buffers for so many rows of splats and so many lists, with room for a first guess of pairs.
+    /// Creates buffers for `rows` rows of splats and `lists` lists, with room for a first guess of pairs.
     pub(super) fn new(gpu: &Gpu, rows: usize, lists: usize) -> Result<Self> {
         Ok(PairLists {
             gpu: gpu.clone(),
@@ -37,7 +37,7 @@ impl PairLists {
         })
     }
 
-    /// Makes room for another number of rows; the room for pairs stays. Nothing may be in flight.
+    /// Resizes for another number of rows; the room for pairs stays. Nothing may be in flight.
     pub(super) fn resize(&mut self, rows: usize) -> Result<()> {
         self.scan = Scan::new(&self.gpu, rows)?;
         self.counts = self.gpu.buffer("pair counts", "sorting", rows)?;
@@ -45,18 +45,18 @@ impl PairLists {
         Ok(())
     }
 
-    /// Returns how many pairs fit the buffers.
+    /// Returns the number of pairs that fit the buffers.
     pub(super) fn capacity(&self) -> usize {
         self.sort.capacity()
     }
 
-    /// Returns the most pairs that this device sorts, where a buffer of the caller's holds `bound`.
+    /// Returns the greatest number of pairs that this device sorts if a buffer of the caller's holds `bound`.
     pub(super) fn most(&self, bound: usize) -> usize {
         let workgroups = self.gpu.limits().workgroups as usize;
         bound.min(workgroups * glsl::BRICK_RANGES.width() as usize - 1)
     }
 
-    /// Makes room for so many pairs. Nothing may be in flight.
+    /// Resizes for `capacity` pairs. Nothing may be in flight.
     pub(super) fn make_room(&mut self, capacity: usize) -> Result<()> {
         self.sort = RadixSort::new(&self.gpu, capacity)?;
         Ok(())
@@ -74,7 +74,7 @@ impl PairLists {
         recorder.copy(&self.offsets, rows, totals, index, 1);
     }
 
-    /// Returns where the pairs of each row begin, and where unsorted keys and values go.
+    /// Returns the buffer of each row's first pair, and the buffers for unsorted keys and values.
     pub(super) fn input(&mut self) -> (&Buffer<u32>, &mut Buffer<u32>, &mut Buffer<u32>) {
         let (keys, values) = self.sort.input();
         (&self.offsets, keys, values)
@@ -94,23 +94,23 @@ impl PairLists {
             .dispatch_over(capacity + 1);
     }
 
-    /// Returns the keys as [`PairLists::sort`] with the same `bits` left them.
+    /// Returns the keys after a [`PairLists::sort`] with the same `bits`.
     pub(super) fn keys(&self, bits: u32) -> &Buffer<u32> {
         self.sort.sorted_keys(bits)
     }
 
-    /// Returns the values as [`PairLists::sort`] with the same `bits` left them.
+    /// Returns the values after a [`PairLists::sort`] with the same `bits`.
     pub(super) fn values(&self, bits: u32) -> &Buffer<u32> {
         self.sort.sorted_values(bits)
     }
 
-    /// Returns what a sort by so many bits is made of.
+    /// Returns the work of a sort by `bits` bits.
     pub(super) fn work(&self, bits: u32) -> Work {
         self.sort.work(bits)
     }
 }
 
-/// Returns the bits of the largest key: that of a pair of no list.
+/// Returns the number of bits of the largest key, which marks a pair of no list.
 pub(super) fn key_bits(lists: usize) -> u32 {
     usize::BITS - lists.leading_zeros()
 }

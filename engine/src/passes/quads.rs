@@ -1,4 +1,4 @@
-//! Splats to quads: one for each view, in one order for all views, and how many there are to draw.
+//! Quads of splats: one for each view, in one order for all views, and the number of quads to draw.
 
 use shaders_glsl as glsl;
 pub use shaders_glsl::project_quads::ORDER_BITS;
@@ -8,7 +8,8 @@ use super::{RadixSort, SplatRows, Views, Work, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// Counts the vertices of a quad on a device; `include/alpha.glsl` says why. The picture is the same.
+/// Returns the number of vertices of a quad on a device; `include/alpha.glsl` says why. The picture is the
+/// same.
 pub fn corners(gpu: &Gpu) -> u32 {
     match WorkgroupShape::of(gpu) {
         WorkgroupShape::OneByOne => 3,
@@ -16,23 +17,23 @@ pub fn corners(gpu: &Gpu) -> u32 {
     }
 }
 
-/// What quads are made from, besides views and constants.
+/// Buffers that quads are made from, besides views and constants.
 pub struct QuadSources<'a> {
     /// The look: its row, points and integrals.
     pub look: (&'a Buffer<Look>, &'a Buffer<[u32; 2]>, &'a Buffer<[u32; 4]>),
     /// All splats.
     pub splats: &'a SplatRows,
-    /// The field at their centres; not looked at for standard splats.
+    /// The field at their centres; not read for standard splats.
     pub centres: &'a Buffer<Centre>,
-    /// Spherical harmonics of standard splats, two halves a word; not looked at for others.
+    /// Spherical harmonics of standard splats, two halves a word; not read for others.
     pub harmonics: &'a Buffer<u32>,
-    /// Indices of the splats that the look can show, and in one element how many they are.
+    /// Indices of the splats that the look can show, and their number in one element.
     pub active: (&'a Buffer<u32>, &'a Buffer<u32>),
-    /// The objects that these splats belong to, and how each object is shown.
+    /// Objects that these splats belong to, and the appearance of each object.
     pub objects: (&'a Buffer<u32>, &'a Buffer<Appearance>),
 }
 
-/// What a `project_quads` is made for.
+/// Variant of `project_quads` that a kernel is created for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct QuadVariant {
     /// Vertices of a quad; see [`corners`].
@@ -45,23 +46,23 @@ pub struct QuadVariant {
     pub packed: bool,
     /// True if objects have tints and opacities.
     pub objects: bool,
-    /// True if views come with patches, and what lies in blind ones is left out.
+    /// True if views come with visibility masks, and splats in patches hidden by the lens are left out.
     pub blind: bool,
 }
 
 /// Projects splats to quads and sorts them back to front.
 pub struct Quads {
     sort: RadixSort,
-    /// Quads, [view][place among the active splats].
+    /// Quads, [view][index among the active splats].
     pub rows: Buffer<Quad>,
-    /// What to draw: vertices, one instance, and from which on.
+    /// Arguments of the draw: vertices, one instance, and the first of each.
     pub arguments: Buffer<[u32; 4]>,
-    /// Splats that the kernel was started for last.
+    /// Number of splats that the kernel was started for last.
     splats: usize,
 }
 
 impl Quads {
-    /// Makes room for so many splats in so many views.
+    /// Creates buffers for `splat_count` splats in `views` views.
     pub fn new(gpu: &Gpu, views: u32, splat_count: usize) -> Result<Self> {
         Ok(Quads {
             sort: RadixSort::new(gpu, splat_count)?,
@@ -71,15 +72,15 @@ impl Quads {
         })
     }
 
-    /// Makes a `project_quads`.
+    /// Creates a `project_quads` kernel.
     pub fn kernel(gpu: &Gpu, variant: QuadVariant) -> Result<Kernel> {
         let QuadVariant { corners, standard, shaded, packed, objects, blind } = variant;
         let flags = [standard, shaded, packed, objects, blind].map(u32::from);
         Kernel::new(gpu, &glsl::PROJECT_QUADS, &[&[corners][..], &flags].concat())
     }
 
-    /// Records projection, by a [`Quads::kernel`], and sorting of the active splats, of which there are at
-    /// most `params.splat_count`.
+    /// Records the projection, by a [`Quads::kernel`], and the sorting of the active splats, of which there
+    /// are at most `params.splat_count`.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -115,7 +116,7 @@ impl Quads {
         self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);
     }
 
-    /// Counts what the last frame was made of, when `shown` splats were listed for it.
+    /// Returns the work of the last frame, for which `shown` splats were listed.
     pub fn work(&self, shown: u64) -> Work {
         Work { rows: self.splats as u64, sorted: shown, ..self.sort.work(ORDER_BITS) }
     }

@@ -12,7 +12,7 @@ use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 /// Pairs that one workgroup moves.
 const BLOCK: usize = RADIX_BLOCK as usize;
 
-/// The sort with its buffers; keys and values are written by others into [`RadixSort::input`].
+/// The sort with its buffers; the caller writes keys and values into [`RadixSort::input`].
 pub struct RadixSort {
     count: Kernel,
     scatter: Kernel,
@@ -25,7 +25,7 @@ pub struct RadixSort {
 }
 
 impl RadixSort {
-    /// Makes a sort of at most `capacity` pairs.
+    /// Creates a sort of at most `capacity` pairs.
     pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self> {
         let blocks = capacity.div_ceil(BLOCK).max(1);
         let table = blocks << DIGIT_BITS;
@@ -42,12 +42,12 @@ impl RadixSort {
         })
     }
 
-    /// Returns the most pairs this sort was made for.
+    /// Returns the greatest number of pairs that can be sorted.
     pub fn capacity(&self) -> usize {
         self.keys[0].len()
     }
 
-    /// Returns what a sort by so many bits is made of, whatever it sorts.
+    /// Returns the work of a sort by `bits` bits, whatever it sorts.
     pub fn work(&self, bits: u32) -> Work {
         let digits = u64::from(bits.div_ceil(DIGIT_BITS));
         Work {
@@ -58,13 +58,13 @@ impl RadixSort {
         }
     }
 
-    /// Returns where the unsorted keys and values go.
+    /// Returns the buffers for the unsorted keys and values.
     pub fn input(&mut self) -> (&mut Buffer<u32>, &mut Buffer<u32>) {
         let ([keys, _], [values, _]) = (&mut self.keys, &mut self.values);
         (keys, values)
     }
 
-    /// Records the sort of the first `counts[count_index]` pairs by keys of at most `bits` bits, and gives
+    /// Records the sort of the first `counts[count_index]` pairs by keys of at most `bits` bits. Returns
     /// sorted keys and values.
     pub fn record(
         &mut self,
@@ -110,12 +110,12 @@ impl RadixSort {
         (&self.keys[from], &self.values[from])
     }
 
-    /// Returns the keys as [`RadixSort::record`] with the same `bits` left them.
+    /// Returns the keys after a [`RadixSort::record`] with the same `bits`.
     pub fn sorted_keys(&self, bits: u32) -> &Buffer<u32> {
         &self.keys[(bits.div_ceil(DIGIT_BITS) % 2) as usize]
     }
 
-    /// Returns the values as [`RadixSort::record`] with the same `bits` left them.
+    /// Returns the values after a [`RadixSort::record`] with the same `bits`.
     pub fn sorted_values(&self, bits: u32) -> &Buffer<u32> {
         &self.values[(bits.div_ceil(DIGIT_BITS) % 2) as usize]
     }

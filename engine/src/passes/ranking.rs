@@ -1,4 +1,4 @@
-//! An order of importance of the splats.
+//! The ranking of the splats by importance.
 
 use shaders_glsl as glsl;
 
@@ -6,7 +6,7 @@ use super::Rows;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel};
 
-/// An order of importance of the splats, for listings with a budget.
+/// An order of the splats by importance, for listings with a budget.
 pub struct Ranking {
     pub(super) rows: Rows,
     pub(super) limit: Kernel,
@@ -16,10 +16,10 @@ pub struct Ranking {
 }
 
 impl Ranking {
-    /// Makes a ranking of an order of all splats, the most important first.
+    /// Creates a ranking from an order of all splats, the most important first.
     ///
     /// # Panics
-    /// If it is no order of all splats.
+    /// If an index of `order` is not below its length.
     pub fn new(gpu: &Gpu, order: &[u32]) -> Result<Self> {
         let mut ranks = vec![0; order.len()];
         for (rank, &splat) in (0..).zip(order) {

@@ -1,4 +1,4 @@
-//! Splats to samples: binning, then the forward pass, chunk by chunk.
+//! Rasterization, from splats to samples: binning, then the forward pass, chunk by chunk.
 
 use shaders_glsl as glsl;
 use shaders_glsl::types::{RasterParams, Reconstruction};
@@ -26,13 +26,13 @@ pub struct Rasterizer {
     /// Σw and V̂ of the chunk that was rasterized last, [slot][Morton place], as `storage` says.
     pub reconstructions: Buffer<u32>,
     storage: Storage,
-    /// Pairs that each chunk needed.
+    /// Number of pairs that each chunk needed.
     pub pair_totals: Buffer<u32>,
     epsilon: f32,
 }
 
 impl Rasterizer {
-    /// Makes the pass for `splat_count` splats in local voxel coordinates of `bricks`, in full storage.
+    /// Creates the pass for `splat_count` splats in local voxel coordinates of `bricks`, in full storage.
     /// `epsilon` is ε of equation (2).
     pub fn new(
         gpu: &Gpu,
@@ -44,7 +44,7 @@ impl Rasterizer {
         Self::with_storage(gpu, kernel, epsilon, bricks, splat_count, Storage::Full)
     }
 
-    /// Makes the pass in a storage of the caller's choice.
+    /// Creates the pass with the given storage.
     pub fn with_storage(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -56,7 +56,8 @@ impl Rasterizer {
         Self::with_shape(gpu, kernel, epsilon, bricks, splat_count, storage, WorkgroupShape::of(gpu))
     }
 
-    /// Makes the pass in a shape of the caller's choice; the result has the same bits.
+    /// Creates the pass with the given storage and workgroup shape; the result has the same bits in any
+    /// shape.
     pub fn with_shape(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -89,7 +90,7 @@ impl Rasterizer {
         self.bins.resize(splat_count)
     }
 
-    /// Records binning and forward pass of one chunk; may submit in between.
+    /// Records binning and forward pass of one chunk. May submit in between.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -117,7 +118,7 @@ impl Rasterizer {
         })
     }
 
-    /// Rasterizes one chunk and waits; bins that are too small grow.
+    /// Rasterizes one chunk and waits for it. Grows bins that are too small.
     pub fn rasterize_chunk(&mut self, splats: &Buffer<Splat>, chunk: usize, offset: [f32; 3]) -> Result<()> {
         loop {
             let mut recorder = self.gpu.record()?;

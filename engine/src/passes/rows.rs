@@ -1,4 +1,4 @@
-//! Rows of any buffer by a list of indices: taken out, and put back.
+//! Gathering and scattering of rows of any buffer by a list of indices.
 
 use bytemuck::Pod;
 use shaders_glsl as glsl;
@@ -7,14 +7,14 @@ use shaders_glsl::types::RowParams;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 
-/// The two kernels.
+/// The kernels that gather and scatter rows.
 pub struct Rows {
     gather: Kernel,
     scatter: Kernel,
 }
 
 impl Rows {
-    /// Makes the kernels, for rows of any type.
+    /// Creates the kernels, for rows of any type.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Rows {
             gather: Kernel::new(gpu, &glsl::GATHER_ROWS, &[])?,
@@ -61,7 +61,7 @@ impl Rows {
     }
 }
 
-/// Returns push constants and words for so many rows.
+/// Returns the push constants, and the number of words, for `count` rows.
 fn params<T>(count: usize, first: usize) -> (RowParams, u32) {
     let words = size_of::<T>() / size_of::<u32>();
     (RowParams { count: count as u32, words: words as u32, first: first as u32 }, (count * words) as u32)

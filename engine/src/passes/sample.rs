@@ -1,5 +1,5 @@
-//! The field of a set of splats at the voxels of a brick grid, in HU: what is measured, and what is decoded
-//! to be shown.
+//! Samples of the field of a set of splats at the voxels of a brick grid, in HU, for measurements and for
+//! decoding.
 
 use super::Rasterizer;
 use crate::error::Result;
@@ -29,18 +29,19 @@ pub struct Sampler {
     occupancy_w0: f32,
 }
 
-/// Intensities further than this from the background, HU, go to the device as parts of the furthest:
-/// otherwise their products with weights could leave f32.
+/// Intensities may be this far from the background, HU. If one is farther, all go to the device as parts of
+/// the farthest: otherwise their products with weights could leave f32.
 const FAR_HU: f64 = 1e12;
 
 impl Sampler {
-    /// Makes a sampler for the samples of `bricks`; splats in voxel coordinates of the volume and HU.
+    /// Creates a sampler for the samples of `bricks`; the splats are in voxel coordinates of the volume and
+    /// HU.
     pub fn new(gpu: &Gpu, splats: &[Splat], field: &Field, bricks: &Bricks) -> Result<Self> {
         let origin = bricks.origin.as_vec3().to_array();
         let away = |s: &Splat| f64::from(s.intensity) - f64::from(field.background);
         let furthest = splats.iter().map(|s| away(s).abs()).filter(|v| v.is_finite()).fold(0.0, f64::max);
         let unit = if furthest > FAR_HU { furthest } else { 1.0 };
-        // Relative to the background, so that an uncovered sample has it exactly.
+        // Intensities are relative to the background, so that an uncovered sample has it exactly.
         let local: Vec<Splat> = splats
             .iter()
             .map(|s| Splat {
@@ -60,8 +61,8 @@ impl Sampler {
         })
     }
 
-    /// Reads all samples at one offset, in memory order of the bricks. Samples that take no part may hold
-    /// anything.
+    /// Evaluates all samples at one offset and returns them in memory order of the bricks. Samples that take
+    /// no part may hold anything.
     pub fn sample(&mut self, offset: [f32; 3]) -> Result<Vec<FieldSample>> {
         let got = self.rasterizer.rasterize(&self.splats, offset)?;
         Ok(got

@@ -1,4 +1,4 @@
-//! The samples of a fit on the device: which bricks there are, cut into chunks that a binding holds.
+//! The samples of a fit on the device: the bricks, cut into chunks that a binding holds.
 
 use shaders_glsl::types::Grid;
 
@@ -17,18 +17,17 @@ pub struct SampleGrid {
     pub(super) active_cells: Buffer<[u32; 2]>,
     /// Bricks along x, y, z.
     bricks: [u32; 3],
-    /// Slots in all.
+    /// Number of slots.
     pub slot_count: usize,
-    /// Slots of one chunk; the last chunk may have fewer.
+    /// Number of slots of one chunk; the last chunk may have fewer.
     chunk_slots: usize,
-    /// Voxels along each axis to a unit of the space in which splats have their shape: ones where that is
-    /// voxel space.
+    /// Voxels along each axis per unit of the space in which splats have their shape: ones for voxel space.
     pub stretch: [f32; 3],
 }
 
 impl SampleGrid {
-    /// Uploads the tables. `bytes_per_sample` is the widest per-sample row that will be bound; chunks are
-    /// made to fit.
+    /// Uploads the tables. `bytes_per_sample` is the widest per-sample row that will be bound; the chunks'
+    /// size follows from it.
     pub fn new(gpu: &Gpu, bricks: &Bricks, bytes_per_sample: usize) -> Result<Self> {
         if bricks.is_empty() {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-001", "no voxel takes part"));
@@ -55,12 +54,12 @@ impl SampleGrid {
         })
     }
 
-    /// Counts the chunks.
+    /// Returns the number of chunks.
     pub fn chunks(&self) -> usize {
         self.slot_count.div_ceil(self.chunk_slots)
     }
 
-    /// Counts the slots of the largest chunk.
+    /// Returns the number of slots of the largest chunk.
     pub fn chunk_slots(&self) -> usize {
         self.chunk_slots
     }
@@ -70,13 +69,13 @@ impl SampleGrid {
         index * self.chunk_slots..((index + 1) * self.chunk_slots).min(self.slot_count)
     }
 
-    /// Returns the push constants for a chunk, samples displaced by `offset` voxels.
+    /// Returns the push constants for a chunk whose samples are displaced by `offset` voxels.
     pub fn params(&self, chunk: usize, offset: [f32; 3]) -> Grid {
         let range = self.chunk(chunk);
         Grid { bricks: self.bricks, first_slot: range.start as u32, offset, slot_count: range.len() as u32 }
     }
 
-    /// Returns the upper corner of the samples in local voxels, with the half voxel that belongs to the last.
+    /// Returns the upper corner of the samples in local voxels, including the half voxel of the last sample.
     pub fn max_mean(&self) -> [f32; 3] {
         self.bricks.map(|n| n as f32 * 8.0 - 0.5)
     }

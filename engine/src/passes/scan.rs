@@ -18,7 +18,7 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// Makes a scan of at most `capacity` elements.
+    /// Creates a scan of at most `capacity` elements.
     pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self> {
         Ok(Scan {
             sums: Kernel::new(gpu, &glsl::SCAN_SUMS, &[])?,
@@ -29,7 +29,7 @@ impl Scan {
     }
 
     /// Records `offsets[i] = values[0] + .. + values[i - 1]` for i in 0..=count; `offsets` has one element
-    /// more.
+    /// more than `values`.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -37,7 +37,7 @@ impl Scan {
         count: usize,
         offsets: &mut Buffer<u32>,
     ) {
-        // One block even for nothing: the total, 0, is written all the same.
+        // Without elements there is still one block: it writes the total, 0.
         let blocks = count.div_ceil(BLOCK).max(1);
         assert!(blocks <= self.block_sums.len(), "scan: {count} elements are more than it was made for");
         let params = ScanParams { count: count as u32 };

@@ -6,20 +6,20 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::splat::{Packed, Splat};
 
-/// Splats on the device, in full or packed: what kernels bind that include `rows.glsl` or `packed.glsl`.
+/// Splats on the device, in full or packed, as kernels bind them that include `rows.glsl` or `packed.glsl`.
 pub struct SplatRows {
-    /// Three of these a splat in full, one when packed.
+    /// Splats: three rows each in full, one when packed.
     pub rows: Buffer<[u32; 4]>,
-    /// One for every [`CHUNK`](crate::splat::packed::CHUNK) packed rows.
+    /// Chunks of packed splats, one for every [`CHUNK`](crate::splat::packed::CHUNK) rows.
     pub chunks: Buffer<PackedChunk>,
     /// Ranges of a packed set.
     pub range: PackedRange,
-    /// True if they are packed; the constant that kernels take.
+    /// True if the splats are packed; a constant of the kernels.
     pub packed: bool,
 }
 
 impl SplatRows {
-    /// Uploads splats as they are, 48 bytes each.
+    /// Uploads splats in full, 48 bytes each.
     pub fn full(gpu: &Gpu, splats: &[Splat]) -> Result<Self> {
         Ok(SplatRows {
             rows: gpu.upload("splats", "splats", bytemuck::cast_slice::<Splat, [u32; 4]>(splats))?,
@@ -39,7 +39,7 @@ impl SplatRows {
         })
     }
 
-    /// Reads the splats as kernels see them. Waits for the device.
+    /// Reads the splats with the values that kernels see. Waits for the device.
     pub fn read(&self) -> Result<Vec<Splat>> {
         let rows = self.rows.read()?;
         if !self.packed {

@@ -1,5 +1,5 @@
-//! How the two numbers of a sample (W and V̂, or A and H) are stored between the passes of a step; the other
-//! side is `include/storage.glsl`. What is summed, and all that belongs to a splat, is f32 in any case.
+//! The storage of the two numbers of a sample (W and V̂, or A and H) between the passes of a step; the
+//! shaders' side is `include/storage.glsl`. Sums, and all numbers of a splat, are f32 in any case.
 
 use bytemuck::Pod;
 use serde::{Deserialize, Serialize};
@@ -17,7 +17,7 @@ pub enum Storage {
 }
 
 impl Storage {
-    /// Counts the words of one sample.
+    /// Returns the number of words of one sample.
     pub fn words(self) -> usize {
         match self {
             Storage::Full => 2,
@@ -25,7 +25,7 @@ impl Storage {
         }
     }
 
-    /// Counts the bytes of one sample.
+    /// Returns the number of bytes of one sample.
     pub fn bytes(self) -> usize {
         self.words() * size_of::<u32>()
     }
@@ -33,7 +33,7 @@ impl Storage {
     /// Returns the samples in stored words: `Reconstruction`s or `Adjoint`s, two f32 each.
     ///
     /// # Panics
-    /// If a sample is not two f32, or the words are no whole number of samples.
+    /// If a sample is not two f32, or the words are not a whole number of samples.
     pub fn unpack<T: Pod>(self, words: &[u32]) -> Vec<T> {
         match self {
             Storage::Full => bytemuck::cast_slice(words).to_vec(),
@@ -45,7 +45,7 @@ impl Storage {
     }
 }
 
-/// Returns the f16 with these bits.
+/// Returns the value of the f16 with these bits.
 fn from_half(bits: u16) -> f32 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f32::from(bits & 1023));
     let magnitude = match exponent {

@@ -1,24 +1,24 @@
-//! How much work one submission takes. A submission that runs for long freezes a desktop and ends in a lost
+//! The amount of work of one submission. A submission that runs for long freezes a desktop and ends in a lost
 //! device (Windows allows two seconds); one that is short wastes the device. So long passes are cut into
 //! submissions by the rate that was measured so far.
 
 use crate::error::Result;
 use crate::gpu::{Gpu, Recorder};
 
-/// A submission should take about this long, ms. The limit that must hold is 500.
+/// Desired duration of a submission, ms. The limit that must hold is 500.
 const TARGET_MS: f64 = 120.0;
-/// Units of the first submission, before anything was measured: small enough for the slowest device.
+/// Units of the first submission, before anything was measured: few enough for the slowest device.
 const FIRST_UNITS: usize = 1024;
 
 /// Cuts the units of one kernel (workgroups) into slices.
 pub struct SubmissionPacer {
     kernel: &'static str,
-    /// Units and device time of the slices that were measured.
+    /// Units and device time, ms, of the slices that were measured.
     measured: (f64, f64),
 }
 
 impl SubmissionPacer {
-    /// Makes the pacer of the kernel with that name.
+    /// Creates the pacer of the kernel with that name.
     pub fn new(kernel: &'static str) -> Self {
         SubmissionPacer { kernel, measured: (0.0, 0.0) }
     }
@@ -50,7 +50,7 @@ impl SubmissionPacer {
                 let ticket = recorder.split()?;
                 gpu.wait(ticket)?;
                 let ms = gpu.pass_time(self.kernel).total_ms - before_ms;
-                // Without timestamps nothing is measured and the first slice size stays.
+                // Without timestamps nothing is measured, and the first slice size stays.
                 if ms > 0.0 {
                     self.measured = (self.measured.0 + count as f64, self.measured.1 + ms);
                 }

@@ -1,9 +1,9 @@
-//! The table of `passes/mod.rs` is true.
+//! Tests that the table of `passes/mod.rs` is true.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Kernel -> file below `engine/src`, as the table has them.
+/// Reads the table: kernel -> file below `engine/src`.
 fn table() -> BTreeMap<&'static str, String> {
     let quoted = |cell: &'static str| cell.split('`').skip(1).step_by(2);
     let mut found = BTreeMap::new();
@@ -20,7 +20,7 @@ fn table() -> BTreeMap<&'static str, String> {
     found
 }
 
-/// All sources of the engine.
+/// Finds all sources of the engine.
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).expect("a readable folder") {
         let path = entry.expect("a readable folder").path();
@@ -32,7 +32,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// True if the text names the shader.
+/// Returns true if the text names the shader.
 fn uses(text: &str, item: &str) -> bool {
     let path = format!("glsl::{item}");
     text.match_indices(&path)

@@ -1,5 +1,5 @@
-//! Splats to the tiles and blocks of planes that they reach: projection, pairs sorted by (view, tile, block),
-//! and where the pairs of each begin.
+//! Binning of splats into the tiles and blocks of planes that they reach: projection, pairs sorted by (view,
+//! tile, block), and the first pair of each.
 
 use shaders_glsl as glsl;
 pub use shaders_glsl::tiles::TILE;
@@ -11,35 +11,36 @@ use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::splat;
 
-/// Most rows of projected splats: a pair keeps the rest of its bits for the parts of a tile.
+/// Greatest number of rows of projected splats: a pair keeps the rest of its bits for the parts of a tile.
 const MOST_ROWS: usize = 1 << glsl::tiles::ROW_BITS;
 
 /// Sorts the splats of all views into tiles and blocks.
 pub struct TileBinner {
     gpu: Gpu,
-    /// Where what no eye sees is left out.
+    /// Kernel that marks parts of tiles hidden by the lens; `None` without visibility masks.
     blind: Option<Kernel>,
     project: Kernel,
     emit: Kernel,
     pairs: PairLists,
-    /// Splats as each view sees them, [view][place among the active ones].
+    /// Splats as each view sees them, [view][index among the active ones].
     pub projected: Buffer<Projected>,
     boxes: Buffer<[u32; 4]>,
     needed: Buffer<u32>,
-    /// Parts of each tile that no eye sees, a bit each, by view and tile; a single word where none are asked
-    /// for.
+    /// Parts of each tile that are hidden by the lens, a bit each, by view and tile; a single word without
+    /// visibility masks.
     pub blind_parts: Buffer<u32>,
-    /// (View, tile, block)s of the grid that was recorded last.
+    /// Number of (view, tile, block) lists of the grid that was recorded last.
     lists: usize,
-    /// Rows of projected splats that were recorded last.
+    /// Number of rows of projected splats that were recorded last.
     rows: usize,
     views: u32,
     splat_count: usize,
 }
 
 impl TileBinner {
-    /// Makes a binner of so many splats, packed or not, in so many views of a grid or of grids with fewer
-    /// tiles, blocks and splats. Where views come with patches, what lies in blind ones gets no pairs.
+    /// Creates a binner of `splat_count` splats, packed or not, in `views` views of a grid or of grids with
+    /// fewer tiles, blocks and splats. With `blind`, views come with visibility masks, and what the lens
+    /// hides gets no pairs.
     pub fn new(
         gpu: &Gpu,
         kernel: splat::Kernel,
@@ -78,17 +79,17 @@ impl TileBinner {
         })
     }
 
-    /// Returns how many pairs fit the buffers.
+    /// Returns the number of pairs that fit the buffers.
     pub fn capacity(&self) -> usize {
         self.pairs.capacity()
     }
 
-    /// Returns how many pairs the last frame that has finished needed.
+    /// Returns the number of pairs that the last finished frame needed.
     pub fn needed(&self) -> Result<usize> {
         Ok(self.needed.mapped()?[0] as usize)
     }
 
-    /// Makes room for at least `pairs`, with a margin. Nothing may be in flight.
+    /// Grows the buffers to at least `pairs` pairs, with a margin. Nothing may be in flight.
     pub fn grow(&mut self, pairs: usize) -> Result<()> {
         let most = self.pairs.most(self.gpu.limits().storage_range as usize / size_of::<u32>());
         if pairs > most {
@@ -104,10 +105,10 @@ impl TileBinner {
         self.pairs.make_room((pairs + pairs / 4).min(most))
     }
 
-    /// Records projection and sorting of the active splats.
+    /// Records the projection and sorting of the active splats.
     ///
     /// # Panics
-    /// If the grid has more tiles and blocks, or splats, than what this was made for.
+    /// If the grid has more tiles and blocks, or splats, than this was created for.
     pub fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -163,7 +164,7 @@ impl TileBinner {
         self.pairs.sort(recorder, rows, key_bits(self.lists), self.lists as u32);
     }
 
-    /// Counts what the last frame was made of, but for the splats that were listed for it. Waits for the
+    /// Returns the work of the last frame, except the number of splats that were listed for it. Waits for the
     /// device.
     pub fn work(&self) -> Result<Work> {
         let area = |[left, top, right, bottom]: &[u32; 4]| u64::from(right - left) * u64::from(bottom - top);
@@ -188,7 +189,7 @@ impl TileBinner {
     }
 }
 
-/// Counts the (view, tile, block)s.
+/// Returns the number of (view, tile, block) lists.
 fn lists(grid: &TileGrid, views: u32) -> usize {
     (views * grid.tiles[0] * grid.tiles[1] * grid.blocks) as usize
 }

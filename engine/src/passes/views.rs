@@ -1,4 +1,4 @@
-//! What passes are told of the views: where the eyes are, and what of each picture no eye sees.
+//! The views that passes read: where the eyes are, and the visibility masks of the pictures.
 
 use shaders_glsl::types::{PATCH_WORDS, View};
 
@@ -7,16 +7,15 @@ use crate::gpu::{Buffer, Gpu};
 
 /// The views of a frame.
 pub struct Views {
-    /// One for each.
+    /// One row for each view.
     pub rows: Buffer<View>,
-    /// What is blind of their pictures, [`PATCH_WORDS`] for each; a single word where kernels do not ask for
-    /// blind patches.
+    /// Visibility masks of their pictures, [`PATCH_WORDS`] for each; a single word if kernels do not ask for
+    /// masks.
     pub patches: Buffer<u32>,
 }
 
 impl Views {
-    /// Makes so many, in host memory, of which nothing is blind at first; without patches where no kernel
-    /// asks for them.
+    /// Creates `count` views in host memory, with empty visibility masks; without masks unless `blind`.
     pub fn new(gpu: &Gpu, name: &str, count: u32, blind: bool) -> Result<Self> {
         let words = if blind { PATCH_WORDS * count as usize } else { 1 };
         Ok(Views {
@@ -25,11 +24,11 @@ impl Views {
         })
     }
 
-    /// Says where the eyes are, and for as many views as there are patches what is blind of their pictures.
-    /// No submission that reads them may be in flight.
+    /// Writes the views, and the visibility masks of as many of them as `patches` has. No submission that
+    /// reads them may be in flight.
     ///
     /// # Panics
-    /// If there is another number of rows, or there are more patches than there is room for.
+    /// If there is another number of rows, or there are more masks than there is room for.
     pub fn write(
         &mut self,
         rows: impl ExactSizeIterator<Item = View>,

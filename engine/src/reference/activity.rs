@@ -1,6 +1,6 @@
-//! `limit_active`: the most important of the splats that a look can show.
+//! `limit_active`: keeps the most important of the splats that a look can show.
 
-/// Of the flagged splats the first `budget` ones of `order` stay flagged.
+/// Returns flags of which only the first `budget` flagged splats of `order` remain set.
 pub fn limit_active(flags: &[bool], order: &[u32], budget: usize) -> Vec<bool> {
     let mut kept = vec![false; flags.len()];
     for &splat in order.iter().filter(|&&splat| flags[splat as usize]).take(budget) {

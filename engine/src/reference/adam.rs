@@ -6,7 +6,7 @@ use shaders_glsl::types::AdamParams;
 use super::types::vec3;
 use super::{Gradient, Splat};
 
-/// What Adam keeps of a splat.
+/// A splat with what Adam keeps of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdamState {
     /// Parameters.
@@ -15,13 +15,13 @@ pub struct AdamState {
     pub first: Gradient,
     /// Moving mean of its square.
     pub second: Gradient,
-    /// Σ |dL/dμ|.
+    /// Σ |dL/dμ| over the steps so far.
     pub gradient_norm: f64,
-    /// No log scale exceeds this.
+    /// Upper bound of each log scale.
     pub log_scale_cap: f64,
 }
 
-/// The new moments and the move of one parameter.
+/// Updates the moments of one parameter and returns the step that it takes.
 fn moved(g: f64, first: &mut f64, second: &mut f64, rate: f32, p: &AdamParams) -> f64 {
     let (beta1, beta2) = (f64::from(p.beta1), f64::from(p.beta2));
     *first = beta1 * *first + (1.0 - beta1) * g;
@@ -35,7 +35,8 @@ fn moved3(g: DVec3, first: &mut DVec3, second: &mut DVec3, rate: [f32; 3], p: &A
     DVec3::from_array(std::array::from_fn(|k| moved(g[k], &mut first[k], &mut second[k], rate[k], p)))
 }
 
-/// One step; `None` where the gradient is not finite: then nothing changes and the splat is counted as frozen.
+/// Takes one step. Returns `None` if the gradient is not finite: then nothing changes and the splat is
+/// counted as frozen.
 pub fn adam(state: &AdamState, gradient: &Gradient, p: &AdamParams) -> Option<AdamState> {
     let size: f64 = gradient.lanes().iter().map(|g| g * g).sum();
     // The square must fit an f32, since it goes into the second moment; NaN fails the comparison.
@@ -65,7 +66,7 @@ pub fn adam(state: &AdamState, gradient: &Gradient, p: &AdamParams) -> Option<Ad
     Some(AdamState { splat, first, second, gradient_norm, log_scale_cap })
 }
 
-/// The quaternion product a b, whatever the lengths.
+/// Multiplies two quaternions of any lengths: a b.
 fn multiplied(a: DQuat, b: DQuat) -> DQuat {
     let (u, v) = (DVec3::new(a.x, a.y, a.z), DVec3::new(b.x, b.y, b.z));
     let vector = a.w * v + b.w * u + u.cross(v);

@@ -1,5 +1,6 @@
-//! `blind_parts`, and what `project_quads` leaves out: what of a picture lies in patches that no eye sees. In whole numbers,
-//! so that a kernel must give the same.
+//! `blind_parts` and the test in `project_quads` for what the lens hides: which parts of a picture lie in
+//! patches that no eye sees. All tests of tiles use whole numbers, so that a kernel must give the same
+//! results.
 
 use glam::DVec2;
 use shaders_glsl::types::PATCHES;
@@ -7,22 +8,24 @@ use shaders_glsl::types::PATCHES;
 /// Width and height of the parts of a tile, pixels.
 const PART: [u32; 2] = [4, 8];
 
-/// Whether a patch, counted from the upper left corner of the picture, is blind.
+/// Returns true if a patch, counted from the upper left corner of the picture, is hidden by the lens.
 pub type Patches<'a> = &'a dyn Fn([usize; 2]) -> bool;
 
-/// Patches along an axis that a pixel of `size` lies in, with all or a part of it.
+/// Returns the patches along one axis that hold all or a part of a pixel, for a picture of `size` pixels.
 fn patches_of(pixel: u32, size: u32) -> impl Iterator<Item = usize> {
     let [pixel, size, edge] = [u64::from(pixel), u64::from(size), PATCHES as u64];
     (0..PATCHES)
         .filter(move |&k| k as u64 * size < (pixel + 1) * edge && (k as u64 + 1) * size > pixel * edge)
 }
 
-/// Whether no eye sees a pixel of a picture of `size`: all patches that it lies in are blind.
+/// Returns true if no eye sees a pixel of a picture of `size`: all patches that it lies in are hidden by the
+/// lens.
 pub fn is_blind(patches: Patches<'_>, [x, y]: [u32; 2], size: [u32; 2]) -> bool {
     patches_of(x, size[0]).all(|i| patches_of(y, size[1]).all(|j| patches([i, j])))
 }
 
-/// `blind_parts`: a bit for each part of a tile of which no pixel that is in the picture, and none beside it, is seen.
+/// Returns a bit for each part of a tile. It is set if no eye sees any pixel of the part, nor any pixel
+/// beside it, within the picture; it is also set for a part beyond the picture.
 pub fn blind_parts(patches: Patches<'_>, tile: [u32; 2], size: [u32; 2]) -> u32 {
     let part_is_blind = |part: u32| {
         let from = [tile[0] * 16 + part % 4 * PART[0], tile[1] * 16 + part / 4 * PART[1]];
@@ -34,8 +37,8 @@ pub fn blind_parts(patches: Patches<'_>, tile: [u32; 2], size: [u32; 2]) -> u32 
     (0..8).map(|part| u32::from(part_is_blind(part)) << part).sum()
 }
 
-/// What `project_quads` asks of an ellipse: whether all patches that a rectangle around `centre`, pixels, touches, widened by a
-/// pixel, are blind.
+/// Returns true if `project_quads` drops an ellipse: all patches that its rectangle around `centre` touches
+/// are hidden by the lens. The rectangle, pixels, is widened by one pixel.
 pub fn rectangle_is_blind(patches: Patches<'_>, centre: DVec2, half_size: DVec2, size: [u32; 2]) -> bool {
     let touched = |axis: usize| {
         let reach = half_size[axis] + 1.0;

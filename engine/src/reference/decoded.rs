@@ -1,4 +1,4 @@
-//! The decoded field: what the splats come to at the voxels of a box, each for itself.
+//! The decoded field: value and occupancy that the splats give at each voxel of a box.
 
 use glam::DVec3;
 
@@ -6,20 +6,21 @@ use super::splat_to_volume::splat_to_volume;
 use super::{Footprint, Reconstruction};
 use crate::splat::Field;
 
-/// A voxel.
+/// A voxel of the decoded field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Voxel {
     /// V.
     pub value: f64,
     /// O.
     pub occupancy: f64,
-    /// The object that has most of Σ w, by its place in what was given.
+    /// Index of the object with the largest Σ w.
     pub object: usize,
 }
 
-/// The voxels of a box, x fastest, of objects that are given by the footprints of their splats, in voxels of the box. With
-/// `binary` O is 1 above ½ and 0 elsewhere. V is that of the field where a splat reaches, elsewhere the mean of those voxels
-/// around that a splat reaches, and the background where there is none.
+/// Decodes the voxels of a box, x fastest. `objects` holds the footprints of each object's splats, in voxels
+/// of the box. With `binary` O is 1 above ½ and 0 elsewhere. V is the field's value where a splat reaches;
+/// elsewhere it is the mean of the neighbouring voxels that a splat reaches, or the background if there are
+/// none.
 pub fn decoded(objects: &[Vec<Footprint>], field: &Field, size: [usize; 3], binary: bool) -> Vec<Voxel> {
     let [nx, ny, nz] = size;
     let place = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];

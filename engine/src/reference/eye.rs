@@ -1,4 +1,4 @@
-//! What the reference implementations of all render modes share: rays, light and the sum along a ray.
+//! Rays, light and the sum along a ray, shared by the reference implementations of all render modes.
 
 use glam::{DMat3, DVec3, DVec4};
 use shaders_glsl::types::View;
@@ -9,7 +9,7 @@ use crate::transfer::Material;
 /// One eye, in f64. Eye space: x to the right, y up, z the distance along the viewing direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eye {
-    /// Where it is, mm in the space of the scene.
+    /// Position, mm in the space of the scene.
     pub position: DVec3,
     /// Rotation from the scene to eye space.
     pub turn: DMat3,
@@ -25,25 +25,25 @@ impl From<&View> for Eye {
 }
 
 impl Eye {
-    /// A point of the scene in eye space.
+    /// Transforms a point of the scene into eye space.
     pub fn seen(&self, x: DVec3) -> DVec3 {
         self.turn * (x - self.position)
     }
 
-    /// The ray through a place of a picture of `size` pixels, in pixels from its upper left corner: in eye space, of
-    /// depth 1.
+    /// Returns the ray through a place of a picture of `size` pixels, in eye space with depth 1. The place is
+    /// given in pixels from the upper left corner.
     pub fn ray(&self, place: [f64; 2], size: [u32; 2]) -> DVec3 {
         let [left, right, up, down] = self.tangents;
         let part = |axis: usize| place[axis] / f64::from(size[axis]);
         DVec3::new(left + (right - left) * part(0), up + (down - up) * part(1), 1.0)
     }
 
-    /// The same ray in the scene: a point at depth z is position + z times this.
+    /// Rotates a ray into the scene: the point at depth z is position + z times the result.
     pub fn direction(&self, ray: DVec3) -> DVec3 {
         self.turn.transpose() * ray
     }
 
-    /// Depths between which a ray is inside all clip planes (n · x + d ≥ 0).
+    /// Returns the depths between which a ray is inside all clip planes (n · x + d ≥ 0).
     pub fn clipped(&self, ray: DVec3, planes: &[[f64; 4]]) -> [f64; 2] {
         let direction = self.direction(ray);
         let mut range = [0.0f64, f64::INFINITY];
@@ -63,8 +63,8 @@ impl Eye {
     }
 }
 
-/// Blinn and Phong with one light above the viewer's left shoulder; both sides of a surface are lit alike. Gradient and
-/// ray are in eye space.
+/// Shades a colour after Blinn and Phong with one light above the viewer's left shoulder; both sides of a
+/// surface are lit alike. Gradient and ray are in eye space.
 pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material) -> DVec3 {
     let Some(normal) = gradient.try_normalize() else { return base };
     let light = DVec3::new(-0.4, 0.5, -1.0).normalize();
@@ -74,7 +74,7 @@ pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material) -> DVe
     (base * (material.ambient + material.diffuse * diffuse) + material.specular * shine).min(DVec3::ONE)
 }
 
-/// How a splat's object is shown.
+/// Appearance of a splat's object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Appearance {
     /// A colour, and the share of the transfer function's colour that it replaces.
@@ -84,23 +84,25 @@ pub struct Appearance {
 }
 
 impl Default for Appearance {
-    /// As the transfer function alone has it.
+    /// Returns an appearance that leaves the transfer function's result unchanged.
     fn default() -> Self {
         Appearance { tint: DVec4::ZERO, opacity: 1.0 }
     }
 }
 
-/// A colour of the transfer function with so much of a tint in place of it.
+/// Blends a colour of the transfer function with a tint; the tint's w is its share, its rgb are
+/// premultiplied.
 pub fn tinted(colour: DVec3, tint: DVec4) -> DVec3 {
     colour * (1.0 - tint.w) + tint.truncate()
 }
 
-/// Opacity of a stretch of ray, mm: occupancy is a factor of the opacity per mm, 1 − exp(−extinction).
+/// Returns the opacity of a stretch of ray of length `path`, mm. The occupancy is a factor of the opacity per
+/// mm, 1 − exp(−extinction).
 pub fn opacity(extinction: f64, occupancy: f64, path: f64) -> f64 {
     1.0 - (path * (1.0 - occupancy * (1.0 - (-extinction).exp())).ln()).exp()
 }
 
-/// What a ray has gathered, front to back.
+/// Light that a ray has gathered, front to back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gathered {
     /// Σ C α T.
@@ -118,7 +120,7 @@ impl Default for Gathered {
 }
 
 impl Gathered {
-    /// Behind all so far comes something of this colour and opacity at a depth.
+    /// Adds something of this colour and opacity at a depth, behind all that was added before.
     pub fn add(&mut self, colour: DVec3, opacity: f64, depth: f64) {
         let share = self.clear * opacity;
         self.colour += colour * share;
@@ -126,7 +128,7 @@ impl Gathered {
         self.clear -= share;
     }
 
-    /// Premultiplied colour and opacity.
+    /// Returns premultiplied colour and opacity.
     pub fn pixel(&self) -> [f64; 4] {
         [self.colour.x, self.colour.y, self.colour.z, 1.0 - self.clear]
     }

@@ -1,9 +1,9 @@
-//! What mixed storage keeps of a number: the nearest f16. `include/storage.glsl` does the same on its bits.
+//! Numbers as mixed storage keeps them: the nearest f16. `include/storage.glsl` does the same on the bits.
 
 /// Greatest f16.
 pub const HALF_MAX: f64 = 65504.0;
 
-/// The nearest f16, ties to even; ±[`HALF_MAX`] beyond it.
+/// Rounds to the nearest f16, ties to even; beyond the greatest f16 returns ±[`HALF_MAX`].
 pub fn half(v: f64) -> f64 {
     let size = v.abs().min(HALF_MAX);
     if v.is_nan() || size == 0.0 {
@@ -15,7 +15,8 @@ pub fn half(v: f64) -> f64 {
     ((size / step).round_ties_even() * step).copysign(v)
 }
 
-/// Half a step of the f16 around a number: the most that [`half()`] changes it by, up to [`HALF_MAX`].
+/// Returns half a step of the f16 around a number: the most that [`half()`] changes it by, up to
+/// [`HALF_MAX`].
 pub fn half_step(v: f64) -> f64 {
     (v.abs().log2().floor().max(-14.0) - 11.0).exp2()
 }

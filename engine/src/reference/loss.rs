@@ -1,14 +1,15 @@
-//! `loss_mse`, `loss_occupancy`, `loss_dice`, `loss_leak`, `loss_square`, `loss_kl`: value, weight and adjoint of each term
-//! at a sample, and their sums; `overlap_sums`, `sum_triples`: what a Dice loss needs of all samples first.
+//! Loss terms: `loss_mse`, `loss_occupancy`, `loss_dice`, `loss_leak`, `loss_square` and `loss_kl` give
+//! value, weight and adjoint of each term at a sample, and their sums; `overlap_sums` and `sum_triples` sum
+//! what a Dice loss needs of all samples first.
 
 use super::{Adjoint, Reconstruction, Target};
 
-/// What a term compares, predicted with wanted.
+/// The pair of numbers, predicted and wanted, that a term compares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Quantity {
-    /// m̂ = 1 - exp(-W) with M.
+    /// m̂ = 1 - exp(-W) is compared with M.
     Mask,
-    /// V̂ with V, both less the lower end of their range.
+    /// V̂ is compared with V, both less the lower end of their range.
     Intensity {
         /// The lower end of the range, relative to the background.
         low: f64,
@@ -16,7 +17,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// What is predicted, in 0..1.
+    /// Returns the predicted number, in 0..1.
     pub fn predicted(&self, got: Reconstruction) -> f64 {
         match self {
             Quantity::Mask => predicted_mask(got.weight),
@@ -24,7 +25,7 @@ impl Quantity {
         }
     }
 
-    /// What is wanted, in 0..1.
+    /// Returns the wanted number, in 0..1.
     pub fn wanted(&self, wanted: Target) -> f64 {
         match self {
             Quantity::Mask => wanted.occupancy,
@@ -32,7 +33,7 @@ impl Quantity {
         }
     }
 
-    /// The adjoint of a sample whose loss changes by `slope` with what is predicted.
+    /// Returns the adjoint of a sample, given the derivative `slope` of its loss by the predicted number.
     fn adjoint(&self, slope: f64, got: Reconstruction) -> Adjoint {
         match self {
             Quantity::Mask => Adjoint { value: 0.0, weight: slope * (-got.weight).exp() },
@@ -41,11 +42,12 @@ impl Quantity {
     }
 }
 
-/// A loss term with its λ. In each, a `region` below 0 stands for no threshold; otherwise the samples whose mask M is above
-/// it are the region.
+/// A loss term with its λ. In each term, `region` is a threshold: the region is the samples whose mask M
+/// exceeds it. If it is below 0 there is no threshold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Term {
-    /// λ/2 Σ m (V̂ - V)², m = M without a threshold; with one 1 where M > region, and `rim` where 0 < M ≤ region.
+    /// λ/2 Σ m (V̂ - V)². Without a threshold m = M; with one m = 1 where M > region and m = `rim` where 0 <
+    /// M ≤ region.
     Mse {
         /// λ.
         weight: f64,
@@ -102,7 +104,7 @@ pub enum Term {
 /// The least p and t of [`Term::Kl`].
 pub const KL_LEAST: f64 = 1e-7;
 
-/// Sums over all samples of the region: how what is predicted, p, and what is wanted, t, overlap.
+/// Overlap of the predicted numbers p and the wanted numbers t, as sums over all samples of the region.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overlap {
     /// I = Σ pt.
@@ -113,13 +115,13 @@ pub struct Overlap {
     pub wanted: f64,
 }
 
-/// True if a sample takes part in the sums over a region with that threshold.
+/// Returns true if a sample takes part in the sums over a region with the threshold `region`.
 fn is_inside(wanted: Target, region: f64) -> bool {
     wanted.occupancy >= 0.0 && wanted.occupancy > region
 }
 
 impl Overlap {
-    /// Of some samples.
+    /// Computes the overlap of some samples.
     pub fn of(targets: &[Target], got: &[Reconstruction], quantity: Quantity, region: f64) -> Self {
         let mut sum = Overlap::default();
         for (&target, &got) in targets.iter().zip(got).filter(|(t, _)| is_inside(**t, region)) {
@@ -131,13 +133,13 @@ impl Overlap {
         sum
     }
 
-    /// S = Σ p + Σ t.
+    /// Returns S = Σ p + Σ t.
     pub fn size(&self) -> f64 {
         self.predicted + self.wanted
     }
 }
 
-/// `overlap_sums`: Σ pt, Σ p and Σ t of `samples_per_sum` samples at a time.
+/// Returns Σ pt, Σ p and Σ t of `samples_per_sum` samples at a time.
 pub fn overlap_sums(
     targets: &[Target],
     got: &[Reconstruction],
@@ -152,29 +154,30 @@ pub fn overlap_sums(
         .collect()
 }
 
-/// `sum_triples`: the sum of all rows.
+/// Returns the sum of all rows.
 pub fn sum_triples(rows: &[[f64; 3]]) -> [f64; 3] {
     rows.iter().fold([0.0; 3], |sum, row| std::array::from_fn(|k| sum[k] + row[k]))
 }
 
-/// m̂ = 1 - exp(-W).
+/// Returns m̂ = 1 - exp(-W).
 pub fn predicted_mask(weight: f64) -> f64 {
     -(-weight).exp_m1()
 }
 
-/// A term at one sample: the unweighted value, what a mean divides by, and λ times the derivative of half the value.
+/// A term at one sample: the unweighted value, what a mean divides by, and λ times the derivative of half the
+/// value.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TermAt {
-    /// Without λ and ½.
+    /// Value of the term without λ and ½.
     pub value: f64,
-    /// What a mean over samples divides by.
+    /// Weight by which a mean over samples divides.
     pub weight: f64,
     /// dL/dV̂ and dL/dW.
     pub adjoint: Adjoint,
 }
 
 impl Term {
-    /// λ.
+    /// Returns λ.
     pub fn lambda(&self) -> f64 {
         match *self {
             Term::Mse { weight, .. }
@@ -186,7 +189,7 @@ impl Term {
         }
     }
 
-    /// What the term adds to the objective, from its sums of value and weight over all samples.
+    /// Returns what the term adds to the objective, given its sums of value and weight over all samples.
     pub fn total(&self, [value, weight]: [f64; 2]) -> f64 {
         match self {
             Term::Dice { smoothing, .. } if weight + smoothing > 0.0 => {
@@ -196,7 +199,7 @@ impl Term {
         }
     }
 
-    /// The overlap that the term needs of all samples; nothing for most.
+    /// Returns the overlap over all samples that the term needs; zeros for terms that need none.
     pub fn overlap(&self, targets: &[Target], got: &[Reconstruction]) -> Overlap {
         match *self {
             Term::Dice { quantity, region, .. } => Overlap::of(targets, got, quantity, region),
@@ -204,7 +207,8 @@ impl Term {
         }
     }
 
-    /// The term at one sample; nothing where the sample takes no part. `overlap` is that of all samples.
+    /// Evaluates the term at one sample; returns zeros if the sample takes no part. `overlap` is that of all
+    /// samples.
     pub fn at(&self, wanted: Target, got: Reconstruction, overlap: &Overlap) -> TermAt {
         if wanted.occupancy < 0.0 {
             return TermAt::default();
@@ -281,7 +285,7 @@ impl Term {
     }
 }
 
-/// The adjoint of every sample: the sum over the terms.
+/// Returns the adjoint of every sample: the sum over the terms.
 pub fn adjoints(terms: &[Term], targets: &[Target], got: &[Reconstruction]) -> Vec<Adjoint> {
     let mut out = vec![Adjoint::default(); targets.len()];
     for term in terms {
@@ -295,7 +299,7 @@ pub fn adjoints(terms: &[Term], targets: &[Target], got: &[Reconstruction]) -> V
     out
 }
 
-/// Σ value and Σ weight of a term over `samples_per_sum` samples at a time.
+/// Returns Σ value and Σ weight of a term over `samples_per_sum` samples at a time.
 pub fn sums(
     term: &Term,
     targets: &[Target],
@@ -315,7 +319,7 @@ pub fn sums(
     targets.chunks(samples_per_sum).zip(got.chunks(samples_per_sum)).map(group).collect()
 }
 
-/// The adjoint of one sample as the last term leaves it: A = dL/dV̂ / (W + ε) and H = dL/dW - A V̂, so that
+/// Folds the adjoint of one sample as the last term does: A = dL/dV̂ / (W + ε) and H = dL/dW - A V̂, so that
 /// dL/dw = A c + H and dL/dc = A w.
 pub fn fold(got: Reconstruction, adjoint: Adjoint, epsilon: f64) -> Adjoint {
     let a = adjoint.value / (got.weight + epsilon);

@@ -1,8 +1,10 @@
-//! The f64 reference implementation of every kernel: what a kernel is meant to compute, written plainly, without its blocks, tables and
-//! shared memory. A kernel `foo.comp` has its reference in the module that is named after it or after its group; the
-//! tests compare both on the same inputs, and the references' derivatives with central differences of [`objective()`].
+//! The f64 reference implementation of every kernel: what a kernel is meant to compute, written plainly,
+//! without its blocks, tables and shared memory. A kernel `foo.comp` has its reference in the module that is
+//! named after it or after its group. The tests compare both on the same inputs, and the references'
+//! derivatives with central differences of [`objective()`].
 //!
-//! Twins use plain loops over all samples and all splats. They are for tests and never touch the GPU.
+//! Reference implementations use plain loops over all samples and all splats. They are for tests and never
+//! touch the GPU.
 
 pub mod activity;
 pub mod adam;

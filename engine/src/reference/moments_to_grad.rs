@@ -1,8 +1,8 @@
 //! `moments_to_grad`: dL/d(parameters) of a splat from the moments that `splat_to_volume_grad` sums.
 //!
-//! With U = S⁻¹Rᵀ, B = U S2 Uᵀ and the amplitude a = α times the kernel's peak: dL/dμ = a UᵀU S1, dL/dln s_k = a B_kk,
-//! dL/dω_k = a B_ij (s_i/s_j - s_j/s_i) for (i, j, k) cyclic, dL/dlogit = a(1 - α) S0, dL/dc = a C0. A peak that falls
-//! with the scales subtracts a S0 from each dL/dln s_k.
+//! With U = S⁻¹Rᵀ, B = U S2 Uᵀ and the amplitude a = α times the kernel's peak: dL/dμ = a UᵀU S1,
+//! dL/dln s_k = a B_kk, dL/dω_k = a B_ij (s_i/s_j - s_j/s_i) for (i, j, k) cyclic, dL/dlogit = a(1 - α) S0,
+//! dL/dc = a C0. A peak that falls with the scales subtracts a S0 from each dL/dln s_k.
 
 use glam::DVec3;
 
@@ -11,12 +11,13 @@ use super::splat_to_volume_grad::Moments;
 use super::{Gradient, Splat};
 use crate::splat::Kernel;
 
-/// The gradient of one splat that is shaped in voxel space.
+/// Returns the gradient of one splat that is shaped in voxel space.
 pub fn moments_to_grad(splat: &Splat, moments: &Moments, kernel: Kernel) -> Gradient {
     stretched(splat, moments, kernel, DVec3::ONE)
 }
 
-/// The gradient of one splat that is shaped in a space of which a unit is `stretch` voxels along each axis.
+/// Returns the gradient of one splat that is shaped in a space whose unit is `stretch` voxels along each
+/// axis.
 pub fn stretched(splat: &Splat, moments: &Moments, kernel: Kernel, stretch: DVec3) -> Gradient {
     let (alpha, amplitude) = (opacity(splat), amplitude(splat, kernel));
     let peak_falls = if kernel.row().unit_integral { moments.s0 } else { 0.0 };

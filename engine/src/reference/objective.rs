@@ -1,4 +1,4 @@
-//! The whole objective and its gradient, from splats to a number: what a step of the fit makes smaller.
+//! The whole objective of the fit, from splats to one number, and its gradient.
 
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ use super::splat_to_volume_grad::splat_to_volume_grad;
 use super::{Footprint, Gradient, Splat, Target, Term};
 use crate::splat::Kernel;
 
-/// L, the sum over the terms of what [`Term::total`] makes of their sums over all samples.
+/// Returns L, the sum over the terms of [`Term::total`] of their sums over all samples.
 pub fn objective(
     splats: &[Splat],
     positions: &[DVec3],
@@ -27,7 +27,7 @@ pub fn objective(
         .sum()
 }
 
-/// dL/d(parameters) through the reference implementations of the kernels.
+/// Returns dL/d(parameters) of every splat, computed by the reference implementations of the kernels.
 pub fn gradient(
     splats: &[Splat],
     positions: &[DVec3],

@@ -2,8 +2,8 @@
 
 use crate::transfer::Table;
 
-/// 0 for a brick whose interval of intensity meets a visible entry of the table, `most` for others. An entry more on each
-/// side counts, and an interval that ends before it begins meets none.
+/// Returns 0 for each brick whose interval of intensity meets a visible entry of the table, `most` for
+/// others. One more entry on each side counts too. An interval that ends before it begins meets none.
 pub fn occupancy_mark(intervals: &[[f32; 2]], table: &Table, most: u32) -> Vec<u32> {
     let last = table.len() as f64 - 1.0;
     let entry = |v: f32| (f64::from(v) - table.first) / table.step;
@@ -20,7 +20,8 @@ pub fn occupancy_mark(intervals: &[[f32; 2]], table: &Table, most: u32) -> Vec<u
         .collect()
 }
 
-/// One axis of the Chebyshev distance on a grid: the least max(|d|, `before` d further along the axis).
+/// Spreads a Chebyshev distance along one axis of a grid of bricks: the result is the least max(|d|, `before`
+/// d further along the axis).
 pub fn occupancy_spread(before: &[u32], bricks: [usize; 3], axis: usize) -> Vec<u32> {
     let stride = [1, bricks[0], bricks[0] * bricks[1]][axis];
     (0..before.len())

@@ -1,7 +1,8 @@
 //! `emit_pairs`, `brick_ranges`, `pair_masks`, `cell_masks`: which splats reach which samples.
 //!
-//! A box or an ellipsoid may touch a sample exactly; there a kernel in f32 may decide either way. So these references take
-//! the margin with which they decide, and a kernel must lie between the reference's answers without and with a margin.
+//! A box or an ellipsoid may touch a sample exactly; there a kernel in f32 may decide either way. So these
+//! functions take the margin with which they decide, and a kernel must lie between the results without and
+//! with a margin.
 
 use glam::{DVec3, UVec3};
 
@@ -9,8 +10,8 @@ use super::{Footprint, Samples};
 use crate::splat::Kernel;
 use crate::volume::bricks::{NO_SLOT, SAMPLES};
 
-/// Slots, counted from the first of the chunk, of the bricks that hold a sample in the box of a footprint widened by
-/// `margin` voxels on each side; in brick order, x fastest.
+/// Returns the slots, counted from the first of the chunk, of the bricks that hold a sample in a footprint's
+/// box widened by `margin` voxels on each side; in brick order, x fastest.
 pub fn touched_slots(footprint: &Footprint, samples: &Samples, margin: f64) -> Vec<u32> {
     let bricks = samples.bricks;
     let reaches = |axis: usize, brick: u32| {
@@ -35,7 +36,7 @@ pub fn touched_slots(footprint: &Footprint, samples: &Samples, margin: f64) -> V
     out
 }
 
-/// `emit_pairs`: (slot, splat) for each brick of the chunk that a splat's box touches, splat by splat.
+/// Returns (slot, splat) for each brick of the chunk that a splat's box touches, splat by splat.
 pub fn emit_pairs(footprints: &[Footprint], samples: &Samples, margin: f64) -> Vec<(u32, u32)> {
     let mut out = Vec::new();
     for (splat, footprint) in footprints.iter().enumerate() {
@@ -44,23 +45,23 @@ pub fn emit_pairs(footprints: &[Footprint], samples: &Samples, margin: f64) -> V
     out
 }
 
-/// `brick_ranges`: for each slot and one beyond, how many of the sorted keys are smaller.
+/// Returns for each slot, and for one beyond the last, how many of the sorted keys are smaller.
 pub fn brick_ranges(sorted_keys: &[u32], slot_count: usize) -> Vec<u32> {
     (0..=slot_count as u32).map(|slot| sorted_keys.iter().filter(|&&key| key < slot).count() as u32).collect()
 }
 
-/// Which samples count when a cell is asked whether a splat reaches it.
+/// Samples that count when a cell is tested for whether a splat reaches it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reach {
     /// Samples that take part: the least that a kernel must list.
     Active,
-    /// All samples of a cell that has one which takes part, each displaced along x by up to so many voxels: the most
-    /// that a kernel may list.
+    /// All samples of a cell of which at least one takes part, each displaced along x by up to so many
+    /// voxels: the most that a kernel may list.
     Widened(f64),
 }
 
-/// `pair_masks`: bit m is set where a sample of cell m (2³ samples, Morton order) of a slot lies in the support of a
-/// splat, q < `support_q`, where the kernel is not cut off.
+/// Returns the mask of one pair, as `pair_masks` does: bit m is set if a sample of cell m (2³ samples, Morton
+/// order) of a slot lies in the support of a splat, that is q < `support_q`, and within the kernel's reach.
 pub fn pair_mask(
     footprint: &Footprint,
     samples: &Samples,
@@ -93,15 +94,16 @@ pub fn pair_mask(
     cells
 }
 
-/// The least q over the points d + (t, 0, 0), |t| <= by.
+/// Returns the least q over the points d + (t, 0, 0), |t| <= by.
 fn least_q(footprint: &Footprint, d: DVec3, by: f64) -> f64 {
     let (u, along) = (footprint.whitening * d, footprint.whitening.x_axis);
     let t = (-u.dot(along) / along.length_squared()).clamp(-by, by);
     (u + along * t).length_squared()
 }
 
-/// `cell_masks`: for each slot, each 32 of its pairs and each cell a word, whose bit j says that pair j of the 32 reaches
-/// the cell; by slot, then 32 pairs, then cell. `starts` are the ranges of the sorted pairs and `pair_masks` the cells of each.
+/// Returns for each slot, each 32 of its pairs and each cell a word whose bit j is set if pair j of the 32
+/// reaches the cell; by slot, then 32 pairs, then cell. `starts` are the ranges of the sorted pairs and
+/// `pair_masks` the cells of each.
 pub fn cell_masks(starts: &[u32], pair_masks: &[u64]) -> Vec<Vec<[u32; 64]>> {
     let slot = |range: &[u32]| {
         let pairs = &pair_masks[range[0] as usize..range[1] as usize];

@@ -1,6 +1,8 @@
-//! `project_quads` and mode alpha: splats as ellipses on a picture, and the picture that they make back to front.
+//! `project_quads` and mode alpha: splats as ellipses on a picture, and the picture that they make back to
+//! front.
 //!
-//! Plainly: the ellipse from the conditional covariance across the ray, and every splat at every pixel.
+//! The computation is plain: each ellipse comes from the conditional covariance across the ray, and every
+//! pixel visits every splat.
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use shaders_glsl::types::Centre;
@@ -13,12 +15,12 @@ use crate::transfer::{Material, Table};
 
 /// A splat is drawn where its opacity is at least this.
 pub const LEAST_OPACITY: f64 = 1.0 / 255.0;
-/// Most opacity of a standard splat.
+/// Greatest opacity of a standard splat.
 pub const MOST_OPACITY: f64 = 0.99;
 /// q at the edge of what is drawn for a splat.
 const DRAWN_Q: f64 = 6.0;
 
-/// What is asked of a picture.
+/// Settings of a picture.
 pub struct Look<'a> {
     /// The transfer function.
     pub table: &'a Table,
@@ -30,7 +32,7 @@ pub struct Look<'a> {
     pub planes: &'a [[f64; 4]],
 }
 
-/// What a splat shows.
+/// Source of a splat's colour.
 pub enum Face<'a> {
     /// The field at its centre, seen through a look.
     Field(&'a Centre),
@@ -47,7 +49,7 @@ pub struct Quad {
     pub covariance: DMat2,
     /// Optical depth through the centre; of a standard splat the opacity.
     pub thickness: f64,
-    /// Whether it is a standard splat.
+    /// True if it is a standard splat.
     pub standard: bool,
     /// z of the centre, mm.
     pub depth: f64,
@@ -56,7 +58,7 @@ pub struct Quad {
 }
 
 impl Quad {
-    /// Opacity at a place of the picture, pixels; 0 below [`LEAST_OPACITY`].
+    /// Returns the opacity at a place of the picture, pixels; 0 below [`LEAST_OPACITY`].
     pub fn opacity(&self, place: DVec2) -> f64 {
         let d = place - self.centre;
         let gamma = d.dot(self.covariance.inverse() * d);
@@ -68,7 +70,7 @@ impl Quad {
         if opacity < LEAST_OPACITY { 0.0 } else { opacity }
     }
 
-    /// γ at which the opacity falls below [`LEAST_OPACITY`].
+    /// Returns the γ at which the opacity falls below [`LEAST_OPACITY`].
     pub fn edge(&self) -> f64 {
         if self.standard {
             return 2.0 * (self.thickness / LEAST_OPACITY).ln();
@@ -78,8 +80,8 @@ impl Quad {
     }
 }
 
-/// The quad of a splat of an object on a picture of `size` pixels; nothing where it is not to be seen: behind the eye or too near, cut
-/// away, too faint, or beside the picture.
+/// Projects a splat of an object to its quad on a picture of `size` pixels. Returns `None` if the splat
+/// cannot be seen: it is behind the eye or too near, cut away, too faint, or beside the picture.
 pub fn quad(
     splat: &Splat,
     face: &Face<'_>,
@@ -108,7 +110,7 @@ pub fn quad(
         aside(2, 1, ay, ax),
         aside(2, 2, ay, ay),
     ]);
-    // From mm at the depth of the centre to pixels.
+    // Scale from mm at the depth of the centre to pixels.
     let [left, right, up, down] = eye.tangents;
     let [width, height] = size.map(f64::from);
     let scale = DVec2::new(width / (right - left), height / (down - up));
@@ -146,14 +148,15 @@ pub fn quad(
     (!beside).then_some(quad)
 }
 
-/// How far behind the zero of the scene a splat is, along the mean of the viewing directions: the least is in front.
+/// Returns how far a splat is behind the origin of the scene along the mean of the viewing directions; the
+/// splat with the least is in front.
 pub fn behind(splat: &Splat, eyes: &[Eye]) -> f64 {
     let forward = |eye: &Eye| eye.turn.row(2);
     let mean = forward(&eyes[0]) + forward(&eyes[eyes.len() - 1]);
     splat.mean.dot(mean.normalize())
 }
 
-/// What a pixel sees of quads in order from the nearest to the farthest.
+/// Gathers what a pixel sees of quads, given in order from the nearest to the farthest.
 pub fn pixel(nearest_first: &[Quad], place: DVec2) -> Gathered {
     let mut gathered = Gathered::default();
     for quad in nearest_first {

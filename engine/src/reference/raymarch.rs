@@ -1,10 +1,11 @@
-//! `raymarch`: a ray through a volume, by emission and absorption, front to back (Max, "Optical models for direct volume
-//! rendering", 1995).
+//! `raymarch`: a ray through a volume, by emission and absorption, front to back (Max, "Optical models for
+//! direct volume rendering", 1995).
 //!
-//! A medium is an intensity V and an occupancy O on a voxel grid, interpolated each for itself. Where its voxels belong to
-//! objects, O is the interpolated product of O and the object's opacity, and tints mix by their parts of O. The extinction is
-//! opacity O (1 − exp(−τ(V))) per mm; a ray is cut into cells of one step Δ. Without bricks and packets: every cell
-//! of every ray, but for blocks of voxels that hold nothing. An eye that is far away sees as an orthographic one does.
+//! A medium is an intensity V and an occupancy O on a voxel grid, interpolated separately. Where its voxels
+//! belong to objects, O is the interpolated product of O and the object's opacity, and tints mix by their
+//! parts of O. The extinction is opacity O (1 − exp(−τ(V))) per mm; a ray is cut into cells of one step Δ.
+//! There are no bricks and packets: every cell of every ray is visited, except in blocks of voxels that hold
+//! nothing. An eye that is far away sees as an orthographic one does.
 
 use glam::{DAffine3, DVec3, DVec4};
 use rayon::prelude::*;
@@ -13,8 +14,8 @@ use super::eye::{Appearance, Eye, Gathered, lit, opacity, tinted};
 use super::slab::{Look, NEAREST};
 use crate::volume::trilinear;
 
-/// A cell that adds less than this finds no light of its own, one that adds more than [`STRONG`] always does; others do if
-/// their index is even, and are else lit as the cell before.
+/// A cell that adds less than this is not lit anew, one that adds more than [`STRONG`] always is. Cells
+/// between are lit anew if their index is even; otherwise they take the light of the cell before.
 const FAINT: f64 = 1.0 / 4096.0;
 const STRONG: f64 = 1.0 / 64.0;
 /// Edge of a block, voxels.
@@ -27,14 +28,15 @@ pub struct Medium {
     voxel_from_scene: DAffine3,
     values: Vec<f32>,
     mask: Option<Vec<f32>>,
-    /// How each voxel is shown.
+    /// Appearance of each voxel.
     objects: Option<Vec<Appearance>>,
-    /// Whether a point with its low corner in a block of 4³ voxels may see an occupancy; blocks start at voxel -1.
+    /// True if a point whose low corner is in this block of 4³ voxels may see an occupancy; blocks start at
+    /// voxel -1.
     blocks: Vec<bool>,
 }
 
 impl Medium {
-    /// Without a mask all of the grid is there.
+    /// Creates a medium. Without a mask all of the grid is occupied.
     ///
     /// # Panics
     /// If there is not one value and one occupancy for every voxel.
@@ -54,10 +56,10 @@ impl Medium {
         medium
     }
 
-    /// The same with an appearance for each voxel.
+    /// Adds an appearance for each voxel.
     ///
     /// # Panics
-    /// If there is not one for each, or the medium has no mask.
+    /// If there is not one for each voxel, or the medium has no mask.
     pub fn with_objects(mut self, objects: Vec<Appearance>) -> Self {
         assert!(self.mask.is_some() && objects.len() == self.values.len(), "one appearance for every voxel");
         self.objects = Some(objects);
@@ -88,21 +90,21 @@ impl Medium {
         blocks
     }
 
-    /// Whether there may be an occupancy at a point of the grid with its border.
+    /// Returns true if there may be an occupancy at a point of the grid with its border.
     fn may_hold(&self, voxel: DVec3) -> bool {
         let counts = self.block_counts();
         let at = |axis: usize| ((voxel[axis] + 1.0).max(0.0) as usize / BLOCK).min(counts[axis] - 1);
         self.blocks[(at(2) * counts[1] + at(1)) * counts[0] + at(0)]
     }
 
-    /// V and O at a point of voxel space. Beyond the outermost voxel centres V is that of the edge, and O fades to 0 over
-    /// one voxel.
+    /// Interpolates V and O at a point of voxel space. Beyond the outermost voxel centres V is that of the
+    /// edge, and O fades to 0 over one voxel.
     pub fn sample(&self, voxel: DVec3) -> (f64, f64) {
         let (v, o, _) = self.seen(voxel);
         (v, o)
     }
 
-    /// V, O and the tint at a point of voxel space.
+    /// Interpolates V, O and the tint at a point of voxel space.
     fn seen(&self, voxel: DVec3) -> (f64, f64, DVec4) {
         let value = trilinear(self.size, voxel, |i| f64::from(self.values[i]));
         let size = DVec3::from_array(self.size.map(|n| n as f64));
@@ -138,7 +140,7 @@ impl Medium {
         (value, shown, if whole > 0.0 { tint / whole } else { DVec4::ZERO })
     }
 
-    /// Gradient of O (V - dark) in the scene, by central differences over a voxel on each side.
+    /// Returns the gradient of O (V - dark) in the scene, by central differences over a voxel on each side.
     fn gradient(&self, voxel: DVec3, dark: f64) -> DVec3 {
         let excess = |p: DVec3| {
             let (v, o) = self.sample(p);
@@ -149,7 +151,8 @@ impl Medium {
             * DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
     }
 
-    /// Between which parameters a ray in voxel space is inside the grid with its border of one voxel.
+    /// Returns the parameters between which a ray in voxel space is inside the grid with its border of one
+    /// voxel.
     fn crossing(&self, origin: DVec3, direction: DVec3) -> [f64; 2] {
         let mut range = [f64::NEG_INFINITY, f64::INFINITY];
         for axis in 0..3 {
@@ -168,8 +171,8 @@ impl Medium {
     }
 }
 
-/// A number from 0 to 1 for each pixel of each view, by which the cells of its ray are shifted (PCG of Jarzynski and
-/// Olano 2020).
+/// Returns a number from 0 to 1 for each pixel of each view, by which the cells of its ray are shifted (PCG
+/// of Jarzynski and Olano 2020).
 pub fn noise([x, y]: [u32; 2], view: u32) -> f64 {
     let h = view.wrapping_mul(8192).wrapping_add(y).wrapping_mul(65536).wrapping_add(x);
     let h = h.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
@@ -178,8 +181,8 @@ pub fn noise([x, y]: [u32; 2], view: u32) -> f64 {
     f64::from(h >> 8) / 16_777_216.0
 }
 
-/// What a ray (of eye space, depth 1) gathers in cells of `step` mm, the first of which begins `shift` steps from the
-/// eye.
+/// Gathers a ray (of eye space, depth 1) in cells of `step` mm, the first of which begins `shift` steps from
+/// the eye.
 pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, shift: f64) -> Gathered {
     let origin = medium.voxel_from_scene.transform_point3(eye.position);
     let direction = medium.voxel_from_scene.transform_vector3(eye.direction(ray));
@@ -225,7 +228,7 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
     gathered
 }
 
-/// A picture of `size` pixels: colour and opacity of each, colour times opacity, rows from the top.
+/// Renders a picture of `size` pixels: premultiplied colour and opacity of each, rows from the top.
 pub fn render(medium: &Medium, eye: &Eye, size: [u32; 2], look: &Look<'_>, step: f64) -> Vec<[f32; 4]> {
     (0..size[0] * size[1])
         .into_par_iter()
@@ -242,7 +245,7 @@ mod tests {
     use crate::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction};
     use glam::DMat3;
 
-    /// The same extinction everywhere.
+    /// Creates a function with the same extinction everywhere.
     fn flat(extinction: f64, material: Material) -> TransferFunction {
         let colour = DVec3::new(1.0, 0.5, 0.0);
         TransferFunction::new(
@@ -258,7 +261,7 @@ mod tests {
         Look { table, material, dark: 0.0, planes: &[], segments: false, least_light: 1e-4 }
     }
 
-    /// From +y, so far away that rays are as good as parallel.
+    /// Creates an eye at +y, so far away that rays are nearly parallel.
     fn eye() -> Eye {
         let (distance, half) = (1e5, 2.5);
         let turn = DMat3::from_cols(DVec3::NEG_X, DVec3::Z, DVec3::NEG_Y).transpose();
@@ -270,7 +273,7 @@ mod tests {
         }
     }
 
-    /// A slab of 8 voxels along y in a grid of 16³.
+    /// Creates a slab of 8 voxels along y in a grid of 16³.
     fn slab() -> Medium {
         let mask: Vec<f32> =
             (0..4096).map(|i| f32::from(u8::from((4..12).contains(&(i / 16 % 16))))).collect();
@@ -279,8 +282,8 @@ mod tests {
 
     #[test]
     fn a_slab_absorbs_by_its_thickness() {
-        // Trilinear edges: the occupancy is 1 over 7 voxels and falls to 0 over one on each side; without a mask it is 1
-        // over 15 likewise.
+        // Trilinear edges: the occupancy is 1 over 7 voxels and falls to 0 over one on each side; without a
+        // mask it is 1 over 15 likewise.
         let whole = Medium::new([16; 3], DAffine3::IDENTITY, &vec![100.0; 4096], None);
         for (medium, thickness) in [(slab(), 7.0), (whole, 15.0)] {
             for extinction in [0.01, 0.1, 0.5] {

@@ -1,6 +1,6 @@
 //! `gather_rows`, `scatter_rows`: rows of `words` words by a list of indices.
 
-/// `rows[indices[i]]`, one after the other.
+/// Gathers rows: returns `rows[indices[i]]`, one after the other.
 pub fn gather_rows(rows: &[u32], indices: &[u32], words: usize) -> Vec<u32> {
     indices.iter().flat_map(|&i| rows[i as usize * words..][..words].iter().copied()).collect()
 }

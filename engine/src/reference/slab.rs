@@ -1,5 +1,6 @@
-//! `project_splats`, `emit_tile_pairs` and `slab`: the splats' field at planes across the view, classified, summed up.
-//! Plainly: every splat at every plane of every ray, without tiles and blocks.
+//! `project_splats`, `emit_tile_pairs` and `slab`: the splats' field at planes across the view, classified
+//! and summed up. The computation is plain: every splat at every plane of every ray, without tiles and
+//! blocks.
 
 use glam::{DMat3, DVec3, DVec4};
 
@@ -13,7 +14,7 @@ use crate::transfer::{Material, Table};
 pub struct Seen {
     /// Centre, mm.
     pub mean: DVec3,
-    /// S⁻¹Rᵀ in eye space: x - mean to the whitened distance.
+    /// S⁻¹Rᵀ in eye space; takes x - mean to the whitened distance.
     pub whitening: DMat3,
     /// Half size of the box around the support, mm.
     pub extent: DVec3,
@@ -21,15 +22,15 @@ pub struct Seen {
     pub amplitude: f64,
     /// Intensity relative to the background.
     pub intensity: f64,
-    /// How its object is shown.
+    /// Appearance of its object.
     pub appearance: Appearance,
 }
 
 /// Splats whose centre is nearer to the eye than this are not shown, mm.
 pub const NEAREST: f64 = 1.0;
 
-/// A splat (mm, intensity as in the set) as an eye sees it, of an object without an appearance of its own; nothing if it
-/// is behind the eye or too near.
+/// Transforms a splat (mm, intensity as in the set) into eye space, with the default appearance. Returns
+/// `None` if it is behind the eye or too near.
 pub fn seen(splat: &Splat, eye: &Eye, kernel: Kernel, background: f64) -> Option<Seen> {
     let mean = eye.seen(splat.mean);
     let axes = eye.turn * DMat3::from_quat(splat.rotation);
@@ -46,18 +47,18 @@ pub fn seen(splat: &Splat, eye: &Eye, kernel: Kernel, background: f64) -> Option
     })
 }
 
-/// Where the planes are, mm along the viewing direction.
+/// Positions of the planes, mm along the viewing direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Planes {
-    /// Where the first slab begins; plane k is at first + (k + ½) spacing.
+    /// Start of the first slab; plane k is at first + (k + ½) spacing.
     pub first: f64,
-    /// From plane to plane.
+    /// Distance from plane to plane.
     pub spacing: f64,
-    /// How many.
+    /// Number of planes.
     pub count: u32,
 }
 
-/// What is done with the field.
+/// Settings of a picture of the field.
 pub struct Look<'a> {
     /// The transfer function.
     pub table: &'a Table,
@@ -67,7 +68,7 @@ pub struct Look<'a> {
     pub dark: f64,
     /// Clip planes: n · x + d < 0 is cut away.
     pub planes: &'a [[f64; 4]],
-    /// Whether the transfer function is integrated between planes.
+    /// True if the transfer function is integrated between planes.
     pub segments: bool,
     /// Rays end where less light than this would pass.
     pub least_light: f64,
@@ -90,7 +91,7 @@ pub struct Sums {
     pub opacity: f64,
 }
 
-/// The sums of all splats at a point.
+/// Returns the sums over all splats at a point.
 pub fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> Sums {
     let mut sums = Sums::default();
     for splat in splats {
@@ -112,7 +113,7 @@ pub fn field_at(splats: &[Seen], kernel: Kernel, x: DVec3) -> Sums {
     sums
 }
 
-/// What a ray gathers.
+/// Gathers what a ray sees at the planes.
 pub fn ray(
     splats: &[Seen],
     field: &Field,
@@ -143,7 +144,7 @@ pub fn ray(
                 (colour, extinction, 0.5 * (ob + o))
             }
         };
-        // What does not show at all has no share in the segment behind it.
+        // A plane at which nothing shows has no share in the segment behind it.
         before = (o > 0.0).then_some((v, o));
         let opacity = opacity(extinction, occupancy, planes.spacing * ray.length());
         let colour = tinted(colour, tint / w);

@@ -6,31 +6,35 @@ use super::pairs::touched_slots;
 use super::{Footprint, Samples, Splat};
 use crate::splat::Kernel;
 
-/// S⁻¹Rᵀ: distance from the mean to whitened distance along the splat's own axes, for a splat shaped in voxel space.
+/// Returns S⁻¹Rᵀ for a splat shaped in voxel space. It takes the distance from the mean to the whitened
+/// distance along the splat's own axes.
 pub fn whitening(splat: &Splat) -> DMat3 {
     stretched_whitening(splat, DVec3::ONE)
 }
 
-/// S⁻¹RᵀD⁻¹ with D = diag(`stretch`), voxels along each axis to a unit of the space in which the splat has its shape.
+/// Returns S⁻¹RᵀD⁻¹ with D = diag(`stretch`): voxels along each axis per unit of the space in which the splat
+/// has its shape.
 pub fn stretched_whitening(splat: &Splat, stretch: DVec3) -> DMat3 {
     let inverse_scale = (-splat.log_scale).exp();
     let rotation = DMat3::from_quat(splat.rotation).transpose();
     DMat3::from_diagonal(inverse_scale) * rotation * DMat3::from_diagonal(stretch.recip())
 }
 
-/// α.
+/// Returns α.
 pub fn opacity(splat: &Splat) -> f64 {
     1.0 / (1.0 + (-splat.opacity_logit).exp())
 }
 
-/// a of w = a κ(q): α times the kernel's peak.
+/// Returns a of w = a κ(q): α times the kernel's peak.
 pub fn amplitude(splat: &Splat, kernel: Kernel) -> f64 {
     opacity(splat) * kernel.peak(splat.log_scale.to_array())
 }
 
-/// The upper triangular T with |T d| = |M d| for every d: the R of a QR decomposition of M, its diagonal positive.
+/// Returns the upper triangular T with |T d| = |M d| for every d: the R of a QR decomposition of M, its
+/// diagonal positive.
 pub fn triangular(m: &DMat3) -> DMat3 {
-    // Modified Gram-Schmidt: column k of T holds the parts of column k of M along the directions found so far.
+    // Modified Gram-Schmidt: column k of T holds the parts of column k of M along the directions found so
+    // far.
     let mut columns = [m.x_axis, m.y_axis, m.z_axis];
     let mut t = [DVec3::ZERO; 3];
     for k in 0..3 {
@@ -46,19 +50,20 @@ pub fn triangular(m: &DMat3) -> DMat3 {
     DMat3::from_cols(t[0], t[1], t[2])
 }
 
-/// Half size of the axis-aligned box around the ellipsoid q = support: √(support · Σ_kk) on each axis.
+/// Returns the half size of the axis-aligned box around the ellipsoid q = support: √(support · Σ_kk) on each
+/// axis.
 pub fn extent(splat: &Splat, support_q: f64) -> DVec3 {
     let axes = DMat3::from_quat(splat.rotation) * DMat3::from_diagonal(splat.log_scale.exp());
     let variance = axes.x_axis * axes.x_axis + axes.y_axis * axes.y_axis + axes.z_axis * axes.z_axis;
     (support_q * variance).map(f64::sqrt)
 }
 
-/// The footprint of a splat that is shaped in voxel space.
+/// Returns the footprint of a splat that is shaped in voxel space.
 pub fn footprint(splat: &Splat, kernel: Kernel) -> Footprint {
     stretched_footprint(splat, kernel, DVec3::ONE)
 }
 
-/// The footprint of a splat that is shaped in a space of which a unit is `stretch` voxels along each axis.
+/// Returns the footprint of a splat that is shaped in a space whose unit is `stretch` voxels along each axis.
 pub fn stretched_footprint(splat: &Splat, kernel: Kernel, stretch: DVec3) -> Footprint {
     Footprint {
         mean: splat.mean,
@@ -69,7 +74,8 @@ pub fn stretched_footprint(splat: &Splat, kernel: Kernel, stretch: DVec3) -> Foo
     }
 }
 
-/// How many bricks of the chunk the box of a footprint, wider by `margin` voxels on each side, touches.
+/// Returns the number of bricks of the chunk that the box of a footprint, wider by `margin` voxels on each
+/// side, touches.
 pub fn brick_count(footprint: &Footprint, samples: &Samples, margin: f64) -> usize {
     touched_slots(footprint, samples, margin).len()
 }

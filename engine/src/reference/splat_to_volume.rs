@@ -5,13 +5,13 @@ use glam::DVec3;
 use super::{Footprint, Reconstruction};
 use crate::splat::Kernel;
 
-/// w = a κ(q) of one splat at a sample.
+/// Returns w = a κ(q) of one splat at a sample.
 pub fn weight(footprint: &Footprint, position: DVec3, kernel: Kernel) -> f64 {
     let d = position - footprint.mean;
     footprint.amplitude * kernel.cut_value(d, (footprint.whitening * d).length_squared())
 }
 
-/// All samples, all splats.
+/// Evaluates all splats at all samples.
 pub fn splat_to_volume(
     footprints: &[Footprint],
     positions: &[DVec3],

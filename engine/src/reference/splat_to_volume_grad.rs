@@ -1,11 +1,11 @@
-//! `splat_to_volume_grad`: the moments of the loss gradient over the support of a splat, and what they are for, the
-//! gradient by its parameters. The gradient is stated here without moments, by the chain rule at every sample, so that
-//! the two ways check each other.
+//! `splat_to_volume_grad`: the moments of the loss gradient over the support of a splat, and the gradient by
+//! its parameters that they lead to. The gradient is computed here without moments, by the chain rule at
+//! every sample, so that the two computations check each other.
 //!
 //! With d = x - mean, y = Rᵀd, u = S⁻¹y, q = |u|² and κ' = dκ/dq the chain rule is applied sample by sample:
-//! dL/dw = A c + H,  dw/dμ = -2aκ' Pd (P = R S⁻² Rᵀ),  dw/dln s_k = -2aκ' u_k²,  dw/dlogit = a(1-α)κ,  dL/dc = A w,
-//! with the amplitude a = α times the kernel's peak. A peak of 1/((2π)^{3/2} s₁s₂s₃) adds -w to dw/dln s_k.
-//! A rotation by ω in the splat's own axes moves y by -ω × y, so that dq/dω = 2 (S⁻²y) · (-ω × y).
+//! dL/dw = A c + H,  dw/dμ = -2aκ' Pd (P = R S⁻² Rᵀ),  dw/dln s_k = -2aκ' u_k²,  dw/dlogit = a(1-α)κ,
+//! dL/dc = A w, with the amplitude a = α times the kernel's peak. A peak of 1/((2π)^{3/2} s₁s₂s₃) adds -w to
+//! dw/dln s_k. A rotation by ω in the splat's own axes moves y by -ω × y, hence dq/dω = 2 (S⁻²y) · (-ω × y).
 
 use glam::{DMat3, DVec3};
 
@@ -27,20 +27,20 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// As the kernels store them: S0, C0, S1 x y z, S2 xx yy zz yz zx xy.
+    /// Returns the row that the kernels store: S0, C0, S1 x y z, S2 xx yy zz yz zx xy.
     pub fn to_row(&self) -> [f64; 11] {
         let (s1, [x, y, z]) = (self.s1, [self.s2.x_axis, self.s2.y_axis, self.s2.z_axis]);
         [self.s0, self.c0, s1.x, s1.y, s1.z, x.x, y.y, z.z, y.z, z.x, x.y]
     }
 
-    /// From how the kernels store them.
+    /// Reads the row that the kernels store.
     pub fn from_row([s0, c0, x, y, z, xx, yy, zz, yz, zx, xy]: [f64; 11]) -> Self {
         let s2 = DMat3::from_cols(DVec3::new(xx, xy, zx), DVec3::new(xy, yy, yz), DVec3::new(zx, yz, zz));
         Moments { s0, c0, s1: DVec3::new(x, y, z), s2 }
     }
 }
 
-/// The moments of one splat.
+/// Returns the moments of one splat.
 pub fn moments(footprint: &Footprint, positions: &[DVec3], folded: &[Adjoint], kernel: Kernel) -> Moments {
     let mut m = Moments { s0: 0.0, c0: 0.0, s1: DVec3::ZERO, s2: DMat3::ZERO };
     for (&x, adjoint) in positions.iter().zip(folded) {
@@ -56,7 +56,7 @@ pub fn moments(footprint: &Footprint, positions: &[DVec3], folded: &[Adjoint], k
     m
 }
 
-/// The gradient of one splat, by the chain rule at every sample.
+/// Returns the gradient of one splat, by the chain rule at every sample.
 pub fn splat_gradient(splat: &Splat, positions: &[DVec3], folded: &[Adjoint], kernel: Kernel) -> Gradient {
     let axes = DMat3::from_quat(splat.rotation);
     let inverse_variance = (-2.0 * splat.log_scale).exp();
@@ -85,7 +85,7 @@ pub fn splat_gradient(splat: &Splat, positions: &[DVec3], folded: &[Adjoint], ke
     g
 }
 
-/// The gradients of all splats.
+/// Returns the gradients of all splats.
 pub fn splat_to_volume_grad(
     splats: &[Splat],
     positions: &[DVec3],

@@ -1,9 +1,10 @@
-//! The shared structs in f64, made from their f32 rows.
+//! Splats, footprints and samples in f64, made from the f32 structs that kernels share.
 
 use glam::{DMat3, DQuat, DVec3};
 use shaders_glsl::types as gpu;
 
-/// Parameters of a splat that the loss is differentiated by: mean 3, opacity logit, rotation 3, log scale 3, intensity.
+/// Number of parameters of a splat by which the loss is differentiated: mean 3, opacity logit, rotation 3,
+/// log scale 3, intensity.
 pub const LANES: usize = 11;
 
 /// Raw parameters of one splat.
@@ -21,7 +22,7 @@ pub struct Splat {
     pub intensity: f64,
 }
 
-/// What rasterizing needs of a splat.
+/// The part of a splat that rasterization needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footprint {
     /// Centre, voxels.
@@ -36,18 +37,18 @@ pub struct Footprint {
     pub extent: DVec3,
 }
 
-/// dL/d(parameter) of one splat, and a row of Adam's moments.
+/// dL/d(parameter) of one splat; also a row of Adam's moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gradient {
-    /// By the centre.
+    /// Derivative by the centre.
     pub mean: DVec3,
-    /// By the opacity logit.
+    /// Derivative by the opacity logit.
     pub opacity_logit: f64,
-    /// By a small rotation about each of the splat's own axes, radians.
+    /// Derivative by a small rotation about each of the splat's own axes, radians.
     pub rotation: DVec3,
-    /// By the logarithm of each scale.
+    /// Derivative by the logarithm of each scale.
     pub log_scale: DVec3,
-    /// By the intensity.
+    /// Derivative by the intensity.
     pub intensity: f64,
 }
 
@@ -60,7 +61,7 @@ pub struct Reconstruction {
     pub value: f64,
 }
 
-/// What a sample should be.
+/// Wanted value and occupancy of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// V relative to the background.
@@ -144,7 +145,8 @@ impl From<&gpu::Adjoint> for Adjoint {
 }
 
 impl Splat {
-    /// The splat with parameter `lane` (0..[`LANES`]) larger by `step`. A rotation turns about the splat's own axis.
+    /// Returns the splat with parameter `lane` (0..[`LANES`]) larger by `step`. A rotation turns about the
+    /// splat's own axis.
     pub fn moved(mut self, lane: usize, step: f64) -> Splat {
         match lane {
             0..3 => self.mean[lane] += step,
@@ -159,7 +161,7 @@ impl Splat {
 }
 
 impl Gradient {
-    /// All parameters in the order of [`LANES`].
+    /// Returns all parameters in the order of [`LANES`].
     pub fn lanes(&self) -> [f64; LANES] {
         let ([mx, my, mz], [rx, ry, rz], [sx, sy, sz]) =
             (self.mean.to_array(), self.rotation.to_array(), self.log_scale.to_array());

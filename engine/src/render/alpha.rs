@@ -1,13 +1,14 @@
-//! Alpha: every splat a quad of one colour, that of the field at its centre, blended back to front.
+//! Mode alpha: every splat is a quad of one colour, that of the field at its centre, blended back to front.
 //!
-//! The cheapest mode, and one that any rasterizer can do. Where `slab` classifies what it has added up, this
-//! one adds up what it has classified: see `centres` for what it puts down to each splat. The transfer
-//! function is looked up once for a splat and frame. One order serves all views: back to front along the mean
-//! of the viewing directions. Clip planes take whole splats, by their centres.
+//! It is the cheapest mode, and any rasterizer can do it. Mode slab sums first and classifies the sum; this
+//! mode classifies each splat first and sums the results: see `centres` for the share of the field that it
+//! attributes to each. The transfer function is looked up once for a splat and frame. One order serves all
+//! views: back to front along the mean of the viewing directions. Clip planes remove whole splats, by their
+//! centres.
 //!
-//! Standard splats, which have colours of their own instead of an intensity, are drawn as their inventors do
-//! (Kerbl et al. 2023): opacity α exp(−γ/2) in the plane of the picture, widened by 0.3 pixels², at most
-//! 0.99, ended at 1/255; colour from spherical harmonics. No transfer function and no light acts on them.
+//! Standard splats, which have colours of their own instead of an intensity, are drawn as in Kerbl et al.
+//! 2023: opacity α exp(−γ/2) in the plane of the picture, widened by 0.3 pixels², at most 0.99, ended at
+//! 1/255; colour from spherical harmonics. No transfer function and no light acts on them.
 
 use glam::DVec3;
 use shaders_glsl as glsl;
@@ -27,10 +28,10 @@ use crate::passes::{Quads, Views, Work};
 /// The mode `alpha`.
 pub struct Alpha {
     gpu: Gpu,
-    /// For what the look requires, made when it is first needed.
+    /// Kernels for what the look requires, each created when it is first needed.
     kernels: Variants<QuadVariant>,
     quads: Quads,
-    /// Splats of the frame that the look can show.
+    /// Number of splats that the look can show in the frame.
     count: Buffer<u32>,
     drawing: Drawing,
     params: QuadParams,
@@ -39,7 +40,7 @@ pub struct Alpha {
 }
 
 impl Alpha {
-    /// For a scene with splats.
+    /// Creates the mode for a scene with splats.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         let splats = scene.expect_splats();
         let [low, high] = splats.bounds;
@@ -70,7 +71,7 @@ impl Alpha {
         })
     }
 
-    /// Returns the kernel for the look, made if it is not there yet.
+    /// Returns the index of the kernel for the look; creates the kernel if necessary.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (splats, look, gpu) = (scene.expect_splats(), scene.look_buffers(), &self.gpu);
         let standard = splats.standard().is_some();

@@ -9,18 +9,19 @@ use crate::error::{Error, Kind, Result};
 /// Tangents of the angles from the viewing direction to the edges of the picture; a headset's are asymmetric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fov {
-    /// Of the left edge; negative where it is to the left.
+    /// Tangent to the left edge; negative if the edge is to the left.
     pub left: f64,
-    /// Of the right edge.
+    /// Tangent to the right edge.
     pub right: f64,
-    /// Of the upper edge.
+    /// Tangent to the upper edge.
     pub up: f64,
-    /// Of the lower edge; negative where it is below.
+    /// Tangent to the lower edge; negative if the edge is below.
     pub down: f64,
 }
 
 impl Fov {
-    /// Symmetric, `degrees` from the upper to the lower edge, `aspect` times as wide as high.
+    /// Creates a symmetric field of view, `degrees` from the upper to the lower edge, `aspect` times as wide
+    /// as high.
     pub fn symmetric(degrees: f64, aspect: f64) -> Self {
         let y = (degrees.to_radians() * 0.5).tan();
         Fov { left: -y * aspect, right: y * aspect, up: y, down: -y }
@@ -30,25 +31,26 @@ impl Fov {
 /// One eye in the world, mm RAS.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// Where the eye is, mm RAS.
+    /// Position of the eye, mm RAS.
     pub eye: DVec3,
     /// Unit vector to the right of the picture.
     pub right: DVec3,
     /// Unit vector to the top of the picture, at right angles to `right`.
     pub up: DVec3,
-    /// What the picture covers.
+    /// Field of view of the picture.
     pub fov: Fov,
 }
 
 /// A direction to look from, as anatomy names it: the letters of RAS and LPS or a word.
 struct Side {
     names: [&'static str; 2],
-    /// From the target to the eye, RAS.
+    /// Direction from the target to the eye, RAS.
     towards: DVec3,
     up: DVec3,
 }
 
-/// Feet are down, except where one looks along the body: then the front is up.
+/// Sides of the patient. The picture's up is away from the feet, except in a view along the body: there it is
+/// the front.
 const SIDES: [Side; 6] = [
     Side { names: ["anterior", "A"], towards: DVec3::Y, up: DVec3::Z },
     Side { names: ["posterior", "P"], towards: DVec3::NEG_Y, up: DVec3::Z },
@@ -59,7 +61,7 @@ const SIDES: [Side; 6] = [
 ];
 
 impl Camera {
-    /// At `eye`, looking at `target`, with `up` upwards in the picture.
+    /// Creates a camera at `eye` that looks at `target`, with `up` upwards in the picture.
     pub fn looking(eye: DVec3, target: DVec3, up: DVec3, fov: Fov) -> Result<Self> {
         let bad = |found: &str| {
             Err(Error::new(Kind::Usage, "VGS-CAM-001", format!("a camera {found}")).help(
@@ -80,8 +82,9 @@ impl Camera {
         Ok(Camera { eye, right, up: right.cross(forward), fov })
     }
 
-    /// Looking at a ball from the side called `name` (anterior, A, left, superior …), or from several at once
-    /// (`anterior-left-superior`), from so far that the ball fills the picture.
+    /// Creates a camera that looks at a ball from the side called `name` (anterior, A, left, superior …), or
+    /// from several at once (`anterior-left-superior`), at the distance from which the ball fills the
+    /// picture.
     pub fn from_side(name: &str, centre: DVec3, radius: f64, degrees: f64, aspect: f64) -> Result<Self> {
         let mut towards = DVec3::ZERO;
         let mut up = DVec3::ZERO;
@@ -108,12 +111,12 @@ impl Camera {
         Camera::looking(centre + towards * distance, centre, up, Fov::symmetric(degrees, aspect))
     }
 
-    /// Into the picture.
+    /// Returns the unit vector into the picture.
     pub fn forward(&self) -> DVec3 {
         self.up.cross(self.right)
     }
 
-    /// Turned about `axis` through `centre` by `radians`.
+    /// Returns the camera turned about `axis` through `centre` by `radians`.
     #[must_use]
     pub fn turned(&self, centre: DVec3, axis: DVec3, radians: f64) -> Self {
         let turn = DMat3::from_axis_angle(axis, radians);
@@ -125,12 +128,13 @@ impl Camera {
         }
     }
 
-    /// Returns the two eyes of a viewer whose head is this camera, `distance` mm apart.
+    /// Returns the two eyes, `distance` mm apart, of a viewer whose head is this camera.
     pub fn eyes(&self, distance: f64) -> [Self; 2] {
         [-0.5, 0.5].map(|side| Camera { eye: self.eye + self.right * (side * distance), ..*self })
     }
 
-    /// For kernels, in the space of a scene whose zero is at `origin` in the world.
+    /// Returns the view for kernels, in the space of a scene whose origin is at `origin` in the world, mm
+    /// RAS.
     pub fn view(&self, origin: DVec3) -> View {
         let narrow = |v: DVec3| v.as_vec3().to_array();
         View {
@@ -143,18 +147,18 @@ impl Camera {
     }
 }
 
-/// A camera as people write it down: JSON with `eye_mm`, `target_mm`, `up` and `fov_deg`, all in RAS.
+/// A camera as it is written in a file: JSON with `eye_mm`, `target_mm`, `up` and `fov_deg`, all in RAS.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraFile {
-    /// Where the eye is, mm RAS.
+    /// Position of the eye, mm RAS.
     pub eye_mm: [f64; 3],
-    /// What is in the middle of the picture, mm RAS.
+    /// Point in the middle of the picture, mm RAS.
     pub target_mm: [f64; 3],
-    /// What is up in the picture.
+    /// Direction that is upwards in the picture.
     #[serde(default = "CameraFile::head_up")]
     pub up: [f64; 3],
-    /// From the upper to the lower edge, degrees.
+    /// Angle from the upper to the lower edge, degrees.
     #[serde(default = "CameraFile::usual_fov")]
     pub fov_deg: f64,
 }
@@ -188,7 +192,7 @@ impl CameraFile {
     }
 }
 
-/// Field of view unless the user says otherwise, degrees from the upper to the lower edge.
+/// Default field of view, degrees from the upper to the lower edge.
 pub const FOV_DEGREES: f64 = 30.0;
 
 #[cfg(test)]

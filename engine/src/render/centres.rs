@@ -1,13 +1,13 @@
-//! The field at the centres of the splats, once for a scene: what mode alpha colours and lights a splat by,
-//! and the share of the field's occupancy that it puts down to each.
+//! The field at the centres of the splats, evaluated once for a scene: mode alpha colours and lights a splat
+//! by it. Each splat also gets its share of the field's occupancy.
 //!
-//! Alpha draws Σ s (1 − q/6)^{3/2} in place of O = W / (W + w₀). Why not s κ: O is flat wherever splats lie
-//! close, and falls off only where W nears w₀, far outside; the wider bump follows it better, and its
-//! integral along a ray has no root. The shares s start as a / (W + w₀) at the centre. Then Richardson and
-//! Lucy's iteration scales them until the sum is near O at two points of each splat, its centre and one that
-//! lies aside, where the outermost splats alone must stand for what the field still holds. Measured on a fit
-//! of 100,000 splats, against mode exact (dB, a steep bone and a soft-tissue transfer function): a / (W + w₀)
-//! with κ 23.2 and 22.9, scaled at the centres 23.6 and 24.5, this 24.4 and 27.7.
+//! Alpha draws Σ s (1 − q/6)^{3/2} in place of O = W / (W + w₀). It does not draw s κ for this reason: O is
+//! flat wherever splats lie close, and falls off only where W nears w₀, far outside; the wider bump follows
+//! it better, and its integral along a ray has no root. The shares s start as a / (W + w₀) at the centre.
+//! Then Richardson and Lucy's iteration scales them until the sum is near O at two points of each splat: its
+//! centre, and one beside it, where the outermost splats alone must draw what remains of the field. Measured
+//! on a fit of 100,000 splats, against mode exact (dB, a steep bone and a soft-tissue transfer function): a /
+//! (W + w₀) with κ gives 23.2 and 22.9, scaled at the centres 23.6 and 24.5, this method 24.4 and 27.7.
 
 use glam::{DMat3, DVec3, Mat3, UVec3, Vec3};
 use rayon::prelude::*;
@@ -15,31 +15,32 @@ use shaders_glsl::types::Centre;
 
 use crate::splat::{Activations, Field, Splat};
 
-/// Most cells of the grid that neighbours are found with.
+/// Greatest number of cells of the grid that finds neighbours.
 const MOST_CELLS: f64 = 4e6;
 /// q at the edge of what is drawn for a splat.
 const DRAWN_Q: f32 = 6.0;
-/// How far the second point of a splat is from its centre, in standard deviations.
+/// Distance of a splat's second point from its centre, in standard deviations.
 const ASIDE: f64 = 2.0;
-/// How often shares are scaled: more of it helps soft pictures and harms steep ones, by tenths of a dB.
+/// Number of times that shares are scaled: more of it helps soft pictures and harms steep ones, by tenths of
+/// a dB.
 const ROUNDS: usize = 2;
-/// Half of the intensities that a splat stands for, in what the field's slope changes over a standard
+/// Half the range of intensities that a splat stands for, as a factor of the field's change over one standard
 /// deviation.
 const SPREAD: f64 = 0.9;
 
-/// A splat as sums need it.
+/// A splat in the form that the sums need.
 struct Bump {
     mean: Vec3,
-    /// S⁻¹Rᵀ: distance to whitened distance.
+    /// S⁻¹Rᵀ; takes a distance to the whitened distance.
     whitening: Mat3,
     /// Half size of the box around the support, mm.
     reach: Vec3,
     amplitude: f32,
-    /// Relative to the background.
+    /// Intensity relative to the background.
     intensity: f32,
-    /// The second point.
+    /// Second point of the splat.
     aside: Vec3,
-    /// R S.
+    /// R S, the splat's axes times its standard deviations.
     spans: DMat3,
 }
 
@@ -67,7 +68,7 @@ impl Bump {
     }
 }
 
-/// Returns a direction as good as random that follows from where a splat is, so that the order of splats
+/// Returns a pseudorandom direction that depends only on a splat's position, so that the order of splats
 /// changes nothing.
 fn direction(mean: [f32; 3]) -> DVec3 {
     let mut bits =
@@ -82,7 +83,7 @@ fn direction(mean: [f32; 3]) -> DVec3 {
     DVec3::new(r * cos, r * sin, z)
 }
 
-/// Returns the rows of all splats.
+/// Returns the field at the centre, and the share, of every splat.
 pub(super) fn centres(splats: &[Splat], field: &Field) -> Vec<Centre> {
     if splats.is_empty() {
         return Vec::new();
@@ -99,7 +100,7 @@ pub(super) fn centres(splats: &[Splat], field: &Field) -> Vec<Centre> {
     rows
 }
 
-/// What is found at a point: the one at `at % 2` of splat `at / 2`.
+/// The field at a point: at the one with index `at % 2` of splat `at / 2`.
 struct Point {
     at: u32,
     /// W and Σ w (c − b), and their gradients.
@@ -108,7 +109,7 @@ struct Point {
     weight_slope: DVec3,
     value_slope: DVec3,
     occupancy: f64,
-    /// What is drawn there, by splat and for a share of 1.
+    /// Bumps drawn at the point, as (splat, value for a share of 1).
     drawn: Vec<(u32, f32)>,
 }
 
@@ -139,7 +140,7 @@ struct Cells {
     inside: Lists,
 }
 
-/// Lists behind each other; that of `i` ends at `ends[i]`, where the next one begins.
+/// Lists stored one behind the other; list `i` ends at `ends[i]`, where the next one begins.
 #[derive(Default)]
 struct Lists {
     ends: Vec<u32>,
@@ -147,7 +148,8 @@ struct Lists {
 }
 
 impl Lists {
-    /// Of so many lists, from pairs of a list and a row that `visit` gives twice in the same order.
+    /// Builds `count` lists from pairs of a list and a row; `visit` is called twice and must give the same
+    /// pairs in the same order.
     fn new(count: usize, visit: impl Fn(&mut dyn FnMut(usize, u32))) -> Self {
         let mut ends = vec![0u32; count + 1];
         visit(&mut |list, _| ends[list + 1] += 1);
@@ -155,7 +157,7 @@ impl Lists {
             ends[i] += ends[i - 1];
         }
         let mut rows = vec![0; ends[count] as usize];
-        // Filled from its start on, so that its start becomes its end.
+        // Each list is filled from its start on, so that its start becomes its end.
         visit(&mut |list, row| {
             rows[ends[list] as usize] = row;
             ends[list] += 1;
@@ -178,7 +180,7 @@ impl Cells {
         for bump in bumps {
             (low, high) = (low.min(bump.mean), high.max(bump.mean));
         }
-        // What reaches beyond the box of the centres falls into its outermost cells.
+        // A bump that reaches beyond the box of the centres counts in its outermost cells.
         let extent = high - low;
         let volume = (extent + typical).as_dvec3().element_product();
         let edge = typical.max((volume / MOST_CELLS).cbrt() as f32).max(f32::MIN_POSITIVE);
@@ -217,7 +219,7 @@ impl Cells {
         ((cell.z * self.counts.y + cell.y) * self.counts.x + cell.x) as usize
     }
 
-    /// Returns what is found at the points of a cell.
+    /// Returns the field at the points of a cell.
     fn points(&self, bumps: &[Bump], cell: usize, field: &Field) -> Vec<Point> {
         let inside = self.inside.of(cell);
         if inside.is_empty() {
@@ -265,12 +267,12 @@ impl Cells {
     }
 }
 
-/// Scales the shares until what is drawn is near the occupancy: each by the mean of wanted over drawn at the
-/// points that its splat reaches, weighted with what it draws there.
+/// Scales the shares until the drawn sum is near the occupancy. Each share is multiplied by the mean of
+/// wanted over drawn at the points that its splat reaches, weighted with what it draws there.
 fn scale_shares(rows: &mut [Centre], points: &[Point]) {
     let mut shares: Vec<f64> = rows.iter().map(|r| f64::from(r.share)).collect();
     for _ in 0..ROUNDS {
-        // Where nothing is drawn nothing can be scaled.
+        // Nothing can be scaled where nothing is drawn.
         let missing = |p: &Point| {
             let drawn = p.drawn.iter().map(|&(i, k)| shares[i as usize] * f64::from(k)).sum::<f64>();
             if drawn > 0.0 { p.occupancy / drawn } else { 1.0 }
@@ -297,7 +299,7 @@ mod tests {
     use super::*;
     use crate::splat::kernel::KERNELS;
 
-    /// Splats of different shapes in a box of 20 mm.
+    /// Creates splats of different shapes in a box of 20 mm.
     fn splats(count: u32) -> Vec<Splat> {
         let mut state = 7u32;
         let mut next = |low: f32, high: f32| {
@@ -319,7 +321,7 @@ mod tests {
         (0..count).map(&mut splat).collect()
     }
 
-    /// V, O at a point, over all splats.
+    /// Returns V and O at a point, from all splats.
     fn field_at(splats: &[Splat], field: &Field, x: DVec3) -> (f64, f64) {
         let (mut w, mut s) = (0.0, 0.0);
         for splat in splats {

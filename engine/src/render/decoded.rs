@@ -1,22 +1,22 @@
-//! The decoded field: V and O of the splats evaluated once, on the voxels of the grid that they were fitted
+//! The decoded field: V and O of the splats, evaluated once on the voxels of the grid that they were fitted
 //! on, and kept in bricks of 8³ as far as splats reach.
 //!
-//! A fit aims at the CT's voxels and at what is between them by trilinear interpolation, so samples at the
-//! voxels, interpolated, are what it stands for. A frame then costs what that of the CT costs, however many
-//! splats there are, and a transfer function may change at any time: V and O do not depend on it.
+//! A fit aims at the CT's voxels and at trilinear interpolation between them, so samples at the voxels,
+//! interpolated, reproduce it. A frame then costs as much as one of the CT, however many splats there are,
+//! and a transfer function may change at any time: V and O do not depend on it.
 //!
-//! V is that of the field, in 16-bit fractions of its range: at the voxel for splats that were fitted for
-//! voxels alone, otherwise what comes nearest to the field between them, by [least
-//! squares](super::least_squares). Where no splat reaches that of the neighbours which one does reach, so
-//! that what is interpolated at the rim is not drawn towards the background, and beyond the faces of the grid
-//! that at them. O is Σ w / (Σ w + w₀); of a fit for a binary mask it is 1 above ½ and 0 elsewhere. Beyond
-//! the faces of the grid O is 0, as it is in the CT. A voxel belongs to the object that has most of Σ w
-//! there.
+//! V is the value of the field, in 16-bit fractions of its range. For splats that were fitted for voxels
+//! alone it is taken at the voxel; otherwise it is what comes nearest to the field between the voxels, by
+//! [least squares](super::least_squares). Where no splat reaches, V is the mean of the neighbours that one
+//! does reach, so that interpolation at the rim is not drawn towards the background. Beyond the faces of the
+//! grid V is that at the faces. O is Σ w / (Σ w + w₀); of a fit for a binary mask it is 1 above ½ and 0
+//! elsewhere. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the object that has
+//! most of Σ w there.
 //!
-//! Where a file does not say what its grid was, voxels are cubes as long as
+//! If a file does not say what its grid was, voxels are cubes with an edge of
 //! [`GpuSplats::sigma_mm`](super::GpuSplats::sigma_mm), from the least coordinates of all means on; splats
-//! are fitted to be about as wide as voxels. The pitch doubles until the bricks fit what is set aside for
-//! them, with a warning: a coarser picture is better than none.
+//! are fitted to be about as wide as voxels. The pitch doubles until the bricks fit into the limits below,
+//! with a warning: a coarser picture is better than none.
 
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 use rayon::prelude::*;
@@ -33,18 +33,19 @@ use crate::splat::{Field, Form, Grid, Splat, SplatSet};
 use crate::volume::bricks::{BRICK, NO_SLOT, SAMPLES, brick_morton, brick_voxel};
 use crate::volume::{Bricks, Roi, Volume};
 
-/// Most bricks that are sampled: 67 million voxels, some 400 MB in the atlas.
+/// Greatest number of bricks that are sampled: 67 million voxels, some 400 MB in the atlas.
 const MOST_BRICKS: usize = 1 << 17;
-/// Most bricks of 4³ voxels of the whole box, for the leaps over empty space: what all devices have room for.
+/// Greatest number of bricks of 4³ voxels in the whole box, by which empty space is skipped: all devices have
+/// room for them.
 const MOST_LEAPS: f64 = 4e6;
-/// Texels of a brick in the atlas along each axis: an apron of one voxel behind its own.
+/// Texels of a brick in the atlas along each axis: its own voxels and an apron of one voxel behind them.
 const APRONED: usize = glsl::APRONED as usize;
-/// Bricks of an atlas along an axis, so that a place fits its bits.
+/// Greatest number of bricks of an atlas along an axis, so that a place fits its bits.
 const MOST_ALONG: u32 = (1 << glsl::PLACE_BITS) - 1;
-/// The finest and the coarsest pitch that one may ask for, voxels.
+/// The finest and the coarsest pitch that may be asked for, voxels.
 const PITCHES: [f64; 2] = [0.25, 16.0];
 
-/// What is decoded, mm in the space of a scene.
+/// Input of the decoding: splats with their field and grid, mm in the space of a scene.
 pub(super) struct Source {
     pub(super) splats: Vec<Splat>,
     /// The number of each splat's object.
@@ -53,44 +54,44 @@ pub(super) struct Source {
     /// The grid in the space of the scene.
     pub(super) grid: Option<Grid>,
     pub(super) form: Form,
-    /// The edge of voxels where there is no grid.
+    /// Edge of the voxels if there is no grid.
     pub(super) sigma_mm: f64,
 }
 
-/// A field on voxels, as far as splats reach.
+/// A field on voxels, stored as far as splats reach.
 #[derive(Clone, Debug)]
 pub struct Decoded {
-    /// Voxels of the box around all that is there, with a border of one in which nothing is.
+    /// Voxels of the box around everything, with an empty border of one voxel.
     pub size: [u32; 3],
-    /// From voxels of that box to mm in the space of the scene.
+    /// Affine from voxels of the box to mm in the space of the scene.
     pub scene_from_voxel: DAffine3,
     pub(super) scale: Scale,
-    /// What voxels hold that no splat reaches: V and O as fractions.
+    /// V and O, as fractions, of voxels that no splat reaches.
     empty: [u16; 2],
-    /// Bricks along x, y, z; brick b has the voxels 8 b − 1 to 8 b + 6 of the box.
+    /// Bricks along x, y, z; brick b holds the voxels 8 b − 1 to 8 b + 6 of the box.
     bricks: UVec3,
     /// Slot of each brick, x fastest.
     slots: Vec<u32>,
     /// V and O as fractions, [slot][Morton place].
     samples: Vec<[u16; 2]>,
-    /// The objects that voxels belong to, likewise; nothing where all belong to `label`.
+    /// Objects that the voxels belong to, [slot][Morton place]; `None` if all belong to `label`.
     labels: Option<Vec<u8>>,
     pub(super) label: u8,
 }
 
-/// An image of bricks, each with its apron.
+/// A volume image of bricks, each with its apron.
 pub(super) struct Atlas {
     pub(super) size: [u32; 3],
-    /// For each brick of the grid its place among those of the atlas, ten bits an axis.
+    /// Place of each brick of the grid among those of the atlas, ten bits an axis.
     pub(super) places: Vec<u32>,
     pub(super) texels: Vec<[u16; 2]>,
     pub(super) labels: Option<Vec<u8>>,
 }
 
-/// Decodes a set, in its own space (mm less its origin), to voxels `pitch` of its grid's apart.
+/// Decodes a set, in its own space (mm less its origin), to voxels `pitch` voxels of its grid apart.
 ///
 /// # Errors
-/// A pitch below ¼ or above 16.
+/// If the pitch is below ¼ or above 16.
 pub fn decode(gpu: &Gpu, set: &SplatSet, pitch: f64) -> Result<Decoded> {
     let here = DAffine3::from_translation(-set.origin_mm);
     Source {
@@ -104,7 +105,7 @@ pub fn decode(gpu: &Gpu, set: &SplatSet, pitch: f64) -> Result<Decoded> {
     .decode(gpu, pitch)
 }
 
-/// Fails where splats cannot be decoded to such voxels.
+/// Fails if splats cannot be decoded to voxels of this pitch.
 pub(super) fn check(pitch: f64) -> Result<()> {
     let [finest, coarsest] = PITCHES;
     if (finest..=coarsest).contains(&pitch) {
@@ -114,16 +115,16 @@ pub(super) fn check(pitch: f64) -> Result<()> {
         .help(format!("choose one from {finest} to {coarsest}; 1 is the grid of the CT itself")))
 }
 
-/// The voxels that splats reach, and which bricks those lie in.
+/// The voxels that splats reach, and the bricks in which they lie.
 struct Extent {
     scene_from_lattice: DAffine3,
-    /// First and last voxel of the grid; without one there are no faces.
+    /// First and last voxel of the grid; without a grid there are no faces.
     faces: [IVec3; 2],
     /// First and last voxel of the box, with its border.
     low: IVec3,
     high: IVec3,
     bricks: UVec3,
-    /// Whether a splat reaches a voxel of a brick, or one beside it.
+    /// True if a splat reaches a voxel of the brick, or one beside it.
     reached: Vec<bool>,
 }
 
@@ -148,7 +149,7 @@ impl Source {
         if bricks.is_empty() {
             return Ok(decoded);
         }
-        // V, O and Σ w; of V and O what is kept.
+        // Each sample has V, O and Σ w; V and O are kept.
         let mut sampler = Sampler::new(gpu, &splats, &self.field, &bricks)?;
         let found = sampler.sample([0.0; 3])?;
         let binary = self.form == Form::Grid { binary: true };
@@ -173,10 +174,10 @@ impl Source {
             let neighbours = Neighbours::new(bricks.grid, &bricks.slots, &bricks.coordinates);
             let (low, high) = range_of(&values);
             values = least_squares(&neighbours, &values, &points);
-            // Beyond what the voxels held there is nothing to be right about.
+            // Values are clamped to the range that the voxels held before.
             values.par_iter_mut().for_each(|v| *v = v.clamp(low, high));
         }
-        // Beyond the faces of the grid stands what is at them, as of a CT.
+        // Beyond the faces of the grid V is that at the faces, as in a CT.
         let held: Vec<f32> = (0..values.len())
             .into_par_iter()
             .map(|i| {
@@ -210,7 +211,7 @@ impl Source {
         Ok(decoded)
     }
 
-    /// Returns the voxels that are reached, at the pitch or at the first coarser one at which they are few
+    /// Returns the voxels that splats reach, at the pitch or at the first coarser one at which they are few
     /// enough, and the splats in the space of the lattice.
     fn extent(&self, mut pitch: f64) -> (Extent, Vec<Splat>) {
         let set = SplatSet { splats: self.splats.clone(), ..SplatSet::default() };
@@ -230,7 +231,7 @@ impl Source {
         }
     }
 
-    /// Returns the grid of the file, or cubes where it has none.
+    /// Returns the grid of the file, or a grid of cubes if it has none.
     fn lattice(&self) -> Grid {
         self.grid.unwrap_or_else(|| {
             let means = self.splats.iter().map(|s| Vec3::from_array(s.mean)).filter(|m| m.is_finite());
@@ -242,7 +243,7 @@ impl Source {
         })
     }
 
-    /// The object that has most of Σ w at each sample; nothing where there is only one.
+    /// Returns the object that has most of Σ w at each sample; `None` if there is only one.
     fn labels(
         &self,
         gpu: &Gpu,
@@ -284,14 +285,14 @@ impl Source {
     }
 }
 
-/// Places of points between voxels, of which each axis has one in every quarter.
+/// Offsets of points between voxels; along each axis there is one in every quarter.
 const BETWEEN: [[f32; 3]; 4] =
     [[0.125, 0.375, 0.625], [0.375, 0.875, 0.125], [0.625, 0.125, 0.875], [0.875, 0.625, 0.375]];
-/// What a point weighs besides its occupancy: where this is faint V is held by it alone.
+/// Weight of a point besides its occupancy: it alone holds V where the occupancy is faint.
 const LEAST_WEIGHT: f32 = 1e-3;
 
-/// The field at points between the voxels. Those that a voxel beyond the faces has a part in weigh nothing,
-/// nor do those that no splat reaches.
+/// Evaluates the field at points between the voxels. A point has no weight if a voxel beyond the faces takes
+/// part in it or if no splat reaches it.
 fn between(
     sampler: &mut Sampler,
     bricks: &Bricks,
@@ -316,13 +317,13 @@ fn range_of(values: &[f32]) -> (f32, f32) {
     values.par_iter().fold(none, |range, &v| joined(range, (v, v))).reduce(none, joined)
 }
 
-/// First and last voxel that each splat reaches and those beside them, as far as the grid goes with a border;
-/// none of a splat that reaches no voxel of the grid.
+/// Returns the first and last voxel of a box around the voxels that each splat reaches and those beside them,
+/// within the grid and a border of one voxel. Splats that reach no voxel of the grid are left out.
 fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<(IVec3, IVec3)> {
     let reaches = reaches(splats, field.kernel.support_q());
     let boxes = splats.par_iter().zip(reaches).filter_map(|(splat, reach)| {
         let mean = Vec3::from_array(splat.mean);
-        // Clamped as floats, so that what is huge does not overflow.
+        // Positions are clamped as floats, so that huge ones do not overflow.
         let far = Vec3::splat(1e9);
         let low = (mean - reach).clamp(-far, far).floor().as_ivec3() - 1;
         let high = (mean + reach).clamp(-far, far).ceil().as_ivec3() + 1;
@@ -333,13 +334,13 @@ fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<(IVec3, IVec
 }
 
 impl Extent {
-    /// Nothing where there would be too many bricks.
+    /// Creates the extent around some boxes; returns `None` if there would be too many bricks.
     fn around(boxes: &[(IVec3, IVec3)], scene_from_lattice: DAffine3, faces: [IVec3; 2]) -> Option<Self> {
         let (low, high) = boxes
             .iter()
             .fold((IVec3::MAX, IVec3::MIN), |(low, high), (from, to)| (low.min(*from), high.max(*to)));
         let (low, high) = if boxes.is_empty() { (IVec3::ZERO, IVec3::splat(2)) } else { (low, high) };
-        // In f64, because a box may be as wide as an integer goes.
+        // The size is computed in f64, because a box may be as wide as the range of an integer.
         let size = high.as_dvec3() - low.as_dvec3() + 1.0;
         if ((size + 4.0) / 4.0).element_product() > MOST_LEAPS {
             return None;
@@ -369,7 +370,7 @@ impl Extent {
         }
     }
 
-    /// Returns the sample grid of some bricks.
+    /// Returns the sample grid of the bricks for which `wanted` returns true.
     fn sampled(&self, wanted: impl Fn(usize) -> bool) -> Bricks {
         let count = self.bricks.element_product();
         let mut slots = vec![NO_SLOT; count as usize];
@@ -383,18 +384,18 @@ impl Extent {
         Bricks { origin: self.low - 1, grid: self.bricks, slots, coordinates, active }
     }
 
-    /// Voxel of the box at a place of a brick.
+    /// Returns the voxel of the box at a Morton place of a brick.
     fn bricks_voxel(&self, brick: UVec3, morton: usize) -> IVec3 {
         (brick * BRICK as u32 + brick_voxel(morton)).as_ivec3() - 1
     }
 }
 
-/// Returns the place of a brick among `bricks`, x fastest.
+/// Returns the index of a brick among `bricks`, x fastest.
 fn place_of(bricks: UVec3, brick: UVec3) -> usize {
     ((brick.z * bricks.y + brick.y) * bricks.x + brick.x) as usize
 }
 
-/// Index of the sample of a voxel of the box, where its brick is sampled.
+/// Returns the index of the sample of a voxel of the box; `None` if its brick is not sampled.
 fn bricks_sample(bricks: UVec3, slots: &[u32], voxel: IVec3) -> Option<usize> {
     let from_first = voxel + 1;
     if from_first.cmplt(IVec3::ZERO).any() {
@@ -409,7 +410,7 @@ fn bricks_sample(bricks: UVec3, slots: &[u32], voxel: IVec3) -> Option<usize> {
     (slot != NO_SLOT).then(|| slot as usize * SAMPLES + brick_morton(from_first % BRICK as u32))
 }
 
-/// Returns the mean of what there is at the 26 voxels around one.
+/// Returns the mean of the values that exist at the 26 voxels around one; `None` if there are none.
 fn beside(voxel: IVec3, at: &dyn Fn(IVec3) -> Option<f32>) -> Option<f32> {
     let (mut sum, mut count) = (0.0f64, 0);
     for z in -1..=1 {
@@ -426,7 +427,7 @@ fn beside(voxel: IVec3, at: &dyn Fn(IVec3) -> Option<f32>) -> Option<f32> {
 }
 
 impl Decoded {
-    /// V and O as fractions at a voxel of the box; beyond its faces as at them.
+    /// Returns V and O as fractions at a voxel of the box; beyond its faces those at the faces.
     fn at(&self, voxel: IVec3) -> [u16; 2] {
         self.sample(voxel).map_or(self.empty, |i| self.samples[i])
     }
@@ -436,14 +437,14 @@ impl Decoded {
         bricks_sample(self.bricks, &self.slots, voxel.clamp(IVec3::ZERO, last))
     }
 
-    /// V and O at a voxel of the box.
+    /// Returns V and O at a voxel of the box.
     pub fn value(&self, voxel: [u32; 3]) -> (f64, f64) {
         let [v, o] = self.at(UVec3::from_array(voxel).as_ivec3());
         (self.scale.value(v), f64::from(o) / f64::from(u16::MAX))
     }
 
-    /// V and O at a place of the box, voxels, interpolated as a picture has them; beyond the box as at its
-    /// faces, where nothing is.
+    /// Returns V and O at a place of the box, voxels, interpolated as in a picture; beyond the box those at
+    /// its faces, where it is empty.
     pub fn trilinear(&self, at: DVec3) -> (f64, f64) {
         let at = at.clamp(DVec3::ZERO, UVec3::from_array(self.size).as_dvec3() - 1.0);
         let low = at.floor();
@@ -459,15 +460,16 @@ impl Decoded {
         (v, o)
     }
 
-    /// Returns V and O at places given in voxels of `volume`, for an origin of the scene in the world, mm RAS.
+    /// Returns a function that gives V and O at places in voxels of `volume`. `origin` is the scene's origin
+    /// in the world, mm RAS.
     pub fn in_voxels_of(&self, volume: &Volume, origin: DVec3) -> impl Fn(DVec3) -> (f64, f64) + Sync + '_ {
         let world_from_box = DAffine3::from_translation(origin) * self.scene_from_voxel;
         let box_from_voxel = world_from_box.inverse() * volume.world_from_voxel;
         move |voxel| self.trilinear(box_from_voxel.transform_point3(voxel))
     }
 
-    /// Returns all of the box as a volume and a region, for an origin of the scene in the world, mm RAS: what
-    /// mode volume shows of them is what mode decoded shows of this. Takes four bytes a voxel and as many for
+    /// Returns the whole box as a volume and a region; `origin` is the scene's origin in the world, mm RAS.
+    /// Mode volume shows of them what mode decoded shows of this. Takes four bytes a voxel and as many for
     /// the region.
     pub fn volume(&self, origin: DVec3) -> Result<(Volume, Roi)> {
         let size = self.size.map(|n| n as usize);
@@ -484,12 +486,14 @@ impl Decoded {
         Ok((volume, roi))
     }
 
-    /// Bricks with a sample; the atlas has those that hold anything, and their neighbours before them.
+    /// Returns the number of bricks with samples. The atlas has those that hold anything, and their
+    /// neighbours before them.
     pub fn brick_count(&self) -> usize {
         self.samples.len() / SAMPLES
     }
 
-    /// Voxels from the first one of a brick on, x fastest, with its apron: what the atlas has of it.
+    /// Returns the voxels of a brick with its apron, as the atlas has them: from its first voxel on, x
+    /// fastest.
     fn aproned(&self, brick: UVec3) -> impl Iterator<Item = IVec3> {
         let first = (brick * BRICK as u32).as_ivec3() - 1;
         (0..APRONED * APRONED * APRONED).map(move |i| {
@@ -498,13 +502,12 @@ impl Decoded {
         })
     }
 
-    /// Returns the atlas of an image of at most `edge` texels along an axis. Its first brick is one that
-    /// holds nothing.
+    /// Returns the atlas for an image of at most `edge` texels along an axis. Its first brick is empty.
     pub(super) fn atlas(&self, edge: u32) -> Result<Atlas> {
         let count = self.bricks.element_product();
         let n = self.bricks;
         let brick_of = |i: u32| UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y));
-        // What is in a brick comes from its own samples or from those of the bricks behind it.
+        // The texels of a brick come from its own samples or from those of the bricks behind it.
         let sampled = |brick: UVec3| {
             (0..8).any(|corner| {
                 let other = brick + UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2);
@@ -556,8 +559,8 @@ impl Decoded {
         Ok(Atlas { size, places, texels, labels })
     }
 
-    /// Intervals of intensity of the bricks by which empty space is leapt over: of all that is looked up for
-    /// places in them and up to a voxel away, as those of a volume.
+    /// Returns the intervals of intensity of the bricks by which empty space is skipped. An interval covers
+    /// all voxels that are read for places in the brick and up to a voxel away, as for a volume.
     pub(super) fn intervals(&self, grid: &BrickGrid) -> Vec<[f32; 2]> {
         let n = UVec3::from_array(grid.bricks);
         let last = UVec3::from_array(self.size).as_ivec3() - 1;
@@ -593,7 +596,8 @@ impl Decoded {
     }
 }
 
-/// Bricks along the axes of an atlas of so many, as nearly a cube as may be.
+/// Returns the bricks along the axes of an atlas of `count` bricks, as nearly a cube as possible and at most
+/// `most` along each axis.
 fn atlas_bricks(count: u32, most: u32) -> Result<[u32; 3]> {
     let edge = f64::from(count).cbrt().ceil() as u32;
     let x = edge.clamp(1, most);

@@ -1,13 +1,13 @@
-//! How large splats are and how far they reach.
+//! How large splats are, how far they reach, and which intensities occur where they reach.
 
 use glam::{DVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::splat::{Activations, Splat};
 
-/// Most cells of the grid that intervals are found with.
+/// Greatest number of cells of the grid that finds intervals.
 const MOST_CELLS: f64 = 4e6;
-/// One of so many splats, at either end of an axis, may lie far from all others.
+/// One in so many splats, at either end of an axis, may lie far from all others.
 const FAR_SHARE: usize = 200;
 
 /// Returns the standard deviation of the middle splat along its shortest axis; 1 without splats.
@@ -21,7 +21,7 @@ pub(super) fn middle_sigma(splats: &[Splat]) -> f64 {
     }
 }
 
-/// Returns the half sizes of the boxes around the supports, in the unit of the splats.
+/// Returns the half size of the box around each splat's support, in the unit of the splats.
 pub(super) fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
     splats
         .par_iter()
@@ -74,18 +74,19 @@ pub(super) fn intervals(splats: &[Splat], reach: &[Vec3]) -> Vec<[f32; 2]> {
         .collect()
 }
 
-/// A regular grid of cells over most of the splats. What lies or reaches beyond it counts to its outermost cells.
+/// A regular grid of cells over most of the splats. Splats that lie or reach beyond it count in its outermost
+/// cells.
 struct CellGrid {
-    /// Where the first cell begins, in the unit of the splats.
+    /// Corner at which the first cell begins, in the unit of the splats.
     low: DVec3,
     /// Edge of a cell.
     edge: f64,
-    /// Cells along each axis; [`MOST_CELLS`] in all at the most.
+    /// Number of cells along each axis; at most [`MOST_CELLS`] in all.
     cells: UVec3,
 }
 
 impl CellGrid {
-    /// Returns a grid of cells as large as a typical splat reaches, or larger where there would be too many.
+    /// Creates a grid of cells as large as a typical splat reaches, or larger if there would be too many.
     fn around(splats: &[Splat], typical: f64) -> Self {
         let (mut low, mut extent) = (DVec3::ZERO, DVec3::ZERO);
         for axis in 0..3 {
@@ -116,7 +117,7 @@ mod tests {
         Splat { mean, intensity, rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() }
     }
 
-    /// A block of splats, one apart, with intensities that grow along x.
+    /// Creates a block of splats, one apart, with intensities that grow along x.
     fn block() -> Vec<Splat> {
         (0..4096).map(|i| [i % 16, i / 16 % 16, i / 256].map(|v| v as f32)).map(|m| splat(m, m[0])).collect()
     }

@@ -1,8 +1,8 @@
-//! Frame after frame without waiting for the device, each on a level of quality.
+//! Frames rendered without waiting for the device, each at a quality level.
 //!
 //! Recording comes first and the views last: [`Frames::submit`] writes them where the kernels will read them,
-//! just before the device gets to see the frame. Nothing is allocated, made or waited for, unless a frame
-//! needs more room than all before it: then it lacks some splats, and the next one has the room.
+//! just before the device gets the frame. Nothing is allocated, created or waited for, unless a frame needs
+//! more room than all before it: then it lacks some splats, and the next one has the room.
 
 use shaders_glsl::types::View;
 
@@ -18,55 +18,56 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Recorder, Ticket};
 use crate::passes::Views;
 
-/// Frames that may be in flight at once: one on the device, one recorded behind it, one of which the news is
-/// under way.
+/// Frames that may be in flight at once: one on the device, one recorded behind it, and one that has finished
+/// but not yet been reported.
 pub const IN_FLIGHT: usize = 3;
 
 /// Renders frames of a scene.
 pub struct Frames {
     gpu: Gpu,
     levels: Vec<QualityLevel>,
-    /// The mode of each level, by its place in `modes`.
+    /// Index in `modes` of the mode of each level.
     mode_of: Vec<usize>,
     modes: Vec<Box<dyn Mode>>,
-    /// Written in turn; each may be written again when the frame that reads it has finished.
+    /// Views, written in turn; each may be written again when the frame that reads it has finished.
     views: Vec<Views>,
-    /// The hidden areas of the pictures; empty where the settings do not ask for masks.
+    /// Visibility masks of the pictures; empty if the settings do not ask for masks.
     masks: Vec<VisibilityMask>,
     readers: Vec<Option<Ticket>>,
     next: usize,
     /// Frames that have not been reported as finished, with their levels.
     flying: Vec<(Ticket, usize)>,
-    /// Pictures of the frame that was recorded last, in the upper left corner as large as its level says.
+    /// Pictures of the frame that was recorded last; they fill the upper left corner as far as its level
+    /// says.
     pub target: Target,
 }
 
 /// A frame being recorded.
 pub struct Frame {
-    /// Where what shows the picture is recorded.
+    /// Recorder of the frame; passes that show the picture are recorded here.
     pub recorder: Recorder,
-    /// The level that it is rendered on.
+    /// Quality level of the frame.
     pub level: usize,
-    /// Width and height of its pictures, pixels.
+    /// Width and height of the pictures, pixels.
     pub size: [u32; 2],
-    /// Which of [`IN_FLIGHT`] turns it takes: what the host has written for the last frame of this turn is no
-    /// longer read.
+    /// Index of the frame's turn, below [`IN_FLIGHT`]. What the host wrote for the last frame of this turn is
+    /// no longer read.
     pub slot: usize,
 }
 
 /// A frame that the device has finished.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Finished {
-    /// Its submission.
+    /// Ticket of its submission.
     pub ticket: Ticket,
-    /// The level that it was rendered on.
+    /// Quality level of the frame.
     pub level: usize,
     /// Device time from its first pass to the end of its last one, ms.
     pub gpu_ms: f64,
 }
 
 impl Frames {
-    /// For a scene, with the modes of all levels made.
+    /// Creates the frames of a scene, with the modes of all levels.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings, levels: &[QualityLevel]) -> Result<Self> {
         let mut names: Vec<&str> = levels.iter().map(|r| r.mode).collect();
         names.dedup();
@@ -87,25 +88,25 @@ impl Frames {
         })
     }
 
-    /// Returns the views of a frame of this turn, as kernels and drawings will read them.
+    /// Returns the views of a frame of turn `slot`, as kernels and drawings will read them.
     pub fn views(&self, slot: usize) -> &Buffer<View> {
         &self.views[slot].rows
     }
 
-    /// Sets the hidden areas of the pictures, from the next submission on.
+    /// Sets the visibility masks of the pictures, from the next submission on.
     ///
     /// # Panics
-    /// If the settings did not ask for it, or had another number of views.
+    /// If the settings did not ask for masks, or had another number of views.
     pub fn set_visibility_masks(&mut self, masks: &[VisibilityMask]) {
         self.masks.clone_from_slice(masks);
     }
 
-    /// Returns the levels.
+    /// Returns the quality levels.
     pub fn levels(&self) -> &[QualityLevel] {
         &self.levels
     }
 
-    /// Renders the scene once on every level as `cameras` see it, and waits: afterwards all kernels are made,
+    /// Renders the scene once on every level as `cameras` see it, and waits. Afterwards all kernels exist,
     /// and all buffers hold what such frames need, with a margin.
     pub fn warm_up(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<()> {
         for level in 0..self.levels.len() {
@@ -138,7 +139,7 @@ impl Frames {
         Ok(Frame { recorder, level, size: quality.size(self.target.size()), slot })
     }
 
-    /// Says where the eyes are and hands the frame to the device.
+    /// Writes the views of the eyes and submits the frame to the device.
     ///
     /// # Panics
     /// If there are not as many cameras as the settings had views.
@@ -151,7 +152,8 @@ impl Frames {
         Ok(ticket)
     }
 
-    /// Frames that have finished since the last call of this. Makes room where one of them lacked it.
+    /// Returns the frames that have finished since the last call of this. Grows buffers that were too small
+    /// for one of them.
     pub fn finished(&mut self) -> Result<Vec<Finished>> {
         let mut out = Vec::new();
         for (ticket, gpu_ms) in self.gpu.take_finished()? {

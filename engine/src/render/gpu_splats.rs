@@ -1,9 +1,9 @@
-//! The splats of a scene on the device, and which of them a transfer function can show.
+//! The splats of a scene on the device, and the list of those that a transfer function can show.
 //!
-//! A splat whose own intensity is transparent still holds down the field beside it, so it may only be left
-//! out where nothing that it reaches is visible. Within its support the field is a weighted mean of the
-//! intensities of the splats that reach there, too; [`intervals`] bounds these, once for a scene. A transfer
-//! function then drops exactly the splats whose interval it shows nothing of.
+//! A splat whose own intensity is transparent still changes the field beside it, so it may only be left out
+//! if nothing that it reaches is visible. Within its support the field is a weighted mean of the intensities
+//! of the splats that reach there, too; [`intervals`] bounds these, once for a scene. A transfer function
+//! then drops exactly the splats of whose interval it shows nothing.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -22,66 +22,65 @@ use crate::passes::{Activity, Ranking, SplatRows};
 use crate::splat::harmonics::basis_count;
 use crate::splat::{Field, Form, Grid, Harmonics, Object, Packed, SplatSet, by_importance};
 
-/// How splats are kept on the device.
+/// Precision of the splats on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
-    /// As they were fitted, 48 bytes each.
+    /// Splats as they were fitted, 48 bytes each.
     #[default]
     Full,
-    /// 16 bytes each; see [`Packed`].
+    /// Splats of 16 bytes each; see [`Packed`].
     Packed,
 }
 
-/// What is particular to standard splats, those of ordinary 3D Gaussian splatting: they have colours instead
-/// of an intensity.
+/// Properties of standard splats, those of ordinary 3D Gaussian splatting: they have colours instead of an
+/// intensity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Standard {
-    /// Spherical harmonics of each colour.
+    /// Number of spherical harmonics of each colour.
     pub(super) coefficients: u32,
 }
 
-/// A pitch, voxels, and the field at that.
+/// A pitch, voxels, and the field decoded at it.
 type Decoded = (f64, Arc<GpuVolume>);
 
 /// The splats of a scene.
 pub struct GpuSplats {
     rows: SplatRows,
-    /// How they add up.
+    /// Field that the splats add up to.
     pub field: Field,
     /// Number of splats.
     pub count: usize,
-    /// Standard deviation of the middle splat along its shortest axis, mm: what steps along a ray are
-    /// measured in.
+    /// Standard deviation of the middle splat along its shortest axis, mm: the unit of steps along a ray.
     pub sigma_mm: f64,
     /// Least and greatest intensity.
     pub range: [f64; 2],
     /// Corners of the box around all supports, mm in the space of the scene.
     pub bounds: [DVec3; 2],
-    /// Its objects, by ascending number.
+    /// Objects of the splats, by ascending number.
     pub objects: Vec<Object>,
     intervals: Buffer<[f32; 2]>,
-    /// The number of each splat's object.
+    /// Number of each splat's object.
     object_numbers: Buffer<u32>,
     activity: Activity,
-    /// Most splats that a look lists, and their order of importance.
+    /// Greatest number of splats that a look lists.
     budget: Option<usize>,
     ranking: Option<Ranking>,
-    /// Only mode alpha needs them.
+    /// Field at the centres; only mode alpha needs it.
     centres: Arc<OnceLock<Buffer<Centre>>>,
     /// The grid that the splats were fitted on, in the space of the scene.
     grid: Option<Grid>,
     form: Form,
-    /// What mode decoded shows: the pitch, and the field at that.
+    /// Field that mode decoded shows, with its pitch.
     decoded: Arc<Mutex<Option<Decoded>>>,
-    /// Coefficients of spherical harmonics, two halves a word; of standard splats only.
+    /// Coefficients of spherical harmonics, two halves a word; for standard splats only.
     harmonics: Buffer<u32>,
     standard: Option<Standard>,
 }
 
 impl GpuSplats {
     pub(super) fn new(gpu: &Gpu, set: &SplatSet, precision: Precision) -> Result<Self> {
-        // Packed splats lie in an order of their own, and all that is computed here is of what is shown.
-        // Colours would have to follow: standard splats stay as they are.
+        // Packed splats lie in an order of their own, and everything here is computed from what is shown.
+        // Colours would have to follow that order: standard splats are not packed.
         let packed = (precision == Precision::Packed && set.colours.is_none())
             .then(|| Packed::new(&set.splats, set.labels.as_deref()));
         let unpacked = packed.as_ref().map(Packed::unpack_all);
@@ -108,8 +107,8 @@ impl GpuSplats {
             Some(packed) => SplatRows::packed(gpu, packed)?,
             None => SplatRows::full(gpu, splats)?,
         };
-        // No transfer function acts on colours: `mark_active` takes an interval that ends before it begins
-        // for that.
+        // No transfer function acts on colours: `mark_active` recognises them by an interval that ends before
+        // it begins.
         let intervals = match set.colours {
             Some(_) => vec![[1.0, 0.0]; count],
             None => intervals(splats, &reach),
@@ -143,7 +142,7 @@ impl GpuSplats {
         })
     }
 
-    /// Lists what a look can show. To be recorded when the look has changed.
+    /// Records the pass that lists the splats a look can show. It must be recorded when the look has changed.
     pub(super) fn record_activity(&mut self, recorder: &mut Recorder, look: &LookBuffers) {
         let sources = ActivitySources {
             look: &look.rows,
@@ -155,8 +154,8 @@ impl GpuSplats {
         self.activity.record(recorder, &sources, self.ranking.as_mut().zip(self.budget));
     }
 
-    /// Lists at most so many splats from now on, the most important of those that a look can show. The first
-    /// budget makes the order of importance, and waits for the device.
+    /// Sets the greatest number of splats that are listed from now on: the most important of those that a
+    /// look can show. The first budget computes the order of importance, and waits for the device.
     pub(super) fn set_budget(&mut self, gpu: &Gpu, budget: Option<usize>) -> Result<()> {
         self.budget = budget.filter(|&most| most < self.count);
         if self.budget.is_some() && self.ranking.is_none() {
@@ -166,7 +165,7 @@ impl GpuSplats {
         Ok(())
     }
 
-    /// Takes it that every splat can show every intensity.
+    /// Treats every splat from now on as if it could show every intensity.
     pub(super) fn list_all(&mut self, gpu: &Gpu) -> Result<()> {
         // Standard splats are listed whatever the look.
         if self.standard.is_none() {
@@ -176,13 +175,14 @@ impl GpuSplats {
         Ok(())
     }
 
-    /// Returns the rows in mm in the space of the scene.
+    /// Returns the splats on the device, mm in the space of the scene.
     pub(super) fn rows(&self) -> &SplatRows {
         &self.rows
     }
 
-    /// Returns what the splats show: the field at their centres, or their spherical harmonics where they are
-    /// standard splats; the other of the two is of no use. The first call makes it, and waits for the device.
+    /// Returns the field at the splats' centres and their spherical harmonics. Standard splats use only the
+    /// harmonics, others only the field; the other buffer is a placeholder. The first call computes the
+    /// field, and waits for the device.
     pub(super) fn faces(&self, gpu: &Gpu) -> Result<(&Buffer<Centre>, &Buffer<u32>)> {
         let made = match self.centres.get() {
             Some(made) => made,
@@ -199,8 +199,8 @@ impl GpuSplats {
         self.centres.get().is_some()
     }
 
-    /// Returns what lets mode alpha begin at once when it has been called, from whatever thread: for 100,000
-    /// splats it takes about a second of the host. Waits for the device.
+    /// Returns a function that prepares mode alpha, so that it can begin at once; it may be called on any
+    /// thread. For 100,000 splats it takes about a second of the host. Waits for the device.
     pub fn preparation(&self, gpu: &Gpu) -> Result<impl FnOnce() -> Result<()> + Send + use<>> {
         let (place, make) = (Arc::clone(&self.centres), self.faces_maker(gpu)?);
         Ok(move || {
@@ -224,8 +224,8 @@ impl GpuSplats {
         })
     }
 
-    /// Returns the field on voxels so far apart, decoded now if it was not before; of several pitches the
-    /// last one is kept.
+    /// Returns the field decoded at `pitch`, voxels; decodes it now if necessary. Only the field of the last
+    /// pitch is kept.
     pub(super) fn decoded(&self, gpu: &Gpu, pitch: f64) -> Result<Arc<GpuVolume>> {
         if !self.has_decoded(pitch) {
             self.decoding(gpu, pitch)?()?;
@@ -243,11 +243,11 @@ impl GpuSplats {
         place.as_ref().is_some_and(|(made_for, _)| *made_for == pitch)
     }
 
-    /// Returns what lets mode decoded begin at once when it has been called, from whatever thread. Waits for
-    /// the device.
+    /// Returns a function that prepares mode decoded at `pitch`, voxels, so that it can begin at once; it may
+    /// be called on any thread. Waits for the device.
     ///
     /// # Errors
-    /// A pitch that is none.
+    /// If the pitch is out of range.
     pub fn decoding(&self, gpu: &Gpu, pitch: f64) -> Result<impl FnOnce() -> Result<()> + Send + use<>> {
         decoded::check(pitch)?;
         let source = decoded::Source {
@@ -273,34 +273,34 @@ impl GpuSplats {
         })
     }
 
-    /// Whether these are standard splats, and of which kind.
+    /// Returns the properties of standard splats; `None` for other splats.
     pub(super) fn standard(&self) -> Option<Standard> {
         self.standard
     }
 
-    /// Returns the indices of the splats that the look can show, in their order.
+    /// Returns the indices of the splats that the look can show, in ascending order.
     pub(super) fn active(&self) -> &Buffer<u32> {
         &self.activity.active
     }
 
-    /// Records the count of the splats that the look can show.
+    /// Records a copy of the number of splats that the look can show into `count`.
     pub(super) fn count_active(&self, recorder: &mut Recorder, count: &mut Buffer<u32>) {
         recorder.copy(&self.activity.places, self.count, count, 0, 1);
     }
 
-    /// Returns the objects that these splats belong to.
+    /// Returns the objects that the splats of [`Self::active`] belong to.
     pub(super) fn active_objects(&self) -> &Buffer<u32> {
         &self.activity.active_objects
     }
 
-    /// Returns how many splats are rendered: those that the look can show, as far as the budget goes. Waits
-    /// for the device.
+    /// Returns the number of splats that are rendered: those that the look can show, as far as the budget
+    /// goes. Waits for the device.
     pub fn active_count(&self) -> Result<usize> {
         Ok(self.activity.count.read()?[0] as usize)
     }
 }
 
-/// Coefficients as halves, two in a word.
+/// Returns coefficients as halves, two in a word.
 fn halves(colours: &Harmonics) -> Vec<u32> {
     let half = |v: &f32| u32::from(half::f16::from_f32(*v).to_bits());
     colours.coefficients.chunks(2).map(|pair| half(&pair[0]) | pair.get(1).map_or(0, half) << 16).collect()

@@ -1,15 +1,15 @@
-//! What rays are marched through, on the device: intensity and occupancy in an image that is sampled with
-//! trilinear interpolation, and the intervals of intensity of its bricks, by which empty space is leapt over.
-//! It is a volume, or a decoded field ([`Decoded`]) in an atlas of bricks (`include/medium.glsl`).
+//! The volume on the device that rays are marched through: intensity and occupancy in an image that is
+//! sampled with trilinear interpolation, and the intervals of intensity of its bricks, by which empty space
+//! is skipped. It is a volume, or a decoded field ([`Decoded`]) in an atlas of bricks
+//! (`include/medium.glsl`).
 //!
-//! Of a volume with a region the image is the region's box with a border of one voxel, and holds (V, M):
-//! outside the region there is nothing, and V and M are interpolated each for itself. Without one it is the
-//! whole volume and holds V; its occupancy is 1 up to the outermost voxel centres and fades to 0 over one
-//! voxel.
+//! For a volume with a region the image is the region's box with a border of one voxel, and holds (V, M):
+//! outside the region it is empty, and V and M are interpolated separately. Without a region it is the whole
+//! volume and holds V; the occupancy is 1 up to the outermost voxel centres and fades to 0 over one voxel.
 //!
-//! Both are 16-bit fractions. Whole numbers that span at most 65535, as those of every CT do, are kept
-//! exactly: one unit is a whole number of steps. Other intensities are rounded to 1/65535 of their range,
-//! masks to 1/65535.
+//! Both are 16-bit fractions. Whole numbers that span at most 65535, as in every CT, are kept exactly: one
+//! unit is a whole number of steps. Other intensities are rounded to 1/65535 of their range, masks to
+//! 1/65535.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -25,11 +25,11 @@ use crate::gpu::{Buffer, Format, Gpu, Image, Recorder};
 use crate::passes::Occupancy;
 use crate::volume::{Roi, Volume};
 
-/// Edge of a brick along the axis of the shortest voxel edge, as a logarithm to base 2. Along the others it
-/// is the power of two that comes closest to the same length.
+/// Edge of a brick along the axis of the shortest voxel edge, as a logarithm to base 2. Along the other axes
+/// it is the power of two that comes closest to the same length.
 const BRICK_SHIFT: u32 = 2;
 
-/// A volume and where it is: outside the region there is nothing; without one all of the volume is there.
+/// A volume with the region that is shown of it; without a region all of the volume is shown.
 pub struct VolumeSource<'a> {
     /// Intensities.
     pub volume: &'a Volume,
@@ -38,7 +38,7 @@ pub struct VolumeSource<'a> {
 }
 
 impl VolumeSource<'_> {
-    /// Returns the middle of the volume, whole mm RAS.
+    /// Returns the middle of the volume, rounded to whole mm RAS.
     pub(super) fn centre(&self) -> DVec3 {
         let [x, y, z] = self.volume.size.map(|n| (n as f64 - 1.0) * 0.5);
         self.volume.world_from_voxel.transform_point3(DVec3::new(x, y, z)).round()
@@ -54,10 +54,9 @@ pub struct GpuVolume {
     /// The shortest edge of a voxel, mm.
     pub spacing_mm: f64,
     image: Image,
-    /// Of an atlas: where the bricks of the grid lie in it. A single number for a volume.
+    /// Places of the bricks of the grid in an atlas; a single number for a volume.
     places: Buffer<u32>,
-    /// Of an atlas: the objects that its voxels belong to; a single texel where all belong to one, and for a
-    /// volume.
+    /// Objects that the voxels of an atlas belong to; a single texel if all belong to one, and for a volume.
     labels: Image,
     is_atlas: bool,
     scale: Scale,
@@ -66,10 +65,10 @@ pub struct GpuVolume {
     marked: Mutex<Marked>,
 }
 
-/// Which bricks can be seen.
+/// The bricks that can be seen.
 pub(super) struct Marked {
     occupancy: Occupancy,
-    /// The look that they were marked for.
+    /// Number of the look that they were marked for.
     look: Option<u64>,
 }
 
@@ -78,7 +77,7 @@ impl Marked {
         Mutex::new(Marked { occupancy, look: None })
     }
 
-    /// For each brick how many bricks away the next one is that can be seen.
+    /// Returns for each brick the distance, in bricks, to the next one that can be seen.
     pub(super) fn distances(&self) -> &Buffer<u32> {
         &self.occupancy.distances
     }
@@ -86,7 +85,7 @@ impl Marked {
 
 /// The part of a volume that is kept, x fastest.
 struct Cut {
-    /// Voxel of the volume that the first texel is; -1 where it lies before the volume.
+    /// Voxel of the volume at the first texel; -1 if that lies before the volume.
     low: [i64; 3],
     size: [usize; 3],
     values: Vec<u16>,
@@ -99,7 +98,7 @@ impl Cut {
         let volume = source.volume;
         let mask: Option<Vec<u16>> = match source.roi {
             Some(roi) => Some(roi.weight.par_iter().map(|&w| to_fraction(w)).collect()),
-            // Where a volume has no value it is not there.
+            // A voxel without a value is not shown.
             None if volume.samples.par_iter().all(|v| v.is_finite()) => None,
             None => Some(
                 volume.samples.par_iter().map(|v| to_fraction(f32::from(u8::from(v.is_finite())))).collect(),
@@ -156,8 +155,8 @@ impl Cut {
         Cut { low, size, values, mask, scale }
     }
 
-    /// Intervals of intensity of all bricks. A brick's has all that is looked up for places in it and up to a
-    /// voxel away, so that of a step into or out of it nothing is lost, either.
+    /// Returns the intervals of intensity of all bricks. An interval covers all voxels that are read for
+    /// places in the brick and up to a voxel away, so that a step into or out of the brick loses nothing.
     fn intervals(&self, grid: &BrickGrid) -> Vec<[f32; 2]> {
         let [bx, by, bz] = grid.bricks.map(|n| n as usize);
         (0..bx * by * bz)
@@ -193,7 +192,7 @@ impl Cut {
     }
 }
 
-/// Returns the box around all that is there, with a border of one voxel.
+/// Returns the first voxel and the size of the box around all occupied voxels, with a border of one voxel.
 fn around(mask: &[u16], size: [usize; 3]) -> ([i64; 3], [usize; 3]) {
     let (low, high) = mask
         .par_chunks(size[0])
@@ -217,7 +216,7 @@ fn around(mask: &[u16], size: [usize; 3]) -> ([i64; 3], [usize; 3]) {
     (low.map(|v| v as i64 - 1), std::array::from_fn(|k| high[k] - low[k] + 3))
 }
 
-/// Bricks for an image of this size.
+/// Returns the grid of bricks for an image of this size.
 pub(super) fn brick_grid(size: [usize; 3], spacing: DVec3) -> BrickGrid {
     let texels = size.map(|n| n as u32);
     let shift = spacing.to_array().map(|mm| {
@@ -265,7 +264,7 @@ impl GpuVolume {
         };
         let (least, greatest) =
             cut.values.iter().fold((u16::MAX, 0), |(low, high), &v| (low.min(v), high.max(v)));
-        // The faces where the occupancy is one half: the border of a region is not shown.
+        // The faces lie where the occupancy is one half: the border of a region is not shown.
         let edge = if cut.mask.is_some() { 0.5 } else { -0.5 };
         let bounds = bounds(cut.size, edge, &scene_from_voxel);
         let grid = brick_grid(cut.size, spacing);
@@ -284,7 +283,7 @@ impl GpuVolume {
         })
     }
 
-    /// Of a field that was decoded in the space of the scene.
+    /// Uploads a field that was decoded in the space of the scene.
     pub(super) fn of_field(gpu: &Gpu, field: &Decoded) -> Result<Self> {
         let size = field.size.map(|n| n as usize);
         let spacing = crate::volume::spacing_of(&field.scene_from_voxel);
@@ -314,10 +313,9 @@ impl GpuVolume {
         })
     }
 
-    /// Returns which bricks a look can show something of. Where that is another look than before it is
-    /// recorded anew.
+    /// Returns the bricks of which a look can show something. Records the marking if the look has changed.
     pub(super) fn marked(&self, recorder: &mut Recorder, look: &LookBuffers) -> MutexGuard<'_, Marked> {
-        // What a panic has left is marked anew.
+        // Marks that a panic has left are made anew.
         let mut marked = self.marked.lock().unwrap_or_else(PoisonError::into_inner);
         if marked.look != Some(look.number) {
             marked.occupancy.record(recorder, &look.rows, &look.visible);
@@ -326,7 +324,8 @@ impl GpuVolume {
         marked
     }
 
-    /// Intensities as fractions of the scale, and occupancies where there is an atlas or a region.
+    /// Returns the image of intensities as fractions of the scale, with occupancies if there is an atlas or a
+    /// region.
     pub(super) fn image(&self) -> &Image {
         &self.image
     }
@@ -359,7 +358,7 @@ impl GpuVolume {
 }
 
 /// Returns the box around all voxels, from `edge` beyond the centre of the first one to as much before that
-/// of the last.
+/// of the last, in the space of the scene.
 fn bounds(size: [usize; 3], edge: f64, scene_from_voxel: &DAffine3) -> [DVec3; 2] {
     let last = DVec3::from_array(size.map(|n| n as f64 - 1.0)) - edge;
     let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];

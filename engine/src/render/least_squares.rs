@@ -1,50 +1,51 @@
 //! V of a decoded field by least squares: the values at the voxels whose trilinear interpolation comes
 //! nearest to the field between them, weighted by the occupancy there.
 //!
-//! With V(x_p) the field at points p of weight w_p, t_i the trilinear function of voxel i, and V⁰ what is
-//! there to begin with,
+//! Let V(x_p) be the field at points p of weight w_p, t_i the trilinear function of voxel i, and V⁰ the
+//! initial values. Then
 //!
 //! ```text
 //! Σ_p w_p (Σ_i t_i(x_p) V_i − V(x_p))² + λ Σ_i (V_i − V⁰_i)²
 //! ```
 //!
-//! is least: by conjugate gradients from V⁰, preconditioned by the diagonal (Shewchuk 1994). A set of points
-//! is one at the same place in each cell of eight voxels, so the t_i are three numbers for all of it, and
-//! nothing is stored but w and V. Sums go over bricks in a fixed order: the same input gives the same bits.
+//! is minimised by conjugate gradients from V⁰, preconditioned by the diagonal (Shewchuk 1994). A set of
+//! points has one at the same place in each cell of eight voxels, so the t_i are three numbers for all of it,
+//! and nothing is stored but w and V. Sums go over bricks in a fixed order: the same input gives the same
+//! bits.
 
 use glam::UVec3;
 use rayon::prelude::*;
 
 use crate::volume::bricks::{BRICK, NO_SLOT, SAMPLES, brick_morton};
 
-/// λ: what holds voxels that few points know of.
+/// λ, which holds voxels near which few points lie.
 const HOLD: f32 = 1e-3;
-/// Steps at most, and the part of the first residual at which they end.
+/// Greatest number of steps, and the part of the first residual at which they end.
 const MOST_STEPS: usize = 20;
 const ENOUGH: f64 = 1e-3;
-/// Voxels of a brick with one more on each side, and points between them.
+/// Edge of a brick with one more voxel on each side, and edge of the block of points between them.
 const HALO: usize = BRICK + 2;
 const BETWEEN: usize = BRICK + 1;
 
-/// Points at the same place in each cell: that of sample i lies `offset` beyond its voxel, towards greater
-/// coordinates.
+/// Points at the same place in each cell: the point of sample i lies `offset` beyond its voxel, towards
+/// greater coordinates.
 pub(super) struct Points {
-    /// 0 to 1 along each axis.
+    /// Offset along each axis, 0 to 1.
     pub(super) offset: [f32; 3],
     /// w and V, [slot][Morton place].
     pub(super) samples: Vec<[f32; 2]>,
 }
 
-/// Bricks and those around each.
+/// The slots of the 27 bricks around each brick, itself included.
 pub(super) struct Neighbours(Vec<[u32; 27]>);
 
 impl Neighbours {
-    /// Of the bricks with a slot in a grid of `bricks`, x fastest.
+    /// Finds the neighbours of the bricks with a slot in a grid of `bricks`, x fastest.
     pub(super) fn new(bricks: UVec3, slots: &[u32], coordinates: &[UVec3]) -> Self {
         let around = |&brick: &UVec3| {
             std::array::from_fn(|i| {
                 let i = i as u32;
-                // Wraps below 0 to what is no brick either.
+                // A coordinate below 0 wraps to one that is beyond the grid.
                 let other = UVec3::new(
                     brick.x.wrapping_add(i % 3).wrapping_sub(1),
                     brick.y.wrapping_add(i / 3 % 3).wrapping_sub(1),
@@ -60,7 +61,7 @@ impl Neighbours {
     }
 }
 
-/// Returns the values at the voxels, [slot][Morton place], from `first` on.
+/// Returns the fitted values at the voxels, [slot][Morton place], starting from `first`.
 pub(super) fn least_squares(neighbours: &Neighbours, first: &[f32], points: &[Points]) -> Vec<f32> {
     let mut v = rows(first, |v| *v);
     let system = System {
@@ -100,13 +101,13 @@ pub(super) fn least_squares(neighbours: &Neighbours, first: &[f32], points: &[Po
     out
 }
 
-/// Morton place of the voxel at a place of a brick whose x is fastest.
+/// Returns the Morton place of a brick's voxel with index `i`, x fastest.
 fn morton(i: usize) -> usize {
     let [x, y, z] = [i % BRICK, i / BRICK % BRICK, i / (BRICK * BRICK)].map(|v| v as u32);
     brick_morton(UVec3::new(x, y, z))
 }
 
-/// Returns what samples hold, x fastest within each brick.
+/// Returns one number of each sample, x fastest within each brick.
 fn rows<T: Sync>(samples: &[T], of: impl Fn(&T) -> f32 + Sync) -> Vec<f32> {
     (0..samples.len())
         .into_par_iter()
@@ -127,7 +128,7 @@ struct System<'a> {
 }
 
 impl System<'_> {
-    /// Fills what each brick is responsible for with `of(slot, its neighbours)`.
+    /// Computes `of(slot, its neighbours)` for each brick and joins the results.
     fn each_brick(&self, of: impl Fn(usize, &[u32; 27]) -> [f32; SAMPLES] + Sync) -> Vec<f32> {
         let mut out = vec![0.0; self.neighbours.0.len() * SAMPLES];
         out.par_chunks_mut(SAMPLES)
@@ -137,7 +138,7 @@ impl System<'_> {
         out
     }
 
-    /// (Σ w t tᵀ + λ) x.
+    /// Returns (Σ w t tᵀ + λ) x.
     fn apply(&self, x: &[f32]) -> Vec<f32> {
         self.each_brick(|slot, neighbours| {
             let mut out: [f32; SAMPLES] = std::array::from_fn(|i| HOLD * x[slot * SAMPLES + i]);
@@ -152,7 +153,7 @@ impl System<'_> {
         })
     }
 
-    /// Σ w t (V − tᵀ v).
+    /// Returns Σ w t (V − tᵀ v).
     fn right_side(&self, v: &[f32]) -> Vec<f32> {
         self.each_brick(|_, neighbours| {
             let mut out = [0.0; SAMPLES];
@@ -170,7 +171,7 @@ impl System<'_> {
         })
     }
 
-    /// 1 / (Σ w t² + λ).
+    /// Returns 1 / (Σ w t² + λ).
     fn inverse_diagonal(&self) -> Vec<f32> {
         self.each_brick(|_, neighbours| {
             let mut out = [HOLD; SAMPLES];
@@ -186,7 +187,7 @@ impl System<'_> {
 /// Returns a brick's voxels with those beside them; 0 where there is no brick.
 fn halo(field: &[f32], neighbours: &[u32; 27]) -> [f32; HALO * HALO * HALO] {
     let mut out = [0.0; HALO * HALO * HALO];
-    // Which of three bricks along an axis a voxel lies in, and where.
+    // Returns the one of three bricks along an axis in which a voxel lies, and its place there.
     let along = |i: usize| match i {
         0 => (0, BRICK - 1),
         i if i <= BRICK => (1, i - 1),
@@ -213,8 +214,8 @@ fn halo(field: &[f32], neighbours: &[u32; 27]) -> [f32; HALO * HALO * HALO] {
     out
 }
 
-/// Of a halo what belongs to points that see a voxel of the brick: those of its own voxels and of the ones
-/// before.
+/// Returns the part of a halo that belongs to points which see a voxel of the brick: the points of its own
+/// voxels and of those one before them.
 fn cells(halo: &[f32; HALO * HALO * HALO]) -> [f32; BETWEEN * BETWEEN * BETWEEN] {
     let mut out = [0.0; BETWEEN * BETWEEN * BETWEEN];
     for (row, out) in out.chunks_exact_mut(BETWEEN).enumerate() {
@@ -245,8 +246,8 @@ fn interpolated(halo: &[f32; HALO * HALO * HALO], offset: [f32; 3]) -> [f32; BET
     out
 }
 
-/// Adds to each voxel what the points around it hold, by `shares` of a point behind it and of one before it
-/// along each axis.
+/// Adds to each voxel the values of the points around it. `shares` holds, for each axis, the factors of a
+/// point behind the voxel and of one before it.
 fn gather(points: &[f32; BETWEEN * BETWEEN * BETWEEN], shares: [[f32; 2]; 3], out: &mut [f32; SAMPLES]) {
     let [[x0, x1], [y0, y1], [z0, z1]] = shares;
     let mut x = [0.0; BRICK * BETWEEN * BETWEEN];
@@ -274,7 +275,7 @@ fn add(to: &mut [f32], factor: f32, what: &[f32]) {
     to.par_iter_mut().zip(what).for_each(|(to, what)| *to += factor * what);
 }
 
-/// In f64, brick by brick.
+/// Returns the inner product, summed in f64, brick by brick.
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     let sums: Vec<f64> = a
         .par_chunks(SAMPLES)
@@ -296,8 +297,8 @@ mod tests {
         (h >> 8) as f32 / 16_777_216.0
     }
 
-    /// The gradient of what is to be least, summed up plainly, vanishes at the solution, and the solution is
-    /// far from where it began.
+    /// Checks that the gradient of the sum of squares, summed up plainly, vanishes at the solution, and that
+    /// the solution is far from the start.
     #[test]
     fn the_sum_of_squares_is_least() {
         let bricks = UVec3::new(3, 2, 1);
@@ -354,7 +355,7 @@ mod tests {
         };
         let (before, after) = (slope(&first), slope(&found));
         println!("{before} to {after}");
-        // Random weights are harder than occupancies, and there are but so many steps.
+        // Random weights are harder than occupancies, and the number of steps is limited.
         assert!(after < 2e-2 * before, "{before} to {after}");
     }
 }

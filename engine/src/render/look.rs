@@ -1,5 +1,5 @@
-//! What can change while one looks: the transfer function, clip planes, how objects appear. On the device it
-//! is tables of a few thousand rows, so a change costs nothing that grows with the scene.
+//! What can change while a scene is viewed: the transfer function, clip planes, and how objects appear. On
+//! the device it is tables of a few thousand rows, so a change costs nothing that grows with the scene.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,17 +11,17 @@ use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu};
 use crate::transfer::{Table, TransferFunction};
 
-/// Most clip planes at a time; a box takes six.
+/// Greatest number of clip planes; a box takes six.
 pub const PLANES: usize = shaders_glsl::look_row::CLIP_PLANES as usize;
-/// Objects that can have an appearance: as many as a label can number.
+/// Number of objects that can have an appearance: as many as a label can number.
 const OBJECTS: usize = 256;
 
-/// A clip plane in the world: what has normal · x < offset is cut away.
+/// A clip plane in the world: points with normal · x < offset are cut away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClipPlane {
-    /// Unit vector, RAS, towards what stays.
+    /// Unit vector, RAS, towards the side that stays.
     pub normal: DVec3,
-    /// mm RAS.
+    /// Offset of the plane along the normal, mm RAS.
     pub offset: f64,
 }
 
@@ -39,23 +39,23 @@ impl ClipPlane {
     }
 }
 
-/// How a transfer function is applied along a ray.
+/// Way in which a transfer function is applied along a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Classification {
-    /// At the samples.
+    /// The function is looked up at the samples.
     Point,
-    /// Integrated between samples (Engel, Kraus, Ertl 2001): for functions that change faster than the
-    /// samples follow.
+    /// The function is integrated between samples (Engel, Kraus, Ertl 2001), for functions that change faster
+    /// than the samples follow.
     PreIntegrated,
 }
 
-/// How an object of a scene is shown, one part of [`Look`]. An object is the splats of one label
+/// Appearance of an object of a scene, one part of [`Look`]. An object is the splats of one label
 /// ([`crate::splat::Object`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Appearance {
-    /// True if its splats are there. Where others overlapped them, these fill the gap.
+    /// True if its splats are shown. Where others overlapped them, these fill the gap.
     pub visible: bool,
-    /// A display-referred colour, 0 to 1, in place of the transfer function's; lit as that is.
+    /// A display-referred colour, 0 to 1, in place of the transfer function's; it is lit alike.
     pub tint: Option<[f32; 3]>,
     /// Factor of the opacity per mm, 0 to 1. At 0 nothing of the object is seen, but it holds its place in
     /// the field.
@@ -63,19 +63,19 @@ pub struct Appearance {
 }
 
 impl Default for Appearance {
-    /// As the transfer function alone has it.
+    /// Returns an appearance that leaves the transfer function's result unchanged.
     fn default() -> Self {
         Appearance { visible: true, tint: None, opacity: 1.0 }
     }
 }
 
 impl Appearance {
-    /// Returns true if the object, where it is seen, looks as the transfer function alone has it.
+    /// Returns true if the object is hidden or looks as the transfer function alone makes it look.
     fn is_plain(&self) -> bool {
         !self.visible || self.tint.is_none() && self.opacity >= 1.0
     }
 
-    /// Returns the row of the device's table. What is out of range, NaN too, is brought to the nearest end.
+    /// Returns the row of the device's table. Numbers out of range are clamped; NaN becomes 0.
     fn row(&self) -> types::Appearance {
         let unit = |v: f32| if v > 0.0 { v.min(1.0) } else { 0.0 };
         let tint = self.tint.map_or([0.0; 4], |[r, g, b]| [unit(r), unit(g), unit(b), 1.0]);
@@ -83,26 +83,27 @@ impl Appearance {
     }
 }
 
-/// How a scene looks.
+/// The look of a scene: its transfer function, clip planes and appearances of objects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
-    /// From intensity to colour and opacity per mm, and the material of what is shaded.
+    /// Transfer function from intensity to colour and opacity per mm, with the material of shaded surfaces.
     pub transfer: TransferFunction,
-    /// Everything beyond one of these is cut away.
+    /// Clip planes; everything beyond one of them is cut away.
     pub clip: Vec<ClipPlane>,
-    /// How objects are shown, by their number; what is not listed is shown as by default. Splats only: modes
-    /// of a volume show all of it.
+    /// Appearances of objects, by their number; an object that is not listed has the default one. They apply
+    /// to splats only: modes of a volume show all of it.
     pub objects: BTreeMap<u8, Appearance>,
 }
 
 impl Look {
-    /// A transfer function, nothing cut away, all objects as it has them.
+    /// Creates a look with a transfer function, no clip planes and default appearances.
     pub fn new(transfer: TransferFunction) -> Self {
         Look { transfer, clip: Vec::new(), objects: BTreeMap::new() }
     }
 
-    /// Point sampling does where opacity changes by little over the distance that the intensity moves between
-    /// samples. A band narrower than 60 HU of intensity asks for integration.
+    /// Returns how the transfer function should be applied. Point sampling is enough if opacity changes by
+    /// little over the distance that the intensity moves between samples; a ramp over less than 60 HU needs
+    /// integration.
     pub fn classification(&self) -> Classification {
         let points = self.transfer.opacities();
         let narrow = points
@@ -115,22 +116,22 @@ impl Look {
 /// A ramp of opacity over less than this, HU, is narrow.
 const NARROW: f64 = 60.0;
 
-/// Looks that were made so far.
+/// Number of looks that were created so far.
 static LOOKS: AtomicU64 = AtomicU64::new(0);
 
 /// A look on the device.
 pub struct LookBuffers {
-    /// Another one for every look.
+    /// Number of the look, different for every one.
     pub number: u64,
-    /// The row.
+    /// Parameters of the look, one row.
     pub rows: Buffer<types::Look>,
     /// Colour and extinction of each entry, packed.
     pub points: Buffer<[u32; 2]>,
-    /// Their integrals.
+    /// Integrals of colour and extinction over the table.
     pub integrals: Buffer<[u32; 4]>,
-    /// For each entry of the table how many entries before it are visible; one more than there are entries.
+    /// For each entry of the table the number of visible entries before it; one more than there are entries.
     pub visible: Buffer<u32>,
-    /// How each object is shown, by its number.
+    /// Appearance of each object, by its number.
     pub appearances: Buffer<types::Appearance>,
     /// True if surfaces are lit.
     pub shaded: bool,
@@ -141,8 +142,8 @@ pub struct LookBuffers {
 }
 
 impl LookBuffers {
-    /// The look of a scene whose intensities lie in `range` and whose zero is at `origin` in the world, mm
-    /// RAS.
+    /// Uploads the look of a scene whose intensities lie in `range` and whose origin is at `origin` in the
+    /// world, mm RAS.
     pub fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
         if look.clip.len() > PLANES {
             return Err(Error::new(
@@ -201,7 +202,7 @@ impl LookBuffers {
     }
 }
 
-/// Returns the colour in three 16-bit fractions and extinction as a half: 8 bytes a lookup.
+/// Returns the colour in three 16-bit fractions and the extinction as a half: 8 bytes a lookup.
 fn packed([r, g, b, extinction]: [f32; 4]) -> [u32; 2] {
     let fraction = |v: f32| (v.clamp(0.0, 1.0) * 65535.0).round() as u32;
     let half = u32::from(half::f16::from_f32(extinction).to_bits());

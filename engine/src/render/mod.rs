@@ -1,21 +1,21 @@
 //! Rendering: a scene of splats or of a volume, seen through a transfer function.
 //!
 //! A [`Scene`] holds splats, a volume or both, in one space: world mm RAS less the scene's origin. A [`Look`]
-//! says what is seen of it and may change at any time. A [`Mode`] turns it into pictures; [`MODES`] lists
-//! them. All modes see the same medium, of opacity O(x) α(V(x)) per mm and colour C(V(x)), by emission and
-//! absorption (Max 1995), use the same light, and give the same depth; they differ in what stands for V and O
+//! says how it is seen and may change at any time. A [`Mode`] turns it into pictures; [`MODES`] lists them.
+//! All modes see the same medium, of opacity O(x) α(V(x)) per mm and colour C(V(x)), by emission and
+//! absorption (Max 1995), use the same light, and give the same depth; they differ in where V and O come from
 //! and in how the integral is taken.
 //!
-//! Colours are display-referred: numbers of an sRGB picture, added up as they are, as VTK and Slicer do.
+//! Colours are display-referred: numbers of an sRGB picture, added up directly, as in VTK and Slicer.
 //!
 //! | file | what is there |
 //! |---|---|
 //! | `scene` | [`Scene`]: the splats and the volume that are rendered, and how they are seen |
-//! | `gpu_splats`, `centres`, `extents` | [`GpuSplats`]: splats on the device; what each shows at its centre; how far they reach |
+//! | `gpu_splats`, `centres`, `extents` | [`GpuSplats`]: splats on the device; their field; their reach |
 //! | `gpu_volume`, `scale` | [`GpuVolume`]: a volume or a decoded field on the device; its 16-bit fractions |
 //! | `decoded`, `least_squares` | [`decode`]: the field of splats on the voxels of a grid |
-//! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and what of the pictures no eye sees |
-//! | `settings`, `quality`, `target` | what a mode is made for, what a frame may give up, what it is rendered into |
+//! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and the parts no eye sees |
+//! | `settings`, `quality`, `target` | settings of a mode, quality of a frame, pictures of a frame |
 //! | `mode`, `modes` | [`Mode`]: a way to render; [`MODES`]: all of them |
 //! | `alpha`, `slab`, `raymarch` | the modes; `variants` holds their kernels |
 //! | `renderer`, `frames` | [`Renderer`]: one picture after the other; [`Frames`]: without waiting for the device |

@@ -1,4 +1,4 @@
-//! What every way to render a scene can do.
+//! The trait that every way to render a scene implements.
 
 use super::quality::Quality;
 use super::scene::Scene;
@@ -9,8 +9,8 @@ use crate::passes::{Views, Work};
 
 /// A way to render a scene.
 pub trait Mode {
-    /// Records the rendering of `views`, one for each layer of the target. The part of the target that the
-    /// quality takes is overwritten.
+    /// Records the rendering of `views`, one for each layer of the target. Overwrites the part of the target
+    /// that `quality` says.
     fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -26,7 +26,7 @@ pub trait Mode {
         Ok(false)
     }
 
-    /// Returns what the last frame was made of; all 0 for a mode without splats. Waits for the device.
+    /// Returns the work of the last frame; all 0 for a mode without splats. Waits for the device.
     fn work(&self) -> Result<Work> {
         Ok(Work::default())
     }

@@ -1,4 +1,4 @@
-//! The ways to render a scene, a row each.
+//! The table of the ways to render a scene.
 
 use super::alpha::Alpha;
 use super::mode::Mode;
@@ -13,7 +13,7 @@ use crate::gpu::Gpu;
 pub struct ModeRow {
     /// Name on the command line and in tables.
     pub name: &'static str,
-    /// What it is, in a line.
+    /// Description in one line.
     pub about: &'static str,
     /// True if it renders splats rather than the volume.
     pub of_splats: bool,
@@ -21,7 +21,7 @@ pub struct ModeRow {
 }
 
 impl ModeRow {
-    /// Fails where the scene has not what the mode renders.
+    /// Creates the mode. Fails if the scene lacks what the mode renders.
     pub(super) fn make(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Box<dyn Mode>> {
         let there = if self.of_splats { scene.splats.is_some() } else { scene.volume.is_some() };
         if !there {
@@ -71,7 +71,7 @@ pub static MODES: [ModeRow; 5] = [
     },
 ];
 
-/// Returns the row of a mode.
+/// Returns the row of the mode called `name`.
 pub fn mode(name: &str) -> Result<&'static ModeRow> {
     MODES.iter().find(|m| m.name == name).ok_or_else(|| {
         let names: Vec<_> = MODES.iter().map(|m| m.name).collect();

@@ -1,19 +1,19 @@
-//! What a frame may give up without anything being made anew.
+//! The quality of a frame: what can change from one frame to the next without anything being created anew.
 
 #[cfg(doc)]
 use super::Settings;
 
-/// What a frame may spend: what can change from one to the next without anything being made anew.
+/// Quality of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality {
-    /// Edges of the picture, as a part of those of the target, in whose upper left corner it lies: 0 to 1.
+    /// Edges of the picture as a part of those of the target, in whose upper left corner it lies: 0 to 1.
     pub resolution: f64,
     /// Distance of slabs or samples in units of [`Settings::step`], 1 or more.
     pub coarseness: f64,
 }
 
 impl Quality {
-    /// All that the settings promise.
+    /// Full quality of the settings.
     pub const FULL: Self = Quality { resolution: 1.0, coarseness: 1.0 };
 
     /// Returns the width and height of the picture in a target of `size`, pixels.

@@ -1,4 +1,4 @@
-//! What can be given up to render faster, in the order in which it is missed least.
+//! The quality levels: what is given up to render faster, least missed first.
 
 use std::sync::LazyLock;
 
@@ -9,25 +9,25 @@ use super::quality::Quality;
 use crate::budget;
 use crate::splat::{Form, SplatSet};
 
-/// A level of quality: a way to render, and what it costs.
+/// A quality level: a way to render, and what it costs.
 #[derive(Clone, Copy, Debug)]
 pub struct QualityLevel {
-    /// Name of the mode.
+    /// Name of the render mode.
     pub mode: &'static str,
-    /// What is given up within the mode.
+    /// Quality within the mode.
     pub quality: Quality,
     /// Time of a frame relative to the first level; measured by `studies trade render`.
     pub cost: f64,
 }
 
-/// What splats are, for the levels of quality that suit them.
+/// Kind of splats; each kind has quality levels of its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SplatKind {
     /// Splats that are right between the voxels, too.
     Field,
     /// Splats that are fitted for the voxels of a grid.
     Grid,
-    /// Splats with colours of their own, as of a standard 3DGS file.
+    /// Splats with colours of their own, as in a standard 3DGS file.
     Coloured,
 }
 
@@ -44,7 +44,7 @@ impl SplatKind {
         }
     }
 
-    /// Returns the mode that alone shows such splats as they are meant; nothing where every mode does.
+    /// Returns the only mode that shows such splats as they are meant; `None` if every mode does.
     pub fn own_mode(self) -> Option<&'static str> {
         match self {
             SplatKind::Field => None,
@@ -53,7 +53,7 @@ impl SplatKind {
         }
     }
 
-    /// What a set is.
+    /// Returns the kind of a set's splats.
     pub fn of(set: &SplatSet) -> Self {
         match set.form {
             _ if set.colours.is_some() => SplatKind::Coloured,
@@ -63,9 +63,9 @@ impl SplatKind {
     }
 }
 
-/// Returns the levels of quality for such splats, the best first: those of the front of PSNR against cost
-/// that `studies trade render --ladder` measures. No level leaves out a splat: what a transfer function shows
-/// is there on all of them, in a coarser picture. `ladder.toml` says on what they were measured.
+/// Returns the quality levels for such splats, the best first: those on the front of PSNR against cost that
+/// `studies trade render --ladder` measures. No level leaves out a splat: what a transfer function shows is
+/// there on all of them, in a coarser picture. `ladder.toml` says on what they were measured.
 pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
     match kind {
         SplatKind::Field => &LADDERS.field,
@@ -74,10 +74,10 @@ pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
     }
 }
 
-/// The ladders that are built in.
+/// The quality levels that are built in.
 ///
 /// # Panics
-/// If `ladder.toml` is not in order, which a test sees to.
+/// If `ladder.toml` is not in order; a test prevents that.
 static LADDERS: LazyLock<Ladders> = LazyLock::new(|| {
     let file: File = toml::from_str(include_str!("ladder.toml")).expect("ladder.toml is of this form");
     let all = |rows: &[LevelRow]| rows.iter().map(LevelRow::level).collect();
@@ -90,7 +90,7 @@ struct Ladders {
     coloured: Vec<QualityLevel>,
 }
 
-/// What `ladder.toml` holds.
+/// Contents of `ladder.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -106,7 +106,7 @@ struct LevelRow {
     resolution: f64,
     coarseness: f64,
     cost: f64,
-    /// For people.
+    /// PSNR, for readers of the file only.
     #[serde(rename = "psnr")]
     _psnr: f64,
 }
@@ -121,7 +121,7 @@ impl LevelRow {
     }
 }
 
-/// Returns the costs of levels, for a controller.
+/// Returns the costs of quality levels, for a controller.
 pub fn level_costs(levels: &[QualityLevel]) -> budget::LevelCosts {
     budget::LevelCosts::new(levels.iter().map(|r| r.cost))
 }

@@ -1,5 +1,5 @@
-//! The modes `volume` and `decoded`: rays marched through the voxels of the CT itself, which is what the
-//! splats' modes are measured against, or through those that the splats were decoded to. One marcher; only
+//! The modes `volume` and `decoded`: rays marched through the voxels of the CT itself, against which the
+//! splats' modes are measured, or through those that the splats were decoded to. One kernel serves both; only
 //! the image differs.
 
 use std::sync::Arc;
@@ -19,28 +19,28 @@ use crate::error::{Error, Kind, Result};
 use crate::gpu::{Format, Gpu, Kernel, Recorder};
 use crate::passes::{Views, WorkgroupShape};
 
-/// Samples nearer to each other than this, in voxels, would change nothing but the time.
+/// Least distance of samples, in voxels. Nearer ones would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
 
 /// The mode `volume` or `decoded`.
 pub struct Raymarch {
     gpu: Gpu,
-    /// For each way to classify, with or without light and appearances of objects, made when it is first
-    /// needed.
+    /// Kernels for each way to classify, with or without light and appearances of objects, each created when
+    /// it is first needed.
     kernels: Variants<(Classification, bool, bool)>,
     settings: Settings,
-    /// The decoded field; nothing where the scene's volume is rendered.
+    /// The decoded field; `None` if the scene's volume is rendered.
     decoded: Option<Arc<GpuVolume>>,
 }
 
 impl Raymarch {
-    /// The volume, with samples `settings.step` of the shortest voxel edge apart.
+    /// Creates mode volume, with samples `settings.step` of the shortest voxel edge apart.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         Self::of(gpu, scene, settings, None)
     }
 
-    /// The splats, decoded to voxels `settings.pitch` apart if they were not before, with samples as those of
-    /// a volume.
+    /// Creates mode decoded. Decodes the splats to voxels `settings.pitch` apart if necessary; samples are
+    /// spaced as in mode volume.
     pub fn decoded(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         let decoded = scene.expect_splats().decoded(gpu, settings.pitch)?;
         Self::of(gpu, scene, settings, Some(decoded))
@@ -61,13 +61,13 @@ impl Raymarch {
         Ok(mode)
     }
 
-    /// Returns the kernel for a way to classify, made if it is not there yet.
+    /// Returns the index of the kernel for a way to classify; creates the kernel if necessary.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (volume, look) =
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
         let (classification, shaded) = settings.variant(scene);
-        // Splats of a hidden object are still in the field.
+        // Splats of a hidden object are still in the decoded field.
         let objects = volume.is_atlas() && (look.objects_differ || look.hides);
         self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
@@ -99,7 +99,7 @@ impl Mode for Raymarch {
         let volume = self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume());
         let look = scene.look_buffers();
         let marked = volume.marked(recorder, look);
-        // Pixels of a workgroup; see the kernel.
+        // Width and height of a workgroup, pixels; see the kernel.
         let group = match WorkgroupShape::of(&self.gpu) {
             WorkgroupShape::OneByOne => [4, 2],
             WorkgroupShape::SideBySide => [8, 8],

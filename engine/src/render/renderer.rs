@@ -1,4 +1,4 @@
-//! Pictures of a scene one after the other, each waited for.
+//! A renderer of one picture after the other that waits for each.
 
 use super::camera::Camera;
 use super::mode::Mode;
@@ -12,19 +12,19 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::passes::{Views, Work};
 
-/// A mode with its target and its views: what renders a scene offscreen.
+/// A mode with its target and its views; it renders a scene offscreen.
 pub struct Renderer {
     gpu: Gpu,
     mode: Box<dyn Mode>,
     views: Views,
-    /// The hidden areas of the pictures; empty where the settings do not ask for masks.
+    /// Visibility masks of the pictures; empty if the settings do not ask for masks.
     masks: Vec<VisibilityMask>,
-    /// What was rendered last.
+    /// Pictures that were rendered last.
     pub target: Target,
 }
 
 impl Renderer {
-    /// Fails where the scene has not what the mode renders.
+    /// Creates a renderer. Fails if the scene lacks what the mode renders.
     pub fn new(gpu: &Gpu, mode: &ModeRow, scene: &Scene, settings: &Settings) -> Result<Self> {
         Ok(Renderer {
             gpu: gpu.clone(),
@@ -35,10 +35,10 @@ impl Renderer {
         })
     }
 
-    /// Sets the hidden areas of the pictures from now on.
+    /// Sets the visibility masks of the pictures from now on.
     ///
     /// # Panics
-    /// If the settings did not ask for it, or had another number of views.
+    /// If the settings did not ask for masks, or had another number of views.
     pub fn set_visibility_masks(&mut self, masks: &[VisibilityMask]) {
         self.masks.clone_from_slice(masks);
     }
@@ -51,8 +51,8 @@ impl Renderer {
         self.render_at(scene, cameras, &Quality::FULL)
     }
 
-    /// As [`Self::render`], with something given up: the pictures lie in the upper left corner of the target,
-    /// as large as [`Quality::size`] says.
+    /// Renders as [`Self::render`] does, at a lower quality: the pictures lie in the upper left corner of the
+    /// target, as large as [`Quality::size`] says.
     ///
     /// # Panics
     /// If there are not as many cameras as the settings had views.
@@ -70,7 +70,7 @@ impl Renderer {
         }
     }
 
-    /// Returns what the last frame was made of; all 0 for a mode without splats.
+    /// Returns the work of the last frame; all 0 for a mode without splats.
     pub fn work(&self) -> Result<Work> {
         self.mode.work()
     }

@@ -1,9 +1,9 @@
-//! The 16-bit fractions that intensities and masks are kept as on the device.
+//! The 16-bit fractions in which intensities and masks are kept on the device.
 
 /// Greatest value of a 16-bit fraction.
 const STEPS: f64 = 65535.0;
 
-/// Which intensities the fractions 0 and 1 stand for.
+/// The range of intensities that the fractions from 0 to 1 stand for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Scale {
     pub first: f64,
@@ -11,7 +11,7 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// For intensities between two, which are whole numbers or not.
+    /// Creates the scale for intensities from `low` to `high`; `whole` says that all are whole numbers.
     pub(super) fn of([low, high]: [f64; 2], whole: bool) -> Self {
         let extent = high - low;
         let span = match whole && extent <= STEPS {

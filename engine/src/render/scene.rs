@@ -1,4 +1,4 @@
-//! What is rendered, on the device: splats, a volume or both, and how they are seen.
+//! The scene that is rendered, on the device: splats, a volume or both, and how they are seen.
 
 use glam::DVec3;
 
@@ -9,10 +9,10 @@ use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::splat::{Object, SplatSet};
 
-/// What is rendered, on the device.
+/// The scene that is rendered, on the device.
 pub struct Scene {
     gpu: Gpu,
-    /// Zero of the scene's space in the world, mm RAS.
+    /// Origin of the scene's space in the world, mm RAS.
     pub origin: DVec3,
     /// The splats, if there are any.
     pub splats: Option<GpuSplats>,
@@ -23,7 +23,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Of splats, of a volume, or of both, at first seen as `look` says.
+    /// Creates a scene of splats, of a volume, or of both, at first seen as `look` says.
     pub fn new(
         gpu: &Gpu,
         splats: Option<&SplatSet>,
@@ -33,7 +33,7 @@ impl Scene {
         Self::with_precision(gpu, splats, volume, look, Precision::Full)
     }
 
-    /// The same with splats kept in a precision of the caller's choice.
+    /// Creates a scene like [`Self::new`], with splats kept in `precision`.
     pub fn with_precision(
         gpu: &Gpu,
         splats: Option<&SplatSet>,
@@ -58,7 +58,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Changes how the scene is seen. Nothing that is in flight is disturbed.
+    /// Changes how the scene is seen. Frames in flight are not disturbed.
     pub fn set_look(&mut self, look: &Look) -> Result<()> {
         let range = range_of(self.splats.as_ref(), self.volume.as_ref());
         self.buffers = LookBuffers::new(&self.gpu, look, range, self.origin)?;
@@ -66,8 +66,8 @@ impl Scene {
         self.list_active()
     }
 
-    /// Renders at most so many splats from now on: of those that the look can show the most important ones,
-    /// by opacity times volume. For viewers that trade splats for time; the first budget takes as long as
+    /// Renders at most `budget` splats from now on: the most important of those that the look can show, by
+    /// opacity times volume. Viewers use it to trade splats for time; the first budget takes as long as
     /// sorting all splats.
     pub fn set_splat_budget(&mut self, budget: Option<usize>) -> Result<()> {
         if let Some(splats) = &mut self.splats {
@@ -76,7 +76,7 @@ impl Scene {
         self.list_active()
     }
 
-    /// Lists splats from now on that no look can show any of, as well: to see what leaving them out saves.
+    /// Lists also splats that no look can show, from now on: a measurement of what leaving them out saves.
     pub fn list_all(&mut self) -> Result<()> {
         if let Some(splats) = &mut self.splats {
             splats.list_all(&self.gpu)?;
@@ -89,18 +89,18 @@ impl Scene {
         &self.look
     }
 
-    /// Returns the splats, for a mode of splats: a renderer makes one only where there are some.
+    /// Returns the splats, for a mode of splats: such a mode is created only if there are some.
     pub(super) fn expect_splats(&self) -> &GpuSplats {
         self.splats.as_ref().expect("a scene with splats")
     }
 
-    /// Returns the volume, for a mode of volumes: a renderer makes one only where there is one.
+    /// Returns the volume, for a mode of volumes: such a mode is created only if there is one.
     pub(super) fn expect_volume(&self) -> &GpuVolume {
         self.volume.as_ref().expect("a scene with a volume")
     }
 
-    /// Returns what of the scene a look can show, hide and colour apart, by ascending number; nothing where
-    /// there are no splats.
+    /// Returns the objects that a look can show, hide and colour separately, by ascending number; empty
+    /// without splats.
     pub fn objects(&self) -> &[Object] {
         self.splats.as_ref().map_or(&[], |splats| &splats.objects)
     }
@@ -109,7 +109,7 @@ impl Scene {
         &self.buffers
     }
 
-    /// Returns the corners of the box around all there is, mm RAS.
+    /// Returns the corners of the box around the splats and the volume, mm RAS.
     pub fn bounds(&self) -> [DVec3; 2] {
         let splats = self.splats.as_ref().map(|s| s.bounds);
         let volume = self.volume.as_ref().map(|v| v.bounds);
@@ -130,7 +130,7 @@ impl Scene {
     }
 }
 
-/// Returns the least and greatest intensity of all there is.
+/// Returns the least and greatest intensity of the splats and the volume.
 fn range_of(splats: Option<&GpuSplats>, volume: Option<&GpuVolume>) -> [f64; 2] {
     match (splats.map(|s| s.range), volume.map(|v| v.range)) {
         (Some(a), Some(b)) => [a[0].min(b[0]), a[1].max(b[1])],

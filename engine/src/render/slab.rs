@@ -1,5 +1,5 @@
-//! Slabs: the splats' field added up at planes across the view, classified after that. With planes a tenth as
-//! far apart the same is the oracle of the other modes, `exact`.
+//! Mode slab: the splats' field is added up at planes across the view and classified after that. With planes
+//! a tenth as far apart it is mode exact, the reference of the other modes.
 
 use glam::DVec3;
 use shaders_glsl as glsl;
@@ -18,32 +18,33 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 use crate::passes::{TileBinner, Views, Work, WorkgroupShape};
 
-/// Planes of `exact` for one of `slab`.
+/// Planes of `exact` for each plane of `slab`.
 const EXACT: u32 = 10;
-/// Most blocks along the depth: slabs become thicker beyond that.
+/// Greatest number of blocks along the depth: slabs become thicker beyond that.
 const MOST_BLOCKS: u32 = 512;
 
-/// The mode `slab`, and with a refinement `exact`.
+/// The mode `slab` or, with finer planes, `exact`.
 pub struct Slab {
     gpu: Gpu,
-    /// For each way to classify, with or without light and appearances of objects, made when it is first
-    /// needed.
+    /// Kernels for each way to classify, with or without light and appearances of objects, each created when
+    /// it is first needed.
     kernels: Variants<(Classification, bool, bool)>,
     bins: TileBinner,
-    /// Splats of the frame that the look can show.
+    /// Number of splats that the look can show in the frame.
     count: Buffer<u32>,
     settings: Settings,
-    /// Planes for one of `slab`.
+    /// Planes for each plane of `slab`.
     refinement: u32,
 }
 
 impl Slab {
-    /// Slabs of `settings.step` standard deviations.
+    /// Creates mode slab, with slabs of `settings.step` standard deviations.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         Self::with_refinement(gpu, scene, settings, false)
     }
 
-    /// Planes a tenth of a standard deviation apart, whatever the settings say, each classified at a point.
+    /// Creates mode exact: planes a tenth of a standard deviation apart, whatever the settings say, each
+    /// classified at a point.
     pub fn exact(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         let settings = Settings {
             step: 1.0,
@@ -76,7 +77,7 @@ impl Slab {
         })
     }
 
-    /// Returns the kernel for a way to classify, made if it is not there yet.
+    /// Returns the index of the kernel for a way to classify; creates the kernel if necessary.
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (classification, shaded) = settings.variant(scene);
@@ -97,7 +98,7 @@ impl Slab {
     }
 }
 
-/// Tiles for the picture, blocks for a ball around all splats.
+/// Returns the grid of tiles for the picture and of blocks for a ball around all splats.
 fn tile_grid(splats: &GpuSplats, settings: &Settings, quality: &Quality, refinement: u32) -> TileGrid {
     let [low, high] = splats.bounds;
     let centre: DVec3 = (low + high) * 0.5;

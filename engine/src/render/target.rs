@@ -1,4 +1,4 @@
-//! What a frame is rendered into.
+//! The pictures that a frame is rendered into.
 
 use crate::error::Result;
 use crate::gpu::{Format, Gpu, Image};
@@ -7,15 +7,15 @@ use crate::gpu::{Format, Gpu, Image};
 pub struct Target {
     /// Display-referred colour, premultiplied by the opacity in the fourth channel.
     pub colour: Image,
-    /// Σ z α T over what a ray passes, mm along the viewing direction: the mean depth times the opacity. A
-    /// single pixel where it was not asked for.
+    /// Σ z α T along a ray, mm along the viewing direction: the mean depth times the opacity. A single pixel
+    /// if depth was not asked for.
     pub depth: Image,
     size: [u32; 2],
 }
 
 impl Target {
-    /// Of `size` pixels for so many views. Colour is kept in halves, or in floats where pictures are
-    /// measured.
+    /// Creates a target of `size` pixels for `views` views. Colour is kept in halves, or in floats if
+    /// `precise`.
     pub fn new(gpu: &Gpu, size: [u32; 2], views: u32, precise: bool, depth: bool) -> Result<Self> {
         let format = if precise { Format::Rgba32f } else { Format::Rgba16f };
         let depth_size = if depth { size } else { [1, 1] };
@@ -55,8 +55,8 @@ impl Target {
         Ok(self.layer(all, view))
     }
 
-    /// Returns the mean depth of what a view sees, mm along the viewing direction; infinite where it sees
-    /// nothing. Waits for the device.
+    /// Returns the mean depth of a view, mm along the viewing direction, rows from the top; infinite where
+    /// nothing is seen. Waits for the device.
     pub fn read_depth(&self, view: u32) -> Result<Vec<f32>> {
         let weighted = self.layer(self.depth.read::<f32>()?, view);
         let colour = self.read_colour(view)?;

@@ -1,11 +1,11 @@
-//! The pipelines of a mode that depend on the look, made when they are first needed.
+//! The pipelines of a mode that depend on the look, each created when it is first needed.
 
 use std::ops::Index;
 
 use crate::error::Result;
 use crate::gpu::Kernel;
 
-/// Kernels by what they were made for.
+/// Kernels by the variant that they were created for.
 pub(super) struct Variants<K>(Vec<(K, Kernel)>);
 
 impl<K: PartialEq> Variants<K> {
@@ -13,7 +13,7 @@ impl<K: PartialEq> Variants<K> {
         Variants(Vec::new())
     }
 
-    /// Returns where the kernel for `wanted` is; `make` makes it if it is not there yet.
+    /// Returns the index of the kernel for `wanted`; `make` creates it if it does not exist yet.
     pub(super) fn find(&mut self, wanted: K, make: impl FnOnce(&K) -> Result<Kernel>) -> Result<usize> {
         if let Some(at) = self.0.iter().position(|(made_for, _)| *made_for == wanted) {
             return Ok(at);

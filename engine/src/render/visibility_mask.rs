@@ -1,24 +1,24 @@
-//! The hidden area of a picture: the corners behind a headset's lenses, or what another picture covers.
-//! Modes of splats spend nothing on it.
+//! The visibility mask of a picture: the corners that a headset's lenses hide, or what another picture
+//! covers. Modes of splats spend nothing on hidden patches.
 //!
-//! Areas are triangles in tangents of the view (x/z to the right, y/z upwards), as headsets give them. A
-//! picture has 64 x 64 patches, whatever its size in pixels; one is hidden where triangles cover all of it.
-//! What is left of a patch is cut exactly, triangle by triangle, into convex pieces, so that triangles may
-//! overlap and seams between them do not matter.
+//! Hidden areas are triangles in tangents of the view (x/z to the right, y/z upwards), as headsets give them.
+//! A picture has 64 x 64 patches, whatever its size in pixels; a patch is hidden if triangles cover all of
+//! it. What remains of a patch is cut exactly, triangle by triangle, into convex pieces, so that triangles
+//! may overlap and seams between them do not matter.
 
 use glam::DVec2;
 use shaders_glsl::types::{PATCH_WORDS, PATCHES};
 
 use super::camera::Fov;
 
-/// A triangle in tangents.
+/// A triangle in tangents of the view.
 pub type Triangle = [DVec2; 3];
 
-/// What may be left of a hidden patch, as a part of it: more than the rounding of seams in 32 bits, far less
-/// than a pixel.
+/// Greatest part of a hidden patch that triangles may leave uncovered: more than the rounding of seams in 32
+/// bits, far less than a pixel.
 const LEFT: f64 = 1e-4;
 
-/// Which patches of a picture no eye sees: its hidden area.
+/// The patches of a picture that no eye sees.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VisibilityMask {
     pub(super) words: [u32; PATCH_WORDS],
@@ -32,8 +32,8 @@ impl Default for VisibilityMask {
 }
 
 impl VisibilityMask {
-    /// Of a picture that covers `fov`: the patches that lie in the triangles. Triangles without an area, or
-    /// with places that are no numbers, cover nothing.
+    /// Creates the mask of a picture that covers `fov`: the hidden patches lie in the triangles. Triangles
+    /// without an area, or with corners that are not finite, cover nothing.
     pub fn of(fov: &Fov, triangles: &[Triangle]) -> Self {
         let edge = PATCHES as f64;
         let zero = DVec2::new(fov.left, fov.up);
@@ -55,7 +55,7 @@ impl VisibilityMask {
         mask
     }
 
-    /// True if a patch is hidden, counted from the upper left corner of the picture.
+    /// Returns true if a patch, counted from the upper left corner of the picture, is hidden.
     pub fn at(&self, [x, y]: [usize; 2]) -> bool {
         self.words[2 * y + x / 32] >> (x % 32) & 1 == 1
     }
@@ -81,8 +81,8 @@ fn covered(low: DVec2, triangles: &[Triangle]) -> bool {
     left.iter().map(|piece| area(piece)).sum::<f64>() < LEFT
 }
 
-/// Returns what of a convex piece lies outside of a triangle, in convex pieces: edge by edge what is beyond
-/// it.
+/// Returns the part of a convex piece that lies outside a triangle, in convex pieces: edge by edge the part
+/// beyond it.
 fn outside(piece: &[DVec2], triangle: &Triangle) -> Vec<Vec<DVec2>> {
     let mut rest = piece.to_vec();
     let mut out = Vec::new();
@@ -95,8 +95,8 @@ fn outside(piece: &[DVec2], triangle: &Triangle) -> Vec<Vec<DVec2>> {
     out
 }
 
-/// Returns what of a convex piece lies on the inner side of an edge, where triangles go round as `area`
-/// counts.
+/// Returns the part of a convex piece that lies on the inner side of an edge of a triangle with a positive
+/// `area`.
 fn within(piece: &[DVec2], from: DVec2, to: DVec2) -> Vec<DVec2> {
     let side = |p: DVec2| (to - from).perp_dot(p - from);
     let mut out = Vec::with_capacity(piece.len() + 1);
@@ -113,13 +113,13 @@ fn within(piece: &[DVec2], from: DVec2, to: DVec2) -> Vec<DVec2> {
     out
 }
 
-/// Returns the area of a polygon; negative where it goes round the other way.
+/// Returns the area of a polygon; negative if its corners go round the other way.
 fn area(polygon: &[DVec2]) -> f64 {
     let next = polygon.iter().cycle().skip(1);
     polygon.iter().zip(next).map(|(p, q)| p.perp_dot(*q)).sum::<f64>() * 0.5
 }
 
-/// So that its area is positive.
+/// Returns the triangle with its corners in the order that makes its area positive.
 fn turned([a, b, c]: Triangle) -> Triangle {
     if area(&[a, b, c]) < 0.0 { [a, c, b] } else { [a, b, c] }
 }
@@ -136,7 +136,7 @@ mod tests {
         [[low, a, b], [high, a, b]]
     }
 
-    /// Returns the patches of a rectangle of patches.
+    /// Returns the mask of a rectangle of patches.
     fn patches([x0, y0]: [usize; 2], [x1, y1]: [usize; 2]) -> VisibilityMask {
         let mut mask = VisibilityMask::default();
         for (y, x) in (y0..y1).flat_map(|y| (x0..x1).map(move |x| (y, x))) {
@@ -145,7 +145,7 @@ mod tests {
         mask
     }
 
-    /// Returns where a place of the picture is, in patches from its upper left corner.
+    /// Returns the tangents of a place of the picture, given in patches from its upper left corner.
     fn tangents(x: f64, y: f64) -> DVec2 {
         let part = DVec2::new(x, y) / PATCHES as f64;
         DVec2::new(FOV.left + (FOV.right - FOV.left) * part.x, FOV.up + (FOV.down - FOV.up) * part.y)

@@ -1,7 +1,9 @@
-//! From raw parameters to what they stand for: opacity, scale and rotation, with the limits that keep them finite.
+//! Activations: from the raw parameters of a splat to opacity, scale and rotation, with the limits that keep
+//! them finite.
 //!
-//! Limits (f32): a logit of α = 0 or 1 is infinite, so α is kept in [[`OPACITY_MIN`], [`OPACITY_MAX`]] when it is
-//! set; σ is kept where σ² and 1/σ² are finite, and a needle is kept as thick as f32 can measure distances from. Rotations are built in f64 and accept any quaternion.
+//! Limits (f32): a logit of α = 0 or 1 is infinite, so α is kept in [[`OPACITY_MIN`], [`OPACITY_MAX`]] when
+//! it is set. σ is kept where σ² and 1/σ² are finite, and a needle is kept as thick as f32 can measure
+//! distances from. Rotations are built in f64 and accept any quaternion.
 
 use glam::{DMat3, DQuat};
 
@@ -11,24 +13,24 @@ use super::Splat;
 pub const OPACITY_MIN: f32 = 1e-7;
 /// Greatest opacity that can be set, the f32 below 1: logit 16.6.
 pub const OPACITY_MAX: f32 = 1.0 - f32::EPSILON / 2.0;
-/// Greatest |ln σ|: beyond it σ² or 1/σ² nears the end of f32.
+/// Greatest |ln σ|: beyond it σ² or 1/σ² comes near the end of f32.
 pub const LOG_SCALE_LIMIT: f32 = 40.0;
-/// Most that the longest σ of a splat may be of its shortest. At 10⁴ the f32 whitened distance q is right to 10⁻² within
-/// the support; at 10⁶ it is off by a half (docs/results/numerics.md, N4).
+/// Greatest ratio of the longest σ of a splat to its shortest. At 10⁴ the f32 whitened distance q is right to
+/// 10⁻² within the support; at 10⁶ it is off by a half (docs/results/numerics.md, N4).
 pub const ANISOTROPY_LIMIT: f32 = 1e4;
 
-/// What the raw parameters of a splat stand for.
+/// The activations of a splat: opacity, scale and rotation from its raw parameters.
 pub trait Activations {
-    /// α = 1 / (1 + exp(−logit)), in [0, 1] for every logit that is not NaN.
+    /// Returns the opacity α = 1 / (1 + exp(−logit)), in [0, 1] for every logit that is not NaN.
     fn opacity(&self) -> f32;
-    /// Sets the logit of `opacity`, which is first clamped to [[`OPACITY_MIN`], [`OPACITY_MAX`]].
+    /// Sets the logit to that of `opacity`, which is first clamped to [[`OPACITY_MIN`], [`OPACITY_MAX`]].
     fn set_opacity(&mut self, opacity: f32);
-    /// Standard deviation along each rotated axis, in the unit of the mean; ln σ is first clamped to
-    /// ±[`LOG_SCALE_LIMIT`].
+    /// Returns the standard deviation along each rotated axis, in the unit of the mean; ln σ is first clamped
+    /// to ±[`LOG_SCALE_LIMIT`].
     fn scale(&self) -> [f32; 3];
     /// Sets ln σ of each axis, clamped to ±[`LOG_SCALE_LIMIT`].
     fn set_scale(&mut self, scale: [f32; 3]);
-    /// Rotation R whose columns are the axes of the splat; see [`rotation_matrix`].
+    /// Returns the rotation R whose columns are the axes of the splat; see [`rotation_matrix`].
     fn axes(&self) -> DMat3;
 }
 
@@ -55,11 +57,13 @@ impl Activations for Splat {
     }
 }
 
-/// The unit quaternion along `rotation` (w, x, y, z) in f64; the identity where it is zero or not finite.
+/// Returns the unit quaternion along `rotation` (w, x, y, z) in f64; the identity if that is zero or not
+/// finite.
 pub fn unit_quaternion(rotation: [f32; 4]) -> DQuat {
     let [w, x, y, z] = rotation.map(f64::from);
     let length_squared = w * w + x * x + y * y + z * z;
-    // In f64 the squares of f32 numbers neither overflow nor vanish, so only exact zeros and non-finite ones fail.
+    // In f64 the squares of f32 numbers neither overflow nor vanish, so only zeros and non-finite numbers
+    // fail.
     if length_squared > 0.0 && length_squared.is_finite() {
         let scale = length_squared.sqrt().recip();
         DQuat::from_xyzw(x * scale, y * scale, z * scale, w * scale)
@@ -68,7 +72,8 @@ pub fn unit_quaternion(rotation: [f32; 4]) -> DQuat {
     }
 }
 
-/// `rotation` at length 1 for the device, which takes that for granted; untouched where it has it to within rounding.
+/// Returns `rotation` at length 1, which the device takes for granted; unchanged if it has that length to
+/// within rounding.
 pub fn normalised(rotation: [f32; 4]) -> [f32; 4] {
     let length_squared: f64 = rotation.iter().map(|&v| f64::from(v) * f64::from(v)).sum();
     if (length_squared - 1.0).abs() < 1e-6 {
@@ -78,15 +83,15 @@ pub fn normalised(rotation: [f32; 4]) -> [f32; 4] {
     [q.w, q.x, q.y, q.z].map(|v| v as f32)
 }
 
-/// ln σ, the thin axes widened to the longest less ln [`ANISOTROPY_LIMIT`].
+/// Returns ln σ with the thin axes widened to at least the longest less ln [`ANISOTROPY_LIMIT`].
 pub fn limit_anisotropy(log_scale: [f32; 3]) -> [f32; 3] {
     let longest = log_scale.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let least = longest - ANISOTROPY_LIMIT.ln();
     log_scale.map(|log| log.max(least))
 }
 
-/// Rotation matrix of the quaternion `rotation` (w, x, y, z) of any length; the identity where it is zero or not
-/// finite.
+/// Returns the rotation matrix of the quaternion `rotation` (w, x, y, z) of any length; the identity if that
+/// is zero or not finite.
 pub fn rotation_matrix(rotation: [f32; 4]) -> DMat3 {
     DMat3::from_quat(unit_quaternion(rotation))
 }

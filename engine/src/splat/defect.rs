@@ -1,8 +1,8 @@
-//! Which splats a file must not hold.
+//! Defects of splats: what a file must not hold.
 
 use super::{Splat, activation};
 
-/// Why a file must not hold this splat, or nothing if it may.
+/// Returns why a file must not hold this splat, or `None` if it may.
 pub fn defect(splat: &Splat) -> Option<&'static str> {
     let values: &[f32; 12] = bytemuck::cast_ref(splat);
     if !values.iter().all(|v| v.is_finite()) {

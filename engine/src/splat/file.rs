@@ -1,4 +1,4 @@
-//! Files of splat sets, whatever their format: [`FORMATS`] lists them.
+//! Files of splat sets in any of the [`FORMATS`].
 
 use std::fs::File;
 use std::io::Read;
@@ -18,18 +18,18 @@ pub const FORMATS: &[Format] = &[Format {
     describe: ply::describe,
 }];
 
-/// Reads a splat set; the content of the file decides on the format, not its name. A file whose splats only a volume can
-/// place is refused: [`read_unplaced`] takes it.
+/// Reads a splat set; the content of the file decides on the format, not its name. Refuses a file whose
+/// splats only a volume can place; [`read_unplaced`] reads these, too.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<SplatSet> {
     read_unplaced(path, options)?.placed(None)
 }
 
-/// Reads a splat set that a volume may have to place yet.
+/// Reads a splat set that a volume may still have to place.
 pub fn read_unplaced(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
     (sniffed(path)?.read)(path, options)
 }
 
-/// Reads the splats of a file as [`read_unplaced`] does and refuses a file without any that can be used.
+/// Reads the splats of a file as [`read_unplaced`] does, and refuses a file without usable splats.
 pub fn read_some(path: &Path) -> Result<Unplaced> {
     let splats = read_unplaced(path, &ReadOptions::default())?;
     if splats.is_empty() {
@@ -38,8 +38,8 @@ pub fn read_some(path: &Path) -> Result<Unplaced> {
     Ok(splats)
 }
 
-/// Reads one or many files as one set, whose objects are called after the files. `place` is asked, once, for the volume of
-/// splats that only a volume can place.
+/// Reads one or several files as one set, whose objects are named after the files. Calls `place` at most
+/// once, for the volume of splats that only a volume can place.
 pub fn read_all(
     paths: &[impl AsRef<Path>],
     place: impl FnOnce() -> Result<Option<Place>>,
@@ -60,27 +60,29 @@ pub fn read_all(
     join(sets)
 }
 
-/// Tells what a splat file holds; the content of the file decides on the format, not its name.
+/// Reads a splat file and describes what it holds; the content of the file decides on the format, not its
+/// name.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
     (sniffed(path)?.describe)(path, options)
 }
 
-/// Writes `set` in the format that the extension of `path` names; replaces an existing file only with `force`.
+/// Writes `set` in the format that the extension of `path` names; replaces an existing file only if `force`
+/// is set.
 pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
     write_as(path, set, &WriteOptions { force, ..WriteOptions::default() })
 }
 
-/// Writes `set` in the format that the extension of `path` names, as the options say.
+/// Writes `set` in the format that the extension of `path` names, with the given options.
 pub fn write_as(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
     (named(path)?.write)(path, set, options)
 }
 
-/// Bytes of the file that [`write_as()`] makes of `set`.
+/// Returns the size in bytes of the file that [`write_as()`] makes of `set`.
 pub fn file_bytes(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<u64> {
     (named(path)?.bytes)(set, options)
 }
 
-/// The format that the extension of `path` names.
+/// Returns the format that the extension of `path` names.
 fn named(path: &Path) -> Result<&'static Format> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     FORMATS.iter().find(|format| format.name.eq_ignore_ascii_case(extension)).ok_or_else(|| {

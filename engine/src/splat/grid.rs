@@ -1,4 +1,5 @@
-//! The grid that a set was fitted on, and what the set is right for: the field everywhere, or that grid alone.
+//! The grid that a set was fitted on, and its form: whether its field is right everywhere or only on that
+//! grid.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -7,18 +8,18 @@ use glam::{DAffine3, DMat3, DVec3};
 pub struct Grid {
     /// Voxels along x, y, z.
     pub size: [u32; 3],
-    /// From voxel indices (centres at integers) to mm RAS.
+    /// Map from voxel indices (centres at integers) to mm RAS.
     pub world_from_voxel: DAffine3,
 }
 
 impl Grid {
-    /// The voxels of a volume of that size.
+    /// Creates the grid of the voxels of a volume of this size.
     pub fn of_voxels(size: [usize; 3], world_from_voxel: DAffine3) -> Self {
         Grid { size: size.map(|n| u32::try_from(n).unwrap_or(u32::MAX)), world_from_voxel }
     }
 
-    /// The grid with samples `pitch` voxels apart, from the centre of the first voxel on: at ½ every second sample is the
-    /// centre of a voxel, at 2 every sample is that of every second one.
+    /// Returns the grid with samples `pitch` voxels apart, beginning at the centre of the first voxel. At ½
+    /// every second sample is the centre of a voxel; at 2 every sample is that of every second voxel.
     ///
     /// # Panics
     /// If `pitch` is not a finite number above 0.
@@ -29,7 +30,7 @@ impl Grid {
         Grid { size, world_from_voxel: self.world_from_voxel * DAffine3::from_scale(DVec3::splat(pitch)) }
     }
 
-    /// Why a file must not hold this grid, or nothing if it may.
+    /// Returns why a file must not hold this grid, or `None` if it may.
     pub fn defect(&self) -> Option<&'static str> {
         let affine = self.world_from_voxel;
         let conditions = [
@@ -39,14 +40,14 @@ impl Grid {
         conditions.iter().find_map(|&(good, why)| (!good).then_some(why))
     }
 
-    /// The affine row by row, four numbers each.
+    /// Returns the affine row by row, four numbers each.
     pub fn rows(&self) -> [f64; 12] {
         let DAffine3 { matrix3: m, translation: t } = self.world_from_voxel;
         let rows = [0, 1, 2].map(|k| m.row(k).extend(t[k]).to_array());
         std::array::from_fn(|i| rows[i / 4][i % 4])
     }
 
-    /// A grid of this size whose affine has these rows.
+    /// Creates a grid of this size from the rows of its affine.
     pub fn from_rows(size: [u32; 3], rows: [f64; 12]) -> Self {
         let column = |k: usize| DVec3::new(rows[k], rows[4 + k], rows[8 + k]);
         let matrix = DMat3::from_cols(column(0), column(1), column(2));
@@ -54,15 +55,15 @@ impl Grid {
     }
 }
 
-/// What a set was fitted for, which says how it is shown and measured.
+/// What a set was fitted for, which decides how it is shown and measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
-    /// The field between the voxels as well.
+    /// The set is right between the voxels as well.
     #[default]
     Field,
-    /// The voxels of its grid and nothing between them: it is to be decoded there and interpolated.
+    /// The set is right at the voxels of its grid only: it has to be decoded there and interpolated.
     Grid {
-        /// Whether the mask was binary: an occupancy above ½ stands for 1, any other for 0.
+        /// True if the mask was binary: an occupancy above ½ stands for 1, any other for 0.
         binary: bool,
     },
 }
@@ -75,12 +76,13 @@ const NAMES: [(&str, Form); 3] = [
 ];
 
 impl Form {
-    /// Its name in files.
+    /// Returns the name of the form in files.
     pub fn name(self) -> &'static str {
         NAMES.iter().find(|(_, form)| *form == self).map_or("field", |(name, _)| name)
     }
 
-    /// The form of two sets of the same kind together: an occupancy is rounded where both masks were binary.
+    /// Returns the form of two sets of the same kind together: an occupancy is rounded only if both masks
+    /// were binary.
     pub fn joined(self, other: Self) -> Self {
         match (self, other) {
             (Form::Grid { binary: a }, Form::Grid { binary: b }) => Form::Grid { binary: a && b },
@@ -88,7 +90,7 @@ impl Form {
         }
     }
 
-    /// The form of a name.
+    /// Returns the form called `name`.
     pub fn from_name(name: &str) -> Option<Self> {
         NAMES.iter().find(|(known, _)| *known == name).map(|(_, form)| *form)
     }

@@ -1,14 +1,15 @@
-//! Colours that depend on the direction of view: real spherical harmonics up to degree 3, as 3D Gaussian splatting
-//! files hold them.
+//! Colours that depend on the direction of view: real spherical harmonics up to degree 3, as 3D Gaussian
+//! splatting files hold them.
 //!
 //! The colour of a splat seen along the unit vector d, from the eye to its mean in the frame of the set, is
-//! ½ + Σₖ Yₖ(d) cₖ for each of red, green and blue, and 0 where that is negative. Colours are display-referred
-//! (sRGB-encoded). The basis is orthonormal over the sphere, with the signs of the graphics literature (Condon-Shortley
-//! phase) and k = l² + l + m; its constants are those of Kerbl et al., "3D Gaussian Splatting", 2023.
+//! ½ + Σₖ Yₖ(d) cₖ for each of red, green and blue, and 0 if that is negative. Colours are display-referred
+//! (sRGB-encoded). The basis is orthonormal over the sphere, with the signs of the graphics literature
+//! (Condon-Shortley phase) and k = l² + l + m; its constants are those of Kerbl et al., "3D Gaussian
+//! Splatting", 2023.
 
 /// Y₀₀ = 1 / (2√π).
 pub const SH0: f32 = 0.282_094_8;
-/// Highest degree that is understood.
+/// Highest degree that is supported.
 pub const MAX_DEGREE: u8 = 3;
 /// Number of basis functions up to [`MAX_DEGREE`].
 pub const MAX_BASIS: usize = (MAX_DEGREE as usize + 1).pow(2);
@@ -18,17 +19,18 @@ pub const MAX_BASIS: usize = (MAX_DEGREE as usize + 1).pow(2);
 pub struct Harmonics {
     /// Highest degree l, 0 to [`MAX_DEGREE`].
     pub degree: u8,
-    /// One splat after the other; of each its (degree + 1)² coefficients in the order of [`basis`]; of each of these
-    /// red, green, blue. Coefficient k of channel c of splat i is at `(i * (degree + 1)² + k) * 3 + c`.
+    /// Coefficients of one splat after the other: for each splat its (degree + 1)² coefficients in the order
+    /// of [`basis`], and for each of these red, green, blue. Coefficient k of channel c of splat i is at
+    /// `(i * (degree + 1)² + k) * 3 + c`.
     pub coefficients: Vec<f32>,
 }
 
-/// Number of basis functions up to `degree`: (degree + 1)².
+/// Returns the number of basis functions up to `degree`: (degree + 1)².
 pub fn basis_count(degree: u8) -> usize {
     (usize::from(degree) + 1).pow(2)
 }
 
-/// Yₖ at the unit vector `direction`, all of [`MAX_DEGREE`].
+/// Returns Yₖ at the unit vector `direction` for all k up to [`MAX_DEGREE`].
 pub fn basis(direction: [f64; 3]) -> [f64; MAX_BASIS] {
     let [x, y, z] = direction;
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -53,12 +55,12 @@ pub fn basis(direction: [f64; 3]) -> [f64; MAX_BASIS] {
 }
 
 impl Harmonics {
-    /// Number of floats that belong to one splat.
+    /// Returns the number of floats that belong to one splat.
     pub fn stride(&self) -> usize {
         3 * basis_count(self.degree)
     }
 
-    /// The coefficients of one splat.
+    /// Returns the coefficients of one splat.
     ///
     /// # Panics
     /// If there is no such splat.
@@ -66,8 +68,8 @@ impl Harmonics {
         &self.coefficients[splat * self.stride()..][..self.stride()]
     }
 
-    /// Red, green and blue of `splat`, seen along the unit vector `direction` from the eye to its mean, in the frame
-    /// of the set; 0 or more, 1 is the display's white.
+    /// Returns red, green and blue of `splat`, seen along the unit vector `direction` from the eye to its
+    /// mean, in the frame of the set. The values are 0 or more; 1 is the display's white.
     ///
     /// # Panics
     /// If there is no such splat.
@@ -88,7 +90,8 @@ mod tests {
 
     use super::*;
 
-    /// Nodes and weights of Gauss-Legendre quadrature on -1..1, by Newton's method on the Legendre polynomial.
+    /// Returns nodes and weights of Gauss-Legendre quadrature on -1..1, by Newton's method on the Legendre
+    /// polynomial.
     fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
         let node = |i: usize| {
             let mut x = (PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
@@ -109,7 +112,8 @@ mod tests {
 
     #[test]
     fn the_basis_is_orthonormal() {
-        // Products of two functions of degree 3 are polynomials of degree 6: 8 by 16 points integrate them exactly.
+        // Products of two functions of degree 3 are polynomials of degree 6: 8 by 16 points integrate them
+        // exactly.
         let mut gram = [[0.0; MAX_BASIS]; MAX_BASIS];
         for (z, weight) in gauss_legendre(8) {
             for step in 0..16 {

@@ -1,8 +1,8 @@
-//! The profile κ(q) of a splat over the squared whitened distance q = |S⁻¹Rᵀ(x − mean)|²; w(x) = a·κ(q) with the
-//! amplitude a = α·[peak](Kernel::peak).
+//! The profile κ(q) of a splat over the squared whitened distance q = |S⁻¹Rᵀ(x − mean)|²; w(x) = a·κ(q) with
+//! the amplitude a = α·[peak](Kernel::peak).
 //!
-//! Profiles of value 1 at the centre with finite support, one row of [`KERNELS`] each. A fit is tied to its kernel:
-//! a set that was fitted with one and drawn with the other loses some 20 dB.
+//! Profiles are 1 at the centre and have finite support; each is a row of [`KERNELS`]. A fit is tied to its
+//! kernel: a set that was fitted with one and drawn with another loses some 20 dB.
 
 use serde::{Deserialize, Serialize};
 use shaders_glsl::kernel::{KERNEL_COMPACT, KERNEL_DENSITY, KERNEL_GATED, KERNEL_GAUSSIAN};
@@ -12,33 +12,36 @@ use shaders_glsl::kernel::{KERNEL_COMPACT, KERNEL_DENSITY, KERNEL_GATED, KERNEL_
 #[serde(rename_all = "lowercase")]
 #[repr(u32)]
 pub enum Kernel {
-    /// κ = (1 − q/6)³ for q < 6: smooth to second order at its border, no exponential. The default of the fit.
+    /// κ = (1 − q/6)³ for q < 6: smooth to second order at its border, no exponential. The default of the
+    /// fit.
     Compact = KERNEL_COMPACT,
     /// κ = exp(−q/2) for q < 9 (3 σ): what ordinary Gaussian splatting viewers draw.
     Gaussian = KERNEL_GAUSSIAN,
-    /// The same κ at a peak of 1/((2π)^{3/2} s₁s₂s₃): before the cut its integral over space, in voxels, is 1. So w and
-    /// what ε does to it depend on the size of a splat and on the voxels: a grid twice as fine has an eighth of w.
+    /// The Gaussian at a peak of 1/((2π)^{3/2} s₁s₂s₃), so that its integral over space, in voxels, is 1
+    /// before the cut. So w and the effect of ε on it depend on the size of a splat and on the voxels: on a
+    /// grid twice as fine w is an eighth.
     Density = KERNEL_DENSITY,
-    /// κ = exp(−q/2) σ((1.794 − √(q + 10⁻⁶))/0.75), the Gaussian of the paper's authors behind a soft gate at 1.794 σ, where
-    /// it would be 0.2; cut off 10 voxels from the mean along each axis of a volume.
+    /// κ = exp(−q/2) σ((1.794 − √(q + 10⁻⁶))/0.75), the Gaussian of the paper's authors behind a soft gate at
+    /// 1.794 σ, where it would be 0.2; cut off 10 voxels from the mean along each axis of a volume.
     Gated = KERNEL_GATED,
 }
 
-/// Greatest ln of a peak: with it neither sums of w nor the gradient of the smallest splat leaves f32. It is reached at
-/// scales of 7·10⁻⁷ voxels.
+/// Greatest ln of a peak. With it neither sums of w nor the gradient of the smallest splat leave f32; it is
+/// reached at scales of 7·10⁻⁷ voxels.
 pub const LN_PEAK_MAX: f64 = shaders_glsl::kernel::LN_PEAK_MAX as f64;
 
-/// One kernel: its name, its support and its profile.
+/// A kernel: its name, its support and its profile.
 pub struct KernelRow {
     /// The kernel that this row describes.
     pub kernel: Kernel,
     /// Name in files and on the command line.
     pub name: &'static str,
-    /// κ is 0 for q at or beyond this.
+    /// Support: κ is 0 for q at or beyond this.
     pub support_q: f64,
-    /// In a volume κ is 0 beyond this distance from the mean along any axis, voxels; infinite for most.
+    /// Reach: in a volume κ is 0 beyond this distance from the mean along any axis, voxels; infinite for most
+    /// kernels.
     pub reach: f64,
-    /// Whether the peak depends on the scales, so that the profile integrates to 1 before its cut.
+    /// True if the peak depends on the scales, so that the profile integrates to 1 before its cut.
     pub unit_integral: bool,
     value: fn(f64) -> f64,
     slope: fn(f64) -> f64,
@@ -76,7 +79,7 @@ pub const KERNELS: [KernelRow; 4] = [
     KernelRow {
         kernel: Kernel::Gated,
         name: "gated",
-        // Where √q = 1.794 + 4 · 0.75: the gate has fallen to 0.018 and κ to 2·10⁻⁷.
+        // √q = 1.794 + 4 · 0.75: here the gate has fallen to 0.018 and κ to 2·10⁻⁷.
         support_q: 4.794 * 4.794,
         reach: 10.0,
         unit_integral: false,
@@ -85,69 +88,70 @@ pub const KERNELS: [KernelRow; 4] = [
     },
 ];
 
-/// The gate of [`Kernel::Gated`].
+/// Returns the gate of [`Kernel::Gated`] at q.
 fn gate(q: f64) -> f64 {
     1.0 / (1.0 + (((q + 1e-6).sqrt() - 1.794) / 0.75).exp())
 }
 
 impl Kernel {
-    /// The row of this kernel in [`KERNELS`].
+    /// Returns the row of this kernel in [`KERNELS`].
     pub fn row(self) -> &'static KernelRow {
         &KERNELS[self as usize]
     }
 
-    /// Name in files and on the command line.
+    /// Returns the name of this kernel in files and on the command line.
     pub fn name(self) -> &'static str {
         self.row().name
     }
 
-    /// Number that stands for this kernel in shaders.
+    /// Returns the number that stands for this kernel in shaders.
     pub fn id(self) -> u32 {
         self as u32
     }
 
-    /// The kernel called `name`, exactly as [`Kernel::name`] spells it.
+    /// Returns the kernel called `name`, exactly as [`Kernel::name`] spells it.
     pub fn from_name(name: &str) -> Option<Kernel> {
         KERNELS.iter().find(|row| row.name == name).map(|row| row.kernel)
     }
 
-    /// Squared whitened distance from which on κ is 0; its root is the support radius in σ.
+    /// Returns the squared whitened distance from which on κ is 0; its root is the support radius in σ.
     pub fn support_q(self) -> f64 {
         self.row().support_q
     }
 
-    /// What α is multiplied with: 1, or 1/((2π)^{3/2} s₁s₂s₃) for scales given by their logarithms, in voxels.
+    /// Returns the factor of α in the amplitude: 1, or 1/((2π)^{3/2} s₁s₂s₃) for scales given by their
+    /// logarithms, in voxels.
     pub fn peak(self, log_scale: [f64; 3]) -> f64 {
         if !self.row().unit_integral {
             return 1.0;
         }
-        // Through the logarithm: a product of scales within their limits may leave f32, and the kernels do the same.
+        // In logarithms, as on the device: a product of scales within their limits may leave f32.
         let ln_peak = -log_scale.iter().sum::<f64>() - 1.5 * std::f64::consts::TAU.ln();
         ln_peak.min(LN_PEAK_MAX).exp()
     }
 
-    /// κ(q) for q ≥ 0; 0 outside the support.
+    /// Returns κ(q) for q ≥ 0; 0 outside the support.
     pub fn value(self, q: f64) -> f64 {
         if q < self.support_q() { (self.row().value)(q) } else { 0.0 }
     }
 
-    /// Whether a sample of a volume at `d` voxels from the mean is not cut off; the margin is that of the device, which
-    /// decides alike.
+    /// Returns true if a sample of a volume at `d` voxels from the mean is not cut off. The margin is that of
+    /// the device, so that both decide alike.
     pub fn reaches(self, d: glam::DVec3) -> bool {
         d.abs().max_element() <= self.row().reach + 1e-3
     }
 
-    /// κ(q) at a sample of a volume, `d` voxels from the mean.
+    /// Returns κ(q) at a sample of a volume, `d` voxels from the mean.
     pub fn cut_value(self, d: glam::DVec3, q: f64) -> f64 {
         if self.reaches(d) { self.value(q) } else { 0.0 }
     }
 
-    /// −2·dκ/dq at a sample of a volume, `d` voxels from the mean.
+    /// Returns −2·dκ/dq at a sample of a volume, `d` voxels from the mean.
     pub fn cut_slope(self, d: glam::DVec3, q: f64) -> f64 {
         if self.reaches(d) { self.slope(q) } else { 0.0 }
     }
 
-    /// −2·dκ/dq for q ≥ 0, the factor of every gradient; 0 outside the support.
+    /// Returns −2·dκ/dq for q ≥ 0, the factor of every gradient; 0 outside the support.
     pub fn slope(self, q: f64) -> f64 {
         if q < self.support_q() { (self.row().slope)(q) } else { 0.0 }
     }

@@ -1,25 +1,25 @@
-//! Labels: which structure of a label map each splat of a set belongs to.
+//! Labels: the structure of a label map that each splat of a set belongs to.
 
 use serde::Serialize;
 
 use super::SplatSet;
 
-/// Longest name of a label in bytes: with it the names of all labels fit the header of a file.
+/// Longest name of a label in bytes, so that the names of all labels fit into the header of a file.
 const NAME_BYTES: usize = 120;
 
-/// How many splats have a label.
+/// A label with its name and its number of splats.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct LabelCount {
-    /// The label; 0 is none.
+    /// The label; 0 stands for no label.
     pub label: u8,
-    /// Its name, where it has one.
+    /// The name of the label, if it has one.
     pub name: Option<String>,
-    /// Splats that have it.
+    /// Number of splats with this label.
     pub splats: usize,
 }
 
-/// `text` as the name of a label: on one line, words with single spaces between them, without control characters, cut
-/// off after 120 bytes; may be empty.
+/// Returns `text` as the name of a label: one line of words with single spaces between them, without control
+/// characters, cut off after 120 bytes. The name may be empty.
 pub fn label_name(text: &str) -> String {
     let printable = |c: char| if c.is_control() { ' ' } else { c };
     let text: String = text.chars().map(printable).collect();
@@ -31,7 +31,8 @@ pub fn label_name(text: &str) -> String {
 }
 
 impl SplatSet {
-    /// The labels of the splats with their names and counts, ascending; empty without labels.
+    /// Returns the labels of the splats with their names and counts, ascending; empty if the set has no
+    /// labels.
     pub fn label_counts(&self) -> Vec<LabelCount> {
         let mut counts = [0usize; 256];
         for &label in self.labels.iter().flatten() {
@@ -45,7 +46,7 @@ impl SplatSet {
             .collect()
     }
 
-    /// Why labels or their names cannot be written, or nothing if they can.
+    /// Returns why the labels or their names cannot be written, or `None` if they can.
     pub(super) fn label_defect(&self) -> Option<&'static str> {
         let count = |labels: &Vec<u8>| labels.len() == self.splats.len();
         let name = |(_, name): &(u8, String)| !name.is_empty() && *name == label_name(name);

@@ -1,7 +1,7 @@
 //! Splat sets: parameters, activations, spaces and files.
 //!
-//! A [`Splat`] holds raw parameters (logit, ln σ, quaternion). A fit works in voxel space, a [`SplatSet`] lives in the
-//! world.
+//! A [`Splat`] holds raw parameters (logit, ln σ, quaternion). A fit works in voxel space, a [`SplatSet`]
+//! lives in the world.
 //!
 //! | file | what it is |
 //! |---|---|
@@ -9,12 +9,12 @@
 //! | `activation`, `kernel` | what the raw parameters stand for, and how a splat fades with distance |
 //! | `space` | from voxels to the world and back |
 //! | `objects`, `labels` | several sets as one ([`join`]), the structures that splats belong to |
-//! | `importance` | an order in which the first splats stand for the whole as well as so many can |
+//! | `importance` | an order in which the first n splats represent the set as well as n splats can |
 //! | `grid` | the grid that a set was fitted on, and what it is right for |
 //! | `harmonics` | colours of splats that have no intensity |
 //! | `packed` | a set in 16 bytes a splat |
 //! | `file`, `format`, `ply` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
-//! | `place`, `unplaced` | a file may leave open where its splats lie: it is read as [`Unplaced`], the [`Place`] of a volume makes it a set |
+//! | `place`, `unplaced` | sets without a known place: [`Unplaced`], until a volume gives the [`Place`] |
 //! | `defect` | which splats a file must not hold |
 
 pub mod activation;

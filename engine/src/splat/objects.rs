@@ -1,8 +1,10 @@
-//! Objects: the parts of a set that are shown, hidden and coloured apart. They are its labels. [`join`] makes one set of
-//! several, so that parts of one body that were fitted apart lie in one scene.
+//! Objects: the parts of a set that are shown, hidden and coloured separately. They are the labels of the
+//! set. [`join`] makes one set of several, so that parts of one body that were fitted separately lie in one
+//! scene.
 //!
-//! A joined set is one field: where objects overlap, V̂ = b + Σ w (c − b) / (Σ w + ε) goes over all their splats, as it does
-//! between the splats of one fit. That is right for parts of one body, which share the tissue at their borders.
+//! A joined set is one field: where objects overlap, V̂ = b + Σ w (c − b) / (Σ w + ε) sums over all their
+//! splats, as it does for the splats of one fit. That is right for parts of one body, which share the tissue
+//! at their borders.
 
 use glam::DVec3;
 
@@ -10,22 +12,23 @@ use super::harmonics::basis_count;
 use super::{Field, Form, Harmonics, SplatSet, label_name};
 use crate::error::{Error, Kind, Result};
 
-/// Most objects of a joined set: those that a label other than 0 can number.
+/// Most objects of a joined set: the number of labels other than 0.
 pub const MOST_OBJECTS: usize = 255;
 
-/// A part of a set that has a look of its own: the splats of one label.
+/// A part of a set with an appearance of its own: the splats of one label.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Object {
-    /// Its number: the label of its splats; 0 for those of no label.
+    /// Number of the object: the label of its splats, or 0 for splats without a label.
     pub number: u8,
-    /// The name of the label, or words that stand for it; never empty.
+    /// The name of the label, or a substitute for it; never empty.
     pub name: String,
-    /// How many splats it has.
+    /// Number of splats.
     pub splats: usize,
 }
 
 impl SplatSet {
-    /// The objects by ascending number; of a set without labels, all of its splats are one.
+    /// Returns the objects in ascending order of their numbers. All splats of a set without labels are one
+    /// object.
     pub fn objects(&self) -> Vec<Object> {
         if self.labels.is_none() {
             return vec![Object { number: 0, name: "splats".to_owned(), splats: self.splats.len() }];
@@ -40,19 +43,20 @@ impl SplatSet {
     }
 }
 
-/// One set of all `sets`, which come with a name each. A set without labels becomes one object of that name. A set that
-/// comes alone keeps its labels; of several each label becomes an object called "set/label", and the objects are
-/// numbered from 1 on in the order of sets and labels.
+/// Joins all `sets`, each given with its name, into one. A set without labels becomes one object of that
+/// name. A set that is alone keeps its labels; if there are several sets, each label becomes an object called
+/// "set/label", and objects are numbered from 1 in the order of sets and labels.
 ///
-/// The origin is the centre of the box of all means, in whole mm. The background is the mean of all splats' backgrounds:
-/// it weighs ε against Σ w in V̂, so where anything is to be seen it moves V̂ by a small part of what the backgrounds differ.
+/// The origin is the centre of the box of all means, in whole mm. The background is the mean of the
+/// backgrounds of all splats: it weighs ε against Σ w in V̂, so where anything is visible it moves V̂ by a
+/// small part of the difference of the backgrounds.
 ///
-/// A grid is kept where all sets have the same.
+/// The grid is kept if all sets have the same one.
 ///
 /// # Errors
-/// Sets that do not add up to one field: splats with intensities and splats with colours, other kernels, other ε or w₀,
-/// fits for a grid beside others that are not for the same;
-/// and more than [`MOST_OBJECTS`] objects.
+/// [`Kind::BadData`] if the sets do not add up to one field: splats with intensities and splats with colours,
+/// different kernels, different ε or w₀, a fit for a grid beside one that is not for the same grid. Also if
+/// there are more than [`MOST_OBJECTS`] objects.
 pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let Some(((first_name, first), others)) = sets.split_first() else { return Ok(SplatSet::default()) };
     for (name, set) in others {
@@ -98,7 +102,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     })
 }
 
-/// What of two sets does not add up to one field, and what to do about it.
+/// Returns why two sets do not add up to one field and what to do about it, or `None` if they do.
 fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
     const FIT: &str = "fit both with the same --kernel, --epsilon and --occupancy-w0, or render them apart";
     let kind = |set: &SplatSet| match (&set.colours, set.has_intensity) {
@@ -110,7 +114,7 @@ fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
         let what = format!("the splats of one have {}, those of the other {}", kind(a), kind(b));
         return Some((what, "render splats of vgs and splats of other programs apart"));
     }
-    // Between the voxels of its own grid such a fit is not right, and where two are, their grids are one.
+    // Such a fit is not right between the voxels of its own grid, so two of them must share the grid.
     let of_grid = [a, b].map(|set| set.form != Form::Field);
     if of_grid == [true, true] && a.grid != b.grid {
         let what = "they were fitted for the voxels of different grids".to_owned();
@@ -135,7 +139,7 @@ fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
 struct Numbered {
     /// The number of each splat's object.
     labels: Vec<u8>,
-    /// The objects' names by number.
+    /// The names of the objects with their numbers.
     names: Vec<(u8, String)>,
 }
 
@@ -167,7 +171,8 @@ fn numbered(sets: &[(String, SplatSet)]) -> Result<Numbered> {
     Ok(Numbered { labels, names: (1..=u8::MAX).zip(names).collect() })
 }
 
-/// Centre of the box of all means, rounded to whole mm, so that f32 means keep their digits; mm RAS.
+/// Returns the centre of the box of all means, rounded to whole mm, so that f32 means keep their digits; mm
+/// RAS.
 fn common_origin(sets: &[(String, SplatSet)]) -> DVec3 {
     let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
     for (_, set) in sets {
@@ -190,7 +195,7 @@ fn mean_background(sets: &[(String, SplatSet)]) -> f32 {
     (sum / count) as f32
 }
 
-/// The colours of all sets, at the highest degree of any; what a set has not is 0.
+/// Returns the colours of all sets at the highest degree of any set; coefficients that a set lacks are 0.
 fn joined_colours(sets: &[(String, SplatSet)]) -> Harmonics {
     let colours = || sets.iter().filter_map(|(_, set)| set.colours.as_ref());
     let degree = colours().map(|c| c.degree).max().unwrap_or(0);

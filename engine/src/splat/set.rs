@@ -5,35 +5,36 @@ use glam::DVec3;
 use super::importance::by_importance;
 use super::{Field, Form, Grid, Harmonics, Splat};
 
-/// A fitted set of splats in world space, with all that is needed to evaluate the field it stands for.
+/// A fitted set of splats in world space, with all that is needed to evaluate its field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplatSet {
     /// Means in mm, RAS, relative to `origin_mm`; ln σ in ln mm; intensity as `has_intensity` says.
     pub splats: Vec<Splat>,
-    /// World position of the splats' zero, mm RAS.
+    /// Origin of the means in the world, mm RAS.
     pub origin_mm: DVec3,
-    /// How the splats add up to a field.
+    /// The field that the splats add up to.
     pub field: Field,
-    /// Whether intensities are physical (HU for CT). Otherwise they are the luminance of a colour, about 0 to 1, and
-    /// a transfer function over HU means nothing for them.
+    /// True if intensities are physical (HU for CT). Otherwise they are the luminance of a colour, about 0 to
+    /// 1, and a transfer function over HU means nothing for them.
     pub has_intensity: bool,
-    /// The colours of a set of ordinary 3D Gaussian splatting; nothing where the splats have an intensity, which a
-    /// transfer function colours.
+    /// The colours of a set of ordinary 3D Gaussian splatting; `None` if the splats have an intensity, which
+    /// a transfer function colours.
     pub colours: Option<Harmonics>,
-    /// Which structure each splat belongs to, by the labels of the label map it was fitted to; 0 is none of them.
+    /// The structure that each splat belongs to, by the labels of the label map that the set was fitted to; 0
+    /// is none of them.
     pub labels: Option<Vec<u8>>,
     /// Names of labels, at most one for each, in ascending order; see [`label_name`](super::label_name).
     pub label_names: Vec<(u8, String)>,
-    /// Iterations of the fit that made the set; nothing where the file does not say.
+    /// Iterations of the fit that made the set; `None` if unknown.
     pub iterations: Option<u32>,
-    /// The grid of the volume that it was fitted to; nothing where the file does not say.
+    /// The grid of the volume that the set was fitted to; `None` if unknown.
     pub grid: Option<Grid>,
-    /// What it was fitted for.
+    /// What the set was fitted for.
     pub form: Form,
 }
 
 impl Default for SplatSet {
-    /// No splats, whose intensities would be physical.
+    /// Returns a set without splats whose intensities are physical.
     fn default() -> Self {
         SplatSet {
             splats: Vec::new(),
@@ -51,25 +52,26 @@ impl Default for SplatSet {
 }
 
 impl SplatSet {
-    /// Returns the least and the greatest intensity (HU where [`SplatSet::has_intensity`]); nothing of an empty set.
+    /// Returns the least and the greatest intensity (HU if [`SplatSet::has_intensity`]); `None` for an empty
+    /// set.
     pub fn intensity_range(&self) -> Option<[f64; 2]> {
         let intensities = || self.splats.iter().map(|splat| f64::from(splat.intensity));
         intensities().reduce(f64::min).zip(intensities().reduce(f64::max)).map(|(low, high)| [low, high])
     }
 
-    /// Sorts the splats by importance, the most important first: any number of the first splats then stands for the whole
-    /// as well as so many can. The field stays what it is.
+    /// Sorts the splats by importance, the most important first: the first n splats then represent the set as
+    /// well as n splats can, for any n. The field stays the same.
     pub fn order_by_importance(&mut self) {
         let order = by_importance(&self.splats, &self.field);
         self.take(&order.iter().map(|&i| i as usize).collect::<Vec<_>>());
     }
 
-    /// Keeps the first splats.
+    /// Keeps the first `count` splats.
     pub fn truncate(&mut self, count: usize) {
         self.take(&(0..count.min(self.splats.len())).collect::<Vec<_>>());
     }
 
-    /// Keeps the splats of these rows, in this order.
+    /// Keeps the splats of these `rows`, in this order.
     fn take(&mut self, rows: &[usize]) {
         self.splats = rows.iter().map(|&i| self.splats[i]).collect();
         if let Some(labels) = &mut self.labels {

@@ -1,10 +1,11 @@
-//! Splat sets between voxel space and the world.
+//! Transformation of splat sets between voxel space and the world.
 //!
-//! An affine map x ↦ Lx + t takes a covariance Σ = RS²Rᵀ to LΣLᵀ, and under shear the axes of the new ellipsoid are
-//! not the images of the old ones. With B = LRS the new covariance is BBᵀ, so its axes are the left singular vectors
-//! of B and its standard deviations the singular values. B is orthogonalised column by column in f64 (one-sided
-//! Jacobi): unlike an eigendecomposition of BBᵀ it never squares the scales, and where L only rotates, scales evenly
-//! or reflects, the columns are orthogonal already, so that every axis and scale passes through unmixed and in place.
+//! An affine map x ↦ Lx + t takes a covariance Σ = RS²Rᵀ to LΣLᵀ, and under shear the axes of the new
+//! ellipsoid are not the images of the old ones. With B = LRS the new covariance is BBᵀ, so its axes are the
+//! left singular vectors of B and its standard deviations the singular values. B is orthogonalised column by
+//! column in f64 (one-sided Jacobi): unlike an eigendecomposition of BBᵀ it never squares the scales, and
+//! where L only rotates, scales evenly or reflects, the columns are orthogonal already, so that every axis
+//! and scale passes through unmixed and in place.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -12,25 +13,26 @@ use rayon::prelude::*;
 use super::activation::{LOG_SCALE_LIMIT, rotation_matrix, unit_quaternion};
 use super::{Field, Splat, SplatSet};
 
-/// Columns count as orthogonal where their cosine is below this.
+/// Cosine below which two columns count as orthogonal.
 const ORTHOGONAL: f64 = 1e-15;
-/// A 3×3 matrix settles in about five sweeps.
+/// Most sweeps of the Jacobi iteration; a 3×3 matrix converges in about five.
 const MAX_SWEEPS: usize = 16;
 
 impl SplatSet {
-    /// The splats in voxel space (mean in voxels, ln σ in voxels) of the volume whose invertible index-to-world map,
-    /// mm RAS, is `world_from_voxel`.
+    /// Returns the splats in the voxel space (mean in voxels, ln σ in voxels) of the volume whose invertible
+    /// index-to-world map, mm RAS, is `world_from_voxel`.
     pub fn to_voxel(&self, world_from_voxel: &DAffine3) -> Vec<Splat> {
         let linear = world_from_voxel.matrix3.inverse();
-        // L⁻¹(origin − t) once: the mean then meets only small numbers.
+        // L⁻¹(origin − t) is computed once: the mean is then added to small numbers only.
         let origin = linear * (self.origin_mm - world_from_voxel.translation);
         self.splats.par_iter().map(|splat| transformed(splat, &linear, |x| linear * x + origin)).collect()
     }
 
-    /// The world-space set of voxel-space `splats` of a volume with the index-to-world map `world_from_voxel`, mm RAS.
+    /// Returns the world-space set of voxel-space `splats` of a volume with the index-to-world map
+    /// `world_from_voxel`, mm RAS.
     ///
-    /// The origin is the centre of the box of all means, rounded to whole millimetres, so that f32 means keep their
-    /// digits wherever the scanner put the patient.
+    /// The origin is the centre of the box of all means, rounded to whole millimetres, so that f32 means keep
+    /// their digits wherever the scanner put the patient.
     pub fn from_voxel(splats: &[Splat], world_from_voxel: &DAffine3, field: Field) -> SplatSet {
         let linear = world_from_voxel.matrix3;
         let origin_mm = centre(splats.iter().map(|splat| world_from_voxel.transform_point3(mean(splat))));
@@ -41,7 +43,7 @@ impl SplatSet {
     }
 }
 
-/// The centre of the box of all means, rounded to whole millimetres; zero where none is finite.
+/// Returns the centre of the box of all means, rounded to whole millimetres; zero if none is finite.
 pub(super) fn centre(means: impl Iterator<Item = DVec3>) -> DVec3 {
     let (low, high) = means
         .filter(|x| x.is_finite())
@@ -53,12 +55,14 @@ fn mean(splat: &Splat) -> DVec3 {
     DVec3::from_array(splat.mean.map(f64::from))
 }
 
-/// `splat` with its covariance Σ taken to LΣLᵀ by the invertible `linear` L; its mean stays where it is.
+/// Returns `splat` with its covariance Σ taken to LΣLᵀ by the invertible `linear` L; its mean stays where it
+/// is.
 pub fn reshaped(splat: &Splat, linear: &DMat3) -> Splat {
     Splat { mean: splat.mean, ..transformed(splat, linear, |x| x) }
 }
 
-/// `splat` with its mean moved by `place` and its covariance by `linear`; opacity and intensity stay.
+/// Returns `splat` with its mean mapped by `place` and its covariance by `linear`; opacity and intensity
+/// stay.
 fn transformed(splat: &Splat, linear: &DMat3, place: impl Fn(DVec3) -> DVec3) -> Splat {
     let limit = f64::from(LOG_SCALE_LIMIT);
     let before = rotation_matrix(splat.rotation);
@@ -79,7 +83,8 @@ fn transformed(splat: &Splat, linear: &DMat3, place: impl Fn(DVec3) -> DVec3) ->
     }
 }
 
-/// Left singular vectors (orthonormal columns) and singular values of `b`, in the order of its columns.
+/// Returns the left singular vectors (orthonormal columns) and the singular values of `b`, in the order of
+/// its columns.
 fn principal_axes(b: DMat3) -> (DMat3, DVec3) {
     let mut columns = [b.x_axis, b.y_axis, b.z_axis];
     for _ in 0..MAX_SWEEPS {
@@ -107,8 +112,9 @@ fn principal_axes(b: DMat3) -> (DMat3, DVec3) {
     (DMat3::from_cols(columns[0] / scale.x, columns[1] / scale.y, columns[2] / scale.z), scale)
 }
 
-/// Which axis to turn round when the map reflects: the one that points furthest from where it was. The choice is the
-/// same for the map and its inverse, so a round trip gives the rotation back; near ties go to the first axis.
+/// Returns the axis to flip if the map reflects: the one that points furthest from where it was. The choice
+/// is the same for the map and its inverse, so a round trip gives the rotation back; of near ties the first
+/// axis is taken.
 fn most_turned(before: &DMat3, after: &DMat3) -> usize {
     let alignment = [0, 1, 2].map(|k| before.col(k).dot(after.col(k)));
     let least = alignment.iter().copied().fold(f64::INFINITY, f64::min);
@@ -165,7 +171,7 @@ mod tests {
         matrix.to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt()
     }
 
-    /// q at `point`, both in the space of the splat.
+    /// Returns q at `point`, both in the space of the splat.
     fn whitened(splat: &Splat, point: DVec3) -> f64 {
         let scale = DVec3::from_array(splat.log_scale.map(|log| f64::from(log).exp()));
         (splat.axes().transpose() * (point - mean(splat)) / scale).length_squared()
@@ -204,7 +210,8 @@ mod tests {
         let mut rng = Pcg64::seed_from_u64(2);
         let mut unit = || rng.random_range(-1.0..1.0);
         for (name, affine) in affines() {
-            // q is most sensitive in thin splats: an f32 mean is off by 2^-16 voxels at 512, σ is 0.4 and more.
+            // q is most sensitive in thin splats: an f32 mean is off by 2^-16 voxels at 512, σ is 0.4 and
+            // more.
             for (anisotropy, bound) in [(2.0, 1e-3), (10.0, 1e-3), (100.0, 5e-3)] {
                 let splats = random_splats(200, anisotropy, 3);
                 let back = SplatSet::from_voxel(&splats, &affine, field()).to_voxel(&affine);

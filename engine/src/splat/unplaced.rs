@@ -1,4 +1,4 @@
-//! A set as its file has it, which a volume may have to place yet.
+//! A set as its file has it, which a volume may still have to place.
 
 use std::path::PathBuf;
 
@@ -6,42 +6,42 @@ use super::ply::reference::Rows;
 use super::{Place, SplatSet};
 use crate::error::{Error, Kind, Result};
 
-/// A set as its file has it.
+/// A set as its file has it, which a volume may still have to place.
 #[derive(Clone, Debug)]
 pub struct Unplaced {
     pub(super) path: PathBuf,
-    /// Where `rows` says otherwise, its splats are not placed yet.
+    /// The set; its splats are not placed yet if there are `rows`.
     pub(super) set: SplatSet,
-    /// What the splats of the paper's authors still need; nothing where they are placed.
+    /// What splats in the layout of the paper's authors need to be placed; `None` if they are placed.
     pub(super) rows: Option<Rows>,
 }
 
 impl Unplaced {
-    /// Whether only a volume can place the splats.
+    /// Returns true if only a volume can place the splats.
     pub fn needs_volume(&self) -> bool {
         self.rows.is_some()
     }
 
-    /// Number of usable splats.
+    /// Returns the number of usable splats.
     pub fn len(&self) -> usize {
         self.set.splats.len()
     }
 
-    /// Whether there is no usable splat.
+    /// Returns true if there are no usable splats.
     pub fn is_empty(&self) -> bool {
         self.set.splats.is_empty()
     }
 
-    /// Whether intensities are physical; see [`SplatSet::has_intensity`].
+    /// Returns true if intensities are physical; see [`SplatSet::has_intensity`].
     pub fn has_intensity(&self) -> bool {
         self.set.has_intensity
     }
 
-    /// The set in the world. Files that know their place need no `place` and pay no heed to one.
+    /// Returns the set in the world. Files that know their place need no `place` and ignore one.
     ///
     /// # Errors
-    /// [`Kind::Usage`] where a volume is needed and none is there; [`Kind::BadData`] where the file's intensities cannot
-    /// be known from what there is.
+    /// [`Kind::Usage`] if a volume is needed and none is given, or if the file has no `hu` and the intensity
+    /// range of the region is not known.
     pub fn placed(self, place: Option<&Place>) -> Result<SplatSet> {
         let Unplaced { path, set, rows } = self;
         match (rows, place) {

@@ -1,15 +1,15 @@
-//! A transfer function: control points, and the lines between them.
+//! Transfer functions: control points, and the lines between them.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Kind, Result};
 
-/// Greatest opacity per millimetre that is told apart from 1, for which the extinction would be infinite.
+/// The greatest opacity per millimetre that differs from 1, whose extinction would be infinite.
 pub const MAX_OPACITY: f64 = 0.9995;
 /// Control points lie within this distance of 0, so that `f32` holds all that follows from them.
 pub const MAX_INTENSITY: f64 = 1e36;
-/// What files may exceed 1 (or fall below 0) by: the last digit of a rounded number.
+/// How far a number of a file may lie beyond 0 to 1: the last digit of a rounded number.
 const ROUNDING: f64 = 1e-6;
 
 /// The colour at an intensity.
@@ -24,30 +24,30 @@ pub struct ColourPoint {
 /// The opacity at an intensity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpacityPoint {
-    /// Intensity, HU for CT; for gradient opacity the magnitude of the gradient of the intensity.
+    /// Intensity, HU for CT; for gradient opacity, the magnitude of the gradient of the intensity.
     pub intensity: f64,
-    /// Share of light that a millimetre absorbs, 0 to 1.
+    /// Share of light that one millimetre absorbs, 0 to 1.
     pub opacity: f64,
 }
 
-/// How a surface answers to light, as in VTK and Slicer (Blinn-Phong).
+/// How a surface reflects light, as in VTK and Slicer (Blinn-Phong).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
-    /// True if there is shading at all; without it colours appear as they are.
+    /// True if there is shading; otherwise colours appear as they are.
     pub shade: bool,
-    /// Share of the colour that needs no light.
+    /// Share of the colour that does not depend on the light.
     pub ambient: f64,
-    /// Share of the colour that follows the angle to the light.
+    /// Share of the colour that depends on the angle to the light.
     pub diffuse: f64,
     /// Strength of the highlight.
     pub specular: f64,
-    /// Exponent of the highlight: greater is smaller.
+    /// Exponent of the highlight: the greater, the smaller the highlight.
     pub power: f64,
 }
 
 impl Default for Material {
-    /// What VTK starts with: no shading.
+    /// Returns the material that VTK starts with: no shading.
     fn default() -> Self {
         Material { shade: false, ambient: 0.1, diffuse: 0.7, specular: 0.2, power: 10.0 }
     }
@@ -59,14 +59,14 @@ impl Default for Material {
 pub struct TransferFunction {
     /// Name for people; may be empty.
     pub name: String,
-    /// Answer to light.
+    /// Reflection of light.
     pub material: Material,
     colours: Vec<ColourPoint>,
     opacities: Vec<OpacityPoint>,
     gradient_opacities: Vec<OpacityPoint>,
 }
 
-/// A control point: where it is, and what may be between two of them.
+/// A control point: its intensity and a value that can be interpolated.
 pub(super) trait Point: Copy {
     type Value: Copy + std::ops::Mul<f64, Output = Self::Value> + std::ops::Add<Output = Self::Value>;
     fn intensity(&self) -> f64;
@@ -93,14 +93,14 @@ impl Point for OpacityPoint {
     }
 }
 
-/// The side from which a function is looked at; it matters only where there is a step.
+/// The side from which a function is evaluated; it matters only at a step.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum From {
     Below,
     Above,
 }
 
-/// Returns the value of the lines through sorted `points` at `v`.
+/// Returns the value at `v` of the straight lines through the sorted `points`.
 pub(super) fn interpolate<P: Point>(points: &[P], v: f64, from: From) -> P::Value {
     let next = points.partition_point(|p| match from {
         From::Above => p.intensity() <= v,
@@ -115,13 +115,13 @@ pub(super) fn interpolate<P: Point>(points: &[P], v: f64, from: From) -> P::Valu
     low.value() * (1.0 - share) + high.value() * share
 }
 
-/// Returns the extinction in 1/mm of an opacity per millimetre.
+/// Returns the extinction, 1/mm, for an opacity per millimetre.
 pub(super) fn extinction_of(opacity: f64) -> f64 {
     -(-opacity.min(MAX_OPACITY)).ln_1p()
 }
 
-/// Sorted by intensity, in the given order where intensities are equal, of which only the first and the last
-/// count.
+/// Sorts points by intensity. Points of equal intensity stay in the given order, and only the first and the
+/// last of them are kept.
 fn sorted<P: Point>(mut points: Vec<P>) -> Vec<P> {
     points.sort_by(|a, b| a.intensity().total_cmp(&b.intensity()));
     let same = |i: usize, j: usize, all: &[P]| all[i].intensity() == all[j].intensity();
@@ -172,7 +172,8 @@ fn checked_colours(points: Vec<ColourPoint>) -> Result<Vec<ColourPoint>> {
 }
 
 impl TransferFunction {
-    /// From control points in any order; points at one intensity stay in the order in which they are given.
+    /// Creates a transfer function from control points in any order; points at one intensity stay in the
+    /// order in which they are given.
     ///
     /// # Errors
     /// [`Kind::BadData`] if there is no colour or no opacity, if a number is not finite or too large, if a
@@ -209,7 +210,7 @@ impl TransferFunction {
         })
     }
 
-    /// With opacity factors over the magnitude of the gradient, as VTK has them. They are kept for saving;
+    /// Adds opacity factors over the magnitude of the gradient, as VTK has them. They are kept for saving;
     /// nothing here draws them.
     ///
     /// # Errors
@@ -219,17 +220,17 @@ impl TransferFunction {
         Ok(self)
     }
 
-    /// Control points of colour, sorted; at most two at one intensity.
+    /// Returns the control points of colour, sorted; at most two at one intensity.
     pub fn colours(&self) -> &[ColourPoint] {
         &self.colours
     }
 
-    /// Control points of opacity per millimetre, sorted; at most two at one intensity.
+    /// Returns the control points of opacity per millimetre, sorted; at most two at one intensity.
     pub fn opacities(&self) -> &[OpacityPoint] {
         &self.opacities
     }
 
-    /// Control points of gradient opacity; often none.
+    /// Returns the control points of gradient opacity; often there are none.
     pub fn gradient_opacities(&self) -> &[OpacityPoint] {
         &self.gradient_opacities
     }
@@ -254,8 +255,9 @@ impl TransferFunction {
         extinction_of(interpolate(&self.opacities, v, From::Above))
     }
 
-    /// From the least to the greatest intensity with an opacity, ±∞ where there is one beyond the last
-    /// control point; nothing if all is transparent. Inside there may be transparent stretches.
+    /// Returns the least and the greatest intensity between which the function has an opacity, ±∞ where it
+    /// goes on beyond the last control point; `None` if all is transparent. There may be transparent
+    /// stretches inside.
     pub fn visible(&self) -> Option<[f64; 2]> {
         let points = &self.opacities;
         let first = points.iter().position(|p| p.opacity > 0.0)?;
@@ -266,7 +268,7 @@ impl TransferFunction {
         Some([low, high])
     }
 
-    /// From the first to the last control point of colour or opacity.
+    /// Returns the intensities of the first and the last control point of colour or opacity.
     pub fn extent(&self) -> [f64; 2] {
         let ends = |first: f64, last: f64, other: [f64; 2]| [first.min(other[0]), last.max(other[1])];
         let colours = (self.colours[0].intensity, self.colours[self.colours.len() - 1].intensity);
@@ -274,7 +276,7 @@ impl TransferFunction {
         ends(colours.0, colours.1, opacities)
     }
 
-    /// The same function of intensities that are greater by `by`.
+    /// Returns the same function with all intensities greater by `by`.
     ///
     /// # Errors
     /// [`Kind::BadData`] if control points would leave ±[`MAX_INTENSITY`].
@@ -282,8 +284,8 @@ impl TransferFunction {
         self.moved(|v| v + by, 1.0)
     }
 
-    /// The same function of other intensities: those from `from[0]` to `from[1]` become `to[0]` to `to[1]`,
-    /// and the rest goes along.
+    /// Returns the same function over other intensities: the linear map that takes `from[0]` to `to[0]` and
+    /// `from[1]` to `to[1]` is applied to all control points.
     ///
     /// # Errors
     /// [`Kind::Usage`] if a range is empty or not finite, [`Kind::BadData`] if control points would leave
@@ -303,7 +305,7 @@ impl TransferFunction {
     fn moved(&self, place: impl Fn(f64) -> f64, factor: f64) -> Result<Self> {
         let colours = self.colours.iter().map(|p| ColourPoint { intensity: place(p.intensity), ..*p });
         let opacities = self.opacities.iter().map(|p| OpacityPoint { intensity: place(p.intensity), ..*p });
-        // Gradients of an intensity are differences of it: no shift reaches them.
+        // Gradients are differences of intensities: a shift does not change them.
         let gradients =
             self.gradient_opacities.iter().map(|p| OpacityPoint { intensity: p.intensity * factor, ..*p });
         TransferFunction::new(self.name.clone(), colours.collect(), opacities.collect(), self.material)?

@@ -1,4 +1,4 @@
-//! Transfer functions with a name.
+//! Presets: transfer functions with a name.
 //!
 //! Names are those that users know from other programs; control points are our own. CT has Hounsfield units,
 //! so its presets stand where they stand. MR has no unit: its presets are in shares of the range of the data.
@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::{ColourPoint, MAX_INTENSITY, Material, OpacityPoint, TransferFunction};
 use crate::error::{Error, Kind, Result};
 
-/// What the intensities of a preset are.
+/// The unit of a preset's intensities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// Hounsfield units: for CT.
@@ -22,9 +22,9 @@ pub enum Scale {
 pub struct Preset {
     /// Name, in the usual spelling.
     pub name: &'static str,
-    /// What it shows, in a line.
+    /// Description in one line.
     pub about: &'static str,
-    /// What the intensities of its control points are.
+    /// The unit of the intensities of its control points.
     pub scale: Scale,
     /// Intensity, and red, green, blue.
     colours: &'static [(f64, [f64; 3])],
@@ -41,7 +41,7 @@ const fn shaded(ambient: f64, diffuse: f64, specular: f64, power: f64) -> Materi
 const GLOSSY: Material = shaded(0.15, 0.85, 0.25, 20.0);
 /// Surfaces with a weak highlight.
 const SOFT: Material = shaded(0.25, 0.8, 0.1, 8.0);
-/// Colours as they are.
+/// Colours without shading.
 const FLAT: Material = Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0 };
 
 /// All presets, in the order in which they are shown to people.
@@ -229,8 +229,8 @@ pub const PRESETS: &[Preset] = &[
 ];
 
 impl Preset {
-    /// Returns the transfer function; `data` is the least and the greatest intensity of what is shown, for
-    /// presets in shares of it.
+    /// Returns the transfer function of the preset. `data` is the least and the greatest intensity of what is
+    /// shown, for presets in shares of that range.
     pub fn over(&self, data: [f64; 2]) -> TransferFunction {
         let (low, width) = match self.scale {
             Scale::Hu => (0.0, 1.0),
@@ -248,16 +248,16 @@ impl Preset {
     }
 }
 
-/// Low end and width of the range of some data; that of constant data is 1 wide.
+/// Returns the low end and the width of the range of some data; constant data count as 1 wide.
 fn range_of(data: [f64; 2]) -> (f64, f64) {
     let [low, high] = data.map(|v| if v.is_nan() { 0.0 } else { v.clamp(-MAX_INTENSITY, MAX_INTENSITY) });
     if low < high { (low, high - low) } else { (low, 1.0) }
 }
 
-/// Returns the preset of that name, in any case.
+/// Returns the preset called `name`, in either case.
 ///
 /// # Errors
-/// [`Kind::Usage`] for an unknown name; it tells the names that there are, and the nearest.
+/// [`Kind::Usage`] for an unknown name, with the known names and the nearest of them.
 pub fn preset(name: &str) -> Result<&'static Preset> {
     PRESETS.iter().find(|p| p.name.eq_ignore_ascii_case(name)).ok_or_else(|| {
         let message = format!("there is no transfer function {name:?}");
@@ -265,7 +265,7 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
     })
 }
 
-/// Returns what to say to someone who asked for an unknown preset.
+/// Returns advice for a user who asked for an unknown preset.
 pub(super) fn known_names(asked: &str) -> String {
     let names: Vec<_> = PRESETS.iter().map(|p| p.name).collect();
     let known = format!("presets are {}", names.join(", "));
@@ -275,7 +275,7 @@ pub(super) fn known_names(asked: &str) -> String {
     }
 }
 
-/// Returns the name that is fewest typing errors away, if they are fewer than half of its letters.
+/// Returns the name that is the fewest typing errors away, if these are fewer than half of its letters.
 pub(super) fn nearest<'a>(asked: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let asked = asked.to_lowercase();
     if asked.len() > 64 {
@@ -287,7 +287,7 @@ pub(super) fn nearest<'a>(asked: &str, names: impl Iterator<Item = &'a str>) -> 
         .map(|(_, n)| n)
 }
 
-/// Levenshtein distance: letters to insert, delete or replace.
+/// Returns the Levenshtein distance: the number of letters to insert, delete or replace.
 fn typing_errors(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

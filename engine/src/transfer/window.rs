@@ -1,4 +1,4 @@
-//! Window and level as a transfer function: a grey ramp as on a radiologist's screen.
+//! Windows as transfer functions: a grey ramp by width and level, as on a radiologist's screen.
 
 use glam::DVec3;
 
@@ -10,9 +10,9 @@ use crate::error::{Error, Kind, Result};
 pub struct Window {
     /// Lower-case name.
     pub name: &'static str,
-    /// From black to white, HU.
+    /// Intensities from black to white, HU.
     pub width: f64,
-    /// The middle of it, HU.
+    /// Intensity in the middle of the window, HU.
     pub level: f64,
 }
 
@@ -35,16 +35,16 @@ pub const WINDOWS: &[Window] = &[
     row("temporal-bone", 2800.0, 600.0),
 ];
 
-/// Opacity per millimetre of white where nothing else is said: a few centimetres can be looked through.
+/// Opacity per millimetre of white unless another is given: a few centimetres remain translucent.
 pub const WINDOW_OPACITY: f64 = 0.1;
 
-/// Returns the window of that name, in any case.
+/// Returns the window called `name`, in either case.
 pub fn window(name: &str) -> Option<&'static Window> {
     WINDOWS.iter().find(|w| w.name.eq_ignore_ascii_case(name))
 }
 
-/// Returns a grey ramp without shading: black and transparent up to `level - width / 2`, white and
-/// `max_opacity` per millimetre from `level + width / 2` on.
+/// Returns a grey ramp without shading: black and transparent up to `level - width / 2`, white with an
+/// opacity of `max_opacity` per millimetre from `level + width / 2` on.
 ///
 /// # Errors
 /// [`Kind::Usage`] if `width` is not positive, or a number is out of range.

@@ -1,13 +1,14 @@
-//! The affine of a grid: made from the axes that a file gives; the distances between its voxels, and where its
-//! axes point.
+//! The affine of a grid: made from the axes that a file gives, with the voxel distances and the directions of
+//! its axes.
 
 use glam::{DAffine3, DMat3, DVec3};
 
-/// From x to the left, y to the back (LPS) to x to the right, y to the front (RAS); z is to the head in both.
+/// Signs that take LPS (x to the left, y to the back) to RAS (x to the right, y to the front); z is to the
+/// head in both.
 pub(super) const RAS_FROM_LPS: DVec3 = DVec3::new(-1.0, -1.0, 1.0);
 
-/// Returns the affine of axes that step along `columns`, from the file's world to RAS by the sign of each
-/// axis.
+/// Returns the affine of a grid whose axes step along `columns` from `origin`; `signs` takes each axis of the
+/// file's world to RAS.
 pub(super) fn grid(columns: [DVec3; 3], origin: DVec3, signs: DVec3) -> DAffine3 {
     let [x, y, z] = columns.map(|column| signs * column);
     DAffine3 { matrix3: DMat3::from_cols(x, y, z), translation: signs * origin }
@@ -19,8 +20,8 @@ pub(crate) fn spacing_of(affine: &DAffine3) -> DVec3 {
     DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
 }
 
-/// For each voxel axis the letter of the anatomical direction that it is closest to. Every direction is used
-/// once: the clearest axis chooses first.
+/// Returns for each voxel axis the letter of the anatomical direction that it is closest to. Every direction
+/// is used once; the axis closest to a direction chooses first.
 pub(super) fn axis_codes_of(affine: &DAffine3) -> String {
     let m = affine.matrix3;
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.normalize_or_zero().to_array());

@@ -17,7 +17,7 @@ pub const SAMPLES: usize = BRICK * BRICK * BRICK;
 /// Table entry of a brick without a slot.
 pub const NO_SLOT: u32 = shaders_glsl::splat::NO_SLOT;
 
-/// A sparse grid of bricks.
+/// A sparse grid of bricks: only some of them have a slot.
 #[derive(Clone, Debug)]
 pub struct Bricks {
     /// Voxel of the volume at local coordinate (0, 0, 0).
@@ -28,37 +28,38 @@ pub struct Bricks {
     pub slots: Vec<u32>,
     /// Brick coordinate of each slot.
     pub coordinates: Vec<UVec3>,
-    /// Which samples of each slot take part: bit `m` is Morton place `m`.
+    /// Mask of the samples of each slot that take part: bit `m` is Morton place `m`.
     pub active: Vec<[u64; SAMPLES / 64]>,
 }
 
-/// Returns the place in a brick -> local voxel in 0..8.
+/// Returns the local voxel, in 0..8 along each axis, at a Morton place in a brick.
 pub fn brick_voxel(morton: usize) -> UVec3 {
     let gather = |v: usize| ((v & 1) | (v >> 2 & 2) | (v >> 4 & 4)) as u32;
     UVec3::new(gather(morton), gather(morton >> 1), gather(morton >> 2))
 }
 
-/// Local voxel in 0..8 -> place in a brick.
+/// Returns the Morton place in a brick of a local voxel, in 0..8 along each axis.
 pub fn brick_morton(voxel: UVec3) -> usize {
     let spread = |v: u32| ((v & 1) | (v & 2) << 2 | (v & 4) << 4) as usize;
     spread(voxel.x) | spread(voxel.y) << 1 | spread(voxel.z) << 2
 }
 
 impl Bricks {
-    /// Bricks over every voxel of the volume that lies within `shell` voxels of a voxel of the ROI along each
-    /// axis (a cube around each voxel, not a ball).
+    /// Creates bricks over every voxel of the volume that lies within `shell` voxels of a voxel of the ROI
+    /// along each axis (a cube around each voxel, not a ball).
     pub fn around(roi: &Roi, shell: u32) -> Self {
         let size = IVec3::from_array(roi.size.map(|n| n as i32));
         Self::near(roi, shell, IVec3::ZERO, size - 1)
     }
 
-    /// The same, also beyond the faces of the volume: there is nothing there, and a fit is to know it. Where
-    /// the region is cut off by the end of the scan, splats would else bulge out of it.
+    /// Creates bricks as [`Bricks::around`] does, but also beyond the faces of the volume. A fit has to know
+    /// that nothing is there: otherwise splats would bulge out of a region that the end of the scan cuts off.
     pub fn around_and_beyond(roi: &Roi, shell: u32) -> Self {
         Self::near(roi, shell, IVec3::MIN, IVec3::MAX)
     }
 
-    /// Around the region, from voxel `first` to voxel `last`.
+    /// Creates bricks over the voxels within `shell` of the region that lie between voxel `first` and voxel
+    /// `last`.
     fn near(roi: &Roi, shell: u32, first: IVec3, last: IVec3) -> Self {
         let reach = shell as i32;
         let (low, high) = bounding_box(roi);
@@ -69,8 +70,8 @@ impl Bricks {
         Self::of_box(low, extent, |v| near[((v.z * extent.y + v.y) * extent.x + v.x) as usize])
     }
 
-    /// Bricks over every voxel of the box `low .. low + extent` for which `wanted` (asked in coordinates from
-    /// `low`).
+    /// Creates bricks over every voxel of the box from `low` to `low + extent` for which `wanted` returns
+    /// true; `wanted` is given coordinates relative to `low`.
     pub fn of_box(low: IVec3, extent: UVec3, wanted: impl Fn(UVec3) -> bool + Sync) -> Self {
         let grid = (extent + 7) / 8;
         let count = (grid.x * grid.y * grid.z) as usize;
@@ -121,8 +122,8 @@ impl Bricks {
         self.active[slot][morton / 64] >> (morton % 64) & 1 == 1
     }
 
-    /// Returns the 64 cells of each slot that hold a sample which takes part, as two words (cells 0..32,
-    /// 32..64).
+    /// Returns two words for each slot, whose bits are the cells that hold a sample which takes part (cells
+    /// 0..32, 32..64).
     pub fn active_cells(&self) -> Vec<[u32; 2]> {
         self.active
             .iter()
@@ -138,14 +139,14 @@ impl Bricks {
             .collect()
     }
 
-    /// Returns the voxel at a Morton place of a slot, counted as the volume counts; it may lie beyond the
-    /// faces of the volume ([`Bricks::around_and_beyond`]).
+    /// Returns the voxel of the volume at a Morton place of a slot; it may lie beyond the faces of the volume
+    /// ([`Bricks::around_and_beyond`]).
     pub fn voxel(&self, slot: usize, morton: usize) -> IVec3 {
         self.origin + (self.coordinates[slot] * 8 + brick_voxel(morton)).as_ivec3()
     }
 
-    /// `f(voxel)` for every sample of the slots `range`, in memory order; `idle` where a sample takes no
-    /// part.
+    /// Returns `f(voxel)` for every sample of the slots `range`, in memory order; `idle` for samples that
+    /// take no part.
     pub fn map_samples<T: Copy + Send + Sync>(
         &self,
         range: std::ops::Range<usize>,
@@ -162,7 +163,7 @@ impl Bricks {
     }
 }
 
-/// First and last voxel of the ROI on each axis; an empty box at 0 when there is none.
+/// Returns the first and the last voxel of the ROI on each axis; an empty box at 0 if it has none.
 fn bounding_box(roi: &Roi) -> (IVec3, IVec3) {
     let [nx, ny, _] = roi.size;
     let empty = (IVec3::MAX, IVec3::MIN);
@@ -180,8 +181,9 @@ fn bounding_box(roi: &Roi) -> (IVec3, IVec3) {
     if low.cmple(high).all() { (low, high) } else { (IVec3::ZERO, IVec3::NEG_ONE) }
 }
 
-/// Returns which voxels of the box `low..=high` have a voxel of the ROI within `reach` along each axis: a
-/// dilation by a cube, one axis after the other, each with the distance to the last voxel that was set.
+/// Returns for each voxel of the box `low..=high` whether a voxel of the ROI is within `reach` along each
+/// axis: a dilation by a cube, one axis after the other, each with the distance to the last voxel that was
+/// set.
 fn within(roi: &Roi, low: IVec3, high: IVec3, reach: usize) -> Vec<bool> {
     let extent = (high - low + 1).max(IVec3::ZERO).as_uvec3();
     let (ex, ey, ez) = (extent.x as usize, extent.y as usize, extent.z as usize);
@@ -190,7 +192,7 @@ fn within(roi: &Roi, low: IVec3, high: IVec3, reach: usize) -> Vec<bool> {
     }
     let mut near = vec![false; ex * ey * ez];
     near.par_chunks_mut(ex).enumerate().for_each(|(row, out)| {
-        // Rows beyond the volume have nothing of the region, nor have the ends of the others.
+        // Rows beyond the volume hold nothing of the region, nor do the ends of other rows beyond it.
         let [nx, ny, nz] = roi.size;
         let (y, z) = ((row % ey) as i32 + low.y, (row / ey) as i32 + low.z);
         if y < 0 || z < 0 || y >= ny as i32 || z >= nz as i32 {
@@ -209,7 +211,7 @@ fn within(roi: &Roi, low: IVec3, high: IVec3, reach: usize) -> Vec<bool> {
             spread(&|y| from[y * ex + x], ey, reach, |y| slice[y * ex + x] = true);
         }
     });
-    // Along z a row of x at a time, so that neighbours in memory are visited together.
+    // Along z, one row of x at a time, so that neighbours in memory are visited together.
     let from = near.clone();
     near.par_chunks_mut(ex * ey).enumerate().for_each(|(z, slice)| {
         for other in z.saturating_sub(reach)..=(z + reach).min(ez - 1) {

@@ -1,27 +1,28 @@
-//! A region of interest without a mask: the voxels of a threshold, made into clean pieces.
+//! Regions of interest without a mask: the voxels of a threshold, cleaned.
 //!
-//! A threshold of bone also takes speckles of noise, the table and contrast agent, and leaves out marrow and thin walls.
-//! The steps of a [`Cleaning`] take away the first and fill in the second.
+//! A threshold of bone also includes speckles of noise, the table and contrast agent, and leaves out marrow
+//! and thin walls. The steps of a [`Cleaning`] remove the former and fill in the latter.
 
 use super::morphology::{close, fill_holes, keep_pieces};
 use super::{Roi, Volume};
 use crate::{Error, Kind, Result, memory};
 
-/// The largest radius of a closing, mm: more than any gap in a bone, and it bounds the time and the memory of a closing.
+/// The largest radius of a closing, mm: more than any gap in a bone, and a bound on the time and memory of a
+/// closing.
 const MAX_CLOSE_MM: f64 = 50.0;
-/// A piece is of the least volume if it lacks no more than this part of it: voxels are not exact in files.
+/// Part of the least volume that a piece may lack: voxel sizes are rounded in files.
 const ROUNDING: f64 = 1e-6;
 
-/// What is done to the voxels of a threshold, in the order of the fields. The default does nothing.
+/// Cleaning steps for the voxels of a threshold, in the order of the fields. The default does nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cleaning {
-    /// Leaves out connected pieces of less than this volume, ml.
+    /// Least volume of a connected piece, ml; smaller pieces are left out.
     pub min_ml: Option<f64>,
-    /// Keeps so many connected pieces, the largest ones.
+    /// Number of connected pieces to keep, the largest ones.
     pub largest: Option<usize>,
-    /// Closes gaps with a ball of this radius, mm.
+    /// Radius of the ball that closes gaps, mm.
     pub close_mm: Option<f64>,
-    /// Fills what is enclosed on all sides.
+    /// True if holes that are enclosed on all sides are filled.
     pub fill_holes: bool,
 }
 
@@ -58,15 +59,15 @@ impl Cleaning {
         }
     }
 
-    /// Returns the voxels of `volume` with `low` ≤ sample ≤ `high` (HU for CT), cleaned. Voxels without a finite sample
-    /// stay outside, whatever is around them. What each step did is logged.
+    /// Returns the voxels of `volume` with `low` ≤ sample ≤ `high` (HU for CT), cleaned. Voxels without a
+    /// finite sample stay outside, whatever is around them. The effect of each step is logged.
     ///
-    /// The ball of the closing takes the axes of the volume to be at right angles, which those of a scan with a tilted
-    /// gantry are not.
+    /// The ball of the closing takes the axes of the volume to be at right angles, which those of a scan with
+    /// a tilted gantry are not.
     ///
     /// # Errors
-    /// [`Kind::NothingToDo`] if no piece is large enough, [`Kind::HostMemory`] if there is no memory for a step, and those
-    /// of [`Cleaning::check`] and [`Roi::from_threshold`].
+    /// [`Kind::NothingToDo`] if no piece is large enough, [`Kind::HostMemory`] if there is no memory for a
+    /// step, and those of [`Cleaning::check`] and [`Roi::from_threshold`].
     pub fn region(&self, volume: &Volume, low: f32, high: f32) -> Result<Roi> {
         self.check()?;
         let roi = Roi::from_threshold(volume, low, high)?;
@@ -75,7 +76,7 @@ impl Cleaning {
         }
         memory::require(volume.len() as u64, "the voxels of a threshold")?;
         let mut mask: Vec<bool> = roi.weight.iter().map(|&weight| weight > 0.0).collect();
-        // Four bytes a voxel, which the steps need more.
+        // This frees four bytes per voxel, which the steps need more.
         drop(roi);
 
         let voxel_ml = volume.world_from_voxel.matrix3.determinant().abs() / 1000.0;
@@ -128,8 +129,8 @@ mod tests {
 
     use super::*;
 
-    /// A hollow box of 500 HU with walls of one voxel and a hole in one of them, a small cube, and a speckle; of voxels of
-    /// 1 × 1 × 2 mm in air.
+    /// A hollow box of 500 HU with walls of one voxel and a hole in one of them, a small cube, and a speckle;
+    /// of voxels of 1 × 1 × 2 mm in air.
     fn phantom() -> Volume {
         let size = [20, 14, 12];
         let within = |p: [usize; 3], low: [usize; 3], high: [usize; 3]| {

@@ -1,8 +1,8 @@
-//! How different two volumes are inside a region.
+//! Comparison of two volumes inside a region.
 //!
-//! A voxel belongs to the region or not ([`Roi::members`]) and counts once. The figures without a unit are
-//! over a stated normalisation, as intensities from 0 to 1; those with the unit of the volume are of its
-//! samples as they are.
+//! A voxel belongs to the region or not ([`Roi::members`]) and counts once. Figures without a unit are of
+//! intensities that were normalised to 0 to 1; figures in the unit of the volume are of its samples as they
+//! are.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -12,26 +12,26 @@ use super::roi::{Grids, relate};
 use super::{Roi, Volume};
 use crate::{Error, Kind, Result};
 
-/// What intensities 0 and 1 are.
+/// The intensities that are normalised to 0 and 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Normalisation {
-    /// For each volume its own least and greatest sample: how the authors of the paper compare volumes (Table
-    /// 3). A volume that is another one stretched and shifted then does not differ from it.
+    /// The least and greatest sample of each volume itself: how the authors of the paper compare volumes
+    /// (Table 3). A volume then does not differ from a stretched and shifted copy of itself.
     Own,
-    /// For both these two intensities; what lies beyond is clipped to them.
+    /// These two intensities for both volumes; intensities beyond are clipped to them.
     Range([f32; 2]),
 }
 
-/// The figures of two volumes, `b` against `a`.
+/// Figures of the comparison of volume `b` with `a`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Voxels of the region where both have a value; what the figures are of.
+    /// Number of voxels that the figures are of: voxels of the region where both volumes have a value.
     pub voxels: usize,
-    /// Voxels of the region that are left out, because one of the volumes is NaN or infinite there.
+    /// Number of voxels of the region that are left out, because one of the volumes is NaN or infinite there.
     pub left_out: usize,
-    /// What 0 and 1 are of the first volume.
+    /// The intensities at 0 and 1 of the first volume.
     pub range_a: [f32; 2],
-    /// And of the second.
+    /// The intensities at 0 and 1 of the second volume.
     pub range_b: [f32; 2],
     /// Mean squared difference, normalised.
     pub mse: f64,
@@ -41,17 +41,17 @@ pub struct Comparison {
     pub rmse_hu: f64,
     /// |b - a| that 99 of 100 voxels do not exceed.
     pub p99_hu: f64,
-    /// b - a where it is largest; the first of several.
+    /// b - a where |b - a| is largest; the first of several.
     pub largest_hu: f64,
-    /// Where that is: voxel index along x, y, z.
+    /// Voxel index of the largest difference, along x, y, z.
     pub largest_voxel: [usize; 3],
-    /// And in the world, mm RAS.
+    /// Place of the largest difference in the world, mm RAS.
     pub largest_mm: [f64; 3],
 }
 
 impl Comparison {
-    /// -10 log10 of the mean squared difference, which is over a peak of 1; infinite where there is no
-    /// difference.
+    /// Returns the PSNR over a peak of 1: -10 log10 of the mean squared difference. It is infinite if there
+    /// is no difference.
     pub fn psnr_db(&self) -> f64 {
         -10.0 * self.mse.log10()
     }
@@ -60,8 +60,8 @@ impl Comparison {
 /// Compares `b` with `a` inside `roi`, a region of `a`.
 ///
 /// # Errors
-/// [`Kind::BadData`] where the volumes lie on different grids, where they have no voxel in common that
-/// counts, or where a volume has no range to normalise by.
+/// [`Kind::BadData`] if the volumes lie on different grids, have no voxel in common that counts, or if a
+/// volume has no range to normalise by.
 pub fn compare(a: &Volume, b: &Volume, roi: &Roi, normalisation: Normalisation) -> Result<Comparison> {
     check_grids(a, b)?;
     let of = |volume: &Volume| volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
@@ -112,7 +112,7 @@ pub fn compare(a: &Volume, b: &Volume, roi: &Roi, normalisation: Normalisation) 
     })
 }
 
-/// Fails where the volumes lie on different grids.
+/// Fails if the volumes lie on different grids.
 fn check_grids(a: &Volume, b: &Volume) -> Result<()> {
     let different = || {
         let text = |volume: &Volume| {
@@ -139,7 +139,8 @@ fn check_grids(a: &Volume, b: &Volume) -> Result<()> {
     }
 }
 
-/// Returns the part of a range that an intensity is, clipped to it.
+/// Returns a function that maps the range from `low` to `high` to 0 to 1 and clips intensities to it. Fails
+/// for an empty range; `which` names the volume in the error.
 fn part_of(which: &str, [low, high]: [f32; 2]) -> Result<impl Fn(f64) -> f64 + use<>> {
     let [low, high] = [low, high].map(f64::from);
     if high > low {

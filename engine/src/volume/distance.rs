@@ -4,13 +4,14 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// From each voxel of a grid of `size` to the nearest voxel that is a `site` (by index, x fastest), centre to
-/// centre, in mm for voxel edges of `spacing_mm` that are at right angles. Infinite where there is no site.
+/// Returns the distance of each voxel of a grid of `size` to the nearest voxel that is a `site` (by index, x
+/// fastest), from centre to centre, in mm for voxel edges of `spacing_mm` that are at right angles. Distances
+/// are infinite if there is no site.
 pub fn distances_mm(size: [usize; 3], spacing_mm: DVec3, site: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
     let count = size.iter().product();
     let mut squared: Vec<f32> =
         (0..count).into_par_iter().map(|i| if site(i) { 0.0 } else { f32::INFINITY }).collect();
-    // Each round takes the fastest axis and makes it the slowest: after three all is in place again.
+    // Each round takes the fastest axis and makes it the slowest: after three the order is restored.
     let mut size = size;
     for spacing in spacing_mm.to_array() {
         let [nx, ny, nz] = size;
@@ -30,16 +31,17 @@ pub fn distances_mm(size: [usize; 3], spacing_mm: DVec3, site: impl Fn(usize) ->
     squared
 }
 
-/// A parabola of an envelope: where its vertex is (mm), the value there (mm²), and from where on it is the lowest (mm).
+/// A parabola of an envelope: the place of its vertex (mm), the value there (mm²), and the place from which
+/// on it is the lowest (mm).
 pub(super) type Parabola = (f64, f64, f64);
 
-/// Replaces row[i] (mm²) by the min over j of row[j] + (spacing (i − j))², for each i. `parabolas` is room to work in; what
-/// it holds does not matter.
+/// Replaces row[i] (mm²) by the minimum over j of row[j] + (spacing (i − j))², for each i. `parabolas` is a
+/// work buffer; its content does not matter.
 pub(super) fn lower_envelope(row: &mut [f32], spacing: f64, parabolas: &mut Vec<Parabola>) {
     // Parabolas of the envelope from left to right.
     parabolas.clear();
     for (j, &height) in row.iter().enumerate().filter(|(_, height)| height.is_finite()) {
-        // Between two sites, a site is the nearest one of no voxel but itself.
+        // A site that lies between two sites is the nearest one of no voxel but itself.
         if height == 0.0 && j > 0 && row[j - 1] == 0.0 && row.get(j + 1) == Some(&0.0) {
             continue;
         }

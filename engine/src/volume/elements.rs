@@ -1,8 +1,8 @@
-//! The types in which files store single real voxels, and how their bytes become f64.
+//! The types in which files store single real voxels, and their conversion to f64.
 
 use half::f16;
 
-/// Decodes little- or big-endian elements and hands them on.
+/// Decodes little- or big-endian elements and passes each to a callback.
 pub(super) type Decode = fn(bytes: &[u8], big_endian: bool, each: &mut dyn FnMut(f64));
 
 /// A type of voxels that are single real numbers.
@@ -14,7 +14,7 @@ pub(super) struct Element {
     pub bytes: usize,
     /// True if f32 may not hold every value exactly.
     pub wide_integer: bool,
-    /// How the bytes are read.
+    /// Decoder of the bytes.
     pub decode: Decode,
 }
 

@@ -1,4 +1,4 @@
-//! The file formats of volumes, a row each.
+//! The file formats of volumes.
 
 use std::path::Path;
 
@@ -12,20 +12,20 @@ use crate::{Error, Kind, Result};
 pub struct Format {
     /// Name for messages.
     pub name: &'static str,
-    /// Lower-case name endings, with the dot.
+    /// Lower-case extensions, with the dot.
     pub extensions: &'static [&'static str],
-    /// Whether the first [`SNIFF_BYTES`] decoded bytes (or fewer, in a shorter file) are of this format.
+    /// Returns true if the first [`SNIFF_BYTES`] decoded bytes (fewer in a shorter file) are of this format.
     sniff: fn(&[u8]) -> bool,
     read: fn(&Path, &ReadOptions) -> Result<Volume>,
 }
 
-/// How much of a file is looked at to recognise it.
+/// Number of bytes of a file that are examined to recognise it.
 pub const SNIFF_BYTES: usize = 1024;
 
 const DICOM: Format =
     Format { name: dicom::NAME, extensions: &[".dcm", ".ima"], sniff: dicom::sniff, read: dicom::read };
 
-/// Every format; the content decides, and the name only where the content is not recognised.
+/// All formats; a format is chosen by the content, and by the name only if the content is not recognised.
 pub const FORMATS: &[Format] = &[
     Format {
         name: "NIfTI",
@@ -46,8 +46,8 @@ pub const FORMATS: &[Format] = &[
 ];
 
 impl Format {
-    /// Returns the format of a file by its content, or by its name where the content is not recognised. A folder
-    /// is one of DICOM slices.
+    /// Returns the format of a file by its content, or by its name if the content is not recognised. The
+    /// format of a folder is DICOM.
     ///
     /// # Errors
     /// [`Kind::Missing`], [`Kind::BadData`] or [`Kind::Io`].
@@ -73,8 +73,8 @@ impl Format {
 }
 
 impl Volume {
-    /// Reads a volume in any of the [`FORMATS`], or the DICOM series in a folder. What is odd but readable is
-    /// warned about.
+    /// Reads a volume in any of the [`FORMATS`], or the DICOM series in a folder. Oddities that do not
+    /// prevent reading are logged as warnings.
     ///
     /// # Errors
     /// [`Kind::Missing`], [`Kind::BadData`], [`Kind::Usage`] (a volume or a series must be chosen),

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-/// Trilinear sample of a grid at `x` (voxel space), clamped to the edge: what every volume renderer shows.
-/// `at` gives the value of a voxel by its place in memory, x fastest.
+/// Returns the trilinear sample of a grid at `x` (voxel space), clamped to the edge, as every volume renderer
+/// shows it. `at` returns the value of a voxel by its place in memory, x fastest.
 pub fn trilinear(size: [usize; 3], x: DVec3, at: impl Fn(usize) -> f64) -> f64 {
     let last = DVec3::from_array(size.map(|n| n as f64 - 1.0));
     let p = x.clamp(DVec3::ZERO, last);
@@ -19,7 +19,8 @@ pub fn trilinear(size: [usize; 3], x: DVec3, at: impl Fn(usize) -> f64) -> f64 {
     lerp(slice(low[2]), slice(high[2]), f.z)
 }
 
-/// Linear interpolation that gives the ends exactly, and a NaN end only where it has weight.
+/// Returns the linear interpolation between `a` and `b`. It gives both ends exactly, and a NaN end counts
+/// only if it has weight.
 fn lerp(a: f64, b: f64, t: f64) -> f64 {
     if t == 0.0 { a } else { a + (b - a) * t }
 }

@@ -19,10 +19,10 @@ use crate::{Error, Kind, Result};
 pub const NAME: &str = "InVesalius project";
 /// A main.plist is about 1.5 kB.
 const MAX_PLIST: u64 = 1 << 20;
-/// Longer than the longest path of any system.
+/// Greatest length of a member's name: more than the longest path of any system.
 const MAX_NAME: u64 = 1 << 16;
 
-/// What `main.plist` says about the volume.
+/// Description of the volume in `main.plist`.
 #[derive(Debug)]
 struct Project {
     file_name: String,
@@ -98,7 +98,7 @@ fn bad(code: &'static str, message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, code, message)
 }
 
-/// Returns the archive's fault, unless reading itself failed.
+/// Returns the error of a damaged archive, or an I/O error if reading itself failed.
 fn damaged(e: std::io::Error) -> Error {
     use std::io::ErrorKind as E;
     match e.kind() {
@@ -109,7 +109,7 @@ fn damaged(e: std::io::Error) -> Error {
     }
 }
 
-/// Hands the member called `name`, in whatever folder of the archive, to `use_entry` with its size.
+/// Finds the member called `name`, in any folder of the archive, and passes it with its size to `use_entry`.
 fn find<T>(
     path: &Path,
     options: &ReadOptions,
@@ -120,7 +120,7 @@ fn find<T>(
     let mut use_entry = Some(use_entry);
     let mut found = None;
     // A name too long for its header comes before its member. The tar crate would read it whole, whatever its
-    // size, hence raw entries.
+    // size; hence raw entries.
     let mut long_name = None;
     for entry in archive.entries().map_err(damaged)?.raw(true) {
         let mut entry = entry.map_err(damaged)?;
@@ -141,7 +141,7 @@ fn find<T>(
             break;
         }
     }
-    // To the end, so that the checksum of the whole file counts.
+    // Read to the end, so that the checksum of the whole file is checked.
     archive.into_inner().finish(options.max_bytes.saturating_mul(4))?;
     found.ok_or_else(|| {
         bad("VGS-INV-003", format!("an archive without {name}: not an InVesalius project"))
@@ -149,7 +149,7 @@ fn find<T>(
     })
 }
 
-/// Reads the name that a member before its file gives it: all of it (GNU), or the line `path` of a list (PAX).
+/// Reads the name of a file from the member before it: all of it (GNU), or the line `path` of a list (PAX).
 fn read_name(entry: &mut tar::Entry<impl Read>) -> Result<Option<PathBuf>> {
     let size = entry.size();
     if size > MAX_NAME {
@@ -202,7 +202,8 @@ fn project(plist: &[u8]) -> Result<Project> {
     Ok(Project { file_name, size: [x, y, z], spacing: DVec3::from_array(spacing) })
 }
 
-/// x to the left, y to the front, z up; the middle of the first slice at the origin.
+/// Returns the affine that is assumed: x to the left, y to the front, z up; the middle of the first slice at
+/// the origin.
 fn assumed_affine(size: [usize; 3], spacing: DVec3) -> DAffine3 {
     let half = |axis: usize| spacing[axis] * (size[axis] as f64 - 1.0) / 2.0;
     DAffine3 {

@@ -1,4 +1,4 @@
-//! The chosen labels of a label map, to be asked which structure a point belongs to.
+//! The chosen labels of a label map, which tell the structure that a point belongs to.
 
 use std::collections::BTreeMap;
 
@@ -14,18 +14,18 @@ use crate::{Error, Kind, Result};
 pub struct Labels {
     size: [usize; 3],
     voxel_from_world: DAffine3,
-    /// No two points that are a voxel apart along any direction are nearer than this, mm.
+    /// Lower bound of the distance between two points that are a voxel apart along any direction, mm.
     least_spacing_mm: f64,
     world_from_voxel: DAffine3,
-    /// x fastest; 0 where the voxel has none of the chosen labels.
+    /// Label of each voxel, x fastest; 0 for voxels without any of the chosen labels.
     values: Vec<u8>,
-    /// Names of the chosen labels, where the mask carries them.
+    /// Names of the chosen labels, if the mask has them.
     pub names: BTreeMap<u8, String>,
 }
 
 impl Labels {
-    /// Returns the labels of `mask` that `choice` names, in the world of `volume`; nothing for a mask as a
-    /// whole, which has no labels.
+    /// Returns the labels of `mask` that `choice` names, in the world of `volume`; `None` if the mask is used
+    /// as a whole, which has no labels.
     ///
     /// # Errors
     /// [`Kind::Usage`] if the choice does not fit the mask; [`Kind::BadData`] if a chosen label is not one of
@@ -66,11 +66,12 @@ impl Labels {
         }))
     }
 
-    /// Returns the label of the voxel that `world`, mm RAS, lies in; where that has none, of the voxel with
-    /// one whose centre is nearest (of several always the same one). 0 only where no voxel has a label.
+    /// Returns the label of the voxel that contains `world`, mm RAS. If that has none, returns the label of
+    /// the labelled voxel whose centre is nearest (of several always the same one). Returns 0 only if no
+    /// voxel has a label.
     pub fn nearest(&self, world: DVec3) -> u8 {
         let voxel = self.voxel_from_world.transform_point3(world);
-        // The voxel that holds the point, or the outermost one before it; a NaN is at 0.
+        // The voxel that contains the point, or the nearest outermost one; NaN is put at 0.
         let home: [i64; 3] =
             std::array::from_fn(|axis| voxel[axis].round().clamp(0.0, self.size[axis] as f64 - 1.0) as i64);
         let here = self.value(home);
@@ -82,8 +83,8 @@ impl Labels {
         let reach = (0..3).map(|axis| home[axis].max(last[axis] - home[axis])).max().unwrap_or(0);
         let mut best = (f64::INFINITY, 0);
         for radius in 0..=reach {
-            // The shell of voxels at this distance along the farthest axis; all farther ones are at least
-            // this far.
+            // The shell of voxels at this distance along the farthest axis; later shells are at least as far
+            // away.
             if best.0.sqrt() <= (radius as f64 - 0.5) * self.least_spacing_mm {
                 break;
             }
@@ -110,7 +111,7 @@ impl Labels {
         best.1
     }
 
-    /// [`Labels::nearest`] of all points.
+    /// Returns [`Labels::nearest`] for each of the points.
     pub fn of(&self, points: impl IndexedParallelIterator<Item = DVec3>) -> Vec<u8> {
         points.map(|world| self.nearest(world)).collect()
     }

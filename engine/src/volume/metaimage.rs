@@ -36,12 +36,12 @@ const TYPES: [(&str, &Element); 12] = [
     ("met_double", &elements::FLOAT64),
 ];
 
-/// What the lines of a header say, by their keys in lower case.
+/// The values of a header by their keys in lower case.
 #[derive(Debug)]
 struct Header(BTreeMap<String, String>);
 
-/// Returns true if the decoded beginning of a file is that of a MetaImage: keys with values, and among them
-/// the number of dimensions or that it is an image.
+/// Returns true if the decoded beginning of a file is that of a MetaImage: keys with values, among them the
+/// number of dimensions or the object type of an image.
 pub(super) fn sniff(head: &[u8]) -> bool {
     for line in head.split(|&b| b == b'\n') {
         let line = String::from_utf8_lossy(line);
@@ -103,7 +103,7 @@ fn key_and_value(line: &str) -> Option<(String, &str)> {
 }
 
 impl Header {
-    /// Reads the lines up to that of `ElementDataFile`, which is the last.
+    /// Reads the lines up to that of `ElementDataFile`, which is the last one.
     fn read(source: &mut Source) -> Result<Header> {
         let mut lines = Lines::new(source);
         let mut header = Header(BTreeMap::new());
@@ -134,7 +134,7 @@ impl Header {
             .help("the file was cut short; copy it again"))
     }
 
-    /// Returns the value of the first of the keys that is there.
+    /// Returns the value of the first of the `keys` that the header has.
     fn field(&self, keys: &[&str]) -> Option<&str> {
         keys.iter().find_map(|key| self.0.get(*key)).map(String::as_str)
     }
@@ -191,7 +191,7 @@ impl Header {
         }
     }
 
-    /// Returns `count` numbers of the first of the keys that is there.
+    /// Returns `count` numbers from the value of the first of the `keys` that the header has.
     fn reals(&self, keys: &[&str], count: usize) -> Result<Option<Vec<f64>>> {
         let Some(text) = self.field(keys) else { return Ok(None) };
         match reals(text).filter(|found| found.len() == count) {
@@ -204,7 +204,7 @@ impl Header {
         }
     }
 
-    /// Returns the affine to RAS, mm, and whether the header says how the patient lies.
+    /// Returns the affine to RAS, mm, and true if the header says how the patient lies.
     fn affine(&self, rank: usize, notes: &mut Vec<String>) -> Result<(DAffine3, bool)> {
         let matrix = self.reals(&["transformmatrix", "rotation", "orientation"], rank * rank)?;
         let origin = self.reals(&["offset", "position", "origin"], rank)?.unwrap_or_default();
@@ -227,7 +227,7 @@ impl Header {
         let mut columns = DVec3::AXES;
         for (axis, column) in columns.iter_mut().enumerate() {
             if let Some(matrix) = &matrix {
-                // Of four axes the first three numbers of a direction are those in space.
+                // With four axes, the first three numbers of a direction are those in space.
                 *column = first(matrix.get(axis * rank..).unwrap_or_default());
             }
             let length = spacing.get(axis).copied().unwrap_or(1.0);
@@ -245,7 +245,7 @@ impl Header {
         Ok((grid(columns, first(&origin), RAS_FROM_LPS), oriented))
     }
 
-    /// Opens the voxels, and skips what comes before them.
+    /// Opens the voxels and skips the bytes before them.
     fn open_payload(
         &self,
         mut source: Source,
@@ -290,14 +290,15 @@ impl Header {
                 start.ok_or_else(|| source.truncated(bytes.saturating_add(source.position), length))?
                     - source.position
             }
-            // It counts from the beginning of the file, also where that is this one.
+            // The offset counts from the beginning of the file, also if the voxels are in the header's own
+            // file.
             Ok(size) => u64::try_from(size)
                 .ok()
                 .and_then(|size| size.checked_sub(source.position))
                 .ok_or_else(|| wrong("the bytes before the voxels are needed, or -1"))?,
             Err(_) => return Err(wrong("a whole number is needed")),
         };
-        // Before the decoder: what is skipped is no part of the compressed voxels.
+        // Skipped before the decoder: these bytes are not part of the compressed voxels.
         if source.skip(forward)? < forward {
             return Err(source.truncated(source.position.saturating_add(bytes), source.position));
         }

@@ -9,10 +9,10 @@
 //! | `affine`, `interpolation` | what an affine says of a grid; values between voxels |
 //! | `formats`, `read_options` | [`Volume::read`] with [`FORMATS`], a row per file format |
 //! | `dicom`, `nifti`, `inv3`, `nrrd`, `metaimage`, `npy` | the formats |
-//! | `source`, `payload` | how their files are opened, and the voxels behind a header are unpacked and bounded |
+//! | `source`, `payload` | opening of their files; unpacking and bounds of the voxels behind a header |
 //! | `elements`, `text_header` | types of voxels; what the headers of NRRD and MetaImage have in common |
-//! | `roi`, `labels` | [`Roi`]: where a volume counts; [`Labels`]: which label each voxel has |
-//! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold, made clean; pieces, closing and holes of masks |
+//! | `roi`, `labels` | [`Roi`]: the voxels that are fitted; [`Labels`]: the label of each voxel |
+//! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold; pieces, closing and holes of masks |
 //! | `bricks`, `distance` | [`Bricks`]: the blocks of 8³ voxels that a region touches; distances to a mask |
 //! | `resample`, `compare`, `phantom` | coarser grids, differences of two volumes, a synthetic CT |
 

@@ -1,11 +1,11 @@
-//! Shapes of binary masks: connected pieces, closing by a ball, holes.
+//! Morphology of binary masks: connected pieces, closing by a ball, holes.
 //!
-//! A mask has one `bool` for every voxel, x fastest, and its `size` says how many voxels there are along x, y, z.
-//! Voxels are neighbours that share a face. Beyond the faces of the volume there is no mask.
+//! A mask has one `bool` for every voxel, x fastest, and its `size` says how many voxels there are along x,
+//! y, z. Voxels are neighbours that share a face. Beyond the faces of the volume there is no mask.
 //!
-//! Pieces are found by the runs of voxels along x, which a union-find joins: memory goes with the number of runs, and
-//! would be 6 bytes a voxel where every other voxel is set. The closing takes two exact distance transforms on the box
-//! around the mask, widened by the radius: 5 bytes for each voxel of that.
+//! Pieces are found by the runs of voxels along x, which a union-find joins: memory goes with the number of
+//! runs, and would be 6 bytes a voxel where every other voxel is set. The closing takes two exact distance
+//! transforms on the box around the mask, widened by the radius: 5 bytes for each voxel of that.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -13,23 +13,23 @@ use rayon::prelude::*;
 use super::distance::{Parabola, lower_envelope};
 use crate::{Error, Kind, Result, memory};
 
-/// A voxel belongs to a ball if its centre is farther away than the radius by no more than this part of it: spacings
-/// are rounded in files, and a radius of 1.4 mm is meant to reach two voxels of 0.7 mm.
+/// Part of the radius by which the centre of a voxel of a ball may be farther away: spacings are rounded in
+/// files, and a radius of 1.4 mm is meant to reach two voxels of 0.7 mm.
 const ROUNDING: f64 = 1e-5;
 
-/// What [`keep_pieces`] has found and kept.
+/// Result of [`keep_pieces`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PieceCount {
-    /// Connected pieces of the mask as it was.
+    /// Number of connected pieces of the original mask.
     pub found: usize,
-    /// Those of them that are left.
+    /// Number of pieces that are kept.
     pub kept: usize,
-    /// Voxels of the largest piece of the mask as it was.
+    /// Number of voxels of the largest piece of the original mask.
     pub largest: usize,
 }
 
-/// Clears all connected pieces of `mask` but those of at least `least` voxels, and of these all but the `most` largest.
-/// Of pieces of the same size, those with the lower first voxel are kept.
+/// Clears the connected pieces of `mask` that have fewer than `least` voxels, and of the others all but the
+/// `most` largest. Of pieces of the same size, those with the lower first voxel are kept.
 ///
 /// # Errors
 /// [`Kind::Usage`] for a mask of more than 2³² − 1 voxels, [`Kind::HostMemory`] if there is no memory for it.
@@ -42,7 +42,7 @@ pub fn keep_pieces(mask: &mut [bool], size: [usize; 3], least: u64, most: usize)
     let enough = |voxels: u32| u64::from(voxels) >= least;
     let mut sizes = pieces.voxels.clone();
     sizes.retain(|&n| enough(n));
-    // The size of the smallest piece that is kept, and how many pieces of just this size are.
+    // Size of the smallest piece that is kept, and number of pieces of exactly this size that are.
     let (smallest, mut ties) = if most == 0 {
         (u32::MAX, 0)
     } else if sizes.len() <= most {
@@ -66,8 +66,9 @@ pub fn keep_pieces(mask: &mut [bool], size: [usize; 3], least: u64, most: usize)
     Ok(PieceCount { found: kept.len(), kept: count, largest: largest as usize })
 }
 
-/// Sets the holes of `mask`: the connected pieces of voxels outside it that touch no face of the volume. Returns how
-/// many voxels that were. A hole that is open only across an edge or a corner of voxels counts as closed.
+/// Fills the holes of `mask`: the connected pieces of voxels outside it that touch no face of the volume.
+/// Returns the number of voxels filled. A hole that is open only across an edge or a corner of voxels counts
+/// as closed.
 ///
 /// # Errors
 /// [`Kind::Usage`] for a mask of more than 2³² − 1 voxels, [`Kind::HostMemory`] if there is no memory for it.
@@ -92,12 +93,13 @@ pub fn fill_holes(mask: &mut [bool], size: [usize; 3]) -> Result<usize> {
     Ok(filled)
 }
 
-/// Closes `mask` by a ball of `radius_mm`, for voxel edges of `spacing_mm` (x, y, z) at right angles: a voxel is set if
-/// every ball of this radius that holds it holds a voxel of the mask, too. Gaps and clefts narrower than twice the radius
-/// close, no voxel of the mask is lost, and nothing outside the box around the mask is set.
+/// Closes `mask` by a ball of `radius_mm`, for voxel edges of `spacing_mm` (x, y, z) at right angles: a voxel
+/// is set if every ball of this radius that holds it holds a voxel of the mask, too. Gaps and clefts narrower
+/// than twice the radius close, no voxel of the mask is lost, and nothing outside the box around the mask is
+/// set.
 ///
-/// Distances are from centre to centre. The ball may lie across the faces of the volume, so that the result near them is
-/// that of the same mask in a larger volume.
+/// Distances are from centre to centre. The ball may lie across the faces of the volume, so that the result
+/// near them is that of the same mask in a larger volume.
 ///
 /// # Errors
 /// [`Kind::HostMemory`] if there is no memory for the box around the mask and a margin of the radius.
@@ -115,7 +117,7 @@ pub fn close(mask: &mut [bool], size: [usize; 3], spacing_mm: DVec3, radius_mm: 
     }
     let wide: [usize; 3] = std::array::from_fn(|a| extent[a].saturating_add(margin[a].saturating_mul(2)));
     let count = wide.iter().fold(1_usize, |product, &n| product.saturating_mul(n));
-    // One byte for the mask made larger, four for its distances.
+    // One byte for each voxel of the widened mask, four for its distance.
     memory::require((count as u64).saturating_mul(5), "the mask to close and the margin around it")?;
     let limit = (reach * reach) as f32;
 
@@ -138,7 +140,7 @@ pub fn close(mask: &mut [bool], size: [usize; 3], spacing_mm: DVec3, radius_mm: 
     });
     drop(squared);
 
-    // The larger mask has its axes in the opposite order, and the second transform turns them back.
+    // The widened mask has its axes in the opposite order, and the second transform turns them back.
     let (turned, spacing) = ([wide[2], wide[1], wide[0]], [spacing[2], spacing[1], spacing[0]]);
     let squared = plane_distances(turned, spacing, limit, |x, plane| {
         let larger = &larger[x * plane_size..][..plane_size];
@@ -159,7 +161,7 @@ pub fn close(mask: &mut [bool], size: [usize; 3], spacing_mm: DVec3, radius_mm: 
     Ok(())
 }
 
-/// Returns the first voxel and the extent of the box around a mask; nothing where no voxel is set.
+/// Returns the first voxel and the extent of the box around a mask; `None` if no voxel is set.
 fn bounds(mask: &[bool], size: [usize; 3]) -> Option<([usize; 3], [usize; 3])> {
     let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
     for_each_run(mask, size, true, |_, at| {
@@ -172,10 +174,10 @@ fn bounds(mask: &[bool], size: [usize; 3]) -> Option<([usize; 3], [usize; 3])> {
     (low[0] < high[0]).then(|| (low, std::array::from_fn(|axis| high[axis] - low[axis])))
 }
 
-/// Returns room for `count` values, or an error where there is none.
+/// Returns a vector of `count` copies of `value`, or an error if there is no memory for it.
 fn room<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
-    // Asked first, since the program would end at a vector that is too large. A vector of zeros made at once costs nothing
-    // until its pages are written, which the threads do together.
+    // The memory is checked first, since a vector that is too large would end the program. A vector of zeros
+    // costs nothing until its pages are written, which the threads do together.
     Vec::<T>::new().try_reserve_exact(count).map_err(|_| {
         let message = format!("no memory for {count} values of {} bytes to clean up a mask", size_of::<T>());
         Error::new(Kind::HostMemory, "VGS-ROI-017", message)
@@ -184,8 +186,8 @@ fn room<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     Ok(vec![value; count])
 }
 
-/// Returns the squared distances (mm²) to the nearest site in the same plane of z. `sites` gets z and a plane of
-/// infinities, x fastest, and writes zeros where sites are. In the result each plane has y fastest.
+/// Returns the squared distances (mm²) to the nearest site in the same plane of z. `sites` receives z and a
+/// plane of infinities, x fastest, and writes zeros at the sites. In the result each plane has y fastest.
 fn plane_distances(
     [nx, ny, nz]: [usize; 3],
     spacing: [f64; 3],
@@ -207,12 +209,12 @@ fn plane_distances(
     Ok(squared)
 }
 
-/// Returns a squared distance, or infinity beyond the limit: the parabolas of such voxels reach nothing.
+/// Returns a squared distance, or infinity beyond the limit, where the parabola of a voxel reaches nothing.
 fn up_to(squared: f32, limit: f32) -> f32 {
     if squared <= limit { squared } else { f32::INFINITY }
 }
 
-/// Room to work in, for one thread.
+/// Work buffers of one thread.
 #[derive(Default)]
 struct Work {
     rows: Vec<f32>,
@@ -241,17 +243,17 @@ impl Work {
     }
 }
 
-/// Where a run of voxels along x is.
+/// A run of voxels along x.
 #[derive(Clone, Copy)]
 struct Run {
-    /// Its first voxel, and the one behind its last.
+    /// First voxel of the run; `end` is the voxel after its last one.
     start: u32,
     end: u32,
     y: usize,
     z: usize,
 }
 
-/// Calls `f` with the number and the place of each run of voxels of this `value`, in the order of memory.
+/// Calls `f` with the number and the place of each run of voxels of this `value`, in memory order.
 fn for_each_run(mask: &[bool], [nx, ny, _]: [usize; 3], value: bool, mut f: impl FnMut(usize, Run)) {
     let mut run = 0;
     for (row, voxels) in mask.chunks(nx.max(1)).enumerate() {
@@ -272,12 +274,12 @@ struct Pieces {
     value: bool,
     /// The piece that each run belongs to, in the order of [`for_each_run`].
     of_run: Vec<u32>,
-    /// Voxels of each piece, in the order of their first voxels.
+    /// Number of voxels of each piece; pieces are in the order of their first voxels.
     voxels: Vec<u32>,
 }
 
 impl Pieces {
-    /// Finds the pieces of the voxels of `mask` that are `value`.
+    /// Finds the connected pieces of the voxels of `mask` that are `value`.
     fn of(mask: &[bool], size: [usize; 3], value: bool) -> Result<Pieces> {
         assert_eq!(mask.len(), size.iter().product::<usize>(), "one value for every voxel");
         check_count(mask.len())?;
@@ -289,12 +291,12 @@ impl Pieces {
                 first + row.windows(2).filter(|pair| pair[0] != value && pair[1] == value).count()
             })
             .sum();
-        // A number for each run, two numbers and a mark for each piece, of which there are at most as many; and the runs
-        // of two planes.
+        // One number for each run, two numbers and a mark for each piece, of which there are at most as many,
+        // and the runs of two planes.
         memory::require(13 * runs as u64 + 16 * (nx * ny) as u64, "the pieces of a mask")?;
 
         let mut of_run = room(runs, 0_u32)?;
-        // The runs of the planes before and here, and where a row begins.
+        // Runs of the previous plane and of this one, and the place where a row begins.
         let (mut before, mut here) = (Plane::default(), Plane::default());
         let mut row_here = (usize::MAX, 0);
         for_each_run(mask, size, value, |run, at| {
@@ -318,7 +320,7 @@ impl Pieces {
             here.runs.push([at.start, at.end, run as u32]);
         });
 
-        // From the root of each run, which never comes behind it, to the number of its piece.
+        // From the root of each run, which is never after it, to the number of its piece.
         let mut count = 0;
         for run in 0..of_run.len() {
             let parent = of_run[run] as usize;
@@ -330,7 +332,8 @@ impl Pieces {
         Ok(Pieces { size, value, of_run, voxels })
     }
 
-    /// Gives the voxels of the chosen pieces the other value. The mask must be the one that the pieces are of.
+    /// Gives the voxels of the chosen pieces the other value. The mask must be the one in which the pieces
+    /// were found.
     fn flip(&self, mask: &mut [bool], chosen: impl Fn(usize) -> bool) {
         let mut run = 0;
         for row in mask.chunks_mut(self.size[0].max(1)) {
@@ -356,14 +359,14 @@ fn check_count(voxels: usize) -> Result<()> {
     Err(Error::new(Kind::Usage, "VGS-ROI-016", message).help("crop the volume"))
 }
 
-/// The runs of one plane, and a place among them that goes along with a run of the next row or plane.
+/// The runs of one plane, and a cursor among them that moves along with the runs of the next row or plane.
 #[derive(Default)]
 struct Plane {
     /// Start, end and number of each run.
     runs: Vec<[u32; 3]>,
-    /// Where the runs of each row begin, for the rows so far.
+    /// Index of the first run of each row so far.
     rows: Vec<usize>,
-    /// The first run of the row in view that has not been passed, and the end of that row.
+    /// Cursor: the first run of the current row that has not been passed. `end` is the end of that row.
     place: usize,
     end: usize,
 }
@@ -374,20 +377,20 @@ impl Plane {
         self.rows.clear();
     }
 
-    /// Begins a row.
+    /// Begins row `y`.
     fn begin(&mut self, y: usize) {
         // Rows without a run begin where the next one does.
         self.rows.resize(y + 1, self.runs.len());
     }
 
-    /// Goes to the begin of a row.
+    /// Moves the cursor to the beginning of row `y`; `None` is an empty row.
     fn look_at(&mut self, y: Option<usize>) {
         let begin = |y: usize| self.rows.get(y).copied().unwrap_or(self.runs.len());
         (self.place, self.end) = y.map_or((0, 0), |y| (begin(y), begin(y + 1)));
     }
 
-    /// Calls `f` with the runs of the row in view that share a face with a run, which lies behind those of the calls
-    /// before.
+    /// Calls `f` with the runs of the current row that share a face with the run `at`, which must come after
+    /// those of the calls before.
     fn for_each_touching(&mut self, at: Run, mut f: impl FnMut(u32)) {
         while self.place < self.end && self.runs[self.place][1] <= at.start {
             self.place += 1;
@@ -397,13 +400,13 @@ impl Plane {
     }
 }
 
-/// Joins the sets of two runs; the root of a set is its lowest run.
+/// Joins the sets of two runs. The root of a set is its lowest run.
 fn join(parents: &mut [u32], a: u32, b: u32) {
     let (a, b) = (root(parents, a), root(parents, b));
     parents[a.max(b) as usize] = a.min(b);
 }
 
-/// Returns the root of a run, and halves the way to it.
+/// Returns the root of the set of a run and halves the path to it.
 fn root(parents: &mut [u32], mut run: u32) -> u32 {
     while parents[run as usize] != run {
         let above = parents[parents[run as usize] as usize];
@@ -429,8 +432,8 @@ mod tests {
         mask.iter().filter(|&&set| set).count()
     }
 
-    /// Masks of every kind: all and nothing, each corner, the edges, the faces, a checkerboard, and noise of several
-    /// densities.
+    /// Masks of every kind: all and nothing, each corner, the edges, the faces, a checkerboard, and noise of
+    /// several densities.
     fn masks(size: [usize; 3]) -> Vec<Vec<bool>> {
         let at_end = |p: [usize; 3], a: usize| p[a] == 0 || p[a] + 1 == size[a];
         let ends = |p: [usize; 3]| (0..3).filter(|&a| at_end(p, a)).count();

@@ -18,10 +18,10 @@ use super::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
-/// The longest header: that of an array of numbers has about 120 bytes.
+/// The longest header that is read; the header of an array of numbers has about 120 bytes.
 const MAX_HEADER: usize = 1 << 20;
 
-/// Every type that is one real number, by its code without the byte order.
+/// All types that are one real number, by their codes without the byte order.
 const TYPES: [(&str, &Element); 12] = [
     ("b1", &elements::UINT8),
     ("i1", &elements::INT8),
@@ -37,7 +37,7 @@ const TYPES: [(&str, &Element); 12] = [
     ("f8", &elements::FLOAT64),
 ];
 
-/// What the dictionary says.
+/// Content of the dictionary.
 #[derive(Debug, PartialEq)]
 struct Header {
     descr: String,
@@ -105,7 +105,7 @@ fn transposed(
     [x_size, y_size, z_size]: [usize; 3],
     options: &ReadOptions,
 ) -> Result<Vec<f32>> {
-    // Before memory is taken, which is written here and not only reserved.
+    // The memory is checked first, since it is written here and not only reserved.
     payload.expect(layout.bytes(), options.max_bytes)?;
     let mut samples = reserve_samples(layout.voxels)?;
     samples.resize(layout.voxels, 0.0);
@@ -172,7 +172,7 @@ fn read_header(source: &mut Source) -> Result<Header> {
     })
 }
 
-/// Returns what a dictionary as `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, 4), }` says.
+/// Parses a dictionary such as `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, 4), }`.
 fn parse(text: &str) -> Option<Header> {
     let mut rest = text.trim().strip_prefix('{')?.strip_suffix('}')?.trim();
     let (mut descr, mut fortran_order, mut shape) = (None, None, None);
@@ -219,7 +219,7 @@ fn quoted(text: &str) -> Option<(&str, &str)> {
     text.get(1..)?.split_once(quote)
 }
 
-/// Returns the type of a code such as `<f4`, and whether it is big-endian.
+/// Returns the type of a code such as `<f4`, and true if it is big-endian.
 fn element(descr: &str) -> Result<(&'static Element, bool)> {
     let code = descr.trim_start_matches(['<', '>', '|', '=']);
     let order = &descr[..descr.len() - code.len()];
@@ -227,7 +227,7 @@ fn element(descr: &str) -> Result<(&'static Element, bool)> {
     match (found, order) {
         (Some(element), "<" | ">") => Ok((element, order == ">")),
         (Some(element), "|" | "=" | "") if element.bytes == 1 => Ok((element, false)),
-        // A PC has written it, as all others that are left.
+        // This is the byte order of the machine that wrote the file, which is taken to be a PC.
         (Some(element), "=") => Ok((element, false)),
         _ => Err(bad("VGS-NPY-006", format!("the type is {}, not a single real number", excerpt(descr)))
             .help("save it as such: numpy.save(name, array.astype('float32'))")),

@@ -1,8 +1,9 @@
-//! The voxels that follow a header, in its file or in one beside it: unpacked, bounded, and turned into f32.
+//! The voxels that follow a header, in the same file or in one beside it: unpacked, bounded and converted to
+//! f32.
 //!
 //! [`Source`] unpacks a file that is gzip as a whole; here a compressed stream begins after a header. The
-//! rules are the same: a claim is compared with the bytes that are there before memory is taken, a stream is
-//! read to its end so that its checksum counts, and what follows it is judged.
+//! rules are the same: a claimed size is compared with the bytes that are there before memory is allocated, a
+//! stream is read to its end so that its checksum is checked, and the bytes after it are judged.
 
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read};
@@ -16,40 +17,40 @@ use super::read_options::ReadOptions;
 use super::source::{MAX_RATIO, Source, reserve_samples};
 use crate::{Error, Kind, Result};
 
-/// Numbers that are decoded at a time.
+/// Number of voxels that are decoded at a time.
 const BLOCK: usize = 65536;
-/// The longest number in text.
+/// The most characters of a number in text.
 const MAX_DIGITS: usize = 64;
 
-/// How the voxels are packed.
+/// Compression of the voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Packing {
-    /// Not at all.
+    /// No compression.
     Plain,
     /// Gzip members.
     Gzip,
-    /// A zlib stream; gzip is recognised, since ITK reads both.
+    /// A zlib stream; gzip is recognised too, since ITK reads both.
     Zlib,
 }
 
-/// Which numbers of a file make up the volume that is read.
+/// The positions in a file of the volume that is read.
 #[derive(Debug)]
 pub(super) struct Layout {
     pub element: &'static Element,
     pub big_endian: bool,
-    /// Voxels of one volume.
+    /// Number of voxels of one volume.
     pub voxels: usize,
-    /// Volumes in the file.
+    /// Number of volumes in the file.
     volumes: usize,
-    /// Which of them is read.
+    /// Index of the volume that is read.
     chosen: usize,
-    /// Numbers of one volume that follow each other before the next volume has its turn.
+    /// Number of consecutive values of one volume before those of the next volume.
     run: usize,
 }
 
 impl Layout {
-    /// Checks sizes and the choice of a volume, before anything is allocated. `run` is how many numbers of
-    /// one volume follow each other; it does not matter where there is one volume.
+    /// Checks sizes and the choice of a volume before anything is allocated. `run` is the number of
+    /// consecutive values of one volume; it does not matter if there is only one volume.
     pub fn new(
         element: &'static Element,
         big_endian: bool,
@@ -86,29 +87,30 @@ impl Layout {
         Ok(Layout { element, big_endian, voxels, volumes, chosen, run: run.max(1) })
     }
 
-    /// Returns the numbers of all volumes.
+    /// Returns the number of values of all volumes.
     fn numbers(&self) -> u64 {
         (self.voxels * self.volumes) as u64
     }
 
-    /// Returns the bytes of all volumes.
+    /// Returns the size of all volumes in bytes.
     pub fn bytes(&self) -> u64 {
         self.numbers() * self.element.bytes as u64
     }
 
-    /// Returns true if number `at` of the file belongs to the volume that is read.
+    /// Returns true if value `at` of the file belongs to the volume that is read.
     fn is_wanted(&self, at: u64) -> bool {
         self.volumes == 1 || at / self.run as u64 % self.volumes as u64 == self.chosen as u64
     }
 
-    /// Returns true if none of the numbers from `at` on belongs to the volume that is read.
+    /// Returns true if none of the `count` values from `at` on belongs to the volume that is read.
     fn is_skipped(&self, at: u64, count: usize) -> bool {
         let last = at + count.saturating_sub(1) as u64;
         at / self.run as u64 == last / self.run as u64 && !self.is_wanted(at)
     }
 }
 
-/// A zlib stream. Unlike flate2's decoder it tells a stream that ends early from one that is complete.
+/// A decoder of a zlib stream. Unlike flate2's decoder it distinguishes a stream that ends early from a
+/// complete one.
 struct Zlib {
     reader: BufReader<Source>,
     state: Decompress,
@@ -147,14 +149,15 @@ enum Bytes {
     Plain(Source),
     Gzip(GzDecoder<BufReader<Source>>),
     Zlib(Zlib),
-    /// After the compressed data; what is left is what follows them.
+    /// The compressed data have ended; the reader is at the bytes that follow them.
     Ended(BufReader<Source>),
 }
 
 /// The voxels of a file, unpacked.
 pub(super) struct Payload {
     path: PathBuf,
-    /// Absent only while one decoder takes the place of another.
+    /// The decoder; `None` while it is replaced by that of the next gzip member, and after damage that was
+    /// accepted.
     bytes: Option<Bytes>,
     /// Bytes on disk that can hold packed voxels.
     stored: u64,
@@ -162,7 +165,7 @@ pub(super) struct Payload {
 }
 
 impl Payload {
-    /// Begins where `source`, which reads `path`, is.
+    /// Creates the payload that begins at the position of `source`, which reads `path`.
     pub fn new(source: Source, path: &Path, packing: Packing, lenient: bool) -> Result<Payload> {
         let length = fs::metadata(path).map_err(|e| Error::io(path, "reading", &e))?.len();
         let stored = match source.gzip {
@@ -189,7 +192,7 @@ impl Payload {
         Ok(payload)
     }
 
-    /// Refuses, before anything is allocated, `bytes` that this file cannot hold or that are more than
+    /// Refuses, before anything is allocated, a size of `bytes` that this file cannot hold or that exceeds
     /// `max_bytes`.
     pub fn expect(&self, bytes: u64, max_bytes: u64) -> Result<()> {
         if let Some(Bytes::Plain(source)) = &self.bytes {
@@ -212,17 +215,17 @@ impl Payload {
         Ok(())
     }
 
-    /// Reads as many bytes as there are, at most `buffer.len()`.
+    /// Reads as many bytes as there are, at most `buffer.len()`, and returns their number.
     fn read_some(&mut self, buffer: &mut [u8]) -> Result<usize> {
         let mut n = 0;
         while let Some(rest) = buffer.get_mut(n..).filter(|rest| !rest.is_empty()) {
             match self.read_once(rest) {
                 Ok(Some(0)) => break,
                 Ok(Some(read)) => n += read,
-                // The decoder of a member made way for that of the next.
+                // The decoder of a member was replaced by that of the next.
                 Ok(None) => {}
                 Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-                // What was decoded stands; if voxels are missing, the reader will say so.
+                // Decoded bytes are kept; if voxels are missing, the reader will say so.
                 Err(e) if self.lenient && is_damage(&e) && !matches!(self.bytes, Some(Bytes::Plain(_))) => {
                     tracing::warn!("{}: damaged compressed voxels, accepted: {e}", self.path.display());
                     self.bytes = None;
@@ -234,7 +237,7 @@ impl Payload {
         Ok(n)
     }
 
-    /// Reads some bytes; `None` where another gzip member follows.
+    /// Reads some bytes and returns their number; `None` if another gzip member follows.
     fn read_once(&mut self, buffer: &mut [u8]) -> io::Result<Option<usize>> {
         let n = match &mut self.bytes {
             Some(Bytes::Plain(source)) => source.read(buffer)?,
@@ -260,7 +263,7 @@ impl Payload {
         Ok(Some(0))
     }
 
-    /// Skips `count` bytes; fewer are the error of a file that is too short.
+    /// Skips `count` bytes; fails as for a truncated file if there are fewer.
     pub fn skip(&mut self, count: u64) -> Result<()> {
         let mut block = vec![0; BLOCK];
         let mut left = count;
@@ -275,14 +278,15 @@ impl Payload {
         Ok(())
     }
 
-    /// Returns the error of voxels that end after `found` of `expected`.
+    /// Returns the error for voxels that end after `found` of `expected`.
     fn truncated(&self, expected: u64, found: u64, what: &str) -> Error {
         Error::new(Kind::BadData, "VGS-VOL-006", format!("expected {expected} {what}, got {found}"))
             .file(&self.path)
             .help("the header is wrong, or the file was cut short: copy it again")
     }
 
-    /// Damage of the stream is the file's fault (65), anything else the machine's (74).
+    /// Returns the error of a failed read: damage of the stream is the file's fault (65), anything else the
+    /// machine's (74).
     fn failed(&self, e: &io::Error) -> Error {
         if let Some(Bytes::Plain(source)) = &self.bytes {
             return source.failed(e);
@@ -302,7 +306,7 @@ impl Payload {
         Error::io(&self.path, "reading", e)
     }
 
-    /// Reads to the end, which checks the checksums, and judges what follows the voxels.
+    /// Reads to the end, which verifies the checksums, and judges the bytes after the voxels.
     fn finish(mut self, max_bytes: u64) -> Result<()> {
         let mut extra = 0_u64;
         if !matches!(self.bytes, Some(Bytes::Plain(_))) {
@@ -330,7 +334,7 @@ impl Payload {
         Ok(())
     }
 
-    /// Takes zeros after the compressed data for padding and anything else for damage.
+    /// Ignores zeros after the compressed data as padding and treats anything else as damage.
     fn judge_rest(&self, mut reader: BufReader<Source>) -> Result<()> {
         let (mut count, mut zeros) = (0_u64, true);
         loop {
@@ -357,7 +361,7 @@ impl Payload {
         Ok(())
     }
 
-    /// Reads one volume, x fastest.
+    /// Reads the samples of one volume, x fastest.
     pub fn samples(self, layout: &Layout, is_text: bool, options: &ReadOptions) -> Result<Vec<f32>> {
         self.expect_numbers(layout, is_text, options)?;
         let mut samples = reserve_samples(layout.voxels)?;
@@ -371,7 +375,7 @@ impl Payload {
         self.expect(least, options.max_bytes)
     }
 
-    /// Hands on the samples of one volume, in the order of the file.
+    /// Passes the samples of one volume to `each`, in the order of the file.
     pub fn each(
         mut self,
         layout: &Layout,
@@ -423,7 +427,7 @@ impl Payload {
         let mut extra = 0_u64;
         loop {
             let n = self.read_some(&mut block)?;
-            // An end after the last byte, so that the last number counts.
+            // One separator after the last byte, so that the last number is complete.
             let bytes = block.iter().take(n).copied().chain((n == 0).then_some(b' '));
             for byte in bytes {
                 if !(byte.is_ascii_whitespace() || byte == b',') {
@@ -464,12 +468,12 @@ impl Payload {
     }
 }
 
-/// Takes the numbers of a file one by one and hands on those of the volume that is read.
+/// Takes the values of a file one by one and passes those of the volume that is read to `each`.
 struct Sieve<'a> {
     layout: &'a Layout,
-    /// How many numbers were taken.
+    /// Number of values taken.
     at: u64,
-    /// How many were handed on.
+    /// Number of values passed on.
     kept: usize,
     inexact: usize,
     /// The first voxel that is too large, and its value.
@@ -501,7 +505,7 @@ impl Sieve<'_> {
     }
 }
 
-/// Returns true if the compressed data are at fault, and not the machine.
+/// Returns true if the compressed data are damaged, rather than the machine at fault.
 fn is_damage(e: &io::Error) -> bool {
     use io::ErrorKind as E;
     matches!(e.kind(), E::InvalidInput | E::InvalidData | E::UnexpectedEof)

@@ -16,7 +16,7 @@ use crate::Result;
 const AIR_HU: f64 = -1000.0;
 const TISSUE_HU: f64 = 40.0;
 const MARROW_HU: f64 = 180.0;
-/// Capsules that approximate one vessel's curve.
+/// Number of capsules that approximate one vessel's curve.
 const SEGMENTS: usize = 8;
 const VESSELS: usize = 4;
 
@@ -43,7 +43,7 @@ struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// Signed distance to first order, negative inside.
+    /// Returns the signed distance to the surface to first order, negative inside.
     fn distance(&self, p: DVec3) -> f64 {
         let q = p - self.centre;
         let level = (q / self.radii).length();
@@ -61,7 +61,7 @@ struct Vessel {
 }
 
 impl Vessel {
-    /// Signed distance to the wall, negative inside, and the radius there.
+    /// Returns the signed distance to the wall, negative inside, and the radius there.
     fn distance(&self, p: DVec3) -> (f64, f64) {
         let segment = |i: usize| {
             let (a, b) = (self.points[i], self.points[i + 1]);
@@ -73,7 +73,7 @@ impl Vessel {
     }
 }
 
-/// Uniform numbers that do not depend on how a library turns bits into reals.
+/// A source of uniform numbers that does not depend on how a library turns bits into reals.
 struct Uniform(Pcg32);
 
 impl Uniform {
@@ -88,8 +88,8 @@ impl Uniform {
 }
 
 impl Phantom {
-    /// A scene that fills a grid of `size` voxels of `spacing_mm`, centred on the world's origin, axes RAS.
-    /// The seed places and shapes bone and vessels.
+    /// Creates a scene that fills a grid of `size` voxels of `spacing_mm`, centred on the world's origin,
+    /// with the axes of RAS. The seed places and shapes bone and vessels.
     ///
     /// # Panics
     /// If a size is zero or a spacing not positive.
@@ -146,7 +146,7 @@ impl Phantom {
         Volume::new(self.size, self.world_from_voxel, self.sample(|p| self.hu(p) as f32))
     }
 
-    /// Bone and vessels on the same grid.
+    /// Returns the region of bone and vessels on the same grid.
     ///
     /// # Errors
     /// [`crate::Kind::NothingToDo`] if the grid is so coarse that no voxel centre lies inside.
@@ -166,8 +166,7 @@ impl Phantom {
     }
 }
 
-/// Returns a vessel that climbs from the feet end to the head end through a random bend, in front of the
-/// bone.
+/// Returns a vessel that runs from the feet end to the head end through a random bend, in front of the bone.
 fn vessel(uniform: &mut Uniform, half: DVec3, edge: f64, index: usize) -> Vessel {
     let lane = -0.3 + 0.6 * (index as f64 + 0.5) / VESSELS as f64;
     let ends = [-0.55, 0.0, 0.55].map(|z| {
@@ -187,7 +186,7 @@ fn vessel(uniform: &mut Uniform, half: DVec3, edge: f64, index: usize) -> Vessel
     }
 }
 
-/// Returns the cubic from 0 at t ≤ 0 to 1 at t ≥ 1 with flat ends.
+/// Returns the cubic that rises from 0 at t ≤ 0 to 1 at t ≥ 1 with flat ends.
 fn smooth_step(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

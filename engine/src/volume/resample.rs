@@ -1,21 +1,20 @@
-//! Coarser grids: the working grid of a fit, and the downsampled volumes that reconstructions are compared
-//! with.
+//! Downsampling: the working grid of a fit, and the coarser volumes that reconstructions are compared with.
 //!
-//! Every factor f works on all three axes in voxel space, whatever the spacing. Where f does not divide the
-//! size, the outermost voxels go on beyond the upper end of an axis. Coarse voxel i covers the voxels f i ..
-//! f i + f - 1 and lies at their centre, f i + (f - 1) / 2; the affine follows.
+//! Every factor f applies to all three axes in voxel space, whatever the spacing. If f does not divide the
+//! size, the outermost voxels are repeated beyond the upper end of an axis. Coarse voxel i covers the voxels
+//! f i .. f i + f - 1 and lies at their centre, f i + (f - 1) / 2; the affine follows.
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use super::{Roi, Volume, trilinear};
 
-/// How a volume is made coarser: a row of [`DOWNSAMPLINGS`].
+/// A way to make a volume coarser: a row of [`DOWNSAMPLINGS`].
 #[derive(Clone, Copy, Debug)]
 pub struct Downsampling {
     /// Name in tables.
     pub name: &'static str,
-    /// The voxels along one axis that make up coarse voxel `i`, and the weight of each, which are of sum 1.
+    /// Returns the voxels along one axis that make up coarse voxel `i`, with their weights, whose sum is 1.
     taps: fn(i: usize, factor: usize) -> Vec<(usize, f64)>,
 }
 
@@ -25,7 +24,7 @@ pub const AREA: Downsampling = Downsampling {
     taps: |i, factor| (0..factor).map(|k| (i * factor + k, 1.0 / factor as f64)).collect(),
 };
 
-/// Linear interpolation at the centres of the blocks, without a filter before it. For f = 2 the same as
+/// Linear interpolation at the centres of the blocks, without a filter before it; for f = 2 the same as
 /// [`AREA`].
 pub const LINEAR: Downsampling = Downsampling {
     name: "linear",
@@ -40,7 +39,7 @@ pub const DOWNSAMPLINGS: &[Downsampling] = &[AREA, LINEAR];
 
 impl Volume {
     /// Returns the volume with voxels of `factor` voxels along each axis. Voxels that are not finite do not
-    /// count; where there is no other the coarse voxel is NaN.
+    /// count; a coarse voxel without any finite one is NaN.
     ///
     /// # Panics
     /// If `factor` is 0.
@@ -71,7 +70,7 @@ impl Volume {
 
 impl Roi {
     /// Returns the share of each block of `factor` voxels along each axis that the region covers, on the grid
-    /// of [`Volume::coarsened`]: a binary mask becomes a soft one where its outline crosses a block.
+    /// of [`Volume::coarsened`]. A binary mask becomes soft where its outline crosses a block.
     ///
     /// # Panics
     /// If `factor` is 0.
@@ -89,7 +88,7 @@ fn coarse_size(size: [usize; 3], factor: usize) -> [usize; 3] {
 
 fn reduce(size: [usize; 3], samples: &[f32], factor: usize, how: &Downsampling) -> Vec<f32> {
     let coarse = coarse_size(size, factor);
-    // Per axis and coarse voxel; beyond the upper end the outermost voxel goes on.
+    // Taps for each axis and coarse voxel; beyond the upper end the outermost voxel is repeated.
     let taps: [Vec<Vec<(usize, f64)>>; 3] = std::array::from_fn(|axis| {
         let inside = |(at, weight): (usize, f64)| (at.min(size[axis] - 1), weight);
         (0..coarse[axis]).map(|i| (how.taps)(i, factor).into_iter().map(inside).collect()).collect()
@@ -111,26 +110,27 @@ fn reduce(size: [usize; 3], samples: &[f32], factor: usize, how: &Downsampling) 
                     }
                 }
             }
-            // 0 / 0 where nothing is finite.
+            // This is 0 / 0 if no voxel is finite.
             *out = (sum / finite) as f32;
         }
     });
     out
 }
 
-/// How far a volume is from itself made coarser and fine again.
+/// Difference of a volume from itself after downsampling and upsampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Loss {
-    /// Equation (4): Σ M (U - V)² / Σ M at the voxels, in squared spans of the range.
+    /// The masked mean squared error of equation (4), Σ M (U - V)² / Σ M at the voxels, in squared spans of
+    /// the range.
     pub mmse: f64,
-    /// -10 log10(mmse); infinite where nothing is lost.
+    /// PSNR, -10 log10(mmse); infinite if nothing is lost.
     pub psnr_db: f64,
 }
 
-/// What is lost in `roi` by making `volume`, clipped to `range` (HU), coarser by `factor` and bringing it
-/// back linearly: the paper's downsampled baseline (its Table 3). Along each axis voxel j is sampled at (j +
-/// ½) / f - ½ of the coarse grid, clamped to its ends; soft masks weight, and voxels that are not finite do
-/// not count.
+/// Returns what is lost in `roi` when `volume`, clipped to `range` (HU), is made coarser by `factor` and
+/// brought back linearly: the paper's downsampled baseline (its Table 3). Along each axis voxel j is sampled
+/// at (j + ½) / f - ½ of the coarse grid, clamped to its ends. Soft masks weight the errors, and voxels that
+/// are not finite do not count.
 ///
 /// # Panics
 /// If `factor` is 0 or the region is not on the grid of the volume.
@@ -148,7 +148,7 @@ pub fn downsampling_loss(
     let coarse = reduce(volume.size, &clipped, factor, how);
     let [nx, ny, _] = volume.size;
     let place = |j: usize| (j as f64 + 0.5) / factor as f64 - 0.5;
-    // By rows and then in their order, so that the sums do not depend on the threads.
+    // Summed by rows and then in the order of rows, so that the sums do not depend on the threads.
     let rows: Vec<[f64; 2]> = (0..volume.len() / nx.max(1))
         .into_par_iter()
         .map(|row| {
@@ -174,7 +174,7 @@ pub fn downsampling_loss(
     Loss { mmse, psnr_db: -10.0 * mmse.log10() }
 }
 
-/// Trilinear sample from the finite samples alone; nothing if none of them has weight.
+/// Returns the trilinear sample of the finite samples alone; `None` if none of them has weight.
 fn finite_trilinear(size: [usize; 3], at: DVec3, samples: &[f32]) -> Option<f64> {
     let all = trilinear(size, at, |i| f64::from(samples[i]));
     if all.is_finite() {

@@ -1,8 +1,8 @@
-//! The region of interest: where the fit looks.
+//! The region of interest: the voxels that are fitted.
 //!
 //! A mask file may be binary, soft, or a map of labels, and may lie on another grid of the same space. All of
 //! these become one weight for every voxel of the volume, zero where the volume itself has no finite value.
-//! Errors here name no file, since volumes do not know theirs; a program adds the mask's.
+//! Errors here name no file, since volumes do not know theirs; the program adds that of the mask.
 
 use std::collections::BTreeMap;
 use std::str::FromStr;
@@ -13,13 +13,14 @@ use rayon::prelude::*;
 use super::Volume;
 use crate::{Error, Kind, Result};
 
-/// Grids whose corners agree to this many voxels are the same grid: writers round affines to f32 and less.
+/// Greatest distance of corners, in voxels, of grids that count as the same: writers round affines to f32 and
+/// less.
 const SAME_GRID_VOXELS: f64 = 1e-3;
-/// A soft mask may leave [0, 1] by this much, as resampling and float files do.
+/// How far the values of a soft mask may lie outside [0, 1], as after resampling and in float files.
 const OVERSHOOT: f32 = 1e-3;
-/// A voxel belongs to the region from this part of the greatest weight on.
+/// Part of the greatest weight above which a voxel belongs to the region.
 const MEMBER: f32 = 0.01;
-/// More labels than any atlas has: the file is an image.
+/// More labels than any atlas has; a file with more is an image.
 const MAX_LABELS: usize = 1000;
 
 /// A region of interest on the grid of its volume.
@@ -33,13 +34,13 @@ pub struct Roi {
     pub soft: bool,
 }
 
-/// Which labels of a label map make up the region, by number or by name.
+/// The choice of labels of a label map that make up the region, by number or by name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum LabelChoice {
     /// The mask as it is, which must be binary or soft.
     #[default]
     Whole,
-    /// The union of these labels; names as in [`Volume::labels`], in either case.
+    /// The union of these labels; names are those of [`Volume::labels`], in either case.
     Labels(Vec<String>),
 }
 
@@ -60,7 +61,7 @@ impl FromStr for LabelChoice {
 }
 
 impl Roi {
-    /// Returns a region with these weights on the grid of `volume`. Voxels whose sample is NaN or infinite
+    /// Creates a region with these weights on the grid of `volume`. Voxels whose sample is NaN or infinite
     /// are excluded, and counted in a warning.
     ///
     /// # Errors
@@ -143,9 +144,9 @@ impl Roi {
         Roi::new(volume.samples.iter().map(inside).collect(), volume)
     }
 
-    /// Returns the weight of a voxel; 0 where the volume has none. The samples of a fit go on beyond the
-    /// faces of the volume ([`super::Bricks::around_and_beyond`]), so a sample's voxel may be negative or too
-    /// large.
+    /// Returns the weight of a voxel; 0 if the volume does not have it. The samples of a fit go on beyond the
+    /// faces of the volume ([`super::Bricks::around_and_beyond`]), so the indices of a sample's voxel may be
+    /// negative or too large.
     pub fn at(&self, voxel: IVec3) -> f32 {
         let size = IVec3::from_array(self.size.map(|n| n as i32));
         if voxel.cmplt(IVec3::ZERO).any() || voxel.cmpge(size).any() {
@@ -155,32 +156,32 @@ impl Roi {
         self.weight[(z * self.size[1] + y) * self.size[0] + x]
     }
 
-    /// Voxels with a positive weight.
+    /// Returns the number of voxels with a positive weight.
     pub fn voxel_count(&self) -> usize {
         self.weight.iter().filter(|&&w| w > 0.0).count()
     }
 
-    /// Sum of the weights, in voxels.
+    /// Returns the sum of the weights, in voxels.
     pub fn weight_sum(&self) -> f64 {
         self.weight.iter().map(|&w| f64::from(w)).sum()
     }
 
-    /// Returns the voxels that belong to the region: those whose weight is above a hundredth of the greatest,
-    /// which a binary mask and its region have in common, and which the faint margin of a soft one is not.
+    /// Returns the voxels that belong to the region: those whose weight is above a hundredth of the greatest.
+    /// For a binary mask these are all voxels with a weight; the faint margin of a soft mask is left out.
     pub fn members(&self) -> impl Iterator<Item = usize> + '_ {
         let least = MEMBER * self.weight.iter().copied().fold(0.0, f32::max);
         self.weight.iter().enumerate().filter(move |&(_, &w)| w > least).map(|(i, _)| i)
     }
 
-    /// Returns the least and greatest finite sample of `volume`, which has the region's grid, among its
-    /// [members](Roi::members); `None` where none is finite.
+    /// Returns the least and greatest finite sample of `volume`, which has the region's grid, among the
+    /// region's [members](Roi::members); `None` if none is finite.
     pub fn range(&self, volume: &Volume) -> Option<[f32; 2]> {
         let finite = || self.members().map(|i| volume.samples[i]).filter(|v| v.is_finite());
         Some([finite().reduce(f32::min)?, finite().reduce(f32::max)?])
     }
 
-    /// Trilinear weight at a point in voxel space. Voxels outside the grid count as zero, so the weight fades
-    /// over one voxel beyond the outermost centres and is zero from there on.
+    /// Returns the trilinear weight at a point in voxel space. Voxels outside the grid count as zero, so the
+    /// weight fades over one voxel beyond the outermost centres and is zero from there on.
     pub fn trilinear(&self, voxel: DVec3) -> f64 {
         let low = voxel.floor();
         let f = voxel - low;
@@ -205,7 +206,7 @@ impl Roi {
         sum
     }
 
-    /// Weight of the nearest voxel, zero outside the grid's box.
+    /// Returns the weight of the nearest voxel, zero outside the grid's box.
     fn nearest(&self, voxel: DVec3) -> f32 {
         if !in_box(voxel, self.size) {
             return 0.0;
@@ -221,7 +222,7 @@ fn in_box(voxel: DVec3, size: [usize; 3]) -> bool {
     (0..3).all(|a| voxel[a] >= -0.5 && voxel[a] <= size[a] as f64 - 0.5)
 }
 
-/// Weights on the mask's own grid, and whether they are soft.
+/// Returns the weights on the mask's own grid, and true if they are soft.
 fn mask_weights(mask: &Volume, labels: &LabelChoice) -> Result<(Vec<f32>, bool)> {
     let bad = mask.samples.iter().filter(|v| !v.is_finite()).count();
     if bad > 0 {
@@ -270,8 +271,8 @@ fn no_mask(min: f32, max: f32) -> Error {
     Error::new(Kind::BadData, "VGS-ROI-009", message).help("were volume and mask swapped?")
 }
 
-/// Voxel counts of the labels in a mask of whole numbers, zero left out; `None` if they are too many to be
-/// labels.
+/// Returns the labels in a mask of whole numbers with their voxel counts, zero left out; `None` if there are
+/// too many to be labels.
 fn present_labels(mask: &Volume) -> Option<BTreeMap<i32, usize>> {
     let mut counts = BTreeMap::new();
     for &v in mask.samples.iter().filter(|&&v| v != 0.0) {
@@ -283,7 +284,7 @@ fn present_labels(mask: &Volume) -> Option<BTreeMap<i32, usize>> {
     Some(counts)
 }
 
-/// Returns the labels in the mask, with names and voxel counts.
+/// Returns a text with the labels of the mask, their names and voxel counts.
 fn list(mask: &Volume) -> String {
     let Some(present) = present_labels(mask) else { return "too many to list".into() };
     let entry = |(label, count): (&i32, &usize)| match mask.labels.get(label) {
@@ -293,7 +294,7 @@ fn list(mask: &Volume) -> String {
     present.iter().map(entry).collect::<Vec<_>>().join(", ")
 }
 
-/// Label values of numbers and names.
+/// Returns the label values of numbers and names.
 pub(super) fn resolve(names: &[String], mask: &Volume) -> Result<Vec<i32>> {
     let present = present_labels(mask);
     let unknown = |name: &str| {
@@ -327,17 +328,18 @@ fn distinct_up_to(samples: &[f32], most: usize) -> Option<usize> {
     Some(seen.len())
 }
 
-/// How the grids of a mask and a volume relate.
+/// The relation of the grids of a mask and a volume.
 pub(super) enum Grids {
-    /// They are one.
+    /// They are the same grid.
     Same,
-    /// One of them has no orientation; their sizes agree, so they are taken to be one.
+    /// One of them has no orientation; their sizes agree, so they are taken to be the same.
     Assumed,
-    /// They lie differently in the same space.
+    /// They are different grids in the same space.
     Differ,
 }
 
-/// Whether two volumes lie on one grid, to a thousandth of a voxel at every corner.
+/// Returns how the grids of a mask and a volume relate; they are the same if every corner agrees to a
+/// thousandth of a voxel. Fails if one of them has no orientation and their sizes differ.
 pub(super) fn relate(mask: &Volume, volume: &Volume) -> Result<Grids> {
     let volume_from_mask = volume.voxel_from_world() * mask.world_from_voxel;
     let apart = mask
@@ -361,7 +363,7 @@ pub(super) fn relate(mask: &Volume, volume: &Volume) -> Result<Grids> {
     Err(Error::new(Kind::BadData, "VGS-ROI-011", message).help("use a mask on the volume's own grid"))
 }
 
-/// Weights on the grid of `volume`.
+/// Returns the weights of `roi`, which lies on the grid of `mask`, on the grid of `volume`.
 fn resample(roi: &Roi, mask: &Volume, volume: &Volume) -> Result<Vec<f32>> {
     let mask_from_volume = mask.voxel_from_world() * volume.world_from_voxel;
     let [nx, ny, _] = volume.size;
@@ -384,7 +386,7 @@ fn resample(roi: &Roi, mask: &Volume, volume: &Volume) -> Result<Vec<f32>> {
     Ok((0..volume.len()).into_par_iter().map(|i| weight(i).clamp(0.0, 1.0)).collect())
 }
 
-/// Returns the world box of a volume, as text.
+/// Returns the box of a volume in the world, as text.
 fn world_box(volume: &Volume) -> String {
     let corners = volume.world_corners();
     let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);

@@ -1,8 +1,9 @@
-//! Bytes of an input file, decompressed on the way: gzip is recognised by its magic, whatever the name says.
+//! Bytes of an input file, decompressed while reading: gzip is recognised by its magic, whatever the name
+//! says.
 //!
-//! Members that follow each other are one stream (as `bgzip` and `pigz` write them), every checksum is
-//! checked by reading to the end, and what follows the last member is judged: zeros are padding, anything
-//! else is damage.
+//! Consecutive members are one stream (as `bgzip` and `pigz` write them). Every checksum is verified by
+//! reading to the end, and the bytes after the last member are judged: zeros are padding, anything else is
+//! damage.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read};
@@ -14,23 +15,24 @@ use crate::{Error, Kind, Result};
 
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 
-/// DEFLATE cannot pack better than 1032 : 1, so a longer claim is false before anything is decoded.
+/// Largest ratio of compression. DEFLATE cannot exceed it, so a larger claim is known to be false before
+/// anything is decoded.
 pub(super) const MAX_RATIO: u64 = 1032;
 
-/// An open input, decompressed if it was gzip.
+/// An open input file, decompressed if it is gzip.
 pub(super) struct Source {
     path: PathBuf,
     reader: Box<dyn Read>,
     /// True if the file is gzip.
     pub gzip: bool,
-    /// Bytes on disk.
+    /// Size of the file, bytes.
     stored: u64,
-    /// Decoded bytes handed out so far.
+    /// Number of decoded bytes read so far.
     pub position: u64,
 }
 
 impl Source {
-    /// Opens `path`; refuses what is missing, empty, no regular file, or gzip inside gzip.
+    /// Opens `path`; refuses a file that is missing, empty, not regular, or gzip inside gzip.
     pub fn open(path: &Path, lenient: bool) -> Result<Self> {
         let meta = fs::metadata(path).map_err(|e| match e.kind() {
             io::ErrorKind::NotFound => Error::new(Kind::Missing, "VGS-VOL-001", "no such file").file(path),
@@ -75,12 +77,12 @@ impl Source {
         Ok(source)
     }
 
-    /// Returns true if the name promises gzip.
+    /// Returns true if the name of a file promises gzip.
     pub fn named_gzip(path: &Path) -> bool {
         path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"))
     }
 
-    /// Reads as many bytes as there are, at most `buffer.len()`.
+    /// Reads as many bytes as there are, at most `buffer.len()`, and returns their number.
     pub fn read_some(&mut self, buffer: &mut [u8]) -> Result<usize> {
         let n = read_full(&mut self.reader, buffer).map_err(|e| self.failed(&e))?;
         self.position += n as u64;
@@ -96,7 +98,7 @@ impl Source {
     }
 
     /// Refuses, before anything is allocated, `bytes` of decoded content that this file cannot hold or that
-    /// are more than `max_bytes`.
+    /// exceed `max_bytes`.
     pub fn expect(&self, bytes: u64, max_bytes: u64) -> Result<()> {
         if bytes > max_bytes {
             let message = format!("declares {bytes} bytes, more than the limit of {max_bytes}");
@@ -118,15 +120,15 @@ impl Source {
         Ok(())
     }
 
-    /// Returns the error of a file that ends after `found` of `expected` bytes.
+    /// Returns the error for a file that ends after `found` of `expected` bytes.
     pub fn truncated(&self, expected: u64, found: u64) -> Error {
         Error::new(Kind::BadData, "VGS-VOL-006", format!("expected {expected} bytes, got {found}"))
             .file(&self.path)
             .help("the file was cut short; copy it again")
     }
 
-    /// Reads to the end, which checks the checksums, and returns how many bytes were left. More than
-    /// `max_bytes` of them are refused.
+    /// Reads to the end, which verifies the checksums, and returns the number of bytes that were left. Fails
+    /// if there are more than `max_bytes` of them.
     pub fn finish(mut self, max_bytes: u64) -> Result<u64> {
         let rest = self.skip(max_bytes.saturating_add(1))?;
         if rest > max_bytes {
@@ -136,7 +138,8 @@ impl Source {
         Ok(rest)
     }
 
-    /// Damage of the stream is the file's fault (65), anything else the machine's (74).
+    /// Returns the error of a failed read: damage of the stream is the file's fault (65), anything else the
+    /// machine's (74).
     pub fn failed(&self, e: &io::Error) -> Error {
         if e.kind() == io::ErrorKind::UnexpectedEof {
             let message = "damaged gzip data: the file ends inside the compressed data";
@@ -161,13 +164,13 @@ impl Read for Source {
     }
 }
 
-/// Returns true if the compressed data are at fault, and not the machine.
+/// Returns true if the compressed data are damaged, rather than the machine at fault.
 fn is_damage(e: &io::Error) -> bool {
     use io::ErrorKind as E;
     matches!(e.kind(), E::InvalidInput | E::InvalidData | E::UnexpectedEof)
 }
 
-/// Fills `buffer` from `reader` as far as the data reaches.
+/// Fills `buffer` from `reader` as far as the data reach, and returns the number of bytes.
 fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     let mut n = 0;
     while n < buffer.len() {
@@ -181,8 +184,8 @@ fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     Ok(n)
 }
 
-/// One gzip member after another. flate2's own multi-member decoder takes whatever follows for a member and
-/// cannot tell padding from damage.
+/// A decoder of consecutive gzip members. flate2's own decoder of several members takes whatever follows for
+/// a member and cannot distinguish padding from damage.
 struct Members {
     decoder: Option<GzDecoder<BufReader<File>>>,
     path: PathBuf,
@@ -190,7 +193,8 @@ struct Members {
 }
 
 impl Members {
-    /// Whether another member follows; judges what follows otherwise.
+    /// Begins the next member and returns true if there is one. Otherwise returns false and judges the bytes
+    /// that follow: zeros are ignored, others are an error unless `lenient`.
     fn next_member(&mut self, mut file: BufReader<File>) -> io::Result<bool> {
         // The first byte decides: the second may lie beyond the buffer.
         if file.fill_buf()?.first() == GZIP_MAGIC.first() {
@@ -225,7 +229,7 @@ impl Read for Members {
         while let Some(decoder) = &mut self.decoder {
             let n = match decoder.read(buffer) {
                 Ok(n) => n,
-                // What was decoded stands; if voxels are missing, the reader will say so.
+                // Decoded bytes are kept; if voxels are missing, the reader will say so.
                 Err(e) if self.lenient && is_damage(&e) => {
                     tracing::warn!("{}: damaged gzip data, accepted: {e}", self.path.display());
                     self.decoder = None;
@@ -245,7 +249,8 @@ impl Read for Members {
     }
 }
 
-/// Room for `count` samples, or an error that says how much was asked for.
+/// Returns an empty vector with room for `count` samples, or an error with the size if there is no memory for
+/// them.
 pub(super) fn reserve_samples(count: usize) -> Result<Vec<f32>> {
     let mut samples = Vec::new();
     samples.try_reserve_exact(count).map_err(|_| {

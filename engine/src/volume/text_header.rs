@@ -1,4 +1,4 @@
-//! What NRRD and MetaImage have in common: a header of lines, a file of voxels beside it, and a grid whose
+//! Common parts of NRRD and MetaImage: a header of lines, a file of voxels beside it, and a grid whose
 //! directions may be anything.
 
 use std::io::Read;
@@ -10,19 +10,20 @@ use super::affine::{axis_codes_of, spacing_of};
 use super::source::Source;
 use crate::{Error, Kind, Result};
 
-/// The longest header: those of real files have some kilobytes, also with the names of a hundred labels.
+/// The longest header that is read; those of real files have some kilobytes, even with the names of a hundred
+/// labels.
 const MAX_HEADER: usize = 1 << 20;
 
-/// The lines of a header. The source is left at the byte after the last line that was read.
+/// Reader of the lines of a header. The source is left at the byte after the last line that was read.
 pub(super) struct Lines<'a> {
     source: &'a mut Source,
     left: usize,
-    /// The number of the last line, from 1.
+    /// Number of the last line read, from 1.
     pub number: usize,
 }
 
 impl<'a> Lines<'a> {
-    /// Begins at the beginning of a file.
+    /// Creates a reader of lines; `source` is at the beginning of a file.
     pub fn new(source: &'a mut Source) -> Self {
         Lines { source, left: MAX_HEADER, number: 0 }
     }
@@ -55,7 +56,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// Skips whole lines, whatever their length; a file with fewer of them is left at its end.
+/// Skips whole lines of any length; a file with fewer lines is left at its end.
 pub(super) fn skip_lines(source: &mut Source, count: u64) -> Result<()> {
     let mut byte = [0];
     let mut left = count;
@@ -65,14 +66,14 @@ pub(super) fn skip_lines(source: &mut Source, count: u64) -> Result<()> {
     Ok(())
 }
 
-/// Returns the beginning of a text of a file, fit for a message.
+/// Returns the beginning of a text from a file, suitable for a message.
 pub(super) fn excerpt(text: &str) -> String {
     let short: String = text.chars().take(60).collect();
     let dots = if short.len() < text.len() { "..." } else { "" };
     format!("{}{dots}", short.replace(char::is_control, " "))
 }
 
-/// Returns the numbers of a line, or `None` if something else is among them.
+/// Parses the numbers of a line; `None` if something else is among them.
 pub(super) fn reals(text: &str) -> Option<Vec<f64>> {
     text.split_whitespace().map(|word| word.parse().ok()).collect()
 }
@@ -100,7 +101,7 @@ pub(super) fn open_beside(header: &Path, name: &str, lenient: bool) -> Result<(S
     Ok((source, path))
 }
 
-/// Refuses an affine that is no grid; returns what is odd about it, as sentences.
+/// Refuses an affine that is not a grid; returns notes on its oddities, as sentences.
 pub(super) fn check_grid(affine: &DAffine3) -> Result<Vec<String>> {
     let bad = |code, message: &str| {
         Error::new(Kind::BadData, code, message).help("the header is damaged: export the volume again")
@@ -111,7 +112,7 @@ pub(super) fn check_grid(affine: &DAffine3) -> Result<Vec<String>> {
     let mut notes = Vec::new();
     let spacing = spacing_of(affine);
     let det = affine.matrix3.determinant();
-    // Relative to a box of the same voxel size, so that small voxels are no reason.
+    // Compared with a box of the same voxel size, so that small voxels are not refused.
     if !det.is_normal() || det.abs() <= 1e-6 * spacing.element_product() {
         return Err(bad("VGS-VOL-025", "the directions lie in a plane: voxels have no volume"));
     }

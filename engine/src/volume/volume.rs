@@ -1,4 +1,4 @@
-//! A scalar volume on a regular grid.
+//! The volume type: scalar samples on a regular grid.
 
 use std::collections::BTreeMap;
 
@@ -12,24 +12,25 @@ use super::interpolation::trilinear;
 pub struct Volume {
     /// Voxel counts along x, y, z.
     pub size: [usize; 3],
-    /// Voxel index (centres at integers) to world, mm RAS. May be oblique, sheared or left-handed.
+    /// Map from voxel index (centres at integers) to world, mm RAS. It may be oblique, sheared or
+    /// left-handed.
     pub world_from_voxel: DAffine3,
-    /// Samples, x fastest: HU for CT, the stored unit otherwise. Length is the product of `size`. May hold
-    /// NaN and infinities where the file does.
+    /// Samples, x fastest: HU for CT, the stored unit otherwise. Their number is the product of `size`. They
+    /// may be NaN or infinite if those of the file are.
     pub samples: Vec<f32>,
-    /// True if the file says how the patient lies. If not, the axes are those of the grid and left and right
-    /// are unknown.
+    /// True if the file says how the patient lies. Otherwise the axes are those of the grid, and left and
+    /// right are unknown.
     pub oriented: bool,
-    /// Names of label values, where the file carries them.
+    /// Names of label values, if the file has them.
     pub labels: BTreeMap<i32, String>,
 }
 
 /// Summary of the samples of a volume.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stats {
-    /// How many samples are finite; the other fields are over these.
+    /// Number of finite samples; the other figures are of these.
     pub finite: usize,
-    /// How many samples are NaN or infinite.
+    /// Number of samples that are NaN or infinite.
     pub non_finite: usize,
     /// Smallest sample; 0 if none is finite.
     pub min: f32,
@@ -42,7 +43,7 @@ pub struct Stats {
 }
 
 impl Volume {
-    /// A volume of known orientation and without label names. `samples` has x fastest.
+    /// Creates a volume of known orientation and without label names. `samples` has x fastest.
     ///
     /// # Panics
     /// If the number of samples is not the product of `size`.
@@ -61,13 +62,13 @@ impl Volume {
         self.samples.is_empty()
     }
 
-    /// Returns the place of voxel (x, y, z) in `samples`.
+    /// Returns the index of voxel (x, y, z) in `samples`.
     pub fn index(&self, x: usize, y: usize, z: usize) -> usize {
         debug_assert!(x < self.size[0] && y < self.size[1] && z < self.size[2]);
         x + self.size[0] * (y + self.size[1] * z)
     }
 
-    /// Returns the world (mm RAS) to voxel space.
+    /// Returns the map from the world (mm RAS) to voxel space.
     pub fn voxel_from_world(&self) -> DAffine3 {
         self.world_from_voxel.inverse()
     }
@@ -83,14 +84,14 @@ impl Volume {
         if self.oriented { axis_codes_of(&self.world_from_voxel) } else { "???".into() }
     }
 
-    /// Trilinear interpolation at a point in voxel space, clamped to the grid: beyond the edge the edge
-    /// value.
+    /// Returns the trilinear sample at a point in voxel space, clamped to the grid: beyond the edge it is the
+    /// edge value.
     pub fn trilinear(&self, voxel: DVec3) -> f64 {
         trilinear(self.size, voxel, |i| f64::from(self.samples[i]))
     }
 
-    /// Trilinear sample at `x` (voxel space), clamped to the edge, each voxel first clipped to `clip`; a
-    /// voxel that is not finite counts as `idle`.
+    /// Returns the trilinear sample at `x` (voxel space), clamped to the edge, of voxels that are first
+    /// clipped to `clip`; a voxel that is not finite counts as `idle`.
     pub fn sample_clipped(&self, x: DVec3, clip: (f32, f32), idle: f32) -> f64 {
         trilinear(self.size, x, |i| {
             let v = self.samples[i];
@@ -104,13 +105,13 @@ impl Volume {
         Some((finite().reduce(f32::min)?, finite().reduce(f32::max)?))
     }
 
-    /// Returns true if intensities look like Hounsfield units: air at about -1000 tells a CT from everything
-    /// else.
+    /// Returns true if intensities look like Hounsfield units: air at about -1000 distinguishes a CT from
+    /// everything else.
     pub fn is_ct(&self) -> bool {
         self.min_max().is_some_and(|(low, _)| low < -200.0)
     }
 
-    /// Returns what follows an intensity in texts: " HU" for a CT, nothing for a volume without a scale of
+    /// Returns the unit to write after an intensity: " HU" for a CT, nothing for a volume without a scale of
     /// its own.
     pub fn unit(&self) -> &'static str {
         if self.is_ct() { " HU" } else { "" }
@@ -133,7 +134,7 @@ impl Volume {
         self.voxel_corners().map(|c| self.world_from_voxel.transform_point3(c))
     }
 
-    /// The same corners in voxel space.
+    /// Returns the corners of [`Volume::world_corners`] in voxel space.
     pub(super) fn voxel_corners(&self) -> [DVec3; 8] {
         std::array::from_fn(|i| {
             DVec3::from_array(std::array::from_fn(|a| {

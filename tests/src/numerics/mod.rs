@@ -1,8 +1,9 @@
-//! The table of docs/results/numerics.md: what happens at the extremes, how far off it may be and how far off it was.
+//! The table of docs/results/numerics.md: scenarios at the extremes, with the bound of each error and the
+//! worst one seen.
 //!
-//! A test hands what it measured to [`keep`], which holds it to the bound of its [`ExtremeRow`] and to the words of the docs.
-//! `VGS_WRITE_NUMERICS=1` writes the table anew, with what was measured; figures differ from device to device, so
-//! without it only the bound counts.
+//! A test hands its measured value to [`keep`], which holds it to the bound of its [`ExtremeRow`] and to the
+//! words of the docs. `VGS_WRITE_NUMERICS=1` writes the table anew, with the measured values; they differ
+//! from device to device, so without it only the bound counts.
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -15,13 +16,14 @@ pub use rows::ROWS;
 /// One scenario of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExtremeRow {
-    /// N and the number of the scenario, with a letter where it has several figures; R for those of real data.
+    /// Identifier: N and the number of the scenario, with a letter if it has several figures; R for real
+    /// data.
     pub id: &'static str,
-    /// What is tried.
+    /// Scenario that is tried.
     pub scenario: &'static str,
-    /// What is measured, with its unit.
+    /// Measured quantity, with its unit.
     pub measured: &'static str,
-    /// The greatest value that is right.
+    /// The greatest value that is accepted.
     pub bound: f64,
     /// The test, as `file::function` below `tests/tests/extremes/`.
     pub test: &'static str,
@@ -29,27 +31,27 @@ pub struct ExtremeRow {
 
 const BEGIN: &str = "| # | scenario | measured | at most | worst seen | test |\n|---|---|---|---|---|---|\n";
 
-/// docs/results/numerics.md.
+/// Returns the path of docs/results/numerics.md.
 pub fn page() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/results/numerics.md")
 }
 
-/// Whether the table is to be written anew.
+/// Returns true if the table is to be written anew.
 pub fn writing() -> bool {
     std::env::var_os("VGS_WRITE_NUMERICS").is_some_and(|v| v == "1")
 }
 
-/// Holds a measured value to the row `id`.
+/// Holds a measured value to the row `id`; writes it to the docs if [`writing`].
 ///
 /// # Panics
-/// If it is beyond the bound or no number, or if the docs have other words for the row.
+/// If the value is beyond the bound or not a number, or if the docs have other words for the row.
 pub fn keep(id: &str, worst: f64) {
     let row = ROWS.iter().find(|row| row.id == id).unwrap_or_else(|| panic!("no row is called {id}"));
     println!("{id}: {}: {worst:.3e}, at most {}", row.measured, number(row.bound));
     assert!(worst <= row.bound, "{id}: {}: {worst} is beyond {}", row.measured, row.bound);
     let page = page();
     if writing() {
-        // Tests are processes that run at the same time.
+        // Tests are processes that run at the same time, so they take a lock.
         let lock = File::create(std::env::temp_dir().join("vgs-numerics.lock")).expect("a lock");
         lock.lock().expect("the lock");
         let text = std::fs::read_to_string(&page).expect("docs/results/numerics.md");
@@ -66,13 +68,13 @@ pub fn keep(id: &str, worst: f64) {
     );
 }
 
-/// What the text has as the worst value of a row.
+/// Returns the worst value of a row in the text.
 pub fn seen(text: &str, id: &str) -> Option<String> {
     let line = text.lines().find(|line| line.starts_with(&format!("| {id} |")))?;
     Some(line.split(" | ").nth(4)?.trim().to_owned())
 }
 
-/// The table with the worst values that `seen` gives.
+/// Writes the table with the worst values that `seen` returns.
 pub fn table(seen: impl Fn(&str) -> Option<String>) -> String {
     let mut out = BEGIN.to_owned();
     for row in ROWS {
@@ -82,7 +84,7 @@ pub fn table(seen: impl Fn(&str) -> Option<String>) -> String {
     out
 }
 
-/// The text with its table written anew, and a new worst value for a row.
+/// Returns the text with its table written anew, and a new worst value for a row.
 fn with(text: &str, id: &str, worst: &str) -> String {
     let start = text.find(BEGIN).expect("docs/results/numerics.md has a table");
     let length: usize =
@@ -96,7 +98,7 @@ fn line(row: &ExtremeRow, worst: &str) -> String {
     format!("| {id} | {scenario} | {measured} | {} | {worst} | `{test}` |", number(row.bound))
 }
 
-/// A number as the table has it: whole ones as they are, others with two digits.
+/// Formats a number as in the table: whole numbers plainly, others with two digits.
 fn number(v: f64) -> String {
     if v.fract() == 0.0 && v.abs() < 1e4 { format!("{v}") } else { format!("{v:.1e}") }
 }

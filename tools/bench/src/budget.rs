@@ -1,4 +1,4 @@
-//! The frame-budget controller on made-up GPUs: traces as a plot, and how many frames are late.
+//! Runs the frame-budget controller on simulated GPUs, counts late frames and plots the traces.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use xr_app::statistics::Histogram;
 use crate::plot::{Area, Axis, Drawn, GRID, INK, axes, font};
 use crate::report::{Outputs, Table};
 
-/// What the best level takes, in units of the budget.
+/// Time of a frame at the best quality level, in units of the budget.
 const EXCESS: f64 = 1.7;
 /// Top of the axis of times, in units of the budget.
 const TOP: f64 = 2.6;
@@ -37,7 +37,7 @@ pub struct BudgetArguments {
     outputs: Outputs,
 }
 
-/// Runs the simulations.
+/// Simulates each behaviour of a GPU, prints a row for each and, if asked to, plots the traces.
 pub fn run(arguments: &BudgetArguments) -> Result<()> {
     let budget = budget_ms(arguments.rate);
     let costs = level_costs(quality_levels(SplatKind::Field));
@@ -82,21 +82,23 @@ pub fn run(arguments: &BudgetArguments) -> Result<()> {
     arguments.outputs.finish(&[table])
 }
 
-/// What is plotted of a session.
+/// Frames of one session, to be plotted.
 pub struct Trace {
-    /// What it was.
+    /// Caption of the plot.
     pub name: String,
-    /// Each frame's level, and its time as a part of the budget.
+    /// Quality level of each frame, and its time as a part of the budget.
     pub frames: Vec<(usize, f64)>,
-    /// Motion to photon, ms, where there is any.
+    /// Histogram of motion-to-photon latency, ms, if it was measured.
     pub latency_ms: Option<Histogram>,
 }
 
-/// Width of the plot, pixels, and what of it the frames have where there is a histogram beside them.
+/// Width of the plot, pixels. If a histogram is drawn beside the frames, these get the first `FRAMES_WIDTH`
+/// pixels.
 const WIDTH: u32 = 1000;
 const FRAMES_WIDTH: i32 = 690;
 
-/// Writes frame times with the levels below them, and beside them motion to photon, for each trace.
+/// Writes a plot (SVG) to `path`: for each trace the frame times with the quality levels below them, and
+/// beside them the histogram of motion-to-photon latency.
 pub fn write_plot(path: &Path, traces: &[Trace], force: bool) -> Result<()> {
     let mut svg = String::new();
     draw(&mut svg, traces)
@@ -155,7 +157,8 @@ fn draw_latency(area: &Area<'_>, latency_ms: &Histogram) -> Drawn {
     let Histogram { from, width, counts } = latency_ms;
     let end = |bin: usize| from + width * bin as f64;
     let most = counts.iter().copied().max().unwrap_or(0) as f64;
-    // A bin's width on either side, so that a single bin is a bar and no wall.
+    // The axis has a bin's width to spare on either side, so that a single bin looks like a bar and not like
+    // a wall.
     let x = Axis {
         title: &format!("ms, in bins of {width}"),
         range: from - width..end(counts.len() + 1),

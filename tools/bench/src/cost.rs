@@ -1,4 +1,4 @@
-//! What a frame costs, and figures of many frames.
+//! Measures what a frame costs, and summarises many frames.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -7,37 +7,37 @@ use engine::Result;
 use engine::gpu::Gpu;
 use serde::{Deserialize, Serialize};
 
-/// What one frame took.
+/// Cost of one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// CPU time of the whole process, user and system, all threads, ms; nothing where the system does not tell.
+    /// CPU time of the whole process (user and system, all threads), ms; `None` if the system does not tell.
     pub core_ms: Option<f64>,
-    /// Time until the picture was there, ms.
+    /// Wall-clock time until the picture was finished, ms.
     pub wall_ms: f64,
     /// Sum of the device's timestamps, ms.
     pub device_ms: f64,
 }
 
 impl Cost {
-    /// What frames are compared by: CPU time of a CPU driver, device time of a GPU.
+    /// Returns the cost by which frames are compared, ms: CPU time on a CPU driver, device time on a GPU.
     pub fn of_device(&self, is_cpu: bool) -> f64 {
         if is_cpu { self.core_ms.unwrap_or(self.wall_ms) } else { self.device_ms }
     }
 }
 
-/// Passes of one or more frames.
+/// Device time of each pass, ms, summed over one or more frames.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Passes(BTreeMap<String, f64>);
 
 impl Passes {
-    /// Counts those of other frames, too.
+    /// Adds the times of other frames.
     pub fn add(&mut self, other: Passes) {
         for (name, ms) in other.0 {
             *self.0.entry(name).or_default() += ms;
         }
     }
 
-    /// Name and device time a frame, ms, the slowest first.
+    /// Returns name and device time per frame (ms) of each pass, the slowest first.
     pub fn a_frame(&self, frames: usize) -> Vec<(&str, f64)> {
         let mut rows: Vec<_> =
             self.0.iter().map(|(name, ms)| (name.as_str(), ms / frames.max(1) as f64)).collect();
@@ -46,7 +46,7 @@ impl Passes {
     }
 }
 
-/// Runs `frame`, which waits for what it records on `gpu`.
+/// Runs `frame`, which waits for what it records on `gpu`, and returns its cost and passes.
 pub fn measure(gpu: &Gpu, frame: impl FnOnce() -> Result<()>) -> Result<(Cost, Passes)> {
     gpu.take_profile();
     let (core, wall) = (cpu_ms(), Instant::now());
@@ -57,20 +57,21 @@ pub fn measure(gpu: &Gpu, frame: impl FnOnce() -> Result<()>) -> Result<(Cost, P
     Ok((Cost { core_ms, wall_ms, device_ms: passes.0.values().sum() }, passes))
 }
 
-/// CPU time of this process so far, ms.
+/// Returns the CPU time of this process so far, ms.
 #[cfg(unix)]
 pub fn cpu_ms() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
     Some(time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 * 1e-6)
 }
 
-/// Nothing: the system does not tell.
+/// Returns `None`, since this system does not tell.
 #[cfg(not(unix))]
 pub fn cpu_ms() -> Option<f64> {
     None
 }
 
-/// The smallest value that at least the share `p` of all does not exceed (nearest rank); nothing of nothing.
+/// Returns the smallest value that at least the share `p` of all values does not exceed (nearest rank);
+/// `None` if there are no values.
 pub fn percentile(values: &[f64], p: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -78,7 +79,7 @@ pub fn percentile(values: &[f64], p: f64) -> Option<f64> {
     sorted.get(rank - 1).copied()
 }
 
-/// The middle value, or the mean of the two middle ones; nothing of nothing.
+/// Returns the middle value, or the mean of the two middle ones; `None` if there are no values.
 pub fn median(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -87,7 +88,7 @@ pub fn median(values: &[f64]) -> Option<f64> {
     Some(0.5 * (lower + upper))
 }
 
-/// The mean; nothing of nothing.
+/// Returns the mean; `None` if there are no values.
 pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
@@ -138,7 +139,7 @@ mod tests {
             scope.spawn(spin);
             scope.spawn(spin);
         });
-        // Two threads that are busy for a while; how much of it they got depends on what else the machine does.
+        // Two threads are busy for a while; how much of it they get depends on what else the machine does.
         assert!(cpu_ms().expect("a clock") - before > 5.0);
     }
 }

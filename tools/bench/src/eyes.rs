@@ -1,5 +1,6 @@
-//! What the rims of lenses and foveation save: the frames of a simulated headset's two eyes, whole, without what round lenses
-//! hide, and foveated, each in turns with the others; and how far what is seen then is from the whole pictures.
+//! Measures what the visibility mask of the lenses and foveation save. Both eyes of a simulated headset are
+//! rendered whole, without what round lenses hide, and foveated, in turns; the visible pixels are compared
+//! with the whole pictures.
 
 use std::path::PathBuf;
 
@@ -51,22 +52,23 @@ pub struct EyesArguments {
     outputs: Outputs,
 }
 
-/// What was found of one way to render.
+/// Result of one way to render the eyes.
 #[derive(Serialize)]
 struct Found {
     splats: usize,
     size: u32,
     rung: usize,
     way: String,
-    /// Medians: of a CPU driver the time of all cores, of a GPU the device's.
+    /// Median time of a frame, ms: CPU time on a CPU driver, device time on a GPU.
     ms: f64,
-    /// As a part of the time of whole pictures.
+    /// `ms` as a part of the time of whole pictures.
     part: f64,
-    /// Of what no lens hides, against whole pictures; nothing where they are the same.
+    /// PSNR of the pixels that no lens hides against the whole pictures, dB; `None` if they are equal.
     psnr: Option<f64>,
 }
 
-/// Runs it.
+/// Compares the ways to render the eyes for each number of splats, size and quality level, and writes the
+/// table.
 pub fn run(gpu: &Gpu, arguments: &EyesArguments) -> Result<()> {
     let set = splats_by_importance(&arguments.splats)?;
     let mut found = Vec::new();
@@ -111,11 +113,11 @@ pub fn run(gpu: &Gpu, arguments: &EyesArguments) -> Result<()> {
     arguments.outputs.finish_with(&[Table { title, columns, rows }], &found)
 }
 
-/// A way to render the eyes.
+/// One way to render the eyes.
 struct Way {
     name: String,
     sight: Sight,
-    /// Whether it is known what lenses hide.
+    /// True if the renderer is told what the lenses hide.
     lenses: bool,
     frames: Frames,
     composer: Composer,
@@ -152,7 +154,7 @@ fn compare(
         ways.push(Way::new(gpu, &scene, size, shown, (Some(part), false))?);
         ways.push(Way::new(gpu, &scene, size, shown, (Some(part), true))?);
     }
-    // The first frames find room, and where straight ahead is.
+    // The first frames size the buffers and find out where straight ahead is.
     for turn in 0..arguments.frames + 3 {
         for way in &mut ways {
             let (cost, _) = measure(gpu, || way.frame(gpu, &scene, &placement, &headset, &eyes))?;
@@ -234,7 +236,7 @@ impl Way {
     }
 }
 
-/// Of the pixels of both eyes that do not lie in hidden patches.
+/// Returns the PSNR of the pixels of both eyes outside the visibility masks, dB; `None` if they are equal.
 fn psnr(whole: &[[u8; 4]], other: &[[u8; 4]], size: usize, masks: &[VisibilityMask; 2]) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0);
     for (at, (a, b)) in whole.iter().zip(other).enumerate() {

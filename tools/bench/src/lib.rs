@@ -1,6 +1,7 @@
-//! Benchmarks of vgs: what users and CI run to know what the programs cost and how right they are. Each checks what it
-//! measures before it times it, warms up, takes many runs and reports medians with device and driver. The experiments
-//! behind published figures are in `tools/studies`, which uses the same tables, plots, scenes and stores of results.
+//! Benchmarks of vgs, which tell users and CI what the programs cost and how right they are. Each checks what
+//! it measures before it times it, warms up, takes many runs and reports medians with device and driver. The
+//! experiments behind published figures are in `tools/studies`, which uses the same tables, plots, scenes and
+//! stores of results.
 #![forbid(unsafe_code)]
 
 pub mod budget;

@@ -1,4 +1,4 @@
-//! `bench`: the command line of the benchmarks.
+//! Command line of the benchmarks (`bench`).
 #![forbid(unsafe_code)]
 
 use bench::{budget, eyes, passes, render, xr};

@@ -1,9 +1,10 @@
-//! Forward and backward pass of the fit on fitted splats.
+//! Measures the forward and backward pass of the fit on fitted splats.
 //!
-//! An *in-support evaluation* is a (splat, sample) pair whose squared whitened distance lies below the kernel's support,
-//! at a sample that takes part: the work that no algorithm can avoid. It is counted in f64 on the host. *Waste* is what
-//! the pass evaluates over that: for the forward pass 8 samples of each cell that a splat reaches, for the backward
-//! pass every lane-step of the 8 rows that run side by side.
+//! An *in-support evaluation* is a (splat, sample) pair whose squared whitened distance lies below the
+//! kernel's support, at a sample that takes part: the work that no algorithm can avoid. It is counted in f64
+//! on the host. *Waste* is the number of evaluations of a pass divided by that: the forward pass evaluates 8
+//! samples of each cell that a splat reaches, the backward pass every lane-step of the 8 rows that run side
+//! by side.
 
 use std::path::PathBuf;
 
@@ -73,7 +74,7 @@ pub fn run(gpu: &Gpu, a: &PassesArguments) -> Result<()> {
     a.outputs.finish(&tables)
 }
 
-/// What one scene costs.
+/// Counts and times of one scene.
 struct PassesRow {
     scene: String,
     roi_voxels: usize,
@@ -135,7 +136,7 @@ fn measure(gpu: &Gpu, scene: &Scene, density: f64, a: &PassesArguments) -> Resul
         Rasterizer::with_storage(gpu, config.kernel, config.epsilon, bricks, splats.len(), storage)?;
     let mut gradient = Gradient::new(gpu, config.kernel, splats.len(), storage)?;
     let device_splats = gpu.upload("splats", "splats", splats)?;
-    // Correct first: the device's Σw at a few samples against a plain sum.
+    // The result is checked first: the device's Σw at a few samples against a plain sum.
     let got = rasterizer.rasterize(&device_splats, offset)?;
     check(&got.iter().map(|r| r.weight).collect::<Vec<_>>(), &fitted, offset);
     let mut forward_evaluated = 0;
@@ -193,7 +194,8 @@ fn median(mut times: Vec<f64>) -> f64 {
     times[times.len() / 2]
 }
 
-/// Samples that the forward pass evaluates: 8 for each bit in the cell masks of the slots of the chunk.
+/// Counts the samples that the forward pass evaluates: 8 for each bit in the cell masks of the slots of the
+/// chunk.
 fn evaluated_forward(rasterizer: &Rasterizer, chunk: usize) -> Result<u64> {
     let masks = rasterizer.bins.cell_masks.read()?;
     let starts = rasterizer.bins.starts().read()?;
@@ -207,7 +209,7 @@ fn evaluated_forward(rasterizer: &Rasterizer, chunk: usize) -> Result<u64> {
     Ok(bits * 8)
 }
 
-/// d -> whitened distance along the splat's own axes, in f64.
+/// Returns the offset `d` from the mean, whitened along the splat's own axes, in f64.
 fn whitened(splat: &Splat, d: DVec3) -> DVec3 {
     let scale = glam::Vec3::from_array(splat.log_scale).as_dvec3().exp();
     rotation_matrix(splat.rotation).transpose() * d / scale
@@ -218,7 +220,8 @@ struct Counted {
     row_steps: u64,
 }
 
-/// Counts on the host, splat by splat, what `splat_to_volume_grad` walks and what of it is in support.
+/// Counts on the host, splat by splat, the samples in support and the steps of the rows that
+/// `splat_to_volume_grad` walks.
 fn count(fitted: &Fitted, offset: [f32; 3]) -> Counted {
     let Fitted { config, splats, bricks } = fitted;
     let (in_support, row_steps) = splats
@@ -230,7 +233,7 @@ fn count(fitted: &Fitted, offset: [f32; 3]) -> Counted {
                 in_support += active;
                 lengths.push(length);
             });
-            // Eight rows run side by side for as long as the longest.
+            // Eight rows run side by side for as long as the longest of them.
             let steps: u64 = lengths.chunks(8).map(|rows| rows.iter().copied().max().unwrap_or(0) * 8).sum();
             (in_support, steps)
         })
@@ -267,7 +270,11 @@ fn for_rows(splat: &Splat, kernel: Kernel, bricks: &Bricks, offset: [f32; 3], mu
     }
 }
 
-/// The device's Σw at some samples against a plain f64 sum over all splats.
+/// Compares the device's Σw at some samples with a plain f64 sum over all splats.
+///
+/// # Panics
+///
+/// Panics if they differ.
 fn check(weights: &[f32], fitted: &Fitted, offset: [f32; 3]) {
     let Fitted { config, splats, bricks } = fitted;
     let shift = glam::Vec3::from_array(offset).as_dvec3();

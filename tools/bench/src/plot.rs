@@ -1,4 +1,4 @@
-//! What plots of several panels share (SVG): the sheet, axes, legends, colours.
+//! Parts that plots of several panels share (SVG): sheet, axes, legends and colours.
 
 use std::ops::Range;
 
@@ -7,11 +7,11 @@ use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-/// Of lines and letters.
+/// Colour of lines and letters.
 pub const INK: RGBColor = RGBColor(51, 51, 51);
-/// Of the lines behind.
+/// Colour of the grid lines.
 pub const GRID: RGBColor = RGBColor(228, 228, 228);
-/// Of series without a colour of their own.
+/// Colours of series that have none of their own.
 pub const COLOURS: [RGBColor; 7] = [
     RGBColor(30, 120, 180),
     RGBColor(210, 105, 30),
@@ -22,24 +22,25 @@ pub const COLOURS: [RGBColor; 7] = [
     RGBColor(180, 150, 30),
 ];
 
-/// What drawing comes to.
+/// Result of drawing.
 pub type Drawn<T = ()> = std::result::Result<T, Box<dyn std::error::Error>>;
-/// The place of a panel.
+/// Drawing area of a panel.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-/// A panel with its axes.
+/// Panel with its axes.
 pub type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// An axis.
+/// One axis.
 pub struct Axis<'a> {
-    /// What it is of, with its unit.
+    /// Quantity on the axis, with its unit.
     pub title: &'a str,
-    /// From where to where.
+    /// Least and greatest value.
     pub range: Range<f64>,
-    /// What is written at a tick.
+    /// Formats the label of a tick.
     pub tick: &'a dyn Fn(&f64) -> String,
 }
 
-/// A sheet of so many panels of `size` pixels, in rows of `columns`; `draw` is given the number of each and its place.
+/// Draws a sheet of `count` panels of `size` pixels in rows of `columns`, and returns it as SVG. `draw` is
+/// called with the number of each panel and its area.
 pub fn sheet(
     title: &str,
     count: usize,
@@ -64,12 +65,12 @@ pub fn sheet(
     Ok(text)
 }
 
-/// Letters of a size.
+/// Returns a sans-serif font of this size, in pixels.
 pub fn font(size: i32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
 }
 
-/// Axes with their grid, under a caption.
+/// Draws axes with their grid under a caption, and returns the chart.
 pub fn axes<'a, 'b>(area: &'a Area<'b>, caption: &str, x: Axis<'_>, y: Axis<'_>) -> Drawn<Chart<'a, 'b>> {
     let mut chart = ChartBuilder::on(area)
         .caption(caption, font(15))
@@ -95,7 +96,7 @@ pub fn axes<'a, 'b>(area: &'a Area<'b>, caption: &str, x: Axis<'_>, y: Axis<'_>)
     Ok(chart)
 }
 
-/// A line with its entry in the legend.
+/// Draws a line and adds it to the legend.
 pub fn line<'a, 'b: 'a>(
     chart: &mut Chart<'a, 'b>,
     label: &str,
@@ -110,7 +111,7 @@ pub fn line<'a, 'b: 'a>(
     Ok(())
 }
 
-/// The legend, when all is drawn.
+/// Draws the legend; to be called when everything else is drawn.
 pub fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, position: SeriesLabelPosition) -> Drawn {
     chart
         .configure_series_labels()
@@ -122,7 +123,8 @@ pub fn legend<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, position: SeriesLabelPositi
     Ok(())
 }
 
-/// From the least to the greatest value, and a little beyond: at least `least`.
+/// Returns the range from the least to the greatest value, extended on both sides by 8 %, and by at least
+/// `least`.
 pub fn span(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     let (low, high) =
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
@@ -131,7 +133,7 @@ pub fn span(values: impl Iterator<Item = f64>, least: f64) -> Range<f64> {
     low - margin..high + margin
 }
 
-/// A positive number with about three digits.
+/// Formats a positive number with about three digits.
 pub fn three_digits(x: f64) -> String {
     let decimals = (2.0 - x.log10().floor()).clamp(0.0, 3.0) as usize;
     format!("{x:.decimals$}")

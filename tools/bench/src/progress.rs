@@ -1,47 +1,48 @@
-//! How far a series of runs is, and when it may end. What the finished runs took corrects the estimates of those
-//! that are left, so that estimates need only be right relative to each other.
+//! Progress of a series of runs, and an estimate of the time left. The times of the finished runs correct the
+//! estimates of those that are left, so that estimates need only be right relative to each other.
 
 use std::time::{Duration, Instant};
 
 use engine::{Error, Result};
 
-/// Times of a series.
+/// Estimated and actual times of a series.
 pub struct Series {
     begin: Instant,
-    /// Estimates of the finished runs, and what they took, seconds.
+    /// Sum of the estimates of the finished runs, and the time that they took, seconds.
     estimated: f64,
     taken: f64,
-    /// Estimates of those that are left, seconds.
+    /// Sum of the estimates of the runs that are left, seconds.
     left: f64,
 }
 
 impl Series {
-    /// With the sum of all estimates.
+    /// Starts a series; `total` is the sum of all estimates, seconds.
     pub fn new(total: f64) -> Self {
         Series { begin: Instant::now(), estimated: 0.0, taken: 0.0, left: total }
     }
 
-    /// A run is over.
+    /// Counts a finished run with its estimate (seconds) and the time that it took.
     pub fn finished(&mut self, estimated: f64, taken: Duration) {
         self.estimated += estimated;
         self.taken += taken.as_secs_f64();
         self.left = (self.left - estimated).max(0.0);
     }
 
-    /// Seconds that may be left.
+    /// Returns the seconds that are probably left.
     pub fn left(&self) -> f64 {
         let correction = if self.estimated > 0.0 { self.taken / self.estimated } else { 1.0 };
         self.left * correction
     }
 
-    /// "0:01:05 so far, about 0:10:00 left".
+    /// Describes the progress, as in "0:01:05 so far, about 0:10:00 left".
     pub fn tell(&self) -> String {
         format!("{} so far, about {} left", clock(self.begin.elapsed().as_secs_f64()), clock(self.left()))
     }
 }
 
-/// Carries out jobs with their estimates, the short ones first: a series that is stopped has then the most results. One
-/// that fails is told and does not end the others; what failed is returned.
+/// Carries out jobs with their estimates (seconds), the short ones first, so that a series that is stopped
+/// has the most results. A job that fails is reported on stderr and does not end the others. Returns the
+/// errors.
 pub fn carry_out<J>(
     mut queue: Vec<(f64, J)>,
     title: impl Fn(&J) -> String,
@@ -63,7 +64,8 @@ pub fn carry_out<J>(
     failed
 }
 
-/// An error where some of `count` jobs failed: that of the first, which is told.
+/// Returns an error if any of `count` jobs failed; it is the first one, and its message says how many `what`
+/// failed.
 pub fn all_done(failed: &[Error], count: usize, what: &str) -> Result<()> {
     match failed.first() {
         None => Ok(()),
@@ -74,7 +76,7 @@ pub fn all_done(failed: &[Error], count: usize, what: &str) -> Result<()> {
     }
 }
 
-/// Hours, minutes, seconds.
+/// Formats seconds as hours, minutes and seconds.
 pub fn clock(seconds: f64) -> String {
     let s = seconds.round().max(0.0) as u64;
     format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)

@@ -1,4 +1,4 @@
-//! Rows of figures as a table for people, Markdown, CSV and JSON.
+//! Tables of figures for people, as Markdown and JSON.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -7,10 +7,10 @@ use clap::Args;
 use engine::{Error, Kind, Result, output};
 use serde::Serialize;
 
-/// A table: column titles with units, and rows of text.
+/// Table with column titles and rows of text.
 #[derive(Serialize)]
 pub struct Table {
-    /// What it shows, device and driver.
+    /// Title: what the table shows, device and driver.
     pub title: String,
     /// Column titles with their units.
     pub columns: Vec<&'static str>,
@@ -19,7 +19,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// GitHub Markdown, which is also what the terminal shows.
+    /// Returns the table as GitHub Markdown, which the terminal shows, too.
     pub fn markdown(&self) -> String {
         let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
         let titles: Vec<String> = self.columns.iter().map(|&c| c.to_owned()).collect();
@@ -30,7 +30,7 @@ impl Table {
     }
 }
 
-/// Where tables go besides the terminal.
+/// Files that tables are written to, besides the terminal.
 #[derive(Args)]
 pub struct Outputs {
     /// Writes the tables as Markdown
@@ -50,7 +50,8 @@ impl Outputs {
         self.finish_with(tables, &tables)
     }
 
-    /// The same with JSON of something else.
+    /// Prints all tables and writes them to the files that were asked for; the JSON file holds `json`
+    /// instead.
     pub fn finish_with(&self, tables: &[Table], json: &impl Serialize) -> Result<()> {
         let text = tables.iter().map(Table::markdown).collect::<Vec<_>>().join("\n");
         println!("{text}");
@@ -66,16 +67,16 @@ impl Outputs {
     }
 }
 
-/// Writes a value as JSON, indented.
+/// Returns a value as indented JSON.
 ///
 /// # Errors
-/// [`Kind::Internal`] if it cannot be written as JSON.
+/// Returns [`Kind::Internal`] if it cannot be written as JSON.
 pub fn json(value: &impl Serialize) -> Result<String> {
     serde_json::to_string_pretty(value)
         .map_err(|e| Error::new(Kind::Internal, "VGS-BEN-026", format!("writing JSON failed: {e}")))
 }
 
-/// Ends a program: tells the error, if there is one, and returns its exit code.
+/// Returns the exit code of a program, and prints its error if there is one.
 pub fn exit(result: Result<()>) -> ExitCode {
     let Err(e) = result else { return ExitCode::SUCCESS };
     eprintln!("error[{}]: {e}", e.code);

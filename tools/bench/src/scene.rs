@@ -1,5 +1,6 @@
-//! What is measured: a volume with its region of interest, and splats that were fitted to it for a while, because the
-//! cost of a pass depends on the splats' shapes and those of a fit are not those it starts from.
+//! Scenes to measure: a volume with its region of interest, and splats that were fitted to it for a while.
+//! The cost of a pass depends on the shapes of the splats, and those of a fit differ from those it starts
+//! from.
 
 use std::path::Path;
 
@@ -13,19 +14,19 @@ use glam::DVec3;
 
 /// Samples that a fit of the default profile evaluates for each voxel of the region.
 pub const SAMPLES_A_VOXEL: f64 = 25.0;
-/// What a small splat costs besides, in samples.
+/// Cost of a small splat in addition, as a number of samples.
 pub const SMALL_SPLAT: f64 = 150.0;
 /// Samples that two CPU cores evaluate in a second.
 pub const EVALUATIONS_A_SECOND: f64 = 1e8;
 
-/// Splats of a file, the most important first.
+/// Reads the splats of a file, the most important first.
 pub fn splats_by_importance(path: &Path) -> Result<SplatSet> {
     let mut set = splat::read_some(path)?.placed(None)?;
     set.order_by_importance();
     Ok(set)
 }
 
-/// Where a file is missing, says what --data should have.
+/// Adds to the error of a missing file what `--data` should contain.
 pub fn help(error: Error) -> Error {
     match error.kind {
         Kind::Missing => {
@@ -35,9 +36,9 @@ pub fn help(error: Error) -> Error {
     }
 }
 
-/// A volume and where to look.
+/// Volume with its region of interest.
 pub struct Scene {
-    /// What it is, for the table.
+    /// Name for tables.
     pub name: String,
     /// The volume.
     pub volume: Volume,
@@ -46,13 +47,13 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The seeded synthetic CT of `edge`³ voxels.
+    /// Creates the seeded synthetic CT of `edge`³ voxels.
     pub fn phantom(edge: usize) -> Result<Self> {
         let phantom = Phantom::new([edge; 3], DVec3::ONE, 1);
         Ok(Scene { name: format!("phantom {edge}³"), volume: phantom.volume(), roi: phantom.roi()? })
     }
 
-    /// A CT and its mask.
+    /// Reads a CT and its mask.
     pub fn read(volume: &Path, mask: &Path) -> Result<Self> {
         let options = ReadOptions::default();
         let read = Volume::read(volume, &options)?;
@@ -60,7 +61,8 @@ impl Scene {
         Ok(Scene { name: volume.display().to_string(), volume: read, roi })
     }
 
-    /// Splats after `iterations` steps of a fit, in the fit's own coordinates, with its sample grid.
+    /// Returns the splats after `iterations` steps of a fit, in the fit's own coordinates, with its sample
+    /// grid.
     pub fn fitted(&self, gpu: &Gpu, density: f64, iterations: u32) -> Result<Fitted> {
         let config = FitConfig { iterations, density, ..FitConfig::default() };
         let problem = Problem::new(&self.volume, &self.roi, &config)?;
@@ -85,7 +87,7 @@ impl Scene {
 pub struct Fitted {
     /// The fit's configuration.
     pub config: FitConfig,
-    /// Splats in brick-grid coordinates and the fit's intensities.
+    /// Splats in brick-grid coordinates, with intensities as the fit scales them.
     pub splats: Vec<Splat>,
     /// The sample grid.
     pub bricks: Bricks,

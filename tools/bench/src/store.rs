@@ -1,4 +1,4 @@
-//! Results as files, one each, by key: what is there is not measured again.
+//! Keeps results as files, one for each key, so that nothing is measured twice.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,34 +8,35 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest, Sha256};
 
-/// What a store keeps.
+/// Result that a store can keep.
 pub trait Keep: Serialize + DeserializeOwned {
-    /// Name of its file without the ending: what a person looks for, then a [`hash`] of everything that it depends on.
+    /// Returns the name of the result's file without its extension: a readable part, then a [`hash`] of
+    /// everything that it depends on.
     fn key(&self) -> String;
 
-    /// Why it is no result after all, or nothing.
+    /// Returns the reason why this is no valid result, or `None`.
     fn defect(&self) -> Option<&'static str> {
         None
     }
 }
 
-/// Hash of whatever can be written, of 10 digits.
+/// Returns a hash of a value's JSON, 10 hexadecimal digits.
 pub fn hash(value: &impl Serialize) -> String {
     hash_bytes(serde_json::to_string(value).expect("only numbers and names").as_bytes())
 }
 
-/// Hash of bytes, of 10 digits.
+/// Returns a hash of bytes, 10 hexadecimal digits.
 pub fn hash_bytes(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().take(5).map(|b| format!("{b:02x}")).collect()
 }
 
-/// A folder of results, with reports beside them.
+/// Folder of results, with reports beside them.
 pub struct Store {
     folder: PathBuf,
 }
 
 impl Store {
-    /// In this folder, which is made if it is missing.
+    /// Opens a store in `folder`, which is created if it is missing.
     pub fn open(folder: &Path) -> Result<Self> {
         let store = Store { folder: folder.to_owned() };
         fs::create_dir_all(store.runs()).map_err(|e| Error::io(folder, "making the folder", &e))?;
@@ -46,7 +47,7 @@ impl Store {
         self.folder.join("runs")
     }
 
-    /// A file of the folder that is no result.
+    /// Returns the path of a file of the folder that is no result.
     pub fn file(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }
@@ -55,10 +56,10 @@ impl Store {
         self.runs().join(format!("{key}.json"))
     }
 
-    /// The result of that key, if there is one.
+    /// Reads the result with this key, if there is one.
     ///
     /// # Errors
-    /// [`Kind::BadData`] if the file is no result, or that of something else.
+    /// Returns [`Kind::BadData`] if the file is no result, or the result of another key.
     pub fn load<R: Keep>(&self, key: &str) -> Result<Option<R>> {
         let path = self.path(key);
         let text = match fs::read_to_string(&path) {
@@ -81,7 +82,7 @@ impl Store {
         }
     }
 
-    /// Keeps a result, whole or not at all.
+    /// Writes a result, whole or not at all.
     pub fn save<R: Keep>(&self, result: &R) -> Result<()> {
         output::write_atomic(self.path(&result.key()), true, |w| {
             serde_json::to_writer_pretty(w, result).map_err(Into::into)
@@ -98,7 +99,7 @@ impl Store {
 mod tests {
     use super::*;
 
-    /// A result of so many splats.
+    /// A result with a number of splats.
     #[derive(Clone, Debug, PartialEq, Serialize, serde::Deserialize)]
     struct Counted {
         splats: usize,

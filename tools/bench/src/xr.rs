@@ -1,5 +1,6 @@
-//! A session in a simulated headset, whose head follows a script in real time: how regular frames are, what they cost, which
-//! levels they take, and how old their poses are. One row for each number of splats and each budget.
+//! Measures a session in a simulated headset whose head follows a script in real time: how regular frames
+//! are, what they cost, which quality levels they take, and how old their poses are. The table has one row
+//! for each number of splats and each budget.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -18,7 +19,7 @@ use crate::cost::mean;
 use crate::report::{Outputs, Table};
 use crate::scene::splats_by_importance;
 
-/// Frames at the start that do not count: the controller finds its level.
+/// Number of frames at the start that do not count, while the controller finds its level.
 const SETTLING: usize = 60;
 
 /// Sessions in a simulated headset
@@ -48,7 +49,7 @@ pub struct XrArguments {
     outputs: Outputs,
 }
 
-/// Runs the sessions.
+/// Runs the sessions and writes the table and, if asked to, the plot.
 pub fn run(gpu: &Gpu, arguments: &XrArguments) -> Result<()> {
     let set = splats_by_importance(&arguments.splats)?;
     let mut reports = Vec::new();
@@ -124,7 +125,7 @@ fn row(splats: usize, period: f64, report: &SessionReport) -> Vec<String> {
     let two =
         |d: Option<Distribution>| d.map_or("-".to_owned(), |d| format!("{:.0} / {:.0}", d.median, d.p99));
     let settled = &report.samples[SETTLING.min(report.samples.len())..];
-    // Of no frames there is nothing to tell.
+    // No frames have no mean.
     let one = |values: Vec<f64>| mean(&values).map_or("-".to_owned(), |value| format!("{value:.1}"));
     let late = |s: &Sample| if s.gpu_ms > s.budget_ms { 100.0 } else { 0.0 };
     let changes = settled.windows(2).filter(|pair| pair[0].level != pair[1].level).count();

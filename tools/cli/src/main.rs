@@ -1,7 +1,8 @@
-//! The command line of vgs: the list of commands, and the way from the arguments to one of them.
+//! The command line of vgs: lists the commands, and hands the arguments to one of them.
 //!
-//! `commands` has one module for each; they use `report` (what a command tells at its end) and `picture` (the comparison
-//! as PNG), and all of these use `shared`. No arrow runs up, and no command uses another.
+//! `commands` has one module for each; they use `report` (the texts and files at the end of a command) and
+//! `picture` (the comparison as PNG), and all of these use `shared`. No module uses one of those before it,
+//! and no command uses another.
 #![forbid(unsafe_code)]
 
 mod commands;
@@ -18,7 +19,8 @@ use shared::console::{Console, TalkArguments};
 use shared::failure::{self, Stop};
 use shared::version::VERSION;
 
-/// Volumetric Gaussian splatting: splats with physical intensities for the region of interest of a CT or MR volume
+/// Volumetric Gaussian splatting: splats with physical intensities for the region of interest of a CT or MR
+/// volume
 #[derive(Parser)]
 #[command(name = "vgs", version = VERSION, after_help = AFTER_HELP, max_term_width = 110)]
 struct Cli {

@@ -1,4 +1,4 @@
-//! Everything that can be asked of the viewer, by a key, a menu or a script.
+//! Actions of the viewer, asked for by a key, a menu or a script.
 
 use std::path::PathBuf;
 
@@ -6,28 +6,28 @@ use egui::{Key, KeyboardShortcut, Modifiers};
 
 use crate::orbit::Side;
 
-/// What is asked for. [`crate::App::act`] does what concerns the state, and hands on what concerns files and
+/// One action. [`crate::App::act`] carries out what concerns the state, and hands on what concerns files and
 /// the window.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// Asks for a file to open.
     AskOpen,
-    /// Opens splats, a volume, a mask or a session; for the window.
+    /// Opens splats, a volume, a mask or a session; carried out by the window.
     Open(Vec<PathBuf>),
-    /// Asks where the session is written.
+    /// Asks for the path of the session file.
     AskSave,
     /// Writes the session file.
     Save {
-        /// Ends in `.toml`.
+        /// Path, which ends in `.toml`.
         path: PathBuf,
         /// True if an existing file is replaced.
         force: bool,
     },
     /// Asks for size and name of a picture.
     AskScreenshot,
-    /// Renders and writes a picture; for the window.
+    /// Renders and writes a picture; carried out by the window.
     Screenshot {
-        /// Its format follows from its ending.
+        /// Path, whose extension chooses the format.
         path: PathBuf,
         /// Width and height, pixels.
         size: [u32; 2],
@@ -36,13 +36,13 @@ pub enum Action {
     },
     /// Asks for size, frames and name of a turntable.
     AskRecord,
-    /// Renders and writes a full turn about the body's axis through the pivot; for the window.
+    /// Renders and writes a full turn about the body's axis through the pivot; carried out by the window.
     Record {
-        /// An animated PNG.
+        /// Path of the animated PNG.
         path: PathBuf,
         /// Width and height, pixels.
         size: [u32; 2],
-        /// Frames of the turn.
+        /// Number of frames of the turn.
         frames: u32,
         /// True if an existing file is replaced.
         force: bool,
@@ -51,66 +51,66 @@ pub enum Action {
     AskTransfer,
     /// Takes a transfer function: a preset, a window or a file, as `--tf` takes it.
     Transfer(String),
-    /// Asks where the transfer function is written.
+    /// Asks for the path of the transfer function's file.
     AskSaveTransfer,
     /// Writes the transfer function.
     SaveTransfer {
-        /// Ends in `.vp.json`.
+        /// Path, which ends in `.vp.json`.
         path: PathBuf,
         /// True if an existing file is replaced.
         force: bool,
     },
-    /// Ends the program; for the window.
+    /// Ends the program; carried out by the window.
     Quit,
-    /// One step back.
+    /// Goes one step back.
     Undo,
-    /// One step forward again.
+    /// Goes one step forward again.
     Redo,
-    /// From splats to volume and back.
+    /// Switches between splats and volume.
     Flip,
-    /// Both side by side, or one alone again.
+    /// Shows both side by side, or one alone again.
     Split,
-    /// The next mode of splats.
+    /// Chooses the next mode of splats.
     NextMode,
-    /// The next preset of the transfer function.
+    /// Chooses the next preset of the transfer function.
     NextPreset,
-    /// The one before.
+    /// Chooses the previous preset of the transfer function.
     PreviousPreset,
-    /// Shows all of the scene.
+    /// Moves the camera so that it sees all of the scene.
     Fit,
-    /// Looks from a side.
+    /// Turns the camera to look from a side.
     View(Side),
-    /// Turns the camera: azimuth and elevation, degrees.
+    /// Turns the camera by azimuth and elevation, degrees.
     Turn([f64; 2]),
-    /// Takes up the tool that measures distances, or lays it down.
+    /// Starts or ends the tool that measures distances.
     Measure,
-    /// Clip plane on or off; the first time one that halves the scene as it is looked at.
+    /// Switches the clip plane on or off; the first time adds one that halves the scene across the view.
     Clip,
-    /// Crop box on or off; the first time the box around the scene.
+    /// Switches the crop box on or off; the first time adds the box around the scene.
     Crop,
-    /// Lays down the tool, closes what is open.
+    /// Ends the tool and closes what is open.
     Cancel,
-    /// Panels on or off.
+    /// Shows or hides the panels.
     TogglePanels,
-    /// Frame times on or off.
+    /// Shows or hides frame times.
     ToggleOverlay,
-    /// Letters and scale bar on or off.
+    /// Shows or hides letters and scale bar.
     ToggleAnnotations,
-    /// Handles of clip planes and crop box on or off.
+    /// Shows or hides the handles of clip planes and crop box.
     ToggleHandles,
-    /// The list of keys, opened or closed.
+    /// Opens or closes the list of keys.
     ToggleKeys,
 }
 
-/// A row of [`KEYS`].
+/// Row of [`KEYS`].
 pub struct Binding {
     /// The key with its modifiers; the command key is Ctrl except on a Mac.
     pub key: KeyboardShortcut,
     /// Name in menus.
     pub name: &'static str,
-    /// What it does, for the list of keys.
+    /// Explanation for the list of keys.
     pub help: &'static str,
-    /// What is done.
+    /// Action of the key.
     pub action: Action,
 }
 
@@ -127,10 +127,10 @@ const fn row(
 const NONE: Modifiers = Modifiers::NONE;
 const COMMAND: Modifiers = Modifiers::COMMAND;
 const COMMAND_SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
-/// A press of an arrow key turns by this, degrees.
+/// Angle by which a press of an arrow key turns, degrees.
 const TURN: f64 = 5.0;
 
-/// All keys. Of two rows with one key the one with more modifiers comes first.
+/// All keys. Of two rows with the same key the one with more modifiers comes first.
 pub static KEYS: &[Binding] = &[
     row(COMMAND, Key::O, "Open…", "open splats, a volume, a mask or a session", Action::AskOpen),
     row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
@@ -175,13 +175,13 @@ pub static KEYS: &[Binding] = &[
     row(NONE, Key::F1, "Keys", "this list", Action::ToggleKeys),
 ];
 
-/// Returns the first row of an action.
+/// Returns the first row with this action.
 pub fn binding(action: &Action) -> Option<&'static Binding> {
     KEYS.iter().find(|row| row.action == *action)
 }
 
-/// Takes the keys that were pressed from the input, in the order in which they were. Where a widget has the
-/// focus, arrows and the space bar are its own.
+/// Takes the keys in [`KEYS`] that were pressed out of the input and returns their actions in order. If a
+/// widget has the `focus`, arrows and the space bar are left to it.
 pub fn pressed(input: &mut egui::InputState, focus: bool) -> Vec<Action> {
     let own = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown, Key::Space];
     let mut actions = Vec::new();

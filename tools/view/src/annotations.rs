@@ -1,5 +1,5 @@
-//! What is painted over the picture: the patient's sides, the scale, distances, handles, the line of the
-//! split.
+//! Paints annotations over the picture: the patient's sides, the scale, distances, handles and the line of
+//! the split.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use engine::image::{annotate::scale_bar, orientation_labels};
@@ -11,23 +11,24 @@ use crate::panels::status::Reading;
 use crate::state::{Clip, Distance, ViewState};
 use crate::theme::{ACCENT, SIGNAL};
 
-/// Free space to the border of the picture, points of the screen.
+/// Distance to the border of the picture, points of the screen.
 const MARGIN: f32 = 10.0;
 
-/// The picture that is painted over.
+/// Picture that is painted over.
 pub struct Over<'a> {
-    /// Where it is painted.
+    /// Painter of the annotations.
     pub painter: &'a Painter,
-    /// Where the picture is, points of the screen.
+    /// Place of the picture, points of the screen.
     pub rect: Rect,
-    /// Its camera.
+    /// Camera of the picture.
     pub orbit: &'a Orbit,
-    /// Its width over its height.
+    /// Width over height of the picture.
     pub aspect: f64,
 }
 
 impl Over<'_> {
-    /// The letters and the scale bar.
+    /// Paints the letters and the scale bar, if the state shows them; letters only if the patient's
+    /// orientation is known.
     pub fn annotations(&self, state: &ViewState, oriented: bool) {
         if state.show.orientation && oriented {
             self.letters();
@@ -37,7 +38,7 @@ impl Over<'_> {
         }
     }
 
-    /// The patient's sides at the four borders.
+    /// Paints the letters of the patient's sides at the four borders.
     fn letters(&self) {
         let [right, up, _] = self.orbit.axes();
         let r = self.rect.shrink(MARGIN);
@@ -52,7 +53,7 @@ impl Over<'_> {
         }
     }
 
-    /// A bar of a round length, true at the depth of the pivot.
+    /// Paints a bar of a round length, true at the depth of the pivot.
     fn scale(&self) {
         let mm_per_point = self.orbit.height_mm() / f64::from(self.rect.height());
         let Some((length, text)) = scale_bar(mm_per_point, self.rect.width() as usize) else { return };
@@ -70,7 +71,8 @@ impl Over<'_> {
         self.text(from - vec2(0.0, 9.0), Align2::LEFT_BOTTOM, &text, 13.0, Color32::WHITE);
     }
 
-    /// The line between splats and volume, with its grip and the names of both halves.
+    /// Paints the line between splats and volume at `share` of the width, with its grip and the names of both
+    /// halves.
     pub fn split(&self, share: f64) {
         let x = self.rect.left() + share as f32 * self.rect.width();
         self.painter.vline(x, self.rect.y_range(), Stroke::new(3.0, Color32::from_black_alpha(160)));
@@ -86,7 +88,8 @@ impl Over<'_> {
         self.text(pos2(x + MARGIN, y), Align2::LEFT_TOP, "volume", 13.0, Color32::WHITE);
     }
 
-    /// Lines that were measured, each with its length; and one that is begun, to where the cursor is.
+    /// Paints measured lines with their lengths. `begun` is the first point of an unfinished line and the
+    /// point under the cursor, if any (mm RAS).
     pub fn distances(&self, distances: &[Distance], begun: Option<(DVec3, Option<DVec3>)>) {
         for distance in distances {
             self.distance(distance, Color32::WHITE);
@@ -105,7 +108,7 @@ impl Over<'_> {
         self.cross(distance.from_mm, colour);
         self.cross(distance.to_mm, colour);
         let middle = from + (to - from) * 0.5;
-        // On the side of the line where it does not run into the text.
+        // The label stands on the side where the line does not run into it.
         let falls = (to.x - from.x) * (to.y - from.y) > 0.0;
         let (at, align) = match falls {
             true => (middle + vec2(6.0, -3.0), Align2::LEFT_BOTTOM),
@@ -123,8 +126,8 @@ impl Over<'_> {
         }
     }
 
-    /// The outlines of planes and of the box, and their handles; the one under the cursor or in the hand is
-    /// bright.
+    /// Paints the outlines of planes and of the crop box, and their handles. `bright` is the handle under the
+    /// cursor or being dragged.
     pub fn handles(&self, clip: &Clip, bounds: [DVec3; 2], bright: Option<Handle>) {
         let thin = Stroke::new(1.0, ACCENT.gamma_multiply(0.7));
         for plane in clip.planes.iter().filter(|plane| plane.on) {
@@ -159,7 +162,7 @@ impl Over<'_> {
         }
     }
 
-    /// What is under the cursor, beside it.
+    /// Paints intensity and place of what is under the cursor beside it.
     pub fn reading(&self, cursor: Pos2, reading: &Reading, unit: &str) {
         let place = format!("({:.1}, {:.1}, {:.1}) mm", reading.at_mm.x, reading.at_mm.y, reading.at_mm.z);
         let text = match reading.intensity {
@@ -169,11 +172,11 @@ impl Over<'_> {
         self.text(cursor + vec2(14.0, 10.0), Align2::LEFT_TOP, &text, 12.0, SIGNAL);
     }
 
-    /// Returns where a point (mm RAS) is on the screen; nothing behind the eye.
+    /// Returns the place of a point (mm RAS) on the screen; `None` if it is behind the eye.
     fn at(&self, x: DVec3) -> Option<Pos2> {
         let (place, _) = self.orbit.seen(x, self.aspect)?;
         let size = self.rect.size();
-        // Far outside of the screen numbers would run out in f32.
+        // Far outside of the screen the numbers would exceed the precision of f32.
         let DVec2 { x, y } = place.clamp(DVec2::splat(-1e3), DVec2::splat(1e3));
         Some(self.rect.min + vec2(x as f32 * size.x, y as f32 * size.y))
     }
@@ -184,7 +187,7 @@ impl Over<'_> {
         }
     }
 
-    /// Text with a dark outline: legible on any picture.
+    /// Paints text with a dark outline, which is legible on any picture.
     fn text(&self, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) {
         let font = FontId::proportional(size);
         let galley = self.painter.layout_no_wrap(text.to_owned(), font, colour);

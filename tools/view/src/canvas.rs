@@ -1,5 +1,5 @@
-//! What is on the device for a window: the scenes with their pictures, and what puts these and the panels on
-//! its surface.
+//! Everything on the device for a window: the scenes with their pictures, and the passes that put these and
+//! the panels on the window's surface.
 
 use std::sync::Arc;
 
@@ -16,33 +16,33 @@ use crate::painter::{Painter, Painting};
 use crate::rendered_scene::{RenderSetup, RenderedScene};
 use crate::state::{Subject, ViewState, mode_row};
 
-/// What is on the device for a window.
+/// Scenes, pictures and surface of a window.
 pub struct Canvas {
-    // In this order: what draws on the surface goes before it.
+    // The order matters: what draws on the surface is dropped before it.
     splats: Option<RenderedScene>,
     volume: Option<RenderedScene>,
     composer: Composer,
     painter: Painter,
-    /// Changes of textures that no frame has carried out yet.
+    /// Changes of textures that no frame has applied yet.
     textures: TexturesDelta,
-    /// What the picture shows: one subject, or two with a split between them.
+    /// Subjects of the picture: one, or two with a split between them.
     shown: Vec<(Subject, RenderSetup)>,
     surface: Surface,
     gpu: Gpu,
 }
 
-/// The panels of a frame.
+/// Panels of a frame.
 pub struct Overlay {
-    /// What egui made of them.
+    /// Triangles of the panels, from egui.
     pub primitives: Vec<ClippedPrimitive>,
-    /// Pixels of a point.
+    /// Pixels per point.
     pub pixels_per_point: f32,
-    /// Where the picture lies, points.
+    /// Place of the picture, points.
     pub picture: Rect,
 }
 
-/// What the picture shows and how it is rendered: splats in this mode, a volume in the only one that there
-/// is, both with this given up.
+/// Returns the subjects that the picture shows and how each is rendered: splats in `mode`, a volume in its
+/// only mode, both with `quality`. `there` returns true if there are data of a subject.
 pub fn render_setups(
     state: &ViewState,
     size: [u32; 2],
@@ -66,7 +66,7 @@ pub fn render_setups(
 }
 
 impl Canvas {
-    /// Of a window whose display the device was booted for; `size` in pixels.
+    /// Creates a canvas for a window of `size` pixels. The device must have been booted for its display.
     pub fn new<W>(gpu: &Gpu, window: Arc<W>, size: [u32; 2]) -> Result<Self>
     where
         W: HasDisplayHandle + HasWindowHandle + 'static,
@@ -90,12 +90,12 @@ impl Canvas {
         &self.gpu
     }
 
-    /// Follows the window to another size, pixels.
+    /// Resizes the surface to the window's `size`, pixels.
     pub fn resize(&mut self, size: [u32; 2]) {
         self.surface.resize(size);
     }
 
-    /// Returns what is on the device of a subject.
+    /// Returns the scene of a subject, if it is on the device.
     pub fn scene_of(&self, subject: Subject) -> Option<&RenderedScene> {
         match subject {
             Subject::Splats => self.splats.as_ref(),
@@ -103,7 +103,7 @@ impl Canvas {
         }
     }
 
-    /// Shows a scene as this subject, or nothing.
+    /// Sets or removes the scene of a subject.
     pub fn set_scene(&mut self, subject: Subject, scene: Option<Scene>) {
         let shown_scene = scene.map(|scene| RenderedScene::new(&self.gpu, scene));
         match subject {
@@ -113,7 +113,7 @@ impl Canvas {
         self.shown.clear();
     }
 
-    /// Changes how a subject is seen.
+    /// Changes the look of a subject.
     pub fn set_look(&mut self, subject: Subject, look: &Look) -> Result<()> {
         let shown_scene = match subject {
             Subject::Splats => &mut self.splats,
@@ -122,7 +122,7 @@ impl Canvas {
         shown_scene.as_mut().map_or(Ok(()), |shown_scene| shown_scene.set_look(look))
     }
 
-    /// Renders at most so many splats from now on.
+    /// Limits the number of splats that are rendered; `None` renders all.
     pub fn set_splat_budget(&mut self, budget: Option<u64>) -> Result<()> {
         let budget = budget.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
         self.splats.as_mut().map_or(Ok(()), |shown_scene| shown_scene.scene.set_splat_budget(budget))
@@ -133,7 +133,7 @@ impl Canvas {
         self.shown.is_empty()
     }
 
-    /// Returns the corners of the box around all there is, mm RAS.
+    /// Returns two corners of the box around all scenes, mm RAS; `None` without a scene.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         let shown_scenes = [&self.splats, &self.volume].into_iter().flatten();
         shown_scenes
@@ -141,7 +141,7 @@ impl Canvas {
             .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
-    /// Renders what is to be shown, and waits. Gives what it took, ms.
+    /// Renders the subjects and waits. Returns the time that it took, ms.
     pub fn render(&mut self, setups: Vec<(Subject, RenderSetup)>, camera: Camera) -> Result<f64> {
         let mut ms = 0.0;
         for (subject, setup) in &setups {
@@ -158,19 +158,20 @@ impl Canvas {
     }
 
     /// Returns the depth at a place of the picture (fractions from its upper left corner), mm along the
-    /// viewing direction.
+    /// viewing direction; `None` if nothing is seen there or depth was not kept.
     pub fn depth_at(&self, place: DVec2, split: Option<f64>) -> Option<f64> {
         let right = split.is_some_and(|split| place.x >= split) && self.shown.len() > 1;
         let (subject, setup) = self.shown.get(usize::from(right))?;
         self.scene_of(*subject)?.depth_at(setup, place)
     }
 
-    /// Takes what panels of later frames need: new and freed textures.
+    /// Takes new and freed textures of the panels, for a later frame.
     pub fn take_textures(&mut self, changes: TexturesDelta) {
         self.textures.append(changes);
     }
 
-    /// Puts the picture and the panels on the surface. Whether there was one: a minimised window has none.
+    /// Draws the picture and the panels on the surface. Calls `before` before presenting. Returns false if
+    /// there is no surface, as in a minimised window.
     pub fn present(&mut self, state: &ViewState, overlay: Overlay, before: impl FnOnce()) -> Result<bool> {
         let Some(acquired) = self.surface.acquire()? else { return Ok(false) };
         let mut recorder = self.gpu.record()?;
@@ -209,17 +210,17 @@ impl Canvas {
 
 impl Drop for Canvas {
     fn drop(&mut self) {
-        // No frame is going to carry them out, which egui would take for a mistake.
+        // No frame will apply them any more, and egui would take that for a mistake.
         self.textures.clear();
     }
 }
 
-/// Returns a rectangle in whole pixels.
+/// Converts a rectangle to whole pixels.
 pub fn pixels(rect: Rect, pixels_per_point: f32) -> Area {
     [rect.min.x, rect.min.y, rect.max.x, rect.max.y].map(|n| (n * pixels_per_point).round())
 }
 
-/// Returns the width and height of a rectangle, whole pixels; nothing where there is no room for a picture.
+/// Returns width and height of a rectangle in whole pixels; `None` if it has no room for a picture.
 pub fn size(rect: Rect, pixels_per_point: f32) -> Option<[u32; 2]> {
     let [left, top, right, bottom] = pixels(rect, pixels_per_point);
     let size = [right - left, bottom - top];

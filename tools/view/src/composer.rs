@@ -1,52 +1,51 @@
-//! Puts rendered pictures into a window: over its background, and two of them side by side where the picture
-//! is split.
+//! Draws rendered pictures into a window, over its background, and side by side if the picture is split.
 
 use engine::Result;
 use engine::gpu::{Drawing, Format, Gpu, Image, Recorder};
 use shaders_glsl as glsl;
 use shaders_glsl::types::ShowParams;
 
-/// What puts pictures into pictures of one format.
+/// Draws pictures into pictures of one format.
 pub struct Composer(Drawing);
 
-/// A rectangle of the window: left, top, right, bottom; pixels.
+/// Rectangle of the window: left, top, right, bottom; pixels.
 pub type Area = [f32; 4];
 
-/// A layer of a picture of premultiplied display-referred colour.
+/// Layer of a picture with premultiplied display-referred colour.
 #[derive(Clone, Copy)]
 pub struct Layer<'a> {
     /// The picture.
     pub picture: &'a Image,
-    /// Which of its layers.
+    /// Index of its layer.
     pub layer: u32,
-    /// Edges of what is shown of it, from its upper left corner, as parts of its own.
+    /// Width and height of the part that is shown, from the upper left corner, as fractions of the picture.
     pub part: [f32; 2],
 }
 
-/// What is put where.
+/// Pictures and their places in a window.
 pub struct Composition<'a> {
-    /// Left of the split, and where there is none.
+    /// Layer left of the split, or the only one.
     pub first: Layer<'a>,
-    /// Right of the split.
+    /// Layer right of the split, if there is one.
     pub second: Option<Layer<'a>>,
-    /// Where the picture is divided, pixels from the window's left edge.
+    /// Place of the split, pixels from the window's left edge.
     pub split: f32,
-    /// What is covered.
+    /// Area that is drawn.
     pub area: Area,
-    /// Where the pictures lie; they are scaled to it.
+    /// Place of the pictures; they are scaled to it.
     pub place: Area,
-    /// Red, green, blue behind everything, display-referred.
+    /// Background behind everything: red, green, blue, display-referred.
     pub background: [f32; 3],
 }
 
 impl Composer {
-    /// Puts pictures into those of this format.
+    /// Creates a composer that draws into pictures of this format.
     pub fn new(gpu: &Gpu, format: Format) -> Result<Self> {
         let linear = [u32::from(format.is_srgb())];
         Drawing::new(gpu, &glsl::SHOW_VERT, &glsl::SHOW_FRAG, &linear, &[format], 1).map(Composer)
     }
 
-    /// Records it into a window's picture.
+    /// Records the drawing of `what` into a window's picture.
     pub fn compose(&self, recorder: &mut Recorder, what: &Composition<'_>, window: &mut Image) {
         let [width, height, _] = window.size();
         let [r, g, b] = what.background;

@@ -1,4 +1,4 @@
-//! Pictures and turntables of what the viewer shows, at any size, made beside the window.
+//! Writes pictures and turntables of what the viewer shows, at any size, beside the window.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -13,10 +13,10 @@ use glam::DVec3;
 use crate::loaded_data::LoadedData;
 use crate::state::{Subject, ViewState, mode_row};
 
-/// Frames a second of a turntable.
+/// Frames per second of a turntable.
 const FRAMES_PER_SECOND: u16 = 15;
 
-/// What is written: the state when it was asked for, so that the window may go on.
+/// Picture or turntable to write: a copy of the state when it was asked for, so that the window may go on.
 pub struct Export {
     gpu: Gpu,
     data: LoadedData,
@@ -24,19 +24,19 @@ pub struct Export {
     size: [u32; 2],
 }
 
-/// A scene with what renders it.
+/// Scene with its renderer.
 struct Side {
     scene: Scene,
     renderer: Renderer,
 }
 
 impl Export {
-    /// Of what is shown now.
+    /// Creates an export of what is shown now, of `size` pixels.
     pub fn new(gpu: &Gpu, state: &ViewState, data: &LoadedData, size: [u32; 2]) -> Self {
         Export { gpu: gpu.clone(), data: data.sources(), state: state.clone(), size }
     }
 
-    /// Writes a picture; its format follows from the ending.
+    /// Writes a picture; the extension of `path` chooses the format.
     pub fn still(&self, path: &Path, force: bool) -> Result<()> {
         let mut sides = self.sides()?;
         let picture = self.frame(&mut sides, self.camera())?;
@@ -44,7 +44,7 @@ impl Export {
     }
 
     /// Writes a full turn about the patient's long axis through the pivot as an animated PNG. `progress` is
-    /// told which part is done.
+    /// called with the part that is done.
     pub fn turntable(
         &self,
         path: &Path,
@@ -71,7 +71,7 @@ impl Export {
         self.state.orbit.camera(f64::from(self.size[0]) / f64::from(self.size[1]))
     }
 
-    /// Returns what is shown: one subject, or two with a split between them.
+    /// Returns the scenes that are shown: one, or two with a split between them.
     fn sides(&self) -> Result<Vec<Side>> {
         let subjects = match self.state.split {
             Some(_) => vec![Subject::Splats, Subject::Volume],
@@ -106,7 +106,7 @@ impl Export {
         Ok(picture)
     }
 
-    /// Letters and scale bar, as the window has them.
+    /// Returns letters and scale bar, as the window shows them.
     fn annotation(&self, camera: &Camera) -> Annotation {
         let show = &self.state.show;
         let labels =

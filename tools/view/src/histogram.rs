@@ -1,23 +1,23 @@
-//! How much of a scene has which intensity.
+//! Histograms of the intensities of a scene.
 
 use engine::splat::{Activations, SplatSet};
 use engine::volume::{Roi, Volume};
 
-/// Bins of a histogram, over its whole range.
+/// Number of bins of a histogram, over its whole range.
 const BINS: usize = 512;
 
-/// Shares of a scene by intensity, in bins of equal width.
+/// Amount of a scene by intensity, in bins of equal width.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Histogram {
     /// Lower end of the first bin and upper end of the last one, HU for CT.
     pub range: [f64; 2],
-    /// What lies in each bin, mm³ or voxels; the sum means nothing, the proportions do.
+    /// Content of each bin, mm³ or voxels; only the proportions have a meaning.
     pub bins: Vec<f64>,
 }
 
 impl Histogram {
-    /// Of splats: each counts by its weight a integrated over space, which is in proportion to opacity ×
-    /// volume. Nothing for splats without an intensity.
+    /// Counts splats. Each counts by its weight a integrated over space, which is in proportion to opacity ×
+    /// volume. Returns `None` for splats without an intensity.
     pub fn of_splats(set: &SplatSet) -> Option<Self> {
         let values = || set.splats.iter().map(|s| f64::from(s.intensity));
         let rows = set.splats.iter().map(|splat| {
@@ -29,8 +29,8 @@ impl Histogram {
         if set.has_intensity { Histogram::of(range_of(values())?, rows) } else { None }
     }
 
-    /// Of the voxels of a volume, each by its weight in the region; of all voxels without one. Samples that
-    /// are not finite do not count.
+    /// Counts the voxels of a volume, each by its weight in the region, or all alike without a region.
+    /// Samples that are not finite do not count.
     pub fn of_volume(volume: &Volume, roi: Option<&Roi>) -> Option<Self> {
         let weight = |i: usize| roi.map_or(1.0, |roi| f64::from(roi.weight[i]));
         let samples = || volume.samples.iter().map(|&v| f64::from(v)).enumerate();
@@ -38,8 +38,8 @@ impl Histogram {
         Histogram::of(range_of(inside)?, samples().map(|(i, v)| (v, weight(i))))
     }
 
-    /// Of (intensity, weight) pairs. What is beyond the range, or has a weight that is not finite, is left
-    /// out.
+    /// Counts (intensity, weight) pairs. Pairs beyond the range, or with a weight that is not finite, are
+    /// left out.
     fn of(range: [f64; 2], rows: impl Iterator<Item = (f64, f64)>) -> Option<Self> {
         let [low, high] = range;
         let mut bins = vec![0.0; BINS];
@@ -52,8 +52,8 @@ impl Histogram {
         Some(Histogram { range, bins })
     }
 
-    /// Heights from 0 to 1 for the screen, logarithmic over four decades below the highest bin: a tumour is
-    /// 10⁻³ of a body.
+    /// Returns heights from 0 to 1 for the screen, logarithmic over four decades below the highest bin: a
+    /// tumour is 10⁻³ of a body.
     pub fn heights(&self) -> Vec<f32> {
         let most = self.bins.iter().copied().fold(0.0, f64::max);
         let height = |&n: &f64| if n > 0.0 { (1.0 + (n / most).log10() / 4.0).max(0.0) } else { 0.0 };

@@ -1,9 +1,9 @@
-//! Undo and redo over snapshots. Whatever changes while something is held, as during a drag, is one step.
+//! Undo and redo over snapshots. All changes while something is held, as during a drag, are one step.
 
-/// Most steps that are kept.
+/// Greatest number of steps that are kept.
 const MOST: usize = 200;
 
-/// What was, what is, and what was undone.
+/// Past, present and undone snapshots.
 #[derive(Clone, Debug)]
 pub struct History<T> {
     past: Vec<T>,
@@ -12,13 +12,13 @@ pub struct History<T> {
 }
 
 impl<T: Clone + PartialEq> History<T> {
-    /// A history that begins here.
+    /// Creates a history that begins here.
     pub fn new(now: T) -> Self {
         History { past: Vec::new(), now, future: Vec::new() }
     }
 
-    /// To be called with what there is after each frame. A change becomes a step as soon as nothing is `held`
-    /// any more.
+    /// Takes the current state; to be called after each frame. A change becomes a step as soon as nothing is
+    /// `held` any more.
     pub fn observe(&mut self, there: &T, held: bool) {
         if held || *there == self.now {
             return;
@@ -31,18 +31,18 @@ impl<T: Clone + PartialEq> History<T> {
         self.future.clear();
     }
 
-    /// Returns what there was when it was last looked at.
+    /// Returns the state that was last observed.
     pub fn now(&self) -> &T {
         &self.now
     }
 
-    /// Forgets all steps: what there is now is the beginning.
+    /// Forgets all steps: `now` is the beginning.
     pub fn restart(&mut self, now: T) {
         *self = History::new(now);
     }
 
-    /// One step back; nothing at the beginning. `there` is what is left, which may not have been observed
-    /// yet.
+    /// Goes one step back and returns that state; `None` at the beginning. `there` is the current state,
+    /// which may not have been observed yet.
     pub fn undo(&mut self, there: &T) -> Option<T> {
         self.observe(there, false);
         let before = self.past.pop()?;
@@ -50,7 +50,7 @@ impl<T: Clone + PartialEq> History<T> {
         Some(self.now.clone())
     }
 
-    /// One step forward again; nothing where the last change was no undo.
+    /// Goes one step forward again and returns that state; `None` if the last change was no undo.
     pub fn redo(&mut self, there: &T) -> Option<T> {
         self.observe(there, false);
         let after = self.future.pop()?;
@@ -58,12 +58,12 @@ impl<T: Clone + PartialEq> History<T> {
         Some(self.now.clone())
     }
 
-    /// Returns true if there is a step back.
+    /// Returns true if there is a step to undo.
     pub fn can_undo(&self) -> bool {
         !self.past.is_empty()
     }
 
-    /// Returns true if there is a step forward.
+    /// Returns true if there is a step to redo.
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()
     }

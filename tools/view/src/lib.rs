@@ -1,8 +1,8 @@
 //! The desktop viewer.
 //!
-//! What is shown is plain data ([`ViewState`], the session file); panels draw it into any [`egui::Ui`] and change
-//! it, and know neither windows nor the device. [`App`] puts them together; `window::run` shows it in a
-//! window. Without the feature `window` the rest is there alone, for programs that show panels elsewhere.
+//! What is shown is plain data ([`ViewState`], the session file); panels draw it into any [`egui::Ui`] and
+//! change it, and know neither windows nor the device. [`App`] puts them together; `window::run` shows it in
+//! a window. Without the feature `window` only the rest is built, for programs that show panels elsewhere.
 //!
 //! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
 //!

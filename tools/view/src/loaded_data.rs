@@ -1,4 +1,4 @@
-//! What was read, on the host: splats, the volume, and what was counted from them.
+//! Data that were read, on the host: splats, the volume, and what was computed from them.
 
 use std::sync::Arc;
 
@@ -13,23 +13,24 @@ use crate::loader::{Loaded, LoadedSplats, LoadedVolume};
 use crate::pick::Probe;
 use crate::state::{Subject, ViewState};
 
-/// What was read.
+/// Data that were read.
 #[derive(Default)]
 pub struct LoadedData {
-    /// The splats of all files.
+    /// Splats of all files.
     pub splats: Option<Arc<LoadedSplats>>,
-    /// The volume.
+    /// Volume.
     pub volume: Option<Arc<LoadedVolume>>,
-    /// Intensities of the splats.
+    /// Histogram of the splats' intensities.
     pub splat_histogram: Option<Histogram>,
-    /// Intensities of the volume within its region.
+    /// Histogram of the volume's intensities within its region.
     pub volume_histogram: Option<Histogram>,
-    /// The splats' field at points.
+    /// Probe that evaluates the splats' field at points.
     probe: Option<Probe>,
 }
 
 impl LoadedData {
-    /// Takes what was loaded; gives the subject that has to be shown anew, or what went wrong.
+    /// Takes loaded data. Returns the subject that has to be shown anew, or the error of what could not be
+    /// loaded.
     pub fn take(&mut self, loaded: Loaded) -> Result<Option<Subject>> {
         match loaded {
             Loaded::Splats(splats) => {
@@ -51,7 +52,7 @@ impl LoadedData {
         Ok(None)
     }
 
-    /// Forgets a subject.
+    /// Drops the data of a subject.
     pub fn forget(&mut self, subject: Subject) {
         match subject {
             Subject::Splats => (self.splats, self.splat_histogram, self.probe) = (None, None, None),
@@ -59,12 +60,12 @@ impl LoadedData {
         }
     }
 
-    /// The same without what was counted; shared, not copied.
+    /// Returns the same splats and volume, shared and not copied, without histograms and probe.
     pub fn sources(&self) -> Self {
         LoadedData { splats: self.splats.clone(), volume: self.volume.clone(), ..LoadedData::default() }
     }
 
-    /// Returns true if there is something of a subject.
+    /// Returns true if there are data of a subject.
     pub fn has(&self, subject: Subject) -> bool {
         match subject {
             Subject::Splats => self.splats.is_some(),
@@ -76,7 +77,7 @@ impl LoadedData {
         self.splats.as_ref().map(|splats| &splats.set)
     }
 
-    /// Returns the least and greatest intensity of all there is.
+    /// Returns the least and greatest intensity of splats and volume.
     pub fn range(&self) -> [f64; 2] {
         let splats = self.set().into_iter().flat_map(|set| &set.splats).map(|s| f64::from(s.intensity));
         let volume = self.volume.iter().filter_map(|v| v.volume.min_max());
@@ -87,12 +88,12 @@ impl LoadedData {
         all.fold(None, wider).unwrap_or([0.0, 1.0])
     }
 
-    /// Returns true if it is known how the patient lies.
+    /// Returns true if the orientation of the patient is known.
     pub fn oriented(&self) -> bool {
         self.volume.as_ref().is_none_or(|v| v.volume.oriented)
     }
 
-    /// Returns what follows an intensity in texts: " HU" for CT, nothing for what has no unit.
+    /// Returns the text behind an intensity: " HU" for CT, empty for what has no unit.
     pub fn unit(&self) -> &'static str {
         match &self.volume {
             Some(shown) if !shown.volume.is_ct() => "",
@@ -100,8 +101,8 @@ impl LoadedData {
         }
     }
 
-    /// Returns the intensity at a point, mm RAS, of the volume, or of the splats' field where there is no
-    /// volume; nothing outside.
+    /// Returns the intensity at a point (mm RAS) of the volume, or of the splats' field if there is no
+    /// volume; `None` outside.
     pub fn sample(&self, at_mm: DVec3) -> Option<f64> {
         let Some(LoadedVolume { volume, roi }) = self.volume.as_deref() else {
             return self.probe.as_ref()?.at(at_mm).map(|reading| reading.intensity);
@@ -113,17 +114,17 @@ impl LoadedData {
         seen.then(|| volume.trilinear(voxel))
     }
 
-    /// Returns how a subject looks.
+    /// Returns the look of a subject.
     ///
     /// # Errors
-    /// As [`ViewState::look`].
+    /// Returns the errors of [`ViewState::look`].
     pub fn look(&self, subject: Subject, state: &ViewState) -> Result<Look> {
         let splats = self.splats.as_ref().filter(|_| subject == Subject::Splats);
         let numbers: Vec<u8> = splats.iter().flat_map(|s| &s.objects).map(|(_, number, _)| *number).collect();
         state.look(&numbers)
     }
 
-    /// Returns the scene of a subject; none where there is nothing of it.
+    /// Creates the scene of a subject; `None` if there are no data of it.
     pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &ViewState) -> Result<Option<Scene>> {
         let look = self.look(subject, state)?;
         let splats = self.set().filter(|_| subject == Subject::Splats);

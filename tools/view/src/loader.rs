@@ -1,4 +1,4 @@
-//! Reads files beside the window: splats, the volume and its region, and what is counted from them.
+//! Reads files beside the window: splats, the volume and its region, and what is computed from them.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,35 +15,34 @@ use crate::histogram::Histogram;
 use crate::pick::Probe;
 use crate::state::{Files, Object, Subject, ViewState};
 
-/// A volume and the part of it that is shown.
+/// Volume and the part of it that is shown.
 pub struct LoadedVolume {
-    /// The volume.
+    /// Volume.
     pub volume: Volume,
-    /// Its region; all of it where there is none.
+    /// Region that is shown; `None` for all of it.
     pub roi: Option<Roi>,
 }
 
 impl LoadedVolume {
-    /// For a scene.
+    /// Returns the volume as a scene takes it.
     pub fn source(&self) -> VolumeSource<'_> {
         VolumeSource { volume: &self.volume, roi: self.roi.as_ref() }
     }
 }
 
-/// The splats of all files, as one field.
+/// Splats of all files, as one field.
 pub struct LoadedSplats {
-    /// All of them.
+    /// All splats.
     pub set: SplatSet,
-    /// The rows of the list of objects, with the number that the set knows each by and how many splats it
-    /// has.
+    /// Rows of the list of objects, each with its number in the set and its number of splats.
     pub objects: Vec<(Object, u8, usize)>,
 }
 
 impl LoadedSplats {
-    /// Of files with what they hold.
+    /// Joins the splats of files.
     ///
     /// # Errors
-    /// As [`splat::join`].
+    /// Returns the errors of [`splat::join`].
     pub fn join(files: Vec<(PathBuf, SplatSet)>) -> Result<Self> {
         let mut rows = Vec::new();
         let mut named = Vec::new();
@@ -55,7 +54,7 @@ impl LoadedSplats {
             named.push((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set));
         }
         let mut set = splat::join(named)?;
-        // The first of them stand for all while the picture moves.
+        // The first splats stand for all while the picture moves.
         set.order_by_importance();
         // Joining numbers the objects in the order of files and labels.
         let objects = rows.into_iter().zip(set.objects());
@@ -64,43 +63,44 @@ impl LoadedSplats {
     }
 }
 
-/// What was loaded.
+/// Result of a thread of the loader.
 pub enum Loaded {
-    /// All splat files.
+    /// Splats of all files.
     Splats(Arc<LoadedSplats>),
-    /// What tells the intensity of the splats' field at a point.
+    /// Probe that evaluates the splats' field at points.
     Probe(Probe),
-    /// The volume.
+    /// Volume.
     Volume(Arc<LoadedVolume>),
-    /// Intensities of the splats.
+    /// Histogram of the splats' intensities.
     SplatHistogram(Option<Histogram>),
-    /// Intensities of the volume within its region.
+    /// Histogram of the volume's intensities within its region.
     VolumeHistogram(Option<Histogram>),
-    /// A file was written.
+    /// File that was written.
     Written(PathBuf),
-    /// Something could not be done; the rest goes on. With a subject it was to read its files.
+    /// Error of something that could not be done; the rest goes on. The subject is given if its files could
+    /// not be read.
     Failed(Option<Subject>, Error),
 }
 
-/// What files are, by their names and by what is open already.
+/// Files sorted by their names and by what is open already.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sorted {
-    /// A session takes the place of everything.
+    /// Session file, which replaces everything.
     pub session: Option<PathBuf>,
-    /// What is open when these were opened.
+    /// Files that are open once these are.
     pub files: Files,
 }
 
-/// Adds files to those that are open: splats to splats; a volume, and after it (or with it, where the name
-/// says mask, label, roi or seg) its region.
+/// Adds files to those that are open: splats to splats; a volume replaces the volume. A volume whose name
+/// says mask, label, roi or seg is the region, or the volume if there is none.
 ///
 /// # Errors
-/// [`Kind::Usage`] for a file that is none of these.
+/// Returns [`Kind::Usage`] for a file that is none of these.
 pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
     let mut sorted = Sorted { session: None, files: open.clone() };
     for path in added {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        // A folder is one of DICOM slices.
+        // A folder is taken for one of DICOM slices.
         let is_volume = path.is_dir() || volume_endings().any(|end| name.ends_with(end));
         if name.ends_with(".ply") {
             if !sorted.files.splats.contains(path) {
@@ -120,54 +120,54 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
         }
     }
     if sorted.files.roi.is_some() && sorted.files.volume.is_none() {
-        // A mask alone is looked at as what it is.
+        // A mask alone is shown as a volume.
         sorted.files.volume = sorted.files.roi.take();
     }
     Ok(sorted)
 }
 
-/// Returns the endings of the names of volumes, in lower case.
+/// Returns the extensions of volumes, in lower case.
 fn volume_endings() -> impl Iterator<Item = &'static str> {
     FORMATS.iter().flat_map(|format| format.extensions).copied()
 }
 
 impl Sorted {
-    /// Returns the session, or nothing where there is none among them.
+    /// Reads the session; `None` if there is no session file.
     pub fn state(&self) -> Option<Result<ViewState>> {
         self.session.as_deref().map(ViewState::read)
     }
 }
 
-/// Reads in threads of its own; whoever waits is woken for each thing that is there.
+/// Reads and writes files in threads of its own, and wakes the window for each result.
 pub struct Loader {
     wake: Arc<dyn Fn() + Send + Sync>,
     sender: Sender<(u64, Message)>,
     receiver: Receiver<(u64, Message)>,
-    /// Which call of [`Loader::open`] is the latest; what earlier ones still bring is not wanted.
+    /// Number of the latest call of [`Loader::open`]; results of earlier ones are dropped.
     turn: u64,
-    /// What is being done, and which part of it is done.
+    /// Work in progress, and the part of it that is done, if known.
     doing: Vec<(String, Option<f32>)>,
 }
 
-/// The turn of what is wanted whatever is opened meanwhile.
+/// Turn of work whose result is wanted whatever is opened meanwhile.
 const ALWAYS: u64 = 0;
 
 enum Message {
-    /// Also when a part of it is done, 0 to 1.
+    /// Work has begun, or a part of it is done, 0 to 1.
     Doing(String, Option<f32>),
     Ended(String),
     Loaded(Loaded),
 }
 
 impl Loader {
-    /// `wake` is called from other threads.
+    /// Creates a loader. `wake` is called from other threads.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
         let (sender, receiver) = channel();
         Loader { wake: Arc::new(wake), sender, receiver, turn: 0, doing: Vec::new() }
     }
 
-    /// Begins to read files; what was being read before is forgotten. Of files that `had` has already,
-    /// nothing is read.
+    /// Begins to read files; results of what was being read before are dropped. Files that are also in `had`
+    /// are not read again.
     pub fn open(&mut self, files: &Files, had: &Files) {
         self.turn += 1;
         self.doing.clear();
@@ -208,19 +208,19 @@ impl Loader {
         loaded
     }
 
-    /// Returns what is being done, and which part of it is done where that is known.
+    /// Returns the work in progress, and the part of it that is done, if known.
     pub fn doing(&self) -> Option<(&str, Option<f32>)> {
         self.doing.first().map(|(what, part)| (what.as_str(), *part))
     }
 
-    /// Does something beside the window that makes later things faster.
+    /// Runs a job beside the window that makes later work faster.
     pub fn prepare(&self, what: &'static str, job: impl FnOnce() -> Result<()> + Send + 'static) {
         self.spawn(self.turn, move |tell| {
             tell.during(what.to_owned(), job);
         });
     }
 
-    /// Writes a file beside the window; `write` is given what it tells its progress to, from 0 to 1.
+    /// Writes a file beside the window. `write` is given a function that takes its progress, from 0 to 1.
     pub fn write(
         &self,
         path: PathBuf,
@@ -236,7 +236,7 @@ impl Loader {
     }
 }
 
-/// The thread's end of the channel. Nobody may be listening any more: then nothing is said.
+/// The thread's end of the channel. If nobody listens any more, its messages are lost.
 struct Teller {
     wake: Arc<dyn Fn() + Send + Sync>,
     sender: Sender<(u64, Message)>,
@@ -253,7 +253,7 @@ impl Teller {
         self.doing(what, None, job)
     }
 
-    /// Reads the files of a subject.
+    /// Runs a job that reads the files of a subject, and reports its progress.
     fn reading<T>(&self, what: String, subject: Subject, job: impl FnOnce() -> Result<T>) -> Option<T> {
         self.doing(what, Some(subject), job)
     }
@@ -302,7 +302,7 @@ impl Teller {
     }
 }
 
-/// Reads a set; the volume and its region only where it needs them to be placed.
+/// Reads a splat set; volume and region are read only if it needs them to be placed.
 fn read_splats(path: &Path, volume: Option<&Path>, roi: Option<&Path>) -> Result<SplatSet> {
     let splats = splat::read_some(path)?;
     let shown =

@@ -1,11 +1,11 @@
-//! Which files are open: those that could be read. What the user asks for becomes open when it was read; where it cannot
-//! be, what was open before stays so.
+//! Keeps track of the files that are open, which are those that could be read. Files that the user asks for
+//! become open once they are read; if they cannot be read, the files open before stay open.
 
 use std::path::PathBuf;
 
 use crate::state::{Files, Subject};
 
-/// The files that were read, and those that were asked for since.
+/// Files that were read, and those that were asked for since.
 #[derive(Clone, Debug, Default)]
 pub struct OpenFiles {
     read: Files,
@@ -29,13 +29,14 @@ impl OpenFiles {
         self.asked.extract_if(.., |path| has(subject, files, path)).collect()
     }
 
-    /// Puts `files` back to what was read, where those of a subject could not be.
+    /// Resets the files of a subject in `files` to those that were read, since the new ones could not be
+    /// read.
     pub fn could_not_be_read(&mut self, subject: Subject, files: &mut Files) {
         self.asked.retain(|path| !has(subject, files, path));
         copy(subject, &self.read, files);
     }
 
-    /// Notes that nothing is left of a subject.
+    /// Notes that nothing of a subject is open any more.
     pub fn forget(&mut self, subject: Subject) {
         copy(subject, &Files::default(), &mut self.read);
     }
@@ -83,7 +84,7 @@ mod tests {
         let mut state = files(&["a.ply", "bad.ply"], Some("ct.nii"));
         open.could_not_be_read(Subject::Splats, &mut state);
         assert_eq!(state, both);
-        // Nor does it come back with the next one that can be read.
+        // It does not come back with the next one that can be read, either.
         let more = files(&["a.ply", "b.ply"], Some("ct.nii"));
         open.ask(&["b.ply".into()]);
         assert_eq!(open.was_read(Subject::Splats, &more), [PathBuf::from("b.ply")]);

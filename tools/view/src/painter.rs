@@ -1,7 +1,7 @@
 //! Paints egui's panels over a picture: all triangles of a texture in one draw, from buffers that grow as
-//! they must.
+//! needed.
 //!
-//! The crate egui-ash-renderer does the same; it allocates behind the engine's account of memory, waits for
+//! The crate egui-ash-renderer does the same; it allocates memory that the engine does not count, waits for
 //! the queue at every change of a texture, and starts partial uploads from an undefined layout.
 
 use std::collections::HashMap;
@@ -14,7 +14,7 @@ use engine::{Error, Kind, Result};
 use shaders_glsl as glsl;
 use shaders_glsl::types::{PanelParams, PanelVertex};
 
-/// What paints panels into pictures of one format.
+/// Paints panels into pictures of one format.
 pub struct Painter {
     gpu: Gpu,
     drawing: Drawing,
@@ -25,7 +25,7 @@ pub struct Painter {
     clips: Buffer<[f32; 4]>,
 }
 
-/// What egui made of a frame.
+/// Panels of a frame, from egui.
 pub struct Painting<'a> {
     /// Triangles in painting order.
     pub primitives: &'a [ClippedPrimitive],
@@ -36,13 +36,13 @@ pub struct Painting<'a> {
 /// All triangles, as the shader takes them.
 #[derive(Default)]
 pub struct Mesh {
-    /// Corners; each names its row of `clips`.
+    /// Corners; each has the index of its row of `clips`.
     pub vertices: Vec<PanelVertex>,
-    /// Three for each triangle.
+    /// Indices of corners, three for each triangle.
     pub indices: Vec<u32>,
     /// Rectangles outside of which nothing is painted: left, top, right, bottom; points.
     pub clips: Vec<[f32; 4]>,
-    /// Indices that share a texture, in painting order.
+    /// Ranges of indices that share a texture, in painting order.
     pub runs: Vec<(TextureId, Range<u32>)>,
 }
 
@@ -53,17 +53,17 @@ pub struct Textures {
 }
 
 impl Textures {
-    /// None yet.
+    /// Creates an empty set of textures.
     pub fn new(gpu: &Gpu) -> Self {
         Textures { gpu: gpu.clone(), pictures: HashMap::new() }
     }
 
-    /// Returns the texture of this name, if it is not gone.
+    /// Returns the texture with this name, if it exists.
     pub fn get(&self, id: TextureId) -> Option<&Image> {
         self.pictures.get(&id)
     }
 
-    /// Brings the textures up to date. Those that egui frees are kept until after the frame: see
+    /// Records the changes of textures. Those that egui frees are kept until after the frame, see
     /// [`Textures::forget`].
     pub fn update(&mut self, recorder: &mut Recorder, changes: &mut TexturesDelta) -> Result<()> {
         for (id, deltas) in changes.set.drain() {
@@ -92,7 +92,7 @@ impl Textures {
         recorder.write_rectangle(texture, corner, size, &texels)
     }
 
-    /// Drops textures that egui no longer needs; what is in flight keeps its memory.
+    /// Drops textures that egui no longer needs; memory in flight is freed later.
     pub fn forget(&mut self, changes: &mut TexturesDelta) {
         for id in changes.free.drain() {
             self.pictures.remove(&id);
@@ -101,7 +101,7 @@ impl Textures {
 }
 
 impl Painter {
-    /// Paints into pictures of this format.
+    /// Creates a painter for pictures of this format.
     pub fn new(gpu: &Gpu, format: Format) -> Result<Self> {
         let linear = [u32::from(format.is_srgb())];
         Ok(Painter {
@@ -115,17 +115,17 @@ impl Painter {
         })
     }
 
-    /// Returns a picture of nothing, to be shown where there is no other.
+    /// Returns an empty picture, to be shown if there is no other.
     pub fn blank(&self) -> &Image {
         &self.blank
     }
 
-    /// Brings the textures up to date, as [`Textures::update`].
+    /// Records the changes of textures, see [`Textures::update`].
     pub fn update(&mut self, recorder: &mut Recorder, changes: &mut TexturesDelta) -> Result<()> {
         self.textures.update(recorder, changes)
     }
 
-    /// Drops textures that egui no longer needs, as [`Textures::forget`].
+    /// Drops textures that egui no longer needs, see [`Textures::forget`].
     pub fn forget(&mut self, changes: &mut TexturesDelta) {
         self.textures.forget(changes);
     }
@@ -157,7 +157,8 @@ impl Painter {
     }
 }
 
-/// Copies `data` to the start of `buffer`, which grows by doubling and which nothing in flight may read.
+/// Copies `data` to the start of `buffer`, which grows to the next power of two. Nothing in flight may read
+/// it.
 pub fn fill<T: bytemuck::Pod>(gpu: &Gpu, buffer: &mut Buffer<T>, data: &[T]) -> Result<()> {
     if buffer.len() < data.len() {
         let (name, len) = (buffer.name().to_owned(), data.len().next_power_of_two());
@@ -168,7 +169,7 @@ pub fn fill<T: bytemuck::Pod>(gpu: &Gpu, buffer: &mut Buffer<T>, data: &[T]) -> 
 }
 
 impl Mesh {
-    /// Of what egui made of a frame; what belongs to painters of one graphics library is left out.
+    /// Collects the triangles of a frame; callbacks for painters of one graphics library are left out.
     pub fn of(primitives: &[ClippedPrimitive]) -> Self {
         let mut all = Mesh::default();
         for ClippedPrimitive { clip_rect, primitive } in primitives {

@@ -1,4 +1,4 @@
-//! What panels are told, anew for each frame.
+//! Information for the panels, anew for each frame.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -6,46 +6,46 @@ use glam::{DVec2, DVec3};
 
 use crate::histogram::Histogram;
 
-/// How many frames the statistics look back.
+/// Number of frames in the statistics.
 pub const FRAMES: usize = 120;
 
-/// What is there, and how it is going.
+/// Facts about the data and the frames that panels show.
 pub struct PanelInfo<'a> {
-    /// Corners of the box around the scene, mm RAS; none without a scene.
+    /// Corners of the box around the scene, mm RAS; `None` without a scene.
     pub bounds: Option<[DVec3; 2]>,
     /// Least and greatest intensity of the scene, HU for CT.
     pub range: [f64; 2],
-    /// What follows an intensity in texts: " HU" for CT, nothing for what has no unit.
+    /// Text behind an intensity: " HU" for CT, empty for what has no unit.
     pub unit: &'a str,
-    /// True if it is known how the patient lies.
+    /// True if the orientation of the patient is known.
     pub oriented: bool,
-    /// How many splats there are; none without splats.
+    /// Number of splats; `None` without splats.
     pub splats: Option<usize>,
     /// True if there is a volume.
     pub volume: bool,
-    /// How many splats each row of [`crate::ViewState::objects`] has.
+    /// Number of splats of each row of [`crate::ViewState::objects`].
     pub object_splats: &'a [usize],
-    /// Intensities of the splats, as soon as they are counted.
+    /// Histogram of the splats' intensities, as soon as it is computed.
     pub splat_histogram: Option<&'a Histogram>,
-    /// Intensities of the volume within its region, as soon as they are counted.
+    /// Histogram of the volume's intensities within its region, as soon as it is computed.
     pub volume_histogram: Option<&'a Histogram>,
-    /// True if the picture is less than it will be at rest.
+    /// True if the picture has a lower quality than it will have at rest.
     pub draft: bool,
     /// Frame times, passes, memory.
     pub statistics: &'a Statistics,
-    /// What is being loaded or written, and how much of it is done, 0 to 1, where that is known.
+    /// Name of what is being loaded or written, and the part of it that is done (0 to 1), if known.
     pub progress: Option<(&'a str, Option<f32>)>,
-    /// Depth at a place of the picture (fractions from its upper left corner), mm along the viewing
-    /// direction; nothing where nothing is seen, or where it is not known while the picture changes.
+    /// Returns the depth at a place of the picture (fractions from its upper left corner), mm along the
+    /// viewing direction; `None` if nothing is seen there, or if it is not known while the picture changes.
     pub depth: &'a dyn Fn(DVec2) -> Option<f64>,
-    /// Intensity at a point, mm RAS; nothing outside of what is there.
+    /// Returns the intensity at a point, mm RAS; `None` outside of the data.
     pub sample: &'a dyn Fn(DVec3) -> Option<f64>,
 }
 
 static NO_STATISTICS: Statistics = Statistics::new();
 
 impl Default for PanelInfo<'_> {
-    /// Nothing is open.
+    /// Returns the information when nothing is open.
     fn default() -> Self {
         PanelInfo {
             bounds: None,
@@ -66,7 +66,7 @@ impl Default for PanelInfo<'_> {
     }
 }
 
-/// How fast frames are, what they are made of and what they take.
+/// Frame times, their passes, and memory.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Statistics {
     /// Name of the device and its driver.
@@ -75,16 +75,16 @@ pub struct Statistics {
     frames_ms: VecDeque<f64>,
     /// Device time of each pass of the last picture, ms, the slowest first.
     pub passes: Vec<(String, f64)>,
-    /// Splats that the look can show.
+    /// Number of splats that the look can show.
     pub active_splats: Option<usize>,
     /// Bytes of device memory by purpose.
     pub memory: BTreeMap<&'static str, u64>,
-    /// What the frame budget made of the quality: distance of slabs or samples as rendered last.
+    /// Distance of slabs or samples that the user has chosen ([`crate::state::Quality::step`]).
     pub step: Option<f64>,
 }
 
 impl Statistics {
-    /// Before the first frame.
+    /// Creates the statistics before the first frame.
     pub const fn new() -> Self {
         Statistics {
             device: String::new(),
@@ -96,7 +96,7 @@ impl Statistics {
         }
     }
 
-    /// A picture took so long, ms.
+    /// Adds the time of a picture, ms.
     pub fn frame(&mut self, ms: f64) {
         if self.frames_ms.len() == FRAMES {
             self.frames_ms.pop_front();
@@ -109,7 +109,7 @@ impl Statistics {
         self.frames_ms.iter().copied()
     }
 
-    /// Returns the time that such a share of the last frames stayed within, ms: 0.5 is the median. Nothing
+    /// Returns the time that a share of the last frames stayed within, ms: 0.5 gives the median. `None`
     /// before the first frame.
     pub fn percentile_ms(&self, share: f64) -> Option<f64> {
         let mut sorted: Vec<f64> = self.frames_ms().collect();

@@ -1,4 +1,4 @@
-//! Asks for a file: what is to be done with it, its path, and what lies in its folder.
+//! Asks for a file, with a list of its folder and settings for what is written.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -9,30 +9,30 @@ use crate::actions::Action;
 use crate::panels::widgets::row;
 use crate::state::Files;
 
-/// Most entries of a folder that are listed.
+/// Greatest number of entries of a folder that are listed.
 const MOST: usize = 500;
-/// Pictures are at most so many pixels wide or high: what every device can render.
+/// Greatest width or height of a picture, pixels; every device can render it.
 const WIDEST: u32 = 8192;
 
-/// What a file is asked for.
+/// Purpose of a file that is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// To be opened.
+    /// The file is opened.
     Open,
-    /// To hold the session.
+    /// The session is written to it.
     Save,
-    /// To hold a picture.
+    /// A picture is written to it.
     Screenshot,
-    /// To hold a turntable.
+    /// A turntable is written to it.
     Record,
-    /// To take a transfer function from.
+    /// A transfer function is read from it.
     Transfer,
-    /// To hold the transfer function.
+    /// The transfer function is written to it.
     SaveTransfer,
 }
 
 impl Purpose {
-    /// Returns the title, the button that does it, and the endings of names that are listed.
+    /// Returns the title, the name of the button that confirms, and the extensions that are listed.
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
         static DATA: LazyLock<Vec<&str>> = LazyLock::new(|| {
             let volumes = engine::volume::FORMATS.iter().flat_map(|format| format.extensions);
@@ -55,7 +55,7 @@ impl Purpose {
         !matches!(self, Purpose::Open | Purpose::Transfer)
     }
 
-    /// Returns what a new file is called at first.
+    /// Returns the suggested name of a new file.
     fn suggestion(self) -> &'static str {
         match self {
             Purpose::Open | Purpose::Transfer => "",
@@ -67,33 +67,34 @@ impl Purpose {
     }
 }
 
-/// A question for a file that is open.
+/// Open question for a file.
 #[derive(Clone, Debug)]
 pub struct Prompt {
-    /// What for.
+    /// Purpose of the file.
     purpose: Purpose,
     path: String,
     size: [u32; 2],
     frames: u32,
-    /// The folder that was listed last, and what is in it: names, folders with a slash.
+    /// Folder that was listed last, and its entries; names of folders end in a slash.
     listed: Option<(PathBuf, Vec<String>)>,
-    /// True until it was shown: then the path takes the keyboard.
+    /// True until it was shown; then the path takes the keyboard focus.
     fresh: bool,
 }
 
-/// What became of a question.
+/// Result of showing a question.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// It is still open.
+    /// The question is still open.
     Open,
-    /// Nothing is to be done.
+    /// The question was cancelled.
     Cancelled,
-    /// This is to be done.
+    /// The question was answered: this is to be done.
     Do(Action),
 }
 
 impl Prompt {
-    /// Asks, first in the folder of the files that are open, for a picture of `size` pixels.
+    /// Asks for a file, first in the folder of the files that are open. `size` is the suggested size of a
+    /// picture, pixels.
     pub fn new(purpose: Purpose, files: &Files, size: [u32; 2]) -> Self {
         let near = files.splats.first().or(files.volume.as_ref()).and_then(|p| p.parent());
         let folder = near.filter(|p| p.is_dir()).map_or_else(std::env::current_dir, |p| Ok(p.to_owned()));
@@ -101,7 +102,7 @@ impl Prompt {
         Prompt { purpose, path, size, frames: 120, listed: None, fresh: true }
     }
 
-    /// Shows the question.
+    /// Shows the question and returns the answer.
     pub fn show(&mut self, context: &Context) -> Answer {
         let modal = Modal::new(Id::new("prompt")).show(context, |ui| {
             ui.set_width(560.0);
@@ -131,7 +132,7 @@ impl Prompt {
         ui.horizontal(|ui| {
             let word = if force { "Replace" } else { word };
             let done = ui.add_enabled(good, egui::Button::new(word)).clicked();
-            // A file that would be lost is replaced by a click alone.
+            // An existing file is replaced only by a click.
             if done || (good && !force && (entered || double)) {
                 answer = Answer::Do(self.action(path.clone(), force));
             }
@@ -147,7 +148,7 @@ impl Prompt {
         answer
     }
 
-    /// What lies in the folder; whether a file was double clicked.
+    /// Lists the folder. Returns true if a file was double clicked.
     fn list(&mut self, ui: &mut Ui, endings: &[&str]) -> bool {
         let path = PathBuf::from(&self.path);
         let folder =
@@ -210,14 +211,14 @@ impl Prompt {
     }
 }
 
-/// Folders, with a slash, and files with one of these endings, in order; nothing hidden, nothing of what
-/// cannot be read.
+/// Returns folders, with a slash, and files with one of these endings, in order. Hidden entries and what
+/// cannot be read are left out.
 fn entries(folder: &Path, endings: &[&str]) -> Vec<String> {
     let Ok(found) = std::fs::read_dir(folder) else { return Vec::new() };
     let name = |entry: std::fs::DirEntry| {
         let name = entry.file_name().into_string().ok().filter(|name| !name.starts_with('.'))?;
         let lower = name.to_lowercase();
-        // Of a link what it leads to.
+        // Links are followed.
         if entry.path().is_dir() {
             Some((0, format!("{name}/")))
         } else {

@@ -1,4 +1,4 @@
-//! What is shown, on the device: a scene, and renderers with the setups that it was rendered with last.
+//! Scene on the device, with the renderers and setups that it was rendered with last.
 
 use std::cell::OnceCell;
 use std::time::Instant;
@@ -10,56 +10,56 @@ use glam::DVec2;
 
 use crate::composer::Layer;
 
-/// Renderers that are kept, so that a setup that comes back (after moving, after a flip) needs nothing made
-/// anew.
+/// Number of renderers that are kept, so that a setup that comes back (after moving, after a flip) needs
+/// nothing new.
 const KEPT: usize = 6;
 
-/// How a scene is rendered.
+/// Setup with which a scene is rendered.
 #[derive(Clone)]
 pub struct RenderSetup {
-    /// The mode.
+    /// Render mode.
     pub mode: &'static ModeRow,
-    /// What it is made for.
+    /// Settings of the renderer.
     pub settings: Settings,
-    /// What is given up.
+    /// Quality that the picture gives up.
     pub quality: Quality,
 }
 
 impl RenderSetup {
-    /// Returns true if what renders with one setup can render with the other.
+    /// Returns true if one renderer serves both setups.
     fn shares_renderer(&self, other: &Self) -> bool {
         self.mode.name == other.mode.name && self.settings == other.settings
     }
 }
 
-/// A scene and the pictures of it.
+/// Scene and its pictures.
 pub struct RenderedScene {
     gpu: Gpu,
-    /// What is seen.
+    /// The scene.
     pub scene: Scene,
-    /// The latest last.
+    /// Renderers by setup, the latest last.
     made: Vec<(RenderSetup, Picture)>,
 }
 
-/// What was rendered with a setup.
+/// Renderer of a setup with its last picture.
 struct Picture {
     renderer: Renderer,
-    /// Mean depths of the picture, mm along the viewing direction; read when somebody asks.
+    /// Mean depths of the picture, mm along the viewing direction; read when they are first asked for.
     depth: OnceCell<Vec<f32>>,
 }
 
 impl RenderedScene {
-    /// Shows a scene.
+    /// Creates a rendered scene without pictures.
     pub fn new(gpu: &Gpu, scene: Scene) -> Self {
         RenderedScene { gpu: gpu.clone(), scene, made: Vec::new() }
     }
 
-    /// Changes how the scene is seen.
+    /// Changes the look of the scene.
     pub fn set_look(&mut self, look: &Look) -> Result<()> {
         self.scene.set_look(look)
     }
 
-    /// Renders with a setup, and waits. Gives what it took, ms.
+    /// Renders with a setup and waits. Returns the time that it took, ms.
     pub fn render(&mut self, setup: &RenderSetup, camera: Camera) -> Result<f64> {
         let mut picture = match self.made.iter().position(|(made, _)| made.shares_renderer(setup)) {
             Some(at) => self.made.remove(at).1,
@@ -83,7 +83,7 @@ impl RenderedScene {
         self.made.iter().find(|(made, _)| made.shares_renderer(setup)).map(|(_, picture)| picture)
     }
 
-    /// Returns what was rendered last with a setup.
+    /// Returns the last picture of a setup.
     pub fn layer(&self, setup: &RenderSetup) -> Option<Layer<'_>> {
         let target = &self.picture(setup)?.renderer.target;
         let (part, whole) = (setup.quality.size(target.size()), target.size());
@@ -91,8 +91,8 @@ impl RenderedScene {
         Some(Layer { picture: &target.colour, layer: 0, part })
     }
 
-    /// Returns the mean depth at a place of what was rendered last with a setup (fractions from the upper left
-    /// corner), mm along the viewing direction; nothing where nothing is seen or depth was not kept.
+    /// Returns the mean depth at a place of the last picture of a setup (fractions from the upper left
+    /// corner), mm along the viewing direction; `None` if nothing is seen there or depth was not kept.
     pub fn depth_at(&self, setup: &RenderSetup, place: DVec2) -> Option<f64> {
         let picture = self.picture(setup)?;
         let depth = match picture.depth.get() {
@@ -109,7 +109,7 @@ impl RenderedScene {
         mm.is_finite().then(|| f64::from(*mm))
     }
 
-    /// Forgets all renderers, as when the scene has changed.
+    /// Drops all renderers, as when the scene has changed.
     pub fn forget(&mut self) {
         self.made.clear();
     }

@@ -1,33 +1,33 @@
-//! What a session of the viewer measured: how soon something was seen, how soon an edit was.
+//! Measurements of a session of the viewer: how soon a picture was shown, and how soon an edit.
 
 use std::time::Instant;
 
 use serde::Serialize;
 
-/// What was measured from start to end.
+/// Measurements from start to end.
 #[derive(Clone, Debug, Serialize)]
 pub struct WindowReport {
     #[serde(skip)]
     since: Instant,
-    /// From the start of the program to the first frame of the window, ms.
+    /// Time from the start of the program to the first frame of the window, ms.
     pub first_frame_ms: Option<f64>,
-    /// From the start of the program to the first frame with a picture of what was opened, ms.
+    /// Time from the start of the program to the first frame with a picture of what was opened, ms.
     pub first_picture_ms: Option<f64>,
-    /// Frames that were shown.
+    /// Number of frames that were shown.
     pub frames: u64,
-    /// Pictures that were rendered: a frame of which only panels changed has none.
+    /// Number of pictures that were rendered; a frame in which only panels changed has none.
     pub pictures: u64,
-    /// From the first event of an edit of the look to the frame that shows it, ms each.
+    /// Time from the first event of each edit of the look to the frame that shows it, ms.
     pub edits_ms: Vec<f64>,
-    /// Times of the pictures, ms each.
+    /// Time of each picture, ms.
     pub pictures_ms: Vec<f64>,
 }
 
-/// Values that are kept of each kind; a long session must not fill the memory.
+/// Greatest number of values of each kind that are kept, so that a long session does not fill the memory.
 const KEPT: usize = 10_000;
 
 impl WindowReport {
-    /// Of a program that was started then.
+    /// Starts the measurements of a program that was started at `since`.
     pub fn new(since: Instant) -> Self {
         WindowReport {
             since,
@@ -40,7 +40,8 @@ impl WindowReport {
         }
     }
 
-    /// A frame was shown; `edited` is when the edit of the look that it shows began, if it shows one.
+    /// Notes that a frame was shown. `edited` is the beginning of the edit of the look that it shows, if it
+    /// shows one.
     pub fn shown(&mut self, with_picture: bool, edited: Option<Instant>) {
         let ms = self.since.elapsed().as_secs_f64() * 1e3;
         self.frames += 1;
@@ -55,7 +56,7 @@ impl WindowReport {
         }
     }
 
-    /// A picture took so long, ms.
+    /// Notes the time of a picture, ms.
     pub fn rendered(&mut self, ms: f64) {
         self.pictures += 1;
         if self.pictures_ms.len() < KEPT {

@@ -1,4 +1,4 @@
-//! What the viewer remembers of its user from one start to the next.
+//! Settings that the viewer keeps from one start to the next.
 
 use std::path::{Path, PathBuf};
 
@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::state::{text_of, toml_text};
 
-/// Most recent files that are remembered.
+/// Greatest number of recent files.
 const MOST_RECENT: usize = 12;
-/// Largest settings file that is read, bytes.
+/// Size of the largest settings file that is read, bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 /// The user's settings.
@@ -20,24 +20,24 @@ pub struct Settings {
     pub notice_seen: bool,
     /// Files that were opened, the latest first.
     pub recent: Vec<PathBuf>,
-    /// Where the settings are written; nowhere without a home.
+    /// Path that the settings are written to; `None` without a home folder.
     #[serde(skip)]
     path: Option<PathBuf>,
 }
 
 impl Settings {
-    /// Returns where a user's settings are: `$XDG_CONFIG_HOME/vgs/view.toml`, or below `~/.config`.
+    /// Returns the path of a user's settings: `$XDG_CONFIG_HOME/vgs/view.toml`, or below `~/.config`.
     pub fn place() -> Option<PathBuf> {
         let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
         let folder = absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")))?;
         Some(folder.join("vgs").join("view.toml"))
     }
 
-    /// The settings of a file, which is where they are written to later. What is missing is as at the first
-    /// start.
+    /// Reads the settings from a file, which they are written to later. Missing keys have the values of the
+    /// first start.
     ///
     /// # Errors
-    /// [`Kind::BadData`] if the file is not one of settings, [`Kind::Io`] if it cannot be read.
+    /// Returns [`Kind::BadData`] if the file is no settings file, [`Kind::Io`] if it cannot be read.
     pub fn read(path: Option<PathBuf>) -> Result<Self> {
         let Some(path) = path else { return Ok(Settings::default()) };
         let text = match text_of(&path, MAX_BYTES) {
@@ -64,7 +64,7 @@ impl Settings {
     /// Writes the settings, if there is a place for them.
     ///
     /// # Errors
-    /// As [`engine::output::write_atomic`].
+    /// Returns the errors of [`engine::output::write_atomic`].
     pub fn write(&self) -> Result<()> {
         let Some(path) = &self.path else { return Ok(()) };
         if let Some(folder) = path.parent() {

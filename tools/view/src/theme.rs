@@ -1,12 +1,12 @@
-//! The look of panels: egui's dark style, a little denser and with the grey of a reading room.
+//! Style of the panels: egui's dark style, a little denser and with the grey of a reading room.
 
 use egui::{Color32, Context, CornerRadius, FontFamily, FontId, Stroke, TextStyle, Theme, vec2};
 use glam::DVec3;
 
-/// What is active or selected.
+/// Colour of what is active or selected.
 pub const ACCENT: Color32 = Color32::from_rgb(86, 156, 214);
 
-/// What is measured or warned of.
+/// Colour of measurements and warnings.
 pub const SIGNAL: Color32 = Color32::from_rgb(240, 200, 90);
 
 /// Gives a context the style of the viewer.
@@ -46,13 +46,13 @@ pub fn apply(context: &Context) {
     });
 }
 
-/// Returns a display-referred colour for egui.
+/// Converts a display-referred colour for egui.
 pub(crate) fn screen(colour: DVec3) -> Color32 {
     let [r, g, b] = bytes_of(colour);
     Color32::from_rgb(r, g, b)
 }
 
-/// Returns a display-referred colour in bytes.
+/// Converts a display-referred colour to bytes.
 pub(crate) fn bytes_of(colour: DVec3) -> [u8; 3] {
     colour.to_array().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
 }

@@ -1,18 +1,18 @@
-//! The transfer function as it is edited: control points that have an intensity, an opacity and a colour
-//! each.
+//! Transfer function as it is edited: control points with intensity, opacity and colour.
 //!
 //! The engine keeps points of colour and points of opacity apart. Here they are one list: where either has a
-//! point, the joint list has one with both values, so that the function between stays what it was.
+//! point, the joint list has one with both values, so that the function between them does not change.
 
 use engine::Result;
 use engine::transfer::{ColourPoint, Material, OpacityPoint, TransferFunction};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Windows end within this distance of 0; far beyond any unit, and far from where numbers run out.
+/// Greatest distance of the ends of a window from 0; far beyond any unit, and within the precision of
+/// numbers.
 const FARTHEST: f64 = 1e12;
 
-/// A control point.
+/// Control point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Point {
@@ -24,7 +24,7 @@ pub struct Point {
     pub colour: DVec3,
 }
 
-/// A transfer function in the hands of a user. Points ascend; two at one intensity are a step.
+/// Transfer function as a user edits it. Points ascend; two at one intensity are a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
@@ -33,7 +33,7 @@ pub struct Transfer {
     /// Added to the intensity of all points, HU for CT.
     #[serde(default)]
     pub shift: f64,
-    /// Answer to light.
+    /// Response to light.
     pub material: Material,
     /// The control points.
     pub points: Vec<Point>,
@@ -43,7 +43,7 @@ pub struct Transfer {
 }
 
 impl Transfer {
-    /// The same function with joint points.
+    /// Creates the same function with joint points.
     pub fn new(function: &TransferFunction) -> Self {
         let gradient_opacities =
             function.gradient_opacities().iter().map(|p| [p.intensity, p.opacity]).collect();
@@ -56,7 +56,7 @@ impl Transfer {
         }
     }
 
-    /// From the first to the last point, shift included: the window that the function spans.
+    /// Returns the window that the function spans, from the first to the last point, shift included.
     pub fn window(&self) -> [f64; 2] {
         let end = |p: Option<&Point>| p.map_or(0.0, |p| p.intensity + self.shift);
         [end(self.points.first()), end(self.points.last())]
@@ -75,10 +75,10 @@ impl Transfer {
         }
     }
 
-    /// For the engine, with the shift applied.
+    /// Returns the engine's function, with the shift applied.
     ///
     /// # Errors
-    /// As [`TransferFunction::new`]: no points, or a number that is out of range.
+    /// Returns the errors of [`TransferFunction::new`]: no points, or a number that is out of range.
     pub fn function(&self) -> Result<TransferFunction> {
         let opacity = |intensity: f64, opacity: f64| OpacityPoint { intensity, opacity };
         let colours = self
@@ -93,7 +93,7 @@ impl Transfer {
     }
 }
 
-/// Points of colour and of opacity as one list.
+/// Joins points of colour and of opacity into one list.
 fn joint(function: &TransferFunction) -> Vec<Point> {
     let (colours, opacities) = (function.colours(), function.opacities());
     let mut intensities: Vec<f64> =
@@ -106,7 +106,7 @@ fn joint(function: &TransferFunction) -> Vec<Point> {
         let here = Point { intensity: v, opacity, colour };
         let colours: Vec<_> = colours.iter().filter(|p| p.intensity == v).collect();
         let opacities: Vec<_> = opacities.iter().filter(|p| p.intensity == v).collect();
-        // What holds to the left of a step is its first point.
+        // The first point of a step has the values to the left of it.
         if colours.len() == 2 || opacities.len() == 2 {
             let colour = if colours.len() == 2 { colours[0].colour } else { colour };
             let opacity = if opacities.len() == 2 { opacities[0].opacity } else { opacity };

@@ -1,4 +1,4 @@
-//! The viewer: what was read, what the user wants, and the frames that show it.
+//! The viewer: the data, the user's wishes, and the frames that show them.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,33 +23,33 @@ use crate::report::WindowReport;
 use crate::settings::Settings;
 use crate::state::{Files, SplatMode, Subject, ViewState};
 
-/// What is given up in the first picture, for something to be there at once.
+/// Quality of the first picture, low so that something is shown at once.
 const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0 };
 
-/// What a picture that moves waits for before it is rendered in full.
+/// Time after the last movement until the picture is rendered in full.
 const REST: Duration = Duration::from_millis(150);
 
-/// Distance of the voxels of mode decoded, in those of the CT: what the settings of a picture have.
+/// Distance of the voxels of mode decoded, in those of the CT, as in the settings of a picture.
 const PITCH: f64 = 1.0;
 
-/// Code of the error of a lost device.
+/// Error code of a lost device.
 pub const LOST: &str = "VGS-GPU-012";
 
 /// The open window with what draws in it.
 pub struct ActiveWindow {
-    /// What is on the device.
+    /// Scenes, pictures and surface on the device.
     pub canvas: Canvas,
-    /// From winit's events to egui's.
+    /// Converter from winit's events to egui's.
     pub input: egui_winit::State,
     /// The window.
     pub window: Arc<Window>,
 }
 
-/// What becomes of the loop after a frame.
+/// Instructions to the event loop after a frame.
 pub struct Next {
-    /// Draw again after so long, though nothing may have happened.
+    /// Time after which to draw again, even if nothing happens.
     pub again: Option<Duration>,
-    /// The user wants to end.
+    /// True if the user wants to end the program.
     pub quit: bool,
 }
 
@@ -59,38 +59,38 @@ pub struct Viewer {
     data: LoadedData,
     loader: Loader,
     statistics: Statistics,
-    /// What was measured.
+    /// Measurements of the session.
     pub report: WindowReport,
-    /// Which files were read.
+    /// Files that were read.
     open_files: OpenFiles,
-    /// How many splats each row of the list of objects has.
+    /// Number of splats of each row of the list of objects.
     object_splats: Vec<usize>,
     range: [f64; 2],
     controller: Controller,
-    /// Whose levels of quality the controller chooses among.
+    /// Kind of splats whose quality levels the controller chooses from.
     kind: SplatKind,
-    /// True if the last picture is less than it will be at rest.
+    /// True if the last picture has a lower quality than it will have at rest.
     draft: bool,
-    /// When the picture moved last; nothing once it was rendered in full.
+    /// Time of the last movement; `None` once the picture was rendered in full.
     moved: Option<Instant>,
-    /// What the pictures on the device were rendered for.
+    /// Size for which the pictures on the device were rendered.
     size: Option<[u32; 2]>,
     /// True if pictures have to be rendered whatever the user does.
     stale: bool,
-    /// When the first event came that no frame has answered yet.
+    /// Time of the first event that no frame has answered yet.
     happened: Option<Instant>,
-    /// The splat budget that the scene has.
+    /// Splat budget of the scene.
     budget: Option<u64>,
-    /// True if what the splats move faster with is there or being made.
+    /// True if the data with which splats move faster are there or being made.
     prepared: bool,
-    /// True if the field is being decoded, which mode decoded waits for.
+    /// True if the field for mode decoded is being decoded.
     decoding: bool,
-    /// True if the camera is to show everything once something is there.
+    /// True if the camera is to see everything once something is there.
     fits: bool,
 }
 
 impl Viewer {
-    /// Begins to read the files of the state.
+    /// Creates a viewer and begins to read the files of the state.
     pub fn new(
         state: ViewState,
         keeps_camera: bool,
@@ -131,12 +131,12 @@ impl Viewer {
         if names.is_empty() { "vgs".to_owned() } else { format!("{} - vgs", names.join(", ")) }
     }
 
-    /// Notes that something happened that a frame may have to answer.
+    /// Notes an event that a frame may have to answer.
     pub fn note_event(&mut self) {
         self.happened.get_or_insert_with(Instant::now);
     }
 
-    /// Makes the scenes anew on a new device.
+    /// Creates the scenes on a new device.
     pub fn set_device(&mut self, canvas: &mut Canvas) -> Result<()> {
         let chosen = canvas.gpu().description();
         self.statistics.device = format!("{} ({})", chosen.name, chosen.driver);
@@ -146,7 +146,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Takes what was loaded, and puts it on the device.
+    /// Takes what was loaded and puts it on the device.
     pub fn take_loaded(&mut self, canvas: &mut Canvas) -> Result<()> {
         let mut new = Vec::new();
         for loaded in self.loader.take() {
@@ -165,17 +165,17 @@ impl Viewer {
                     new.push(subject);
                 }
                 Ok(None) => {}
-                // The next picture meets the same loss, and the window begins anew; a device that has
-                // taken the lost one's place draws one picture more.
+                // The next picture finds the same loss, and the window begins anew; a device that has
+                // replaced the lost one draws one picture more.
                 Err(error) if error.code == LOST => self.stale = true,
                 Err(error) => self.app.report(&error),
             }
         }
-        // What was loaded is kept whatever becomes of the device.
+        // What was loaded is kept whatever happens to the device.
         new.into_iter().try_for_each(|subject| self.set_scene(canvas, subject))
     }
 
-    /// Chooses the mode that alone shows these splats, if there is one.
+    /// Chooses the only mode that shows these splats, if there is one.
     fn choose_mode(&mut self, set: &SplatSet) {
         let own = SplatKind::of(set).own_mode();
         let Some(own) = SplatMode::ALL.into_iter().find(|mode| Some(mode.name()) == own) else { return };
@@ -224,7 +224,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Draws a frame: panels, and the picture where it has changed.
+    /// Draws a frame: panels, and the picture if it has changed.
     pub fn draw(&mut self, active: &mut ActiveWindow) -> Result<Next> {
         let happened = self.happened.take();
         let input = active.input.take_egui_input(&active.window);
@@ -267,7 +267,7 @@ impl Viewer {
         let edited = self.render(&mut active.canvas, &overlay)?;
         let window = &active.window;
         if self.draft != was_draft {
-            // The panels of this frame say what the last picture was.
+            // The panels of this frame describe the previous picture.
             window.request_redraw();
         }
         let shown = active.canvas.present(&self.app.state, overlay, || window.pre_present_notify())?;
@@ -285,7 +285,7 @@ impl Viewer {
         Ok(Next { again: again.filter(|after| !after.is_zero()), quit })
     }
 
-    /// Renders the picture where that is needed. Whether the look was changed.
+    /// Renders the picture if needed. Returns true if the look was changed.
     fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
         let chosen = self.chosen_mode(canvas)?;
         self.choose_levels();
@@ -301,7 +301,7 @@ impl Viewer {
         }
         self.controller.set_budget_ms(quality.target_frame_ms);
         let moves = quality.adaptive && changes.any() && self.app.held() && size == self.size;
-        // Something at once; the rest follows.
+        // Something is shown at once; the rest follows.
         let first = quality.adaptive && canvas.is_blank();
         let rested = self.moved.is_some_and(|at| at.elapsed() >= REST || !quality.adaptive);
         let (Some(pixels), true) = (size, self.stale || changes.any() || size != self.size || rested) else {
@@ -314,8 +314,7 @@ impl Viewer {
             (false, true) => quality_levels(self.kind)[level].quality,
             (false, false) => Quality::FULL,
         };
-        // The first level is what the user has chosen, and so is every other whose mode would have to be
-        // waited for.
+        // The first level is the user's choice. So is every other level whose mode is not ready yet.
         let splats =
             canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
         let faster = quality_levels(self.kind)[level].mode;
@@ -329,7 +328,7 @@ impl Viewer {
         if moves {
             self.controller.finished(level, ms);
         } else if !fast {
-            // What moves next need not find out that it would be too slow in full.
+            // What moves next need not find out anew that the full quality would be too slow.
             self.controller.foresee(ms);
         }
         tracing::debug!("picture rendered {}: {ms:.1} ms", if fast { "fast" } else { "in full" });
@@ -345,8 +344,8 @@ impl Viewer {
         Ok(changes.look)
     }
 
-    /// Returns the mode that splats are shown in when nothing moves: what the user has chosen, or slabs while
-    /// the field that it shows is decoded by a thread beside the window.
+    /// Returns the mode in which splats are shown at rest: the user's choice, or slabs while a thread beside
+    /// the window decodes the field for it.
     fn chosen_mode(&mut self, canvas: &Canvas) -> Result<&'static str> {
         let chosen = self.app.state.mode_of(Subject::Splats);
         let splats =
@@ -362,7 +361,7 @@ impl Viewer {
         Ok(SplatMode::Slab.name())
     }
 
-    /// Changes to the levels of quality that the mode which the user has chosen belongs to.
+    /// Changes to the quality levels that belong to the mode that the user has chosen.
     fn choose_levels(&mut self) {
         let kind = match self.app.state.mode {
             SplatMode::Decoded => SplatKind::Grid,
@@ -375,7 +374,7 @@ impl Viewer {
         }
     }
 
-    /// Begins to make, beside the window, what the splats move faster with.
+    /// Begins to make, beside the window, the data with which the splats move faster.
     fn prepare(&mut self, canvas: &Canvas) -> Result<()> {
         let splats =
             canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
@@ -402,7 +401,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Keeps the statistics of a picture that took so long, ms.
+    /// Updates the statistics with a picture that took `ms`.
     fn count(&mut self, canvas: &Canvas, ms: f64) {
         self.report.rendered(ms);
         let statistics = &mut self.statistics;
@@ -416,7 +415,7 @@ impl Viewer {
         statistics.active_splats = splats.and_then(|splats| splats.active_count().ok());
     }
 
-    /// Does what only the window can do. Whether that is to end.
+    /// Carries out what only the window can do. Returns true if the program is to end.
     fn act(&mut self, action: Action, canvas: &mut Canvas) -> Result<bool> {
         match action {
             Action::Quit => return Ok(true),
@@ -455,10 +454,10 @@ impl Viewer {
         self.loader.write(path.clone(), move |progress| write(&export, &path, progress));
     }
 
-    /// Begins to read files. Gives the subjects that a session has nothing of.
+    /// Begins to read files. Returns the subjects of which a session has no files.
     fn open(&mut self, paths: &[PathBuf]) -> Result<Vec<Subject>> {
         let sorted = sort(&self.app.state.files, paths)?;
-        // What is still being read is read again, beside what comes to it.
+        // What is still being read is read again, together with the new files.
         let had = self.open_files.read().clone();
         if let Some(state) = sorted.state().transpose()? {
             self.app.begin(state);

@@ -1,5 +1,4 @@
-//! The window: winit's events in, frames out. A frame is drawn when something has happened, and not
-//! otherwise.
+//! The window: takes winit's events and draws frames. A frame is drawn only when something has happened.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -21,34 +20,34 @@ use crate::state::ViewState;
 use crate::theme;
 use crate::viewer::{ActiveWindow, LOST, Viewer};
 
-/// What the viewer begins with.
+/// Initial state of the viewer.
 pub struct Start {
-    /// What is shown; its files are read.
+    /// State to show; its files are read.
     pub state: ViewState,
-    /// True if the camera stands where the state says; otherwise where it shows everything.
+    /// True if the camera of the state is kept; otherwise it is moved to see everything.
     pub keeps_camera: bool,
-    /// What is remembered of the user.
+    /// Settings of the user.
     pub settings: Settings,
-    /// How the device is booted; `windows` is filled in.
+    /// Options of the device; `windows` is filled in.
     pub gpu: GpuOptions,
-    /// When the program was started.
+    /// Time when the program was started.
     pub since: Instant,
 }
 
-/// Wakes the event loop: something was read or written.
+/// Event that wakes the loop: something was read or written.
 #[derive(Debug)]
 struct Woken;
 
-/// Opens the window and stays until it is closed. Gives what was measured.
+/// Opens the window and runs until it is closed. Returns the measurements of the session.
 ///
 /// # Errors
-/// [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; what the device
-/// says where it fails, after one attempt to begin anew where it was lost.
+/// Returns [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; errors
+/// of the device, after one attempt to begin anew if it was lost.
 pub fn run(start: Start) -> Result<WindowReport> {
     let events = EventLoop::<Woken>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
     let loader = Loader::new(move || {
-        // The loop may have ended: then nobody is interested.
+        // The loop may have ended; then nobody needs the event.
         let _ = proxy.send_event(Woken);
     });
     let Start { state, keeps_camera, settings, gpu, since } = start;
@@ -72,14 +71,14 @@ struct Program {
     viewer: Viewer,
     options: GpuOptions,
     active: Option<ActiveWindow>,
-    /// When egui wants another frame by itself, as for a tooltip.
+    /// Time when egui wants another frame by itself, as for a tooltip.
     wake_at: Option<Instant>,
     /// True if the device was lost.
     lost: bool,
     failure: Option<Error>,
 }
 
-/// Opens the window and boots the device for it; or, where there is a window already, the device alone.
+/// Opens the window and boots the device for it. If there is a window already, only boots the device.
 fn open(
     event_loop: &ActiveEventLoop,
     options: &GpuOptions,
@@ -99,7 +98,7 @@ fn open(
     let gpu = Gpu::new(&GpuOptions { windows: Some(Windows::of(&*window)?), ..options.clone() })?;
     let chosen = gpu.description();
     tracing::info!("device: {} ({}, {})", chosen.name, chosen.kind, chosen.driver);
-    // A context of its own for each device: it has to send its textures to the new one.
+    // Each device has a context of its own, since its textures have to be sent to the new device.
     let context = egui::Context::default();
     theme::apply(&context);
     let input = egui_winit::State::new(
@@ -145,13 +144,13 @@ impl Program {
         }
     }
 
-    /// Begins anew where the device was lost for the first time; otherwise it was the end.
+    /// Begins anew if the device was lost for the first time; otherwise ends the program with the error.
     fn fail(&mut self, event_loop: &ActiveEventLoop, error: Error) {
         if error.code == LOST && !self.lost {
             tracing::warn!("{error}; beginning anew");
             self.lost = true;
             self.options.lost_at = None;
-            // All of the old device goes before there is a new one.
+            // The old device is dropped completely before there is a new one.
             let window = self.active.take().map(|active| active.window);
             return self.begin(event_loop, window);
         }
@@ -210,7 +209,7 @@ impl ApplicationHandler<Woken> for Program {
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
-        // The device goes before the connection to the display.
+        // The device is dropped before the connection to the display.
         self.active = None;
     }
 }

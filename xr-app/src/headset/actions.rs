@@ -1,4 +1,4 @@
-//! Hands as OpenXR knows them: actions, and what they are bound to on the controllers that people have.
+//! Hands through OpenXR: actions, and their bindings on the controllers that people have.
 
 use engine::Result;
 use glam::DVec2;
@@ -8,13 +8,14 @@ use super::convert::pose_of;
 use super::error::runtime_error;
 use super::hands::{Hand, Hands};
 
-/// The two hands, as paths name them.
+/// Paths of the two hands.
 const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
 
-/// What an action is bound to on a controller, below the hand's path; the same for both hands, or by hand.
+/// The bindings of the actions on a controller, below the hand's path; the same for both hands, or one for
+/// each.
 struct Profile {
     path: &'static str,
-    /// True if the runtime must have XR_EXT_hand_interaction for it.
+    /// True if it needs XR_EXT_hand_interaction.
     hands: bool,
     squeeze: &'static str,
     select: Option<&'static str>,
@@ -25,13 +26,13 @@ struct Profile {
 }
 
 const NONE: [Option<&str>; 2] = [None; 2];
-/// Where pressing it is free for the panel.
+/// The press of the thumbstick, for controllers on which it is free for the panel.
 const STICK: [Option<&str>; 2] = [Some("input/thumbstick/click"); 2];
 
-/// That of hands without controllers.
+/// Path of the profile of hands without controllers.
 const BARE: &str = "/interaction_profiles/ext/hand_interaction_ext";
 
-/// Where there is one button, it grabs, and clicks on the panel.
+/// All profiles. On a controller with one button, that button grabs, and clicks on the panel.
 const PROFILES: [Profile; 5] = [
     Profile {
         path: "/interaction_profiles/khr/simple_controller",
@@ -89,7 +90,7 @@ const PROFILES: [Profile; 5] = [
 pub(super) struct Actions {
     set: xr::ActionSet,
     hands: [xr::Path; 2],
-    /// The profile of hands without controllers, where the runtime knows it.
+    /// Profile of hands without controllers, if the runtime knows it.
     bare: Option<xr::Path>,
     grip: [xr::Space; 2],
     aim: [xr::Space; 2],
@@ -102,7 +103,7 @@ pub(super) struct Actions {
 }
 
 impl Actions {
-    /// Makes and binds the actions, for good: a session takes them once.
+    /// Creates and binds the actions, for good: a session takes them once.
     pub(super) fn new(
         instance: &xr::Instance,
         session: &xr::Session<xr::Vulkan>,
@@ -151,7 +152,7 @@ impl Actions {
             match instance
                 .suggest_interaction_profile_bindings(instance.string_to_path(profile.path)?, &bindings)
             {
-                // A runtime may not know a controller; then nobody has one there.
+                // A runtime may not know a controller; then nobody uses one there.
                 Ok(()) | Err(xr::sys::Result::ERROR_PATH_UNSUPPORTED) => {}
                 Err(e) => return Err(e),
             }
@@ -175,7 +176,7 @@ impl Actions {
         })
     }
 
-    /// What the hands do at a time, in a space.
+    /// Returns what the hands do at a time; poses are in the space `room`.
     pub(super) fn hands(
         &self,
         session: &xr::Session<xr::Vulkan>,

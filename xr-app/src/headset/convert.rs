@@ -1,4 +1,4 @@
-//! Poses, fields of view and times between OpenXR and this program.
+//! Conversion of poses, fields of view and times between OpenXR and this program.
 
 use engine::render::Fov;
 use glam::{DQuat, DVec3};

@@ -3,7 +3,7 @@
 use engine::{Error, Kind};
 use openxr as xr;
 
-/// Returns the error of a runtime that has answered `e` to what was being done.
+/// Returns the error for a runtime that has answered `e`; `doing` says what was being done.
 pub(super) fn runtime_error(doing: &str, e: xr::sys::Result) -> Error {
     use xr::sys::Result as R;
     match e {

@@ -1,17 +1,17 @@
-//! What the hands of the user do.
+//! The state of the user's hands.
 
 use glam::DVec2;
 
 use super::pose::Pose;
 
-/// What a hand does.
+/// State of a hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hand {
-    /// Where it holds things, if that is known.
+    /// Pose in which it holds things, if it is known.
     pub grip: Option<Pose>,
-    /// Where it points from, and to.
+    /// Pose from which it points, if it is known.
     pub aim: Option<Pose>,
-    /// How firmly it grabs, 0 to 1.
+    /// Firmness of the grab, 0 to 1.
     pub squeeze: f64,
     /// True if the trigger or its like is pulled.
     pub select: bool,
@@ -23,16 +23,16 @@ pub struct Hand {
     pub other: bool,
     /// The button that shows and hides the panel.
     pub panel: bool,
-    /// True if there is no controller in it, and with it no such button.
+    /// True if the hand has no controller, and so none of these buttons.
     pub bare: bool,
 }
 
 impl Hand {
-    /// Returns the ray that it points with, if it is known where it is.
+    /// Returns the ray that the hand points with, if its pose is known.
     pub fn ray(&self) -> Option<Pose> {
         self.aim.or(self.grip)
     }
 }
 
-/// Left and right.
+/// The left and the right hand.
 pub type Hands = [Hand; 2];

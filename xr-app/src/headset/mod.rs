@@ -1,12 +1,12 @@
-//! What a headset is to the loop: a clock, eyes, hands, and pictures to draw into.
+//! The headset as the loop sees it: a clock, eyes, hands, and pictures to draw into.
 //!
 //! Poses are in metres in a room whose y points up and whose -z points away from where the viewer stood at
-//! the start, as OpenXR has it. Times are nanoseconds of a clock of the headset's own.
+//! the start, as in OpenXR. Times are nanoseconds of the headset's own clock.
 //!
 //! | file | what is there |
 //! |---|---|
-//! | `headset` | [`Headset`]: what the loop asks of a headset, and in which order |
-//! | `pose`, `hands`, `session` | poses and eyes, what hands do, what a session says |
+//! | `headset` | [`Headset`]: the trait of a headset, and the order of its calls |
+//! | `pose`, `hands`, `session` | poses and eyes, the state of hands, the state and events of a session |
 //! | `openxr` | a headset through OpenXR; `actions` are its controllers, `convert` its numbers, `error` its errors |
 //! | `simulated` | a headset that follows a script |
 

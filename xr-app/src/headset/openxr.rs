@@ -1,7 +1,8 @@
-//! A headset through OpenXR (XR_KHR_vulkan_enable2): the runtime makes instance and device of Vulkan, lends
+//! A headset through OpenXR (XR_KHR_vulkan_enable2): the runtime creates instance and device of Vulkan, lends
 //! pictures of a swapchain with a layer for each eye, and says when and from where to draw.
 //!
-//! This is the one file of the program with `unsafe` code: handles of Vulkan go to the runtime and come back.
+//! This is the only file of the program with `unsafe` code, besides the entry of `android`: handles of Vulkan
+//! go to the runtime and come back.
 #![allow(unsafe_code, reason = "handles of Vulkan pass between the engine and the runtime")]
 
 use std::cell::Cell;
@@ -24,14 +25,14 @@ use super::session::{Blend, Description, Event, SessionState, Timing};
 
 const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
-/// What a user may choose about a headset.
+/// Choices of the user about a headset.
 #[derive(Clone, Debug, Default)]
 pub struct OpenXrOptions {
-    /// What is behind the picture; the runtime's first choice where nothing is said.
+    /// Background behind the picture; `None` takes the runtime's first choice.
     pub blend: Option<Blend>,
-    /// Frames a second, where the runtime lets programs choose.
+    /// Frames a second, if the runtime lets programs choose.
     pub rate_hz: Option<f64>,
-    /// Edges of the pictures as a part of what the runtime recommends.
+    /// Edges of the pictures as a part of the recommended ones.
     pub resolution: Option<f64>,
 }
 
@@ -62,13 +63,13 @@ fn unavailable(code: &'static str, what: String) -> Error {
     )
 }
 
-/// Returns what loader and instance are told about the system: nothing.
+/// Returns the information about the system for loader and instance: none.
 #[cfg(not(target_os = "android"))]
 fn platform() -> Result<impl xr::PlatformInfo> {
     Ok(())
 }
 
-/// Returns what loader and instance are told about the system: the activity, once it has begun.
+/// Returns the information about the system for loader and instance: the activity, if it has begun.
 #[cfg(target_os = "android")]
 fn platform() -> Result<xr::AndroidPlatformInfo> {
     let app = ACTIVITY.lock().expect("nothing panics with it").clone();
@@ -81,18 +82,18 @@ fn platform() -> Result<xr::AndroidPlatformInfo> {
 #[cfg(target_os = "android")]
 static ACTIVITY: std::sync::Mutex<Option<android_activity::AndroidApp>> = std::sync::Mutex::new(None);
 
-/// Keeps the activity that the program is, for the loader and the instance.
+/// Keeps the program's activity, for the loader and the instance.
 #[cfg(target_os = "android")]
 pub(crate) fn set_activity(app: &android_activity::AndroidApp) {
     *ACTIVITY.lock().expect("nothing panics with it") = Some(app.clone());
 }
 
-/// The runtime with its device, before Vulkan is there.
+/// The runtime with its headset, before Vulkan exists.
 struct Runtime {
     instance: xr::Instance,
     system: xr::SystemId,
     extensions: xr::ExtensionSet,
-    /// What the session is bound to; known once the device was made.
+    /// Vulkan handles that the session is bound to; known when the device exists.
     binding: Cell<Option<xr::vulkan::SessionCreateInfo>>,
 }
 
@@ -135,14 +136,14 @@ impl Runtime {
         let system = instance
             .system(xr::FormFactor::HEAD_MOUNTED_DISPLAY)
             .map_err(|e| unavailable("VGS-XR-004", format!("the OpenXR runtime has no headset ({e})")))?;
-        // To be asked before Vulkan is made.
+        // This must be asked before Vulkan is created.
         instance
             .graphics_requirements::<xr::Vulkan>(system)
             .map_err(|e| runtime_error("asking for Vulkan", e))?;
         Ok(Runtime { instance, system, extensions, binding: Cell::new(None) })
     }
 
-    /// Names of the extensions in use.
+    /// Returns the names of the extensions in use.
     fn names(&self) -> Vec<&'static str> {
         [
             (self.extensions.khr_vulkan_enable2, "XR_KHR_vulkan_enable2"),
@@ -158,7 +159,7 @@ impl Runtime {
     }
 }
 
-/// Returns a result of Vulkan that came through the runtime.
+/// Converts a result of Vulkan that came through the runtime.
 fn made<T>(doing: &str, result: xr::Result<std::result::Result<T, i32>>) -> Result<T> {
     result.map_err(|e| runtime_error(doing, e))?.map_err(|code| {
         let e = vk::Result::from_raw(code);
@@ -234,8 +235,8 @@ impl Boot for Runtime {
     }
 }
 
-/// Pictures of the runtime, with a layer for each eye, that it lends one at a time. They go before the
-/// swapchain that owns their images.
+/// Pictures of the runtime, with a layer for each eye, that it lends one at a time. They are dropped before
+/// the swapchain that owns their images.
 struct Chain {
     pictures: Vec<Image>,
     acquired: Option<usize>,
@@ -289,7 +290,7 @@ impl Chain {
     fn release_images(&mut self, recorder: &mut Recorder) -> Result<()> {
         let index = self.acquired.expect("a picture was lent");
         recorder.release_image(&self.pictures[index]);
-        // The compositor may still read it: only now does the device need it.
+        // The compositor may still read the picture; the device needs it only from now on.
         self.swapchain
             .wait_image(xr::Duration::INFINITE)
             .map_err(|e| runtime_error("waiting for a picture", e))
@@ -365,7 +366,7 @@ impl OpenXr {
     }
 }
 
-/// What the runtime says about itself and its headset, and what is chosen of it.
+/// Asks the runtime about itself and its headset, and chooses format, blending and rate.
 fn describe(
     runtime: &Runtime,
     session: &xr::Session<xr::Vulkan>,
@@ -431,7 +432,8 @@ fn describe(
     })
 }
 
-/// Returns what the lens hides of the picture of an eye. A runtime that cannot say it hides nothing.
+/// Returns the triangles of an eye's picture that the lens hides. If the runtime cannot tell them, there are
+/// none.
 fn hidden(session: &xr::Session<xr::Vulkan>, eye: u32) -> Vec<Triangle> {
     let hidden = xr::VisibilityMaskTypeKHR::HIDDEN_TRIANGLE_MESH;
     let mesh = session.get_visibility_mask_khr(STEREO, eye, hidden).unwrap_or_default();
@@ -612,7 +614,7 @@ impl Headset for OpenXr {
     fn request_exit(&mut self) -> Result<()> {
         match self.session.request_exit() {
             Ok(()) => Ok(()),
-            // Nothing was begun: there is nothing to end.
+            // The session was not running: there is nothing to end.
             Err(xr::sys::Result::ERROR_SESSION_NOT_RUNNING) => Ok(()),
             Err(e) => Err(runtime_error("ending the session", e)),
         }
@@ -621,7 +623,7 @@ impl Headset for OpenXr {
 
 impl Drop for OpenXr {
     fn drop(&mut self) {
-        // The views of the pictures go before the images that the swapchain owns.
+        // The views of the pictures are deleted before the images that the swapchain owns.
         self.colour.pictures.clear();
         self.depth.iter_mut().for_each(|depth| depth.pictures.clear());
         let _ = self.gpu.wait_idle();

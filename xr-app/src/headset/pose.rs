@@ -1,29 +1,29 @@
-//! Places and directions in the room, of eyes too.
+//! Poses in the room, and eyes.
 
 #[cfg(doc)]
 use super::Timing;
 use engine::render::Fov;
 use glam::{DQuat, DVec3};
 
-/// A place and a direction in the room.
+/// A position and an orientation in the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Metres.
+    /// Position, metres.
     pub position: DVec3,
-    /// Turns +x to the right of whoever has this pose, +y to its top and -z to where it looks.
+    /// Rotation that takes +x to the right, +y to the top and -z to the viewing direction of this pose.
     pub orientation: DQuat,
 }
 
 impl Pose {
-    /// In the room's middle, looking ahead.
+    /// The pose in the room's middle, looking ahead.
     pub const IDENTITY: Self = Pose { position: DVec3::ZERO, orientation: DQuat::IDENTITY };
 
-    /// Returns the place in the room of what is at `local` as seen from here.
+    /// Returns the place in the room of a point at `local` in this pose's own space.
     pub fn place(&self, local: DVec3) -> DVec3 {
         self.position + self.orientation * local
     }
 
-    /// Returns where it looks or points to.
+    /// Returns the direction in which it looks or points.
     pub fn forward(&self) -> DVec3 {
         self.orientation * DVec3::NEG_Z
     }
@@ -32,19 +32,19 @@ impl Pose {
 /// An eye in the room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eye {
-    /// Where it is and where it looks.
+    /// Position and viewing direction.
     pub pose: Pose,
-    /// What it sees.
+    /// Field of view.
     pub fov: Fov,
 }
 
-/// Both eyes at a time.
+/// Both eyes at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Eyes {
-    /// Left and right.
+    /// The left and the right eye.
     pub eyes: [Eye; 2],
-    /// True if the headset knows where it looks; otherwise these are its last poses.
+    /// True if the headset knows the head's orientation; otherwise these are its last poses.
     pub tracked: bool,
-    /// When this was asked, on the clock of [`Timing`], if the headset has one that the host can read.
+    /// Time of the request, on the clock of [`Timing`], if the headset has one that the host can read.
     pub asked_ns: Option<i64>,
 }

@@ -1,22 +1,22 @@
-//! What a session says: how far it has come, what happened, when a frame is shown and on what.
+//! The session of a headset: its state, its events, its frames, and its description.
 
 use engine::gpu::Format;
 
 /// A frame to come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// When it will be seen.
+    /// Time at which it will be seen.
     pub display_ns: i64,
-    /// From it to the next.
+    /// Time from this frame to the next.
     pub period_ns: i64,
     /// True if anybody will see it.
     pub visible: bool,
 }
 
-/// How far a session has come.
+/// State of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SessionState {
-    /// The headset is not used, or by others.
+    /// The headset is not used, or another program uses it.
     Idle,
     /// Frames are wanted, though nobody sees them yet.
     Synchronized,
@@ -32,23 +32,23 @@ pub enum SessionState {
     Lost,
 }
 
-/// What happened since the last time.
+/// An event of a session.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    /// The session has come to another state.
+    /// The session has reached another state.
     State(SessionState),
     /// The viewer has chosen a new middle of the room.
     Recentred,
-    /// The display shows another number of frames a second.
+    /// The display has changed to this number of frames a second.
     Rate(f64),
-    /// Lenses hide another part of the pictures.
+    /// Lenses now hide another part of the pictures.
     Lenses,
 }
 
-/// What is behind the picture.
+/// Background behind the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
-    /// Nothing; the picture has a background of its own.
+    /// No background of the headset; the picture has one of its own.
     Opaque,
     /// The room, to which the picture is added.
     Additive,
@@ -56,7 +56,7 @@ pub enum Blend {
     Alpha,
 }
 
-/// What does not change as long as a session lasts.
+/// Properties that do not change as long as a session lasts.
 #[derive(Clone, Debug)]
 pub struct Description {
     /// Name and version of the runtime.
@@ -65,15 +65,15 @@ pub struct Description {
     pub system: String,
     /// Width and height of the pictures of an eye, pixels.
     pub eye_size: [u32; 2],
-    /// What its pictures are made of.
+    /// Format of the pictures.
     pub format: Format,
-    /// What is behind the picture.
+    /// Background behind the picture.
     pub blend: Blend,
-    /// Frames a second, where the runtime says so before the first frame.
+    /// Frames a second, if the runtime tells it before the first frame.
     pub rate_hz: Option<f64>,
-    /// True if it takes the depth of what an eye sees, to move the picture with the head.
+    /// True if it takes the depth of an eye's picture, to move the picture with the head.
     pub depth: bool,
-    /// True if it says what its lenses hide.
+    /// True if it tells what its lenses hide.
     pub lenses: bool,
     /// Extensions in use.
     pub extensions: Vec<&'static str>,

@@ -1,4 +1,4 @@
-//! A headset without a headset: poses, hands and the clock follow a script, and pictures stay where they are.
+//! A simulated headset: poses, hands and the clock follow a script, and pictures stay on the device.
 
 use std::time::{Duration, Instant};
 
@@ -12,37 +12,38 @@ use super::headset::{FrameImages, Headset};
 use super::pose::{Eye, Eyes, Pose};
 use super::session::{Blend, Description, Event, SessionState, Timing};
 
-/// Pictures that go round, as in the swapchains of runtimes.
+/// Number of pictures that are used in turn, as in the swapchains of runtimes.
 const PICTURES: usize = 3;
 /// Distance of the eyes, metres.
 const EYES_APART: f64 = 0.063;
-/// Straight pieces of a quarter of a lens's rim.
+/// Number of straight pieces of a quarter of a lens's rim.
 const RIM: usize = 12;
 
-/// What a simulated headset does.
+/// Script of a simulated headset.
 pub struct Script {
     /// Width and height of the pictures of an eye, pixels.
     pub eye_size: [u32; 2],
     /// Frames a second.
     pub rate_hz: f64,
-    /// What is behind the picture.
+    /// Background behind the picture.
     pub blend: Blend,
     /// True if depth is taken.
     pub depth: bool,
-    /// The frame from which on lenses are known to be round, so that corners of the pictures are hidden;
-    /// never, where there is none.
+    /// Frame from which on lenses are known to be round, so that corners of the pictures are hidden; `None`
+    /// for never.
     pub round_from: Option<u64>,
-    /// True if frames come at this rate, or as fast as they are ended, on a clock that jumps.
+    /// True if frames come at this rate; otherwise they come as fast as they are ended, on a clock that
+    /// jumps.
     pub real_time: bool,
-    /// Frames after which the headset asks to end, if it does.
+    /// Number of frames after which the headset asks to end, if it does.
     pub frames: Option<u64>,
-    /// What an eye sees; the other one is its mirror image.
+    /// Field of view of the left eye; that of the right eye is its mirror image.
     pub left_fov: Fov,
-    /// Where the head is, by the seconds since the start, and whether that is known.
+    /// Pose of the head, by the seconds since the start; true if it is tracked.
     pub head: fn(f64) -> (Pose, bool),
-    /// What the hands do, by the seconds since the start.
+    /// State of the hands, by the seconds since the start.
     pub hands: fn(f64) -> Hands,
-    /// What happens, by the number of the frame; besides start and end.
+    /// Event of a frame, by its number, besides start and end.
     pub events: fn(u64) -> Option<Event>,
 }
 
@@ -64,7 +65,7 @@ impl Default for Script {
     }
 }
 
-/// Returns a head that sways about the room's middle, looking at a point half a metre ahead.
+/// Returns the pose of a head that sways about the room's middle, looking at a point half a metre ahead.
 pub fn sway(seconds: f64) -> Pose {
     let angle = 0.4 * (0.7 * seconds).sin();
     let height = 0.1 * (0.45 * seconds).sin();
@@ -73,7 +74,8 @@ pub fn sway(seconds: f64) -> Pose {
     Pose { position, orientation: DQuat::from_rotation_y(angle) * DQuat::from_rotation_x(-height) }
 }
 
-/// Returns what a round lens hides of a field of view: all outside of the ellipse that touches its edges.
+/// Returns the part of a field of view that a round lens hides: everything outside of the ellipse that
+/// touches its edges.
 fn corners(fov: &Fov) -> Vec<Triangle> {
     let middle = DVec2::new(fov.left + fov.right, fov.down + fov.up) * 0.5;
     let half = DVec2::new(fov.right - fov.left, fov.up - fov.down) * 0.5;
@@ -96,17 +98,17 @@ pub struct Simulated {
     lenses: [Vec<Triangle>; 2],
     start: Instant,
     frame: u64,
-    /// Period of the display that the next frame is for.
+    /// Index of the display's period for the next frame.
     tick: u64,
     begun: bool,
     leaving: bool,
     over: bool,
-    /// What was shown last.
+    /// Eyes of the picture that was shown last.
     pub shown: Option<[Eye; 2]>,
 }
 
 impl Simulated {
-    /// A headset that does what the script says.
+    /// Creates a headset that follows the script.
     pub fn new(gpu: &Gpu, script: Script) -> Result<Self> {
         let make = |name: &str, format| {
             let picture = |n| gpu.picture(&format!("{name} {n}"), "eyes", format, script.eye_size, 2);
@@ -146,7 +148,7 @@ impl Simulated {
         &self.pictures[(self.frame as usize + PICTURES - 1) % PICTURES]
     }
 
-    /// Returns the depth that was shown with it, where it is taken.
+    /// Returns the depth that was shown with the last picture, if depth is taken.
     pub fn depth(&self) -> Option<&Image> {
         self.depths.get((self.frame as usize + PICTURES - 1) % PICTURES)
     }
@@ -155,7 +157,7 @@ impl Simulated {
         Duration::from_secs_f64(1.0 / self.script.rate_hz)
     }
 
-    /// Returns what each eye sees.
+    /// Returns the field of view of each eye.
     fn fovs(&self) -> [Fov; 2] {
         let left = self.script.left_fov;
         [left, Fov { left: -left.right, right: -left.left, ..left }]
@@ -203,14 +205,15 @@ impl Headset for Simulated {
     fn wait(&mut self) -> Result<Timing> {
         let period = self.period();
         if self.script.real_time {
-            // Who comes late gets the next period that has not begun.
+            // A frame that comes late gets the next period that has not begun.
             let now = self.start.elapsed();
             self.tick = self.tick.max((now.as_nanos().div_ceil(period.as_nanos())) as u64);
             std::thread::sleep((period * self.tick as u32).saturating_sub(now));
         }
         self.tick += 1;
         let period_ns = period.as_nanos() as i64;
-        // Seen a period after it is due, as on a display that shows one picture while the next is drawn.
+        // The frame is seen a period after it is due, as on a display that shows one picture while the next
+        // is drawn.
         Ok(Timing { display_ns: self.tick as i64 * period_ns, period_ns, visible: true })
     }
 

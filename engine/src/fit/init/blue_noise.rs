@@ -1,25 +1,26 @@
-//! Points that follow a density and keep apart: dart throwing with a radius that follows the local spacing and shrinks
-//! until the wanted number has found a place.
+//! Blue-noise points that follow a density: dart throwing with a radius that follows the local spacing and
+//! shrinks until the wanted number has found a place.
 //!
-//! A dart is drawn by density. It sticks if no earlier point lies nearer than the shrink factor times the smaller of
-//! the two local spacings. When few darts stick the factor shrinks, so the process ends with exactly the wanted number,
-//! at the latest when the factor is so small that every dart sticks: then it is plain weighted jitter.
+//! A dart is drawn by density. It sticks if no earlier point lies nearer than the shrink factor times the
+//! smaller of the two local spacings. When few darts stick the factor shrinks, so the process ends with
+//! exactly the wanted number, at the latest when the factor is so small that every dart sticks: then it is
+//! plain weighted jitter.
 
 use rand::RngExt;
 
 use super::density::Density;
 use super::grid::PointGrid;
 
-/// First factor: two thirds of what random sequential packing can hold at all (ρr³ ≈ 0.73).
+/// First shrink factor: two thirds of what random sequential packing can hold at all (ρr³ ≈ 0.73).
 const FIRST_SHRINK: f32 = 0.8;
-/// From a round to the next.
+/// The shrink factor is multiplied by this after a round in which few darts stuck.
 const SHRINK: f32 = 0.93;
-/// Below this the distance no longer matters.
+/// Shrink factor below which the distance no longer matters.
 const LEAST_SHRINK: f32 = 0.05;
-/// A round has this many darts for every wanted point, but not fewer than [`LEAST_ROUND`].
+/// Number of darts in a round for every wanted point; a round has at least [`LEAST_ROUND`].
 const ROUND: f32 = 0.25;
 const LEAST_ROUND: usize = 64;
-/// The factor shrinks when a smaller share of a round's darts sticks.
+/// The shrink factor falls when a smaller share than this of a round's darts sticks.
 const STICKING: f32 = 0.12;
 
 /// Scattered points in voxel space.
@@ -29,7 +30,7 @@ pub(super) struct Points {
     pub spacing: Vec<f32>,
 }
 
-/// Exactly `count` points of `density`.
+/// Throws darts until exactly `count` of them have stuck, and returns these points, which follow `density`.
 pub(super) fn throw(density: &Density, count: usize, rng: &mut impl RngExt) -> Points {
     let mut grid = PointGrid::new(density.mean_spacing(count), count);
     let mut spacing: Vec<f32> = Vec::with_capacity(count);

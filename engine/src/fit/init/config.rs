@@ -1,4 +1,4 @@
-//! What all initialisers are told, and the splat that they all begin with.
+//! The hyper-parameters of all initialisers, and the splat that they all begin with.
 
 use super::density::GradientWeights;
 use super::orientation::Orientation;
@@ -8,32 +8,36 @@ use crate::splat::Splat;
 use crate::splat::activation::{Activations, OPACITY_MAX, OPACITY_MIN};
 use crate::volume::Roi;
 
-/// The hyper-parameters of an initialiser: [`FitConfig::init`](crate::fit::FitConfig::init) has their values.
+/// The hyper-parameters of an initialiser; [`FitConfig::init`](crate::fit::FitConfig::init) gives their
+/// values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InitConfig {
     /// Exponent of the gradient term of the density; 0 gives a uniform density. 0.5 and 1 are equally good.
     pub gradient_exponent: f32,
-    /// Added to the gradient in units of its mean, so that even regions get splats too.
+    /// Constant added to the gradient, in units of its mean, so that even regions get splats too.
     pub gradient_floor: f32,
     /// Standard deviation of the smoothing before and after the gradient, in voxels.
     pub smoothing_sigma: f32,
-    /// Scale across the gradient over scale along it is this to the power 3/2.
+    /// The ratio of the scale across the gradient to the scale along it is this to the power 3/2.
     pub anisotropy: f32,
-    /// Scale of a splat over the mean distance of its four nearest neighbours.
+    /// Ratio of a splat's scale to the mean distance of its four nearest neighbours.
     pub scale_factor: f32,
-    /// Least scale, in `unit`; of "gradient" before it is flattened: a splat must reach some voxel centre.
+    /// Least scale, in `unit`; with "gradient" it holds before a splat is flattened. A splat must reach some
+    /// voxel centre.
     pub scale_min: f32,
-    /// Greatest scale, in `unit`; of "gradient" before it is flattened.
+    /// Greatest scale, in `unit`; with "gradient" it holds before a splat is flattened.
     pub scale_max: f32,
-    /// What the scales of "uniform" count in. Those of "gradient" follow from distances in voxels and stay in voxels.
+    /// Unit of the scales of "uniform" and "reference". Those of "gradient" follow from distances in voxels
+    /// and stay in voxels.
     pub unit: ScaleUnit,
-    /// What turns the splats.
+    /// The cue that turns the splats.
     pub orientation: &'static Orientation,
-    /// From this scale on (geometric mean, voxels) a splat takes the mean intensity of its footprint; 0: never.
+    /// From this scale on (geometric mean, voxels) a splat takes the mean intensity of its footprint; 0:
+    /// never.
     pub footprint: f32,
     /// Opacity of every splat.
     pub opacity: f32,
-    /// Opacity of a splat is the mask at its mean instead.
+    /// True if the opacity of each splat is the mask at its mean instead.
     pub opacity_mask: bool,
 }
 
@@ -78,7 +82,7 @@ pub(super) fn set_opacity(splat: &mut Splat, roi: &Roi, config: &InitConfig) {
     }
 }
 
-/// What all splats start from: no rotation, and the opacity.
+/// Returns the splat that all start from: without rotation, and with the configured opacity.
 pub(super) fn prototype(config: &InitConfig) -> Splat {
     let mut splat = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
     splat.set_opacity(config.opacity);

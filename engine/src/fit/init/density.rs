@@ -1,4 +1,4 @@
-//! How densely splats should lie: a weight per voxel of the region of interest.
+//! The density of the first splats: a weight per voxel of the region of interest.
 
 use glam::{DMat3, DVec3};
 use rand::RngExt;
@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use crate::volume::{Roi, Volume};
 
-/// Spacings follow the density only down to this share of its mean, so that a nearly excluded voxel does not claim a
-/// wide empty ball.
+/// Spacings follow the density only down to this share of its mean, so that a nearly excluded voxel does not
+/// claim a wide empty ball.
 const LEAST_DENSITY: f64 = 1e-3;
 
 /// The mean spacing is taken over about this many voxels.
@@ -24,7 +24,7 @@ pub(super) struct Density {
     /// First voxel and voxel counts of the region's bounding box with a margin.
     low: [usize; 3],
     size: [usize; 3],
-    /// Weights of G.
+    /// Taps of the Gaussian G.
     taps: Vec<f32>,
     /// G∗V in the box.
     smooth: Vec<f32>,
@@ -32,29 +32,29 @@ pub(super) struct Density {
     voxels: Vec<usize>,
     /// Running sum of their weights.
     cumulative: Vec<f64>,
-    /// For equal steps of the total weight, the first voxel beyond: where to search in `cumulative`.
+    /// First voxel beyond each of some equal steps of the total weight: where to search in `cumulative`.
     guide: Vec<usize>,
     /// Mean of G∗|∇(G∗V)| over the region, per voxel.
     pub mean_gradient: f64,
 }
 
-/// How the gradient of the intensity weighs a voxel: (G∗|∇(G∗V)| / mean + floor)^exponent.
+/// Weight of a voxel by the gradient of the intensity: (G∗|∇(G∗V)| / mean + floor)^exponent.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GradientWeights {
     /// Standard deviation of G, voxels.
     pub smoothing_sigma: f32,
-    /// 0: all voxels of the region weigh what the mask says.
+    /// Exponent of the gradient; with 0 the weight of a voxel is the mask.
     pub exponent: f32,
-    /// In units of the mean gradient.
+    /// Constant added to the gradient, in units of the mean gradient.
     pub floor: f32,
 }
 
 impl Density {
-    /// Weighs the voxels of `roi`; nothing if none has a weight above 0.
+    /// Weighs the voxels of `roi`; returns nothing if none has a weight above 0.
     pub fn of(volume: &Volume, roi: &Roi, weights: GradientWeights) -> Option<Density> {
         let taps = gaussian_taps(weights.smoothing_sigma);
-        // Two smoothings, one difference, and half a voxel that a point may lie beyond its voxel's centre: nothing
-        // beyond the margin reaches the region.
+        // Two smoothings, one difference, and half a voxel that a point may lie beyond its voxel's centre:
+        // nothing beyond the margin reaches the region.
         let margin = 2 * (taps.len() / 2) + 2;
         let (low, size) = bounding_box(roi, margin)?;
         let finite = |v: f32| if v.is_finite() { v.clamp(-SAMPLE_LIMIT, SAMPLE_LIMIT) } else { 0.0 };
@@ -89,13 +89,14 @@ impl Density {
         self.cumulative[slot] - if slot > 0 { self.cumulative[slot - 1] } else { 0.0 }
     }
 
-    /// Distance between neighbours, in voxels, where `count` points fill the region by density: ρ⁻¹ᐟ³.
+    /// Returns the distance between neighbours at the voxel of a slot, in voxels, if `count` points fill the
+    /// region by density: ρ⁻¹ᐟ³.
     fn spacing(&self, slot: usize, count: usize) -> f32 {
         let least = LEAST_DENSITY * self.total() / self.voxels.len() as f64;
         (self.total() / (count as f64 * self.weight(slot).max(least))).cbrt() as f32
     }
 
-    /// Mean spacing that `count` points drawn by density will have, about.
+    /// Estimates the mean spacing of `count` points drawn by density, in voxels.
     pub fn mean_spacing(&self, count: usize) -> f32 {
         let some = (0..self.voxels.len()).step_by(self.voxels.len() / SPACING_SAMPLES + 1);
         let (sum, total) = some.fold((0.0, 0.0), |(sum, total), slot| {
@@ -105,7 +106,7 @@ impl Density {
         (sum / total) as f32
     }
 
-    /// The voxel at `at`, a number from 0 to below 1, of the total weight.
+    /// Returns the slot of the voxel at the share `at` of the total weight, a number from 0 to below 1.
     fn find(&self, at: f64) -> usize {
         let step = ((at * (self.guide.len() - 1) as f64) as usize).min(self.guide.len() - 2);
         let (first, last) = (self.guide[step], (self.guide[step + 1] + 1).min(self.voxels.len()));
@@ -113,22 +114,22 @@ impl Density {
         (first + self.cumulative[first..last].partition_point(|&s| s <= sum)).min(self.voxels.len() - 1)
     }
 
-    /// A point in voxel space, drawn by density and evenly within its voxel, and the spacing that `count` points have
-    /// there.
+    /// Draws a point in voxel space, by density and evenly within its voxel, and returns it with the spacing
+    /// that `count` points have there.
     pub fn draw(&self, count: usize, rng: &mut impl RngExt) -> ([f32; 3], f32) {
         let slot = self.find(rng.random());
         (self.within(slot, rng), self.spacing(slot, count))
     }
 
-    /// `count` points in voxel space, drawn by density and evenly within their voxels. They come in the order of the
-    /// voxels in memory, so that what looks at the volume around each of them finds it in the cache.
+    /// Draws `count` points in voxel space, by density and evenly within their voxels. They come in the order
+    /// of the voxels in memory, so that what looks at the volume around each of them finds it in the cache.
     pub fn draw_points(&self, count: usize, rng: &mut impl RngExt) -> Vec<[f32; 3]> {
         let mut places: Vec<f64> = (0..count).map(|_| rng.random()).collect();
         places.par_sort_unstable_by(f64::total_cmp);
         places.into_iter().map(|place| self.within(self.find(place), rng)).collect()
     }
 
-    /// A point in voxel space, drawn evenly within the voxel of a slot.
+    /// Draws a point in voxel space, evenly within the voxel of a slot.
     fn within(&self, slot: usize, rng: &mut impl RngExt) -> [f32; 3] {
         let [sx, sy, _] = self.size;
         let i = self.voxels[slot];
@@ -136,12 +137,13 @@ impl Density {
         std::array::from_fn(|k| (self.low[k] + voxel[k]) as f32 + (rng.random::<f32>() - 0.5))
     }
 
-    /// G∗V at `point` of voxel space.
+    /// Returns G∗V at `point` of voxel space.
     pub fn smoothed(&self, point: [f32; 3]) -> f32 {
         trilinear(&self.smooth, self.size, std::array::from_fn(|k| point[k] - self.low[k] as f32))
     }
 
-    /// ∇(G∗V) at `point` of voxel space, per voxel: differences over two voxels, over fewer at the border.
+    /// Returns ∇(G∗V) at `point` of voxel space, per voxel, from differences over two voxels, or over fewer
+    /// at the border.
     pub fn gradient(&self, point: [f32; 3]) -> DVec3 {
         let difference = |axis: usize| {
             let first = self.low[axis] as f32;
@@ -157,8 +159,8 @@ impl Density {
         DVec3::new(difference(0), difference(1), difference(2))
     }
 
-    /// The second derivatives of G∗V at `point` of voxel space, per voxel²: differences over one voxel on either side,
-    /// the outermost samples going on outside.
+    /// Returns the second derivatives of G∗V at `point` of voxel space, per voxel², from differences over one
+    /// voxel on either side; outside, the outermost samples are repeated.
     pub fn hessian(&self, point: [f32; 3]) -> DMat3 {
         let at = |axis: usize, step: f32, other: usize, other_step: f32| {
             let mut point = point;
@@ -174,8 +176,8 @@ impl Density {
         symmetric([straight(0), straight(1), straight(2), mixed(0, 1), mixed(0, 2), mixed(1, 2)])
     }
 
-    /// The structure tensor G∗(∇∇ᵀ) of G∗V at `points` of voxel space, per voxel². Its six fields are made one
-    /// after the other, so that no more than two boxes of samples are held besides G∗V.
+    /// Returns the structure tensors G∗(∇∇ᵀ) of G∗V at `points` of voxel space, per voxel². Their six entries
+    /// are computed one after the other, so that no more than two boxes of samples are held besides G∗V.
     pub fn structure_tensors(&self, points: &[[f32; 3]]) -> Vec<DMat3> {
         let mut entries = vec![[0.0; 6]; points.len()];
         for (entry, (a, b)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
@@ -191,7 +193,7 @@ impl Density {
     }
 }
 
-/// The symmetric matrix of the entries xx, yy, zz, xy, xz, yz.
+/// Returns the symmetric matrix with the entries xx, yy, zz, xy, xz, yz.
 fn symmetric([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> DMat3 {
     DMat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz])
 }
@@ -204,7 +206,7 @@ fn running_sum(voxels: &[usize], term: impl Fn(usize) -> f64) -> Vec<f64> {
     voxels.iter().scan(0.0, add).collect()
 }
 
-/// For each of some equal steps from 0 to the total, the first slot whose running sum lies beyond.
+/// Returns, for each of some equal steps from 0 to the total, the first slot whose running sum lies beyond.
 fn guide(cumulative: &[f64]) -> Vec<usize> {
     let total = cumulative.last().copied().unwrap_or(0.0);
     let steps = cumulative.len() / VOXELS_PER_GUIDE + 1;
@@ -220,7 +222,8 @@ fn guide(cumulative: &[f64]) -> Vec<usize> {
         .collect()
 }
 
-/// Trilinear sample at `point` in voxels, the outermost samples going on outside. `size` has no zero.
+/// Interpolates the samples trilinearly at `point`, in voxels; outside, the outermost samples are repeated.
+/// No entry of `size` may be 0.
 pub(super) fn trilinear(samples: &[f32], size: [usize; 3], point: [f32; 3]) -> f32 {
     let mut low = [0; 3];
     let mut high = [0; 3];
@@ -239,7 +242,8 @@ pub(super) fn trilinear(samples: &[f32], size: [usize; 3], point: [f32; 3]) -> f
     lerp(along_y(low[2]), along_y(high[2]), t[2])
 }
 
-/// Weights of a sampled Gaussian to four standard deviations, of sum 1.
+/// Returns the taps of a Gaussian sampled to four standard deviations, with sum 1; a single tap without
+/// smoothing (`sigma` of 0).
 fn gaussian_taps(sigma: f32) -> Vec<f32> {
     if sigma <= 0.0 {
         return vec![1.0];
@@ -251,7 +255,8 @@ fn gaussian_taps(sigma: f32) -> Vec<f32> {
     taps.iter().map(|t| (t / sum) as f32).collect()
 }
 
-/// First voxel and voxel counts of the box of all weights above 0, wider by `margin` as far as the volume goes.
+/// Returns the first voxel and the voxel counts of the box of all weights above 0, wider by `margin` as far
+/// as the volume goes; nothing if there is no such weight.
 fn bounding_box(roi: &Roi, margin: usize) -> Option<([usize; 3], [usize; 3])> {
     let [sx, sy, _] = roi.size;
     if roi.size.contains(&0) {
@@ -279,7 +284,7 @@ fn bounding_box(roi: &Roi, margin: usize) -> Option<([usize; 3], [usize; 3])> {
     Some((low, std::array::from_fn(|k| high[k] - low[k] + 1)))
 }
 
-/// The box at `low` of the given `size` out of samples on a grid of `whole`, each through `map`.
+/// Returns the box at `low` of the given `size`, out of samples on a grid of `whole`, each through `map`.
 fn crop(
     samples: &[f32],
     whole: [usize; 3],
@@ -298,12 +303,13 @@ fn crop(
     out
 }
 
-/// Separable convolution with `taps`, the outermost samples going on outside. A slice at a time: along z into a plane,
-/// then along y, then along x, so that the planes stay in the cache.
+/// Convolves the samples with `taps` along each axis; outside, the outermost samples are repeated. Each slice
+/// is computed on its own (along z into a plane, then along y, then along x), so that the planes stay in the
+/// cache.
 fn smoothed(samples: &[f32], size: [usize; 3], taps: &[f32]) -> Vec<f32> {
     let [sx, sy, sz] = size;
     let radius = taps.len() / 2;
-    // The sample that tap `j` meets at `i` of `n`.
+    // Index of the sample that tap `j` reads for sample `i` of `n`.
     let met = |i: usize, j: usize, n: usize| (i + j).saturating_sub(radius).min(n - 1);
     let add = |out: &mut [f32], tap: f32, row: &[f32]| {
         for (out, &v) in out.iter_mut().zip(row) {
@@ -335,12 +341,12 @@ fn smoothed(samples: &[f32], size: [usize; 3], taps: &[f32]) -> Vec<f32> {
     out
 }
 
-/// |g|.
+/// Returns |g|.
 fn length(g: [f32; 3]) -> f32 {
     (g[0] * g[0] + g[1] * g[1] + g[2] * g[2]).sqrt()
 }
 
-/// `map` of ∇ by central differences, one-sided at the border, per voxel.
+/// Returns `map` of the gradient at each sample, per voxel, by central differences, one-sided at the border.
 fn gradients(samples: &[f32], size: [usize; 3], map: impl Fn([f32; 3]) -> f32 + Sync) -> Vec<f32> {
     let [sx, sy, sz] = size;
     let mut out = vec![0.0; samples.len()];

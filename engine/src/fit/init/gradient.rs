@@ -1,10 +1,11 @@
 //! The initialiser "gradient": blue noise that is denser where the intensity changes.
 //!
-//! 1. `density`: p ∝ M · (G∗|∇(G∗V)| / mean + floor)^exponent per voxel, M the region's soft weight and G a narrow
-//!    Gaussian. Splats gather where the intensity changes, which is worth some 2 dB against an even start.
+//! 1. `density`: p ∝ M · (G∗|∇(G∗V)| / mean + floor)^exponent per voxel, with M the region's soft weight and
+//!    G a narrow Gaussian. Splats gather where the intensity changes, which is worth some 2 dB against an
+//!    even start.
 //! 2. `blue_noise`: exactly `count` points of density ∝ p that keep apart from each other as p⁻¹ᐟ³.
-//! 3. Scales from the four nearest neighbours (`grid`), flattened along the smoothed gradient: a splat on an edge
-//!    lies in it. Nearest-neighbour scales are worth 9 dB against random ones.
+//! 3. Scales follow from the four nearest neighbours (`grid`) and are flattened along the smoothed gradient:
+//!    a splat on an edge lies in it. Nearest-neighbour scales are worth 9 dB against random ones.
 
 use glam::DMat3;
 use rand::SeedableRng;
@@ -22,9 +23,10 @@ use crate::splat::activation::Activations;
 use crate::splat::space::reshaped;
 use crate::volume::{Roi, Volume};
 
-/// Places exactly `count` splats in the region of interest, in voxel space: means up to half a voxel beyond the outer
-/// voxel centres, ln σ in ln voxels, intensities by trilinear sampling of the volume. Returns none if no voxel of the
-/// region has a weight above 0. Samples that are not finite count as 0. `config` must pass [`InitConfig::check`].
+/// Places exactly `count` splats in the region of interest, in voxel space: means up to half a voxel beyond
+/// the outer voxel centres, ln σ in ln voxels, intensities by trilinear sampling of the volume. Returns none
+/// if no voxel of the region has a weight above 0. Samples that are not finite count as 0. `config` must pass
+/// [`InitConfig::check`].
 pub fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &InitConfig) -> Vec<Splat> {
     assert_eq!(volume.size, roi.size, "a region of interest lies on the grid of its volume");
     let Some(density) = Density::of(volume, roi, config.weights()).filter(|_| count > 0) else {
@@ -57,7 +59,8 @@ pub fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &
         .collect()
 }
 
-/// Scale of a turned splat along its axes over that of a round one, of product 1: flat across z or long along x.
+/// Returns the scales of a turned splat along its axes over that of a round one, with product 1: flat across
+/// z or long along x.
 fn flattened(config: &InitConfig) -> [f32; 3] {
     let (root, whole) = (config.anisotropy.sqrt(), config.anisotropy);
     if config.orientation.lengthens {
@@ -67,8 +70,8 @@ fn flattened(config: &InitConfig) -> [f32; 3] {
     }
 }
 
-/// Mean distance from a point to its four nearest neighbours; a neighbour that is not found near by counts with
-/// `expected`, the spacing that the density asks for there.
+/// Returns the mean distance from a point to its four nearest neighbours, in voxels. A neighbour that is not
+/// found nearby counts with `expected`, the spacing that the density asks for there.
 fn mean_neighbour_distance(grid: &PointGrid, index: usize, expected: f32, config: &InitConfig) -> f32 {
     let reach = config.scale_max / config.scale_factor;
     let nearest: [f32; 4] = grid.nearest_squared(index, reach);

@@ -1,12 +1,13 @@
-//! Points in a hashed grid: cost follows the number of points, not the space between them.
+//! A hashed grid of points for neighbour searches: its cost follows the number of points, not the space
+//! between them.
 
-/// Search for neighbours goes no further than this many cells.
+/// A search for neighbours goes no further than this many cells.
 const SEARCH_CELLS: i32 = 12;
 
-/// Least edge of a cell in voxels: cell numbers of any volume fit into i32.
+/// Least edge of a cell in voxels, so that cell numbers of any volume fit into i32.
 const LEAST_CELL: f32 = 1e-4;
 
-/// No point, in the chains.
+/// Marks the end of a chain.
 const END: u32 = u32::MAX;
 
 /// Points in cubic cells; a cell's points form a chain, and cells share buckets by hash.
@@ -19,7 +20,7 @@ pub(in crate::fit) struct PointGrid {
 }
 
 impl PointGrid {
-    /// An empty grid for up to `capacity` points (fewer than 2³²) with cells of edge `cell`.
+    /// Creates an empty grid for up to `capacity` points (fewer than 2³²) with cells of edge `cell`.
     pub fn new(cell: f32, capacity: usize) -> PointGrid {
         PointGrid {
             cell: cell.max(LEAST_CELL),
@@ -42,7 +43,8 @@ impl PointGrid {
         self.points.push((point, next));
     }
 
-    /// Whether some point within `radius` satisfies `test`, which gets the point's index and squared distance.
+    /// Returns true if some point within `radius` satisfies `test`, which is given the point's index and
+    /// squared distance.
     pub fn any_within(&self, at: [f32; 3], radius: f32, test: impl Fn(usize, f32) -> bool) -> bool {
         let low = self.cell_of(at.map(|v| v - radius));
         let high = self.cell_of(at.map(|v| v + radius));
@@ -64,12 +66,13 @@ impl PointGrid {
         false
     }
 
-    /// Squared distances from point `index` to its `K` nearest neighbours, ascending; infinite where there is none
-    /// within about `reach` and [`SEARCH_CELLS`]. Shells of cells are searched outwards.
+    /// Returns the squared distances from point `index` to its `K` nearest neighbours, ascending; infinite
+    /// where there is none within about `reach` and [`SEARCH_CELLS`]. Shells of cells are searched outwards.
     pub fn nearest_squared<const K: usize>(&self, index: usize, reach: f32) -> [f32; K] {
         let at = self.point(index);
         let centre = self.cell_of(at);
-        // Distance to the nearest wall of the own cell: all nearer than it plus the searched shells has been seen.
+        // Distance to the nearest wall of the point's own cell: everything nearer than this plus the searched
+        // shells has been seen.
         let inside = (0..3)
             .map(|k| {
                 let offset = at[k] - centre[k] as f32 * self.cell;
@@ -119,7 +122,8 @@ impl PointGrid {
         point.map(|v| (v / self.cell).floor() as i32)
     }
 
-    /// Rows of cells are scattered, but the cells of a row stay neighbours: a search meets them in one cache line.
+    /// Returns the bucket of a cell. Rows of cells are scattered, but the cells of a row stay neighbours, so
+    /// that a search finds them in one cache line.
     fn bucket(&self, [x, y, z]: [i32; 3]) -> usize {
         let row = (y as u32).wrapping_mul(0xd816_3841) ^ (z as u32).wrapping_mul(0xcb1a_b31f);
         let row = (row ^ (row >> 15)).wrapping_mul(0x2c1b_3c6d);

@@ -6,8 +6,10 @@ use super::density::{Density, trilinear};
 use crate::splat::{Activations, Splat};
 use crate::volume::Volume;
 
-/// Intensity of a splat in voxel space: trilinear at its mean, or, where `footprint` is above 0 and the geometric mean
-/// of its scales (voxels) is not below it, the mean of the finite voxels within one standard deviation, if there is one.
+/// Returns the intensity of a splat in voxel space. This is the trilinear sample of the volume at its mean,
+/// or of the smoothed volume where that is not finite. If `footprint` is above 0 and the geometric mean of
+/// the splat's scales (voxels) is not below it, this is the mean of the finite voxels within one standard
+/// deviation, if there are any.
 pub(super) fn intensity(volume: &Volume, density: &Density, splat: &Splat, footprint: f32) -> f32 {
     let wide = || splat.log_scale.iter().sum::<f32>() / 3.0 >= footprint.ln();
     if footprint > 0.0
@@ -20,7 +22,8 @@ pub(super) fn intensity(volume: &Volume, density: &Density, splat: &Splat, footp
     if sample.is_finite() { sample } else { density.smoothed(splat.mean) }
 }
 
-/// Mean of the finite voxels whose centres lie within a whitened distance of 1; nothing if there is none.
+/// Returns the mean of the finite voxels whose centres lie within a whitened distance of 1; nothing if there
+/// is none.
 fn footprint_mean(volume: &Volume, splat: &Splat) -> Option<f32> {
     let mean = DVec3::from_array(splat.mean.map(f64::from));
     let scale = DVec3::from_array(splat.scale().map(f64::from));

@@ -1,17 +1,17 @@
-//! Where splats start: a row of [`INITIALISERS`] places them in the region of interest.
+//! Initialisers: a row of [`INITIALISERS`] places the first splats in the region of interest.
 //!
 //! | file | what it is |
 //! |---|---|
-//! | `config` | what all initialisers are told |
+//! | `config` | the hyper-parameters of all initialisers |
 //! | `gradient` | blue noise, denser where the intensity changes; the default |
 //! | `uniform` | the paper's: at random, the mask being the probability |
-//! | `reference` | that of the code of the paper's authors |
+//! | `reference` | the one in the code of the paper's authors |
 //! | `orientation` | the cues that turn splats ([`ORIENTATIONS`]) |
 //! | `intensity` | intensities from the volume |
-//! | `density`, `blue_noise`, `grid`, `symmetric` | densities, points that keep apart, neighbours, eigenvectors |
+//! | `density`, `blue_noise`, `grid`, `symmetric` | densities, spaced points, neighbours, eigenvectors |
 //!
-//! Everything is in voxel space. The result depends on the inputs and the seed alone, not on the number of threads.
-//! Time and memory follow the region's bounding box, not the volume.
+//! Everything is in voxel space. The result depends on the inputs and the seed alone, not on the number of
+//! threads. Time and memory follow the region's bounding box, not the volume.
 
 mod blue_noise;
 mod config;
@@ -36,9 +36,10 @@ use crate::volume::{Roi, Volume};
 pub struct Initialiser {
     /// Name on the command line.
     pub name: &'static str,
-    /// Places `count` splats in voxel space; exactly that many, none if no voxel of the region
-    /// has a weight above 0. With [`ScaleUnit::Box`](super::ScaleUnit::Box) they have their shape in the unit
-    /// cube of the volume's box, in the unit of [`ScaleUnit::stretch`](super::ScaleUnit::stretch), as a fit with that unit takes them.
+    /// Places exactly `count` splats in voxel space, or none if no voxel of the region has a weight above 0.
+    /// With [`ScaleUnit::Box`](super::ScaleUnit::Box) they have their shape in the unit cube of the volume's
+    /// box, in the unit of [`ScaleUnit::stretch`](super::ScaleUnit::stretch), as a fit with that unit takes
+    /// them.
     pub run: fn(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &InitConfig) -> Vec<Splat>,
 }
 

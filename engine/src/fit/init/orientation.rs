@@ -1,15 +1,17 @@
-//! What turns the first splats: cues of the smoothed volume, and the table of them.
+//! Orientation of the first splats: the cues of the smoothed volume that turn them, and the table of these
+//! cues.
 //!
-//! A turn is a frame whose z axis is the thin one (across an edge or a vessel) and whose x axis is the long one (along
-//! a vessel). With G∗V the smoothed volume:
+//! A turn is a frame whose z axis is the thin one (across an edge or a vessel) and whose x axis is the long
+//! one (along a vessel). With G∗V the smoothed volume:
 //! - gradient: z along ∇(G∗V); x is any direction in the edge.
-//! - structure tensor: eigenvectors of G∗(∇∇ᵀ), the largest value z, the smallest x. In a vessel's middle, where
-//!   the gradient vanishes, the gradients around it still tell its direction.
-//! - Hessian: eigenvectors of ∇∇ᵀ(G∗V) by |λ|, the largest z, the smallest x. Along a tube the volume does not bend.
-//!   On the very edge of a wide structure it does not bend either, so there the direction is weak.
+//! - structure tensor: eigenvectors of G∗(∇∇ᵀ), the largest value z, the smallest x. In a vessel's middle,
+//!   where the gradient vanishes, the gradients around it still tell its direction.
+//! - Hessian: eigenvectors of ∇∇ᵀ(G∗V) by |λ|, the largest z, the smallest x. Along a tube the volume does
+//!   not bend. On the very edge of a wide structure it does not bend either, so there the direction is weak.
 //!
-//! Derivatives are taken per voxel. Splats shaped in millimetres need theirs per millimetre: for the index-to-world
-//! matrix L a gradient becomes L⁻ᵀg and a tensor L⁻ᵀTL⁻¹. The smoothing is by voxels in both cases, as the paper has it.
+//! Derivatives are taken per voxel. Splats shaped in millimetres need them per millimetre: for the
+//! index-to-world matrix L a gradient becomes L⁻ᵀg and a tensor L⁻ᵀTL⁻¹. The smoothing is by voxels in both
+//! cases, as the paper has it.
 
 use std::fmt;
 
@@ -19,17 +21,19 @@ use rayon::prelude::*;
 use super::density::Density;
 use super::symmetric::eigen;
 
-/// Unit quaternion (w, x, y, z) of a frame with the thin axis z and the long axis x; nothing where there is no direction.
+/// Unit quaternion (w, x, y, z) of a frame with the thin axis z and the long axis x; nothing where there is
+/// no direction.
 pub(super) type Turn = Option<[f32; 4]>;
 
-/// Finds the turns at points of voxel space. The matrix is L⁻ᵀ where splats are shaped in millimetres.
+/// Function that finds the turns at points of voxel space. The matrix is L⁻ᵀ where splats are shaped in
+/// millimetres.
 type Run = fn(&Density, &[[f32; 3]], Option<&DMat3>) -> Vec<Turn>;
 
 /// A way to turn splats at first.
 pub struct Orientation {
     /// Name in configurations.
     pub name: &'static str,
-    /// Whether it is the long axis that the cue tells best, so that "gradient" lengthens splats along it instead of
+    /// True if the cue tells the long axis best, so that "gradient" lengthens splats along it instead of
     /// flattening them across the thin one.
     pub lengthens: bool,
     pub(super) run: Run,
@@ -44,7 +48,7 @@ pub const ORIENTATIONS: &[Orientation] = &[
 ];
 
 impl PartialEq for Orientation {
-    /// Names are unique in the table.
+    /// Compares the names, which are unique in the table.
     fn eq(&self, other: &Self) -> bool {
         self.name == other.name
     }
@@ -56,8 +60,8 @@ impl fmt::Debug for Orientation {
     }
 }
 
-/// There is no direction where the gradient (per voxel) or the Hessian (per voxel²) is below this share of the
-/// region's mean gradient (per voxel).
+/// There is no direction where the gradient (per voxel) or the Hessian (per voxel²) is below this share of
+/// the region's mean gradient (per voxel).
 const FLAT: f64 = 1e-3;
 
 fn by_gradient(density: &Density, points: &[[f32; 3]], per_mm: Option<&DMat3>) -> Vec<Turn> {
@@ -90,13 +94,14 @@ fn by_hessian(density: &Density, points: &[[f32; 3]], per_mm: Option<&DMat3>) ->
         .collect()
 }
 
-/// The turn of a tensor: x where it is smallest, z where it is largest.
+/// Returns the turn of a tensor: the x axis where its eigenvalue is smallest in magnitude, the z axis where
+/// it is largest.
 fn frame(tensor: &DMat3, per_mm: Option<&DMat3>) -> [f32; 4] {
     let (_, axes) = eigen(&per_mm.map_or(*tensor, |m| *m * *tensor * m.transpose()));
     quaternion(DQuat::from_mat3(&axes).normalize())
 }
 
-/// A turn that takes the z axis onto the line of `direction`, which must not vanish.
+/// Returns a turn that takes the z axis onto the line of `direction`, which must not vanish.
 fn z_onto(direction: DVec3) -> [f32; 4] {
     // Either sense of the line will do; the upper one is never opposite to z.
     let direction = direction.normalize();

@@ -1,9 +1,10 @@
-//! The initialisation of the paper's authors' code: means even over the voxels of the region, not more than four in a cell
-//! of 2³ voxels, and one random scale a splat, so that it is round in the space that scales count in.
+//! The initialiser "reference", as in the code of the paper's authors: means even over the voxels of the
+//! region, not more than four in a cell of 2³ voxels, and one random scale for each splat, so that it is
+//! round in the space of the scales' unit.
 //!
-//! A voxel is of the region where the mask is at least 0.05, whatever more it is: a soft mask is no probability here. A mean
-//! lies evenly within its voxel and is drawn again where it has come into a voxel outside of the region. Where there is no
-//! room for so many splats, cells take more.
+//! A voxel is in the region if the mask is at least 0.05, however much more it is: a soft mask is no
+//! probability here. A mean lies evenly within its voxel and is drawn again if it falls into a voxel outside
+//! the region. If there is no room for so many splats, cells take more.
 
 use glam::{DMat3, IVec3};
 use rand::{RngExt, SeedableRng};
@@ -18,15 +19,15 @@ use crate::splat::space::reshaped;
 use crate::splat::{Activations, Splat};
 use crate::volume::{Roi, Volume};
 
-/// Least mask of a voxel of the region.
+/// Least mask of a voxel in the region.
 const INSIDE: f32 = 0.05;
 /// The most means in a cell of 2³ voxels.
 const MOST_IN_CELL: usize = 4;
-/// A mean moves this much more than half a voxel at most.
+/// Most that a mean moves beyond half a voxel.
 const JITTER: f32 = 0.01;
 
-/// Places exactly `count` splats; the contract is that of [`super::Initialiser::run`]. One sequence of random numbers is
-/// drawn for all splats, so the result does not depend on the number of threads.
+/// Places exactly `count` splats; the contract is that of [`super::Initialiser::run`]. One sequence of random
+/// numbers is drawn for all splats, so the result does not depend on the number of threads.
 pub(super) fn initialise(
     volume: &Volume,
     roi: &Roi,
@@ -66,7 +67,8 @@ pub(super) fn initialise(
         .collect()
 }
 
-/// The means, voxel space. Where no voxel is in the region by the threshold, those with any mask are.
+/// Draws the means, in voxel space. If no voxel reaches the threshold of the region, those with any mask are
+/// the region.
 fn means(roi: &Roi, count: usize, rng: &mut Pcg64) -> Vec<[f32; 3]> {
     let above = |least: f32| -> Vec<usize> {
         (0..roi.weight.len()).filter(|&i| roi.weight[i] >= least && roi.weight[i] > 0.0).collect()

@@ -1,15 +1,16 @@
-//! Eigenvectors of symmetric 3×3 matrices, which glam does not have, by cyclic Jacobi rotations in f64 (Golub & Van
-//! Loan, 8.5): exact to rounding also for equal and vanishing eigenvalues, where closed forms lose their vectors.
+//! Eigenvectors of symmetric 3×3 matrices, which glam does not have, by cyclic Jacobi rotations in f64 (Golub
+//! & Van Loan, 8.5): exact to rounding also for equal and vanishing eigenvalues, where closed forms lose
+//! their vectors.
 
 use glam::{DMat3, DVec3};
 
-/// Rotations stop where the elements beside the diagonal are below this share of the matrix.
+/// Rotations stop when the elements beside the diagonal are below this share of the matrix.
 const DIAGONAL: f64 = 1e-15;
-/// A 3×3 matrix settles in about four sweeps.
+/// Maximum number of sweeps; a 3×3 matrix settles in about four.
 const MAX_SWEEPS: usize = 12;
 
-/// The eigenvalues of the symmetric matrix `m` by ascending magnitude, and an orthonormal, right-handed set of their
-/// eigenvectors as columns.
+/// Returns the eigenvalues of the symmetric matrix `m` by ascending magnitude, and an orthonormal,
+/// right-handed set of their eigenvectors as columns.
 pub(super) fn eigen(m: &DMat3) -> (DVec3, DMat3) {
     let mut a = m.to_cols_array_2d();
     let mut vectors = [DVec3::X, DVec3::Y, DVec3::Z];

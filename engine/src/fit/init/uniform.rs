@@ -1,12 +1,13 @@
-//! The paper's initialisation (its section 3.4): means at random in the region of interest, scales at random.
+//! The initialiser "uniform", from the paper's section 3.4: means at random in the region of interest, scales
+//! at random.
 //!
-//! A voxel is drawn with the probability M / ΣM, the mean evenly within it; the three scales from U(`scale_min`,
-//! `scale_max`). Where the volume has a direction (`orientation`), the smallest scale goes along the thin axis and the
-//! largest along the long one; elsewhere they stay as drawn, along the axes.
+//! A voxel is drawn with the probability M / ΣM, and the mean evenly within it; the three scales are drawn
+//! from U(`scale_min`, `scale_max`). Where the volume has a direction (`orientation`), the smallest scale
+//! goes along the thin axis and the largest along the long one; elsewhere they stay as drawn, along the axes.
 //!
-//! With [`ScaleUnit::Voxel`] all this is in voxel space. With [`ScaleUnit::Spacing`] a scale counts in the mean of the
-//! three voxel spacings and the direction is one of the patient's space: the splat is an ellipsoid in millimetres, which
-//! the volume's matrix takes to voxel space.
+//! With [`ScaleUnit::Voxel`] all this is in voxel space. With [`ScaleUnit::Spacing`] a scale counts in the
+//! mean of the three voxel spacings and the direction is one of the patient's space: the splat is an
+//! ellipsoid in millimetres, which the volume's matrix takes to voxel space.
 
 use glam::DMat3;
 use rand::{RngExt, SeedableRng};
@@ -21,8 +22,8 @@ use crate::splat::space::reshaped;
 use crate::splat::{Activations, Splat};
 use crate::volume::{Roi, Volume};
 
-/// Places exactly `count` splats; the contract is that of [`super::initialise`]. One sequence of random numbers is drawn
-/// for all splats, so the result does not depend on the number of threads.
+/// Places exactly `count` splats; the contract is that of [`super::Initialiser::run`]. One sequence of random
+/// numbers is drawn for all splats, so the result does not depend on the number of threads.
 pub(super) fn initialise(
     volume: &Volume,
     roi: &Roi,
@@ -40,7 +41,7 @@ pub(super) fn initialise(
     let mut scale = || config.scale_min + span * rng.random::<f32>();
     let scales: Vec<[f32; 3]> = (0..count).map(|_| [scale(), scale(), scale()]).collect();
     let millimetres = match config.unit {
-        // In the box scales and directions are those of the box.
+        // With the unit "box", scales and directions are those of the box.
         ScaleUnit::Voxel | ScaleUnit::Box => None,
         ScaleUnit::Spacing => Some(Millimetres::of(volume)),
     };
@@ -68,11 +69,11 @@ pub(super) fn initialise(
         .collect()
 }
 
-/// What leads from millimetres to the voxels of a volume and back.
+/// Maps between millimetres and the voxels of a volume.
 struct Millimetres {
-    /// L⁻¹, L the linear part of the index-to-world map.
+    /// L⁻¹, with L the linear part of the index-to-world map.
     voxel_from_mm: DMat3,
-    /// L⁻ᵀ, which makes gradients per voxel those per millimetre.
+    /// L⁻ᵀ, which turns gradients per voxel into gradients per millimetre.
     per_mm: DMat3,
     /// Mean of the three voxel spacings, mm.
     mean_spacing: f32,

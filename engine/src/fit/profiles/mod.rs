@@ -1,15 +1,16 @@
-//! Named sets of hyper-parameters, each a plain TOML file in `profiles/` that says only what differs from the default.
+//! Profiles: named sets of hyper-parameters. Each is a plain TOML file in `profiles/` that states only what
+//! differs from the default.
 
 use super::FitConfig;
 use crate::error::{Error, Kind, Result};
 
-/// A row of [`PROFILES`].
+/// A named set of hyper-parameters, a row of [`PROFILES`].
 pub struct Profile {
     /// Name on the command line.
     pub name: &'static str,
-    /// What it is for, in a few words.
+    /// Purpose, in a few words.
     pub about: &'static str,
-    /// The file: keys of [`FitConfig`].
+    /// Contents of the file: keys of [`FitConfig`].
     pub toml: &'static str,
 }
 
@@ -38,7 +39,7 @@ pub const PROFILES: &[Profile] = &[
 ];
 
 impl Profile {
-    /// The profile of that name.
+    /// Returns the profile called `name`; if there is none, fails with the list of names.
     pub fn named(name: &str) -> Result<&'static Profile> {
         PROFILES.iter().find(|row| row.name == name).ok_or_else(|| {
             let names = PROFILES.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
@@ -47,7 +48,7 @@ impl Profile {
         })
     }
 
-    /// Its hyper-parameters.
+    /// Returns the hyper-parameters of the profile.
     pub fn config(&self) -> Result<FitConfig> {
         toml::from_str(self.toml).map_err(|e| {
             Error::new(Kind::Internal, "VGS-CFG-014", format!("profile {:?}: {}", self.name, e.message()))

@@ -1,30 +1,32 @@
-//! Qualities: points on the front of error against cost, as small changes of whatever profile they are put on.
+//! Quality presets: trade-offs between error and cost, as small changes to any profile.
 //!
-//! Each is a plain TOML file in `qualities/`: `density_times`, by which the profile's splats per voxel (or its number of
-//! splats) are multiplied, and keys of [`FitConfig`] that take the place of the profile's. They were chosen from what
-//! `studies trade fit` measures; `docs/results/tradeoffs.md` has what each costs and gives.
+//! Each is a plain TOML file in `qualities/`. It holds `density_times`, by which the profile's splats per
+//! voxel (or its number of splats) are multiplied, and keys of [`FitConfig`] that replace those of the
+//! profile. The values were chosen from the measurements of `studies trade fit`; `docs/results/tradeoffs.md`
+//! lists the cost and the error of each.
 
 use serde::Deserialize;
 
 use super::FitConfig;
 use crate::error::{Error, Kind, Result};
 
-/// Iterations after which the error of a fit tells what it will be: [`QualityPreset::rmse_of_early`].
+/// Number of iterations after which the error of a fit predicts its final error:
+/// [`QualityPreset::rmse_of_early`].
 pub const EARLY: u32 = 16;
 
-/// A row of [`QUALITIES`].
+/// A quality preset, a row of [`QUALITIES`].
 pub struct QualityPreset {
     /// Name on the command line.
     pub name: &'static str,
-    /// What it is for, in a few words.
+    /// Purpose, in a few words.
     pub about: &'static str,
-    /// The file.
+    /// Contents of the file.
     pub toml: &'static str,
-    /// Root mean square error at the voxels, of the default profile (of an MR: `mr`) at this quality, in units of what it is
-    /// after its first [`EARLY`] iterations: geometric mean over the cases of `docs/results/tradeoffs.md`, which says how far they
-    /// lie around it.
+    /// Ratio of the final root mean square error at the voxels to that after the first [`EARLY`] iterations,
+    /// for the default profile (`mr` for an MR) at this quality. It is the geometric mean over the cases of
+    /// `docs/results/tradeoffs.md`, which says how far they scatter.
     pub rmse_of_early: f64,
-    /// The 99th percentile of the error, likewise.
+    /// The same ratio for the 99th percentile of the error.
     pub p99_of_early: f64,
 }
 
@@ -60,7 +62,7 @@ pub const QUALITIES: &[QualityPreset] = &[
     },
 ];
 
-/// What a file says.
+/// Contents of a quality file.
 #[derive(Deserialize)]
 struct Overlay {
     density_times: f64,
@@ -69,7 +71,7 @@ struct Overlay {
 }
 
 impl QualityPreset {
-    /// The quality of that name.
+    /// Returns the quality called `name`; if there is none, fails with the list of names.
     pub fn named(name: &str) -> Result<&'static QualityPreset> {
         QUALITIES.iter().find(|row| row.name == name).ok_or_else(|| {
             let names = QUALITIES.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
@@ -78,7 +80,7 @@ impl QualityPreset {
         })
     }
 
-    /// The hyper-parameters of a profile at this quality.
+    /// Returns the hyper-parameters of `profile` at this quality.
     pub fn of(&self, profile: &FitConfig) -> Result<FitConfig> {
         let broken = |why: String| {
             Error::new(Kind::Internal, "VGS-CFG-016", format!("quality {:?}: {why}", self.name))

@@ -1,9 +1,9 @@
-//! "densify", sections 3.6 and 3.7 of the paper: splats with a large accumulated position gradient are cloned (small
-//! ones) or split (large ones), nearly transparent ones go, and holes are filled.
+//! The method "densify", sections 3.6 and 3.7 of the paper: splats with a large accumulated position gradient
+//! are cloned (small ones) or split (large ones), nearly transparent splats are pruned, and holes are filled.
 //!
-//! Where more is wanted than may be added, holes get half of it, or more if refinement wants less. Nothing but a new
-//! splat helps a voxel without weight, and filling ends by itself; refinement never does, since a percentile always
-//! finds splats above it.
+//! If more splats are wanted than may be added, holes get half of them, or more if refinement wants less.
+//! Only a new splat helps a voxel without weight, and filling ends by itself; refinement never does, since a
+//! percentile always finds splats above it.
 
 use std::f64::consts::TAU;
 
@@ -16,7 +16,7 @@ use super::{Change, Scene};
 use crate::splat::Splat;
 use crate::splat::activation::Activations;
 
-/// Scales of a split splat over those of its children, from 3D Gaussian splatting.
+/// Ratio of the scales of a split splat to those of its children, from 3D Gaussian splatting.
 const SPLIT: f32 = 1.6;
 
 pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
@@ -37,7 +37,7 @@ pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
     refined.truncate(most - holes.len());
     refined.sort_unstable();
 
-    // As logarithms, as they are stored: a splat of that very scale is not larger.
+    // Scales are compared as logarithms, as they are stored: a splat of that very scale is not larger.
     let limit = scene.config.topology_split_scale.ln();
     let split = |i: usize| splats[i].log_scale.iter().any(|&log| log > limit);
     let mut parents = vec![false; splats.len()];
@@ -63,7 +63,8 @@ pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
     change
 }
 
-/// Which splats have at least this opacity; where none has, the one with the most stays.
+/// Returns, for each splat, true if its opacity is at least `least`; if none has that, the one with the most
+/// stays.
 pub(super) fn staying(splats: &[Splat], least: f32) -> Vec<bool> {
     let mut stays: Vec<bool> = splats.iter().map(|s| s.opacity() >= least).collect();
     if !stays.contains(&true) {
@@ -75,7 +76,7 @@ pub(super) fn staying(splats: &[Splat], least: f32) -> Vec<bool> {
     stays
 }
 
-/// The value below which this percentage of `values` lies, linear between two of them; 0 when there is none.
+/// Returns the value below which `percent` % of `values` lie, linear between two of them; 0 if there is none.
 pub(super) fn percentile(values: &[f32], percent: f32) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f32::total_cmp);
@@ -86,7 +87,7 @@ pub(super) fn percentile(values: &[f32], percent: f32) -> f64 {
     a + (b - a) * rank.fract()
 }
 
-/// A splat at a point drawn from the Gaussian of `parent`, smaller than it.
+/// Creates a splat at a point drawn from the Gaussian of `parent`, smaller than it.
 fn child(scene: &Scene, parent: &Splat, random: &mut Pcg64) -> Splat {
     let scale = parent.scale();
     let along = DVec3::from_array(scale.map(|s| f64::from(s) * normal(random)));
@@ -100,27 +101,27 @@ fn child(scene: &Scene, parent: &Splat, random: &mut Pcg64) -> Splat {
     child
 }
 
-/// A standard normal number (Box and Muller).
+/// Draws a standard normal number (Box and Muller).
 pub(super) fn normal(random: &mut Pcg64) -> f64 {
     // 1 - u lies in (0, 1], where the logarithm is finite.
     let radius = (-2.0 * (1.0 - random.random::<f64>()).ln()).sqrt();
     radius * (TAU * random.random::<f64>()).cos()
 }
 
-/// The median over the splats of the geometric mean of their scales, voxels; 1 when there is no splat.
+/// Returns the median over the splats of the geometric mean of their scales, voxels; 1 if there is no splat.
 fn median_scale(splats: &[Splat]) -> f32 {
     let logs: Vec<f32> = splats.iter().map(|s| s.log_scale.iter().sum::<f32>() / 3.0).collect();
     percentile(&logs, 50.0).exp() as f32
 }
 
-/// At most `most` holes, indices of samples in random order: voxels of the ROI with a summed weight below the limit, in a
-/// soft ROI each with the mask as its probability. A hole that lies within `scale` voxels of one already chosen is taken
-/// to be filled with it.
+/// Finds at most `most` holes and returns the indices of their samples in random order. A hole is a voxel of
+/// the ROI with a summed weight below `topology_hole_weight`; in a soft ROI it counts with the mask as its
+/// probability. A hole within `scale` voxels of one already chosen is taken to be filled with it.
 fn holes(scene: &Scene, scale: f64, most: usize, random: &mut Pcg64) -> Vec<usize> {
     let least = scene.config.topology_hole_weight;
     let open = scene.map_roi(0.0, |field, _, m| if field.weight < least { m } else { 0.0 });
-    // One number u for each hole decides whether it counts (u < m) and when it comes: given u < m, u / m is even in
-    // 0..1 whatever m is.
+    // One number u for each hole decides whether it counts (u < m) and when it comes: given u < m, u / m is
+    // even in 0..1 whatever m is.
     let mut turns: Vec<(f64, usize)> = (0..open.len())
         .filter(|&i| open[i] > 0.0)
         .map(|i| (random.random::<f64>() / f64::from(open[i]), i))

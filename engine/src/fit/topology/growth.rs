@@ -1,12 +1,12 @@
-//! "growth": new splats where the residual is largest, in the first half of the schedule. A new splat needs time to
-//! settle, and the rates have fallen too far in the second half.
+//! The method "growth": new splats are added where the residual is largest, in the first half of the
+//! schedule. A new splat needs time to settle, and the rates have fallen too far in the second half.
 
 use rand_pcg::Pcg64;
 
 use super::residual::splats_at_worst;
 use super::{Change, Scene};
 
-/// From this part of the schedule on nothing changes.
+/// Part of the schedule from which on nothing changes.
 pub(super) const UNTIL: f64 = 0.5;
 
 pub(super) fn growth(scene: &Scene, _: &mut Pcg64) -> Change {

@@ -1,18 +1,19 @@
-//! How the number and the places of the splats change during a fit (adaptive density control). A row of [`TOPOLOGIES`] is
-//! a function from what is there ([`Scene`]) to what shall be ([`Change`]); the fit calls it between two iterations, as
-//! often as its configuration says.
+//! Adaptive density control: how the number and the places of the splats change during a fit. A row of
+//! [`TOPOLOGIES`] is a function from the fit as it is ([`Scene`]) to its new splats ([`Change`]); the fit
+//! calls it between two iterations, as often as its configuration says.
 //!
 //! | file | what it is |
 //! |---|---|
-//! | `scene` | what a change sees and what it returns |
-//! | `densify` | the paper's way: clone, split, prune, fill holes |
-//! | `reference` | the same as the code of the paper's authors has it |
+//! | `scene` | the input and the result of a change |
+//! | `densify` | the paper's method: clone, split, prune, fill holes |
+//! | `reference` | the same as in the code of the paper's authors |
 //! | `growth` | new splats where the error is largest |
-//! | `relocate` | idle splats move there |
-//! | `residual`, `spread` | where the error is largest; places that keep apart |
+//! | `relocate` | idle splats move to where the error is largest |
+//! | `residual`, `spread` | places where the error is largest; samples that keep apart |
 //!
-//! Everything runs on the host. What is drawn at random is drawn in one thread and in a fixed order, and every sum has
-//! an owner, so the same scene and the same random numbers give the same bits whatever the number of threads.
+//! Everything runs on the host. Random numbers are drawn in one thread and in a fixed order, and each sum is
+//! computed by one thread, so the same scene and the same random numbers give the same bits whatever the
+//! number of threads.
 
 mod densify;
 mod growth;
@@ -31,15 +32,15 @@ pub use scene::{Change, Scene};
 use super::config::{FitConfig, row};
 use crate::error::Result;
 
-/// A row of [`TOPOLOGIES`].
+/// A method of density control, a row of [`TOPOLOGIES`].
 pub struct Topology {
     /// Name in configurations.
     pub name: &'static str,
-    /// What a change does; nothing where splats stay what they are.
+    /// Function that changes the splats; none where they stay what they are.
     pub change: Option<fn(&Scene, &mut Pcg64) -> Change>,
 }
 
-/// Every way; the first is the default.
+/// Every method of density control; the first is the default.
 pub const TOPOLOGIES: &[Topology] = &[
     Topology { name: "none", change: None },
     Topology { name: "densify", change: Some(densify::densify) },

@@ -1,14 +1,17 @@
-//! "reference": densification as the paper's authors' code has it, where its text leaves it open.
+//! The method "reference": densification as in the code of the paper's authors, where the paper's text leaves
+//! it open.
 //!
-//! - Refine: splats whose position gradient exceeds 0.6 times the percentile. A splat whose largest scale is at most 0.01
-//!   of the volume's edge gets a copy beside it with scales × 0.8; a larger one is replaced by two of scales × ½, but where
-//!   nothing was copied in this change only if it stands alone.
-//! - Fill: where fewer than 78 % of the splats have three others within three times their mean scale, 5 % of the splats
-//!   are copied: those that stand most alone. Voxels without weight are not looked for.
-//! - Prune: opacities below the limit.
+//! - Refine: this concerns splats whose position gradient exceeds 0.6 times the percentile. A splat whose
+//!   largest scale is at most 0.01 of the volume's edge gets a copy beside it with scales × 0.8. A larger one
+//!   is replaced by two of scales × ½; if nothing was copied in this change, this happens only to splats that
+//!   stand alone.
+//! - Fill: if fewer than 78 % of the splats have three others within three times their mean scale, 5 % of the
+//!   splats are copied: those that stand most alone. Voxels without weight are not looked for.
+//! - Prune: splats with an opacity below the limit are removed.
 //!
-//! At most 10,000 splats come at once, and `topology_share` does not count. What would come to lie outside of the mask is
-//! drawn anew. Their code turns new splats by the gradient again; here they keep the turn of their parent.
+//! At most 10,000 splats are added at once, and `topology_share` does not count. A splat that would lie
+//! outside the mask is drawn anew. Their code turns new splats by the gradient again; here they keep the
+//! rotation of their parent.
 
 use glam::{DMat3, DVec3};
 use rand_pcg::Pcg64;
@@ -20,25 +23,25 @@ use crate::splat::Splat;
 use crate::splat::activation::Activations;
 use crate::splat::space::reshaped;
 
-/// Of the percentile of the position gradients.
+/// Factor of the percentile of the position gradients.
 const THRESHOLD: f64 = 0.6;
-/// Largest scale of a splat that is copied, edges of the volume.
+/// Greatest scale of a splat that is copied, in edges of the volume.
 const SMALL: f32 = 0.01;
-/// Scales of a copy over those of its original.
+/// Ratio of the scales of a copy to those of its original.
 const COPY: f32 = 0.8;
-/// Scales of a half over those of its parent.
+/// Ratio of the scales of a half to those of its parent.
 const HALF: f32 = 0.5;
 /// A splat stands alone if one of its three nearest neighbours is further than this many of its mean scales.
 const NEAR: f32 = 3.0;
-/// Where fewer splats than this share stand close, the others are copied ...
+/// If fewer splats than this share stand close, others are copied ...
 const CLOSE: f64 = 0.78;
 /// ... as many as this share of all.
 const FILLED: f64 = 0.05;
-/// Splats that come at once.
+/// Maximum number of splats that are added at once.
 const MOST: usize = 10_000;
-/// Draws of a place in the mask before a splat stays where its parent is.
+/// Number of draws of a place in the mask before a splat stays where its parent is.
 const DRAWS: usize = 16;
-/// Least mask there.
+/// Least mask at a place that counts as in the mask.
 const INSIDE: f64 = 0.05;
 
 pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
@@ -86,14 +89,16 @@ pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
     change
 }
 
-/// Whether the largest scale of a splat, in the unit cube of the volume's box, is small enough to be copied.
+/// Returns true if the largest scale of a splat, in the unit cube of the volume's box, is small enough for it
+/// to be copied.
 fn is_small(scene: &Scene, splat: &Splat) -> bool {
     let edges = DVec3::from_array(scene.volume.size.map(|n| n.max(2) as f64 - 1.0));
     let limit = SMALL.ln();
     reshaped(splat, &DMat3::from_diagonal(edges.recip())).log_scale.iter().all(|&log| log <= limit)
 }
 
-/// For each splat the distance to its third nearest neighbour over its mean scale; infinite where that is not near.
+/// Returns, for each splat, the distance to its third nearest neighbour over its mean scale; infinite if that
+/// neighbour is not near.
 fn loneliness(splats: &[Splat]) -> Vec<f32> {
     let mean = |s: &Splat| s.scale().iter().sum::<f32>() / 3.0;
     let widest = splats.iter().map(mean).fold(0.0, f32::max).max(f32::MIN_POSITIVE);
@@ -106,7 +111,8 @@ fn loneliness(splats: &[Splat]) -> Vec<f32> {
     splats.iter().enumerate().map(alone).collect()
 }
 
-/// A splat at a point drawn from the Gaussian of `parent`, in the mask, with its scales times `factor`.
+/// Creates a splat at a point drawn from the Gaussian of `parent` and in the mask, with its scales times
+/// `factor`. If no draw lies in the mask, it stays where its parent is.
 fn child(scene: &Scene, parent: &Splat, factor: f32, random: &mut Pcg64) -> Splat {
     let scale = parent.scale();
     let mut child = *parent;

@@ -1,9 +1,9 @@
-//! "relocate": the splats that the field would miss least move to where the residual is largest, in the first half of
-//! the schedule. Their number stays.
+//! The method "relocate": the splats that the field would miss least move to where the residual is largest,
+//! in the first half of the schedule. Their number stays the same.
 //!
-//! The score of a splat is Σₓ m (w/D)² (c − V̂)², D = W + ε: the squared change of the field per change of ln α, the
-//! Gauss-Newton diagonal of ln α. It is 0 for a splat that reaches no voxel of the ROI, that others cover, or that says
-//! what the others say already.
+//! The score of a splat is Σₓ m (w/D)² (c − V̂)², D = W + ε: the squared change of the field per change of ln
+//! α, the Gauss-Newton diagonal of ln α. It is 0 for a splat that reaches no voxel of the ROI, that other
+//! splats cover, or whose intensity is that of the field already.
 
 use glam::{DVec3, IVec3, UVec3};
 use rand_pcg::Pcg64;
@@ -37,10 +37,10 @@ pub(super) fn relocate(scene: &Scene, _: &mut Pcg64) -> Change {
     change
 }
 
-/// What the score needs of a sample: m / D² (0 where it does not count) and V̂ in HU.
+/// Values of a sample that the score needs: m / D² (0 where it does not count) and V̂ in HU.
 type Term = [f32; 2];
 
-/// The score of each splat, squared HU. One that is not finite counts as 0.
+/// Returns the score of each splat, squared HU. A score that is not finite counts as 0.
 pub(super) fn scores(scene: &Scene) -> Vec<f64> {
     let epsilon = scene.config.epsilon;
     let terms = scene.map_roi([0.0; 2], |field, _, m| {
@@ -51,12 +51,12 @@ pub(super) fn scores(scene: &Scene) -> Vec<f64> {
     scene.splats.par_iter().map(score).map(|score| if score.is_finite() { score } else { 0.0 }).collect()
 }
 
-/// w of a splat in the middle of its support.
+/// Returns w of a splat in the middle of its support.
 fn peak(splat: &Splat, kernel: Kernel) -> f64 {
     f64::from(splat.opacity()) * kernel.peak(splat.log_scale.map(f64::from))
 }
 
-/// The sum over the support, a row of voxels along x at a time.
+/// Returns the score of a splat: the sum over its support, a row of voxels along x at a time.
 fn score(bricks: &Bricks, terms: &[Term], splat: &Splat, kernel: Kernel) -> f64 {
     let support = kernel.support_q();
     let axes = splat.axes();
@@ -90,7 +90,7 @@ fn score(bricks: &Bricks, terms: &[Term], splat: &Splat, kernel: Kernel) -> f64 
     peak * peak * sum
 }
 
-/// Σ m (κ/D)² (c − V̂)² over the voxels `x` of a row at (y, z), counted from the first of the grid.
+/// Returns Σ m (κ/D)² (c − V̂)² over the voxels `x` of a row at (y, z), counted from the first of the grid.
 fn along_row(
     bricks: &Bricks,
     terms: &[Term],

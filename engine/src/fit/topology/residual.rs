@@ -1,7 +1,7 @@
-//! Where the fit is worst: G₁ ∗ (M (V̂ − V)²) over the ROI, and the voxels where it is largest.
+//! Places where the fit is worst: G₁ ∗ (M (V̂ − V)²) over the ROI, and the voxels where it is largest.
 //!
-//! A single wrong voxel is noise that one more splat would only copy; the smoothing asks for places where several
-//! neighbours are wrong together.
+//! A single wrong voxel is noise that one more splat would only copy; the smoothing asks for places where
+//! several neighbours are wrong together.
 
 use glam::IVec3;
 use rayon::prelude::*;
@@ -12,18 +12,18 @@ use crate::splat::Splat;
 use crate::volume::Bricks;
 use crate::volume::bricks::{BRICK, SAMPLES, brick_morton, brick_voxel};
 
-/// New splats keep this distance from each other, voxels.
+/// Least distance of new splats from each other, voxels.
 const APART: f64 = 2.0;
 /// Standard deviation of a new splat, voxels: it repairs one place and leaves its surroundings to the others.
 const SCALE: f32 = 0.8;
-/// Opacity of a new splat: logit 0, from where either way is near.
+/// Opacity of a new splat: logit 0, from where it can soon rise or fall.
 const OPACITY: f32 = 0.5;
-/// The smoothing has a standard deviation of 1 voxel and ends after this many.
+/// Reach of the smoothing, voxels; its standard deviation is 1 voxel.
 const REACH: usize = 3;
-/// Edge of a brick with what the smoothing needs around it.
+/// Edge of a brick with the voxels around it that the smoothing needs.
 const WIDE: usize = BRICK + 2 * REACH;
 
-/// At most `most` new splats where the smoothed squared residual is largest, the worst voxel first.
+/// Creates at most `most` splats where the smoothed squared residual is largest, the worst voxel first.
 pub(super) fn splats_at_worst(scene: &Scene, most: usize) -> Vec<Splat> {
     if most == 0 {
         return Vec::new();
@@ -38,7 +38,7 @@ pub(super) fn splats_at_worst(scene: &Scene, most: usize) -> Vec<Splat> {
         .collect()
 }
 
-/// G₁ ∗ (M (V̂ − V)²) at each sample, squared HU; 0 outside the ROI.
+/// Returns G₁ ∗ (M (V̂ − V)²) at each sample, squared HU; 0 outside the ROI.
 pub(super) fn smoothed_residuals(scene: &Scene) -> Vec<f32> {
     let squared = scene.map_roi(0.0, |field, voxel, m| {
         let error = field.hu - scene.target(voxel.as_dvec3()) as f32;
@@ -54,8 +54,8 @@ pub(super) fn smoothed_residuals(scene: &Scene) -> Vec<f32> {
         .collect()
 }
 
-/// Samples smoothed by a Gaussian of one voxel; what has no brick counts as 0. Brick by brick, so that cost and memory
-/// follow the ROI.
+/// Smooths samples by a Gaussian of one voxel; what has no brick counts as 0. Each brick is computed on its
+/// own, so that cost and memory follow the ROI.
 fn smoothed(bricks: &Bricks, samples: &[f32]) -> Vec<f32> {
     let taps = taps();
     let mut out = vec![0.0; samples.len()];
@@ -80,7 +80,7 @@ fn smoothed(bricks: &Bricks, samples: &[f32]) -> Vec<f32> {
     out
 }
 
-/// The samples of a brick and of [`REACH`] voxels around it, x fastest.
+/// Gathers into `wide` the samples of a brick and of [`REACH`] voxels around it, x fastest.
 fn gather(bricks: &Bricks, samples: &[f32], slot: usize, wide: &mut [f32]) {
     let centre = bricks.coordinates[slot].as_ivec3();
     let around: [Option<usize>; 27] = std::array::from_fn(|i| {
@@ -101,7 +101,7 @@ fn convolve(taps: &[f32], at: impl Fn(usize) -> f32) -> f32 {
     taps.iter().enumerate().map(|(j, tap)| tap * at(j)).sum()
 }
 
-/// A Gaussian of one voxel at whole voxels, of sum 1.
+/// Returns a Gaussian of one voxel at whole voxels, with sum 1.
 fn taps() -> [f32; 2 * REACH + 1] {
     let raw: [f64; 2 * REACH + 1] = std::array::from_fn(|j| (-0.5 * (j as f64 - REACH as f64).powi(2)).exp());
     let sum: f64 = raw.iter().sum();

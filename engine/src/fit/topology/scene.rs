@@ -1,4 +1,4 @@
-//! What a change of the splats may look at, and what it comes to.
+//! The input and the result of a change of the splats.
 
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
@@ -10,7 +10,7 @@ use crate::splat::activation::Activations;
 use crate::volume::bricks::SAMPLES;
 use crate::volume::{Bricks, Roi, Volume};
 
-/// What a change may look at. Voxel space, HU.
+/// The input of a change, in voxel space and HU.
 pub struct Scene<'a> {
     /// The volume that is fitted.
     pub volume: &'a Volume,
@@ -32,27 +32,28 @@ pub struct Scene<'a> {
     pub samples: &'a [FieldSample],
     /// Part of the schedule that is done, 0..1.
     pub share: f64,
-    /// The most splats there may be.
+    /// Maximum number of splats.
     pub limit: usize,
 }
 
 /// The splats after a change.
 #[derive(Clone, Debug, Default)]
 pub struct Change {
-    /// All of them. Voxel space, HU.
+    /// All splats, in voxel space and HU.
     pub splats: Vec<Splat>,
-    /// For each the old one whose moments of Adam it keeps; a new one starts without.
+    /// For each splat, the index of the old one whose moments of Adam it keeps; a new splat has none and
+    /// starts without moments.
     pub keeps: Vec<Option<u32>>,
 }
 
 impl Change {
-    /// Nothing changes.
+    /// Returns a change that keeps all splats.
     pub(super) fn none(scene: &Scene) -> Change {
         let keeps = (0..scene.splats.len() as u32).map(Some).collect();
         Change { splats: scene.splats.to_vec(), keeps }
     }
 
-    /// One more splat, without moments.
+    /// Adds a new splat, without moments.
     pub(super) fn add(&mut self, splat: Splat) {
         self.splats.push(splat);
         self.keeps.push(None);
@@ -60,19 +61,19 @@ impl Change {
 }
 
 impl Scene<'_> {
-    /// The most splats that one change adds or moves: the share of all, rounded down.
+    /// Returns the most splats that one change adds or moves: `topology_share` of all, rounded down.
     pub(super) fn most_at_once(&self) -> usize {
-        // In f32, where a share of 0.7 of 10 is 7 and not 6.99.
+        // Computed in f32, where a share of 0.7 of 10 is 7 and not 6.99.
         (self.config.topology_share * self.splats.len() as f32) as usize
     }
 
-    /// The most splats that a change adds when `remaining` of the old ones stay.
+    /// Returns the most splats that a change adds when `remaining` of the old ones stay.
     pub(super) fn most_added(&self, remaining: usize) -> usize {
         self.most_at_once().min(self.limit.saturating_sub(remaining))
     }
 
-    /// `f(field, voxel, m)` at each voxel of the ROI, in memory order of the samples; `idle` for all other samples. m is
-    /// the weight of the intensity error: 1 in a binary ROI, the mask in a soft one.
+    /// Returns `f(field, voxel, m)` at each voxel of the ROI and `idle` at all other samples, in memory order
+    /// of the samples. m is the weight of the intensity error: 1 in a binary ROI, the mask in a soft one.
     pub(super) fn map_roi<T: Copy + Send + Sync>(
         &self,
         idle: T,
@@ -96,17 +97,17 @@ impl Scene<'_> {
         out
     }
 
-    /// V at `x` (voxel space), as the fit sees it: clipped and trilinear, HU.
+    /// Returns V at `x` (voxel space), as the fit sees it: clipped and trilinear, HU.
     pub(super) fn target(&self, x: DVec3) -> f64 {
         self.volume.sample_clipped(x, self.scaling.range, self.scaling.background)
     }
 
-    /// The voxel of the sample with this index.
+    /// Returns the voxel of the sample with this index.
     pub(super) fn voxel(&self, index: usize) -> IVec3 {
         self.bricks.voxel(index / SAMPLES, index % SAMPLES)
     }
 
-    /// A new round splat with the intensity of the volume. Voxel space.
+    /// Creates a round splat at `mean` (voxel space) with the intensity of the volume there.
     pub(super) fn new_splat(&self, mean: DVec3, scale: f32, opacity: f32) -> Splat {
         let mut splat = Splat { mean: mean.as_vec3().to_array(), ..Splat::default() };
         splat.rotation = [1.0, 0.0, 0.0, 0.0];
@@ -118,7 +119,8 @@ impl Scene<'_> {
         splat
     }
 
-    /// Puts a splat within the clamps of the optimiser: its mean in the brick grid, scales and opacity in their ranges.
+    /// Puts a splat within the clamps of the optimiser: its mean in the brick grid, scales and opacity in
+    /// their ranges.
     pub(super) fn clamp(&self, splat: &mut Splat) {
         let low = self.bricks.origin.as_vec3() - 0.5;
         let high = low + (self.bricks.grid * 8).as_vec3();

@@ -1,12 +1,12 @@
-//! Samples that keep apart from each other.
+//! Selection of samples that keep apart from each other.
 
 use glam::{IVec3, UVec3};
 
 use crate::volume::Bricks;
 use crate::volume::bricks::{NO_SLOT, SAMPLES, brick_morton};
 
-/// The first `most` of `candidates` (indices of samples, best first) of which no two are nearer than `distance` voxels:
-/// whatever lies nearer to one already taken is left out.
+/// Returns the first `most` of `candidates` (indices of samples, best first) of which no two are nearer than
+/// `distance` voxels: a candidate nearer than that to one already taken is left out.
 pub(super) fn spread(
     bricks: &Bricks,
     candidates: impl IntoIterator<Item = usize>,
@@ -34,7 +34,7 @@ pub(super) fn spread(
     chosen
 }
 
-/// All steps from a voxel to one nearer than `distance`, to itself at least.
+/// Returns all steps from a voxel to those nearer than `distance`; the step to itself is always among them.
 fn offsets_within(distance: f64) -> Vec<IVec3> {
     let reach = (distance.ceil() as i32).max(0);
     let mut offsets = Vec::new();
@@ -51,13 +51,14 @@ fn offsets_within(distance: f64) -> Vec<IVec3> {
     offsets
 }
 
-/// Index of the sample at a voxel that counts from the first of the grid; nothing where there is no brick.
+/// Returns the index of the sample at a voxel that counts from the first of the grid; nothing if there is no
+/// brick.
 fn index_of(bricks: &Bricks, local: IVec3) -> Option<usize> {
     let slot = slot_at(bricks, local.div_euclid(IVec3::splat(8)))?;
     Some(slot * SAMPLES + brick_morton(local.rem_euclid(IVec3::splat(8)).as_uvec3()))
 }
 
-/// Slot of a brick of the grid; nothing where there is none.
+/// Returns the slot of a brick of the grid; nothing if there is none.
 pub(super) fn slot_at(bricks: &Bricks, brick: IVec3) -> Option<usize> {
     let grid = bricks.grid;
     if brick.cmplt(IVec3::ZERO).any() || brick.cmpge(grid.as_ivec3()).any() {

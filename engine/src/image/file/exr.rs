@@ -26,12 +26,12 @@ use crate::{Error, Kind, Result};
 pub(super) const FORMAT: Format =
     Format { name: "exr", depth: true, magic: &[0x76, 0x2f, 0x31, 0x01], read, write };
 
-/// What is decoded into: colours already as the display has them.
+/// What a file is decoded into: colours are already display-referred.
 struct Decoded {
     width: usize,
     pixels: Vec<[f32; 4]>,
     depth: Option<Vec<f32>>,
-    /// Pixels that have come.
+    /// Number of pixels decoded so far.
     seen: usize,
     /// The first pixel whose colour or opacity is NaN or infinite.
     broken: Option<[usize; 2]>,
@@ -100,7 +100,7 @@ fn read(source: &mut Source) -> Result<Picture> {
     Ok(Picture { image: Image { size, pixels }, depth })
 }
 
-/// Stores one pixel.
+/// Stores one pixel, converted to display-referred colour, and notes the first one that is broken.
 fn put(to: &mut Option<Decoded>, Vec2(x, y): Vec2<usize>, (r, g, b, a, z): (f32, f32, f32, f32, f32)) {
     let Some(to) = to else { return };
     let index = y * to.width + x;
@@ -114,7 +114,7 @@ fn put(to: &mut Option<Decoded>, Vec2(x, y): Vec2<usize>, (r, g, b, a, z): (f32,
     }
 }
 
-/// Writes one layer, whose lines stand in order: the same pixels give the same bytes.
+/// Writes one layer with its lines in order, so that the same pixels give the same bytes.
 fn write(image: &Image, depth: Option<&[f32]>, out: &mut dyn Write) -> io::Result<()> {
     let mut planes = [const { Vec::new() }; 4];
     for &pixel in &image.pixels {
@@ -141,7 +141,7 @@ fn write(image: &Image, depth: Option<&[f32]>, out: &mut dyn Write) -> io::Resul
     out.write_all(&bytes)
 }
 
-/// Returns a function of each straight colour of a premultiplied pixel.
+/// Applies `of` to each straight colour of a premultiplied pixel and returns the pixel premultiplied again.
 fn each_straight([r, g, b, a]: [f32; 4], of: fn(f64) -> f64) -> [f32; 4] {
     if a == 0.0 {
         return [0.0; 4];
@@ -151,13 +151,13 @@ fn each_straight([r, g, b, a]: [f32; 4], of: fn(f64) -> f64) -> [f32; 4] {
     [r, g, b, a]
 }
 
-/// Linear light of an sRGB-encoded number.
+/// Converts an sRGB-encoded number to linear light.
 fn linear_from_display(v: f64) -> f64 {
     let linear = |v: f64| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
     linear(v.abs()).copysign(v)
 }
 
-/// Returns the sRGB-encoded number of linear light.
+/// Converts linear light to an sRGB-encoded number.
 fn display_from_linear(v: f64) -> f64 {
     let display = |v: f64| if v <= 0.0031308 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 };
     display(v.abs()).copysign(v)

@@ -1,4 +1,4 @@
-//! What a format of pictures is, and what its file holds.
+//! The description of a picture format, and the content of its files.
 
 use std::io;
 
@@ -6,13 +6,13 @@ use super::source::Source;
 use crate::Result;
 use crate::image::Image;
 
-/// What a file holds.
+/// The content of a picture file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Colour and opacity.
     pub image: Image,
-    /// Distance from the viewer of each pixel, mm, in the order of the pixels; what it is where nothing is
-    /// seen, the writer decides (infinity in files of this program).
+    /// Distance of each pixel from the viewer, mm, in the order of the pixels. For pixels where nothing is
+    /// seen the writer chooses the value (infinity in files of this program).
     pub depth: Option<Vec<f32>>,
 }
 
@@ -21,17 +21,17 @@ pub struct Picture {
 pub struct WriteOptions {
     /// The opaque colour behind the picture, display-referred; without one the file keeps the opacity.
     pub background: Option<[f32; 3]>,
-    /// Replaces an existing file.
+    /// True if an existing file is replaced.
     pub force: bool,
 }
 
 /// A file format.
 pub struct Format {
-    /// Its name, which is also the extension.
+    /// Name of the format, which is also its extension.
     pub name: &'static str,
     /// True if it can hold a depth.
     pub depth: bool,
-    /// The bytes with which a file begins.
+    /// The first bytes of a file of this format.
     pub(super) magic: &'static [u8],
     pub(super) read: fn(&mut Source) -> Result<Picture>,
     pub(super) write: Encode,

@@ -1,4 +1,4 @@
-//! The formats of pictures, and which of them a file has.
+//! The picture formats, and the choice of one for a file.
 
 use std::io::{self, Read};
 use std::path::Path;
@@ -10,14 +10,14 @@ use crate::image::Image;
 use crate::image::image::check_size;
 use crate::{Error, Kind, Result};
 
-/// All formats; the first is the usual one.
+/// All formats, the usual one first.
 pub const FORMATS: &[Format] = &[png::FORMAT, exr::FORMAT];
 
 /// Reads a picture; the content of the file decides on the format, not its name.
 ///
 /// # Errors
-/// [`Kind::Missing`] without such a file; [`Kind::BadData`] for what is no picture, is damaged, or has more
-/// than [`MAX_PIXELS`](crate::image::MAX_PIXELS).
+/// [`Kind::Missing`] if there is no such file; [`Kind::BadData`] if it is not a picture, is damaged, or has
+/// more than [`MAX_PIXELS`](crate::image::MAX_PIXELS).
 pub fn read(path: impl AsRef<Path>) -> Result<Picture> {
     let path = path.as_ref();
     let mut source = Source::open(path)?;
@@ -65,10 +65,11 @@ pub fn write(
     crate::output::write_atomic(path, options.force, |out| (format.write)(image, depth, out))
 }
 
-/// Returns the format that the extension of `path` names.
+/// Returns the format that the extension of `path` names, so that a program can ask before it computes
+/// anything.
 ///
 /// # Errors
-/// [`Kind::Usage`] if there is none: programs ask before they compute anything.
+/// [`Kind::Usage`] if there is none.
 pub fn of_extension(path: impl AsRef<Path>) -> Result<&'static Format> {
     let path = path.as_ref();
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();

@@ -15,7 +15,7 @@ use crate::{Error, Kind, Result};
 pub(super) const FORMAT: Format =
     Format { name: "png", depth: false, magic: b"\x89PNG\r\n\x1a\n", read, write };
 
-/// What an animation is besides its frames.
+/// Size and timing of an animation.
 #[derive(Clone, Copy, Debug)]
 pub struct Animation {
     /// Width and height of each frame, pixels.
@@ -24,17 +24,17 @@ pub struct Animation {
     pub frames: u32,
     /// Frames each second, at least one.
     pub frames_per_second: u16,
-    /// How often it is shown; 0 is without end.
+    /// Number of times it is shown; 0 is endlessly.
     pub loops: u32,
 }
 
-/// Writes an animated PNG, atomically; `frame` makes one frame at a time, so only one is in memory.
+/// Writes an animated PNG atomically. `frame` returns one frame at a time, so that only one is in memory.
 ///
-/// A viewer that knows no animation shows the first frame. Where all frames are opaque the file has no
-/// opacity; that is decided by `options.background`.
+/// A viewer without animation shows the first frame. The file has no opacity if all frames are opaque, which
+/// `options.background` decides.
 ///
 /// # Errors
-/// What `frame` returns, with nothing written; [`Kind::Usage`] for no frames or no frame rate; those of
+/// Errors of `frame`, with nothing written; [`Kind::Usage`] for no frames or no frame rate; those of
 /// [`write_atomic`](crate::output::write_atomic).
 ///
 /// # Panics
@@ -82,7 +82,7 @@ fn write(image: &Image, _: Option<&[f32]>, out: &mut dyn Write) -> io::Result<()
 /// Writes a PNG of 8 bits to a stream, with opacity if any pixel is not opaque.
 ///
 /// # Errors
-/// Those of `out`, and a picture without pixels.
+/// Errors of `out`, and an error for a picture without pixels.
 pub fn encode(image: &Image, out: &mut dyn Write) -> io::Result<()> {
     let opaque = image.pixels.iter().all(|pixel| pixel[3] >= 1.0);
     let mut writer = encoder(out, image.size, opaque).write_header()?;
@@ -104,7 +104,7 @@ fn encoder(
     encoder
 }
 
-/// Returns the pixels as PNG has them: 8 bits, not premultiplied; without opacity if `opaque`.
+/// Converts the pixels to those of a PNG: 8 bits, not premultiplied; without opacity if `opaque`.
 fn bytes(image: &Image, opaque: bool) -> Vec<u8> {
     let byte = |value: f32| (value * 255.0).round().clamp(0.0, 255.0) as u8; // NaN becomes 0.
     let mut out = Vec::with_capacity(image.pixels.len() * if opaque { 3 } else { 4 });
@@ -119,7 +119,8 @@ fn bytes(image: &Image, opaque: bool) -> Vec<u8> {
     out
 }
 
-/// Reads 1 to 16 bits, grey, colour or palette, with or without opacity; of an animation its first frame.
+/// Reads a PNG of 1 to 16 bits: grey, colour or palette, with or without opacity. Of an animation it reads
+/// the first frame.
 fn read(source: &mut Source) -> Result<Picture> {
     let stored = source.stored;
     let mut decoder = Decoder::new(&mut source.reader);

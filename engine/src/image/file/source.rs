@@ -6,14 +6,14 @@ use std::path::Path;
 
 use crate::{Error, Kind, Result};
 
-/// DEFLATE, the densest packing in these formats, cannot do better than 1032 : 1, so a longer claim is false
-/// before anything is allocated.
+/// Largest ratio of compression. DEFLATE, the densest packing in these formats, cannot exceed it, so a larger
+/// claim is known to be false before anything is allocated.
 const MAX_RATIO: u64 = 1032;
 
 /// An open file.
 pub(super) struct Source {
     pub(super) reader: BufReader<File>,
-    /// Bytes on disk.
+    /// Size of the file, bytes.
     pub(super) stored: u64,
 }
 
@@ -31,7 +31,7 @@ impl Source {
     }
 }
 
-/// Refuses a size whose `unpacked` bytes a file of `stored` bytes cannot hold.
+/// Refuses a picture size whose `unpacked` bytes cannot come from a file of `stored` bytes.
 pub(super) fn expect(size: [usize; 2], unpacked: u64, stored: u64) -> Result<()> {
     let most = stored.saturating_mul(MAX_RATIO);
     if unpacked > most {

@@ -1,21 +1,23 @@
-//! A splat in 16 bytes: what a renderer keeps of a set where memory and bandwidth count.
+//! Packed splats of 16 bytes: what a renderer keeps of a set if memory and bandwidth matter.
 //!
-//! The splats are put in Morton order of their means and cut into chunks of [`CHUNK`]; a chunk has the box of its means
-//! and the range of its log scales (32 bytes, ⅛ byte a splat), the set has the ranges of logit and intensity. Numbers
-//! are steps between the ends of their range, so both ends are exact. A row is four words, bits counted from the lowest:
+//! The splats are put in Morton order of their means and cut into chunks of [`CHUNK`]; a chunk has the box of
+//! its means and the range of its log scales (32 bytes, ⅛ byte a splat), the set has the ranges of logit and
+//! intensity. Numbers are steps between the ends of their range, so both ends are exact. A row is four words,
+//! bits counted from the lowest:
 //!
 //! | word | bits |
 //! |---|---|
 //! | 0 | mean x 12, y 12, z 8 of 12, in the box of the chunk |
-//! | 1 | quaternion: three components of 10 bits in ±1/√2, then 2 bits: which one, the largest, was left out |
+//! | 1 | quaternion: three components of 10 bits in ±1/√2, then 2: index of the largest, which is omitted |
 //! | 2 | log scales 3 × 9, in the range of the chunk; opacity logit 5 of 9 |
 //! | 3 | intensity 16, label 8, the upper 4 of z, the upper 4 of the logit |
 //!
-//! Against 11-10-11 bits for the mean, 8 for scales and opacity and 8 left over, this division of the same bits brings
-//! 7 dB on default fits, the most of those tried (V̂ of the packed against that of the full set: 74 to 89 dB over
-//! the range of the volume). A uniform logit is better than a uniform α or ln α, of which the weak or the strong splats
-//! are lost. Where intensities run far out of the volume's range, the kernel is cut off sharply and ε is small, as in
-//! the paper's profile, single samples at the rim of a splat flip: there 48 to 63 dB are left.
+//! Against 11-10-11 bits for the mean, 8 for scales and opacity and 8 left over, this division of the same
+//! bits brings 7 dB on default fits, the most of those tried (V̂ of the packed against that of the full set:
+//! 74 to 89 dB over the range of the volume). A uniform logit is better than a uniform α or ln α, of which
+//! the weak or the strong splats are lost. Where intensities run far out of the volume's range, the kernel is
+//! cut off sharply and ε is small, as in the paper's profile, single samples at the rim of a splat flip:
+//! there 48 to 63 dB are left.
 //!
 //! `include/packed.glsl` reads the same rows in f32.
 
@@ -27,7 +29,7 @@ pub use shaders_glsl::types::{PackedChunk, PackedRange};
 use super::Splat;
 use super::activation::{LOG_SCALE_LIMIT, unit_quaternion};
 
-/// Splats of a chunk; only the last may have fewer.
+/// Number of splats of a chunk; only the last chunk may have fewer.
 pub const CHUNK: usize = shaders_glsl::packed::PACKED_CHUNK as usize;
 
 /// Greatest code of a coordinate of the mean.
@@ -36,7 +38,7 @@ const MEAN_CODES: u32 = (1 << 12) - 1;
 const NINE_BITS: u32 = (1 << 9) - 1;
 /// Greatest code of the intensity.
 const INTENSITY_CODES: u32 = (1 << 16) - 1;
-/// Code of a component 0 of the quaternion, which is exact; -1/√2 is 0, 1/√2 is twice this.
+/// Code of a quaternion component of 0, which is exact; -1/√2 is 0, 1/√2 is twice this.
 const ROTATION_ZERO: u32 = (1 << 9) - 1;
 /// Bits of a coordinate in the Morton code.
 const MORTON_BITS: u32 = 21;
@@ -48,17 +50,18 @@ pub const LOGIT_LIMIT: f32 = 17.0;
 pub struct Packed {
     /// The rows.
     pub splats: Vec<[u32; 4]>,
-    /// One for every [`CHUNK`] rows.
+    /// The chunks, one for every [`CHUNK`] rows.
     pub chunks: Vec<PackedChunk>,
-    /// Ranges of the whole set.
+    /// Ranges of logit and intensity over the whole set.
     pub range: PackedRange,
-    /// For each row, which splat of the set it was.
+    /// For each row, the index of its splat in the set.
     pub order: Vec<u32>,
 }
 
 impl Packed {
-    /// Packs `splats` and their labels (0 without). What is not finite is kept finite: NaN becomes 0, infinities the
-    /// greatest f32, log scales and logits are clamped to ±[`LOG_SCALE_LIMIT`] and ±[`LOGIT_LIMIT`].
+    /// Packs `splats` and their labels (0 without labels). Values that are not finite are replaced: NaN by 0,
+    /// infinities by the greatest f32. Log scales and logits are clamped to ±[`LOG_SCALE_LIMIT`] and
+    /// ±[`LOGIT_LIMIT`].
     ///
     /// # Panics
     /// If there are labels, but not one for every splat.
@@ -81,22 +84,22 @@ impl Packed {
         Packed { splats, chunks, range, order }
     }
 
-    /// Number of splats.
+    /// Returns the number of splats.
     pub fn len(&self) -> usize {
         self.splats.len()
     }
 
-    /// Whether there is no splat.
+    /// Returns true if there are no splats.
     pub fn is_empty(&self) -> bool {
         self.splats.is_empty()
     }
 
-    /// Bytes of rows and chunks.
+    /// Returns the size of rows and chunks in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.splats) + size_of_val(&*self.chunks)
     }
 
-    /// The splat of row `row`, with a unit quaternion.
+    /// Returns the splat of row `row`, with a unit quaternion.
     ///
     /// # Panics
     /// If there is no such row.
@@ -119,12 +122,12 @@ impl Packed {
         }
     }
 
-    /// All splats in the order of the rows.
+    /// Returns all splats in the order of the rows.
     pub fn unpack_all(&self) -> Vec<Splat> {
         (0..self.len()).into_par_iter().map(|row| self.unpack(row)).collect()
     }
 
-    /// The label of row `row`; 0 is none.
+    /// Returns the label of row `row`; 0 stands for no label.
     ///
     /// # Panics
     /// If there is no such row.
@@ -133,7 +136,7 @@ impl Packed {
     }
 }
 
-/// `splat` with finite parameters within their limits.
+/// Returns `splat` with finite parameters within their limits.
 fn tame(splat: &Splat) -> Splat {
     let finite = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(f32::MIN, f32::MAX) };
     Splat {
@@ -145,16 +148,17 @@ fn tame(splat: &Splat) -> Splat {
     }
 }
 
-/// Least and greatest value; zeros if there is none.
+/// Returns the least and the greatest value; zeros if there is none.
 fn bounds(values: impl Iterator<Item = f32>) -> [f32; 2] {
     values
         .map(|v| [v; 2])
         .reduce(|[low, high], [v, _]| [low.min(v), high.max(v)])
-        // Of -0 and 0 either may come first; 0 + v is one of them.
+        // Of -0 and 0 either may come first; adding 0 makes them one.
         .map_or([0.0; 2], |range| range.map(|v| 0.0 + v))
 }
 
-/// The indices of `splats` along a Morton curve through the cube around their means; equals keep their order.
+/// Returns the indices of `splats` along a Morton curve through the cube around their means; splats of equal
+/// code keep their order.
 fn morton_order(splats: &[Splat]) -> Vec<u32> {
     let boxes: [[f64; 2]; 3] =
         std::array::from_fn(|axis| bounds(splats.iter().map(|s| tame(s).mean[axis])).map(f64::from));
@@ -199,13 +203,14 @@ fn pack(splat: &Splat, label: u8, chunk: &PackedChunk, range: &PackedRange) -> [
     ]
 }
 
-/// The nearest of `last` + 1 even steps from `low` to `high`.
+/// Returns the code of `value`: the number of the nearest of `last` + 1 even steps from `low` to `high`.
 fn code(low: f32, high: f32, value: f32, last: u32) -> u32 {
     let [low, high, value] = [low, high, value].map(f64::from);
     if high > low { ((value - low) / (high - low) * f64::from(last)).round() as u32 } else { 0 }
 }
 
-/// Step `code` of `last` from `low` to `high`. Both ends are weighted, so that no difference can leave f32.
+/// Returns the value of step `code` of `last` from `low` to `high`. Both ends are weighted, so that no
+/// difference can leave f32.
 fn between(low: f32, high: f32, code: u32, last: u32) -> f32 {
     let t = f64::from(code) / f64::from(last);
     (f64::from(low) * (1.0 - t) + f64::from(high) * t) as f32

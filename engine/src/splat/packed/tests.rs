@@ -21,13 +21,14 @@ fn random(count: usize, seed: u64) -> Vec<Splat> {
         .collect()
 }
 
-/// Half a step of a range, and what f32 rounds.
+/// Returns half a step of a range plus the rounding of f32.
 fn half_step(low: f32, high: f32, last: u32) -> f64 {
     let (low, high) = (f64::from(low), f64::from(high));
     0.5 * (high - low) / f64::from(last) * (1.0 + 1e-9) + 1.2e-7 * low.abs().max(high.abs())
 }
 
-/// Asserts what holds for every set: the order is a permutation, every parameter is off by half a step at most.
+/// Asserts what holds for every set: the order is a permutation, and every parameter is off by half a step at
+/// most.
 fn check(splats: &[Splat], labels: &[u8]) {
     let packed = Packed::new(splats, Some(labels));
     let range = packed.range;
@@ -51,8 +52,8 @@ fn check(splats: &[Splat], labels: &[u8]) {
         }
         near("logit", got.opacity_logit, want.opacity_logit, range.logit_low, range.logit_high, 511);
         near("intensity", got.intensity, want.intensity, range.intensity_low, range.intensity_high, 65535);
-        // Three components are off by 1/√2/511/2 at most and the fourth, the largest, by no more than their sum; a
-        // rotation turns by twice the angle between the quaternions.
+        // Three components are off by 1/√2/511/2 at most and the fourth, the largest, by no more than their
+        // sum; a rotation turns by twice the angle between the quaternions.
         let (a, b) = (unit_quaternion(got.rotation), unit_quaternion(full.rotation));
         let length: f64 = got.rotation.iter().map(|&v| f64::from(v).powi(2)).sum();
         assert!((length - 1.0).abs() < 1e-6, "a unit quaternion: {:?}", got.rotation);

@@ -1,5 +1,5 @@
-//! The comments that carry what a PLY row cannot: origin, kernel and field of a set, the grid that it was fitted on, names
-//! of labels. Keys and values live here alone.
+//! PLY comments for what a row cannot hold: origin, kernel and field of a set, the grid that it was fitted
+//! on, names of labels. Keys and values are defined only here.
 //!
 //! f32 and f64 are written as the shortest decimal that reads back to the same bits.
 
@@ -11,7 +11,7 @@ use super::header::{bad, quoted};
 use crate::error::Result;
 use crate::splat::{Field, Form, Grid, Kernel, SplatSet, label_name};
 
-/// What the comments of a file state; nothing where they are silent.
+/// What the comments of a file state; `None` for what they do not mention.
 #[derive(Default)]
 pub(super) struct Stated {
     pub origin_mm: Option<DVec3>,
@@ -19,22 +19,22 @@ pub(super) struct Stated {
     pub background: Option<f32>,
     pub epsilon: Option<f32>,
     pub occupancy_w0: Option<f32>,
-    /// Whether the intensities are physical.
+    /// True if the intensities are physical.
     pub physical: Option<bool>,
-    /// Whether the file is in the layout of the paper's authors, written by this program.
+    /// True if the file is in the layout of the paper's authors, written by this program.
     pub reference: bool,
-    /// What 0 and 1 of `intensity_01` stand for there.
+    /// The intensities that 0 and 1 of `intensity_01` stand for in that layout.
     pub intensity_01_range: Option<[f32; 2]>,
     pub iterations: Option<u32>,
     pub grid_size: Option<[u32; 3]>,
     /// Rows of the grid's affine.
     pub grid_affine: Option<[f64; 12]>,
     pub form: Option<Form>,
-    /// In ascending order of the labels.
+    /// Names of labels, in ascending order of the labels.
     pub label_names: Vec<(u8, String)>,
 }
 
-/// The comment lines of `set`.
+/// Returns the comment lines of `set`.
 pub(super) fn of_set(set: &SplatSet) -> String {
     let [x, y, z] = set.origin_mm.to_array();
     let place = format!("comment vgs.axes ras\ncomment vgs.origin_mm {x} {y} {z}\n");
@@ -53,13 +53,14 @@ pub(super) fn of_set(set: &SplatSet) -> String {
     common(set, &place, &format!("comment vgs.intensity {intensity}\n{grid}{form}")) + &names
 }
 
-/// The comment lines of `set` in the layout of the paper's authors, with what `intensity_01` is over.
+/// Returns the comment lines of `set` in the layout of the paper's authors; `low` and `high` are the
+/// intensities at 0 and 1 of `intensity_01`.
 pub(super) fn of_reference(set: &SplatSet, [low, high]: [f32; 2]) -> String {
     let range = format!("comment vgs.intensity_01_range {low} {high}\n{}", of_form(set.form));
     common(set, "comment vgs.layout reference\n", &range)
 }
 
-/// The comment line of a form; none of the field, which is what a file that does not say stands for.
+/// Returns the comment line of a form; empty for [`Form::Field`], which a file without the line stands for.
 fn of_form(form: Form) -> String {
     match form {
         Form::Field => String::new(),
@@ -67,7 +68,7 @@ fn of_form(form: Form) -> String {
     }
 }
 
-/// What both have: who wrote it, then `place`, the field, `intensity` and the iterations.
+/// Returns the lines of both layouts: the program, then `place`, the field, `intensity` and the iterations.
 fn common(set: &SplatSet, place: &str, intensity: &str) -> String {
     let SplatSet { field, iterations, .. } = set;
     let iterations = iterations.map(|n| format!("comment vgs.iterations {n}\n")).unwrap_or_default();
@@ -82,8 +83,8 @@ fn common(set: &SplatSet, place: &str, intensity: &str) -> String {
     )
 }
 
-/// Reads our keys among `comments`; all other text is left alone. A key that is given twice, or a value that does not
-/// parse, is an error: to guess a kernel or an origin would give a wrong picture silently.
+/// Parses our keys among `comments` and ignores all other text. A key that is given twice, or a value that
+/// does not parse, is an error: a guessed kernel or origin would give a wrong picture silently.
 pub(super) fn read(comments: &[String]) -> Result<Stated> {
     let mut stated = Stated::default();
     for comment in comments {
@@ -136,12 +137,12 @@ pub(super) fn read(comments: &[String]) -> Result<Stated> {
 }
 
 impl Stated {
-    /// The grid, where the file gives all of it.
+    /// Returns the grid, if the file gives all of it.
     pub fn grid(&self) -> Option<Grid> {
         Some(Grid::from_rows(self.grid_size?, self.grid_affine?))
     }
 
-    /// Why what is said of the grid is wrong, or nothing if it is not.
+    /// Returns what is wrong with the stated grid, or `None` if nothing is.
     fn grid_defect(&self) -> Option<&'static str> {
         match self.grid() {
             Some(grid) => grid.defect(),
@@ -152,7 +153,7 @@ impl Stated {
         }
     }
 
-    /// The field as stated, and as `otherwise` where nothing is.
+    /// Returns the field as stated; what is not stated is taken from `otherwise`.
     pub fn field(&self, otherwise: &Field) -> Field {
         Field {
             kernel: self.kernel.unwrap_or(otherwise.kernel),
@@ -163,7 +164,7 @@ impl Stated {
     }
 }
 
-/// Why a file must not hold this field or origin, or nothing if it may.
+/// Returns why a file must not hold this field or origin, or `None` if it may.
 pub(super) fn defect(field: &Field, origin_mm: DVec3) -> Option<&'static str> {
     let Field { background, epsilon, occupancy_w0, kernel: _ } = *field;
     let conditions = [
@@ -179,13 +180,13 @@ fn number<T: FromStr>(text: &str) -> Option<T> {
     text.parse().ok()
 }
 
-/// As many numbers as there are words; nothing if it is another number of them, or one is no number.
+/// Parses the words as `N` numbers; `None` if there are more or fewer words, or one is not a number.
 fn numbers<T: FromStr, const N: usize>(words: &[&str]) -> Option<[T; N]> {
     let all: Option<Vec<T>> = words.iter().map(|word| number(word)).collect();
     all?.try_into().ok()
 }
 
-/// Puts `value` into an empty `place`; false if it is taken or there is no value.
+/// Puts `value` into an empty `place`; returns false if the place is taken or there is no value.
 fn once<T>(place: &mut Option<T>, value: Option<T>) -> bool {
     let fresh = place.is_none() && value.is_some();
     if fresh {
@@ -194,7 +195,8 @@ fn once<T>(place: &mut Option<T>, value: Option<T>) -> bool {
     fresh
 }
 
-/// Adds the name of a label from 1 up; false if it has one, or if label or name is missing.
+/// Adds the name of a label from 1 up; returns false if the label has a name already, or if label or name is
+/// missing.
 fn named(names: &mut Vec<(u8, String)>, label: Option<u8>, words: &[&str]) -> bool {
     let name = label_name(&words.join(" "));
     match label {

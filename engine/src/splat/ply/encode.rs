@@ -1,4 +1,4 @@
-//! The bytes of a PLY in this program's layout.
+//! The encoder of a PLY in this program's layout.
 
 use std::io::Write;
 
@@ -7,11 +7,11 @@ use super::names::{COLOUR_PROPERTIES, INTENSITY_ELEMENT, LABEL_PROPERTY, rest_pr
 use crate::splat::SplatSet;
 use crate::splat::harmonics::SH0;
 
-/// Vertex properties as they are written, before and behind the colour.
+/// Vertex properties as they are written, before and after the colour.
 const BEFORE: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
 const BEHIND: [&str; 8] = ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
 
-/// Rows that are encoded before they are handed on.
+/// Number of rows that are encoded at a time.
 pub(super) const BLOCK_ROWS: usize = 4096;
 
 pub(super) fn encode(set: &SplatSet, out: &mut dyn Write) -> std::io::Result<()> {
@@ -72,15 +72,16 @@ pub(super) fn encode(set: &SplatSet, out: &mut dyn Write) -> std::io::Result<()>
     Ok(())
 }
 
-/// The coefficients of one splat as a file has them: degree 0 of the three channels, then the rest channel by channel.
+/// Returns the coefficients of one splat in the order of a file: degree 0 of the three channels, then the
+/// rest channel by channel.
 fn channel_major(coefficients: &[f32]) -> impl Iterator<Item = f32> {
     let (first, rest) = coefficients.split_at(3);
     let channel = |c: usize| rest.iter().skip(c).step_by(3);
     first.iter().chain((0..3).flat_map(channel)).copied()
 }
 
-/// Grey in [0, 1] of an intensity: the black-white ramp over the range of the set, mid-grey where all are equal. A
-/// luminance is its own grey.
+/// Returns a function from intensity to grey in [0, 1]: a ramp over the intensities of the set, mid-grey if
+/// all are equal. Luminances, which are no physical intensities, are their own grey.
 fn grey_of_intensity(set: &SplatSet) -> impl Fn(f32) -> f32 + use<> {
     let (low, high) = if set.has_intensity {
         let intensities = set.splats.iter().map(|splat| f64::from(splat.intensity));

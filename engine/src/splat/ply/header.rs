@@ -1,9 +1,10 @@
 //! The header of a PLY file, parsed within fixed limits.
 //!
-//! The grammar is the PLY crate's. Around it stand the checks that it leaves out: a cap on the header's size (it reads
-//! lines of any length), unique names (it lets a second property of the same name take the place of the first, which
-//! shifts every row), and text that is not UTF-8 (old programs write Latin-1 comments). Comments are untrusted text:
-//! they are compared with our own keys and otherwise never interpreted; what an error quotes is escaped.
+//! The grammar is the PLY crate's. Around it stand the checks that it leaves out: a cap on the header's size
+//! (it reads lines of any length), unique names (it lets a second property of the same name take the place of
+//! the first, which shifts every row), and text that is not UTF-8 (old programs write Latin-1 comments).
+//! Comments are untrusted text: they are compared with our own keys and otherwise never interpreted; what an
+//! error quotes is escaped.
 
 use std::collections::HashSet;
 use std::io::{Read, Seek, SeekFrom};
@@ -16,14 +17,14 @@ use crate::error::{Error, Kind, Result};
 /// Longest header that is read. 62 properties and our comments take 2 KiB.
 const HEADER_LIMIT: u64 = 64 * 1024;
 
-/// Longest quotation from a file in an error.
+/// Longest quotation from a file in an error, in characters.
 const QUOTE_CHARS: usize = 60;
 
 pub(super) fn bad(code: &'static str, message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, code, message)
 }
 
-/// `text` shortened and with every control character escaped, for messages.
+/// Returns `text` shortened and with every control character escaped, for messages.
 pub(super) fn quoted(text: &str) -> String {
     let mut chars = text.chars();
     let mut quote: String = chars.by_ref().take(QUOTE_CHARS).flat_map(char::escape_debug).collect();
@@ -33,7 +34,7 @@ pub(super) fn quoted(text: &str) -> String {
     quote
 }
 
-/// A PLY header: what the payload holds and where it begins.
+/// A PLY header: the elements of the payload and where it begins.
 pub(super) struct Header {
     pub encoding: Encoding,
     /// Elements in file order.
@@ -44,7 +45,7 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Reads and checks the header; `source` is left at the start of the payload.
+    /// Reads and checks the header and leaves `source` at the start of the payload.
     pub fn read(source: &mut (impl Read + Seek)) -> Result<Header> {
         let mut bytes = Vec::new();
         let failed = |error| Error::new(Kind::Io, "VGS-PLY-008", format!("reading the PLY header: {error}"));
@@ -80,18 +81,18 @@ impl Header {
         Ok(Header { encoding: header.encoding, elements, comments: header.comments, payload_start })
     }
 
-    /// The element called `name`, with its position.
+    /// Returns the element called `name`, with its position.
     pub fn element(&self, name: &str) -> Option<(usize, &ElementDef)> {
         self.elements.iter().enumerate().find(|(_, element)| element.name == name)
     }
 
-    /// Fails if any element up to and including `last`, the last one that is needed, cannot fit in `payload_bytes`.
-    /// Nothing is allocated by count before this check.
+    /// Fails if any element up to and including `last`, the last one that is needed, cannot fit into
+    /// `payload_bytes`. Nothing is allocated from a count before this check.
     pub fn check_size(&self, last: usize, payload_bytes: u64) -> Result<()> {
         let mut needed = 0u128;
         for element in &self.elements[..=last] {
             let row = match self.encoding {
-                // At the least one digit and one separator for each value.
+                // A value takes at least one digit and one separator.
                 Encoding::Ascii => 2 * element.properties.len(),
                 _ => stride(element).ok_or_else(|| {
                     let name = quoted(&element.name);
@@ -113,7 +114,8 @@ impl Header {
         Ok(())
     }
 
-    /// Bytes of a binary file behind its last row; 0 where lists or ASCII leave that open.
+    /// Returns the bytes of a binary file after its last row; 0 for files with lists and in ASCII, where they
+    /// are unknown.
     pub fn trailing_bytes(&self, payload_bytes: u64) -> u64 {
         let sizes = self.elements.iter().map(|e| Some(e.count as u128 * stride(e)? as u128));
         match sizes.sum::<Option<u128>>() {
@@ -125,12 +127,12 @@ impl Header {
     }
 }
 
-/// Bytes of one binary row, or nothing if the element has a list.
+/// Returns the bytes of one binary row, or `None` if the element has a list.
 pub(super) fn stride(element: &ElementDef) -> Option<usize> {
     element.properties.values().map(|property| scalar_bytes(&property.data_type)).sum()
 }
 
-/// Bytes of one binary value, or nothing for a list.
+/// Returns the bytes of one binary value, or `None` for a list.
 pub(super) fn scalar_bytes(data_type: &PropertyType) -> Option<usize> {
     match data_type {
         PropertyType::Scalar(scalar) => Some(match scalar {
@@ -143,7 +145,7 @@ pub(super) fn scalar_bytes(data_type: &PropertyType) -> Option<usize> {
     }
 }
 
-/// Length of the header with its `end_header` line.
+/// Returns the length of the header including its `end_header` line; `None` if there is no such line.
 fn header_length(bytes: &[u8]) -> Option<usize> {
     let mut length = 0;
     for line in bytes.split_inclusive(|&b| b == b'\n') {

@@ -1,4 +1,4 @@
-//! What the numbers of a PLY stand for: [`PLY_LAYOUTS`].
+//! The layouts of a PLY: what its numbers stand for.
 
 use std::io::Write;
 
@@ -7,24 +7,24 @@ use super::reference;
 use crate::error::Result;
 use crate::splat::{Kernel, Place, SplatSet};
 
-/// What the numbers of a PLY stand for.
+/// A layout of a PLY: what its numbers stand for.
 #[derive(Debug)]
 pub struct PlyLayout {
-    /// Name on the command line and in what is told of a file.
+    /// Name on the command line and in descriptions of a file.
     pub name: &'static str,
-    /// In a few words, who reads it.
+    /// What the layout is and who reads it, in a few words.
     pub about: &'static str,
-    /// What programs that read it take κ to be; nothing where the file names it.
+    /// The kernel that programs which read the layout assume; `None` if the file names it.
     pub kernel: Option<Kernel>,
-    /// Fails where a set that could be written otherwise cannot be in this layout.
+    /// Fails if a set that can be written otherwise cannot be written in this layout.
     pub(super) check: fn(&SplatSet, Option<&Place>) -> Result<()>,
-    /// Writes a set that was checked.
+    /// Writes a set that has been checked.
     pub(super) encode: fn(&SplatSet, Option<&Place>, &mut dyn Write) -> std::io::Result<()>,
-    /// What of a set does not come into the file.
+    /// Returns what of a set is lost in the file.
     losses: fn(&SplatSet, Option<&Place>) -> Vec<String>,
 }
 
-/// Every layout that is written; the first is the usual one.
+/// Every layout that is written; the first is the default.
 pub const PLY_LAYOUTS: &[PlyLayout] = &[
     PlyLayout {
         name: "vgs",
@@ -46,12 +46,12 @@ pub const PLY_LAYOUTS: &[PlyLayout] = &[
 ];
 
 impl PlyLayout {
-    /// The layout of this name.
+    /// Returns the layout called `name`.
     pub fn named(name: &str) -> Option<&'static PlyLayout> {
         PLY_LAYOUTS.iter().find(|layout| layout.name == name)
     }
 
-    /// What of `set` does not come into a file of this layout, in words that go on after "without ".
+    /// Returns what of `set` is lost in a file of this layout, in words that continue "without ".
     pub fn losses(&self, set: &SplatSet, place: Option<&Place>) -> Vec<String> {
         (self.losses)(set, place)
     }

@@ -1,6 +1,6 @@
 //! Names of elements and properties, and the first bytes of a PLY.
 
-/// The second element, one row per vertex.
+/// The second element, with one row per vertex.
 pub(super) const INTENSITY_ELEMENT: &str = "splat_intensity";
 
 /// The property of the second element that holds the label.
@@ -9,7 +9,8 @@ pub(super) const LABEL_PROPERTY: &str = "label";
 /// The colour of degree 0; [`rest_property`] names the others.
 pub(super) const COLOUR_PROPERTIES: [&str; 3] = ["f_dc_0", "f_dc_1", "f_dc_2"];
 
-/// The vertex property of a harmonic beyond degree 0: all of red by rising degree, then green, then blue.
+/// Returns the name of the vertex property of a harmonic beyond degree 0: all of red by rising degree, then
+/// green, then blue.
 pub(super) fn rest_property(index: usize) -> String {
     format!("f_rest_{index}")
 }

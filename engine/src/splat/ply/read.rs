@@ -1,4 +1,4 @@
-//! Reading splat sets from PLY, ours and those of others.
+//! The PLY reader, for files of this program and of others.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
@@ -27,23 +27,24 @@ const INTENSITY_PROPERTIES: [&str; 2] = ["hu", "intensity"];
 const SPLAT_PROPERTIES: [&str; INTENSITY_SLOT] =
     ["x", "y", "z", "opacity", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2"];
 
-/// The name of what ordinary 3D Gaussian splatting writes.
+/// The layout name of ordinary 3D Gaussian splatting.
 const ORDINARY: &str = "3dgs";
 
-/// Where the intensity stands among the floats of a [`Splat`].
+/// Position of the intensity among the floats of a [`Splat`].
 const INTENSITY_SLOT: usize = 11;
 const SPLAT_SLOTS: usize = INTENSITY_SLOT + 1;
-/// A row holds the floats of a splat and, where there is no intensity, those of its harmonics: of degree 0, or of any.
+/// Floats of a row: those of a splat and, if there is no intensity, those of its harmonics, of degree 0 or of
+/// the highest.
 const GREY_SLOTS: usize = SPLAT_SLOTS + 3;
 const ALL_SLOTS: usize = SPLAT_SLOTS + 3 * MAX_BASIS;
 
-/// Reads a splat set; the module above says what is accepted.
+/// Reads a splat set; the text of the module above says what is accepted.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
     let Loaded { set, rows, .. } = open(path, options)?;
     Ok(Unplaced { path: path.to_owned(), set, rows })
 }
 
-/// Reads a splat set and tells what the file holds.
+/// Reads a splat set and describes what the file holds.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
     let Loaded { set, rows, header, dropped, widened, bytes, layout, intensity_01_range } =
         open(path, options)?;
@@ -86,10 +87,10 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
     })
 }
 
-/// A file's content with what only [`describe`] tells.
+/// The content of a file, with the details that only [`describe`] needs.
 pub(super) struct Loaded {
     pub set: SplatSet,
-    /// Of splats that a volume must place.
+    /// Further values of the splats, if a volume must place them.
     pub rows: Option<reference::Rows>,
     pub header: Header,
     pub dropped: usize,
@@ -205,7 +206,7 @@ pub(super) fn load(
         ..SplatSet::default()
     };
     let dropped = drop_unusable(&mut set, rows.as_mut(), options.strict)?;
-    // Lengths are of the world only where the splats are placed.
+    // Lengths are in mm of the world only if the splats are placed.
     let widened = if by_reference { 0 } else { widen(&mut set.splats) };
     set.field = stated.field(&match &rows {
         Some(rows) => rows.field(&set.splats),
@@ -225,14 +226,15 @@ pub(super) fn load(
     Ok(Loaded { set, rows, header, dropped, widened, bytes, layout, intensity_01_range })
 }
 
-/// The field of a file without comments: that of the Gaussian, about the mean intensity.
+/// Returns the field of a file without comments: a Gaussian kernel and the mean intensity as background.
 fn ordinary_field(splats: &[Splat]) -> Field {
     let sum: f64 = splats.iter().map(|splat| f64::from(splat.intensity)).sum();
     let background = (sum / splats.len().max(1) as f64) as f32;
     Field { kernel: Kernel::Gaussian, background, ..Field::default() }
 }
 
-/// `count` zeros; the header's counts were compared with the file's length, which a disk may hold and memory not.
+/// Returns `count` zeros, or an error if there is no memory for them: the header's counts fit the length of
+/// the file, but a file may be larger than memory.
 fn zeros<T: bytemuck::Zeroable + Clone>(count: usize) -> Result<Vec<T>> {
     let mut all = Vec::new();
     all.try_reserve_exact(count).map_err(|_| {
@@ -257,14 +259,14 @@ enum Source {
     Reference,
 }
 
-/// Which vertex property goes where.
+/// The vertex properties that are read, and the slots that they go to.
 struct Layout {
-    /// To the slots of a row: the 12 floats of a splat, then the harmonics.
+    /// Columns for the slots of a row: the 12 floats of a splat, then the harmonics.
     columns: Vec<Column>,
     source: Source,
-    /// Degree of the harmonics, where the colour is what the file has.
+    /// Degree of the harmonics, if the file has colours instead of an intensity.
     degree: Option<u8>,
-    /// Whether a file of the paper's authors has their `hu`.
+    /// True if a file of the paper's authors has their property `hu`.
     has_hu: bool,
 }
 
@@ -289,13 +291,13 @@ impl Layout {
                 columns.extend(intensity.map(|property| Column { property, slot: INTENSITY_SLOT }));
             }
             Source::Colour => degree = Some(rest_columns(vertex, &mut columns)?),
-            // Its own layout, below.
+            // This layout is handled by `of_reference` below.
             Source::Reference => {}
         }
         Ok(Layout { columns, source, degree, has_hu: false })
     }
 
-    /// That of the paper's authors; behind the splat stands its part of the intensity range.
+    /// Creates the layout of the paper's authors, in which `intensity_01` follows the floats of a splat.
     fn of_reference(vertex: &ElementDef) -> Result<Layout> {
         let mut wanted: Vec<(&str, usize)> = SPLAT_PROPERTIES.into_iter().zip(0..).collect();
         wanted.push((reference::INTENSITY_01, SPLAT_SLOTS));
@@ -305,7 +307,7 @@ impl Layout {
         Ok(Layout { columns, source: Source::Reference, degree: None, has_hu: hu.is_some() })
     }
 
-    /// Floats of a row beyond those of the splat.
+    /// Returns the number of floats of a row beyond those of the splat.
     fn beyond(&self) -> usize {
         match self.source {
             Source::Reference => 1,
@@ -313,7 +315,8 @@ impl Layout {
         }
     }
 
-    /// Takes over row `index`; an intensity that comes from its own element stays.
+    /// Fills `splat` and its part of `beyond` from row `index`; an intensity that comes from its own element
+    /// is kept.
     fn fill(&self, splat: &mut Splat, beyond: &mut [f32], index: usize, row: &[f32]) {
         let intensity = match self.source {
             Source::Element => splat.intensity,
@@ -329,7 +332,7 @@ impl Layout {
     }
 }
 
-/// The columns of the properties that are wanted in these slots.
+/// Returns the columns of the `wanted` properties, which are given with their slots.
 fn columns(vertex: &ElementDef, wanted: &[(&str, usize)]) -> Result<Vec<Column>> {
     let list = vertex.properties.values().find(|p| matches!(p.data_type, PropertyType::List(..)));
     if let Some(list) = list {
@@ -346,8 +349,8 @@ fn columns(vertex: &ElementDef, wanted: &[(&str, usize)]) -> Result<Vec<Column>>
     Ok(wanted.iter().filter_map(column).collect())
 }
 
-/// Adds the columns of the harmonics beyond degree 0 and returns the degree. In the file they stand channel by channel,
-/// so without their right number nobody can tell where green begins.
+/// Adds the columns of the harmonics beyond degree 0 and returns the degree. A file stores them channel by
+/// channel, so without the right number of them the start of green is unknown.
 fn rest_columns(vertex: &ElementDef, columns: &mut Vec<Column>) -> Result<u8> {
     let present = vertex.properties.keys().filter(|name| name.starts_with("f_rest_")).count();
     let degree =
@@ -368,7 +371,7 @@ fn rest_columns(vertex: &ElementDef, columns: &mut Vec<Column>) -> Result<u8> {
     Ok(degree)
 }
 
-/// Where the element beside the vertices holds what.
+/// Positions of intensity and label in the element beside the vertices.
 struct Beside {
     intensity: Option<usize>,
     label: Option<usize>,
@@ -447,7 +450,8 @@ fn widen(splats: &mut [Splat]) -> usize {
     widened
 }
 
-/// Removes the splats that cannot be used and returns their number; with `strict`, the first is an error.
+/// Removes the splats that cannot be used and returns their number; if `strict` is set, the first one is an
+/// error.
 fn drop_unusable(set: &mut SplatSet, rows: Option<&mut reference::Rows>, strict: bool) -> Result<usize> {
     let SplatSet { splats, colours, labels, .. } = set;
     let why = |i: usize| {

@@ -4,16 +4,16 @@
 //! |---|---|---|
 //! | x, y, z | voxel index × spacing, mm: no origin, no rotation | place |
 //! | scale_k | ln(s_k · extent_k), extent_k = (dim_k − 1) · spacing_k | ln σ |
-//! | rot_0..3 | R of the cube [0, 1]³, in which the volume is x = i / (dim − 1) and a splat R diag(s²) Rᵀ | R |
+//! | rot_0..3 | R in the cube [0, 1]³, where the volume is x = i / (dim − 1) and a splat R diag(s²) Rᵀ | R |
 //! | opacity | α itself | its logit |
 //! | intensity_01 | part of the region's intensity range | |
 //! | hu | intensity_01 over the range of the whole file: no HU of the splat unless both ranges are one | |
 //! | ao | ambient occlusion, already in f_dc; not read | |
 //!
-//! With D = diag(dim − 1) the shape in voxels is D R diag(s²) Rᵀ D. What this program writes in the layout has the right
-//! `hu` and says so in its comments (`vgs.layout reference`), with the kernel and the field of the fit; reading it gives
-//! the set back. Files without comments have the authors' field: V̂ = Σ α κ c / (Σ α κ + 10⁻⁶) over intensities from 0 to
-//! 1, so that the background is the lower end of the region's range.
+//! With D = diag(dim − 1) the shape in voxels is D R diag(s²) Rᵀ D. What this program writes in the layout
+//! has the right `hu` and says so in its comments (`vgs.layout reference`), with the kernel and the field of
+//! the fit; reading it gives the set back. Files without comments have the authors' field: V̂ = Σ α κ c / (Σ
+//! α κ + 10⁻⁶) over intensities from 0 to 1, so that the background is the lower end of the region's range.
 
 use std::io::Write;
 use std::path::Path;
@@ -31,7 +31,7 @@ use crate::splat::harmonics::SH0;
 use crate::splat::space::{centre, reshaped};
 use crate::splat::{Activations, Field, Grid, Kernel, Place, Splat, SplatSet};
 
-/// κ of files that name no kernel.
+/// The kernel of files that name none.
 pub const KERNEL: Kernel = Kernel::Gated;
 
 /// ε of the authors' field.
@@ -40,13 +40,13 @@ const EPSILON: f32 = 1e-6;
 /// The property that no other layout has.
 pub(super) const INTENSITY_01: &str = "intensity_01";
 
-/// A probability may leave [0, 1] by this much, as sums of f32 do.
+/// How far a probability may lie outside [0, 1], as sums of f32 do.
 const OVERSHOOT: f32 = 1e-3;
 
-/// Least span of `intensity_01` from which the line of `hu` over it is known.
+/// Least span of `intensity_01` over which `hu` as a line of it can be determined.
 const LEAST_SPAN: f32 = 0.05;
 
-/// Two ranges are the same if their ends agree to this part of the span.
+/// Two ranges count as the same if their ends differ by no more than this part of the span.
 const SAME_RANGE: f64 = 0.01;
 
 /// Vertex properties as they are written.
@@ -72,33 +72,34 @@ const PROPERTIES: [&str; 19] = [
     "rot_3",
 ];
 
-/// Whether a file is of this layout: it says so, or it has its property and nothing that only our files have.
+/// Returns true if a file is of this layout: its comments say so, or it has the property of the layout and
+/// nothing that only our files have.
 pub(super) fn is_layout(header: &Header, vertex: &ElementDef, stated: &comments::Stated) -> bool {
     let plain = !header.comments.iter().any(|comment| comment.trim_start().starts_with("vgs."));
     let alone = header.element(INTENSITY_ELEMENT).is_none();
     stated.reference || (plain && alone && vertex.properties.contains_key(INTENSITY_01))
 }
 
-/// What the rows of a file say beside its splats, whose means are voxel index times spacing and whose logits are
-/// probabilities until they are placed.
+/// Values of the rows of a file beside its splats. Until they are placed, means are voxel index times
+/// spacing, and logits are probabilities.
 #[derive(Clone, Debug)]
 pub struct Rows {
-    /// One for each splat.
+    /// `intensity_01` of each splat.
     pub intensity_01: Vec<f32>,
-    /// Whether the splats' intensities are the property `hu`; otherwise they are nothing.
+    /// True if the intensities of the splats are the property `hu`; otherwise they mean nothing.
     pub has_hu: bool,
-    /// Whether this program wrote the file: then `hu` and field are right as they are.
+    /// True if this program wrote the file: then `hu` and the field are right as they are.
     pub ours: bool,
 }
 
 impl Rows {
-    /// The field as far as the file itself gives it away.
+    /// Returns the field as far as it can be inferred from the file itself.
     pub fn field(&self, splats: &[Splat]) -> Field {
         let low = self.line(splats).map_or(0.0, |[low, _]| low as f32);
         Field { kernel: KERNEL, background: low, epsilon: EPSILON, ..Field::default() }
     }
 
-    /// Fails where an opacity is no probability.
+    /// Fails if an opacity is not a probability.
     pub fn check(&self, splats: &[Splat]) -> Result<()> {
         let allowed = -OVERSHOOT..=1.0 + OVERSHOOT;
         match splats.iter().position(|s| !allowed.contains(&s.opacity_logit)) {
@@ -115,7 +116,8 @@ impl Rows {
         }
     }
 
-    /// The values of `hu` at 0 and 1 of `intensity_01`; nothing where they are not there or too close to tell.
+    /// Returns the values of `hu` at 0 and 1 of `intensity_01`; `None` if the file has no `hu` or
+    /// `intensity_01` spans too little to tell.
     fn line(&self, splats: &[Splat]) -> Option<[f64; 2]> {
         let by_part = |a: &usize, b: &usize| self.intensity_01[*a].total_cmp(&self.intensity_01[*b]);
         let least = (0..splats.len()).filter(|_| self.has_hu).min_by(by_part)?;
@@ -126,7 +128,7 @@ impl Rows {
         (to - from >= f64::from(LEAST_SPAN)).then_some([low - slope * from, low + slope * (1.0 - from)])
     }
 
-    /// Places the splats of `set` in the world.
+    /// Returns `set` with its splats placed in the world by `place`.
     pub(in crate::splat) fn placed(self, mut set: SplatSet, place: &Place, path: &Path) -> Result<SplatSet> {
         if !self.ours {
             self.take_intensities(&mut set, place, path)?;
@@ -154,7 +156,8 @@ impl Rows {
         Ok(set)
     }
 
-    /// Gives the splats the intensities that their parts of the region's range stand for.
+    /// Sets the intensities of the splats to what `intensity_01` stands for in the range of the region.
+    /// Without a region they stay the file's `hu`; without these either, this fails.
     fn take_intensities(&self, set: &mut SplatSet, place: &Place, path: &Path) -> Result<()> {
         let file = path.display();
         if let Some([low, high]) = self.line(&set.splats) {
@@ -196,7 +199,8 @@ impl Rows {
     }
 }
 
-/// The place that the layout is written for.
+/// Returns the place that the layout is written for, with the intensity range of its region. Without either
+/// this is an internal error.
 fn place_of(place: Option<&Place>) -> Result<(&Place, [f32; 2])> {
     let both = place.and_then(|place| Some((place, place.region_range?)));
     both.ok_or_else(|| {
@@ -205,7 +209,7 @@ fn place_of(place: Option<&Place>) -> Result<(&Place, [f32; 2])> {
     })
 }
 
-/// Fails where `set` cannot be written in this layout.
+/// Fails if `set` cannot be written in this layout.
 pub(super) fn check(set: &SplatSet, place: Option<&Place>) -> Result<()> {
     let (place, _) = place_of(place)?;
     if !set.has_intensity {
@@ -219,7 +223,7 @@ pub(super) fn check(set: &SplatSet, place: Option<&Place>) -> Result<()> {
     Ok(())
 }
 
-/// What of `set` a file in this layout does not keep.
+/// Returns what of `set` a file in this layout does not keep.
 pub(super) fn losses(set: &SplatSet, place: Option<&Place>) -> Vec<String> {
     let mut losses = Vec::new();
     if set.labels.is_some() {
@@ -237,7 +241,7 @@ pub(super) fn losses(set: &SplatSet, place: Option<&Place>) -> Vec<String> {
     losses
 }
 
-/// Writes `set`, which was checked.
+/// Writes `set`, which has been checked.
 pub(super) fn encode(set: &SplatSet, place: Option<&Place>, out: &mut dyn Write) -> std::io::Result<()> {
     let (place, [low, high]) = place_of(place).map_err(std::io::Error::other)?;
     let properties: String = PROPERTIES.iter().map(|name| format!("property float {name}\n")).collect();

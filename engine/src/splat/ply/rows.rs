@@ -1,7 +1,8 @@
-//! The payload of a PLY file: rows of one element into rows of f32.
+//! Reading of the payload of a PLY file: from rows of one element to rows of f32.
 //!
-//! Binary rows are read in slabs and picked apart by byte offsets; the plain case, little-endian floats, has a loop of
-//! its own. ASCII rows are read line by line. Sizes were checked against the file before any of this runs.
+//! Binary rows are read in slabs and picked apart by byte offsets; the plain case, little-endian floats, has
+//! a loop of its own. ASCII rows are read line by line. Sizes were checked against the file before any of
+//! this runs.
 
 use std::io::{BufRead, Read};
 
@@ -22,8 +23,8 @@ pub(super) struct Column {
     pub slot: usize,
 }
 
-/// Reads every row of `element` and gives `each` the wanted values, `N` slots per row, zero where no column leads to.
-/// `source` stands at the first row and afterwards behind the last.
+/// Reads every row of `element` and passes the wanted values to `each`, `N` slots per row; slots without a
+/// column are zero. `source` must be at the first row and is left behind the last.
 pub(super) fn read<const N: usize>(
     source: &mut impl BufRead,
     header: &Header,
@@ -38,7 +39,7 @@ pub(super) fn read<const N: usize>(
     }
 }
 
-/// Moves `source` behind the rows of an element that is not needed.
+/// Moves `source` past the rows of an element that is not needed.
 pub(super) fn skip(source: &mut impl BufRead, header: &Header, element: &ElementDef) -> Result<()> {
     match header.encoding {
         Encoding::Ascii => {
@@ -108,14 +109,14 @@ fn read_binary<const N: usize, const LITTLE: bool>(
     Ok(())
 }
 
-/// `B` bytes of `row` from `offset`; the layout keeps them inside the row.
+/// Returns `B` bytes of `row` from `offset`; the layout keeps them inside the row.
 fn bytes_at<const B: usize>(row: &[u8], offset: usize) -> [u8; B] {
     let mut bytes = [0; B];
     bytes.copy_from_slice(&row[offset..offset + B]);
     bytes
 }
 
-/// The value of type `data_type` at `offset`; a list, which never gets here, would be NaN.
+/// Returns the value of type `data_type` at `offset` as f32. A list, which never gets here, would be NaN.
 fn value_at<const LITTLE: bool>(row: &[u8], offset: usize, data_type: &PropertyType) -> f32 {
     macro_rules! number {
         ($type:ty) => {{
@@ -173,7 +174,7 @@ fn read_ascii<const N: usize>(
     Ok(())
 }
 
-/// The next line that is not blank.
+/// Reads the next line that is not blank into `line`.
 fn next_line(source: &mut impl BufRead, element: &ElementDef, row: usize, line: &mut Vec<u8>) -> Result<()> {
     loop {
         line.clear();

@@ -1,4 +1,4 @@
-//! Writing a splat set as PLY.
+//! The PLY writer.
 
 use std::io::Write;
 use std::path::Path;
@@ -8,7 +8,7 @@ use crate::error::{Error, Kind, Result};
 use crate::splat::harmonics::MAX_DEGREE;
 use crate::splat::{Harmonics, SplatSet, WriteOptions, defect};
 
-/// Writes `set` whole or not at all. Refuses a set without splats, which other programs cannot open, and splats that a
+/// Writes `set` atomically. Refuses a set without splats, which other programs cannot open, and splats that a
 /// reader would drop.
 pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
     let WriteOptions { layout, place, force } = options;
@@ -16,7 +16,7 @@ pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> 
     crate::output::write_atomic(path, *force, |out| (layout.encode)(set, place.as_ref(), out))
 }
 
-/// Bytes of the file that [`write()`] makes of `set`.
+/// Returns the size in bytes of the file that [`write()`] makes of `set`.
 pub fn bytes(set: &SplatSet, options: &WriteOptions) -> Result<u64> {
     let WriteOptions { layout, place, .. } = options;
     (layout.check)(set, place.as_ref())?;
@@ -26,7 +26,7 @@ pub fn bytes(set: &SplatSet, options: &WriteOptions) -> Result<u64> {
     Ok(count.0)
 }
 
-/// Where bytes are counted and go no further.
+/// A sink that counts bytes and drops them.
 struct Count(u64);
 
 impl Write for Count {
@@ -58,7 +58,7 @@ pub(super) fn check(set: &SplatSet) -> Result<()> {
     }
 }
 
-/// Why these colours cannot be written, or nothing if they can.
+/// Returns why these colours cannot be written, or `None` if they can.
 fn colour_defect(colours: &Harmonics, set: &SplatSet) -> Option<&'static str> {
     let conditions = [
         (!set.has_intensity, "it has colours beside physical intensities"),

@@ -1,4 +1,4 @@
-//! How colours between two control points are mixed: ParaView's colour spaces.
+//! Mixing of colours between two control points: the colour spaces of ParaView.
 //!
 //! Lab is CIE 1976 L*a*b* under D65, from sRGB. Diverging is Moreland's ("Diverging Color Maps for Scientific
 //! Visualization", 2009): a polar form of Lab, with white between two saturated colours of different hue. HSV
@@ -15,11 +15,11 @@ pub enum ColourSpace {
     Hsv,
     Lab,
     Diverging,
-    /// Not at all: the second colour holds from the first point on.
+    /// Colours are not mixed: the second colour holds from the first point on.
     Step,
 }
 
-/// Returns the colour space of that name in ParaView.
+/// Returns the colour space that ParaView calls by this name.
 pub fn find(name: &str) -> Option<ColourSpace> {
     let known = [
         ("rgb", ColourSpace::Rgb),
@@ -33,7 +33,7 @@ pub fn find(name: &str) -> Option<ColourSpace> {
 }
 
 impl ColourSpace {
-    /// From `a` to `b` by a share, in display-referred RGB.
+    /// Returns the colour at `share` of the way from `a` to `b`, in display-referred RGB.
     pub fn mix(self, a: DVec3, b: DVec3, share: f64) -> DVec3 {
         let mixed = match self {
             ColourSpace::Rgb => a.lerp(b, share),
@@ -49,7 +49,7 @@ impl ColourSpace {
 /// Reference white D65.
 const WHITE: DVec3 = DVec3::new(0.9505, 1.0, 1.089);
 
-/// Linear sRGB to CIE XYZ, by columns.
+/// Matrix from linear sRGB to CIE XYZ, by columns.
 const XYZ_FROM_LINEAR: DMat3 = DMat3::from_cols(
     DVec3::new(0.4124, 0.2126, 0.0193),
     DVec3::new(0.3576, 0.7152, 0.1192),
@@ -71,7 +71,7 @@ fn rgb_from_lab(lab: DVec3) -> DVec3 {
     linear.map(|v| if v > 0.003_130_8 { 1.055 * v.powf(1.0 / 2.4) - 0.055 } else { 12.92 * v })
 }
 
-/// Moreland's polar Lab: magnitude, saturation, hue.
+/// A colour in Moreland's polar Lab: magnitude, saturation, hue.
 #[derive(Clone, Copy)]
 struct Msh {
     magnitude: f64,
@@ -92,8 +92,8 @@ impl Msh {
         rgb_from_lab(self.magnitude * DVec3::new(cos, sin * self.hue.cos(), sin * self.hue.sin()))
     }
 
-    /// Returns the hue that a colour without saturation takes next to this one, so that the way between them
-    /// looks even.
+    /// Returns the hue to give an unsaturated colour of this `magnitude` next to this one, so that the way
+    /// between them looks even.
     fn hue_towards(self, magnitude: f64) -> f64 {
         if self.magnitude >= magnitude - 0.1 {
             return self.hue;
@@ -134,7 +134,7 @@ fn mix_diverging(a: DVec3, b: DVec3, mut share: f64) -> DVec3 {
     .rgb()
 }
 
-/// Hue in turns, saturation, value.
+/// Converts RGB to hue in turns, saturation and value.
 fn hsv_from_rgb(rgb: DVec3) -> DVec3 {
     let (max, min) = (rgb.max_element(), rgb.min_element());
     let width = max - min;

@@ -1,16 +1,16 @@
-//! What lies between two control points when it is not a straight line.
+//! Curves between two control points that are not straight lines.
 //!
 //! VTK gives every control point a midpoint and a sharpness, which bend the line to the next one (see
 //! `vtkPiecewiseFunction`): the value half way between both is reached at the midpoint, and a sharpness from
 //! 0 to 1 leads from the straight line over an S to a step. Straight lines and steps are kept exactly; an S,
 //! and whatever else bends, is sampled.
 
-/// Parts into which a bent line is cut; the worst error of an S is below 1 percent of its height.
+/// Number of parts into which a curve is cut; the worst error of an S is below 1 percent of its height.
 const PARTS: usize = 64;
-/// VTK treats a sharpness beyond these as a straight line and as a step.
+/// VTK draws a straight line for a sharpness below the first of these, and a step for one above the second.
 const STRAIGHT: f64 = 0.01;
 const STEP: f64 = 0.99;
-/// VTK keeps midpoints off the ends.
+/// VTK keeps midpoints away from both ends by this much.
 const MARGIN: f64 = 1e-5;
 
 /// A control point as VTK has it.
@@ -18,9 +18,9 @@ const MARGIN: f64 = 1e-5;
 pub struct Node<V> {
     pub x: f64,
     pub value: V,
-    /// Where, between this node and the next, half of the way is done; 0.5 is straight.
+    /// Place between this node and the next at which half of the change is reached; 0.5 is straight.
     pub midpoint: f64,
-    /// From 0, straight, to 1, a step.
+    /// Sharpness of the change: 0 is a straight line, 1 a step.
     pub sharpness: f64,
 }
 
@@ -30,9 +30,9 @@ impl<V> Node<V> {
     }
 }
 
-/// Points that are joined by straight lines, for nodes in any order. `mix` leads from one value to another by
-/// a share; with `bent` even a straight line is sampled, because `mix` (or what is done to the points) is not
-/// linear.
+/// Converts nodes, in any order, to points that straight lines join. `mix` returns the value at a share of
+/// the way from one value to another. If `bent` is set, straight lines are sampled too, because `mix` (or
+/// what is done to the points) is not linear.
 pub fn straightened<V: Copy>(
     mut nodes: Vec<Node<V>>,
     bent: bool,
@@ -59,18 +59,18 @@ pub fn straightened<V: Copy>(
 }
 
 /// Returns true if two intensities are meant to be one: Slicer cannot hold two points at one intensity, and
-/// moves the second one by the last bit.
+/// moves the second by the last bit.
 fn is_step(low: f64, high: f64) -> bool {
     high - low <= 1e-15 * low.abs().max(1e-290)
 }
 
-/// Returns the next number above, as Slicer moves the second point of a step.
+/// Returns the next greater number, to which Slicer moves the second point of a step.
 pub fn just_above(x: f64) -> f64 {
     // Never a subnormal number.
     if x == 0.0 { f64::MIN_POSITIVE } else { x.next_up() }
 }
 
-/// Points between two nodes: where, and which share of the second value.
+/// Returns the points between two nodes: the place of each, from 0 to 1, and its share of the second value.
 fn between(midpoint: f64, sharpness: f64, bent: bool) -> Vec<(f64, f64)> {
     if sharpness > STEP {
         let midpoint = midpoint.clamp(0.0, 1.0);
@@ -92,7 +92,8 @@ fn between(midpoint: f64, sharpness: f64, bent: bool) -> Vec<(f64, f64)> {
     if midpoint == 0.5 { Vec::new() } else { vec![(midpoint, 0.5)] }
 }
 
-/// Returns the share of the second value at a place between two nodes, for a sharpness below that of a step.
+/// Returns the share of the second value at `place` between two nodes, for a `sharpness` below that of a
+/// step.
 fn share_at(place: f64, midpoint: f64, sharpness: f64) -> f64 {
     let even = if place < midpoint {
         0.5 * place / midpoint
@@ -102,7 +103,7 @@ fn share_at(place: f64, midpoint: f64, sharpness: f64) -> f64 {
     if sharpness < STRAIGHT {
         return even;
     }
-    // The place is drawn to the ends, and a Hermite curve with flatter and flatter ends goes through it.
+    // The place is moved towards the ends, and a Hermite curve with ever flatter ends goes through it.
     let power = 1.0 + 10.0 * sharpness;
     let s = if even < 0.5 {
         0.5 * (2.0 * even).powf(power)

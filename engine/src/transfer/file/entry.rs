@@ -1,24 +1,24 @@
-//! What the readers of all formats make, and the rules that they share.
+//! What the readers of all formats produce, and the rules that they share.
 
 use crate::error::{Error, Kind, Result};
 use crate::transfer::{OpacityPoint, TransferFunction};
 
-/// Most control points of one kind in one function.
+/// The most control points of one kind that a function may have.
 pub(super) const MAX_POINTS: usize = 16384;
 
-/// One function of a file. Another one that cannot be used does not matter as long as nobody asks for it.
+/// One function of a file. A function that cannot be used is an error only when it is asked for.
 pub(super) struct Entry {
-    /// Empty where the file has none.
+    /// The name; empty if the file gives none.
     pub(super) name: String,
     pub(super) function: Result<TransferFunction>,
 }
 
-/// Returns an error in the content of a file.
+/// Creates an error about the content of a file.
 pub(super) fn broken(message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, "VGS-TF-008", message)
 }
 
-/// Returns control points of opacity from pairs (intensity, opacity).
+/// Converts pairs (intensity, opacity) to control points of opacity.
 pub(super) fn opacity_points(points: &[(f64, f64)]) -> Vec<OpacityPoint> {
     points.iter().map(|&(intensity, opacity)| OpacityPoint { intensity, opacity }).collect()
 }

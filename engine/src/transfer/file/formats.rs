@@ -10,7 +10,7 @@ use crate::error::{Error, Kind, Result};
 use crate::transfer::presets::known_names;
 use crate::transfer::{PRESETS, TransferFunction, WINDOW_OPACITY, WINDOWS, window, window_level};
 
-/// Largest file that is read, bytes; all presets of Slicer together take 12 kB.
+/// The largest file that is read, in bytes; all presets of Slicer together take 12 kB.
 pub(super) const MAX_BYTES: u64 = 4 << 20;
 
 /// A file format of transfer functions, a row of [`FORMATS`].
@@ -19,10 +19,10 @@ pub struct Format {
     pub name: &'static str,
     /// Lower-case endings of file names, with the dot.
     pub extensions: &'static [&'static str],
-    /// Whether a text is of this format.
+    /// Returns true if a text is of this format.
     sniff: fn(&str) -> bool,
     read: fn(&str) -> Result<Vec<Entry>>,
-    /// The text of a file with this function; nothing where the format is only read.
+    /// Returns the text of a file with this function; `None` if the format is only read.
     write: Option<fn(&TransferFunction) -> String>,
     /// True if control points from 0 to 1 are shares of the range of the data.
     shares: bool,
@@ -64,12 +64,12 @@ pub const FORMATS: &[Format] = &[
     },
 ];
 
-/// Returns the transfer function that a user names, as with `--tf`: a preset, `window:W,L` or
-/// `window:W,L,OPACITY` or `window:NAME`, or a file, with `:NAME` after it where it holds several. `data` is
-/// the least and the greatest intensity of what is shown, for functions in shares of it.
+/// Returns the transfer function that a user names, as with `--tf`: a preset, `window:W,L`,
+/// `window:W,L,OPACITY`, `window:NAME`, or a file, with `:NAME` after it if it holds several functions.
+/// `data` is the least and the greatest intensity of what is shown, for functions in shares of that range.
 ///
 /// # Errors
-/// [`Kind::Usage`] if there is nothing of that name, with what would do; else as [`read`].
+/// [`Kind::Usage`] if nothing has that name, with advice on what would do; otherwise as [`read`].
 pub fn load(spec: &str, data: [f64; 2]) -> Result<TransferFunction> {
     if let Some(preset) = PRESETS.iter().find(|p| p.name.eq_ignore_ascii_case(spec)) {
         return Ok(preset.over(data));
@@ -99,7 +99,7 @@ pub fn load(spec: &str, data: [f64; 2]) -> Result<TransferFunction> {
     )))
 }
 
-/// Returns the function called `name`, or the first one, of a file in one of the [`FORMATS`]. `data` as in
+/// Reads the function called `name`, or the first one, from a file in one of the [`FORMATS`]. `data` as in
 /// [`load`].
 ///
 /// # Errors
@@ -123,7 +123,7 @@ pub fn read(path: impl AsRef<Path>, name: Option<&str>, data: [f64; 2]) -> Resul
     Ok(tf)
 }
 
-/// Writes a transfer function in the format that the name of the file asks for, whole or not at all.
+/// Writes a transfer function atomically, in the format that the name of the file asks for.
 ///
 /// # Errors
 /// [`Kind::Usage`] if the ending belongs to no format that is written; else as
@@ -141,7 +141,7 @@ pub fn save(tf: &TransferFunction, path: impl AsRef<Path>, force: bool) -> Resul
     crate::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
 }
 
-/// Returns the format with the longest ending of a lower-case file name.
+/// Returns the format whose extension is the longest that a lower-case file name ends in.
 fn extension_of(name: &str) -> Option<&'static Format> {
     let endings = FORMATS.iter().flat_map(|f| f.extensions.iter().map(move |e| (f, *e)));
     endings.filter(|(_, e)| name.ends_with(e)).max_by_key(|(_, e)| e.len()).map(|(f, _)| f)
@@ -152,7 +152,7 @@ fn known_extensions(which: impl Fn(&Format) -> bool) -> String {
     formats.flat_map(|f| f.extensions).copied().collect::<Vec<_>>().join(" ")
 }
 
-/// Returns the file name without the ending of its format.
+/// Returns the file name without the extension of its format.
 fn stem(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let lower = name.to_lowercase();
@@ -179,7 +179,7 @@ fn text_of(path: &Path) -> Result<String> {
     })
 }
 
-/// Returns the function called `name`, or the first one, of a text.
+/// Parses a text and returns its format and the function called `name`, or the first one.
 pub(super) fn parse(text: &str, name: Option<&str>) -> Result<(&'static Format, TransferFunction)> {
     // Some editors begin UTF-8 with a byte order mark.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
@@ -216,13 +216,13 @@ pub(super) fn parse(text: &str, name: Option<&str>) -> Result<(&'static Format, 
     Ok((format, entries.swap_remove(index).function?))
 }
 
-/// Returns the names in a file; the first hundred of them.
+/// Returns a list of the names in a file, at most the first hundred.
 fn listed(names: &[String]) -> String {
     let more = if names.len() > 100 { ", ..." } else { "" };
     format!("it has {}{more}", names[..names.len().min(100)].join(", "))
 }
 
-/// "W,L", "W,L,OPACITY" or the name of a window.
+/// Parses "W,L", "W,L,OPACITY" or the name of a window and returns its grey ramp.
 fn parse_window(text: &str) -> Result<TransferFunction> {
     if let Some(named) = window(text) {
         let mut tf = window_level(named.width, named.level, WINDOW_OPACITY)?;

@@ -8,7 +8,7 @@ use super::curve::{Node, straightened};
 use super::entry::{MAX_POINTS, broken, opacity_points};
 use crate::error::Result;
 
-/// Returns the numbers of a list, in rows of `N`: an intensity and its values.
+/// Parses a list into rows of `N` numbers: an intensity and its values.
 fn rows<const N: usize>(what: &str, text: &str) -> Result<Vec<[f64; N]>> {
     let mut words = text.split_ascii_whitespace();
     let first = words.next().ok_or_else(|| broken(format!("{what} is empty")))?;
@@ -31,13 +31,13 @@ fn rows<const N: usize>(what: &str, text: &str) -> Result<Vec<[f64; N]>> {
     Ok(numbers.chunks_exact(N).map(|row| std::array::from_fn(|i| row[i])).collect())
 }
 
-/// Control points of opacity.
+/// Parses a list of opacities into control points.
 pub fn opacities(what: &str, text: &str) -> Result<Vec<OpacityPoint>> {
     let nodes = rows::<2>(what, text)?.into_iter().map(|[x, y]| Node::straight(x, y)).collect();
     Ok(opacity_points(&straightened(nodes, false, |a, b, share| a + (b - a) * share)))
 }
 
-/// Control points of colour.
+/// Parses a list of colours into control points.
 pub fn colours(what: &str, text: &str) -> Result<Vec<ColourPoint>> {
     let node = |[x, r, g, b]: [f64; 4]| Node::straight(x, DVec3::new(r, g, b));
     let nodes = rows::<4>(what, text)?.into_iter().map(node).collect();

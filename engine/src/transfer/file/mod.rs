@@ -1,4 +1,4 @@
-//! Transfer functions in the files of other programs, and what a user may type to name one.
+//! Files of transfer functions, also those of other programs, and the names by which a user may ask for one.
 //!
 //! A file may hold several functions. All readers share `curve` (what lies between two control points when
 //! that is no straight line) and the rules here: a size limit, numbers with a point whatever the locale, and

@@ -23,10 +23,10 @@ struct Map {
     name: String,
     #[serde(default)]
     color_space: Option<String>,
-    /// Intensity, red, green, blue, and so on.
+    /// Intensity, red, green and blue of each point in turn.
     #[serde(rename = "RGBPoints")]
     rgb_points: Vec<f64>,
-    /// Intensity, opacity, midpoint, sharpness, and so on.
+    /// Intensity, opacity, midpoint and sharpness of each point in turn.
     #[serde(default)]
     points: Option<Vec<f64>>,
 }
@@ -52,7 +52,7 @@ pub fn read(text: &str) -> Result<Vec<Entry>> {
     Ok(maps.into_iter().enumerate().map(entry).collect())
 }
 
-/// Returns the rows of four numbers.
+/// Returns the numbers in rows of four.
 fn rows(what: &str, numbers: &[f64]) -> Result<Vec<[f64; 4]>> {
     let (rows, rest) = numbers.as_chunks();
     if !rest.is_empty() || rows.is_empty() || rows.len() > MAX_POINTS {

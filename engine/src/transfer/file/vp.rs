@@ -1,11 +1,11 @@
-//! Slicer's `.vp`: nine lines of text, each with one thing. There are no names in it.
+//! Slicer's format `.vp`: nine lines of text, one item on each, and no names.
 
 use super::super::{Material, TransferFunction};
 use super::entry::{Entry, broken};
 use super::list;
 use crate::error::Result;
 
-/// What the lines hold, in order.
+/// The content of the lines, in order.
 const LINES: [&str; 9] = [
     "interpolation",
     "shade",
@@ -30,7 +30,7 @@ pub fn read(text: &str) -> Result<Vec<Entry>> {
     Ok(vec![Entry { name: String::new(), function: function(text) }])
 }
 
-/// Slicer's manual shows the lines with explanations after "=>".
+/// Returns a line without the explanation after "=>" that Slicer's manual adds.
 fn content(line: &str) -> &str {
     line.split("=>").next().unwrap_or_default().trim()
 }

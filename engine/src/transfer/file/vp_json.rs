@@ -26,7 +26,7 @@ struct Document {
 struct Property {
     #[serde(default)]
     name: String,
-    /// Written for Slicer, which sets its editor by it; says nothing that the points do not.
+    /// The range that Slicer sets its editor to. It follows from the points, and is only written.
     #[serde(skip_deserializing)]
     effective_range: [f64; 2],
     #[serde(skip_deserializing)]
@@ -152,8 +152,8 @@ fn function(property: Property) -> Result<TransferFunction> {
     }
     let opacity = component.scalar_opacity.ok_or_else(|| broken("there is no scalarOpacity"))?;
     let opacities = curve("scalarOpacity", opacity, distance != 1.0)?;
-    // α over a distance d is that of d mm one after the other: (1 − α per mm)^d = 1 − α. What is outside 0 to
-    // 1 is left for the check.
+    // α over a distance d results from d layers of one mm: (1 − α per mm)^d = 1 − α. Values outside 0 to 1
+    // are left for the check.
     let per_mm = |(x, a): (f64, f64)| {
         let converts = distance != 1.0 && (0.0..=1.0).contains(&a);
         (x, if converts { -((-a).ln_1p() / distance).exp_m1() } else { a })
@@ -241,8 +241,8 @@ pub fn write(tf: &TransferFunction) -> String {
     text
 }
 
-/// Returns where the point of that index is written: the second one of a step stands just above the first, or
-/// VTK would drop one of them.
+/// Returns the intensity at which point `index` is written. The second point of a step stands just above the
+/// first, since VTK would otherwise drop one of them.
 fn place<P>(points: &[P], index: usize, intensity: impl Fn(&P) -> f64) -> f64 {
     let x = intensity(&points[index]);
     let second = index > 0 && intensity(&points[index - 1]) == x;

@@ -18,10 +18,10 @@ use crate::transfer::{MAX_INTENSITY, TransferFunction};
 
 /// Fewest entries of a table.
 const MIN_LEN: usize = 4096;
-/// Most entries; a function over more intensities than that gets a step above 1.
+/// Most entries of a table; for functions over more intensities than that the step is above 1.
 const MAX_LEN: usize = 65536;
-/// Entries are finer than this share of the greatest intensity only where a step of 1 demands it: `f32` could
-/// not tell the intensities apart.
+/// Least step below 1 as a share of the greatest intensity: `f32` could not tell the intensities of finer
+/// entries apart. Steps of 1 or more may be half as large.
 const FINEST: f64 = 1.0 / (1 << 22) as f64;
 /// Exponent of the finest step.
 const MIN_EXPONENT: i32 = -40;
@@ -31,7 +31,7 @@ const MIN_EXPONENT: i32 = -40;
 pub struct Table {
     /// Intensity of entry 0; a whole multiple of `step`.
     pub first: f64,
-    /// From entry to entry, in intensity: a power of two, at most 1 unless that takes more than 65536
+    /// Distance between entries, in intensity: a power of two, at most 1 unless that takes more than 65536
     /// entries.
     pub step: f64,
     /// Red, green, blue (not premultiplied) and τ in 1/mm at each entry.
@@ -43,9 +43,9 @@ pub struct Table {
 }
 
 impl Table {
-    /// The table of a transfer function for intensities from `range[0]` to `range[1]`; what lies outside of
-    /// it is shown as its ends. Where the function is transparent or constant at the ends of the range, the
-    /// table is shorter. A bound that is not finite does not bound.
+    /// Creates the table of a transfer function for intensities from `range[0]` to `range[1]`; intensities
+    /// outside of it are shown as its ends. The table is shorter if the function is transparent or constant
+    /// at the ends of the range. A bound that is not finite is ignored.
     pub fn new(tf: &TransferFunction, range: [f64; 2]) -> Self {
         let [low, high] = span(tf, range);
         let (first, step, len) = grid(low, high);
@@ -56,7 +56,7 @@ impl Table {
             [r, g, b, extinction_of(opacity) as f32]
         });
         let points = points.collect();
-        // Where control points lie, so that a cell is cut there.
+        // Places of the control points, so that cells are cut there.
         let mut knots: Vec<f64> = tf.colours().iter().map(|p| p.intensity).collect();
         knots.extend(tf.opacities().iter().map(|p| p.intensity));
         knots.sort_by(f64::total_cmp);
@@ -75,17 +75,17 @@ impl Table {
         self.points.len()
     }
 
-    /// Returns true if there are no entries; there always are.
+    /// Returns true if there are no entries, which is never the case.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// Returns where an intensity lies, in entries from the first one.
+    /// Returns the place of an intensity, in entries from the first one.
     fn entry(&self, v: f64) -> f64 {
         (v - self.first) / self.step
     }
 
-    /// Returns the colour and extinction (1/mm) at an intensity: those of the nearest entry.
+    /// Returns the colour and extinction (1/mm) of the entry that is nearest to intensity `v`.
     pub fn point(&self, v: f64) -> (DVec3, f64) {
         let last = self.len() as f64 - 1.0;
         let nearest = (self.entry(v) + 0.5).floor().clamp(0.0, last);
@@ -93,9 +93,9 @@ impl Table {
         (DVec3::new(r, g, b), extinction)
     }
 
-    /// Returns the mean colour and mean extinction (1/mm) along a segment on which the intensity goes evenly
-    /// from `va` to `vb`, in either direction; the colour is weighted with the extinction. The segment's
-    /// opacity is 1 − exp(−extinction · length).
+    /// Returns the mean colour and mean extinction (1/mm) along a segment on which the intensity changes
+    /// evenly from `va` to `vb`, in either direction; the colour is weighted with the extinction. The
+    /// segment's opacity is 1 − exp(−extinction · length).
     pub fn segment(&self, va: f64, vb: f64) -> (DVec3, f64) {
         let (a, b) = (self.entry(va.min(vb)), self.entry(va.max(vb)));
         let width = b - a;
@@ -105,7 +105,7 @@ impl Table {
         let last = self.len() as f64 - 1.0;
         let (ia, fa) = self.cell(a);
         let (ib, fb) = self.cell(b);
-        // What lies beyond the ends, where the function is constant.
+        // The stretches beyond the ends, where the function is constant.
         let below = b.min(0.0) - a.min(0.0);
         let above = b.max(last) - a.max(last);
         let (start, end) = (self.points[0].map(f64::from), self.points[self.len() - 1].map(f64::from));
@@ -123,7 +123,7 @@ impl Table {
         (DVec3::new(sum[0], sum[1], sum[2]).min(DVec3::splat(sum[3])) / sum[3], sum[3] / width)
     }
 
-    /// Returns the cell between two entries that a place lies in, and how far in it is, 0 to 1.
+    /// Returns the cell between two entries in which a place lies, and how far in it is, 0 to 1.
     fn cell(&self, entry: f64) -> (usize, f64) {
         let inside = entry.clamp(0.0, self.len() as f64 - 1.0);
         let cell = inside.floor().min(self.len() as f64 - 2.0);
@@ -131,18 +131,19 @@ impl Table {
     }
 }
 
-/// Returns the intensities between which the function changes and can be seen.
+/// Returns the range of intensities over which the function changes and is visible.
 fn span(tf: &TransferFunction, range: [f64; 2]) -> [f64; 2] {
     let [first, last] = tf.extent();
     let visible = tf.visible().unwrap_or([first, first]);
     let low = if visible[0].is_finite() { visible[0] } else { first };
     let high = if visible[1].is_finite() { visible[1] } else { last };
-    // max and min pass NaN by.
+    // max and min ignore NaN.
     let bounds = [range[0].max(-MAX_INTENSITY), range[1].min(MAX_INTENSITY)];
     [low, high].map(|v| v.max(bounds[0]).min(bounds[1]).max(-MAX_INTENSITY))
 }
 
-/// First entry, step and number of entries for a table from `low` to `high`.
+/// Returns the intensity of the first entry, the step and the number of entries for a table from `low` to
+/// `high`.
 fn grid(low: f64, high: f64) -> (f64, f64, usize) {
     // One entry more on each side, so that a step of the function at an end has both its sides.
     let first = |step: f64| (low / step).floor() - 1.0;
@@ -163,7 +164,7 @@ fn grid(low: f64, high: f64) -> (f64, f64, usize) {
     (first(step) * step, step, (count(step) as usize).max(MIN_LEN))
 }
 
-/// Returns the smallest power of two in which `total` is a number of 32 bits.
+/// Returns the smallest power of two in units of which `total` is a number of 32 bits.
 fn unit_of(total: f64) -> f64 {
     if total <= 0.0 {
         return 1.0;
@@ -175,7 +176,8 @@ fn unit_of(total: f64) -> f64 {
     unit
 }
 
-/// ∫τ·rgb and ∫τ over intensities from `low` to `high`.
+/// Returns ∫τ·rgb and ∫τ over the intensities from `low` to `high`; `knots` are the control points'
+/// intensities.
 fn cell_integral(tf: &TransferFunction, knots: &[f64], low: f64, high: f64) -> [f64; 4] {
     let mut sum = [0.0; 4];
     let mut from = low;
@@ -205,7 +207,8 @@ impl Piece {
         (self.from.0.lerp(self.to.0, share), mix(self.from.1, self.to.1))
     }
 
-    /// Gauss-Legendre with three nodes; halved first where the logarithm of 1 − α bends too much for that.
+    /// Adds the integrals over the piece by Gauss-Legendre quadrature with three nodes. The piece is halved
+    /// first if the logarithm of 1 − α bends too much for that.
     fn add_to(&self, sum: &mut [f64; 4]) {
         let passing = |opacity: f64| 1.0 - opacity.min(MAX_OPACITY);
         let (a, b) = (passing(self.from.1), passing(self.to.1));

@@ -17,8 +17,8 @@ fn white(opacities: &[(f64, f64)]) -> TransferFunction {
     tf(&[(0.0, [1.0; 3])], opacities)
 }
 
-/// Returns the mean colour (weighted with the extinction) and mean extinction between two intensities, by
-/// brute force.
+/// Returns by brute force the mean colour (weighted with the extinction) and mean extinction between two
+/// intensities.
 fn mean(tf: &TransferFunction, va: f64, vb: f64) -> (DVec3, f64) {
     const N: usize = 4000;
     let (mut colours, mut sum) = (DVec3::ZERO, 0.0);

@@ -7,21 +7,21 @@ use std::path::{Path, PathBuf};
 use super::{MAGIC, MAGIC_AT, sniff};
 use crate::{Error, Kind, Result};
 
-/// Folders within folders that are looked into.
+/// Levels of nested folders that are searched.
 const DEEPEST: usize = 8;
-/// More files than any study has: somebody named the wrong folder.
+/// More files than any study has; with more, the user has named the wrong folder.
 const MOST_FILES: usize = 100_000;
 
-/// Returns the DICOM files of a folder and of those within it, in the order of their names. Links to folders
-/// are not followed.
+/// Returns the DICOM files of a folder and its subfolders, in the order of their names. Links to folders are
+/// not followed.
 ///
 /// # Errors
-/// [`Kind::BadData`] where there is none or the folder holds far too many files, and [`Kind::Io`].
+/// [`Kind::BadData`] if there is none or the folder holds far too many files, and [`Kind::Io`].
 pub(super) fn dicom_files(folder: &Path) -> Result<Vec<PathBuf>> {
     files_within(folder, DEEPEST)
 }
 
-/// The same without the folders within it.
+/// Returns the DICOM files of a folder as [`dicom_files`] does, without those of its subfolders.
 pub(super) fn dicom_files_beside(folder: &Path) -> Result<Vec<PathBuf>> {
     files_within(folder, 0)
 }
@@ -63,7 +63,7 @@ fn gather(folder: &Path, deeper: usize, files: &mut Vec<PathBuf>) -> Result<()> 
     Ok(())
 }
 
-/// Returns true if a file has DICOM's magic; what cannot be read has none.
+/// Returns true if a file has DICOM's magic; false also if it cannot be read.
 fn is_dicom(path: &Path) -> bool {
     let mut head = Vec::new();
     let length = (MAGIC_AT + MAGIC.len()) as u64;

@@ -7,32 +7,32 @@ use super::stacks::{Stack, along_normal, doubled, normal};
 use crate::volume::affine::{RAS_FROM_LPS, grid};
 use crate::{Error, Kind, Result};
 
-/// Part of the distance of planes by which a slice may lie beside its plane: writers round positions.
+/// Part of the plane distance by which a slice may lie beside its plane: writers round positions.
 const BESIDE: f64 = 0.05;
-/// Parts of the usual distance that are tried as the distance of planes where slices are uneven.
+/// Most parts into which the usual slice distance is divided to find a plane distance for uneven slices.
 const PARTS: u32 = 8;
 /// Part of a pixel by which slices may shift against the line through the first and the last one.
 const SIDEWAYS: f64 = 0.1;
-/// A line of slices that leaves their normal by more is told as a tilt, degrees.
+/// Angle between the line of slices and their normal above which a tilt is reported, degrees.
 const TILT_DEGREES: f64 = 0.05;
 
-/// Where the slices of a stack lie on a regular grid.
+/// A regular grid on which the slices of a stack lie.
 #[derive(Clone, Debug)]
 pub(super) struct Arrangement {
     /// Voxel counts along columns, rows and planes.
     pub size: [usize; 3],
-    /// Voxels to mm RAS.
+    /// Map from voxels to mm RAS.
     pub world_from_voxel: DAffine3,
-    /// The plane of each frame, in their order, growing. Other planes have no values.
+    /// The plane of each frame, in the order of the frames, ascending. Other planes have no values.
     pub planes: Vec<usize>,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
 /// Finds the regular planes that all slices of a stack lie on.
 ///
 /// # Errors
-/// [`Kind::BadData`] where two slices lie at one place, shift sideways, or lie on no regular planes.
+/// [`Kind::BadData`] if two slices lie at one place, shift sideways, or lie on no regular planes.
 pub(super) fn arrange(stack: &Stack) -> Result<Arrangement> {
     let frames = &stack.frames;
     let first = stack.first();
@@ -78,7 +78,7 @@ fn name(frame: &Frame) -> String {
     if frame.number > 0 { format!("{name} (frame {})", frame.number) } else { name.into_owned() }
 }
 
-/// Returns the plane of each position (mm from the first, growing), and the distance of planes, mm.
+/// Returns the plane of each position (mm from the first, ascending), and the distance of planes, mm.
 fn planes(positions: &[f64], thickness: f64, notes: &mut Vec<String>) -> Result<(Vec<usize>, f64)> {
     let mut distances: Vec<f64> = positions.windows(2).map(|pair| pair[1] - pair[0]).collect();
     distances.sort_by(f64::total_cmp);
@@ -110,10 +110,10 @@ fn planes(positions: &[f64], thickness: f64, notes: &mut Vec<String>) -> Result<
         .help("reconstruct or resample the series with one distance, for instance by dcm2niix or 3D Slicer"))
 }
 
-/// Returns the plane of each position where planes about `step` mm apart have them all, and their distance as the
-/// positions have it.
+/// Returns the plane of each position and the exact distance of planes, mm, if all positions lie on planes
+/// about `step` mm apart; `None` otherwise.
 fn on_planes(positions: &[f64], step: f64) -> Option<(Vec<usize>, f64)> {
-    // From one to the next, since a step that is not quite right adds up.
+    // Counted from one to the next, since the error of an inexact step adds up.
     let mut planes = vec![0_usize];
     for pair in positions.windows(2) {
         let count = ((pair[1] - pair[0]) / step).round();
@@ -130,7 +130,7 @@ fn on_planes(positions: &[f64], step: f64) -> Option<(Vec<usize>, f64)> {
     fits.then_some((planes, exact))
 }
 
-/// Tells where slices are missing.
+/// Returns a text that says where slices are missing.
 fn gaps(planes: &[usize], step: f64, positions: &[f64]) -> String {
     let pairs = planes.windows(2).zip(positions.windows(2)).enumerate();
     let gaps: Vec<_> = pairs.filter(|(_, (planes, _))| planes[1] - planes[0] > 1).collect();
@@ -147,7 +147,7 @@ fn gaps(planes: &[usize], step: f64, positions: &[f64]) -> String {
     format!("slices are missing, {}{more}, where {step:.2} mm is usual", told.join(", "))
 }
 
-/// Refuses slices that do not lie on one line: `step` leads from plane to plane, mm.
+/// Refuses slices that do not lie on one line; `step` leads from plane to plane, mm.
 fn check_line(frames: &[Frame], planes: &[usize], step: DVec3) -> Result<()> {
     let first = &frames[0];
     let most = SIDEWAYS * first.spacing[0].min(first.spacing[1]) + BESIDE * step.length();

@@ -1,4 +1,4 @@
-//! What a DICOM file says of its frames.
+//! The header of a DICOM file: what it says about its frames.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use crate::{Error, Kind, Result};
 
-/// Class of a DICOMDIR.
+/// Class UID of a DICOMDIR.
 const DIRECTORY: &str = "1.2.840.10008.1.3.10";
 
 /// What all frames of a file have in common.
@@ -26,24 +26,24 @@ pub(super) struct FileHeader {
     pub localizer: bool,
     pub photometric: String,
     pub transfer_syntax: String,
-    /// Units of the rescaled values, where the file says so.
+    /// Units of the rescaled values, if the file gives them.
     pub units: String,
-    /// Bits that hold a value, and the place of the highest one.
+    /// Number of bits that hold a value; `high_bit` is the place of the highest one.
     pub bits_stored: u32,
     pub high_bit: u32,
     pub bits_allocated: u32,
     pub signed: bool,
-    /// Stored values that mean that nothing was measured, from one to another.
+    /// Range of stored values that mean that nothing was measured.
     pub padding: Option<[i64; 2]>,
-    /// What may tell volumes of one series apart, each a name and a value.
+    /// Names and values of attributes that may distinguish volumes of one series.
     pub phases: Vec<(&'static str, String)>,
 }
 
-/// One frame, and where it lies.
+/// One frame and its place.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub file: Arc<FileHeader>,
-    /// Its number in the file.
+    /// Number of the frame in the file.
     pub number: u32,
     /// Columns and rows.
     pub size: [usize; 2],
@@ -53,24 +53,24 @@ pub(super) struct Frame {
     pub along: [DVec3; 2],
     /// Centre of the first pixel, mm (LPS).
     pub position: DVec3,
-    /// Thickness of the slice, mm; 0 where the file does not say.
+    /// Thickness of the slice, mm; 0 if the file does not give it.
     pub thickness: f64,
     /// Slope and intercept from stored values to intensities.
     pub rescale: [f64; 2],
 }
 
-/// Why a file is no part of a volume.
+/// Reason why a file is not part of a volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Skipped {
-    /// It is an index of other files.
+    /// The file is an index of other files.
     Directory,
-    /// It holds no image.
+    /// The file holds no image.
     NoImage,
-    /// It holds an image that lies nowhere, as a copy of a screen; with what it is.
+    /// The file holds an image without a place, such as a copy of a screen; the text says what it is.
     NoPlace(String),
 }
 
-/// What is in a file: frames, or the reason why there is none that matters.
+/// Content of a file: its frames, or the reason why it has none that can be used.
 pub(super) type Content = std::result::Result<Vec<Frame>, Skipped>;
 
 /// Reads everything before the pixels.
@@ -110,7 +110,7 @@ pub(super) fn read_header(path: &Path) -> Result<Content> {
 }
 
 pub(super) fn damaged(path: &Path, error: &dyn std::error::Error) -> Error {
-    // The first line: the library's texts may have a backtrace behind it.
+    // Only the first line: the library's texts may continue with a backtrace.
     let text = error.to_string();
     let text = text.lines().next().unwrap_or_default().to_owned();
     Error::new(Kind::BadData, "VGS-DCM-005", format!("not readable as DICOM: {text}")).file(path).help(
@@ -153,17 +153,19 @@ fn file_header(path: &Path, object: &DefaultDicomObject) -> FileHeader {
     }
 }
 
-/// Where what is said of a frame may stand: with itself, with all frames, or with the file.
+/// The parts of a file that may describe a frame: its own functional groups, the shared ones, and the file
+/// itself.
 struct Groups<'a> {
     own: Option<&'a InMemDicomObject>,
     shared: Option<&'a InMemDicomObject>,
     file: &'a InMemDicomObject,
-    /// True if the file has no other frame, so that what it says is the frame's.
+    /// True if the file has no other frame, so that its attributes are those of the frame.
     alone: bool,
 }
 
 impl Groups<'_> {
-    /// Returns the numbers of an element of a functional group.
+    /// Returns the numbers of `element` in the functional group `group` of the frame, or else in the file
+    /// itself.
     fn numbers(&self, group: Tag, element: Tag) -> Option<Vec<f64>> {
         let of_frame = [self.own, self.shared].into_iter().flatten().find_map(|part| {
             let item = items(part, group)?.first()?;
@@ -219,7 +221,7 @@ fn numbers(object: &InMemDicomObject, tag: Tag) -> Option<Vec<f64>> {
     object.get(tag)?.to_multi_float64().ok().filter(|numbers| !numbers.is_empty())
 }
 
-/// Returns an integer; some writers have it as a decimal number.
+/// Returns an integer, which some writers store as a decimal number.
 fn whole(object: &InMemDicomObject, tag: Tag) -> Option<i64> {
     let element = object.get(tag)?;
     element.to_int::<i64>().ok().or_else(|| element.to_float64().ok().map(|v| v as i64))

@@ -11,8 +11,8 @@
 //!
 //! Nothing is resampled. Planes are sorted by their position along the normal of the slices, never by number.
 //! A gantry tilt is a shear of the affine. Where slices are missing or uneven the grid has the planes between
-//! them, and no value there (NaN). DICOM's patient axes point to the left, back and head (LPS); volumes are in
-//! RAS.
+//! them, and no value there (NaN). DICOM's patient axes point to the left, back and head (LPS); volumes are
+//! in RAS.
 
 mod find;
 mod geometry;
@@ -28,7 +28,7 @@ pub use stacks::StackSummary;
 
 /// Name of the format.
 pub const NAME: &str = "DICOM";
-/// Where the magic stands, behind a preamble of any content.
+/// Offset of the magic, after a preamble of any content.
 const MAGIC_AT: usize = 128;
 const MAGIC: &[u8] = b"DICM";
 

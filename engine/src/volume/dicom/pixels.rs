@@ -1,4 +1,4 @@
-//! Stored values to intensities.
+//! The pixels of DICOM files: from stored values to intensities.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -10,13 +10,13 @@ use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 use super::header::{FileHeader, Frame, damaged};
 use crate::{Error, Kind, Result};
 
-/// The transfer syntax that has the most significant byte first.
+/// The transfer syntax with the most significant byte first.
 const BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
 
-/// Refuses what cannot be read as intensities, before any pixel is.
+/// Refuses files whose pixels cannot be read as intensities, before any pixel is read.
 ///
 /// # Errors
-/// [`Kind::BadData`] for colours, [`Kind::Unavailable`] for a compression that is not known.
+/// [`Kind::BadData`] for colours, [`Kind::Unavailable`] for an unknown compression.
 pub(super) fn check(file: &FileHeader) -> Result<()> {
     if !file.photometric.starts_with("MONOCHROME") {
         let message = format!("a colour picture ({})", file.photometric);
@@ -25,7 +25,7 @@ pub(super) fn check(file: &FileHeader) -> Result<()> {
         ));
     }
     let syntax = TransferSyntaxRegistry.get(&file.transfer_syntax);
-    // The library turns the bytes of 16-bit words around, and those of longer ones in halves.
+    // The library swaps the bytes of 16-bit words, and those of longer words only in halves.
     let turned = file.transfer_syntax == BIG_ENDIAN && file.bits_allocated > 16;
     if syntax.is_some_and(|syntax| syntax.can_decode_all()) && !turned {
         return Ok(());
@@ -37,13 +37,13 @@ pub(super) fn check(file: &FileHeader) -> Result<()> {
         .help("unpack the series first: `dcm2niix`, or `gdcmconv --raw IN OUT` for each file"))
 }
 
-/// Reads frames of one file, each into its plane.
+/// Reads frames of one file, each into its plane of intensities.
 ///
 /// # Errors
 /// [`Kind::BadData`] for damaged pixels, and [`Kind::Io`].
 pub(super) fn read_frames(file: &FileHeader, frames: Vec<(&Frame, &mut [f32])>) -> Result<()> {
     let object = open_file(&file.path).map_err(|e| damaged(&file.path, &e))?;
-    // The decoders are other people's, and a damaged stream may break what one of them takes for granted.
+    // The decoders are foreign code: a damaged stream may break the assumptions of one of them.
     let decoded = match catch_unwind(AssertUnwindSafe(|| object.decode_pixel_data())) {
         Ok(Ok(decoded)) => decoded,
         Ok(Err(e)) => return Err(damaged(&file.path, &e)),
@@ -85,7 +85,7 @@ fn intensities(
     Ok(())
 }
 
-/// How a word of the file holds a value: the rest of its bits may hold anything.
+/// The bits of a word that hold a value; the other bits may hold anything.
 struct Stored {
     shift: u32,
     bits: u32,
@@ -116,7 +116,8 @@ impl Stored {
     }
 }
 
-/// Returns the value of an element that is signed where the pixels are, and that a file without types leaves unsigned.
+/// Returns `value` of an element that is signed if the pixels are, although a file without types gives it
+/// unsigned.
 fn signed(value: i64, file: &FileHeader) -> i64 {
     if file.signed && value > i64::from(i16::MAX) && value <= i64::from(u16::MAX) {
         value - (1 << 16)

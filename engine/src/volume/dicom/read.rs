@@ -1,4 +1,4 @@
-//! From a folder or a file to a volume.
+//! The DICOM reader: from a folder or a file to a volume.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,10 +14,10 @@ use crate::volume::source::reserve_samples;
 use crate::volume::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
-/// Lists what a folder or a file holds, in the order in which [`ReadOptions::series`] counts.
+/// Lists the stacks of a folder or a file, in the order in which [`ReadOptions::series`] counts.
 ///
 /// # Errors
-/// As [`Volume::read`], except that nothing need be chosen.
+/// As [`Volume::read`], except that no series need be chosen.
 pub fn list(path: &Path, options: &ReadOptions) -> Result<Vec<StackSummary>> {
     let stacks = stacks(frames_of(path, options)?.0);
     Ok(stacks.iter().enumerate().map(|(i, stack)| stack.summary(i + 1)).collect())
@@ -56,10 +56,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
     volume(stack, &arrangement, options).map_err(named)
 }
 
-/// Frames, and what was left out.
+/// Frames, and a note on what was left out.
 type Found = (Vec<Frame>, Option<String>);
 
-/// Returns all frames that have a place.
+/// Reads the frames that have a place: those of a folder, of a file of several frames, or of the series of a
+/// single slice.
 fn frames_of(path: &Path, options: &ReadOptions) -> Result<Found> {
     if path.is_dir() {
         return frames(path, &dicom_files(path)?, options);
@@ -98,7 +99,7 @@ fn frames(folder: &Path, files: &[PathBuf], options: &ReadOptions) -> Result<Fou
     Ok((frames, left_out))
 }
 
-/// Returns the error of files without a frame that could be used.
+/// Returns the error for files without a usable frame.
 fn nothing(path: &Path, skipped: &[Skipped]) -> Error {
     let placeless = skipped.iter().find_map(|reason| match reason {
         Skipped::NoPlace(what) => Some(what),
@@ -113,7 +114,7 @@ fn nothing(path: &Path, skipped: &[Skipped]) -> Error {
         .help("position, orientation and distance of the pixels are needed; export the original slices")
 }
 
-/// Returns what the user should know of the values.
+/// Returns notes for the user about the values.
 fn notes(stack: &Stack) -> Vec<String> {
     let file = &stack.first().file;
     let mut notes = Vec::new();
@@ -133,7 +134,7 @@ fn notes(stack: &Stack) -> Vec<String> {
     notes
 }
 
-/// Reads the pixels of a stack into its planes; NaN where there are none.
+/// Reads the pixels of a stack into its planes; planes without a slice are NaN.
 fn volume(stack: &Stack, arrangement: &Arrangement, options: &ReadOptions) -> Result<Volume> {
     let size = arrangement.size;
     let voxels = size.iter().try_fold(1_u64, |product, &n| product.checked_mul(n as u64));

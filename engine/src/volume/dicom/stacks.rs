@@ -1,37 +1,39 @@
-//! Frames that lie parallel to each other: what a volume can be made of.
+//! Stacks: frames that lie parallel to each other, of which a volume can be made.
 
 use std::collections::BTreeMap;
 
 use super::header::Frame;
 use crate::{Error, Kind, Result};
 
-/// Cosine from which on two directions are one: 0.26 degrees.
+/// Cosine above which two directions count as the same: 0.26 degrees.
 const SAME_DIRECTION: f64 = 0.99999;
-/// Part by which the distances of pixels may differ.
+/// Part by which pixel distances may differ and still count as the same.
 const SAME_SPACING: f64 = 1e-4;
-/// Distance of two frames from which on they lie at two places, mm.
+/// Distance above which two frames count as lying at different places, mm.
 pub(super) const SAME_PLACE_MM: f64 = 1e-3;
-/// Rows of a list in a message; more are counted.
+/// Most rows of a list in a message; further ones are only counted.
 const LISTED: usize = 20;
 
 /// Frames of one series with one size and orientation, in the order of their places.
 #[derive(Clone, Debug)]
 pub(super) struct Stack {
     pub frames: Vec<Frame>,
-    /// What tells it from others of its series, such as "echo 2"; empty where there is no other.
+    /// Attribute that distinguishes the stack from others of its series, such as "echo 2"; empty if there is
+    /// no other.
     pub phase: String,
 }
 
-/// An entry in the list of what a folder holds.
+/// A stack in the list of a folder's content.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct StackSummary {
-    /// Its place in the list, from 1: what `--series` takes.
+    /// Number in the list, from 1: what `--series` takes.
     pub number: usize,
     /// UID of its series.
     pub series_uid: String,
     /// Kind of scanner, such as CT or MR.
     pub modality: String,
-    /// What the scanner's user called it, and what tells it from others of its series.
+    /// Description by the operator of the scanner, and what distinguishes the stack from others of its
+    /// series.
     pub description: String,
     /// Columns, rows and slices.
     pub size: [usize; 3],
@@ -40,7 +42,7 @@ pub struct StackSummary {
 }
 
 impl StackSummary {
-    /// Returns one line of a list.
+    /// Returns the line of this stack in a list.
     pub fn line(&self) -> String {
         let [columns, rows, slices] = self.size;
         let kind = if self.localizer { ", localizer" } else { "" };
@@ -73,14 +75,14 @@ impl Stack {
         }
     }
 
-    /// Returns true if a volume may be meant: scout views and single slices are not.
+    /// Returns true if this may be a volume: scout views and single slices are not.
     fn is_volume(&self) -> bool {
         !self.first().file.localizer && self.frames.len() > 1
     }
 }
 
-/// Puts frames together that lie parallel to each other: by series, then by size, orientation and kind. Where
-/// several lie at one place (phases, echoes), each of these is a stack of its own.
+/// Groups frames that lie parallel to each other into stacks: by series, then by size, orientation and kind.
+/// If several frames lie at one place (phases, echoes), each phase is a stack of its own.
 pub(super) fn stacks(frames: Vec<Frame>) -> Vec<Stack> {
     let mut series: BTreeMap<(i64, String), Vec<Vec<Frame>>> = BTreeMap::new();
     for frame in frames {
@@ -116,8 +118,8 @@ pub(super) fn normal(frame: &Frame) -> glam::DVec3 {
     frame.along[0].cross(frame.along[1]).normalize()
 }
 
-/// Sorts frames by their places, drops copies of one and the same, and takes them apart where several lie at one
-/// place and something says what they are.
+/// Sorts parallel frames by their places, drops copies of the same frame, and separates them into stacks if
+/// several lie at one place and an attribute distinguishes them.
 fn by_phase(mut frames: Vec<Frame>) -> Vec<Stack> {
     let normal = normal(&frames[0]);
     frames.sort_by(|a, b| {
@@ -149,7 +151,7 @@ fn by_phase(mut frames: Vec<Frame>) -> Vec<Stack> {
     vec![Stack { frames, phase: String::new() }]
 }
 
-/// Returns two frames at one place, of frames in the order of their places.
+/// Returns two frames that lie at one place, if there are any; `frames` are in the order of their places.
 pub(super) fn doubled(frames: &[Frame]) -> Option<[&Frame; 2]> {
     let normal = normal(&frames[0]);
     let pairs = frames.iter().zip(frames.iter().skip(1));
@@ -157,11 +159,11 @@ pub(super) fn doubled(frames: &[Frame]) -> Option<[&Frame; 2]> {
     same.next().map(|(a, b)| [a, b])
 }
 
-/// Returns the stack that is asked for: by its number in the list, the UID of its series, or a part of its
-/// description; without any of these the only one that may be a volume.
+/// Returns the stack that `asked` names: by its number in the list, the UID of its series, or a part of its
+/// description. If `asked` is `None`, returns the only stack that may be a volume.
 ///
 /// # Errors
-/// [`Kind::Usage`] where that is none or several.
+/// [`Kind::Usage`] if no stack or several fit.
 pub(super) fn choose<'a>(stacks: &'a [Stack], asked: Option<&str>) -> Result<&'a Stack> {
     let list = || stacks.iter().enumerate().map(|(i, stack)| stack.summary(i + 1));
     let usage = |message: String| {
@@ -192,7 +194,7 @@ pub(super) fn choose<'a>(stacks: &'a [Stack], asked: Option<&str>) -> Result<&'a
     };
     match (found.as_slice(), stacks, asked) {
         ([one], ..) => Ok(one),
-        // A single slice is a volume, too, where there is nothing else.
+        // A single slice is also a volume if there is nothing else.
         ([], [one], None) if !one.first().file.localizer => Ok(one),
         ([], _, None) => {
             let scouts = stacks.iter().filter(|stack| stack.first().file.localizer).count();

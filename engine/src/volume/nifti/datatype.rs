@@ -1,17 +1,17 @@
-//! NIfTI datatypes: which exist, which are scalar, and how their bytes become f64.
+//! NIfTI datatypes: which exist, which are scalar, and their conversion to f64.
 
 use crate::volume::elements::{self, Decode, Element};
 
-/// One row of the table of datatypes.
+/// A datatype of the standard.
 #[derive(Debug)]
 pub(super) struct Datatype {
     pub code: i16,
     pub name: &'static str,
-    /// Bytes of one voxel; 0 where the standard has none.
+    /// Bytes of one voxel; 0 if the standard gives none.
     pub bytes: usize,
     /// True if f32 may not hold every value exactly.
     pub wide_integer: bool,
-    /// How to read it, if it is one number that this program can use.
+    /// Decoder of the bytes, if a voxel is one number that this program can use.
     pub decode: Option<Decode>,
 }
 

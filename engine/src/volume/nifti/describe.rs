@@ -1,4 +1,4 @@
-//! What a NIfTI header says, without its voxels.
+//! Description of a NIfTI header, without reading the voxels.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::volume::ReadOptions;
 use crate::volume::Volume;
 use crate::volume::affine::{axis_codes_of, spacing_of};
 
-/// What a NIfTI header says, for people and for scripts.
+/// The content of a NIfTI header, for people and for scripts.
 #[derive(Clone, Debug, Serialize)]
 pub struct Header {
     /// "NIfTI-1" or "NIfTI-2".
@@ -39,7 +39,7 @@ pub struct Header {
     pub spacing_mm: [f64; 3],
     /// Rows of the voxel-to-world matrix, mm RAS.
     pub affine: [[f64; 4]; 3],
-    /// Where the affine comes from: "sform", "qform" or "pixdim".
+    /// Source of the affine: "sform", "qform" or "pixdim".
     pub affine_source: &'static str,
     /// Direction in which each index grows, as "LAS"; "???" if the orientation is unknown.
     pub axes: String,
@@ -49,7 +49,7 @@ pub struct Header {
     pub units: &'static str,
     /// Factor from stored to real values; absent if there is no scaling.
     pub slope: Option<f64>,
-    /// Added after the factor; absent if there is no scaling.
+    /// Number that is added after the factor; absent if there is no scaling.
     pub inter: Option<f64>,
     /// The qform code as stored.
     pub qform_code: i32,
@@ -59,11 +59,11 @@ pub struct Header {
     pub description: String,
     /// Names of label values.
     pub labels: BTreeMap<i32, String>,
-    /// What is odd but readable, as sentences.
+    /// Oddities that do not prevent reading, as sentences.
     pub notes: Vec<String>,
 }
 
-/// Reads the header and the label names and checks them, whatever the voxels are: RGB and complex files too.
+/// Reads and checks the header and the label names, whatever the voxels are: RGB and complex files too.
 ///
 /// # Errors
 /// [`Kind::Missing`], [`Kind::BadData`] or [`Kind::Io`].

@@ -1,4 +1,4 @@
-//! Header extensions, of which one is used: the Caret label table, which names the values of a label map.
+//! Header extensions. One is used: the Caret label table, which names the values of a label map.
 
 use std::collections::BTreeMap;
 
@@ -7,8 +7,8 @@ use quick_xml::events::Event;
 
 use crate::{Error, Kind, Result};
 
-/// Label names from the extensions in `bytes`, which follow the header up to the voxels. Without extensions
-/// that hold a label table there are none.
+/// Returns the label names from the extensions in `bytes`, which follow the header up to the voxels. The map
+/// is empty if no extension holds a label table.
 pub(super) fn labels(bytes: &[u8], big_endian: bool) -> Result<BTreeMap<i32, String>> {
     let mut labels = BTreeMap::new();
     let mut rest = bytes;
@@ -29,7 +29,7 @@ pub(super) fn labels(bytes: &[u8], big_endian: bool) -> Result<BTreeMap<i32, Str
     Ok(labels)
 }
 
-/// `<Label Key="5" ...>liver</Label>` elements; names in text or CDATA.
+/// Parses elements such as `<Label Key="5" ...>liver</Label>`; names are text or CDATA.
 fn label_table(xml: &[u8]) -> Result<BTreeMap<i32, String>> {
     let broken = |e: &dyn std::fmt::Display| {
         Error::new(
@@ -45,7 +45,7 @@ fn label_table(xml: &[u8]) -> Result<BTreeMap<i32, String>> {
     loop {
         match reader.read_event().map_err(|e| broken(&e))? {
             Event::Start(e) if e.name().as_ref() == "Label" => {
-                // The reader's own search compares each name with all before it.
+                // The reader's own search would compare each name with all before it.
                 let mut attributes = e.attributes();
                 let key = attributes.with_checks(false).flatten().find(|a| a.key.as_ref() == "Key");
                 let key = key.and_then(|key| key.value.trim().parse().ok());

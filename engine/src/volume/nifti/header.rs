@@ -32,7 +32,7 @@ struct Fields {
     units: i32,
     qform_code: i32,
     sform_code: i32,
-    /// b, c, d.
+    /// The components b, c, d.
     quaternion: [f64; 3],
     q_offset: [f64; 3],
     srow: [[f64; 4]; 3],
@@ -42,27 +42,27 @@ struct Fields {
 /// A checked header.
 #[derive(Clone, Debug)]
 pub(super) struct Parsed {
-    /// 1 or 2.
+    /// Version: 1 or 2.
     pub version: u8,
     pub big_endian: bool,
     /// True if the voxels follow in the same file.
     pub single_file: bool,
-    /// Effective dimensions, trailing ones dropped but never fewer than three.
+    /// Effective dimensions: trailing ones of size 1 are dropped, but at least three are kept.
     pub dims: Vec<usize>,
     pub datatype: &'static Datatype,
     /// Byte at which the voxels begin.
     pub vox_offset: u64,
-    /// Slope and intercept, unless the file says that there are none.
+    /// Slope and intercept; `None` if there is no scaling.
     pub scaling: Option<(f64, f64)>,
     pub units: &'static str,
     pub qform_code: i32,
     pub sform_code: i32,
-    /// Where the affine comes from: "sform", "qform" or "pixdim".
+    /// Source of the affine: "sform", "qform" or "pixdim".
     pub affine_source: &'static str,
-    /// Voxel to world, mm RAS.
+    /// Map from voxel to world, mm RAS.
     pub affine: DAffine3,
     pub description: String,
-    /// What was odd but readable, as sentences.
+    /// Oddities that do not prevent reading, as sentences.
     pub notes: Vec<String>,
 }
 
@@ -71,22 +71,22 @@ impl Parsed {
         [self.dims[0], self.dims[1], self.dims[2]]
     }
 
-    /// Volumes in the file: the product of the dimensions beyond the third.
+    /// Returns the number of volumes in the file: the product of the dimensions beyond the third.
     pub fn volumes(&self) -> usize {
         self.dims[3..].iter().product()
     }
 
-    /// Voxels of one volume.
+    /// Returns the number of voxels of one volume.
     pub fn voxels(&self) -> usize {
         self.dims[..3].iter().product()
     }
 
-    /// Returns the bytes of one volume as stored.
+    /// Returns the size of one volume as stored, in bytes.
     pub fn volume_bytes(&self) -> u64 {
         self.voxels() as u64 * self.datatype.bytes as u64
     }
 
-    /// Size of the header itself plus the four bytes that announce extensions.
+    /// Returns the size of the header itself plus the four bytes that announce extensions.
     pub fn header_bytes(&self) -> u64 {
         (if self.version == 1 { SIZE_1 } else { SIZE_2 }) as u64 + 4
     }
@@ -96,12 +96,12 @@ fn bad(code: &'static str, message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, code, message)
 }
 
-/// Whether `head` begins like a NIfTI (or ANALYZE) header, in either byte order.
+/// Returns true if `head` begins like a NIfTI (or ANALYZE) header, in either byte order.
 pub(in crate::volume) fn sniff(head: &[u8]) -> bool {
     header_size(head).is_some_and(|(size, _)| head.len() >= size)
 }
 
-/// Declared header size and whether the file is big-endian.
+/// Returns the header size that the first bytes declare, and true if the file is big-endian.
 fn header_size(head: &[u8]) -> Option<(usize, bool)> {
     let raw: [u8; 4] = head.get(..4)?.try_into().ok()?;
     let known = |v: i32| [SIZE_1, SIZE_2].into_iter().find(|&s| s as i32 == v);
@@ -168,7 +168,7 @@ fn fields_1(head: &[u8], big_endian: bool) -> Result<Fields> {
     })
 }
 
-/// Fixed-size little- or big-endian numbers at byte offsets.
+/// Reads fixed-size little- or big-endian numbers at byte offsets.
 struct Bytes<'a> {
     data: &'a [u8],
     big: bool,
@@ -225,7 +225,7 @@ fn fields_2(head: &[u8], big: bool) -> Result<Fields> {
         datatype: b.i16(12),
         bitpix: b.i16(14),
         pixdim: b.f64s(104),
-        // An integer here; beyond 2⁵³ it is far out of range anyway.
+        // This is an integer; beyond 2⁵³ it is far out of range anyway.
         vox_offset: b.i64(168) as f64,
         slope: b.f64(176),
         inter: b.f64(184),
@@ -354,7 +354,7 @@ fn check_scaling(slope: f64, inter: f64, notes: &mut Vec<String>) -> Result<Opti
     Ok((slope != 1.0 || inter != 0.0).then_some((slope, inter)))
 }
 
-/// sform before qform before pixdim, in the file's unit.
+/// Returns the affine, in the file's unit, and its source: sform before qform before pixdim.
 fn check_affine(f: &Fields, notes: &mut Vec<String>) -> Result<(&'static str, DAffine3)> {
     if f.sform_code > 0 {
         let [x, y, z] = f.srow;
@@ -397,7 +397,7 @@ fn qform(f: &Fields, spacing: DVec3, notes: &mut Vec<String>) -> Result<DAffine3
         let message = format!("the qform quaternion ({b}, {c}, {d}) is not a rotation");
         return Err(bad("VGS-NII-011", message));
     }
-    // Rounding of the stored three may push them just beyond unit length: then a = 0.
+    // Rounding of the three stored components may make them just longer than a unit vector: then a = 0.
     let scale = if norm2 > 1.0 { norm2.sqrt().recip() } else { 1.0 };
     let [b, c, d] = [b * scale, c * scale, d * scale];
     let a = (1.0 - (b * b + c * c + d * d)).max(0.0).sqrt();
@@ -414,14 +414,14 @@ fn qform(f: &Fields, spacing: DVec3, notes: &mut Vec<String>) -> Result<DAffine3
     Ok(DAffine3::from_mat3_translation(rotation * DMat3::from_diagonal(handed), offset))
 }
 
-/// Returns the affine must be finite and invertible; shear and odd voxel sizes are noted.
+/// Checks that the affine is finite and invertible, and notes shear and odd voxel sizes.
 fn check_shape(affine: &DAffine3, notes: &mut Vec<String>) -> Result<()> {
     if !affine.is_finite() {
         return Err(bad("VGS-NII-012", "the affine holds NaN or infinity"));
     }
     let spacing = spacing_of(affine);
     let det = affine.matrix3.determinant();
-    // Relative to a box of the same voxel size, so that small voxels are no reason.
+    // Compared with a box of the same voxel size, so that small voxels are not refused.
     if det.abs() <= 1e-6 * spacing.element_product() || !det.is_normal() {
         return Err(bad("VGS-NII-012", "the affine is singular: voxels have no volume"));
     }

@@ -10,7 +10,8 @@
 //! |---|---|
 //! | `header`, `datatype`, `extension` | the bytes of a header, the types of voxels, the names of labels |
 //! | `open` | a file or a pair of files, opened up to the voxels |
-//! | `read`, `describe`, `write` | the voxels as a [`Volume`](super::Volume), the header as a [`Header`], and the way back |
+//! | `read`, `describe` | the voxels as a [`Volume`](super::Volume), the header as a [`Header`] |
+//! | `write` | the writer |
 
 mod datatype;
 mod describe;

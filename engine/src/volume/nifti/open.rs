@@ -9,14 +9,14 @@ use crate::volume::ReadOptions;
 use crate::volume::source::Source;
 use crate::{Error, Kind, Result};
 
-/// The longest run of extensions that is looked at; longer ones are skipped.
+/// The longest run of extensions that is read; longer ones are skipped.
 const MAX_EXTENSIONS: u64 = 16 << 20;
 
-/// A file that was opened up to the voxels.
+/// A file that has been opened up to its voxels.
 pub(super) struct Opened {
     pub(super) header: Parsed,
     pub(super) labels: BTreeMap<i32, String>,
-    /// Positioned at the first voxel.
+    /// Source at the first voxel.
     pub(super) voxels: Source,
     pub(super) voxel_path: PathBuf,
     pub(super) gzip: bool,
@@ -67,7 +67,7 @@ fn read_labels(
     options: &ReadOptions,
 ) -> Result<BTreeMap<i32, String>> {
     let mut flag = [0; 4];
-    // A pair's header file may end without them.
+    // The header file of a pair may end without these bytes.
     if source.read_some(&mut flag)? < 4 || flag[0] == 0 || end <= header.header_bytes() {
         return Ok(BTreeMap::new());
     }
@@ -116,7 +116,7 @@ fn partner(path: &Path, from: &str, to: &str) -> Result<PathBuf> {
     let mut packed = plain.clone().into_os_string();
     packed.push(".gz");
     let packed = PathBuf::from(packed);
-    // The same compression first.
+    // The file with the same compression is tried first.
     let candidates = if gz { [&packed, &plain] } else { [&plain, &packed] };
     candidates.into_iter().find(|c| c.exists()).cloned().ok_or_else(|| {
         let message = format!("the other file of the pair, {}, is missing", plain.display());

@@ -12,7 +12,7 @@ use super::*;
 use crate::volume::{ReadOptions, Volume};
 use crate::{Kind, Result};
 
-/// A header and what follows it, to be stored in either version and byte order.
+/// A header and the bytes that follow it, to be stored in either version and byte order.
 #[derive(Clone)]
 struct Crafted {
     version: u8,
@@ -60,7 +60,7 @@ impl Default for Crafted {
     }
 }
 
-/// Whole numbers as elements of a datatype.
+/// Returns whole numbers as elements of a datatype.
 fn encode(datatype: i16, big: bool, values: impl IntoIterator<Item = i64>) -> Vec<u8> {
     let one = |v: i64| -> Vec<u8> {
         match datatype {

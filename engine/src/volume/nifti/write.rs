@@ -1,4 +1,4 @@
-//! The NIfTI writer: float32, single file, with sform and, where it can say the same, qform.
+//! The NIfTI writer: float32, a single file, with an sform and, if it can express the same affine, a qform.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -12,9 +12,9 @@ use crate::output::write_atomic;
 use crate::volume::Volume;
 use crate::{Error, Kind, Result};
 
-/// Scanner coordinates: the code of both forms of an oriented volume.
+/// Code of scanner coordinates, for both forms of an oriented volume.
 const SCANNER: i32 = 1;
-/// Millimetres.
+/// Code of millimetres.
 const UNITS_MM: u8 = 2;
 const FLOAT32: i16 = 16;
 
@@ -71,7 +71,8 @@ fn write_samples(out: &mut dyn Write, samples: &[f32]) -> io::Result<()> {
     Ok(())
 }
 
-/// Returns the qform of an affine: `pixdim[0]` and the quaternion's b, c, d, if its axes are orthogonal.
+/// Returns the qform of an affine: `pixdim[0]` and the quaternion's b, c, d; `None` if its axes are not
+/// orthogonal.
 fn qform(volume: &Volume) -> Option<(f64, [f64; 3])> {
     let spacing = volume.spacing_mm();
     let m = volume.world_from_voxel.matrix3;
@@ -92,7 +93,7 @@ impl Buffer {
         self.0[at..at + bytes.len()].copy_from_slice(bytes);
     }
 
-    /// Numbers one after another, as f32 or f64.
+    /// Writes numbers one after another from offset `at`, as f64 if `wide`, else as f32.
     fn put_reals(&mut self, at: usize, wide: bool, values: &[f64]) {
         for (i, &v) in values.iter().enumerate() {
             match wide {
@@ -102,7 +103,7 @@ impl Buffer {
         }
     }
 
-    /// A code of four bytes in NIfTI-2 and two in NIfTI-1.
+    /// Writes a code at offset `at`: four bytes in NIfTI-2 (`wide`), two in NIfTI-1.
     fn put_code(&mut self, at: usize, wide: bool, value: i32) {
         match wide {
             true => self.put(at, &value.to_le_bytes()),
@@ -111,7 +112,7 @@ impl Buffer {
     }
 }
 
-/// Header and the four zero bytes that announce no extension.
+/// Returns the header and the four zero bytes that announce no extension.
 fn header(volume: &Volume) -> Vec<u8> {
     let wide = volume.size.iter().any(|&n| n > i16::MAX as usize);
     let size = if wide { SIZE_2 } else { SIZE_1 };

@@ -14,22 +14,22 @@ const SPACES: [(&str, &str, DVec3); 3] = [
     ("left-posterior-superior", "lps", RAS_FROM_LPS),
 ];
 
-/// The spaces that say nothing about a patient.
+/// The spaces that do not refer to a patient.
 const OTHER_SPACES: [&str; 3] = ["scanner-xyz", "3d-right-handed", "3d-left-handed"];
 
-/// What the axes say.
+/// The axes of the voxels: three in space, and perhaps one of a series.
 #[derive(Debug)]
 pub(super) struct Axes {
     pub size: [usize; 3],
-    /// Places of the three axes in space among all axes.
+    /// Indices of the three axes in space among all axes.
     spatial: [usize; 3],
     pub volumes: usize,
-    /// Numbers of one volume that follow each other.
+    /// Number of consecutive values of one volume.
     pub run: usize,
 }
 
 impl Header {
-    /// Returns the `space directions`, one for each of `rank` axes, where there are any.
+    /// Returns the `space directions`, one for each of `rank` axes; `None` if the header has none.
     pub fn directions(&self, rank: usize) -> Result<Option<Vec<Option<DVec3>>>> {
         let Some(text) = self.field("spacedirections") else { return Ok(None) };
         match vectors(text).filter(|found| found.len() == rank) {
@@ -45,7 +45,7 @@ impl Header {
         }
     }
 
-    /// Tells the axes in space from that of a series.
+    /// Determines which axes are in space and which is that of a series.
     pub fn axes(&self, sizes: &[usize], directions: Option<&[Option<DVec3>]>) -> Result<Axes> {
         let kinds: Vec<String> =
             self.field("kinds").unwrap_or_default().split_whitespace().map(str::to_lowercase).collect();
@@ -55,7 +55,7 @@ impl Header {
         for (axis, &size) in sizes.iter().enumerate() {
             let in_space = match (directions, kind(axis)) {
                 (Some(_), _) => direction(axis).is_some(),
-                // As in NIfTI, where nothing is said the first three are in space.
+                // As in NIfTI, the first three axes are in space if the header does not say.
                 (None, "domain" | "space" | "none" | "???") => spatial.len() < 3,
                 (None, _) => false,
             };
@@ -86,12 +86,12 @@ impl Header {
         let size = spatial.map(|axis| sizes.get(axis).copied().unwrap_or(1));
         let volumes = series.first().and_then(|&axis| sizes.get(axis)).copied().unwrap_or(1);
         let before = series.first().copied().unwrap_or(0);
-        // The product of all sizes is checked by the layout; too large here means too large there.
+        // The layout checks the product of all sizes; a product that is too large here is too large there.
         let run = sizes.iter().take(before).fold(1_usize, |n, &s| n.saturating_mul(s));
         Ok(Axes { size, spatial, volumes, run })
     }
 
-    /// Returns the affine to RAS, mm, and whether the header says how the patient lies.
+    /// Returns the affine to RAS, mm, and true if the header says how the patient lies.
     pub fn affine(
         &self,
         axes: &Axes,
@@ -126,7 +126,7 @@ impl Header {
         Ok((grid(columns, units * origin, signs), oriented))
     }
 
-    /// Returns the sign that takes each axis of the space to RAS, and whether the space is that of a patient.
+    /// Returns the sign that takes each axis of the space to RAS, and true if the space is that of a patient.
     fn signs(&self, notes: &mut Vec<String>) -> Result<(DVec3, bool)> {
         let Some(text) = self.field("space") else {
             notes.push("there is no space: left and right cannot be told".into());
@@ -151,7 +151,7 @@ impl Header {
             .help(format!("known spaces: {}, {}", known.join(", "), OTHER_SPACES.join(", "))))
     }
 
-    /// Returns the affine where there are no directions.
+    /// Returns the affine of a header without directions.
     fn affine_of_spacings(&self, axes: &Axes, rank: usize, notes: &mut Vec<String>) -> Result<DAffine3> {
         let millimetres = self.millimetres("units", axes.spatial, notes);
         let list = |name: &str| match self.field(name).map(|text| (text, reals(text))) {
@@ -182,7 +182,7 @@ impl Header {
                 );
             }
             let min = mins.get(axis).copied().filter(|m| m.is_finite()).unwrap_or(0.0);
-            // The least place of a cell is half a voxel before its centre.
+            // The lower end of a cell is half a voxel before its centre.
             let half = if mins.get(axis).is_some_and(|m| m.is_finite()) && centers.get(axis) == Some(&"cell")
             {
                 spacing.abs() / 2.0
@@ -198,7 +198,7 @@ impl Header {
         Ok(grid(columns, origin, DVec3::ONE))
     }
 
-    /// Returns the millimetres of the unit of three axes, from a field of quoted names.
+    /// Returns the length in millimetres of the units of three axes, from a field of quoted names.
     fn millimetres(&self, field: &str, axes: [usize; 3], notes: &mut Vec<String>) -> [f64; 3] {
         let names: Vec<&str> = self.field(field).unwrap_or_default().split('"').skip(1).step_by(2).collect();
         axes.map(|axis| match names.get(axis).map_or("", |name| name.trim()) {
@@ -214,8 +214,8 @@ impl Header {
     }
 }
 
-/// Returns the vectors of a line as "(1,0,0) none (0,1,0)", three or four numbers each; `None` if it is none of
-/// that.
+/// Parses the vectors of a line such as "(1,0,0) none (0,1,0)", of three or four numbers each; `None` if it
+/// is something else.
 fn vectors(text: &str) -> Option<Vec<Option<[f64; 4]>>> {
     let mut found = Vec::new();
     let mut rest = text.trim();
@@ -243,8 +243,8 @@ fn vectors(text: &str) -> Option<Vec<Option<[f64; 4]>>> {
     Some(found)
 }
 
-/// Returns the part of a vector that is in space; `None` for the axis of time, and for the NaN with which some
-/// writers say that an axis has no direction.
+/// Returns the part of a vector that is in space; `None` for the axis of time, and for NaN, with which some
+/// writers mark an axis without a direction.
 fn in_space([x, y, z, time]: [f64; 4]) -> Option<DVec3> {
     let direction = DVec3::new(x, y, z);
     let is_time = direction == DVec3::ZERO && time != 0.0;

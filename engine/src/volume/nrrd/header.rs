@@ -1,4 +1,4 @@
-//! The header of an NRRD file: its lines, and the fields that say how the voxels are stored.
+//! The header of an NRRD file: its lines, and the fields that describe the storage of the voxels.
 
 use std::collections::BTreeMap;
 
@@ -35,15 +35,15 @@ pub(super) const TYPES: [(&Element, &[&str]); 10] = [
     (&elements::FLOAT64, &["double"]),
 ];
 
-/// What the lines of a header say, not yet checked.
+/// The fields and keys of a header, not yet checked.
 #[derive(Debug, Default)]
 pub(super) struct Header {
-    /// By their names in lower case and without spaces.
+    /// Fields by their names in lower case and without spaces.
     pub fields: BTreeMap<String, String>,
     keys: BTreeMap<String, String>,
 }
 
-/// How the voxels are written.
+/// Encoding of the voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Raw,
@@ -74,7 +74,7 @@ impl Header {
                 bad("VGS-NRD-002", message).help("correct the header, or export the volume again")
             })?;
         }
-        // A header whose voxels are elsewhere may end with its file.
+        // A header whose voxels are in another file may end with its file.
         if header.fields.contains_key("datafile") {
             return Ok(header);
         }
@@ -180,7 +180,7 @@ impl Header {
                 continue;
             }
             is_segmentation = true;
-            // Slicer before 4.11 wrote no values: the voxels of a segment were 1, in a layer of its own.
+            // Slicer before 4.11 wrote no values: the voxels of a segment were 1, in a layer of their own.
             let value = self.keys.get(&format!("Segment{segment}_LabelValue")).map_or("1", String::as_str);
             let Ok(value) = value.parse() else {
                 let message =
@@ -203,7 +203,7 @@ impl Header {
     }
 }
 
-/// Returns the value of a key without the format's escapes.
+/// Returns the value of a key with the format's escapes resolved.
 fn unescaped(value: &str) -> String {
     value.replace("\\n", " ").replace("\\\\", "\\").replace(char::is_control, " ").trim().to_owned()
 }

@@ -62,7 +62,7 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
     Ok(Volume { size: axes.size, world_from_voxel: affine, samples, oriented, labels })
 }
 
-/// Opens the voxels, and skips what comes before them.
+/// Opens the voxels and skips the bytes before them.
 fn open_payload(
     fields: &Header,
     mut source: Source,
@@ -99,7 +99,7 @@ fn open_payload(
         Err(_) if encoding != Encoding::Raw || source.gzip => {
             return Err(wrong_skip("byteskip", format!("{skip}, which counts from the end")));
         }
-        // -1 is the end of the file, -2 one byte before it.
+        // -1 stands for the end of the file, -2 for one byte before it.
         Err(_) => {
             let length = fs::metadata(&path).map_err(|e| Error::io(&path, "reading", &e))?.len();
             let used = skip.unsigned_abs().saturating_sub(1).saturating_add(bytes);

@@ -29,7 +29,7 @@ fn gzip(data: &[u8]) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// A header, the empty line, and what follows.
+/// Returns a file of a header, the empty line, and the bytes that follow.
 fn file(head: &str, voxels: &[u8]) -> Vec<u8> {
     [head.as_bytes(), b"\n", voxels].concat()
 }

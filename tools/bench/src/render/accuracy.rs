@@ -1,4 +1,4 @@
-//! How far pictures are from those that they should be.
+//! Measures how far pictures are from their references.
 
 use engine::gpu::Gpu;
 use engine::image::{Image, flip, psnr, ssim};
@@ -13,10 +13,11 @@ use super::record::{Comparison, Record, Role, Sight};
 use super::scenes::{Place, TimedRenderer, check_validation, is_finite, shows_something, volume_bytes};
 use crate::cost::Cost;
 
-/// Distance of the eyes, mm.
+/// Distance between the eyes, mm.
 const EYES_MM: f64 = 64.0;
 
-/// Compares all that a unit of `end-to-end`, `renderer-error` or `storage` asks for. `saw` hears of each rendering.
+/// Makes all comparisons of a unit of `end-to-end`, `renderer-error` or `storage`. `saw` is called after each
+/// rendering.
 pub fn measure(
     unit: &Unit,
     place: &Place,
@@ -63,18 +64,18 @@ pub fn measure(
     Ok(record)
 }
 
-/// Whether a unit renders the volume itself.
+/// Returns true if a unit renders the volume itself.
 fn needs_volume(unit: &Unit) -> bool {
     let of_volume = |rendering: &Rendering| mode_row(rendering).is_some_and(|row| !row.of_splats);
     unit.renderings.iter().chain(&unit.reference).any(of_volume)
 }
 
-/// The scenes of a unit.
+/// Scenes of a unit.
 struct Stage {
     full: Scene,
-    /// The splats after they were packed, and the bytes that this takes.
+    /// Scene of the splats after packing, and the bytes of the packed splats.
     packed: Option<(Scene, u64)>,
-    /// Factor, bytes, scene.
+    /// Factor, bytes and scene of each downsampled volume.
     downsampled: Vec<(usize, u64, Scene)>,
 }
 
@@ -87,7 +88,7 @@ impl Stage {
     }
 }
 
-/// Where rows of a transfer function go.
+/// Adds the rows of one transfer function to a record.
 struct Rows<'a> {
     transfer: &'a str,
     record: &'a mut Record,
@@ -123,10 +124,10 @@ impl Rows<'_> {
     }
 }
 
-/// Pictures from all views, and what each took.
+/// Pictures from all views with their costs.
 type Shots = Vec<(Image, Cost)>;
 
-/// From where pictures are taken.
+/// Cameras and size of the pictures.
 struct Studio<'a> {
     gpu: &'a Gpu,
     size: u32,
@@ -137,7 +138,7 @@ struct Studio<'a> {
 impl Studio<'_> {
     fn shoot(&self, scene: &Scene, rendering: &Rendering) -> Result<Shots> {
         let mut renderer = TimedRenderer::new(self.gpu, scene, rendering, self.size, 1, true)?;
-        // The first frame makes kernels and finds out how much room is needed; no other should seem to cost that.
+        // The first frame creates kernels and sizes buffers; its cost must not count for any other.
         renderer.frame(scene, &self.cameras[..1])?;
         self.cameras
             .iter()
@@ -154,7 +155,7 @@ impl Studio<'_> {
     }
 }
 
-/// Refuses a picture with what is no number: no figure of it would mean anything.
+/// Returns the picture, or an error if a pixel is not a finite number: no figure of it would mean anything.
 pub fn checked(picture: Image, rendering: &Rendering) -> Result<Image> {
     if is_finite(&picture) {
         return Ok(picture);
@@ -163,7 +164,7 @@ pub fn checked(picture: Image, rendering: &Rendering) -> Result<Image> {
     Err(Error::new(Kind::Internal, "VGS-BEN-024", message))
 }
 
-/// How far a picture is from what it should be.
+/// Compares a picture with its reference.
 pub fn sight(view: usize, reference: &Image, test: &Image, cost: Cost) -> Result<Sight> {
     Ok(Sight {
         view,
@@ -174,7 +175,7 @@ pub fn sight(view: usize, reference: &Image, test: &Image, cost: Cost) -> Result
     })
 }
 
-/// The row of the reference itself.
+/// Returns the row of the reference itself, which has no error.
 fn equal(studio: &Studio<'_>, shots: &Shots) -> Vec<Sight> {
     let sight = |(&view, (_, cost)): (&usize, &(Image, Cost))| Sight {
         view,
@@ -186,7 +187,7 @@ fn equal(studio: &Studio<'_>, shots: &Shots) -> Vec<Sight> {
     studio.views.iter().zip(shots).map(sight).collect()
 }
 
-/// Mean squared difference of two pictures.
+/// Returns the mean squared difference of two pictures.
 pub fn mse(reference: &Image, test: &Image) -> Result<f64> {
     Ok(10f64.powf(-0.1 * psnr(reference, test)?))
 }
@@ -219,7 +220,8 @@ fn against_reference(
     Ok(())
 }
 
-/// The splats of a unit of `storage`, packed and unpacked.
+/// Packs and unpacks the splats of a unit of `storage`. Returns the scene of the result and the bytes of the
+/// packed splats; `None` for other sections.
 fn packed(unit: &Unit, set: &SplatSet, gpu: &Gpu, look: &Look) -> Result<Option<(Scene, u64)>> {
     if unit.section != Section::Storage {
         return Ok(None);
@@ -244,7 +246,7 @@ fn storage(unit: &Unit, studio: &Studio<'_>, stage: &Stage, rows: &mut Rows<'_>)
     Ok(())
 }
 
-/// Both eyes of a head from one renderer, against a renderer for each.
+/// Compares both eyes of a head, rendered by one renderer, with a picture of each eye alone.
 fn two_eyes(studio: &Studio<'_>, scene: &Scene, rendering: &Rendering, rows: &mut Rows<'_>) -> Result<()> {
     let mut both = TimedRenderer::new(studio.gpu, scene, rendering, studio.size, 2, true)?;
     let mut one = TimedRenderer::new(studio.gpu, scene, rendering, studio.size, 1, true)?;

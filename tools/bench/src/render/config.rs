@@ -1,4 +1,5 @@
-//! What is measured, as a file: cases, transfer functions, ways of rendering, and what each section does with them.
+//! Configuration file of `bench render`: cases, transfer functions, renderings, and what each section does
+//! with them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// The configuration that is used unless `--config` names another.
 pub const DEFAULT: &str = include_str!("default.toml");
 
-/// What `--only` may name.
+/// Sections that `--only` can choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Section {
@@ -30,7 +31,7 @@ pub enum Section {
 }
 
 impl Section {
-    /// As `--only` and the configuration name it.
+    /// Returns the name that `--only` and the configuration use.
     pub fn name(self) -> &'static str {
         match self {
             Section::EndToEnd => "end-to-end",
@@ -41,29 +42,29 @@ impl Section {
         }
     }
 
-    /// Whether it times frames rather than compares pictures.
+    /// Returns true if the section times frames rather than comparing pictures.
     pub fn is_timed(self) -> bool {
         matches!(self, Section::Speed | Section::Table5)
     }
 }
 
-/// Views around the region.
+/// Views around the region of interest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Orbit {
     /// Views, evenly spaced in azimuth; the first from the front.
     pub count: usize,
-    /// Above the horizon in even views, below it in odd ones, degrees.
+    /// Angle above the horizon in even views, below it in odd ones, degrees.
     pub elevation: f64,
     /// Field of view, degrees.
     pub fov: f64,
 }
 
-/// A volume with a region.
+/// Volume with a region of interest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Case {
-    /// What tables call it.
+    /// Name in tables.
     pub name: String,
     /// Folder in the data folder.
     #[serde(default)]
@@ -77,7 +78,7 @@ pub struct Case {
     /// Profile of the fit.
     #[serde(default = "Case::usual_profile")]
     pub profile: String,
-    /// Edge of the synthetic CT that takes the place of files, voxels.
+    /// Edge of the synthetic CT that is used in place of files, voxels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phantom: Option<usize>,
 }
@@ -91,7 +92,7 @@ impl Case {
         "default".into()
     }
 
-    /// Where it comes from, for tables.
+    /// Describes where the case comes from, for tables.
     pub fn source(&self) -> String {
         match self.phantom {
             Some(edge) => format!("phantom {edge}³"),
@@ -100,11 +101,11 @@ impl Case {
     }
 }
 
-/// A transfer function: a preset, or a narrow band.
+/// Transfer function: a preset, or a narrow band.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Transfer {
-    /// What tables call it.
+    /// Name in tables.
     pub name: String,
     /// Name of a preset.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -112,18 +113,18 @@ pub struct Transfer {
     /// Width of an opaque band around the median intensity of the region, HU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub band: Option<f64>,
-    /// Whether surfaces are lit; as the preset has it where nothing is said.
+    /// True if surfaces are lit; `None` leaves it to the preset.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shade: Option<bool>,
 }
 
-/// How a transfer function is applied along a ray.
+/// Classification along a ray: where the transfer function is applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Classify {
-    /// At the samples.
+    /// Classifies the samples (`Classification::Point`).
     Point,
-    /// Integrated between them.
+    /// Integrates between the samples (`Classification::PreIntegrated`).
     Integrated,
 }
 
@@ -136,18 +137,18 @@ impl From<Classify> for Classification {
     }
 }
 
-/// A mode with settings.
+/// Render mode with its settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rendering {
-    /// What tables call it.
+    /// Name in tables.
     pub name: String,
     /// Name of a mode of the engine.
     pub mode: String,
-    /// `Settings::step`: standard deviations of a splat, or shortest edges of a voxel.
+    /// Sample distance (`Settings::step`), in standard deviations of a splat or shortest edges of a voxel.
     #[serde(default = "Rendering::usual_step")]
     pub step: f64,
-    /// The look's own choice where nothing is said.
+    /// Classification; `None` leaves it to the look.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub classification: Option<Classify>,
 }
@@ -158,7 +159,7 @@ impl Rendering {
     }
 }
 
-/// A case with splats.
+/// Case with splats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Subject {
@@ -173,24 +174,25 @@ pub struct Subject {
     /// File of splats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ply: Option<PathBuf>,
-    /// Profile of the fit in place of the case's.
+    /// Profile of the fit, in place of the case's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile: Option<String>,
-    /// Names of what is measured, in place of the section's.
+    /// Names of the renderings to measure, in place of the section's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub renderings: Option<Vec<String>>,
-    /// Whether the splats are rendered as standard ones, with colours of their own in place of an intensity.
+    /// True if the splats are rendered as standard 3DGS splats, with colours of their own in place of an
+    /// intensity.
     #[serde(default, skip_serializing_if = "is_false")]
     pub coloured: bool,
 }
 
-/// What files leave out.
+/// Returns true if serde should leave the field out of the file.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
 pub(super) fn is_false(value: &bool) -> bool {
     !value
 }
 
-/// What a section does.
+/// Settings of one section.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Part {
@@ -198,71 +200,71 @@ pub struct Part {
     pub size: u32,
     /// Names of the transfer functions.
     pub transfers: Vec<String>,
-    /// Names of what is measured.
+    /// Names of the renderings to measure.
     pub renderings: Vec<String>,
     /// Cases with their splats.
     pub subjects: Vec<Subject>,
-    /// Name of what pictures are compared with; `end-to-end` and `renderer-error`.
+    /// Name of the rendering that pictures are compared with; for `end-to-end` and `renderer-error`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<String>,
-    /// Factors by which the volume is downsampled; `end-to-end`.
+    /// Factors by which the volume is downsampled; for `end-to-end`.
     #[serde(default)]
     pub downsampled: Vec<usize>,
-    /// Names of what renders for two eyes; `renderer-error`.
+    /// Names of the renderings that are also made for two eyes; for `renderer-error`.
     #[serde(default)]
     pub stereo: Vec<String>,
-    /// Places of the views in the orbit; all of them where there are none.
+    /// Indices of the views in the orbit; all of them if empty.
     #[serde(default)]
     pub views: Vec<usize>,
-    /// Timed frames of each rendering; `speed` and `table5`.
+    /// Timed frames of each rendering; for `speed` and `table5`.
     #[serde(default)]
     pub frames: usize,
-    /// Frames from each view before those; `speed` and `table5`.
+    /// Warm-up frames from each view before the timed ones; for `speed` and `table5`.
     #[serde(default)]
     pub warm_up: usize,
-    /// Whether volumes are rendered without their mask, too; `speed`.
+    /// True if volumes are also rendered without their mask; for `speed`.
     #[serde(default)]
     pub whole: bool,
-    /// Most minutes of all of it on a CPU driver; `table5`.
+    /// Time limit of the whole section on a CPU driver, minutes; for `table5`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget_minutes: Option<f64>,
 }
 
-/// What is aimed at.
+/// Goal for the rows that match its section and, if given, case, splats, transfer function and rendering.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Goal {
-    /// Of rows of this section ...
+    /// Section of the rows.
     pub section: Option<Section>,
-    /// ... and, where they are said, of this case, ...
+    /// Case of the rows, if given.
     pub case: Option<String>,
-    /// ... number of splats, ...
+    /// Number of splats of the rows, if given.
     pub splats: Option<usize>,
-    /// ... transfer function ...
+    /// Transfer function of the rows, if given.
     pub transfer: Option<String>,
-    /// ... and rendering.
+    /// Rendering of the rows, if given.
     pub rendering: Option<String>,
-    /// At least this mean PSNR, dB.
+    /// Least mean PSNR, dB.
     pub psnr: Option<f64>,
-    /// At least this mean SSIM.
+    /// Least mean SSIM.
     pub ssim: Option<f64>,
-    /// At most so many dB below the rendering `of`.
+    /// Greatest distance below the PSNR of the rendering `of`, dB.
     pub within: Option<f64>,
-    /// That rendering.
+    /// Name of the rendering that `within` refers to.
     pub of: Option<String>,
-    /// On a CPU driver at most so much CPU time a frame, ms.
+    /// Most CPU time per frame on a CPU driver, ms.
     pub core_ms: Option<f64>,
-    /// At least so many times cheaper than the volume with its mask.
+    /// Least factor by which the row must be cheaper than the volume with its mask.
     pub faster: Option<f64>,
-    /// Where a figure comes from, or what one is elsewhere.
+    /// Source of the figure, or a figure from elsewhere.
     pub was: Option<String>,
 }
 
-/// The file.
+/// Contents of the configuration file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// Iterations of the fits in place of those of their profiles.
+    /// Iterations of the fits, in place of those of their profiles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub iterations: Option<u32>,
     /// Views.
@@ -273,13 +275,13 @@ pub struct Config {
     /// Transfer functions.
     #[serde(rename = "transfer")]
     pub transfers: Vec<Transfer>,
-    /// Ways of rendering.
+    /// Renderings.
     #[serde(rename = "rendering")]
     pub renderings: Vec<Rendering>,
-    /// What is done.
+    /// Settings of each section.
     #[serde(rename = "section")]
     pub parts: BTreeMap<Section, Part>,
-    /// What is aimed at.
+    /// Goals.
     #[serde(default, rename = "goal")]
     pub goals: Vec<Goal>,
 }
@@ -290,10 +292,10 @@ const QUICK_ITERATIONS: u32 = 60;
 const QUICK_FRAMES: usize = 2;
 
 impl Config {
-    /// The default, or what is in `file`.
+    /// Reads the configuration from `file`, or returns the default one.
     ///
     /// # Errors
-    /// [`Kind::Missing`] without the file, [`Kind::Usage`] for what it says wrong.
+    /// Returns [`Kind::Missing`] if the file is missing, [`Kind::Usage`] if its contents are wrong.
     pub fn read(file: Option<&Path>) -> Result<Self> {
         let Some(path) = file else { return Config::parse(DEFAULT) };
         let text =
@@ -301,7 +303,7 @@ impl Config {
         Config::parse(&text).map_err(|e| e.file(path))
     }
 
-    /// What is in a text.
+    /// Parses and checks a configuration (TOML).
     pub fn parse(text: &str) -> Result<Self> {
         let config: Config = toml::from_str(text).map_err(|e| {
             Error::new(Kind::Usage, "VGS-BEN-020", format!("not a configuration of bench render: {e}")).help(
@@ -312,7 +314,8 @@ impl Config {
         Ok(config)
     }
 
-    /// The same with the first subject of each section alone, half the size, two views and short fits.
+    /// Returns a copy with only the first subject of each section, half the size, two views, few frames and
+    /// short fits.
     #[must_use]
     pub fn quick(&self) -> Self {
         let mut quick = self.clone();
@@ -329,28 +332,28 @@ impl Config {
         quick
     }
 
-    /// The case of that name.
+    /// Finds the case with this name.
     pub fn case(&self, name: &str) -> Result<&Case> {
         named(&self.cases, "case", name, |row| &row.name)
     }
 
-    /// The case of a subject, with the profile that it is fitted with.
+    /// Returns the case of a subject, with the profile that it is fitted with.
     pub fn case_of(&self, subject: &Subject) -> Result<Case> {
         let case = self.case(&subject.case)?.clone();
         Ok(Case { profile: subject.profile.clone().unwrap_or(case.profile), ..case })
     }
 
-    /// The transfer function of that name.
+    /// Finds the transfer function with this name.
     pub fn transfer(&self, name: &str) -> Result<&Transfer> {
         named(&self.transfers, "transfer", name, |row| &row.name)
     }
 
-    /// The rendering of that name.
+    /// Finds the rendering with this name.
     pub fn rendering(&self, name: &str) -> Result<&Rendering> {
         named(&self.renderings, "rendering", name, |row| &row.name)
     }
 
-    /// Hyper-parameters of the fit of a subject that is no file.
+    /// Returns the configuration of the fit of a subject that is no file.
     pub fn fit(&self, subject: &Subject) -> Result<FitConfig> {
         let profile = Profile::named(&self.case_of(subject)?.profile)?.config()?;
         let config = FitConfig {

@@ -1,4 +1,4 @@
-//! All that was measured, for other programs: JSON and CSV.
+//! Exports all measurements for other programs, as JSON and CSV.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use super::record::Record;
 use super::results::Results;
 use crate::cost::Cost;
 
-/// What `render.json` holds.
+/// Contents of `render.json`.
 #[derive(Serialize)]
 struct All<'a> {
     device: &'a str,
@@ -27,11 +27,11 @@ struct All<'a> {
 struct Measured<'a> {
     unit: &'a Unit,
     record: Option<&'a Record>,
-    /// Why there is no record.
+    /// Reason why there is no record.
     skipped: Option<&'a String>,
 }
 
-/// Everything: configuration, units, records.
+/// Returns configuration, units and records as JSON.
 pub fn json(report: &Results<'_>) -> Result<String> {
     let units = report.plan.units.iter().map(|unit| {
         let key = unit.key();
@@ -53,7 +53,8 @@ pub fn json(report: &Results<'_>) -> Result<String> {
 const COLUMNS: &str = "section,case,source,splats,size,transfer,rendering,view,\
                        psnr_db,ssim,flip,core_ms,wall_ms,device_ms";
 
-/// A line for each picture that was compared and for each frame that was timed. A PSNR of equal pictures is `inf`.
+/// Returns CSV with a line for each compared picture and each timed frame. The PSNR of equal pictures is
+/// `inf`.
 pub fn csv(report: &Results<'_>) -> String {
     let mut out = format!("{COLUMNS}\n");
     for section in report.sections {
@@ -88,7 +89,7 @@ pub fn csv(report: &Results<'_>) -> String {
     out
 }
 
-/// A field that may hold commas.
+/// Quotes a field if it holds a comma, a quote or a line break.
 fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n']) {
         format!("\"{}\"", field.replace('"', "\"\""))

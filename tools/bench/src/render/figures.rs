@@ -1,16 +1,16 @@
-//! Numbers as tables have them.
+//! Formats numbers for tables.
 
-/// For what there is not.
+/// Returns a dash, for a missing figure.
 pub fn dash() -> String {
     "—".into()
 }
 
-/// dB with two decimals.
+/// Formats a PSNR in dB with two decimals.
 pub fn db(psnr: f64) -> String {
     if psnr == f64::INFINITY { "∞".into() } else { format!("{psnr:.2}") }
 }
 
-/// Milliseconds with three digits or more.
+/// Formats milliseconds with three digits or more.
 pub fn ms(value: Option<f64>) -> String {
     match value {
         None => dash(),
@@ -20,12 +20,12 @@ pub fn ms(value: Option<f64>) -> String {
     }
 }
 
-/// Millions of bytes with three digits or more.
+/// Formats bytes as millions with three digits or more.
 pub fn mb(bytes: u64) -> String {
     ms(Some(bytes as f64 / 1e6))
 }
 
-/// 1,234,567.
+/// Formats a number with commas, as in 1,234,567.
 pub fn thousands(value: u64) -> String {
     let digits = value.to_string();
     let mut text = String::new();

@@ -1,15 +1,15 @@
-//! What is aimed at, beside what was found.
+//! Compares goals with what was measured.
 
 use super::config::{Goal, Section};
 
-/// A row of a table, as goals see it.
+/// Figures of a row of a table, as goals check them.
 #[derive(Clone, Copy, Debug)]
 pub struct Found<'a> {
     /// Section.
     pub section: Section,
     /// Name of the case.
     pub case: &'a str,
-    /// Splats that were asked for, where a number was.
+    /// Number of splats that was asked for; `None` if a density was.
     pub splats: Option<usize>,
     /// Name of the transfer function.
     pub transfer: &'a str,
@@ -19,13 +19,14 @@ pub struct Found<'a> {
     pub psnr: Option<f64>,
     /// Mean SSIM.
     pub ssim: Option<f64>,
-    /// CPU time a frame, ms; nothing on a GPU.
+    /// CPU time per frame, ms; `None` on a GPU.
     pub core_ms: Option<f64>,
-    /// How many times the volume with its mask costs more.
+    /// Cost of the volume with its mask, divided by the cost of this row.
     pub faster: Option<f64>,
 }
 
-/// What goals say of a row; empty where none speaks of it. `psnr_of` is the PSNR of another rendering of the same.
+/// Formats the verdict of all goals for a row; empty if no goal matches it. `psnr_of` returns the PSNR of
+/// another rendering of the same subject by name.
 pub fn cell(goals: &[Goal], found: &Found<'_>, psnr_of: impl Fn(&str) -> Option<f64>) -> String {
     let parts: Vec<String> =
         goals.iter().filter(|goal| goal.is_of(found)).map(|goal| goal.verdict(found, &psnr_of)).collect();
@@ -66,7 +67,7 @@ impl Goal {
             .into_iter()
             .map(|(text, holds)| format!("{text}: {}", if holds { "met" } else { "**missed**" }))
             .collect();
-        // Where a figure comes from is told with the figure; one from elsewhere stands alone.
+        // The source of a figure is told together with the figure; a figure from elsewhere stands alone.
         let asks = [self.psnr, self.ssim, self.within, self.core_ms, self.faster].iter().any(Option::is_some);
         if let Some(was) = self.was.as_ref().filter(|_| !asks || !parts.is_empty()) {
             parts.push(format!("({was})"));
@@ -116,7 +117,7 @@ mod tests {
         ] {
             assert_eq!(cell(std::slice::from_ref(&goal), &found(), exact), text, "{goal:?}");
         }
-        // On a GPU there is no CPU time to speak of, and then nobody else's either.
+        // There is no CPU time on a GPU, and then somebody else's is not told either.
         let gpu = Found { core_ms: None, ..found() };
         let goal = Goal { core_ms: Some(464.0), was: name("web-splat"), ..goal() };
         assert_eq!(cell(&[goal], &gpu, exact), "");

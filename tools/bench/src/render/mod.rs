@@ -1,8 +1,9 @@
-//! `bench render`: pictures checked against what they should be, then timed.
+//! Measures rendering (`bench render`): pictures are compared with their references, then timed.
 //!
-//! A configuration (`config`) becomes units (`plan`), one for each subject of a section; each is measured (`accuracy`,
-//! `speed`) in scenes of volumes and fitted splats (`scenes`) and kept as a file (`record`), so that nothing is measured
-//! twice. Reports are made from the files and written after every unit (`report`, `table5`, `goals`, `export`, `plot`).
+//! A configuration (`config`) becomes units (`plan`), one for each subject of a section; each is measured
+//! (`accuracy`, `speed`) in scenes of volumes and fitted splats (`scenes`) and kept as a file (`record`), so
+//! that nothing is measured twice. Reports are made from the files and written after every unit (`report`,
+//! `table5`, `goals`, `export`, `plot`).
 
 pub mod accuracy;
 pub mod config;
@@ -81,7 +82,7 @@ impl RenderArguments {
         all
     }
 
-    /// How to measure it again, without the paths of this machine.
+    /// Returns a command line that repeats the measurement, without the paths of this machine.
     fn command(&self) -> String {
         let mut text = "bench render --data DIR".to_owned();
         if self.config.is_some() {
@@ -142,14 +143,14 @@ pub fn run(options: &GpuOptions, a: &RenderArguments) -> Result<()> {
     all_done(&failed, missing.len(), "subjects")
 }
 
-/// Rough time of a frame of 1024² pixels of the most accurate mode and of any other on two cores, seconds; what the first
-/// subjects take in truth corrects it.
+/// Rough time of a frame of 1024² pixels on two cores, seconds: of mode `exact`, and of any other mode. The
+/// actual times of the first subjects correct it.
 const FRAME_SECONDS: [f64; 2] = [6.0, 1.5];
 
-/// What carries out units, one after the other.
+/// Measures units, one after the other.
 struct Runner<'a> {
     options: &'a GpuOptions,
-    /// For pictures that are compared; each rendering that is timed boots its own.
+    /// Device for pictures that are compared; each rendering that is timed creates its own.
     gpu: &'a Gpu,
     library: Library<'a>,
     config: &'a Config,
@@ -160,12 +161,13 @@ struct Runner<'a> {
     command: String,
     quick: bool,
     records: Records,
-    /// Why a unit has no record, by key.
+    /// Reasons why units have no record, by key.
     skipped: BTreeMap<String, String>,
 }
 
 impl Runner<'_> {
-    /// Measures all units and keeps the records. One that fails is told and does not end the others.
+    /// Measures all units and keeps the records. A unit that fails is reported on stderr and does not end the
+    /// others. Returns the errors.
     fn all(&mut self, missing: &[&Unit]) -> Result<Vec<Error>> {
         self.write()?;
         let frames: Vec<f64> = missing.iter().map(|unit| frame_seconds(unit)).collect();
@@ -205,13 +207,13 @@ impl Runner<'_> {
         Ok(failed)
     }
 
-    /// Seconds for the paper's Table 5, where they are limited.
+    /// Returns the seconds for the paper's Table 5; `None` if they are not limited.
     fn budget(&self) -> Option<f64> {
         let part = self.config.parts.get(&Section::Table5).filter(|_| self.device.is_cpu)?;
         part.budget_minutes.map(|minutes| 60.0 * minutes)
     }
 
-    /// Why there is no time for a unit.
+    /// Returns the reason why the rest of the budget (seconds) is too short for a unit; `None` if it is not.
     fn within_budget(&mut self, unit: &Unit, budget: Option<f64>) -> Result<Option<String>> {
         let Some(left) = budget.filter(|_| unit.section == Section::Table5) else { return Ok(None) };
         let needed = self.library.fit_seconds(unit)? + frame_seconds(unit);
@@ -266,7 +268,7 @@ impl Runner<'_> {
     }
 }
 
-/// Rough time of the frames of a unit, seconds.
+/// Estimates the time of the frames of a unit, seconds.
 fn frame_seconds(unit: &Unit) -> f64 {
     let part = &unit.part;
     let of = |mode: &str| if mode == "exact" { FRAME_SECONDS[0] } else { FRAME_SECONDS[1] };

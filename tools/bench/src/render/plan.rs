@@ -1,5 +1,5 @@
-//! What is to be done, a unit at a time: a subject of a section with all that its figures depend on. Its key names the
-//! file of its record.
+//! Plans the measurements, a unit at a time: a subject of a section with all that its figures depend on. Its
+//! key names the file of its record.
 
 use std::path::Path;
 
@@ -12,36 +12,37 @@ use sha2::{Digest, Sha256};
 use super::config::{Case, Config, Orbit, Part, Rendering, Section, Subject, Transfer, is_false};
 use crate::store::hash;
 
-/// Where the splats of a unit come from.
+/// Source of the splats of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub enum Source {
-    /// A fit.
+    /// The splats are fitted.
     Fit(Box<FitConfig>),
-    /// A file, with the hash of what is in it.
+    /// The splats are read from a file; the hash is that of its contents.
     File(std::path::PathBuf, String),
 }
 
-/// A subject of a section. Two with the same fields give the same pictures.
+/// One subject of a section. Two units with the same fields give the same pictures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Unit {
-    /// What is done.
+    /// Section.
     pub section: Section,
-    /// The volume.
+    /// Volume and region.
     pub case: Case,
-    /// Its splats.
+    /// Source of the splats.
     pub source: Source,
-    /// Whether they get colours in place of intensities.
+    /// True if the splats get colours in place of intensities.
     #[serde(skip_serializing_if = "is_false")]
     pub coloured: bool,
     /// Transfer functions.
     pub transfers: Vec<Transfer>,
-    /// What is measured.
+    /// Renderings to measure.
     pub renderings: Vec<Rendering>,
-    /// What pictures are compared with, where one rendering is for all.
+    /// Rendering that pictures are compared with, if there is one for all.
     pub reference: Option<Rendering>,
-    /// What renders for two eyes.
+    /// Renderings for two eyes.
     pub stereo: Vec<Rendering>,
-    /// The numbers of the section. Its names stand for what is in the other fields, without what cannot be measured.
+    /// Settings of the section. The names in it are resolved in the other fields, without those that cannot
+    /// be measured.
     pub part: Part,
     /// All views.
     pub orbit: Orbit,
@@ -50,14 +51,15 @@ pub struct Unit {
 }
 
 impl Unit {
-    /// Name of the record's file without its ending: what a person looks for, then a hash of everything.
+    /// Returns the name of the record's file without its extension: a readable part, then a hash of all
+    /// fields.
     pub fn key(&self) -> String {
         let subject = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
         let case: String = self.case.name.chars().map(subject).collect();
         format!("{}-{case}-{}-{}", self.section.name(), self.amount().replace(' ', "-"), hash(self))
     }
 
-    /// How many splats, as the configuration says it.
+    /// Describes the number of splats as the configuration gives it.
     pub fn amount(&self) -> String {
         let amount = match &self.source {
             Source::File(..) => "file".into(),
@@ -67,7 +69,7 @@ impl Unit {
         if self.coloured { amount + " coloured" } else { amount }
     }
 
-    /// For people.
+    /// Returns a title for people.
     pub fn title(&self) -> String {
         format!(
             "{}: {}, splats: {}, {size}×{size}",
@@ -78,22 +80,22 @@ impl Unit {
         )
     }
 
-    /// The places of the views in the orbit.
+    /// Returns the indices of the views in the orbit.
     pub fn views(&self) -> Vec<usize> {
         if self.part.views.is_empty() { (0..self.orbit.count).collect() } else { self.part.views.clone() }
     }
 }
 
-/// All units of the sections, and what cannot be measured.
+/// All units of the sections, and notes on what cannot be measured.
 pub struct Plan {
-    /// In the order of the sections and of their subjects.
+    /// Units in the order of the sections and of their subjects.
     pub units: Vec<Unit>,
     /// Lines that say what is left out and why.
     pub left_out: Vec<String>,
 }
 
 impl Plan {
-    /// Of a configuration that was checked.
+    /// Plans the units of a configuration that was checked.
     pub fn new(config: &Config, sections: &[Section], device: &str) -> Result<Self> {
         let mut plan = Plan { units: Vec::new(), left_out: Vec::new() };
         for (&section, part) in config.parts.iter().filter(|(section, _)| sections.contains(section)) {
@@ -147,7 +149,7 @@ impl Plan {
     }
 }
 
-/// The mode of a rendering, if this build has it.
+/// Finds the mode of a rendering; `None` if this build does not have it.
 pub fn mode_row(rendering: &Rendering) -> Option<&'static ModeRow> {
     MODES.iter().find(|row| row.name == rendering.mode)
 }

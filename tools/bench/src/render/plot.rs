@@ -1,4 +1,5 @@
-//! What accuracy costs, and how it falls as slabs grow, as pictures (SVG): a panel for each case and transfer function.
+//! Plots PSNR over the cost of a frame and over the distance of slabs (SVG), a panel for each case and
+//! transfer function.
 
 use engine::Result;
 use plotters::prelude::*;
@@ -11,26 +12,26 @@ use crate::plot::{Area, Axis, COLOURS, Drawn, axes, legend, line, sheet, span};
 
 const PANEL: [u32; 2] = [560, 400];
 
-/// A mode in one way to classify, by growing x.
+/// Points of a mode with one classification, by growing x.
 struct Line {
     label: String,
     points: Vec<(f64, f64)>,
 }
 
-/// A case in a transfer function.
+/// Plot of one case with one transfer function.
 struct Panel {
     title: String,
     lines: Vec<Line>,
 }
 
-/// What panels are drawn over.
+/// The x axis of the panels.
 struct Over {
     title: String,
-    /// Whether x are decimal logarithms of what is told.
+    /// True if x values are decimal logarithms of what the ticks show.
     logarithmic: bool,
 }
 
-/// PSNR over the median cost of a frame, of all modes of `renderer-error`.
+/// Plots the PSNR over the median cost of a frame, for all modes of `renderer-error`.
 pub fn cost(report: &Results<'_>) -> Result<String> {
     let is_cpu = report.device.is_cpu;
     let panels = panels(report, |row| (row.cost(is_cpu) > 0.0).then(|| row.cost(is_cpu).log10()));
@@ -38,7 +39,7 @@ pub fn cost(report: &Results<'_>) -> Result<String> {
     svg("PSNR against mode exact, over what a frame costs", &panels, &over)
 }
 
-/// PSNR over the distance of slabs, of all that are of mode `slab`.
+/// Plots the PSNR over the distance of slabs, for all renderings with mode `slab`.
 pub fn ladder(report: &Results<'_>) -> Result<String> {
     let panels = panels(report, |row| (row.mode == "slab").then_some(row.step));
     let over = Over { title: "distance of slabs / standard deviations".into(), logarithmic: false };

@@ -1,4 +1,4 @@
-//! What was measured.
+//! Records of measurements.
 
 use std::collections::BTreeMap;
 
@@ -7,39 +7,39 @@ use serde::{Deserialize, Serialize};
 use crate::cost::{Cost, Passes, mean, median};
 use crate::store::Keep;
 
-/// What a row of pictures shows.
+/// Role of the pictures of a row in a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Role {
-    /// What the others are compared with.
+    /// The reference itself.
     Reference,
-    /// A rendering of the splats.
+    /// A rendering of the splats, against the reference.
     Mode,
-    /// The volume, downsampled.
+    /// The downsampled volume, against the reference.
     Downsampled,
-    /// Two eyes with one order, against an order for each.
+    /// Two eyes with one sort, against a sort for each eye.
     TwoEyes,
-    /// Packed splats, against the same in full.
+    /// Packed splats, against the same splats unpacked.
     Packed,
 }
 
-/// How far a picture is from the one that it is compared with, and what it took.
+/// Difference of a picture from its reference, and its cost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sight {
-    /// Place of the view in the orbit.
+    /// Index of the view in the orbit.
     pub view: usize,
-    /// Mean squared difference of red, green and blue; not in dB, since files cannot say infinity.
+    /// Mean squared difference of red, green and blue. It is not in dB, since JSON has no infinity.
     pub mse: f64,
     /// Structural similarity.
     pub ssim: f64,
-    /// Mean of FLIP.
+    /// Mean FLIP error.
     pub flip: f64,
-    /// Of this one frame.
+    /// Cost of this one frame.
     pub cost: Cost,
 }
 
 impl Sight {
-    /// dB; infinite for equal pictures.
+    /// Returns the PSNR, dB; infinite for equal pictures.
     pub fn psnr(&self) -> f64 {
         -10.0 * self.mse.log10()
     }
@@ -52,50 +52,51 @@ pub struct Comparison {
     pub transfer: String,
     /// Name of the rendering.
     pub rendering: String,
-    /// What it is.
+    /// Role in the comparison.
     pub role: Role,
     /// Mode of the engine.
     pub mode: String,
-    /// Its step.
+    /// Sample distance of the rendering.
     pub step: f64,
-    /// Its classification, where it is set.
+    /// True if the transfer function is integrated between samples; `None` if the rendering leaves it to the
+    /// look.
     pub integrated: Option<bool>,
-    /// Bytes of a volume; nothing where splats are rendered.
+    /// Bytes of the volume; `None` if splats are rendered.
     pub volume_bytes: Option<u64>,
-    /// Bytes of splats as they were packed, with all that belongs to them.
+    /// Bytes of the packed splats, with all that belongs to them.
     pub packed_bytes: Option<u64>,
-    /// One for each view.
+    /// Comparisons, one for each view.
     pub sights: Vec<Sight>,
 }
 
 impl Comparison {
-    /// Mean over the views, dB.
+    /// Returns the mean PSNR over the views, dB.
     pub fn psnr(&self) -> f64 {
         mean(&self.sights.iter().map(Sight::psnr).collect::<Vec<_>>()).unwrap_or(f64::NAN)
     }
 
-    /// Of the worst view, dB.
+    /// Returns the PSNR of the worst view, dB.
     pub fn worst_psnr(&self) -> f64 {
         self.sights.iter().map(Sight::psnr).fold(f64::INFINITY, f64::min)
     }
 
-    /// Mean over the views.
+    /// Returns the mean SSIM over the views.
     pub fn ssim(&self) -> f64 {
         mean(&self.sights.iter().map(|s| s.ssim).collect::<Vec<_>>()).unwrap_or(f64::NAN)
     }
 
-    /// Mean over the views.
+    /// Returns the mean FLIP error over the views.
     pub fn flip(&self) -> f64 {
         mean(&self.sights.iter().map(|s| s.flip).collect::<Vec<_>>()).unwrap_or(f64::NAN)
     }
 
-    /// Median of what a frame cost, ms.
+    /// Returns the median cost of a frame, ms.
     pub fn cost(&self, is_cpu: bool) -> f64 {
         median(&self.sights.iter().map(|s| s.cost.of_device(is_cpu)).collect::<Vec<_>>()).unwrap_or(f64::NAN)
     }
 }
 
-/// Frames of one rendering.
+/// Times of the frames of one rendering.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Timing {
     /// Name of the transfer function.
@@ -104,45 +105,45 @@ pub struct Timing {
     pub rendering: String,
     /// Mode of the engine.
     pub mode: String,
-    /// Whether it is the volume without its mask.
+    /// True if the volume is rendered without its mask.
     pub whole: bool,
-    /// Mean squared difference of its first picture from the most accurate rendering of the same; nothing of colours that
-    /// are not classified, which only one mode renders.
+    /// Mean squared difference of the first picture from the most accurate rendering of the same scene;
+    /// `None` for splats with colours, which only one mode renders.
     pub mse: Option<f64>,
-    /// Place of the view of each frame, and what it took, in order.
+    /// Index of the view and cost of each frame, in order.
     pub frames: Vec<(usize, Cost)>,
-    /// Passes of all frames.
+    /// Passes, summed over all frames.
     pub passes: Passes,
-    /// Bytes of device memory by purpose, with all frames done.
+    /// Bytes of device memory by purpose, after all frames.
     pub memory: BTreeMap<String, u64>,
 }
 
 impl Timing {
-    /// Of the first picture, dB.
+    /// Returns the PSNR of the first picture, dB.
     pub fn psnr(&self) -> Option<f64> {
         self.mse.map(|mse| -10.0 * mse.log10())
     }
 
-    /// One figure of each frame.
+    /// Returns one figure of each frame.
     pub fn each(&self, figure: impl Fn(&Cost) -> f64) -> Vec<f64> {
         self.frames.iter().map(|(_, cost)| figure(cost)).collect()
     }
 }
 
-/// What a unit gave.
+/// Result of a unit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// Key of the unit.
     pub key: String,
-    /// Splats that were rendered.
+    /// Number of splats rendered.
     pub splats: usize,
-    /// Whether they are of ordinary 3D Gaussian splatting.
+    /// True if the splats are those of standard 3D Gaussian splatting, with colours.
     pub of_colours: bool,
     /// Sum of the mask.
     pub roi_voxels: f64,
-    /// Pictures.
+    /// Comparisons of pictures.
     pub comparisons: Vec<Comparison>,
-    /// Frames.
+    /// Times of frames.
     pub timings: Vec<Timing>,
     /// Lines that say what could not be measured and why.
     pub left_out: Vec<String>,

@@ -1,4 +1,4 @@
-//! Tables of what was measured, in Markdown.
+//! Writes tables of the measurements in Markdown.
 
 use super::config::Section;
 use super::figures::{dash, db, mb, ms, thousands};
@@ -15,7 +15,7 @@ const PACKED: usize = 16;
 
 const FULL: usize = size_of::<engine::splat::Splat>();
 
-/// Passes that are told of a rendering.
+/// Number of passes that are listed for a rendering.
 const PASSES: usize = 6;
 
 impl Results<'_> {
@@ -72,7 +72,7 @@ impl Results<'_> {
         if lines.is_empty() { lines } else { format!("\nLeft out:\n{lines}") }
     }
 
-    /// Rows of pictures with these roles; the last columns differ.
+    /// Returns the table rows of the pictures with these roles; the last columns differ.
     fn pictures(&self, section: Section, roles: &[Role]) -> Vec<Vec<String>> {
         let mut rows = Vec::new();
         for (unit, record) in self.units(section) {
@@ -195,7 +195,7 @@ impl Results<'_> {
                     .collect();
                 passes.push([start.to_vec(), vec![told.join(", ")]].concat());
             }
-            // What is in memory does not depend on the transfer function but for its tables.
+            // Memory does not depend on the transfer function except for its tables.
             let last = record.timings.last().map(|row| &row.transfer);
             for row in record.timings.iter().filter(|row| Some(&row.transfer) == last) {
                 let mut purposes: Vec<_> = row.memory.iter().collect();
@@ -262,7 +262,7 @@ impl Results<'_> {
         ]
     }
 
-    /// How many times more the volume with its mask costs in the same rounds.
+    /// Returns how many times more the volume with its mask costs in the same rounds.
     fn faster(&self, record: &Record, row: &Timing) -> Option<f64> {
         let is_volume =
             |other: &&Timing| other.mode == "volume" && !other.whole && other.transfer == row.transfer;
@@ -274,7 +274,7 @@ impl Results<'_> {
     }
 }
 
-/// The case, where it comes from, and its splats.
+/// Describes the case, its source and its splats.
 fn subject(unit: &Unit, record: &Record) -> String {
     let fitted = match (&unit.source, unit.case.profile.as_str()) {
         (Source::File(..), _) | (_, "default") => String::new(),
@@ -283,7 +283,7 @@ fn subject(unit: &Unit, record: &Record) -> String {
     format!("{} ({}), {} splats{fitted}", unit.case.name, unit.case.source(), thousands(record.splats as u64))
 }
 
-/// How many splats were asked for, where a number was.
+/// Returns the number of splats that was asked for; `None` if it was a density or a file.
 fn count(unit: &Unit) -> Option<usize> {
     match &unit.source {
         Source::Fit(config) if config.splats > 0 => Some(config.splats),

@@ -1,4 +1,4 @@
-//! What reports are made from.
+//! Input of all reports.
 
 use engine::gpu::DeviceDescription;
 
@@ -6,17 +6,17 @@ use super::config::{Config, Section};
 use super::plan::{Plan, Unit};
 use super::record::{Record, Records};
 
-/// The device, as tables name it.
+/// Device, as tables name it.
 #[derive(Clone, Debug)]
 pub struct Device {
     /// Name, kind and driver.
     pub text: String,
-    /// Whether it is a driver that runs on the CPU.
+    /// True if the driver runs on the CPU.
     pub is_cpu: bool,
 }
 
 impl Device {
-    /// As it describes itself.
+    /// Creates it from the device's description of itself.
     pub fn new(description: &DeviceDescription) -> Self {
         Device {
             text: format!("{} ({}, {})", description.name, description.kind, description.driver),
@@ -24,34 +24,34 @@ impl Device {
         }
     }
 
-    /// What frames are compared by.
+    /// Returns the unit in which the costs of frames are compared.
     pub fn unit(&self) -> &'static str {
         if self.is_cpu { "core-ms" } else { "device ms" }
     }
 }
 
-/// What reports are made from.
+/// Everything that reports are made from.
 pub struct Results<'a> {
     /// The configuration.
     pub config: &'a Config,
-    /// What was to be done.
+    /// Plan of the measurements.
     pub plan: &'a Plan,
     /// Sections that were asked for.
     pub sections: &'a [Section],
-    /// What there is.
+    /// Records, by key.
     pub records: &'a Records,
-    /// Why there is no record, by key.
+    /// Reasons why units have no record, by key.
     pub skipped: &'a std::collections::BTreeMap<String, String>,
-    /// Where it was measured.
+    /// Device that measured.
     pub device: &'a Device,
-    /// Whether it was a quick run.
+    /// True if it was a quick run.
     pub quick: bool,
-    /// How to measure it again.
+    /// Command line that repeats the measurement.
     pub command: &'a str,
 }
 
 impl Results<'_> {
-    /// Units of a section, with their records.
+    /// Returns the units of a section that have records, with these.
     pub fn units(&self, section: Section) -> impl Iterator<Item = (&Unit, &Record)> {
         self.plan
             .units

@@ -1,4 +1,5 @@
-//! What is rendered: volumes with their regions, splats (fitted once and kept), cameras, transfer functions.
+//! Scenes to render: volumes with their regions, splats (fitted once and kept), cameras and transfer
+//! functions.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -20,24 +21,24 @@ use crate::cost::{self, Cost};
 use crate::scene::{EVALUATIONS_A_SECOND, SAMPLES_A_VOXEL, SMALL_SPLAT, help};
 use crate::store::hash;
 
-/// A case, read.
+/// Volume and region of a case, with figures that cameras and transfer functions need.
 pub struct Place {
-    /// Intensities.
+    /// Volume.
     pub volume: Volume,
-    /// The region.
+    /// Region of interest.
     pub roi: Roi,
     /// Least and greatest intensity of the whole volume.
     pub range: [f64; 2],
     /// Median intensity of the region.
     pub middle: f64,
-    /// Middle of the box around the region, mm RAS.
+    /// Centre of the box around the region, mm RAS.
     pub centre: DVec3,
-    /// From there to the farthest corner of a voxel of the region, mm.
+    /// Distance from `centre` to the farthest corner of a voxel of the region, mm.
     pub radius: f64,
 }
 
 impl Place {
-    /// Of a volume with its region.
+    /// Creates a place from a volume with its region.
     pub fn new(volume: Volume, roi: Roi) -> Self {
         let [width, height, _] = volume.size;
         let inside = || {
@@ -79,7 +80,7 @@ impl Place {
         Ok(Place::new(scene.volume, scene.roi))
     }
 
-    /// The cameras of an orbit, in each of which the region fills the picture.
+    /// Returns the cameras of these views of an orbit; the region fills each picture.
     pub fn cameras(&self, orbit: &Orbit, views: &[usize]) -> Result<Vec<Camera>> {
         let front = Camera::from_side("anterior", self.centre, self.radius, orbit.fov, 1.0)?;
         let camera = |&view: &usize| {
@@ -94,12 +95,12 @@ impl Place {
         Ok(views.iter().map(camera).collect())
     }
 
-    /// The transfer function for this volume.
+    /// Creates the transfer function for this volume.
     pub fn transfer(&self, transfer: &Transfer) -> Result<TransferFunction> {
         let mut function = match (&transfer.preset, transfer.band) {
             (Some(name), _) => preset(name)?.over(self.range),
             (None, width) => {
-                // The preset of a band, moved.
+                // A band is the preset for bands, moved to the median intensity.
                 let band = preset(BAND)?.over(self.range);
                 let half = width.unwrap_or(0.0) * 0.5;
                 let from = band.visible().unwrap_or_default();
@@ -112,18 +113,17 @@ impl Place {
         Ok(function)
     }
 
-    /// Bytes of the volume within the box of the region and a voxel around it, with 16 bits of intensity and 8 of mask a
-    /// voxel.
+    /// Returns the bytes of the volume, see [`volume_bytes`].
     pub fn bytes(&self) -> u64 {
         volume_bytes(&self.roi)
     }
 }
 
-/// The preset that is a band of intensities.
+/// Name of the preset that is a band of intensities.
 const BAND: &str = "CT-Skin";
 
-/// Bytes of a volume that is cropped to the box of its region and a voxel around it: 16 bits of intensity and 8 of mask a
-/// voxel.
+/// Returns the bytes of a volume that is cropped to the box of its region and a voxel around it, with 16 bits
+/// of intensity and 8 of mask per voxel.
 pub fn volume_bytes(roi: &Roi) -> u64 {
     let [width, height, _] = roi.size;
     let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
@@ -136,27 +136,27 @@ pub fn volume_bytes(roi: &Roi) -> u64 {
     if low[0] > high[0] { 0 } else { (0..3).map(|axis| edge(axis) as u64).product::<u64>() * 3 }
 }
 
-/// Cases and splats, from files or made.
+/// Cases and splats, read from files or made.
 pub struct Library<'a> {
     data: &'a Path,
-    /// Where fitted splats are kept.
+    /// Folder of the fitted splats.
     splats: PathBuf,
     options: &'a GpuOptions,
-    /// The case that was read last: units of one case follow each other.
+    /// Case that was read last; units of one case follow each other.
     last: Option<(Case, Place)>,
 }
 
 impl<'a> Library<'a> {
-    /// Of a data folder, with fitted splats in `splats`.
+    /// Opens the data folder and creates the folder `splats` for fitted splats.
     pub fn new(data: &'a Path, splats: &Path, options: &'a GpuOptions) -> Result<Self> {
         std::fs::create_dir_all(splats).map_err(|e| Error::io(splats, "making the folder", &e))?;
         Ok(Library { data, splats: splats.to_owned(), options, last: None })
     }
 
-    /// The case, read if it was not just now.
+    /// Returns the case; reads it if it is not the last one that was read.
     pub fn place(&mut self, case: &Case) -> Result<&Place> {
         if self.last.as_ref().is_none_or(|(last, _)| last != case) {
-            // The old one first: two may not fit.
+            // The last case is dropped first: two may not fit into memory.
             self.last = None;
             eprintln!("    reading {}", case.source());
             self.last = Some((case.clone(), Place::read(case, self.data)?));
@@ -164,7 +164,7 @@ impl<'a> Library<'a> {
         Ok(&self.last.as_ref().expect("it was just read").1)
     }
 
-    /// Seconds that the fit of a unit may take on two cores; 0 where its splats are there.
+    /// Estimates the seconds that the fit of a unit takes on two cores; 0 if its splats are there.
     pub fn fit_seconds(&mut self, unit: &Unit) -> Result<f64> {
         let Source::Fit(config) = &unit.source else { return Ok(0.0) };
         if self.path(&unit.case, config).exists() {
@@ -175,7 +175,7 @@ impl<'a> Library<'a> {
         Ok(f64::from(config.iterations) * 2.0 * samples / EVALUATIONS_A_SECOND)
     }
 
-    /// The splats of a unit, fitted if they are not there, with its case.
+    /// Returns the splats of a unit, fitted if they are not there, with its case.
     pub fn splats(&mut self, unit: &Unit) -> Result<(SplatSet, &Place)> {
         let path = match &unit.source {
             Source::File(path, _) => path.clone(),
@@ -189,7 +189,7 @@ impl<'a> Library<'a> {
         Ok((set, place))
     }
 
-    /// The file of a fit's splats, made if it is not there.
+    /// Returns the path of a fit's splats; fits them if the file is missing.
     pub fn fitted(&mut self, case: &Case, config: &FitConfig) -> Result<PathBuf> {
         let path = self.path(case, config);
         if !path.exists() {
@@ -198,7 +198,7 @@ impl<'a> Library<'a> {
             let count = config.splat_count(place.roi.weight_sum());
             eprintln!("    fitting {count} splats, {} iterations", config.iterations);
             let set = fit::run(&gpu, &place.volume, &place.roi, config, |_| ControlFlow::Continue(()))?;
-            // What is measured is what is read back, now and later.
+            // The splats are always read back, so that later runs measure the same.
             splat::write(&path, &set, true)?;
         }
         Ok(path)
@@ -208,14 +208,14 @@ impl<'a> Library<'a> {
         let name: String =
             case.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
         let amount = if config.splats > 0 { config.splats.to_string() } else { config.density.to_string() };
-        // What it is called is no part of what it is.
+        // The name of a case is not part of its contents.
         let content = (&case.folder, &case.volume, &case.mask, case.phantom, config);
         self.splats.join(format!("{name}-{amount}-{}.ply", hash(&content)))
     }
 }
 
-/// Spherical harmonics of the degree of standard splats, which show from all sides what a transfer function makes of the
-/// intensities: as many bytes and operations as those of a scene that was learned from pictures.
+/// Returns spherical harmonics of the degree of standard splats, which show from all sides the colours of the
+/// transfer function: as many bytes and operations as for a scene that was learned from pictures.
 fn colours(set: &SplatSet, transfer: &TransferFunction) -> Harmonics {
     let mut coefficients = vec![0.0; set.splats.len() * basis_count(MAX_DEGREE) * 3];
     for (splat, row) in set.splats.iter().zip(coefficients.chunks_mut(basis_count(MAX_DEGREE) * 3)) {
@@ -225,17 +225,18 @@ fn colours(set: &SplatSet, transfer: &TransferFunction) -> Harmonics {
     Harmonics { degree: MAX_DEGREE, coefficients }
 }
 
-/// A renderer whose frames are measured.
+/// Renderer whose frames are measured.
 pub struct TimedRenderer {
     gpu: Gpu,
     renderer: Renderer,
 }
 
 impl TimedRenderer {
-    /// `precise`: colour in floats, for comparisons; otherwise in halves, as for a screen.
+    /// Creates a renderer. If `precise`, colour is stored in floats, for comparisons; otherwise in halves, as
+    /// for a screen.
     ///
     /// # Panics
-    /// If this build lacks the mode: plans have none such.
+    /// Panics if this build lacks the mode; plans contain none such.
     pub fn new(
         gpu: &Gpu,
         scene: &Scene,
@@ -255,25 +256,25 @@ impl TimedRenderer {
         Ok(TimedRenderer { gpu: gpu.clone(), renderer: Renderer::new(gpu, row, scene, &settings)? })
     }
 
-    /// Renders a frame and waits for it.
+    /// Renders a frame, waits for it and returns its cost and passes.
     pub fn frame(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<(Cost, cost::Passes)> {
         cost::measure(&self.gpu, || self.renderer.render(scene, cameras))
     }
 
-    /// What was rendered last.
+    /// Reads the colour of the last frame.
     pub fn picture(&self, view: u32) -> Result<Image> {
         let size = self.renderer.target.size().map(|n| n as usize);
         Ok(Image { size, pixels: self.renderer.target.read_colour(view)? })
     }
 }
 
-/// Whether anything can be seen in a picture, by an eye that tells 256 steps apart.
+/// Returns true if anything is visible in a picture with 256 steps of opacity.
 pub fn shows_something(picture: &Image) -> bool {
     picture.pixels.iter().any(|p| p[3] >= 1.0 / 255.0)
 }
 
-/// Refuses figures of a program that breaks the rules of Vulkan. There is something to hear only where the validation layers
-/// are on, as in tests.
+/// Returns an error if the validation layers have reported a breach of Vulkan's rules. There are messages
+/// only if the layers are on, as in tests.
 pub fn check_validation(gpu: &Gpu) -> Result<()> {
     match gpu.validation_messages().first() {
         None => Ok(()),
@@ -283,7 +284,7 @@ pub fn check_validation(gpu: &Gpu) -> Result<()> {
     }
 }
 
-/// Whether all of a picture are numbers.
+/// Returns true if all pixels are finite numbers.
 pub fn is_finite(picture: &Image) -> bool {
     picture.pixels.iter().flatten().all(|v| v.is_finite())
 }

@@ -1,7 +1,8 @@
-//! What frames take, once their pictures have been seen to be right.
+//! Times frames, after their pictures have been checked.
 //!
-//! Each rendering has a device object, a scene and buffers of its own, so that its memory is its own, too. Frames are
-//! rendered in rounds, one of each rendering from the same camera, so that a noisy machine hurts all alike.
+//! Each rendering has a device object, a scene and buffers of its own, so that its memory is its own, too.
+//! Frames are rendered in rounds, one of each rendering from the same camera, so that a noisy machine affects
+//! all alike.
 
 use engine::Result;
 use engine::gpu::{Gpu, GpuOptions};
@@ -16,24 +17,25 @@ use super::record::{Record, Timing};
 use super::scenes::{Place, TimedRenderer, check_validation, shows_something};
 use crate::cost::Passes;
 
-/// A picture that is farther than this from the most accurate one is another picture, and its time means nothing, dB.
+/// Least PSNR against the most accurate picture, dB: below it the picture is another one, and its time means
+/// nothing.
 const LEAST_PSNR: f64 = 15.0;
 
-/// The mode that renders splats with colours of their own.
+/// Mode that renders splats with colours of their own.
 const COLOURED: &str = "alpha";
 
-/// What a rendering of splats is checked against, and one of a volume.
+/// Returns the rendering that others are checked against: of splats or of a volume.
 fn judge(of_splats: bool) -> Rendering {
     let mode = if of_splats { "exact" } else { "volume" };
     let name = format!("the most accurate {mode}");
     Rendering { name, mode: mode.into(), step: 0.25, classification: Some(Classify::Point) }
 }
 
-/// A rendering with all that it needs.
+/// Rendering with its device, scene and renderer.
 struct Contestant {
     rendering: Rendering,
     name: String,
-    /// Whether it is the volume without its mask.
+    /// True if the volume is rendered without its mask.
     whole: bool,
     of_splats: bool,
     gpu: Gpu,
@@ -41,7 +43,8 @@ struct Contestant {
     renderer: TimedRenderer,
 }
 
-/// Times all that a unit of `speed` or `table5` asks for. `saw` hears of each transfer function's frames.
+/// Times all renderings of a unit of `speed` or `table5`. `saw` is called with the frames of each rendering
+/// and transfer function.
 pub fn measure(
     unit: &Unit,
     place: &Place,
@@ -97,9 +100,9 @@ pub fn measure(
     Ok(record)
 }
 
-/// Whether what is timed is the right picture.
+/// Result of checking a contestant's picture.
 enum Verdict {
-    /// With its mean squared error, where there is something to compare it with.
+    /// The picture is right; its mean squared error, if there was something to compare it with.
     Right(Option<f64>),
     Wrong(String),
 }
@@ -126,8 +129,8 @@ impl Contestant {
         Ok(Contestant { rendering: rendering.clone(), name, whole, of_splats, gpu, scene, renderer })
     }
 
-    /// Compares its first picture with the most accurate one. That of the splats, which takes longest, is the same for all
-    /// and is made once: `judged`.
+    /// Compares the contestant's first picture with the most accurate one. That of the splats, which takes
+    /// longest, is the same for all and is rendered once and kept in `judged`.
     fn verify(
         &mut self,
         size: u32,
@@ -173,7 +176,8 @@ fn verdict(mse: f64) -> Verdict {
     ))
 }
 
-/// Renders in rounds: warm-up from every camera first, then frame i from camera i, i + 1, and so on.
+/// Renders in rounds and returns the times of each contestant: warm-up from every camera first, then frame i
+/// from camera i, i + 1, and so on.
 fn race(
     transfer: &str,
     mut racing: Vec<(&mut Contestant, Option<f64>)>,

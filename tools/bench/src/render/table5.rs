@@ -8,18 +8,18 @@ use super::results::Results;
 use crate::cost::median;
 use crate::report::Table;
 
-/// What a row of the paper renders.
+/// Rendering method of a row of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Method {
     Volume,
-    /// Standard 3D Gaussian splatting of so many thousand splats.
+    /// Standard 3D Gaussian splatting with this number of splats, in thousands.
     Standard(usize),
-    /// The paper's splats, so many thousand.
+    /// The paper's splats, in thousands.
     Ours(usize),
 }
 
-/// A row of the paper: data set and mask there, folder and mask of the nearest case here, method, frames a second on an
-/// RTX 4060 Mobile.
+/// Row of the paper: data set and mask there, folder and mask of the nearest case here, method, and frames
+/// per second on an RTX 4060 Mobile.
 struct Table5Row {
     dataset: &'static str,
     folder: &'static str,
@@ -36,7 +36,7 @@ const CASE_1: (&str, &str, &str) = ("Case 1, TS", "ct-thorax-1p5mm", "mask_ts");
 const CASE_4: (&str, &str, &str) = ("Case 4, TS-bones", "ct-abdomen-full", "mask_bones");
 const CASE_6: (&str, &str, &str) = ("Case 6, TS", "ct-chest-full", "mask_vessels");
 
-/// Table 5, digit by digit.
+/// Table 5, copied digit by digit.
 const PAPER: [Table5Row; 15] = [
     row(CASE_1, Method::Volume, 107),
     row(CASE_1, Method::Standard(250), 272),
@@ -55,13 +55,13 @@ const PAPER: [Table5Row; 15] = [
     row(CASE_6, Method::Ours(1000), 143),
 ];
 
-/// What is here of a row of the paper.
+/// Our measurement for a row of the paper.
 enum Here<'a> {
     Record(&'a Unit, &'a Record),
     Missing(String),
 }
 
-/// The table. Subjects that are none of the paper's stand below.
+/// Returns the table in Markdown. Subjects that are not in the paper stand below it.
 pub fn markdown(report: &Results<'_>) -> String {
     let units: Vec<&Unit> = report.plan.units.iter().filter(|unit| unit.section == Section::Table5).collect();
     let mut rows: Vec<Vec<String>> = PAPER.iter().map(|row| row.cells(report, &units)).collect();
@@ -130,15 +130,15 @@ impl Table5Row {
         [start.to_vec(), rest].concat()
     }
 
-    /// The subject that stands beside this row; of several the first that was measured.
+    /// Finds the measurement that belongs beside this row; of several, the first one that was measured.
     fn here<'a>(&self, report: &Results<'a>, units: &[&'a Unit]) -> Here<'a> {
         let fits = |unit: &&&Unit| {
-            // Whose splats a file holds is known once it was read; until then it may be anybody's.
+            // Whose splats a file holds is known only once it was read; until then it may match any row.
             let read = report.records.get(&unit.key());
             self.is_case(unit)
                 && match (self.method, &unit.source) {
                     (Method::Volume, _) => true,
-                    // Whatever a file holds where nobody has said that it is to be coloured.
+                    // A file matches here, whatever it holds, unless it is to be coloured.
                     (Method::Standard(_), Source::File(..)) if !unit.coloured => {
                         read.is_none_or(|record| record.of_colours)
                     }
@@ -172,7 +172,7 @@ fn missing(why: &str) -> Vec<String> {
     vec![format!("— ({why})"), dash(), dash()]
 }
 
-/// Frames a second, CPU time and device time of the renderings that are wanted.
+/// Returns three cells for the timings that are `wanted`: frames per second, CPU time and device time.
 fn figures(record: &Record, wanted: impl Fn(&Timing) -> bool) -> Vec<String> {
     let rows: Vec<&Timing> = record.timings.iter().filter(|timing| wanted(timing)).collect();
     let cell = |figure: &dyn Fn(&Timing) -> Option<String>| {

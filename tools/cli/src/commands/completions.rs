@@ -1,4 +1,4 @@
-//! `vgs completions`: what a shell needs to complete the arguments of vgs.
+//! Prints the scripts that shells need to complete the arguments of vgs (`vgs completions`).
 
 use clap::{Args, Command};
 use clap_complete::Shell;

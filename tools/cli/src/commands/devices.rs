@@ -1,4 +1,4 @@
-//! `vgs devices`: which Vulkan devices there are, and whether vgs can use them.
+//! Lists the Vulkan devices and whether vgs can use them (`vgs devices`).
 
 use engine::gpu::{self, DeviceDescription};
 

@@ -1,4 +1,4 @@
-//! `vgs eval`: how well splats reproduce a volume in a region of interest.
+//! Measures how well splats reproduce a volume in a region of interest (`vgs eval`).
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -37,8 +37,8 @@ pub struct EvalArguments {
     region: RoiArguments,
     #[command(flatten)]
     read: ReadArguments,
-    /// What the PSNR is over: two HU, or roi for the volume's range inside the region (of a soft mask where it is above
-    /// 1 % of its maximum), the paper's normalisation [default: the range of the whole volume]
+    /// What the PSNR is over: two HU, or roi for the volume's range inside the region (of a soft mask where
+    /// it is above 1 % of its maximum), the paper's normalisation [default: the range of the whole volume]
     #[arg(long, value_name = "LOW,HIGH|roi", value_parser = range_or_roi, allow_hyphen_values = true,
           help_heading = "Evaluation")]
     range: Option<Range>,
@@ -72,7 +72,7 @@ pub struct EvalArguments {
     device: DeviceArguments,
 }
 
-/// Where the slices of a picture meet.
+/// Place where the slices of a picture meet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ValueEnum)]
 pub enum Slices {
     /// In the centre of mass of the region.
@@ -90,24 +90,24 @@ Examples:
   vgs eval skull.ply skull.inv3 --roi-threshold 226,3071 --picture skull.png --table skull.csv
   vgs eval bones.ply ct.nii.gz --roi bones.nii.gz --map error.nii.gz --picture error.png --slices worst";
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct EvaluationOutput {
     splats: usize,
-    /// The quality of what is shown, as a fit records it: `decoded` where `form` is a grid, else `field`.
+    /// Quality of what is shown, as a fit records it: `decoded` if `form` is a grid, else `field`.
     #[serde(flatten)]
     quality: Quality,
-    /// What the splats were fitted for: `field`, `grid` or `grid-binary`.
+    /// Form of the fit: `field`, `grid` or `grid-binary`.
     form: &'static str,
-    /// The quality of the splats' field, which modes slab and exact show.
+    /// Quality of the splats' field, which modes slab and exact show.
     field: Quality,
-    /// The quality of the field decoded on the CT's grid and interpolated, which mode decoded shows.
+    /// Quality of the field decoded on the CT's grid and interpolated, which mode decoded shows.
     decoded: Quality,
-    /// What `range` was taken from: the `volume`, the volume inside the `roi`, or `given`.
+    /// Origin of `range`: the `volume`, the volume inside the `roi`, or `given`.
     range_of: &'static str,
-    /// Where the error is.
+    /// Errors by place.
     errors: ErrorsByPlace,
-    /// Iterations of the fit; null where the file does not say.
+    /// Number of iterations of the fit; null if the file does not have it.
     iterations: Option<u32>,
     seconds: f64,
     device_peak_bytes: u64,
@@ -142,7 +142,7 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
     let of_field = evaluate::evaluate(&gpu, &splats, &set.field, &case.volume, &case.roi, &protocol)?;
     let of_decoded = evaluate_decoded(&gpu, &set, &case, &protocol)?;
     let of_grid = set.form != Form::Field;
-    // What is shown comes first.
+    // The evaluation of what is shown comes first.
     let evaluation = if of_grid { &of_decoded } else { &of_field };
     let map = ErrorMap::new(&gpu, &splats, &set.field, &case.volume, &case.roi)?;
     let errors = ErrorsByPlace::of(&map, &case.volume, labels.as_ref());
@@ -208,7 +208,7 @@ impl EvalArguments {
     }
 }
 
-/// Returns what a range was taken from, for scripts and for people.
+/// Returns the origin of a range, for scripts and for people.
 fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
     match chosen {
         Some(Range::Given(_)) => ("given", "given"),
@@ -217,7 +217,7 @@ fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
     }
 }
 
-/// Returns the splats in the voxel space of a case, and refuses splats of which none lies there.
+/// Returns the splats in the voxel space of a case; an error if none lies there.
 fn in_volume(set: &SplatSet, case: &Case, path: &Path) -> Result<Vec<Splat>> {
     let splats = set.to_voxel(&case.volume.world_from_voxel);
     let size = case.volume.size;

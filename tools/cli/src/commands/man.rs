@@ -1,4 +1,4 @@
-//! `vgs man`: the help as manual pages.
+//! Writes the help as manual pages (`vgs man`).
 
 use std::path::{Path, PathBuf};
 
@@ -46,10 +46,10 @@ pub fn run(arguments: &ManArguments, vgs: Command, console: &Console) -> std::re
     Ok(0)
 }
 
-/// Returns the pages of a command and of its subcommands, with the files that they go to.
+/// Returns the pages of a command and of its subcommands, with their files.
 fn pages(vgs: Command, folder: &Path) -> Vec<(PathBuf, Man)> {
     let mut vgs = vgs.disable_help_subcommand(true);
-    // Gives subcommands their full names, as vgs-fit.
+    // This gives subcommands their full names, as vgs-fit.
     vgs.build();
     let shown = vgs.get_subcommands().filter(|command| !command.is_hide_set()).cloned();
     let commands: Vec<Command> = std::iter::once(vgs.clone()).chain(shown).collect();

@@ -1,4 +1,4 @@
-//! `vgs phantom`: a synthetic CT with a mask, for trying things out without a patient.
+//! Writes a synthetic CT with a mask, for trying things out without a patient (`vgs phantom`).
 
 use std::path::PathBuf;
 

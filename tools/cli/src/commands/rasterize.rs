@@ -1,4 +1,4 @@
-//! `vgs rasterize`: splats back to a volume.
+//! Turns splats back into a volume (`vgs rasterize`).
 
 use std::path::PathBuf;
 
@@ -125,7 +125,7 @@ pub fn run(arguments: &RasterizeArguments, console: &Console) -> std::result::Re
         filled += usize::from(sample.weight > 0.0);
     };
     match quantity {
-        // It is the splats' own, whatever they were fitted for.
+        // The weight is that of the splats themselves, whatever they were fitted for.
         Quantity::Weight => {
             let splats = set.to_voxel(&volume.world_from_voxel);
             sampling::visit(&gpu, &splats, &set.field, volume.size, take)?;
@@ -157,7 +157,8 @@ pub fn run(arguments: &RasterizeArguments, console: &Console) -> std::result::Re
 }
 
 impl RasterizeArguments {
-    /// Returns the splats in patient space, and a volume on the output's grid, whose samples are still to be filled.
+    /// Returns the splats in patient space, and a volume on the grid of the output whose samples are still to
+    /// be filled.
     fn place(&self, splats: Unplaced) -> Result<(SplatSet, Volume)> {
         let Some(path) = &self.grid.like else {
             let set = splats.placed(None)?;

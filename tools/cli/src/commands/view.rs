@@ -1,4 +1,4 @@
-//! `vgs view`: splats in a window.
+//! Shows splats in a window (`vgs view`).
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -29,7 +29,8 @@ pub struct ViewArguments {
     /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL
     #[arg(long, value_name = "PRESET|FILE")]
     tf: Option<String>,
-    /// At the end writes what was measured (JSON): times to the first picture, from edits to frames, of pictures
+    /// At the end writes what was measured (JSON): times to the first picture, from edits to frames, of
+    /// pictures
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
     /// Replaces the report where it exists
@@ -49,7 +50,7 @@ Examples:
 Left button turns, middle moves, wheel zooms, right sets window and level; ? lists the keys.
 For looking, not for diagnosis.";
 
-/// Transfer function where none is given.
+/// Transfer function if none is given.
 const FIRST: &str = "CT-Bone";
 
 /// Runs the command.
@@ -73,14 +74,14 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
 }
 
 impl ViewArguments {
-    /// Returns what is shown at first, and true if its camera is to be kept.
+    /// Returns the state that is shown at first, and true if its camera is to be kept.
     fn state(&self) -> Result<(ViewState, bool)> {
         let mut sorted = loader::sort(&Files::default(), &self.files)?;
         let session = sorted.state().transpose()?;
         let keeps_camera = session.is_some();
         let mut state = match session {
             Some(state) => state,
-            // What is stretched over the intensities that are there is so once they are read.
+            // A function that is stretched over the intensities is stretched once they are read.
             None => ViewState::new(&transfer::load(self.tf.as_deref().unwrap_or(FIRST), [-1000.0, 3000.0])?),
         };
         if let (true, Some(tf)) = (keeps_camera, &self.tf) {
@@ -107,7 +108,7 @@ impl ViewArguments {
     }
 }
 
-/// Refuses a file that does not exist before the window opens.
+/// Returns an error for a file that does not exist, before the window opens.
 fn exists(path: &Path) -> Result<()> {
     std::fs::metadata(path).map(|_| ()).map_err(|e| Error::io(path, "opening", &e))
 }

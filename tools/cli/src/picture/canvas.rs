@@ -1,4 +1,4 @@
-//! A picture being composed of colours of 8 bits: an [`Image`] with what this program draws on it.
+//! Canvas on which a picture is composed of colours with 8 bits per channel.
 
 use std::io::Write;
 
@@ -11,13 +11,14 @@ pub type Colour = [u8; 3];
 pub struct Canvas(Image);
 
 impl Canvas {
-    /// Makes a canvas of one colour.
+    /// Creates a canvas of one colour.
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
         let [r, g, b] = shares(colour);
         Canvas(Image::new([width, height], [r, g, b, 1.0]))
     }
 
-    /// Draws an image, whose colours `at` gives by column and row; what lies outside is left out.
+    /// Draws an image at `[x, y]` of `[width, height]` pixels; `at` returns the colour at a column and row.
+    /// What lies outside the canvas is left out.
     pub fn image(
         &mut self,
         [x, y]: [usize; 2],
@@ -31,12 +32,12 @@ impl Canvas {
         }
     }
 
-    /// Writes text whose letters are `scale` times 5 by 7 pixels, its top at `y`.
+    /// Draws text whose letters are `scale` times 5 by 7 pixels, with its top at `y`.
     pub fn text(&mut self, at: [usize; 2], scale: usize, align: Align, colour: Colour, text: &str) {
         self.0.text(at, scale, align, shares(colour), text);
     }
 
-    /// Encodes the picture.
+    /// Writes the picture as PNG.
     pub fn write_png(&self, out: &mut dyn Write) -> std::io::Result<()> {
         image::file::encode_png(&self.0, out)
     }

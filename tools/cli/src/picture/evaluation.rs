@@ -1,4 +1,4 @@
-//! The picture of an evaluation: its figures as the lines above the slices.
+//! Draws the picture of an evaluation, with its figures as the lines above the slices.
 
 use std::path::Path;
 
@@ -12,13 +12,13 @@ use super::subject::Subject;
 use crate::shared::figures::psnr;
 use crate::shared::inputs::Case;
 
-/// Returns the names of splats and volume, as the title of a picture.
+/// Returns the names of splats and volume as the title of a picture.
 pub fn names(splats: &Path, volume: &Path) -> String {
     let [splats, volume] = [splats, volume].map(|p| p.file_name().unwrap_or_default().to_string_lossy());
     format!("{splats} and {volume}")
 }
 
-/// Writes the picture of an evaluation; its slices meet at the voxel `at`, or in the middle of the region.
+/// Writes the picture of an evaluation. Its slices meet at the voxel `at`, or in the middle of the region.
 #[expect(clippy::too_many_arguments, reason = "what a picture shows, once")]
 pub fn draw(
     path: &Path,

@@ -1,13 +1,13 @@
-//! The picture of a comparison of splats with their volume.
+//! Draws the comparison of splats with their volume.
 //!
 //! | file | subject |
 //! |---|---|
 //! | `evaluation` | the picture of an evaluation, with its figures: what commands draw |
-//! | `sheet` | where everything is on the picture |
+//! | `sheet` | the layout of the picture |
 //! | `slices` | three orthogonal slices of CT, splats and difference |
 //! | `solid` | shaded views of CT and splats |
 //! | `subject` | what is shown: CT, region and splats on one grid |
-//! | `canvas` | what is drawn on |
+//! | `canvas` | the canvas that is drawn on |
 
 mod canvas;
 mod evaluation;

@@ -1,4 +1,5 @@
-//! The whole picture: slices of CT, splats and difference above shaded views of both, with their scales.
+//! Lays out the whole picture: slices of CT, splats and difference above shaded views of both, with their
+//! scales.
 
 use std::path::Path;
 
@@ -16,14 +17,14 @@ const MARGIN: usize = 24;
 const WIDTH: usize = 2 * MARGIN + 3 * PANEL + 2 * GAP;
 /// Greatest height of a shaded view, pixels.
 const SOLID_HEIGHT: usize = 560;
-/// Width of a colour bar.
+/// Width of a colour bar, pixels.
 const BAR: usize = 260;
 
 const BACKGROUND: Colour = [20, 21, 24];
 const TEXT: Colour = [235, 235, 235];
 const DIM_TEXT: Colour = [166, 172, 182];
 
-/// Draws and writes the picture as PNG. `title` is its first line, `lines` the ones below.
+/// Draws the picture and writes it as PNG. `title` is its first line, `lines` are the ones below.
 pub fn write(path: &Path, force: bool, subject: &Subject, title: &str, lines: &[String]) -> Result<()> {
     let canvas = compose(subject, title, lines);
     write_atomic(path, force, |out| canvas.write_png(out))

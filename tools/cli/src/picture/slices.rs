@@ -1,4 +1,4 @@
-//! The three orthogonal slices through the centre of the region: CT, splats, and their difference.
+//! Draws the three orthogonal slices through the centre of the region: CT, splats, and their difference.
 
 use engine::image::Align;
 use glam::DVec3;
@@ -9,7 +9,7 @@ use super::subject::{Subject, diverging, grey};
 /// Width of a slice's panel, pixels.
 pub const PANEL: usize = 440;
 
-/// A slice as radiologists look at it: letters are directions of the patient.
+/// Orientation of a slice as radiologists look at it; the letters are directions of the patient.
 struct View {
     name: &'static str,
     right: char,
@@ -25,12 +25,13 @@ const VIEWS: [View; 3] = [
 /// Colour of text over images.
 const LETTERS: Colour = [255, 205, 92];
 
-/// Returns the titles of the three columns; `volume` is what the volume is called.
+/// Returns the titles of the three columns; `volume` is the name of the volume.
 pub fn columns(volume: &str) -> [String; 3] {
     [volume.to_owned(), "splats".to_owned(), format!("difference (splats - {volume})")]
 }
 
-/// A view on a grid: which voxel axes run along the picture, which way, and how long they are.
+/// View on a grid: the voxel axis along each direction of the picture, true if its index grows that way, and
+/// the size in pixels.
 struct Plane {
     across: (usize, bool),
     down: (usize, bool),
@@ -38,8 +39,8 @@ struct Plane {
 }
 
 impl Plane {
-    /// Returns the plane of a view. `pixels_per_mm` is common to all views, so that one centimetre is one length
-    /// everywhere.
+    /// Returns the plane of a view. `pixels_per_mm` is the same for all views, so that lengths can be
+    /// compared.
     fn of(view: &View, subject: &Subject, pixels_per_mm: f64) -> Plane {
         let across = axis_towards(subject, view.right);
         let (axis, upwards) = axis_towards(subject, view.up);
@@ -84,7 +85,7 @@ fn mark(canvas: &mut Canvas, [x, y]: [usize; 2], [width, height]: [usize; 2], at
     }
 }
 
-/// Returns the voxel axis that runs along a direction of the patient, and true if its index grows that way.
+/// Returns the voxel axis along a direction of the patient, and true if its index grows that way.
 fn axis_towards(subject: &Subject, letter: char) -> (usize, bool) {
     let codes = subject.ct.axis_codes();
     let codes = if subject.ct.oriented { codes.as_str() } else { "RAS" };
@@ -107,7 +108,7 @@ fn extent_mm(subject: &Subject, axis: usize) -> f64 {
     subject.ct.size[axis] as f64 * subject.ct.spacing_mm()[axis]
 }
 
-/// Returns the heights of the three rows, pixels, and the scale, pixels per mm.
+/// Returns the heights of the three rows in pixels, and the scale in pixels per mm.
 pub fn layout(subject: &Subject) -> ([usize; 3], f64) {
     let longest = (0..3).map(|axis| extent_mm(subject, axis)).fold(f64::MIN_POSITIVE, f64::max);
     let pixels_per_mm = PANEL as f64 / longest;
@@ -150,7 +151,7 @@ pub fn draw_row(
     }
 }
 
-/// Writes text over an image: a shadow keeps it legible on any grey.
+/// Draws text over an image, with a shadow that keeps it legible on any grey.
 fn over(canvas: &mut Canvas, [x, y]: [usize; 2], text: &str) {
     for (dx, dy) in [(0, 2), (2, 0), (4, 2), (2, 4), (3, 3)] {
         canvas.text([x + dx - 2, y + dy - 2], 2, Align::Left, [0; 3], text);
@@ -158,7 +159,7 @@ fn over(canvas: &mut Canvas, [x, y]: [usize; 2], text: &str) {
     canvas.text([x, y], 2, Align::Left, LETTERS, text);
 }
 
-/// Returns the colour of a place in one of the columns.
+/// Returns the colour of a voxel in one of the columns.
 fn colour(subject: &Subject, column: usize, voxel: DVec3) -> Colour {
     let ct = subject.sample(&subject.ct.samples, voxel);
     let shade = subject.grey(ct);

@@ -1,4 +1,5 @@
-//! The shaded views: the CT in its region and the splats, from the same place with the same transfer function.
+//! Draws the shaded views: the CT in its region and the splats, from the same place with the same transfer
+//! function.
 
 use engine::reference::eye::Eye;
 use engine::reference::raymarch::{Medium, render};
@@ -21,13 +22,14 @@ const RAMP: [(f64, [f64; 3]); 4] = [
 /// Extinction at the ends of the ramp, per voxel: most of the light ends at the surface.
 const EXTINCTION: [f64; 2] = [0.9, 2.5];
 
-/// How surfaces are lit.
+/// Material of the surfaces.
 const MATERIAL: Material =
     Material { shade: true, ambient: 0.25, diffuse: 0.75, specular: 0.12, power: 30.0 };
-/// Distance of the eye in extents of the picture: rays are as good as parallel.
+/// Distance of the eye in extents of the picture, so large that rays are nearly parallel.
 const DISTANCE: f64 = 1e4;
 
-/// The two views, ready to be drawn. Lengths are in mean edges of a voxel, so that the same function serves all grids.
+/// The two views, ready to be drawn. Lengths are in mean edges of a voxel, so that the same function serves
+/// all grids.
 pub struct Solids {
     media: [Medium; 2],
     transfer: TransferFunction,
@@ -56,7 +58,7 @@ impl Solids {
             .map(|voxel| scene_from_voxel.transform_point3(voxel))
             .map(|p| DVec2::new(p.dot(right), p.dot(up)))
             .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
-        // A region without a voxel of weight one half has no box: any view of it is empty.
+        // A region without a voxel of weight one half has no box; any view of it is empty.
         let (low, high) = if low.cmple(high).all() { (low, high) } else { (DVec2::ZERO, DVec2::ONE) };
         let extent = high - low + 2.0 * spacing.max_element() / edge;
         let per_pixel = (extent.x / width as f64).max(extent.y / height as f64);
@@ -87,12 +89,12 @@ impl Solids {
         self.size[1] as usize
     }
 
-    /// Marches the rays of one view and draws it over `background`.
+    /// Draws one view over `background` by ray marching.
     pub fn draw(&self, canvas: &mut Canvas, which: usize, at: [usize; 2], background: Colour) {
         let look = Look {
             table: &Table::new(&self.transfer, self.range),
             material: &MATERIAL,
-            // All of the region is visible: its surface is where the occupancy falls, whatever the intensity.
+            // The whole region is visible: its surface is where the occupancy falls, whatever the intensity.
             dark: 2.0 * self.range[0] - self.range[1],
             planes: &[],
             segments: false,
@@ -109,7 +111,7 @@ impl Solids {
         });
     }
 
-    /// Returns the colour that stands for a share of the region's range, unlit.
+    /// Returns the unlit colour for a share of the region's range.
     pub fn ramp(&self, share: f64) -> Colour {
         let [low, high] = self.range;
         (self.transfer.at(low + (high - low) * share).0 * 255.0).to_array().map(|v| v.round() as u8)
@@ -130,8 +132,8 @@ fn transfer(subject: &Subject) -> TransferFunction {
         .expect("finite intensities, and opacities between 0 and 1")
 }
 
-/// Returns the intensities, with those of the region continued by one voxel as the mean of the neighbours that are in
-/// it: what is outside does not colour the surface.
+/// Returns the intensities. Voxels outside the region that touch it get the mean of their neighbours in it,
+/// so that what is outside does not colour the surface.
 fn continued(size: [usize; 3], values: &[f32], occupancy: &[f32]) -> Vec<f32> {
     let mut out = values.to_vec();
     for (i, value) in out.iter_mut().enumerate().filter(|(i, _)| occupancy[*i] <= 0.0) {

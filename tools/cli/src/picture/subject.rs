@@ -1,5 +1,5 @@
-//! What the picture shows: CT, region and splats on the part of the grid around the region, and how values become
-//! colours.
+//! Data of the picture: CT, region and splats on the part of the grid around the region, and the colours of
+//! values.
 
 use engine::Result;
 use engine::fit::evaluate::FieldSample;
@@ -12,36 +12,36 @@ use glam::{DAffine3, DVec3};
 use super::canvas::Colour;
 use crate::shared::sampling;
 
-/// Voxels that are shown around the region.
+/// Number of voxels that are shown around the region.
 const MARGIN: usize = 6;
 
-/// Everything on one grid: the box of the region with a margin.
+/// All data on one grid: the box of the region with a margin.
 pub struct Subject {
-    /// The CT; NaN and infinities are the least value.
+    /// CT; NaN and infinities are replaced by the least value.
     pub ct: Volume,
-    /// The mask.
+    /// Region of interest.
     pub roi: Roi,
-    /// V̂ of the splats.
+    /// Field V̂ of the splats.
     pub hu: Vec<f32>,
-    /// O of the splats.
+    /// Occupancy O of the splats.
     pub occupancy: Vec<f32>,
-    /// Where the slices meet, voxels of this grid.
+    /// Place where the slices meet, voxels of this grid.
     pub centre: DVec3,
-    /// True if the slices show where they meet.
+    /// True if the slices mark the place where they meet.
     pub marked: bool,
-    /// HU of the region that 3 and 96 of a hundred voxels lie below: metal and a few specks do not set the scale.
+    /// 3rd and 96th percentile of the HU in the region, so that metal and a few specks do not set the scale.
     pub percentiles: [f32; 2],
-    /// What the volume is called.
+    /// Name of the volume.
     pub name: &'static str,
-    /// What follows an intensity in texts.
+    /// Text behind an intensity.
     pub unit: &'static str,
-    /// |V̂ - V| in the region that 98 of a hundred voxels lie below, rounded up to 1, 2 or 5.
+    /// 98th percentile of |V̂ - V| in the region, rounded up to 1, 2 or 5 times a power of ten.
     pub difference: f32,
 }
 
 impl Subject {
-    /// Cuts out the box and evaluates the splats on it. The slices meet at the voxel `at` of the volume, by its index, or
-    /// in the middle of the region.
+    /// Cuts out the box and evaluates the splats on it. The slices meet at the voxel `at` of the volume (its
+    /// index), or in the middle of the region.
     pub fn new(gpu: &Gpu, set: &SplatSet, volume: &Volume, roi: &Roi, at: Option<usize>) -> Result<Self> {
         let (low, size) = bounds(roi);
         let cut = |samples: &[f32]| -> Vec<f32> {
@@ -98,7 +98,7 @@ impl Subject {
     pub fn window(&self) -> [f32; 2] {
         let [low, high] = self.percentiles;
         let span = (high - low).max(1.0);
-        // The surroundings are mostly darker than what was chosen to be fitted.
+        // The surroundings are mostly darker than what was chosen for the fit.
         [(low - 0.6 * span).round(), (high + 0.1 * span).round()]
     }
 
@@ -114,7 +114,7 @@ impl Subject {
         trilinear(self.ct.size, voxel, |i| f64::from(values[i])) as f32
     }
 
-    /// Returns V̂ - V at a place.
+    /// Returns V̂ - V at a voxel.
     pub fn error(&self, voxel: DVec3) -> f32 {
         self.sample(&self.hu, voxel) - self.sample(&self.ct.samples, voxel)
     }
@@ -131,7 +131,7 @@ pub fn diverging(t: f32) -> Colour {
     let t = t.clamp(-1.0, 1.0);
     let (end, depth) = if t < 0.0 { ([8.0, 76.0, 168.0], -t) } else { ([184.0, 24.0, 32.0], t) };
     let white = 244.0;
-    // A little more than linear, so that small errors are seen.
+    // The scale is a little more than linear, so that small errors are visible.
     let share = depth.powf(0.8);
     end.map(|c: f32| (white + (c - white) * share).round() as u8)
 }
@@ -180,7 +180,7 @@ fn percentile(values: &mut [f32], share: f64) -> f32 {
     *values.select_nth_unstable_by(index, f32::total_cmp).1
 }
 
-/// Returns the next of 1, 2, 5, 10, ... from `value` up; at least 1.
+/// Returns the least of 1, 2, 5, 10, ... that is not below `value`.
 fn round_up(value: f32) -> f32 {
     let mut decade = 1.0;
     loop {

@@ -1,4 +1,4 @@
-//! The course of a fit: a table (CSV) and a plot (SVG).
+//! Writes the curve of a fit as a table (CSV) and a plot (SVG).
 
 use std::fmt::Write;
 
@@ -9,7 +9,7 @@ use plotters::prelude::*;
 /// Returns the curve as CSV.
 pub fn csv(curve: &[CurvePoint]) -> String {
     let mut out = String::from("iteration,seconds,psnr_db,mse,occupancy_rmse,dice_loss,leak\n");
-    // Empty where the term is off.
+    // A cell is empty if its term is off.
     let cell = |value: Option<f64>| value.map(|v| v.to_string()).unwrap_or_default();
     for CurvePoint { seconds, progress: p } in curve {
         let psnr = if p.psnr_db.is_finite() { p.psnr_db.to_string() } else { "inf".into() };

@@ -1,4 +1,4 @@
-//! Where the error of an evaluation is: figures by label, by tissue and by distance to edges.
+//! Errors of an evaluation by place: by label, by tissue and by distance to edges.
 
 use engine::fit::errors::{ErrorMap, Group};
 use engine::volume::{Labels, Volume};
@@ -6,32 +6,32 @@ use serde::Serialize;
 
 use crate::shared::figures::table;
 
-/// Figures of the region and of its parts, on the voxel grid and not clipped to any range. The names are part of the
-/// interface.
+/// Errors of the region and of its parts, on the voxel grid and not clipped to any range. The names are part
+/// of the interface.
 #[derive(Clone, Debug, Serialize)]
 pub struct ErrorsByPlace {
     /// The whole region.
     pub region: Group,
     /// Voxels of the region that no splat reaches.
     pub uncovered_voxels: usize,
-    /// Where |V̂ − V| is largest: voxel index along x, y, z.
+    /// Voxel index along x, y, z of the largest |V̂ − V|.
     pub worst_voxel: [usize; 3],
-    /// The same place, mm RAS.
+    /// Place of that voxel, mm RAS.
     pub worst_mm: [f64; 3],
-    /// Figures by the chosen labels of the mask; empty where none were chosen.
+    /// Errors by the chosen labels of the mask; empty if none were chosen.
     pub by_label: Vec<Group>,
-    /// Figures by the HU of the volume; empty where it is no CT.
+    /// Errors by the HU of the volume; empty if it is no CT.
     pub by_tissue: Vec<Group>,
-    /// Figures by the distance to the nearest voxel outside the region, mm.
+    /// Errors by the distance to the nearest voxel outside the region, mm.
     pub by_distance_to_boundary: Vec<Group>,
-    /// Figures by the distance to the nearest voxel with a strong gradient, mm.
+    /// Errors by the distance to the nearest voxel with a strong gradient, mm.
     pub by_distance_to_edges: Vec<Group>,
-    /// The least gradient that counts as strong, HU per mm: that of the steepest tenth of the region.
+    /// Least gradient that counts as strong, HU per mm: that of the steepest tenth of the region.
     pub strong_gradient: f64,
 }
 
 impl ErrorsByPlace {
-    /// Returns the figures of a map.
+    /// Collects the figures of an error map.
     pub fn of(map: &ErrorMap, volume: &Volume, labels: Option<&Labels>) -> Self {
         let worst = map.worst_voxel();
         let [nx, ny, _] = volume.size;

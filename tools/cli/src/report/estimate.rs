@@ -1,4 +1,5 @@
-//! What a fit will cost, as it is told before it begins, and how right that was, as the record keeps it.
+//! Estimate of the cost of a fit, as it is printed before the fit begins, and its comparison with the outcome
+//! for the record.
 
 use serde::Serialize;
 
@@ -14,16 +15,16 @@ pub struct VoxelErrors {
     pub p99_hu: f64,
 }
 
-/// What a fit will cost. The names are part of the interface.
+/// Estimated cost of a fit. The names are part of the interface.
 #[derive(Clone, Debug, Serialize)]
 pub struct Estimate {
     pub device: String,
     pub splats: usize,
-    /// True if the number of splats may grow on the way; the figures are of those that the fit starts with.
+    /// True if the number of splats may grow on the way; the figures are for the number at the start.
     pub may_grow: bool,
     pub roi_voxels: usize,
     pub iterations: u32,
-    /// From the start of the command to its end.
+    /// Seconds from the start of the command to its end.
     pub seconds: f64,
     pub fit_seconds: f64,
     pub seconds_per_iteration: f64,
@@ -31,14 +32,14 @@ pub struct Estimate {
     pub file_bytes: u64,
     /// Errors measured after [`engine::fit::EARLY`] iterations.
     pub early: VoxelErrors,
-    /// Errors to be expected; known only of a quality with nothing changed, for which they were measured.
+    /// Expected errors; known only for an unchanged quality, for which they were measured.
     #[serde(flatten)]
     pub expected: Option<VoxelErrors>,
-    /// Seconds that the estimate took.
+    /// Time that the estimate took, seconds.
     pub calibration_seconds: f64,
 }
 
-/// Returns an estimate in plain words.
+/// Describes an estimate in plain words.
 pub fn text(estimate: &Estimate) -> String {
     let e = estimate;
     let grows = if e.may_grow { "; more may come on the way, and all of it grows with them" } else { "" };
@@ -65,29 +66,29 @@ pub fn text(estimate: &Estimate) -> String {
     out
 }
 
-/// An estimate beside the outcome, for the record.
+/// Estimate beside the outcome, for the record.
 #[derive(Clone, Debug, Serialize)]
 pub struct CheckedEstimate {
     pub estimate: Estimate,
-    /// Estimate divided by outcome: 1 is right.
+    /// Estimate divided by outcome; 1 is right.
     pub ratio: EstimateRatio,
 }
 
-/// The parts of an estimate divided by their outcome.
+/// Parts of an estimate divided by their outcome.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct EstimateRatio {
     pub seconds: f64,
     pub fit_seconds: f64,
     pub device_peak_bytes: f64,
     pub file_bytes: f64,
-    /// `None` where one of them is not known.
+    /// Ratio of the errors; `None` if one of them is not known.
     pub rmse_hu: Option<f64>,
     pub p99_hu: Option<f64>,
 }
 
 impl CheckedEstimate {
-    /// Compares an estimate with the results. `file_bytes` is the size of the file that was written; the time of the
-    /// calibration is no part of the fit's.
+    /// Compares an estimate with the results. `file_bytes` is the size of the file that was written. The time
+    /// of the estimate itself does not count as the fit's.
     pub fn new(estimate: Estimate, results: &FitResults, file_bytes: u64) -> Self {
         let e = &estimate;
         let over = |a: f64, b: f64| if b > 0.0 { a / b } else { f64::NAN };

@@ -1,23 +1,24 @@
-//! How good a set of splats is: the figures that `fit` and `eval` print and record.
+//! Quality of a set of splats: the figures that `fit` and `eval` print and record.
 
 use engine::fit::evaluate::{Evaluation, Metrics};
 use serde::Serialize;
 
 use crate::shared::figures::{decibel, psnr, table};
 
-/// How good a set of splats is. The names are part of the interface; all stay at the top level of their JSON object.
+/// Quality of a set of splats. The names are part of the interface; all stay at the top level of their JSON
+/// object.
 #[derive(Clone, Debug, Serialize)]
 pub struct Quality {
-    /// PSNR on the grid.
+    /// PSNR on the grid, dB.
     #[serde(serialize_with = "decibel")]
     pub psnr_db: f64,
-    /// The worst PSNR between voxels.
+    /// Worst PSNR between voxels, dB.
     #[serde(serialize_with = "decibel")]
     pub psnr_min_offset_db: f64,
-    /// The mean PSNR between voxels.
+    /// Mean PSNR between voxels, dB.
     #[serde(serialize_with = "decibel")]
     pub psnr_mean_offset_db: f64,
-    /// Mean squared error on the grid, squared spans of the range.
+    /// Mean squared error on the grid, relative to the square of the range.
     pub mmse: f64,
     /// Root mean square error on the grid, HU.
     pub rmse_hu: f64,
@@ -25,11 +26,11 @@ pub struct Quality {
     pub p99_hu: f64,
     /// Range of the PSNR, HU.
     pub range: [f32; 2],
-    /// Root mean square of occupancy less mask over ROI and shell, at the offsets between voxels.
+    /// Root mean square of occupancy minus mask over ROI and shell, at the offsets between voxels.
     pub occupancy_rmse: f64,
-    /// The same on the grid, where the trilinear mask has its kinks.
+    /// The same error on the grid, where the trilinear mask has its kinks.
     pub occupancy_rmse_on_grid: f64,
-    /// Overlap of occupancy and mask, on the grid.
+    /// Overlap of occupancy and mask on the grid.
     pub soft_dice: f64,
     /// Number of offset grids.
     pub offsets: usize,
@@ -55,7 +56,7 @@ impl Quality {
     }
 }
 
-/// Returns the figures of an evaluation as a table; `of` says what their range was taken from.
+/// Formats the figures of an evaluation as a table; `of` is the origin of their range.
 pub fn quality_table(evaluation: &Evaluation, of: &str) -> String {
     let row = |name: String, m: &Metrics| {
         vec![

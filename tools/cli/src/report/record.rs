@@ -1,4 +1,5 @@
-//! The run record (OUT.run.json): all that is needed to say how a set of splats came to be, and to make it again.
+//! Run record (OUT.run.json): everything that is needed to tell how a set of splats was made, and to make it
+//! again.
 
 use std::collections::BTreeMap;
 
@@ -11,12 +12,12 @@ use super::estimate::CheckedEstimate;
 use super::results::FitResults;
 use crate::shared::inputs::InputRecord;
 
-/// The record. Field names are part of the interface.
+/// Run record. Field names are part of the interface.
 #[derive(Serialize)]
 pub struct RunRecord<'a> {
     /// Version of this format.
     pub format: &'static str,
-    /// When the run ended, UTC.
+    /// Date and time when the run ended, UTC.
     pub date: String,
     /// Version and commit of the program.
     pub version: &'static str,
@@ -30,25 +31,25 @@ pub struct RunRecord<'a> {
     pub inputs: BTreeMap<&'static str, InputRecord>,
     pub volume: VolumeRecord,
     pub roi: RoiRecord,
-    /// The coarser grid that was fitted, if `working_grid` asks for one; the results are on the native one.
+    /// Coarser grid that was fitted, if `working_grid` asks for one; the results are on the native grid.
     pub working_grid: Option<WorkingRecord>,
     pub profile: &'a str,
-    /// The quality that was chosen, if one was.
+    /// Chosen quality, if there is one.
     pub quality: Option<&'a str>,
-    /// Keys that were not left at the profile's value.
+    /// Keys that were set by a file, a variable or a flag.
     pub explicit: &'a [String],
     pub config: &'a FitConfig,
-    /// Seconds that the iterations were given, if time was the limit.
+    /// Time limit of the iterations, seconds, if there was one.
     pub time_budget_seconds: Option<f64>,
     pub device: &'a DeviceDescription,
     pub timings: Timings,
     pub memory: MemoryRecord,
-    /// The estimate of `--explain`, and how right it was.
+    /// Estimate of `--explain`, compared with the outcome.
     pub estimate: Option<CheckedEstimate>,
     pub results: &'a FitResults,
 }
 
-/// The volume as it was read.
+/// Volume as it was read.
 #[derive(Serialize)]
 pub struct VolumeRecord {
     size: [usize; 3],
@@ -65,7 +66,7 @@ pub struct VolumeRecord {
 }
 
 impl VolumeRecord {
-    /// Returns what the record keeps of a volume.
+    /// Returns the record of a volume.
     pub fn of(volume: &Volume) -> Self {
         let stats = volume.gather_stats();
         let [x, y, z, t] = volume.world_from_voxel.to_cols_array_2d();
@@ -84,7 +85,7 @@ impl VolumeRecord {
     }
 }
 
-/// The region of interest and what the volume holds there.
+/// Region of interest and the intensities there.
 #[derive(Serialize)]
 pub struct RoiRecord {
     voxels: usize,
@@ -96,7 +97,7 @@ pub struct RoiRecord {
 }
 
 impl RoiRecord {
-    /// Returns what the record keeps of a region in its volume.
+    /// Returns the record of a region in its volume.
     pub fn of(roi: &Roi, volume: &Volume) -> Self {
         let weighted = || roi.weight.iter().zip(&volume.samples).filter(|(w, v)| **w > 0.0 && v.is_finite());
         let weight = roi.weight_sum();
@@ -120,12 +121,12 @@ pub struct WorkingRecord {
     pub roi: RoiRecord,
 }
 
-/// Where the time went, seconds.
+/// Times of the stages, seconds.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Timings {
     pub read: f64,
     pub initialise: f64,
-    /// Seconds of the estimate of `--explain`, which are part of the total alone.
+    /// Seconds of the estimate of `--explain`, which count only in the total.
     pub calibrate: f64,
     pub fit: f64,
     pub evaluate: f64,
@@ -144,7 +145,7 @@ pub struct PassRecord {
 }
 
 impl PassRecord {
-    /// Returns the passes of the device's profile.
+    /// Returns a record of each pass in the device's profile.
     pub fn list(profile: Vec<(String, PassTime)>) -> Vec<Self> {
         let row = |(name, t): (String, PassTime)| PassRecord {
             name,
@@ -156,7 +157,7 @@ impl PassRecord {
     }
 }
 
-/// Where the memory went, bytes.
+/// Memory, bytes.
 #[derive(Clone, Debug, Serialize)]
 pub struct MemoryRecord {
     /// Device memory at the end of the fit, by purpose.

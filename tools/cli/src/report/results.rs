@@ -1,16 +1,17 @@
-//! What a fit came to.
+//! Results of a fit.
 
 use serde::Serialize;
 
 use super::quality::Quality;
 
-/// The results of a fit: the object that `vgs fit --json` prints. It is flat, so that plain tools can pick fields.
+/// Results of a fit: the object that `vgs fit --json` prints. It is flat, so that plain tools can pick
+/// fields.
 #[derive(Clone, Debug, Serialize)]
 pub struct FitResults {
     pub splats: usize,
     #[serde(flatten)]
     pub quality: Option<Quality>,
-    /// From the start of the command to its end.
+    /// Seconds from the start of the command to its end.
     pub seconds: f64,
     pub fit_seconds: f64,
     pub seconds_per_iteration: f64,

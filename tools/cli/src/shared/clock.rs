@@ -2,13 +2,14 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Returns the present time, as 2026-01-31T12:00:00Z.
+/// Returns the current time, as 2026-01-31T12:00:00Z.
 pub fn now() -> String {
     // A clock before 1970 counts as 1970: a wrong date is no reason to fail.
     format(SystemTime::now().duration_since(UNIX_EPOCH).map(|d| d.as_secs()).unwrap_or_default())
 }
 
-/// Returns seconds since 1970 as a date (H. Hinnant, "chrono-compatible low-level date algorithms", civil_from_days).
+/// Formats seconds since 1970 as a date (H. Hinnant, "chrono-compatible low-level date algorithms",
+/// civil_from_days).
 fn format(seconds: u64) -> String {
     let (days, time) = (seconds / 86400, seconds % 86400);
     let shifted = days + 719_468;

@@ -1,4 +1,4 @@
-//! Where words go: data to stdout, everything else to stderr; plain or as JSON; with colour only on a terminal.
+//! Writes data to stdout and everything else to stderr; plain or as JSON; with colour only on a terminal.
 
 use std::fmt;
 use std::io::{self, Write};
@@ -14,7 +14,7 @@ use tracing_subscriber::registry::LookupSpan;
 
 use super::terminal::{self, clean, stderr_has_colour};
 
-/// How much is said, and in which form.
+/// Flags for the amount and the form of output.
 #[derive(Args, Clone, Debug)]
 pub struct TalkArguments {
     /// Says errors only
@@ -28,7 +28,7 @@ pub struct TalkArguments {
     pub json: bool,
 }
 
-/// Where the results and messages of this run go, and in which form.
+/// Destination and form of the results and messages of this run.
 #[derive(Clone, Debug)]
 pub struct Console {
     /// True if results and messages are JSON.
@@ -39,12 +39,12 @@ pub struct Console {
 }
 
 impl Console {
-    /// Makes the console that the flags ask for.
+    /// Creates the console that the flags ask for.
     pub fn new(talk: &TalkArguments) -> Self {
         Console { json: talk.json, quiet: talk.quiet, verbose: talk.verbose }
     }
 
-    /// Sends what the engine logs to stderr.
+    /// Sends the log of the engine to stderr.
     pub fn start_logging(&self) {
         let level = match (self.quiet, self.verbose) {
             (true, _) => LevelFilter::ERROR,
@@ -59,7 +59,7 @@ impl Console {
             .init();
     }
 
-    /// Writes a result to stdout. A reader that has gone away is no error.
+    /// Writes a result to stdout. A closed pipe is no error.
     pub fn data(&self, text: &str) -> Result<()> {
         let mut out = io::stdout().lock();
         match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -78,7 +78,7 @@ impl Console {
         self.data(&(line + "\n"))
     }
 
-    /// Writes a message for people to stderr; nothing under `--quiet` or `--json`.
+    /// Writes a message for people to stderr, but not under `--quiet` or `--json`.
     pub fn say(&self, text: &str) {
         if !self.quiet && !self.json {
             terminal::suspend_bars(|| {
@@ -88,7 +88,7 @@ impl Console {
     }
 }
 
-/// Stderr that hides a progress bar while text is written, and never fails.
+/// Writer to stderr that hides a progress bar while text is written, and never fails.
 struct Stderr;
 
 impl Write for Stderr {
@@ -112,7 +112,7 @@ impl MakeWriter<'_> for Stderr {
     }
 }
 
-/// One line per event: `warning: text`, or an object with `level` and `msg`.
+/// Format of log events, one line each: `warning: text`, or an object with `level` and `msg`.
 struct Line {
     json: bool,
     colour: bool,
@@ -141,7 +141,7 @@ where
     }
 }
 
-/// The message of an event with its fields behind it.
+/// Message of an event with its fields behind it.
 struct Text(String);
 
 impl field::Visit for Text {

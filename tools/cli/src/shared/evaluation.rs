@@ -1,4 +1,4 @@
-//! How splats are measured against a volume, by `fit` at its end and by `eval`.
+//! Evaluation of splats against a volume, by `fit` at its end and by `eval`.
 
 use engine::Result;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
@@ -9,11 +9,12 @@ use engine::splat::SplatSet;
 use super::flags::Range;
 use super::inputs::Case;
 
-/// Offsets of the closing evaluation come from this seed, as those of `vgs eval` by default.
+/// Seed of the offsets of the closing evaluation, and of `vgs eval` by default.
 pub const EVAL_SEED: u64 = 7;
 
-/// Returns the mask value above which voxels count in a figure over this range, all alike; 0 where the mask weighs
-/// them. Over the range of the region figures are those of the paper's authors, who do not weigh.
+/// Returns the mask value above which all voxels count alike in a figure over this range; 0 if they are
+/// weighted by the mask. Figures over the range of the region are those of the paper's authors, who do not
+/// weight.
 pub fn unweighted(range: Option<Range>) -> f32 {
     if range == Some(Range::Roi) { 0.01 } else { 0.0 }
 }

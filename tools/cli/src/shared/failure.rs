@@ -1,4 +1,4 @@
-//! How a program ends: errors as text or JSON on stderr, exit codes, and panics turned into an error.
+//! Ends the program: errors as text or JSON on stderr, exit codes, and panics turned into errors.
 
 use std::io::Write;
 use std::panic::{self, AssertUnwindSafe};
@@ -10,11 +10,11 @@ use serde::Serialize;
 
 use super::terminal::{clean, stderr_has_colour};
 
-/// Why a command did not run to its end.
+/// Reason why a command did not run to its end.
 pub enum Stop {
-    /// The command line, or a request for help or version.
+    /// The command line is wrong, or it asks for help or version.
     Arguments(clap::Error),
-    /// Anything else.
+    /// The command failed.
     Failed(Error),
 }
 
@@ -24,7 +24,7 @@ impl From<Error> for Stop {
     }
 }
 
-/// An error as JSON. The names are part of the interface.
+/// Error as JSON. The names are part of the interface.
 #[derive(Serialize)]
 struct ErrorReport<'a> {
     level: &'static str,
@@ -35,10 +35,11 @@ struct ErrorReport<'a> {
     exit: u8,
 }
 
-/// Where the last panic happened, kept by the hook for [`guard`].
+/// Place and text of the first panic, kept by the hook for [`guard`].
 static PANIC: Mutex<Option<String>> = Mutex::new(None);
 
-/// Runs a command and reports how it ended. A command's own number is its exit code.
+/// Runs a command, reports its error and returns its exit code. A command that returns a number exits with
+/// that number.
 pub fn guard(run: impl FnOnce() -> Result<u8, Stop>) -> ExitCode {
     panic::set_hook(Box::new(|info| {
         let text = match info.payload().downcast_ref::<&str>() {
@@ -65,16 +66,17 @@ pub fn guard(run: impl FnOnce() -> Result<u8, Stop>) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// True if messages are to be JSON. It is read from the raw arguments, since they may be what is wrong.
+/// Returns true if messages are to be JSON. This is read from the raw arguments, since they may be what is
+/// wrong.
 fn wants_json() -> bool {
     std::env::args_os().skip(1).take_while(|a| a != "--").any(|a| a == "--json")
 }
 
-/// Tells what is wrong with the arguments, or prints the help that they ask for, and returns the exit code.
+/// Prints what is wrong with the arguments, or the help that they ask for, and returns the exit code.
 fn refuse_arguments(error: &clap::Error) -> u8 {
     let code = u8::try_from(error.exit_code()).unwrap_or(2);
     if code == 0 || !wants_json() {
-        // Standard output or error may be closed: then there is nobody to tell.
+        // Standard output or error may be closed; then nobody reads it.
         let _ = error.print();
         return code;
     }

@@ -1,4 +1,4 @@
-//! How figures are written: for people as text and tables, for scripts in JSON.
+//! Formats figures, for people as text and tables, for scripts in JSON.
 
 use serde::Serializer;
 
@@ -7,7 +7,7 @@ pub fn decibel<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Er
     if *value == f64::INFINITY { serializer.serialize_str("inf") } else { serializer.serialize_f64(*value) }
 }
 
-/// Returns a PSNR as text; over an empty range it is infinite without meaning anything, which the text says.
+/// Formats a PSNR. Over an empty range it is infinite without meaning anything, which the text says.
 pub fn psnr(value: f64, [low, high]: [f32; 2]) -> String {
     match (value == f64::INFINITY, high > low) {
         (true, false) => "∞ (range 0)".to_owned(),
@@ -16,7 +16,7 @@ pub fn psnr(value: f64, [low, high]: [f32; 2]) -> String {
     }
 }
 
-/// Returns rows under headings, in columns; empty columns on the right are trimmed.
+/// Formats rows under headings as columns; empty columns on the right are trimmed.
 pub fn table(heads: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count());
@@ -37,7 +37,7 @@ pub fn table(heads: &[&str], rows: &[Vec<String>]) -> String {
     out
 }
 
-/// Returns bytes in a unit that people read.
+/// Formats bytes in a unit that people read.
 pub fn bytes(n: u64) -> String {
     let n = n as f64;
     let row = [(1e9, "GB"), (1e6, "MB"), (1e3, "kB")].into_iter().find(|(unit, _)| n >= *unit);
@@ -47,7 +47,7 @@ pub fn bytes(n: u64) -> String {
     }
 }
 
-/// Returns seconds in units that people read.
+/// Formats seconds in units that people read.
 pub fn seconds(s: f64) -> String {
     match s {
         s if !s.is_finite() => "?".to_owned(),

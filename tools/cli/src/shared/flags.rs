@@ -1,11 +1,11 @@
-//! Flags that several commands have, and how their texts are parsed.
+//! Flags that several commands have, and parsers of their values.
 
 use std::str::FromStr;
 
 use clap::Args;
 use glam::DVec3;
 
-/// Which device computes.
+/// Flags for the device.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Device")]
 pub struct DeviceArguments {
@@ -15,13 +15,14 @@ pub struct DeviceArguments {
     /// Largest storage-buffer range that is used, bytes: to see on any device what a small one does
     #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_FORCE_SSBO_LIMIT", hide = true)]
     pub storage_range_limit: Option<u64>,
-    /// Behaves as if the device were lost at this submission, counted from 1: to see on any device what is done then
+    /// Behaves as if the device were lost at this submission, counted from 1: to see on any device what is
+    /// done then
     #[arg(long, value_name = "N", hide = true)]
     pub lost_at: Option<u64>,
 }
 
 impl DeviceArguments {
-    /// Returns how the device is booted.
+    /// Returns the options with which the device is booted.
     pub fn options(&self) -> engine::gpu::GpuOptions {
         engine::gpu::GpuOptions {
             device: self.device.clone(),
@@ -41,7 +42,7 @@ impl DeviceArguments {
     }
 }
 
-/// Width and height.
+/// Width and height, pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Size(pub [u32; 2]);
 
@@ -80,14 +81,14 @@ pub fn range(text: &str) -> Result<[f32; 2], String> {
     }
 }
 
-/// The range of a PSNR.
+/// Range of a PSNR.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Range {
-    /// From the least to the greatest intensity of each volume itself.
+    /// Least to greatest intensity of each volume itself.
     Own,
-    /// From the least to the greatest intensity of the volume inside the region.
+    /// Least to greatest intensity of the volume inside the region.
     Roi,
-    /// From one of these intensities to the other.
+    /// Given least and greatest intensity.
     Given([f32; 2]),
 }
 

@@ -1,4 +1,4 @@
-//! The volume and the region of interest of a command, and what a record keeps of their files.
+//! Volume and region of interest of a command, and the records of their files.
 
 use std::fs::File;
 use std::io::Read;
@@ -12,7 +12,7 @@ use sha2::{Digest, Sha256};
 
 use super::flags::{Range, bytes, pair};
 
-/// How volumes are read.
+/// Flags for reading volumes.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Input")]
 pub struct ReadArguments {
@@ -31,7 +31,7 @@ pub struct ReadArguments {
 }
 
 impl ReadArguments {
-    /// Returns how the volume itself is read.
+    /// Returns the options with which the volume is read.
     pub fn options(&self) -> ReadOptions {
         let default = ReadOptions::default();
         ReadOptions {
@@ -43,7 +43,7 @@ impl ReadArguments {
     }
 }
 
-/// Where the fit looks.
+/// Flags of the region of interest.
 #[derive(Args, Clone, Debug)]
 #[group(skip)]
 #[command(
@@ -64,8 +64,8 @@ pub struct RoiArguments {
     pub cleaning: CleaningArguments,
 }
 
-/// What is done to the voxels of a threshold. A flag that needs another one is not refused where that one is in conflict
-/// with what is given, so each of these names the mask as well.
+/// Flags that clean the voxels of a threshold. A flag that needs another one is not refused where that one is
+/// in conflict with what is given, so each of these names the mask as well.
 #[derive(Args, Clone, Debug, Default, PartialEq)]
 #[command(next_help_heading = "Region of interest")]
 pub struct CleaningArguments {
@@ -97,7 +97,7 @@ pub struct CleaningArguments {
 }
 
 impl CleaningArguments {
-    /// Returns the steps, or what is wrong with their values.
+    /// Returns the cleaning steps; an error if a value is wrong.
     fn steps(&self) -> Result<Cleaning> {
         let CleaningArguments { roi_min_ml, roi_largest, roi_close, roi_fill } = *self;
         let cleaning =
@@ -107,16 +107,16 @@ impl CleaningArguments {
     }
 }
 
-/// A volume with its region of interest.
+/// Volume with its region of interest.
 pub struct Case {
     /// The volume.
     pub volume: Volume,
-    /// The region on its grid.
+    /// Region on the volume's grid.
     pub roi: Roi,
 }
 
 impl Case {
-    /// Reads both, and the labels if some of a label map were chosen.
+    /// Reads volume and region, and the labels if some of a label map were chosen.
     pub fn read_labelled(
         volume_path: &Path,
         read: &ReadArguments,
@@ -137,7 +137,7 @@ impl Case {
         read: &ReadArguments,
         region: &RoiArguments,
     ) -> Result<(Case, Option<Mask>)> {
-        // Before a large file is read.
+        // The values are checked before a large file is read.
         let cleaning = region.cleaning.steps()?;
         let volume = volume_of(volume_path, read)?;
         let (mask, label) = (region.roi.as_deref(), region.roi_label.as_deref());
@@ -154,12 +154,13 @@ impl Case {
         Ok((Case { volume, roi }, mask))
     }
 
-    /// Returns the least and the greatest finite sample of the whole volume: the usual normalisation of a PSNR.
+    /// Returns the least and the greatest finite sample of the whole volume: the usual normalisation of a
+    /// PSNR.
     pub fn full_range(&self) -> [f32; 2] {
         self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default()
     }
 
-    /// Returns the range of a PSNR; the [full range](Case::full_range) where nothing is chosen.
+    /// Returns the range of a PSNR; the [full range](Case::full_range) if none is chosen.
     pub fn range(&self, chosen: Option<Range>) -> Result<[f32; 2]> {
         match chosen {
             Some(Range::Given(range)) => Ok(range),
@@ -169,7 +170,7 @@ impl Case {
     }
 }
 
-/// Returns the range of a volume inside a region, and refuses a volume that is constant there.
+/// Returns the range of a volume inside a region; an error if the volume is constant there.
 pub fn region_range(volume: &Volume, roi: &Roi) -> Result<[f32; 2]> {
     match roi.range(volume) {
         Some([low, high]) if low < high => Ok([low, high]),
@@ -186,8 +187,8 @@ pub fn volume_of(path: &Path, read: &ReadArguments) -> Result<Volume> {
     Volume::read(path, &read.options())
 }
 
-/// Reads the region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU; `None`
-/// where neither is given.
+/// Reads the region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU;
+/// `None` if neither is given.
 pub fn region_of(
     volume: &Volume,
     read: &ReadArguments,
@@ -199,10 +200,10 @@ pub fn region_of(
     Ok(region_with_mask(volume, read, mask, threshold, &as_it_is, labels)?.map(|(roi, _)| roi))
 }
 
-/// A mask as its file has it, and the labels that were chosen of it.
+/// Mask as its file has it, and the chosen labels.
 type Mask = (Volume, LabelChoice);
 
-/// Reads the region as [`region_of`] does, with that of a threshold cleaned, and returns the mask that it comes from, too.
+/// Reads the region as [`region_of`] does, cleaning that of a threshold, and also returns its mask.
 fn region_with_mask(
     volume: &Volume,
     read: &ReadArguments,
@@ -216,7 +217,7 @@ fn region_with_mask(
         None => LabelChoice::Whole,
     };
     if let Some(path) = mask {
-        // Index and series choose the volume; a mask is a single one.
+        // Index and series choose the volume; the mask is a single one.
         let options = ReadOptions { volume_index: None, series: None, ..read.options() };
         let mask = Volume::read(path, &options)?;
         let roi = Roi::from_mask(&mask, &labels, volume).map_err(|e| named(e, path))?;
@@ -230,10 +231,10 @@ fn named(error: Error, path: &Path) -> Error {
     if error.file.is_some() { error } else { error.file(path) }
 }
 
-/// An input file as a record keeps it.
+/// Record of an input file.
 #[derive(Clone, Debug, Serialize)]
 pub struct InputRecord {
-    /// The path as it was given.
+    /// Path as it was given.
     pub path: String,
     /// Size in bytes.
     pub bytes: u64,
@@ -242,7 +243,7 @@ pub struct InputRecord {
 }
 
 impl InputRecord {
-    /// Reads the file once more, for its hash; of a folder all files within it, in the order of their names.
+    /// Reads a file once more, for its hash; for a folder all files within it, in the order of their names.
     pub fn of(path: &Path) -> Result<InputRecord> {
         let mut files = Vec::new();
         files_within(path, &mut files)?;
@@ -267,7 +268,8 @@ impl InputRecord {
     }
 }
 
-/// Adds the files of a folder and of those within it; links to folders are not followed. A file is itself.
+/// Adds the files of a folder and of the folders within it; links to folders are not followed. A path that is
+/// no folder is added itself.
 fn files_within(path: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
     if !path.is_dir() {
         files.push(path.to_owned());

@@ -1,6 +1,7 @@
-//! One run per output: an advisory lock on a file beside it, which says who holds it and since when. The lock
-//! belongs to the process and goes with it, however it ends; a file that is left behind locks nobody out.
-//! What stands in the lock's place and is no lock of ours (a link, a file with other content) is never touched.
+//! Lock that admits one run per output: an advisory lock on a file beside the output, which says who holds it
+//! and since when. The lock belongs to the process and ends with it in any case; a file that is left behind
+//! locks nobody out. Anything in the lock's place that is no lock of ours (a link, a file with other content)
+//! is never touched.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read, Seek, Write};
@@ -11,10 +12,10 @@ use engine::{Error, Kind, Result};
 use super::clock;
 use super::signals::Signals;
 
-/// A held lock; dropping it removes the file and with it the lock.
+/// Held lock; dropping it removes the file and with it the lock.
 pub struct Lock {
     path: PathBuf,
-    // Held for the lock on it.
+    // The file is held for the lock on it.
     _file: File,
     signals: Signals,
 }
@@ -23,7 +24,8 @@ impl Lock {
     /// Locks `output` for this process.
     ///
     /// # Errors
-    /// [`Kind::Temporary`] if another process holds it, [`Kind::CannotCreate`] if something else has the lock's name.
+    /// Returns [`Kind::Temporary`] if another process holds the lock, [`Kind::CannotCreate`] if something
+    /// else has its name.
     pub fn take(output: &Path, signals: &Signals) -> Result<Lock> {
         let mut name = output.file_name().unwrap_or_default().to_owned();
         name.push(".lock");
@@ -39,7 +41,8 @@ impl Lock {
                 Err(TryLockError::WouldBlock) => return Err(busy(output, file)),
                 Err(TryLockError::Error(e)) => return Err(failed(&e)),
             }
-            // Between opening and locking, the former holder may have removed the file: then nobody else sees it.
+            // Between opening and locking, the former holder may have removed the file; then nobody else sees
+            // it.
             if !is_still(&file, &path) {
                 continue;
             }
@@ -64,8 +67,8 @@ impl Drop for Lock {
     }
 }
 
-/// Opens the file at `path`, or makes it; nothing if what stands there is no regular file. A link is not followed: one
-/// that takes the place of a file between the two looks is not what [`is_still`] finds there.
+/// Opens the file at `path`, or creates it; returns `None` if what is there is no regular file. A link is not
+/// followed: if one takes the place of a file between the two looks, [`is_still`] finds another file there.
 fn open(path: &Path) -> std::io::Result<Option<File>> {
     loop {
         let mut options = OpenOptions::new();
@@ -86,10 +89,10 @@ fn open(path: &Path) -> std::io::Result<Option<File>> {
     }
 }
 
-/// Longest note of a lock, bytes: a process and a date.
+/// Greatest length of a lock's note, bytes: a process and a date.
 const LONGEST_NOTE: u64 = 64;
 
-/// Returns true if the file holds nothing, or the note of a lock.
+/// Returns true if the file is empty or holds the note of a lock.
 fn is_ours(file: &mut File) -> std::io::Result<bool> {
     let mut bytes = Vec::new();
     file.rewind()?;
@@ -162,7 +165,7 @@ mod tests {
         }
         assert_eq!(fs::read_to_string(&precious).expect("the file"), "precious");
 
-        // What a run that was killed left behind locks nobody out, and neither does an empty file.
+        // A file that a killed run left behind locks nobody out, and neither does an empty file.
         for content in ["4711 2026-01-31T12:00:00Z\n", ""] {
             fs::write(&lock, content).expect("a file");
             let held = take().expect("a lock");

@@ -1,6 +1,7 @@
-//! What this process takes of the machine.
+//! Memory of this process.
 
-/// Returns the most memory that this process had resident, where the system says (Linux).
+/// Returns the greatest resident memory of this process so far, bytes; `None` if the system does not tell
+/// (only Linux does).
 pub fn host_peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;

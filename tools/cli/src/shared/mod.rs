@@ -1,9 +1,9 @@
-//! What commands share.
+//! Parts that commands share.
 //!
 //! | file | subject |
 //! |---|---|
 //! | `flags` | flags that several commands have, and how their texts are parsed |
-//! | `inputs` | the volume and the region of interest, and what a record keeps of their files |
+//! | `inputs` | the volume and the region of interest, and the records of their files |
 //! | `splat_files` | reading and writing splats, whatever their layout |
 //! | `outputs` | checks before anything is written; `lock`: one run per output |
 //! | `sampling` | the field of splats at the voxels of a grid |
@@ -11,7 +11,7 @@
 //! | `console` | results to stdout, messages to stderr; `figures`: how numbers are written |
 //! | `progress` | the bar or the lines of long work |
 //! | `failure` | how the program ends: errors and exit codes |
-//! | `signals` | Ctrl-C and its relatives |
+//! | `signals` | Ctrl-C and similar signals |
 //! | `terminal`, `clock`, `memory`, `version` | the machine and the program itself |
 
 pub mod clock;

@@ -1,11 +1,11 @@
-//! The files that a command will write, checked before anything is read or computed.
+//! Checks the files that a command will write, before anything is read or computed.
 
 use std::path::{Path, PathBuf};
 
 use engine::output::{check_writable, same_file};
 use engine::{Error, Kind, Result};
 
-/// Refuses outputs that cannot be written, that are also inputs, or that name each other.
+/// Returns an error for outputs that cannot be written, that are also inputs, or that have the same name.
 pub fn check(outputs: &[&Path], inputs: &[&Path], force: bool) -> Result<()> {
     for (i, output) in outputs.iter().enumerate() {
         if outputs[..i].contains(output) {
@@ -23,7 +23,7 @@ pub fn check(outputs: &[&Path], inputs: &[&Path], force: bool) -> Result<()> {
     Ok(())
 }
 
-/// Makes a folder for outputs, where there is none yet.
+/// Creates a folder for outputs, if there is none yet.
 pub fn make_folder(path: &Path) -> Result<()> {
     if path.exists() {
         return Ok(());

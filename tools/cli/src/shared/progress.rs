@@ -1,4 +1,4 @@
-//! What a fit shows while it runs: a bar on a terminal, plain lines elsewhere.
+//! Shows the progress of long work: a bar on a terminal, plain lines elsewhere.
 
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -10,28 +10,28 @@ use super::console::Console;
 use super::figures::seconds;
 use super::terminal::{bars, stderr_has_colour};
 
-/// Plain lines come this far apart, or at a tenth of the way where that is later.
+/// Least time between plain lines. A line also waits for a tenth of the work, but at most four times as long.
 const LINE_EVERY: Duration = Duration::from_secs(5);
-/// The rate is taken over this long.
+/// Time over which the rate is measured.
 const RATE_EVERY: Duration = Duration::from_secs(1);
-/// Positions of the bar.
+/// Number of positions of the bar.
 const STEPS: u64 = 1000;
 
-/// The display of one fit.
+/// Display of one fit.
 pub struct Display {
     bar: Option<ProgressBar>,
     lines: bool,
     start: Instant,
     last_line: Instant,
     last_line_share: f64,
-    /// Where the rate was taken last.
+    /// Time and iteration when the rate was last measured.
     last: (Instant, u32),
     rate: Option<f64>,
     figures: String,
 }
 
 impl Display {
-    /// Starts the display; the clock of the time that is left starts too.
+    /// Starts the display and the clock for the time that is left.
     pub fn new(console: &Console) -> Self {
         let now = Instant::now();
         let shown = !console.json && !console.quiet;
@@ -52,14 +52,14 @@ impl Display {
         }
     }
 
-    /// Notes new figures, as a fit gives them now and then.
+    /// Stores new figures, which a fit reports now and then.
     pub fn figures(&mut self, progress: &Progress) {
-        // The outline by whichever term the fit follows.
+        // The outline is judged by the term that the fit uses.
         let outline = progress.dice.unwrap_or(progress.occupancy_rmse);
         self.figures = format!(", {:.2} dB, outline off {outline:.3}", progress.psnr_db);
     }
 
-    /// Shows how far the fit is; `share` is the part of the schedule that is done, 0 to 1.
+    /// Shows the progress of the fit; `share` is the part of the schedule that is done, 0 to 1.
     pub fn show(&mut self, iteration: u32, share: f64) {
         let spent = self.start.elapsed().as_secs_f64();
         let left = if share > 0.0 { seconds(spent * (1.0 - share) / share) } else { "?".to_owned() };
@@ -84,7 +84,7 @@ impl Display {
     }
 }
 
-/// The display of work that is a number of like steps.
+/// Display of work that consists of equal steps.
 pub struct Steps {
     bar: Option<ProgressBar>,
     lines: bool,
@@ -95,7 +95,7 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Starts the display of `count` times `what`; nothing is shown for a single one.
+    /// Starts the display of `count` steps called `what`; a single step is not shown.
     pub fn new(console: &Console, what: &'static str, count: u64) -> Self {
         let now = Instant::now();
         let shown = !console.json && !console.quiet && count > 1;

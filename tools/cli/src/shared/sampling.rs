@@ -1,7 +1,7 @@
-//! The field of splats at the voxels of a grid.
+//! Evaluates the field of splats at the voxels of a grid.
 //!
-//! Only bricks that a splat reaches are computed, in slabs of bounded size: cost and memory follow the splats, whatever
-//! the size of the grid.
+//! Only bricks that a splat reaches are computed, in slabs of bounded size, so that cost and memory depend on
+//! the splats and not on the size of the grid.
 
 use std::cmp::Ordering;
 
@@ -15,27 +15,28 @@ use engine::volume::{Bricks, Volume};
 use glam::{DVec3, IVec3, UVec3};
 use rayon::prelude::*;
 
-/// Samples of one slab; with their results they take some 400 MB.
+/// Number of samples of one slab; with their results they take some 400 MB.
 const SLAB_SAMPLES: usize = 1 << 24;
 
-/// Returns the mean of a splat, and how far it reaches along each axis of its space.
+/// Returns the mean of a splat, and its reach along each axis of its space.
 pub fn reach(splat: &Splat, field: &Field) -> (DVec3, DVec3) {
     let mean = DVec3::from_array(splat.mean.map(f64::from));
     let axes = splat.axes();
     let scale = splat.scale().map(f64::from);
-    // Diagonal of R S² Rᵀ.
+    // This is the diagonal of R S² Rᵀ.
     let variance = (0..3).map(|k| (axes.col(k) * scale[k]).powf(2.0)).sum::<DVec3>();
     (mean, (variance * field.kernel.support_q()).powf(0.5))
 }
 
-/// Returns the first and the last brick of the grid that a splat reaches; `None` if it lies outside.
+/// Returns the first and the last brick of the grid along each axis that a splat reaches; `None` if it lies
+/// outside.
 fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 2]; 3]> {
     let (mean, reach) = reach(splat, field);
     let mut out = [[0; 2]; 3];
     for axis in 0..3 {
         let first = (mean[axis] - reach[axis]).ceil().max(0.0);
         let last = (mean[axis] + reach[axis]).floor().min(size[axis] as f64 - 1.0);
-        // Also where one of them is NaN.
+        // This also holds if one of them is NaN.
         if first.partial_cmp(&last).is_none_or(Ordering::is_gt) {
             return None;
         }
@@ -44,8 +45,9 @@ fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 
     Some(out)
 }
 
-/// Calls `take` with index and field of every voxel of `volume` that a set says something about, as it is shown: splats
-/// that were fitted for the voxels of a grid are decoded there and interpolated. The weight is then the occupancy.
+/// Calls `take` with index and field of the voxels of `volume`, as the set is shown: of those that a splat
+/// may reach. Splats that were fitted for the voxels of a grid are decoded there and interpolated; then
+/// `take` is called for all voxels, and the weight is the occupancy.
 pub fn visit_shown(
     gpu: &Gpu,
     set: &SplatSet,
@@ -70,7 +72,8 @@ pub fn visit_shown(
     Ok(())
 }
 
-/// Calls `take` with index and field of every voxel of a grid that a splat may reach; splats in its voxel space.
+/// Calls `take` with index and field of each voxel of a grid that a splat may reach; the splats are in its
+/// voxel space.
 pub fn visit(
     gpu: &Gpu,
     splats: &[Splat],
@@ -132,7 +135,7 @@ mod tests {
         let field = Field::default();
         let (_, far) = reach(&splat, &field);
         assert!((far - DVec3::new(2.0, 1.0, 1.0) * 6f64.sqrt()).length() < 1e-6, "{far}");
-        // From 15.1 to 24.9, and 1.6 to 6.4.
+        // The splat reaches from 15.1 to 24.9, and from 1.6 to 6.4.
         assert_eq!(bricks_of(&splat, &field, [64, 64, 64]), Some([[2, 3], [0, 0], [0, 0]]));
         assert_eq!(bricks_of(&splat, &field, [8, 8, 8]), None);
     }

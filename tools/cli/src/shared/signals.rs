@@ -1,5 +1,6 @@
-//! Ctrl-C and its relatives: the first asks the running fit to stop and save, the second ends the program at once.
-//! Before and after the fit there is nothing to save, and the first ends it too.
+//! Handles Ctrl-C and similar signals: the first one asks the running fit to stop and save, the second one
+//! ends the program at once. Before and after the fit there is nothing to save, and the first one ends the
+//! program, too.
 
 use std::fs;
 use std::path::PathBuf;
@@ -10,23 +11,23 @@ use engine::{Error, Kind, Result};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator;
 
-/// What the signal thread and the command share.
+/// State that the signal thread and the command share.
 #[derive(Default)]
 struct SharedState {
-    /// The first signal, or 0.
+    /// Number of the first signal, or 0.
     received: AtomicI32,
-    /// True while a fit is running that will look at `received`.
+    /// True while a fit is running that checks `received`.
     deferring: AtomicBool,
-    /// A file to remove when the program ends, however it ends.
+    /// File to remove when a signal ends the program.
     remove_on_exit: Mutex<Option<PathBuf>>,
 }
 
-/// The state of the signals of this process; by default none are watched.
+/// Signals of this process; by default none are handled.
 #[derive(Clone, Default)]
 pub struct Signals(Arc<SharedState>);
 
 impl Signals {
-    /// Takes over SIGINT, SIGTERM and SIGHUP.
+    /// Handles SIGINT, SIGTERM and SIGHUP from now on.
     pub fn install() -> Result<Self> {
         let failed = |e: std::io::Error| {
             Error::new(Kind::Internal, "VGS-CLI-004", format!("signals cannot be watched: {e}"))
@@ -45,7 +46,7 @@ impl Signals {
                         {
                             let _ = fs::remove_file(path);
                         }
-                        // Without destructors: other threads may be anywhere, in a driver for instance.
+                        // Destructors are not run: other threads may be anywhere, in a driver for instance.
                         signal_hook::low_level::exit(128 + signal);
                     }
                 }
@@ -54,12 +55,12 @@ impl Signals {
         Ok(signals)
     }
 
-    /// Makes the first signal from here on only noted, so that the fit can stop and save.
+    /// Makes the first signal from now on only set a flag, so that the fit can stop and save.
     pub fn defer_first_signal(&self) {
         self.0.deferring.store(true, SeqCst);
     }
 
-    /// Returns the exit code of the signal that came, if one did.
+    /// Returns the exit code of the received signal, if there was one.
     pub fn exit_code(&self) -> Option<u8> {
         match self.0.received.load(SeqCst) {
             0 => None,
@@ -67,7 +68,7 @@ impl Signals {
         }
     }
 
-    /// Names a file to remove if a signal ends the program.
+    /// Sets the file to remove if a signal ends the program.
     pub fn remove_on_exit(&self, path: Option<PathBuf>) {
         *self.0.remove_on_exit.lock().unwrap_or_else(PoisonError::into_inner) = path;
     }

@@ -1,4 +1,4 @@
-//! Splats as commands read and write them: whatever their layout, with the volume that places them where one must.
+//! Reads and writes splats in any layout, with the volume that places them if one is needed.
 
 use std::path::Path;
 
@@ -8,18 +8,18 @@ use engine::splat::{self, PLY_LAYOUTS, PlyLayout, SplatSet, Unplaced, WriteOptio
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result};
 
-/// How splats are written.
+/// Flags for writing splats.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Output")]
 pub struct LayoutArguments {
-    /// What the numbers of the PLY stand for: vgs (mm RAS and HU, what every command reads), or reference, that of the
-    /// paper's authors for their viewer; commands then need the volume beside it
+    /// What the numbers of the PLY stand for: vgs (mm RAS and HU, what every command reads), or reference,
+    /// that of the paper's authors for their viewer; commands then need the volume beside it
     #[arg(long, value_name = "LAYOUT", default_value = PLY_LAYOUTS[0].name, value_parser = layout)]
     ply_layout: &'static PlyLayout,
 }
 
 impl LayoutArguments {
-    /// Returns how splats of this volume and region are written.
+    /// Returns the options with which splats of this volume and region are written.
     pub fn options(self, volume: &Volume, roi: &Roi, force: bool) -> WriteOptions {
         WriteOptions { layout: self.ply_layout, place: Some(place(volume, Some(roi))), force }
     }
@@ -33,7 +33,7 @@ fn layout(text: &str) -> std::result::Result<&'static PlyLayout, String> {
     })
 }
 
-/// Reads splats that have an intensity in HU.
+/// Reads splats; an error if they have no intensity in HU.
 pub fn read_with_intensity(path: &Path) -> Result<Unplaced> {
     let splats = splat::read_some(path)?;
     if !splats.has_intensity() {
@@ -45,7 +45,7 @@ pub fn read_with_intensity(path: &Path) -> Result<Unplaced> {
     Ok(splats)
 }
 
-/// Writes the splats of a fit, and warns of what the layout does not keep.
+/// Writes the splats of a fit, and warns of what the layout does not store.
 pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
     splat::write_as(path, set, options)?;
     for loss in options.layout.losses(set, options.place.as_ref()) {

@@ -1,18 +1,19 @@
-//! Stderr as a terminal: whether it shows colours, what is safe to write to it, and how text gets past a progress bar.
+//! Stderr as a terminal: tells whether it shows colours, removes what is not safe to write to it, and keeps
+//! text and progress bars apart.
 
 use std::io::{self, IsTerminal};
 use std::sync::OnceLock;
 
 use indicatif::{MultiProgress, ProgressDrawTarget};
 
-/// True if stderr may get colours and moving bars.
+/// Returns true if stderr may get colours and moving bars.
 pub fn stderr_has_colour() -> bool {
     let no = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
     let dumb = std::env::var_os("TERM").is_some_and(|v| v == "dumb");
     !no && !dumb && io::stderr().is_terminal()
 }
 
-/// Returns a text without control characters that a file or a path may have brought in; line breaks stay.
+/// Escapes control characters that a file or a path may have brought into a text; line breaks stay.
 pub fn clean(text: &str) -> String {
     text.chars()
         .flat_map(|c| {
@@ -23,7 +24,7 @@ pub fn clean(text: &str) -> String {
         .collect()
 }
 
-/// Returns the progress bars of this program, of which stderr shows at most one.
+/// Returns the progress bars of this program; at most one is shown on stderr.
 pub fn bars() -> &'static MultiProgress {
     static TERMINAL: OnceLock<MultiProgress> = OnceLock::new();
     TERMINAL.get_or_init(|| {
@@ -33,7 +34,7 @@ pub fn bars() -> &'static MultiProgress {
     })
 }
 
-/// Runs `write`, which writes to stderr, with the bar out of the way.
+/// Runs `write`, which writes to stderr, while the bar is hidden.
 pub fn suspend_bars(write: impl FnOnce()) {
     bars().suspend(write);
 }

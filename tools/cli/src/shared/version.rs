@@ -1,6 +1,6 @@
-//! The version of this program.
+//! Version of this program.
 
-/// Version and, where the build knew it, the commit.
+/// Version and, if the build knew it, the commit.
 pub const VERSION: &str = if COMMIT.is_empty() {
     NUMBER
 } else {
@@ -8,5 +8,5 @@ pub const VERSION: &str = if COMMIT.is_empty() {
 };
 /// Number of the version.
 pub const NUMBER: &str = env!("CARGO_PKG_VERSION");
-/// Commit that was built; empty where the build did not know it.
+/// Commit that was built; empty if the build did not know it.
 pub const COMMIT: &str = env!("VGS_COMMIT");

@@ -10,6 +10,7 @@ mod device;
 mod fit;
 mod headset;
 mod nnls;
+mod operations;
 mod plan;
 mod plot;
 mod rates;

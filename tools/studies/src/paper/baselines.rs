@@ -1,8 +1,9 @@
-//! Table 3: how far a volume is from itself after it was downsampled and put up again.
+//! Reproduces Table 3: the error of a volume that was downsampled and enlarged again.
 //!
-//! The README.md of the data folder states these figures, computed by another program; `check` compares with them, all cases
-//! and masks. It also says how they are defined: `minmax` normalises by the range of the whole volume, `win` clips to
-//! ±1000 HU first; down by block mean or linear interpolation, up by linear interpolation.
+//! The README.md of the data folder states these figures, computed by another program; `check` compares ours
+//! with them for all cases and masks. It also defines them: `minmax` normalises by the range of the whole
+//! volume, `win` clips to ±1000 HU first; volumes are reduced by block mean or linear interpolation, and
+//! enlarged by linear interpolation.
 
 use std::path::{Path, PathBuf};
 
@@ -15,12 +16,12 @@ use super::results::{db, mmse};
 use bench::report::Table;
 use bench::scene::help;
 
-/// The most that ours may differ from the README, dB.
+/// Greatest difference between our figures and the README's, dB.
 const TOLERANCE_DB: f64 = 0.01;
-/// Of `win`, HU.
+/// Range of the norm `win`, HU.
 const WINDOW: [f32; 2] = [-1000.0, 1000.0];
 
-/// What the three columns of the README are.
+/// Column of the README, factor and filter of each downsampling.
 const WAYS: [(&str, usize, Downsampling); 3] =
     [("x2", 2, AREA), ("x4 area", 4, AREA), ("x4 linear", 4, LINEAR)];
 
@@ -31,7 +32,7 @@ fn psnr(mmse: f64) -> f64 {
     -10.0 * mmse.log10()
 }
 
-/// The paper's Table 3 with ours beside it, as Markdown.
+/// Returns the paper's Table 3 with our figures beside it, as Markdown.
 pub fn table(data: &Path) -> Result<String> {
     let mut rows = Vec::new();
     for (i, case) in CASES.iter().enumerate() {
@@ -79,14 +80,14 @@ pub fn table(data: &Path) -> Result<String> {
     Ok(table.markdown())
 }
 
-/// Computes every row of the README's table and fails where one differs.
+/// Computes every row of the README's table, prints them and returns an error if one differs.
 pub fn check(data: &Path) -> Result<()> {
     let path = data.join("README.md");
     let text = std::fs::read_to_string(&path).map_err(|e| Error::io(&path, "reading", &e))?;
     let stated = parse(&text).map_err(|e| e.file(&path))?;
     let mut rows = Vec::new();
     let mut wrong = Vec::new();
-    // Rows of one case stand together: its volume is read once.
+    // Rows of one case stand together, so that its volume is read once.
     for group in stated.chunk_by(|a, b| a.case == b.case) {
         eprintln!("downsampling {}, {} rows", group[0].case, group.len());
         let case = Case::read(data, &group[0].case)?;
@@ -132,7 +133,8 @@ pub fn check(data: &Path) -> Result<()> {
     ))
 }
 
-/// Cells of a row, and its greatest difference in dB (of the errors to their stated digits, since dB are rounded).
+/// Returns the cells of a row, and its greatest difference in dB. It compares the errors with their stated
+/// digits, since dB are rounded.
 fn compare(stated: &Stated, errors: &Errors) -> (Vec<String>, f64) {
     let mut cells = vec![stated.case.clone(), stated.mask.clone(), stated.norm.name().to_owned()];
     let mut worst = 0.0f64;
@@ -143,13 +145,13 @@ fn compare(stated: &Stated, errors: &Errors) -> (Vec<String>, f64) {
             format!("{:.3}", psnr(stated)),
             format!("{difference:+.4}"),
         ]);
-        // A difference that is no number must not pass.
+        // A difference that is not a number must not pass.
         worst = if difference.is_nan() { f64::INFINITY } else { worst.max(difference.abs()) };
     }
     (cells, worst)
 }
 
-/// How errors are normalised.
+/// Normalisation of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Norm {
     MinMax,
@@ -165,7 +167,7 @@ impl Norm {
     }
 }
 
-/// A row of the README.
+/// Row of the README.
 #[derive(Debug, PartialEq)]
 struct Stated {
     case: String,
@@ -174,7 +176,7 @@ struct Stated {
     errors: Errors,
 }
 
-/// The table of baselines in a README: the one whose columns are named so.
+/// Reads the table of baselines in a README: the first one with the columns case, mask and norm.
 fn parse(text: &str) -> Result<Vec<Stated>> {
     let bad = |message: String| Error::new(Kind::BadData, "VGS-BEN-005", message);
     let cells = |line: &str| -> Vec<String> {
@@ -219,7 +221,7 @@ fn parse(text: &str) -> Result<Vec<Stated>> {
     Ok(rows)
 }
 
-/// A volume of the data folder.
+/// Volume of the data folder.
 struct Case {
     folder: PathBuf,
     volume: Volume,
@@ -234,7 +236,7 @@ impl Case {
         Ok(Case { folder, volume })
     }
 
-    /// The errors of all ways in a mask.
+    /// Returns the errors of all [`WAYS`] within a mask.
     fn errors(&self, mask: &str, norm: Norm) -> Result<Errors> {
         let range = match norm {
             Norm::MinMax => self.volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default(),

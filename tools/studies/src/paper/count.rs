@@ -1,16 +1,16 @@
-//! Numbers of splats, of the paper and here.
+//! Numbers of splats in the paper and here.
 
-/// A number of the paper, and what it is here.
+/// Number of splats in the paper, and the corresponding one here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Count {
-    /// The paper's.
+    /// The paper's number.
     pub paper: usize,
-    /// Ours, for the region here.
+    /// Our number, for the region here.
     pub ours: usize,
 }
 
 impl Count {
-    /// Scaled by the share of the region; where ours is not smaller, the paper's number.
+    /// Scales the paper's number by the share of the region; keeps it if our region is not smaller.
     pub fn scaled(paper: usize, share: f64) -> Self {
         Count { paper, ours: ((paper as f64 * share.min(1.0)).round() as usize).max(1) }
     }

@@ -1,4 +1,4 @@
-//! What a run costs, by rates of two CPU cores with a software driver.
+//! Estimates what a run costs, from rates of two CPU cores with a software driver.
 
 use bench::scene::{EVALUATIONS_A_SECOND, SAMPLES_A_VOXEL, SMALL_SPLAT};
 use engine::splat::Kernel;
@@ -6,14 +6,14 @@ use engine::splat::Kernel;
 use super::job::Job;
 use super::library::Place;
 
-/// Samples in the support of a splat of the paper's size, where spacings are equal.
+/// Samples in the support of a splat of the paper's size, for isotropic voxels.
 const SAMPLES_A_SPLAT: f64 = 2000.0;
-/// Of the loss, a brick, seconds.
+/// Time of the loss per brick, seconds.
 const BRICK: f64 = 20e-6;
-/// Of a measurement on the host, a voxel, seconds.
+/// Time of a measurement on the host per voxel, seconds.
 const COMPARED: f64 = 1e-7;
 
-/// Seconds that a run may take.
+/// Estimates the seconds that a run takes.
 pub fn estimate(job: &Job, place: &Place) -> f64 {
     let c = &job.config;
     let evaluations = |splats: usize| match c.kernel {

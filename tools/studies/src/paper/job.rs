@@ -1,4 +1,5 @@
-//! A run: what is fitted, how, and what it is measured over. Its key names the file of its result.
+//! Describes a run: what is fitted, how, and over which range its errors are measured. Its key names the file
+//! of its result.
 
 use engine::Result;
 use engine::fit::FitConfig;
@@ -6,56 +7,57 @@ use serde::{Deserialize, Serialize};
 
 use bench::store::hash;
 
-/// Iterations between two measurements.
+/// Number of iterations between two measurements.
 pub const MEASURE_EVERY: u32 = 50;
-/// The same for the mini-batches of Tables 2, 4 and 6: a measurement rasterizes every splat and takes as long as
-/// hundreds of their iterations.
+/// [`MEASURE_EVERY`] for the mini-batches of Tables 2, 4 and 6: a measurement rasterizes every splat and
+/// takes as long as hundreds of their iterations.
 pub const MEASURE_BATCHES_EVERY: u32 = 250;
-/// Held-out offsets at which fits of the default profile are measured at the end.
+/// Number of held-out offsets at which fits of the default profile are measured at the end.
 pub const HELD_OUT: usize = 8;
-/// Their seed: never that of a fit.
+/// Seed of the held-out offsets; never that of a fit.
 pub const HELD_OUT_SEED: u64 = 7;
 
-/// The normalisation of errors.
+/// Range by which errors are normalised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Range {
     /// Least to greatest value of the whole volume.
     MinMax,
-    /// -1024..3071 HU, that of the prototype's figures.
+    /// -1024..3071 HU, the range of the prototype's figures.
     Hu,
-    /// Least to greatest value of the region, that of the authors' code.
+    /// Least to greatest value of the region, the range of the authors' code.
     Roi,
 }
 
-/// One run, all of it: two jobs with the same fields give the same figures on the same device.
+/// One complete run: two jobs with the same fields give the same figures on the same device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Job {
     /// Folder of the case.
     pub folder: String,
-    /// Name of the mask in it.
+    /// Name of the mask in the folder.
     pub mask: String,
     /// Profile that the configuration started from.
     pub profile: String,
     /// Hyper-parameters; `splats` and `iterations` are set.
     pub config: FitConfig,
-    /// What errors are divided by.
+    /// Range by which errors are divided.
     pub range: Range,
-    /// Held-out offsets at the end; 0: on the grid only.
+    /// Number of held-out offsets at the end; 0 measures on the grid only.
     pub held_out: usize,
-    /// Iterations between two measurements.
+    /// Number of iterations between two measurements.
     pub measure_every: u32,
-    /// Name of the device: figures of several do not mix.
+    /// Name of the device; figures of several devices do not mix.
     pub device: String,
 }
 
 impl Job {
-    /// Name of the result's file without its ending: what a person looks for, then a hash of everything.
+    /// Returns the name of the result's file without its extension: a readable part, then a hash of all
+    /// fields.
     pub fn key(&self) -> String {
         format!("{}-{}-{}-{}-{}", self.folder, self.mask, self.config.splats, self.profile, hash(self))
     }
 
-    /// Refuses a configuration that cannot run, naming the job.
+    /// Returns an error that names the job if its configuration cannot run.
     pub fn check(&self) -> Result<()> {
         self.config.check().map_err(|e| {
             let message = format!("{} (run {})", e.message, self.key());
@@ -63,7 +65,7 @@ impl Job {
         })
     }
 
-    /// In a few words, for people.
+    /// Returns a short title for people.
     pub fn title(&self) -> String {
         let subset = match (self.config.subset, self.config.subset_alone) {
             (0, _) => String::new(),
@@ -81,7 +83,7 @@ impl Job {
 pub mod tests {
     use super::*;
 
-    /// A job of no particular case.
+    /// Creates a job of no particular case.
     pub fn job(splats: usize) -> Job {
         Job {
             folder: "ct-none".into(),

@@ -1,4 +1,4 @@
-//! The cases of the data folder, read once each.
+//! Reads the cases of the data folder, each one once.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,16 +8,16 @@ use engine::volume::Bricks;
 
 use bench::scene::{Scene, help};
 
-/// A case with one of its masks, and what is worth knowing about it.
+/// Case with one of its masks, and figures that runs and estimates need.
 pub struct Place {
     /// Volume and region of interest.
     pub scene: Scene,
-    /// Sum of the mask: its voxels, where it is binary.
+    /// Sum of the mask: its number of voxels if it is binary.
     pub voxels: f64,
     /// Bricks of the region and its shell.
     pub bricks: usize,
-    /// Cube of the mean voxel spacing over the volume of a voxel: by this an initial splat of so many spacings has more
-    /// voxels than one of so many voxels.
+    /// Cube of the mean voxel spacing over the volume of a voxel: an initial splat measured in spacings
+    /// covers this many times the voxels of one measured in voxels.
     pub aspect: f64,
     /// Least and greatest value of the whole volume.
     pub range: [f32; 2],
@@ -26,7 +26,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// Of a volume with its region.
+    /// Creates a place from a volume with its region.
     pub fn new(scene: Scene) -> Self {
         let spacing = scene.volume.spacing_mm();
         Place {
@@ -47,12 +47,12 @@ pub struct Library {
 }
 
 impl Library {
-    /// Of a data folder: `CASE/ct.nii.gz` with `CASE/MASK.nii.gz` beside it.
+    /// Creates the library of a data folder: `CASE/ct.nii.gz` with `CASE/MASK.nii.gz` beside it.
     pub fn new(folder: &Path) -> Self {
         Library { folder: folder.to_owned(), places: BTreeMap::new() }
     }
 
-    /// With the phantom in place of every case.
+    /// Creates a library with the phantom in place of every case.
     #[cfg(test)]
     pub fn phantom(cases: &[(&str, &str)]) -> Self {
         let place = || Place::new(Scene::phantom(24).expect("a phantom"));
@@ -60,7 +60,7 @@ impl Library {
         Library { folder: PathBuf::new(), places: cases.iter().map(|case| (key(case), place())).collect() }
     }
 
-    /// The case, read if it was not yet.
+    /// Returns the case; reads it if it was not read yet.
     pub fn place(&mut self, folder: &str, mask: &str) -> Result<&Place> {
         let key = (folder.to_owned(), mask.to_owned());
         if !self.places.contains_key(&key) {

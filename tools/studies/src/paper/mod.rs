@@ -1,10 +1,10 @@
-//! `studies paper`: the paper's tables, ours beside them.
+//! Reproduces the paper's tables with ours beside them (`studies paper`).
 //!
-//! A *run* is a fit of one row with one profile (`job`, `plan`), measured on the way (`runs`) and kept as a file
-//! ([`bench::store`]), so that nothing is computed twice. Reports are made from the files and written after every run
-//! (`tables`, `studies`, `plot`). `published` has the paper's figures, `prototype` those of a CPU prototype, `peer` those of
-//! the authors' own code, and
-//! `baselines` compares downsampled volumes, which need no fit.
+//! A *run* is a fit of one row with one profile (`job`, `plan`), measured on the way (`runs`) and kept as a
+//! file ([`bench::store`]), so that nothing is computed twice. Reports are made from the files and written
+//! after every run (`tables`, `studies`, `plot`). `published` has the paper's figures, `prototype` those of a
+//! CPU prototype, `peer` those of the authors' own code, and `baselines` compares downsampled volumes, which
+//! need no fit.
 
 mod baselines;
 mod count;
@@ -115,7 +115,7 @@ pub fn run(options: &GpuOptions, a: &PaperArguments) -> Result<()> {
     all_done(&failed, missing.len(), "runs")
 }
 
-/// What carries out runs, one after the other.
+/// Carries out runs, one after the other.
 struct Runner<'a> {
     options: &'a GpuOptions,
     judge: &'a Gpu,
@@ -124,7 +124,8 @@ struct Runner<'a> {
 }
 
 impl Runner<'_> {
-    /// Runs all jobs and keeps the results. A run that fails is told and does not end the others.
+    /// Runs all jobs and keeps the results. A run that fails is reported on stderr and does not end the
+    /// others. Returns the errors.
     fn all(&mut self, jobs: &[&Job], results: &mut Results) -> Result<Vec<Error>> {
         let mut queue = Vec::new();
         for job in jobs {
@@ -149,7 +150,7 @@ impl Runner<'_> {
     }
 }
 
-/// What is written from the results.
+/// Everything that the reports are written from, besides the results.
 struct PaperReport<'a> {
     sections: &'a [Section],
     effort: &'a Effort,

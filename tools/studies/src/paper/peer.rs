@@ -1,6 +1,6 @@
-//! The authors' own code as a peer: figures of its numeric path, written anew from its text and run on
-//! ct-torso-tiny mask_ts, with `--profile reference` beside them; and what each of its differences from the paper's text
-//! is worth. PSNR over the range of the region, -1100..1207 HU.
+//! Compares `--profile reference` with the authors' own code: figures of its numeric path, written anew from
+//! its text and run on ct-torso-tiny mask_ts; and what each of its differences from the paper's text is
+//! worth. PSNR is over the range of the region, -1100..1207 HU.
 
 use engine::fit::{Background, FitConfig, ScaleUnit};
 use engine::splat::Kernel;
@@ -10,26 +10,26 @@ use super::results::{Results, db};
 use super::runs::Record;
 use bench::report::Table;
 
-/// A run of the authors' code.
+/// Run of the authors' code.
 pub struct Peer {
-    /// What it is.
+    /// Name of the run.
     pub what: &'static str,
-    /// Splats.
+    /// Number of splats.
     pub splats: usize,
-    /// Iterations after which its PSNR is known, and that, dB.
+    /// Iterations at which its PSNR is known, with the PSNR in dB.
     pub points: &'static [(u32, f64)],
-    /// How it departs from the profile.
+    /// Sets what differs from the profile.
     pub change: fn(&mut FitConfig),
 }
 
 impl Peer {
-    /// Iterations of the run.
+    /// Returns the number of iterations of the run.
     pub fn iterations(&self) -> u32 {
         self.points.iter().map(|p| p.0).max().unwrap_or_default()
     }
 }
 
-/// Intensities and opacities are learned.
+/// Lets the fit learn intensities and opacities.
 pub fn learned(config: &mut FitConfig) {
     config.learn_intensity = true;
     config.learn_opacity = true;
@@ -40,7 +40,7 @@ fn learned_with_mask(config: &mut FitConfig) {
     config.mask_weight = 1.0;
 }
 
-/// Every run whose figures are known. "Start" is iteration 0 of each.
+/// Every run whose figures are known. Iteration 0 is the start of each.
 pub const PEERS: &[Peer] = &[
     Peer {
         what: "sampled, all",
@@ -76,18 +76,19 @@ pub const PEERS: &[Peer] = &[
     Peer { what: "learned, all", splats: 5511, points: &[(0, 22.93), (100, 25.84)], change: learned },
 ];
 
-/// A difference between the authors' code and the paper's text, or a choice that either leaves open.
+/// Difference between the authors' code and the paper's text, or a choice that either leaves open.
 pub struct Difference {
-    /// What the run does in place of what the code does.
+    /// Description of what the run does in place of what the code does.
     pub what: &'static str,
-    /// How.
+    /// Applies the difference to a configuration.
     pub change: fn(&mut FitConfig),
 }
 
-/// Iterations of the runs of [`DIFFERENCES`].
+/// Number of iterations of the runs of [`DIFFERENCES`].
 pub const DIFFERENCE_ITERATIONS: u32 = 100;
 
-/// Each departs in one thing from `--profile reference` with everything learned and every splat in every step.
+/// Differences, each in one thing, from `--profile reference` with everything learned and every splat in
+/// every step.
 pub const DIFFERENCES: &[Difference] = &[
     Difference { what: "as it is: all learned, every splat in every step", change: |_| {} },
     Difference {
@@ -158,7 +159,7 @@ pub const DIFFERENCES: &[Difference] = &[
     },
 ];
 
-/// The measurement after so many iterations, dB.
+/// Returns the PSNR measured after `iteration` iterations, dB.
 fn after(record: Option<&Record>, iteration: u32) -> Option<f64> {
     record?.points.iter().find(|p| p.iteration == iteration).map(|p| p.psnr())
 }
@@ -167,7 +168,8 @@ fn dash(text: Option<String>) -> String {
     text.unwrap_or_else(|| "—".to_owned())
 }
 
-/// `--profile reference` beside the authors' code, a row for each point that is known of it.
+/// Returns the table of `--profile reference` beside the authors' code, with a row for each of its known
+/// points.
 pub fn table(rows: &[(&'static Peer, Job)], results: &Results) -> Table {
     let mut table = Table {
         title: "## `--profile reference` beside the authors' code\n\nTheirs: its numeric path written anew from its text (PyTorch \
@@ -199,7 +201,7 @@ pub fn table(rows: &[(&'static Peer, Job)], results: &Results) -> Table {
     table
 }
 
-/// What each difference is worth.
+/// Returns the table of what each difference is worth.
 pub fn differences(rows: &[(&'static Difference, Job)], results: &Results) -> Table {
     let last = |job: &Job| results.of(job).and_then(Record::end).map(|p| p.psnr());
     let whole = rows.first().and_then(|(_, job)| last(job));

@@ -1,4 +1,5 @@
-//! Which runs the tables need: the paper's rows scaled to the cases here, the ablations, sweeps and findings.
+//! Plans the runs that the tables need: the paper's rows scaled to the cases here, the ablations, sweeps and
+//! findings.
 
 use engine::Result;
 use engine::fit::{FitConfig, Profile};
@@ -12,9 +13,9 @@ use super::prototype::{self, FIDELITY, FINDINGS, SUBSET_SHARE, SWEEPS, Variant};
 use super::published::{self, CASES, Loss, TABLE_4, TABLE_4_ROW, Training};
 use super::section::Section;
 
-/// How much of everything is run.
+/// Amount of work in a report.
 pub struct Effort {
-    /// Whether it is the short one; the tables say so.
+    /// True if it is the short one; the tables say so.
     pub quick: bool,
     /// Iterations of `--profile paper` in Tables 2, 4 and 6.
     pub paper_iterations: u32,
@@ -22,12 +23,12 @@ pub struct Effort {
     pub default_iterations: u32,
     /// Iterations of the findings, except those of the fidelity rows, which are the prototype's.
     pub finding_iterations: u32,
-    /// The most iterations of `--profile paper` in the sweep of densities.
+    /// Greatest number of iterations of `--profile paper` in the sweep of densities.
     pub sweep_iterations: u32,
 }
 
 impl Effort {
-    /// As the paper has it.
+    /// All rows, with the paper's number of iterations.
     pub const FULL: Effort = Effort {
         quick: false,
         paper_iterations: 1000,
@@ -35,7 +36,7 @@ impl Effort {
         finding_iterations: 1000,
         sweep_iterations: 1000,
     };
-    /// A quarter of an hour on two cores.
+    /// The short report: a quarter of an hour on two cores.
     pub const QUICK: Effort = Effort {
         quick: true,
         paper_iterations: 200,
@@ -44,23 +45,23 @@ impl Effort {
         sweep_iterations: 100,
     };
 
-    /// Whether a row of Tables 2 and 6 is run: in short, one of each case.
+    /// Returns true if a row of Tables 2 and 6 is run: in a short report one of each case.
     fn row(&self, case: usize, splats: usize) -> bool {
         !self.quick || [(0, 100_000), (1, 250_000), (2, 100_000), TABLE_4_ROW].contains(&(case, splats))
     }
 
-    /// Whether a density of the sweep is run.
+    /// Returns true if a density of the sweep is run.
     fn density(&self, density: f64) -> bool {
         !self.quick || [0.01, 0.05].contains(&density)
     }
 
-    /// Whether a finding is run.
+    /// Returns true if a finding is run.
     fn finding(&self, density: f64) -> bool {
         !self.quick || density == 0.02
     }
 }
 
-/// A row of Tables 2 and 6.
+/// Row of Tables 2 and 6.
 pub struct TableRow {
     /// Index of the case.
     pub case: usize,
@@ -68,50 +69,50 @@ pub struct TableRow {
     pub voxels: f64,
     /// Splats at the start.
     pub splats: Count,
-    /// Splats of a subset.
+    /// Splats of a mini-batch.
     pub subset: Count,
-    /// The row of Table 6, or its nearest.
+    /// Row of Table 6 for this number of splats, or the nearest.
     pub training: &'static Training,
-    /// With `--profile paper`.
+    /// Run with `--profile paper`.
     pub paper: Job,
-    /// With `--profile reference`, over the range of the region.
+    /// Run with `--profile reference`, over the range of the region.
     pub reference: Job,
-    /// With the default profile.
+    /// Run with the default profile.
     pub ours: Job,
 }
 
-/// A column pair of Table 4.
+/// Column pair of Table 4.
 pub struct LossRow {
-    /// The paper's.
+    /// The paper's loss.
     pub loss: &'static Loss,
-    /// What comes nearest to it in the default profile.
+    /// The loss of the default profile that comes nearest to it.
     pub what: &'static str,
-    /// With `--profile paper`.
+    /// Run with `--profile paper`.
     pub paper: Job,
-    /// With `--profile reference`, over the range of the region.
+    /// Run with `--profile reference`, over the range of the region.
     pub reference: Job,
-    /// With the default profile.
+    /// Run with the default profile.
     pub ours: Job,
 }
 
-/// A density of a sweep.
+/// One density of a sweep.
 pub struct SweepRow {
-    /// What the prototype came to.
+    /// Result of the prototype.
     pub known: &'static prototype::Density,
-    /// With `--profile paper`, full batch.
+    /// Run with `--profile paper`, full batch.
     pub paper: Job,
-    /// With the default profile.
+    /// Run with the default profile.
     pub ours: Job,
 }
 
-/// All runs, by what they are for; what was not asked for is empty.
+/// All runs, by purpose; a list is empty if it was not asked for.
 #[derive(Default)]
 pub struct Plan {
     /// Tables 2 and 6.
     pub rows: Vec<TableRow>,
     /// Table 4 and the ablation of the default loss.
     pub losses: Vec<LossRow>,
-    /// Densities.
+    /// Sweeps of the density.
     pub sweeps: Vec<SweepRow>,
     /// Fidelity of `--profile paper`.
     pub fidelity: Vec<(&'static prototype::Fidelity, Job)>,
@@ -119,11 +120,11 @@ pub struct Plan {
     pub findings: Vec<(&'static prototype::Finding, Job)>,
     /// `--profile reference` beside the authors' own code.
     pub peers: Vec<(&'static peer::Peer, Job)>,
-    /// What each difference between the two profiles is worth.
+    /// Runs that show what each difference between the authors' code and the paper's text is worth.
     pub differences: Vec<(&'static peer::Difference, Job)>,
 }
 
-/// What all jobs of a plan share.
+/// Input that all jobs of a plan share.
 struct Planner<'a> {
     library: &'a mut Library,
     effort: &'a Effort,
@@ -131,7 +132,7 @@ struct Planner<'a> {
 }
 
 impl Plan {
-    /// The runs for these sections. Reads the masks that it needs.
+    /// Plans the runs for these sections. Reads the masks that it needs.
     pub fn new(sections: &[Section], effort: &Effort, library: &mut Library, device: &str) -> Result<Plan> {
         let wanted = |any: &[Section]| any.iter().any(|s| sections.contains(s));
         let mut planner = Planner { library, effort, device };
@@ -159,7 +160,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Every run once, those that check `--profile paper` first.
+    /// Returns every run once, those that check `--profile paper` first.
     pub fn jobs(&self, sections: &[Section]) -> Vec<&Job> {
         let table_4 = sections.contains(&Section::Table4);
         let mut jobs: Vec<&Job> = Vec::new();
@@ -192,7 +193,8 @@ impl Planner<'_> {
         }
     }
 
-    /// A job of Tables 2, 4 and 6: the paper's method to the letter, with its subsets and their end count as the limit.
+    /// Creates a job of Tables 2, 4 and 6: the paper's method to the letter, with its mini-batches, and its
+    /// number of splats at the end as the limit.
     fn paper_row(&self, case: usize, splats: Count, subset: Count, training: &Training) -> Result<Job> {
         let profile = Profile::named("paper")?;
         let config = FitConfig {
@@ -207,7 +209,8 @@ impl Planner<'_> {
         Ok(Job { measure_every: MEASURE_BATCHES_EVERY, ..job })
     }
 
-    /// The same by the authors' code. Their reference command keeps the number of splats.
+    /// Creates the same job with `--profile reference`. The authors' reference command keeps the number of
+    /// splats.
     fn reference_row(&self, case: usize, splats: Count, subset: Count) -> Result<Job> {
         let profile = Profile::named("reference")?;
         let config = FitConfig {
@@ -220,7 +223,8 @@ impl Planner<'_> {
         Ok(Job { measure_every: MEASURE_BATCHES_EVERY, ..job })
     }
 
-    /// `--profile reference` on the case of the authors' figures, over the range of its region.
+    /// Creates a job with `--profile reference` on the case of the authors' figures, over the range of its
+    /// region.
     fn peer(&mut self, splats: usize, iterations: u32) -> Result<Job> {
         let profile = Profile::named("reference")?;
         let config = FitConfig { splats, iterations, ..profile.config()? };
@@ -318,7 +322,8 @@ impl Planner<'_> {
             .collect())
     }
 
-    /// `--profile paper` with every splat in every step and a fixed number of splats, as the prototype was run.
+    /// Creates a job with `--profile paper` with every splat in every step and a fixed number of splats, as
+    /// the prototype was run.
     fn full_batch(&mut self, folder: &str, mask: &str, density: f64, iterations: u32) -> Result<Job> {
         let profile = Profile::named("paper")?;
         let config = FitConfig {
@@ -415,12 +420,12 @@ mod tests {
         let all = plan(Section::value_variants(), &Effort::FULL);
         assert_eq!((all.rows.len(), all.losses.len(), all.sweeps.len()), (14, 3, 12));
         assert_eq!((all.fidelity.len(), all.findings.len()), (3, 13));
-        // Of Table 4 the first column pair is a row of Table 2; the sweep has the fidelity rows (3) and the findings its
-        // full batch at 0.02, which at 0.1 goes on for longer.
+        // The first column pair of Table 4 is a row of Table 2; the sweep contains the fidelity rows (3) and
+        // the full batch of the findings at 0.02, which at 0.1 goes on for longer.
         let jobs = all.jobs(Section::value_variants());
         let peers = peer::PEERS.len() + peer::DIFFERENCES.len();
-        // The authors' weight of the mask is 0.2, so no column pair of Table 4 is a row of Table 2 there; what a weight of 1 does
-        // is a peer and a difference.
+        // The authors' weight of the mask is 0.2, so no column pair of Table 4 is a row of Table 2 there; a
+        // weight of 1 is both a peer and a difference.
         assert_eq!(jobs.len(), 3 * 14 + 3 * 2 + 1 + 2 * 12 + 13 - 1 + peers - 1, "no run twice");
         let of = |sections: &[Section]| plan(sections, &Effort::FULL).jobs(sections).len();
         assert_eq!((of(&[Section::Table2]), of(&[Section::Table6, Section::Table2])), (42, 42));

@@ -1,4 +1,4 @@
-//! PSNR over the time of the fit, one panel a case, both profiles (SVG).
+//! Plots PSNR over the time of the fit, one panel per case, for both profiles (SVG).
 
 use engine::Result;
 use plotters::prelude::*;
@@ -9,7 +9,7 @@ use super::results::Results;
 use super::runs::Record;
 use bench::plot::{Area, Axis, Drawn, axes, legend, line, sheet, span};
 
-/// From the fewest splats of a case to the most.
+/// Colours of `--profile paper`, from the fewest splats of a case to the most.
 const PAPER: [RGBColor; 5] = [
     RGBColor(244, 178, 120),
     RGBColor(232, 142, 72),
@@ -26,20 +26,20 @@ const OURS: [RGBColor; 5] = [
 ];
 const PANEL: [u32; 2] = [620, 420];
 
-/// A curve.
+/// One curve.
 struct Line {
     label: String,
     colour: RGBColor,
     points: Vec<(f64, f64)>,
 }
 
-/// One case.
+/// Curves of one case.
 struct Panel {
     title: String,
     lines: Vec<Line>,
 }
 
-/// The curves of all finished runs of Tables 2 and 6; cases without any have no panel.
+/// Plots all finished runs of Tables 2 and 6 as SVG; cases without any have no panel.
 pub fn svg(rows: &[TableRow], results: &Results) -> Result<String> {
     let panels: Vec<_> = (0..CASES.len())
         .map(|case| panel(case, rows, results))
@@ -91,7 +91,7 @@ impl Panel {
         for Line { label, colour, points } in &self.lines {
             line(&mut chart, label, *colour, points.iter().copied())?;
         }
-        // Between the profiles, which are far apart.
+        // The legend stands between the profiles, which are far apart.
         legend(&mut chart, SeriesLabelPosition::MiddleRight)
     }
 }

@@ -1,25 +1,26 @@
-//! Figures of a CPU prototype (f32, AVX-512) of the paper's method and of ours, on the same cases, over -1024..3071 HU:
-//! what `--profile paper` should come to, full batch, and how far either method gets at a density.
+//! Figures of a CPU prototype (f32, AVX-512) of the paper's method and of ours, on the same cases, over
+//! -1024..3071 HU: what `--profile paper` should reach with full batches, and how far either method gets at a
+//! density.
 
-/// Where densities are swept.
+/// Sweep of the density on one case.
 pub struct Sweep {
     /// Folder of the case.
     pub folder: &'static str,
-    /// Its mask.
+    /// Mask of the case.
     pub mask: &'static str,
-    /// Splats per voxel, and what is known there.
+    /// Splats per voxel, and the figures known there.
     pub densities: [Density; 6],
 }
 
-/// What is known at one density.
+/// Figures at one density.
 pub struct Density {
     /// Splats per ROI voxel.
     pub density: f64,
     /// Iterations of the paper's method, full batch.
     pub iterations: u32,
-    /// Its best PSNR, dB.
+    /// Best PSNR of the paper's method, dB.
     pub paper: Option<f64>,
-    /// Ours, fitted and measured on the grid alone, 200 iterations, dB.
+    /// PSNR of our method, fitted and measured on the grid alone, 200 iterations, dB.
     pub ours: Option<f64>,
 }
 
@@ -55,11 +56,11 @@ pub const SWEEPS: [Sweep; 2] = [
     },
 ];
 
-/// A fit of the paper's method that `--profile paper` has to repeat.
+/// Fit of the paper's method that `--profile paper` has to repeat.
 pub struct Fidelity {
     /// Folder of the case.
     pub folder: &'static str,
-    /// Its mask.
+    /// Mask of the case.
     pub mask: &'static str,
     /// Splats per ROI voxel.
     pub density: f64,
@@ -71,7 +72,7 @@ pub struct Fidelity {
     pub last: Option<f64>,
 }
 
-/// Full batch, no change of topology.
+/// Fits with full batches and without density control.
 pub const FIDELITY: [Fidelity; 3] = [
     Fidelity {
         folder: "ct-torso-tiny",
@@ -99,32 +100,32 @@ pub const FIDELITY: [Fidelity; 3] = [
     },
 ];
 
-/// How a finding departs from `--profile paper`, full batch, without change of topology.
+/// Difference of a finding from `--profile paper` with full batches and without density control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
-    /// Not at all.
+    /// No difference.
     FullBatch,
-    /// 1.6 % of the splats a step, and nothing but these is rasterized.
+    /// 1.6 % of the splats per step, and only these are rasterized.
     SubsetAlone,
-    /// 1.6 % of the splats a step; all are rasterized.
+    /// 1.6 % of the splats per step; all are rasterized.
     SubsetOfAll,
-    /// Intensities are those of the volume.
+    /// Intensities are sampled from the volume.
     Sampled,
-    /// The Gaussian of unit integral.
+    /// The Gaussian has unit integral.
     DensityKernel,
-    /// λ_mask = 0.
+    /// There is no mask term: λ_mask = 0.
     NoMask,
-    /// Half of the splats at first, densification up to all.
+    /// The fit starts with half of the splats, and densification goes up to all.
     Densify,
 }
 
-/// A row of the findings: what, splats per voxel, and the prototype's figures.
+/// Row of the findings: variant, splats per voxel, and the prototype's figures.
 pub struct Finding {
-    /// How it is run.
+    /// Difference from `--profile paper`.
     pub variant: Variant,
     /// Splats per ROI voxel of ct-torso-tiny mask_ts.
     pub density: f64,
-    /// The prototype's best / last, dB.
+    /// Best / last PSNR of the prototype, dB.
     pub prototype: &'static str,
 }
 
@@ -132,7 +133,7 @@ const fn finding(variant: Variant, density: f64, prototype: &'static str) -> Fin
     Finding { variant, density, prototype }
 }
 
-/// All rows.
+/// All findings.
 pub const FINDINGS: [Finding; 13] = [
     finding(Variant::SubsetAlone, 0.02, "—"),
     finding(Variant::SubsetOfAll, 0.02, "—"),
@@ -149,5 +150,5 @@ pub const FINDINGS: [Finding; 13] = [
     finding(Variant::DensityKernel, 0.1, "—"),
 ];
 
-/// Share of the splats in a subset of the findings.
+/// Share of the splats in a mini-batch of the findings.
 pub const SUBSET_SHARE: f64 = 0.016;

@@ -1,6 +1,6 @@
-//! What the paper reports: its Tables 2, 3, 4 and 6, copied digit by digit.
+//! Figures that the paper reports: its Tables 2, 3, 4 and 6, copied digit by digit.
 
-/// A data set and mask of the paper, and the nearest thing to it here.
+/// Data set and mask of the paper, and the nearest case here.
 pub struct Case {
     /// Name in the paper.
     pub name: &'static str,
@@ -10,10 +10,10 @@ pub struct Case {
     pub folder: &'static str,
     /// Mask in that folder.
     pub file: &'static str,
-    /// Voxels of the paper's region of interest. The paper does not say; estimated from the volume of the anatomy and the
-    /// size of a voxel.
+    /// Voxels of the paper's region of interest. The paper does not state them; they are estimated from the
+    /// volume of the anatomy and the size of a voxel.
     pub estimated_voxels: f64,
-    /// How the region here differs from the paper's.
+    /// Difference between the region here and the paper's.
     pub remark: &'static str,
 }
 
@@ -53,7 +53,7 @@ const CASE_6: Case = Case {
     remark: "contrast-filled vessels and heart chambers, the nearest thing at hand: no mask of TotalSegmentator",
 };
 
-/// Worst and best of a figure within the first 1000 iterations.
+/// Worst and best value of a figure within the first 1000 iterations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
     /// The worst.
@@ -68,9 +68,9 @@ pub struct Quality {
     pub case: usize,
     /// Splats at the start.
     pub splats: usize,
-    /// Equation (4).
+    /// MMSE, equation (4).
     pub mmse: Span,
-    /// dB.
+    /// PSNR, dB.
     pub psnr: Span,
 }
 
@@ -104,11 +104,11 @@ pub const TABLE_2: [Quality; 13] = [
 pub struct Downsampled {
     /// Index in [`CASES`].
     pub case: usize,
-    /// Along each axis.
+    /// Downsampling factor along each axis.
     pub factor: usize,
-    /// Equation (4).
+    /// MMSE, equation (4).
     pub mmse: f64,
-    /// dB.
+    /// PSNR, dB.
     pub psnr: f64,
 }
 
@@ -128,7 +128,7 @@ pub struct Loss {
     pub mask: f32,
     /// λ_ct.
     pub ct: f32,
-    /// dB.
+    /// PSNR, dB.
     pub psnr: Span,
 }
 
@@ -139,7 +139,7 @@ pub const TABLE_4: [Loss; 3] = [
     Loss { mask: 1.0, ct: 0.0, psnr: Span { worst: 28.56, best: 31.64 } },
 ];
 
-/// Table 4 is about this row of Table 2 (Case 6, 500k).
+/// Index of the case and number of splats of the row of Table 2 that Table 4 is about (Case 6, 500k).
 pub const TABLE_4_ROW: (usize, usize) = (3, 500_000);
 
 /// A row of Table 6.
@@ -154,7 +154,7 @@ pub struct Training {
     pub end: usize,
     /// Time of 1000 iterations, minutes.
     pub minutes: f64,
-    /// dB; the text does not say of which iteration.
+    /// PSNR, dB; the text does not say of which iteration.
     pub psnr: f64,
     /// Device memory, GB.
     pub gigabytes: f64,
@@ -196,7 +196,8 @@ pub const TABLE_6: [Training; 13] = [
     training(3, 4, [1000, 1000], 92.0, 30.78, 6.55),
 ];
 
-/// The row of Table 6 for a number of splats, or the nearest of the same case by ratio of the numbers.
+/// Returns the row of Table 6 for a number of splats, or the nearest of the same case by ratio of the
+/// numbers.
 pub fn training_of(case: usize, splats: usize) -> &'static Training {
     let distance = |row: &&Training| (row.start as f64 / splats as f64).ln().abs();
     TABLE_6
@@ -206,12 +207,13 @@ pub fn training_of(case: usize, splats: usize) -> &'static Training {
         .expect("Table 6 has every case")
 }
 
-/// The row of Table 2 for a number of splats.
+/// Returns the row of Table 2 for a number of splats.
 pub fn quality_of(case: usize, splats: usize) -> Option<&'static Quality> {
     TABLE_2.iter().find(|row| row.case == case && row.splats == splats)
 }
 
-/// All (case, splats at the start) of Tables 2 and 6, in the order of the cases and of the numbers.
+/// Returns all pairs (case, splats at the start) of Tables 2 and 6, in the order of the cases and of the
+/// numbers.
 pub fn rows() -> Vec<(usize, usize)> {
     let mut rows: Vec<_> = TABLE_2.iter().map(|row| (row.case, row.splats)).collect();
     rows.extend(TABLE_6.iter().map(|row| (row.case, row.start)));
@@ -224,11 +226,11 @@ pub fn rows() -> Vec<(usize, usize)> {
 mod tests {
     use super::*;
 
-    /// A typing error in either column of a table shows in the other.
+    /// Shows a typing error in either column of a table.
     #[test]
     fn mmse_and_psnr_of_the_paper_agree() {
         let off = |mmse: f64, psnr: f64| (-10.0 * mmse.log10() - psnr).abs();
-        // Two digits of an error are up to 0.07 dB.
+        // Two digits of an error leave up to 0.07 dB.
         let agree = |mmse: f64, psnr: f64| assert!(off(mmse, psnr) < 0.07, "{mmse} is not {psnr} dB");
         for (i, row) in TABLE_2.iter().enumerate() {
             agree(row.mmse.best, row.psnr.best);

@@ -1,4 +1,4 @@
-//! The results that there are, and how their figures are written.
+//! Collects the results and formats their figures.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -19,12 +19,12 @@ impl Results {
         self.records.insert(record.job.key(), record);
     }
 
-    /// The result of a job, if it is finished.
+    /// Returns the result of a job, if it is finished.
     pub fn of(&self, job: &Job) -> Option<&Record> {
         self.records.get(&job.key())
     }
 
-    /// Every measurement of every run.
+    /// Returns every measurement of every run as CSV.
     pub fn csv(&self) -> String {
         let mut out = String::from(
             "run,case,mask,profile,splats_start,iteration,seconds,splats,mmse,psnr_db,device_peak_bytes\n",
@@ -50,12 +50,12 @@ impl Results {
     }
 }
 
-/// dB with two decimals.
+/// Formats a PSNR in dB with two decimals.
 pub fn db(psnr: f64) -> String {
     format!("{psnr:.2}")
 }
 
-/// An MMSE with three digits.
+/// Formats an MMSE with three digits.
 pub fn mmse(value: f64) -> String {
     if !(1e-4..10.0).contains(&value) {
         return format!("{value:.2e}");
@@ -65,18 +65,19 @@ pub fn mmse(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// "paper → here".
+/// Formats the paper's number and ours, as "paper → here".
 pub fn count(count: Count) -> String {
     format!("{} → {}", count.paper, count.ours)
 }
 
-/// Minutes of the iterations.
+/// Formats the time of the iterations, in minutes.
 pub fn minutes(record: Option<&Record>) -> String {
     let end = record.and_then(Record::end);
     end.map_or_else(|| "—".to_owned(), |p| format!("{:.1}", p.seconds / 60.0))
 }
 
-/// "worst (worst after the start) / best", the brackets only where they differ.
+/// Formats the worst and the best measurement, as "worst (worst after the start) / best"; the brackets only
+/// if they differ.
 pub fn worst_best(record: Option<&Record>, write: impl Fn(&Point) -> String) -> String {
     let Some(record) = record else { return "—".to_owned() };
     let (Some(worst), Some(best)) = (record.worst(), record.best()) else { return "—".to_owned() };
@@ -85,7 +86,7 @@ pub fn worst_best(record: Option<&Record>, write: impl Fn(&Point) -> String) -> 
     format!("{}{brackets} / {}{}", write(worst), write(best), diverged(record))
 }
 
-/// What to add where a fit came to an untimely end.
+/// Returns a note if the fit diverged, and nothing otherwise.
 pub fn diverged(record: &Record) -> String {
     record.diverged_at.map(|i| format!(", diverged before {i}")).unwrap_or_default()
 }

@@ -1,7 +1,7 @@
-//! Carrying out a run: fit, and measure on the way.
+//! Carries out a run: fits, and measures on the way.
 //!
-//! Measurements rasterize all splats at the voxel centres, on a device object of their own, so that neither their time nor
-//! their memory is part of what the fit is said to cost.
+//! Measurements rasterize all splats at the voxel centres, on a device object of their own, so that neither
+//! their time nor their memory is part of what the fit is said to cost.
 
 use std::time::Instant;
 
@@ -19,37 +19,37 @@ use bench::cost::cpu_ms;
 use bench::scene::Scene;
 use bench::store::Keep;
 
-/// A measurement.
+/// One measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// Iterations done.
     pub iteration: u32,
-    /// Time of these iterations, without measurements.
+    /// Time of these iterations without measurements, seconds.
     pub seconds: f64,
-    /// Splats there were.
+    /// Number of splats.
     pub splats: usize,
-    /// Equation (4), on the grid, all splats.
+    /// MMSE, equation (4), on the grid, all splats.
     pub mmse: f64,
 }
 
 impl Point {
-    /// dB.
+    /// Returns the PSNR, dB.
     pub fn psnr(&self) -> f64 {
         -10.0 * self.mmse.log10()
     }
 }
 
-/// What a measurement at the end has besides.
+/// Additional figures of the measurement at the end.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Last {
-    /// On the grid, over ROI and shell.
+    /// Soft Dice on the grid, over ROI and shell.
     pub soft_dice: f64,
-    /// On the grid, over ROI and shell.
+    /// Occupancy error on the grid, over ROI and shell.
     pub occupancy_rmse: f64,
-    /// On the grid, HU; nothing in files of before these were kept.
+    /// Errors on the grid, HU; `None` in files from before these were kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub errors: Option<Errors>,
-    /// Between the voxels, where that was asked for.
+    /// Errors between the voxels, if they were asked for.
     pub held_out: Option<HeldOut>,
 }
 
@@ -69,26 +69,26 @@ pub struct HeldOut {
     pub worst: f64,
     /// The mean PSNR, dB.
     pub mean: f64,
-    /// Over all offsets.
+    /// Occupancy error over all offsets.
     pub occupancy_rmse: f64,
 }
 
-/// The result of a run.
+/// Result of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// What was run.
+    /// Job that was run.
     pub job: Job,
-    /// Measurements, from iteration 0 on.
+    /// Measurements from iteration 0 on.
     pub points: Vec<Point>,
-    /// At the end; none if the fit diverged.
+    /// Figures at the end; `None` if the fit diverged.
     pub last: Option<Last>,
-    /// First measurement that was no number, after which the run was stopped.
+    /// Iteration of the first measurement that was not a finite number, after which the run was stopped.
     pub diverged_at: Option<u32>,
     /// Range of the normalisation, HU.
     pub range: [f32; 2],
     /// Sum of the mask.
     pub roi_voxels: f64,
-    /// Time to place the first splats.
+    /// Time to place the first splats, seconds.
     pub initialise_seconds: f64,
     /// Most bytes of device memory that the fit held at once.
     pub device_peak_bytes: u64,
@@ -96,21 +96,21 @@ pub struct Record {
     pub frozen: u32,
     /// Driver of the device.
     pub driver: String,
-    /// What the whole fit cost; nothing in files of before this was kept, nor of a fit that diverged.
+    /// Cost of the whole fit; `None` in files from before this was kept, and for a fit that diverged.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<FitCost>,
 }
 
-/// From the volume in memory to the last splats, without measurements.
+/// Cost of a fit from the volume in memory to the last splats, without measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitCost {
-    /// Until the first iteration: first splats, targets, kernels.
+    /// Time until the first iteration (first splats, targets, kernels), seconds.
     pub setup_seconds: f64,
-    /// All of it.
+    /// Time of the whole fit, seconds.
     pub seconds: f64,
-    /// CPU time of it, user and system, all threads; nothing where the system does not tell.
+    /// CPU time of the whole fit (user and system, all threads), seconds; `None` if the system does not tell.
     pub core_seconds: Option<f64>,
-    /// Of the PLY of the last splats.
+    /// Size of the PLY of the last splats, bytes.
     pub file_bytes: u64,
 }
 
@@ -121,7 +121,7 @@ struct Spent {
     core: Option<f64>,
 }
 
-/// Counts what passes from now on.
+/// Measures time and CPU time from its start on.
 struct Clock(Instant, Option<f64>);
 
 impl Clock {
@@ -147,33 +147,33 @@ impl Keep for Record {
 }
 
 impl Record {
-    /// The first measurement: the initialisation.
+    /// Returns the first measurement, which is that of the initialisation.
     pub fn start(&self) -> Option<&Point> {
         self.points.first()
     }
 
-    /// The last measurement.
+    /// Returns the last measurement.
     pub fn end(&self) -> Option<&Point> {
         self.points.last()
     }
 
-    /// The best one, iteration 0 counting.
+    /// Returns the best measurement; iteration 0 counts.
     pub fn best(&self) -> Option<&Point> {
         self.points.iter().min_by(|a, b| a.mmse.total_cmp(&b.mmse))
     }
 
-    /// The worst one, iteration 0 counting.
+    /// Returns the worst measurement; iteration 0 counts.
     pub fn worst(&self) -> Option<&Point> {
         self.points.iter().max_by(|a, b| a.mmse.total_cmp(&b.mmse))
     }
 
-    /// The worst one after iteration 0.
+    /// Returns the worst measurement after iteration 0.
     pub fn worst_after_start(&self) -> Option<&Point> {
         self.points.iter().skip(1).max_by(|a, b| a.mmse.total_cmp(&b.mmse))
     }
 }
 
-/// Runs a job. `judge` measures; `saw` hears of each measurement.
+/// Runs a job. `judge` is the device that measures; `saw` is called with each measurement.
 pub fn run(
     job: &Job,
     place: &Place,
@@ -219,16 +219,16 @@ pub fn run(
     Ok(record)
 }
 
-/// Code of the error of a fit that diverged.
+/// Error code of a fit that diverged.
 const DIVERGED: &str = "VGS-FIT-010";
 
-/// A fit that is measured on the way.
+/// Fit that is measured on the way.
 struct Judged<'a> {
     bench: Bench<'a>,
     record: Record,
     setup: Spent,
     spent: Spent,
-    /// Runs while the fit is being prepared, and then while it runs; measurements are left out.
+    /// Clock that runs while the fit is prepared, and then while it runs, but not during measurements.
     clock: Option<Clock>,
     saw: &'a mut dyn FnMut(&Point),
 }
@@ -259,7 +259,8 @@ impl Watch for Judged<'_> {
 }
 
 impl Judged<'_> {
-    /// Measures splats. Returns false if the fit has diverged.
+    /// Measures `splats` after `iteration` iterations and adds the point to the record. Returns false if the
+    /// fit has diverged.
     fn measure(&mut self, iteration: u32, splats: &[Splat]) -> Result<bool> {
         let is_last = iteration >= self.bench.job.config.iterations;
         let evaluation = self.bench.measure(splats, is_last)?;
@@ -286,13 +287,13 @@ impl Judged<'_> {
 }
 
 impl Job {
-    /// Whether figures are taken after so many iterations.
+    /// Returns true if figures are measured after `iteration` iterations.
     fn measured_at(&self, iteration: u32) -> bool {
         iteration.is_multiple_of(self.measure_every) || iteration >= self.config.iterations
     }
 }
 
-/// What measures splats of one run.
+/// Measures the splats of one run.
 struct Bench<'a> {
     job: &'a Job,
     place: &'a Place,
@@ -309,7 +310,8 @@ impl Bench<'_> {
         }
     }
 
-    /// On the grid; at the end with shell and held-out offsets, too, and as it is shown.
+    /// Evaluates splats on the grid; at the end also on the shell and at held-out offsets. A fit for the grid
+    /// is then evaluated as viewers show it.
     fn measure(&self, splats: &[Splat], is_last: bool) -> Result<Evaluation> {
         let protocol = Protocol {
             offsets: match is_last {
@@ -364,7 +366,7 @@ pub mod tests {
     use super::*;
     use crate::paper::job::tests::job;
 
-    /// A result with these errors at iterations 0, 50, 100 and so on.
+    /// Creates a result with these errors at iterations 0, 50, 100 and so on.
     pub fn record(job: Job, mmse: &[f64]) -> Record {
         let points = mmse.iter().enumerate().map(|(i, &mmse)| Point {
             iteration: 50 * i as u32,
@@ -437,7 +439,7 @@ pub mod tests {
         let scene = &place.scene;
         let expected = evaluate::evaluate(&judge, &first, &field, &scene.volume, &scene.roi, &protocol);
         let expected = expected.expect("an evaluation").on_grid.psnr_db;
-        // The fit clips intensities to the range that they have in the region.
+        // The fit clips intensities to their range in the region.
         assert!((seen[0].psnr() - expected).abs() < 0.05, "{} dB, not {expected}", seen[0].psnr());
         assert!(record.end().map(Point::psnr) > Some(expected + 1.0), "seven iterations help");
         assert!(judge.validation_messages().is_empty(), "{:?}", judge.validation_messages());
@@ -447,7 +449,8 @@ pub mod tests {
         let options = GpuOptions { validation: true, ..GpuOptions::default() };
         let judge = Gpu::new(&options).expect("a device with validation layers");
         let place = Place::new(Scene::phantom(48).expect("a phantom"));
-        // Splats that reach every brick: the buffers for 4096 pairs grow, and the fit goes back to its first step.
+        // The splats reach every brick: the buffers for 4096 pairs grow, and the fit goes back to its first
+        // step.
         let mut job = job(100);
         job.config.init_scale_min = 8.0;
         assert!(place.bricks * 100 > 4096);

@@ -1,8 +1,8 @@
-//! The parts of the report.
+//! Sections of the report.
 
 use clap::ValueEnum;
 
-/// What `--only` may name.
+/// Sections that `--only` can choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Section {
     /// Worst and best MMSE and PSNR of every row
@@ -19,6 +19,7 @@ pub enum Section {
     Density,
     /// --profile paper against a prototype, and what its choices are worth
     Findings,
-    /// --profile reference beside the authors' own code, and what each difference from the paper's text is worth
+    /// --profile reference beside the authors' own code, and what each difference from the paper's text is
+    /// worth
     Reference,
 }

@@ -1,5 +1,5 @@
-//! What goes beyond the paper's tables: the ablation of the default loss, the sweep of densities, whether
-//! `--profile paper` repeats the prototype, and what the paper's choices are worth.
+//! Writes tables that go beyond the paper's: the ablation of the default loss, the sweep of densities,
+//! `--profile paper` against the prototype, and what the paper's choices are worth.
 
 use super::job::Job;
 use super::plan::{LossRow, SweepRow};
@@ -27,7 +27,7 @@ fn difference(ours: Option<f64>, theirs: Option<f64>) -> String {
     dash(ours.zip(theirs).map(|(a, b)| format!("{:+.2}", a - b)))
 }
 
-/// The terms of the default loss, with what each is for.
+/// Returns the table of the terms of the default loss, with what each is for.
 pub fn ablation(rows: &[LossRow], results: &Results) -> Table {
     let (case, splats) = published::TABLE_4_ROW;
     Table {
@@ -67,7 +67,7 @@ pub fn ablation(rows: &[LossRow], results: &Results) -> Table {
     }
 }
 
-/// PSNR over splats per voxel.
+/// Returns the table of PSNR over splats per voxel.
 pub fn density(rows: &[SweepRow], results: &Results) -> Table {
     Table {
         title: "## Splats per voxel of the region\n\n`--profile paper` with every splat in every step and no change of topology; \
@@ -110,7 +110,7 @@ pub fn density(rows: &[SweepRow], results: &Results) -> Table {
     }
 }
 
-/// "start / best / last".
+/// Formats PSNRs as "start / best / last".
 fn way(record: Option<&Record>) -> String {
     dash(record.and_then(|r| {
         let [start, best, end] = [r.start()?, r.best()?, r.end()?].map(|p| db(p.psnr()));
@@ -118,7 +118,7 @@ fn way(record: Option<&Record>) -> String {
     }))
 }
 
-/// Whether `--profile paper` is the method that the prototype measured.
+/// Returns the table that compares `--profile paper` with the prototype's measurements of the same method.
 pub fn fidelity(rows: &[(&'static Fidelity, Job)], results: &Results) -> Table {
     Table {
         title: "## `--profile paper` against the prototype\n\nThe prototype is another program (CPU, f32) after the same text. \
@@ -155,7 +155,7 @@ pub fn fidelity(rows: &[(&'static Fidelity, Job)], results: &Results) -> Table {
     }
 }
 
-/// What the paper's choices are worth, one at a time.
+/// Returns the table of what the paper's choices are worth, one at a time.
 pub fn findings(rows: &[(&'static Finding, Job)], results: &Results) -> Table {
     let title = rows.first().map_or_else(String::new, |(_, job)| format!(", {} {}", job.folder, job.mask));
     Table {

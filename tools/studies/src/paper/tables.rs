@@ -1,4 +1,4 @@
-//! Tables 2, 4 and 6 of the paper, with ours beside them.
+//! Writes Tables 2, 4 and 6 of the paper with ours beside them.
 
 use super::plan::{Effort, LossRow, TableRow};
 use super::published::{self, CASES, Span, TABLE_4_ROW};
@@ -6,7 +6,7 @@ use super::results::{Results, count, db, minutes, mmse, worst_best};
 use super::runs::Record;
 use bench::report::Table;
 
-/// What all tables of runs have in common.
+/// Returns the text before all tables of runs.
 pub fn preamble(effort: &Effort, device: &str) -> String {
     let mut text = format!(
         "# The paper's tables, and ours\n\n\
@@ -32,7 +32,7 @@ fn pair(span: Span, digits: usize) -> String {
     format!("{:.digits$} / {:.digits$}", span.worst, span.best)
 }
 
-/// How the cases differ and how the numbers were scaled; for Tables 2, 3, 4 and 6.
+/// Returns a table of how the cases differ and how the numbers were scaled; for Tables 2, 3, 4 and 6.
 pub fn cases(rows: &[TableRow]) -> String {
     let mut text = String::from(
         "The paper's data are not public with its masks, so each case stands for the nearest one at hand. The paper does not \
@@ -74,7 +74,7 @@ pub fn cases(rows: &[TableRow]) -> String {
     text
 }
 
-/// Table 2: quality.
+/// Returns Table 2: quality.
 pub fn table_2(rows: &[TableRow], results: &Results) -> Table {
     let between = |record: Option<&Record>| match record.and_then(|r| r.last).and_then(|l| l.held_out) {
         Some(h) => format!("{:.2} / {:.2}", h.worst, h.mean),
@@ -126,7 +126,7 @@ pub fn table_2(rows: &[TableRow], results: &Results) -> Table {
     }
 }
 
-/// Table 4: what the terms of the loss are worth.
+/// Returns Table 4: what the terms of the loss are worth.
 pub fn table_4(rows: &[LossRow], results: &Results) -> Table {
     let psnr = |record| worst_best(record, |p| db(p.psnr()));
     Table {
@@ -162,7 +162,7 @@ pub fn table_4(rows: &[LossRow], results: &Results) -> Table {
     }
 }
 
-/// Table 6: what a fit costs.
+/// Returns Table 6: what a fit costs.
 pub fn table_6(rows: &[TableRow], results: &Results) -> Table {
     let counts = |record: Option<&Record>| match record.map(|r| (r.start(), r.end())) {
         Some((Some(start), Some(end))) => format!("{} → {}", start.splats, end.splats),
@@ -243,7 +243,7 @@ mod tests {
     use crate::paper::runs::tests::record;
 
     fn rows() -> Vec<TableRow> {
-        // Case 4 100k, which Table 6 lacks, and 250k.
+        // Case 4 with 100k splats, which Table 6 lacks, and with 250k.
         [100_000, 250_000]
             .into_iter()
             .map(|splats| TableRow {

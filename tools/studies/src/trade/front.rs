@@ -1,16 +1,17 @@
-//! Pareto fronts.
+//! Finds Pareto fronts.
 
-/// A point: what it costs, where less is better, and what it gives, where more is.
+/// Point with a cost and a gain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// Less is better.
+    /// Cost; less is better.
     pub cost: f64,
-    /// More is better.
+    /// Gain; more is better.
     pub gain: f64,
 }
 
-/// Which of the points are on the front: no other gives as much for less, or more for as much. Of equal ones the first is. A
-/// point that has no finite cost, or whose gain is not a number, is not on it.
+/// Returns for each point whether it is on the front: no other gives as much for less, or more for as much.
+/// Of equal points only the first is on the front. A point that has no finite cost, or whose gain is not a
+/// number, is not on it.
 pub fn front(points: &[Point]) -> Vec<bool> {
     let usable = |p: &Point| p.cost.is_finite() && !p.gain.is_nan();
     let beats = |i: usize, a: &Point, j: usize, b: &Point| {

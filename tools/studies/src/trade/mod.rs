@@ -1,4 +1,5 @@
-//! `studies trade`: what accuracy costs, as figures and as fronts: the points that no other is better and cheaper than.
+//! Measures what accuracy costs (`studies trade`), as figures and as Pareto fronts: the points that no other
+//! is better and cheaper than.
 
 pub mod fit;
 mod front;
@@ -7,7 +8,7 @@ pub mod render;
 
 use clap::Subcommand;
 
-/// Which side of the program.
+/// Part of the program that is studied.
 #[derive(Subcommand)]
 pub enum TradeStudy {
     /// Fits: error against seconds, bytes of the file and device memory.

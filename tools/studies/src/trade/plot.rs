@@ -1,4 +1,4 @@
-//! What is given over what it costs, as pictures (SVG): all points, and the front as a line.
+//! Plots gain over cost (SVG): all points, and the Pareto front as a line.
 
 use engine::Result;
 use plotters::prelude::*;
@@ -10,32 +10,32 @@ const PANEL: [u32; 2] = [480, 360];
 
 /// Points of one kind.
 pub struct Series {
-    /// What the legend calls it.
+    /// Name in the legend.
     pub label: String,
     /// The points.
     pub points: Vec<Point>,
 }
 
-/// One pair of axes.
+/// Plot with one pair of axes.
 pub struct Panel {
-    /// Above it.
+    /// Title above the plot.
     pub title: String,
-    /// Of the cost, which has a logarithmic axis.
+    /// Title of the cost axis, which is logarithmic.
     pub cost: String,
-    /// Of the gain.
+    /// Title of the gain axis.
     pub gain: String,
-    /// What is drawn.
+    /// Series of points.
     pub series: Vec<Series>,
     /// Points with a name beside them.
     pub named: Vec<(String, Point)>,
 }
 
-/// Panels in rows of `columns`.
+/// Plots panels in rows of `columns`, and returns them as SVG.
 pub fn svg(title: &str, panels: &[Panel], columns: usize) -> Result<String> {
     sheet(title, panels.len(), columns.max(1), PANEL, |n, area| panels[n].draw(area))
 }
 
-/// Can be drawn on a logarithmic axis.
+/// Returns true if the point can be drawn on a logarithmic axis.
 fn drawable(p: &Point) -> bool {
     p.cost > 0.0 && p.cost.is_finite() && p.gain.is_finite()
 }

@@ -1,7 +1,7 @@
 //! The viewer without its window: state, panels, and what the mouse and the keys do.
 //!
-//! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it gives back;
-//! then it asks [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with
+//! Each frame the window calls [`App::ui`] within egui's pass and carries out the actions that it returns.
+//! Then it asks [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with
 //! [`App::camera`] and the state's look.
 
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
@@ -27,14 +27,14 @@ use crate::transfer::Transfer;
 /// Least and greatest width of the panels at the side, points of the screen.
 const PANEL: [f32; 2] = [384.0, 640.0];
 
-/// What has to be done anew since the last time.
+/// Parts of the state that have changed since the last call of [`App::take_changes`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
-    /// The camera.
+    /// True if the camera has changed.
     pub camera: bool,
-    /// Transfer function, objects, clip planes: [`ViewState::look`].
+    /// True if the look has changed ([`ViewState::look`]): transfer function, objects or clip planes.
     pub look: bool,
-    /// Mode, what is shown, split, background, quality.
+    /// True if the mode, what is shown, the split, the background or the quality has changed.
     pub rendering: bool,
 }
 
@@ -47,22 +47,23 @@ impl Changes {
 
 /// The viewer without its window.
 pub struct App {
-    /// What is shown; the session.
+    /// Everything that is shown; the session.
     pub state: ViewState,
-    /// What is remembered from start to start.
+    /// Settings that are kept from start to start.
     pub settings: Settings,
     pub(super) editor: Editor,
     pub(super) history: History<Edited>,
-    /// The state when the changes were last taken.
+    /// State when the changes were last taken.
     pub(super) taken: ViewState,
-    /// True if the whole scene is to be shown as soon as it is there.
+    /// True if the camera is to see the whole scene as soon as there is one.
     pub(super) fit: bool,
-    /// Whether the tool that measures distances is taken up, and the first point of a distance, mm RAS.
+    /// `Some` while distances are measured; within it the first point of a distance, mm RAS, if it was
+    /// clicked.
     pub(super) measuring: Option<Option<DVec3>>,
     pub(super) keys: bool,
     pub(super) message: Option<Message>,
     pub(super) prompt: Option<Prompt>,
-    /// What is in the hand while a button is down.
+    /// Target that is dragged while a button is down.
     pub(super) grip: Option<Drag>,
     pub(super) picture: Rect,
     pub(super) pixels_per_point: f32,
@@ -72,8 +73,8 @@ pub struct App {
 }
 
 impl App {
-    /// A viewer of this state. The camera of a session stays; without one the scene is fitted once it is
-    /// there.
+    /// Creates a viewer of this state. The camera of a session stays; without a session the scene is fitted
+    /// once it is there.
     pub fn new(state: ViewState, settings: Settings) -> Self {
         App {
             editor: Editor::default(),
@@ -95,19 +96,19 @@ impl App {
         }
     }
 
-    /// Takes another state, as of a session file that was opened. There is no way back by undo.
+    /// Replaces the state, as by a session file. Undo does not lead back.
     pub fn begin(&mut self, state: ViewState) {
         self.history.restart(state.edited());
         self.state = state;
         self.fit = false;
     }
 
-    /// Shows the whole scene at the next frame that knows its bounds.
+    /// Moves the camera to see the whole scene in the next frame that knows its bounds.
     pub fn fit_soon(&mut self) {
         self.fit = true;
     }
 
-    /// Returns where the picture is, in points of the screen.
+    /// Returns the place of the picture, in points of the screen.
     pub fn picture(&self) -> Rect {
         self.picture
     }
@@ -124,12 +125,12 @@ impl App {
         self.state.orbit.camera(self.aspect())
     }
 
-    /// Returns true if a button or key is held, so that what changes will go on changing.
+    /// Returns true if a button or key is held, so that changes will go on.
     pub fn held(&self) -> bool {
         self.held
     }
 
-    /// Returns what has changed since the last call of this, by whatever hand.
+    /// Returns what has changed since the last call, whatever changed it.
     pub fn take_changes(&mut self) -> Changes {
         let (new, old) = (&self.state, &self.taken);
         let changes = Changes {
@@ -144,7 +145,7 @@ impl App {
         changes
     }
 
-    /// Tells the user that something did not work.
+    /// Reports an error to the user.
     pub fn report(&mut self, error: &Error) {
         tracing::warn!("{error} [{}]", error.code);
         self.message = Some(error.into());
@@ -155,7 +156,7 @@ impl App {
         self.message = Some(Message { text: text.into(), help: String::new(), bad: false });
     }
 
-    /// Lays out a frame and does what the user asks; gives what only the window can do.
+    /// Lays out a frame and does what the user asks; returns the actions that only the window can carry out.
     pub fn ui(&mut self, ui: &mut Ui, info: &PanelInfo<'_>) -> Vec<Action> {
         let mut actions = Vec::new();
         let dropped: Vec<_> = ui.input(|i| i.raw.dropped_files.iter().map(|f| f.path().to_owned()).collect());
@@ -165,7 +166,7 @@ impl App {
         self.frame(ui, info, &mut actions);
         let context = ui.ctx().clone();
         self.windows(&context, info, &mut actions);
-        // Widgets have taken what is theirs by now, and a question has to be answered first.
+        // By now widgets have taken their input. An open question has to be answered first.
         let asks = self.prompt.is_some() || !self.settings.notice_seen;
         if !asks && !context.text_edit_focused() {
             let focus = context.egui_wants_keyboard_input();
@@ -180,7 +181,7 @@ impl App {
         left
     }
 
-    /// Does what is asked for, or gives it back where only the window can do it.
+    /// Carries out an action, or returns it if only the window can do it.
     pub fn act(&mut self, action: Action, info: &PanelInfo<'_>) -> Option<Action> {
         let state = &mut self.state;
         match action {
@@ -263,8 +264,7 @@ impl App {
         None
     }
 
-    /// Makes a step of what has changed, unless something is held. Files that were opened begin a new
-    /// history.
+    /// Records changes as a step of the history, unless something is held. Opened files begin a new history.
     fn remember(&mut self, held: bool) {
         let edited = self.state.edited();
         if edited.has_objects_of(self.history.now()) {
@@ -300,7 +300,7 @@ impl App {
         self.state.transfer = Transfer::new(&PRESETS[next].over(info.range));
     }
 
-    /// Menus, panels, status line and the picture between them.
+    /// Lays out menus, panels, status line and the picture between them.
     fn frame(&mut self, ui: &mut Ui, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
         if self.state.show.panels {
             Panel::top("menus").show(ui, |ui| {
@@ -316,7 +316,7 @@ impl App {
                 let scale = info.bounds.map(|_| self.state.orbit.height_mm() / pixels);
                 panels::status::show(ui, &self.state, info, self.reading.as_ref(), scale);
             });
-            // In a narrow window they would leave no picture.
+            // In a narrow window the panels would leave no room for the picture.
             if ui.available_width() >= 1.5 * PANEL[0] {
                 Panel::right("panels").default_size(PANEL[0]).size_range(PANEL[0]..=PANEL[1]).show(
                     ui,
@@ -345,7 +345,7 @@ impl App {
             .show_unindented(ui, |ui| panels::measure::show(ui, state, measuring, actions));
     }
 
-    /// What lies over everything.
+    /// Shows the windows over everything else.
     fn windows(&mut self, context: &egui::Context, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
         if let Some(prompt) = &mut self.prompt {
             match prompt.show(context) {

@@ -1,10 +1,10 @@
-//! What the mouse has taken hold of in the picture.
+//! Describes what the mouse drags in the picture.
 
 use egui::Pos2;
 
 use crate::handles::Handle;
 
-/// What the mouse has taken hold of in the picture, other than the camera.
+/// Target that the mouse can drag in the picture, apart from the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Target {
     /// A handle of a clip plane or of the crop box.
@@ -13,7 +13,7 @@ pub(super) enum Target {
     Split,
 }
 
-/// What is in the hand, and where the mouse was last.
+/// Drag in progress: its target, and the last place of the mouse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Drag {
     pub(super) what: Target,

@@ -1,16 +1,16 @@
-//! Which keys are held down. A key is known by its place on the keyboard: one that is pressed with Shift and released
-//! without it has two names, and by its name would seem held for ever.
+//! Keeps track of the keys that are held down. A key is known by its place on the keyboard: one that is
+//! pressed with Shift and released without it has two names, and would by name seem held for ever.
 
 use std::collections::BTreeSet;
 
 use egui::{Event, Key, RawInput};
 
-/// The keys that are down.
+/// Keys that are held down.
 #[derive(Clone, Debug, Default)]
 pub struct HeldKeys(BTreeSet<Key>);
 
 impl HeldKeys {
-    /// Follows the input of a frame. Where the window has lost the keyboard nothing is held.
+    /// Follows the input of a frame. When the window loses the keyboard, no key counts as held.
     pub fn follow(&mut self, input: &RawInput) {
         for event in &input.events {
             match *event {

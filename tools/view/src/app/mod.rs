@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `app` | [`App`]: the state with its panels; what actions do, and what has to be rendered anew |
 //! | `picture` | the picture between the panels: what the mouse does in it, and what is painted over it |
-//! | `drag` | what the mouse has taken hold of |
+//! | `drag` | what the mouse drags |
 //! | `held_keys` | which keys are down |
 
 mod app;

@@ -13,20 +13,20 @@ use crate::panels::{self, status::Reading};
 use crate::state::{Distance, ViewState};
 use crate::theme::SIGNAL;
 
-/// A drag across so many points of the screen turns by a degree.
+/// Length of a drag that turns by a degree, points of the screen.
 const POINTS_PER_DEGREE: f64 = 3.0;
 
-/// A drag across so many points changes the window by a factor of e.
+/// Length of a drag that changes the window by a factor of e, points of the screen.
 const POINTS_PER_E: f64 = 250.0;
 
-/// Handles are taken hold of from this far, points of the screen.
+/// Greatest distance from which a handle can be grasped, points of the screen.
 const REACH: f32 = 9.0;
 
-/// The line of the split stays this share of the picture away from its borders.
+/// Least distance of the split from the borders, as a share of the picture's width.
 const SPLIT_EDGE: f64 = 0.02;
 
 impl App {
-    /// The picture's place, and the mouse in it.
+    /// Reserves the place of the picture and handles the mouse in it.
     pub(super) fn central(&mut self, ui: &mut Ui, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
         let rect = ui.available_rect_before_wrap();
         self.picture = rect;
@@ -62,12 +62,11 @@ impl App {
         }
     }
 
-    /// Takes hold of handles and of the line of the split, and moves them. What is under the cursor or in the
-    /// hand.
+    /// Starts and continues drags of handles and of the split. Returns what is dragged or under the cursor.
     fn grip(&mut self, ui: &Ui, response: &Response, info: &PanelInfo<'_>) -> Option<Target> {
         let primary = PointerButton::Primary;
         if response.drag_started_by(primary) && !ui.input(|i| i.modifiers.shift) {
-            // A drag is known as one only when the mouse has moved a little.
+            // egui reports a drag only after the mouse has moved a little.
             let origin = ui.input(|i| i.pointer.press_origin());
             self.grip = origin.and_then(|at| Some(Drag { what: self.grip_at(at, info)?, at }));
         }
@@ -97,7 +96,7 @@ impl App {
         over
     }
 
-    /// Returns what there is to take hold of at a place of the screen.
+    /// Returns what can be dragged at a place of the screen.
     fn grip_at(&self, at: Pos2, info: &PanelInfo<'_>) -> Option<Target> {
         let place = self.place(at);
         let size = self.picture.size();
@@ -113,7 +112,7 @@ impl App {
         split.is_some_and(near).then_some(Target::Split)
     }
 
-    /// What is painted over the picture.
+    /// Paints annotations over the picture.
     fn paint(&self, ui: &Ui, response: &Response, info: &PanelInfo<'_>, over: Option<Target>) {
         let Some(bounds) = info.bounds else { return };
         let state = &self.state;
@@ -137,14 +136,14 @@ impl App {
         }
     }
 
-    /// Fractions of the picture from its upper left corner.
+    /// Converts a place of the screen to fractions of the picture from its upper left corner.
     fn place(&self, at: Pos2) -> DVec2 {
         let size = self.picture.size();
         let from = at - self.picture.min;
         DVec2::new(f64::from(from.x / size.x), f64::from(from.y / size.y))
     }
 
-    /// Turns, moves and zooms the camera; window and level.
+    /// Turns, moves and zooms the camera, or changes window and level, as the mouse says.
     fn lead(&mut self, ui: &Ui, response: &Response) {
         let aspect = self.aspect();
         let by = response.drag_delta();
@@ -174,7 +173,7 @@ impl App {
         }
     }
 
-    /// Reads what is under the cursor, measures, and moves the pivot.
+    /// Reads the point under the cursor, measures distances, and moves the pivot.
     fn point(&mut self, response: &Response, info: &PanelInfo<'_>) {
         let aspect = self.aspect();
         let hit = |at: Pos2| {

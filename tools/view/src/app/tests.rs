@@ -12,7 +12,7 @@ struct Bench {
     context: Context,
     app: App,
     time: f64,
-    /// True if the picture is less than it will be.
+    /// True if the picture has a lower quality than it will have.
     draft: bool,
     shapes: Vec<egui::epaint::ClippedShape>,
 }
@@ -91,7 +91,7 @@ impl Bench {
         self.frame(vec![Event::PointerMoved(at)], Modifiers::NONE);
         self.button(at, PointerButton::Primary, true, Modifiers::NONE);
         let actions = self.button(at, PointerButton::Primary, false, Modifiers::NONE);
-        // So that the next click is none of a double click.
+        // The next click must not become part of a double click.
         self.time += 1.0;
         self.rest();
         actions

@@ -1,40 +1,39 @@
-//! The editor of a transfer function: what can be done to its points, and what part of the intensities is in
-//! view.
+//! Editor of a transfer function: changes its points and the visible range of intensities.
 //!
 //! Intensities here are those that a user sees, with the shift applied. Heights are from 0 to 1, the square
-//! root of the opacity per millimetre: a hundredth is as easily taken hold of as a half.
+//! root of the opacity per millimetre: a hundredth is as easily grasped as a half.
 
 use glam::DVec3;
 
 use crate::transfer::{Point, Transfer};
 
-/// Fewest points that a function keeps.
+/// Least number of points of a function.
 const LEAST_POINTS: usize = 2;
-/// Points stay apart by this share of the full range.
+/// Least distance of points, as a share of the full range.
 const APART: f64 = 1e-4;
-/// The narrowest view, as a share of the full range.
+/// Width of the narrowest visible range, as a share of the full range.
 const NARROWEST: f64 = 1e-3;
 
-/// Which point is chosen, and which intensities are in view.
+/// Selected point and visible range of intensities.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Editor {
     selected: Option<usize>,
-    /// Intensities in view; the full range where nothing is said.
+    /// Visible range of intensities; `None` for the full range.
     view: Option<[f64; 2]>,
 }
 
-/// Returns the height of an opacity per millimetre.
+/// Returns the height that stands for an opacity per millimetre.
 pub fn height(opacity: f64) -> f64 {
     opacity.max(0.0).sqrt()
 }
 
-/// Returns the opacity per millimetre at a height.
+/// Returns the opacity per millimetre that a height stands for.
 pub fn opacity(height: f64) -> f64 {
     height.clamp(0.0, 1.0).powi(2)
 }
 
-/// Returns all intensities that can be brought into view, and that points can be moved to: those of the data
-/// and a little more, and those that points have already.
+/// Returns the range of intensities that can be shown and that points can be moved to: that of the data and a
+/// little more, and that of the points.
 pub fn full_range(transfer: &Transfer, data: [f64; 2]) -> [f64; 2] {
     let [low, high] = transfer.window();
     let margin = 0.02 * (data[1] - data[0]).max(1e-3);
@@ -42,29 +41,29 @@ pub fn full_range(transfer: &Transfer, data: [f64; 2]) -> [f64; 2] {
 }
 
 impl Editor {
-    /// Returns the chosen point; nothing where it is gone, as after an undo.
+    /// Returns the index of the selected point; `None` if it is gone, as after an undo.
     pub fn selected(&self, transfer: &Transfer) -> Option<usize> {
         self.selected.filter(|&i| i < transfer.points.len())
     }
 
-    /// Chooses a point, or none.
+    /// Selects a point, or none.
     pub fn select(&mut self, index: Option<usize>) {
         self.selected = index;
     }
 
-    /// Intensities in view.
+    /// Returns the visible range of intensities, within the range `full`.
     pub fn view(&self, full: [f64; 2]) -> [f64; 2] {
         let Some([low, high]) = self.view else { return full };
         let (low, high) = (low.max(full[0]), high.min(full[1]));
         if low < high { [low, high] } else { full }
     }
 
-    /// Brings all into view.
+    /// Shows the full range.
     pub fn view_all(&mut self) {
         self.view = None;
     }
 
-    /// Shows `factor` times as wide a range of intensities; `about` stays where it is.
+    /// Makes the visible range `factor` times as wide; `about` stays where it is.
     pub fn zoom(&mut self, factor: f64, about: f64, full: [f64; 2]) {
         let [low, high] = self.view(full);
         let widest = full[1] - full[0];
@@ -73,7 +72,7 @@ impl Editor {
         self.look_at(start, width, full);
     }
 
-    /// Moves the view by so much.
+    /// Moves the visible range by `by`.
     pub fn pan(&mut self, by: f64, full: [f64; 2]) {
         let [low, high] = self.view(full);
         self.look_at(low + by, high - low, full);
@@ -85,8 +84,8 @@ impl Editor {
         self.view = if all || !low.is_finite() { None } else { Some([low, low + width]) };
     }
 
-    /// A new point of the colour that the function has there; chooses it. It is added unless it would lie on
-    /// another one.
+    /// Adds a point with the colour that the function has there, and selects it. Returns false if it was not
+    /// added, since it would lie on another point.
     pub fn add(&mut self, transfer: &mut Transfer, intensity: f64, opacity: f64, full: [f64; 2]) -> bool {
         let Ok(function) = transfer.function() else { return false };
         let at = intensity.clamp(full[0], full[1]);
@@ -106,8 +105,8 @@ impl Editor {
         true
     }
 
-    /// A new point halfway between the chosen one and the next; before it where it is the last, in the middle
-    /// of the view where none is chosen.
+    /// Adds a point halfway between the selected one and the next. If the selected point is the last, the new
+    /// point goes before it; if none is selected, into the middle of the visible range.
     pub fn add_beside(&mut self, transfer: &mut Transfer, full: [f64; 2]) -> bool {
         let Ok(function) = transfer.function() else { return false };
         let at = |i: usize| transfer.points[i].intensity + transfer.shift;
@@ -119,7 +118,8 @@ impl Editor {
         self.add(transfer, place, function.at(place).1, full)
     }
 
-    /// Removes the chosen point, if enough are left; chooses the one before.
+    /// Removes the selected point and selects the one before. Returns false if nothing was removed, since too
+    /// few points would be left.
     pub fn remove(&mut self, transfer: &mut Transfer) -> bool {
         let Some(index) = self.selected(transfer) else { return false };
         if transfer.points.len() <= LEAST_POINTS {
@@ -130,7 +130,7 @@ impl Editor {
         true
     }
 
-    /// Moves the chosen point, as far as its neighbours and the range allow.
+    /// Moves the selected point as far as its neighbours and the range allow.
     pub fn move_to(&mut self, transfer: &mut Transfer, intensity: f64, opacity: f64, full: [f64; 2]) {
         let Some(index) = self.selected(transfer) else { return };
         if !(intensity.is_finite() && opacity.is_finite()) {
@@ -149,7 +149,7 @@ impl Editor {
         }
     }
 
-    /// Moves the chosen point by so much, in intensity and in height.
+    /// Moves the selected point by `by` in intensity and by `up` in height.
     pub fn nudge(&mut self, transfer: &mut Transfer, by: f64, up: f64, full: [f64; 2]) {
         let Some(index) = self.selected(transfer) else { return };
         let point = transfer.points[index];
@@ -157,14 +157,14 @@ impl Editor {
         self.move_to(transfer, point.intensity + transfer.shift + by, new, full);
     }
 
-    /// Gives the chosen point a colour.
+    /// Sets the colour of the selected point.
     pub fn colour(&mut self, transfer: &mut Transfer, colour: DVec3) {
         if let Some(index) = self.selected(transfer) {
             transfer.points[index].colour = colour.clamp(DVec3::ZERO, DVec3::ONE);
         }
     }
 
-    /// Chooses the next point, or the one before; the first where none is chosen.
+    /// Selects the next point, or the previous one; the first if none is selected.
     pub fn select_next(&mut self, transfer: &Transfer, forward: bool) {
         let last = transfer.points.len().saturating_sub(1);
         self.selected = Some(match self.selected(transfer) {
@@ -175,7 +175,8 @@ impl Editor {
     }
 }
 
-/// Returns where a step of the axis may be labelled: multiples of a round number, at most `count` of them.
+/// Returns the intensities at which the axis is labelled: multiples of a round number, at most `count` of
+/// them.
 pub fn ticks([low, high]: [f64; 2], count: usize) -> Vec<f64> {
     let step = engine::image::annotate::round_up((high - low) / count.max(1) as f64);
     let Some(step) = step else { return Vec::new() };

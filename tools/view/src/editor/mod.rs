@@ -1,8 +1,8 @@
-//! The editor of a transfer function.
+//! Editor of a transfer function.
 //!
 //! | file | what is there |
 //! |---|---|
-//! | `editor` | [`Editor`]: what can be done to the points, and which intensities are in view |
+//! | `editor` | [`Editor`]: changes the points and the visible range of intensities |
 //! | `widget` | the editor on the screen, under the mouse |
 
 mod editor;

@@ -1,4 +1,4 @@
-//! The editor on the screen: the histograms, the curve over them, and points to take hold of.
+//! Widget of the editor: the histograms, the curve over them, and points to drag.
 
 use egui::{
     Align2, Color32, CornerRadius, CursorIcon, EventFilter, FontId, InputState, Key, Mesh, Modifiers,
@@ -11,16 +11,16 @@ use crate::histogram::Histogram;
 use crate::theme::{ACCENT, screen};
 use crate::transfer::Transfer;
 
-/// A point is taken hold of from this far, points of the screen.
+/// Greatest distance from which a point can be grasped, points of the screen.
 const REACH: f32 = 9.0;
 /// Height of the strip of colours below the curve.
 const STRIP: f32 = 12.0;
-/// Height of the axis below that.
+/// Height of the axis below the strip.
 const AXIS: f32 = 16.0;
-/// An arrow key moves by this share of the view, with Shift by a tenth of it.
+/// Share of the visible range by which an arrow key moves; with Shift a tenth of it.
 const NUDGE: f64 = 1.0 / 200.0;
 
-/// What the curve is drawn over.
+/// Range and histograms behind the curve.
 pub struct Backdrop<'a> {
     /// Least and greatest intensity of the data, HU for CT.
     pub range: [f64; 2],
@@ -30,7 +30,7 @@ pub struct Backdrop<'a> {
     pub volume: Option<&'a Histogram>,
 }
 
-/// From intensities and heights to the screen and back.
+/// Converts between intensities and heights and places of the screen.
 #[derive(Clone, Copy)]
 struct Plot {
     rect: Rect,
@@ -61,13 +61,13 @@ impl Plot {
         opacity(f64::from((self.rect.bottom() - y) / self.rect.height()))
     }
 
-    /// Returns the intensity of a width on the screen.
+    /// Returns the width on the screen as a difference of intensities.
     fn span(&self, points: f32) -> f64 {
         f64::from(points / self.rect.width()) * (self.view[1] - self.view[0])
     }
 }
 
-/// Shows the editor over all the width there is, `tall` points high.
+/// Shows the editor over the whole width, `tall` points high.
 pub fn show(
     ui: &mut Ui,
     editor: &mut Editor,
@@ -96,7 +96,7 @@ pub fn show(
     response
 }
 
-/// Returns the point that a place of the screen is on.
+/// Returns the index of the point at a place of the screen, if there is one.
 fn point_at(transfer: &Transfer, plot: &Plot, at: Pos2) -> Option<usize> {
     let distance = |i: &usize| plot.point(transfer, *i).distance(at);
     let nearest = (0..transfer.points.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
@@ -112,8 +112,8 @@ fn mouse(
     full: [f64; 2],
 ) {
     let pointer = response.interact_pointer_pos();
-    // What is dragged is decided where the button went down, and kept until it goes up: how far from the
-    // point it was.
+    // What is dragged is decided when the button goes down and kept until it goes up, as the distance of the
+    // pointer from the point.
     let grip = response.id.with("grip");
     if response.is_pointer_button_down_on() && ui.input(|i| i.pointer.any_pressed()) {
         response.request_focus();
@@ -151,8 +151,8 @@ fn mouse(
     }
 }
 
-/// A drag of a point: where the pointer is, how far it moved, how far from the point it took hold, and
-/// whether it is to follow a tenth as far.
+/// Drag of a point: place of the pointer, its movement, its distance from the point when it grasped it, and
+/// whether the point follows a tenth as far.
 struct Drag {
     at: Pos2,
     by: Vec2,
@@ -160,7 +160,7 @@ struct Drag {
     fine: bool,
 }
 
-/// Moves the chosen point with the pointer; gives how far apart the two are from now on.
+/// Moves the selected point with the pointer; returns their distance from now on.
 fn drag_point(
     editor: &mut Editor,
     transfer: &mut Transfer,
@@ -176,7 +176,7 @@ fn drag_point(
     Some(if drag.fine { drag.at - to } else { drag.held })
 }
 
-/// Across the window widens, up the level rises.
+/// Changes window and level: a drag across widens the window, a drag upwards raises the level.
 fn window_level(transfer: &mut Transfer, plot: &Plot, by: Vec2) {
     let [low, high] = transfer.window();
     let (level, half) = ((low + high) * 0.5 - plot.span(by.y), 0.5 * (high - low) + 0.5 * plot.span(by.x));
@@ -245,7 +245,7 @@ fn paint(
     }
 }
 
-/// A step of columns, each as high as the highest bin that falls into it.
+/// Paints a histogram as columns of the heights of its bins.
 fn paint_histogram(painter: &Painter, plot: &Plot, histogram: &Histogram, colour: Color32) {
     let heights = histogram.heights();
     let [low, high] = histogram.range;
@@ -263,7 +263,7 @@ fn paint_histogram(painter: &Painter, plot: &Plot, histogram: &Histogram, colour
     painter.add(Shape::mesh(mesh));
 }
 
-/// The curve of opacity, filled with the colours of the function, and the strip of colours below it.
+/// Paints the curve of opacity, filled with the colours of the function, and the strip of colours below it.
 fn paint_curve(clipped: &Painter, plot: &Plot, whole: Rect, function: &TransferFunction, painter: &Painter) {
     let columns = plot.rect.width().ceil().max(1.0) as usize;
     let mut line = Vec::with_capacity(columns + 1);
@@ -286,7 +286,7 @@ fn paint_curve(clipped: &Painter, plot: &Plot, whole: Rect, function: &TransferF
     clipped.add(Shape::line(line, Stroke::new(1.6, Color32::from_gray(235))));
 }
 
-/// The next column of a mesh: two vertices, joined to the two before.
+/// Adds a column to a mesh: two vertices, joined to the previous two.
 fn column(mesh: &mut Mesh, top: Pos2, bottom: f32, colour: Color32) {
     let next = mesh.vertices.len() as u32;
     mesh.colored_vertex(top, colour);
@@ -309,7 +309,7 @@ fn paint_axis(painter: &Painter, plot: &Plot, whole: Rect) {
         } else {
             Align2::CENTER_BOTTOM
         };
-        // Whole numbers of the step, without the digits that sums leave.
+        // Labels are multiples of the step, without the digits that rounding leaves.
         let text = format!("{}", (v * 1e9).round() / 1e9);
         painter.text(
             pos2(x, whole.bottom()),

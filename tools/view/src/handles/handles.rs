@@ -1,5 +1,5 @@
-//! Handles of clip planes and of the crop box: where they are, which one is under the cursor, and what a drag
-//! does.
+//! Handles of clip planes and of the crop box: their places, the one under the cursor, and the effect of a
+//! drag.
 //!
 //! Places are fractions of the picture, as in [`crate::orbit`].
 
@@ -10,34 +10,34 @@ use crate::state::Clip;
 
 /// Length of the arrow of a plane, as a share of the scene's half diagonal.
 const ARROW: f64 = 0.35;
-/// The crop box keeps this share of the scene's half diagonal as its least thickness.
+/// Least thickness of the crop box, as a share of the scene's half diagonal.
 const THINNEST: f64 = 1e-3;
 
-/// Square of the sine between an axis and the view below which one looks along the axis: 10°.
+/// Square of the sine between an axis and the view below which one looks along the axis (10°).
 const NARROW_SLANT: f64 = 0.03;
 
-/// What can be taken hold of.
+/// Handle of a clip plane or of the crop box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Handle {
-    /// The middle of a plane, by index: moves it along its normal.
+    /// The middle of a plane, by index; moves it along its normal.
     Offset(usize),
-    /// The tip of a plane's arrow, by index: turns it about its middle.
+    /// The tip of a plane's arrow, by index; turns it about its middle.
     Normal(usize),
-    /// A face of the crop box: moves it along its axis.
+    /// A face of the crop box; moves along its axis.
     Face {
-        /// 0 left to right, 1 back to front, 2 foot to head.
+        /// Axis: 0 left to right, 1 back to front, 2 foot to head.
         axis: usize,
         /// True if it is the face at the upper end.
         high: bool,
     },
 }
 
-/// A handle and where it is.
+/// Handle and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Placed {
-    /// Which one.
+    /// The handle.
     pub handle: Handle,
-    /// mm RAS.
+    /// Place, mm RAS.
     pub at_mm: DVec3,
 }
 
@@ -46,8 +46,8 @@ fn ball([low, high]: [DVec3; 2]) -> (DVec3, f64) {
     ((low + high) * 0.5, (high - low).length() * 0.5)
 }
 
-/// Returns the middle of a plane: the point of it nearest to the middle of the scene; and the tip of its
-/// arrow.
+/// Returns the middle of a plane, which is its point nearest to the middle of the scene, and the tip of its
+/// arrow, mm RAS.
 fn arrow(clip: &Clip, index: usize, bounds: [DVec3; 2]) -> Option<[DVec3; 2]> {
     let plane = clip.planes.get(index)?;
     let (middle, radius) = ball(bounds);
@@ -55,7 +55,7 @@ fn arrow(clip: &Clip, index: usize, bounds: [DVec3; 2]) -> Option<[DVec3; 2]> {
     Some([foot, foot + plane.normal * (ARROW * radius)])
 }
 
-/// Returns the handles of what is on.
+/// Returns the handles of the planes and of the crop box that are on.
 pub fn handles(clip: &Clip, bounds: [DVec3; 2]) -> Vec<Placed> {
     let mut placed = Vec::new();
     for (i, _) in clip.planes.iter().enumerate().filter(|(_, plane)| plane.on) {
@@ -78,7 +78,7 @@ pub fn handles(clip: &Clip, bounds: [DVec3; 2]) -> Vec<Placed> {
 }
 
 /// Returns the handle that is seen at a place, within `reach` (a fraction of the picture's height); of
-/// several the nearest to the viewer.
+/// several the one nearest to the viewer.
 pub fn hit(placed: &[Placed], orbit: &Orbit, aspect: f64, place: DVec2, reach: f64) -> Option<Handle> {
     let seen = placed.iter().filter_map(|p| {
         let (at, depth) = orbit.seen(p.at_mm, aspect)?;
@@ -88,7 +88,7 @@ pub fn hit(placed: &[Placed], orbit: &Orbit, aspect: f64, place: DVec2, reach: f
     seen.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(handle, _)| handle)
 }
 
-/// What a drag of a handle from one place to another does to what is cut away.
+/// Changes the clip planes or the crop box as a drag of a handle from one place to another says.
 pub fn drag(
     clip: &mut Clip,
     handle: Handle,
@@ -106,7 +106,7 @@ pub fn drag(
         Handle::Normal(index) => {
             let Some([foot, tip]) = arrow(clip, index, bounds) else { return };
             let plane = &mut clip.planes[index];
-            // The tip moves over a ball about the foot, on the side on which it is.
+            // The tip moves over a ball about the foot, on the half on which it is.
             let (at, _) = orbit.seen(tip, aspect).unwrap_or_default();
             let Some(normal) = on_ball(orbit, aspect, foot, tip, at + to - from) else { return };
             plane.normal = normal;
@@ -128,9 +128,9 @@ pub fn drag(
     }
 }
 
-/// Returns how far along `axis` (a unit vector) through `at` a drag leads, mm: both ends of it are put where
-/// the ray through them comes nearest to the axis. Where one looks along the axis, upwards is away from the
-/// viewer.
+/// Returns the distance along `axis` (a unit vector) through `at` that a drag leads to, mm: from the point of
+/// the axis nearest to the ray through `from`, to that nearest to the ray through `to`. If one looks along
+/// the axis, upwards is away from the viewer.
 fn along(orbit: &Orbit, aspect: f64, at: DVec3, axis: DVec3, [from, to]: [DVec2; 2]) -> f64 {
     let eye = orbit.eye_mm();
     let between = at - eye;
@@ -141,15 +141,16 @@ fn along(orbit: &Orbit, aspect: f64, at: DVec3, axis: DVec3, [from, to]: [DVec2;
     let nearest = |place: DVec2| {
         let ray = (orbit.at_pivot(place, aspect) - eye).normalize();
         let across = axis.dot(ray);
-        // Beside the handle a ray may run along the axis after all; then it is nearest nowhere, or far away.
+        // Beside the handle a ray may run along the axis after all; then its nearest point is nowhere, or far
+        // away.
         (ray.dot(between) * across - axis.dot(between)) / (1.0 - across * across).max(0.1 * NARROW_SLANT)
     };
     nearest(to) - nearest(from)
 }
 
-/// Returns the direction from `middle` to the point that is seen at a place, of the ball about `middle`
-/// through `tip`; on the nearer half of the ball if the tip is there, on its outline where the place is
-/// beside it.
+/// Returns the direction from `middle` to the point of the ball about `middle` through `tip` that is seen at
+/// a place: on the nearer half of the ball if the tip is there, on its outline if the place is beside the
+/// ball.
 fn on_ball(orbit: &Orbit, aspect: f64, middle: DVec3, tip: DVec3, place: DVec2) -> Option<DVec3> {
     let eye = orbit.eye_mm();
     let radius = tip.distance(middle);
@@ -161,8 +162,8 @@ fn on_ball(orbit: &Orbit, aspect: f64, middle: DVec3, tip: DVec3, place: DVec2) 
     (foot + ray * if near { -chord } else { chord } - middle).try_normalize()
 }
 
-/// Returns the corners of the part of a plane that lies in a box, in order around it, mm RAS; empty where
-/// they do not meet.
+/// Returns the corners of the part of a plane that lies in a box, in order around it, mm RAS; empty if they
+/// do not meet.
 pub fn outline(normal: DVec3, offset: f64, [low, high]: [DVec3; 2]) -> Vec<DVec3> {
     let mut corners: Vec<DVec3> = edges([low, high])
         .into_iter()
@@ -187,7 +188,7 @@ pub fn edges([low, high]: [DVec3; 2]) -> [[DVec3; 2]; 12] {
     };
     std::array::from_fn(|i| {
         let (axis, rest) = (i / 4, i % 4);
-        // The two bits that are not the edge's own.
+        // These are the two bits that are not the edge's own.
         let start = match axis {
             0 => rest << 1,
             1 => rest & 1 | (rest & 2) << 1,

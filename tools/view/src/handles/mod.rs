@@ -1,6 +1,6 @@
-//! Handles of clip planes and of the crop box, which the mouse takes hold of.
+//! Handles of clip planes and of the crop box, which the mouse can drag.
 //!
-//! `handles` says where they are, which one is under the cursor, and what a drag does.
+//! `handles` knows their places, finds the one under the cursor, and carries out a drag.
 
 mod handles;
 

@@ -12,7 +12,7 @@ fn clip() -> Clip {
     }
 }
 
-/// From the front left and above.
+/// Returns a camera at the front left and above.
 fn orbit() -> Orbit {
     let mut orbit = Orbit::default();
     orbit.turn(35.0, 25.0);
@@ -50,7 +50,7 @@ fn a_handle_is_hit_where_it_is_seen() {
         assert_eq!(hit(&placed, &orbit, ASPECT, place, 0.02), Some(p.handle));
     }
     assert_eq!(hit(&placed, &orbit, ASPECT, DVec2::ZERO, 0.02), None);
-    // From the front two faces are seen at one place: the nearer one counts.
+    // Seen from the front, two faces are at one place: the nearer one counts.
     let mut front = orbit;
     front.look_from(Side::Anterior);
     let crop = Clip { planes: Vec::new(), ..clip() };

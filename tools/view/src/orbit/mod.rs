@@ -1,4 +1,4 @@
-//! A camera that is led around a pivot.
+//! Camera that turns around a pivot.
 //!
 //! `orbit` has all of it: [`Orbit`], and [`Side`] for the views along the axes of the patient.
 

@@ -1,4 +1,4 @@
-//! A camera that is led around a pivot.
+//! Camera that turns around a pivot.
 //!
 //! Azimuth and elevation are kept, not a rotation: the head stays up however one turns, a session file says
 //! where one looked from, and at the poles the picture's axes are still given by the azimuth.
@@ -10,37 +10,37 @@ use engine::render::{Camera, FOV_DEGREES, Fov};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Fields of view that can be chosen, degrees from the upper to the lower edge.
+/// Range of the field of view from the upper to the lower edge, degrees.
 pub const FOV_RANGE: [f64; 2] = [5.0, 120.0];
-/// Distances from the pivot that can be reached, mm.
+/// Range of the distance from the pivot, mm.
 const DISTANCE_RANGE: [f64; 2] = [1.0, 1e6];
-/// What is left free around a scene that fits the picture.
+/// Factor of the distance at which a scene just fits the picture, to leave a border.
 const MARGIN: f64 = 1.05;
 
-/// A side to look from, in the patient's own terms.
+/// Side to look from, in the patient's own terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
-    /// From the front.
+    /// The patient's front.
     Anterior,
-    /// From the back.
+    /// The patient's back.
     Posterior,
-    /// From the patient's left.
+    /// The patient's left.
     Left,
-    /// From the patient's right.
+    /// The patient's right.
     Right,
-    /// From the head.
+    /// The head.
     Superior,
-    /// From the feet.
+    /// The feet.
     Inferior,
 }
 
 impl Side {
-    /// All six, in pairs.
+    /// All six sides, in pairs.
     pub const ALL: [Side; 6] =
         [Side::Anterior, Side::Posterior, Side::Left, Side::Right, Side::Superior, Side::Inferior];
 
-    /// Returns the word for it.
+    /// Returns the name of the side.
     pub fn name(self) -> &'static str {
         match self {
             Side::Anterior => "anterior",
@@ -52,7 +52,7 @@ impl Side {
         }
     }
 
-    /// Azimuth and elevation, degrees. From above and below the front of the patient is up.
+    /// Returns azimuth and elevation, degrees. From above and below the front of the patient is up.
     fn angles(self) -> [f64; 2] {
         match self {
             Side::Anterior => [0.0, 0.0],
@@ -65,24 +65,24 @@ impl Side {
     }
 }
 
-/// A camera that looks at a pivot.
+/// Camera that looks at a pivot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Orbit {
-    /// What the middle of the picture shows, mm RAS.
+    /// Point in the middle of the picture, mm RAS.
     pub pivot_mm: DVec3,
-    /// From the pivot to the eye, mm.
+    /// Distance from the pivot to the eye, mm.
     pub distance_mm: f64,
-    /// Where the eye is about the body's axis, degrees: 0 in front, 90 at the patient's left.
+    /// Direction of the eye about the body's axis, degrees: 0 in front, 90 at the patient's left.
     pub azimuth_deg: f64,
-    /// How far it is above, degrees: 90 at the head, -90 at the feet.
+    /// Angle of the eye above the pivot, degrees: 90 at the head, -90 at the feet.
     pub elevation_deg: f64,
-    /// From the upper to the lower edge of the picture, degrees.
+    /// Field of view from the upper to the lower edge of the picture, degrees.
     pub fov_deg: f64,
 }
 
 impl Default for Orbit {
-    /// In front of the world's zero, half a metre away.
+    /// Returns a camera in front of the world's origin, half a metre away.
     fn default() -> Self {
         Orbit {
             pivot_mm: DVec3::ZERO,
@@ -95,17 +95,17 @@ impl Default for Orbit {
 }
 
 impl Orbit {
-    /// Unit vectors to the right, upwards and towards the viewer, RAS.
+    /// Returns unit vectors to the right, upwards and towards the viewer, RAS.
     pub fn axes(&self) -> [DVec3; 3] {
         let (azimuth_sine, azimuth_cosine) = self.azimuth_deg.to_radians().sin_cos();
         let (sine, cosine) = self.elevation_deg.to_radians().sin_cos();
-        // Where the eye is, seen from above; at azimuth 0 it is in front, at +A.
+        // `around` points to the eye, seen from above; at azimuth 0 it is in front, at +A.
         let around = DVec3::new(-azimuth_sine, azimuth_cosine, 0.0);
         let right = DVec3::new(-azimuth_cosine, -azimuth_sine, 0.0);
         [right, DVec3::Z * cosine - around * sine, around * cosine + DVec3::Z * sine]
     }
 
-    /// Returns where the eye is, mm RAS.
+    /// Returns the place of the eye, mm RAS.
     pub fn eye_mm(&self) -> DVec3 {
         self.pivot_mm + self.axes()[2] * self.distance_mm
     }
@@ -116,20 +116,20 @@ impl Orbit {
         Camera { eye: self.eye_mm(), right, up, fov: Fov::symmetric(self.fov_deg, aspect) }
     }
 
-    /// Turns about the pivot, degrees: the eye goes to the patient's left and upwards. It stops above head
+    /// Turns about the pivot by degrees: the eye goes to the patient's left and upwards. It stops above head
     /// and feet.
     pub fn turn(&mut self, azimuth_deg: f64, elevation_deg: f64) {
         self.azimuth_deg = wrapped(self.azimuth_deg + azimuth_deg);
         self.elevation_deg = (self.elevation_deg + elevation_deg).clamp(-90.0, 90.0);
     }
 
-    /// Looks from a side; pivot and distance stay.
+    /// Turns to look from a side; pivot and distance stay.
     pub fn look_from(&mut self, side: Side) {
         [self.azimuth_deg, self.elevation_deg] = side.angles();
     }
 
-    /// Moves the pivot so that the scene at the pivot's depth follows the cursor, which moved by so many
-    /// pictures.
+    /// Moves the pivot so that the scene at the pivot's depth follows the cursor, which moved by `by`
+    /// (fractions of the picture).
     pub fn pan(&mut self, by: DVec2, aspect: f64) {
         let [right, up, _] = self.axes();
         let height = self.height_mm();
@@ -152,7 +152,7 @@ impl Orbit {
         self.distance_mm = distance.clamp(DISTANCE_RANGE[0], DISTANCE_RANGE[1]);
     }
 
-    /// Puts the pivot into the middle of a box (two corners, mm RAS) and goes as near as all its corners
+    /// Moves the pivot to the middle of a box (two corners, mm RAS) and the eye as near as all its corners
     /// allow.
     pub fn fit(&mut self, [low, high]: [DVec3; 2], aspect: f64) {
         if !(low.is_finite() && high.is_finite()) {
@@ -177,14 +177,15 @@ impl Orbit {
         2.0 * self.distance_mm * (self.fov_deg.to_radians() * 0.5).tan()
     }
 
-    /// Returns the point in the plane through the pivot, across the view, that is seen at a place; mm RAS.
+    /// Returns the point (mm RAS) that is seen at a place, in the plane through the pivot across the view.
     pub fn at_pivot(&self, place: DVec2, aspect: f64) -> DVec3 {
         let [right, up, _] = self.axes();
         let height = self.height_mm();
         self.pivot_mm + right * ((place.x - 0.5) * height * aspect) + up * ((0.5 - place.y) * height)
     }
 
-    /// Returns where a point (mm RAS) is seen, and its depth in mm; nothing where it is not before the eye.
+    /// Returns the place at which a point (mm RAS) is seen, and its depth in mm; `None` if it is not before
+    /// the eye.
     pub fn seen(&self, x: DVec3, aspect: f64) -> Option<(DVec2, f64)> {
         let [right, up, back] = self.axes();
         let x = x - self.eye_mm();
@@ -204,10 +205,10 @@ impl Orbit {
         eye + (self.at_pivot(place, aspect) - eye) * (depth_mm / self.distance_mm)
     }
 
-    /// Refuses what no picture can be made of, as a session file may hold.
+    /// Returns an error for a camera that cannot make a picture, as a session file may hold.
     ///
     /// # Errors
-    /// [`Kind::BadData`].
+    /// Returns [`Kind::BadData`].
     pub fn check(&self) -> Result<()> {
         let within = |v: f64, [low, high]: [f64; 2]| (low..=high).contains(&v);
         let rows = [
@@ -225,7 +226,7 @@ impl Orbit {
     }
 }
 
-/// Returns an angle in (-180, 180] degrees.
+/// Wraps an angle into (-180, 180] degrees.
 fn wrapped(degrees: f64) -> f64 {
     let turned = degrees.rem_euclid(360.0);
     if turned > 180.0 { turned - 360.0 } else { turned }

@@ -1,4 +1,4 @@
-//! The camera: sides to look from, pivot, distance and field of view.
+//! Panel of the camera: sides to look from, pivot, distance and field of view.
 
 use egui::{DragValue, Slider, Ui};
 

@@ -1,4 +1,4 @@
-//! Clip planes and the crop box, in numbers; their handles are in the picture.
+//! Panel of the clip planes and the crop box, in numbers; their handles are in the picture.
 
 use egui::{DragValue, Ui};
 use glam::DVec3;
@@ -8,7 +8,7 @@ use crate::actions::Action;
 use crate::panel_info::PanelInfo;
 use crate::state::{CropBox, MOST_PLANES, Plane, ViewState};
 
-/// Shows what is cut away and changes it.
+/// Shows the clip planes and the crop box and changes them.
 pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     let mut gone = None;
     for (i, plane) in state.clip.planes.iter_mut().enumerate() {
@@ -37,7 +37,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &
         .on_hover_text("drag planes and faces with the mouse");
 }
 
-/// Returns a plane through the middle of the scene across the view: it takes the nearer half away.
+/// Returns a plane through the middle of the scene across the view, which cuts away the nearer half.
 pub(crate) fn across(state: &ViewState, info: &PanelInfo<'_>) -> Plane {
     let [_, _, back] = state.orbit.axes();
     let through = info.bounds.map_or(state.orbit.pivot_mm, |[low, high]| (low + high) * 0.5);
@@ -79,7 +79,7 @@ fn plane_rows(ui: &mut Ui, index: usize, plane: &mut Plane, gone: &mut Option<us
             changed |= ui.add(value).changed();
         }
         if let Some(unit) = normal.try_normalize().filter(|_| changed) {
-            // Turned about the point of it that is nearest to the world's zero.
+            // The plane turns about its point nearest to the world's origin.
             let through = plane.normal * plane.offset_mm;
             (plane.normal, plane.offset_mm) = (unit, unit.dot(through));
         }

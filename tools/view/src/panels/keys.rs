@@ -1,10 +1,10 @@
-//! The list of keys, and what the mouse does.
+//! Window with the list of keys and mouse actions.
 
 use egui::{Context, Grid, KeyboardShortcut, Window};
 
 use crate::actions::KEYS;
 
-/// What the mouse does in the picture.
+/// Mouse actions in the picture.
 const MOUSE: [(&str, &str); 8] = [
     ("Drag", "turn about the pivot"),
     ("Shift+Drag, middle", "move"),

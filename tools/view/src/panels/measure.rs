@@ -1,4 +1,4 @@
-//! Distances: the tool and the list.
+//! Panel of the distances: the tool and the list.
 
 use egui::Ui;
 
@@ -6,7 +6,7 @@ use super::widgets::explained;
 use crate::actions::Action;
 use crate::state::ViewState;
 
-/// Shows the distances; `measuring` is whether the tool is taken up.
+/// Shows the distances; `measuring` is true while the tool is used.
 pub fn show(ui: &mut Ui, state: &mut ViewState, measuring: bool, actions: &mut Vec<Action>) {
     let button = ui.add(egui::Button::new("Measure").selected(measuring));
     if button.clicked() {

@@ -1,4 +1,4 @@
-//! The menus: files, editing, the view.
+//! Menus: files, editing, the view.
 
 use std::path::PathBuf;
 
@@ -8,13 +8,13 @@ use super::widgets::explained;
 use crate::actions::{Action, binding};
 use crate::orbit::Side;
 
-/// What the menus need to know.
+/// State that the menus show.
 pub struct Menus<'a> {
     /// Recent files, the latest first.
     pub recent: &'a [PathBuf],
-    /// True if there is a step back.
+    /// True if there is a step to undo.
     pub can_undo: bool,
-    /// True if there is a step forward.
+    /// True if there is a step to redo.
     pub can_redo: bool,
 }
 
@@ -78,7 +78,7 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
     });
 }
 
-/// A button without a frame, explained by the table of keys.
+/// Shows a button without a frame, explained by the table of keys.
 fn plain(ui: &mut Ui, text: &str, enabled: bool, action: Action, actions: &mut Vec<Action>) {
     let button = ui.add_enabled(enabled, Button::new(text).frame(false));
     if button.clicked() {
@@ -87,7 +87,7 @@ fn plain(ui: &mut Ui, text: &str, enabled: bool, action: Action, actions: &mut V
     explained(ui, button, &action);
 }
 
-/// A row of a menu, as the table of keys names it.
+/// Shows a row of a menu, as the table of keys names it.
 fn item(ui: &mut Ui, enabled: bool, action: Action, actions: &mut Vec<Action>) {
     let Some(row) = binding(&action) else { return };
     let button = Button::new(row.name).shortcut_text(ui.ctx().format_shortcut(&row.key));

@@ -5,8 +5,8 @@
 //! |---|---|
 //! | `menu`, `status` | the menus above, the line below |
 //! | `objects`, `transfer`, `quality`, `camera`, `clip`, `measure` | the sections at the side |
-//! | `welcome`, `notice`, `keys`, `overlay` | what lies over the picture: nothing is open yet, a message, the keys, frame times |
-//! | `widgets` | what the panels are made of |
+//! | `welcome`, `notice`, `keys`, `overlay` | over the picture: nothing open, a message, keys, frame times |
+//! | `widgets` | parts of the panels |
 
 pub mod camera;
 pub mod clip;

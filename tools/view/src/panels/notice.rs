@@ -1,11 +1,11 @@
-//! The notice that users see once, and messages about what went wrong.
+//! The notice that users see once, and messages.
 
 use egui::{Align2, Context, Id, Modal, RichText, Window, vec2};
 use engine::Error;
 
 use crate::theme::SIGNAL;
 
-/// Says that this is not for diagnosis. Whether it was read.
+/// Shows the notice that this is not for diagnosis. Returns true once the user has confirmed it.
 pub fn show(context: &Context) -> bool {
     let modal = Modal::new(Id::new("notice")).show(context, |ui| {
         ui.set_max_width(380.0);
@@ -20,12 +20,12 @@ pub fn show(context: &Context) -> bool {
     modal.inner
 }
 
-/// What there is to say.
+/// Message to the user.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// What happened.
+    /// Description of what happened.
     pub text: String,
-    /// What to do; may be empty.
+    /// Advice on what to do; may be empty.
     pub help: String,
     /// True if something went wrong.
     pub bad: bool,
@@ -37,7 +37,7 @@ impl From<&Error> for Message {
     }
 }
 
-/// Shows a message until it is closed. Whether it was.
+/// Shows a message until it is closed. Returns true if it was closed.
 pub fn message(context: &Context, message: &Message) -> bool {
     let mut open = true;
     let title =

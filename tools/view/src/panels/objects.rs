@@ -1,4 +1,4 @@
-//! The list of fits and labels: an eye, a colour and an opacity each.
+//! Panel of the objects (fits and labels), each with its visibility, colour and opacity.
 
 use egui::{Button, Slider, Ui};
 use glam::DVec3;
@@ -7,8 +7,8 @@ use super::widgets::colour_button;
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
 
-/// Colours for the objects that get one, in turn; told apart by people of all kinds of colour vision (Okabe
-/// and Ito 2008).
+/// Colours that objects get in turn, which people of all kinds of colour vision can tell apart (Okabe and Ito
+/// 2008).
 const TINTS: [[u8; 3]; 7] = [
     [230, 159, 0],
     [86, 180, 233],
@@ -68,7 +68,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     }
 }
 
-/// A colour of its own, or that of the transfer function.
+/// Shows the choice between a colour of the object's own and that of the transfer function.
 fn tint(ui: &mut Ui, tint: &mut Option<DVec3>, index: usize) {
     let mut own = tint.is_some();
     let check =

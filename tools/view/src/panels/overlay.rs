@@ -1,11 +1,11 @@
-//! How fast it is: frame times, passes, splats and memory, in a corner of the picture.
+//! Statistics in a corner of the picture: frame times, passes, splats and memory.
 
 use egui::{Align2, Color32, Context, Frame, Id, Rect, Sense, Stroke, Ui, pos2, vec2};
 
 use crate::panel_info::{FRAMES, PanelInfo, Statistics};
 use crate::theme::{ACCENT, SIGNAL};
 
-/// Passes that are listed, the slowest.
+/// Number of passes that are listed, the slowest ones.
 const PASSES: usize = 6;
 
 /// Shows the statistics at the upper right corner of the picture.
@@ -60,7 +60,7 @@ fn mebibytes(bytes: u64) -> String {
     format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20))
 }
 
-/// Frame times as bars, the target as a line.
+/// Shows frame times as bars and the target as a line.
 fn curve(ui: &mut Ui, statistics: &Statistics, target_ms: f64) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 36.0), Sense::hover());
     let most = statistics.frames_ms().fold(1.5 * target_ms, f64::max);

@@ -1,4 +1,4 @@
-//! Mode and quality, and what a frame may take.
+//! Panel of mode and quality, and of the time that a frame may take.
 
 use egui::{DragValue, Slider, Ui};
 

@@ -1,4 +1,4 @@
-//! The line at the bottom: what is under the cursor, the last distance, what is being done.
+//! Status line at the bottom: what is under the cursor, the last distance, and work in progress.
 
 use egui::{ProgressBar, Ui};
 use glam::DVec3;
@@ -6,16 +6,16 @@ use glam::DVec3;
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
 
-/// What is seen under the cursor.
+/// Point under the cursor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// Where, mm RAS.
+    /// Place, mm RAS.
     pub at_mm: DVec3,
-    /// Intensity there, HU for CT; nothing where it is not known.
+    /// Intensity there, HU for CT; `None` if it is not known.
     pub intensity: Option<f64>,
 }
 
-/// Shows the line.
+/// Shows the status line.
 pub fn show(
     ui: &mut Ui,
     state: &ViewState,

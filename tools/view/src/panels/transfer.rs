@@ -1,4 +1,4 @@
-//! The transfer function: presets, windows, the editor, shift, light.
+//! Panel of the transfer function: presets, windows, the editor, shift and light.
 
 use egui::{ComboBox, DragValue, Slider, Ui};
 use engine::transfer::{PRESETS, WINDOWS};
@@ -36,7 +36,7 @@ pub fn curve(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &Pan
     shift_row(ui, state, info);
 }
 
-/// Shows the names of all presets, to choose one of them.
+/// Shows the names of all presets; a click chooses one of them.
 pub fn presets(ui: &mut Ui, state: &ViewState, actions: &mut Vec<Action>) {
     for preset in PRESETS {
         let chosen = state.transfer.name == preset.name;
@@ -46,7 +46,7 @@ pub fn presets(ui: &mut Ui, state: &ViewState, actions: &mut Vec<Action>) {
     }
 }
 
-/// Presets, windows, files.
+/// Shows presets, windows and files to choose from.
 fn choices(ui: &mut Ui, state: &ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         ComboBox::from_id_salt("preset").selected_text(&state.transfer.name).width(150.0).show_ui(ui, |ui| {
@@ -66,7 +66,7 @@ fn choices(ui: &mut Ui, state: &ViewState, info: &PanelInfo<'_>, actions: &mut V
     });
 }
 
-/// The chosen point in numbers, and what can be done to the points.
+/// Shows the selected point in numbers, and buttons that change the points.
 fn point(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &PanelInfo<'_>) {
     let transfer = &mut state.transfer;
     let full = full_range(transfer, info.range);
@@ -120,7 +120,7 @@ fn shift_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     });
 }
 
-/// Width and level of the window that the points span.
+/// Shows width and level of the window that the points span, and changes them.
 fn window_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     let [low, high] = state.transfer.window();
     let (mut width, mut level) = (high - low, (low + high) * 0.5);
@@ -135,7 +135,7 @@ fn window_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     });
 }
 
-/// Shows how the transfer function's colours answer to light, and changes it.
+/// Shows how the transfer function's colours respond to light, and changes it.
 pub fn light(ui: &mut Ui, state: &mut ViewState) {
     let material = &mut state.transfer.material;
     ui.checkbox(&mut material.shade, "Light").on_hover_text("Blinn and Phong, from above the left shoulder");

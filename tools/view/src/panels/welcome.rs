@@ -1,5 +1,5 @@
-//! What stands in place of the picture while nothing is open, and what is said while files hang over the
-//! window.
+//! What stands in place of the picture while nothing is open, and what is shown while files are dragged over
+//! the window.
 
 use std::path::PathBuf;
 
@@ -8,10 +8,10 @@ use egui::{Align2, Color32, Context, FontId, Id, LayerId, Order, Rect, Ui, UiBui
 use super::widgets::ask;
 use crate::actions::Action;
 
-/// Recent files that are offered.
+/// Number of recent files that are offered.
 const MOST: usize = 8;
 
-/// Offers to open something, in the middle of `rect`.
+/// Offers to open files, in the middle of `rect`.
 pub fn show(ui: &mut Ui, rect: Rect, recent: &[PathBuf], actions: &mut Vec<Action>) {
     let size = vec2(360.0, 120.0 + 26.0 * recent.len().min(MOST) as f32);
     let place = Rect::from_center_size(rect.center(), size).intersect(rect);
@@ -35,7 +35,7 @@ pub fn show(ui: &mut Ui, rect: Rect, recent: &[PathBuf], actions: &mut Vec<Actio
     });
 }
 
-/// Says that what hangs over the window can be dropped.
+/// Says that the files over the window can be dropped.
 pub fn hovered(context: &Context, rect: Rect) {
     let painter = context.layer_painter(LayerId::new(Order::Foreground, Id::new("hovered files")));
     painter.rect_filled(rect, 0.0, Color32::from_black_alpha(160));

@@ -1,4 +1,4 @@
-//! What the panels are made of: rows, buttons that ask for actions, buttons that choose colours.
+//! Parts of the panels: rows, buttons that ask for actions, buttons that choose colours.
 
 use egui::{Align, Layout, Response, Ui, WidgetText};
 use glam::DVec3;
@@ -6,7 +6,7 @@ use glam::DVec3;
 use crate::actions::{Action, binding};
 use crate::theme::bytes_of;
 
-/// A row: a name of one width for all rows, with an explanation, and what stands beside it.
+/// Shows a row: its name, of the same width in all rows, with an explanation, and `content` beside it.
 pub(crate) fn row<R>(ui: &mut Ui, name: &str, help: &str, content: impl FnOnce(&mut Ui) -> R) -> R {
     ui.horizontal(|ui| {
         let size = egui::vec2(92.0, ui.spacing().interact_size.y);
@@ -20,7 +20,7 @@ pub(crate) fn row<R>(ui: &mut Ui, name: &str, help: &str, content: impl FnOnce(&
     .inner
 }
 
-/// A button for an action, with its key in the explanation.
+/// Shows a button for an action, with its key in the explanation.
 pub(crate) fn ask(
     ui: &mut Ui,
     text: impl Into<WidgetText>,
@@ -34,7 +34,7 @@ pub(crate) fn ask(
     explained(ui, button, &action)
 }
 
-/// The explanation of an action and its key, over whatever asks for it.
+/// Adds the explanation of an action and its key to a widget.
 pub(crate) fn explained(ui: &Ui, response: Response, action: &Action) -> Response {
     match binding(action) {
         None => response,
@@ -42,7 +42,7 @@ pub(crate) fn explained(ui: &Ui, response: Response, action: &Action) -> Respons
     }
 }
 
-/// A button that chooses a colour; whether it was changed.
+/// Shows a button that chooses a colour. Returns true if the colour was changed.
 pub(crate) fn colour_button(ui: &mut Ui, colour: &mut DVec3, help: &str) -> bool {
     let mut bytes = bytes_of(*colour);
     let response = ui.color_edit_button_srgb(&mut bytes).on_hover_text(help);

@@ -1,6 +1,6 @@
-//! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor.
+//! Evaluates the field of the splats on the host, for the point under the cursor.
 //!
-//! `probe` has all of it: a [`Probe`] is made once of a set of splats and then asked for points and rays.
+//! `probe` has all of it: a [`Probe`] is made once from a set of splats and then asked for points and rays.
 
 mod probe;
 

@@ -1,48 +1,47 @@
-//! What the splats stand for at a point: the field, evaluated on the host for whatever is under the cursor.
-//! Of splats that are fitted for a grid it is the field at the voxels around, interpolated, as mode decoded
-//! shows it.
+//! Evaluates the field of the splats on the host, for the point under the cursor. For splats that are fitted
+//! for a grid it is the field at the voxels around, interpolated, as mode decoded shows it.
 
 use engine::render::Look;
 use engine::splat::{self, Activations, Field, Form, Splat, SplatSet};
 use glam::{DAffine3, DMat3, DVec3, UVec3};
 
-/// Most cells of the grid.
+/// Greatest number of cells of the grid.
 const MOST_CELLS: f64 = 4e6;
-/// Splats that reach more cells than this are asked at every point instead.
+/// Splats that reach more cells than this are not listed by cells but tested at every point.
 const FEW: usize = 64;
-/// Where this much of the light is gone, a ray has met something.
+/// Share of the light that is gone where a ray meets something.
 const MET: f64 = 0.5;
-/// Samples along a ray are this part of the middle splat's shortest standard deviation apart.
+/// Distance of samples along a ray, as a part of the middle splat's shortest standard deviation.
 const STEP: f64 = 0.5;
-/// Nearest that samples may be, mm.
+/// Least distance of samples, mm.
 const LEAST_STEP: f64 = 0.05;
 
-/// The field of a splat set at single points. Splats are listed by the cells of a grid, so that a point asks
+/// Field of a splat set at single points. Splats are listed by the cells of a grid, so that a point tests
 /// only those whose boxes may hold it.
 pub struct Probe {
     field: Field,
     origin: DVec3,
-    /// Where the splats are right, if they are not everywhere.
+    /// Voxels at which the splats are right, if they are not right everywhere.
     voxels: Option<Box<Voxels>>,
     splats: Vec<Ellipsoid>,
     grid: Grid,
-    /// Where the splats of each cell begin in `listed`; one more than there are cells.
+    /// First index into `listed` of each cell; one entry more than there are cells.
     starts: Vec<u32>,
     listed: Vec<u32>,
-    /// Those that reach many cells.
+    /// Splats that reach many cells.
     large: Vec<u32>,
-    /// Between samples along a ray, mm.
+    /// Distance of samples along a ray, mm.
     step: f64,
 }
 
-/// The voxels that splats were fitted for.
+/// Voxels that the splats were fitted for.
 struct Voxels {
-    /// To voxel indices, from mm in the space of the set.
+    /// Transformation from mm in the space of the set to voxel indices.
     voxel_from_set: DAffine3,
     set_from_voxel: DAffine3,
-    /// The last voxel along each axis.
+    /// Index of the last voxel along each axis.
     last: DVec3,
-    /// True if an occupancy above ½ stands for 1, any other for 0.
+    /// True if an occupancy above ½ counts as 1 and any other as 0.
     binary: bool,
 }
 
@@ -56,12 +55,12 @@ impl Voxels {
     }
 }
 
-/// What a picture is made of at a point.
+/// Field at a point.
 #[derive(Clone, Copy, Default)]
 struct Sample {
     intensity: f64,
     occupancy: f64,
-    /// The occupancy times the opacities of the objects there.
+    /// Occupancy times the opacities of the objects there.
     share: f64,
 }
 
@@ -74,7 +73,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// Cells twice as large as the mean splat, so that most splats reach a few.
+    /// Creates a grid with cells twice as large as the mean splat, so that most splats reach a few.
     fn over(splats: &[Ellipsoid]) -> Self {
         let count = splats.len().max(1) as f64;
         let mut mean = DVec3::ZERO;
@@ -105,11 +104,11 @@ impl Grid {
         ((cell.z * self.size.y + cell.y) * self.size.x + cell.x) as usize
     }
 
-    /// Between which distances a ray is within the grid, from 0 on.
+    /// Returns the distances between which a ray is within the grid, from 0 on.
     fn range(&self, from: DVec3, direction: DVec3) -> Option<[f64; 2]> {
         let high = self.low + self.edge * self.size.as_dvec3();
         let (a, b) = ((self.low - from) / direction, (high - from) / direction);
-        // A ray along a face has 0/0 there, which no comparison takes.
+        // A ray along a face has 0/0 there, which min and max ignore.
         let near = a.min(b).to_array().into_iter().fold(0.0, f64::max);
         let far = a.max(b).to_array().into_iter().fold(f64::INFINITY, f64::min);
         (near < far && far.is_finite()).then_some([near, far])
@@ -123,43 +122,43 @@ impl Grid {
     }
 }
 
-/// A splat as the field needs it.
+/// Splat as the field needs it.
 struct Ellipsoid {
-    /// mm in the space of the set.
+    /// Mean, mm in the space of the set.
     mean: DVec3,
-    /// S⁻¹Rᵀ: x - mean to the whitened distance.
+    /// Matrix S⁻¹Rᵀ, which maps x - mean to the whitened offset.
     whitening: DMat3,
     /// Half size of the box around the support, mm.
     reach: DVec3,
-    /// a of w = a κ(q).
+    /// Amplitude a of w = a κ(q).
     amplitude: f64,
-    /// Relative to the background.
+    /// Intensity relative to the background.
     intensity: f64,
     /// Number of its object.
     object: u8,
 }
 
-/// V̂ and O at a point.
+/// Field V̂ and occupancy O at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
-    /// V̂, HU for CT.
+    /// Field V̂, HU for CT.
     pub intensity: f64,
-    /// O, 0 to 1.
+    /// Occupancy O, 0 to 1.
     pub occupancy: f64,
 }
 
-/// What a ray meets.
+/// Point at which a ray meets something.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// From where the ray starts, mm.
+    /// Distance from the start of the ray, mm.
     pub distance_mm: f64,
-    /// Where, mm RAS.
+    /// Point, mm RAS.
     pub at_mm: DVec3,
-    /// V̂ there, HU for CT, of what is shown.
+    /// Field V̂ of what is shown there, HU for CT.
     pub intensity: f64,
 }
 
-/// What of a field a look shows: the share of each object's opacity, nothing of those that are hidden.
+/// Opacity with which a look shows each object; `None` for hidden objects.
 struct Shown([Option<f64>; 256]);
 
 impl Shown {
@@ -174,7 +173,7 @@ impl Shown {
     }
 }
 
-/// Sums over the splats at a point: of w, of w (c − b), and of w times the share of the opacity.
+/// Sums over the splats at a point: of w, of w (c − b), and of w times the object's opacity.
 #[derive(Default)]
 struct Sums {
     weight: f64,
@@ -183,13 +182,13 @@ struct Sums {
 }
 
 impl Probe {
-    /// Of a set; its splats are copied.
+    /// Creates a probe from a set; its splats are copied.
     pub fn new(set: &SplatSet) -> Self {
         let object = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
         let rows = set.splats.iter().enumerate();
         let splats: Vec<Ellipsoid> = rows.map(|(i, s)| ellipsoid(s, &set.field, object(i))).collect();
         let grid = Grid::over(&splats);
-        // Counts, prefix sums, then the splats themselves.
+        // First the counts, then prefix sums, then the splats themselves.
         let mut starts = vec![0u32; grid.len() + 1];
         let mut large = Vec::new();
         for (i, splat) in splats.iter().enumerate() {
@@ -225,16 +224,15 @@ impl Probe {
         Probe { field, origin, voxels: Voxels::of(set), splats, grid, starts, listed, large, step }
     }
 
-    /// Returns the field at a point, mm RAS; nothing where no splat reaches.
+    /// Returns the field at a point, mm RAS; `None` if no splat reaches it.
     pub fn at(&self, x_mm: DVec3) -> Option<Reading> {
         let sample = self.sample(x_mm - self.origin, &Shown::ALL)?;
         Some(Reading { intensity: sample.intensity, occupancy: sample.occupancy })
     }
 
-    /// Returns the first point of a ray that a look shows: where half of the light is gone, of what is there
-    /// between `from_mm` (RAS) and the end of the splats. The opacity O(x) α(V̂(x)) per mm is that of the
-    /// modes of splats, which classify after adding up; clip planes cut, hidden objects leave their place to
-    /// others.
+    /// Returns the first point of a ray that a look shows, from `from_mm` (RAS) on: the point where half of
+    /// the light is gone. The opacity O(x) α(V̂(x)) per mm is that of the render modes of splats, which
+    /// classify after adding up; clip planes cut, hidden objects leave their place to others.
     pub fn along(&self, from_mm: DVec3, direction: DVec3, look: &Look) -> Option<Hit> {
         let direction = direction.try_normalize().filter(|_| from_mm.is_finite())?;
         let mut range = self.grid.range(from_mm - self.origin, direction)?;
@@ -257,7 +255,7 @@ impl Probe {
             let at = from_mm + direction * (from + 0.5 * path) - self.origin;
             let Some(Sample { intensity, share, .. }) = self.sample(at, &shown) else { continue };
             let share = share * look.transfer.at(intensity).1;
-            // Optical depth of the stretch.
+            // This is the optical depth of the stretch.
             let depth = -path * (1.0 - share).max(f64::MIN_POSITIVE).ln();
             if depth < left {
                 left -= depth;
@@ -269,7 +267,7 @@ impl Probe {
         None
     }
 
-    /// Returns what is at a point in the space of the set; nothing where no splat reaches.
+    /// Returns the field at a point in the space of the set; `None` if no splat reaches it.
     fn sample(&self, x: DVec3, shown: &Shown) -> Option<Sample> {
         let Some(voxels) = &self.voxels else { return self.sample_field(&self.sums(x, shown, false)) };
         let at = voxels.voxel_from_set.transform_point3(x);
@@ -279,7 +277,7 @@ impl Probe {
             let far = DVec3::from_array([0, 1, 2].map(|axis| f64::from(corner >> axis & 1)));
             let weight = (far * part + (1.0 - far) * (1.0 - part)).element_product();
             let voxel = low + far;
-            // Beyond the grid there is nothing, and what hidden objects hold stays theirs.
+            // Beyond the grid there is nothing. Voxels of hidden objects stay theirs.
             let inside = voxel.cmpge(DVec3::ZERO).all() && voxel.cmple(voxels.last).all();
             let sums = self.sums(voxels.set_from_voxel.transform_point3(voxel), shown, true);
             let Some(found) = self.sample_field(&sums).filter(|_| weight > 1e-9) else { continue };
@@ -293,7 +291,7 @@ impl Probe {
             mean.occupancy += weight * occupancy;
             mean.share += weight * occupancy * (found.share / found.occupancy);
         }
-        // Where no splat reaches a voxel its neighbours' intensity stands.
+        // If no splat reaches a voxel, its neighbours' intensity is taken.
         (there > 0.0).then(|| Sample { intensity: mean.intensity / there, ..mean })
     }
 
@@ -307,8 +305,8 @@ impl Probe {
         })
     }
 
-    /// Returns the sums at a point in the space of the set, with those of hidden objects, which are not seen,
-    /// or without.
+    /// Returns the sums at a point in the space of the set; splats of hidden objects count only if `hidden`
+    /// is true, with an opacity of 0.
     fn sums(&self, x: DVec3, shown: &Shown, hidden: bool) -> Sums {
         let mut sums = Sums::default();
         if !x.is_finite() || self.splats.is_empty() {

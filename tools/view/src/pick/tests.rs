@@ -5,7 +5,7 @@ use engine::splat::Kernel;
 
 use super::*;
 
-/// Numbers from 0 to 1, the same each time.
+/// Returns numbers from 0 to 1, the same each time.
 fn numbers(mut seed: u64) -> impl FnMut() -> f32 {
     move || {
         seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -38,7 +38,7 @@ fn it_is_the_field_of_the_twin() {
         let set = set(kernel, 400);
         let probe = Probe::new(&set);
         let eye = Eye { position: DVec3::ZERO, turn: DMat3::IDENTITY, tangents: [0.0; 4] };
-        // Twins take unit quaternions.
+        // Reference implementations take unit quaternions.
         let twin = |s: &Splat| {
             let twin = reference::Splat::from(s);
             reference::Splat { rotation: twin.rotation.normalize(), ..twin }
@@ -77,7 +77,7 @@ fn beyond_the_splats_is_nothing() {
 #[test]
 fn splats_are_listed_a_few_times() {
     let mut set = set(Kernel::Compact, 3000);
-    // One that reaches through all cells, as a fit may have.
+    // One splat reaches through all cells, as a fit may have one.
     set.splats[0].set_scale([300.0; 3]);
     let probe = Probe::new(&set);
     assert_eq!(probe.large, [0]);
@@ -111,7 +111,7 @@ fn bone() -> Look {
     Look::new(engine::transfer::load("CT-Bone", [-1000.0, 2000.0]).expect("a preset"))
 }
 
-/// The same by the twin, in steps of 0.01 mm: where half of the light is gone.
+/// Finds the same by the reference implementation, in steps of 0.01 mm: where half of the light is gone.
 fn met_by_twin(
     set: &SplatSet,
     from: DVec3,
@@ -175,7 +175,7 @@ fn a_ray_meets_what_is_seen_first() {
             );
         }
     }
-    // What has an opacity of 0 holds its place, and is looked through.
+    // An object with an opacity of 0 holds its place, but one sees through it.
     let through = probe.along(from, DVec3::X, &hide(1, true, 0.0)).expect("what is behind");
     let hidden = probe.along(from, DVec3::X, &hide(1, false, 1.0)).expect("what is behind");
     assert!(through.distance_mm > 55.0 && hidden.distance_mm > 55.0, "{through:?} {hidden:?}");

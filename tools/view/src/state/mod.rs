@@ -1,4 +1,4 @@
-//! What a viewer shows, as plain data: the session file.
+//! State of the viewer as plain data: the session file.
 //!
 //! `state` has all of it: [`ViewState`], its parts, and how it is read and written.
 

@@ -1,6 +1,6 @@
-//! What a viewer shows, as plain data: the session file.
+//! State of the viewer as plain data: the session file.
 //!
-//! Whoever draws asks for the parts in the engine's terms ([`ViewState::look`], [`Orbit::camera`],
+//! Renderers ask for the parts in the engine's terms ([`ViewState::look`], [`Orbit::camera`],
 //! [`Clip::planes`]). Nothing here knows windows, panels or the device.
 
 use std::path::{Path, PathBuf};
@@ -14,48 +14,48 @@ use serde::{Deserialize, Serialize};
 use crate::orbit::Orbit;
 use crate::transfer::Transfer;
 
-/// Version of the session file; a later one is refused.
+/// Version of the session file; later versions are refused.
 pub const VERSION: u32 = 1;
-/// Most clip planes beside the six of the crop box.
+/// Greatest number of clip planes beside the six of the crop box.
 pub const MOST_PLANES: usize = PLANES - 6;
-/// Largest session file that is read, bytes.
+/// Size of the largest session file that is read, bytes.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// All that a session file restores.
+/// Everything that a session file restores.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ViewState {
     /// [`VERSION`] of the program that wrote it.
     pub version: u32,
-    /// Which of the two is shown where both are there.
+    /// Subject that is shown if there are both.
     #[serde(default)]
     pub shown: Subject,
-    /// How splats are rendered.
+    /// Mode in which splats are rendered.
     #[serde(default)]
     pub mode: SplatMode,
-    /// Where the picture is divided, a fraction of its width: splats to the left of it, the volume to the
-    /// right.
+    /// Place at which the picture is split, a fraction of its width: splats to the left of it, the volume to
+    /// the right. `None` if it is not split.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split: Option<f64>,
-    /// Behind everything: red, green, blue from 0 to 1.
+    /// Background: red, green, blue from 0 to 1.
     #[serde(default)]
     pub background: DVec3,
-    /// Where the data are.
+    /// Files of the data.
     #[serde(default)]
     pub files: Files,
     /// The camera.
     #[serde(default)]
     pub orbit: Orbit,
-    /// How fine, and how fast.
+    /// Quality and speed of pictures.
     #[serde(default)]
     pub quality: Quality,
-    /// What is painted over the picture.
+    /// Annotations and panels that are shown.
     #[serde(default)]
     pub show: Show,
-    /// What is cut away.
+    /// Clip planes and crop box.
     #[serde(default)]
     pub clip: Clip,
-    /// From intensity to colour and opacity.
+    /// Transfer function: from intensity to colour and opacity.
     pub transfer: Transfer,
     /// Fits and labels, in the order of the list.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -65,13 +65,13 @@ pub struct ViewState {
     pub distances: Vec<Distance>,
 }
 
-/// Where the data are.
+/// Files of the data.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Files {
     /// Splat files, one for each fit.
     pub splats: Vec<PathBuf>,
-    /// The CT or MR they were fitted to.
+    /// The CT or MR that they were fitted to.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<PathBuf>,
     /// The mask or label map of its region.
@@ -79,7 +79,7 @@ pub struct Files {
     pub roi: Option<PathBuf>,
 }
 
-/// What the picture shows.
+/// Subject of the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Subject {
@@ -90,54 +90,54 @@ pub enum Subject {
     Volume,
 }
 
-/// A mode of the engine that renders splats.
+/// Render mode for splats.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SplatMode {
-    /// In slabs, classified after adding up.
+    /// Slabs of splats, classified after adding up.
     #[default]
     Slab,
-    /// On the CT's own voxels, ray-marched.
+    /// The field decoded on the CT's own voxels, ray-marched.
     Decoded,
-    /// Sorted and blended: the fastest.
+    /// Splats sorted and blended; the fastest mode.
     Alpha,
-    /// A tenth of the distance between planes: the most accurate.
+    /// Planes at a tenth of the distance; the most accurate mode.
     Exact,
 }
 
-/// A row of the list: a fit, or one label of a fit.
+/// Row of the list of objects: a fit, or one label of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Object {
-    /// Index into [`Files::splats`].
+    /// Index of its file in [`Files::splats`].
     pub file: usize,
-    /// The label, where the fit has labels.
+    /// Label, if the fit has labels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub label: Option<u8>,
-    /// For people.
+    /// Name for people.
     pub name: String,
-    /// True if it is there.
+    /// True if it is shown.
     pub visible: bool,
-    /// Its colour, display-referred from 0 to 1; that of the transfer function where there is none.
+    /// Colour of its own, display-referred from 0 to 1; `None` for that of the transfer function.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tint: Option<DVec3>,
-    /// Factor of the opacity per mm, 0 to 1.
+    /// Factor on the opacity per mm, 0 to 1.
     pub opacity: f64,
 }
 
-/// What is cut away.
+/// Clip planes and crop box.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Clip {
-    /// Planes, at most [`MOST_PLANES`].
+    /// Clip planes, at most [`MOST_PLANES`].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub planes: Vec<Plane>,
-    /// The crop box; none until it is asked for the first time.
+    /// Crop box; `None` until it is asked for the first time.
     #[serde(rename = "box", skip_serializing_if = "Option::is_none")]
     pub crop: Option<CropBox>,
 }
 
-/// A clip plane: what has normal · x < offset is cut away.
+/// Clip plane, which cuts away what has normal · x < offset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plane {
@@ -145,66 +145,65 @@ pub struct Plane {
     pub on: bool,
     /// Unit vector towards what stays, RAS.
     pub normal: DVec3,
-    /// mm RAS.
+    /// Offset of the plane, mm RAS.
     pub offset_mm: f64,
 }
 
-/// A box outside of which everything is cut away.
+/// Box outside of which everything is cut away.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CropBox {
     /// True if it cuts.
     pub on: bool,
-    /// Its corner at the patient's left, back and feet, mm RAS.
+    /// Corner at the patient's left, back and feet, mm RAS.
     pub low_mm: DVec3,
     /// The opposite corner, mm RAS.
     pub high_mm: DVec3,
 }
 
-/// How fine, and how fast.
+/// Quality and speed of pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Quality {
-    /// Distance of the slabs in standard deviations of the middle splat, of the samples of a volume in voxel
+    /// Distance of slabs in standard deviations of the middle splat, or of the samples of a volume in voxel
     /// edges.
     pub step: f64,
-    /// Most splats that are drawn; all where nothing is said.
+    /// Greatest number of splats that are drawn; `None` for all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub splat_budget: Option<u64>,
-    /// What a frame may take while the picture moves, ms.
+    /// Time that a frame may take while the picture moves, ms.
     pub target_frame_ms: f64,
-    /// True if quality falls while the picture moves so that the target is met; when it rests it is full
-    /// again.
+    /// True if the quality is lowered while the picture moves to meet the target; at rest it is full again.
     pub adaptive: bool,
 }
 
-/// What is painted over the picture, and what stands beside it.
+/// Annotations and panels that are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Show {
-    /// The panels at the side.
+    /// True if the panels are shown.
     pub panels: bool,
-    /// Frame times, passes, memory.
+    /// True if frame times, passes and memory are shown.
     pub overlay: bool,
-    /// Letters of the patient's sides.
+    /// True if the letters of the patient's sides are shown.
     pub orientation: bool,
-    /// The scale bar.
+    /// True if the scale bar is shown.
     pub scale_bar: bool,
-    /// Handles of clip planes and of the crop box.
+    /// True if the handles of clip planes and of the crop box are shown.
     pub handles: bool,
 }
 
-/// Two points and the line between them.
+/// Measured distance: two points and the line between them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Distance {
-    /// One end, mm RAS.
+    /// First end, mm RAS.
     pub from_mm: DVec3,
-    /// The other end, mm RAS.
+    /// Second end, mm RAS.
     pub to_mm: DVec3,
 }
 
-/// What undo takes back: everything that is edited, and nothing of how one looks at it.
+/// Part of the state that undo restores: everything that is edited, but not the camera, mode or quality.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edited {
     transfer: Transfer,
@@ -215,7 +214,7 @@ pub struct Edited {
 }
 
 impl Edited {
-    /// Returns true if the list of objects is of the same fits and labels.
+    /// Returns true if both lists of objects are of the same fits and labels.
     pub fn has_objects_of(&self, other: &Edited) -> bool {
         let key = |o: &Object| (o.file, o.label);
         self.objects.iter().map(key).eq(other.objects.iter().map(key))
@@ -223,10 +222,10 @@ impl Edited {
 }
 
 impl SplatMode {
-    /// All of them, in the order in which one steps through them.
+    /// All modes, in the order in which one steps through them.
     pub const ALL: [SplatMode; 4] = [SplatMode::Slab, SplatMode::Decoded, SplatMode::Alpha, SplatMode::Exact];
 
-    /// Its name in [`render::MODES`].
+    /// Returns its name in [`render::MODES`].
     pub fn name(self) -> &'static str {
         match self {
             SplatMode::Slab => "slab",
@@ -250,19 +249,19 @@ impl Default for Show {
 }
 
 impl Distance {
-    /// Its length.
+    /// Returns its length, mm.
     pub fn mm(&self) -> f64 {
         self.from_mm.distance(self.to_mm)
     }
 }
 
 impl Object {
-    /// A fit or one of its labels, visible and as the transfer function shows it.
+    /// Creates a row for a fit or one of its labels, visible and with the colours of the transfer function.
     pub fn new(file: usize, label: Option<u8>, name: impl Into<String>) -> Self {
         Object { file, label, name: name.into(), visible: true, tint: None, opacity: 1.0 }
     }
 
-    /// Returns how the renderer shows it.
+    /// Returns its appearance for the renderer.
     fn appearance(&self) -> Appearance {
         let tint = self.tint.map(|colour| colour.as_vec3().to_array());
         Appearance { visible: self.visible, tint, opacity: self.opacity as f32 }
@@ -270,7 +269,7 @@ impl Object {
 }
 
 impl Plane {
-    /// For the engine. A plane whose normal has no direction cuts nothing.
+    /// Returns the engine's clip plane; `None` if it is off or its normal has no direction.
     fn engine(&self) -> Option<ClipPlane> {
         let normal = self.normal.try_normalize()?;
         self.on.then_some(ClipPlane { normal, offset: self.offset_mm })
@@ -278,7 +277,7 @@ impl Plane {
 }
 
 impl Clip {
-    /// Returns the planes that are on, of the box too, for the engine.
+    /// Returns the planes that are on, with those of the crop box, for the engine.
     pub fn planes(&self) -> Vec<ClipPlane> {
         let crop = self.crop.filter(|b| b.on).map(|b| ClipPlane::around(b.low_mm, b.high_mm));
         self.planes.iter().filter_map(Plane::engine).chain(crop.into_iter().flatten()).collect()
@@ -286,7 +285,7 @@ impl Clip {
 }
 
 impl ViewState {
-    /// Of nothing, seen through a transfer function.
+    /// Creates an empty state with a transfer function.
     pub fn new(transfer: &TransferFunction) -> Self {
         ViewState {
             version: VERSION,
@@ -305,7 +304,7 @@ impl ViewState {
         }
     }
 
-    /// Returns the name of the engine's mode for what is shown.
+    /// Returns the name of the engine's mode for a subject.
     pub fn mode_of(&self, subject: Subject) -> &'static str {
         match subject {
             Subject::Splats => self.mode.name(),
@@ -313,19 +312,19 @@ impl ViewState {
         }
     }
 
-    /// Returns how a scene is seen: `numbers` are those by which it knows the rows of [`ViewState::objects`];
-    /// none for a volume.
+    /// Returns the look of a scene. `numbers` are the scene's numbers of the rows of [`ViewState::objects`];
+    /// empty for a volume.
     ///
     /// # Errors
-    /// As [`TransferFunction::new`].
+    /// Returns the errors of [`TransferFunction::new`].
     pub fn look(&self, numbers: &[u8]) -> Result<Look> {
         let objects = numbers.iter().zip(&self.objects).map(|(number, row)| (*number, row.appearance()));
         let objects = objects.collect();
         Ok(Look { transfer: self.transfer.function()?, clip: self.clip.planes(), objects })
     }
 
-    /// Puts what was found in the files into the list. Rows that are there already, from a session file, stay
-    /// as they are; rows of what is gone are dropped.
+    /// Replaces the list of objects by those found in the files. Rows that are there already, from a session
+    /// file, stay as they are; rows of objects that are gone are dropped.
     pub fn set_objects(&mut self, found: Vec<Object>) {
         let known = std::mem::take(&mut self.objects);
         let row = |new: Object| {
@@ -335,7 +334,7 @@ impl ViewState {
         self.objects = found.into_iter().map(row).collect();
     }
 
-    /// Returns what undo would bring back.
+    /// Returns the part of the state that undo restores.
     pub fn edited(&self) -> Edited {
         Edited {
             transfer: self.transfer.clone(),
@@ -346,17 +345,17 @@ impl ViewState {
         }
     }
 
-    /// Brings back what was there.
+    /// Restores what undo brings back.
     pub fn restore(&mut self, edited: Edited) {
         let Edited { transfer, background, objects, clip, distances } = edited;
         (self.transfer, self.background, self.objects) = (transfer, background, objects);
         (self.clip, self.distances) = (clip, distances);
     }
 
-    /// Reads a session file. Paths in it that are not absolute begin at its folder.
+    /// Reads a session file. Relative paths in it begin at its folder.
     ///
     /// # Errors
-    /// [`Kind::Missing`], [`Kind::Io`], or [`Kind::BadData`] with the line and what is wrong with it.
+    /// Returns [`Kind::Missing`], [`Kind::Io`], or [`Kind::BadData`] with the line and what is wrong with it.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let mut state = ViewState::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
@@ -372,7 +371,7 @@ impl ViewState {
     /// Writes a session file, whole or not at all.
     ///
     /// # Errors
-    /// As [`engine::output::write_atomic`] and [`ViewState::text`].
+    /// Returns the errors of [`engine::output::write_atomic`] and [`ViewState::text`].
     pub fn write(&self, path: impl AsRef<Path>, force: bool) -> Result<()> {
         let text = self.text()?;
         engine::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
@@ -381,15 +380,15 @@ impl ViewState {
     /// Returns the text of a session file.
     ///
     /// # Errors
-    /// [`Kind::Usage`] if the path of a file is not UTF-8, which TOML cannot say.
+    /// Returns [`Kind::Usage`] if the path of a file is not UTF-8, which TOML cannot hold.
     pub fn text(&self) -> Result<String> {
         toml_text(self)
     }
 
-    /// From the text of a session file.
+    /// Parses the text of a session file.
     ///
     /// # Errors
-    /// [`Kind::BadData`].
+    /// Returns [`Kind::BadData`].
     pub fn parse(text: &str) -> Result<Self> {
         let help = "a session file is written by `vgs view`; mend the line, or begin without it";
         let version = |text: &str| text.parse::<toml::Table>().ok()?.get("version")?.as_integer();
@@ -445,7 +444,7 @@ pub fn mode_row(name: &'static str) -> &'static render::ModeRow {
     render::mode(name).expect("names of modes are the engine's")
 }
 
-/// As TOML. Paths are all that may fail.
+/// Returns a value as TOML. Only paths can fail.
 pub(crate) fn toml_text(value: &impl Serialize) -> Result<String> {
     toml::to_string(value).map_err(|e| {
         Error::new(Kind::Usage, "VGS-VIEW-005", format!("cannot be written as TOML: {e}"))
@@ -453,7 +452,7 @@ pub(crate) fn toml_text(value: &impl Serialize) -> Result<String> {
     })
 }
 
-/// Returns a text file of at most so many bytes.
+/// Reads a text file of at most `max_bytes` bytes.
 pub(crate) fn text_of(path: &Path, max_bytes: u64) -> Result<String> {
     use std::io::Read;
     let failed = |e: &std::io::Error| Error::io(path, "reading settings", e);

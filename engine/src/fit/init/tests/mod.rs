@@ -1,4 +1,4 @@
-//! Count, place, spacing, orientation and repeatability of the first splats.
+//! Tests of count, place, spacing, orientation and repeatability of the first splats.
 
 mod orientation;
 mod uniform;
@@ -29,7 +29,7 @@ fn region(size: [usize; 3], weight: impl Fn(usize, usize, usize) -> f32) -> Roi 
     Roi { size, weight, soft }
 }
 
-/// A bright ball with an even inside, in an even outside.
+/// Creates a bright ball with an even inside, in an even outside.
 fn ball(size: [usize; 3]) -> Volume {
     let centre = size.map(|n| n as f32 / 2.0);
     volume(size, |x, y, z| {
@@ -151,7 +151,7 @@ fn points_keep_apart() {
     let size = [32, 32, 32];
     let (volume, roi) = (volume(size, |_, _, _| 0.0), region(size, |_, _, _| 1.0));
     let count = 3000;
-    // Spacing of an even density, (voxels / count)^⅓.
+    // This is the spacing of an even density, (voxels / count)^⅓.
     let spacing = (32.0f32.powi(3) / count as f32).cbrt();
     let blue = nearest_distances(&initialise(&volume, &roi, count, 3, &FitConfig::default().init()));
     let mut rng = Pcg64::seed_from_u64(3);
@@ -162,7 +162,8 @@ fn points_keep_apart() {
         })
         .collect();
     let random = nearest_distances(&random);
-    // Least distance and first percentile, in units of the spacing. Independent points have 0.55·(i/n)^⅓ or so.
+    // Least distance and first percentile, in units of the spacing. Independent points have 0.55·(i/n)^⅓ or
+    // so.
     assert!(blue[0] > 0.5 * spacing, "least distance {}", blue[0] / spacing);
     assert!(random[0] < 0.15 * spacing, "least random distance {}", random[0] / spacing);
     assert!(blue[count / 100] > 4.0 * random[count / 100]);

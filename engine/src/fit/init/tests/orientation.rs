@@ -1,4 +1,4 @@
-//! What each row of the table finds in a plane and in a tube, in cubic and in oblong voxels.
+//! Tests of what each orientation cue finds in a plane and in a tube, in cubic and in oblong voxels.
 
 use glam::{DMat3, DVec3};
 
@@ -8,10 +8,10 @@ const SIZE: [usize; 3] = [30, 28, 26];
 /// Distances in these scenes are in units of the mean spacing, in which voxels are cubic or oblong.
 const CUBIC: DVec3 = DVec3::ONE;
 const OBLONG: DVec3 = DVec3::new(0.75, 0.75, 1.5);
-/// Along the tube or across the plane.
+/// Direction along the tube or across the plane.
 const DIRECTION: DVec3 = DVec3::new(2.0, 1.0, -1.5);
 
-/// A grid that is turned against the world as scanners do it, left-handed.
+/// Returns a grid that is turned against the world as scanners do it, left-handed.
 fn affine(spacing_mm: DVec3) -> DAffine3 {
     let turn = DMat3::from_axis_angle(DVec3::new(1.0, -2.0, 0.5).normalize(), 0.4);
     let left = DMat3::from_diagonal(spacing_mm * DVec3::new(-1.0, 1.0, 1.0));
@@ -22,7 +22,7 @@ fn centre(affine: &DAffine3) -> DVec3 {
     affine.transform_point3(DVec3::from_array(SIZE.map(|n| n as f64 / 2.0)))
 }
 
-/// A scene of the world on that grid.
+/// Samples a scene, given in the world, on that grid.
 fn scene(spacing_mm: DVec3, hu: impl Fn(DVec3) -> f64) -> Volume {
     let affine = affine(spacing_mm);
     let centre = centre(&affine);
@@ -45,8 +45,8 @@ fn tube(spacing_mm: DVec3) -> Volume {
     scene(spacing_mm, |p| 600.0 * (-0.5 * p.reject_from_normalized(direction()).length_squared() / 4.0).exp())
 }
 
-/// Share of the splats near `place` whose axis `k` in the world lies within some 14 degrees of the direction; -1 where
-/// there are too few to say.
+/// Returns the share of the splats at places that `near` accepts whose axis `k` in the world lies within some
+/// 14 degrees of the direction; -1 if there are too few to say.
 fn share(name: &str, volume: &Volume, k: usize, near: impl Fn(DVec3) -> bool) -> f64 {
     let config = InitConfig {
         orientation: ORIENTATIONS.iter().find(|row| row.name == name).expect("a row"),
@@ -83,7 +83,7 @@ fn share(name: &str, volume: &Volume, k: usize, near: impl Fn(DVec3) -> bool) ->
     if all > 50.0 { hits / all } else { -1.0 }
 }
 
-/// Name of the cue, volume, axis, which means count, and the least share of them.
+/// Name of the cue, volume, axis, test for the means that count, and their least share.
 type Row<'a> = (&'a str, &'a Volume, usize, &'a dyn Fn(DVec3) -> bool, f64);
 
 #[test]

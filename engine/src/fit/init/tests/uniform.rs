@@ -1,4 +1,5 @@
-//! The paper's initialisation: where splats lie, how large they are, and what they take from the volume.
+//! Tests of the paper's initialisation: where splats lie, how large they are, and what they take from the
+//! volume.
 
 use super::*;
 use crate::fit::init::uniform;
@@ -9,8 +10,8 @@ fn paper() -> InitConfig {
     InitConfig { scale_min: 1.5, scale_max: 4.0, opacity: 0.1, ..FitConfig::default().init() }
 }
 
-/// Greatest distance between the distribution of `values` and the uniform one from `low` to `high`
-/// (Kolmogorov-Smirnov), times the root of their number: beyond 1.95 once in a thousand.
+/// Returns the greatest distance between the distribution of `values` and the uniform one from `low` to
+/// `high` (Kolmogorov-Smirnov), times the root of their number: beyond 1.95 once in a thousand.
 fn distance_from_uniform(mut values: Vec<f32>, low: f32, high: f32) -> f32 {
     values.sort_by(f32::total_cmp);
     let n = values.len() as f32;

@@ -1,4 +1,4 @@
-//! Refinement, pruning and hole filling.
+//! Tests of refinement, pruning and hole filling.
 
 use glam::{DMat3, DVec3};
 
@@ -169,7 +169,7 @@ fn holes_are_found_and_filled() {
 fn holes_and_refinement_share_what_may_be_added() {
     let config = FitConfig { topology_hole_weight: 1e9, topology_share: 0.2, ..open() };
     let mut world = World::new(vec![splat([15.0, 12.0, 11.0], 1.0, 0.5); 50], config, 1.0);
-    // How many splats have a gradient, how many of 10 new ones fill holes.
+    // Number of splats with a gradient, and of holes that the 10 new ones fill.
     for (refined, filled) in [(0, 10), (3, 7), (5, 5), (20, 5)] {
         world.norms = (0..50).map(|i| if i < refined { 1.0 } else { 0.0 }).collect();
         let change = densify(&world.scene(), &mut random());

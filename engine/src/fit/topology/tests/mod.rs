@@ -1,4 +1,4 @@
-//! Changes of topology on small worlds whose field is summed plainly, splat by splat and voxel by voxel.
+//! Tests of density control on small worlds whose field is summed plainly, splat by splat and voxel by voxel.
 
 mod densify;
 mod residual;
@@ -34,7 +34,7 @@ struct World {
 const SIZE: [usize; 3] = [30, 26, 22];
 
 impl World {
-    /// A volume with an edge and a texture, whose ROI is a ball of radius 9 with that weight.
+    /// Creates a volume with an edge and a texture, whose ROI is a ball of radius 9 with that weight.
     fn new(splats: Vec<Splat>, config: FitConfig, weight: f32) -> World {
         let mut samples = Vec::new();
         let mut inside = Vec::new();
@@ -84,7 +84,7 @@ impl World {
         }
     }
 
-    /// Equation (2) at the voxels, with garbage where a sample takes no part.
+    /// Computes equation (2) at the voxels, with garbage where a sample takes no part.
     fn sum_field(&mut self) {
         let garbage = FieldSample { hu: f32::NAN, occupancy: f32::NAN, weight: f32::NAN };
         self.samples = self.bricks.map_samples(0..self.bricks.len(), garbage, |voxel| {
@@ -111,7 +111,7 @@ fn voxels() -> impl Iterator<Item = (usize, usize, usize)> {
     (0..nx * ny * nz).map(move |i| (i % nx, i / nx % ny, i / (nx * ny)))
 }
 
-/// w of a splat at a voxel, from the definition.
+/// Returns w of a splat at a voxel, from the definition.
 fn weight(splat: &Splat, x: DVec3, kernel: Kernel) -> f64 {
     let d = x - DVec3::from_array(splat.mean.map(f64::from));
     let u = splat.axes().transpose() * d / DVec3::from_array(splat.scale().map(f64::from));
@@ -129,7 +129,7 @@ fn splat(mean: [f32; 3], scale: f32, opacity: f32) -> Splat {
     splat
 }
 
-/// `count` splats of all sorts in and near the ball.
+/// Creates `count` splats of all sorts in and near the ball.
 fn crowd(count: usize, seed: u64) -> Vec<Splat> {
     let mut random = Pcg64::seed_from_u64(seed);
     let mut number = |low: f32, high: f32| random.random_range(low..high);
@@ -154,12 +154,12 @@ fn bits(splats: &[Splat]) -> &[u32] {
     bytemuck::cast_slice(splats)
 }
 
-/// Everything densify may do in one change, and no holes.
+/// Returns a configuration in which densify may do everything in one change, and finds no holes.
 fn open() -> FitConfig {
     FitConfig { topology_share: 1.0, topology_hole_weight: 0.0, ..FitConfig::default() }
 }
 
-/// Each row says which old splat it is or that it is new, and old ones are as they were.
+/// Asserts that each row says which old splat it is or that it is new, and that old ones are as they were.
 fn assert_consistent(world: &World, change: &Change, name: &str) {
     assert_eq!(change.splats.len(), change.keeps.len(), "{name}");
     assert!(!change.splats.is_empty(), "{name}: a change empties nothing");

@@ -1,4 +1,4 @@
-//! Where the field is wrong, and the two changes that go there.
+//! Tests of where the field is wrong, and of the two changes that go there.
 
 use glam::DVec3;
 

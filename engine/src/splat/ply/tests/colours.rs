@@ -3,8 +3,8 @@
 use super::*;
 use crate::splat::Harmonics;
 
-/// A file of the usual layout (normals, harmonics between f_dc and opacity) with `rest` properties `f_rest`, whose
-/// value in row `i` is `value(i, index)`.
+/// Returns a file of the usual layout (normals, harmonics between f_dc and opacity) with `rest` properties
+/// `f_rest`, whose value in row `i` is `value(i, index)`.
 fn usual(count: usize, rest: usize, value: impl Fn(usize, usize) -> f32) -> Vec<u8> {
     let names: Vec<String> = (0..rest).map(|i| format!("f_rest_{i}")).collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();

@@ -72,7 +72,7 @@ fn sample(count: usize) -> SplatSet {
     }
 }
 
-/// A PLY file from its parts: header lines after `format`, then the payload.
+/// Returns a PLY file made of its parts: header lines after `format`, then the payload.
 fn file(format: &str, header: &str, payload: &[u8]) -> Vec<u8> {
     let mut file = format!("ply\nformat {format} 1.0\n{header}end_header\n").into_bytes();
     file.extend_from_slice(payload);
@@ -548,7 +548,7 @@ fn files_are_described_and_never_replaced_by_accident() {
     assert_eq!(read(&path, &STRICT).expect_err("half a header").file, Some(path));
 }
 
-/// Any splat that a file may hold and a reader leaves as it is.
+/// Generates any splat that a file may hold and a reader leaves as it is.
 fn any_splat() -> impl Strategy<Value = Splat> {
     let finite = || any::<f32>().prop_filter("finite", |v| v.is_finite());
     let values = prop::array::uniform12(finite());

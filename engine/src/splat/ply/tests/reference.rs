@@ -30,7 +30,7 @@ const THEIRS: [&str; 20] = [
     "rot_3",
 ];
 
-/// A splat as their code has it: in the cube [0, 1]³, with its part of the region's intensities.
+/// A splat as the authors' code has it: in the cube [0, 1]³, with its part of the region's intensities.
 struct Theirs {
     at: DVec3,
     scale: DVec3,
@@ -52,7 +52,8 @@ fn some(count: usize) -> Vec<Theirs> {
         .collect()
 }
 
-/// The file that their code writes of them; `hu` is over the range of the whole volume.
+/// Returns the file that the authors' code writes of these splats; `hu` is over the range of the whole
+/// volume.
 fn their_file(splats: &[Theirs], place: &Place, without: &[&str]) -> Vec<u8> {
     let names: Vec<&str> = THEIRS.iter().copied().filter(|name| !without.contains(name)).collect();
     let extent = place.steps() * place.spacing_mm();
@@ -202,7 +203,7 @@ fn what_is_written_comes_back() {
     }
 }
 
-/// A file of ours as somebody writes it who drops comments.
+/// Returns one of our files without its comments, as a program that drops them would write it.
 fn without_comments(file: &[u8]) -> Vec<u8> {
     let end = file.windows(11).position(|w| w == b"end_header\n").expect("a header");
     let header = std::str::from_utf8(&file[..end]).expect("ASCII");

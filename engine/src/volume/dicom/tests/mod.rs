@@ -13,12 +13,12 @@ mod writer;
 
 use writer::{Dicom, words};
 
-/// The normal of the slices, and where slice `i` lies without a tilt, 3 mm apart.
+/// Returns the place of slice `i` without a tilt; slices are 3 mm apart along their normal.
 fn place(i: f64) -> DVec3 {
     DVec3::new(10.0, -20.0, 30.0 + 3.0 * i)
 }
 
-/// A folder with these files, their names in the reverse order.
+/// Returns a folder with these files, their names in reverse order.
 fn folder(files: &[Dicom]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     for (i, file) in files.iter().enumerate() {

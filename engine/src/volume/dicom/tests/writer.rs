@@ -1,4 +1,4 @@
-//! Writes DICOM files byte by byte, for tests: nothing of it is shared with what reads them.
+//! A writer of DICOM files byte by byte, for tests; it shares nothing with the reader.
 #![allow(dead_code, reason = "each test that includes this file uses a part of it")]
 
 use glam::DVec3;
@@ -27,7 +27,8 @@ fn numbers(values: &[f64]) -> String {
 }
 
 impl Dicom {
-    /// A slice of 4 columns and 3 rows at a position along an oblique grid, with what a CT has.
+    /// Creates a slice of 4 columns and 3 rows at a position along an oblique grid, with the attributes of a
+    /// CT.
     pub fn slice(number: u16, position: DVec3) -> Self {
         let mut file = Dicom { syntax: PLAIN, class: "1.2.840.10008.5.1.4.1.1.2", elements: Vec::new() };
         file.text((0x0008, 0x0018), b"UI", &format!("1.2.3.{number}"));

@@ -1,4 +1,4 @@
-//! The flags of `vgs compare`.
+//! Flags of `vgs compare`.
 
 use std::path::PathBuf;
 
@@ -52,7 +52,7 @@ Examples:
   vgs compare ct.nii.gz field.nii.gz --roi bones.nii.gz --range roi     the paper's Table 2
   vgs compare ct.nii.gz upsampled.nii.gz --roi bones.nii.gz --range own       its Table 3";
 
-/// What a map of differences shows.
+/// Quantity in a map of differences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Map {
     /// How strongly the difference is seen, on a scale from 0 to 1
@@ -61,7 +61,7 @@ pub enum Map {
     Absolute,
 }
 
-/// What of two volumes is compared, and over which range.
+/// Region and range in which two volumes are compared.
 #[derive(Args, Debug)]
 #[group(skip)]
 #[command(next_help_heading = "Volumes")]
@@ -75,28 +75,30 @@ pub struct VolumeArguments {
     /// Which labels of the mask, by number or name
     #[arg(long, value_name = "N|NAME,...", requires = "roi")]
     pub roi_label: Option<String>,
-    /// What the PSNR is over: two HU, or roi for the range of the first volume inside the region; both volumes are clipped
-    /// to it. Or own: each volume over its own full range [default: the full range of the first]
+    /// What the PSNR is over: two HU, or roi for the range of the first volume inside the region; both
+    /// volumes are clipped to it. Or own: each volume over its own full range [default: the full range of the
+    /// first]
     #[arg(long, value_name = "LOW,HIGH|roi|own", value_parser = any_range, allow_hyphen_values = true)]
     pub range: Option<Range>,
 }
 
 impl VolumeArguments {
-    /// True if any of them is given.
+    /// Returns true if any of the flags is given.
     pub fn are_given(&self) -> bool {
         self.roi.is_some() || self.roi_threshold.is_some() || self.range.is_some()
     }
 }
 
 impl CompareArguments {
-    /// True if volumes are compared: by the name of the first file, or by flags that only volumes have.
+    /// Returns true if volumes are compared: by the name of the first file, or by flags that only volumes
+    /// have.
     pub fn of_volumes(&self) -> bool {
         let name = self.a.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let mut endings = volume::FORMATS.iter().flat_map(|format| format.extensions);
         self.volumes.are_given() || self.a.is_dir() || endings.any(|ending| name.ends_with(ending))
     }
 
-    /// Names both files in what is wrong with the pair.
+    /// Adds the names of both files to an error of the pair.
     pub fn name_both(&self, error: Error) -> Error {
         let message = format!("{} and {}: {}", self.a.display(), self.b.display(), error.message);
         Error { message, ..error }

@@ -1,4 +1,4 @@
-//! `vgs compare`: how different two pictures are, or two volumes inside a region.
+//! Compares two pictures, or two volumes inside a region (`vgs compare`).
 //!
 //! | file | subject |
 //! |---|---|

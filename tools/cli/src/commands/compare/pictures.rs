@@ -1,4 +1,4 @@
-//! Two pictures.
+//! Compares two pictures.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use crate::shared::figures::decibel;
 use crate::shared::outputs;
 use crate::shared::terminal::clean;
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct PictureComparison {
     /// Width and height, pixels.
@@ -22,7 +22,7 @@ struct PictureComparison {
     psnr_db: f64,
     ssim: f64,
     flip_mean: f64,
-    /// Largest difference of a channel; 1 is from black to the brightest.
+    /// Largest difference of a channel; 1 is the difference between black and the brightest.
     largest_difference: f32,
     /// Place of the largest difference: column from the left and row from the top.
     largest_at: [usize; 2],

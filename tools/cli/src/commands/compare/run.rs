@@ -1,4 +1,4 @@
-//! `vgs compare`: pictures or volumes, as the first file says.
+//! Compares pictures or volumes, depending on the first file.
 
 use super::arguments::CompareArguments;
 use super::{pictures, volumes};

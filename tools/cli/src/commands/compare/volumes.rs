@@ -1,4 +1,4 @@
-//! Two volumes inside a region.
+//! Compares two volumes inside a region.
 
 use engine::volume::compare::{self, Comparison, Normalisation};
 use engine::volume::{Roi, Volume};
@@ -12,7 +12,7 @@ use crate::shared::figures::decibel;
 use crate::shared::flags::Range;
 use crate::shared::inputs::{Case, region_of, volume_of};
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct VolumeComparison {
     size: [usize; 3],
@@ -20,8 +20,7 @@ struct VolumeComparison {
     psnr_db: f64,
     #[serde(flatten)]
     comparison: Comparison,
-    /// What the ranges were taken from: the first `volume`, the same inside the `roi`, each volume its `own`, or
-    /// `given`.
+    /// Origin of the ranges: the first `volume`, the same inside the `roi`, each volume's `own`, or `given`.
     range_of: &'static str,
 }
 
@@ -68,7 +67,7 @@ pub fn compare(arguments: &CompareArguments, console: &Console) -> std::result::
     Ok(0)
 }
 
-/// Returns what the ranges were taken from, for scripts and for people.
+/// Returns the origin of the ranges, for scripts and for people.
 fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
     match chosen {
         Some(Range::Own) => ("own", "each volume over its own"),

@@ -1,4 +1,4 @@
-//! The flags of `vgs fit`.
+//! Flags of `vgs fit`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -34,8 +34,8 @@ pub struct FitArguments {
     /// Leaves out the closing evaluation
     #[arg(long, help_heading = "Output")]
     pub no_eval: bool,
-    /// What the PSNR of the closing evaluation is over: two HU, or roi for the volume's range inside the region [default:
-    /// the range of the whole volume]
+    /// What the PSNR of the closing evaluation is over: two HU, or roi for the volume's range inside the
+    /// region [default: the range of the whole volume]
     #[arg(long, value_name = "LOW,HIGH|roi", value_parser = range_or_roi, allow_hyphen_values = true,
           help_heading = "Output")]
     pub eval_range: Option<Range>,
@@ -43,8 +43,8 @@ pub struct FitArguments {
     #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Output",
           value_parser = clap::value_parser!(u32).range(0..=64))]
     pub eval_offsets: u32,
-    /// Says first what the fit will cost on this device: time, memory, file, error. The record then has both that and what
-    /// it came to
+    /// Says first what the fit will cost on this device: time, memory, file, error. The record then has both
+    /// that and what it came to
     #[arg(long, help_heading = "Output", conflicts_with = "resume")]
     pub explain: bool,
     /// Says it and does not fit; nothing is written
@@ -56,8 +56,9 @@ pub struct FitArguments {
     pub checkpoint: CheckpointArguments,
     #[command(flatten)]
     pub read: ReadArguments,
-    /// Time until the splats are ready (90s, 5m), reading included: as many iterations as it allows are done, and
-    /// the schedule follows the clock. Two runs then differ. --iterations limits it only where it is given
+    /// Time until the splats are ready (90s, 5m), reading included: as many iterations as it allows are done,
+    /// and the schedule follows the clock. Two runs then differ. --iterations limits it only where it is
+    /// given
     #[arg(long, value_name = "TIME", value_parser = duration, help_heading = "Settings")]
     pub time_budget: Option<Duration>,
     #[command(flatten)]
@@ -87,13 +88,13 @@ impl FitArguments {
         inputs
     }
 
-    /// True if outputs that exist may be replaced. What an interrupted fit has written is its own to replace, and a dry run
-    /// writes nothing that could replace anything.
+    /// Returns true if existing outputs may be replaced. A resumed fit may replace what the interrupted one
+    /// has written, and a dry run writes nothing.
     pub fn replaces_outputs(&self) -> bool {
         self.force || self.checkpoint.resume || self.dry_run
     }
 
-    /// Returns how long the fit goes on, when `spent` has passed since the command began.
+    /// Returns the schedule of the fit, when `spent` has passed since the command began.
     pub fn schedule(&self, settings: &Settings, spent: Duration) -> Schedule {
         // The default number of iterations is meant for fits without a clock.
         let iterations = match self.time_budget {
@@ -103,7 +104,7 @@ impl FitArguments {
         Schedule { iterations, time: self.time_budget.map(|t| t.saturating_sub(spent)) }
     }
 
-    /// Returns what a record keeps of the input files.
+    /// Returns the records of the input files.
     pub fn input_records(&self) -> Result<BTreeMap<&'static str, InputRecord>> {
         let mut records = BTreeMap::from([("volume", InputRecord::of(&self.volume)?)]);
         if let Some(mask) = &self.region.roi {

@@ -1,10 +1,10 @@
-//! What a fit leaves on the way, so that it can be looked at and can go on: splats as PLY, and its state.
+//! Checkpoints of a fit, by which one can look at it and resume it: splats as PLY, and its state.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::fit::{CurvePoint, FitConfig, Interrupted, FitState};
+use engine::fit::{CurvePoint, FitConfig, FitState, Interrupted};
 use engine::output::check_writable;
 use engine::splat::{self, SplatSet, WriteOptions};
 use engine::{Error, Kind, Result};
@@ -14,50 +14,50 @@ use serde_json::Value;
 use crate::shared::inputs::{CleaningArguments, InputRecord, RoiArguments};
 use crate::shared::outputs::beside;
 
-/// Stopping and going on.
+/// Flags for checkpoints and resuming.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Output")]
 pub struct CheckpointArguments {
     /// Every N iterations writes the splats so far (OUT.000100.ply) and what --resume needs (OUT.state)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: Option<u32>,
-    /// Goes on from OUT.state, which an interrupted fit leaves: to the splats of a fit that never stopped, bit for bit.
-    /// Outputs of the interrupted fit are replaced
+    /// Goes on from OUT.state, which an interrupted fit leaves: to the splats of a fit that never stopped,
+    /// bit for bit. Outputs of the interrupted fit are replaced
     #[arg(long)]
     pub resume: bool,
 }
 
-/// What a state file holds beside the state: the fit that it belongs to, and the course so far.
+/// Notes in a state file beside the state: the fit that it belongs to, and the curve so far.
 #[derive(Serialize, Deserialize)]
 struct StateNotes {
     /// Hash of each input file, by its name in the record.
     inputs: BTreeMap<String, String>,
-    /// The region of interest as the flags say it.
+    /// Region of interest, as the flags give it.
     region: String,
     config: FitConfig,
     seconds: f64,
     curve: Vec<CurvePoint>,
 }
 
-/// The checkpoints of one fit.
+/// Checkpoints of one fit.
 pub struct Checkpoints {
     every: Option<u32>,
     output: PathBuf,
-    /// How splats are written; with `force` files that exist are replaced.
+    /// Options with which splats are written; with `force` existing files are replaced.
     write: WriteOptions,
     inputs: BTreeMap<String, String>,
     region: String,
     config: FitConfig,
 }
 
-/// Returns the file that holds the state of a fit to `output`.
+/// Returns the path of the state of a fit to `output`.
 pub fn state_path(output: &Path) -> PathBuf {
     beside(output, ".state")
 }
 
 impl Checkpoints {
-    /// Makes ready for the checkpoints of a fit to `output`. Refuses where a file that a checkpoint would write
-    /// exists, unless `write` replaces it.
+    /// Prepares the checkpoints of a fit to `output`. Returns an error if a file that a checkpoint would
+    /// write exists, unless `write` replaces it.
     pub fn new(
         arguments: &CheckpointArguments,
         output: &Path,
@@ -93,7 +93,7 @@ impl Checkpoints {
         beside(&self.output, &format!(".{iteration:06}.ply"))
     }
 
-    /// True if a checkpoint is written after this iteration.
+    /// Returns true if a checkpoint is written after this iteration.
     pub fn is_due(&self, iteration: u32) -> bool {
         self.every.is_some_and(|every| iteration > 0 && iteration.is_multiple_of(every))
     }
@@ -103,7 +103,7 @@ impl Checkpoints {
         splat::write_as(&self.splats_path(iteration), set, &self.write)
     }
 
-    /// Writes where the fit stands.
+    /// Writes the state of the fit with its notes.
     pub fn write_state(&self, state: &FitState, seconds: f64, curve: &[CurvePoint]) -> Result<()> {
         let notes = StateNotes {
             inputs: self.inputs.clone(),
@@ -115,7 +115,7 @@ impl Checkpoints {
         let notes = serde_json::to_string(&notes).map_err(|e| {
             Error::new(Kind::Internal, "VGS-CLI-031", format!("the notes of a state cannot be written: {e}"))
         })?;
-        // The state before this one is this fit's own.
+        // The previous state belongs to this fit.
         state.write(&state_path(&self.output), &notes, true)
     }
 
@@ -124,7 +124,8 @@ impl Checkpoints {
         let _ = std::fs::remove_file(state_path(&self.output));
     }
 
-    /// Reads where the fit stands. It must be this fit: the same inputs, region and hyper-parameters.
+    /// Reads the state of an interrupted fit. It must be this fit: the same inputs, region and
+    /// hyper-parameters.
     pub fn read(&self) -> Result<Interrupted> {
         let path = state_path(&self.output);
         let (state, text) = FitState::read(&path)?;
@@ -153,8 +154,8 @@ impl Checkpoints {
     }
 }
 
-/// Returns the region as the flags say it. Without steps that clean it the text is what it was before there were any, so
-/// that older states can go on.
+/// Returns the region as text, as the flags give it. Without steps that clean the region the text is the same
+/// as before such steps existed, so that older states can be resumed.
 fn region_text(region: &RoiArguments) -> String {
     let RoiArguments { roi: _, roi_threshold, roi_label, cleaning } = region;
     let steps =
@@ -164,7 +165,7 @@ fn region_text(region: &RoiArguments) -> String {
 
 /// Returns the first key in which two configurations differ, and both values.
 fn difference(a: &FitConfig, b: &FitConfig) -> Option<(&'static str, Value, Value)> {
-    // By way of text, so that 0.1 as f32 stays 0.1.
+    // The values go through text, so that 0.1 as f32 stays 0.1.
     let text = |config| serde_json::to_string(config).unwrap_or_default();
     let values = |config| serde_json::from_str::<Value>(&text(config)).unwrap_or_default();
     let (a, b) = (values(a), values(b));

@@ -1,6 +1,6 @@
-//! Estimates what a fit will cost before it begins: memory and file size by preparing it, time by running its first
-//! iterations on this device, errors by those that these leave and by what the rest of a fit of the same quality made of
-//! such errors where it was measured.
+//! Estimates what a fit will cost before it begins. Memory and file size come from preparing it, and time
+//! from running its first iterations on this device. Errors come from those after these iterations, and from
+//! the ratio of final to early errors in measured fits of the same quality.
 
 use std::time::{Duration, Instant};
 
@@ -13,33 +13,34 @@ use engine::splat::{self, Splat, SplatSet};
 use crate::report::estimate::{Estimate, VoxelErrors};
 use crate::shared::inputs::Case;
 
-/// Iterations that are not counted: kernels are compiled at the first one, and buffers grow.
+/// Number of iterations that are not timed: kernels are compiled at the first one, and buffers grow.
 const WARM_UP: u32 = 4;
-/// Iterations of a batch, which is timed as a whole: one is recorded while another runs.
+/// Number of iterations of a batch, which is timed as a whole: one is recorded while another runs.
 const BATCH: u32 = 4;
-/// Iterations are timed for so long ...
+/// Time after which no further iterations are timed.
 const TIMED: Duration = Duration::from_millis(2500);
-/// ... or so many.
+/// Greatest number of iterations that are timed.
 const MOST_TIMED: u32 = 64;
-/// Time of an iteration later in a fit over that of its first ones: splats that have found their places reach other
-/// bricks. It is the median of the 28 fits of the default profile in docs/results/paper-tables/runs (iterations after the
-/// 50th over those before), half of which lie between 1.02 and 1.14.
+/// Ratio of the time of a later iteration to that of the first ones: splats that have found their places
+/// reach other bricks. It is the median of the 28 fits of the default profile in
+/// docs/results/paper-tables/runs (iterations after the 50th over those before), half of which lie between
+/// 1.02 and 1.14.
 const GROWTH: f64 = 1.07;
 
 /// Times measured at the first iterations, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Rates {
-    /// Reading the inputs and placing the first splats; they are done already.
+    /// Time of reading the inputs and placing the first splats, which are done already.
     before: f64,
-    /// Targets and buffers.
+    /// Time of creating targets and buffers.
     setup: f64,
-    /// The first iterations beyond what they will cost later.
+    /// Additional time of the first iterations.
     warm_up: f64,
-    /// An iteration, in the mean of the whole fit.
+    /// Mean time of an iteration over the whole fit.
     iteration: f64,
-    /// Fetching figures and splats.
+    /// Time of fetching figures and splats once.
     look: f64,
-    /// The closing evaluation.
+    /// Time of the closing evaluation.
     evaluation: f64,
 }
 
@@ -48,11 +49,11 @@ impl Rates {
     fn iterations(&self, schedule: &Schedule) -> u32 {
         let Some(time) = schedule.time else { return schedule.iterations };
         let left = (time.as_secs_f64() - self.warm_up).max(0.0) / self.iteration.max(1e-9);
-        // Saturates where time is long and iterations are fast.
+        // The conversion saturates if time is long and iterations are fast.
         schedule.iterations.min(left as u32).max(1)
     }
 
-    /// Returns the time of so many iterations with `looks` at figures.
+    /// Returns the time of `iterations`, with figures fetched `looks` times, seconds.
     fn fit(&self, iterations: u32, looks: u32) -> f64 {
         self.warm_up + f64::from(iterations) * self.iteration + f64::from(looks) * self.look
     }
@@ -62,26 +63,26 @@ impl Rates {
     }
 }
 
-/// What is estimated.
+/// Fit that is estimated.
 pub struct Plan<'a> {
-    /// A device object other than that of the fit, so that each has its own account of memory.
+    /// Device object other than that of the fit, so that memory is counted separately.
     pub gpu: &'a Gpu,
-    /// What is fitted.
+    /// Problem of the fit.
     pub problem: &'a Problem<'a>,
-    /// What is evaluated at the end: volume and region as they were read.
+    /// Volume and region as they were read, for the evaluation at the end.
     pub native: &'a Case,
-    /// Where the fit begins, and the splats there.
+    /// Start of the fit, and the splats there.
     pub begin: &'a Start,
     pub first: &'a [Splat],
     pub schedule: Schedule,
     /// The closing evaluation, if there is one.
     pub protocol: Option<Protocol>,
-    /// The splats as they will be written, but for their values.
+    /// Splats as they will be written, except for their values.
     pub set: &'a SplatSet,
     pub output: &'a std::path::Path,
-    /// How they will be written.
+    /// Options with which they will be written.
     pub write: &'a splat::WriteOptions,
-    /// The quality, if nothing that it sets was changed.
+    /// Quality, if none of its settings was changed.
     pub quality: Option<&'static QualityPreset>,
     /// Time since the command began.
     pub before: Duration,
@@ -95,7 +96,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     let evaluating = Instant::now();
     let early = errors(plan, &early)?;
     if let Some(protocol) = &plan.protocol {
-        // One grid tells what each costs.
+        // One grid is measured, and all cost the same.
         rates.evaluation = evaluating.elapsed().as_secs_f64() * (1 + protocol.offsets.len()) as f64;
     }
     let iterations = rates.iterations(&plan.schedule);
@@ -136,7 +137,7 @@ fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<VoxelErrors> {
     Ok(VoxelErrors { rmse_hu: found.on_grid.rmse_hu, p99_hu: found.on_grid.p99_hu })
 }
 
-/// Iterations between two looks at figures, at least, as a fit has them.
+/// Least number of iterations after which a fit fetches figures.
 const LOOK_EVERY: u32 = 16;
 
 /// Runs and times the fit's first iterations; returns the splats after [`EARLY`] of them.
@@ -172,7 +173,7 @@ fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<Vec<Splat>> {
     Ok(early.unwrap_or_default())
 }
 
-/// Returns the errors to be expected of a quality whose first iterations left these.
+/// Returns the expected errors of a fit with this quality whose first iterations left errors `early`.
 fn expected(quality: &QualityPreset, early: VoxelErrors) -> VoxelErrors {
     VoxelErrors {
         rmse_hu: quality.rmse_of_early * early.rmse_hu,

@@ -1,4 +1,4 @@
-//! `vgs fit`: splats for the region of interest of a volume.
+//! Fits splats to the region of interest of a volume (`vgs fit`).
 //!
 //! | file | subject |
 //! |---|---|
@@ -6,8 +6,8 @@
 //! | `run` | the command, stage by stage: prepare, estimate, fit, evaluate, report |
 //! | `stages` | estimate, fit, evaluate |
 //! | `prepare` | the first stage: reads, chooses and checks |
-//! | `explain` | what the fit will cost, by trying |
-//! | `watch` | who accompanies the fit: progress, signals; `checkpoint`: what it leaves on the way |
+//! | `explain` | estimates what the fit will cost, by its first iterations |
+//! | `watch` | watches the fit: progress, signals; `checkpoint`: files written on the way |
 //! | `reporting` | the last stage: record, curve, printed figures |
 //! | `output_files` | the files that the fit writes |
 

@@ -1,4 +1,4 @@
-//! The files that a fit writes.
+//! Files that a fit writes.
 
 use std::path::{Path, PathBuf};
 
@@ -13,19 +13,19 @@ use crate::shared::lock::Lock;
 use crate::shared::outputs;
 use crate::shared::signals::Signals;
 
-/// The outputs of a fit.
+/// Outputs of a fit.
 pub struct OutputFiles {
-    /// The splats.
+    /// File of the splats.
     pub splats: PathBuf,
     record: PathBuf,
     csv: PathBuf,
     svg: PathBuf,
-    /// The picture of the closing evaluation, if one was asked for.
+    /// Picture of the closing evaluation, if one was asked for.
     pub picture: Option<PathBuf>,
 }
 
 impl OutputFiles {
-    /// Returns the outputs that the flags name, once it is sure that they can be written.
+    /// Returns the outputs that the flags name, once it is certain that they can be written.
     pub fn checked(arguments: &FitArguments) -> Result<Self> {
         let files = OutputFiles::of(&arguments.output, arguments.picture.clone());
         files.check(arguments)?;
@@ -43,8 +43,8 @@ impl OutputFiles {
         }
     }
 
-    /// Returns where a fit that ended so writes. What a finished fit has left is not replaced by less: then an unfinished one
-    /// writes beside it.
+    /// Returns the outputs of a fit with this `end`. An unfinished fit does not replace the outputs of a
+    /// finished one but writes beside them.
     pub fn after(&self, end: &End) -> Self {
         let finished = matches!(end, End::Finished);
         if finished || !self.splats.exists() || self.holds_an_unfinished_fit() {
@@ -73,7 +73,7 @@ impl OutputFiles {
     /// Locks the outputs for this process; a dry run needs no lock.
     pub fn lock(&self, arguments: &FitArguments, signals: &Signals) -> Result<Option<Lock>> {
         let lock = if arguments.dry_run { None } else { Some(Lock::take(&self.splats, signals)?) };
-        // Another run may have written them before it gave the lock away.
+        // Another run may have written them before it released the lock.
         self.check(arguments)?;
         Ok(lock)
     }
@@ -85,7 +85,7 @@ impl OutputFiles {
         list
     }
 
-    /// Writes the record and the curve, as a table and as a plot; `unit` is that of the volume, which is in the title.
+    /// Writes the record and the curve, as a table and as a plot. The title names the volume and its `unit`.
     pub fn write_reports(
         &self,
         record: &RunRecord<'_>,
@@ -106,7 +106,7 @@ impl OutputFiles {
     }
 }
 
-/// Refuses an extension that names no splat format: that must not be found out after the fit.
+/// Returns an error if the extension names no splat format, so that this is not found out after the fit.
 fn check_extension(path: &Path) -> Result<()> {
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     if splat::FORMATS.iter().any(|format| format.name.eq_ignore_ascii_case(&extension)) {

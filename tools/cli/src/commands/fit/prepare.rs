@@ -1,4 +1,4 @@
-//! The first stage of a fit: everything that it needs is read, chosen and checked.
+//! First stage of a fit: reads, chooses and checks everything that it needs.
 
 use std::time::{Duration, Instant};
 
@@ -18,7 +18,7 @@ use crate::shared::evaluation::{EVAL_SEED, unweighted};
 use crate::shared::flags::Range;
 use crate::shared::inputs::Case;
 
-/// What a fit reads.
+/// Inputs of a fit.
 pub struct Inputs {
     case: Case,
     labels: Option<Labels>,
@@ -32,34 +32,34 @@ impl Inputs {
     }
 }
 
-/// A fit that is ready to begin: what its stages read.
+/// Fit that is ready to begin, for its stages.
 pub struct Prepared<'a> {
-    /// The flags.
+    /// Flags.
     pub arguments: &'a FitArguments,
-    /// The hyper-parameters.
+    /// Hyper-parameters.
     pub settings: &'a Settings,
-    /// The outputs.
+    /// Outputs.
     pub files: &'a OutputFiles,
     /// Volume and region as they were read.
     pub case: &'a Case,
     labels: Option<&'a Labels>,
-    /// What is fitted: volume and region on the working grid, with the hyper-parameters for it.
+    /// Problem of the fit: volume and region on the working grid, with the hyper-parameters for it.
     pub problem: Problem<'a>,
-    /// What is left on the way.
+    /// Checkpoints of the fit.
     pub checkpoints: Checkpoints,
-    /// The device of the fit.
+    /// Device of the fit.
     pub gpu: Gpu,
-    /// How the splats add up.
+    /// Field that the splats add up to.
     pub field: Field,
-    /// How the splats are written.
+    /// Options with which the splats are written.
     pub write: WriteOptions,
-    /// The closing evaluation, if there is one.
+    /// Protocol of the closing evaluation, if there is one.
     pub protocol: Option<Protocol>,
-    /// How long the fit goes on.
+    /// Schedule of the fit.
     pub schedule: Schedule,
-    /// When the command began.
+    /// Time when the command began.
     pub start: Instant,
-    /// Seconds from there until the inputs were read and the device was ready.
+    /// Seconds from `start` until the inputs were read and the device was ready.
     pub read_seconds: f64,
     /// Seconds that placing the first splats took.
     pub initialise_seconds: f64,
@@ -67,7 +67,7 @@ pub struct Prepared<'a> {
     pub before: Duration,
 }
 
-/// Boots the device and places the first splats, or reads where an interrupted fit stands.
+/// Boots the device and places the first splats, or reads the state of an interrupted fit.
 pub fn prepare<'a>(
     arguments: &'a FitArguments,
     settings: &'a Settings,
@@ -123,7 +123,7 @@ pub fn prepare<'a>(
 }
 
 impl Prepared<'_> {
-    /// Returns splats of the fit, given in its voxel space, as a file keeps them.
+    /// Returns splats of the fit, given in its voxel space, as a file stores them.
     pub fn set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
         let mut set = self.problem.splat_set(splats, iterations);
         if let Some(labels) = self.labels {
@@ -133,7 +133,7 @@ impl Prepared<'_> {
     }
 }
 
-/// Warns where programs that read the layout draw another kernel than that of the fit.
+/// Warns if programs that read the layout use another kernel than the fit.
 fn warn_of_kernel(write: &WriteOptions, config: &FitConfig) {
     if let Some(theirs) = write.layout.kernel.filter(|&kernel| kernel != config.kernel) {
         tracing::warn!(
@@ -146,7 +146,7 @@ fn warn_of_kernel(write: &WriteOptions, config: &FitConfig) {
     }
 }
 
-/// Returns how the splats are measured at the end.
+/// Returns the protocol of the closing evaluation.
 fn protocol(arguments: &FitArguments, config: &FitConfig, case: &Case) -> Result<Protocol> {
     // A fit over the region's range is measured over it, too.
     let range = arguments.eval_range.or((config.range == IntensityRange::Roi).then_some(Range::Roi));

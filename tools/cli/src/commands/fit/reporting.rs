@@ -1,4 +1,4 @@
-//! The last stage of a fit: the run record, the curve, and the figures that are printed.
+//! Last stage of a fit: writes the run record and the curve, and prints the figures.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ use crate::shared::figures::{bytes, psnr, seconds};
 use crate::shared::memory::host_peak_bytes;
 use crate::shared::version::{COMMIT, NUMBER, VERSION};
 
-/// Writes the record and the curve of a fit, and prints what it came to.
+/// Writes the record and the curve of a fit, and prints its results.
 pub fn report(
     prepared: &Prepared<'_>,
     fitted: &Fitted,
@@ -52,7 +52,7 @@ pub fn report(
     Ok(())
 }
 
-/// Returns where the time went.
+/// Returns the times of the stages.
 fn timings(
     prepared: &Prepared<'_>,
     fitted: &Fitted,
@@ -70,7 +70,7 @@ fn timings(
     }
 }
 
-/// Returns what the fit came to, as it is printed.
+/// Returns the results of the fit, as they are printed.
 fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timings: &Timings) -> FitResults {
     let Prepared { gpu, case, .. } = prepared;
     let outcome = &fitted.outcome;
@@ -138,7 +138,7 @@ fn record<'a>(
     })
 }
 
-/// Returns the end of a fit in plain words.
+/// Describes the end of a fit in plain words.
 fn summary(
     results: &FitResults,
     Fitted { outcome, files, .. }: &Fitted,

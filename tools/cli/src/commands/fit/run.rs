@@ -1,4 +1,4 @@
-//! `vgs fit`, stage by stage: prepare, estimate, fit, evaluate, report.
+//! Runs `vgs fit`, stage by stage: prepare, estimate, fit, evaluate, report.
 
 use std::time::Instant;
 

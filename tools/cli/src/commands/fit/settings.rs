@@ -1,7 +1,8 @@
-//! The hyper-parameters of a fit, from five places: a profile, a quality, a file, the environment, flags; later ones
-//! win.
+//! Resolves the hyper-parameters of a fit from five places: a profile, a quality, a file, the environment,
+//! flags; later ones win.
 //!
-//! Keys, flags, types and defaults all come from [`FitConfig`]; a new field there is a flag here without a word.
+//! Keys, flags, types and defaults all come from [`FitConfig`]; a new field there becomes a flag here without
+//! further code.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -17,20 +18,20 @@ pub struct SettingsArguments {
     profile: String,
     quality: Option<String>,
     config: Option<PathBuf>,
-    /// Text by key, of the flags and variables that were given.
+    /// Values as text by key, of the flags and variables that were given.
     given: BTreeMap<&'static str, String>,
 }
 
-/// The resolved hyper-parameters.
+/// Resolved hyper-parameters.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// The values.
+    /// Values.
     pub config: FitConfig,
-    /// Name of the profile that they started from.
+    /// Name of the profile they start from.
     pub profile: String,
-    /// Name of the quality that was chosen, if one was.
+    /// Name of the chosen quality, if there is one.
     pub quality: Option<String>,
-    /// Keys that a file, a variable or a flag has set.
+    /// Keys that were set by a file, a variable or a flag.
     pub explicit: Vec<String>,
 }
 
@@ -64,13 +65,13 @@ impl SettingsArguments {
 }
 
 impl Settings {
-    /// True if a file, a variable or a flag has set this key.
+    /// Returns true if a file, a variable or a flag has set this key.
     pub fn is_explicit(&self, key: &str) -> bool {
         self.explicit.iter().any(|k| k == key)
     }
 
-    /// Returns the quality, if it was chosen with the default profile and nothing else was changed: only for that are
-    /// its errors measured.
+    /// Returns the quality if it was chosen with the default profile and nothing else was changed: its errors
+    /// are measured only for that.
     pub fn plain_quality(&self) -> Option<&'static QualityPreset> {
         let measured = self.explicit.is_empty() && self.profile == PROFILES[0].name;
         self.quality.as_deref().filter(|_| measured).and_then(|name| QualityPreset::named(name).ok())
@@ -87,7 +88,7 @@ fn values_of(config: &FitConfig) -> Map<String, Value> {
     serde_json::from_str(&text).unwrap_or_default()
 }
 
-/// Replaces the value of `key`, if `value` has its type.
+/// Replaces the value of `key`; an error if the key is unknown or `value` has another type.
 fn set(values: &mut Map<String, Value>, key: &str, value: Value) -> Result<()> {
     if !values.contains_key(key) {
         let message = format!("unknown key {key:?}");
@@ -147,14 +148,14 @@ fn read_file(path: &Path) -> Result<Vec<(String, Value)>> {
         .collect()
 }
 
-/// Returns the key that was probably meant.
+/// Returns the key that the user probably meant.
 fn nearest(key: &str) -> Option<&'static str> {
     let key = key.replace('-', "_").to_lowercase();
     let near = FitConfig::FIELDS.iter().map(|f| (distance(&key, f.key), f.key)).min()?;
     (near.0 <= 1 + key.len() / 4).then_some(near.1)
 }
 
-/// Returns Levenshtein's distance of two words.
+/// Returns the Levenshtein distance of two words.
 fn distance(a: &str, b: &str) -> usize {
     let mut row: Vec<usize> = (0..=b.chars().count()).collect();
     for (i, ca) in a.chars().enumerate() {

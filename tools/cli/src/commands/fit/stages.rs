@@ -1,4 +1,4 @@
-//! The stages of a fit between preparing and reporting: estimate, fit, evaluate.
+//! Stages of a fit between preparing and reporting: estimate, fit, evaluate.
 
 use std::time::Instant;
 
@@ -19,7 +19,7 @@ use crate::shared::evaluation::evaluate_decoded;
 use crate::shared::signals::Signals;
 use crate::shared::splat_files;
 
-/// Finds out what the fit will cost and tells it, where that was asked for.
+/// Estimates the cost of the fit and prints the estimate, if that was asked for.
 pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Result<Option<Estimate>> {
     let Prepared { arguments, settings, .. } = prepared;
     let first = match begin {
@@ -50,15 +50,15 @@ pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Re
     Ok(Some(estimate))
 }
 
-/// The splats of a fit, written, and how it went.
+/// Splats of a fit, written to their file, and how it went.
 pub struct Fitted {
-    /// How the loop ended, and what it left.
+    /// Outcome of the fit.
     pub outcome: Outcome,
-    /// The splats as the file has them.
+    /// Splats as the file has them.
     pub set: SplatSet,
     /// Device time by pass.
     pub passes: Vec<PassRecord>,
-    /// Where they are, and where the reports belong.
+    /// Output files: that of the splats and those of the reports.
     pub files: OutputFiles,
 }
 
@@ -81,15 +81,15 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
     Ok(Fitted { outcome, set, passes, files })
 }
 
-/// The closing evaluation.
+/// Result of the closing evaluation.
 pub struct Evaluated {
-    /// What was measured; nothing where it was not asked for or the fit did not finish.
+    /// Evaluation; `None` if it was not asked for or the fit did not finish.
     pub evaluation: Option<Evaluation>,
-    /// Seconds that it took, with the picture.
+    /// Time of the evaluation, with the picture, seconds.
     pub seconds: f64,
 }
 
-/// Measures the splats of a fit that finished, and draws the picture of that.
+/// Measures the splats of a fit that finished, and draws the picture of the evaluation.
 pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> Result<Evaluated> {
     let evaluating = Instant::now();
     let finished = matches!(fitted.outcome.end, End::Finished) && signals.exit_code().is_none();
@@ -109,14 +109,15 @@ pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> 
     Ok(Evaluated { evaluation, seconds: evaluating.elapsed().as_secs_f64() })
 }
 
-/// Measures what is shown of the splats: of those fitted for the voxels alone, that is the decoded field.
+/// Measures the field that is shown: the decoded field if the splats were fitted for the voxels alone.
 fn measure(prepared: &Prepared<'_>, fitted: &Fitted) -> Result<Option<Evaluation>> {
     let Prepared { gpu, case, .. } = prepared;
     let Some(protocol) = &prepared.protocol else { return Ok(None) };
     if fitted.set.form != Form::Field {
         return evaluate_decoded(gpu, &fitted.set, case, protocol).map(Some);
     }
-    // Splats of a working grid are brought to the native one; without it they are there, and nothing need be rounded.
+    // Splats of a working grid are converted to the native one. Without a working grid they are there
+    // already, and nothing need be rounded.
     let native = prepared.problem.is_coarser().then(|| fitted.set.to_voxel(&case.volume.world_from_voxel));
     let splats = native.as_deref().unwrap_or(&fitted.outcome.splats);
     evaluate::evaluate(gpu, splats, &prepared.field, &case.volume, &case.roi, protocol).map(Some)

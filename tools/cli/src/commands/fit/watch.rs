@@ -1,4 +1,4 @@
-//! Who accompanies a fit: progress for people, signals that stop it, checkpoints on the way.
+//! Watches a fit: shows progress, stops it on signals, and writes checkpoints on the way.
 
 use engine::Result;
 use engine::fit::{Beginning, Milestone, Progress, Watch};
@@ -8,18 +8,18 @@ use crate::shared::console::Console;
 use crate::shared::progress::Display;
 use crate::shared::signals::Signals;
 
-/// The company of one fit.
+/// Watches one fit.
 pub struct FitWatch<'a> {
     prepared: &'a Prepared<'a>,
     signals: &'a Signals,
     console: &'a Console,
     display: Option<Display>,
-    /// The iteration of the last checkpoint, or that with which the fit goes on.
+    /// Iteration of the last checkpoint, or the one with which the fit resumes.
     saved: u32,
 }
 
 impl<'a> FitWatch<'a> {
-    /// Makes ready to accompany a fit.
+    /// Creates a watch for a fit.
     pub fn new(prepared: &'a Prepared<'a>, signals: &'a Signals, console: &'a Console) -> Self {
         FitWatch { prepared, signals, console, display: None, saved: 0 }
     }

@@ -1,4 +1,4 @@
-//! Where bytes and milliseconds go when splats are rendered: what `vgs info --budget` tells.
+//! Measures where bytes and milliseconds go when splats are rendered (`vgs info --budget`).
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,17 +14,18 @@ use serde::Serialize;
 use crate::shared::figures::{bytes, decibel};
 use crate::shared::flags::{DeviceArguments, Size};
 
-/// Number of frames that are timed of each kind; they take turns, so that other load of the machine meets both alike.
+/// Number of timed frames of each kind; they take turns, so that other load of the machine affects both
+/// alike.
 const FRAMES: usize = 5;
-/// Passes that take less than this share of a frame are listed as one.
+/// Share of a frame below which passes are listed together.
 const SMALL_SHARE: f64 = 0.01;
 
-/// What is rendered to find out.
+/// Settings of the frame that is measured.
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Budget")]
 pub struct BudgetArguments {
-    /// Renders the splats from the front, and tells where bytes and milliseconds go and what it saves to leave out what
-    /// the transfer function cannot show
+    /// Renders the splats from the front, and tells where bytes and milliseconds go and what it saves to
+    /// leave out what the transfer function cannot show
     #[arg(long)]
     pub budget: bool,
     /// Transfer function, as `vgs render` takes it
@@ -40,7 +41,7 @@ pub struct BudgetArguments {
     device: DeviceArguments,
 }
 
-/// Device time of a frame: the median of all that were timed.
+/// Device time of a frame: the median of all timed frames.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct FrameTime {
     /// Number of splats that are rendered.
@@ -52,7 +53,7 @@ pub struct FrameTime {
 }
 
 impl FrameTime {
-    /// Returns the frame whose time is the median of all; `frames` are the times of their passes, ms.
+    /// Returns the frame with the median time; `frames` are the times of the passes of each frame, ms.
     fn middle(splats: usize, frames: Vec<BTreeMap<String, f64>>) -> Self {
         let mut frames: Vec<(f64, _)> =
             frames.into_iter().map(|passes| (passes.values().sum::<f64>(), passes)).collect();
@@ -63,7 +64,7 @@ impl FrameTime {
     }
 }
 
-/// Where bytes and milliseconds go. The names are part of the interface.
+/// Memory and frame times of rendering splats. The names are part of the interface.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameBudget {
     device: String,
@@ -72,11 +73,11 @@ pub struct FrameBudget {
     size: [u32; 2],
     /// Device memory with the scene and its renderer, by purpose, bytes.
     memory: BTreeMap<&'static str, u64>,
-    /// A frame with only the splats that the transfer function can show.
+    /// Frame with only the splats that the transfer function can show.
     shown: FrameTime,
-    /// A frame with all splats.
+    /// Frame with all splats.
     all: FrameTime,
-    /// PSNR of one picture against the other.
+    /// PSNR between the pictures of both frames.
     #[serde(serialize_with = "decibel")]
     psnr_db: f64,
 }
@@ -97,7 +98,7 @@ pub fn measure(path: &Path, arguments: &BudgetArguments) -> Result<FrameBudget> 
         }
         let mut renderer = Renderer::new(&gpu, row, &scene, &settings)?;
         let camera = camera(&scene, &settings)?;
-        // The first frame makes kernels and finds room.
+        // The first frame creates kernels and sizes buffers.
         renderer.render(&scene, &[camera])?;
         memory.get_or_insert_with(|| gpu.memory_by_purpose());
         stages.push((scene, renderer, camera));
@@ -126,7 +127,7 @@ pub fn measure(path: &Path, arguments: &BudgetArguments) -> Result<FrameBudget> 
     })
 }
 
-/// Returns a camera in front that sees all of the scene.
+/// Returns a camera in front of the scene that sees all of it.
 fn camera(scene: &Scene, settings: &Settings) -> Result<Camera> {
     let [low, high] = scene.bounds();
     let aspect = f64::from(settings.size[0]) / f64::from(settings.size[1]);

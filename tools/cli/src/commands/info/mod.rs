@@ -1,4 +1,4 @@
-//! `vgs info`: what a file holds.
+//! Describes the contents of a file (`vgs info`).
 //!
 //! | file | subject |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! `vgs info`: what a file holds.
+//! Describes the contents of a file (`vgs info`).
 
 use std::fs::File;
 use std::io::Read;
@@ -39,18 +39,18 @@ Examples:
   vgs info --json bones.ply       one object, on one line, for each file
   vgs info --budget --tf CT-Bone body.ply     where bytes and milliseconds of a frame go";
 
-/// What a file holds; the tag `kind` and the fields of its format are on one level.
+/// Contents of a file. The tag `kind` and the fields of its format are on one level.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum FileContent {
     Splats(Box<Summary>),
     Volume {
-        /// Name of the format, where no header tells it.
+        /// Name of the format, if no header has it.
         #[serde(rename = "file_format", skip_serializing_if = "Option::is_none")]
         format: Option<&'static str>,
         #[serde(flatten)]
         header: Option<Box<Header>>,
-        /// What a DICOM folder holds.
+        /// Series of a DICOM folder.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         series: Vec<StackSummary>,
         #[serde(flatten)]
@@ -126,12 +126,12 @@ fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
     Ok(FileContent::Volume { format, header, series: Vec::new(), voxels: Some(Voxels::of(&volume)) })
 }
 
-/// Lists what a DICOM folder holds, and tells of the series that is chosen, or is the only one.
+/// Lists the series of a DICOM folder, and describes the one that is chosen, or the only one.
 fn dicom_content(path: &Path, options: &ReadOptions) -> Result<FileContent> {
     let series = dicom::list(path, options)?;
     let voxels = match Volume::read(path, options) {
         Ok(volume) => Some(Voxels::of(&volume)),
-        // Nothing is chosen yet: the list is the answer.
+        // No series is chosen yet: the list is the answer.
         Err(error)
             if error.kind == Kind::Usage && options.series.is_none() && options.volume_index.is_none() =>
         {
@@ -315,7 +315,7 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     out.add("properties", s.properties.join(" "));
 }
 
-/// What each layout of splats means.
+/// Explanation of each layout of splats.
 const LAYOUTS: [(&str, &str); 3] = [
     ("vgs", "places in mm RAS, an intensity for each splat"),
     (
@@ -326,7 +326,7 @@ const LAYOUTS: [(&str, &str); 3] = [
     ("3dgs", "that of ordinary 3D Gaussian splatting"),
 ];
 
-/// Returns a label with its name and how many splats have it.
+/// Formats a label with its name and its number of splats.
 fn label_text(count: &LabelCount) -> String {
     let LabelCount { label, name, splats } = count;
     match (label, name) {

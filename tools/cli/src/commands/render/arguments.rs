@@ -1,4 +1,4 @@
-//! The flags of `vgs render`.
+//! Flags of `vgs render`.
 
 use std::path::PathBuf;
 
@@ -18,8 +18,8 @@ pub struct RenderArguments {
     /// The splats (PLY); several files are shown together, in the space of the patient
     #[arg(required_unless_present = "volume")]
     pub splats: Vec<PathBuf>,
-    /// A volume: with --mode volume, or without splats, it is what is rendered. It also places splats of a PLY of the
-    /// paper's authors, with its region
+    /// A volume: with --mode volume, or without splats, it is what is rendered. It also places splats of a
+    /// PLY of the paper's authors, with its region
     #[arg(long, value_name = "VOLUME", help_heading = "Volume")]
     pub volume: Option<PathBuf>,
     #[command(flatten)]
@@ -46,8 +46,8 @@ pub struct RenderArguments {
     /// Lights surfaces, or not; as the transfer function says by default
     #[arg(long, value_name = "on|off", help_heading = "Picture", value_parser = values::on_off)]
     pub shade: Option<bool>,
-    /// From where: a side (anterior, left, superior ..., or several as anterior-left), or a file with eye_mm, target_mm,
-    /// up, fov_deg
+    /// From where: a side (anterior, left, superior ..., or several as anterior-left), or a file with eye_mm,
+    /// target_mm, up, fov_deg
     #[arg(long, value_name = "SIDE|FILE.json", default_value = "anterior", help_heading = "Picture")]
     pub camera: View,
     /// Field of view from the upper to the lower edge, degrees, for a camera that is a side
@@ -66,8 +66,8 @@ pub struct RenderArguments {
     /// Cuts away: x<MM, x>MM (patient RAS; also y and z), box:X0,Y0,Z0,X1,Y1,Z1 keeps a box; may be repeated
     #[arg(long, value_name = "PLANE|BOX", allow_hyphen_values = true, help_heading = "Picture")]
     pub clip: Vec<Clip>,
-    /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per mm), hidden.
-    /// Each file is an object, or each of its labels; may be repeated
+    /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per
+    /// mm), hidden. Each file is an object, or each of its labels; may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
     pub object: Vec<ObjectChange>,
     /// Hides objects: --hide-label ribs,5 is --object ribs:hidden --object 5:hidden
@@ -79,10 +79,12 @@ pub struct RenderArguments {
     /// A bar of a round length in mm, true in the plane through the middle of the scene
     #[arg(long, help_heading = "Picture")]
     pub scale_bar: bool,
-    /// Steps along a ray: standard deviations of the splats, or voxels of the volume; smaller is finer [default: 0.5]
+    /// Steps along a ray: standard deviations of the splats, or voxels of the volume; smaller is finer
+    /// [default: 0.5]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = values::step)]
     pub step: Option<f64>,
-    /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on, 0.5 is finer
+    /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on, 0.5
+    /// is finer
     #[arg(long, value_name = "VOXELS", default_value_t = 1.0, help_heading = "Quality",
           value_parser = values::pitch)]
     pub pitch: f64,
@@ -103,7 +105,7 @@ pub struct RenderArguments {
     pub device: DeviceArguments,
 }
 
-/// The region of the volume.
+/// Flags of the region of the volume.
 #[derive(Args, Clone, Debug)]
 #[group(skip)]
 #[command(next_help_heading = "Volume", group = ArgGroup::new("shown").args(["roi", "roi_threshold"]))]
@@ -120,7 +122,7 @@ pub struct VolumeRegion {
     pub roi_label: Option<String>,
 }
 
-/// Where pictures go.
+/// Flags of the output files.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Output")]
 pub struct OutputArguments {
@@ -132,7 +134,7 @@ pub struct OutputArguments {
     pub force: bool,
 }
 
-/// A turn around the scene.
+/// Flags of a turn around the scene.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Turntable")]
 pub struct TurntableArguments {
@@ -160,7 +162,7 @@ impl OutputArguments {
         }
     }
 
-    /// True if the format has a place for depth.
+    /// Returns true if the format can store depth.
     pub fn wants_depth(&self) -> bool {
         file::of_extension(&self.output).is_ok_and(|f| f.depth)
     }

@@ -1,4 +1,4 @@
-//! The pictures: one, or a turntable as an animation or as a sequence of files.
+//! Renders the pictures: one, or a turntable as an animation or as a sequence of files.
 
 use std::f64::consts::TAU;
 
@@ -12,7 +12,8 @@ use super::arguments::RenderArguments;
 use crate::shared::console::Console;
 use crate::shared::progress::Steps;
 
-/// Renders and writes all frames; gives their number. `oriented` says whether it is known how the patient lies.
+/// Renders and writes all frames; returns their number. `oriented` is true if the orientation of the patient
+/// is known.
 pub fn render(
     arguments: &RenderArguments,
     console: &Console,

@@ -1,4 +1,5 @@
-//! `vgs render`: pictures of splats, or of the volume they were fitted to, through a transfer function.
+//! Renders pictures of splats, or of the volume they were fitted to, through a transfer function (`vgs
+//! render`).
 //!
 //! | file | subject |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! The command: what is shown, how, and from where.
+//! Runs `vgs render`: what is shown, how, and from where.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -21,10 +21,10 @@ use crate::shared::failure::Stop;
 use crate::shared::inputs::{region_of, volume_of};
 use crate::shared::outputs;
 
-/// Steps of a still picture: fine enough that lit surfaces show no rings.
+/// Sample distance of a still picture; fine enough that lit surfaces show no rings.
 const STEP: f64 = 0.5;
 
-/// What `--json` prints.
+/// Output of `--json`.
 #[derive(Serialize)]
 struct RenderOutput {
     outputs: Vec<String>,
@@ -41,7 +41,7 @@ struct RenderOutput {
     driver: String,
 }
 
-/// An object of the scene.
+/// Object of the scene.
 #[derive(Serialize)]
 struct ObjectOutput {
     number: u8,
@@ -57,7 +57,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let inputs: Vec<&Path> = arguments.splats.iter().chain(volumes).map(PathBuf::as_path).collect();
     outputs::check(&written, &inputs, arguments.output.force)?;
     let mut row = arguments.mode_row()?;
-    // The splats are in the way of nothing where the volume is rendered, but they would enlarge the view.
+    // If the volume is rendered, the splats would enlarge the view for nothing.
     let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
     let kind = set.as_ref().map(SplatKind::of);
     if let Some((kind, own)) = kind.and_then(|kind| Some((kind, kind.own_mode()?))) {
@@ -113,7 +113,7 @@ impl RenderArguments {
         Ok(row)
     }
 
-    /// Reads the volume and its region, where they are given.
+    /// Reads the volume and its region, if they are given.
     fn read_volume(&self) -> Result<(Option<Volume>, Option<Roi>)> {
         let Some(path) = &self.volume else { return Ok((None, None)) };
         let volume = volume_of(path, &self.read)?;
@@ -122,8 +122,8 @@ impl RenderArguments {
         Ok((Some(volume), roi))
     }
 
-    /// Reads splats of any kind, of several files as one set; the volume only if one of them must be placed. Objects are
-    /// called after the files.
+    /// Reads splats of any kind, from several files as one set; the volume only if one of them must be
+    /// placed. Objects are named after the files.
     fn read_splats(&self) -> Result<SplatSet> {
         splat::read_all(&self.splats, || {
             let (volume, roi) = self.read_volume()?;
@@ -131,8 +131,8 @@ impl RenderArguments {
         })
     }
 
-    /// Returns the look that the flags ask for. `range` are the intensities of what is shown; some presets are
-    /// stretched over them.
+    /// Returns the look that the flags ask for. `range` is the range of the intensities that are shown; some
+    /// presets are stretched over it.
     fn look(&self, splats: Option<&SplatSet>, range: [f64; 2]) -> Result<Look> {
         let mut transfer = transfer::load(&self.tf, range)?;
         if self.tf_shift != 0.0 {
@@ -214,7 +214,7 @@ impl RenderArguments {
     }
 }
 
-/// Returns the least and the greatest intensity of what is shown.
+/// Returns the least and the greatest intensity of what is rendered.
 fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
     let range = match (set, volume) {
         (Some(set), _) => set.intensity_range(),

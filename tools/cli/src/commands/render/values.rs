@@ -1,4 +1,4 @@
-//! The values of the flags of `vgs render`.
+//! Values of the flags of `vgs render`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use engine::splat::Object;
 use engine::{Error, Kind};
 use glam::DVec3;
 
-/// The colour behind everything; `None` keeps the opacity.
+/// Background colour; `None` keeps the opacity.
 #[derive(Clone, Copy, Debug)]
 pub struct Background(pub Option<[f32; 3]>);
 
@@ -36,7 +36,7 @@ fn hex_colour(text: &str) -> Option<[f32; 3]> {
     Some([byte(0)?, byte(2)?, byte(4)?])
 }
 
-/// A change of how the objects of a name are shown.
+/// Change of the appearance of all objects with a name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectChange {
     name: String,
@@ -74,8 +74,8 @@ impl ObjectChange {
         ObjectChange { name: name.trim().to_owned(), hidden: true, colour: None, opacity: None }
     }
 
-    /// Changes the appearances of all objects that it names: by number, by name, or by a part of the name before
-    /// or after its slash.
+    /// Changes the appearances of all objects that it names: by number, by name, or by the part of the name
+    /// before or after its slash.
     pub fn apply(
         &self,
         objects: &[Object],
@@ -100,7 +100,7 @@ impl ObjectChange {
         Err(Error::new(Kind::Usage, "VGS-CLI-092", format!("no object is called {:?}", self.name)).help(help))
     }
 
-    /// True if the change is of this object.
+    /// Returns true if the change is for this object.
     fn matches(&self, object: &Object) -> bool {
         let same = |other: &str| other.eq_ignore_ascii_case(&self.name);
         let part = object.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
@@ -108,7 +108,7 @@ impl ObjectChange {
     }
 }
 
-/// Planes that cut away.
+/// Clip planes.
 #[derive(Clone, Debug)]
 pub struct Clip(pub Vec<ClipPlane>);
 
@@ -142,7 +142,7 @@ impl FromStr for Clip {
     }
 }
 
-/// Where a picture is taken from.
+/// Place that a picture is taken from.
 #[derive(Clone, Debug)]
 pub enum View {
     /// A side of the patient.
@@ -165,7 +165,7 @@ impl FromStr for View {
     }
 }
 
-/// How a transfer function is applied; `None` leaves that to its shape.
+/// Classification of a transfer function; `None` leaves it to the function's shape.
 #[derive(Clone, Copy, Debug)]
 pub struct Classified(pub Option<Classification>);
 
@@ -194,12 +194,12 @@ pub fn zoom(text: &str) -> Result<f64, String> {
     number(text, 0.01..=1000.0)
 }
 
-/// Parses a step.
+/// Parses a sample distance.
 pub fn step(text: &str) -> Result<f64, String> {
     number(text, 0.01..=100.0)
 }
 
-/// Parses a pitch.
+/// Parses a distance of voxels.
 pub fn pitch(text: &str) -> Result<f64, String> {
     number(text, 0.25..=16.0)
 }
@@ -246,7 +246,7 @@ mod tests {
         let hidden = Appearance { visible: false, ..Appearance::default() };
         assert_eq!(changed(&["organs:hidden"]), BTreeMap::from([(2, hidden), (3, hidden)]));
         assert_eq!(changed(&["label 5:hidden"]), BTreeMap::from([(3, hidden)]));
-        // One after the other, the later ones on top.
+        // Changes are made one after the other; the later ones win.
         let both = Appearance { opacity: 0.25, visible: false, ..red };
         assert_eq!(
             changed(&["liver:colour=#ff0000,opacity=0.5", "organs/liver:opacity=0.25,hidden"]),
@@ -269,7 +269,7 @@ mod tests {
             assert!(text.parse::<Background>().is_err(), "{text}");
         }
         let behind = "y>20".parse::<Clip>().unwrap().0[0];
-        // What has y > 20 is cut away.
+        // Everything with y > 20 is cut away.
         assert!(behind.normal.dot(DVec3::new(0.0, 21.0, 0.0)) < behind.offset);
         assert!(behind.normal.dot(DVec3::new(0.0, 19.0, 0.0)) > behind.offset);
         let kept = "box:10,0,0,-10,5,5".parse::<Clip>().unwrap().0;

@@ -1,4 +1,5 @@
-//! Which fits are made: a grid of density and iterations, a few that differ from its middle in one thing, and the qualities.
+//! Plans the fits: a grid of density and iterations, a few fits that differ from its middle in one thing, and
+//! the qualities.
 
 use clap::ValueEnum;
 use engine::Result;
@@ -7,10 +8,10 @@ use engine::splat::Kernel;
 
 use crate::paper::job::{Job, Range};
 
-/// Held-out offsets at which the fits are measured.
+/// Number of held-out offsets at which the fits are measured.
 const HELD_OUT: usize = 8;
 
-/// What `--only` may name.
+/// Parts of the design that `--only` can choose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Part {
     /// Density by iterations
@@ -21,39 +22,39 @@ pub enum Part {
     Qualities,
 }
 
-/// A fit of the design.
+/// One fit of the design.
 #[derive(Clone, Debug)]
 pub struct FitRow {
-    /// Which part it belongs to.
+    /// Part that it belongs to.
     pub part: Part,
-    /// What it is: a series of the plot, or the name of a quality.
+    /// Name of the series in the plot, or of the quality.
     pub name: String,
-    /// How many times the splats of the profile.
+    /// Factor on the profile's number of splats.
     pub density_times: f64,
     /// The run.
     pub job: Job,
 }
 
-/// What spans the grid.
+/// Extent of the grid.
 #[derive(Clone, Debug)]
 pub struct Extent {
-    /// Factors of the profile's density.
+    /// Factors on the profile's density.
     pub densities: Vec<f64>,
     /// Iterations.
     pub iterations: Vec<u32>,
 }
 
 impl Extent {
-    /// The middle of the grid, around which the spokes are.
+    /// Returns the middle of the grid, around which the spokes are: density factor and iterations.
     fn middle(&self) -> (f64, u32) {
         (self.densities[self.densities.len() / 2], self.iterations[self.iterations.len() / 2])
     }
 }
 
-/// One thing that is other than usual.
+/// Fit that differs from the middle of the grid in one thing.
 struct Spoke {
     name: &'static str,
-    /// The form of fits that it is for; nothing if it is for both.
+    /// Form of the fits that it is for; `None` for both forms.
     form: Option<FitForm>,
     change: fn(&mut FitConfig),
 }
@@ -62,7 +63,7 @@ const fn spoke(name: &'static str, form: Option<FitForm>, change: fn(&mut FitCon
     Spoke { name, form, change }
 }
 
-/// A lattice of offsets is that at which targets are sampled: 1 is the voxel grid alone.
+/// All spokes. Their offsets are those at which targets are sampled: 1 is the voxel grid alone.
 const SPOKES: [Spoke; 8] = [
     spoke("Gaussian kernel", None, |c| c.kernel = Kernel::Gaussian),
     spoke("mixed storage", None, |c| c.storage = Storage::Mixed),
@@ -74,11 +75,11 @@ const SPOKES: [Spoke; 8] = [
     spoke("8 offsets", Some(FitForm::Field), |c| c.offsets = 8),
 ];
 
-/// Where the fits are made.
+/// Case and device of the fits.
 pub struct Where<'a> {
-    /// What the case is called.
+    /// Name of the case.
     pub case: &'a str,
-    /// What its mask is called.
+    /// Name of its mask.
     pub mask: &'a str,
     /// Sum of the mask.
     pub voxels: f64,
@@ -86,7 +87,7 @@ pub struct Where<'a> {
     pub device: &'a str,
 }
 
-/// All fits of these parts, each once: a quality that is a point of the grid is there as a quality.
+/// Returns all fits of these parts, each once: a quality that is a point of the grid is listed as a quality.
 pub fn rows(place: &Where<'_>, profile: &Profile, extent: &Extent, parts: &[Part]) -> Result<Vec<FitRow>> {
     let plain = profile.config()?;
     let row = |part: Part, name: String, density_times: f64, config: FitConfig| {

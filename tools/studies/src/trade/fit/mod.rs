@@ -1,5 +1,5 @@
-//! `studies trade fit`: what a fit's accuracy costs. Fits of a small `design` are run and kept like those of `studies paper`,
-//! whose runs they are; `report` makes tables, CSV, JSON and plots of them.
+//! Measures what a fit's accuracy costs (`studies trade fit`). The fits of a small `design` are run and kept
+//! like those of `studies paper`, whose code runs them; `report` writes tables, CSV, JSON and plots of them.
 
 mod design;
 mod report;
@@ -122,7 +122,7 @@ fn extent(a: &FitTradeArguments) -> Result<Extent> {
     }
 }
 
-/// A result in the folder may be that of a case of the same name.
+/// Returns an error if a result in the folder is that of another case with the same name.
 fn check_place(record: &Record, place: &Place, store: &Store) -> Result<()> {
     if (record.roi_voxels, record.range) == (place.voxels, place.range) {
         return Ok(());
@@ -133,13 +133,13 @@ fn check_place(record: &Record, place: &Place, store: &Store) -> Result<()> {
         .help("choose another --out"))
 }
 
-/// The name of a file without its endings.
+/// Returns the name of a file without its extensions.
 fn stem(path: &Path) -> String {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     name.split('.').next().unwrap_or_default().to_owned()
 }
 
-/// The name of a volume; that of its folder, where the volume has the name that all have.
+/// Returns the name of a volume, or that of its folder if the file has the usual name `ct`.
 fn case_name(volume: &Path) -> String {
     let folder = volume.parent().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
     match (stem(volume).as_str(), folder) {

@@ -1,4 +1,4 @@
-//! Tables, CSV, JSON and plots of a sweep.
+//! Writes tables, CSV, JSON and plots of a sweep.
 
 use std::fmt::Write;
 
@@ -13,25 +13,25 @@ use crate::trade::plot::{self, Panel, Series};
 use bench::report::Table;
 use bench::store::Store;
 
-/// A fit of the design, and its result where there is one.
+/// Fit of the design, and its result if there is one.
 pub struct Measured {
     pub row: FitRow,
     pub record: Option<Record>,
 }
 
-/// What a sweep gave.
+/// Results of a sweep.
 pub struct FitTradeReport {
     /// Case, mask and profile.
     pub title: String,
     /// Device and driver.
     pub device: String,
-    /// Whether the device is the processor itself: its CPU time is then that of the fit.
+    /// True if the device is the processor itself: its CPU time is then that of the fit.
     pub is_cpu: bool,
-    /// All of the design.
+    /// All fits of the design.
     pub rows: Vec<Measured>,
 }
 
-/// The figures of a fit. The names are those of the JSON and the CSV.
+/// Figures of a fit. The field names are those of the JSON and the CSV.
 #[derive(Clone, Debug, Serialize)]
 struct Figures {
     part: String,
@@ -54,29 +54,30 @@ struct Figures {
     setup_seconds: f64,
     file_bytes: u64,
     device_peak_bytes: u64,
-    /// Whether nothing else is as good for less of: time, file, memory.
+    /// True if no other fit is as good for less; for time, file and memory, in this order.
     on_front: [bool; 3],
 }
 
-/// What a fit costs: title of the axis, and the figure.
+/// Title of an axis of costs, and the figure.
 type Cost = (&'static str, fn(&Figures, bool) -> f64);
 
-/// The costs of a fit, in the order of [`Figures::on_front`].
+/// Costs of a fit, in the order of [`Figures::on_front`].
 const COSTS: [Cost; 3] = [
     ("time of the fit / s", |f, is_cpu| f.time(is_cpu)),
     ("file / MB", |f, _| f.file_bytes as f64 * 1e-6),
     ("device memory / MB", |f, _| f.device_peak_bytes as f64 * 1e-6),
 ];
 
-/// What a fit gives: title of the axis, and the figure, of which more is better.
+/// Title of an axis of gains, and the figure, of which more is better.
 type Gain = (&'static str, fn(&Figures) -> f64);
 
-/// The gains of a fit.
+/// Gains of a fit.
 const GAINS: [Gain; 2] =
     [("PSNR, worst between voxels / dB", |f| f.psnr_worst_db), ("− 99th percentile of |ΔHU|", |f| -f.p99_hu)];
 
 impl Figures {
-    /// Seconds; of a CPU driver those of all cores, which other programs do not lengthen.
+    /// Returns the time of the fit, seconds; on a CPU driver the CPU time of all cores, which other programs
+    /// do not lengthen.
     fn time(&self, is_cpu: bool) -> f64 {
         self.core_seconds.filter(|_| is_cpu).unwrap_or(self.seconds)
     }
@@ -114,7 +115,7 @@ impl Figures {
 }
 
 impl FitTradeReport {
-    /// The figures of all results, with their fronts.
+    /// Returns the figures of all results, with their fronts.
     fn figures(&self) -> Vec<Figures> {
         let mut all: Vec<Figures> = self.rows.iter().filter_map(Figures::of).collect();
         for (k, (_, cost)) in COSTS.iter().enumerate() {
@@ -127,7 +128,7 @@ impl FitTradeReport {
         all
     }
 
-    /// The table, the fastest first.
+    /// Returns the table in Markdown, the fastest fit first.
     pub fn markdown(&self) -> String {
         let mut all = self.figures();
         all.sort_by(|a, b| a.time(self.is_cpu).total_cmp(&b.time(self.is_cpu)));

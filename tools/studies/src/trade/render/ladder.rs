@@ -1,4 +1,4 @@
-//! The rungs of the frame budget's ladder, from what was measured.
+//! Chooses the quality levels of the frame budget from what was measured.
 
 use std::fmt::Write;
 
@@ -9,11 +9,12 @@ use super::plan::Choice;
 
 use crate::trade::front::{Point, front};
 
-/// A rung costs at most this part of the one above it: with smaller steps the controller would go up and down among rungs
-/// whose difference its scatter hides.
+/// Greatest cost of a quality level as a part of the one above it: with smaller steps the controller would go
+/// up and down between levels whose difference is hidden by noise.
 const STEP: f64 = 0.8;
 
-/// The ladder of such splats: from all that they can be down along the front of PSNR against cost, as far as it goes.
+/// Returns the quality levels for splats of this kind: from the best choice down along the front of PSNR
+/// against cost.
 pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
     let usual = match kind {
         SplatKind::Field => Choice::usual("slab"),
@@ -41,7 +42,7 @@ pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
     ladder
 }
 
-/// As `engine::render::quality_levels` reads it.
+/// Writes the quality levels as TOML, as `engine::render::quality_levels` reads it.
 pub fn toml(rows: &[Averages], device: &str) -> String {
     let mut out = format!(
         "# The levels of engine::render::quality_levels, the best first. Written by `studies trade render --ladder`, which measured them on\n\
@@ -101,7 +102,7 @@ mod tests {
             // Dearer and worse.
             row(alpha(1.0), 0.75, 30.0),
             row(alpha(0.7), 0.4, 29.0),
-            // Cannot be a rung.
+            // Cannot be a quality level.
             row(Choice { packed: true, ..slab.clone() }, 0.5, 37.9),
             row(alpha(0.5), 0.2, 25.0),
             // Leaves something out.

@@ -1,6 +1,7 @@
-//! `studies trade render`: what a picture's accuracy costs. Splats of a few cases are rendered in many ways (`plan`) from several
-//! sides through several transfer functions, compared with the CT itself (`shots`), and kept; `report` makes tables and
-//! plots of them, and `ladder` the rungs of the frame budget's controller.
+//! Measures what a picture's accuracy costs (`studies trade render`). Splats of a few cases are rendered in
+//! many ways (`plan`) from several sides through several transfer functions, compared with the CT itself
+//! (`shots`), and kept; `report` writes tables and plots of them, and `ladder` the quality levels of the
+//! frame budget's controller.
 
 mod averages;
 mod ladder;
@@ -24,9 +25,9 @@ use bench::render::scenes::Library;
 use bench::scene::splats_by_importance;
 use bench::store::Store;
 
-/// Cases of `bench render`'s configuration, with the splats per voxel that it has for them.
+/// Cases of the configuration of `bench render`, with their splats per voxel.
 const CASES: [(&str, f64); 3] = [("torso bones", 0.1), ("skull", 0.05), ("heart", 0.1)];
-/// Its transfer functions: hard, soft, and a surface.
+/// Transfer functions of that configuration: hard, soft, and a surface.
 const TRANSFERS: [&str; 3] = ["steep bone", "soft", "skin"];
 /// Iterations of the fits of a quick run.
 const QUICK_ITERATIONS: u32 = 60;
@@ -86,7 +87,7 @@ pub fn run(options: &GpuOptions, a: &PictureTradeArguments) -> Result<()> {
     for unit in &units {
         match if a.force { None } else { store.load::<Record>(&unit.key())? } {
             Some(record) => report.records.push(record),
-            // All of them have the same pictures.
+            // All units have the same pictures, so their estimates are equal.
             None => missing.push((1.0, unit)),
         }
     }
@@ -156,14 +157,14 @@ fn units(a: &PictureTradeArguments, device: &str) -> Result<Vec<Unit>> {
     Ok(units)
 }
 
-/// The fit for the grid of as many splats.
+/// Returns the configuration of a fit for the grid with as many splats.
 fn grid_fit(fit: &FitConfig, quick: bool) -> Result<FitConfig> {
     let grid = Profile::named("default")?.config()?;
     let iterations = if quick { QUICK_ITERATIONS } else { grid.iterations };
     Ok(FitConfig { density: fit.density, splats: fit.splats, iterations, ..grid })
 }
 
-/// Splats per voxel of a case; the usual number of one that is none of the three.
+/// Returns the splats per voxel of a case; the usual number for a case that is none of the three.
 fn density_of(name: &str) -> f64 {
     CASES
         .iter()

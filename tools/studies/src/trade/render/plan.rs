@@ -1,37 +1,38 @@
-//! Which pictures are made: a default, what differs from it in one thing, and some that give up several.
+//! Plans the pictures: a default, choices that differ from it in one thing, and some that give up several.
 
 use engine::render::{Quality, QualityLevel, SplatKind, quality_levels};
 use serde::{Deserialize, Serialize};
 
-/// A way to render splats.
+/// One way to render splats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Choice {
     /// Name of the mode.
     pub mode: String,
-    /// Whether the splats are those of a fit for the CT's grid, not of one that holds between the voxels, too.
+    /// True if the splats are those of a fit for the CT's grid, not of one that is right between the voxels,
+    /// too.
     pub of_grid: bool,
-    /// Distance of slabs, standard deviations of a splat.
+    /// Distance of slabs, in standard deviations of a splat.
     pub step: f64,
-    /// Edge of the picture, as a part of the full one; it is enlarged to be compared.
+    /// Edge of the picture as a part of the full one; the picture is enlarged to be compared.
     pub resolution: f64,
-    /// The most important splats, as a part of all; the others are left out of the scene.
+    /// Part of the splats that is rendered, the most important ones; the others are left out of the scene.
     pub splats: f64,
-    /// Whether splats are kept in 16 bytes.
+    /// True if splats are kept in 16 bytes each.
     pub packed: bool,
 }
 
 impl Choice {
-    /// What viewers begin with.
+    /// Returns the choice with which viewers begin, for a mode.
     pub fn usual(mode: &str) -> Self {
         Choice { mode: mode.into(), of_grid: false, step: 1.0, resolution: 1.0, splats: 1.0, packed: false }
     }
 
-    /// The same of a fit for the grid, which has one mode.
+    /// Returns the usual choice for a fit for the grid, which has one mode.
     pub fn of_grid() -> Self {
         Choice { of_grid: true, ..Self::usual("decoded") }
     }
 
-    /// A rung of the ladder of such splats.
+    /// Returns the choice that corresponds to a quality level for splats of this kind.
     pub fn of_rung(kind: SplatKind, rung: &QualityLevel) -> Self {
         Choice {
             mode: rung.mode.into(),
@@ -42,23 +43,24 @@ impl Choice {
         }
     }
 
-    /// Whether a frame can change to this without anything being made anew and without leaving anything out, so that it can be
-    /// a rung.
+    /// Returns true if a frame can change to this choice without creating anything anew and without leaving
+    /// anything out, so that it can be a quality level.
     pub fn is_rung(&self) -> bool {
         !self.packed && self.step >= 1.0 && self.mode != "exact" && self.splats == 1.0
     }
 
-    /// What is given up within the mode.
+    /// Returns what is given up within the mode.
     pub fn quality(&self) -> Quality {
         Quality { resolution: self.resolution, coarseness: self.step.max(1.0) }
     }
 
-    /// [`engine::render::Settings::step`]; slabs that are farther apart are a matter of [`Choice::quality`].
+    /// Returns [`engine::render::Settings::step`]; a greater distance of slabs is part of
+    /// [`Choice::quality`].
     pub fn fine_step(&self) -> f64 {
         self.step.min(1.0)
     }
 
-    /// In a few words.
+    /// Describes the choice in a few words.
     pub fn name(&self) -> String {
         let mut name = self.mode.clone();
         if self.of_grid {
@@ -80,7 +82,7 @@ impl Choice {
     }
 }
 
-/// All choices, each once.
+/// Returns all choices, each once.
 pub fn choices() -> Vec<Choice> {
     let mut all: Vec<Choice> = ["exact", "slab", "decoded", "alpha"].map(Choice::usual).into();
     all.push(Choice::of_grid());
@@ -110,7 +112,7 @@ pub fn choices() -> Vec<Choice> {
             all.push(Choice { step, resolution, ..usual.clone() });
         }
     }
-    // The ladders as they are, so that they can be compared with what they should be.
+    // The current quality levels are measured, too, so that they can be compared with what they should be.
     for kind in SplatKind::ALL {
         all.extend(quality_levels(kind).iter().map(|rung| Choice::of_rung(kind, rung)));
     }

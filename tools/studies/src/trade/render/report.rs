@@ -1,4 +1,4 @@
-//! Tables, CSV, JSON and plots of pictures.
+//! Writes tables, CSV, JSON and plots of pictures.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -18,13 +18,13 @@ use bench::render::record::Sight;
 use bench::report::Table;
 use bench::store::Store;
 
-/// All that was measured.
+/// All measurements.
 pub struct PictureTradeReport {
     /// Device and driver.
     pub device: String,
-    /// Whether the device is the processor itself: CPU time is then that of the device.
+    /// True if the device is the processor itself: CPU time is then that of the device.
     pub is_cpu: bool,
-    /// By case and transfer function.
+    /// Records by case and transfer function.
     pub records: Vec<Record>,
 }
 
@@ -33,12 +33,12 @@ fn of(row: &shots::ChoiceRow, figure: impl Fn(&Cost) -> f64) -> f64 {
 }
 
 impl PictureTradeReport {
-    /// Records in which something is seen.
+    /// Returns the records in which something is seen.
     fn seen(&self) -> impl Iterator<Item = &Record> {
         self.records.iter().filter(|record| !record.rows.is_empty())
     }
 
-    /// All choices that were measured everywhere.
+    /// Returns the averages of all choices that were measured everywhere.
     pub fn rows(&self) -> Vec<Averages> {
         self.rows_of(&self.seen().collect::<Vec<_>>())
     }
@@ -83,7 +83,8 @@ impl PictureTradeReport {
         if self.is_cpu { "core-ms" } else { "device-ms" }
     }
 
-    /// What is on the front, which splats were touched, and the ladder.
+    /// Returns tables of the front, of the splats that a transfer function shows, of each case, and of the
+    /// quality levels.
     pub fn markdown(&self) -> String {
         let rows = self.rows();
         let size = self.records.first().map_or(0, |r| r.unit.size);
@@ -136,7 +137,7 @@ impl PictureTradeReport {
         Table { title, columns, rows: cells.collect() }
     }
 
-    /// The modes in full, end to end: from the CT to the picture.
+    /// Returns a table of the modes at full quality, end to end: from the CT to the picture.
     fn by_case(&self) -> Table {
         let modes = ["exact", "slab", "decoded", "alpha"].map(Choice::usual);
         let choices: Vec<Choice> = modes.into_iter().chain([Choice::of_grid()]).collect();
@@ -164,7 +165,8 @@ impl PictureTradeReport {
         }
     }
 
-    /// What the active list leaves out before anything else is done. It is always on: nothing visible is lost by it.
+    /// Returns a table of the splats that are left out because a transfer function cannot show them. This is
+    /// always done: nothing visible is lost by it.
     fn active(&self) -> Table {
         let rows = self.records.iter().map(|record| {
             let [all, active] = record.splats;
@@ -186,9 +188,10 @@ impl PictureTradeReport {
         }
     }
 
-    /// The rungs, with what each step down saves and gives up.
+    /// Returns a table of the quality levels, with what each step down saves and gives up.
     fn ladder(&self, kind: SplatKind, rungs: &[Averages]) -> Table {
-        // Of one first rung for all: a mean of ms is that of the dearest cases, the cost is not.
+        // Times are those of the first level times the relative cost: a mean of ms is dominated by the
+        // dearest cases, the cost is not.
         let first = rungs.first().map_or(f64::NAN, |row| row.ms);
         let rows = rungs.iter().enumerate().map(|(n, row)| {
             let above = n.checked_sub(1).map(|n| &rungs[n]);
@@ -279,7 +282,7 @@ impl PictureTradeReport {
         bench::report::json(&all)
     }
 
-    /// A panel for each case, with all its transfer functions.
+    /// Plots a panel for each case, with all its transfer functions, as SVG.
     fn svg(&self) -> Result<String> {
         let mut cases: Vec<&str> = self.seen().map(|r| r.unit.case.name.as_str()).collect();
         cases.sort_unstable();

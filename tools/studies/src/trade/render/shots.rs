@@ -1,4 +1,4 @@
-//! Pictures of one case through one transfer function, and what each took.
+//! Renders one case through one transfer function, and measures each picture's error and cost.
 
 use engine::Result;
 use engine::fit::FitConfig;
@@ -16,7 +16,7 @@ use bench::render::record::Sight;
 use bench::render::scenes::{Place, TimedRenderer, check_validation, shows_something};
 use bench::store::{Keep, hash};
 
-/// The CT itself, in steps of a quarter voxel: what all others should be.
+/// Returns the rendering of the CT itself, in steps of a quarter voxel: the reference of all others.
 fn reference() -> Rendering {
     Rendering {
         name: "reference".into(),
@@ -26,37 +26,37 @@ fn reference() -> Rendering {
     }
 }
 
-/// A case through a transfer function, with all that its figures depend on.
+/// Case through a transfer function, with all that its figures depend on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unit {
-    /// The volume.
+    /// Volume and region.
     pub case: Case,
-    /// The fit of its splats.
+    /// Fit of its splats.
     pub fit: FitConfig,
-    /// That of as many splats for the grid.
+    /// Fit for the grid with as many splats.
     pub grid_fit: FitConfig,
-    /// What it is seen through.
+    /// Transfer function.
     pub transfer: Transfer,
-    /// What is rendered.
+    /// Choices to render.
     pub choices: Vec<Choice>,
     /// Edge of the full pictures, pixels.
     pub size: u32,
     /// All views.
     pub orbit: Orbit,
-    /// Those of them that are rendered.
+    /// Indices of the views that are rendered.
     pub views: Vec<usize>,
     /// Device and driver.
     pub device: String,
 }
 
 impl Unit {
-    /// Name of its file.
+    /// Returns the name of its file without the extension.
     pub fn key(&self) -> String {
         let plain = |text: &str| text.replace(|c: char| !c.is_ascii_alphanumeric(), "-");
         format!("{}-{}-{}", plain(&self.case.name), plain(&self.transfer.name), hash(self))
     }
 
-    /// For people.
+    /// Returns a title for people.
     pub fn title(&self) -> String {
         format!("{}, {}", self.case.name, self.transfer.name)
     }
@@ -65,22 +65,23 @@ impl Unit {
 /// Pictures of one choice.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ChoiceRow {
-    /// How they were rendered.
+    /// Choice that was rendered.
     pub choice: Choice,
-    /// Against the reference, one for each view.
+    /// Comparisons with the reference, one for each view.
     pub sights: Vec<Sight>,
 }
 
-/// What a unit gave.
+/// Result of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// What was measured.
+    /// Unit that was measured.
     pub unit: Unit,
-    /// Splats of the scene, and those of them that the transfer function can show: the others are never touched.
+    /// Number of splats of the scene, and of those that the transfer function can show: the others are never
+    /// touched.
     pub splats: [usize; 2],
-    /// The reference's own cost, one for each view.
+    /// Cost of the reference itself, one for each view.
     pub reference: Vec<Cost>,
-    /// Pictures by choice; nothing where the transfer function shows nothing of the case.
+    /// Pictures by choice; empty if the transfer function shows nothing of the case.
     pub rows: Vec<ChoiceRow>,
 }
 
@@ -90,7 +91,7 @@ impl Keep for Record {
     }
 }
 
-/// Makes all pictures of a unit, of splats of both of its fits.
+/// Renders all pictures of a unit, of splats of both of its fits, and compares them with the reference.
 pub fn measure(unit: &Unit, place: &Place, set: &SplatSet, grid_set: &SplatSet, gpu: &Gpu) -> Result<Record> {
     let look = Look::new(place.transfer(&unit.transfer)?);
     let ct = VolumeSource { volume: &place.volume, roi: Some(&place.roi) };
@@ -140,7 +141,7 @@ fn references(unit: &Unit, gpu: &Gpu, scene: &Scene, cameras: &[Camera]) -> Resu
     cameras.iter().map(shot).collect()
 }
 
-/// Over black and in full size.
+/// Renders pictures in full size over black, and returns them with their costs.
 fn shoot(
     unit: &Unit,
     gpu: &Gpu,
@@ -172,7 +173,8 @@ fn shoot(
     cameras.iter().map(shot).collect()
 }
 
-/// The upper left corner of a picture as large as the whole, as a sampler shows it.
+/// Enlarges the upper left corner of a picture, of size `part`, to the size of the whole with bilinear
+/// interpolation.
 fn enlarged(picture: &Image, part: [usize; 2]) -> Image {
     let [width, height] = picture.size;
     let at = |x: usize, y: usize| picture.pixels[y * width + x];
