@@ -6,7 +6,7 @@
 #include "kernel.glsl"
 #include "tiles.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 1) const uint BLIND = 0; // 1: parts of tiles that no eye sees get no pairs
+layout(constant_id = 1) const uint HIDDEN = 0; // 1: parts of tiles that no eye sees get no pairs
 layout(push_constant, scalar) uniform EmitParams { TileGrid grid; } p;
 layout(scalar, binding = 0) readonly buffer Views { View views[]; };
 layout(scalar, binding = 1) readonly buffer ProjectedRows { Projected projected[]; };
@@ -14,7 +14,7 @@ layout(scalar, binding = 2) readonly buffer Boxes { uvec4 boxes[]; };
 layout(scalar, binding = 3) readonly buffer PairOffsets { uint pair_offsets[]; };
 layout(scalar, binding = 4) writeonly buffer Keys { uint keys[]; };
 layout(scalar, binding = 5) writeonly buffer Values { uint values[]; };
-layout(scalar, binding = 6) readonly buffer BlindParts { uint blind_parts[]; };
+layout(scalar, binding = 6) readonly buffer HiddenParts { uint hidden_parts[]; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
@@ -30,10 +30,10 @@ void main() {
     for (uint ty = box.y; ty < box.w; ++ty)
         for (uint tx = box.x; tx < box.z; ++tx) {
             uint tile = (gl_WorkGroupID.y * p.grid.tiles.y + ty) * p.grid.tiles.x + tx;
-            uint blind = 0;
-            if (BLIND == 1) blind = blind_parts[tile];
-            if (BLIND == 1 && blind == (1u << PARTS) - 1) continue;
-            uint parts = tile_parts(p.grid, v, s, uvec2(tx, ty), g) & ~blind;
+            uint hidden = 0;
+            if (HIDDEN == 1) hidden = hidden_parts[tile];
+            if (HIDDEN == 1 && hidden == (1u << PARTS) - 1) continue;
+            uint parts = tile_parts(p.grid, v, s, uvec2(tx, ty), g) & ~hidden;
             if (parts == 0) continue;
             for (int block = blocks.x; block <= blocks.y; ++block) {
                 if (at < p.grid.capacity) {

@@ -3,9 +3,9 @@
 // to front along the mean of the viewing directions, which for parallel eyes is exact for both (by the
 // distance from the middle of the eyes it would be for none). One invocation owns a splat. A splat that no
 // view shows is sorted behind all others and not counted; so is one whose centre a clip plane cuts away.
-#define BLIND_BINDING 16
+#define VISIBILITY_BINDING 16
 #include "appearance.glsl"
-#include "blind.glsl"
+#include "visibility.glsl"
 #include "rows.glsl"
 #include "look.glsl"
 #include "quad.glsl"
@@ -16,7 +16,7 @@ layout(constant_id = 1) const uint STANDARD = 0; // 1: colour and opacity are th
 layout(constant_id = 2) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 3) const uint PACKED = 0;   // 1: 16 bytes a splat
 layout(constant_id = 4) const uint OBJECTS = 0;  // 1: objects have tints and opacities
-layout(constant_id = 5) const uint BLIND = 0;    // 1: what no eye sees is left out
+layout(constant_id = 5) const uint HIDDEN = 0;   // 1: what no eye sees is left out
 layout(push_constant, scalar) uniform QuadParams {
     uvec2 size;
     vec3 centre;
@@ -105,7 +105,7 @@ bool unseen(uint view, vec2 centre, vec2 half_size) {
     vec2 reach = half_size + 2.0 / vec2(p.size);
     vec2 low = (centre - reach + 1.0) * (0.5 * float(PATCHES)), high = (centre + reach + 1.0) * (0.5 * float(PATCHES));
     vec2 last = vec2(float(PATCHES - 1));
-    return all_blind(view, uvec2(clamp(low, vec2(0.0), last)), uvec2(clamp(high, vec2(0.0), last)));
+    return all_hidden(view, uvec2(clamp(low, vec2(0.0), last)), uvec2(clamp(high, vec2(0.0), last)));
 }
 
 // The splat as a view shows it. `look` has colour and extinction, the object's appearance in them.
@@ -134,7 +134,7 @@ Quad quad_of(uint view, uint splat, Splat s, vec4 look, Appearance object) {
     }
     vec2 half_size = r.edge * vec2(length(r.axes.xy), abs(r.axes.z));
     if (any(greaterThan(abs(r.centre) - half_size, vec2(1.0)))) return UNSEEN;
-    if (BLIND == 1 && unseen(view, r.centre, half_size)) return UNSEEN;
+    if (HIDDEN == 1 && unseen(view, r.centre, half_size)) return UNSEEN;
     return r;
 }
 

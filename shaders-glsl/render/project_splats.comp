@@ -6,7 +6,7 @@
 #include "tiles.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 1) const uint PACKED = 0; // 1: 16 bytes a splat
-layout(constant_id = 2) const uint BLIND = 0;  // 1: parts of tiles that no eye sees get no pairs
+layout(constant_id = 2) const uint HIDDEN = 0; // 1: parts of tiles that no eye sees get no pairs
 layout(push_constant, scalar) uniform ProjectParams { TileGrid grid; PackedRange range; float background; } p;
 layout(scalar, binding = 0) readonly buffer Views { View views[]; };
 layout(scalar, binding = 1) readonly buffer Rows { uvec4 rows[]; };
@@ -16,7 +16,7 @@ layout(scalar, binding = 4) readonly buffer ActiveCount { uint active_count[]; }
 layout(scalar, binding = 5) writeonly buffer ProjectedRows { Projected projected[]; };
 layout(scalar, binding = 6) writeonly buffer Boxes { uvec4 boxes[]; };
 layout(scalar, binding = 7) writeonly buffer PairCounts { uint pair_counts[]; };
-layout(scalar, binding = 8) readonly buffer BlindParts { uint blind_parts[]; };
+layout(scalar, binding = 8) readonly buffer HiddenParts { uint hidden_parts[]; };
 
 Splat splat_at(uint i) {
     if (PACKED == 1) return unpack(rows[i], chunks[i / PACKED_CHUNK], p.range);
@@ -74,10 +74,11 @@ void main() {
     uint tiles = 0;
     for (uint ty = box.y; ty < box.w; ++ty)
         for (uint tx = box.x; tx < box.z; ++tx) {
-            uint blind = 0;
-            if (BLIND == 1) blind = blind_parts[(gl_WorkGroupID.y * p.grid.tiles.y + ty) * p.grid.tiles.x + tx];
-            if (BLIND == 1 && blind == 255) continue;
-            if ((tile_parts(p.grid, v, r, uvec2(tx, ty), g) & ~blind) != 0) tiles += 1;
+            uint hidden = 0;
+            if (HIDDEN == 1)
+                hidden = hidden_parts[(gl_WorkGroupID.y * p.grid.tiles.y + ty) * p.grid.tiles.x + tx];
+            if (HIDDEN == 1 && hidden == 255) continue;
+            if ((tile_parts(p.grid, v, r, uvec2(tx, ty), g) & ~hidden) != 0) tiles += 1;
         }
     boxes[at] = box;
     pair_counts[at] = tiles * uint(blocks.y - blocks.x + 1);

@@ -12,8 +12,8 @@
 #extension GL_KHR_shader_subgroup_arithmetic : require
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_EXT_shader_image_load_formatted : require
-#define BLIND_BINDING 11
-#include "blind.glsl"
+#define VISIBILITY_BINDING 11
+#include "visibility.glsl"
 #include "look.glsl"
 #include "medium.glsl"
 layout(local_size_x_id = 0) in;
@@ -22,7 +22,7 @@ layout(constant_id = 2) const uint SEGMENTS = 0; // 1: the transfer function is 
 layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 4) const uint DEPTH = 0;    // 1: depth is written
 layout(constant_id = 5) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
-layout(constant_id = 8) const uint BLIND = 0;    // 1: what no eye sees stays transparent
+layout(constant_id = 8) const uint HIDDEN = 0;   // 1: what no eye sees stays transparent
 layout(push_constant, scalar) uniform RaymarchParams {
     BrickGrid grid;
     vec4 voxel_from_scene[3];
@@ -104,9 +104,9 @@ void main() {
     float shift = 0.0;
     if (JITTER == 1) shift = noise(pixel, gl_WorkGroupID.z);
     bool open = inside && range.x < range.y;
-    if (BLIND == 1 && open) {
+    if (HIDDEN == 1 && open) {
         uvec2 patch_at = pixel * PATCHES / p.size;
-        open = !all_blind(gl_WorkGroupID.z, patch_at, patch_at);
+        open = !all_hidden(gl_WorkGroupID.z, patch_at, patch_at);
     }
     float entry = FAR, last = -1.0;
     if (open) {

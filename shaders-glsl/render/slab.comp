@@ -20,7 +20,7 @@ layout(constant_id = 2) const uint SEGMENTS = 0; // 1: the transfer function is 
 layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 4) const uint DEPTH = 0;    // 1: depth is written
 layout(constant_id = 5) const uint OBJECTS = 0;  // 1: objects have tints and opacities
-layout(constant_id = 6) const uint BLIND = 0;    // 1: parts of tiles that no eye sees stay transparent
+layout(constant_id = 6) const uint HIDDEN = 0;   // 1: parts of tiles that no eye sees stay transparent
 layout(constant_id = 7) const uint COUNTING = 0; // 1: the picture shows work instead of colours, see below
 layout(push_constant, scalar) uniform SlabParams {
     TileGrid grid;
@@ -36,7 +36,7 @@ layout(binding = 7) writeonly uniform image2DArray colour_image;
 layout(binding = 8) writeonly uniform image2DArray depth_image;
 layout(scalar, binding = 9) readonly buffer ActiveObjects { uint active_objects[]; };
 layout(scalar, binding = 10) readonly buffer Appearances { Appearance appearances[]; };
-layout(scalar, binding = 11) readonly buffer BlindParts { uint blind_parts[]; };
+layout(scalar, binding = 11) readonly buffer HiddenParts { uint hidden_parts[]; };
 
 const uint PIXELS = 4;
 
@@ -104,7 +104,7 @@ void main() {
     View v = views[gl_WorkGroupID.z];
     uvec2 pixel = tile * TILE + uvec2((part & 3u) * 4, (part >> 2) * 8) + uvec2(lane & 3u, lane >> 2);
     uint list_tile = (gl_WorkGroupID.z * p.grid.tiles.y + tile.y) * p.grid.tiles.x + tile.x;
-    if (BLIND == 1 && (blind_parts[list_tile] >> part & 1u) == 1) {
+    if (HIDDEN == 1 && (hidden_parts[list_tile] >> part & 1u) == 1) {
         [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
             uvec2 to = pixel + uvec2(0, 2 * n);
             if (any(greaterThanEqual(to, p.grid.size))) continue;

@@ -3,7 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 /// Number of patches along each edge of a picture, each hidden by the lens or not.
-pub const PATCHES: usize = crate::blind::PATCHES as usize;
+pub const PATCHES: usize = crate::visibility::PATCHES as usize;
 /// Number of words that hold the patches of a picture, a bit each: two words for a row, rows from the top,
 /// the lowest bit at the left.
 pub const PATCH_WORDS: usize = PATCHES * PATCHES / 32;
@@ -341,8 +341,8 @@ shared! {
         /// Number of pairs that fit the buffers.
         capacity: u32,
     }
-    /// Push constants of `blind_parts`.
-    BlindParams {
+    /// Push constants of `hidden_parts`.
+    HiddenParams {
         /// Width and height of the picture, pixels.
         size: [u32; 2],
         /// Number of tiles along width and height.

@@ -15,13 +15,13 @@ const MOST_BYTES: u64 = 32 << 10;
 const MEAN: f64 = 0.6;
 const PERCENTILE: f64 = 2.0;
 
-/// Compares a picture over black with the golden picture `name`, or makes that anew with `twin`, the
-/// reference implementation.
-pub fn check(name: &str, found: &Image, twin: impl FnOnce() -> Image) {
+/// Compares a picture over black with the golden picture `name`, or makes that anew with `reference`,
+/// the reference implementation.
+pub fn check(name: &str, found: &Image, reference: impl FnOnce() -> Image) {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/golden")).join(format!("{name}.png"));
     let options = WriteOptions { background: Some([0.0; 3]), force: true };
     if std::env::var_os("UPDATE_GOLDEN").is_some_and(|v| v == "1") {
-        image::write(&path, &twin(), None, &options).expect("writing a golden picture");
+        image::write(&path, &reference(), None, &options).expect("writing a golden picture");
         let bytes = std::fs::metadata(&path).expect("it was written").len();
         assert!(bytes <= MOST_BYTES, "{name}: {bytes} bytes");
         println!("{name}: made anew");

@@ -4,7 +4,7 @@
 use engine::gpu::Gpu;
 use engine::image::Image;
 use engine::reference::eye::{self, Eye};
-use engine::reference::slab as twin;
+use engine::reference::slab as reference;
 use engine::render::{Camera, Look, MODES, ModeRow, Renderer, Scene, Settings};
 use engine::splat::{Field, Kernel, Splat, SplatSet};
 use engine::transfer::{Table, TransferFunction, preset};
@@ -91,7 +91,7 @@ pub fn of_splats() -> impl Iterator<Item = &'static ModeRow> {
 }
 
 /// Renders a set with the reference implementation, at planes as the mode places them.
-pub fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, step: f64) -> Image {
+pub fn reference_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look, step: f64) -> Image {
     let gpu_splats = scene.splats.as_ref().expect("splats");
     let eye = Eye::from(&camera.view(scene.origin));
     let background = f64::from(set.field.background);
@@ -102,18 +102,18 @@ pub fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look,
         eye::Appearance { tint, opacity: f64::from(shown.opacity) }
     };
     let seen = |(i, s): (usize, &Splat)| {
-        let seen = twin::seen(&s.into(), &eye, set.field.kernel, background)?;
-        Some(twin::Seen { appearance: appearance(i), ..seen })
+        let seen = reference::seen(&s.into(), &eye, set.field.kernel, background)?;
+        Some(reference::Seen { appearance: appearance(i), ..seen })
     };
     let splats: Vec<_> = set.splats.iter().enumerate().filter_map(seen).collect();
     let [low, high] = gpu_splats.bounds;
     let radius = (high - low).length() * 0.5;
     let spacing = gpu_splats.sigma_mm * step;
     let first = (eye.seen((low + high) * 0.5).z - radius).max(1.0);
-    let planes = twin::Planes { first, spacing, count: (2.0 * radius / spacing).ceil() as u32 + 8 };
+    let planes = reference::Planes { first, spacing, count: (2.0 * radius / spacing).ceil() as u32 + 8 };
     let table = Table::new(&look.transfer, gpu_splats.range);
     let [visible, _] = look.transfer.visible().expect("something to see");
-    let twin_look = twin::Look {
+    let reference_look = reference::Look {
         table: &table,
         material: &look.transfer.material,
         dark: if visible.is_finite() { visible } else { gpu_splats.range[0] },
@@ -125,7 +125,7 @@ pub fn twin_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &Look,
     let pixels = (0..size[0] * size[1])
         .map(|i| {
             let ray = eye.ray([(i % size[0]) as f64 + 0.5, (i / size[0]) as f64 + 0.5], SIZE);
-            twin::ray(&splats, &set.field, &eye, ray, &planes, &twin_look).pixel().map(|v| v as f32)
+            reference::ray(&splats, &set.field, &eye, ray, &planes, &reference_look).pixel().map(|v| v as f32)
         })
         .collect();
     Image { size, pixels }

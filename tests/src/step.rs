@@ -66,7 +66,7 @@ pub fn all_terms(soft: bool) -> [Weighted; 8] {
 
 /// Returns the reference implementations of [`Weighted`] terms.
 pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
-    let twin = |t: &Weighted| {
+    let implementation = |t: &Weighted| {
         let (weight, parameter, region) = (f64::from(t.weight), f64::from(t.parameter), f64::from(t.region));
         let quantity = match TERMS[t.term].quantity {
             Some(INTENSITIES) => Quantity::Intensity { low: f64::from(t.low) },
@@ -81,10 +81,10 @@ pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
             "leak" => reference::Term::Leak { weight, power: t.parameter as i32, region },
             "square" => reference::Term::Square { weight, region },
             "kl" | "intensity kl" => reference::Term::Kl { weight, region, quantity },
-            name => panic!("the loss term {name} has no twin in reference::loss"),
+            name => panic!("the loss term {name} has no reference implementation"),
         }
     };
-    terms.iter().map(twin).collect()
+    terms.iter().map(implementation).collect()
 }
 
 /// Runs a scene in full storage.

@@ -4,9 +4,8 @@
 use engine::error::Kind;
 use engine::gpu::Gpu;
 use engine::image::{Image, psnr};
-use engine::reference::decoded as twin;
 use engine::reference::eye::{self, Eye};
-use engine::reference::slab::Look as TwinLook;
+use engine::reference::slab::Look as ReferenceLook;
 use engine::reference::splat_bounds::footprint;
 use engine::reference::{self, Footprint, raymarch};
 use engine::render::{
@@ -39,8 +38,8 @@ fn objects(count: usize) -> SplatSet {
     set
 }
 
-/// The voxels as the twin has them.
-fn twin_voxels(set: &SplatSet, decoded: &Decoded, pitch: f64) -> Vec<twin::Voxel> {
+/// The voxels as the reference implementation has them.
+fn reference_voxels(set: &SplatSet, decoded: &Decoded, pitch: f64) -> Vec<reference::decoded::Voxel> {
     // With one more on each side, so that all have their neighbours.
     let wide = decoded.size.map(|n| n as usize + 2);
     let scene_from_wide = decoded.scene_from_voxel * DAffine3::from_translation(DVec3::splat(-1.0));
@@ -60,7 +59,7 @@ fn twin_voxels(set: &SplatSet, decoded: &Decoded, pitch: f64) -> Vec<twin::Voxel
     };
     let all: Vec<_> = there.iter().map(|&n| footprints(n)).collect();
     let binary = set.form == Form::Grid { binary: true };
-    let voxels = twin::decoded(&all, &set.field, wide, binary);
+    let voxels = reference::decoded::decoded(&all, &set.field, wide, binary);
     let inside = |i: usize| {
         let at = [i % wide[0], i / wide[0] % wide[1], i / (wide[0] * wide[1])];
         (0..3).all(|k| (1..wide[k] - 1).contains(&at[k])).then(|| DVec3::from_array(at.map(|v| v as f64)))
@@ -87,13 +86,13 @@ fn twin_voxels(set: &SplatSet, decoded: &Decoded, pitch: f64) -> Vec<twin::Voxel
                 i as i32
             };
             let value = voxels[at_face as usize].value;
-            Some(twin::Voxel { occupancy, value, object: usize::from(there[voxels[i].object]) })
+            Some(reference::decoded::Voxel { occupancy, value, object: usize::from(there[voxels[i].object]) })
         })
         .collect()
 }
 
 #[test]
-fn voxels_are_those_of_the_twin() {
+fn voxels_are_those_of_the_reference() {
     let gpu = Device::boot();
     let binary = SplatSet { form: Form::Grid { binary: true }, ..fitted(80, Kernel::Compact) };
     // Of others V is by least squares.
@@ -106,7 +105,7 @@ fn voxels_are_those_of_the_twin() {
         ("coarse", samples(fitted(120, Kernel::Compact)), 3.0),
     ] {
         let decoded = decode(&gpu, &set, pitch).expect("a field");
-        let wanted = twin_voxels(&set, &decoded, pitch);
+        let wanted = reference_voxels(&set, &decoded, pitch);
         let size = decoded.size;
         let found: Vec<(f64, f64)> = (0..wanted.len() as u32)
             .map(|i| decoded.value([i % size[0], i / size[0] % size[1], i / (size[0] * size[1])]))
@@ -161,13 +160,13 @@ fn an_atlas_is_marched_as_the_same_voxels_in_a_volume() {
     }
 }
 
-/// The picture of the twin's voxels, marched by the twin.
-fn twin_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, step: f64) -> Image {
-    let voxels = twin_voxels(set, decoded, 1.0);
+/// The picture of the reference voxels, marched by the reference implementation.
+fn reference_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, step: f64) -> Image {
+    let voxels = reference_voxels(set, decoded, 1.0);
     let size = decoded.size.map(|n| n as usize);
     let values: Vec<f32> = voxels.iter().map(|v| v.value as f32).collect();
     let mask: Vec<f32> = voxels.iter().map(|v| v.occupancy as f32).collect();
-    let shown = |v: &twin::Voxel| {
+    let shown = |v: &reference::decoded::Voxel| {
         let shown = look.objects.get(&(v.object as u8)).copied().unwrap_or_default();
         eye::Appearance {
             tint: shown.tint.map_or(DVec4::ZERO, |t| Vec3::from_array(t).as_dvec3().extend(1.0)),
@@ -178,7 +177,7 @@ fn twin_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, s
         .with_objects(voxels.iter().map(shown).collect());
     let range = scene.splats.as_ref().expect("splats").range;
     let [visible, _] = look.transfer.visible().expect("something to see");
-    let twin_look = TwinLook {
+    let reference_look = ReferenceLook {
         table: &Table::new(&look.transfer, range),
         material: &look.transfer.material,
         dark: if visible.is_finite() { visible } else { range[0] },
@@ -189,11 +188,14 @@ fn twin_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, s
     let eye = Eye::from(&camera(scene).view(scene.origin));
     let spacing = decoded.scene_from_voxel.matrix3.to_cols_array_2d().map(|c| DVec3::from_array(c).length());
     let step = step * spacing.into_iter().fold(f64::INFINITY, f64::min);
-    Image { size: SIZE.map(|n| n as usize), pixels: raymarch::render(&medium, &eye, SIZE, &twin_look, step) }
+    Image {
+        size: SIZE.map(|n| n as usize),
+        pixels: raymarch::render(&medium, &eye, SIZE, &reference_look, step),
+    }
 }
 
 #[test]
-fn pictures_are_those_of_the_twins() {
+fn pictures_are_those_of_the_reference() {
     let gpu = Device::boot();
     let shown = |visible, tint, opacity| Appearance { visible, tint, opacity };
     let samples = |set: SplatSet| SplatSet { form: Form::Grid { binary: false }, ..set };
@@ -216,7 +218,7 @@ fn pictures_are_those_of_the_twins() {
         let found = render(&gpu, row, &scene, &settings, &[camera(&scene)]);
         picture::check(name, &found[0], || {
             let decoded = decode(&gpu, &set, 1.0).expect("a field");
-            twin_picture(&set, &scene, &look, &decoded, 0.5)
+            reference_picture(&set, &scene, &look, &decoded, 0.5)
         });
     }
 }

@@ -91,7 +91,7 @@ fn each_level_shows_what_a_renderer_made_for_it_shows() {
     let scene = scene(&gpu);
     let cameras = eyes(&scene);
     let mut frames = Frames::new(&gpu, &scene, &settings(), &all_levels()).expect("frames");
-    frames.warm_up(&scene, &cameras).expect("all rungs");
+    frames.warm_up(&scene, &cameras).expect("all levels");
     for (number, level) in all_levels().iter().enumerate() {
         let frame = frames.begin(&scene, number).expect("a frame");
         let size = frame.size;
@@ -107,8 +107,8 @@ fn each_level_shows_what_a_renderer_made_for_it_shows() {
             let row = |y: usize| &wide[y * SIZE[0] as usize..][..size[0] as usize];
             let corner: Vec<_> = (0..size[1] as usize).flat_map(row).copied().collect();
             let expected = renderer.target.read_colour(view).expect("the picture");
-            assert!(expected.iter().any(|p| p[3] > 0.1), "rung {number}: something is seen");
-            assert!(corner == expected, "rung {number}, view {view}: other bits");
+            assert!(expected.iter().any(|p| p[3] > 0.1), "level {number}: something is seen");
+            assert!(corner == expected, "level {number}, view {view}: other bits");
         }
     }
 }
@@ -134,8 +134,8 @@ fn what_no_eye_sees_changes_nothing_else() {
     let masks = [VisibilityMask::of(&cameras[0].fov, &right), VisibilityMask::of(&cameras[1].fov, &middle)];
     let mut whole = Frames::new(&gpu, &scene, &all, &all_levels()).expect("frames");
     let mut frames = Frames::new(&gpu, &scene, &asked, &all_levels()).expect("frames");
-    whole.warm_up(&scene, &cameras).expect("all rungs");
-    frames.warm_up(&scene, &cameras).expect("all rungs");
+    whole.warm_up(&scene, &cameras).expect("all levels");
+    frames.warm_up(&scene, &cameras).expect("all levels");
     for (number, level) in all_levels().iter().enumerate() {
         for unseen in [false, true] {
             let shown = if unseen { masks.clone() } else { Default::default() };
@@ -159,13 +159,13 @@ fn what_no_eye_sees_changes_nothing_else() {
                     let same = found[pixel] == expected[pixel] && deep[pixel] == far[pixel];
                     assert!(
                         same || shown[view as usize].at(patch),
-                        "rung {number}, view {view}: {x}, {y} has other bits"
+                        "level {number}, view {view}: {x}, {y} has other bits"
                     );
                     spared += usize::from(found[pixel][3] == 0.0 && expected[pixel][3] > 0.0);
                 }
                 let least = if level.mode == "slab" { 200 } else { 5 };
                 let least = least * (size[0] * size[1]) as usize / (SIZE[0] * SIZE[1]) as usize;
-                assert_eq!(spared > least, unseen, "rung {number}, view {view}: {spared} of {least}");
+                assert_eq!(spared > least, unseen, "level {number}, view {view}: {spared} of {least}");
             }
         }
     }
@@ -179,7 +179,7 @@ fn frames_cause_no_hitches_and_are_all_reported() {
     let scene = scene(&gpu);
     let head = eyes(&scene);
     let mut frames = Frames::new(&gpu, &scene, &settings(), &all_levels()).expect("frames");
-    frames.warm_up(&scene, &head).expect("all rungs");
+    frames.warm_up(&scene, &head).expect("all levels");
     // The first frames of a loop make the command buffers that are in flight at the same time.
     let before = gpu.hitches();
     let mut reported = Vec::new();
@@ -288,7 +288,7 @@ fn nothing_vanishes_on_the_way_down() {
         let scene = Scene::new(&gpu, Some(&bodies(form)), None, &look).expect("a scene");
         let camera = Camera::from_side("anterior", DVec3::ZERO, 24.0, 30.0, 1.25).expect("a camera");
         let mut frames = Frames::new(&gpu, &scene, &settings, quality_levels(kind)).expect("frames");
-        frames.warm_up(&scene, &[camera]).expect("all rungs");
+        frames.warm_up(&scene, &[camera]).expect("all levels");
         let mut areas = |number: usize| {
             let frame = frames.begin(&scene, number).expect("a frame");
             let [width, height] = frame.size;
@@ -317,7 +317,8 @@ fn nothing_vanishes_on_the_way_down() {
             for (label, (&found, &full)) in (1..).zip(found.iter().zip(&full)) {
                 assert!(
                     (0.6..1.7).contains(&(found / full)),
-                    "{kind:?}, rung {level}: object {label} takes {found:.5} of the picture, {full:.5} in full"
+                    "{kind:?}, level {level}: object {label} takes {found:.5} of the picture, \
+                     {full:.5} in full"
                 );
             }
         }

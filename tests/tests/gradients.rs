@@ -1,4 +1,5 @@
-//! Derivatives: the f64 twins against central differences of the whole objective, and the device against the twins.
+//! Derivatives: the f64 reference implementations against central differences of the whole objective, and the
+//! device against them.
 //!
 //! Every sample has a target and a mask value of its own, so that no error hides in a mean. Splats of a Gaussian
 //! kernel are placed so that no sample lies at its cut-off, where the objective jumps.
@@ -104,7 +105,7 @@ fn extreme(rng: &mut Pcg64) -> Splat {
 
 /// Compares all parameters of all splats with central differences. The error is measured against the largest
 /// derivative of the same kind: a small one is a difference of large contributions.
-fn check_twin(what: &str, small: &Small, bound: f64) {
+fn check_reference(what: &str, small: &Small, bound: f64) {
     let samples = Samples::all(&small.bricks, small.offset);
     let positions = samples.positions();
     let targets: Vec<reference::Target> = small.targets.iter().map(Into::into).collect();
@@ -153,16 +154,16 @@ fn check_twin(what: &str, small: &Small, bound: f64) {
 }
 
 #[test]
-fn the_twin_has_the_derivative_of_the_objective() {
+fn the_reference_has_the_derivative_of_the_objective() {
     for small in scenes(usual) {
-        check_twin(&format!("{}, soft {}", small.kernel.name(), small.soft), &small, 1e-6);
+        check_reference(&format!("{}, soft {}", small.kernel.name(), small.soft), &small, 1e-6);
     }
 }
 
 #[test]
-fn the_twin_has_the_derivative_at_the_ends_of_the_range() {
+fn the_reference_has_the_derivative_at_the_ends_of_the_range() {
     for small in scenes(extreme) {
-        check_twin(&format!("extreme, {}, soft {}", small.kernel.name(), small.soft), &small, 1e-5);
+        check_reference(&format!("extreme, {}, soft {}", small.kernel.name(), small.soft), &small, 1e-5);
     }
 }
 
@@ -180,7 +181,7 @@ fn a_parameter_moves_along_its_own_axis() {
 
 /// The whole chain on the device, from parameters to gradient rows, against the whole chain in f64.
 #[test]
-fn the_device_has_the_gradient_of_the_twin() {
+fn the_device_has_the_gradient_of_the_reference() {
     let gpu = Device::boot();
     for (which, scenes, bound) in [("usual", scenes(usual), 5e-5), ("extreme", scenes(extreme), 3e-4)] {
         for small in scenes {

@@ -204,7 +204,7 @@ fn p7_the_device_keeps_the_bounds_of_its_arithmetic() {
     }
 }
 
-/// The twin's samples are those of the grid: what all the above rests on.
+/// The samples of the reference implementations are those of the grid: what all the above rests on.
 #[test]
 fn positions_follow_the_bricks() {
     let bricks = bricks();

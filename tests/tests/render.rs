@@ -6,11 +6,11 @@ use engine::render::{Appearance, Camera, ClipPlane, Fov, Look, Renderer, Scene, 
 use engine::splat::{Field, Kernel, Splat, SplatSet};
 use engine::transfer::TransferFunction;
 use glam::DVec3;
-use vgs_tests::rendering::{camera, empty, look, of_splats, render, set, settings, twin_picture};
+use vgs_tests::rendering::{camera, empty, look, of_splats, reference_picture, render, set, settings};
 use vgs_tests::{Bound, Device, assert_close, picture};
 
 #[test]
-fn pictures_are_those_of_the_twins() {
+fn pictures_are_those_of_the_reference() {
     let gpu = Device::boot();
     let tint = |tint, opacity| Appearance { tint: Some(tint), opacity, ..Appearance::default() };
     let objects = [(1, tint([0.1, 0.4, 1.0], 0.3)), (2, tint([1.0, 0.3, 0.1], 1.0))];
@@ -31,7 +31,7 @@ fn pictures_are_those_of_the_twins() {
             ..settings()
         };
         let found = render(&gpu, mode("slab").expect("a mode"), &scene, &settings, &[camera]);
-        picture::check(name, &found[0], || twin_picture(&set, &scene, &camera, &look, 0.5));
+        picture::check(name, &found[0], || reference_picture(&set, &scene, &camera, &look, 0.5));
     }
 }
 
@@ -56,8 +56,8 @@ fn what_a_look_cannot_show_is_dropped_and_nothing_else() {
         ..settings()
     };
     let found = render(&gpu, mode("slab").expect("a mode"), &scene, &settings, &[camera]);
-    // The twin has all splats.
-    let wanted = twin_picture(&set, &scene, &camera, &look, 0.5);
+    // The reference implementation has all splats.
+    let wanted = reference_picture(&set, &scene, &camera, &look, 0.5);
     let pairs = found[0]
         .pixels
         .iter()

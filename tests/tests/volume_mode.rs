@@ -5,8 +5,8 @@ use engine::error::Kind;
 use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
 use engine::reference::eye::Eye;
-use engine::reference::raymarch as twin;
-use engine::reference::slab::Look as TwinLook;
+use engine::reference::raymarch as reference;
+use engine::reference::slab::Look as ReferenceLook;
 use engine::render::{
     Camera, Classification, ClipPlane, Fov, Look, Renderer, Scene, Settings, VolumeSource, mode,
 };
@@ -96,7 +96,7 @@ fn visible(image: &Image) -> usize {
 }
 
 #[test]
-fn pictures_are_those_of_the_twin() {
+fn pictures_are_those_of_the_reference() {
     let gpu = Device::boot();
     let volume = volume();
     let roi = half(&volume);
@@ -111,9 +111,9 @@ fn pictures_are_those_of_the_twin() {
         picture::check(name, &found[0], || {
             let scene_from_voxel = DAffine3::from_translation(-scene.origin) * volume.world_from_voxel;
             let mask = roi.map(|roi| roi.weight.as_slice());
-            let medium = twin::Medium::new(volume.size, scene_from_voxel, &volume.samples, mask);
+            let medium = reference::Medium::new(volume.size, scene_from_voxel, &volume.samples, mask);
             let [visible, _] = look.transfer.visible().expect("something to see");
-            let twin_look = TwinLook {
+            let reference_look = ReferenceLook {
                 table: &Table::new(&look.transfer, [-1000.0, 700.0]),
                 material: &look.transfer.material,
                 dark: visible,
@@ -124,7 +124,7 @@ fn pictures_are_those_of_the_twin() {
             let eye = Eye::from(&camera.view(scene.origin));
             Image {
                 size: SIZE.map(|n| n as usize),
-                pixels: twin::render(&medium, &eye, SIZE, &twin_look, 0.5),
+                pixels: reference::render(&medium, &eye, SIZE, &reference_look, 0.5),
             }
         });
     }

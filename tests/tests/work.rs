@@ -1,5 +1,5 @@
-//! The work of frames, as shaders and buffers count it, against what the twins find by asking every splat at every plane of
-//! every pixel.
+//! The work of frames, as shaders and buffers count it, against what the reference implementations find by
+//! asking every splat at every plane of every pixel.
 #![forbid(unsafe_code)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use engine::passes::WorkgroupShape;
 use engine::reference::eye::{self, Eye};
 use engine::reference::quads::{self, Face, Quad};
-use engine::reference::slab::{self as twin, Seen};
+use engine::reference::slab::{self as reference, Seen};
 use engine::render::{Camera, Renderer, Scene, Settings, mode};
 use engine::splat::{Harmonics, Kernel};
 use engine::transfer::{Material, Table};
@@ -46,7 +46,7 @@ impl Planes {
         let splats = scene.splats.as_ref().expect("splats");
         let [low, high] = splats.bounds;
         let (radius, spacing) = ((high - low).length() * 0.5, splats.sigma_mm);
-        let first = (eye.seen((low + high) * 0.5).z - radius).max(twin::NEAREST);
+        let first = (eye.seen((low + high) * 0.5).z - radius).max(reference::NEAREST);
         Planes { first, spacing, count: (2.0 * radius / (spacing * PLANES as f64)).ceil() as usize * PLANES }
     }
 
@@ -89,7 +89,7 @@ fn near(splats: &[Seen], eye: &Eye, planes: &Planes, part: [usize; 2]) -> BTreeS
         let reach = splat.extent * (1.0 + MARGIN);
         let beside = (0..2).any(|axis| {
             let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)].map(|(a, z): (f64, f64)| {
-                let depth = (splat.mean.z + z * reach.z).max(twin::NEAREST);
+                let depth = (splat.mean.z + z * reach.z).max(reference::NEAREST);
                 scale(axis, (splat.mean[axis] + a * reach[axis]) / depth)
             });
             let low = corners.iter().copied().fold(f64::INFINITY, f64::min);
@@ -111,7 +111,7 @@ fn near(splats: &[Seen], eye: &Eye, planes: &Planes, part: [usize; 2]) -> BTreeS
 }
 
 #[test]
-fn slabs_count_what_their_twin_meets() {
+fn slabs_count_what_their_reference_meets() {
     let gpu = Device::boot();
     let set = set(120, Kernel::Compact);
     let mut scene = Scene::new(&gpu, Some(&set), None, &look("CT-Soft-Tissue", false)).expect("a scene");
@@ -130,7 +130,7 @@ fn slabs_count_what_their_twin_meets() {
     let splats: Vec<Seen> = set
         .splats
         .iter()
-        .map(|s| twin::seen(&s.into(), &eye, Kernel::Compact, background).expect("before the eye"))
+        .map(|s| reference::seen(&s.into(), &eye, Kernel::Compact, background).expect("before the eye"))
         .collect();
     let planes = Planes::of(&scene, &eye);
     let support = Kernel::Compact.support_q();

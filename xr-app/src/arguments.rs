@@ -41,8 +41,8 @@ pub struct HeadsetArguments {
     /// Device time that a frame may take; 9/10 of the display's period by default
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub budget: Option<f64>,
-    /// Stays on a level of quality, 0 the best, instead of keeping to the budget
-    #[arg(long = "rung", value_name = "N")]
+    /// Stays on a quality level, 0 the best, instead of keeping to the budget
+    #[arg(long, alias = "rung", value_name = "N")]
     pub level: Option<usize>,
     /// Device memory that may be used, MiB: splats are packed, and if need be only the most important ones are shown
     #[arg(long, value_name = "MIB", value_parser = positive)]

@@ -97,8 +97,8 @@ fn levels(arguments: &HeadsetArguments, set: &SplatSet) -> Result<Vec<QualityLev
     let levels = render::quality_levels(SplatKind::of(set));
     match arguments.level {
         Some(level) if level >= levels.len() => {
-            Err(Error::new(Kind::Usage, "VGS-XR-022", format!("--rung {level}"))
-                .help(format!("rungs of these splats are 0 to {}", levels.len() - 1)))
+            Err(Error::new(Kind::Usage, "VGS-XR-022", format!("--level {level}"))
+                .help(format!("quality levels of these splats are 0 to {}", levels.len() - 1)))
         }
         _ => Ok(levels.to_vec()),
     }

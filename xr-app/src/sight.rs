@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_blind_is_said_when_it_changes() {
+    fn masks_are_returned_when_they_change() {
         let none = Default::default();
         assert!(Sight::new([200, 160], None, false).update(&none, &eyes()).is_none(), "nothing ever is");
         let mut sight = Sight::new([200, 160], None, true);

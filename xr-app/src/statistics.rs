@@ -20,7 +20,6 @@ const LATENCY_BIN_MS: f64 = 0.1;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sample {
     /// Quality level of the frame.
-    #[serde(rename = "rung")]
     pub level: usize,
     /// Device time, ms.
     pub gpu_ms: f64,
@@ -220,7 +219,6 @@ pub struct SessionReport {
     /// Frames that took more than the budget.
     pub over_budget: u64,
     /// Number of changes of the level.
-    #[serde(rename = "rung_changes")]
     pub level_changes: u64,
     /// Number of frames on each level.
     pub frames_on: Vec<u64>,

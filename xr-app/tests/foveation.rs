@@ -173,8 +173,8 @@ fn depth_is_that_of_what_is_seen() {
     silent(&gpu);
 }
 
-/// The controller walks the ladder as ever, and no frame allocates or makes anything, behind round lenses
-/// neither; what they hide is background.
+/// The controller moves along the quality levels as ever, and no frame allocates or makes anything, behind
+/// round lenses neither; what they hide is background.
 #[test]
 fn levels_and_lenses_work_as_without() {
     let gpu = device();
@@ -182,7 +182,8 @@ fn levels_and_lenses_work_as_without() {
     let (viewer, headset) = session(&gpu, Script { round_from: Some(20), ..script(60) }, tight);
     let report = viewer.report(&headset);
     assert_eq!((report.allocations, report.pipelines), (0, 0));
-    assert_eq!(report.samples.last().expect("frames").level, all_levels().len() - 1, "down to the last rung");
+    let last = report.samples.last().expect("frames").level;
+    assert_eq!(last, all_levels().len() - 1, "down to the last level");
     let found: Vec<[u8; 4]> = headset.picture().read().expect("the picture");
     let eyes = headset.shown.expect("a frame");
     for (eye, of) in eyes.iter().enumerate() {

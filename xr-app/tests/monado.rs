@@ -75,8 +75,11 @@ fn two_hundred_frames_under_monado() {
     assert!((0.02..0.5).contains(&hidden(0)) && (0.02..0.5).contains(&hidden(1)), "{}", report["hidden"]);
     assert_eq!((report["allocations"].as_u64(), report["pipelines"].as_u64()), (Some(0), Some(0)));
     let latency = |part: &str| report["latency_ms"][part].as_f64().expect("ms");
-    let ladder = ["p5", "median", "p95", "p99", "most"].map(latency);
-    assert!(ladder[1] > 0.0 && ladder.is_sorted(), "poses are asked for before light: {ladder:?} ms");
+    let percentiles = ["p5", "median", "p95", "p99", "most"].map(latency);
+    assert!(
+        percentiles[1] > 0.0 && percentiles.is_sorted(),
+        "poses are asked for before light: {percentiles:?} ms"
+    );
     let bins = report["latency_histogram_ms"]["counts"].as_array().expect("bins");
     assert_eq!(bins.iter().map(|n| n.as_u64().expect("a count")).sum::<u64>(), rendered);
     let eyes = engine::image::read(folder.path().join("eyes.png")).expect("a picture").image;

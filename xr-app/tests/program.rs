@@ -58,7 +58,7 @@ fn used(folder: &Path, arguments: &[&str]) -> (String, f64) {
 fn a_memory_budget_is_kept_to_or_refused() {
     let folder = folder(60_000);
     let folder = folder.path();
-    let frames = ["--frames", "3", "--rung", "3"];
+    let frames = ["--frames", "3", "--level", "3"];
     let (said, all) = used(folder, &frames);
     assert_eq!(said, "");
     let within = |mib: f64| {
@@ -106,8 +106,8 @@ fn a_window_shows_what_the_eyes_see() {
     // Of one eye the window is half as wide.
     for eyes in ["both", "left"] {
         let script = format!(
-            "{run} {program} scene.ply --simulated --resolution 0.2 --rate 20 --rung 1 --validation --mirror={eyes} & \
-             sleep 6; cp $VGS_SCREEN shot.xwd; kill -INT $!; wait $!",
+            "{run} {program} scene.ply --simulated --resolution 0.2 --rate 20 --level 1 --validation \
+             --mirror={eyes} & sleep 6; cp $VGS_SCREEN shot.xwd; kill -INT $!; wait $!",
             run = tool("run").display(),
             program = env!("CARGO_BIN_EXE_vgs-xr")
         );

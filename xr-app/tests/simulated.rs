@@ -71,7 +71,8 @@ fn frames_allocate_nothing() {
     let report = viewer.report(&headset);
     assert_eq!((report.allocations, report.pipelines), (0, 0));
     assert_eq!(report.frames, 60);
-    assert_eq!(report.samples.last().expect("frames").level, all_levels().len() - 1, "down to the last rung");
+    let last = report.samples.last().expect("frames").level;
+    assert_eq!(last, all_levels().len() - 1, "down to the last level");
     assert!(report.frames_on[0] < 10, "at once: {:?}", report.frames_on);
     silent(&gpu);
 }
@@ -100,7 +101,7 @@ fn nothing_is_shown_behind_the_rims_of_round_lenses() {
         let options = Options { level: Some(level), ..options() };
         let (_, _, whole) = last_picture(&gpu, script(None), options.clone());
         let [first, later] = [0, 6].map(|from| last_picture(&gpu, script(Some(from)), options.clone()));
-        assert!(first.2 == later.2, "rung {level}: other bits when lenses change");
+        assert!(first.2 == later.2, "level {level}: other bits when lenses change");
         let (viewer, headset, found) = first;
         let eyes = headset.shown.expect("a frame");
         let [width, height] = headset.description().eye_size.map(|n| n as usize);
@@ -112,12 +113,12 @@ fn nothing_is_shown_behind_the_rims_of_round_lenses() {
             for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
                 let pixel = (eye * height + y) * width + x;
                 let same = found[pixel] == whole[pixel];
-                assert!(same || mask.at([x * 64 / width, y * 64 / height]), "rung {level}: {x}, {y}");
+                assert!(same || mask.at([x * 64 / width, y * 64 / height]), "level {level}: {x}, {y}");
                 spared += usize::from(!same);
             }
         }
         // In mode alpha only what lies in the corners altogether is left out.
-        assert!(spared > if level == 0 { 100 } else { 0 }, "rung {level}: {spared} pixels are spared");
+        assert!(spared > if level == 0 { 100 } else { 0 }, "level {level}: {spared} pixels are spared");
         let report = viewer.report(&headset);
         assert!(report.hidden.iter().all(|part| (0.17..0.2146).contains(part)), "{:?}", report.hidden);
     }
@@ -212,7 +213,7 @@ fn a_draft_is_marked_for_both_eyes() {
                 let mut around =
                     (0..9).map(|i| picture[(eye * height + y + i / 3 - 1) * width + x + i % 3 - 1]);
                 let is_amber = |p: [u8; 4]| p[0] > 250 && p[1].abs_diff(191) < 4 && p[2].abs_diff(26) < 6;
-                assert_eq!(around.any(is_amber), level > 0, "rung {level}, eye {eye}");
+                assert_eq!(around.any(is_amber), level > 0, "level {level}, eye {eye}");
             }
         }
     }

@@ -165,6 +165,6 @@ mod tests {
         controller.foresee(30.0);
         assert_eq!(controller.level(), 2, "a quarter of 30 ms is in time, a half is not");
         controller.foresee(1000.0);
-        assert_eq!(controller.level(), 2, "what the best rung takes says nothing of this one");
+        assert_eq!(controller.level(), 2, "what the best level takes says nothing of this one");
     }
 }

@@ -24,12 +24,15 @@ impl LevelCosts {
     pub fn new(costs: impl IntoIterator<Item = f64>) -> Self {
         let costs: Vec<f64> = costs.into_iter().collect();
         let falling = costs.windows(2).all(|pair| pair[1] < pair[0]);
-        assert!(falling && costs.last().is_some_and(|&c| c > 0.0), "a ladder goes down: {costs:?}");
+        assert!(
+            falling && costs.last().is_some_and(|&c| c > 0.0),
+            "costs of quality levels go down: {costs:?}"
+        );
         LevelCosts(costs)
     }
 
     /// Returns the number of levels.
-    #[expect(clippy::len_without_is_empty, reason = "a ladder has at least one rung")]
+    #[expect(clippy::len_without_is_empty, reason = "there is at least one level")]
     pub fn len(&self) -> usize {
         self.0.len()
     }

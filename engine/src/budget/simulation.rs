@@ -140,7 +140,7 @@ mod tests {
             assert!(late(frames, budget) <= LATENCY + 2, "{case}: {} late", late(frames, budget));
             let best = costs().within(0, 1.0 / excess);
             let last = frames[frames.len() - 1].level;
-            assert!(last <= best + 1, "{case}: rung {last}, while {best} fits");
+            assert!(last <= best + 1, "{case}: level {last}, while {best} fits");
             assert!(changes(&frames[1000..]) == 0, "{case}: {} changes", changes(&frames[1000..]));
         });
     }
@@ -155,7 +155,7 @@ mod tests {
             assert!(share < 0.015, "{case}: {:.2} % late", share * 100.0);
             let levels: f64 = settled.iter().map(|f| f.level as f64).sum::<f64>() / settled.len() as f64;
             let best = costs().within(0, 1.0 / (1.2 * excess)) as f64;
-            assert!(levels <= best + 1.5, "{case}: rung {levels:.1} in the mean, while {best} fits");
+            assert!(levels <= best + 1.5, "{case}: level {levels:.1} in the mean, while {best} fits");
             assert!(changes(settled) <= 12, "{case}: {} changes", changes(settled));
         });
     }
@@ -218,12 +218,12 @@ mod tests {
         assert_eq!(controller.level(), 0);
         controller.finished(0, 20.0);
         controller.finished(0, 20.0);
-        assert_eq!(controller.level(), 5, "down to the rung of 0.35 at once, that of 0.425 and less");
+        assert_eq!(controller.level(), 5, "down to the level of 0.35 at once, that of 0.425 and less");
     }
 
     #[test]
-    #[should_panic(expected = "a ladder goes down")]
-    fn a_ladder_that_goes_up_is_refused() {
+    #[should_panic(expected = "costs of quality levels go down")]
+    fn costs_that_go_up_are_refused() {
         LevelCosts::new([1.0, 0.5, 0.6]);
     }
 }

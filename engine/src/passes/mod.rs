@@ -18,7 +18,7 @@
 //! | `adam` | `adam` | the optimiser |
 //! | `activity` | `mark_active`, `list_active` | which splats a look can show |
 //! | `ranking` | `limit_active` | an order of importance, for listings with a budget |
-//! | `tiles` | `blind_parts`, `project_splats`, `emit_tile_pairs` | splats into tiles and blocks of planes |
+//! | `tiles` | `hidden_parts`, `project_splats`, `emit_tile_pairs` | splats into tiles and blocks of planes |
 //! | `quads` | `project_quads` | projection of splats to quads |
 //! | `occupancy` | `occupancy_mark`, `occupancy_spread` | which bricks of a volume a look can show |
 //! | `render/slab` | `slab` | the modes slab and exact |

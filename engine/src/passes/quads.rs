@@ -47,7 +47,7 @@ pub struct QuadVariant {
     /// True if objects have tints and opacities.
     pub objects: bool,
     /// True if views come with visibility masks, and splats in patches hidden by the lens are left out.
-    pub blind: bool,
+    pub hidden: bool,
 }
 
 /// Projects splats to quads and sorts them back to front.
@@ -74,8 +74,8 @@ impl Quads {
 
     /// Creates a `project_quads` kernel.
     pub fn kernel(gpu: &Gpu, variant: QuadVariant) -> Result<Kernel> {
-        let QuadVariant { corners, standard, shaded, packed, objects, blind } = variant;
-        let flags = [standard, shaded, packed, objects, blind].map(u32::from);
+        let QuadVariant { corners, standard, shaded, packed, objects, hidden } = variant;
+        let flags = [standard, shaded, packed, objects, hidden].map(u32::from);
         Kernel::new(gpu, &glsl::PROJECT_QUADS, &[&[corners][..], &flags].concat())
     }
 

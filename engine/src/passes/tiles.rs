@@ -3,7 +3,7 @@
 
 use shaders_glsl as glsl;
 pub use shaders_glsl::tiles::TILE;
-use shaders_glsl::types::{BlindParams, EmitParams, ProjectParams, Projected, TileGrid};
+use shaders_glsl::types::{EmitParams, HiddenParams, ProjectParams, Projected, TileGrid};
 
 use super::pair_lists::{PairLists, key_bits};
 use super::{SplatRows, Views, Work};
@@ -18,7 +18,7 @@ const MOST_ROWS: usize = 1 << glsl::tiles::ROW_BITS;
 pub struct TileBinner {
     gpu: Gpu,
     /// Kernel that marks parts of tiles hidden by the lens; `None` without visibility masks.
-    blind: Option<Kernel>,
+    hidden: Option<Kernel>,
     project: Kernel,
     emit: Kernel,
     pairs: PairLists,
@@ -28,7 +28,7 @@ pub struct TileBinner {
     needed: Buffer<u32>,
     /// Parts of each tile that are hidden by the lens, a bit each, by view and tile; a single word without
     /// visibility masks.
-    pub blind_parts: Buffer<u32>,
+    pub hidden_parts: Buffer<u32>,
     /// Number of (view, tile, block) lists of the grid that was recorded last.
     lists: usize,
     /// Number of rows of projected splats that were recorded last.
@@ -39,7 +39,7 @@ pub struct TileBinner {
 
 impl TileBinner {
     /// Creates a binner of `splat_count` splats, packed or not, in `views` views of a grid or of grids with
-    /// fewer tiles, blocks and splats. With `blind`, views come with visibility masks, and what the lens
+    /// fewer tiles, blocks and splats. With `hidden`, views come with visibility masks, and what the lens
     /// hides gets no pairs.
     pub fn new(
         gpu: &Gpu,
@@ -48,7 +48,7 @@ impl TileBinner {
         grid: &TileGrid,
         views: u32,
         splat_count: usize,
-        blind: bool,
+        hidden: bool,
     ) -> Result<Self> {
         let rows = splat_count * views as usize;
         if rows > MOST_ROWS {
@@ -60,18 +60,18 @@ impl TileBinner {
             .help("render fewer splats, or one view at a time"));
         }
         let lists = lists(grid, views);
-        let tiles = if blind { views * grid.tiles[0] * grid.tiles[1] } else { 1 };
-        let flag = u32::from(blind);
+        let tiles = if hidden { views * grid.tiles[0] * grid.tiles[1] } else { 1 };
+        let flag = u32::from(hidden);
         Ok(TileBinner {
             gpu: gpu.clone(),
-            blind: blind.then(|| Kernel::new(gpu, &glsl::BLIND_PARTS, &[])).transpose()?,
+            hidden: hidden.then(|| Kernel::new(gpu, &glsl::HIDDEN_PARTS, &[])).transpose()?,
             project: Kernel::new(gpu, &glsl::PROJECT_SPLATS, &[kernel.id(), u32::from(packed), flag])?,
             emit: Kernel::new(gpu, &glsl::EMIT_TILE_PAIRS, &[kernel.id(), flag])?,
             pairs: PairLists::new(gpu, rows, lists)?,
             projected: gpu.buffer("projected splats", "views", rows)?,
             boxes: gpu.buffer("boxes of tiles", "views", rows)?,
             needed: gpu.readback("pairs needed", 1)?,
-            blind_parts: gpu.buffer("blind parts of tiles", "sorting", tiles as usize)?,
+            hidden_parts: gpu.buffer("hidden parts of tiles", "sorting", tiles as usize)?,
             lists,
             rows: 0,
             views,
@@ -126,13 +126,13 @@ impl TileBinner {
         let rows = splats * self.views as usize;
         self.rows = rows;
         let invocations = [splats as u32, self.views, 1];
-        if let Some(blind) = &self.blind {
+        if let Some(hidden) = &self.hidden {
             let tiles = grid.tiles[0] * grid.tiles[1];
             recorder
-                .pass(blind)
+                .pass(hidden)
                 .read("patches", &views.patches)
-                .write("blind_parts", &mut self.blind_parts)
-                .push(&BlindParams { size: grid.size, tiles: grid.tiles })
+                .write("hidden_parts", &mut self.hidden_parts)
+                .push(&HiddenParams { size: grid.size, tiles: grid.tiles })
                 .dispatch_over_3d([tiles, self.views, 1]);
         }
         recorder
@@ -145,7 +145,7 @@ impl TileBinner {
             .write("projected", &mut self.projected)
             .write("boxes", &mut self.boxes)
             .write("pair_counts", &mut self.pairs.counts)
-            .read("blind_parts", &self.blind_parts)
+            .read("hidden_parts", &self.hidden_parts)
             .push(&ProjectParams { grid: *grid, range: all.range, background })
             .dispatch_over_3d(invocations);
         self.pairs.sum(recorder, rows, &mut self.needed, 0);
@@ -158,7 +158,7 @@ impl TileBinner {
             .read("pair_offsets", pair_offsets)
             .write("keys", keys)
             .write("values", values)
-            .read("blind_parts", &self.blind_parts)
+            .read("hidden_parts", &self.hidden_parts)
             .push(&EmitParams { grid: *grid })
             .dispatch_over_3d(invocations);
         self.pairs.sort(recorder, rows, key_bits(self.lists), self.lists as u32);

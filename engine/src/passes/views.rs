@@ -15,9 +15,9 @@ pub struct Views {
 }
 
 impl Views {
-    /// Creates `count` views in host memory, with empty visibility masks; without masks unless `blind`.
-    pub fn new(gpu: &Gpu, name: &str, count: u32, blind: bool) -> Result<Self> {
-        let words = if blind { PATCH_WORDS * count as usize } else { 1 };
+    /// Creates `count` views in host memory, with empty visibility masks; without masks unless `hidden`.
+    pub fn new(gpu: &Gpu, name: &str, count: u32, hidden: bool) -> Result<Self> {
+        let words = if hidden { PATCH_WORDS * count as usize } else { 1 };
         Ok(Views {
             rows: gpu.mapped(name, "views", count as usize)?,
             patches: gpu.mapped(&format!("patches of {name}"), "views", words)?,

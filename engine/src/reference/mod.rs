@@ -8,10 +8,10 @@
 
 pub mod activity;
 pub mod adam;
-pub mod blind;
 pub mod decoded;
 pub mod eye;
 pub mod half;
+pub mod hidden;
 pub mod loss;
 pub mod moments_to_grad;
 pub mod objective;

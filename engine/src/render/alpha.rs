@@ -81,7 +81,7 @@ impl Alpha {
             shaded: look.shaded && !standard,
             packed: splats.rows().packed,
             objects: look.objects_differ,
-            blind: self.masked,
+            hidden: self.masked,
         };
         self.kernels.find(variant, |&variant| Quads::kernel(gpu, variant))
     }

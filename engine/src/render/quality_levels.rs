@@ -35,7 +35,7 @@ impl SplatKind {
     /// Every kind.
     pub const ALL: [SplatKind; 3] = [SplatKind::Field, SplatKind::Grid, SplatKind::Coloured];
 
-    /// Returns the name in `ladder.toml` and in tables.
+    /// Returns the name in `quality_levels.toml` and in tables.
     pub fn name(self) -> &'static str {
         match self {
             SplatKind::Field => "field",
@@ -64,33 +64,34 @@ impl SplatKind {
 }
 
 /// Returns the quality levels for such splats, the best first: those on the front of PSNR against cost that
-/// `studies trade render --ladder` measures. No level leaves out a splat: what a transfer function shows is
-/// there on all of them, in a coarser picture. `ladder.toml` says on what they were measured.
+/// `studies trade render --levels` measures. No level leaves out a splat: what a transfer function shows is
+/// there on all of them, in a coarser picture. `quality_levels.toml` says on what they were measured.
 pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
     match kind {
-        SplatKind::Field => &LADDERS.field,
-        SplatKind::Grid => &LADDERS.grid,
-        SplatKind::Coloured => &LADDERS.coloured,
+        SplatKind::Field => &ALL_LEVELS.field,
+        SplatKind::Grid => &ALL_LEVELS.grid,
+        SplatKind::Coloured => &ALL_LEVELS.coloured,
     }
 }
 
 /// The quality levels that are built in.
 ///
 /// # Panics
-/// If `ladder.toml` is not in order; a test prevents that.
-static LADDERS: LazyLock<Ladders> = LazyLock::new(|| {
-    let file: File = toml::from_str(include_str!("ladder.toml")).expect("ladder.toml is of this form");
+/// If `quality_levels.toml` is not in order; a test prevents that.
+static ALL_LEVELS: LazyLock<LevelLists> = LazyLock::new(|| {
+    let file: File =
+        toml::from_str(include_str!("quality_levels.toml")).expect("quality_levels.toml is of this form");
     let all = |rows: &[LevelRow]| rows.iter().map(LevelRow::level).collect();
-    Ladders { field: all(&file.field), grid: all(&file.grid), coloured: all(&file.coloured) }
+    LevelLists { field: all(&file.field), grid: all(&file.grid), coloured: all(&file.coloured) }
 });
 
-struct Ladders {
+struct LevelLists {
     field: Vec<QualityLevel>,
     grid: Vec<QualityLevel>,
     coloured: Vec<QualityLevel>,
 }
 
-/// Contents of `ladder.toml`.
+/// Contents of `quality_levels.toml`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -114,7 +115,7 @@ struct LevelRow {
 impl LevelRow {
     fn level(&self) -> QualityLevel {
         QualityLevel {
-            mode: mode(&self.mode).expect("ladder.toml names modes that there are").name,
+            mode: mode(&self.mode).expect("quality_levels.toml names modes that there are").name,
             quality: Quality { resolution: self.resolution, coarseness: self.coarseness },
             cost: self.cost,
         }
@@ -132,7 +133,7 @@ mod tests {
     use crate::splat::Harmonics;
 
     #[test]
-    fn every_ladder_begins_with_all_and_goes_down() {
+    fn levels_of_every_kind_begin_with_all_and_go_down() {
         for (kind, first) in SplatKind::ALL.into_iter().zip(["slab", "decoded", "alpha"]) {
             let levels = quality_levels(kind);
             assert_eq!((levels[0].mode, levels[0].quality, levels[0].cost), (first, Quality::FULL, 1.0));

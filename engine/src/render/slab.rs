@@ -156,7 +156,7 @@ impl Mode for Slab {
             .write_image("depth_image", &mut target.depth)
             .read("active_objects", splats.active_objects())
             .read("appearances", &look.appearances)
-            .read("blind_parts", &self.bins.blind_parts)
+            .read("hidden_parts", &self.bins.hidden_parts)
             .push(&SlabParams {
                 grid,
                 background: field.background,

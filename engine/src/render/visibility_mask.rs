@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn what_triangles_cover_is_blind_and_no_more() {
+    fn what_triangles_cover_is_hidden_and_no_more() {
         let nothing: &[Triangle] = &[];
         assert_eq!(VisibilityMask::of(&FOV, nothing), VisibilityMask::default());
         // Across the word, to the picture's edge, and a part of a patch more, which does not count.
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn no_blind_patch_has_a_place_outside_of_all_triangles() {
+    fn no_hidden_patch_has_a_place_outside_of_all_triangles() {
         let round = |k: usize| (k as f64 / 24.0 * std::f64::consts::TAU).sin_cos();
         let rim = |k: usize| {
             let (s, c) = round(k);

@@ -67,7 +67,7 @@ pub const ROWS: &[ExtremeRow] = &[
     row("N19b", "the same order twice", "samples and gradients that differ, to the bit", 0.0, "order::n19_any_order"),
     row("N20", "the same seed, twice on a device and on another of its kind", "fitted splats that differ, to the bit", 0.0, "order::n20_the_same_seed"),
     row("N21a", "the device, and lavapipe with vectors of 128 and 256 bits", "error of W (relative) and V̂ (spans) from f64", 1e-5, "devices::n21_every_device"),
-    row("N21b", "the same, a picture of mode slab", "mean FLIP against the f64 twin", 0.01, "devices::n21_every_device"),
+    row("N21b", "the same, a picture of mode slab", "mean FLIP against the f64 reference", 0.01, "devices::n21_every_device"),
     row("N22a", "cameras 0.1 mm from a splat, in one, 1°, 150°, asymmetric, all behind", "pixels and depths that are no numbers", 0.0, "pictures::n22_any_camera"),
     row("N22b", "two eyes of an asymmetric field of view, each at once and alone", "pixels that differ, to the bit", 0.0, "pictures::n22_any_camera"),
     row("N23a", "1 to 1e6 splats of α = 1/254 on one another, mode alpha, f32 target", "transmittance from exp(Σ ln(1 - α))", 1e-3, "pictures::n23_thin_splats_on_one_another"),

@@ -14,7 +14,7 @@ use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use glam::{IVec3, UVec3};
 use vgs_tests::numerics::keep;
-use vgs_tests::rendering::{camera, look, render, set, settings, twin_picture};
+use vgs_tests::rendering::{camera, look, reference_picture, render, set, settings};
 use vgs_tests::sampling::{KERNELS, field, one, sample};
 use vgs_tests::scene::EPSILON;
 use vgs_tests::{Device, step};
@@ -22,7 +22,8 @@ use vgs_tests::{Device, step};
 /// Where a process that was started for one width leaves what it measured.
 const FOUND: &str = "VGS_TEST_FOUND";
 
-/// The error of W (relative, above 1e-3) and V̂ on the device, and the mean FLIP of a picture against the twin.
+/// The error of W (relative, above 1e-3) and V̂ on the device, and the mean FLIP of a picture against the
+/// reference implementation.
 fn measure(gpu: &Device) -> [f64; 2] {
     let mut off = 0.0f64;
     for kernel in KERNELS {
@@ -53,7 +54,7 @@ fn measure(gpu: &Device) -> [f64; 2] {
     let settings =
         Settings { step: 0.5, dark: 1e-4, classification: Some(Classification::Point), ..settings() };
     let found = render(gpu, mode("slab").expect("a mode"), &scene, &settings, &[camera]).remove(0);
-    let wanted = twin_picture(&set, &scene, &camera, &look, 0.5);
+    let wanted = reference_picture(&set, &scene, &camera, &look, 0.5);
     let black = |image: &Image| image.over([0.0; 3]);
     [off, flip(&black(&wanted), &black(&found)).expect("pictures of one size").mean]
 }

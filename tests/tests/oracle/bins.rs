@@ -1,10 +1,11 @@
 //! Which splats reach which samples: footprints, pairs and masks.
 //!
-//! Boxes and ellipsoids are widened a little on the device, so that rounding never cuts a sample off. A set is right
-//! if it holds all that the twin finds without a margin and nothing that it does not find with a larger one.
+//! Boxes and ellipsoids are widened a little on the device, so that rounding never cuts a sample off. A set
+//! is right if it holds all that the reference implementation finds without a margin and nothing that it does
+//! not find with a larger one.
 
 use engine::gpu::{Gpu, Kernel};
-use engine::reference::{Footprint, Samples, pairs, scan, splat_bounds as twin};
+use engine::reference::{Footprint, Samples, pairs, scan, splat_bounds as reference};
 use engine::splat::kernel::{KERNELS, KernelRow};
 use glam::DVec3;
 use rand::RngExt;
@@ -82,7 +83,7 @@ pub fn splat_bounds() {
         let samples = samples(&scene, &slots);
         let splats = scene.splats64();
         let stretch = DVec3::from_array(stretch.map(f64::from));
-        let footprint = |s: &_| twin::stretched_footprint(s, scene.kernel, stretch);
+        let footprint = |s: &_| reference::stretched_footprint(s, scene.kernel, stretch);
         let wanted: Vec<Footprint> = splats.iter().map(footprint).collect();
         let got64: Vec<Footprint> = got.iter().map(Into::into).collect();
         assert_close(
@@ -104,10 +105,13 @@ pub fn splat_bounds() {
         assert_close("splat_bounds: extent", Bound::new(0.0, 1e-6), extents);
         for (i, (g, w)) in got64.iter().zip(&wanted).enumerate() {
             assert_eq!((g.mean, g.intensity), (w.mean, w.intensity), "splat {i}");
-            let least = twin::brick_count(w, &samples, INSIDE);
-            let most = twin::brick_count(w, &samples, OUTSIDE);
+            let least = reference::brick_count(w, &samples, INSIDE);
+            let most = reference::brick_count(w, &samples, OUTSIDE);
             let found = counts[i] as usize;
-            assert!((least..=most).contains(&found), "splat {i}: {found} bricks, twin {least} to {most}");
+            assert!(
+                (least..=most).contains(&found),
+                "splat {i}: {found} bricks, reference {least} to {most}"
+            );
         }
         if stretch == DVec3::ONE {
             assert_eq!(counts[1..3], [0, 0], "splats far outside reach nothing");
@@ -160,7 +164,7 @@ pub fn emit_pairs() {
         let footprints: Vec<Footprint> = footprints.iter().map(Into::into).collect();
         let least = pairs::emit_pairs(&footprints, &samples, INSIDE);
         let most = pairs::emit_pairs(&footprints, &samples, OUTSIDE);
-        println!("emit_pairs: {total} pairs, twin {} to {}", least.len(), most.len());
+        println!("emit_pairs: {total} pairs, reference {} to {}", least.len(), most.len());
         assert!(least.iter().all(|pair| got.contains(pair)), "a pair is missing");
         assert!(got.iter().all(|pair| most.contains(pair)), "a pair is too many");
         assert!(got.is_sorted_by_key(|&(_, splat)| splat), "a splat writes into its own run");
@@ -252,14 +256,14 @@ pub fn pair_masks() {
             let outside = support * (1.0 + 1e-5);
             let most = pairs::pair_mask(footprint, &samples, slot, scene.kernel, outside, reach);
             let found = u64::from(*low) | u64::from(*high) << 32;
-            assert_eq!(least & !found, 0, "pair {i}: cells are missing: {found:x}, twin {least:x}");
-            assert_eq!(found & !most, 0, "pair {i}: cells are too many: {found:x}, twin {most:x}");
+            assert_eq!(least & !found, 0, "pair {i}: cells are missing: {found:x}, reference {least:x}");
+            assert_eq!(found & !most, 0, "pair {i}: cells are too many: {found:x}, reference {most:x}");
             for (sum, mask) in totals.iter_mut().zip([least, found, most]) {
                 *sum += mask.count_ones();
             }
         }
         println!(
-            "pair_masks: {} pairs, {} cells, twin {} to {}",
+            "pair_masks: {} pairs, {} cells, reference {} to {}",
             list.len(),
             totals[1],
             totals[0],

@@ -1,10 +1,11 @@
-//! Every kernel alone against its f64 twin in `engine::reference`, on the same inputs.
+//! Every kernel alone against its f64 reference in `engine::reference`, on the same inputs.
 //!
-//! The list below is the list of kernels: a `.comp` file without a test here fails `every_kernel_has_a_test`, by name.
+//! The list below is the list of kernels: a `.comp` file without a test here fails `every_kernel_has_a_test`,
+//! by name.
 #![forbid(unsafe_code)]
 
 mod bins;
-mod blind;
+mod hidden;
 mod optimiser;
 mod quads;
 mod raymarch;
@@ -26,7 +27,11 @@ macro_rules! oracle {
             let tested = [$($(stringify!($kernel)),*),*];
             let kernels: Vec<_> = shaders_glsl::ALL.iter().map(|s| s.name).collect();
             for kernel in &kernels {
-                assert!(tested.contains(kernel), "{kernel}.comp has no twin test: add it to `oracle!` in {}", file!());
+                assert!(
+                    tested.contains(kernel),
+                    "{kernel}.comp has no test: add it to `oracle!` in {}",
+                    file!()
+                );
             }
             for test in tested {
                 assert!(kernels.contains(&test), "`oracle!` in {} tests {test}, which is no kernel", file!());
@@ -42,7 +47,7 @@ oracle! {
         moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
     quads: project_quads;
-    blind: blind_parts;
+    hidden: hidden_parts;
     slab: mark_active limit_active list_active project_splats emit_tile_pairs slab;
     raymarch: occupancy_mark occupancy_spread raymarch;
 }

@@ -2,7 +2,7 @@
 
 use engine::gpu::{Gpu, Kernel};
 use engine::passes::Rows;
-use engine::reference::{adam as twin, rows};
+use engine::reference::{adam as reference, rows};
 use engine::splat::Splat;
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -124,14 +124,14 @@ pub fn adam() {
     let (mut splats, mut moments, mut squares, mut norms) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut frozen = state.frozen;
     for (i, gradient) in gradients.iter().enumerate() {
-        let before = twin::AdamState {
+        let before = reference::AdamState {
             splat: (&state.splats[i]).into(),
             first: (&state.first[i]).into(),
             second: (&state.second[i]).into(),
             gradient_norm: f64::from(state.histories[i].gradient_norm),
             log_scale_cap: f64::from(state.histories[i].log_scale_cap),
         };
-        let Some(want) = twin::adam(&before, &gradient.into(), &params) else {
+        let Some(want) = reference::adam(&before, &gradient.into(), &params) else {
             frozen += 1;
             assert_eq!(got.splats[i], state.splats[i], "splat {i} is frozen");
             assert_eq!((got.first[i], got.second[i]), (state.first[i], state.second[i]), "and its moments");

@@ -4,9 +4,9 @@ use engine::gpu::{Drawing, Gpu};
 use engine::passes::Quads;
 use engine::passes::SplatRows;
 use engine::passes::quads::{QuadSources, QuadVariant};
-use engine::reference::blind as blind_twin;
 use engine::reference::eye::{Appearance, Eye};
-use engine::reference::quads as twin;
+use engine::reference::hidden as hidden_reference;
+use engine::reference::quads as reference;
 use engine::render::{self, Camera, Look, LookBuffers, Target};
 use engine::splat::harmonics::basis_count;
 use engine::splat::{Harmonics, Splat};
@@ -17,7 +17,7 @@ use shaders_glsl::types::{AlphaParams, Centre, Quad, QuadParams, View};
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
 
-use super::{blind, run};
+use super::{hidden, run};
 
 const SIZE: [u32; 2] = [60, 44];
 const RANGE: [f64; 2] = [-300.0, 1300.0];
@@ -33,17 +33,17 @@ struct Kind {
     shaded: bool,
     objects: bool,
     /// Whether there are patches that no eye sees.
-    blind: bool,
+    hidden: bool,
 }
 
 const KINDS: [Kind; 7] = [
-    Kind { corners: 6, standard: false, shaded: false, objects: false, blind: false },
-    Kind { corners: 3, standard: false, shaded: true, objects: false, blind: false },
-    Kind { corners: 3, standard: true, shaded: false, objects: false, blind: false },
-    Kind { corners: 6, standard: true, shaded: false, objects: false, blind: true },
-    Kind { corners: 6, standard: false, shaded: false, objects: true, blind: false },
-    Kind { corners: 3, standard: false, shaded: true, objects: true, blind: true },
-    Kind { corners: 3, standard: true, shaded: false, objects: true, blind: false },
+    Kind { corners: 6, standard: false, shaded: false, objects: false, hidden: false },
+    Kind { corners: 3, standard: false, shaded: true, objects: false, hidden: false },
+    Kind { corners: 3, standard: true, shaded: false, objects: false, hidden: false },
+    Kind { corners: 6, standard: true, shaded: false, objects: false, hidden: true },
+    Kind { corners: 6, standard: false, shaded: false, objects: true, hidden: false },
+    Kind { corners: 3, standard: false, shaded: true, objects: true, hidden: true },
+    Kind { corners: 3, standard: true, shaded: false, objects: true, hidden: false },
 ];
 
 /// How objects are shown, by number; splat i belongs to object i % 3.
@@ -125,29 +125,35 @@ impl Stage {
         self.views.iter().map(Into::into).collect()
     }
 
-    /// The twins of all active splats, with their places among these.
-    fn wanted(&self, view: usize, eye: &Eye, dark: f32) -> Vec<Option<twin::Quad>> {
+    /// The quads of all active splats by the reference implementation, with their places among these.
+    fn wanted(&self, view: usize, eye: &Eye, dark: f32) -> Vec<Option<reference::Quad>> {
         let table = Table::new(&self.look.transfer, RANGE);
-        let look = twin::Look {
+        let look = reference::Look {
             table: &table,
             material: &self.look.transfer.material,
             dark: f64::from(dark),
             planes: &CUT.map(|p| p.map(f64::from)),
         };
-        let patches = blind::lens_and_inset();
+        let patches = hidden::lens_and_inset();
         let quad = |&i: &u32| {
             let (i, splat) = (i as usize, (&self.splats[i as usize]).into());
             let own = |s: &engine::reference::Splat| {
                 let direction = (s.mean - eye.position).normalize().to_array();
-                twin::Face::Own(DVec3::from_array(self.harmonics.colour(i, direction)))
+                reference::Face::Own(DVec3::from_array(self.harmonics.colour(i, direction)))
             };
-            let face = if self.kind.standard { own(&splat) } else { twin::Face::Field(&self.centres[i]) };
+            let face =
+                if self.kind.standard { own(&splat) } else { reference::Face::Field(&self.centres[i]) };
             let object = if self.kind.objects { appearance(i) } else { Appearance::default() };
-            twin::quad(&splat, &face, &object, eye, SIZE, &look).filter(|quad| {
+            reference::quad(&splat, &face, &object, eye, SIZE, &look).filter(|quad| {
                 let half_size = DVec2::new(quad.covariance.x_axis.x, quad.covariance.y_axis.y) * quad.edge();
-                let unseen = blind::of(&patches, view);
-                !self.kind.blind
-                    || !blind_twin::rectangle_is_blind(&unseen, quad.centre, half_size.map(f64::sqrt), SIZE)
+                let unseen = hidden::of(&patches, view);
+                !self.kind.hidden
+                    || !hidden_reference::rectangle_is_hidden(
+                        &unseen,
+                        quad.centre,
+                        half_size.map(f64::sqrt),
+                        SIZE,
+                    )
             })
         };
         self.active.iter().map(quad).collect()
@@ -169,7 +175,7 @@ struct Made {
 }
 
 fn made(gpu: &Gpu, stage: &Stage) -> Made {
-    let Kind { corners, standard, shaded, objects, blind } = stage.kind;
+    let Kind { corners, standard, shaded, objects, hidden } = stage.kind;
     let mut look = LookBuffers::new(gpu, &stage.look, RANGE, DVec3::ZERO).unwrap();
     let mut row = look.rows.read().unwrap()[0];
     row.plane_count = 2;
@@ -179,7 +185,7 @@ fn made(gpu: &Gpu, stage: &Stage) -> Made {
     let words: Vec<u32> = (stage.harmonics.coefficients.chunks(2))
         .map(|pair| half(pair[0]) | pair.get(1).map_or(0, |&v| half(v)) << 16)
         .collect();
-    let views = blind::views(gpu, &stage.views, &if blind { blind::lens_and_inset() } else { Vec::new() });
+    let views = hidden::views(gpu, &stage.views, &if hidden { hidden::lens_and_inset() } else { Vec::new() });
     let splats = SplatRows::full(gpu, &stage.splats).unwrap();
     let centres = gpu.upload("centres", "test", &stage.centres).unwrap();
     let harmonics = gpu.upload("harmonics", "test", &words).unwrap();
@@ -195,7 +201,7 @@ fn made(gpu: &Gpu, stage: &Stage) -> Made {
         active: (&active, &count),
         objects: (&numbers, &look.appearances),
     };
-    let variant = QuadVariant { corners, standard, shaded, packed: false, objects, blind };
+    let variant = QuadVariant { corners, standard, shaded, packed: false, objects, hidden };
     let kernel = Quads::kernel(gpu, variant).unwrap();
     let mut quads = Quads::new(gpu, stage.views.len() as u32, stage.splats.len()).unwrap();
     run(gpu, |r| quads.record(r, &kernel, &views, &sources, &stage.params()));
@@ -276,7 +282,8 @@ pub fn project_quads() {
             keys[count..].iter().all(|&k| k == LAST) && keys[..count].iter().all(|&k| k < LAST),
             "{name}"
         );
-        let away = |i: u32| twin::behind(&(&stage.splats[stage.active[i as usize] as usize]).into(), &eyes);
+        let away =
+            |i: u32| reference::behind(&(&stage.splats[stage.active[i as usize] as usize]).into(), &eyes);
         for (pair, key) in order[..count].windows(2).zip(keys.windows(2)) {
             assert!(
                 away(pair[0]) > away(pair[1]) - 2e-3,
@@ -290,7 +297,7 @@ pub fn project_quads() {
 }
 
 #[test]
-fn the_picture_of_alpha_is_that_of_its_twin() {
+fn the_picture_of_alpha_is_that_of_its_reference() {
     let gpu = Device::boot();
     for (seed, kind) in (24..).zip(KINDS) {
         let stage = stage(seed, 250, kind);
@@ -317,7 +324,7 @@ fn the_picture_of_alpha_is_that_of_its_twin() {
             let got = target.read_colour(v as u32).unwrap();
             for (i, pixel) in got.iter().enumerate() {
                 let place = DVec2::new((i as u32 % SIZE[0]) as f64 + 0.5, (i as u32 / SIZE[0]) as f64 + 0.5);
-                let wanted = twin::pixel(&nearest_first, place);
+                let wanted = reference::pixel(&nearest_first, place);
                 filled += usize::from(wanted.clear < 0.5);
                 colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));
                 depth_pairs.push((f64::from(depths[v * got.len() + i]), wanted.depth));

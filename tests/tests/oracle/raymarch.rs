@@ -5,9 +5,9 @@ use engine::gpu::{Buffer, Format, Gpu, Image, Kernel};
 use engine::passes::Occupancy;
 use engine::passes::occupancy::FARTHEST;
 use engine::reference::eye::{Appearance, Eye};
-use engine::reference::occupancy as bricks_twin;
-use engine::reference::raymarch as twin;
-use engine::reference::slab::Look as TwinLook;
+use engine::reference::occupancy;
+use engine::reference::raymarch as reference;
+use engine::reference::slab::Look as ReferenceLook;
 use engine::render::{self, Camera, Look, LookBuffers, Target};
 use engine::transfer::{Material, Table, preset};
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
@@ -50,7 +50,7 @@ pub fn occupancy_mark() {
                 .push(&OccupancyParams { count: count as u32, most: 9 })
                 .dispatch_over(count as u32);
         });
-        let wanted = bricks_twin::occupancy_mark(&intervals, &table, 9);
+        let wanted = occupancy::occupancy_mark(&intervals, &table, 9);
         assert!(count < 10 || wanted.contains(&0) && wanted.contains(&9), "{name}: both kinds");
         assert_eq!(distances.read().unwrap(), wanted, "{name}");
     }
@@ -78,7 +78,7 @@ pub fn occupancy_spread() {
                     .push(&SpreadParams { grid, axis: axis as u32 })
                     .dispatch_over_3d(grid.bricks);
             });
-            wanted = bricks_twin::occupancy_spread(&wanted, bricks, axis);
+            wanted = occupancy::occupancy_spread(&wanted, bricks, axis);
             assert_eq!(to.read().unwrap(), wanted, "{bricks:?} along {axis}");
             std::mem::swap(&mut from, &mut to);
         }
@@ -261,11 +261,11 @@ impl Stage {
         self.values.iter().map(|&v| (FIRST + SPAN * f64::from(v) / 65535.0) as f32).collect()
     }
 
-    fn medium(&self, atlas: Source, shown: &[Appearance]) -> twin::Medium {
+    fn medium(&self, atlas: Source, shown: &[Appearance]) -> reference::Medium {
         let mask: Option<Vec<f32>> =
             self.mask.as_ref().map(|mask| mask.iter().map(|&m| (f64::from(m) / 65535.0) as f32).collect());
         let medium =
-            twin::Medium::new(self.size, self.scene_from_voxel, &self.intensities(), mask.as_deref());
+            reference::Medium::new(self.size, self.scene_from_voxel, &self.intensities(), mask.as_deref());
         let labels = match atlas {
             Source::Image | Source::Atlas => return medium,
             Source::Objects => self.labels(),
@@ -464,7 +464,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     let target = render(&occupancy.distances);
     let whole = render(&nothing_skipped);
 
-    let twin_look = TwinLook {
+    let reference_look = ReferenceLook {
         table: &table,
         material: &look.transfer.material,
         dark: f64::from(row_on_device.dark),
@@ -483,8 +483,8 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         for (i, pixel) in got.iter().enumerate() {
             let at = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
             let ray = eye.ray(at.map(|x| f64::from(x) + 0.5), SIZE);
-            let shift = if row.jitter { twin::noise(at, v) } else { 0.0 };
-            let wanted = twin::ray(&medium, &eye, ray, &twin_look, f64::from(step), shift);
+            let shift = if row.jitter { reference::noise(at, v) } else { 0.0 };
+            let wanted = reference::ray(&medium, &eye, ray, &reference_look, f64::from(step), shift);
             opaque[v as usize] += usize::from(wanted.clear < 0.9);
             colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));
             depth_pairs.push((f64::from(depths[v as usize * got.len() + i]), wanted.depth));

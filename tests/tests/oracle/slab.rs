@@ -7,9 +7,9 @@ use engine::passes::activity::ActivitySources;
 use engine::passes::tiles::TILE;
 use engine::passes::{Activity, Ranking, SplatRows, TileBinner};
 use engine::reference::activity::limit_active as limited;
-use engine::reference::blind as blind_twin;
 use engine::reference::eye::{self, Eye};
-use engine::reference::slab as twin;
+use engine::reference::hidden as hidden_reference;
+use engine::reference::slab as reference;
 use engine::render::{Appearance, Camera, Look, LookBuffers};
 use engine::splat::kernel::KERNELS;
 use engine::splat::{self, Field, Packed, Splat};
@@ -20,7 +20,7 @@ use shaders_glsl::types::{Projected, SlabParams, TileGrid, View};
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
 
-use super::{blind, run};
+use super::{hidden, run};
 
 /// Splats in mm about the origin, and two eyes that see them: one asymmetric from outside, one wide from among them.
 struct Stage {
@@ -42,7 +42,7 @@ fn appearances() -> BTreeMap<u8, Appearance> {
     ])
 }
 
-/// The same for the twins.
+/// The same for the reference implementations.
 fn appearance(splat: usize) -> eye::Appearance {
     let shown = appearances().get(&(splat as u8 % 4)).copied().unwrap_or_default();
     let tint = shown.tint.map_or(DVec4::ZERO, |t| Vec3::from_array(t).as_dvec3().extend(1.0));
@@ -96,25 +96,25 @@ impl Stage {
         self.views.iter().map(Into::into).collect()
     }
 
-    fn seen(&self, eye: &Eye) -> Vec<Option<twin::Seen>> {
+    fn seen(&self, eye: &Eye) -> Vec<Option<reference::Seen>> {
         let background = f64::from(self.field.background);
-        self.splats.iter().map(|s| twin::seen(&s.into(), eye, self.field.kernel, background)).collect()
+        self.splats.iter().map(|s| reference::seen(&s.into(), eye, self.field.kernel, background)).collect()
     }
 
     /// Parts of a tile that no eye sees.
-    fn blind_parts(&self, view: usize, tile: [u32; 2]) -> u32 {
+    fn hidden_parts(&self, view: usize, tile: [u32; 2]) -> u32 {
         if self.patches.is_empty() {
             return 0;
         }
-        blind_twin::blind_parts(&blind::of(&self.patches, view), tile, SIZE)
+        hidden_reference::hidden_parts(&hidden::of(&self.patches, view), tile, SIZE)
     }
 
     /// Planes as the kernels place them.
-    fn planes(&self, eye: &Eye) -> twin::Planes {
+    fn planes(&self, eye: &Eye) -> reference::Planes {
         let centre = DVec3::from_array(self.grid.centre.map(f64::from));
         let first = (eye.seen(centre).z - f64::from(self.grid.radius)).max(1.0);
         let count = self.grid.planes * self.grid.blocks;
-        twin::Planes { first, spacing: f64::from(self.grid.spacing), count }
+        reference::Planes { first, spacing: f64::from(self.grid.spacing), count }
     }
 }
 
@@ -126,8 +126,8 @@ fn binned(gpu: &Gpu, stage: &Stage) -> (TileBinner, TileGrid) {
 /// The same with rows of the caller's choice.
 fn bin(gpu: &Gpu, stage: &Stage, splats: &SplatRows) -> (TileBinner, TileGrid) {
     let count = stage.splats.len();
-    let views = blind::views(gpu, &stage.views, &stage.patches);
-    let blind = !stage.patches.is_empty();
+    let views = hidden::views(gpu, &stage.views, &stage.patches);
+    let hidden = !stage.patches.is_empty();
     let active = gpu.upload("active", "test", &(0..count as u32).collect::<Vec<_>>()).unwrap();
     let counts = gpu.upload("count", "test", &[count as u32]).unwrap();
     let mut bins = TileBinner::new(
@@ -137,7 +137,7 @@ fn bin(gpu: &Gpu, stage: &Stage, splats: &SplatRows) -> (TileBinner, TileGrid) {
         &stage.grid,
         stage.views.len() as u32,
         count,
-        blind,
+        hidden,
     )
     .unwrap();
     loop {
@@ -164,7 +164,7 @@ pub fn project_splats() {
     let gpu = Device::boot();
     for row in &KERNELS {
         let mut stage = stage(3 + u64::from(row.kernel.id()), row.kernel, 200);
-        // The Gaussian from packed rows: its twin sees what they unpack to.
+        // The Gaussian from packed rows: its reference sees what they unpack to.
         let packed = (row.kernel == splat::Kernel::Gaussian).then(|| Packed::new(&stage.splats, None));
         let (bins, _) = match &packed {
             Some(packed) => {
@@ -190,7 +190,7 @@ pub fn project_splats() {
                         rng.random_range(-1.0..1.0) * seen.extent[k]
                     }));
                     let x = seen.mean + aside;
-                    if x.z > twin::NEAREST {
+                    if x.z > reference::NEAREST {
                         let wanted = (seen.whitening * (x - seen.mean)).length_squared();
                         distances.push((squared_distance(p, x / x.z, x.z), wanted));
                     }
@@ -207,10 +207,10 @@ pub fn project_splats() {
 
 pub fn emit_tile_pairs() {
     let gpu = Device::boot();
-    for (row, blind) in KERNELS.iter().flat_map(|row| [(row, false), (row, true)]) {
+    for (row, hidden) in KERNELS.iter().flat_map(|row| [(row, false), (row, true)]) {
         let mut stage = stage(40 + u64::from(row.kernel.id()), row.kernel, 120);
-        if blind {
-            stage.patches = blind::lens_and_inset();
+        if hidden {
+            stage.patches = hidden::lens_and_inset();
         }
         let (bins, grid) = binned(&gpu, &stage);
         let [tx, ty] = grid.tiles;
@@ -224,7 +224,7 @@ pub fn emit_tile_pairs() {
             for &pair in rows {
                 assert_ne!(pair >> 24, 0, "a pair reaches some part");
                 let tile = list as u32 / grid.blocks;
-                let unseen = stage.blind_parts((tile / (tx * ty)) as usize, [tile % tx, tile / tx % ty]);
+                let unseen = stage.hidden_parts((tile / (tx * ty)) as usize, [tile % tx, tile / tx % ty]);
                 assert_eq!(pair >> 24 & unseen, 0, "a pair reaches only parts that are seen");
                 parts.insert((pair & 0xFF_FFFF, list), pair >> 24);
             }
@@ -239,7 +239,7 @@ pub fn emit_tile_pairs() {
                     let ray = eye.ray([f64::from(x) + 0.5, f64::from(y) + 0.5], SIZE);
                     let tile = (v as u32 * ty + y / TILE) * tx + x / TILE;
                     let part = (x % TILE) / 4 + (y % TILE) / 8 * 4;
-                    if stage.blind_parts(v, [x / TILE, y / TILE]) >> part & 1 == 1 {
+                    if stage.hidden_parts(v, [x / TILE, y / TILE]) >> part & 1 == 1 {
                         continue;
                     }
                     for (i, splat) in seen.iter().enumerate() {
@@ -281,9 +281,9 @@ pub fn slab() {
     for (row, (segments, shade, objects)) in KERNELS.iter().cycle().zip(plain.into_iter().chain(varied)) {
         for shape in [8u32, 64] {
             let mut stage = stage(70 + u64::from(row.kernel.id()), row.kernel, 60);
-            let blind = (shape == 8) == segments;
-            if blind {
-                stage.patches = blind::lens_and_inset();
+            let hidden = (shape == 8) == segments;
+            if hidden {
+                stage.patches = hidden::lens_and_inset();
             }
             transfer.material = Material { shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0 };
             let look = Look { objects: appearances(), ..Look::new(transfer.clone()) };
@@ -301,7 +301,7 @@ pub fn slab() {
                 u32::from(shade),
                 1,
                 u32::from(objects),
-                u32::from(blind),
+                u32::from(hidden),
             ];
             let kernel = Kernel::new(&gpu, &shaders_glsl::SLAB, &constants).unwrap();
             let mut target = engine::render::Target::new(&gpu, SIZE, 2, true, true).unwrap();
@@ -328,11 +328,11 @@ pub fn slab() {
                     .write_image("depth_image", &mut target.depth)
                     .read("active_objects", &numbers)
                     .read("appearances", &buffers.appearances)
-                    .read("blind_parts", &bins.blind_parts)
+                    .read("hidden_parts", &bins.hidden_parts)
                     .push(&params)
                     .dispatch_3d([grid.tiles[0] * if shape == 8 { 8 } else { 1 }, grid.tiles[1], 2]);
             });
-            let twin_look = twin::Look {
+            let reference_look = reference::Look {
                 table: &table,
                 material: &look.transfer.material,
                 dark: f64::from(row_on_device.dark),
@@ -344,21 +344,22 @@ pub fn slab() {
             let (mut colours, mut depth_pairs, mut opaque, mut unseen) = (Vec::new(), Vec::new(), 0, 0);
             for (v, eye) in stage.eyes().iter().enumerate() {
                 let got = target.read_colour(v as u32).unwrap();
-                let shown = |(i, splat): (usize, Option<twin::Seen>)| match objects {
-                    true => splat.map(|s| twin::Seen { appearance: appearance(i), ..s }),
+                let shown = |(i, splat): (usize, Option<reference::Seen>)| match objects {
+                    true => splat.map(|s| reference::Seen { appearance: appearance(i), ..s }),
                     false => splat,
                 };
                 let seen: Vec<_> = stage.seen(eye).into_iter().enumerate().filter_map(shown).collect();
                 for (i, pixel) in got.iter().enumerate() {
                     let [x, y] = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
                     let part = (x % TILE) / 4 + (y % TILE) / 8 * 4;
-                    if stage.blind_parts(v, [x / TILE, y / TILE]) >> part & 1 == 1 {
-                        assert_eq!((*pixel, depths[v * got.len() + i]), ([0.0; 4], 0.0), "blind: {x}, {y}");
+                    if stage.hidden_parts(v, [x / TILE, y / TILE]) >> part & 1 == 1 {
+                        assert_eq!((*pixel, depths[v * got.len() + i]), ([0.0; 4], 0.0), "hidden: {x}, {y}");
                         unseen += 1;
                         continue;
                     }
                     let ray = eye.ray([f64::from(x) + 0.5, f64::from(y) + 0.5], SIZE);
-                    let wanted = twin::ray(&seen, &stage.field, eye, ray, &stage.planes(eye), &twin_look);
+                    let wanted =
+                        reference::ray(&seen, &stage.field, eye, ray, &stage.planes(eye), &reference_look);
                     // Two of four objects are faint.
                     opaque += usize::from(wanted.clear < if objects { 0.8 } else { 0.5 });
                     colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));
@@ -366,7 +367,7 @@ pub fn slab() {
                 }
             }
             assert!(opaque > 200, "the scene is to be seen: {opaque}");
-            assert_eq!(unseen > 100, blind, "{unseen} pixels are blind");
+            assert_eq!(unseen > 100, hidden, "{unseen} pixels are hidden");
             // An intensity at the border between two entries of the table may take either; a plane at a clip plane may
             // be on either side of it.
             let label = format!(

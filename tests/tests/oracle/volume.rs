@@ -22,7 +22,7 @@ use vgs_tests::{Bound, Device, Scene, assert_close, step};
 
 use super::run;
 
-/// Splats of a scene; the twins look at every sample for every one of them.
+/// Splats of a scene; the reference implementations look at every sample for every one of them.
 const SPLATS: usize = 120;
 
 fn scenes() -> impl Iterator<Item = Scene> {

@@ -19,7 +19,7 @@ const EXCESS: f64 = 1.7;
 const TOP: f64 = 2.6;
 const TIME: RGBColor = RGBColor(30, 120, 180);
 const LATE: RGBColor = RGBColor(200, 60, 40);
-const RUNG: RGBColor = RGBColor(210, 150, 60);
+const LEVEL: RGBColor = RGBColor(210, 150, 60);
 
 /// The frame-budget controller on simulated GPUs
 #[derive(Args)]
@@ -62,12 +62,12 @@ pub fn run(arguments: &BudgetArguments) -> Result<()> {
         ]
     });
     let title = format!(
-        "The controller on simulated GPUs: {} frames at {} Hz, a budget of {budget:.1} ms, of which the best rung takes \
-         {EXCESS}",
+        "The controller on simulated GPUs: {} frames at {} Hz, a budget of {budget:.1} ms, \
+         of which the best level takes {EXCESS}",
         arguments.frames, arguments.rate
     );
     let columns =
-        vec!["GPU", "late frames", "median / % of budget", "p99 / % of budget", "mean rung", "changes"];
+        vec!["GPU", "late frames", "median / % of budget", "p99 / % of budget", "mean level", "changes"];
     let table = Table { title, columns, rows: rows.collect() };
     if let Some(path) = &arguments.plot {
         let parts: Vec<_> = traces
@@ -142,9 +142,14 @@ fn draw_frames(area: &Area<'_>, trace: &Trace) -> Drawn {
         .bold_line_style(GRID)
         .light_line_style(TRANSPARENT)
         .draw()?;
-    chart.configure_secondary_axes().y_desc("rung").label_style(font(11)).axis_desc_style(font(12)).draw()?;
+    chart
+        .configure_secondary_axes()
+        .y_desc("quality level")
+        .label_style(font(11))
+        .axis_desc_style(font(12))
+        .draw()?;
     let levels = frames.iter().enumerate().map(|(n, f)| (n as f64, f.0 as f64));
-    chart.draw_secondary_series(LineSeries::new(levels, RUNG.stroke_width(2)))?;
+    chart.draw_secondary_series(LineSeries::new(levels, LEVEL.stroke_width(2)))?;
     let time = |(n, f): (usize, &(usize, f64))| (n as f64, f.1.min(TOP));
     chart.draw_series(LineSeries::new(frames.iter().enumerate().map(time), TIME))?;
     let late = frames.iter().enumerate().filter(|(_, f)| f.1 > 1.0);

@@ -36,9 +36,9 @@ pub struct EyesArguments {
     /// Parts of foveation
     #[arg(long, value_delimiter = ',', default_values_t = [0.5])]
     parts: Vec<f64>,
-    /// Rungs of the ladder
+    /// Quality levels
     #[arg(long, value_delimiter = ',', default_values_t = [0, 5])]
-    rungs: Vec<usize>,
+    levels: Vec<usize>,
     /// Frames of each kind
     #[arg(long, default_value_t = 5)]
     frames: usize,
@@ -57,7 +57,7 @@ pub struct EyesArguments {
 struct Found {
     splats: usize,
     size: u32,
-    rung: usize,
+    level: usize,
     way: String,
     /// Median time of a frame, ms: CPU time on a CPU driver, device time on a GPU.
     ms: f64,
@@ -76,12 +76,12 @@ pub fn run(gpu: &Gpu, arguments: &EyesArguments) -> Result<()> {
         let mut part = set.clone();
         part.truncate(count);
         for &size in &arguments.sizes {
-            for &rung in &arguments.rungs {
+            for &level in &arguments.levels {
                 found.extend(compare(
                     gpu,
                     &part,
                     size,
-                    rung.min(quality_levels(SplatKind::of(&set)).len() - 1),
+                    level.min(quality_levels(SplatKind::of(&set)).len() - 1),
                     arguments,
                 )?);
             }
@@ -97,12 +97,12 @@ pub fn run(gpu: &Gpu, arguments: &EyesArguments) -> Result<()> {
         gpu.description().driver
     );
     let columns =
-        vec!["splats", "an eye", "rung", "rendered", "a frame / ms", "part", "PSNR of what is seen / dB"];
+        vec!["splats", "an eye", "level", "rendered", "a frame / ms", "part", "PSNR of what is seen / dB"];
     let row = |f: &Found| {
         vec![
             f.splats.to_string(),
             format!("{0}²", f.size),
-            format!("{}, {}", f.rung, quality_levels(SplatKind::of(&set))[f.rung].mode),
+            format!("{}, {}", f.level, quality_levels(SplatKind::of(&set))[f.level].mode),
             f.way.clone(),
             format!("{:.0}", f.ms),
             format!("{:.2}", f.part),
@@ -129,7 +129,7 @@ fn compare(
     gpu: &Gpu,
     set: &SplatSet,
     size: u32,
-    rung: usize,
+    level: usize,
     arguments: &EyesArguments,
 ) -> Result<Vec<Found>> {
     let range = set.intensity_range().unwrap_or_default();
@@ -145,7 +145,7 @@ fn compare(
     let centre = (low + high) * 0.5;
     let before = Placement::before(&Pose::IDENTITY, centre, 0.0);
     let placement = Placement { position: DVec3::NEG_Z * arguments.distance, ..before };
-    let shown = &quality_levels(SplatKind::of(set))[rung..=rung];
+    let shown = &quality_levels(SplatKind::of(set))[level..=level];
     let mut ways = vec![
         Way::new(gpu, &scene, size, shown, (None, false))?,
         Way::new(gpu, &scene, size, shown, (None, true))?,
@@ -171,7 +171,7 @@ fn compare(
         Ok(Found {
             splats: set.splats.len(),
             size,
-            rung,
+            level,
             way: way.name.clone(),
             ms,
             part: ms / full,
@@ -186,7 +186,7 @@ impl Way {
         gpu: &Gpu,
         scene: &Scene,
         size: u32,
-        rung: &[QualityLevel],
+        levels: &[QualityLevel],
         (foveation, lenses): (Option<f64>, bool),
     ) -> Result<Self> {
         let name = foveation.map_or_else(|| "whole".to_owned(), |part| format!("foveated, {part}"));
@@ -195,7 +195,7 @@ impl Way {
         Ok(Way {
             name: name + if lenses { ", less lenses" } else { "" },
             lenses,
-            frames: Frames::new(gpu, scene, &sight.settings(false), rung)?,
+            frames: Frames::new(gpu, scene, &sight.settings(false), levels)?,
             composer: Composer::new(gpu, format, false, Blend::Opaque, background, sight.insets().is_some())?,
             eyes: gpu.picture("both eyes", "pictures", format, sight.eye_size(), 2)?,
             sight,

@@ -63,8 +63,8 @@ pub fn run(gpu: &Gpu, arguments: &XrArguments) -> Result<()> {
     let rows = reports.iter().map(|(splats, budget, report)| row(*splats, *budget, report)).collect();
     let [width, height] = [arguments.size[0], arguments.size[1]];
     let title = format!(
-        "Sessions in a simulated headset: {}, {}, two eyes of {width}x{height}, {} frames, of which the first {SETTLING} do not \
-         count for device times and rungs; {} ({})",
+        "Sessions in a simulated headset: {}, {}, two eyes of {width}x{height}, {} frames, \
+         of which the first {SETTLING} do not count for device times and quality levels; {} ({})",
         arguments.splats.file_name().unwrap_or_default().display(),
         arguments.tf,
         arguments.frames,
@@ -78,8 +78,8 @@ pub fn run(gpu: &Gpu, arguments: &XrArguments) -> Result<()> {
         "periods without a frame",
         "device p50 / p99 / ms",
         "over budget / %",
-        "mean rung",
-        "changes of rung",
+        "mean level",
+        "changes of level",
         "motion to photon p5 / p50 / p95 / p99 / max / ms",
     ];
     if let Some(path) = &arguments.plot {

@@ -63,7 +63,7 @@ pub fn script(frames: u64) -> Script {
 /// Returns the levels of these splats, and one in mode alpha.
 pub fn all_levels() -> Vec<QualityLevel> {
     let mut all = quality_levels(SplatKind::Field).to_vec();
-    let last = all.last().expect("a ladder").cost;
+    let last = all.last().expect("levels").cost;
     let quality = Quality { resolution: 0.7, coarseness: 1.0 };
     all.push(QualityLevel { mode: "alpha", quality, cost: 0.5 * last });
     all

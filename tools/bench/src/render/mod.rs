@@ -44,8 +44,8 @@ use crate::store::Store;
 #[command(after_help = "\
 Each subject of a section that is finished is a file in OUT/runs, named by a hash of all settings and the device: what is \
 there is not measured again, and one that is stopped (Ctrl-C) is the only one lost. Fitted splats are kept in OUT/splats. \
-OUT/render.md, render.csv, render.json, accuracy-cost.svg and quality-ladder.svg are written anew after each subject. A changed \
-program does not change the hash: measure again with --force, or choose another folder.
+OUT/render.md, render.csv, render.json, accuracy-cost.svg and slab-distance.svg are written anew after each \
+subject. A changed program does not change the hash: measure again with --force, or choose another folder.
 
 Examples:
   bench render --data DIR --quick                    the first subject of each section, small
@@ -262,7 +262,7 @@ impl Runner<'_> {
         self.store.report("render.json", &export::json(&report)?)?;
         if self.sections.contains(&Section::RendererError) {
             self.store.report("accuracy-cost.svg", &plot::cost(&report)?)?;
-            self.store.report("quality-ladder.svg", &plot::ladder(&report)?)?;
+            self.store.report("slab-distance.svg", &plot::slab_distance(&report)?)?;
         }
         Ok(())
     }

@@ -40,7 +40,7 @@ pub fn cost(report: &Results<'_>) -> Result<String> {
 }
 
 /// Plots the PSNR over the distance of slabs, for all renderings with mode `slab`.
-pub fn ladder(report: &Results<'_>) -> Result<String> {
+pub fn slab_distance(report: &Results<'_>) -> Result<String> {
     let panels = panels(report, |row| (row.mode == "slab").then_some(row.step));
     let over = Over { title: "distance of slabs / standard deviations".into(), logarithmic: false };
     svg("PSNR against mode exact, over the distance of slabs", &panels, &over)

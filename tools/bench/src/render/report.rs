@@ -157,7 +157,8 @@ impl Results<'_> {
         );
         let modes = self.pictures(Section::RendererError, &[Role::Reference, Role::Mode]);
         let mut text = Table { title, columns: self.columns(), rows: modes }.markdown();
-        text += "\n![PSNR against cost](accuracy-cost.svg)\n\n![PSNR against the distance of slabs](quality-ladder.svg)\n\n";
+        text += "\n![PSNR against cost](accuracy-cost.svg)\n\n\
+                 ![PSNR against the distance of slabs](slab-distance.svg)\n\n";
         let title =
             "### One order for two eyes\n\nEyes 64 mm apart, rendered together, against each rendered alone."
                 .to_owned();

@@ -116,7 +116,7 @@ fn all_sections_run_on_the_phantom_and_only_once() {
         line.split('"').step_by(2).flat_map(|part| part.chars()).filter(|&c| c == ',').count() + 1
     };
     assert!(csv.lines().count() > 20 && csv.lines().all(|l| width(l) == 14), "{csv}");
-    for plot in ["accuracy-cost.svg", "quality-ladder.svg"] {
+    for plot in ["accuracy-cost.svg", "slab-distance.svg"] {
         let text = read(plot);
         assert!(text.contains("</svg>") && text.contains("slab, point") && !text.contains("NaN"), "{plot}");
     }

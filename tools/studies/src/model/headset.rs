@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::device::Device;
 use super::fit::{device, run_missing};
 use super::plan::{Place, Shot, Sight, Unit, identity};
-use super::plot::{self, Rungs};
+use super::plot::{self, LevelRanges};
 use super::rates::{Errors, Rates};
 use super::shots::{Frame, Record};
 use super::stages::STAGES;
@@ -27,8 +27,8 @@ const RATES_HZ: [f64; 2] = [72.0, 90.0];
 /// The frames of a headset, and what devices that are not at hand would take for them
 #[derive(Args)]
 #[command(after_help = "\
-Two eyes of 96 degrees, 64 mm apart, see the splats in real size, as vgs-xr places them and at half of that distance, in those rungs of the frame \
-budget's ladders whose mode is slab or alpha, with depth. The work of each frame is counted here; what it takes elsewhere is a roofline over a device's \
+Two eyes of 96 degrees, 64 mm apart, see the splats in real size, as vgs-xr places them and at half of that distance, in those levels of the frame \
+budget's quality levels whose mode is slab or alpha, with depth. The work of each frame is counted here; what it takes elsewhere is a roofline over a device's \
 rates, from the share of them that a program reaches that suits it badly to that of one that suits it well. A budget is 9/10 of \
 a period. OUT/headset.md, headset.csv, headset.json and headset.svg are written anew after each file.
 
@@ -130,16 +130,16 @@ fn size(text: &str) -> Result<[u32; 2]> {
     }
 }
 
-/// The rungs that the model knows the stages of: slabs of splats that are right between the voxels, and mode alpha.
+/// The levels that the model knows the stages of: slabs of splats that are right between the voxels, and mode alpha.
 fn modelled() -> Vec<QualityLevel> {
-    let slabs = quality_levels(SplatKind::Field).iter().filter(|rung| rung.mode == "slab");
+    let slabs = quality_levels(SplatKind::Field).iter().filter(|level| level.mode == "slab");
     slabs.chain(quality_levels(SplatKind::Coloured)).copied().collect()
 }
 
-fn shot(rung: &QualityLevel, size: [u32; 2]) -> Shot {
-    let q = rung.quality;
+fn shot(level: &QualityLevel, size: [u32; 2]) -> Shot {
+    let q = level.quality;
     Shot {
-        mode: rung.mode.into(),
+        mode: level.mode.into(),
         size,
         views: 2,
         depth: true,
@@ -164,7 +164,7 @@ struct Prediction<'a> {
     splats: usize,
     place: String,
     size: [u32; 2],
-    rung: usize,
+    level: usize,
     rendering: String,
     /// Slowest and fastest, ms.
     range_ms: [f64; 2],
@@ -176,7 +176,7 @@ struct Prediction<'a> {
     work: &'a super::work::Work,
 }
 
-/// Of a rung, as the tables of `studies trade render` call it.
+/// Of a level, as the tables of `studies trade render` call it.
 fn rendering(shot: &Shot) -> String {
     let Shot { mode, coarseness, resolution, .. } = shot.clone();
     Choice { step: coarseness, resolution, ..Choice::usual(&mode) }.name()
@@ -216,14 +216,14 @@ impl HeadsetReport {
         for device in &self.devices {
             for (record, frame) in self.frames() {
                 let stages = device.stages(&frame.work, 0);
-                let most = stages.iter().zip(&STAGES).max_by(|a, b| a.0.ms.total_cmp(&b.0.ms));
+                let most = stages.iter().zip(STAGES.iter()).max_by(|a, b| a.0.ms.total_cmp(&b.0.ms));
                 all.push(Prediction {
                     device: &device.name,
                     file: &record.unit.file,
                     splats: record.splats,
                     place: frame.place.name(),
                     size: frame.shot.size,
-                    rung: record.unit.shots.iter().position(|s| *s == frame.shot).unwrap_or(0)
+                    level: record.unit.shots.iter().position(|s| *s == frame.shot).unwrap_or(0)
                         % modelled().len(),
                     rendering: rendering(&frame.shot),
                     range_ms: device.range(&frame.work),
@@ -276,7 +276,7 @@ impl HeadsetReport {
         Errors::of(&pairs?)
     }
 
-    /// Rungs by size and number of splats: the middle of all files.
+    /// LevelRanges by size and number of splats: the middle of all files.
     fn columns(&self, of: &[&Prediction<'_>]) -> Vec<([u32; 2], usize)> {
         let mut counts = distinct(of.iter().map(|p| about(p.splats)));
         counts.sort_unstable();
@@ -284,11 +284,11 @@ impl HeadsetReport {
     }
 
     /// Slowest and fastest, each the middle of all files; nothing where none was rendered.
-    fn middle(of: &[&Prediction<'_>], rung: usize, (size, count): ([u32; 2], usize)) -> Option<[f64; 2]> {
+    fn middle(of: &[&Prediction<'_>], level: usize, (size, count): ([u32; 2], usize)) -> Option<[f64; 2]> {
         let ends = [0, 1].map(|end| {
             let times: Vec<f64> = of
                 .iter()
-                .filter(|p| p.rung == rung && p.size == size && about(p.splats) == count)
+                .filter(|p| p.level == level && p.size == size && about(p.splats) == count)
                 .map(|p| p.range_ms[end])
                 .collect();
             median(&times)
@@ -298,10 +298,10 @@ impl HeadsetReport {
 
     fn table(&self, device: &Device, place: &str, of: &[&Prediction<'_>]) -> String {
         let columns = self.columns(of);
-        let rows = modelled().into_iter().enumerate().map(|(rung, row)| {
-            let mut cells = vec![rung.to_string(), rendering(&shot(&row, [1; 2]))];
+        let rows = modelled().into_iter().enumerate().map(|(level, row)| {
+            let mut cells = vec![level.to_string(), rendering(&shot(&row, [1; 2]))];
             cells.extend(columns.iter().map(|&column| {
-                Self::middle(of, rung, column).map_or_else(String::new, |range| {
+                Self::middle(of, level, column).map_or_else(String::new, |range| {
                     let [at72, at90] = RATES_HZ.map(|hz| verdict(range, budget_ms(hz)));
                     format!("{} to {}: {at72}, {at90}", digits(range[1]), digits(range[0]))
                 })
@@ -309,7 +309,7 @@ impl HeadsetReport {
             cells
         });
         let files = distinct(of.iter().map(|p| p.file));
-        let mut titles = vec!["rung".to_owned(), "rendering".to_owned()];
+        let mut titles = vec!["level".to_owned(), "rendering".to_owned()];
         titles.extend(columns.iter().map(|([w, h], n)| format!("{w} × {h}, {}k / ms", n / 1000)));
         let title = format!(
             "Two eyes on {}, {place}: fastest to slowest, the middle of the files of that many splats, and whether that is within the \
@@ -330,7 +330,7 @@ impl HeadsetReport {
 
     fn csv(&self, all: &[Prediction<'_>]) -> String {
         let mut out = String::from(
-            "device,file,splats,place,width,height,rung,rendering,fast_ms,slow_ms,most,shown,pairs,wide_evaluations,evaluations,\
+            "device,file,splats,place,width,height,level,rendering,fast_ms,slow_ms,most,shown,pairs,wide_evaluations,evaluations,\
              fragments,here_ms,here_predicted_ms\n",
         );
         for p in all {
@@ -344,7 +344,7 @@ impl HeadsetReport {
                 p.place,
                 p.size[0],
                 p.size[1],
-                p.rung,
+                p.level,
                 p.rendering,
                 p.range_ms[1],
                 p.range_ms[0],
@@ -363,19 +363,19 @@ impl HeadsetReport {
 
     /// A panel for each size and number of splats, of the first device, from the first place.
     fn svg(&self, all: &[Prediction<'_>]) -> Result<String> {
-        let Some(first) = all.first() else { return plot::rungs("", &[], &[]) };
+        let Some(first) = all.first() else { return plot::levels("", &[], &[]) };
         let of: Vec<&Prediction<'_>> =
             all.iter().filter(|p| p.device == first.device && p.place == first.place).collect();
         let panels = self.columns(&of).into_iter().map(|column| {
             let ([width, height], count) = column;
-            let ranges = (0..modelled().len()).filter_map(|rung| Self::middle(&of, rung, column));
-            Rungs {
+            let ranges = (0..modelled().len()).filter_map(|level| Self::middle(&of, level, column));
+            LevelRanges {
                 title: format!("2 × {width} × {height}, {},000 splats", count / 1000),
                 ranges: ranges.map(|[slow, fast]| [fast, slow]).collect(),
             }
         });
         let budgets = RATES_HZ.map(|hz| (format!("budget at {hz} Hz"), budget_ms(hz)));
-        plot::rungs(&format!("{}: predicted", first.device), &panels.collect::<Vec<_>>(), &budgets)
+        plot::levels(&format!("{}: predicted", first.device), &panels.collect::<Vec<_>>(), &budgets)
     }
 
     fn write(&self, store: &Store) -> Result<()> {
@@ -411,11 +411,11 @@ mod tests {
 
     #[test]
     fn rungs_are_told_as_the_ladder_has_them() {
-        let rungs = modelled();
-        let names: Vec<String> = rungs.iter().map(|r| rendering(&shot(r, [8; 2]))).collect();
+        let levels = modelled();
+        let names: Vec<String> = levels.iter().map(|r| rendering(&shot(r, [8; 2]))).collect();
         assert_eq!(names[0], "slab");
-        assert_eq!(distinct(names.iter()).len(), rungs.len());
-        let shot = shot(&rungs[rungs.len() - 1], [100, 80]);
+        assert_eq!(distinct(names.iter()).len(), levels.len());
+        let shot = shot(&levels[levels.len() - 1], [100, 80]);
         assert!(shot.depth && shot.views == 2 && shot.size == [100, 80]);
     }
 }

@@ -6,7 +6,8 @@
 //! elsewhere. Both sides of a branch count, as a group in lockstep takes both, but for branches that specialisation
 //! constants decide.
 //!
-//! A loop whose number of rounds is a constant counts as often as it runs. Other loops are told apart by the name of
+//! A loop whose number of rounds is a constant counts as often as it runs; where the source asks for it to be unrolled,
+//! its integers are constants and cost nothing. Other loops are told apart by the name of
 //! their variable: `main/block/round` is one round of the loop over `round` inside the loop over `block`, without the
 //! loops inside.
 
@@ -82,6 +83,8 @@ struct Source<'a> {
 /// A loop of a function.
 struct Loop {
     blocks: BTreeSet<Word>,
+    /// True if the source asks for it to be unrolled: then its integers are constants.
+    unrolled: bool,
     /// Rounds, where a constant says how many.
     rounds: Option<f64>,
     /// Name of its variable.
@@ -190,8 +193,9 @@ impl<'a> Source<'a> {
         let mut found = BTreeMap::from([(String::new(), 0.0)]);
         for label in &live {
             let around = loops.iter().filter(|l| l.blocks.contains(label));
-            let (mut path, mut times) = (String::new(), 1.0);
+            let (mut path, mut times, mut unrolled) = (String::new(), 1.0, false);
             for l in around {
+                unrolled |= l.unrolled;
                 match l.rounds {
                     Some(rounds) => times *= rounds,
                     None => path = join(&path, &l.name),
@@ -200,7 +204,8 @@ impl<'a> Source<'a> {
             let mut add = |path: String, count: f64| *found.entry(path).or_insert(0.0) += times * count;
             for i in &blocks[label].instructions {
                 if i.class.opcode != Op::FunctionCall {
-                    add(path.clone(), self.operations(i));
+                    let is_free = unrolled && is_of_integers(i.class.opcode);
+                    add(path.clone(), if is_free { 0.0 } else { self.operations(i) });
                     continue;
                 }
                 let called = i.operands.first().and_then(Operand::id_ref_any);
@@ -270,7 +275,10 @@ impl<'a> Source<'a> {
             }
             _ => None,
         });
-        Some(Loop { blocks: inside, rounds: bound.map(f64::from), name })
+        let unrolled = head.operands.iter().any(|operand| {
+            matches!(operand, Operand::LoopControl(control) if control.contains(spirv::LoopControl::UNROLL))
+        });
+        Some(Loop { blocks: inside, unrolled, rounds: bound.map(f64::from), name })
     }
 
     /// Returns the components of the value of an operand.
@@ -353,6 +361,11 @@ impl<'a> Source<'a> {
     }
 }
 
+/// Returns true if an instruction only counts and compares integers.
+fn is_of_integers(op: Op) -> bool {
+    matches!(op, Op::IAdd | Op::ISub | Op::IMul | Op::IEqual | Op::INotEqual | Op::ULessThan | Op::SLessThan)
+}
+
 /// Returns the operations of a function of GLSL's library, whose result has `whole` components and its first argument
 /// `wide`.
 fn library(op: Library, whole: f64, wide: f64) -> f64 {
@@ -398,8 +411,9 @@ mod tests {
     fn what_a_branch_on_a_constant_leaves_out_is_not_counted() {
         let standard =
             |value: u32| Operations::of(&shaders_glsl::ALPHA_FRAG, &[("STANDARD", value)], &[]).at("main");
-        // dot 3; a product, an exponential, a smaller one of two, a comparison and a choice; and 4 for the colour.
-        assert_eq!(standard(1), 3.0 + (1.0 + 8.0 + 1.0 + 1.0) + (1.0 + 4.0), "{}", standard(1));
+        // A dot product of two components; two products, an exponential and the smaller one of two; two comparisons and
+        // a choice; four products for the colour.
+        assert_eq!(standard(1), 3.0 + (2.0 + 8.0 + 1.0) + (2.0 + 1.0) + 4.0);
         assert!(standard(0) != standard(1));
     }
 }

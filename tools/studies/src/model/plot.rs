@@ -1,4 +1,4 @@
-//! Plots (SVG): predicted against measured times, and ranges of times by rung.
+//! Plots (SVG): predicted against measured times, and ranges of times by level.
 
 use engine::Result;
 use plotters::prelude::*;
@@ -53,32 +53,32 @@ pub fn against(title: &str, panels: &[Panel]) -> Result<String> {
     })
 }
 
-/// A range of times for each rung.
-pub struct Rungs {
+/// A range of times for each level.
+pub struct LevelRanges {
     /// Above it.
     pub title: String,
-    /// By rung: least and most, ms.
+    /// By level: least and most, ms.
     pub ranges: Vec<[f64; 2]>,
 }
 
-/// Ranges of times by rung on a logarithmic axis, with lines at the `budgets`, ms, and what they are called.
-pub fn rungs(title: &str, panels: &[Rungs], budgets: &[(String, f64)]) -> Result<String> {
+/// Ranges of times by level on a logarithmic axis, with lines at the `budgets`, ms, and what they are called.
+pub fn levels(title: &str, panels: &[LevelRanges], budgets: &[(String, f64)]) -> Result<String> {
     let all = || panels.iter().flat_map(|p| &p.ranges).flatten().copied().chain(budgets.iter().map(|b| b.1));
     let low = all().fold(f64::INFINITY, f64::min).clamp(1e-3, 1e6).log10() - 0.1;
     let high = all().fold(1e-2, f64::max).log10() + 0.1;
     sheet(title, panels.len(), 2, [480, 300], |n, area| {
         let panel = &panels[n];
         let end = panel.ranges.len().max(1) as f64 - 0.5;
-        let x = Axis { title: "rung", range: -0.5..end, tick: &|x| format!("{x:.0}") };
+        let x = Axis { title: "level", range: -0.5..end, tick: &|x| format!("{x:.0}") };
         let y = Axis { title: "frame / ms", range: low..high, tick: &|y| three_digits(10f64.powf(*y)) };
         let mut chart = axes(area, &panel.title, x, y)?;
         for ((name, ms), colour) in budgets.iter().zip(&COLOURS[1..]) {
             line(&mut chart, name, *colour, [(-0.5, ms.log10()), (end, ms.log10())])?;
         }
-        let bars = panel.ranges.iter().enumerate().map(|(rung, range)| {
+        let bars = panel.ranges.iter().enumerate().map(|(level, range)| {
             let [least, most] = range.map(|ms| ms.max(1e-3).log10());
             Rectangle::new(
-                [(rung as f64 - 0.3, least), (rung as f64 + 0.3, most)],
+                [(level as f64 - 0.3, least), (level as f64 + 0.3, most)],
                 COLOURS[0].mix(0.6).filled(),
             )
         });
@@ -102,9 +102,10 @@ mod tests {
         assert!(!text.contains("NaN") && !text.contains("inf"));
         // The legend has a larger circle for each kind.
         assert_eq!(text.matches("<circle").count(), 2 + 2);
-        let rung = |ranges: &[[f64; 2]]| Rungs { title: "a headset".into(), ranges: ranges.to_vec() };
+        let level = |ranges: &[[f64; 2]]| LevelRanges { title: "a headset".into(), ranges: ranges.to_vec() };
         let budgets = [("72 Hz".to_owned(), 12.5)];
-        let text = rungs("Rungs", &[rung(&[[1.0, 3.0], [0.5, 1.0]]), rung(&[])], &budgets).expect("a plot");
+        let text =
+            levels("LevelRanges", &[level(&[[1.0, 3.0], [0.5, 1.0]]), level(&[])], &budgets).expect("a plot");
         assert!(text.contains("72 Hz") && text.contains("a headset") && !text.contains("NaN"));
     }
 }

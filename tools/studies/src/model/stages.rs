@@ -1,17 +1,29 @@
 //! What a frame consists of: stages, the passes of each, and the terms that its time goes by.
 //!
-//! A term has what one unit of it takes, for devices that are known by their data sheet alone: operations, bytes of memory,
-//! and fragments. **Operations** are counted by hand from the kernels' sources: an addition, multiplication, comparison or
-//! conversion of floats or integers is 1, so that a fused multiply-add is 2, as in the makers' figures; a division, a
-//! root, an exponential or a logarithm is 8, the time of four fused multiply-adds, at which GPUs' units for these run.
-//! **Bytes** are those of the buffers' rows, each counted once where a tile's work shares it. Where a line names two
-//! figures, the second is what comes on top.
+//! A term has what one unit of it takes, for devices that are known by their data sheet alone: operations, bytes of
+//! memory, and fragments. Operations are counted in the kernels' SPIR-V ([`Operations`]); bytes are those of the rows of
+//! the kernels' buffers, each counted once where a tile's work shares it. Where a stage has a term and the same term
+//! "lit" or "integrated", the second is what comes on top.
 
+use std::sync::LazyLock;
+
+use shaders_glsl::radix::RADIX_BLOCK;
+use shaders_glsl::tiles::PLANES;
+use shaders_glsl::{
+    ALPHA_FRAG, ALPHA_VERT, BRICK_RANGES, EMIT_TILE_PAIRS, PROJECT_QUADS, PROJECT_SPLATS, RADIX_COUNT,
+    RADIX_SCATTER, Resource, SCAN_APPLY, SCAN_SUMS, SLAB, Shader,
+};
+
+use super::operations::Operations;
 use super::work::Work;
 
-/// Sorted by one workgroup.
-const SORT_BLOCK: f64 = 2048.0;
-/// A square around a circle, of a triangle around it: their areas.
+/// Invocations of a wide group, which share a tile.
+const LANES: f64 = 64.0;
+/// Pixels of an invocation of `slab`.
+const PIXELS: f64 = 4.0;
+/// Halvings of the sums of a workgroup of `scan_sums`, and the mean number of runs joined by one of `scan_apply`.
+const SCAN_ROUNDS: [f64; 2] = [8.0, 7.5];
+/// The area of a square around a circle over that of a triangle around it.
 const SQUARE: f64 = 4.0 / 5.196_152_4;
 
 /// Something that is done many times.
@@ -28,8 +40,21 @@ pub struct Term {
     pub fills: f64,
 }
 
-const fn term(name: &'static str, of: fn(&Work, bool) -> f64, ops: f64, bytes: f64) -> Term {
+/// Creates a term that fills no fragments.
+fn term(name: &'static str, of: fn(&Work, bool) -> f64, ops: f64, bytes: f64) -> Term {
     Term { name, of, ops, bytes, fills: 0.0 }
+}
+
+/// Returns the bytes of a row of each of these buffers of a shader together.
+fn bytes(shader: &Shader, buffers: &[&str]) -> f64 {
+    let stride = |name: &&str| {
+        let binding = shader.bindings.iter().find(|binding| binding.name == *name);
+        match binding.map(|binding| binding.resource) {
+            Some(Resource::Buffer { stride }) => stride as f64,
+            other => panic!("{}: {name} is {other:?}, not a buffer", shader.name),
+        }
+    };
+    buffers.iter().map(stride).sum()
 }
 
 /// Passes whose time is told together.
@@ -43,137 +68,215 @@ pub struct Stage {
     /// Dispatches and draws.
     pub dispatches: fn(&Work) -> f64,
     /// What its time goes by, besides the dispatches.
-    pub terms: &'static [Term],
+    pub terms: Vec<Term>,
 }
 
 impl Stage {
-    /// Whether a frame has it.
+    /// Returns true if a frame has it.
     pub fn is_in(&self, work: &Work) -> bool {
         self.modes.contains(&work.mode.as_str())
     }
 }
 
+/// Returns the count where the condition holds, else 0.
 fn only(condition: bool, count: f64) -> f64 {
     if condition { count } else { 0.0 }
 }
 
 /// The stages of modes slab and alpha, in their order.
-pub static STAGES: [Stage; 8] = [
+pub static STAGES: LazyLock<[Stage; 8]> =
+    LazyLock::new(|| [project(), emit(), scan(), sort(), ranges(), slab(), quads(), draw()]);
+
+fn project() -> Stage {
+    let ops = Operations::of(&PROJECT_SPLATS, &[], &["tile_parts"]);
+    // Active list, splat in three rows, and the projected one.
+    let splat = bytes(&PROJECT_SPLATS, &["active_splats", "rows", "rows", "rows", "projected"]);
     Stage {
         name: "project",
         modes: &["slab"],
         passes: &["project_splats"],
         dispatches: |_| 1.0,
-        terms: &[
-            // Box and count of a row that nothing is seen of: 20 bytes.
-            term("row", |w, _| w.rows, 10.0, 20.0),
-            // Reads index and splat, 4 + 48 bytes, and writes the projected one, 48. Rotation 30, axes turned 60, scales and
-            // their inverses 48, whitening and QR 130, bounds of the outline 110, tiles and blocks 80, amplitude 22.
-            term("splat", |w, _| w.shown, 480.0, 100.0),
-            // `tile_parts`: two rows of four parts, 125 each, and 20.
-            term("tile", |w, _| w.tiles, 270.0, 0.0),
+        terms: vec![
+            // Of a splat that is not seen only the empty box and the count are written.
+            term("row", |w, _| w.rows, 0.0, bytes(&PROJECT_SPLATS, &["boxes", "pair_counts"])),
+            term("splat", |w, _| w.shown, ops.at("main"), splat),
+            term("tile", |w, _| w.tiles, ops.at("main/ty/tx") + ops.at("tile_parts"), 0.0),
         ],
-    },
+    }
+}
+
+fn emit() -> Stage {
+    let ops = Operations::of(&EMIT_TILE_PAIRS, &[], &["tile_parts"]);
+    let of = |buffers: &[&str]| bytes(&EMIT_TILE_PAIRS, buffers);
     Stage {
         name: "emit",
         modes: &["slab"],
         passes: &["emit_tile_pairs"],
         dispatches: |_| 1.0,
-        terms: &[
-            term("row", |w, _| w.rows, 4.0, 8.0),
-            // Projected splat and box.
-            term("splat", |w, _| w.shown, 40.0, 64.0),
-            term("tile", |w, _| w.tiles, 270.0, 0.0),
-            // Key and value.
-            term("pair", |w, _| w.sorted, 8.0, 8.0),
+        terms: vec![
+            term("row", |w, _| w.rows, 0.0, of(&["pair_offsets"])),
+            term("splat", |w, _| w.shown, ops.at("main"), of(&["projected", "boxes"])),
+            term("tile", |w, _| w.tiles, ops.at("main/ty/tx") + ops.at("tile_parts"), 0.0),
+            term("pair", |w, _| w.sorted, ops.at("main/ty/tx/block"), of(&["keys", "values"])),
         ],
-    },
+    }
+}
+
+fn scan() -> Stage {
+    let [sums, apply] = [&SCAN_SUMS, &SCAN_APPLY].map(|shader| Operations::of(shader, &[], &[]));
+    let run = shaders_glsl::scan::SCAN_BLOCK as f64 / f64::from(SCAN_SUMS.width());
+    let invocation = sums.at("main")
+        + SCAN_ROUNDS[0] * sums.at("main/half_size")
+        + apply.at("main")
+        + SCAN_ROUNDS[1] * apply.at("main/r");
+    // The run of an invocation, and in one of sixteen of the second kernel as many sums.
+    let element = sums.at("main/i") + apply.at("main/i") + invocation / run;
+    let moved = bytes(&SCAN_SUMS, &["values"]) + bytes(&SCAN_APPLY, &["values", "offsets"]);
     Stage {
         name: "scan",
         modes: &["slab", "alpha"],
         passes: &["scan_sums", "scan_offsets", "scan_apply"],
         dispatches: |w| 3.0 * (w.digits + only(w.mode == "slab", 1.0)),
-        // Read twice and written once.
-        terms: &[term("element", |w, _| w.table * w.digits + only(w.mode == "slab", w.rows), 6.0, 12.0)],
-    },
+        terms: vec![term(
+            "element",
+            |w, _| w.table * w.digits + only(w.mode == "slab", w.rows),
+            element,
+            moved,
+        )],
+    }
+}
+
+fn sort() -> Stage {
+    let [count, scatter] = [&RADIX_COUNT, &RADIX_SCATTER].map(|shader| Operations::of(shader, &[], &[]));
+    // A share of what an invocation does once for its keys.
+    let keys = f64::from(RADIX_BLOCK) / f64::from(RADIX_SCATTER.width());
+    let once = (count.at("main") + scatter.at("main")) / keys;
+    let moved = bytes(&RADIX_COUNT, &["keys"])
+        + bytes(&RADIX_SCATTER, &["keys", "values", "sorted_keys", "sorted_values"]);
+    let table = bytes(&RADIX_COUNT, &["table"]) + bytes(&RADIX_SCATTER, &["offsets"]);
     Stage {
         name: "sort",
         modes: &["slab", "alpha"],
         passes: &["radix_count", "radix_scatter"],
         dispatches: |w| 2.0 * w.digits,
-        terms: &[
-            // The key once to count, key and value read and written to move; of its block's places, 64 × 64 of three
-            // operations and as many clears, a share.
-            term("key", |w, _| w.sorted * w.digits, 26.0, 20.0),
-            // Written by one kernel and read by the other.
-            term("place of the table", |w, _| w.table * w.digits, 2.0, 8.0),
+        terms: vec![
+            term("key", |w, _| w.sorted * w.digits, count.at("main/i") + scatter.at("main/i") + once, moved),
+            term("place of the table", |w, _| w.table * w.digits, 0.0, table),
             // What a block takes that is not full, and so no share of its keys.
-            term("block", |w, _| (w.sorted / SORT_BLOCK).ceil() * w.digits, 0.0, 0.0),
+            term("block", |w, _| (w.sorted / f64::from(RADIX_BLOCK)).ceil() * w.digits, 0.0, 0.0),
         ],
-    },
+    }
+}
+
+fn ranges() -> Stage {
+    let ops = Operations::of(&BRICK_RANGES, &[], &[]);
     Stage {
         name: "ranges",
         modes: &["slab"],
         passes: &["brick_ranges"],
         dispatches: |_| 1.0,
-        terms: &[
-            term("room", |w, _| w.room, 3.0, 0.0),
-            term("pair", |w, _| w.sorted, 4.0, 4.0),
-            term("list", |w, _| w.lists, 2.0, 4.0),
+        terms: vec![
+            // An invocation for every pair that there is room for; most of them end at once.
+            term("room", |w, _| w.room, 0.0, 0.0),
+            term("pair", |w, _| w.sorted, ops.at("main"), bytes(&BRICK_RANGES, &["keys"])),
+            term("list", |w, _| w.lists, ops.at("main/s"), bytes(&BRICK_RANGES, &["starts"])),
         ],
-    },
+    }
+}
+
+fn slab() -> Stage {
+    let [plain, lit, integrated] =
+        [&[][..], &[("SHADED", 1)], &[("SEGMENTS", 1)]].map(|c| Operations::of(&SLAB, c, &["add"]));
+    // Of the planes of a round and the pixels of an invocation.
+    let planes = f64::from(PLANES) * PIXELS;
+    let of_plane = |ops: &Operations| ops.at("main/block/round") / planes;
+    // One call has half of the planes.
+    let of_call = |ops: &Operations| ops.at("add") / (planes / 2.0);
     Stage {
         name: "slab",
         modes: &["slab"],
         passes: &["slab"],
         dispatches: |_| 1.0,
-        terms: &[
-            // `add`: 13 for each plane and pixel; 14 for each plane, shared by four pixels; 12 for each pixel, shared by four planes.
-            term("evaluation", |w, wide| w.by(wide).evaluations, 19.0, 0.0),
+        terms: vec![
+            term("evaluation", |w, wide| w.by(wide).evaluations, of_call(&plain), 0.0),
             // Gradients of Σw and Σwc.
-            term("evaluation, lit", |w, wide| only(w.lit, w.by(wide).evaluations), 28.0, 0.0),
-            // Value, and on a wide device the projected splat, which all parts share; tests and loads of 64 invocations, 15 each.
-            term("pair", |w, wide| w.by(wide).looked, 960.0, 52.0),
-            // Two divisions, a look-up, three exponentials or logarithms, and adding up.
-            term("plane", |w, wide| w.by(wide).classified, 85.0, 0.0),
-            // Four rows of the table of integrals, three weights and a division.
-            term("plane, integrated", |w, wide| only(w.integrated, w.by(wide).classified), 110.0, 0.0),
-            // Two normalisations, a power, and the gradient of O (V − v₀).
-            term("plane, lit", |w, wide| only(w.lit, w.by(wide).classified), 110.0, 0.0),
-            // Looked at for the end of each, by the parts of a tile.
-            term("list", |w, _| w.lists, 640.0, 4.0),
-            // The ray, and what is written.
-            term("pixel", |w, _| w.pixels, 100.0, 0.0),
+            term(
+                "evaluation, lit",
+                |w, wide| only(w.lit, w.by(wide).evaluations),
+                of_call(&lit) - of_call(&plain),
+                0.0,
+            ),
+            term(
+                "pair",
+                |w, wide| w.by(wide).looked,
+                LANES * plain.at("main/block/round/i"),
+                bytes(&SLAB, &["pairs", "projected"]),
+            ),
+            term("plane", |w, wide| w.by(wide).classified, of_plane(&plain), 0.0),
+            term(
+                "plane, integrated",
+                |w, wide| only(w.integrated, w.by(wide).classified),
+                of_plane(&integrated) - of_plane(&plain),
+                0.0,
+            ),
+            term(
+                "plane, lit",
+                |w, wide| only(w.lit, w.by(wide).classified),
+                of_plane(&lit) - of_plane(&plain),
+                0.0,
+            ),
+            term("list", |w, _| w.lists, LANES * plain.at("main/block"), bytes(&SLAB, &["starts"])),
+            term("pixel", |w, _| w.pixels, plain.at("main") / PIXELS, 0.0),
             term("byte of a pixel", |w, _| w.pixels * w.pixel_bytes, 0.0, 1.0),
         ],
-    },
+    }
+}
+
+fn quads() -> Stage {
+    let [plain, lit] = [&[][..], &[("SHADED", 1)]].map(|c| Operations::of(&PROJECT_QUADS, c, &["quad_of"]));
+    // Active list, splat in three rows, centre; key and value.
+    let splat = ["active_splats", "rows", "rows", "rows", "centres", "keys", "values"];
     Stage {
         name: "quads",
         modes: &["alpha"],
         passes: &["project_quads"],
         dispatches: |_| 1.0,
-        terms: &[
-            term("row", |w, _| w.rows, 4.0, 0.0),
-            // Index, splat and centre, 4 + 48 + 36 bytes, key and value; the segment of the transfer function.
-            term("splat", |w, _| w.shown, 190.0, 96.0),
-            // Written. Rotation and axes 90, whitening and QR 130, scales 24, the ellipse on the picture 60.
-            term("view of a splat", |w, _| w.shown * w.views, 304.0, 44.0),
-            term("view of a splat, lit", |w, _| only(w.lit, w.shown * w.views), 130.0, 0.0),
+        terms: vec![
+            term("row", |w, _| w.rows, 0.0, 0.0),
+            term("splat", |w, _| w.shown, plain.at("main"), bytes(&PROJECT_QUADS, &splat)),
+            term(
+                "view of a splat",
+                |w, _| w.shown * w.views,
+                plain.at("main/view") + plain.at("quad_of"),
+                bytes(&PROJECT_QUADS, &["quads"]),
+            ),
+            term(
+                "view of a splat, lit",
+                |w, _| only(w.lit, w.shown * w.views),
+                lit.at("quad_of") - plain.at("quad_of"),
+                0.0,
+            ),
         ],
-    },
+    }
+}
+
+fn draw() -> Stage {
+    let [corner, fragment] =
+        [&ALPHA_VERT, &ALPHA_FRAG].map(|shader| Operations::of(shader, &[], &[]).at("main"));
+    // A tiler works on all corners twice, once to see which tiles they are in.
+    let quad = 2.0 * bytes(&ALPHA_VERT, &["quads", "order"]);
     Stage {
         name: "draw",
         modes: &["alpha"],
         passes: &["alpha"],
         dispatches: |_| 1.0,
-        terms: &[
-            // Six corners of 25, which a tiler does twice, once to see which tiles they are in; likewise the row and its index.
-            term("quad", |w, _| w.quads * w.views, 300.0, 96.0),
-            // A circle's equation, an exponential, a colour. A wide device draws squares.
+        terms: vec![
+            term("quad", |w, _| w.quads * w.views, 2.0 * 6.0 * corner, quad),
+            // A wide device draws squares.
             Term {
                 name: "fragment",
                 of: |w, wide| w.fragments * if wide { SQUARE } else { 1.0 },
-                ops: 26.0,
+                ops: fragment,
                 bytes: 0.0,
                 fills: 1.0,
             },
@@ -182,8 +285,8 @@ pub static STAGES: [Stage; 8] = [
             // Cleared, fetched and stored.
             term("byte of a pixel", |w, _| w.pixels * w.pixel_bytes, 0.0, 3.0),
         ],
-    },
-];
+    }
+}
 
 /// What a frame's work takes of a device, stage by stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -229,11 +332,16 @@ mod tests {
         let work =
             Work { mode: "slab".into(), pixels: 50.0, pixel_bytes: 8.0, narrow, wide, ..Work::default() };
         let slab = STAGES.iter().find(|s| s.name == "slab").expect("a stage");
+        let ops = |name: &str| slab.terms.iter().find(|t| t.name == name).expect("a term").ops;
+        let [evaluation, plane, pair, pixel] = ["evaluation", "plane", "pair", "pixel"].map(ops);
         let plain = Demand::of(slab, &work, false);
-        assert_eq!(plain.ops, 100.0 * 19.0 + 10.0 * 85.0 + 5.0 * 960.0 + 50.0 * 100.0);
+        assert_eq!(plain.ops, 100.0 * evaluation + 10.0 * plane + 5.0 * pair + 50.0 * pixel);
         assert_eq!((plain.bytes, plain.dispatches), (5.0 * 52.0 + 50.0 * 8.0, 1.0));
         let lit = Demand::of(slab, &Work { lit: true, ..work.clone() }, true);
-        assert_eq!(lit.ops, 400.0 * 47.0 + 20.0 * 195.0 + 3.0 * 960.0 + 50.0 * 100.0);
+        let [more, more_of_plane] = ["evaluation, lit", "plane, lit"].map(ops);
+        let expected =
+            400.0 * (evaluation + more) + 20.0 * (plane + more_of_plane) + 3.0 * pair + 50.0 * pixel;
+        assert_eq!(lit.ops, expected);
         let alpha = Work { mode: "alpha".into(), digits: 3.0, fragments: 60.0, views: 2.0, ..work };
         assert_eq!(Demand::of(slab, &alpha, true), Demand::default());
         let of = |name: &str, wide: bool| {
@@ -243,6 +351,30 @@ mod tests {
         assert_eq!(of("draw", false).fills, 60.0);
         // Squares around circles are smaller than triangles around them.
         assert!((of("draw", true).fills / 60.0 - 4.0 / 27f64.sqrt()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn terms_take_what_the_kernels_have() {
+        let term = |stage: &str, name: &str| {
+            let stage = STAGES.iter().find(|s| s.name == stage).expect("a stage");
+            let term = stage.terms.iter().find(|t| t.name == name).expect("a term");
+            (term.ops, term.bytes)
+        };
+        for (stage, name, ops, bytes) in [
+            // By hand 19.5: see the test of `operations`; rows of 48 bytes for a splat before and after.
+            ("slab", "evaluation", 15.0..27.0, 0.0),
+            ("slab", "pair", 500.0..1500.0, 52.0),
+            ("project", "splat", 400.0..900.0, 100.0),
+            ("emit", "pair", 4.0..12.0, 8.0),
+            ("scan", "element", 6.0..30.0, 12.0),
+            ("sort", "key", 20.0..60.0, 20.0),
+            ("quads", "view of a splat", 250.0..500.0, 44.0),
+            ("draw", "quad", 150.0..400.0, 96.0),
+            ("draw", "fragment", 15.0..30.0, 0.0),
+        ] {
+            let found = term(stage, name);
+            assert!(ops.contains(&found.0) && found.1 == bytes, "{stage}, {name}: {found:?}");
+        }
     }
 
     #[test]

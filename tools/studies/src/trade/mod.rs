@@ -13,6 +13,6 @@ use clap::Subcommand;
 pub enum TradeStudy {
     /// Fits: error against seconds, bytes of the file and device memory.
     Fit(fit::FitTradeArguments),
-    /// Pictures: error against the time of a frame, and the ladder of the frame budget.
+    /// Pictures: error against the time of a frame, and the quality levels of the frame budget.
     Render(render::PictureTradeArguments),
 }

@@ -33,19 +33,19 @@ fn set(kernel: Kernel, count: usize) -> SplatSet {
 }
 
 #[test]
-fn it_is_the_field_of_the_twin() {
+fn it_is_the_field_of_the_reference() {
     for kernel in [Kernel::Compact, Kernel::Gaussian, Kernel::Density] {
         let set = set(kernel, 400);
         let probe = Probe::new(&set);
         let eye = Eye { position: DVec3::ZERO, turn: DMat3::IDENTITY, tangents: [0.0; 4] };
         // Reference implementations take unit quaternions.
-        let twin = |s: &Splat| {
-            let twin = reference::Splat::from(s);
-            reference::Splat { rotation: twin.rotation.normalize(), ..twin }
+        let of_reference = |s: &Splat| {
+            let splat = reference::Splat::from(s);
+            reference::Splat { rotation: splat.rotation.normalize(), ..splat }
         };
         let background = f64::from(set.field.background);
         let all: Vec<_> =
-            set.splats.iter().filter_map(|s| seen(&twin(s), &eye, kernel, background)).collect();
+            set.splats.iter().filter_map(|s| seen(&of_reference(s), &eye, kernel, background)).collect();
         assert_eq!(all.len(), set.splats.len());
         let mut next = numbers(3);
         let mut inside = 0;
@@ -112,7 +112,7 @@ fn bone() -> Look {
 }
 
 /// Finds the same by the reference implementation, in steps of 0.01 mm: where half of the light is gone.
-fn met_by_twin(
+fn met_by_reference(
     set: &SplatSet,
     from: DVec3,
     direction: DVec3,
@@ -160,7 +160,7 @@ fn a_ray_meets_what_is_seen_first() {
         ("cut", cut, None),
     ] {
         for direction in [DVec3::X, DVec3::new(1.0, 0.1, -0.05).normalize()] {
-            let expected = met_by_twin(&set, from, direction, &look, hidden).expect("a wall");
+            let expected = met_by_reference(&set, from, direction, &look, hidden).expect("a wall");
             let met = probe.along(from, direction, &look).expect("a wall");
             // The step is half of a standard deviation.
             assert!((met.distance_mm - expected).abs() < 0.1, "{what}: {} {expected}", met.distance_mm);

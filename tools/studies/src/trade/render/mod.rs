@@ -1,11 +1,11 @@
 //! Measures what a picture's accuracy costs (`studies trade render`). Splats of a few cases are rendered in
 //! many ways (`plan`) from several sides through several transfer functions, compared with the CT itself
-//! (`shots`), and kept; `report` writes tables and plots of them, and `ladder` the quality levels of the
-//! frame budget's controller.
+//! (`shots`), and kept; `report` writes tables and plots of them, and `quality_levels` chooses the
+//! levels of the frame budget's controller.
 
 mod averages;
-mod ladder;
 mod plan;
+mod quality_levels;
 mod report;
 mod shots;
 
@@ -43,7 +43,7 @@ after each.
 Examples:
   studies trade render --data DIR --quick                  one case, one transfer function, two views
   studies trade render --data DIR --out trade              all of it: half an hour on two cores
-  studies trade render --data DIR --out trade --ladder engine/src/render/ladder.toml      writes the ladders, too
+  studies trade render --data DIR --levels engine/src/render/quality_levels.toml   writes the levels, too
   studies trade render --data DIR --out large --cases skull --density 4 --size 512        larger pictures of more splats")]
 pub struct PictureTradeArguments {
     /// Folder with the cases: CASE/ct.nii.gz and its masks
@@ -58,7 +58,7 @@ pub struct PictureTradeArguments {
     /// Cases, of those of `bench render`'s configuration; three of different kinds when absent
     #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
     cases: Vec<String>,
-    /// Splats per voxel, times those of the case: whether the ladder is that of larger scenes, too
+    /// Splats per voxel, times those of the case: whether the quality levels are those of larger scenes, too
     #[arg(long, value_name = "TIMES", default_value_t = 1.0)]
     density: f64,
     /// One case, one transfer function, two views and a short fit
@@ -67,9 +67,9 @@ pub struct PictureTradeArguments {
     /// Measures again what is there; fitted splats stay
     #[arg(long)]
     force: bool,
-    /// Writes the rungs of the frame budget's ladders (TOML), in place of those that are there
+    /// Writes the quality levels of the frame budget (TOML), in place of those that are there
     #[arg(long, value_name = "FILE", conflicts_with = "quick")]
-    ladder: Option<PathBuf>,
+    levels: Option<PathBuf>,
 }
 
 /// Measures what is missing and writes the reports.
@@ -114,8 +114,8 @@ pub fn run(options: &GpuOptions, a: &PictureTradeArguments) -> Result<()> {
     println!("{}", report.markdown());
     eprintln!("written: {}", store.file("render.md").display());
     all_done(&failed, count, "subjects")?;
-    if let Some(path) = &a.ladder {
-        let text = ladder::toml(&report.rows(), &report.device);
+    if let Some(path) = &a.levels {
+        let text = quality_levels::toml(&report.rows(), &report.device);
         output::write_atomic(path, true, |w| w.write_all(text.as_bytes()))?;
     }
     Ok(())
@@ -186,7 +186,7 @@ mod tests {
             density: 1.0,
             quick,
             force: false,
-            ladder: None,
+            levels: None,
         };
         let all = units(&a(false, &[]), "none").expect("units");
         assert_eq!((all.len(), all[0].views.len()), (9, 8));

@@ -33,19 +33,19 @@ impl Choice {
     }
 
     /// Returns the choice that corresponds to a quality level for splats of this kind.
-    pub fn of_rung(kind: SplatKind, rung: &QualityLevel) -> Self {
+    pub fn of_level(kind: SplatKind, level: &QualityLevel) -> Self {
         Choice {
-            mode: rung.mode.into(),
+            mode: level.mode.into(),
             of_grid: kind == SplatKind::Grid,
-            step: rung.quality.coarseness,
-            resolution: rung.quality.resolution,
+            step: level.quality.coarseness,
+            resolution: level.quality.resolution,
             ..Self::usual("")
         }
     }
 
     /// Returns true if a frame can change to this choice without creating anything anew and without leaving
     /// anything out, so that it can be a quality level.
-    pub fn is_rung(&self) -> bool {
+    pub fn can_be_level(&self) -> bool {
         !self.packed && self.step >= 1.0 && self.mode != "exact" && self.splats == 1.0
     }
 
@@ -114,7 +114,7 @@ pub fn choices() -> Vec<Choice> {
     }
     // The current quality levels are measured, too, so that they can be compared with what they should be.
     for kind in SplatKind::ALL {
-        all.extend(quality_levels(kind).iter().map(|rung| Choice::of_rung(kind, rung)));
+        all.extend(quality_levels(kind).iter().map(|level| Choice::of_level(kind, level)));
     }
     let mut once: Vec<Choice> = Vec::new();
     for choice in all {
@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_knob_is_turned_alone_and_all_rungs_are_there() {
+    fn every_knob_is_turned_alone_and_all_quality_levels_are_there() {
         let all = choices();
         let usual = Choice::usual("slab");
         let names: std::collections::BTreeSet<String> = all.iter().map(Choice::name).collect();
@@ -146,9 +146,9 @@ mod tests {
             assert!(all.iter().any(|c| alone(c, &usual)));
         }
         for kind in SplatKind::ALL {
-            for rung in quality_levels(kind) {
-                let choice = Choice::of_rung(kind, rung);
-                assert!(choice.is_rung() && choice.quality() == rung.quality && all.contains(&choice));
+            for level in quality_levels(kind) {
+                let choice = Choice::of_level(kind, level);
+                assert!(choice.can_be_level() && choice.quality() == level.quality && all.contains(&choice));
             }
         }
     }

@@ -8,8 +8,8 @@ use engine::render::SplatKind;
 use serde::Serialize;
 
 use super::averages::Averages;
-use super::ladder;
 use super::plan::Choice;
+use super::quality_levels;
 use super::shots::{self, Record, Unit};
 use crate::trade::front::{Point, front};
 use crate::trade::plot::{self, Panel, Series};
@@ -101,7 +101,8 @@ impl PictureTradeReport {
         text += &format!("\n{}", self.active().markdown());
         text += &format!("\n{}", self.by_case().markdown());
         for kind in SplatKind::ALL {
-            text += &format!("\n{}", self.ladder(kind, &ladder::rungs_of(kind, &rows)).markdown());
+            let levels = quality_levels::levels_of(kind, &rows);
+            text += &format!("\n{}", self.levels(kind, &levels).markdown());
         }
         text
     }
@@ -189,12 +190,12 @@ impl PictureTradeReport {
     }
 
     /// Returns a table of the quality levels, with what each step down saves and gives up.
-    fn ladder(&self, kind: SplatKind, rungs: &[Averages]) -> Table {
+    fn levels(&self, kind: SplatKind, levels: &[Averages]) -> Table {
         // Times are those of the first level times the relative cost: a mean of ms is dominated by the
         // dearest cases, the cost is not.
-        let first = rungs.first().map_or(f64::NAN, |row| row.ms);
-        let rows = rungs.iter().enumerate().map(|(n, row)| {
-            let above = n.checked_sub(1).map(|n| &rungs[n]);
+        let first = levels.first().map_or(f64::NAN, |row| row.ms);
+        let rows = levels.iter().enumerate().map(|(n, row)| {
+            let above = n.checked_sub(1).map(|n| &levels[n]);
             let step = above.map_or_else(
                 || ["–".to_owned(), "–".to_owned()],
                 |above| {
@@ -214,7 +215,7 @@ impl PictureTradeReport {
             ]
         });
         let columns = vec![
-            "rung",
+            "level",
             "rendering",
             "PSNR, dB",
             if self.is_cpu {
@@ -227,7 +228,7 @@ impl PictureTradeReport {
             "dB per ms saved",
         ];
         Table {
-            title: format!("The ladder of the frame budget: {}", kind.name()),
+            title: format!("Quality levels of the frame budget: {}", kind.name()),
             columns,
             rows: rows.collect(),
         }
@@ -274,11 +275,11 @@ impl PictureTradeReport {
             device: &'a str,
             is_cpu: bool,
             rows: Vec<Averages>,
-            ladders: BTreeMap<&'static str, Vec<Averages>>,
+            quality_levels: BTreeMap<&'static str, Vec<Averages>>,
         }
         let rows = self.rows();
-        let ladders = SplatKind::ALL.map(|kind| (kind.name(), ladder::rungs_of(kind, &rows))).into();
-        let all = All { device: &self.device, is_cpu: self.is_cpu, ladders, rows };
+        let levels = SplatKind::ALL.map(|kind| (kind.name(), quality_levels::levels_of(kind, &rows)));
+        let all = All { device: &self.device, is_cpu: self.is_cpu, quality_levels: levels.into(), rows };
         bench::report::json(&all)
     }
 

@@ -1,12 +1,13 @@
-// What of the views' pictures no eye sees, in 64 x 64 patches of each picture: two words a row of patches,
-// rows from the top, the lowest bit at the left. A kernel says where the patches are bound, in BLIND_BINDING.
-#ifndef BLIND_GLSL
-#define BLIND_GLSL
+// Visibility masks of the views: what of each picture no eye sees, in 64 x 64 patches, two words a row of
+// patches, rows from the top, the lowest bit at the left. A kernel says in VISIBILITY_BINDING where the
+// patches are bound.
+#ifndef VISIBILITY_GLSL
+#define VISIBILITY_GLSL
 #extension GL_EXT_scalar_block_layout : require
 
 const uint PATCHES = 64;
 
-layout(scalar, binding = BLIND_BINDING) readonly buffer Patches { uint patches[]; };
+layout(scalar, binding = VISIBILITY_BINDING) readonly buffer Patches { uint patches[]; };
 
 // The bits of a row of patches that come before one.
 uvec2 patches_before(uint end) {
@@ -15,8 +16,8 @@ uvec2 patches_before(uint end) {
     return uvec2(low, high);
 }
 
-// Whether all patches of a rectangle are blind; `last` is the last one within, both at most 63.
-bool all_blind(uint view, uvec2 first, uvec2 last) {
+// Whether all patches of a rectangle are hidden; `last` is the last one within, both at most 63.
+bool all_hidden(uint view, uvec2 first, uvec2 last) {
     uvec2 span = patches_before(last.x + 1) & ~patches_before(first.x);
     for (uint y = first.y; y <= last.y; ++y) {
         uint at = (view * PATCHES + y) * 2;

@@ -15,7 +15,7 @@ const STEP: f64 = 0.8;
 
 /// Returns the quality levels for splats of this kind: from the best choice down along the front of PSNR
 /// against cost.
-pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
+pub fn levels_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
     let usual = match kind {
         SplatKind::Field => Choice::usual("slab"),
         SplatKind::Grid => Choice::of_grid(),
@@ -23,7 +23,7 @@ pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
     };
     let Some(first) = rows.iter().find(|row| row.choice == usual) else { return Vec::new() };
     let fits = |choice: &Choice| {
-        choice.is_rung()
+        choice.can_be_level()
             && choice.of_grid == usual.of_grid
             && (kind != SplatKind::Coloured || choice.mode == usual.mode)
     };
@@ -33,28 +33,32 @@ pub fn rungs_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
     let mut on = front(&points).into_iter();
     cheaper.retain(|_| on.next().unwrap_or(false));
     cheaper.sort_by(|a, b| b.cost.total_cmp(&a.cost));
-    let mut ladder = vec![first.clone()];
+    let mut levels = vec![first.clone()];
     for row in cheaper {
-        if ladder.last().is_some_and(|last| row.cost <= STEP * last.cost) {
-            ladder.push(row.clone());
+        if levels.last().is_some_and(|last| row.cost <= STEP * last.cost) {
+            levels.push(row.clone());
         }
     }
-    ladder
+    levels
 }
 
 /// Writes the quality levels as TOML, as `engine::render::quality_levels` reads it.
 pub fn toml(rows: &[Averages], device: &str) -> String {
     let mut out = format!(
-        "# The levels of engine::render::quality_levels, the best first. Written by `studies trade render --ladder`, which measured them on\n\
+        "# The levels of engine::render::quality_levels, the best first. Written by \
+         `studies trade render --levels`,\n\
+         # which measured them on\n\
          # {device}.\n\
-         # field: splats that are right between the voxels, too; grid: those fitted for a CT's grid; coloured: standard 3DGS files\n\
-         # (measured with the first). cost: of a frame, relative to the first rung; psnr: against the CT, dB, mean over cases,\n\
-         # transfer functions and views.\n"
+         # field: splats that are right between the voxels, too; grid: those fitted for a CT's grid; \
+         coloured: standard\n\
+         # 3DGS files (measured with the first). cost: of a frame, relative to the first level; \
+         psnr: against the CT,\n\
+         # dB, mean over cases, transfer functions and views.\n"
     );
     for kind in SplatKind::ALL {
-        let rungs = rungs_of(kind, rows);
-        let whole = rungs.first().map_or(1.0, |row| row.cost);
-        for row in rungs {
+        let levels = levels_of(kind, rows);
+        let whole = levels.first().map_or(1.0, |row| row.cost);
+        for row in levels {
             let quality = row.choice.quality();
             // Writing to a string cannot fail.
             let _ = write!(
@@ -90,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ladder_follows_the_front_in_steps() {
+    fn quality_levels_follow_the_front_in_steps() {
         let slab = Choice::usual("slab");
         let alpha = |resolution: f64| Choice { resolution, ..Choice::usual("alpha") };
         let rows = [
@@ -111,7 +115,7 @@ mod tests {
             row(Choice::of_grid(), 0.5, 45.0),
             row(Choice { resolution: 0.7, ..Choice::of_grid() }, 0.3, 40.0),
         ];
-        let costs = |kind| rungs_of(kind, &rows).iter().map(|r| r.cost).collect::<Vec<_>>();
+        let costs = |kind| levels_of(kind, &rows).iter().map(|r| r.cost).collect::<Vec<_>>();
         assert_eq!(costs(SplatKind::Field), [1.0, 0.7, 0.4, 0.2]);
         assert_eq!(costs(SplatKind::Grid), [0.5, 0.3]);
         assert_eq!(costs(SplatKind::Coloured), [0.75, 0.4, 0.2]);
@@ -119,6 +123,6 @@ mod tests {
         assert_eq!(read["field"].as_array().map(Vec::len), Some(4));
         assert_eq!(read["field"][1]["coarseness"].as_float(), Some(2.0));
         assert_eq!(read["grid"][1]["cost"].as_float(), Some(0.6));
-        assert!(rungs_of(SplatKind::Field, &rows[2..]).is_empty(), "no ladder without its first rung");
+        assert!(levels_of(SplatKind::Field, &rows[2..]).is_empty(), "no levels without the first");
     }
 }

@@ -1,23 +1,24 @@
-//! What of pictures no eye sees, by the parts of tiles; and blind patches for the tests of who leaves these out.
+//! What of pictures no eye sees, by the parts of tiles; and hidden patches for the tests of what leaves these
+//! out.
 
 use engine::gpu::{Gpu, Kernel};
 use engine::passes::Views;
 use engine::passes::tiles::TILE;
-use engine::reference::blind as twin;
+use engine::reference::hidden as reference;
 use rand::RngExt;
-use shaders_glsl::types::{BlindParams, PATCH_WORDS, PATCHES, View};
+use shaders_glsl::types::{HiddenParams, PATCH_WORDS, PATCHES, View};
 use vgs_tests::Device;
 use vgs_tests::scene::random;
 
 use super::run;
 
-/// Patches of which those are blind that `blind` names, by view and place.
-pub fn patches(views: usize, blind: impl Fn(usize, [usize; 2]) -> bool) -> Vec<u32> {
+/// Patches of which those are hidden that `hidden` names, by view and place.
+pub fn patches(views: usize, hidden: impl Fn(usize, [usize; 2]) -> bool) -> Vec<u32> {
     let mut words = vec![0; views * PATCH_WORDS];
     for (view, y, x) in
         (0..views).flat_map(|v| (0..PATCHES * PATCHES).map(move |i| (v, i / PATCHES, i % PATCHES)))
     {
-        words[view * PATCH_WORDS + 2 * y + x / 32] |= u32::from(blind(view, [x, y])) << (x % 32);
+        words[view * PATCH_WORDS + 2 * y + x / 32] |= u32::from(hidden(view, [x, y])) << (x % 32);
     }
     words
 }
@@ -30,7 +31,7 @@ pub fn lens_and_inset() -> Vec<u32> {
     })
 }
 
-/// Whether a patch of a view is blind.
+/// Whether a patch of a view is hidden.
 pub fn of(words: &[u32], view: usize) -> impl Fn([usize; 2]) -> bool {
     move |[x, y]| words[view * PATCH_WORDS + 2 * y + x / 32] >> (x % 32) & 1 == 1
 }
@@ -44,9 +45,9 @@ pub fn views(gpu: &Gpu, rows: &[View], words: &[u32]) -> Views {
     }
 }
 
-pub fn blind_parts() {
+pub fn hidden_parts() {
     let gpu = Device::boot();
-    let kernel = Kernel::new(&gpu, &shaders_glsl::BLIND_PARTS, &[]).unwrap();
+    let kernel = Kernel::new(&gpu, &shaders_glsl::HIDDEN_PARTS, &[]).unwrap();
     let mut rng = random(17);
     let holes: Vec<_> = (0..60).map(|_| [(); 3].map(|()| rng.random_range(0..PATCHES))).collect();
     let scattered = patches(2, |view, [x, y]| {
@@ -61,14 +62,14 @@ pub fn blind_parts() {
             run(&gpu, |r| {
                 r.pass(&kernel)
                     .read("patches", &on_device)
-                    .write("blind_parts", &mut parts)
-                    .push(&BlindParams { size, tiles })
+                    .write("hidden_parts", &mut parts)
+                    .push(&HiddenParams { size, tiles })
                     .dispatch_over_3d([count, 2, 1]);
             });
             let wanted: Vec<u32> = (0..2 * count)
                 .map(|i| {
                     let (view, tile) = ((i / count) as usize, i % count);
-                    twin::blind_parts(&of(&words, view), [tile % tiles[0], tile / tiles[0]], size)
+                    reference::hidden_parts(&of(&words, view), [tile % tiles[0], tile / tiles[0]], size)
                 })
                 .collect();
             assert_eq!(parts.read().unwrap(), wanted, "{size:?}");
