@@ -23,6 +23,7 @@ layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 4) const uint DEPTH = 0;    // 1: depth is written
 layout(constant_id = 5) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
 layout(constant_id = 8) const uint HIDDEN = 0;   // 1: what no eye sees stays transparent
+layout(constant_id = 9) const uint COUNTING = 0; // 1: the picture shows work instead of colours, see below
 layout(push_constant, scalar) uniform RaymarchParams {
     BrickGrid grid;
     vec4 voxel_from_scene[3];
@@ -117,12 +118,16 @@ void main() {
     last = subgroupMax(last);
     float until = k; // in the cells before this one nobody leaves a brick
 
+    // Of a subgroup, where work is counted: rounds of the loop, those of them in which the field was sampled, and
+    // those in which the gradient was.
+    uvec3 work = uvec3(0);
     vec3 colour = vec3(0.0);
     float clear = 1.0;
     float depth = 0.0;
     vec3 gradient = vec3(0.0);     // in eye space, as last found
     vec2 before = vec2(0.0, -1.0); // V and O at the end of the cell before; O < 0: not known
     while (k <= last && subgroupAny(open)) {
+        if (COUNTING == 1) work.x += 1;
         float from = max((k + shift) * dz, range.x), to = min((k + 1.0 + shift) * dz, range.y);
         open = open && from < range.y;
         bool there = open && from < to;
@@ -150,6 +155,7 @@ void main() {
             k = until;
             before.y = -1.0;
         } else {
+            if (COUNTING == 1) work.y += 1;
             vec4 tint;
             vec2 here = field_at(at, tint);
             vec4 got;
@@ -170,6 +176,7 @@ void main() {
             if (SHADED == 1) {
                 bool anew = share > STRONG || share > FAINT && mod(k, 2.0) == 0.0;
                 if (subgroupAny(anew)) {
+                    if (COUNTING == 1) work.z += 1;
                     vec3 found = turned(v, gradient_at(at));
                     if (anew) gradient = found;
                 }
@@ -184,6 +191,7 @@ void main() {
     }
     if (!inside) return;
     ivec3 out_at = ivec3(pixel, gl_WorkGroupID.z);
-    imageStore(colour_image, out_at, vec4(colour, 1.0 - clear));
+    if (COUNTING == 1) imageStore(colour_image, out_at, vec4(work, 0.0));
+    else imageStore(colour_image, out_at, vec4(colour, 1.0 - clear));
     if (DEPTH == 1) imageStore(depth_image, out_at, vec4(depth));
 }

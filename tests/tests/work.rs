@@ -8,10 +8,11 @@ use engine::passes::WorkgroupShape;
 use engine::reference::eye::{self, Eye};
 use engine::reference::quads::{self, Face, Quad};
 use engine::reference::slab::{self as reference, Seen};
-use engine::render::{Camera, Renderer, Scene, Settings, mode};
+use engine::render::{Camera, Look, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Harmonics, Kernel};
-use engine::transfer::{Material, Table};
-use glam::{DVec2, DVec3};
+use engine::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction};
+use engine::volume::Volume;
+use glam::{DAffine3, DVec2, DVec3};
 use vgs_tests::Device;
 use vgs_tests::rendering::{SIZE, camera, look, set};
 
@@ -231,4 +232,91 @@ fn fragments_are_those_of_the_quads_ellipses() {
     let full = if WorkgroupShape::of(&gpu) == WorkgroupShape::OneByOne { 27f64.sqrt() } else { 4.0 }
         / std::f64::consts::PI;
     assert!((0.8 * full..1.1 * full).contains(&around), "{around} {full}");
+}
+
+/// The cells of a ray through a grid: the first and the last, `step` mm long from the eye on; nothing if it
+/// passes the grid and its border of one voxel by.
+fn cells(volume: &Volume, scene: &Scene, eye: &Eye, ray: DVec3, step: f64) -> Option<[f64; 2]> {
+    let voxel_from_scene = (DAffine3::from_translation(-scene.origin) * volume.world_from_voxel).inverse();
+    let origin = voxel_from_scene.transform_point3(eye.position);
+    let direction = voxel_from_scene.transform_vector3(eye.direction(ray));
+    let size = DVec3::from_array(volume.size.map(|n| n as f64));
+    let (a, b) = ((-1.0 - origin) / direction, (size - origin) / direction);
+    let from = a.min(b).max_element().max(reference::NEAREST);
+    let to = a.max(b).min_element();
+    let dz = step / ray.length();
+    (from < to).then(|| [(from / dz).floor(), (to / dz).ceil() - 1.0])
+}
+
+/// A faint extinction that is the same everywhere.
+fn fog() -> Look {
+    let colours = vec![ColourPoint { intensity: 0.0, colour: DVec3::ONE }];
+    let opacities = vec![OpacityPoint { intensity: 0.0, opacity: 0.01 }];
+    Look::new(TransferFunction::new("fog", colours, opacities, Material::default()).expect("a function"))
+}
+
+#[test]
+fn rays_count_the_cells_of_their_group() {
+    let gpu = Device::boot();
+    let size = [24, 20, 16];
+    // A slope along x: the left half is seen by the second look, all of it by the first.
+    let samples = (0..size.iter().product()).map(|i: usize| (i % size[0]) as f32 * 40.0 - 500.0).collect();
+    let volume = Volume::new(size, DAffine3::from_scale(DVec3::new(0.8, 1.1, 1.7)), samples);
+    let source = VolumeSource { volume: &volume, roi: None };
+    let mut transfer = engine::transfer::preset("CT-Bone").expect("a preset").over([-1000.0, 1000.0]);
+    transfer.material.shade = true;
+    let bone = Look::new(transfer);
+    let step = 0.5 * 0.8;
+    let settings = Settings { step: 0.5, ..settings() };
+    let mut scene = Scene::new(&gpu, None, Some(&source), &fog()).expect("a scene");
+    let [low, high] = scene.bounds();
+    let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
+    let camera =
+        Camera::from_side("anterior-left", (low + high) * 0.5, (high - low).length() * 0.4, 40.0, aspect)
+            .expect("a camera");
+    let eye = Eye::from(&camera.view(scene.origin));
+    let counts = |scene: &Scene| {
+        let mut renderer =
+            Renderer::new(&gpu, mode("volume").expect("a mode"), scene, &settings).expect("a renderer");
+        renderer.render(scene, &[camera]).expect("a frame");
+        let work = renderer.work().expect("counts");
+        assert_eq!(work.image_bytes, 2 * size.iter().product::<usize>() as u64);
+        counted(&renderer)
+    };
+    let all = counts(&scene);
+    scene.set_look(&bone).expect("a look");
+    let some = counts(&scene);
+    let [width, height] = SIZE.map(|n| n as usize);
+    // A subgroup has one block of 4 x 2 rays or more of the same square of 8 x 8.
+    let square = if WorkgroupShape::of(&gpu) == WorkgroupShape::OneByOne { [4, 2] } else { [8, 8] };
+    let span = |left: usize, top: usize, [wide, tall]: [usize; 2]| {
+        let pixels =
+            (top..height.min(top + tall)).flat_map(|y| (left..width.min(left + wide)).map(move |x| [x, y]));
+        let cells = pixels.filter_map(|place| {
+            let ray = eye.ray(place.map(|n| n as f64 + 0.5), SIZE);
+            cells(&volume, &scene, &eye, ray, step)
+        });
+        cells.reduce(|[a, b], [from, to]| [a.min(from), b.max(to)]).map_or(0.0, |[a, b]| b - a + 1.0)
+    };
+    let (mut rounds, mut sampled, mut gradients) = (0, 0, 0);
+    for top in (0..height).step_by(2) {
+        for left in (0..width).step_by(4) {
+            let [round, sample, gradient, _] = all[top * width + left];
+            let least = span(left, top, [4, 2]);
+            let most = span(left / square[0] * square[0], top / square[1] * square[1], square);
+            let found = round as f64;
+            assert!(least - 2.0 <= found && found <= most + 2.0, "{left}, {top}: {least} {found} {most}");
+            // Nothing is empty, and nothing lit.
+            assert_eq!((sample, gradient), (round, 0), "{left}, {top}");
+            let [fewer, taken, lit, _] = some[top * width + left];
+            assert!(fewer <= round && taken <= fewer && lit <= taken, "{left}, {top}: {fewer} {taken} {lit}");
+            rounds += round;
+            sampled += taken;
+            gradients += lit;
+        }
+    }
+    // Half of the grid can be seen; the gradient is found where much is added.
+    println!("{rounds} rounds, {sampled} samples of bone, {gradients} gradients");
+    assert!(rounds > 10_000 && sampled > rounds / 5 && sampled < rounds * 4 / 5, "{sampled} of {rounds}");
+    assert!(gradients > 50 && gradients < sampled / 2, "{gradients} of {sampled}");
 }

@@ -63,7 +63,7 @@ pub struct Pointer {
 }
 
 /// egui's output for the panel and the marks.
-pub struct Made {
+pub struct PanelOutput {
     /// Triangles.
     pub primitives: Vec<ClippedPrimitive>,
     /// New and freed textures.
@@ -135,7 +135,7 @@ impl Panel {
         pointer: Option<Pointer>,
         marks: Vec<Mark>,
         content: &mut PanelContent<'_>,
-    ) -> Option<Made> {
+    ) -> Option<PanelOutput> {
         let events = self.events(pointer);
         let same = shown == self.shown && marks == self.marks && events.is_empty();
         if same && seconds < self.again {
@@ -165,7 +165,7 @@ impl Panel {
         let shapes = std::mem::take(&mut output.shapes);
         let primitives = self.context.tessellate(shapes, output.pixels_per_point);
         let textures = std::mem::take(&mut output.textures_delta);
-        Some(Made { primitives, textures, actions })
+        Some(PanelOutput { primitives, textures, actions })
     }
 
     /// Returns the pointer's changes as egui's events.
@@ -279,7 +279,12 @@ mod tests {
     }
 
     /// Runs a panel once, at a time and with a pointer.
-    fn run(panel: &mut Panel, state: &mut ViewState, seconds: f64, pointer: Option<Pointer>) -> Option<Made> {
+    fn run(
+        panel: &mut Panel,
+        state: &mut ViewState,
+        seconds: f64,
+        pointer: Option<Pointer>,
+    ) -> Option<PanelOutput> {
         let info = PanelInfo { range: [-1000.0, 2000.0], ..PanelInfo::default() };
         let mut content = PanelContent { state, info: &info, measuring: false, scale: 1.0 };
         let marks = vec![Mark::Text("7 HU".into()), Mark::Cursor];

@@ -333,7 +333,7 @@ impl<'a> Fitter<'a> {
         // This waits after the submission and not before the next one: a step that must be repeated sets the
         // count back, and the caller takes the share of the next step from the count.
         while self.flying.len() >= IN_FLIGHT {
-            self.land()?;
+            self.finish_oldest_step()?;
         }
         Ok(())
     }
@@ -373,14 +373,14 @@ impl<'a> Fitter<'a> {
     /// Waits for all steps in flight. Afterwards splats and sums are those of [`Fitter::iteration`] steps.
     pub fn finish(&mut self) -> Result<()> {
         while !self.flying.is_empty() {
-            self.land()?;
+            self.finish_oldest_step()?;
         }
         Ok(())
     }
 
     /// Waits for the oldest step in flight. If its pairs did not fit, neither it nor those after it moved
     /// anything (`adam.comp`): the buffers grow and the count goes back to it.
-    fn land(&mut self) -> Result<()> {
+    fn finish_oldest_step(&mut self) -> Result<()> {
         let Some(flight) = self.flying.pop_front() else { return Ok(()) };
         self.gpu.wait(flight.ticket)?;
         let needed = flight.readback.mapped()?.iter().copied().max().unwrap_or_default() as usize;

@@ -9,14 +9,15 @@ use bytemuck::Pod;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
-use super::memory::{Dropped, Placement};
-use super::{Context, Gpu, Recorder, check, lock};
+use super::memory::Dropped;
+use super::placement::Placement;
+use super::{Context, Gpu, check, lock};
 use crate::error::{Error, Kind, Result};
 
 /// A storage buffer of `len` elements of `T`, in device memory. The name and the purpose appear in error
 /// texts, in debuggers and in the account of bytes.
 pub struct Buffer<T> {
-    gpu: Gpu,
+    pub(super) gpu: Gpu,
     handle: vk::Buffer,
     /// `None` only inside `Drop`.
     allocation: Option<Allocation>,
@@ -53,57 +54,6 @@ impl<T: Pod> Buffer<T> {
         self.handle
     }
 
-    /// Reads all elements back. Waits for the device.
-    pub fn read(&self) -> Result<Vec<T>> {
-        self.read_range(0, self.len)
-    }
-
-    /// Reads `len` elements from `start`. Waits for the device.
-    pub fn read_range(&self, start: usize, len: usize) -> Result<Vec<T>> {
-        assert!(start + len <= self.len, "{}: reading behind the end", self.name);
-        if len == 0 {
-            return Ok(Vec::new());
-        }
-        let bytes = (len * size_of::<T>()) as u64;
-        let mut staging = self.gpu.raw::<T>(
-            &format!("{} read back", self.name),
-            "staging",
-            len,
-            MemoryLocation::GpuToCpu,
-        )?;
-        let mut recorder = self.gpu.record()?;
-        recorder.copy_bytes(
-            (self.handle, (start * size_of::<T>()) as u64),
-            (staging.handle, 0),
-            bytes,
-            &self.name,
-        );
-        let ticket = recorder.submit()?;
-        self.gpu.wait(ticket)?;
-        let mapped = staging.mapped_bytes()?;
-        let mut out = vec![T::zeroed(); len];
-        bytemuck::cast_slice_mut::<T, u8>(&mut out).copy_from_slice(&mapped[..bytes as usize]);
-        Ok(out)
-    }
-
-    /// Overwrites the elements from `start`. Waits for the device.
-    pub fn write_range(&mut self, start: usize, data: &[T]) -> Result<()> {
-        assert!(start + data.len() <= self.len, "{}: writing behind the end", self.name);
-        if data.is_empty() {
-            return Ok(());
-        }
-        let staging = self.gpu.staged(&format!("{} upload", self.name), data)?;
-        let mut recorder = self.gpu.record()?;
-        recorder.copy_bytes(
-            (staging.handle, 0),
-            (self.handle, (start * size_of::<T>()) as u64),
-            size_of_val(data) as u64,
-            &self.name,
-        );
-        let ticket = recorder.submit()?;
-        self.gpu.wait(ticket)
-    }
-
     /// Returns the content of a buffer of [`Gpu::readback`], as of the last submission that was waited for.
     pub fn mapped(&self) -> Result<&[T]> {
         let bytes = self.allocation.as_ref().and_then(Allocation::mapped_slice).ok_or_else(|| {
@@ -120,7 +70,7 @@ impl<T: Pod> Buffer<T> {
     }
 
     /// Returns the bytes of memory that the host sees.
-    fn mapped_bytes(&mut self) -> Result<&mut [u8]> {
+    pub(super) fn mapped_bytes(&mut self) -> Result<&mut [u8]> {
         let name = &self.name;
         self.allocation.as_mut().and_then(Allocation::mapped_slice_mut).ok_or_else(|| {
             Error::new(Kind::Internal, "VGS-GPU-021", format!("{name}: staging memory is not mapped"))
@@ -143,28 +93,6 @@ impl<T> Drop for Buffer<T> {
 }
 
 impl Gpu {
-    /// Creates a zeroed storage buffer. `purpose` is the row of the account of bytes under which it is
-    /// counted.
-    pub fn buffer<T: Pod>(&self, name: &str, purpose: &'static str, len: usize) -> Result<Buffer<T>> {
-        let bytes = (len * size_of::<T>()) as u64;
-        if bytes > self.0.limits.storage_range {
-            return Err(Error::new(
-                Kind::Temporary,
-                "VGS-GPU-022",
-                format!(
-                    "{name} needs {bytes} bytes; {} binds at most {}",
-                    self.0.description.name, self.0.limits.storage_range
-                ),
-            )
-            .help("use fewer splats or a device with a larger storage-buffer range"));
-        }
-        let buffer = self.raw(name, purpose, len, MemoryLocation::GpuOnly)?;
-        let mut recorder: Recorder = self.record()?;
-        recorder.clear(&buffer);
-        recorder.submit()?;
-        Ok(buffer)
-    }
-
     /// Creates a buffer in host memory into which passes are copied, to be read without a submission of its
     /// own.
     pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Buffer<T>> {
@@ -187,15 +115,8 @@ impl Gpu {
         Ok(staging)
     }
 
-    /// Creates a storage buffer that holds `data`.
-    pub fn upload<T: Pod>(&self, name: &str, purpose: &'static str, data: &[T]) -> Result<Buffer<T>> {
-        let mut buffer = self.buffer(name, purpose, data.len())?;
-        buffer.write_range(0, data)?;
-        Ok(buffer)
-    }
-
     /// Creates a buffer with undefined content.
-    fn raw<T: Pod>(
+    pub(super) fn raw<T: Pod>(
         &self,
         name: &str,
         purpose: &'static str,

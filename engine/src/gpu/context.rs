@@ -1,17 +1,17 @@
 //! The context of a device: created once, shared by every handle, destroyed with the last one.
 
-use std::ffi::CString;
-use std::sync::atomic::AtomicU64;
-use std::sync::{Mutex, MutexGuard};
+use std::sync::Mutex;
 
 use ash::vk;
 
+use super::c_name::c_name;
+use super::hitches::Counters;
 use super::instance::Instance;
 use super::memory::Memory;
 use super::pipeline::Pipelines;
 use super::submissions::Submissions;
-use super::timing::Times;
-use super::{DeviceDescription, GpuOptions, Limits, check, pipeline_cache};
+use super::times::Times;
+use super::{DeviceDescription, GpuOptions, Limits, check, lock, pipeline_cache};
 use crate::error::Result;
 
 /// Everything that lives as long as the device. `Drop` destroys by hand, in order; the instance goes last.
@@ -35,25 +35,6 @@ pub(super) struct Context {
     pub(super) pipelines: Mutex<Pipelines>,
 }
 
-/// The numbers behind [`super::Hitches`].
-#[derive(Default)]
-pub(super) struct Counters {
-    pub(super) allocations: AtomicU64,
-    pub(super) pipelines: AtomicU64,
-    pub(super) waits: AtomicU64,
-}
-
-/// Locks a mutex, poisoned or not. A poisoned one means that another thread panicked while holding it; its
-/// data are counters and handles that stay valid, so going on is right.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
-}
-
-/// Turns a name into a `CString`; a name with a NUL inside loses what follows it.
-pub(super) fn c_name(name: &str) -> CString {
-    CString::new(name.split('\0').next().unwrap_or_default()).unwrap_or_default()
-}
-
 impl Context {
     /// Takes over a device that was just created, and creates everything that belongs to it.
     pub(super) fn new(
@@ -68,7 +49,7 @@ impl Context {
         // SAFETY: plain query on a live device; the family was asked for when the device was made.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         let mut context = Context {
-            limits: limits(&handle, physical, queue_family, options.storage_range_limit),
+            limits: Limits::of(&handle, physical, queue_family, options.storage_range_limit),
             push_descriptor: ash::khr::push_descriptor::Device::new(&handle, &device),
             debug_utils: instance
                 .has_messenger()
@@ -117,36 +98,6 @@ impl Context {
             // SAFETY: `handle` is a live object of this device. A failure to name costs nothing but the name.
             let _ = unsafe { debug.set_debug_utils_object_name(&info) };
         }
-    }
-}
-
-/// Asks for the limits of a device and of a family of its queues.
-fn limits(
-    instance: &ash::Instance,
-    physical: vk::PhysicalDevice,
-    queue_family: u32,
-    range_limit: Option<u64>,
-) -> Limits {
-    // SAFETY: plain queries.
-    let (properties, families) = unsafe {
-        (
-            instance.get_physical_device_properties(physical),
-            instance.get_physical_device_queue_family_properties(physical),
-        )
-    };
-    let range = u64::from(properties.limits.max_storage_buffer_range);
-    let has_timestamps = families.get(queue_family as usize).is_some_and(|f| f.timestamp_valid_bits > 0);
-    Limits {
-        storage_range: range_limit.map_or(range, |limit| limit.min(range)),
-        timestamp_period: if has_timestamps { properties.limits.timestamp_period } else { 0.0 },
-        workgroups: properties.limits.max_compute_work_group_count[0],
-        volume_edge: properties.limits.max_image_dimension3_d,
-        picture_edge: properties.limits.max_image_dimension2_d,
-        filters_fractions: [vk::Format::R16_UNORM, vk::Format::R16G16_UNORM].iter().all(|&format| {
-            // SAFETY: plain query.
-            let found = unsafe { instance.get_physical_device_format_properties(physical, format) };
-            found.optimal_tiling_features.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
-        }),
     }
 }
 

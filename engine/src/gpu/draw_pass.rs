@@ -97,7 +97,7 @@ impl<'a> DrawPass<'a> {
             bindings.accesses.push((Resident::Buffer(buffer), false));
         }
         bindings.accesses.extend(pictures.iter().map(|p| (Resident::Image(p.handle()), true)));
-        recorder.graphics_barriers = true;
+        recorder.hazards.graphics = true;
         recorder.touch(&bindings.accesses);
         let whole = [pictures[0].size()[0], pictures[0].size()[1]];
         let [width, height] = size.unwrap_or(whole);

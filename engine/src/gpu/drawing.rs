@@ -7,7 +7,8 @@ use ash::vk;
 use shaders_glsl::{Binding, Shader, Stage};
 
 use super::bindings::Place;
-use super::pipeline::{Interface, Pipeline, constant_places, module};
+use super::pipeline::Pipeline;
+use super::pipeline_creation::{Interface, constant_places, module};
 use super::{Context, Format, Gpu, check, lock};
 use crate::error::Result;
 

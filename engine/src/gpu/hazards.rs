@@ -1,9 +1,9 @@
-//! Barriers. The recorder notes accesses since the last barrier, and places a barrier before an access to the
-//! same resource if either access writes.
+//! Hazards: the accesses since the last barrier. A barrier is due before an access to the same resource if
+//! either access writes.
+
+use std::collections::HashMap;
 
 use ash::vk;
-
-use super::Recorder;
 
 /// The stages at which drawings write depth.
 pub(super) const DEPTH_TESTS: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
@@ -18,17 +18,42 @@ pub(super) enum Resident {
     Image(vk::Image),
 }
 
-impl Recorder {
-    /// Makes all earlier writes visible to all commands that follow. It is one memory barrier for all
-    /// buffers: on the devices we know, a list of buffer barriers costs more than it saves.
-    pub(super) fn barrier(&mut self) {
+/// The accesses since the last barrier.
+#[derive(Default)]
+pub(super) struct Hazards {
+    /// Resources that were accessed since the last barrier; true if they were written.
+    touched: HashMap<Resident, bool>,
+    /// True if barriers reach the graphics stages and indirect arguments, too; this is needed from their
+    /// first use on.
+    pub(super) graphics: bool,
+}
+
+impl Hazards {
+    /// Returns true if one of the coming accesses meets an earlier access and either writes.
+    pub(super) fn meet(&self, accesses: &[(Resident, bool)]) -> bool {
+        accesses
+            .iter()
+            .any(|(resident, write)| self.touched.get(resident).is_some_and(|written| *write || *written))
+    }
+
+    /// Registers the coming accesses.
+    pub(super) fn register(&mut self, accesses: &[(Resident, bool)]) {
+        for (resident, write) in accesses {
+            *self.touched.entry(*resident).or_default() |= write;
+        }
+    }
+
+    /// Forgets all accesses and returns the barrier that makes all earlier writes visible to all commands
+    /// that follow. It is one memory barrier for all buffers: on the devices we know, a list of buffer
+    /// barriers costs more than it saves.
+    pub(super) fn barrier(&mut self) -> vk::MemoryBarrier2<'static> {
         self.touched.clear();
         let mut stages = vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER;
         let mut writes = vk::AccessFlags2::SHADER_STORAGE_WRITE | vk::AccessFlags2::TRANSFER_WRITE;
         let mut reads = vk::AccessFlags2::SHADER_STORAGE_READ
             | vk::AccessFlags2::SHADER_SAMPLED_READ
             | vk::AccessFlags2::TRANSFER_READ;
-        if self.graphics_barriers {
+        if self.graphics {
             stages |= vk::PipelineStageFlags2::VERTEX_SHADER
                 | vk::PipelineStageFlags2::FRAGMENT_SHADER
                 | vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT
@@ -40,27 +65,10 @@ impl Recorder {
                 | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ
                 | vk::AccessFlags2::INDIRECT_COMMAND_READ;
         }
-        let barrier = [vk::MemoryBarrier2::default()
+        vk::MemoryBarrier2::default()
             .src_stage_mask(stages)
             .src_access_mask(writes)
             .dst_stage_mask(stages)
-            .dst_access_mask(reads | writes)];
-        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
-        // SAFETY: the command buffer is recording.
-        unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
-    }
-
-    /// Registers the coming accesses. Places a barrier first if one of them meets an earlier access and
-    /// either writes.
-    pub(super) fn touch(&mut self, accesses: &[(Resident, bool)]) {
-        let hazard = accesses
-            .iter()
-            .any(|(resident, write)| self.touched.get(resident).is_some_and(|written| *write || *written));
-        if hazard {
-            self.barrier();
-        }
-        for (resident, write) in accesses {
-            *self.touched.entry(*resident).or_default() |= write;
-        }
+            .dst_access_mask(reads | writes)
     }
 }

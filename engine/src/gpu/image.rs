@@ -4,13 +4,13 @@
 use std::sync::Arc;
 
 use ash::vk;
-use bytemuck::Pod;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
-use super::memory::{Dropped, Placement};
+use super::memory::Dropped;
+use super::placement::Placement;
 use super::{Context, Format, Gpu, check, lock};
-use crate::error::{Error, Kind, Result};
+use crate::error::Result;
 
 /// An image in device memory: a volume, or a picture of one or more layers.
 pub struct Image {
@@ -66,36 +66,8 @@ impl Image {
     }
 
     /// Returns the number of texels of all layers.
-    fn texels(&self) -> usize {
+    pub(super) fn texels(&self) -> usize {
         self.size.iter().map(|&n| n as usize).product::<usize>() * self.layers as usize
-    }
-
-    /// Reads all texels back, layer after layer, x fastest. Waits for the device.
-    ///
-    /// # Panics
-    /// If `T` does not have the size of a texel.
-    pub fn read<T: Pod>(&self) -> Result<Vec<T>> {
-        assert_eq!(size_of::<T>(), self.format.bytes(), "{}: texels differ in size", self.name);
-        let staging = self.gpu.readback::<T>(&format!("{} read back", self.name), self.texels())?;
-        let mut recorder = self.gpu.record()?;
-        recorder.copy_image(self, &staging, self.region());
-        let ticket = recorder.submit()?;
-        self.gpu.wait(ticket)?;
-        Ok(staging.mapped()?.to_vec())
-    }
-
-    /// Overwrites all texels. Waits for the device.
-    ///
-    /// # Panics
-    /// If `data` is not one `T` of a texel's size for every texel.
-    pub fn write<T: Pod>(&mut self, data: &[T]) -> Result<()> {
-        assert_eq!(size_of::<T>(), self.format.bytes(), "{}: texels differ in size", self.name);
-        assert_eq!(data.len(), self.texels(), "{}: number of texels", self.name);
-        let staging = self.gpu.staged(&format!("{} upload", self.name), data)?;
-        let mut recorder = self.gpu.record()?;
-        recorder.fill_image(&staging, self, self.region());
-        let ticket = recorder.submit()?;
-        self.gpu.wait(ticket)
     }
 }
 
@@ -113,75 +85,9 @@ impl Drop for Image {
 }
 
 impl Gpu {
-    /// Creates a volume of `size` texels, all zero, that is sampled with trilinear interpolation and clamped
-    /// at its faces.
-    pub fn volume(&self, name: &str, purpose: &'static str, format: Format, size: [u32; 3]) -> Result<Image> {
-        let most = self.0.limits.volume_edge;
-        if size.iter().any(|&n| n > most) {
-            return Err(Error::new(
-                Kind::Unavailable,
-                "VGS-GPU-026",
-                format!(
-                    "{name} has {size:?} voxels; {} samples at most {most} along an axis",
-                    self.0.description.name
-                ),
-            )
-            .help("use a smaller region of interest or a coarser volume"));
-        }
-        if !self.0.limits.filters_fractions {
-            return Err(Error::new(
-                Kind::Unavailable,
-                "VGS-GPU-028",
-                format!("{} does not interpolate volumes of 16 bits", self.0.description.name),
-            )
-            .help("render the splats, or choose another --device"));
-        }
-        let usage = vk::ImageUsageFlags::SAMPLED
-            | vk::ImageUsageFlags::TRANSFER_DST
-            | vk::ImageUsageFlags::TRANSFER_SRC;
-        self.image(name, purpose, format, size, 1, vk::ImageType::TYPE_3D, usage)
-    }
-
-    /// Creates a picture of `size` pixels and `layers` layers, all zero, that kernels write and drawings are
-    /// drawn to.
-    pub fn picture(
-        &self,
-        name: &str,
-        purpose: &'static str,
-        format: Format,
-        size: [u32; 2],
-        layers: u32,
-    ) -> Result<Image> {
-        let most = self.0.limits.picture_edge;
-        if size.iter().any(|&n| n > most || n == 0) {
-            return Err(Error::new(
-                Kind::Unavailable,
-                "VGS-GPU-027",
-                format!(
-                    "a picture of {}x{} pixels; {} draws 1 to {most} along an axis",
-                    size[0], size[1], self.0.description.name
-                ),
-            )
-            .help("choose another --size"));
-        }
-        let attachment = match format.is_depth() {
-            true => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-            false => vk::ImageUsageFlags::COLOR_ATTACHMENT,
-        };
-        let mut usage = attachment
-            | vk::ImageUsageFlags::SAMPLED
-            | vk::ImageUsageFlags::TRANSFER_DST
-            | vk::ImageUsageFlags::TRANSFER_SRC;
-        // Kernels write floats; few devices let them write the formats of screens.
-        if matches!(format, Format::Rgba32f | Format::Rgba16f | Format::R32f) {
-            usage |= vk::ImageUsageFlags::STORAGE;
-        }
-        self.image(name, purpose, format, [size[0], size[1], 1], layers, vk::ImageType::TYPE_2D, usage)
-    }
-
-    /// Creates an image in the general layout, all zero.
-    #[expect(clippy::too_many_arguments, reason = "private; the two callers above fix most of them")]
-    fn image(
+    /// Creates an image with undefined layout and content. Sizes were checked against the device's limits.
+    #[expect(clippy::too_many_arguments, reason = "not public; the two callers fix most of them")]
+    pub(super) fn raw_image(
         &self,
         name: &str,
         purpose: &'static str,
@@ -243,9 +149,6 @@ impl Gpu {
             .subresource_range(whole(format));
         // SAFETY: the image is bound to memory and has the usage that the view inherits.
         image.view = check(name, unsafe { context.device.create_image_view(&view_info, None) })?;
-        let mut recorder = self.record()?;
-        recorder.begin_image(&image);
-        recorder.submit()?;
         Ok(image)
     }
 }

@@ -4,7 +4,8 @@ use ash::vk;
 use shaders_glsl::Shader;
 
 use super::bindings::Place;
-use super::pipeline::{Interface, Pipeline, constant_places, module};
+use super::pipeline::Pipeline;
+use super::pipeline_creation::{Interface, constant_places, module};
 use super::{Context, Gpu, check, lock};
 use crate::error::{Error, Kind, Result};
 

@@ -2,15 +2,10 @@
 //! when the device has passed the last submission that may use it.
 
 use std::collections::BTreeMap;
-use std::sync::atomic::Ordering;
 
 use ash::vk;
-use gpu_allocator::MemoryLocation;
-use gpu_allocator::vulkan::{
-    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
-};
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};
 
-use super::{Context, lock};
 use crate::error::{Error, Kind, Result};
 
 /// The allocator, the deferred deletions, and the account of bytes.
@@ -45,7 +40,7 @@ impl Dropped {
     ///
     /// # Safety
     /// Nothing may use them any more.
-    unsafe fn destroy(self, device: &ash::Device) {
+    pub(super) unsafe fn destroy(self, device: &ash::Device) {
         // SAFETY: as the caller promises; a null view is ignored.
         unsafe {
             match self {
@@ -93,7 +88,11 @@ impl Memory {
     }
 
     /// Allocates memory as `desc` says, counted under `purpose`.
-    fn allocate(&mut self, desc: &AllocationCreateDesc<'_>, purpose: &'static str) -> Result<Allocation> {
+    pub(super) fn allocate(
+        &mut self,
+        desc: &AllocationCreateDesc<'_>,
+        purpose: &'static str,
+    ) -> Result<Allocation> {
         let Some(allocator) = &mut self.allocator else {
             return Err(Error::new(Kind::Internal, "VGS-GPU-023", "the device is being destroyed"));
         };
@@ -138,37 +137,5 @@ impl Memory {
     pub(super) unsafe fn destroy(&mut self, device: &ash::Device) {
         self.delete_passed(device, u64::MAX);
         self.allocator = None;
-    }
-}
-
-/// Requirements and purpose of an allocation.
-pub(super) struct Placement<'a> {
-    pub(super) name: &'a str,
-    pub(super) purpose: &'static str,
-    pub(super) requirements: vk::MemoryRequirements,
-    pub(super) location: MemoryLocation,
-    /// True for buffers.
-    pub(super) linear: bool,
-}
-
-impl Context {
-    /// Allocates memory for an object that was just created and is not used yet; destroys the object if there
-    /// is no memory.
-    pub(super) fn place(&self, placement: &Placement<'_>, made: Dropped) -> Result<Allocation> {
-        let &Placement { name, purpose, requirements, location, linear } = placement;
-        let desc = AllocationCreateDesc {
-            name,
-            requirements,
-            location,
-            linear,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
-        };
-        let placed = lock(&self.memory).allocate(&desc, purpose);
-        match &placed {
-            Ok(_) => _ = self.counters.allocations.fetch_add(1, Ordering::Relaxed),
-            // SAFETY: it was never used.
-            Err(_) => unsafe { made.destroy(&self.device) },
-        }
-        placed
     }
 }

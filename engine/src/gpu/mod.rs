@@ -5,27 +5,43 @@
 //! declared reads and writes; nobody outside this folder writes one. Handles keep the device alive; the
 //! deletion of a dropped buffer is deferred until the device has passed the last submission that may use it.
 //!
+//! The layers, lowest first. A file uses files that stand before it in this table, never later ones, be it by
+//! name or by method. So the context does not know who works on it; and a part of a type lies in a later file
+//! of its own (`submit` of `recorder`, `image_content` of `image`) if it needs what comes between them.
+//!
 //! | file | what is there |
 //! |---|---|
-//! | `boot` | options, [`Boot`], and the steps that lead to a [`Gpu`] |
-//! | `instance` | the instance with its loader and its message catcher |
-//! | `description` | devices as they describe themselves, and what they lack |
-//! | `choice` | the choice of the device |
+//! | | **helpers and plain data** |
+//! | `check`, `lock`, `c_name` | Vulkan results as errors, locks of mutexes, names as Vulkan takes them |
+//! | `format`, `ticket` | formats of texels, tickets of submissions |
+//! | `limits`, `hitches`, `pass_time` | limits of a device, counts of hitches, the time of a pass |
+//! | `windows`, `gpu_options` | what an instance must know of windows, and the options of booting |
 //! | `features` | extensions and features that are asked for, and turned on |
-//! | `context`, `device` | everything that lives as long as the device, and the handle [`Gpu`] to it |
-//! | `pipeline_cache` | compiled pipelines between two runs of a program |
-//! | `check` | Vulkan results as errors |
+//! | `device_description`, `choice` | devices as they describe themselves; the choice of one |
+//! | | **an instance** |
+//! | `boot` | [`Boot`], the creator of instance and device, and the engine itself as one |
+//! | `instance`, `devices` | the instance with its loader and its message catcher; its devices |
+//! | | **state that contexts and recorders own** |
 //! | `memory` | the allocator, its account of bytes, deferred deletions |
-//! | `buffer`, `image`, `format` | typed buffers, images, formats of texels |
-//! | `external_image` | images of a swapchain, acquired for a frame and released after it |
-//! | `pipeline`, `kernel`, `drawing` | pipelines in general, of a compute shader, of a vertex and a fragment shader |
-//! | `recorder` | recording of commands |
-//! | `hazards` | barriers, from the accesses since the last one |
-//! | `image_commands` | clearing and copying images |
+//! | `pipeline`, `pipeline_cache` | pipelines while the device lives, and between two runs of a program |
+//! | `submissions`, `times` | the queue, the submissions in flight on it, the times of finished ones |
+//! | `hazards` | the accesses since the last barrier, and the barrier that follows from them |
+//! | | **a device** |
+//! | `context`, `gpu` | everything that lives as long as the device, and the handle [`Gpu`] to it |
+//! | `booting` | the steps that lead to a [`Gpu`] |
+//! | `waiting`, `timing` | the wait for submissions; device time by pass and by submission |
+//! | | **what passes use** |
+//! | `placement` | memory for a new object |
+//! | `buffer`, `image` | typed buffers, and images |
 //! | `bindings` | the resources that a pass binds, checked against its shaders |
+//! | `pipeline_creation` | layouts and modules of pipelines in general |
+//! | `kernel`, `drawing` | pipelines of a compute shader, of a vertex and a fragment shader |
+//! | | **recording** |
+//! | `recorder`, `submit` | recording of commands, with the barriers between them; their submission |
+//! | `image_commands` | clearing and copying images |
 //! | `pass`, `draw_pass` | the description of a pass, and of a drawing |
-//! | `submissions` | the queue, the submissions in flight on it, the wait for them |
-//! | `timing` | device time by pass and by submission |
+//! | `buffer_content`, `image_content` | new buffers and images; writing and reading by the host |
+//! | `external_image` | images of a swapchain, acquired for a frame and released after it |
 //! | `surface` | a window's surface and its swapchain |
 //!
 //! This is the one module of the engine with `unsafe` code. Three facts hold for all of it and are not
@@ -37,45 +53,68 @@
 
 mod bindings;
 mod boot;
+mod booting;
 mod buffer;
+mod buffer_content;
+mod c_name;
 mod check;
 mod choice;
 mod context;
-mod description;
-mod device;
+mod device_description;
+mod devices;
 mod draw_pass;
 mod drawing;
 mod external_image;
 mod features;
 mod format;
+mod gpu;
+mod gpu_options;
 mod hazards;
+mod hitches;
 mod image;
 mod image_commands;
+mod image_content;
 mod instance;
 mod kernel;
+mod limits;
+mod lock;
 mod memory;
 mod pass;
+mod pass_time;
 mod pipeline;
 mod pipeline_cache;
+mod pipeline_creation;
+mod placement;
 mod recorder;
 mod submissions;
+mod submit;
 mod surface;
+mod ticket;
+mod times;
 mod timing;
+mod waiting;
+mod windows;
 
-pub use boot::{Boot, GpuOptions, Windows};
+pub use boot::Boot;
 pub use buffer::Buffer;
-pub use description::{DeviceDescription, devices};
-pub use device::{Gpu, Hitches, Limits};
+pub use device_description::DeviceDescription;
+pub use devices::devices;
 pub use draw_pass::DrawPass;
 pub use drawing::Drawing;
 pub use format::Format;
+pub use gpu::Gpu;
+pub use gpu_options::GpuOptions;
+pub use hitches::Hitches;
 pub use image::Image;
 pub use kernel::Kernel;
+pub use limits::Limits;
 pub use pass::Pass;
+pub use pass_time::PassTime;
 pub use recorder::Recorder;
-pub use submissions::Ticket;
 pub use surface::{Acquired, Surface};
-pub use timing::PassTime;
+pub use ticket::Ticket;
+pub use windows::Windows;
 
 use check::check;
-use context::{Context, lock};
+use context::Context;
+use lock::lock;

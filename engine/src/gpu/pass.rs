@@ -139,7 +139,7 @@ impl<'a> Pass<'a> {
         assert_eq!(bindings.bound.len(), shader.bindings.len(), "{}: a resource is missing", shader.name);
         assert_eq!(push.len(), shader.push_bytes, "{}: push constants differ in size", shader.name);
         if let Groups::From(buffer, _) = groups {
-            recorder.graphics_barriers = true;
+            recorder.hazards.graphics = true;
             bindings.accesses.push((Resident::Buffer(buffer), false));
         }
         recorder.touch(&bindings.accesses);

@@ -2,16 +2,15 @@
 //! places the barriers, opens a debug label and takes two timestamps per pass.
 
 use std::any::Any;
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use ash::vk;
 use ash::vk::Handle as _;
 use bytemuck::Pod;
 
-use super::context::c_name;
-use super::hazards::Resident;
-use super::submissions::{QUERIES, Slot, new_slot};
+use super::c_name::c_name;
+use super::hazards::{Hazards, Resident};
+use super::submissions::{QUERIES, Slot};
 use super::{Buffer, Context, Gpu, check, lock};
 use crate::error::Result;
 
@@ -22,7 +21,7 @@ impl Gpu {
         let reused = lock(&context.queue).free.pop();
         let slot = match reused {
             Some(slot) => slot,
-            None => new_slot(context)?,
+            None => Slot::new(&context.device, context.queue_family)?,
         };
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the slot is not in flight: it is new, or `wait` saw its submission finished.
@@ -36,13 +35,13 @@ impl Gpu {
             gpu: self.clone(),
             slot: Some(slot),
             passes: Vec::new(),
-            touched: HashMap::new(),
-            graphics_barriers: true,
+            hazards: Hazards::default(),
             kept: Vec::new(),
         };
         // Whatever earlier submissions wrote, drawings too, is visible to this one.
+        recorder.hazards.graphics = true;
         recorder.barrier();
-        recorder.graphics_barriers = false;
+        recorder.hazards.graphics = false;
         Ok(recorder)
     }
 }
@@ -54,11 +53,7 @@ pub struct Recorder {
     pub(super) slot: Option<Slot>,
     /// Names of the passes that have timestamps.
     pub(super) passes: Vec<String>,
-    /// Resources that were accessed since the last barrier; true if they were written.
-    pub(super) touched: HashMap<Resident, bool>,
-    /// True if barriers reach the graphics stages and indirect arguments, too; this is needed from their
-    /// first use on.
-    pub(super) graphics_barriers: bool,
+    pub(super) hazards: Hazards,
     /// Staging buffers that the recorded copies read.
     kept: Vec<Box<dyn Any>>,
 }
@@ -67,6 +62,23 @@ impl Recorder {
     /// Returns the commands being recorded.
     pub(super) fn commands(&self) -> vk::CommandBuffer {
         self.slot.as_ref().map_or(vk::CommandBuffer::null(), |s| s.commands)
+    }
+
+    /// Makes all earlier writes visible to all commands that follow.
+    fn barrier(&mut self) {
+        let barrier = [self.hazards.barrier()];
+        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
+        // SAFETY: the command buffer is recording.
+        unsafe { self.gpu.0.device.cmd_pipeline_barrier2(self.commands(), &info) };
+    }
+
+    /// Registers the coming accesses. Places a barrier first if one of them meets an earlier access and
+    /// either writes.
+    pub(super) fn touch(&mut self, accesses: &[(Resident, bool)]) {
+        if self.hazards.meet(accesses) {
+            self.barrier();
+        }
+        self.hazards.register(accesses);
     }
 
     /// Fills a buffer with zeros.

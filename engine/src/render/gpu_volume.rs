@@ -330,6 +330,12 @@ impl GpuVolume {
         &self.image
     }
 
+    /// Returns the bytes of that image.
+    pub(super) fn image_bytes(&self) -> u64 {
+        let texels: u64 = self.image.size().iter().map(|&n| u64::from(n)).product();
+        texels * self.image.format().bytes() as u64
+    }
+
     pub(super) fn places(&self) -> &Buffer<u32> {
         &self.places
     }

@@ -17,7 +17,7 @@ use super::target::Target;
 use super::variants::Variants;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Format, Gpu, Kernel, Recorder};
-use crate::passes::{Views, WorkgroupShape};
+use crate::passes::{Views, Work, WorkgroupShape};
 
 /// Least distance of samples, in voxels. Nearer ones would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
@@ -29,6 +29,8 @@ pub struct Raymarch {
     /// it is first needed.
     kernels: Variants<(Classification, bool, bool)>,
     settings: Settings,
+    /// Bytes of the image that the last frame sampled.
+    image_bytes: u64,
     /// The decoded field; `None` if the scene's volume is rendered.
     decoded: Option<Arc<GpuVolume>>,
 }
@@ -55,8 +57,13 @@ impl Raymarch {
             )
             .help("choose another --step; 0.5 is fine for pictures, 0.25 for measuring"));
         }
-        let mut mode =
-            Raymarch { gpu: gpu.clone(), kernels: Variants::new(), settings: settings.clone(), decoded };
+        let mut mode = Raymarch {
+            gpu: gpu.clone(),
+            kernels: Variants::new(),
+            settings: settings.clone(),
+            image_bytes: 0,
+            decoded,
+        };
         mode.kernel(scene)?;
         Ok(mode)
     }
@@ -80,6 +87,7 @@ impl Raymarch {
                 u32::from(volume.is_atlas()),
                 u32::from(*objects),
                 u32::from(settings.masked),
+                u32::from(settings.counting),
             ];
             Kernel::new(gpu, &glsl::RAYMARCH, &constants)
         })
@@ -97,6 +105,7 @@ impl Mode for Raymarch {
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
         let volume = self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume());
+        self.image_bytes = volume.image_bytes();
         let look = scene.look_buffers();
         let marked = volume.marked(recorder, look);
         // Width and height of a workgroup, pixels; see the kernel.
@@ -130,5 +139,9 @@ impl Mode for Raymarch {
             })
             .dispatch_3d([width.div_ceil(group[0]), height.div_ceil(group[1]), self.settings.views]);
         Ok(())
+    }
+
+    fn work(&self) -> Result<Work> {
+        Ok(Work { image_bytes: self.image_bytes, ..Work::default() })
     }
 }

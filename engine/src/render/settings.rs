@@ -37,7 +37,8 @@ pub struct Settings {
     /// mode slab the channels are, alike for the 4 × 8 pixels of a part of a tile: planes at which splats
     /// were evaluated, summed over the splats; the same over all splats of the tile's lists, as for a group
     /// as wide as a tile; planes classified; pairs visited. In mode alpha: fragments, and those of them that
-    /// were blended.
+    /// were blended. In modes volume and decoded, alike for the pixels of a subgroup: rounds of its rays, those
+    /// of them in which the field was sampled, and those in which the gradient was.
     pub counting: bool,
 }
 

@@ -54,7 +54,7 @@ pub struct EyesArguments {
 
 /// Result of one way to render the eyes.
 #[derive(Serialize)]
-struct Found {
+struct EyesResult {
     splats: usize,
     size: u32,
     level: usize,
@@ -98,7 +98,7 @@ pub fn run(gpu: &Gpu, arguments: &EyesArguments) -> Result<()> {
     );
     let columns =
         vec!["splats", "an eye", "level", "rendered", "a frame / ms", "part", "PSNR of what is seen / dB"];
-    let row = |f: &Found| {
+    let row = |f: &EyesResult| {
         vec![
             f.splats.to_string(),
             format!("{0}²", f.size),
@@ -114,7 +114,7 @@ pub fn run(gpu: &Gpu, arguments: &EyesArguments) -> Result<()> {
 }
 
 /// One way to render the eyes.
-struct Way {
+struct EyesRendering {
     name: String,
     sight: Sight,
     /// True if the renderer is told what the lenses hide.
@@ -131,7 +131,7 @@ fn compare(
     size: u32,
     level: usize,
     arguments: &EyesArguments,
-) -> Result<Vec<Found>> {
+) -> Result<Vec<EyesResult>> {
     let range = set.intensity_range().unwrap_or_default();
     let scene = Scene::new(gpu, Some(set), None, &Look::new(transfer::load(&arguments.tf, range)?))?;
     let head = |_: f64| (Pose::IDENTITY, true);
@@ -147,12 +147,12 @@ fn compare(
     let placement = Placement { position: DVec3::NEG_Z * arguments.distance, ..before };
     let shown = &quality_levels(SplatKind::of(set))[level..=level];
     let mut ways = vec![
-        Way::new(gpu, &scene, size, shown, (None, false))?,
-        Way::new(gpu, &scene, size, shown, (None, true))?,
+        EyesRendering::new(gpu, &scene, size, shown, (None, false))?,
+        EyesRendering::new(gpu, &scene, size, shown, (None, true))?,
     ];
     for &part in &arguments.parts {
-        ways.push(Way::new(gpu, &scene, size, shown, (Some(part), false))?);
-        ways.push(Way::new(gpu, &scene, size, shown, (Some(part), true))?);
+        ways.push(EyesRendering::new(gpu, &scene, size, shown, (Some(part), false))?);
+        ways.push(EyesRendering::new(gpu, &scene, size, shown, (Some(part), true))?);
     }
     // The first frames size the buffers and find out where straight ahead is.
     for turn in 0..arguments.frames + 3 {
@@ -166,9 +166,9 @@ fn compare(
     let masks = [0, 1].map(|eye| VisibilityMask::of(&eyes[eye].fov, &headset.lenses()[eye]));
     let whole = ways[0].eyes.read::<[u8; 4]>()?;
     let full = median(&ways[0].ms).unwrap_or(f64::NAN);
-    let found = ways.iter().map(|way| -> Result<Found> {
+    let found = ways.iter().map(|way| -> Result<EyesResult> {
         let ms = median(&way.ms).unwrap_or(f64::NAN);
-        Ok(Found {
+        Ok(EyesResult {
             splats: set.splats.len(),
             size,
             level,
@@ -181,7 +181,7 @@ fn compare(
     found.collect()
 }
 
-impl Way {
+impl EyesRendering {
     fn new(
         gpu: &Gpu,
         scene: &Scene,
@@ -192,7 +192,7 @@ impl Way {
         let name = foveation.map_or_else(|| "whole".to_owned(), |part| format!("foveated, {part}"));
         let sight = Sight::new([size; 2], foveation, lenses);
         let (format, background) = (Format::Rgba8, [0.0; 3]);
-        Ok(Way {
+        Ok(EyesRendering {
             name: name + if lenses { ", less lenses" } else { "" },
             lenses,
             frames: Frames::new(gpu, scene, &sight.settings(false), levels)?,

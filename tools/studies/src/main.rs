@@ -1,5 +1,5 @@
-//! `studies`: the experiments behind the published figures. Their results lie in `docs/results`; each run is kept as a
-//! file, so that a study that was stopped goes on.
+//! `studies`: the experiments behind the published figures. Their results lie in `docs/results`. Each run is
+//! kept as a file, so that a study that was stopped can go on.
 #![forbid(unsafe_code)]
 
 mod model;
@@ -16,10 +16,13 @@ use engine::gpu::{Gpu, GpuOptions};
     about = "The experiments behind the published figures of vgs",
     after_help = "\
 Examples:
-  studies paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; studies paper --help
+  studies paper --data DIR --quick    the paper's tables beside ours in a quarter of an hour; \
+studies paper --help
   studies trade fit ct.nii.gz --roi bones.nii.gz    what a fit's accuracy costs; studies trade fit --help
-  studies trade render --data DIR     what a picture's accuracy costs, and the quality levels of the frame budget
-  studies model fit *.ply --out DIR   what a frame costs, from the work that it is made of; studies model fit --help
+  studies trade render --data DIR     what a picture's accuracy costs, and the quality levels \
+of the frame budget
+  studies model fit *.ply --out DIR   what a frame costs, from the work that it is made of; \
+studies model fit --help
   studies model headset *.ply --out DIR    what a standalone headset would take for it"
 )]
 struct StudiesArguments {

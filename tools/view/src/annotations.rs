@@ -15,7 +15,7 @@ use crate::theme::{ACCENT, SIGNAL};
 const MARGIN: f32 = 10.0;
 
 /// Picture that is painted over.
-pub struct Over<'a> {
+pub struct PictureOverlay<'a> {
     /// Painter of the annotations.
     pub painter: &'a Painter,
     /// Place of the picture, points of the screen.
@@ -26,7 +26,7 @@ pub struct Over<'a> {
     pub aspect: f64,
 }
 
-impl Over<'_> {
+impl PictureOverlay<'_> {
     /// Paints the letters and the scale bar, if the state shows them; letters only if the patient's
     /// orientation is known.
     pub fn annotations(&self, state: &ViewState, oriented: bool) {

@@ -4,7 +4,7 @@ use super::config::{Goal, Section};
 
 /// Figures of a row of a table, as goals check them.
 #[derive(Clone, Copy, Debug)]
-pub struct Found<'a> {
+pub struct GoalResult<'a> {
     /// Section.
     pub section: Section,
     /// Name of the case.
@@ -27,14 +27,14 @@ pub struct Found<'a> {
 
 /// Formats the verdict of all goals for a row; empty if no goal matches it. `psnr_of` returns the PSNR of
 /// another rendering of the same subject by name.
-pub fn cell(goals: &[Goal], found: &Found<'_>, psnr_of: impl Fn(&str) -> Option<f64>) -> String {
+pub fn cell(goals: &[Goal], found: &GoalResult<'_>, psnr_of: impl Fn(&str) -> Option<f64>) -> String {
     let parts: Vec<String> =
         goals.iter().filter(|goal| goal.is_of(found)).map(|goal| goal.verdict(found, &psnr_of)).collect();
     parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join("; ")
 }
 
 impl Goal {
-    fn is_of(&self, found: &Found<'_>) -> bool {
+    fn is_of(&self, found: &GoalResult<'_>) -> bool {
         let same =
             |wanted: &Option<String>, name: &str| wanted.as_deref().is_none_or(|wanted| wanted == name);
         self.section == Some(found.section)
@@ -44,7 +44,7 @@ impl Goal {
             && self.splats.is_none_or(|splats| Some(splats) == found.splats)
     }
 
-    fn verdict(&self, found: &Found<'_>, psnr_of: impl Fn(&str) -> Option<f64>) -> String {
+    fn verdict(&self, found: &GoalResult<'_>, psnr_of: impl Fn(&str) -> Option<f64>) -> String {
         let mut checks: Vec<(String, bool)> = Vec::new();
         let mut check =
             |text: String, wanted: Option<f64>, value: Option<f64>, holds: fn(f64, f64) -> bool| {
@@ -80,8 +80,8 @@ impl Goal {
 mod tests {
     use super::*;
 
-    fn found() -> Found<'static> {
-        Found {
+    fn found() -> GoalResult<'static> {
+        GoalResult {
             section: Section::Speed,
             case: "bones",
             splats: Some(100),
@@ -118,7 +118,7 @@ mod tests {
             assert_eq!(cell(std::slice::from_ref(&goal), &found(), exact), text, "{goal:?}");
         }
         // There is no CPU time on a GPU, and then somebody else's is not told either.
-        let gpu = Found { core_ms: None, ..found() };
+        let gpu = GoalResult { core_ms: None, ..found() };
         let goal = Goal { core_ms: Some(464.0), was: name("web-splat"), ..goal() };
         assert_eq!(cell(&[goal], &gpu, exact), "");
     }

@@ -2,7 +2,7 @@
 
 use super::config::Section;
 use super::figures::{dash, db, mb, ms, thousands};
-use super::goals::{self, Found};
+use super::goals::{self, GoalResult};
 use super::plan::{Source, Unit};
 use super::record::{Comparison, Record, Role, Timing};
 use super::results::Results;
@@ -106,7 +106,7 @@ impl Results<'_> {
                 })
                 .map(Comparison::psnr)
         };
-        let found = Found {
+        let found = GoalResult {
             section: unit.section,
             case: &unit.case.name,
             splats: count(unit),
@@ -240,7 +240,7 @@ impl Results<'_> {
         let core_mean = core.as_deref().and_then(mean);
         let wall = row.each(|cost| cost.wall_ms);
         let faster = self.faster(record, row);
-        let found = Found {
+        let found = GoalResult {
             section: unit.section,
             case: &unit.case.name,
             splats: count(unit),

@@ -1,4 +1,5 @@
-//! Devices that are known by their data sheet: a file of rates each, and the time of a frame by a roofline.
+//! Devices that are known by their data sheets: reads a file of rates for each, and predicts the time of a
+//! frame by a roofline.
 
 use std::fs;
 use std::path::Path;
@@ -9,74 +10,81 @@ use serde::{Deserialize, Serialize};
 use super::stages::{Demand, STAGES};
 use super::work::Work;
 
-/// The devices that come with the program; another one is another file and another row.
+/// Devices that come with the program. Another device needs another file and another row.
 const DEVICES: [(&str, &str); 1] = [("adreno-740.toml", include_str!("devices/adreno-740.toml"))];
 
-/// A rate and how much of it programs reach.
+/// Rate of a device, and how much of it programs reach.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rate {
-    /// A second, by the data sheet.
+    /// Peak rate per second, by the data sheet.
     pub peak: f64,
-    /// Share of it that is taken to be reached: by a program that suits the device badly, and by one that suits it well.
+    /// Shares of the peak that are assumed to be reached: by a program that suits the device badly, and by
+    /// one that suits it well.
     pub reached: [f64; 2],
     /// Where the figures are from.
     pub source: String,
 }
 
-/// What each dispatch or draw takes besides its work.
+/// Time that each dispatch or draw takes besides its work.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Overhead {
-    /// Most and least, microseconds.
+    /// Most and least time, microseconds.
     pub us: [f64; 2],
     /// Where the figures are from.
     pub source: String,
 }
 
-/// A device by its rates.
+/// Device, described by its rates.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Device {
-    /// What it is called.
+    /// Name of the device.
     pub name: String,
-    /// Whether its groups are as wide as a tile, 64 invocations: those of GPUs are.
+    /// True if its workgroups are as wide as a tile, 64 invocations, as those of GPUs are.
     pub wide: bool,
-    /// Operations of 32-bit floats; a fused multiply-add is two.
+    /// Rate of operations on 32-bit floats; a fused multiply-add counts as two.
     pub flops: Rate,
-    /// Bytes of memory.
+    /// Rate of memory traffic in bytes.
     pub bytes: Rate,
-    /// Fragments.
+    /// Rate of fragments.
     pub pixels: Rate,
-    /// Of a dispatch.
+    /// Trilinear samples of images of two 16-bit channels.
+    pub samples: Rate,
+    /// Overhead of a dispatch or draw.
     pub dispatch: Overhead,
 }
 
-/// What limits a stage.
+/// Resource that limits a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Limit {
-    /// Operations.
+    /// Operations on floats.
     Operations,
-    /// Memory.
+    /// Memory traffic.
     Memory,
-    /// The rasterizer.
+    /// Fragments that the rasterizer fills.
     Fragments,
+    /// Texture units.
+    Samples,
 }
 
 /// Time of a stage at one end of the range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Time {
-    /// With its dispatches, ms.
+    /// Time with the overhead of the dispatches, ms.
     pub ms: f64,
-    /// What takes the longest.
+    /// Resource that takes the longest.
     pub limit: Limit,
 }
 
 impl Device {
-    /// From a file.
+    /// Reads a device from a TOML file.
     ///
     /// # Errors
-    /// [`Kind::BadData`] if it is no such file, or if a rate is none: not positive, or a share that is not from 0 to 1.
+    /// Returns [`Kind::BadData`] if the file does not describe a device, if a peak is not positive and
+    /// finite, if the shares of a rate are not above 0, at most 1 and in ascending order, or if the times of
+    /// a dispatch are not finite, at least 0, and the greater one first.
     pub fn read(path: &Path) -> Result<Self> {
         let text = fs::read_to_string(path).map_err(|e| Error::io(path, "reading", &e))?;
         Self::parse(&text).map_err(|e| e.file(path))
@@ -85,7 +93,12 @@ impl Device {
     fn parse(text: &str) -> Result<Self> {
         let bad = |message: String| Error::new(Kind::BadData, "VGS-BEN-040", message);
         let device: Device = toml::from_str(text).map_err(|e| bad(format!("this is no device: {e}")))?;
-        for (what, rate) in [("flops", &device.flops), ("bytes", &device.bytes), ("pixels", &device.pixels)] {
+        for (what, rate) in [
+            ("flops", &device.flops),
+            ("bytes", &device.bytes),
+            ("pixels", &device.pixels),
+            ("samples", &device.samples),
+        ] {
             let [low, high] = rate.reached;
             if !(rate.peak > 0.0 && rate.peak.is_finite() && 0.0 < low && low <= high && high <= 1.0) {
                 return Err(bad(format!(
@@ -102,17 +115,18 @@ impl Device {
         Ok(device)
     }
 
-    /// Those that come with the program.
+    /// Returns the devices that come with the program.
     ///
     /// # Panics
-    /// If one of them is in disorder, which a test sees to.
+    /// Panics if one of them is not valid; a test prevents that.
     pub fn known() -> Vec<Self> {
         let parse = |(name, text): (&str, &str)| Self::parse(text).unwrap_or_else(|e| panic!("{name}: {e}"));
         DEVICES.map(parse).into()
     }
 
-    /// Times of the stages of a frame: `end` 0 where the device does badly, 1 where it does well. The longest of what operations,
-    /// memory and fragments take, for they go on side by side, and the dispatches. Stages wait for each other.
+    /// Returns the time of each stage of a frame; `end` is 0 for the slow end of the range and 1 for the fast
+    /// one. A stage takes as long as the longest of its operations, memory traffic, fragments and samples, which
+    /// overlap, and the overhead of its dispatches. Stages wait for each other, so that their times add up.
     pub fn stages(&self, work: &Work, end: usize) -> Vec<Time> {
         let seconds = |count: f64, rate: &Rate| count / (rate.peak * rate.reached[end]);
         let time = |demand: Demand| {
@@ -120,6 +134,7 @@ impl Device {
                 (Limit::Operations, seconds(demand.ops, &self.flops)),
                 (Limit::Memory, seconds(demand.bytes, &self.bytes)),
                 (Limit::Fragments, seconds(demand.fills, &self.pixels)),
+                (Limit::Samples, seconds(demand.samples, &self.samples)),
             ];
             let (limit, longest) =
                 parts.into_iter().fold(parts[0], |most, part| if part.1 > most.1 { part } else { most });
@@ -128,7 +143,7 @@ impl Device {
         STAGES.iter().map(|stage| time(Demand::of(stage, work, self.wide))).collect()
     }
 
-    /// Time of a frame, ms: where the device does badly, and where it does well.
+    /// Returns the time of a frame at the slow and at the fast end of the range, ms.
     pub fn range(&self, work: &Work) -> [f64; 2] {
         [0, 1].map(|end| self.stages(work, end).iter().map(|t| t.ms).sum())
     }
@@ -147,6 +162,7 @@ mod tests {
             flops: rate(1e12),
             bytes: rate(1e10),
             pixels: rate(1e10),
+            samples: rate(1e10),
             dispatch: Overhead { us: [10.0, 5.0], source: "made up".into() },
         }
     }
@@ -157,7 +173,8 @@ mod tests {
         let slab = Work { mode: "slab".into(), wide, ..Work::default() };
         let at = STAGES.iter().position(|s| s.name == "slab").expect("a stage");
         let [slow, fast] = [0, 1].map(|end| device().stages(&slab, end)[at]);
-        // A thousand million evaluations at a quarter and at half of 1e12 operations a second, and a dispatch.
+        // A thousand million evaluations at a quarter and at half of 1e12 operations a second, and a
+        // dispatch.
         let ops = STAGES[at].terms[0].ops;
         assert!(
             (slow.ms - (4.0 * ops + 0.01)).abs() < 1e-9 && (fast.ms - (2.0 * ops + 0.005)).abs() < 1e-9,
@@ -173,6 +190,13 @@ mod tests {
             time.limit == Limit::Fragments && (time.ms - 1e9 * 0.7698 / 5e9 * 1e3).abs() < 0.1,
             "{time:?}"
         );
+        let rays = Pixels { samples: 1e9, ..Pixels::default() };
+        let decoded = Work { mode: "decoded".into(), wide: rays, ..Work::default() };
+        let march = STAGES.iter().position(|s| s.name == "march").expect("a stage");
+        // A thousand million samples at half of as many a second, and a dispatch.
+        let slow_units = Device { samples: Rate { peak: 1e9, ..device().samples }, ..device() };
+        let time = slow_units.stages(&decoded, 1)[march];
+        assert!(time.limit == Limit::Samples && (time.ms - 2000.005).abs() < 1e-6, "{time:?}");
         let [slow, fast] = device().range(&alpha);
         assert!(slow > fast && fast > time.ms, "the dispatches of the sort as well: {slow} {fast}");
     }

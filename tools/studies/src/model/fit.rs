@@ -1,4 +1,4 @@
-//! `studies model fit`: frames of scenes, counted and timed, and what each piece of their work costs.
+//! `studies model fit`: counts and times frames of scenes, and finds what each piece of their work costs.
 
 use std::path::{Path, PathBuf};
 
@@ -16,11 +16,13 @@ use bench::store::Store;
 /// What each piece of work costs on this device, and how well that predicts scenes that were held out.
 #[derive(Args)]
 #[command(after_help = "\
-Each file of splats, whole and cut to its most important ones, is rendered in modes slab and alpha, in several sizes, for one eye and two, \
-through transfer functions lit and not lit, from near and far. Each frame's work is counted, in a run of its own, and its passes are \
-timed by the device. The costs of a unit of work are the non-negative ones of least relative error. They are judged by scenes that were held \
-out, all fits of a case together (bones-100k, bones-250k), and by sizes that were held out. A file's results are in OUT/runs: what is there \
-is not measured again. OUT/model.md, model.csv, model.json and model.svg are written anew after each file.
+Each file of splats, whole and cut to its most important ones, is rendered in modes slab and alpha, in \
+several sizes, for one eye and two, through transfer functions lit and not lit, from near and far. Each \
+frame's work is counted, in a run of its own, and its passes are timed by the device. The costs of a unit of \
+work are the non-negative ones of least relative error. They are judged by scenes that were held out, all \
+fits of a case together (bones-100k, bones-250k), and by sizes that were held out. A file's results are in \
+OUT/runs: what is there is not measured again. OUT/model.md, model.csv, model.json and model.svg are written \
+anew after each file.
 
 Examples:
   studies model fit bones-100k.ply body-100k.ply --out model --quick
@@ -53,7 +55,7 @@ pub struct ModelFitArguments {
     force: bool,
 }
 
-/// Measures what is missing and writes the reports.
+/// Measures the frames that have no results yet, and writes the reports.
 pub fn run(gpu: &Gpu, a: &ModelFitArguments) -> Result<()> {
     if a.sizes.is_empty() || a.sizes.contains(&0) || a.tf.is_empty() {
         return Err(Error::new(
@@ -82,7 +84,8 @@ pub fn run(gpu: &Gpu, a: &ModelFitArguments) -> Result<()> {
     Ok(())
 }
 
-/// Loads what is there, measures what is missing, and hands over each result.
+/// Loads the results of `units` from `store`, measures and saves those that are missing, or all of them with
+/// `force`, and calls `finished` with each.
 pub fn run_missing(
     gpu: &Gpu,
     store: &Store,
@@ -112,7 +115,7 @@ pub fn run_missing(
     all_done(&failed, left, "files")
 }
 
-/// Name, kind and driver.
+/// Returns the name, kind and driver of the device of `gpu`.
 pub fn device(gpu: &Gpu) -> String {
     let device = gpu.description();
     format!("{} ({}, {})", device.name, device.kind, device.driver)

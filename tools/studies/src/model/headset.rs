@@ -1,4 +1,5 @@
-//! `studies model headset`: the frames of a standalone headset, counted, and what devices that are not at hand would take for them.
+//! `studies model headset`: counts the work of the frames of a standalone headset, and predicts what devices
+//! that are not at hand would take for them.
 
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -21,21 +22,23 @@ use crate::trade::render::Choice;
 use bench::cost::median;
 use bench::store::Store;
 
-/// Displays, frames a second.
+/// Refresh rates of the displays, Hz.
 const RATES_HZ: [f64; 2] = [72.0, 90.0];
 
 /// The frames of a headset, and what devices that are not at hand would take for them
 #[derive(Args)]
 #[command(after_help = "\
-Two eyes of 96 degrees, 64 mm apart, see the splats in real size, as vgs-xr places them and at half of that distance, in those levels of the frame \
-budget's quality levels whose mode is slab or alpha, with depth. The work of each frame is counted here; what it takes elsewhere is a roofline over a device's \
-rates, from the share of them that a program reaches that suits it badly to that of one that suits it well. A budget is 9/10 of \
-a period. OUT/headset.md, headset.csv, headset.json and headset.svg are written anew after each file.
+Two eyes of 96 degrees, 64 mm apart, see the splats in real size, as vgs-xr places them and at half of that \
+distance, at the frame budget's quality levels of all kinds of splats, with depth. The work of each frame is counted here; what it takes elsewhere is a roofline over a device's rates, from the \
+share of them that a program reaches that suits it badly to that of one that suits it well. A budget is 9/10 \
+of a period. OUT/headset.md, headset.csv, headset.json and headset.svg are written anew after each file.
 
 Examples:
   studies model headset bones-100k.ply bones-250k.ply --out model
-  studies model headset fits/*.ply --out model --rates model/model.json    with what they take here, predicted and measured
-  studies model headset fits/*.ply --out model --devices mine.toml         tools/studies/src/model/devices explains it")]
+  studies model headset fits/*.ply --out model --rates model/model.json    with what they take here, \
+predicted and measured
+  studies model headset fits/*.ply --out model --devices mine.toml         \
+tools/studies/src/model/devices explains it")]
 pub struct ModelHeadsetArguments {
     /// The splats (PLY)
     #[arg(required = true)]
@@ -55,7 +58,8 @@ pub struct ModelHeadsetArguments {
     /// Devices besides those that come with the program (TOML)
     #[arg(long, value_delimiter = ',', value_name = "FILE,...")]
     devices: Vec<PathBuf>,
-    /// Rates of this device, as studies model fit has written them (JSON): tells how well they predict these frames, too
+    /// Rates of this device, as studies model fit has written them (JSON): tells how well they predict these
+    /// frames, too
     #[arg(long, value_name = "FILE")]
     rates: Option<PathBuf>,
     /// Counts again what is there
@@ -63,14 +67,14 @@ pub struct ModelHeadsetArguments {
     force: bool,
 }
 
-/// What is read of `model.json`.
+/// Part of `model.json` that is read.
 #[derive(Deserialize)]
 struct Fitted {
     device: String,
     rates: Rates,
 }
 
-/// Counts what is missing and writes the reports.
+/// Renders the frames that have no results yet, counts their work, and writes the reports.
 pub fn run(gpu: &Gpu, a: &ModelHeadsetArguments) -> Result<()> {
     let store = Store::open(&a.out)?;
     let mut devices = Device::known();
@@ -130,10 +134,12 @@ fn size(text: &str) -> Result<[u32; 2]> {
     }
 }
 
-/// The levels that the model knows the stages of: slabs of splats that are right between the voxels, and mode alpha.
+/// Returns the quality levels whose stages the model knows: those with mode slab of splats that are right
+/// between the voxels, those of splats for the grid, which have mode decoded, and those of coloured splats, which
+/// have mode alpha.
 fn modelled() -> Vec<QualityLevel> {
     let slabs = quality_levels(SplatKind::Field).iter().filter(|level| level.mode == "slab");
-    slabs.chain(quality_levels(SplatKind::Coloured)).copied().collect()
+    slabs.chain(quality_levels(SplatKind::Grid)).chain(quality_levels(SplatKind::Coloured)).copied().collect()
 }
 
 fn shot(level: &QualityLevel, size: [u32; 2]) -> Shot {
@@ -156,7 +162,7 @@ struct HeadsetReport {
     records: Vec<Record>,
 }
 
-/// What a device would take for a frame.
+/// Predicted time of a frame on a device.
 #[derive(Serialize)]
 struct Prediction<'a> {
     device: &'a str,
@@ -166,23 +172,25 @@ struct Prediction<'a> {
     size: [u32; 2],
     level: usize,
     rendering: String,
-    /// Slowest and fastest, ms.
+    /// Slowest and fastest time, ms.
     range_ms: [f64; 2],
-    /// What the stage that takes the longest is, and what limits it, at the slow end.
+    /// Stage that takes the longest at the slow end, and the resource that limits it.
     most: String,
-    /// On the device that counted, ms: measured, and by the rates where there are some.
+    /// Measured time on the device that counted the work, ms.
     here_ms: f64,
+    /// Predicted time on that device, ms; `None` without its rates.
     here_predicted_ms: Option<f64>,
     work: &'a super::work::Work,
 }
 
-/// Of a level, as the tables of `studies trade render` call it.
+/// Returns the name that the tables of `studies trade render` have for the quality of a shot.
 fn rendering(shot: &Shot) -> String {
     let Shot { mode, coarseness, resolution, .. } = shot.clone();
     Choice { step: coarseness, resolution, ..Choice::usual(&mode) }.name()
 }
 
-/// Whether a range of times, slowest first, is within a budget.
+/// Returns "yes" if a range of times, slowest first, is within `budget`, "perhaps" if only the fastest is,
+/// and else "no".
 fn verdict([slow, fast]: [f64; 2], budget: f64) -> &'static str {
     match (slow <= budget, fast <= budget) {
         (true, _) => "yes",
@@ -201,7 +209,7 @@ fn distinct<T: PartialEq + Clone>(all: impl Iterator<Item = T>) -> Vec<T> {
     once
 }
 
-/// Number of splats as people say it: to one digit in five.
+/// Rounds a number of splats to the nearest 5,000.
 fn about(splats: usize) -> usize {
     (splats + 2_500) / 5_000 * 5_000
 }
@@ -265,7 +273,8 @@ impl HeadsetReport {
         text
     }
 
-    /// How well rates of smaller pictures predict these frames on the device that they are of.
+    /// Returns the errors of rates from smaller pictures when they predict these frames on the device that
+    /// counted them; `None` if there are no rates or no frames.
     fn extrapolation(&self, all: &[Prediction<'_>]) -> Option<Errors> {
         let first = &self.devices.first()?.name;
         let pairs: Option<Vec<(f64, f64)>> = all
@@ -276,14 +285,16 @@ impl HeadsetReport {
         Errors::of(&pairs?)
     }
 
-    /// LevelRanges by size and number of splats: the middle of all files.
+    /// Returns the columns of a table: each size with each rounded number of splats, in ascending order of
+    /// the latter.
     fn columns(&self, of: &[&Prediction<'_>]) -> Vec<([u32; 2], usize)> {
         let mut counts = distinct(of.iter().map(|p| about(p.splats)));
         counts.sort_unstable();
         self.sizes.iter().flat_map(|&size| counts.iter().map(move |&n| (size, n))).collect()
     }
 
-    /// Slowest and fastest, each the middle of all files; nothing where none was rendered.
+    /// Returns the slowest and the fastest time of a quality level in a column, ms, each the median over its
+    /// files; `None` if no frame of it was rendered.
     fn middle(of: &[&Prediction<'_>], level: usize, (size, count): ([u32; 2], usize)) -> Option<[f64; 2]> {
         let ends = [0, 1].map(|end| {
             let times: Vec<f64> = of
@@ -331,13 +342,13 @@ impl HeadsetReport {
     fn csv(&self, all: &[Prediction<'_>]) -> String {
         let mut out = String::from(
             "device,file,splats,place,width,height,level,rendering,fast_ms,slow_ms,most,shown,pairs,wide_evaluations,evaluations,\
-             fragments,here_ms,here_predicted_ms\n",
+             wide_samples,wide_gradients,samples,gradients,fragments,here_ms,here_predicted_ms\n",
         );
         for p in all {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 out,
-                "\"{}\",{},{},{},{},{},{},\"{}\",{:.3},{:.3},{},{},{},{},{},{},{:.3},{}",
+                "\"{}\",{},{},{},{},{},{},\"{}\",{:.3},{:.3},{},{},{},{},{},{},{},{},{},{},{:.3},{}",
                 p.device,
                 p.file,
                 p.splats,
@@ -353,6 +364,10 @@ impl HeadsetReport {
                 p.work.sorted,
                 p.work.wide.evaluations,
                 p.work.narrow.evaluations,
+                p.work.wide.samples,
+                p.work.wide.gradients,
+                p.work.narrow.samples,
+                p.work.narrow.gradients,
                 p.work.fragments,
                 p.here_ms,
                 p.here_predicted_ms.map(|ms| format!("{ms:.3}")).unwrap_or_default()
@@ -361,7 +376,7 @@ impl HeadsetReport {
         out
     }
 
-    /// A panel for each size and number of splats, of the first device, from the first place.
+    /// Plots a panel for each size and number of splats, for the first device and the first place, as SVG.
     fn svg(&self, all: &[Prediction<'_>]) -> Result<String> {
         let Some(first) = all.first() else { return plot::levels("", &[], &[]) };
         let of: Vec<&Prediction<'_>> =
@@ -388,7 +403,7 @@ impl HeadsetReport {
     }
 }
 
-/// Milliseconds with two digits or so.
+/// Formats milliseconds with one decimal below 10, and with none from there on.
 fn digits(ms: f64) -> String {
     if ms < 10.0 { format!("{ms:.1}") } else { format!("{ms:.0}") }
 }
@@ -410,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn rungs_are_told_as_the_ladder_has_them() {
+    fn levels_are_named_as_in_the_tables() {
         let levels = modelled();
         let names: Vec<String> = levels.iter().map(|r| rendering(&shot(r, [8; 2]))).collect();
         assert_eq!(names[0], "slab");

@@ -1,20 +1,23 @@
-//! Least squares with numbers that must not be negative (Lawson and Hanson 1974, chapter 23), on the normal equations: a handful
-//! of unknowns.
+//! Non-negative least squares (Lawson and Hanson 1974, chapter 23) on the normal equations, for a handful of
+//! unknowns.
 
-/// Steps after which it is left as it is; each step takes an unknown in or out.
+/// Most steps, after which the solution stays as it is. Each step frees an unknown, and may fix others at 0
+/// again.
 const MOST_STEPS: usize = 200;
-/// What a gradient or a number must exceed, relative to the scale of the problem, to be none of rounding.
+/// Size, relative to the scale of the problem, that a gradient or an unknown must exceed so as not to count
+/// as a rounding error; also the ridge of [`solve`].
 const TINY: f64 = 1e-10;
 
-/// The x ≥ 0 that makes |A x − y|² least, `rows` being those of A. Columns that are zero everywhere get 0.
+/// Returns the x ≥ 0 that minimises |A x − y|², where `rows` are the rows of A. Columns that are zero
+/// everywhere get 0.
 ///
 /// # Panics
-/// If rows differ in length or are not as many as `y` has numbers.
+/// Panics if rows differ in length or are not as many as `y` has numbers.
 pub fn nnls(rows: &[Vec<f64>], y: &[f64]) -> Vec<f64> {
     assert_eq!(rows.len(), y.len(), "a row for each number");
     let Some(n) = rows.first().map(Vec::len) else { return Vec::new() };
     assert!(rows.iter().all(|row| row.len() == n), "rows of one length");
-    // Columns of length 1: the units of the terms differ by many powers of ten.
+    // Columns are scaled to length 1: the units of the terms differ by many powers of ten.
     let norms: Vec<f64> = (0..n).map(|k| rows.iter().map(|row| row[k].powi(2)).sum::<f64>().sqrt()).collect();
     let inverse: Vec<f64> = norms.iter().map(|&l| if l > 0.0 { 1.0 / l } else { 0.0 }).collect();
     let dot = |i: usize, j: usize| rows.iter().map(|r| r[i] * r[j]).sum::<f64>() * inverse[i] * inverse[j];
@@ -32,7 +35,7 @@ pub fn nnls(rows: &[Vec<f64>], y: &[f64]) -> Vec<f64> {
         free[taken] = true;
         loop {
             let wanted = solve(&gram, &target, &free);
-            // As far as no number becomes negative; what is zero there is taken out.
+            // Moves as far as no unknown becomes negative; unknowns that reach zero there are fixed.
             let part = (0..n)
                 .filter(|&k| free[k] && wanted[k] <= 0.0)
                 .map(|k| x[k] / (x[k] - wanted[k]))
@@ -53,8 +56,8 @@ pub fn nnls(rows: &[Vec<f64>], y: &[f64]) -> Vec<f64> {
     x.iter().zip(&inverse).map(|(x, inverse)| x * inverse).collect()
 }
 
-/// The unconstrained solution over the free columns, 0 elsewhere: Gaussian elimination with a ridge that keeps columns that
-/// say the same apart.
+/// Returns the unconstrained solution over the `free` columns, with 0 in the others. It uses Gaussian
+/// elimination with a ridge, which keeps linearly dependent columns apart.
 fn solve(gram: &[Vec<f64>], target: &[f64], free: &[bool]) -> Vec<f64> {
     let at: Vec<usize> = (0..free.len()).filter(|&k| free[k]).collect();
     let n = at.len();
@@ -85,7 +88,7 @@ fn solve(gram: &[Vec<f64>], target: &[f64], free: &[bool]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// Numbers that look random and are the same in every run.
+    /// Returns a number that looks random and is the same in every run.
     fn noise(n: usize) -> f64 {
         ((n as f64 * 12.9898).sin() * 43758.5453).fract().abs()
     }
@@ -101,7 +104,7 @@ mod tests {
         for (got, wanted) in nnls(&rows, &y).iter().zip(truth) {
             assert!((got - wanted).abs() <= 1e-6 * wanted.max(1e-9), "{got} {wanted}");
         }
-        // With one whose true number is negative: 0 for it, and the others no worse than any other choice near by.
+        // One true number is negative: it gets 0, and the others are no worse than any other choice near by.
         let truth = [3e-9, -2e-5, 2.5, 4e-6];
         let y: Vec<f64> = rows.iter().map(|r| r.iter().zip(truth).map(|(a, x)| a * x).sum()).collect();
         let found = nnls(&rows, &y);

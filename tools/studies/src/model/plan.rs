@@ -1,4 +1,4 @@
-//! Which frames are made: scenes, looks, cameras, and ways to render.
+//! Plan of the frames that are rendered: scenes, looks, cameras and ways to render.
 
 use std::path::Path;
 
@@ -8,26 +8,28 @@ use serde::{Deserialize, Serialize};
 
 use bench::store::hash;
 
-/// From eye to eye, mm.
+/// Distance between the eyes, mm.
 const EYES_MM: f64 = 64.0;
-/// From the head to the middle of the patient, mm, as `vgs-xr` places it; further where the patient is large.
+/// Distance from the head to the middle of the patient, mm, as `vgs-xr` places it. It is greater for large
+/// patients.
 const REACH_MM: f64 = 600.0;
-/// Of a headset's eye from the upper to the lower edge, degrees: Quest 3's 96 (Meta, 2023), its pictures square or so.
+/// Vertical field of view of a headset's eye, degrees: 96 as on a Quest 3 (Meta, 2023), whose pictures are
+/// nearly square.
 const HEADSET_DEGREES: f64 = 96.0;
 
 /// How a scene is seen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sight {
-    /// Transfer function.
+    /// Name of the transfer function.
     pub transfer: String,
-    /// Whether surfaces are lit, where the function says so.
+    /// True if surfaces are lit, provided that the transfer function says so.
     pub lit: bool,
-    /// Whether the function is integrated from plane to plane.
+    /// True if the transfer function is integrated from plane to plane.
     pub integrated: bool,
 }
 
 impl Sight {
-    /// On the intensities of a scene.
+    /// Returns the look for a scene whose intensities span `range`.
     pub fn look(&self, range: [f64; 2]) -> Result<Look> {
         let mut function = transfer::load(&self.transfer, range)?;
         function.material.shade &= self.lit;
@@ -35,17 +37,17 @@ impl Sight {
     }
 }
 
-/// From where.
+/// Position of the viewer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Place {
-    /// From the left front, so that the scene fills the picture.
+    /// View from the left front, in which the scene fills the picture.
     Filling,
-    /// In real size before a headset: this share of the distance that it begins at.
+    /// View in real size through a headset, at this share of the distance that it begins at.
     Before(f64),
 }
 
 impl Place {
-    /// One camera for each view.
+    /// Returns one camera, or one for each eye if there are two `views`, for pictures of `size` pixels.
     pub fn cameras(self, scene: &Scene, size: [u32; 2], views: u32) -> Result<Vec<Camera>> {
         let [low, high] = scene.bounds();
         let (centre, radius) = ((low + high) * 0.5, (high - low).length() * 0.5);
@@ -61,7 +63,7 @@ impl Place {
         Ok(if views > 1 { head.eyes(EYES_MM).into() } else { vec![head] })
     }
 
-    /// In a few words.
+    /// Describes the place in a few words.
     pub fn name(self) -> String {
         match self {
             Place::Filling => "filling the picture".into(),
@@ -71,35 +73,35 @@ impl Place {
     }
 }
 
-/// A way to render.
+/// Way to render a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shot {
     /// Name of the mode.
     pub mode: String,
-    /// Of the target, pixels.
+    /// Width and height of the target, pixels.
     pub size: [u32; 2],
-    /// Pictures at once.
+    /// Number of pictures that are rendered at once.
     pub views: u32,
-    /// Whether depth is kept.
+    /// True if depth is kept.
     pub depth: bool,
-    /// Part of the target's edges.
+    /// Edges of the picture as a part of those of the target.
     pub resolution: f64,
-    /// Distance of slabs, standard deviations.
+    /// Distance of slabs, standard deviations, 1 or more.
     pub coarseness: f64,
 }
 
 impl Shot {
-    /// All that a mode gives, without depth.
+    /// Creates a shot of square pictures of `edge` pixels in the full quality of a mode, without depth.
     pub fn whole(mode: &str, edge: u32, views: u32) -> Self {
         Shot { mode: mode.into(), size: [edge; 2], views, depth: false, resolution: 1.0, coarseness: 1.0 }
     }
 
-    /// What is given up.
+    /// Returns the quality of the pictures.
     pub fn quality(&self) -> Quality {
         Quality { resolution: self.resolution, coarseness: self.coarseness }
     }
 
-    /// What its renderer is made for.
+    /// Returns the settings of a renderer for this shot and `sight`.
     pub fn settings(&self, sight: &Sight) -> Settings {
         let classification =
             if sight.integrated { Classification::PreIntegrated } else { Classification::Point };
@@ -115,53 +117,57 @@ impl Shot {
 /// The frames of one file of splats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unit {
-    /// Name of the file, without its ending.
+    /// Name of the file, without its extension.
     pub file: String,
-    /// Of its bytes.
+    /// Hash of the bytes of the file.
     pub contents: String,
-    /// The most important splats that are kept; all where nothing is said.
+    /// Number of the most important splats that are kept; `None` keeps all.
     pub splats: Option<usize>,
-    /// How it is seen.
+    /// Ways in which it is seen.
     pub sights: Vec<Sight>,
-    /// From where.
+    /// Positions of the viewer.
     pub places: Vec<Place>,
-    /// How it is rendered, each through every sight from every place.
+    /// Ways in which it is rendered, each with every sight from every place.
     pub shots: Vec<Shot>,
-    /// Frames that are timed of each.
+    /// Number of times that each frame is timed.
     pub frames: usize,
-    /// Device and driver.
+    /// Name, kind and driver of the device.
     pub device: String,
 }
 
 impl Unit {
-    /// Name of its file of results.
+    /// Returns the name of its file of results, without the extension.
     pub fn key(&self) -> String {
         format!("{}-{}", self.title().replace(|c: char| !c.is_ascii_alphanumeric(), "-"), hash(self))
     }
 
-    /// For people.
+    /// Returns a title for people.
     pub fn title(&self) -> String {
         self.splats.map_or_else(|| self.file.clone(), |n| format!("{}, {n} splats", self.file))
     }
 
-    /// What is held out together: files whose names begin alike up to the last '-', as `bones-100k` and `bones-250k`, are fits of
-    /// one case.
+    /// Returns the case, all fits of which are held out together: the name of the file up to the last '-', so
+    /// that `bones-100k` and `bones-250k` are fits of one case.
     pub fn case(&self) -> &str {
         self.file.rsplit_once('-').map_or(self.file.as_str(), |(case, _)| case)
     }
 
-    /// About how long it takes, in units of its own: pixels that are rendered.
+    /// Returns a rough measure of how long the unit takes: the number of pixels of its frames.
     pub fn cost(&self) -> f64 {
         let pixels = |s: &Shot| s.size.map(f64::from).iter().product::<f64>() * f64::from(s.views);
         self.shots.iter().map(pixels).sum::<f64>() * (self.sights.len() * self.places.len()) as f64
     }
 }
 
-/// The frames that rates are found from: both modes, edges of `sizes` pixels, one and two views, and slabs twice as thick.
+/// Returns the shots that rates are found from: all modes, edges of `sizes` pixels, one and two views, and
+/// slabs twice as thick.
+///
+/// # Panics
+/// Panics if `sizes` is empty.
 pub fn shots(sizes: &[u32]) -> Vec<Shot> {
     let middle = sizes[sizes.len() / 2];
     let mut all = Vec::new();
-    for mode in ["slab", "alpha"] {
+    for mode in ["slab", "alpha", "decoded"] {
         all.extend(sizes.iter().map(|&edge| Shot::whole(mode, edge, 1)));
         all.push(Shot::whole(mode, middle, 2));
     }
@@ -169,7 +175,7 @@ pub fn shots(sizes: &[u32]) -> Vec<Shot> {
     all
 }
 
-/// Each transfer function lit, and not lit; every other one of the latter integrated.
+/// Returns each transfer function lit, and not lit; every second one of the latter is integrated.
 pub fn sights(transfers: &[String]) -> Vec<Sight> {
     let mut all = Vec::new();
     for (n, transfer) in transfers.iter().enumerate() {
@@ -179,7 +185,7 @@ pub fn sights(transfers: &[String]) -> Vec<Sight> {
     all
 }
 
-/// Name of a file of splats without its ending, and what its contents are known by.
+/// Returns the name of a file of splats without its extension, and a hash of its contents.
 pub fn identity(path: &Path) -> Result<(String, String)> {
     let bytes = std::fs::read(path).map_err(|e| engine::Error::io(path, "reading", &e))?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();

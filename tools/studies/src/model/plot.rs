@@ -1,4 +1,4 @@
-//! Plots (SVG): predicted against measured times, and ranges of times by level.
+//! Plots (SVG) of predicted against measured times, and of ranges of times by quality level.
 
 use engine::Result;
 use plotters::prelude::*;
@@ -8,26 +8,27 @@ use bench::plot::{Axis, COLOURS, INK, axes, legend, line, sheet, three_digits};
 
 /// Points of one kind.
 pub struct Series {
-    /// What the legend calls it.
+    /// Name in the legend.
     pub label: String,
-    /// Measured and predicted, ms.
+    /// Measured and predicted times, ms.
     pub points: Vec<(f64, f64)>,
 }
 
-/// One pair of axes.
+/// One pair of axes with its points.
 pub struct Panel {
-    /// Above it.
+    /// Title above the axes.
     pub title: String,
-    /// What is drawn.
+    /// Points that are drawn.
     pub series: Vec<Series>,
 }
 
-/// Whether both axes, which are logarithmic, have a place for it.
+/// Returns true if the point has a place on logarithmic axes: both its coordinates are positive and finite.
 fn drawable(&(x, y): &(f64, f64)) -> bool {
     x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()
 }
 
-/// Predicted over measured times, with the line of equals and the band of [`BAND`] about it.
+/// Plots predicted over measured times as SVG, with the line of equal times and the band of [`BAND`] around
+/// it.
 pub fn against(title: &str, panels: &[Panel]) -> Result<String> {
     sheet(title, panels.len(), 2, [480, 440], |n, area| {
         let panel = &panels[n];
@@ -53,15 +54,16 @@ pub fn against(title: &str, panels: &[Panel]) -> Result<String> {
     })
 }
 
-/// A range of times for each level.
+/// Ranges of times by quality level, for one pair of axes.
 pub struct LevelRanges {
-    /// Above it.
+    /// Title above the axes.
     pub title: String,
-    /// By level: least and most, ms.
+    /// Least and greatest time of each quality level, ms.
     pub ranges: Vec<[f64; 2]>,
 }
 
-/// Ranges of times by level on a logarithmic axis, with lines at the `budgets`, ms, and what they are called.
+/// Plots ranges of times by quality level as SVG, with a logarithmic axis of time and a line for each of the
+/// `budgets`, which have a name and a time in ms.
 pub fn levels(title: &str, panels: &[LevelRanges], budgets: &[(String, f64)]) -> Result<String> {
     let all = || panels.iter().flat_map(|p| &p.ranges).flatten().copied().chain(budgets.iter().map(|b| b.1));
     let low = all().fold(f64::INFINITY, f64::min).clamp(1e-3, 1e6).log10() - 0.1;

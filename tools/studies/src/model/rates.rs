@@ -1,4 +1,5 @@
-//! What a unit of each term costs on a device, from frames that were measured, and what other frames will take by that.
+//! Costs of a unit of each term on a device, found from frames that were measured, and the times that they
+//! predict for other frames.
 
 use std::collections::BTreeMap;
 
@@ -8,25 +9,26 @@ use super::nnls::nnls;
 use super::stages::{STAGES, Stage};
 use super::work::Work;
 
-/// Times below this share of a frame are not looked at more closely: what a stage misses is weighed against at least this.
+/// Least share of a frame's time that the error of a stage is relative to, so that short stages count for
+/// less.
 const LITTLE: f64 = 0.03;
 
-/// A frame that was measured.
+/// Frame that was measured.
 #[derive(Clone, Debug)]
 pub struct Sample<'a> {
-    /// What it was made of.
+    /// Work of the frame.
     pub work: &'a Work,
     /// Device time of each pass, ms.
     pub passes: &'a BTreeMap<String, f64>,
 }
 
 impl Sample<'_> {
-    /// Time of a stage, ms.
+    /// Returns the time of a stage, ms.
     pub fn stage(&self, stage: &Stage) -> f64 {
         stage.passes.iter().filter_map(|&pass| self.passes.get(pass)).sum()
     }
 
-    /// Of all passes, ms, whether a stage has them or not.
+    /// Returns the time of all passes, ms, including those that belong to no stage.
     pub fn ms(&self) -> f64 {
         self.passes.values().sum()
     }
@@ -37,29 +39,29 @@ impl Sample<'_> {
 pub struct StageRates {
     /// Name of the stage.
     pub stage: String,
-    /// Of a dispatch, ms.
+    /// Time of a dispatch or draw, ms.
     pub dispatch_ms: f64,
-    /// Of a unit of each term, ms.
+    /// Time of one unit of each term, ms.
     pub unit_ms: Vec<f64>,
 }
 
-/// What a device takes for the pieces of a frame.
+/// Costs of the pieces of a frame on a device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
-    /// Whether its groups are as wide as a tile.
+    /// True if the workgroups of the device are as wide as a tile.
     pub wide: bool,
-    /// By stage, in their order.
+    /// Costs of each stage, in the order of [`STAGES`].
     pub stages: Vec<StageRates>,
 }
 
-/// Counts of a stage: its dispatches, then its terms.
+/// Returns the counts of a stage: its dispatches, then its terms.
 fn counts(stage: &Stage, work: &Work, wide: bool) -> Vec<f64> {
     [(stage.dispatches)(work)].into_iter().chain(stage.terms.iter().map(|t| (t.of)(work, wide))).collect()
 }
 
 impl Rates {
-    /// The costs, none negative, by which the sum of squares of the relative errors of each stage is least. Stages that no sample
-    /// has cost nothing.
+    /// Finds the non-negative costs that minimise the sum of squares of the relative errors of each stage.
+    /// Stages that no sample has cost nothing.
     pub fn fit(samples: &[Sample<'_>], wide: bool) -> Self {
         let stages = STAGES.iter().map(|stage| {
             let (mut rows, mut y) = (Vec::new(), Vec::new());
@@ -80,7 +82,7 @@ impl Rates {
         Rates { wide, stages: stages.collect() }
     }
 
-    /// Time of each stage, ms; 0 for one that the frame does not have.
+    /// Returns the predicted time of each stage, ms; 0 for a stage that the frame does not have.
     pub fn stages(&self, work: &Work) -> Vec<f64> {
         let time = |(stage, rates): (&Stage, &StageRates)| {
             if !stage.is_in(work) {
@@ -92,19 +94,23 @@ impl Rates {
         STAGES.iter().zip(&self.stages).map(time).collect()
     }
 
-    /// Time of a frame, ms.
+    /// Returns the predicted time of a frame, ms.
     pub fn predict(&self, work: &Work) -> f64 {
         self.stages(work).iter().sum()
     }
 }
 
-/// What each sample would take by the rates of those whose key is another: nothing that was measured of its own kind is in it.
+/// Returns the predicted time of each sample, ms, by the rates of the samples with other keys: no measurement
+/// with its own key is used. NaN where all have the same key.
 pub fn held_out<K: PartialEq>(samples: &[Sample<'_>], keys: &[K], wide: bool) -> Vec<f64> {
     let mut predicted = vec![f64::NAN; samples.len()];
     for (at, key) in keys.iter().enumerate() {
         if predicted[at].is_nan() {
             let others: Vec<Sample<'_>> =
                 samples.iter().zip(keys).filter(|(_, k)| *k != key).map(|(s, _)| s.clone()).collect();
+            if others.is_empty() {
+                continue;
+            }
             let rates = Rates::fit(&others, wide);
             for (other, sample) in samples.iter().enumerate().filter(|(i, _)| keys[*i] == *key) {
                 predicted[other] = rates.predict(sample.work);
@@ -114,28 +120,28 @@ pub fn held_out<K: PartialEq>(samples: &[Sample<'_>], keys: &[K], wide: bool) ->
     predicted
 }
 
-/// How far predictions are off: of the ratio of predicted to measured.
+/// Errors of predictions, by the ratio of predicted to measured time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Errors {
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
-    /// The middle of |ratio − 1|.
+    /// Median of |ratio − 1|.
     pub median: f64,
-    /// What nine of ten do not exceed.
+    /// Value of |ratio − 1| that nine of ten frames do not exceed.
     pub p90: f64,
-    /// The greatest.
+    /// Greatest |ratio − 1|.
     pub worst: f64,
-    /// Share within 30 %.
+    /// Share of frames whose |ratio − 1| is at most [`BAND`].
     pub within: f64,
-    /// Geometric mean of the ratio: above 1 where too much is predicted.
+    /// Geometric mean of the ratio, above 1 if too much is predicted.
     pub bias: f64,
 }
 
-/// The band that [`Errors::within`] speaks of.
+/// Greatest |ratio − 1| of the frames that [`Errors::within`] counts.
 pub const BAND: f64 = 0.3;
 
 impl Errors {
-    /// Of predicted and measured times; nothing of nothing.
+    /// Returns the errors of pairs of predicted and measured times; `None` if there are no pairs.
     pub fn of(pairs: &[(f64, f64)]) -> Option<Self> {
         let off: Vec<f64> = pairs.iter().map(|(predicted, ms)| (predicted / ms - 1.0).abs()).collect();
         let logs: f64 = pairs.iter().map(|(predicted, ms)| (predicted / ms).ln()).sum();
@@ -155,16 +161,23 @@ mod tests {
     use super::*;
     use crate::model::work::Pixels;
 
-    /// Frames of three scenes, none of which is a multiple of another.
+    /// Returns frames of three scenes, each with the number of its scene; none is a multiple of another.
     fn frames() -> Vec<(u32, Work)> {
         let mut frames = Vec::new();
         for n in 0..120u32 {
             let x = |k: u32| f64::from((n * 7 + k * 5) % 11 + 1);
-            let narrow = Pixels { evaluations: 1e6 * x(1), classified: 1e4 * x(2), looked: 1e3 * x(3) };
+            let narrow = Pixels {
+                evaluations: 1e6 * x(1),
+                classified: 1e4 * x(2),
+                looked: 1e3 * x(3),
+                rounds: 1e5 * x(1),
+                samples: 1e5 * x(2),
+                gradients: 1e4 * x(3),
+            };
             frames.push((
                 n % 3,
                 Work {
-                    mode: if n % 4 == 3 { "alpha" } else { "slab" }.into(),
+                    mode: ["slab", "decoded", "slab", "alpha"][n as usize % 4].into(),
                     views: 1.0 + f64::from(n % 2),
                     pixels: 1e4 * x(4),
                     pixel_bytes: 8.0,
@@ -177,6 +190,7 @@ mod tests {
                     tiles: 1e5 * x(8),
                     lists: 1e3 * x(9),
                     fragments: 1e6 * x(10),
+                    image_bytes: 1e6 * x(11),
                     narrow,
                     ..Work::default()
                 },

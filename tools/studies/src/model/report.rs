@@ -1,4 +1,4 @@
-//! What work costs, and how far predictions are off: tables, CSV, JSON and a plot.
+//! Reports of what work costs and how far predictions are off: tables, CSV, JSON and a plot.
 
 use std::fmt::Write;
 
@@ -12,23 +12,25 @@ use super::stages::STAGES;
 use bench::report::Table;
 use bench::store::Store;
 
-/// All that was measured.
+/// Report of all that was measured.
 pub struct ModelReport {
     device: String,
     wide: bool,
-    /// By file.
+    /// Results of each unit.
     pub records: Vec<Record>,
 }
 
-/// A frame with what it would take by the rates of others.
+/// Frame with its measured and its predicted times, ms.
 struct FrameRow<'a> {
     case: &'a str,
     record: &'a Record,
     frame: &'a Frame,
     ms: f64,
-    /// By the rates of all frames; of other cases; of other sizes.
+    /// Time by the rates of all frames.
     fitted: f64,
+    /// Time by the rates of other cases.
     other_cases: f64,
+    /// Time by the rates of other sizes.
     other_sizes: f64,
 }
 
@@ -39,24 +41,26 @@ struct Group {
     errors: Errors,
 }
 
-/// What `model.json` holds.
+/// Contents of `model.json`.
 #[derive(Serialize)]
 struct All<'a> {
     device: &'a str,
     rates: &'a Rates,
-    /// Of the frames that rates were found from, of cases held out, and of sizes held out.
+    /// Errors of the frames that rates were found from.
     fitted: Vec<Group>,
+    /// Errors of cases that were held out.
     cases_held_out: Vec<Group>,
+    /// Errors of sizes that were held out.
     sizes_held_out: Vec<Group>,
 }
 
 impl ModelReport {
-    /// With nothing measured.
+    /// Creates a report without results.
     pub fn new(device: String, wide: bool) -> Self {
         ModelReport { device, wide, records: Vec::new() }
     }
 
-    /// All frames that took any time, by record.
+    /// Returns all frames that took any time, each with its record.
     fn frames(&self) -> Vec<(&Record, &Frame)> {
         let all = self.records.iter().flat_map(|r| r.frames.iter().map(move |f| (r, f)));
         all.filter(|(_, f)| f.passes.values().sum::<f64>() > 0.0).collect()
@@ -84,7 +88,7 @@ impl ModelReport {
         (rates, rows)
     }
 
-    /// Tables of errors and of rates.
+    /// Returns the tables of errors and of rates as Markdown.
     pub fn markdown(&self) -> String {
         let (rates, rows) = self.fit();
         let tables = [self.errors_table(&rows), self.rates_table(&rates, &rows)];
@@ -163,13 +167,16 @@ impl ModelReport {
     fn csv(&self, rows: &[FrameRow<'_>]) -> String {
         let mut out = String::from(
             "file,splats,transfer,lit,integrated,place,mode,size,views,coarseness,rows,shown,tiles,sorted,room,digits,table,lists,quads,\
-             evaluations,classified,looked,wide_evaluations,wide_classified,wide_looked,fragments,blended,ms,fitted_ms,\
-             case_held_out_ms,size_held_out_ms\n",
+             image_bytes,evaluations,classified,looked,rounds,samples,gradients,wide_evaluations,wide_classified,wide_looked,\
+             wide_rounds,wide_samples,wide_gradients,fragments,blended,ms,fitted_ms,case_held_out_ms,size_held_out_ms\n",
         );
         for row in rows {
             let (w, f) = (&row.frame.work, row.frame);
-            let counts = [w.rows, w.shown, w.tiles, w.sorted, w.room, w.digits, w.table, w.lists, w.quads];
-            let pixels = [w.narrow, w.wide].map(|p| [p.evaluations, p.classified, p.looked]).concat();
+            let lists = [w.rows, w.shown, w.tiles, w.sorted, w.room, w.digits, w.table, w.lists, w.quads];
+            let counts = [&lists[..], &[w.image_bytes]].concat();
+            let pixels = [w.narrow, w.wide]
+                .map(|p| [p.evaluations, p.classified, p.looked, p.rounds, p.samples, p.gradients])
+                .concat();
             let numbers: Vec<String> =
                 counts.iter().chain(&pixels).chain(&[w.fragments, w.blended]).map(f64::to_string).collect();
             // Writing to a string cannot fail.
@@ -196,12 +203,12 @@ impl ModelReport {
         out
     }
 
-    /// Predicted against measured, each case by the rates of the others.
+    /// Plots predicted against measured times as SVG, each case by the rates of the others.
     fn svg(&self, rows: &[FrameRow<'_>]) -> Result<String> {
         let mut cases: Vec<&str> = rows.iter().map(|r| r.case).collect();
         cases.sort_unstable();
         cases.dedup();
-        let panels = ["slab", "alpha"].map(|wanted| {
+        let panels = ["slab", "alpha", "decoded"].map(|wanted| {
             let series = cases.iter().map(|&case| Series {
                 label: case.to_owned(),
                 points: rows
@@ -218,7 +225,7 @@ impl ModelReport {
         plot::against("Device time of a frame, predicted against measured", &panels)
     }
 
-    /// Writes all reports.
+    /// Writes all reports to `store`.
     pub fn write(&self, store: &Store) -> Result<()> {
         let (rates, rows) = self.fit();
         let all = All {
@@ -242,7 +249,8 @@ fn mode(row: &FrameRow<'_>) -> String {
     format!("mode {}", row.frame.work.mode)
 }
 
-/// Errors of all frames, and of those that share the first part of a name, the second, or both.
+/// Returns the errors of all frames, of those that share the second of their `names`, and of those that share
+/// both (unless the first is empty). Frames whose predicted time is not finite are left out.
 fn groups(
     rows: &[FrameRow<'_>],
     predicted: fn(&FrameRow<'_>) -> f64,
@@ -266,7 +274,7 @@ fn groups(
     all.into_iter().filter_map(group).collect()
 }
 
-/// A rate with a prefix: 1.23 G.
+/// Formats a rate with an SI prefix: 1.230 G.
 fn per_second(rate: f64) -> String {
     let (scale, prefix) = match rate {
         r if r >= 1e9 => (1e9, " G"),

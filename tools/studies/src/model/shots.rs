@@ -1,4 +1,4 @@
-//! Frames that are rendered, counted and timed.
+//! Renders frames, counts their work, and times their passes.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,25 +13,27 @@ use super::work::Work;
 use bench::scene::splats_by_importance;
 use bench::store::Keep;
 
-/// A frame.
+/// Frame that was rendered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
-    /// How it was seen, from where, and how it was rendered.
+    /// Way in which the scene was seen.
     pub sight: Sight,
+    /// Position of the viewer.
     pub place: Place,
+    /// Way in which it was rendered.
     pub shot: Shot,
-    /// What it was made of.
+    /// Work of the frame.
     pub work: Work,
-    /// Device time of each pass, ms: of the frame in the middle of all by its time.
+    /// Device time of each pass, ms, in the middle one of the timed frames, in order of their total time.
     pub passes: BTreeMap<String, f64>,
 }
 
-/// What a unit gave.
+/// Results of a unit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// What was rendered.
+    /// Unit that was rendered.
     pub unit: Unit,
-    /// Splats of the scene.
+    /// Number of splats of the scene.
     pub splats: usize,
     /// All frames in which something is drawn.
     pub frames: Vec<Frame>,
@@ -43,7 +45,8 @@ impl Keep for Record {
     }
 }
 
-/// Renders all frames of a unit, whose splats are in `path`.
+/// Renders all frames of a unit, whose splats are in the file `path`, counts their work and times their
+/// passes.
 pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
     let mut set = splats_by_importance(path)?;
     if let Some(count) = unit.splats {
@@ -59,7 +62,7 @@ pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
     for (sight, look) in unit.sights.iter().zip(&looks) {
         scene.set_look(look)?;
         for shot in &unit.shots {
-            // One at a time: their buffers are the largest there are.
+            // One renderer at a time: their buffers are the largest there are.
             let mut timed = Vec::new();
             let mut renderer = Renderer::new(gpu, mode(&shot.mode)?, &scene, &shot.settings(sight))?;
             for &place in &unit.places {
@@ -75,7 +78,7 @@ pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
             for (place, cameras, passes, mut work) in timed {
                 counting.render_at(&scene, &cameras, &shot.quality())?;
                 work.add_pixels(&counting, shot.quality().size(shot.size))?;
-                if work.sorted > 0.0 {
+                if work.shows_something() {
                     frames.push(Frame { sight: sight.clone(), place, shot: shot.clone(), work, passes });
                 }
             }
@@ -84,7 +87,7 @@ pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
     Ok(Record { unit: unit.clone(), splats: set.splats.len(), frames })
 }
 
-/// What is known without counting.
+/// Returns the part of a frame's work that is known without counting.
 fn begin(scene: &Scene, sight: &Sight, shot: &Shot) -> Work {
     let [width, height] = shot.quality().size(shot.size).map(f64::from);
     Work {
@@ -99,7 +102,8 @@ fn begin(scene: &Scene, sight: &Sight, shot: &Shot) -> Work {
     }
 }
 
-/// Device time of each pass of the frame in the middle of `frames`.
+/// Renders a frame `frames` times and returns the device time of each pass, ms, in the middle one of them, in
+/// order of their total time.
 fn time(
     gpu: &Gpu,
     renderer: &mut Renderer,
@@ -108,7 +112,7 @@ fn time(
     shot: &Shot,
     frames: usize,
 ) -> Result<BTreeMap<String, f64>> {
-    // The first frame makes kernels and finds room.
+    // The first frame, which is not timed, creates kernels and makes room in buffers.
     renderer.render_at(scene, cameras, &shot.quality())?;
     gpu.take_profile();
     let mut times: Vec<(f64, BTreeMap<String, f64>)> = Vec::new();

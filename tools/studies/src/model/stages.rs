@@ -11,7 +11,7 @@ use shaders_glsl::radix::RADIX_BLOCK;
 use shaders_glsl::tiles::PLANES;
 use shaders_glsl::{
     ALPHA_FRAG, ALPHA_VERT, BRICK_RANGES, EMIT_TILE_PAIRS, PROJECT_QUADS, PROJECT_SPLATS, RADIX_COUNT,
-    RADIX_SCATTER, Resource, SCAN_APPLY, SCAN_SUMS, SLAB, Shader,
+    RADIX_SCATTER, RAYMARCH, Resource, SCAN_APPLY, SCAN_SUMS, SLAB, Shader,
 };
 
 use super::operations::Operations;
@@ -38,11 +38,18 @@ pub struct Term {
     pub bytes: f64,
     /// Fragments that the rasterizer fills for one.
     pub fills: f64,
+    /// Trilinear samples of an image for one.
+    pub samples: f64,
 }
 
 /// Creates a term that fills no fragments.
 fn term(name: &'static str, of: fn(&Work, bool) -> f64, ops: f64, bytes: f64) -> Term {
-    Term { name, of, ops, bytes, fills: 0.0 }
+    Term { name, of, ops, bytes, fills: 0.0, samples: 0.0 }
+}
+
+/// Creates a term that samples an image.
+fn sampled(name: &'static str, of: fn(&Work, bool) -> f64, ops: f64, samples: f64) -> Term {
+    Term { samples, ..term(name, of, ops, 0.0) }
 }
 
 /// Returns the bytes of a row of each of these buffers of a shader together.
@@ -83,9 +90,9 @@ fn only(condition: bool, count: f64) -> f64 {
     if condition { count } else { 0.0 }
 }
 
-/// The stages of modes slab and alpha, in their order.
-pub static STAGES: LazyLock<[Stage; 8]> =
-    LazyLock::new(|| [project(), emit(), scan(), sort(), ranges(), slab(), quads(), draw()]);
+/// The stages of modes slab, alpha and decoded, in their order.
+pub static STAGES: LazyLock<[Stage; 9]> =
+    LazyLock::new(|| [project(), emit(), scan(), sort(), ranges(), slab(), quads(), draw(), march()]);
 
 fn project() -> Stage {
     let ops = Operations::of(&PROJECT_SPLATS, &[], &["tile_parts"]);
@@ -279,11 +286,52 @@ fn draw() -> Stage {
                 ops: fragment,
                 bytes: 0.0,
                 fills: 1.0,
+                samples: 0.0,
             },
             // On a tiler it happens beside the shaders, in memory of the chip.
             term("fragment, blended", |w, _| w.blended, 0.0, 0.0),
             // Cleared, fetched and stored.
             term("byte of a pixel", |w, _| w.pixels * w.pixel_bytes, 0.0, 3.0),
+        ],
+    }
+}
+
+fn march() -> Stage {
+    // The field comes from an atlas; places and light are counted apart, since not every round has them.
+    let of = |constants: &[(&str, u32)]| {
+        let constants = [&[("ATLAS", 1)], constants].concat();
+        Operations::of(&RAYMARCH, &constants, &["field_at", "gradient_at", "look_lit"])
+    };
+    let [plain, lit, integrated] = [&[][..], &[("SHADED", 1)], &[("SEGMENTS", 1)]].map(of);
+    let round = plain.at("main/k");
+    // O (V - dark) at six places.
+    let gradient = lit.at("gradient_at") + 6.0 * lit.at("field_at");
+    Stage {
+        name: "march",
+        modes: &["decoded"],
+        passes: &["raymarch"],
+        dispatches: |_| 1.0,
+        terms: vec![
+            term("pixel", |w, _| w.pixels, plain.at("main"), 0.0),
+            // A leap counts as much as a cell, which is a little too much.
+            term("round", |w, wide| w.by(wide).rounds, round, 0.0),
+            term(
+                "round, integrated",
+                |w, wide| only(w.integrated, w.by(wide).rounds),
+                integrated.at("main/k") - round,
+                0.0,
+            ),
+            sampled("sample", |w, wide| w.by(wide).samples, plain.at("field_at"), 1.0),
+            term(
+                "sample, lit",
+                |w, wide| only(w.lit, w.by(wide).samples),
+                lit.at("main/k") - round + lit.at("look_lit"),
+                0.0,
+            ),
+            sampled("gradient", |w, wide| w.by(wide).gradients, gradient, 6.0),
+            // Rays of one picture share what they read; two eyes may not.
+            term("byte of the atlas", |w, _| w.image_bytes * w.views, 0.0, 1.0),
+            term("byte of a pixel", |w, _| w.pixels * w.pixel_bytes, 0.0, 1.0),
         ],
     }
 }
@@ -297,6 +345,8 @@ pub struct Demand {
     pub bytes: f64,
     /// Fragments that are filled.
     pub fills: f64,
+    /// Trilinear samples of images.
+    pub samples: f64,
     /// Dispatches and draws.
     pub dispatches: f64,
 }
@@ -314,6 +364,7 @@ impl Demand {
                 ops: sum.ops + count * term.ops,
                 bytes: sum.bytes + count * term.bytes,
                 fills: sum.fills + count * term.fills,
+                samples: sum.samples + count * term.samples,
                 ..sum
             }
         })
@@ -327,8 +378,8 @@ mod tests {
 
     #[test]
     fn what_a_frame_takes_is_the_sum_of_its_terms() {
-        let narrow = Pixels { evaluations: 100.0, classified: 10.0, looked: 5.0 };
-        let wide = Pixels { evaluations: 400.0, classified: 20.0, looked: 3.0 };
+        let narrow = Pixels { evaluations: 100.0, classified: 10.0, looked: 5.0, ..Pixels::default() };
+        let wide = Pixels { evaluations: 400.0, classified: 20.0, looked: 3.0, ..Pixels::default() };
         let work =
             Work { mode: "slab".into(), pixels: 50.0, pixel_bytes: 8.0, narrow, wide, ..Work::default() };
         let slab = STAGES.iter().find(|s| s.name == "slab").expect("a stage");
@@ -371,6 +422,8 @@ mod tests {
             ("quads", "view of a splat", 250.0..500.0, 44.0),
             ("draw", "quad", 150.0..400.0, 96.0),
             ("draw", "fragment", 15.0..30.0, 0.0),
+            ("march", "sample", 40.0..120.0, 0.0),
+            ("march", "gradient", 300.0..800.0, 0.0),
         ] {
             let found = term(stage, name);
             assert!(ops.contains(&found.0) && found.1 == bytes, "{stage}, {name}: {found:?}");

@@ -116,7 +116,7 @@ pub struct FitCost {
 
 /// Time and CPU time, seconds.
 #[derive(Clone, Copy, Debug, Default)]
-struct Spent {
+struct CostSoFar {
     wall: f64,
     core: Option<f64>,
 }
@@ -129,7 +129,7 @@ impl Clock {
         Clock(Instant::now(), cpu_ms())
     }
 
-    fn add_to(self, spent: &mut Spent) {
+    fn add_to(self, spent: &mut CostSoFar) {
         spent.wall += self.0.elapsed().as_secs_f64();
         let core = self.1.zip(cpu_ms()).map(|(from, to)| 1e-3 * (to - from));
         spent.core = core.map(|core| spent.core.unwrap_or_default() + core);
@@ -182,7 +182,7 @@ pub fn run(
     mut saw: impl FnMut(&Point),
 ) -> Result<Record> {
     let scene = &place.scene;
-    let mut setup = Spent::default();
+    let mut setup = CostSoFar::default();
     let initialising = Clock::start();
     let problem = Problem::new(&scene.volume, &scene.roi, &job.config)?;
     let start = Start::First(problem.first_splats()?);
@@ -204,7 +204,7 @@ pub fn run(
         cost: None,
     };
     let clock = Some(Clock::start());
-    let mut judged = Judged { bench, record, setup, spent: Spent::default(), clock, saw: &mut saw };
+    let mut judged = MeasuredFit { bench, record, setup, spent: CostSoFar::default(), clock, saw: &mut saw };
     let outcome = problem.run(&gpu, start, problem.schedule(), &mut judged)?;
     let mut record = judged.record;
     match outcome.end {
@@ -223,17 +223,17 @@ pub fn run(
 const DIVERGED: &str = "VGS-FIT-010";
 
 /// Fit that is measured on the way.
-struct Judged<'a> {
+struct MeasuredFit<'a> {
     bench: Bench<'a>,
     record: Record,
-    setup: Spent,
-    spent: Spent,
+    setup: CostSoFar,
+    spent: CostSoFar,
     /// Clock that runs while the fit is prepared, and then while it runs, but not during measurements.
     clock: Option<Clock>,
     saw: &'a mut dyn FnMut(&Point),
 }
 
-impl Watch for Judged<'_> {
+impl Watch for MeasuredFit<'_> {
     fn begin(&mut self, _: &Beginning) {
         if let Some(clock) = self.clock.replace(Clock::start()) {
             clock.add_to(&mut self.setup);
@@ -258,7 +258,7 @@ impl Watch for Judged<'_> {
     }
 }
 
-impl Judged<'_> {
+impl MeasuredFit<'_> {
     /// Measures `splats` after `iteration` iterations and adds the point to the record. Returns false if the
     /// fit has diverged.
     fn measure(&mut self, iteration: u32, splats: &[Splat]) -> Result<bool> {

@@ -6,7 +6,7 @@ use glam::DVec2;
 use super::app::App;
 use super::drag::{Drag, Target};
 use crate::actions::Action;
-use crate::annotations::Over;
+use crate::annotations::PictureOverlay;
 use crate::handles;
 use crate::panel_info::PanelInfo;
 use crate::panels::{self, status::Reading};
@@ -117,8 +117,12 @@ impl App {
         let Some(bounds) = info.bounds else { return };
         let state = &self.state;
         let painter = ui.painter_at(self.picture);
-        let paint =
-            Over { painter: &painter, rect: self.picture, orbit: &state.orbit, aspect: self.aspect() };
+        let paint = PictureOverlay {
+            painter: &painter,
+            rect: self.picture,
+            orbit: &state.orbit,
+            aspect: self.aspect(),
+        };
         if state.show.handles {
             let bright =
                 over.and_then(|grip| if let Target::Handle(handle) = grip { Some(handle) } else { None });

@@ -76,7 +76,7 @@ const SPOKES: [Spoke; 8] = [
 ];
 
 /// Case and device of the fits.
-pub struct Where<'a> {
+pub struct FitPlace<'a> {
     /// Name of the case.
     pub case: &'a str,
     /// Name of its mask.
@@ -88,7 +88,7 @@ pub struct Where<'a> {
 }
 
 /// Returns all fits of these parts, each once: a quality that is a point of the grid is listed as a quality.
-pub fn rows(place: &Where<'_>, profile: &Profile, extent: &Extent, parts: &[Part]) -> Result<Vec<FitRow>> {
+pub fn rows(place: &FitPlace<'_>, profile: &Profile, extent: &Extent, parts: &[Part]) -> Result<Vec<FitRow>> {
     let plain = profile.config()?;
     let row = |part: Part, name: String, density_times: f64, config: FitConfig| {
         let splats = config.splat_count(place.voxels);
@@ -144,7 +144,7 @@ mod tests {
 
     #[test]
     fn the_design_has_every_fit_once_and_the_qualities_by_name() {
-        let place = Where { case: "c", mask: "m", voxels: 1000.0, device: "none" };
+        let place = FitPlace { case: "c", mask: "m", voxels: 1000.0, device: "none" };
         let extent = Extent { densities: vec![0.5, 1.0, 2.0], iterations: vec![50, 100] };
         let profile = Profile::named("bones").expect("a profile");
         let all = [Part::Grid, Part::Spokes, Part::Qualities];

@@ -11,7 +11,7 @@ use engine::fit::{PROFILES, Profile};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::{Error, Kind, Result};
 
-use self::design::{Extent, Part, Where};
+use self::design::{Extent, FitPlace, Part};
 use self::report::{FitTradeReport, Measured};
 use crate::paper::estimate::estimate;
 use crate::paper::library::Place;
@@ -68,7 +68,7 @@ pub fn run(options: &GpuOptions, a: &FitTradeArguments) -> Result<()> {
     let device = judge.description();
     let store = Store::open(&a.out)?;
     let (case, mask) = (case_name(&a.volume), stem(&a.roi));
-    let at = Where { case: &case, mask: &mask, voxels: place.voxels, device: &device.name };
+    let at = FitPlace { case: &case, mask: &mask, voxels: place.voxels, device: &device.name };
     let wanted = if a.only.is_empty() { &ALL[..] } else { &a.only };
     let mut report = FitTradeReport {
         title: format!("{case} {mask}, {} voxels, --profile {}", place.voxels.round(), profile.name),

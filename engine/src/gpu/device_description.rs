@@ -5,10 +5,7 @@ use std::ffi::CStr;
 use ash::vk;
 use serde::Serialize;
 
-use super::boot::Own;
 use super::features::{self, API, EXTENSIONS};
-use super::instance::Instance;
-use crate::error::Result;
 
 /// One Vulkan device as it describes itself.
 #[derive(Clone, Debug, Serialize)]
@@ -119,12 +116,9 @@ pub(super) fn queue_family(instance: &ash::Instance, physical: vk::PhysicalDevic
 }
 
 /// Describes these devices of an instance.
-pub(super) fn describe_all(instance: &Instance, physicals: &[vk::PhysicalDevice]) -> Vec<DeviceDescription> {
-    physicals.iter().enumerate().map(|(i, &p)| describe(&instance.handle, i, p)).collect()
-}
-
-/// Lists all Vulkan devices of this machine, usable or not.
-pub fn devices() -> Result<Vec<DeviceDescription>> {
-    let instance = Instance::new(&Own, false, None)?;
-    Ok(describe_all(&instance, &instance.physical_devices()?))
+pub(super) fn describe_all(
+    instance: &ash::Instance,
+    physicals: &[vk::PhysicalDevice],
+) -> Vec<DeviceDescription> {
+    physicals.iter().enumerate().map(|(i, &p)| describe(instance, i, p)).collect()
 }

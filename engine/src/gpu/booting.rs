@@ -1,0 +1,79 @@
+//! The steps that lead to a [`Gpu`].
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::boot::Own;
+use super::device_description::{describe_all, offers, queue_family};
+use super::features::{EXTENSIONS, Features};
+use super::instance::Instance;
+use super::{Boot, Context, DeviceDescription, Gpu, GpuOptions, choice};
+use crate::error::{Error, Kind, Result};
+
+impl Gpu {
+    /// Boots an instance and a device of its own. Callers that create their own (OpenXR) use
+    /// [`Gpu::with_boot`].
+    pub fn new(options: &GpuOptions) -> Result<Self> {
+        Self::with_boot(&Own, options)
+    }
+
+    /// Boots with an instance and a device that `boot` creates.
+    pub fn with_boot(boot: &dyn Boot, options: &GpuOptions) -> Result<Self> {
+        let instance = Instance::new(boot, options.validation, options.windows.as_ref())?;
+        let (physical, description) = choose(boot, options, &instance)?;
+        let queue_family = queue_family(&instance.handle, physical).unwrap_or_default();
+        let device = create_device(boot, options, &instance, physical, queue_family)?;
+        Context::new(instance, physical, device, queue_family, description, options)
+            .map(|context| Gpu(Arc::new(context)))
+    }
+}
+
+/// Chooses the device that the runtime insists on, or else the one that the options ask for.
+fn choose(
+    boot: &dyn Boot,
+    options: &GpuOptions,
+    instance: &Instance,
+) -> Result<(vk::PhysicalDevice, DeviceDescription)> {
+    let physicals = instance.physical_devices()?;
+    let list = describe_all(&instance.handle, &physicals);
+    let chosen = match boot.required_device(&instance.handle)? {
+        Some(p) => {
+            let index = physicals.iter().position(|&q| q == p).map(|i| i.to_string());
+            choice::choose(&list, index.as_deref())?
+        }
+        None => choice::choose(&list, options.device.as_deref())?,
+    };
+    let physical = physicals[chosen.index];
+    let swapchain = ash::khr::swapchain::NAME;
+    if options.windows.is_some() && !offers(&instance.handle, physical, swapchain) {
+        return Err(Error::new(
+            Kind::Unavailable,
+            "VGS-GPU-008",
+            format!("{} cannot show pictures in a window (VK_KHR_swapchain)", chosen.name),
+        )
+        .help("choose another --device, or write pictures to files with `vgs render`"));
+    }
+    Ok((physical, chosen.clone()))
+}
+
+/// Creates the device with one queue, the extensions and the features that the engine needs.
+fn create_device(
+    boot: &dyn Boot,
+    options: &GpuOptions,
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    queue_family: u32,
+) -> Result<ash::Device> {
+    let priorities = [1.0];
+    let queues =
+        [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
+    let mut extensions: Vec<_> = EXTENSIONS.iter().map(|e| e.as_ptr()).collect();
+    if options.windows.is_some() {
+        extensions.push(ash::khr::swapchain::NAME.as_ptr());
+    }
+    let mut features = Features::needed();
+    let info =
+        vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
+    boot.create_device(&instance.handle, physical, &features.chain(info))
+}

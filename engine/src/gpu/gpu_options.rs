@@ -1,0 +1,19 @@
+//! The options of booting.
+
+use super::Windows;
+
+/// The options of booting.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// Index (as `vgs devices` prints it) or part of the name of the device; the best device if absent.
+    pub device: Option<String>,
+    /// True if the validation layer with synchronisation checks is on; booting fails if the layer is not
+    /// installed.
+    pub validation: bool,
+    /// Largest storage-buffer range to plan with, bytes, as on a smaller device; for tests.
+    pub storage_range_limit: Option<u64>,
+    /// Number of the submission, counted from 1, at which the device behaves as lost; for tests.
+    pub lost_at: Option<u64>,
+    /// The windows in which pictures are shown, if any.
+    pub windows: Option<Windows>,
+}

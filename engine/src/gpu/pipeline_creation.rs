@@ -1,0 +1,107 @@
+//! The creation of pipelines of any kind: the layouts that follow from reflection, and the modules.
+
+use std::sync::atomic::Ordering;
+
+use ash::vk;
+use shaders_glsl::{Binding, Resource, Shader};
+
+use super::pipeline::Pipeline;
+use super::{Context, check};
+use crate::error::Result;
+
+/// The interface of shaders from which the layout of a pipeline is created.
+pub(super) struct Interface<'a> {
+    pub(super) name: &'a str,
+    pub(super) bindings: &'a [Binding],
+    pub(super) push_bytes: usize,
+    pub(super) stages: vk::ShaderStageFlags,
+}
+
+impl Pipeline {
+    /// Creates the layouts and, with `build`, the pipeline. If a step fails, the handles created before it
+    /// are destroyed.
+    pub(super) fn new(
+        context: &Context,
+        interface: &Interface<'_>,
+        build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
+    ) -> Result<Self> {
+        let mut pipeline = Pipeline::default();
+        let made = pipeline.make(context, interface, build);
+        if made.is_err() {
+            pipeline.destroy(&context.device);
+        }
+        made.map(|()| pipeline)
+    }
+
+    /// Creates the handles one after the other.
+    fn make(
+        &mut self,
+        context: &Context,
+        interface: &Interface<'_>,
+        build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
+    ) -> Result<()> {
+        let &Interface { name, bindings, push_bytes, stages } = interface;
+        self.set_layout = set_layout(context, name, bindings, stages)?;
+        let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size: push_bytes as u32 }];
+        let layouts = [self.set_layout];
+        let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
+        if push_bytes > 0 {
+            info = info.push_constant_ranges(&ranges);
+        }
+        // SAFETY: the device is live; the create-info lives on this stack.
+        self.layout = check(name, unsafe { context.device.create_pipeline_layout(&info, None) })?;
+        self.handle = build(self.layout)?;
+        context.counters.pipelines.fetch_add(1, Ordering::Relaxed);
+        context.name(self.handle, name);
+        Ok(())
+    }
+}
+
+/// Returns the kind of descriptor by which a resource is bound.
+fn descriptor_type(resource: Resource) -> vk::DescriptorType {
+    match resource {
+        Resource::Buffer { .. } => vk::DescriptorType::STORAGE_BUFFER,
+        Resource::Texture => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+        Resource::Image => vk::DescriptorType::STORAGE_IMAGE,
+    }
+}
+
+/// Creates the layout of one set of push descriptors.
+fn set_layout(
+    context: &Context,
+    name: &str,
+    bindings: &[Binding],
+    stages: vk::ShaderStageFlags,
+) -> Result<vk::DescriptorSetLayout> {
+    let bindings: Vec<_> = bindings
+        .iter()
+        .map(|binding| {
+            vk::DescriptorSetLayoutBinding::default()
+                .binding(binding.number)
+                .descriptor_type(descriptor_type(binding.resource))
+                .descriptor_count(1)
+                .stage_flags(stages)
+        })
+        .collect();
+    let info = vk::DescriptorSetLayoutCreateInfo::default()
+        .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
+        .bindings(&bindings);
+    // SAFETY: the device is live; the create-info lives on this stack.
+    check(name, unsafe { context.device.create_descriptor_set_layout(&info, None) })
+}
+
+/// Creates the driver's module of a shader; it is destroyed when the pipeline exists.
+pub(super) fn module(context: &Context, shader: &Shader) -> Result<vk::ShaderModule> {
+    let code: Vec<u32> =
+        shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
+    let info = vk::ShaderModuleCreateInfo::default().code(&code);
+    // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
+    check(shader.name, unsafe { context.device.create_shader_module(&info, None) })
+}
+
+/// Maps specialisation constants to their places: id after id, four bytes each.
+pub(super) fn constant_places(constants: &[u32]) -> Vec<vk::SpecializationMapEntry> {
+    (0..constants.len())
+        .map(|i| vk::SpecializationMapEntry { constant_id: i as u32, offset: (i * 4) as u32, size: 4 })
+        .collect()
+}
