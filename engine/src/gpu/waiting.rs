@@ -47,14 +47,20 @@ impl Gpu {
         let passed = context.passed()?;
         let done: Vec<Flight> = lock(&context.queue).flying.extract_if(.., |f| f.value <= passed).collect();
         let period = context.limits.timestamp_period;
+        let mut failed = Ok(());
         for flight in done {
             if period > 0.0 && !flight.passes.is_empty() {
-                let ticks = flight.ticks(&context.device)?;
-                lock(&context.times).add(Ticket(flight.value), &flight.passes, &ticks, period);
+                match flight.ticks(&context.device) {
+                    Ok(ticks) => {
+                        lock(&context.times).add(Ticket(flight.value), &flight.passes, &ticks, period);
+                    }
+                    Err(e) => failed = Err(e),
+                }
             }
+            // Also without its times, or the slot would never be destroyed.
             lock(&context.queue).free.push(flight.slot);
         }
         lock(&context.memory).delete_passed(&context.device, passed);
-        Ok(())
+        failed
     }
 }

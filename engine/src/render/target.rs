@@ -36,11 +36,6 @@ impl Target {
         self.colour.layers()
     }
 
-    /// Returns true if depth is kept.
-    pub fn has_depth(&self) -> bool {
-        self.depth.size()[..2] == self.size || self.size == [1, 1]
-    }
-
     /// Returns the colour of a view, rows from the top. Waits for the device.
     pub fn read_colour(&self, view: u32) -> Result<Vec<[f32; 4]>> {
         let all: Vec<[f32; 4]> = match self.colour.format() {

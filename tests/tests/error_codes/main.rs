@@ -72,6 +72,7 @@ fn module(file: &str) -> String {
         "tools/cli" => "vgs",
         "tools/view" => "view",
         "tools/bench" => "bench",
+        "tools/studies" => "studies",
         "xr-app" => "vgs-xr",
         other => other,
     };

@@ -27,7 +27,7 @@ pub const GROUPS: [(&str, &str); 26] = [
     ("MEM", "memory of the host"),
     ("OUT", "outputs"),
     ("IO", "reading and writing"),
-    ("BEN", "the benchmarks"),
+    ("BEN", "the benchmarks and studies"),
 ];
 
 /// What the messages of a code have in common, where there are several or where they are made of what is put in alone.

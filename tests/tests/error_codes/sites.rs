@@ -12,7 +12,8 @@ use crate::tokens::Token::{self, Sign, Text, Word};
 use crate::tokens::{arguments, around, closing, statement_end, tokens, without_tests};
 
 /// The folders whose sources are read.
-const FOLDERS: [&str; 5] = ["engine/src", "tools/view/src", "tools/cli/src", "xr-app/src", "tools/bench/src"];
+const FOLDERS: [&str; 6] =
+    ["engine/src", "tools/view/src", "tools/cli/src", "xr-app/src", "tools/bench/src", "tools/studies/src"];
 /// How often a message is followed from a variable to its value.
 const DEPTH: usize = 3;
 

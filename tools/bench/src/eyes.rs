@@ -27,8 +27,8 @@ use crate::scene::splats_by_importance;
 pub struct EyesArguments {
     /// The splats (PLY)
     splats: PathBuf,
-    /// Numbers of splats, of which the most important are taken
-    #[arg(long, value_delimiter = ',', default_values_t = [22_000, 100_000])]
+    /// Numbers of splats, of which the most important are taken; all when absent
+    #[arg(long, value_delimiter = ',')]
     counts: Vec<usize>,
     /// Edges of the eyes' pictures, pixels
     #[arg(long, value_delimiter = ',', default_values_t = [512, 1024])]
@@ -37,7 +37,7 @@ pub struct EyesArguments {
     #[arg(long, value_delimiter = ',', default_values_t = [0.5])]
     parts: Vec<f64>,
     /// Quality levels
-    #[arg(long, value_delimiter = ',', default_values_t = [0, 5])]
+    #[arg(long, value_delimiter = ',', default_values_t = [0, 2])]
     levels: Vec<usize>,
     /// Frames of each kind
     #[arg(long, default_value_t = 5)]
@@ -72,7 +72,8 @@ struct EyesResult {
 pub fn run(gpu: &Gpu, arguments: &EyesArguments) -> Result<()> {
     let set = splats_by_importance(&arguments.splats)?;
     let mut found = Vec::new();
-    for &count in &arguments.counts {
+    let all = [set.splats.len()];
+    for &count in if arguments.counts.is_empty() { &all[..] } else { &arguments.counts } {
         let mut part = set.clone();
         part.truncate(count);
         for &size in &arguments.sizes {

@@ -75,7 +75,8 @@ fn means(roi: &Roi, count: usize, rng: &mut Pcg64) -> Vec<[f32; 3]> {
     };
     let (mut voxels, mut least) = (above(INSIDE), INSIDE);
     if voxels.is_empty() {
-        (voxels, least) = (above(0.0), f32::MIN_POSITIVE);
+        // The smallest number there is: every positive weight passes.
+        (voxels, least) = (above(0.0), f32::from_bits(1));
     }
     let cells = roi.size.map(|n| n.div_ceil(2));
     let mut taken = vec![0usize; cells.iter().product()];
@@ -112,6 +113,13 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
+
+    #[test]
+    fn the_faintest_weights_are_drawn_from() {
+        let volume = Volume::new([4, 4, 4], DAffine3::IDENTITY, vec![0.0; 64]);
+        let roi = Roi::new(vec![1e-40; 64], &volume).unwrap();
+        assert_eq!(means(&roi, 5, &mut Pcg64::seed_from_u64(1)).len(), 5);
+    }
 
     #[test]
     fn means_are_even_over_the_region_and_in_it() {

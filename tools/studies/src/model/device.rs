@@ -195,8 +195,8 @@ mod tests {
         let march = STAGES.iter().position(|s| s.name == "march").expect("a stage");
         // A thousand million samples at half of as many a second, and a dispatch.
         let slow_units = Device { samples: Rate { peak: 1e9, ..device().samples }, ..device() };
-        let time = slow_units.stages(&decoded, 1)[march];
-        assert!(time.limit == Limit::Samples && (time.ms - 2000.005).abs() < 1e-6, "{time:?}");
+        let sampled = slow_units.stages(&decoded, 1)[march];
+        assert!(sampled.limit == Limit::Samples && (sampled.ms - 2000.005).abs() < 1e-6, "{sampled:?}");
         let [slow, fast] = device().range(&alpha);
         assert!(slow > fast && fast > time.ms, "the dispatches of the sort as well: {slow} {fast}");
     }
