@@ -73,7 +73,8 @@ fn panel(case: usize, rows: &[TableRow], results: &Results) -> Panel {
 }
 
 fn points(record: &Record) -> Vec<(f64, f64)> {
-    record.points.iter().map(|p| (p.seconds, p.psnr())).filter(|(_, y)| y.is_finite()).collect()
+    let cores = record.cores();
+    record.points.iter().map(|p| (cores * p.seconds, p.psnr())).filter(|(_, y)| y.is_finite()).collect()
 }
 
 impl Panel {
@@ -81,7 +82,7 @@ impl Panel {
         let all = || self.lines.iter().flat_map(|line| &line.points);
         let last = all().map(|p| p.0).fold(1.0, f64::max);
         let x = Axis {
-            title: "time of the iterations / s",
+            title: "CPU time of the iterations / core-s",
             range: 0.0..last,
             tick: &|x| if last < 10.0 { format!("{x:.1}") } else { format!("{x:.0}") },
         };

@@ -70,10 +70,10 @@ pub fn count(count: Count) -> String {
     format!("{} → {}", count.paper, count.ours)
 }
 
-/// Formats the time of the iterations, in minutes.
-pub fn minutes(record: Option<&Record>) -> String {
-    let end = record.and_then(Record::end);
-    end.map_or_else(|| "—".to_owned(), |p| format!("{:.1}", p.seconds / 60.0))
+/// Formats the CPU time of the iterations, in core-minutes.
+pub fn core_minutes(record: Option<&Record>) -> String {
+    let end = record.and_then(|record| Some(record.end()?.seconds * record.cores()));
+    end.map_or_else(|| "—".to_owned(), |seconds| format!("{:.1}", seconds / 60.0))
 }
 
 /// Formats the worst and the best measurement, as "worst (worst after the start) / best"; the brackets only

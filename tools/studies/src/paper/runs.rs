@@ -147,6 +147,12 @@ impl Keep for Record {
 }
 
 impl Record {
+    /// Returns the core-seconds of a second of the fit; 1 if they are not known.
+    pub fn cores(&self) -> f64 {
+        let cost = self.cost.as_ref().filter(|cost| cost.seconds > 0.0);
+        cost.and_then(|cost| Some(cost.core_seconds? / cost.seconds)).unwrap_or(1.0)
+    }
+
     /// Returns the first measurement, which is that of the initialisation.
     pub fn start(&self) -> Option<&Point> {
         self.points.first()

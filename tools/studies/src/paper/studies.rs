@@ -5,7 +5,7 @@ use super::job::Job;
 use super::plan::{LossRow, SweepRow};
 use super::prototype::{Fidelity, Finding, Variant};
 use super::published;
-use super::results::{Results, db, diverged, minutes};
+use super::results::{Results, core_minutes, db, diverged};
 use super::runs::Record;
 use bench::report::Table;
 
@@ -43,7 +43,7 @@ pub fn ablation(rows: &[LossRow], results: &Results) -> Table {
             "on the grid, dB",
             "soft Dice",
             "occupancy RMSE between (on the grid)",
-            "time, min",
+            "CPU time, core-min",
         ],
         rows: rows
             .iter()
@@ -60,7 +60,7 @@ pub fn ablation(rows: &[LossRow], results: &Results) -> Table {
                         end.zip(held_out)
                             .map(|(e, h)| format!("{:.4} ({:.4})", h.occupancy_rmse, e.occupancy_rmse)),
                     ),
-                    minutes(record),
+                    core_minutes(record),
                 ]
             })
             .collect(),
@@ -84,7 +84,7 @@ pub fn density(rows: &[SweepRow], results: &Results) -> Table {
             "default on the grid, dB",
             "between: worst / mean, dB",
             "prototype, on the grid alone, dB",
-            "time, min: --profile paper",
+            "CPU time, core-min: --profile paper",
             "default",
         ],
         rows: rows
@@ -102,8 +102,8 @@ pub fn density(rows: &[SweepRow], results: &Results) -> Table {
                     dash(last(ours).map(db)),
                     dash(held_out.map(|h| format!("{:.2} / {:.2}", h.worst, h.mean))),
                     dash(row.known.ours.map(|x| format!("{x:.1}"))),
-                    minutes(paper),
-                    minutes(ours),
+                    core_minutes(paper),
+                    core_minutes(ours),
                 ]
             })
             .collect(),
@@ -133,7 +133,7 @@ pub fn fidelity(rows: &[(&'static Fidelity, Job)], results: &Results) -> Table {
             "prototype best / last, dB",
             "difference of the best, dB",
             "of the last, dB",
-            "time, min",
+            "CPU time, core-min",
         ],
         rows: rows
             .iter()
@@ -148,7 +148,7 @@ pub fn fidelity(rows: &[(&'static Fidelity, Job)], results: &Results) -> Table {
                     format!("{} / {}", db(known.best), dash(known.last.map(db))),
                     difference(best(record), Some(known.best)),
                     difference(last(record), known.last),
-                    minutes(record),
+                    core_minutes(record),
                 ]
             })
             .collect(),
@@ -173,7 +173,7 @@ pub fn findings(rows: &[(&'static Finding, Job)], results: &Results) -> Table {
             "start / best / last, dB",
             "last - start, dB",
             "prototype best / last, dB",
-            "time, min",
+            "CPU time, core-min",
         ],
         rows: rows
             .iter()
@@ -190,7 +190,7 @@ pub fn findings(rows: &[(&'static Finding, Job)], results: &Results) -> Table {
                     way(record),
                     difference(last(record), record.and_then(Record::start).map(|p| p.psnr())),
                     known.prototype.to_owned(),
-                    minutes(record),
+                    core_minutes(record),
                 ]
             })
             .collect(),
