@@ -73,7 +73,10 @@ impl Gpu {
                     self.0.description.name, self.0.limits.storage_range
                 ),
             )
-            .help("use fewer splats or a device with a larger storage-buffer range"));
+            .help(
+                "use fewer splats (--splat-budget), 16 bytes for each (--precision packed), or a device with a \
+                 larger storage-buffer range",
+            ));
         }
         let buffer = self.raw(name, purpose, len, MemoryLocation::GpuOnly)?;
         let mut recorder: Recorder = self.record()?;

@@ -18,6 +18,22 @@ pub const FORMATS: &[Format] = &[Format {
     describe: ply::describe,
 }];
 
+/// A format of other programs that is told apart, and not read.
+struct Foreign {
+    name: &'static str,
+    extension: &'static str,
+    /// First bytes; empty if the format has no mark of its own.
+    begins: &'static [u8],
+}
+
+const FOREIGN: [Foreign; 5] = [
+    Foreign { name: "an SPZ file", extension: "spz", begins: b"\x1f\x8b" },
+    Foreign { name: "a SOG bundle", extension: "sog", begins: b"PK" },
+    Foreign { name: "a SPLAT file", extension: "splat", begins: b"" },
+    Foreign { name: "a KSPLAT file", extension: "ksplat", begins: b"" },
+    Foreign { name: "a glTF file", extension: "glb", begins: b"glTF" },
+];
+
 /// Reads a splat set; the content of the file decides on the format, not its name. Refuses a file whose
 /// splats only a volume can place; [`read_unplaced`] reads these, too.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<SplatSet> {
@@ -98,6 +114,16 @@ fn sniffed(path: &Path) -> Result<&'static Format> {
         .and_then(|file| file.take(SNIFF_BYTES).read_to_end(&mut start))
         .map_err(|error| Error::io(path, "reading a splat file", &error))?;
     FORMATS.iter().find(|format| (format.sniff)(&start)).ok_or_else(|| {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        let is = |foreign: &&Foreign| {
+            foreign.extension.eq_ignore_ascii_case(extension) && start.starts_with(foreign.begins)
+        };
+        if let Some(Foreign { name, extension, .. }) = FOREIGN.iter().find(is).filter(|_| !start.is_empty()) {
+            let message = format!("{name}, which vgs does not read");
+            return Error::new(Kind::BadData, "VGS-SPLAT-006", message)
+                .file(path)
+                .help(ply::convert_help(extension));
+        }
         let found = if start.is_empty() { "the file is empty" } else { "not a splat file" };
         Error::new(Kind::BadData, "VGS-SPLAT-001", found)
             .file(path)
@@ -137,6 +163,13 @@ mod tests {
             std::fs::write(at(name), content).expect("writing");
             let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-001"), "{name}");
+        }
+        for (name, content) in [("a.spz", &b"\x1f\x8b\x08"[..]), ("a.GLB", b"glTF\x02"), ("a.splat", b"1234")]
+        {
+            std::fs::write(at(name), content).expect("writing");
+            let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
+            assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-006"), "{name}");
+            assert!(error.help.contains("splat-transform"), "{}", error.help);
         }
         // A mean that is no number cannot be used.
         let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";

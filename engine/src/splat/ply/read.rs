@@ -132,6 +132,10 @@ pub(super) fn load(
         let names: Vec<_> = header.elements.iter().map(|e| quoted(&e.name)).collect();
         bad("VGS-PLY-013", format!("no element `vertex`; the file has: {}", names.join(", ")))
     })?;
+    if vertex.properties.contains_key(PACKED) {
+        let message = format!("the splats are packed (property `{PACKED}`): a compressed PLY of SuperSplat");
+        return Err(bad("VGS-PLY-031", message).help(convert_help("compressed.ply")));
+    }
     let beside = header.element(INTENSITY_ELEMENT);
     let beside_columns = beside.map(|(_, element)| Beside::of(element, vertex.count)).transpose()?;
     let stated = comments::read(&header.comments)?;
@@ -142,7 +146,7 @@ pub(super) fn load(
     };
     if vertex.count as u64 > options.max_splats {
         let message = format!("{} splats, at most {} are allowed", vertex.count, options.max_splats);
-        return Err(bad("VGS-PLY-014", message).help("raise the limit if the file is meant to be so big"));
+        return Err(bad("VGS-PLY-014", message).help("divide the file into smaller ones"));
     }
     let last = beside.map_or(vertex_index, |(index, _)| index.max(vertex_index));
     let payload_bytes = bytes.saturating_sub(header.payload_start);
@@ -224,6 +228,17 @@ pub(super) fn load(
     };
     let intensity_01_range = stated.intensity_01_range;
     Ok(Loaded { set, rows, header, dropped, widened, bytes, layout, intensity_01_range })
+}
+
+/// A property of the PLY into which SuperSplat packs splats.
+const PACKED: &str = "packed_position";
+
+/// Returns how to convert a file of other programs, with this extension, to one that is read.
+pub(in crate::splat) fn convert_help(extension: &str) -> String {
+    format!(
+        "convert it to a PLY, for example with splat-transform (npm, @playcanvas/splat-transform): \
+         splat-transform FILE.{extension} FILE.ply"
+    )
 }
 
 /// Returns the field of a file without comments: a Gaussian kernel and the mean intensity as background.

@@ -98,7 +98,7 @@ pub fn run_missing(
     for (unit, path) in units {
         match if force { None } else { store.load::<Record>(&unit.key())? } {
             Some(record) => finished(record)?,
-            None => missing.push((unit.cost(), (unit, path))),
+            None => missing.push((unit.seconds(), (unit, path))),
         }
     }
     let left = missing.len();

@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use bench::store::hash;
 
+/// Pixels that two CPU cores render in a second, over all modes.
+const PIXELS_A_SECOND: f64 = 1.5e6;
 /// Distance between the eyes, mm.
 const EYES_MM: f64 = 64.0;
 /// Distance from the head to the middle of the patient, mm, as `vgs-xr` places it. It is greater for large
@@ -152,10 +154,12 @@ impl Unit {
         self.file.rsplit_once('-').map_or(self.file.as_str(), |(case, _)| case)
     }
 
-    /// Returns a rough measure of how long the unit takes: the number of pixels of its frames.
-    pub fn cost(&self) -> f64 {
+    /// Returns roughly how long the unit takes on two CPU cores, seconds: its pixels, each rendered once to
+    /// warm up, `frames` times to be timed, and once to count.
+    pub fn seconds(&self) -> f64 {
         let pixels = |s: &Shot| s.size.map(f64::from).iter().product::<f64>() * f64::from(s.views);
-        self.shots.iter().map(pixels).sum::<f64>() * (self.sights.len() * self.places.len()) as f64
+        let rendered = self.sights.len() * self.places.len() * (self.frames + 2);
+        self.shots.iter().map(pixels).sum::<f64>() * rendered as f64 / PIXELS_A_SECOND
     }
 }
 

@@ -288,7 +288,7 @@ mod tests {
         assert_eq!(table.rows.len(), 1, "Table 6 has no 100k");
         assert_eq!(
             line(&table, 0),
-            "Case 4 | TS-Bones (binary) | 4000 → 1291 | 250000 → 250000 | — | 250000 → 250020 | 250001 → 250021 | 54 | — | 1.0 | 1.0 | \
+            "Case 4 | TS-Bones (binary) | 4000 → 1291 | 250000 → 250000 | — | 250000 → 250020 | 250001 → 250021 | 54 | — | 1.9 | 1.9 | \
              21.00 | — | 20.00 | 50.00 | 5.02 | — | 0.005 | 0.005"
         );
         assert!(cases(&rows).contains("| 1000000 | 322824 | 0.323 |"), "{}", cases(&rows));

@@ -634,3 +634,17 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_compressed_ply_of_supersplat_is_told_by_its_name() {
+    let packed: String = ["position", "rotation", "scale", "color"]
+        .map(|name| format!("property uint packed_{name}\n"))
+        .concat();
+    let header = format!(
+        "ply\nformat binary_little_endian 1.0\nelement chunk 1\nproperty float min_x\nelement vertex 1\n{packed}end_header\n"
+    );
+    let file = [header.as_bytes(), &[0; 20]].concat();
+    let error = loaded(&file, &LENIENT).err().expect("packed splats");
+    assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-PLY-031"));
+    assert!(error.help.contains("splat-transform FILE.compressed.ply FILE.ply"), "{}", error.help);
+}
