@@ -132,10 +132,7 @@ pub(super) fn load(
         let names: Vec<_> = header.elements.iter().map(|e| quoted(&e.name)).collect();
         bad("VGS-PLY-013", format!("no element `vertex`; the file has: {}", names.join(", ")))
     })?;
-    if vertex.properties.contains_key(PACKED) {
-        let message = format!("the splats are packed (property `{PACKED}`): a compressed PLY of SuperSplat");
-        return Err(bad("VGS-PLY-031", message).help(convert_help("compressed.ply")));
-    }
+    check_vertex(vertex, options)?;
     let beside = header.element(INTENSITY_ELEMENT);
     let beside_columns = beside.map(|(_, element)| Beside::of(element, vertex.count)).transpose()?;
     let stated = comments::read(&header.comments)?;
@@ -144,10 +141,6 @@ pub(super) fn load(
     } else {
         Layout::of(vertex, beside_columns.as_ref().is_some_and(Beside::has_intensity))?
     };
-    if vertex.count as u64 > options.max_splats {
-        let message = format!("{} splats, at most {} are allowed", vertex.count, options.max_splats);
-        return Err(bad("VGS-PLY-014", message).help("divide the file into smaller ones"));
-    }
     let last = beside.map_or(vertex_index, |(index, _)| index.max(vertex_index));
     let payload_bytes = bytes.saturating_sub(header.payload_start);
     header.check_size(last, payload_bytes)?;
@@ -239,6 +232,19 @@ pub(in crate::splat) fn convert_help(extension: &str) -> String {
         "convert it to a PLY, for example with splat-transform (npm, @playcanvas/splat-transform): \
          splat-transform FILE.{extension} FILE.ply"
     )
+}
+
+/// Fails if the splats are packed as in SuperSplat, or too many.
+fn check_vertex(vertex: &ElementDef, options: &ReadOptions) -> Result<()> {
+    if vertex.properties.contains_key(PACKED) {
+        let message = format!("the splats are packed (property `{PACKED}`): a compressed PLY of SuperSplat");
+        return Err(bad("VGS-PLY-031", message).help(convert_help("compressed.ply")));
+    }
+    if vertex.count as u64 > options.max_splats {
+        let message = format!("{} splats, at most {} are allowed", vertex.count, options.max_splats);
+        return Err(bad("VGS-PLY-014", message).help("divide the file into smaller ones"));
+    }
+    Ok(())
 }
 
 /// Returns the field of a file without comments: a Gaussian kernel and the mean intensity as background.
