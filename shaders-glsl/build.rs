@@ -76,7 +76,7 @@ fn main() {
     writeln!(
         items,
         "/// Unoptimised SPIR-V with names, by file: what programs that study the kernels read.\n\
-         #[cfg(feature = \"plain\")]\npub static PLAIN: &[(&str, &[u8])] = &[{plain_items}];"
+         pub static PLAIN: &[(&str, &[u8])] = &[{plain_items}];"
     )
     .unwrap();
     for (name, constants) in &modules {

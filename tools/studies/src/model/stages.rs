@@ -8,7 +8,9 @@
 use std::sync::LazyLock;
 
 use shaders_glsl::radix::RADIX_BLOCK;
-use shaders_glsl::tiles::PLANES;
+use shaders_glsl::scan::SCAN_BLOCK;
+use shaders_glsl::slab;
+use shaders_glsl::tiles::{PLANES, TILE};
 use shaders_glsl::{
     ALPHA_FRAG, ALPHA_VERT, BRICK_RANGES, EMIT_TILE_PAIRS, PROJECT_QUADS, PROJECT_SPLATS, RADIX_COUNT,
     RADIX_SCATTER, RAYMARCH, Resource, SCAN_APPLY, SCAN_SUMS, SLAB, Shader,
@@ -17,12 +19,10 @@ use shaders_glsl::{
 use super::operations::Operations;
 use super::work::Work;
 
-/// Invocations of a wide group, which share a tile.
-const LANES: f64 = 64.0;
 /// Pixels of an invocation of `slab`.
-const PIXELS: f64 = 4.0;
-/// Halvings of the sums of a workgroup of `scan_sums`, and the mean number of runs joined by one of `scan_apply`.
-const SCAN_ROUNDS: [f64; 2] = [8.0, 7.5];
+const PIXELS: f64 = slab::PIXELS as f64;
+/// Invocations of a wide group, which share a tile.
+const LANES: f64 = (TILE * TILE) as f64 / PIXELS;
 /// The area of a square around a circle over that of a triangle around it.
 const SQUARE: f64 = 4.0 / 5.196_152_4;
 
@@ -92,7 +92,7 @@ fn only(condition: bool, count: f64) -> f64 {
 
 /// The stages of modes slab, alpha and decoded, in their order.
 pub static STAGES: LazyLock<[Stage; 9]> =
-    LazyLock::new(|| [project(), emit(), scan(), sort(), ranges(), slab(), quads(), draw(), march()]);
+    LazyLock::new(|| [project(), emit(), scan(), sort(), ranges(), classify(), quads(), draw(), march()]);
 
 fn project() -> Stage {
     let ops = Operations::of(&PROJECT_SPLATS, &[], &["tile_parts"]);
@@ -131,11 +131,14 @@ fn emit() -> Stage {
 
 fn scan() -> Stage {
     let [sums, apply] = [&SCAN_SUMS, &SCAN_APPLY].map(|shader| Operations::of(shader, &[], &[]));
-    let run = shaders_glsl::scan::SCAN_BLOCK as f64 / f64::from(SCAN_SUMS.width());
+    let run = f64::from(SCAN_BLOCK) / f64::from(SCAN_SUMS.width());
+    // Halvings of the sums of a workgroup, and the mean number of runs of sixteen sums that an invocation joins.
+    let halvings = f64::from(SCAN_SUMS.width().ilog2());
+    let joined = (f64::from(SCAN_APPLY.width()) / 16.0 - 1.0) / 2.0;
     let invocation = sums.at("main")
-        + SCAN_ROUNDS[0] * sums.at("main/half_size")
+        + halvings * sums.at("main/half_size")
         + apply.at("main")
-        + SCAN_ROUNDS[1] * apply.at("main/r");
+        + joined * apply.at("main/r");
     // The run of an invocation, and in one of sixteen of the second kernel as many sums.
     let element = sums.at("main/i") + apply.at("main/i") + invocation / run;
     let moved = bytes(&SCAN_SUMS, &["values"]) + bytes(&SCAN_APPLY, &["values", "offsets"]);
@@ -191,7 +194,7 @@ fn ranges() -> Stage {
     }
 }
 
-fn slab() -> Stage {
+fn classify() -> Stage {
     let [plain, lit, integrated] =
         [&[][..], &[("SHADED", 1)], &[("SEGMENTS", 1)]].map(|c| Operations::of(&SLAB, c, &["add"]));
     // Of the planes of a round and the pixels of an invocation.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// Pixels of a part of a tile.
 const PART: [usize; 2] = [4, 8];
 /// Pixels along the edge of a tile.
-const TILE: usize = 16;
+const TILE: usize = shaders_glsl::tiles::TILE as usize;
 const PART_PIXELS: f64 = (PART[0] * PART[1]) as f64;
 const TILE_PIXELS: f64 = (TILE * TILE) as f64;
 /// Pixels of a group of rays: of eight invocations, and the edge of a square of 64.
