@@ -1,59 +1,12 @@
-// How intensities become colour and opacity, where the scene is clipped, and how it is lit.
-// engine/src/transfer/table.rs has the same table on the host. All kernels that show something bind the views
-// and the look in these places.
+// How a scene is seen: by a transfer function (look_table.glsl), clipped, and lit. All kernels that show
+// something bind the views and the look in these places.
 #ifndef LOOK_GLSL
 #define LOOK_GLSL
 #include "view.glsl"
-#include "look_row.glsl"
+#define LOOK_BINDING 1
+#include "look_table.glsl"
 
 layout(scalar, binding = 0) readonly buffer Views { View views[]; };
-layout(scalar, binding = 1) readonly buffer LookRows { Look look_rows[]; };
-layout(scalar, binding = 2) readonly buffer LookPoints { uvec2 look_points[]; };
-layout(scalar, binding = 3) readonly buffer LookIntegrals { uvec4 look_integrals[]; };
-
-vec4 look_entry(uint i) {
-    uvec2 e = look_points[i];
-    return vec4(unpackUnorm2x16(e.x), unpackUnorm2x16(e.y).x, unpackHalf2x16(e.y).y);
-}
-
-// Colour (not premultiplied) and extinction, 1/mm, at an intensity: those of the nearest entry.
-vec4 look_point(float v) {
-    float at = (v - look_rows[0].first) * look_rows[0].inverse_step + 0.5;
-    return look_entry(uint(clamp(floor(at), 0.0, look_rows[0].last)));
-}
-
-// Opacity of a stretch of ray, mm: occupancy is a factor of the opacity per mm, 1 - exp(-extinction), so that
-// a faint occupancy stays faint however opaque the transfer function is.
-float look_opacity(float extinction, float occupancy, float path) {
-    return 1.0 - exp(path * log(1.0 - occupancy * (1.0 - exp(-extinction))));
-}
-
-// Mean colour and mean extinction of a segment on which the intensity goes evenly from one value to another.
-vec4 look_segment(float from, float to) {
-    float a = (min(from, to) - look_rows[0].first) * look_rows[0].inverse_step;
-    float b = (max(from, to) - look_rows[0].first) * look_rows[0].inverse_step;
-    if (b - a < 1.0) return look_point(0.5 * (from + to));
-    float last = look_rows[0].last;
-    float below = min(b, 0.0) - min(a, 0.0);
-    float above = max(b, last) - max(a, last);
-    float ca = clamp(a, 0.0, last), cb = clamp(b, 0.0, last);
-    uint ia = uint(min(floor(ca), last - 1.0)), ib = uint(min(floor(cb), last - 1.0));
-    uvec4 ka = look_integrals[ia], kb = look_integrals[ib];
-    vec4 whole = vec4(kb - ka);
-    vec4 part = (cb - float(ib)) * vec4(look_integrals[ib + 1] - kb)
-        - (ca - float(ia)) * vec4(look_integrals[ia + 1] - ka);
-    vec4 sum = max((whole + part) * look_rows[0].integral_unit, 0.0);
-    if (below > 0.0) {
-        vec4 e = look_entry(0u);
-        sum += below * vec4(e.rgb * e.a, e.a);
-    }
-    if (above > 0.0) {
-        vec4 e = look_entry(uint(last));
-        sum += above * vec4(e.rgb * e.a, e.a);
-    }
-    if (sum.a <= 0.0) return vec4(0.0);
-    return vec4(min(sum.rgb, sum.a) / sum.a, sum.a / (b - a));
-}
 
 // Blinn and Phong, one light above the viewer's left shoulder; both sides of a surface are lit alike.
 // `gradient` is that of O (V - dark), `ray` goes from the eye; both in eye space.

@@ -1,10 +1,10 @@
 // A splat as mode alpha draws it for one view: an ellipse on the picture, the optical depth through its
 // middle, and one colour.
 //
-// Drawn is the extinction τ s (1 - q/6)^(3/2). At the depth m of its centre, and to first order in the size
+// Drawn is the extinction e (1 - q/6)^(3/2). At the depth m of its centre, and to first order in the size
 // of a splat over m, q = A l² + γ along a ray, with l in mm of the ray and γ = m² |across (t - c)|² for
 // tangents t of the ray and c of the centre (projected.glsl). So the optical depth is K (1 - γ/6)² with
-// K = τ s √(6/A) 3π/8. A standard splat (3D Gaussian splatting) has the opacity K exp(-γ/2), and a footprint
+// K = e √(6/A) 3π/8. A standard splat (3D Gaussian splatting) has the opacity K exp(-γ/2), and a footprint
 // widened by 0.3 pixels².
 #ifndef QUAD_GLSL
 #define QUAD_GLSL
@@ -28,9 +28,6 @@ struct Quad {
 
 // See types.rs.
 struct Centre {
-    float intensity;
-    float share;
-    float spread;
     vec3 slope;
     vec3 occupancy_slope;
 };

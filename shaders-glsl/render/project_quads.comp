@@ -38,6 +38,7 @@ layout(scalar, binding = 12) writeonly buffer Values { uint values[]; };
 layout(scalar, binding = 13) buffer Arguments { uint arguments[]; }; // vertices, instances, first vertex, first instance
 layout(scalar, binding = 14) readonly buffer ActiveObjects { uint active_objects[]; };
 layout(scalar, binding = 15) readonly buffer Appearances { Appearance appearances[]; };
+layout(scalar, binding = 17) readonly buffer Media { vec4 media[]; }; // extinction times colour, extinction, 1/mm
 
 Splat splat_at(uint i) {
     if (PACKED == 1) return unpack(rows[i], chunks[i / PACKED_CHUNK], p.range);
@@ -122,12 +123,12 @@ Quad quad_of(uint view, uint splat, Splat s, vec4 look, Appearance object) {
         r.axes = widened(r.axes);
         r.colour = tinted(own_colour(splat, normalize(s.mean - v.eye)), object.tint);
     } else {
-        Centre f = centres[splat];
-        r.thickness = look.a * f.share * 1.1780972 * half_path; // 3π/8
+        r.thickness = look.a * 1.1780972 * half_path; // 3π/8
         if (!(r.thickness > LEAST_DEPTH)) return UNSEEN;
         r.edge = sqrt(1.0 - sqrt(LEAST_DEPTH / r.thickness));
         r.colour = look.rgb;
         if (SHADED == 1) {
+            Centre f = centres[splat];
             vec3 gradient = turned(v, f.slope - look_rows[0].dark * f.occupancy_slope);
             r.colour = look_lit(look.rgb, gradient, mean);
         }
@@ -153,8 +154,8 @@ void main() {
     if (OBJECTS == 1) object = appearances[active_objects[i]];
     vec4 look = vec4(0.0);
     if (STANDARD == 0) {
-        Centre f = centres[splat];
-        look = look_segment(f.intensity - f.spread, f.intensity + f.spread);
+        vec4 medium = media[splat];
+        look = vec4(min(medium.rgb / medium.a, 1.0), medium.a);
         if (OBJECTS == 1) {
             look.rgb = tinted(look.rgb, object.tint);
             // As a factor of the opacity per mm, like the occupancy.

@@ -449,14 +449,8 @@ shared! {
         /// Intensity relative to the background.
         intensity: f32,
     }
-    /// The field at the centre of a splat, and the splat's share of its extinction.
+    /// The gradients of the field at the centre of a splat, for its light.
     Centre {
-        /// V.
-        intensity: f32,
-        /// s: the occupancy at the centre that is attributed to the splat.
-        share: f32,
-        /// Half the range of intensities that the splat stands for: V ± this.
-        spread: f32,
         /// ∇(O V), 1/mm.
         slope: [f32; 3],
         /// ∇O, 1/mm.
@@ -493,6 +487,13 @@ shared! {
         coefficients: u32,
         /// Ranges of packed rows.
         range: PackedRange,
+    }
+    /// Push constants of `deconvolve_points` and `deconvolve_splats`.
+    DeconvolutionParams {
+        /// Number of points, or of splats.
+        count: u32,
+        /// Number of the round; the first one, 0, begins with the medium itself.
+        round: u32,
     }
     /// Push constants of `alpha`.
     AlphaParams {

@@ -10,7 +10,7 @@ use engine::reference::quads::{self, Face, Quad};
 use engine::reference::slab::{self as reference, Seen};
 use engine::render::{Camera, Look, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Harmonics, Kernel};
-use engine::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction};
+use engine::transfer::{ColourPoint, Material, OpacityPoint, TransferFunction};
 use engine::volume::Volume;
 use glam::{DAffine3, DVec2, DVec3};
 use vgs_tests::Device;
@@ -203,9 +203,8 @@ fn fragments_are_those_of_the_quads_ellipses() {
     let work = renderer.work().expect("counts");
 
     let eye = Eye::from(&camera.view(scene.origin));
-    let table = Table::new(&scene.look().transfer, [0.0, 1.0]);
     let material = Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0 };
-    let quad_look = quads::Look { table: &table, material: &material, dark: 0.0, planes: &[] };
+    let quad_look = quads::Look { material: &material, dark: 0.0, planes: &[] };
     let face = Face::Own(DVec3::ONE);
     let object = eye::Appearance::default();
     let quads: Vec<Quad> = set

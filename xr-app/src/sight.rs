@@ -66,7 +66,7 @@ impl Sight {
     /// Returns the settings of the renderer of the views.
     pub fn settings(&self, depth: bool) -> Settings {
         let (views, masked) = (if self.foveated { 4 } else { 2 }, self.foveated || self.lenses);
-        Settings { views, depth, masked, ..Settings::new(self.size) }
+        Settings { views, depth, masked, gradual: true, ..Settings::new(self.size) }
     }
 
     /// Returns the width and height of the pictures of the eyes, pixels.

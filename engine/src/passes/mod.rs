@@ -19,11 +19,13 @@
 //! | `activity` | `mark_active`, `list_active` | which splats a look can show |
 //! | `ranking` | `limit_active` | an order of importance, for listings with a budget |
 //! | `tiles` | `hidden_parts`, `project_splats`, `emit_tile_pairs` | splats into tiles and blocks of planes |
+//! | `deconvolution` | `deconvolve_points`, `deconvolve_splats` | extinction and colour of each splat, for mode alpha |
 //! | `quads` | `project_quads` | projection of splats to quads |
 //! | `occupancy` | `occupancy_mark`, `occupancy_spread` | which bricks of a volume a look can show |
 //! | `render/slab` | `slab` | the modes slab and exact |
 //! | `render/raymarch` | `raymarch` | the modes volume and decoded |
 //! | `views`, `splat_rows` | | the views and the splats that kernels read |
+//! | `lists` | | lists of rows, one behind the other |
 //! | `storage`, `workgroup_shape` | | how samples are stored, how wide workgroups are |
 //! | `submission_pacer` | | how much work one submission takes |
 //! | `work` | | counts of the work of a frame |
@@ -33,7 +35,9 @@
 pub mod activity;
 pub mod adam;
 pub mod bin;
+pub mod deconvolution;
 pub mod gradient;
+pub mod lists;
 pub mod loss;
 pub mod occupancy;
 pub mod overlap;
@@ -57,7 +61,9 @@ mod workgroup_shape;
 pub use activity::Activity;
 pub use adam::Adam;
 pub use bin::Binner;
+pub use deconvolution::Deconvolution;
 pub use gradient::Gradient;
+pub use lists::Lists;
 pub use loss::Losses;
 pub use occupancy::Occupancy;
 pub use overlap::Overlap;

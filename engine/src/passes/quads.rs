@@ -2,8 +2,9 @@
 
 use shaders_glsl as glsl;
 pub use shaders_glsl::project_quads::ORDER_BITS;
-use shaders_glsl::types::{Appearance, Centre, Look, Quad, QuadParams};
+use shaders_glsl::types::{Appearance, Centre, Quad, QuadParams};
 
+use super::deconvolution::LookTables;
 use super::{RadixSort, SplatRows, Views, Work, WorkgroupShape};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
@@ -20,10 +21,12 @@ pub fn corners(gpu: &Gpu) -> u32 {
 /// Buffers that quads are made from, besides views and constants.
 pub struct QuadSources<'a> {
     /// The look: its row, points and integrals.
-    pub look: (&'a Buffer<Look>, &'a Buffer<[u32; 2]>, &'a Buffer<[u32; 4]>),
+    pub look: LookTables<'a>,
     /// All splats.
     pub splats: &'a SplatRows,
-    /// The field at their centres; not read for standard splats.
+    /// Extinction times colour, and extinction, of each splat; not read for standard splats.
+    pub media: &'a Buffer<[f32; 4]>,
+    /// The gradients of the field at their centres; read only for light.
     pub centres: &'a Buffer<Centre>,
     /// Spherical harmonics of standard splats, two halves a word; not read for others.
     pub harmonics: &'a Buffer<u32>,
@@ -111,6 +114,7 @@ impl Quads {
             .read("active_objects", sources.objects.0)
             .read("appearances", sources.objects.1)
             .read("patches", &views.patches)
+            .read("media", sources.media)
             .push(&QuadParams { range: sources.splats.range, ..*params })
             .dispatch_over(params.splat_count);
         self.sort.record(recorder, sources.active.1, 0, ORDER_BITS);

@@ -9,6 +9,7 @@
 pub mod activity;
 pub mod adam;
 pub mod decoded;
+pub mod deconvolution;
 pub mod eye;
 pub mod half;
 pub mod hidden;

@@ -4,14 +4,14 @@
 //! The computation is plain: each ellipse comes from the conditional covariance across the ray, and every
 //! pixel visits every splat.
 
-use glam::{DMat2, DMat3, DVec2, DVec3};
+use glam::{DMat2, DMat3, DVec2, DVec3, DVec4};
 use shaders_glsl::types::Centre;
 
 use super::Splat;
 use super::eye::{Appearance, Eye, Gathered, lit, tinted};
 use super::slab::NEAREST;
 use super::types::vec3;
-use crate::transfer::{Material, Table};
+use crate::transfer::Material;
 
 /// A splat is drawn where its opacity is at least this.
 pub const LEAST_OPACITY: f64 = 1.0 / 255.0;
@@ -22,8 +22,6 @@ const DRAWN_Q: f64 = 6.0;
 
 /// Settings of a picture.
 pub struct Look<'a> {
-    /// The transfer function.
-    pub table: &'a Table,
     /// Material of what is shaded.
     pub material: &'a Material,
     /// v0 of the shaded gradient.
@@ -34,8 +32,8 @@ pub struct Look<'a> {
 
 /// Source of a splat's colour.
 pub enum Face<'a> {
-    /// The field at its centre, seen through a look.
-    Field(&'a Centre),
+    /// The medium that it draws (extinction times colour, extinction, 1/mm), and the gradients at its centre.
+    Medium(DVec4, &'a Centre),
     /// Its own colour, towards the viewer: a standard splat.
     Own(DVec3),
 }
@@ -123,17 +121,16 @@ pub fn quad(
             let opacity = object.opacity / (1.0 + (-splat.opacity_logit).exp());
             (opacity, true, tinted(*colour, object.tint))
         }
-        Face::Field(field) => {
-            let [v, spread] = [field.intensity, field.spread].map(f64::from);
-            let (base, extinction) = look.table.segment(v - spread, v + spread);
-            let base = tinted(base, object.tint);
+        Face::Medium(medium, field) => {
+            let extinction = medium.w;
+            let base = tinted((medium.truncate() / extinction).min(DVec3::ONE), object.tint);
             // A factor of the opacity per mm.
             let extinction = -(1.0 - object.opacity * (1.0 - (-extinction).exp())).ln();
             // ∫ (1 - A l²/6)^(3/2) dl with A per mm of ray.
             let path = ray.length() * (DRAWN_Q / along).sqrt() * std::f64::consts::PI * 0.375;
             let gradient = eye.turn * (vec3(field.slope) - vec3(field.occupancy_slope) * look.dark);
             let colour = if look.material.shade { lit(base, gradient, ray, look.material) } else { base };
-            (extinction * f64::from(field.share) * path, false, colour)
+            (extinction * path, false, colour)
         }
     };
     let quad = Quad { centre, covariance, thickness, standard, depth: mean.z, colour };

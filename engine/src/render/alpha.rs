@@ -1,8 +1,8 @@
-//! Mode alpha: every splat is a quad of one colour, that of the field at its centre, blended back to front.
+//! Mode alpha: every splat is a quad of one colour, blended back to front.
 //!
 //! It is the cheapest mode, and any rasterizer can do it. Mode slab sums first and classifies the sum; this
-//! mode classifies each splat first and sums the results: see `centres` for the share of the field that it
-//! attributes to each. The transfer function is looked up once for a splat and frame. One order serves all
+//! mode gives each splat an extinction and a colour, so that their sum is near the medium that the transfer
+//! function makes of the field: see [`Deconvolution`]. They are found once for a look. One order serves all
 //! views: back to front along the mean of the viewing directions. Clip planes remove whole splats, by their
 //! centres.
 //!
@@ -23,7 +23,7 @@ use super::variants::Variants;
 use crate::error::Result;
 use crate::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
 use crate::passes::quads::{QuadSources, QuadVariant, corners};
-use crate::passes::{Quads, Views, Work};
+use crate::passes::{Deconvolution, Quads, Views, Work};
 
 /// The mode `alpha`.
 pub struct Alpha {
@@ -31,6 +31,12 @@ pub struct Alpha {
     /// Kernels for what the look requires, each created when it is first needed.
     kernels: Variants<QuadVariant>,
     quads: Quads,
+    /// Extinction and colour of each splat; `None` before the first frame.
+    deconvolution: Option<Deconvolution>,
+    /// Stands for the media of standard splats, which have none.
+    no_media: Buffer<[f32; 4]>,
+    /// Greatest number of rounds of the deconvolution in a frame.
+    rounds: u32,
     /// Number of splats that the look can show in the frame.
     count: Buffer<u32>,
     drawing: Drawing,
@@ -55,6 +61,9 @@ impl Alpha {
             gpu: gpu.clone(),
             kernels: Variants::new(),
             quads: Quads::new(gpu, settings.views, splats.count)?,
+            deconvolution: None,
+            no_media: gpu.buffer("no media", "splats", 1)?,
+            rounds: if settings.gradual { 1 } else { u32::MAX },
             count: gpu.buffer("splats of the frame", "views", 1)?,
             drawing: Drawing::new(gpu, &glsl::ALPHA_VERT, fragment, &constants, &formats, settings.views)?,
             params: QuadParams {
@@ -98,12 +107,21 @@ impl Mode for Alpha {
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
         let (splats, look) = (scene.expect_splats(), scene.look_buffers());
-        let (centres, harmonics) = splats.faces(&self.gpu)?;
+        let (faces, harmonics) = splats.faces(&self.gpu)?;
         splats.count_active(recorder, &mut self.count);
+        let tables = (&look.rows, &look.points, &look.integrals);
+        if let Some(points) = &faces.points {
+            let deconvolution = match &mut self.deconvolution {
+                Some(made) => made,
+                none => none.insert(Deconvolution::new(&self.gpu, points)?),
+            };
+            deconvolution.record(recorder, points, (look.number, tables), self.rounds);
+        }
         let sources = QuadSources {
-            look: (&look.rows, &look.points, &look.integrals),
+            look: tables,
             splats: splats.rows(),
-            centres,
+            media: self.deconvolution.as_ref().map_or(&self.no_media, |made| &made.media),
+            centres: &faces.centres,
             harmonics,
             active: (splats.active(), &self.count),
             objects: (splats.active_objects(), &look.appearances),

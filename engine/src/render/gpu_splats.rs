@@ -10,14 +10,15 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use glam::{DAffine3, DVec3, Vec3};
 use shaders_glsl::types::Centre;
 
-use super::centres::centres;
 use super::decoded;
 use super::extents::{intervals, middle_sigma, reaches};
 use super::gpu_volume::GpuVolume;
 use super::look::LookBuffers;
+use super::splat_points::splat_points;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder};
 use crate::passes::activity::ActivitySources;
+use crate::passes::deconvolution::DevicePoints;
 use crate::passes::{Activity, Ranking, SplatRows};
 use crate::splat::harmonics::basis_count;
 use crate::splat::{Field, Form, Grid, Harmonics, Object, Packed, SplatSet, by_importance};
@@ -38,6 +39,14 @@ pub enum Precision {
 pub(super) struct Standard {
     /// Number of spherical harmonics of each colour.
     pub(super) coefficients: u32,
+}
+
+/// What mode alpha draws splats by, besides their shapes.
+pub(super) struct Faces {
+    /// Gradients of the field at the centres.
+    pub(super) centres: Buffer<Centre>,
+    /// Points at which the splats are compared with the medium; `None` for standard splats.
+    pub(super) points: Option<DevicePoints>,
 }
 
 /// A pitch, voxels, and the field decoded at it.
@@ -65,8 +74,8 @@ pub struct GpuSplats {
     /// Greatest number of splats that a look lists.
     budget: Option<usize>,
     ranking: Option<Ranking>,
-    /// Field at the centres; only mode alpha needs it.
-    centres: Arc<OnceLock<Buffer<Centre>>>,
+    /// What only mode alpha needs.
+    faces: Arc<OnceLock<Faces>>,
     /// The grid that the splats were fitted on, in the space of the scene.
     grid: Option<Grid>,
     form: Form,
@@ -126,7 +135,7 @@ impl GpuSplats {
             activity: Activity::new(gpu, count)?,
             budget: None,
             ranking: None,
-            centres: Arc::default(),
+            faces: Arc::default(),
             grid: set.grid.map(|grid| Grid {
                 world_from_voxel: DAffine3::from_translation(-set.origin_mm) * grid.world_from_voxel,
                 ..grid
@@ -180,15 +189,14 @@ impl GpuSplats {
         &self.rows
     }
 
-    /// Returns the field at the splats' centres and their spherical harmonics. Standard splats use only the
-    /// harmonics, others only the field; the other buffer is a placeholder. The first call computes the
-    /// field, and waits for the device.
-    pub(super) fn faces(&self, gpu: &Gpu) -> Result<(&Buffer<Centre>, &Buffer<u32>)> {
-        let made = match self.centres.get() {
+    /// Returns what mode alpha draws by, and the spherical harmonics, a placeholder but for standard splats.
+    /// The first call evaluates the field, and waits for the device.
+    pub(super) fn faces(&self, gpu: &Gpu) -> Result<(&Faces, &Buffer<u32>)> {
+        let made = match self.faces.get() {
             Some(made) => made,
             None => {
                 let made = self.faces_maker(gpu)?()?;
-                self.centres.get_or_init(|| made)
+                self.faces.get_or_init(|| made)
             }
         };
         Ok((made, &self.harmonics))
@@ -196,13 +204,13 @@ impl GpuSplats {
 
     /// Returns true if mode alpha can begin at once.
     pub fn has_faces(&self) -> bool {
-        self.centres.get().is_some()
+        self.faces.get().is_some()
     }
 
     /// Returns a function that prepares mode alpha, so that it can begin at once; it may be called on any
-    /// thread. For 100,000 splats it takes about a second of the host. Waits for the device.
+    /// thread. For 100,000 splats it takes one to two seconds of the host. Waits for the device.
     pub fn preparation(&self, gpu: &Gpu) -> Result<impl FnOnce() -> Result<()> + Send + use<>> {
-        let (place, make) = (Arc::clone(&self.centres), self.faces_maker(gpu)?);
+        let (place, make) = (Arc::clone(&self.faces), self.faces_maker(gpu)?);
         Ok(move || {
             if place.get().is_none() {
                 let made = make()?;
@@ -212,15 +220,27 @@ impl GpuSplats {
         })
     }
 
-    fn faces_maker(&self, gpu: &Gpu) -> Result<impl FnOnce() -> Result<Buffer<Centre>> + Send + use<>> {
-        let (gpu, field) = (gpu.clone(), self.field);
-        let splats = match self.standard {
+    fn faces_maker(&self, gpu: &Gpu) -> Result<impl FnOnce() -> Result<Faces> + Send + use<>> {
+        let gpu = gpu.clone();
+        let source = match self.standard {
             Some(_) => None,
-            None => Some(self.rows.read()?),
+            None => Some(self.source()?),
         };
         Ok(move || {
-            let rows = splats.map_or_else(|| vec![Centre::default()], |splats| centres(&splats, &field));
-            gpu.upload("field at the centres", "splats", &rows)
+            let upload = |rows: &[Centre]| gpu.upload("field at the centres", "splats", rows);
+            let Some(source) = source else {
+                return Ok(Faces { centres: upload(&[Centre::default()])?, points: None });
+            };
+            // Between the voxels of its grid such a fit means nothing, only its decoded field does.
+            let decoded = match source.form {
+                Form::Grid { .. } => Some(source.decode(&gpu, 1.0)?),
+                Form::Field => None,
+            };
+            let made = splat_points(&source.splats, &source.field, decoded.as_ref())?;
+            Ok(Faces {
+                centres: upload(&made.centres)?,
+                points: Some(DevicePoints::new(&gpu, &made.points)?),
+            })
         })
     }
 
@@ -250,14 +270,7 @@ impl GpuSplats {
     /// If the pitch is out of range.
     pub fn decoding(&self, gpu: &Gpu, pitch: f64) -> Result<impl FnOnce() -> Result<()> + Send + use<>> {
         decoded::check(pitch)?;
-        let source = decoded::Source {
-            splats: self.rows.read()?,
-            objects: self.object_numbers.read()?.iter().map(|&number| number as u8).collect(),
-            field: self.field,
-            grid: self.grid,
-            form: self.form,
-            sigma_mm: self.sigma_mm,
-        };
+        let source = self.source()?;
         let (gpu, place) = (gpu.clone(), Arc::clone(&self.decoded));
         Ok(move || {
             let start = std::time::Instant::now();
@@ -270,6 +283,18 @@ impl GpuSplats {
             );
             *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((pitch, volume));
             Ok(())
+        })
+    }
+
+    /// Returns the splats with what decoding needs. Waits for the device.
+    fn source(&self) -> Result<decoded::Source> {
+        Ok(decoded::Source {
+            splats: self.rows.read()?,
+            objects: self.object_numbers.read()?.iter().map(|&number| number as u8).collect(),
+            field: self.field,
+            grid: self.grid,
+            form: self.form,
+            sigma_mm: self.sigma_mm,
         })
     }
 

@@ -11,7 +11,8 @@
 //! | file | what is there |
 //! |---|---|
 //! | `scene` | [`Scene`]: the splats and the volume that are rendered, and how they are seen |
-//! | `gpu_splats`, `centres`, `extents` | [`GpuSplats`]: splats on the device; their field; their reach |
+//! | `gpu_splats`, `extents` | [`GpuSplats`]: splats on the device; their reach |
+//! | `splat_points`, `bumps` | the field at points in the splats, for mode alpha |
 //! | `gpu_volume`, `scale` | [`GpuVolume`]: a volume or a decoded field on the device; its 16-bit fractions |
 //! | `decoded`, `least_squares` | [`decode`]: the field of splats on the voxels of a grid |
 //! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and the parts no eye sees |
@@ -22,8 +23,8 @@
 //! | `quality_levels` | [`quality_levels()`]: the measured ways to trade quality for time, for the frame budget |
 
 mod alpha;
+mod bumps;
 mod camera;
-mod centres;
 mod decoded;
 mod extents;
 mod frames;
@@ -41,6 +42,7 @@ mod scale;
 mod scene;
 mod settings;
 mod slab;
+mod splat_points;
 mod target;
 mod variants;
 mod visibility_mask;

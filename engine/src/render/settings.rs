@@ -33,6 +33,9 @@ pub struct Settings {
     pub classification: Option<Classification>,
     /// Least light: rays end when less than this would pass.
     pub dark: f32,
+    /// True if mode alpha follows a new look over some frames instead of in one, so that none of them is
+    /// late: for programs that render all the time.
+    pub gradual: bool,
     /// True if pictures show the work of each pixel instead of its colour, for benchmarks, with `precise`. In
     /// mode slab the channels are, alike for the 4 × 8 pixels of a part of a tile: planes at which splats
     /// were evaluated, summed over the splats; the same over all splats of the tile's lists, as for a group
@@ -56,6 +59,7 @@ impl Settings {
             jitter: false,
             classification: None,
             dark: 1.0 / 512.0,
+            gradual: false,
             counting: false,
         }
     }

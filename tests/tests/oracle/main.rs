@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod bins;
+mod deconvolution;
 mod hidden;
 mod optimiser;
 mod quads;
@@ -47,6 +48,7 @@ oracle! {
         moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
     quads: project_quads;
+    deconvolution: deconvolve_points deconvolve_splats;
     hidden: hidden_parts;
     slab: mark_active limit_active list_active project_splats emit_tile_pairs slab;
     raymarch: occupancy_mark occupancy_spread raymarch;

@@ -10,7 +10,7 @@ use engine::reference::quads as reference;
 use engine::render::{self, Camera, Look, LookBuffers, Target};
 use engine::splat::harmonics::basis_count;
 use engine::splat::{Harmonics, Splat};
-use engine::transfer::{Material, Table, preset};
+use engine::transfer::{Material, preset};
 use glam::{DMat2, DVec2, DVec3, DVec4, Vec3};
 use rand::RngExt;
 use shaders_glsl::types::{AlphaParams, Centre, Quad, QuadParams, View};
@@ -57,6 +57,8 @@ const OBJECTS: [render::Appearance; 3] = [
 /// them.
 struct Stage {
     splats: Vec<Splat>,
+    /// Extinction times colour, and extinction, 1/mm.
+    media: Vec<[f32; 4]>,
     centres: Vec<Centre>,
     harmonics: Harmonics,
     active: Vec<u32>,
@@ -75,10 +77,14 @@ fn stage(seed: u64, count: usize, kind: Kind) -> Stage {
             s
         })
         .collect();
+    let medium = |_| {
+        let extinction = rng.random_range(0.0f32..0.9).powi(2) + 1e-9;
+        // A colour may be a little brighter than white.
+        let mut colour = || extinction * rng.random_range(0.0f32..1.05);
+        [colour(), colour(), colour(), extinction]
+    };
+    let media = (0..count).map(medium).collect();
     let centre = |_| Centre {
-        intensity: rng.random_range(-200.0f32..1200.0),
-        share: rng.random_range(0.0f32..1.2),
-        spread: rng.random_range(0.0f32..60.0),
         slope: std::array::from_fn(|_| rng.random_range(-50.0f32..50.0)),
         occupancy_slope: std::array::from_fn(|_| rng.random_range(-0.1f32..0.1)),
     };
@@ -99,6 +105,7 @@ fn stage(seed: u64, count: usize, kind: Kind) -> Stage {
         Material { shade: kind.shaded, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0 };
     Stage {
         splats,
+        media,
         centres,
         harmonics: Harmonics { degree, coefficients },
         active: (0..count as u32).filter(|i| i % 11 != 3).collect(),
@@ -127,9 +134,7 @@ impl Stage {
 
     /// The quads of all active splats by the reference implementation, with their places among these.
     fn wanted(&self, view: usize, eye: &Eye, dark: f32) -> Vec<Option<reference::Quad>> {
-        let table = Table::new(&self.look.transfer, RANGE);
         let look = reference::Look {
-            table: &table,
             material: &self.look.transfer.material,
             dark: f64::from(dark),
             planes: &CUT.map(|p| p.map(f64::from)),
@@ -141,8 +146,11 @@ impl Stage {
                 let direction = (s.mean - eye.position).normalize().to_array();
                 reference::Face::Own(DVec3::from_array(self.harmonics.colour(i, direction)))
             };
-            let face =
-                if self.kind.standard { own(&splat) } else { reference::Face::Field(&self.centres[i]) };
+            let medium = DVec4::from_array(self.media[i].map(f64::from));
+            let face = match self.kind.standard {
+                true => own(&splat),
+                false => reference::Face::Medium(medium, &self.centres[i]),
+            };
             let object = if self.kind.objects { appearance(i) } else { Appearance::default() };
             reference::quad(&splat, &face, &object, eye, SIZE, &look).filter(|quad| {
                 let half_size = DVec2::new(quad.covariance.x_axis.x, quad.covariance.y_axis.y) * quad.edge();
@@ -187,6 +195,7 @@ fn made(gpu: &Gpu, stage: &Stage) -> Made {
         .collect();
     let views = hidden::views(gpu, &stage.views, &if hidden { hidden::lens_and_inset() } else { Vec::new() });
     let splats = SplatRows::full(gpu, &stage.splats).unwrap();
+    let media = gpu.upload("media", "test", &stage.media).unwrap();
     let centres = gpu.upload("centres", "test", &stage.centres).unwrap();
     let harmonics = gpu.upload("harmonics", "test", &words).unwrap();
     let active = gpu.upload("active", "test", &stage.active).unwrap();
@@ -196,6 +205,7 @@ fn made(gpu: &Gpu, stage: &Stage) -> Made {
     let sources = QuadSources {
         look: (&look.rows, &look.points, &look.integrals),
         splats: &splats,
+        media: &media,
         centres: &centres,
         harmonics: &harmonics,
         active: (&active, &count),
