@@ -139,7 +139,7 @@ impl Medium<'_> {
         for &at in inside {
             let place = places[at as usize];
             let splat = at as usize / of_splat;
-            if at as usize % of_splat == 0 {
+            if (at as usize).is_multiple_of(of_splat) {
                 let sum = self.sum(members, place, |_, _| ());
                 let w0 = f64::from(self.field.occupancy_w0);
                 let share = f64::from(self.bumps[splat].amplitude) / (sum.weight + w0);

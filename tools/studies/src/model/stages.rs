@@ -244,8 +244,8 @@ fn classify() -> Stage {
 
 fn quads() -> Stage {
     let [plain, lit] = [&[][..], &[("SHADED", 1)]].map(|c| Operations::of(&PROJECT_QUADS, c, &["quad_of"]));
-    // Active list, splat in three rows, centre; key and value.
-    let splat = ["active_splats", "rows", "rows", "rows", "centres", "keys", "values"];
+    // Active list, splat in three rows, what it draws; key and value.
+    let splat = ["active_splats", "rows", "rows", "rows", "media", "keys", "values"];
     Stage {
         name: "quads",
         modes: &["alpha"],
@@ -264,7 +264,7 @@ fn quads() -> Stage {
                 "view of a splat, lit",
                 |w, _| only(w.lit, w.shown * w.views),
                 lit.at("quad_of") - plain.at("quad_of"),
-                0.0,
+                bytes(&PROJECT_QUADS, &["centres"]),
             ),
         ],
     }
