@@ -13,9 +13,19 @@ layout(push_constant, scalar) uniform DeconvolutionParams {
     uint round;
 } p;
 
-// A pair has the index of the other in its upper 24 bits and the profile, in steps of 1/255, in the lower 8.
-float pair_profile(uint pair) {
-    return float(pair & 255u) * (1.0 / 255.0);
+// A pair has the index of the other in its upper 24 bits and a weight, 1 to 255, in the lower 8: of a point's
+// list that of the profile in steps of 1/255, of a splat's list that of the point in the splat's mean.
+float pair_weight(uint pair) {
+    return float(pair & 255u);
+}
+
+// What pairs lead to is kept in halves: reading it is nearly all of the work.
+uvec2 in_halves(vec4 v) {
+    return uvec2(packHalf2x16(v.xy), packHalf2x16(v.zw));
+}
+
+vec4 from_halves(uvec2 v) {
+    return vec4(unpackHalf2x16(v.x), unpackHalf2x16(v.y));
 }
 
 #endif

@@ -5,21 +5,22 @@
 #include "look_table.glsl"
 #include "deconvolution.glsl"
 layout(local_size_x = 64) in;
-layout(scalar, binding = 3) readonly buffer PointValues { vec3 point_values[]; }; // V, O, and the volume
+layout(scalar, binding = 3) readonly buffer PointValues { vec2 point_values[]; }; // V and O
 layout(scalar, binding = 4) readonly buffer PointEnds { uint point_ends[]; };
 layout(scalar, binding = 5) readonly buffer PointPairs { uint point_pairs[]; };
-layout(scalar, binding = 6) readonly buffer Media { vec4 media[]; }; // extinction times colour, extinction, 1/mm
-layout(scalar, binding = 7) writeonly buffer Ratios { vec4 ratios[]; }; // times the volume
+layout(scalar, binding = 6) readonly buffer MediaHalves { uvec2 media_halves[]; }; // extinction times colour, extinction, 1/mm
+layout(scalar, binding = 7) writeonly buffer Ratios { uvec2 ratios[]; };
 
 // Greatest extinction, 1/mm: what is denser looks the same, but would spread over neighbours that it hides.
 const float MOST_EXTINCTION = 0.7;
-// Least that counts as drawn, 1/mm.
+// Least that counts as drawn, 1/mm, and the greatest ratio.
 const float LEAST_DRAWN = 1e-9;
+const float MOST_RATIO = 64.0;
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.count) return;
-    vec3 value = point_values[i];
+    vec2 value = point_values[i];
     vec4 look = look_point(value.x);
     float extinction = min(-log(1.0 - value.y * (1.0 - exp(-look.a))), MOST_EXTINCTION);
     vec4 ratio = vec4(look.rgb, 1.0) * extinction;
@@ -28,9 +29,9 @@ void main() {
         uint end = point_ends[i];
         for (uint k = i == 0 ? 0 : point_ends[i - 1]; k < end; ++k) {
             uint pair = point_pairs[k];
-            drawn += pair_profile(pair) * media[pair >> 8];
+            drawn += pair_weight(pair) * from_halves(media_halves[pair >> 8]);
         }
-        ratio /= max(drawn, LEAST_DRAWN);
+        ratio = min(ratio / max(drawn * (1.0 / 255.0), LEAST_DRAWN), MOST_RATIO);
     }
-    ratios[i] = value.z * ratio;
+    ratios[i] = in_halves(ratio);
 }

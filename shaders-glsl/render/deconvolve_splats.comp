@@ -5,9 +5,10 @@
 layout(local_size_x = 64) in;
 layout(scalar, binding = 0) readonly buffer SplatEnds { uint splat_ends[]; };
 layout(scalar, binding = 1) readonly buffer SplatPairs { uint splat_pairs[]; };
-layout(scalar, binding = 2) readonly buffer Beginnings { vec2 beginnings[]; }; // the share, and 1 / Σ profile volume
-layout(scalar, binding = 3) readonly buffer Ratios { vec4 ratios[]; }; // times the volume of the point
+layout(scalar, binding = 2) readonly buffer Shares { float shares[]; };
+layout(scalar, binding = 3) readonly buffer Ratios { uvec2 ratios[]; };
 layout(scalar, binding = 4) buffer Media { vec4 media[]; };
+layout(scalar, binding = 5) writeonly buffer MediaHalves { uvec2 media_halves[]; };
 
 // Rounds after the first. Each but the last one goes twice as far as Richardson and Lucy do.
 const uint ROUNDS = 5;
@@ -20,17 +21,22 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.count) return;
     vec4 sum = vec4(0.0);
+    float whole = 0.0;
     uint end = splat_ends[i];
     for (uint k = i == 0 ? 0 : splat_ends[i - 1]; k < end; ++k) {
         uint pair = splat_pairs[k];
-        sum += pair_profile(pair) * ratios[pair >> 8];
+        float weight = pair_weight(pair);
+        sum += weight * from_halves(ratios[pair >> 8]);
+        whole += weight;
     }
-    vec2 beginning = beginnings[i];
-    vec4 mean = sum * beginning.y;
+    vec4 mean = sum / max(whole, 1.0);
+    vec4 medium;
     if (p.round == 0) {
-        media[i] = max(beginning.x * mean, LEAST_MEDIUM);
-        return;
+        medium = max(shares[i] * mean, LEAST_MEDIUM);
+    } else {
+        vec4 factor = clamp(mean, LEAST_FACTOR, MOST_FACTOR);
+        medium = media[i] * (p.round < ROUNDS ? factor * factor : factor);
     }
-    vec4 factor = clamp(mean, LEAST_FACTOR, MOST_FACTOR);
-    media[i] *= p.round < ROUNDS ? factor * factor : factor;
+    media[i] = medium;
+    media_halves[i] = in_halves(medium);
 }

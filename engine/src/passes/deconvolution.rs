@@ -15,10 +15,10 @@ use crate::gpu::{Buffer, Gpu, Kernel, Recorder};
 /// Greatest number of points and of splats: as many as a pair can tell apart.
 pub const MOST_ROWS: usize = 1 << 24;
 
-/// Returns a pair for the list of a point or of a splat: the index of the other in the upper 24 bits, and the
-/// profile of the splat at the point, 0 to 1, in the lower 8. A pair never has the profile 0.
-pub fn pair(index: u32, profile: f32) -> u32 {
-    index << 8 | (profile * 255.0).round().clamp(1.0, 255.0) as u32
+/// Returns a pair for the list of a point or of a splat: the index of the other in the upper 24 bits, and a
+/// weight, 0 to 1, in steps of 1/255 in the lower 8. A pair never has the weight 0.
+pub fn pair(index: u32, weight: f32) -> u32 {
+    index << 8 | (weight * 255.0).round().clamp(1.0, 255.0) as u32
 }
 
 /// Returns the index of the other of a [`pair`].
@@ -26,31 +26,31 @@ pub fn index_of(pair: u32) -> usize {
     (pair >> 8) as usize
 }
 
-/// Returns the profile of a [`pair`], 0 to 1.
-pub fn profile_of(pair: u32) -> f32 {
+/// Returns the weight of a [`pair`], 0 to 1.
+pub fn weight_of(pair: u32) -> f32 {
     (pair & 255) as f32 / 255.0
 }
 
 /// Points at which splats are compared with the medium.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
-    /// V and O of the field at each point, and the volume that it stands for, mm³.
-    pub values: Vec<[f32; 3]>,
-    /// For each point the splats that are drawn there, as [`pair`]s.
+    /// V and O of the field at each point.
+    pub values: Vec<[f32; 2]>,
+    /// For each point the splats that are drawn there, as [`pair`]s weighted by their profiles.
     pub of_points: Lists,
-    /// For each splat the points at which it is drawn, as [`pair`]s.
+    /// For each splat the points at which it is drawn, as [`pair`]s weighted for the splat's mean over them.
     pub of_splats: Lists,
-    /// Share of the medium around it with which each splat begins, and 1 / Σ profile · volume over its points.
-    pub beginnings: Vec<[f32; 2]>,
+    /// Share of the medium around it with which each splat begins.
+    pub shares: Vec<f32>,
 }
 
 /// [`Points`] on the device.
 pub struct DevicePoints {
     count: usize,
-    values: Buffer<[f32; 3]>,
+    values: Buffer<[f32; 2]>,
     of_points: DeviceLists,
     of_splats: DeviceLists,
-    beginnings: Buffer<[f32; 2]>,
+    shares: Buffer<f32>,
 }
 
 impl DevicePoints {
@@ -61,7 +61,7 @@ impl DevicePoints {
             values: gpu.upload("field at points in the splats", "splats", &points.values)?,
             of_points: points.of_points.upload(gpu, "splats at points", "splats")?,
             of_splats: points.of_splats.upload(gpu, "points of splats", "splats")?,
-            beginnings: gpu.upload("beginnings of splats", "splats", &points.beginnings)?,
+            shares: gpu.upload("shares of splats", "splats", &points.shares)?,
         })
     }
 }
@@ -73,7 +73,9 @@ pub type LookTables<'a> = (&'a Buffer<Look>, &'a Buffer<[u32; 2]>, &'a Buffer<[u
 pub struct Deconvolution {
     points: Kernel,
     splats: Kernel,
-    ratios: Buffer<[f32; 4]>,
+    /// Four halves a row, as `media_halves`.
+    ratios: Buffer<[u32; 2]>,
+    media_halves: Buffer<[u32; 2]>,
     /// Extinction times colour, and extinction, 1/mm, of each splat.
     pub media: Buffer<[f32; 4]>,
     /// The look that the media are of, and the next round for it.
@@ -87,7 +89,8 @@ impl Deconvolution {
             points: Kernel::new(gpu, &glsl::DECONVOLVE_POINTS, &[])?,
             splats: Kernel::new(gpu, &glsl::DECONVOLVE_SPLATS, &[])?,
             ratios: gpu.buffer("ratios at points in the splats", "splats", points.count)?,
-            media: gpu.buffer("media of splats", "splats", points.beginnings.len())?,
+            media_halves: gpu.buffer("media of splats in halves", "splats", points.shares.len())?,
+            media: gpu.buffer("media of splats", "splats", points.shares.len())?,
             state: None,
         })
     }
@@ -112,7 +115,7 @@ impl Deconvolution {
                 .read("point_values", &points.values)
                 .read("point_ends", &points.of_points.ends)
                 .read("point_pairs", &points.of_points.rows)
-                .read("media", &self.media)
+                .read("media_halves", &self.media_halves)
                 .write("ratios", &mut self.ratios)
                 .push(&DeconvolutionParams { count: points.count as u32, round })
                 .dispatch_over(points.count as u32);
@@ -120,11 +123,12 @@ impl Deconvolution {
                 .pass(&self.splats)
                 .read("splat_ends", &points.of_splats.ends)
                 .read("splat_pairs", &points.of_splats.rows)
-                .read("beginnings", &points.beginnings)
+                .read("shares", &points.shares)
                 .read("ratios", &self.ratios)
                 .write("media", &mut self.media)
-                .push(&DeconvolutionParams { count: points.beginnings.len() as u32, round })
-                .dispatch_over(points.beginnings.len() as u32);
+                .write("media_halves", &mut self.media_halves)
+                .push(&DeconvolutionParams { count: points.shares.len() as u32, round })
+                .dispatch_over(points.shares.len() as u32);
         }
         self.state = Some((number, end));
     }

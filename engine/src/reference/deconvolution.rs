@@ -1,37 +1,49 @@
 //! `deconvolve_points` and `deconvolve_splats`: the medium that each splat draws in mode alpha.
 
 use glam::{DVec3, DVec4};
+use shaders_glsl::deconvolve_splats::ROUNDS;
 
-use crate::passes::Lists;
-use crate::passes::deconvolution::{Points, ROUNDS, index_of, profile_of};
 use crate::transfer::Table;
 
 /// Greatest extinction, 1/mm.
 const MOST_EXTINCTION: f64 = 0.7;
 const LEAST_DRAWN: f64 = 1e-9;
+const MOST_RATIO: f64 = 64.0;
 const LEAST_MEDIUM: f64 = 1e-7;
 /// A round multiplies by no less and no more than these.
 const FACTORS: [f64; 2] = [0.05, 8.0];
 
+/// A list of indices with weights.
+pub type List = Vec<(usize, f64)>;
+
+/// Points in splats.
+pub struct Points<'a> {
+    /// V and O at each point.
+    pub values: &'a [[f32; 2]],
+    /// For each point the splats that are drawn there, with their profiles.
+    pub of_points: &'a [List],
+    /// For each splat the points at which it is drawn, with their weights in its mean.
+    pub of_splats: &'a [List],
+    /// Share of the medium around it with which each splat begins.
+    pub shares: &'a [f32],
+}
+
 /// Returns extinction times colour, and extinction, 1/mm, of each splat after `rounds` rounds.
-pub fn media(points: &Points, table: &Table, rounds: u32) -> Vec<DVec4> {
-    let wanted: Vec<DVec4> =
-        points.values.iter().map(|&[v, o, _]| medium(table, v.into(), o.into())).collect();
-    let first = means(points, &wanted);
+pub fn media(points: &Points<'_>, table: &Table, rounds: u32) -> Vec<DVec4> {
+    let wanted: Vec<DVec4> = points.values.iter().map(|&[v, o]| medium(table, v.into(), o.into())).collect();
+    let first = means(points.of_splats, &wanted);
     let mut media: Vec<DVec4> = first
         .iter()
-        .zip(&points.beginnings)
-        .map(|(mean, &[share, _])| (*mean * f64::from(share)).max(DVec4::splat(LEAST_MEDIUM)))
+        .zip(points.shares)
+        .map(|(mean, &share)| (*mean * f64::from(share)).max(DVec4::splat(LEAST_MEDIUM)))
         .collect();
-    for round in 1..rounds {
-        let ratios: Vec<DVec4> = (wanted.iter().enumerate())
-            .map(|(i, wanted)| {
-                let drawn: DVec4 =
-                    pairs(&points.of_points, i).map(|(splat, profile)| media[splat] * profile).sum();
-                *wanted / drawn.max(DVec4::splat(LEAST_DRAWN))
-            })
-            .collect();
-        for (medium, mean) in media.iter_mut().zip(means(points, &ratios)) {
+    for round in 1..rounds.min(ROUNDS + 1) {
+        let ratio = |(wanted, splats): (&DVec4, &List)| {
+            let drawn: DVec4 = splats.iter().map(|&(splat, profile)| media[splat] * profile).sum();
+            (*wanted / drawn.max(DVec4::splat(LEAST_DRAWN))).min(DVec4::splat(MOST_RATIO))
+        };
+        let ratios: Vec<DVec4> = wanted.iter().zip(points.of_points).map(ratio).collect();
+        for (medium, mean) in media.iter_mut().zip(means(points.of_splats, &ratios)) {
             let factor = mean.clamp(DVec4::splat(FACTORS[0]), DVec4::splat(FACTORS[1]));
             *medium *= if round < ROUNDS { factor * factor } else { factor };
         }
@@ -46,20 +58,12 @@ fn medium(table: &Table, value: f64, occupancy: f64) -> DVec4 {
     colour.extend(1.0) * extinction
 }
 
-/// Returns the mean of the points' rows over what each splat draws.
-fn means(points: &Points, rows: &[DVec4]) -> Vec<DVec4> {
-    let lists = &points.of_splats;
-    let mean = |splat| {
-        let of_each =
-            pairs(lists, splat).map(|(i, profile)| (rows[i], profile * f64::from(points.values[i][2])));
-        let (sum, whole) =
-            of_each.fold((DVec4::ZERO, 0.0), |(sum, whole), (row, w)| (sum + row * w, whole + w));
+/// Returns the weighted mean of the rows of each list; 0 of an empty one.
+fn means(lists: &[List], rows: &[DVec4]) -> Vec<DVec4> {
+    let mean = |list: &List| {
+        let sum: DVec4 = list.iter().map(|&(i, weight)| rows[i] * weight).sum();
+        let whole: f64 = list.iter().map(|&(_, weight)| weight).sum();
         if whole > 0.0 { sum / whole } else { DVec4::ZERO }
     };
-    (0..lists.len()).map(mean).collect()
-}
-
-/// Returns the index and the profile of each pair of a list.
-fn pairs(lists: &Lists, list: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-    lists.of(list).iter().map(|&pair| (index_of(pair), f64::from(profile_of(pair))))
+    lists.iter().map(mean).collect()
 }

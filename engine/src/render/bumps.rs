@@ -8,7 +8,9 @@ use crate::splat::{Activations, Field, Splat};
 /// Greatest number of cells of the grid that finds neighbours.
 const MOST_CELLS: f64 = 4e6;
 /// q at the edge of what mode alpha draws for a splat.
-pub(super) const DRAWN_Q: f32 = 6.0;
+const DRAWN_Q: f32 = 6.0;
+/// Number of points in a splat.
+pub(super) const POINTS: usize = 4;
 
 /// A splat in the form that the sums need.
 pub(super) struct Bump {
@@ -42,18 +44,15 @@ impl Bump {
         }
     }
 
-    /// Returns `count` points, evenly spread over what is drawn for the splat. They depend only on its
-    /// position, so that the order of splats changes nothing.
-    pub(super) fn points(&self, count: usize) -> impl Iterator<Item = Vec3> + '_ {
-        let mut fraction = fractions(self.mean);
-        (0..count).map(move |_| {
-            let z = 2.0 * fraction() - 1.0;
-            let (sin, cos) = (std::f64::consts::TAU * fraction()).sin_cos();
-            let radius = f64::from(DRAWN_Q).sqrt() * fraction().cbrt();
-            let across = (1.0 - z * z).max(0.0).sqrt();
-            let place = DVec3::new(across * cos, across * sin, z) * radius;
-            (self.mean.as_dvec3() + self.spans * place).as_vec3()
-        })
+    /// Returns [`POINTS`] points in the splat: the corners of a regular tetrahedron in its whitened space, at the
+    /// distance at which their mean is that over what is drawn for the splat, for functions up to the second degree.
+    /// A splat that is moved or rounded has the same points, moved or rounded.
+    pub(super) fn points(&self) -> [Vec3; POINTS] {
+        // The mean of q in a ball of q < 6, and the squared length of a corner.
+        let scale = (0.6 * f64::from(DRAWN_Q) / 3.0).sqrt();
+        let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+        corners
+            .map(|corner| (self.mean.as_dvec3() + self.spans * (DVec3::from_array(corner) * scale)).as_vec3())
     }
 
     /// Returns the volume of the splat in units of one of a standard deviation of 1 mm.
@@ -71,17 +70,6 @@ impl Bump {
     pub(super) fn profile(u: Vec3) -> f32 {
         let t = (1.0 - u.length_squared() / DRAWN_Q).max(0.0);
         t * t.sqrt()
-    }
-}
-
-/// Returns a function that gives pseudorandom numbers from 0 to 1 that depend only on a place.
-fn fractions(place: Vec3) -> impl FnMut() -> f64 {
-    let mut bits = (place.to_array().iter())
-        .fold(0x9E37_79B9u32, |h, v| (h ^ v.to_bits()).wrapping_mul(0x85EB_CA6B).rotate_left(13));
-    move || {
-        bits = (bits ^ bits >> 16).wrapping_mul(0xC2B2_AE35).wrapping_add(0x9E37_79B9);
-        let mixed = (bits ^ bits >> 15).wrapping_mul(0x2C1B_3C6D);
-        f64::from(mixed ^ mixed >> 13) / f64::from(u32::MAX)
     }
 }
 

@@ -10,17 +10,17 @@ use glam::{DAffine3, DVec3, Vec3};
 use rayon::prelude::*;
 use shaders_glsl::types::Centre;
 
-use super::bumps::{Bump, Cells};
+use super::bumps::{Bump, Cells, POINTS};
 use super::decoded::Decoded;
 use crate::error::{Error, Kind, Result};
 use crate::passes::Lists;
-use crate::passes::deconvolution::{MOST_ROWS, Points, index_of, pair, profile_of};
+use crate::passes::deconvolution::{MOST_ROWS, Points, index_of, pair, weight_of};
 use crate::splat::{Field, Splat};
 
-/// Number of points in a splat: with two the pictures lose 1 dB, with eight they gain nothing.
-const POINTS: usize = 4;
 /// Greatest number of splats that are listed at a point; ten times what fits have there.
 const MOST_AT_A_POINT: usize = 128;
+/// Profile below which a splat is not listed at a point, so that a tenth of the pairs need not be visited.
+const LEAST_PROFILE: f32 = 0.02;
 /// Greatest number of pairs, so that a list fits in 128 MiB, which all devices bind.
 const MOST_PAIRS: usize = 1 << 25;
 
@@ -84,7 +84,8 @@ struct Found {
     /// Centres of the splats whose means lie in it, with their shares.
     centres: Vec<(u32, Centre, f32)>,
     /// V and O at its points, and the volumes that they stand for.
-    values: Vec<[f32; 3]>,
+    values: Vec<[f32; 2]>,
+    volumes: Vec<f32>,
     /// Number of pairs of each of its points, and the pairs.
     counts: Vec<u32>,
     pairs: Vec<u32>,
@@ -94,7 +95,9 @@ impl Medium<'_> {
     /// Returns the field at the centres, and at `count` points in each splat. Points are numbered by cells, so
     /// that those that follow each other list the same splats.
     fn points(&self, count: usize) -> SplatPoints {
-        let place = |bump: &Bump| std::iter::once(bump.mean).chain(bump.points(count)).collect::<Vec<_>>();
+        let place = |bump: &Bump| {
+            std::iter::once(bump.mean).chain(bump.points().into_iter().take(count)).collect::<Vec<_>>()
+        };
         let places: Vec<Vec3> = self.bumps.par_iter().flat_map_iter(place).collect();
         let cells = Cells::new(self.bumps, &places);
         let found: Vec<Found> = (0..cells.count())
@@ -103,32 +106,34 @@ impl Medium<'_> {
             .collect();
         let mut made = SplatPoints {
             centres: vec![Centre::default(); self.bumps.len()],
-            points: Points { beginnings: vec![[0.0; 2]; self.bumps.len()], ..Points::default() },
+            points: Points { shares: vec![0.0; self.bumps.len()], ..Points::default() },
         };
-        let Points { values, of_points, of_splats, beginnings } = &mut made.points;
+        let Points { values, of_points, of_splats, shares } = &mut made.points;
+        let mut volumes: Vec<f32> = Vec::new();
         for part in found {
             for (splat, centre, share) in part.centres {
-                (made.centres[splat as usize], beginnings[splat as usize][0]) = (centre, share);
+                (made.centres[splat as usize], shares[splat as usize]) = (centre, share);
             }
             values.extend(part.values);
+            volumes.extend(part.volumes);
             for count in part.counts {
                 of_points.ends.push(of_points.ends.last().copied().unwrap_or(0) + count);
             }
             of_points.rows.extend(part.pairs);
         }
-        *of_splats = Lists::new(self.bumps.len(), |take| {
-            for point in 0..of_points.len() {
-                for pair in of_points.of(point) {
-                    take(index_of(*pair), (point as u32) << 8 | pair & 255);
+        // The weight of a point in a splat's mean: the profile there, times the volume that the point stands for.
+        let visit = |take: &mut dyn FnMut(usize, f32, u32)| {
+            for (point, volume) in volumes.iter().enumerate() {
+                for &pair in of_points.of(point) {
+                    take(index_of(pair), weight_of(pair) * volume, point as u32);
                 }
             }
+        };
+        let mut most = vec![0.0f32; self.bumps.len()];
+        visit(&mut |splat, weight, _| most[splat] = most[splat].max(weight));
+        *of_splats = Lists::new(self.bumps.len(), |take| {
+            visit(&mut |splat, weight, point| take(splat, pair(point, weight / most[splat])));
         });
-        for (splat, beginning) in beginnings.iter_mut().enumerate() {
-            let whole = of_splats.of(splat).iter().fold(0.0, |sum, &pair| {
-                sum + f64::from(profile_of(pair)) * f64::from(values[index_of(pair)][2])
-            });
-            beginning[1] = if whole > 0.0 { (1.0 / whole) as f32 } else { 0.0 };
-        }
         made
     }
 
@@ -161,7 +166,8 @@ impl Medium<'_> {
                 Some((decoded, map)) => decoded.trilinear(map.transform_point3(place.as_dvec3())),
                 None => sum.value_and_occupancy(self.field),
             };
-            found.values.push([value as f32, occupancy as f32, (1.0 / density) as f32]);
+            found.values.push([value as f32, occupancy as f32]);
+            found.volumes.push((1.0 / density) as f32);
             found.counts.push(drawn.len() as u32);
             found.pairs.extend(drawn.iter().map(|&(profile, bump)| pair(bump, profile)));
         }
@@ -175,7 +181,7 @@ impl Medium<'_> {
             let bump = &self.bumps[i as usize];
             let Some(u) = bump.whitened(place) else { continue };
             let profile = Bump::profile(u);
-            if profile > 0.0 {
+            if profile > LEAST_PROFILE {
                 draw(i, profile);
             }
             let q = f64::from(u.length_squared());
@@ -315,18 +321,14 @@ mod tests {
         let Points { values, of_points, of_splats, .. } =
             splat_points(&splats, &field, None).expect("points").points;
         assert_eq!((values.len(), of_points.len(), of_splats.len()), (800, 800, 200));
-        // Each splat has its own four points, and they are evenly spread over what it draws: by the mean of q.
-        let places: Vec<Vec3> =
-            splats.iter().flat_map(|s| Bump::new(s, &field).points(4).collect::<Vec<_>>()).collect();
+        // Each splat has its own four points, at the mean of q in what it draws.
+        let places: Vec<Vec3> = splats.iter().flat_map(|s| Bump::new(s, &field).points()).collect();
         let q = |splat: &Splat, place: Vec3| {
             Bump::new(splat, &field).whitened(place).map_or(f32::INFINITY, Vec3::length_squared)
         };
-        let own: Vec<f32> = (0..800).map(|i| q(&splats[i / 4], places[i])).collect();
-        assert!(own.iter().all(|q| *q < 6.0));
-        let mean = own.iter().sum::<f32>() / 800.0;
-        assert!((mean - 3.6).abs() < 0.2, "the mean of q in a ball of q < 6 is 3.6, not {mean}");
+        assert!((0..800).all(|i| (q(&splats[i / 4], places[i]) - 3.6).abs() < 1e-2));
         let mut left: Vec<usize> = (0..800).collect();
-        for (point, [v, o, _]) in values.iter().enumerate() {
+        for (point, [v, o]) in values.iter().enumerate() {
             // Points are found again by their value, since they are numbered anew.
             let (at, _) = left
                 .iter()
@@ -342,7 +344,7 @@ mod tests {
             assert!((value - f64::from(*v)).abs() < 1e-2 && (occupancy - f64::from(*o)).abs() < 1e-4);
             let drawn = |s: &Splat| (1.0 - q(s, place) / 6.0).max(0.0).powf(1.5);
             let listed = of_points.of(point);
-            let wanted: Vec<usize> = (0..200).filter(|&i| drawn(&splats[i]) > 0.0).collect();
+            let wanted: Vec<usize> = (0..200).filter(|&i| drawn(&splats[i]) > LEAST_PROFILE).collect();
             let mut found: Vec<usize> = listed.iter().map(|pair| (pair >> 8) as usize).collect();
             found.sort_unstable();
             assert_eq!(found, wanted);
@@ -350,11 +352,12 @@ mod tests {
                 let splat = (pair >> 8) as usize;
                 let profile = (pair & 255) as f32 / 255.0;
                 assert!((profile - drawn(&splats[splat])).abs() < 1.0 / 255.0);
-                let back = (point as u32) << 8 | pair & 255;
-                assert!(of_splats.of(splat).contains(&back));
+                assert!(of_splats.of(splat).iter().any(|&back| index_of(back) == point));
             }
         }
         assert_eq!(of_points.rows.len(), of_splats.rows.len());
+        let greatest = |splat| of_splats.of(splat).iter().map(|&pair| weight_of(pair)).fold(0.0, f32::max);
+        assert!((0..200).all(|splat| greatest(splat) == 1.0), "weights are relative to the greatest");
     }
 
     #[test]
@@ -371,8 +374,8 @@ mod tests {
         let forward = splats(400);
         let backward: Vec<Splat> = forward.iter().rev().copied().collect();
         let [a, b] = [&forward, &backward].map(|s| splat_points(s, &field, None).expect("points"));
-        for (a, b) in a.points.beginnings.iter().zip(b.points.beginnings.iter().rev()) {
-            assert!((0..2).all(|k| (a[k] - b[k]).abs() <= 1e-4 * a[k]), "{a:?} {b:?}");
+        for (a, b) in a.points.shares.iter().zip(b.points.shares.iter().rev()) {
+            assert!((a - b).abs() <= 1e-5 * a, "{a} {b}");
         }
         assert!(splat_points(&[], &field, None).expect("no points").centres.is_empty());
     }

@@ -1,8 +1,8 @@
 //! Mode alpha: extinction and colour of each splat.
 
-use engine::passes::deconvolution::{DevicePoints, Points, ROUNDS, index_of, pair, profile_of};
+use engine::passes::deconvolution::{DevicePoints, Points, ROUNDS, index_of, pair, weight_of};
 use engine::passes::{Deconvolution, Lists};
-use engine::reference::deconvolution::media;
+use engine::reference::deconvolution as reference;
 use engine::render::{Look, LookBuffers};
 use engine::transfer::{Table, preset};
 use glam::DVec3;
@@ -34,20 +34,11 @@ fn points(seed: u64, splats: usize, count: usize) -> Points {
             }
         })
     };
-    let mut value = |_| {
-        let occupancy = rng.random_range(-0.2f32..1.0).max(0.0);
-        [rng.random_range(-400.0f32..1500.0), occupancy, rng.random_range(0.1f32..3.0)]
-    };
-    let values: Vec<[f32; 3]> = (0..count).map(&mut value).collect();
+    let mut value = |_| [rng.random_range(-400.0f32..1500.0), rng.random_range(-0.2f32..1.0).max(0.0)];
+    let values = (0..count).map(&mut value).collect();
     let of_splats = lists(splats, |&(point, splat, _)| (splat, point));
-    let beginnings = (0..splats)
-        .map(|splat| {
-            let of = |&pair: &u32| profile_of(pair) * values[index_of(pair)][2];
-            let whole: f32 = of_splats.of(splat).iter().map(of).sum();
-            [rng.random_range(0.0f32..1.3), if whole > 0.0 { 1.0 / whole } else { 0.0 }]
-        })
-        .collect();
-    Points { values, of_points: lists(count, |&(point, splat, _)| (point, splat)), of_splats, beginnings }
+    let shares = (0..splats).map(|_| rng.random_range(0.0f32..1.3)).collect();
+    Points { values, of_points: lists(count, |&(point, splat, _)| (point, splat)), of_splats, shares }
 }
 
 /// Compares the media after one round and after all with the reference implementation.
@@ -61,12 +52,23 @@ fn check(rounds: u32) {
         let mut made = Deconvolution::new(&gpu, &device).unwrap();
         let tables = (&buffers.rows, &buffers.points, &buffers.integrals);
         run(&gpu, |r| made.record(r, &device, (buffers.number, tables), rounds));
-        let wanted = media(&points, &Table::new(&look.transfer, RANGE), rounds);
+        let lists = |lists: &Lists| -> Vec<reference::List> {
+            let list =
+                |i| lists.of(i).iter().map(|&pair| (index_of(pair), f64::from(weight_of(pair)))).collect();
+            (0..lists.len()).map(list).collect()
+        };
+        let of = reference::Points {
+            values: &points.values,
+            of_points: &lists(&points.of_points),
+            of_splats: &lists(&points.of_splats),
+            shares: &points.shares,
+        };
+        let wanted = reference::media(&of, &Table::new(&look.transfer, RANGE), rounds);
         let got = made.media.read().unwrap();
         let logs = got.iter().zip(&wanted).flat_map(|(got, wanted)| {
             got.iter().zip(wanted.to_array()).map(|(&g, w)| (f64::from(g).ln(), w.ln()))
         });
-        // The entries of a look are rounded to 16 bits.
+        // The entries of a look and what pairs lead to are rounded to 16 bits.
         assert_close(&format!("{name}, {rounds} rounds"), Bound::new(0.02, 0.0).outliers(0.02, 0.4), logs);
     }
 }
