@@ -375,6 +375,7 @@ impl FitConfig {
             footprint: self.init_footprint,
             opacity: self.init_opacity,
             opacity_mask: self.init_opacity_mask,
+            deadline: None,
         }
     }
 

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::init::InitConfig;
 use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
@@ -146,6 +147,15 @@ impl<'a> Problem<'a> {
     /// [`Kind::Usage`] for more splats than any density allows, [`Kind::HostMemory`] for more than there is
     /// memory for.
     pub fn first_splats(&self) -> Result<Vec<Splat>> {
+        self.first_splats_by(None)
+    }
+
+    /// Places the first splats as [`Self::first_splats`] does, with less care after `deadline`: two runs then
+    /// differ.
+    ///
+    /// # Errors
+    /// Those of [`Self::first_splats`].
+    pub fn first_splats_by(&self, deadline: Option<Instant>) -> Result<Vec<Splat>> {
         let place = self.config.initialiser()?.run;
         let count = self.config.splat_count(self.native_voxels);
         let most = (MOST_A_VOXEL * self.native_voxels).max(LEAST_LIMIT);
@@ -156,7 +166,8 @@ impl<'a> Problem<'a> {
             )));
         }
         memory::require(count as u64 * HOST_BYTES_A_SPLAT, &format!("{count} splats"))?;
-        Ok(place(&self.volume, &self.roi, count, self.config.seed, &self.config.init()))
+        let config = InitConfig { deadline, ..self.config.init() };
+        Ok(place(&self.volume, &self.roi, count, self.config.seed, &config))
     }
 
     /// Prepares the device for a fit that begins with first splats or goes on from a state, as `start` says.

@@ -13,6 +13,7 @@ const DRAWN_Q: f32 = 6.0;
 pub(super) const POINTS: usize = 4;
 
 /// A splat in the form that the sums need.
+#[derive(Clone)]
 pub(super) struct Bump {
     pub(super) mean: Vec3,
     /// S⁻¹Rᵀ; takes a distance to the whitened distance.

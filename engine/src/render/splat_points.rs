@@ -19,8 +19,11 @@ use crate::splat::{Field, Splat};
 
 /// Greatest number of splats that are listed at a point; ten times what fits have there.
 const MOST_AT_A_POINT: usize = 128;
-/// Profile below which a splat is not listed at a point, so that a tenth of the pairs need not be visited.
-const LEAST_PROFILE: f32 = 0.02;
+/// Profile below which a splat is not listed at a point, so that a fifth of the pairs need not be visited.
+const LEAST_PROFILE: f32 = 0.05;
+/// Number of splats at a point, at the least: where so many would be too many pairs, fewer points are tried at
+/// once.
+const LEAST_AT_A_POINT: usize = 8;
 /// Greatest number of pairs, so that a list fits in 128 MiB, which all devices bind.
 const MOST_PAIRS: usize = 1 << 25;
 
@@ -50,15 +53,7 @@ pub(super) fn splat_points(
     let bumps: Vec<Bump> = splats.par_iter().map(|s| Bump::new(s, field)).collect();
     let decoded = decoded.map(|decoded| (decoded, decoded.scene_from_voxel.inverse()));
     let medium = Medium { bumps: &bumps, field, decoded };
-    let mut count = POINTS.min(MOST_ROWS / splats.len()).max(1);
-    loop {
-        let made = medium.points(count);
-        // Fewer points where splats overlap so much that their pairs would take too much memory.
-        if made.points.of_points.rows.len() <= MOST_PAIRS || count == 1 {
-            return Ok(made);
-        }
-        count /= 2;
-    }
+    Ok(medium.points_with(MOST_PAIRS))
 }
 
 /// Splats, and where their V and O come from.
@@ -92,9 +87,25 @@ struct Found {
 }
 
 impl Medium<'_> {
-    /// Returns the field at the centres, and at `count` points in each splat. Points are numbered by cells, so
-    /// that those that follow each other list the same splats.
-    fn points(&self, count: usize) -> SplatPoints {
+    /// Returns the field at the centres and at as many points a splat as have at most `most` pairs in all. Where
+    /// one point a splat has more, each lists the splats that draw most there.
+    fn points_with(&self, most: usize) -> SplatPoints {
+        let splats = self.bumps.len();
+        for count in [POINTS, POINTS / 2, 1] {
+            if count * splats > MOST_ROWS || count * splats * LEAST_AT_A_POINT > most {
+                continue;
+            }
+            let made = self.points(count, MOST_AT_A_POINT);
+            if made.points.of_points.rows.len() <= most {
+                return made;
+            }
+        }
+        self.points(1, (most / splats).clamp(1, MOST_AT_A_POINT))
+    }
+
+    /// Returns the field at the centres, and at `count` points in each splat, which list at most `most` splats.
+    /// Points are numbered by cells, so that those that follow each other list the same splats.
+    fn points(&self, count: usize, most: usize) -> SplatPoints {
         let place = |bump: &Bump| {
             std::iter::once(bump.mean).chain(bump.points().into_iter().take(count)).collect::<Vec<_>>()
         };
@@ -102,7 +113,7 @@ impl Medium<'_> {
         let cells = Cells::new(self.bumps, &places);
         let found: Vec<Found> = (0..cells.count())
             .into_par_iter()
-            .map(|cell| self.cell(cells.members.of(cell), cells.inside.of(cell), &places, 1 + count))
+            .map(|cell| self.cell(&cells, cell, &places, [1 + count, most]))
             .collect();
         let mut made = SplatPoints {
             centres: vec![Centre::default(); self.bumps.len()],
@@ -129,16 +140,18 @@ impl Medium<'_> {
                 }
             }
         };
-        let mut most = vec![0.0f32; self.bumps.len()];
-        visit(&mut |splat, weight, _| most[splat] = most[splat].max(weight));
+        let mut greatest = vec![0.0f32; self.bumps.len()];
+        visit(&mut |splat, weight, _| greatest[splat] = greatest[splat].max(weight));
         *of_splats = Lists::new(self.bumps.len(), |take| {
-            visit(&mut |splat, weight, point| take(splat, pair(point, weight / most[splat])));
+            visit(&mut |splat, weight, point| take(splat, pair(point, weight / greatest[splat])));
         });
         made
     }
 
-    /// Returns what there is in a cell with some bumps and points, `of_splat` of which belong to each splat.
-    fn cell(&self, members: &[u32], inside: &[u32], places: &[Vec3], of_splat: usize) -> Found {
+    /// Returns what there is in a cell. `of_splat` places belong to each splat, its centre and its points; a point
+    /// lists at most `most` splats.
+    fn cell(&self, cells: &Cells, cell: usize, places: &[Vec3], [of_splat, most]: [usize; 2]) -> Found {
+        let (members, inside) = (cells.members.of(cell), cells.inside.of(cell));
         let mut found = Found::default();
         let mut drawn: Vec<(f32, u32)> = Vec::new();
         for &at in inside {
@@ -158,9 +171,9 @@ impl Medium<'_> {
                 drawn.push((profile, bump));
                 density += 1.0 / self.bumps[bump as usize].volume();
             });
-            if drawn.len() > MOST_AT_A_POINT {
+            if drawn.len() > most {
                 drawn.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-                drawn.truncate(MOST_AT_A_POINT);
+                drawn.truncate(most);
             }
             let (value, occupancy) = match self.decoded {
                 Some((decoded, map)) => decoded.trilinear(map.transform_point3(place.as_dvec3())),
@@ -366,6 +379,17 @@ mod tests {
         let Points { of_points, .. } =
             splat_points(&[one; 3000], &Field::default(), None).expect("points").points;
         assert!((0..of_points.len()).all(|i| of_points.of(i).len() == MOST_AT_A_POINT));
+        // Of fewer pairs there are fewer points, then fewer splats at each: what is not listed is not drawn.
+        let field = Field::default();
+        let bumps = vec![Bump::new(&one, &field); 3000];
+        let medium = Medium { bumps: &bumps, field: &field, decoded: None };
+        for (most, points) in
+            [(12_000 * 128, 12_000), (6_000 * 128, 6_000), (3_000 * 128, 3_000), (9_000, 3_000)]
+        {
+            let Points { of_points, of_splats, .. } = medium.points_with(most).points;
+            assert_eq!((of_points.len(), of_points.rows.len()), (points, most));
+            assert_eq!(of_splats.rows.len(), most);
+        }
     }
 
     #[test]

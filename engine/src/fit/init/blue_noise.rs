@@ -6,6 +6,8 @@
 //! exactly the wanted number, at the latest when the factor is so small that every dart sticks: then it is
 //! plain weighted jitter.
 
+use std::time::Instant;
+
 use rand::RngExt;
 
 use super::density::Density;
@@ -20,6 +22,8 @@ const LEAST_SHRINK: f32 = 0.05;
 /// Number of darts in a round for every wanted point; a round has at least [`LEAST_ROUND`].
 const ROUND: f32 = 0.25;
 const LEAST_ROUND: usize = 64;
+/// Number of darts after which the clock is looked at.
+const DARTS_A_LOOK: usize = 1024;
 /// The shrink factor falls when a smaller share than this of a round's darts sticks.
 const STICKING: f32 = 0.12;
 
@@ -31,14 +35,28 @@ pub(super) struct Points {
 }
 
 /// Throws darts until exactly `count` of them have stuck, and returns these points, which follow `density`.
-pub(super) fn throw(density: &Density, count: usize, rng: &mut impl RngExt) -> Points {
+/// After `deadline` every dart sticks.
+pub(super) fn throw(
+    density: &Density,
+    count: usize,
+    deadline: Option<Instant>,
+    rng: &mut impl RngExt,
+) -> Points {
     let mut grid = PointGrid::new(density.mean_spacing(count), count);
     let mut spacing: Vec<f32> = Vec::with_capacity(count);
     let round = ((ROUND * count as f32) as usize).max(LEAST_ROUND);
     let mut shrink = FIRST_SHRINK;
     while grid.len() < count {
         let before = grid.len();
-        for _ in 0..round {
+        for dart in 0..round {
+            let is_late = || deadline.is_some_and(|at| Instant::now() >= at);
+            if dart % DARTS_A_LOOK == 0 && shrink > 0.0 && is_late() {
+                tracing::warn!(
+                    "{} of {count} splats are placed at random: spacing them takes too much of the time",
+                    count - grid.len()
+                );
+                shrink = 0.0;
+            }
             let (point, own) = density.draw(count, rng);
             let radius = shrink * own;
             let crowded = shrink >= LEAST_SHRINK

@@ -1,5 +1,7 @@
 //! The hyper-parameters of all initialisers, and the splat that they all begin with.
 
+use std::time::Instant;
+
 use super::density::GradientWeights;
 use super::orientation::Orientation;
 use crate::error::{Error, Kind, Result};
@@ -39,6 +41,8 @@ pub struct InitConfig {
     pub opacity: f32,
     /// True if the opacity of each splat is the mask at its mean instead.
     pub opacity_mask: bool,
+    /// Time after which "gradient" no longer looks for places at a distance from all others, but takes any.
+    pub deadline: Option<Instant>,
 }
 
 impl InitConfig {

@@ -32,7 +32,7 @@ pub fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, config: &
     let Some(density) = Density::of(volume, roi, config.weights()).filter(|_| count > 0) else {
         return Vec::new();
     };
-    let points = blue_noise::throw(&density, count, &mut Pcg64::seed_from_u64(seed));
+    let points = blue_noise::throw(&density, count, config.deadline, &mut Pcg64::seed_from_u64(seed));
     let means: Vec<[f32; 3]> = (0..count).map(|index| points.grid.point(index)).collect();
     let turns = (config.orientation.run)(&density, &means, None);
     let prototype = prototype(config);

@@ -3,6 +3,8 @@
 mod orientation;
 mod uniform;
 
+use std::time::Instant;
+
 use glam::{DAffine3, DVec3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -50,6 +52,21 @@ fn nearest_distances(splats: &[Splat]) -> Vec<f32> {
         .collect();
     distances.sort_by(f32::total_cmp);
     distances
+}
+
+#[test]
+fn after_the_deadline_splats_are_placed_at_random() {
+    let size = [24; 3];
+    let (volume, roi) = (ball(size), region(size, |_, _, _| 1.0));
+    let mut least = Vec::new();
+    for deadline in [None, Some(Instant::now())] {
+        let config = InitConfig { deadline, ..FitConfig::default().init() };
+        let splats = initialise(&volume, &roi, 300, 3, &config);
+        assert_eq!(splats.len(), 300);
+        assert!(splats.iter().all(|splat| defect(splat).is_none()));
+        least.push(nearest_distances(&splats).into_iter().fold(f32::INFINITY, f32::min));
+    }
+    assert!(least[1] < 0.5 * least[0], "spaced, and at random: {least:?}");
 }
 
 #[test]

@@ -94,7 +94,8 @@ pub fn prepare<'a>(
     let problem = Problem::new(&case.volume, &case.roi, config)?;
     let begin = match interrupted {
         Some(interrupted) => Start::Interrupted(interrupted),
-        None => Start::First(problem.first_splats()?),
+        // The fit itself gets at least half of the time.
+        None => Start::First(problem.first_splats_by(arguments.time_budget.map(|time| start + time / 2))?),
     };
     let initialise_seconds = initialising.elapsed().as_secs_f64();
 
