@@ -382,6 +382,16 @@ fn a_time_budget_is_kept() {
 }
 
 #[test]
+fn a_time_budget_that_cannot_be_kept_is_told() {
+    let folder = Folder::new(16);
+    let fit = ["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "a.ply", "--splats", "30", "--no-eval"];
+    let ended = folder.run(&[&fit[..], &["--time-budget", "0.1s"]].concat());
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    assert!(ended.err.contains("fewer splats take less"), "{}", ended.err);
+    assert!(folder.path("a.ply").exists());
+}
+
+#[test]
 fn devices_are_listed_and_one_of_them_is_usable() {
     let folder = Folder::new(8);
     let list = folder.run(&["devices", "--json"]).json();

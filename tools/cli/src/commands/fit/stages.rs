@@ -62,6 +62,9 @@ pub struct Fitted {
     pub files: OutputFiles,
 }
 
+/// Part of the time budget by which a fit may take longer without a warning.
+const OVERRUN: f64 = 0.1;
+
 /// Fits the splats and writes them.
 pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &Console) -> Result<Fitted> {
     let outcome = {
@@ -78,7 +81,25 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
     let set = prepared.set(&outcome.splats, outcome.iterations);
     let files = prepared.files.after(&outcome.end);
     splat_files::write(&files.splats, &set, &prepared.write)?;
+    warn_of_time(prepared, outcome.iterations);
     Ok(Fitted { outcome, set, passes, files })
+}
+
+/// Warns if the time budget was too short for what cannot be left out: reading, placing splats, an iteration.
+fn warn_of_time(prepared: &Prepared<'_>, iterations: u32) {
+    let took = prepared.start.elapsed();
+    if let Some(budget) = prepared.arguments.time_budget
+        && took > budget.mul_f64(1.0 + OVERRUN)
+    {
+        tracing::warn!(
+            "the splats were ready after {:.1} s, not {:.1}: reading took {:.1} s, placing them {:.1} s, {iterations} \
+             iterations the rest; fewer splats take less",
+            took.as_secs_f64(),
+            budget.as_secs_f64(),
+            prepared.read_seconds,
+            prepared.initialise_seconds
+        );
+    }
 }
 
 /// Result of the closing evaluation.
