@@ -94,7 +94,7 @@ pub fn prepare<'a>(
     let problem = Problem::new(&case.volume, &case.roi, config)?;
     let begin = match interrupted {
         Some(interrupted) => Start::Interrupted(interrupted),
-        // The fit itself gets at least half of the time.
+        // Reading and placing get half of the time, the fit the rest.
         None => Start::First(problem.first_splats_by(arguments.time_budget.map(|time| start + time / 2))?),
     };
     let initialise_seconds = initialising.elapsed().as_secs_f64();
