@@ -12,8 +12,9 @@ use engine::render::{
     Appearance, Classification, ClipPlane, Decoded, Look, Renderer, Scene, Settings, VolumeSource, decode,
     mode,
 };
-use engine::splat::{Form, Grid, Kernel, Splat, SplatSet};
+use engine::splat::{Exception, Form, Grid, Kernel, Splat, SplatSet};
 use engine::transfer::Table;
+use engine::volume::phantom::Phantom;
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4, Vec3};
 use vgs_tests::rendering::{SIZE, camera, look, render, set, settings};
 use vgs_tests::{Bound, Device, assert_close, picture};
@@ -99,7 +100,7 @@ fn voxels_are_those_of_the_reference() {
     let samples = |set: SplatSet| SplatSet { form: Form::Grid { binary: false }, ..set };
     for (name, set, pitch) in [
         ("compact", samples(fitted(120, Kernel::Compact)), 1.0),
-        ("gaussian, half the pitch", samples(fitted(40, Kernel::Gaussian)), 0.5),
+        ("gaussian", samples(fitted(40, Kernel::Gaussian)), 1.0),
         ("binary", binary, 1.0),
         ("without a grid", samples(set(60, Kernel::Compact)), 1.0),
         ("coarse", samples(fitted(120, Kernel::Compact)), 3.0),
@@ -123,6 +124,105 @@ fn voxels_are_those_of_the_reference() {
             assert!(found.iter().all(|(_, o)| *o == 0.0 || *o == 1.0), "{name}: O is 0 or 1");
         }
     }
+}
+
+/// The occupancy of a listed voxel is that of the mask if splats reach it, at every pitch that has the voxel.
+#[test]
+fn exceptions_decide_the_occupancy_of_the_voxels_that_splats_reach() {
+    let gpu = Device::boot();
+    let plain = SplatSet { form: Form::Grid { binary: true }, ..fitted(80, Kernel::Compact) };
+    let size = plain.grid.expect("a grid").size;
+    // Every third voxel, by turns inside and outside.
+    let count = (size[0] * size[1] * size[2]) as usize;
+    let exceptions: Vec<Exception> = (0..count)
+        .step_by(3)
+        .map(|i| {
+            let [nx, ny] = [size[0] as usize, size[1] as usize];
+            let voxel = [i % nx, i / nx % ny, i / (nx * ny)].map(|v| v as u16);
+            Exception { voxel, inside: i % 2 == 0 }
+        })
+        .collect();
+    let soft = SplatSet { form: Form::Grid { binary: false }, ..plain.clone() };
+    let set = SplatSet { exceptions, ..plain.clone() };
+    for pitch in [1.0, 2.0] {
+        let [without, with, reach] =
+            [&plain, &set, &soft].map(|set| decode(&gpu, set, pitch).expect("a field"));
+        let to_box = without.scene_from_voxel.inverse()
+            * DAffine3::from_translation(-set.origin_mm)
+            * set.grid.expect("a grid").world_from_voxel;
+        let at = |voxel: [u16; 3]| to_box.transform_point3(DVec3::from_array(voxel.map(f64::from)));
+        let listed: std::collections::HashMap<[u32; 3], bool> = set
+            .exceptions
+            .iter()
+            .map(|e| (at(e.voxel), e.inside))
+            .filter(|(x, _)| x.distance(x.round()) < 1e-6 && x.cmpgt(DVec3::splat(-0.5)).all())
+            .map(|(x, inside)| (x.round().as_uvec3().to_array(), inside))
+            .collect();
+        let [nx, ny, nz] = without.size;
+        let (mut changed, mut empty) = (0, 0);
+        for i in 0..nx * ny * nz {
+            let voxel = [i % nx, i / nx % ny, i / (nx * ny)];
+            let ((v, o), (v_with, o_with)) = (without.value(voxel), with.value(voxel));
+            assert_eq!(v, v_with, "{pitch}: V of {voxel:?}");
+            match listed.get(&voxel) {
+                // O is less than 16 bits tell, or nothing; where there is nothing it stays so.
+                Some(&inside) if reach.value(voxel).1 == 0.0 => empty += usize::from(inside && o_with == 0.0),
+                Some(&inside) => {
+                    assert_eq!(
+                        o_with,
+                        f64::from(u8::from(inside)),
+                        "{pitch}: {voxel:?}, {o} {:?}",
+                        reach.value(voxel)
+                    );
+                    changed += usize::from(o != o_with);
+                }
+                None => assert_eq!(o, o_with, "{pitch}: {voxel:?}"),
+            }
+        }
+        assert!(changed > 20 && empty > 20, "{pitch}: {changed} changed, {empty} without splats");
+    }
+}
+
+/// Between the voxels that they were fitted for splats are wrong, so a finer pitch has nothing to show there.
+#[test]
+fn fits_for_a_grid_are_decoded_at_its_voxels_at_the_finest() {
+    let gpu = Device::boot();
+    let field = fitted(80, Kernel::Compact);
+    for binary in [false, true] {
+        let set = SplatSet { form: Form::Grid { binary }, ..field.clone() };
+        let [coarse, fine] = [1.0, 0.5].map(|pitch| decode(&gpu, &set, pitch).expect("a field"));
+        assert_eq!((coarse.size, coarse.scene_from_voxel), (fine.size, fine.scene_from_voxel));
+    }
+    let [coarse, fine] = [1.0, 0.5].map(|pitch| decode(&gpu, &field, pitch).expect("a field"));
+    assert!((0..3).all(|k| fine.size[k] > 3 * coarse.size[k] / 2), "{:?}, {:?}", coarse.size, fine.size);
+}
+
+/// A fit lists the voxels where it is on the wrong side of a binary mask, so that what is shown is the mask.
+#[test]
+fn a_fit_for_a_binary_mask_shows_the_mask() {
+    let gpu = Device::boot();
+    let phantom = Phantom::new([40, 36, 30], DVec3::new(1.0, 1.0, 1.5), 3);
+    let config = engine::fit::FitConfig { density: 0.01, iterations: 12, ..Default::default() };
+    let (volume, roi) = (&phantom.volume(), &phantom.roi().expect("bone and vessels"));
+    let set =
+        engine::fit::run(&gpu, volume, roi, &config, |_| std::ops::ControlFlow::Continue(())).expect("a fit");
+    assert_eq!(set.form, Form::Grid { binary: true });
+    let bare = SplatSet { exceptions: Vec::new(), ..set.clone() };
+    let wrong = |set: &SplatSet| {
+        let decoded = decode(&gpu, set, 1.0).expect("a field");
+        let field = decoded.in_voxels_of(volume, set.origin_mm);
+        let of = |i: &usize| {
+            let [nx, ny, _] = volume.size;
+            let at = DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64);
+            (field(at).1 - f64::from(roi.weight[*i])).abs() > 1e-6
+        };
+        (0..volume.len()).filter(of).count()
+    };
+    let (before, after) = (wrong(&bare), wrong(&set));
+    println!("{before} voxels wrong without exceptions, {after} with {}", set.exceptions.len());
+    assert!(before > 10 && set.exceptions.len() >= before - after, "{before}, {after}");
+    // What is left is reached by no splat.
+    assert!(after <= before / 10, "{after} of {before} voxels are wrong");
 }
 
 /// An atlas of bricks is a way to keep voxels, and nothing else.

@@ -14,11 +14,13 @@
 //! | `targets`, `terms` | the samples that a fit must match, and its loss terms |
 //! | `state` | an interrupted fit, as a file |
 //! | `evaluate`, `errors` | how good splats are, and where they are wrong |
+//! | `exceptions` | the voxels where splats are on the wrong side of a binary mask, for the file |
 //! | `labels`, `place` | which structure a splat belongs to; the voxel grid of splats from other programs |
 
 mod config;
 pub mod errors;
 pub mod evaluate;
+mod exceptions;
 mod fitter;
 pub mod init;
 pub mod labels;

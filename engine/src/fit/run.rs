@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::exceptions::exceptions;
 use super::init::InitConfig;
 use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
 use crate::error::{Error, Kind, Result};
@@ -77,7 +78,7 @@ pub fn run(
     let outcome = problem.run(gpu, start, problem.schedule(), &mut watch)?;
     match outcome.end {
         End::Failed(error) => Err(error),
-        End::Finished | End::Stopped => Ok(problem.splat_set(&outcome.splats, outcome.iterations)),
+        End::Finished | End::Stopped => problem.finished_set(gpu, &outcome.splats, outcome.iterations),
     }
 }
 
@@ -181,7 +182,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Returns splats of the fit (voxel space of the working grid, HU) as a set in the world, with the grid
-    /// that they were fitted on and their form.
+    /// that they were fitted on and their form, but without exceptions.
     pub fn splat_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
         SplatSet {
             iterations: Some(iterations),
@@ -189,6 +190,14 @@ impl<'a> Problem<'a> {
             form: self.config.fitted_form(&self.roi),
             ..SplatSet::from_voxel(splats, &self.volume.world_from_voxel, self.field())
         }
+    }
+
+    /// Returns splats as [`Self::splat_set`] does, with the [exceptions](crate::splat::Exception) that a file of
+    /// them needs. Waits for the device.
+    pub fn finished_set(&self, gpu: &Gpu, splats: &[Splat], iterations: u32) -> Result<SplatSet> {
+        let mut set = self.splat_set(splats, iterations);
+        set.exceptions = exceptions(gpu, &set, &self.roi)?;
+        Ok(set)
     }
 
     /// Fits from `start` until `schedule` is done or `watch` stops it. If the fit fails on the way, the

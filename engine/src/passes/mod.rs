@@ -11,7 +11,7 @@
 //! | `sample_grid` | | the bricks of a fit, in chunks that a binding holds |
 //! | `bin` | `splat_bounds`, `emit_pairs`, `pair_masks`, `cell_masks` | which splats reach which samples of a fit |
 //! | `rasterize` | `splat_to_volume` | rasterization, from splats to samples |
-//! | `sample` | | the field at voxels, in HU |
+//! | `sample`, `visit` | | the field at voxels, in HU; at all that splats reach |
 //! | `loss` | `loss_dice`, `loss_kl`, `loss_leak`, `loss_mse`, `loss_occupancy`, `loss_square` | its terms |
 //! | `overlap` | `overlap_sums`, `sum_triples` | the sums over all samples that a Dice loss needs first |
 //! | `gradient` | `splat_to_volume_grad`, `moments_to_grad` | the backward pass |
@@ -55,6 +55,7 @@ mod storage;
 mod submission_pacer;
 pub mod tiles;
 pub mod views;
+mod visit;
 mod work;
 mod workgroup_shape;
 
@@ -81,6 +82,7 @@ pub use storage::Storage;
 pub use submission_pacer::SubmissionPacer;
 pub use tiles::TileBinner;
 pub use views::Views;
+pub use visit::{reach, visit};
 pub use work::Work;
 pub use workgroup_shape::WorkgroupShape;
 

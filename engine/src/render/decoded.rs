@@ -10,7 +10,7 @@
 //! [least squares](super::least_squares). Where no splat reaches, V is the mean of the neighbours that one
 //! does reach, so that interpolation at the rim is not drawn towards the background. Beyond the faces of the
 //! grid V is that at the faces. O is Σ w / (Σ w + w₀); of a fit for a binary mask it is 1 above ½ and 0
-//! elsewhere. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the object that has
+//! elsewhere, but for the exceptions that the file lists. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the object that has
 //! most of Σ w there.
 //!
 //! If a file does not say what its grid was, voxels are cubes with an edge of
@@ -18,7 +18,9 @@
 //! are fitted to be about as wide as voxels. The pitch doubles until the bricks fit into the limits below,
 //! with a warning: a coarser picture is better than none.
 
-use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
+use std::sync::Arc;
+
+use glam::{DAffine3, DVec3, IVec3, U16Vec3, UVec3, Vec3};
 use rayon::prelude::*;
 use shaders_glsl::medium as glsl;
 use shaders_glsl::types::BrickGrid;
@@ -29,7 +31,7 @@ use super::scale::{Scale, to_fraction};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::passes::Sampler;
-use crate::splat::{Field, Form, Grid, Splat, SplatSet};
+use crate::splat::{Exception, Field, Form, Grid, Splat, SplatSet};
 use crate::volume::bricks::{BRICK, NO_SLOT, SAMPLES, brick_morton, brick_voxel};
 use crate::volume::{Bricks, Roi, Volume};
 
@@ -54,6 +56,7 @@ pub(super) struct Source {
     /// The grid in the space of the scene.
     pub(super) grid: Option<Grid>,
     pub(super) form: Form,
+    pub(super) exceptions: Arc<[Exception]>,
     /// Edge of the voxels if there is no grid.
     pub(super) sigma_mm: f64,
 }
@@ -88,7 +91,8 @@ pub(super) struct Atlas {
     pub(super) labels: Option<Vec<u8>>,
 }
 
-/// Decodes a set, in its own space (mm less its origin), to voxels `pitch` voxels of its grid apart.
+/// Decodes a set, in its own space (mm less its origin), to voxels `pitch` voxels of its grid apart; at least
+/// one if the set was fitted for the voxels alone, since it is wrong between them.
 ///
 /// # Errors
 /// If the pitch is below ¼ or above 16.
@@ -100,6 +104,7 @@ pub fn decode(gpu: &Gpu, set: &SplatSet, pitch: f64) -> Result<Decoded> {
         field: set.field,
         grid: set.grid.map(|grid| Grid { world_from_voxel: here * grid.world_from_voxel, ..grid }),
         form: set.form,
+        exceptions: set.exceptions.as_slice().into(),
         sigma_mm: middle_sigma(&set.splats),
     }
     .decode(gpu, pitch)
@@ -117,6 +122,8 @@ pub(super) fn check(pitch: f64) -> Result<()> {
 
 /// The voxels that splats reach, and the bricks in which they lie.
 struct Extent {
+    /// Voxels of the file's grid from one voxel of the lattice to the next.
+    pitch: f64,
     scene_from_lattice: DAffine3,
     /// First and last voxel of the grid; without a grid there are no faces.
     faces: [IVec3; 2],
@@ -131,6 +138,7 @@ struct Extent {
 impl Source {
     pub(super) fn decode(&self, gpu: &Gpu, pitch: f64) -> Result<Decoded> {
         check(pitch)?;
+        let pitch = if self.form == Form::Field { pitch } else { pitch.max(1.0) };
         let (extent, splats) = self.extent(pitch);
         let bricks = extent.sampled(|brick| extent.reached[brick]);
         let background = self.field.background;
@@ -207,6 +215,14 @@ impl Source {
                 [scale.fraction(values[i]), to_fraction(o)]
             })
             .collect();
+        if binary {
+            for Exception { voxel, inside } in &*self.exceptions {
+                let sample = extent.sample_of(U16Vec3::from_array(*voxel).as_dvec3(), &bricks.slots);
+                if let Some(i) = sample.filter(|&i| found[i].weight > 0.0) {
+                    decoded.samples[i][1] = to_fraction(f32::from(u8::from(*inside)));
+                }
+            }
+        }
         decoded.labels = self.labels(gpu, &extent, &bricks, &splats)?;
         Ok(decoded)
     }
@@ -224,7 +240,7 @@ impl Source {
             };
             let boxes = boxes(&splats, &self.field, faces);
             if let Some(extent) = Extent::around(&boxes, grid.world_from_voxel, faces) {
-                return (extent, splats);
+                return (Extent { pitch, ..extent }, splats);
             }
             pitch *= 2.0;
             tracing::warn!("the field reaches too far to be decoded finer than to every {pitch} voxels");
@@ -347,7 +363,8 @@ impl Extent {
         }
         // Places go from one voxel before the first to one behind the last.
         let bricks = (size.as_uvec3() + 8) / 8;
-        let mut extent = Extent { scene_from_lattice, faces, low, high, bricks, reached: Vec::new() };
+        let mut extent =
+            Extent { pitch: 1.0, scene_from_lattice, faces, low, high, bricks, reached: Vec::new() };
         let mut reached = vec![false; bricks.element_product() as usize];
         for &(from, to) in boxes {
             extent.mark(&mut reached, from, to);
@@ -382,6 +399,13 @@ impl Extent {
         }
         let active = vec![[u64::MAX; SAMPLES / 64]; coordinates.len()];
         Bricks { origin: self.low - 1, grid: self.bricks, slots, coordinates, active }
+    }
+
+    /// Returns the index of the sample at a voxel of the file's grid; `None` if there is none.
+    fn sample_of(&self, voxel: DVec3, slots: &[u32]) -> Option<usize> {
+        let at = voxel / self.pitch;
+        let there = at.distance_squared(at.round()) < 1e-12;
+        there.then(|| bricks_sample(self.bricks, slots, at.round().as_ivec3() - self.low)).flatten()
     }
 
     /// Returns the voxel of the box at a Morton place of a brick.

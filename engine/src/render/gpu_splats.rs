@@ -21,7 +21,7 @@ use crate::passes::activity::ActivitySources;
 use crate::passes::deconvolution::DevicePoints;
 use crate::passes::{Activity, Ranking, SplatRows};
 use crate::splat::harmonics::basis_count;
-use crate::splat::{Field, Form, Grid, Harmonics, Object, Packed, SplatSet, by_importance};
+use crate::splat::{Exception, Field, Form, Grid, Harmonics, Object, Packed, SplatSet, by_importance};
 
 /// Precision of the splats on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -79,6 +79,7 @@ pub struct GpuSplats {
     /// The grid that the splats were fitted on, in the space of the scene.
     grid: Option<Grid>,
     form: Form,
+    exceptions: Arc<[Exception]>,
     /// Field that mode decoded shows, with its pitch.
     decoded: Arc<Mutex<Option<Decoded>>>,
     /// Coefficients of spherical harmonics, two halves a word; for standard splats only.
@@ -141,6 +142,7 @@ impl GpuSplats {
                 ..grid
             }),
             form: set.form,
+            exceptions: set.exceptions.as_slice().into(),
             decoded: Arc::default(),
             harmonics: gpu.upload(
                 "spherical harmonics",
@@ -294,6 +296,7 @@ impl GpuSplats {
             field: self.field,
             grid: self.grid,
             form: self.form,
+            exceptions: Arc::clone(&self.exceptions),
             sigma_mm: self.sigma_mm,
         })
     }

@@ -1,5 +1,5 @@
-//! The grid that a set was fitted on, and its form: whether its field is right everywhere or only on that
-//! grid.
+//! The grid that a set was fitted on, its form (whether its field is right everywhere or only on that grid),
+//! and the voxels of the grid where the splats are wrong about the mask.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -55,6 +55,46 @@ impl Grid {
     }
 }
 
+/// A voxel of the grid that rounding the splats' occupancy puts on the wrong side of a binary mask.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Exception {
+    /// The voxel's indices along x, y, z.
+    pub voxel: [u16; 3],
+    /// True if the voxel is in the mask: its occupancy is 1, and otherwise 0. It holds only where a splat
+    /// reaches the voxel, so an exception goes with the splats that it belongs to.
+    pub inside: bool,
+}
+
+impl Exception {
+    /// Creates the exception of the voxel with this index, x fastest; `None` if the grid has no such voxel.
+    pub fn at(index: u64, inside: bool, grid: &Grid) -> Option<Self> {
+        let [nx, ny, nz] = grid.size.map(u64::from);
+        let [x, y, z] = [index % nx, index / nx % ny, index / nx / ny];
+        let axis = |at: u64| u16::try_from(at).ok();
+        (z < nz).then_some(())?;
+        Some(Exception { voxel: [axis(x)?, axis(y)?, axis(z)?], inside })
+    }
+
+    /// Returns the index of the voxel in a grid that has it, x fastest.
+    pub fn index(&self, grid: &Grid) -> u64 {
+        let [x, y, z] = self.voxel.map(u64::from);
+        (z * u64::from(grid.size[1]) + y) * u64::from(grid.size[0]) + x
+    }
+
+    /// Returns why a set with this grid must not have some exceptions, or `None` if it may.
+    pub fn defect(exceptions: &[Exception], grid: Option<&Grid>) -> Option<&'static str> {
+        let Some(grid) = grid else {
+            return (!exceptions.is_empty()).then_some("it has exceptions and no grid for them");
+        };
+        let beyond = |e: &Exception| (0..3).any(|k| u32::from(e.voxel[k]) >= grid.size[k]);
+        if exceptions.iter().any(beyond) {
+            return Some("an exception lies beyond the grid");
+        }
+        let ascending = exceptions.is_sorted_by(|a, b| a.index(grid) < b.index(grid));
+        (!ascending).then_some("its exceptions are not in order")
+    }
+}
+
 /// What a set was fitted for, which decides how it is shown and measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
@@ -63,7 +103,8 @@ pub enum Form {
     Field,
     /// The set is right at the voxels of its grid only: it has to be decoded there and interpolated.
     Grid {
-        /// True if the mask was binary: an occupancy above ½ stands for 1, any other for 0.
+        /// True if the mask was binary: an occupancy above ½ stands for 1, any other for 0, but for the set's
+        /// [exceptions](Exception).
         binary: bool,
     },
 }
@@ -119,6 +160,25 @@ mod tests {
         assert!(Grid { size: [0, 1, 1], ..grid }.defect().is_some());
         let flat = DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0));
         assert!(Grid { world_from_voxel: flat, ..grid }.defect().is_some());
+    }
+
+    #[test]
+    fn exceptions_need_a_grid_that_holds_them() {
+        let grid = Grid { size: [2, 3, 4], world_from_voxel: DAffine3::IDENTITY };
+        let at = |voxel| [Exception { voxel, inside: true }];
+        assert_eq!(Exception::defect(&at([1, 2, 3]), Some(&grid)), None);
+        assert_eq!(Exception::defect(&[], None), None);
+        let all: Vec<_> = (0..24).filter_map(|i| Exception::at(i, i % 2 == 0, &grid)).collect();
+        assert_eq!((all.len(), Exception::at(24, true, &grid)), (24, None));
+        assert!((0..24).zip(&all).all(|(i, exception)| exception.index(&grid) == i));
+        assert_eq!(Exception::defect(&all, Some(&grid)), None);
+        assert!(Exception::defect(&[all[5], all[5]], Some(&grid)).is_some(), "twice");
+        assert!(Exception::defect(&[all[5], all[4]], Some(&grid)).is_some(), "backwards");
+        for (exceptions, grid) in
+            [(at([0; 3]), None), (at([2, 0, 0]), Some(&grid)), (at([0, 0, 4]), Some(&grid))]
+        {
+            assert!(Exception::defect(&exceptions, grid).is_some(), "{exceptions:?}");
+        }
     }
 
     #[test]

@@ -9,8 +9,9 @@
 //! | `activation`, `kernel` | what the raw parameters stand for, and how a splat fades with distance |
 //! | `space` | from voxels to the world and back |
 //! | `objects`, `labels` | several sets as one ([`join`]), the structures that splats belong to |
+//! | `structures` | the colours in which structures are usually drawn |
 //! | `importance` | an order in which the first n splats represent the set as well as n splats can |
-//! | `grid` | the grid that a set was fitted on, and what it is right for |
+//! | `grid` | the grid that a set was fitted on, what it is right for, and where it is not |
 //! | `harmonics` | colours of splats that have no intensity |
 //! | `packed` | a set in 16 bytes a splat |
 //! | `file`, `format`, `ply` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
@@ -33,6 +34,7 @@ mod place;
 pub mod ply;
 mod set;
 pub mod space;
+mod structures;
 mod unplaced;
 
 pub use activation::Activations;
@@ -40,7 +42,7 @@ pub use defect::defect;
 pub use field::Field;
 pub use file::{FORMATS, describe, file_bytes, read, read_all, read_some, read_unplaced, write, write_as};
 pub use format::{Format, ReadOptions, SNIFF_BYTES, Summary, WriteOptions};
-pub use grid::{Form, Grid};
+pub use grid::{Exception, Form, Grid};
 pub use harmonics::Harmonics;
 pub use importance::by_importance;
 pub use kernel::Kernel;
@@ -51,4 +53,5 @@ pub use place::Place;
 pub use ply::{PLY_LAYOUTS, PlyLayout};
 pub use set::SplatSet;
 pub use shaders_glsl::types::Splat;
+pub use structures::usual_colour;
 pub use unplaced::Unplaced;

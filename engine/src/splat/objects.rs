@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::harmonics::basis_count;
-use super::{Field, Form, Harmonics, SplatSet, label_name};
+use super::{Exception, Field, Form, Harmonics, SplatSet, label_name};
 use crate::error::{Error, Kind, Result};
 
 /// Most objects of a joined set: the number of labels other than 0.
@@ -51,7 +51,8 @@ impl SplatSet {
 /// backgrounds of all splats: it weighs ε against Σ w in V̂, so where anything is visible it moves V̂ by a
 /// small part of the difference of the backgrounds.
 ///
-/// The grid is kept if all sets have the same one.
+/// The grid is kept if all sets have the same one. Of the exceptions only voxels inside are kept if there are
+/// several sets: what is outside the mask of one may be inside that of another.
 ///
 /// # Errors
 /// [`Kind::BadData`] if the sets do not add up to one field: splats with intensities and splats with colours,
@@ -78,6 +79,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
     let grid = first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid));
     let form = others.iter().fold(first.form, |form, (_, s)| form.joined(s.form));
+    let exceptions = joined_exceptions(&sets, grid.is_some());
     let mut splats = Vec::with_capacity(labels.len());
     for (_, set) in sets {
         let apart = set.origin_mm - origin_mm;
@@ -99,7 +101,18 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         iterations,
         grid,
         form,
+        exceptions,
     })
+}
+
+/// Returns the exceptions of all sets together, in order; none if they have no common grid.
+fn joined_exceptions(sets: &[(String, SplatSet)], common_grid: bool) -> Vec<Exception> {
+    let all = sets.iter().flat_map(|(_, set)| &set.exceptions);
+    let mut kept: Vec<Exception> =
+        all.filter(|exception| common_grid && (sets.len() == 1 || exception.inside)).copied().collect();
+    kept.sort_unstable_by_key(|exception| (exception.voxel[2], exception.voxel[1], exception.voxel[0]));
+    kept.dedup();
+    kept
 }
 
 /// Returns why two sets do not add up to one field and what to do about it, or `None` if they do.
@@ -289,6 +302,15 @@ mod tests {
             let joined = join(named(&[("a", &of(4, a)), ("b", &of(4, b))])).expect("one grid");
             assert_eq!((joined.form, joined.grid), (Form::Grid { binary: a && b }, grid(4)));
         }
+        let excepting = |voxels: &[([u16; 3], bool)]| SplatSet {
+            exceptions: voxels.iter().map(|&(voxel, inside)| Exception { voxel, inside }).collect(),
+            ..of(4, true)
+        };
+        let (a, b) = (excepting(&[([3, 0, 0], true), ([0; 3], false)]), excepting(&[([2, 0, 0], true)]));
+        let alone = join(named(&[("a", &a)])).expect("one set");
+        assert_eq!(alone.exceptions.len(), 2, "both kinds");
+        let joined = join(named(&[("a", &a), ("b", &b)])).expect("one grid");
+        assert_eq!(joined.exceptions, excepting(&[([2, 0, 0], true), ([3, 0, 0], true)]).exceptions);
         let error = join(named(&[("a", &of(4, true)), ("b", &of(5, true))])).expect_err("two grids");
         assert!(
             error.message.contains("different grids") && error.help.contains("--profile field"),

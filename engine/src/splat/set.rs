@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::importance::by_importance;
-use super::{Field, Form, Grid, Harmonics, Splat};
+use super::{Exception, Field, Form, Grid, Harmonics, Splat};
 
 /// A fitted set of splats in world space, with all that is needed to evaluate its field.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +31,8 @@ pub struct SplatSet {
     pub grid: Option<Grid>,
     /// What the set was fitted for.
     pub form: Form,
+    /// Voxels of the grid whose occupancy is not the rounded one, in ascending order of z, y, x.
+    pub exceptions: Vec<Exception>,
 }
 
 impl Default for SplatSet {
@@ -47,6 +49,7 @@ impl Default for SplatSet {
             iterations: None,
             grid: None,
             form: Form::default(),
+            exceptions: Vec::new(),
         }
     }
 }

@@ -121,6 +121,37 @@ fn files_are_objects_of_one_picture() {
     let sum = |picture: &Picture| picture.image.pixels.iter().map(|p| p[0]).sum::<f32>();
     assert!(sum(&picture(&folder, "faint.png")) < 0.5 * sum(&plain));
 
+    // The liver's usual colour is a brownish red, the vein's a blue; a colour that is asked for goes before.
+    std::fs::copy(folder.path("s.ply"), folder.path("liver.ply")).expect("a liver");
+    std::fs::copy(folder.path("s.ply"), folder.path("vein.ply")).expect("a vein");
+    let one = |name: &str, more: &[&str]| {
+        run(&[&[name, "-o", "one.png", "-f", "--object-colours"], more].concat());
+        picture(&folder, "one.png")
+            .image
+            .pixels
+            .iter()
+            .fold([0.0; 3], |s, p| [s[0] + p[0], s[1] + p[1], s[2] + p[2]])
+    };
+    let (liver, vein) = (one("liver.ply", &[]), one("vein.ply", &[]));
+    assert!(liver[0] > 1.5 * liver[1] && liver[1] > liver[2], "{liver:?}");
+    assert!(vein[2] > vein[1] && vein[0] == 0.0, "{vein:?}");
+    let green = one("liver.ply", &["--object", "liver:colour=#00ff00"]);
+    assert!(green[1] > 0.0 && green[0] == 0.0 && green[2] == 0.0, "{green:?}");
+    // What is here and cannot be seen is said.
+    let unseen = folder.run(&[
+        "render",
+        "s.ply",
+        "t.ply",
+        "-o",
+        "u.png",
+        "--tf-shift",
+        "9000",
+        "--object",
+        "t:hidden",
+    ]);
+    assert!(unseen.err.contains("s is here and cannot be seen"), "{}", unseen.err);
+    assert!(!unseen.err.contains("t is here"), "{}", unseen.err);
+
     let few = run(&["s.ply", "-o", "few.png", "--splat-budget", "100"]);
     assert!(alone["active_splats"].as_u64() > Some(100));
     assert_eq!(few["active_splats"], 100);

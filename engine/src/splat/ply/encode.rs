@@ -2,8 +2,8 @@
 
 use std::io::Write;
 
-use super::comments;
 use super::names::{COLOUR_PROPERTIES, INTENSITY_ELEMENT, LABEL_PROPERTY, rest_property};
+use super::{comments, exceptions};
 use crate::splat::SplatSet;
 use crate::splat::harmonics::SH0;
 
@@ -37,7 +37,8 @@ pub(super) fn encode(set: &SplatSet, out: &mut dyn Write) -> std::io::Result<()>
     if set.labels.is_some() {
         writeln!(out, "property uchar {LABEL_PROPERTY}")?;
     }
-    writeln!(out, "end_header")?;
+    let exceptions = exceptions::bytes(&set.exceptions, set.grid.as_ref());
+    writeln!(out, "{}end_header", exceptions::declared(exceptions.len()))?;
 
     let grey = grey_of_intensity(set);
     let mut row = Vec::new();
@@ -69,7 +70,7 @@ pub(super) fn encode(set: &SplatSet, out: &mut dyn Write) -> std::io::Result<()>
         }
         out.write_all(&block)?;
     }
-    Ok(())
+    out.write_all(&exceptions)
 }
 
 /// Returns the coefficients of one splat in the order of a file: degree 0 of the three channels, then the

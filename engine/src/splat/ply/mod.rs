@@ -4,7 +4,8 @@
 //! f_dc_0..2 opacity scale_0..2 rot_0..3` that every reader of the 3DGS convention accepts (opacity is a
 //! logit, scale is ln σ, rot is w, x, y, z); then a second element `splat_intensity` with one float
 //! `intensity` per splat and, for a set with labels, one uchar `label`, whose names are comments `vgs.label 5
-//! liver`. An additional vertex property would break readers with a fixed row; a second element is skipped by
+//! liver`. A third element `exception` has the voxels of the grid where the splats are wrong about a binary
+//! mask, as bytes `code`. An additional vertex property would break readers with a fixed row; a second element is skipped by
 //! all that were tried. Means are mm RAS minus a stated origin, scales ln mm. Comments, after the vertex
 //! properties because some readers take the third line for the count, hold the rest of a
 //! [`SplatSet`](super::SplatSet) in decimal text that reads back to the same bits. `f_dc` is a grey from the
@@ -29,6 +30,7 @@
 
 mod comments;
 mod encode;
+mod exceptions;
 mod header;
 mod layout;
 mod names;

@@ -6,6 +6,10 @@ pub(super) const INTENSITY_ELEMENT: &str = "splat_intensity";
 /// The property of the second element that holds the label.
 pub(super) const LABEL_PROPERTY: &str = "label";
 
+/// The element of voxels whose occupancy is not the rounded one, and its property, a byte of their code.
+pub(super) const EXCEPTION_ELEMENT: &str = "exception";
+pub(super) const EXCEPTION_PROPERTY: &str = "code";
+
 /// The colour of degree 0; [`rest_property`] names the others.
 pub(super) const COLOUR_PROPERTIES: [&str; 3] = ["f_dc_0", "f_dc_1", "f_dc_2"];
 

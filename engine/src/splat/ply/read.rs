@@ -9,9 +9,9 @@ use ply_rs::ply::{ElementDef, PropertyType};
 
 use super::header::{Header, bad, quoted};
 use super::layout::PLY_LAYOUTS;
-use super::names::{COLOUR_PROPERTIES, INTENSITY_ELEMENT, LABEL_PROPERTY, rest_property};
+use super::names::{COLOUR_PROPERTIES, EXCEPTION_ELEMENT, INTENSITY_ELEMENT, LABEL_PROPERTY, rest_property};
 use super::rows::{self, Column};
-use super::{comments, reference};
+use super::{comments, exceptions, reference};
 use crate::error::{Error, Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, SH0, basis_count};
@@ -83,6 +83,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         occupancy_w0: set.field.occupancy_w0,
         iterations: set.iterations,
         grid_size: set.grid.map(|grid| grid.size),
+        exceptions: set.exceptions.len(),
         form: set.form.name(),
     })
 }
@@ -141,7 +142,11 @@ pub(super) fn load(
     } else {
         Layout::of(vertex, beside_columns.as_ref().is_some_and(Beside::has_intensity))?
     };
-    let last = beside.map_or(vertex_index, |(index, _)| index.max(vertex_index));
+    // Without a grid the element is another program's.
+    let grid = stated.grid();
+    let excepted = header.element(EXCEPTION_ELEMENT).filter(|_| grid.is_some());
+    let last =
+        [beside, excepted].into_iter().flatten().map(|(index, _)| index).fold(vertex_index, usize::max);
     let payload_bytes = bytes.saturating_sub(header.payload_start);
     header.check_size(last, payload_bytes)?;
     match header.trailing_bytes(payload_bytes) {
@@ -159,8 +164,11 @@ pub(super) fn load(
         Some(beside) if beside.label.is_some() => Some(zeros::<u8>(count)?),
         _ => None,
     };
+    let mut exceptions = Vec::new();
     for (index, element) in header.elements.iter().enumerate().take(last + 1) {
-        if index == vertex_index {
+        if let Some(grid) = grid.as_ref().filter(|_| element.name == EXCEPTION_ELEMENT) {
+            exceptions = exceptions::read(&mut source, &header, element, grid)?;
+        } else if index == vertex_index {
             let mut fill = |i: usize, row: &[f32]| layout.fill(&mut splats[i], &mut beyond, i, row);
             match layout.degree {
                 None | Some(0) => rows::read(
@@ -195,8 +203,9 @@ pub(super) fn load(
         origin_mm: stated.origin_mm.unwrap_or_default(),
         has_intensity: layout.source != Source::Colour && stated.physical.unwrap_or(true),
         iterations: stated.iterations,
-        grid: stated.grid(),
+        grid,
         form: stated.form.unwrap_or_default(),
+        exceptions,
         colours: layout.degree.map(|degree| Harmonics { degree, coefficients: beyond }),
         labels,
         splats,

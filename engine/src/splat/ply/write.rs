@@ -6,7 +6,7 @@ use std::path::Path;
 use super::comments;
 use crate::error::{Error, Kind, Result};
 use crate::splat::harmonics::MAX_DEGREE;
-use crate::splat::{Harmonics, SplatSet, WriteOptions, defect};
+use crate::splat::{Exception, Harmonics, SplatSet, WriteOptions, defect};
 
 /// Writes `set` atomically. Refuses a set without splats, which other programs cannot open, and splats that a
 /// reader would drop.
@@ -50,6 +50,7 @@ pub(super) fn check(set: &SplatSet) -> Result<()> {
     }
     let defect = comments::defect(&set.field, set.origin_mm)
         .or_else(|| set.grid.and_then(|grid| grid.defect()))
+        .or_else(|| Exception::defect(&set.exceptions, set.grid.as_ref()))
         .or_else(|| set.label_defect())
         .or_else(|| set.colours.as_ref().and_then(|colours| colour_defect(colours, set)));
     match defect {

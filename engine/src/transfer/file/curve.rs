@@ -38,7 +38,10 @@ pub fn straightened<V: Copy>(
     bent: bool,
     mix: impl Fn(V, V, f64) -> V,
 ) -> Vec<(f64, V)> {
-    nodes.sort_by(|a, b| a.x.total_cmp(&b.x));
+    if !nodes.is_sorted_by(|a, b| a.x.total_cmp(&b.x).is_le()) {
+        tracing::warn!("the control points are not in order of intensity: sorted, as VTK does");
+        nodes.sort_by(|a, b| a.x.total_cmp(&b.x));
+    }
     let mut points = Vec::with_capacity(nodes.len());
     let mut before: Option<(f64, Node<V>)> = None;
     for node in nodes {

@@ -114,7 +114,7 @@ pub fn read(path: impl AsRef<Path>, name: Option<&str>, data: [f64; 2]) -> Resul
     }
     let [low, high] = tf.extent();
     if format.shares && low >= 0.0 && high <= 1.0 && data[1] - data[0] > 2.0 {
-        tracing::info!("{}: from 0 to 1, so stretched over {} to {}", path.display(), data[0], data[1]);
+        tracing::warn!("{}: from 0 to 1, so stretched over {} to {}", path.display(), data[0], data[1]);
         tf = tf.stretched([0.0, 1.0], data).map_err(|e| e.file(path))?;
     }
     if tf.depends_on_gradient() {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args, ValueEnum};
 use engine::fit::evaluate::FieldSample;
 use engine::fit::place::place;
+use engine::passes;
 use engine::splat::{SplatSet, Unplaced};
 use engine::volume::{Volume, nifti};
 use engine::{Error, Kind, Result};
@@ -128,7 +129,7 @@ pub fn run(arguments: &RasterizeArguments, console: &Console) -> std::result::Re
         // The weight is that of the splats themselves, whatever they were fitted for.
         Quantity::Weight => {
             let splats = set.to_voxel(&volume.world_from_voxel);
-            sampling::visit(&gpu, &splats, &set.field, volume.size, take)?;
+            passes::visit(&gpu, &splats, &set.field, volume.size, take)?;
         }
         _ => sampling::visit_shown(&gpu, &set, &volume, take)?,
     }
@@ -182,7 +183,7 @@ impl GridArguments {
             .splats
             .iter()
             .map(|s| {
-                let (mean, reach) = sampling::reach(s, &set.field);
+                let (mean, reach) = passes::reach(s, &set.field);
                 (mean - reach, mean + reach)
             })
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));

@@ -331,7 +331,7 @@ impl Bench<'_> {
         };
         let Scene { volume, roi, .. } = &self.place.scene;
         if is_last && self.job.config.effective_form() == FitForm::Grid {
-            let set = self.set(splats);
+            let set = self.set(splats)?;
             let decoded = render::decode(self.judge, &set, 1.0)?;
             return Ok(evaluate::evaluate_field(
                 decoded.in_voxels_of(volume, set.origin_mm),
@@ -343,12 +343,12 @@ impl Bench<'_> {
         evaluate::evaluate(self.judge, splats, &self.problem.field(), volume, roi, &protocol)
     }
 
-    fn set(&self, splats: &[Splat]) -> SplatSet {
-        self.problem.splat_set(splats, self.job.config.iterations)
+    fn set(&self, splats: &[Splat]) -> Result<SplatSet> {
+        self.problem.finished_set(self.judge, splats, self.job.config.iterations)
     }
 
     fn file_bytes(&self, splats: &[Splat]) -> Result<u64> {
-        splat::file_bytes("a.ply".as_ref(), &self.set(splats), &splat::WriteOptions::default())
+        splat::file_bytes("a.ply".as_ref(), &self.set(splats)?, &splat::WriteOptions::default())
     }
 
     fn last(&self, evaluation: &Evaluation) -> Last {

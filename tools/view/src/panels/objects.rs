@@ -1,23 +1,17 @@
 //! Panel of the objects (fits and labels), each with its visibility, colour and opacity.
 
 use egui::{Button, Slider, Ui};
-use glam::DVec3;
+use engine::splat::usual_colour;
+use glam::{DVec3, Vec3};
 
 use super::widgets::colour_button;
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
 
-/// Colours that objects get in turn, which people of all kinds of colour vision can tell apart (Okabe and Ito
-/// 2008).
-const TINTS: [[u8; 3]; 7] = [
-    [230, 159, 0],
-    [86, 180, 233],
-    [0, 158, 115],
-    [240, 228, 66],
-    [0, 114, 178],
-    [213, 94, 0],
-    [204, 121, 167],
-];
+/// Returns the colour of its own that an object gets first.
+fn first_tint(name: &str, index: usize) -> DVec3 {
+    Vec3::from_array(usual_colour(name, index)).as_dvec3()
+}
 
 /// Shows the list.
 pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
@@ -30,6 +24,12 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
             for (text, visible) in [("Show all", true), ("Hide all", false)] {
                 if ui.small_button(text).on_hover_text("all objects of the list").clicked() {
                     state.objects.iter_mut().for_each(|o| o.visible = visible);
+                }
+            }
+            let colours = ui.small_button("Colours");
+            if colours.on_hover_text("gives each object the colour that is usual for its name").clicked() {
+                for (i, object) in state.objects.iter_mut().enumerate() {
+                    object.tint = Some(first_tint(&object.name, i));
                 }
             }
         });
@@ -46,7 +46,8 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                 } else if eye.clicked() {
                     object.visible = !object.visible;
                 }
-                tint(ui, &mut object.tint, i);
+                let first = first_tint(&object.name, i);
+                tint(ui, &mut object.tint, first);
                 let percent = Slider::from_get_set(0.0..=100.0, |new| {
                     if let Some(new) = new {
                         object.opacity = new / 100.0;
@@ -68,14 +69,13 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     }
 }
 
-/// Shows the choice between a colour of the object's own and that of the transfer function.
-fn tint(ui: &mut Ui, tint: &mut Option<DVec3>, index: usize) {
+/// Shows the choice between a colour of the object's own, at first `first`, and that of the transfer function.
+fn tint(ui: &mut Ui, tint: &mut Option<DVec3>, first: DVec3) {
     let mut own = tint.is_some();
     let check =
         ui.checkbox(&mut own, "").on_hover_text("a colour of its own instead of the transfer function's");
     if check.changed() {
-        let next = TINTS[index % TINTS.len()].map(|b| f64::from(b) / 255.0);
-        *tint = own.then(|| DVec3::from_array(next));
+        *tint = own.then_some(first);
     }
     match tint {
         Some(colour) => {

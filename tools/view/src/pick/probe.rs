@@ -1,6 +1,8 @@
 //! Evaluates the field of the splats on the host, for the point under the cursor. For splats that are fitted
 //! for a grid it is the field at the voxels around, interpolated, as mode decoded shows it.
 
+use std::collections::HashMap;
+
 use engine::render::Look;
 use engine::splat::{self, Activations, Field, Form, Splat, SplatSet};
 use glam::{DAffine3, DMat3, DVec3, UVec3};
@@ -41,8 +43,10 @@ struct Voxels {
     set_from_voxel: DAffine3,
     /// Index of the last voxel along each axis.
     last: DVec3,
-    /// True if an occupancy above ½ counts as 1 and any other as 0.
+    /// True if an occupancy above ½ counts as 1 and any other as 0, but for the exceptions.
     binary: bool,
+    /// Voxels whose occupancy is not the rounded one, with 1 if they are inside the mask.
+    exceptions: HashMap<[u16; 3], bool>,
 }
 
 impl Voxels {
@@ -51,7 +55,18 @@ impl Voxels {
         let splat::Grid { size, world_from_voxel } = set.grid?;
         let set_from_voxel = DAffine3::from_translation(-set.origin_mm) * world_from_voxel;
         let last = UVec3::from_array(size).as_dvec3() - 1.0;
-        Some(Box::new(Voxels { voxel_from_set: set_from_voxel.inverse(), set_from_voxel, last, binary }))
+        let exceptions = set.exceptions.iter().map(|e| (e.voxel, e.inside)).collect();
+        let voxel_from_set = set_from_voxel.inverse();
+        Some(Box::new(Voxels { voxel_from_set, set_from_voxel, last, binary, exceptions }))
+    }
+
+    /// Returns the occupancy that is shown at a voxel of the grid, of that which the splats have there.
+    fn shown(&self, voxel: DVec3, occupancy: f64) -> f64 {
+        if !self.binary {
+            return occupancy;
+        }
+        let exception = self.exceptions.get(&voxel.to_array().map(|v| v as u16));
+        f64::from(u8::from(exception.copied().unwrap_or(occupancy > 0.5)))
     }
 }
 
@@ -281,11 +296,7 @@ impl Probe {
             let inside = voxel.cmpge(DVec3::ZERO).all() && voxel.cmple(voxels.last).all();
             let sums = self.sums(voxels.set_from_voxel.transform_point3(voxel), shown, true);
             let Some(found) = self.sample_field(&sums).filter(|_| weight > 1e-9) else { continue };
-            let occupancy = match (inside, voxels.binary) {
-                (false, _) => 0.0,
-                (true, true) => f64::from(u8::from(found.occupancy > 0.5)),
-                (true, false) => found.occupancy,
-            };
+            let occupancy = if inside { voxels.shown(voxel, found.occupancy) } else { 0.0 };
             there += weight;
             mean.intensity += weight * found.intensity;
             mean.occupancy += weight * occupancy;

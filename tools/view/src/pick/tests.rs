@@ -217,6 +217,16 @@ fn splats_of_a_grid_are_read_at_its_voxels_and_interpolated() {
     let grid = splat::Grid { size: [30, 30, 90], world_from_voxel: affine };
     let grid_set = SplatSet { form: Form::Grid { binary: true }, grid: Some(grid), ..field.clone() };
     let (everywhere, probe) = (Probe::new(&field), Probe::new(&grid_set));
+    // Voxels that splats reach keep their intensity and take the occupancy that the file lists.
+    let middle = splat::Exception { voxel: [15, 15, 45], inside: false };
+    let excepting = |inside| {
+        let exceptions = vec![splat::Exception { inside, ..middle }];
+        Probe::new(&SplatSet { exceptions, ..grid_set.clone() })
+            .at(affine.transform_point3(DVec3::new(15.0, 15.0, 45.0)))
+    };
+    let [out, inside] = [false, true].map(|inside| excepting(inside).expect("splats reach the middle"));
+    assert_eq!((out.occupancy, out.intensity), (0.0, inside.intensity));
+    assert!((inside.occupancy - 1.0).abs() < 1e-9, "{}", inside.occupancy);
     let at = |voxel: DVec3| probe.at(affine.transform_point3(voxel));
     let mut between = 0;
     for i in 0..29 * 29 * 80 {

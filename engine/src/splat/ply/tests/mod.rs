@@ -13,7 +13,7 @@ use crate::error::{Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::SH0;
 use crate::splat::kernel::KERNELS;
-use crate::splat::{Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, read, write};
+use crate::splat::{Exception, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, read, write};
 
 mod colours;
 mod labels;
@@ -105,6 +105,30 @@ fn expected_plain(intensity: f32) -> Splat {
         log_scale: [-1.0, -2.0, -3.0],
         intensity,
     }
+}
+
+#[test]
+fn exceptions_survive_behind_all_else() {
+    let exceptions = vec![
+        Exception { voxel: [511, 0, 0], inside: false },
+        Exception { voxel: [0, 510, 98], inside: true },
+    ];
+    let plain = sample(7);
+    let set = SplatSet { exceptions, labels: Some(vec![3; 7]), ..plain.clone() };
+    let ours = encoded(&set);
+    assert_eq!(loaded(&ours, &STRICT).expect("our own file").set, set);
+    let text = String::from_utf8_lossy(&ours).into_owned();
+    assert!(text.contains("element exception 6\nproperty uchar code\n"), "{text:.1500}");
+    let beyond =
+        SplatSet { exceptions: vec![Exception { voxel: [512, 0, 0], inside: true }], ..plain.clone() };
+    let homeless = SplatSet { grid: None, ..set };
+    for broken in [beyond, homeless] {
+        assert_eq!(check(&broken).expect_err("no file must hold it").code, "VGS-PLY-012");
+    }
+    // Without a grid an element of that name is another program's.
+    let element = format!("{}element exception 1\nproperty list uchar int voxels\n", plain_header("1"));
+    let theirs = file("binary_little_endian", &element, &[little(&PLAIN_ROW), vec![0]].concat());
+    assert_eq!(loaded(&theirs, &STRICT).expect("another program's").set.exceptions, []);
 }
 
 #[test]
@@ -324,6 +348,11 @@ fn wrong_files_are_refused_with_a_reason() {
     let row = little(&PLAIN_ROW);
     let good = file(le, &plain, &row);
     let comment = |text: &str| file(le, &format!("{plain}comment {text}\n"), &row);
+    let excepted = |name: &str, code: &[u8]| {
+        let grid = "comment vgs.grid.size 3 4 5\ncomment vgs.grid.affine 1 0 0 0 0 1 0 0 0 0 1 0\n";
+        let header = format!("{plain}{grid}element exception {}\nproperty uchar {name}\n", code.len());
+        file(le, &header, &[row.clone(), code.to_vec()].concat())
+    };
     let counted = |count: &str| file(le, &plain_header(count), &row);
     let text = PLAIN_ROW.map(|v| v.to_string()).join(" ");
     let own = encoded(&sample(5));
@@ -461,6 +490,11 @@ fn wrong_files_are_refused_with_a_reason() {
             "plane",
         ),
         ("no w0", comment("vgs.occupancy_w0 0"), "VGS-PLY-017", "w0"),
+        ("exceptions of a later version", excepted("rice", &[2]), "VGS-PLY-032", "`code`"),
+        ("an exception beyond the grid", excepted("code", &[0xff, 0x01]), "VGS-PLY-033", "beyond"),
+        ("an exception twice", excepted("code", &[2, 1]), "VGS-PLY-033", "twice"),
+        ("half an exception", excepted("code", &[2, 0x80]), "VGS-PLY-033", "no end"),
+        ("an endless exception", excepted("code", &[0x80; 12]), "VGS-PLY-033", "too long"),
     ];
     for (name, file, code, word) in rows {
         let error = loaded(&file, &STRICT).err().unwrap_or_else(|| panic!("{name}: it was read"));

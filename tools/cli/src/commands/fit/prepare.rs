@@ -124,9 +124,22 @@ pub fn prepare<'a>(
 }
 
 impl Prepared<'_> {
-    /// Returns splats of the fit, given in its voxel space, as a file stores them.
+    /// Returns first splats of the fit, given in its voxel space, as a file stores them.
+    pub fn first_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
+        self.labelled(self.problem.splat_set(splats, iterations))
+    }
+
+    /// Returns fitted splats, given in the voxel space of the fit, as a file stores them. If the device has
+    /// failed, the exceptions are missing.
     pub fn set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
-        let mut set = self.problem.splat_set(splats, iterations);
+        let finished = self.problem.finished_set(&self.gpu, splats, iterations).unwrap_or_else(|error| {
+            tracing::warn!("the voxels where the splats miss the mask could not be listed: {error}");
+            self.problem.splat_set(splats, iterations)
+        });
+        self.labelled(finished)
+    }
+
+    fn labelled(&self, mut set: SplatSet) -> SplatSet {
         if let Some(labels) = self.labels {
             label(&mut set, labels);
         }

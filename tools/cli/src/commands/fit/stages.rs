@@ -34,7 +34,7 @@ pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Re
         first,
         schedule: prepared.schedule,
         protocol: prepared.protocol.clone(),
-        set: &prepared.set(first, settings.config.iterations),
+        set: &prepared.first_set(first, settings.config.iterations),
         output: &prepared.files.splats,
         write: &prepared.write,
         quality: settings.plain_quality(),

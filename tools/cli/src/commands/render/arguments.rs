@@ -28,7 +28,7 @@ pub struct RenderArguments {
     pub read: ReadArguments,
     #[command(flatten)]
     pub output: OutputArguments,
-    /// How it is rendered; slab for splats and volume for a volume by default
+    /// How it is rendered; by default decoded for fits for a grid, slab for other splats, volume for a volume
     #[arg(long, value_name = "MODE", help_heading = "Picture", value_parser = mode_name)]
     pub mode: Option<&'static str>,
     /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL
@@ -70,6 +70,10 @@ pub struct RenderArguments {
     /// mm), hidden. Each file is an object, or each of its labels; may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
     pub object: Vec<ObjectChange>,
+    /// Gives each object a colour of its own: the one that is usual for its name, as kidney_left or aorta, or
+    /// the next of a few that are easily told apart. --object changes single ones
+    #[arg(long, help_heading = "Picture")]
+    pub object_colours: bool,
     /// Hides objects: --hide-label ribs,5 is --object ribs:hidden --object 5:hidden
     #[arg(long, value_name = "N|NAME,...", value_delimiter = ',', help_heading = "Picture")]
     pub hide_label: Vec<String>,
@@ -83,8 +87,8 @@ pub struct RenderArguments {
     /// [default: 0.5]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = values::step)]
     pub step: Option<f64>,
-    /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on, 0.5
-    /// is finer
+    /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on; 0.5
+    /// is finer, for fits of --profile field
     #[arg(long, value_name = "VOXELS", default_value_t = 1.0, help_heading = "Quality",
           value_parser = values::pitch)]
     pub pitch: f64,
@@ -182,6 +186,7 @@ Examples:
   vgs render bones.ply -o bones.png --tf CT-Bones-Steep --camera left --orientation --scale-bar
   vgs render body.ply -o soft.exr --tf CT-Soft-Tissue --clip 'y>20'
   vgs render bones.ply vessels.ply -o both.png --object vessels:colour=#c03020 --object bones:opacity=0.2
+  vgs render organs.ply -o organs.png --tf CT-Soft-Tissue --object-colours
   vgs render --volume ct.nii.gz --roi bones.nii.gz -o ct.png --tf CT-Bone
   vgs render bones.ply -o turn.png --turntable 60
   vgs render bones.ply -o frame.png --turntable 60 --sequence

@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use engine::gpu::Gpu;
 use engine::render::{
-    Camera, ClipPlane, Look, ModeRow, Renderer, Scene, Settings, SplatKind, VolumeSource, mode,
+    Appearance, Camera, ClipPlane, Look, ModeRow, Renderer, Scene, Settings, SplatKind, VolumeSource, mode,
 };
-use engine::splat::{self, SplatSet};
+use engine::splat::{self, SplatSet, usual_colour};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, transfer};
 use serde::Serialize;
@@ -144,12 +144,22 @@ impl RenderArguments {
         let clip: Vec<ClipPlane> = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
         let there = splats.map(SplatSet::objects).unwrap_or_default();
         let mut objects = BTreeMap::new();
+        if self.object_colours {
+            objects.extend(there.iter().enumerate().map(|(turn, object)| {
+                let tint = Some(usual_colour(&object.name, turn));
+                (object.number, Appearance { tint, ..Appearance::default() })
+            }));
+        }
         for change in
             self.object.iter().cloned().chain(self.hide_label.iter().map(|l| ObjectChange::hiding(l)))
         {
             change.apply(&there, &mut objects)?;
         }
-        Ok(Look { transfer, clip, objects })
+        let look = Look { transfer, clip, objects };
+        if let Some(set) = splats {
+            warn_of_unseen(set, &look);
+        }
+        Ok(look)
     }
 
     fn camera(&self, scene: &Scene) -> Result<Camera> {
@@ -222,4 +232,30 @@ fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
         (None, None) => None,
     };
     range.unwrap_or([0.0, 1.0])
+}
+
+/// Opacity per mm below which a structure cannot be told from nothing.
+const SEEN: f64 = 0.005;
+
+/// Warns of each object that is not hidden and of which the transfer function shows nothing.
+fn warn_of_unseen(set: &SplatSet, look: &Look) {
+    if !set.has_intensity {
+        return;
+    }
+    for object in set.objects() {
+        let own = |i: &usize| set.labels.as_ref().is_none_or(|labels| labels[*i] == object.number);
+        let shown = look.objects.get(&object.number).is_none_or(|a| a.visible && a.opacity > 0.0);
+        let intensities: Vec<f64> =
+            (0..set.splats.len()).filter(own).map(|i| f64::from(set.splats[i].intensity)).collect();
+        if shown && !intensities.is_empty() && intensities.iter().all(|&hu| look.transfer.at(hu).1 < SEEN) {
+            let low = intensities.iter().copied().fold(f64::INFINITY, f64::min);
+            let high = intensities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            tracing::warn!(
+                "{} is here and cannot be seen: its splats have {low:.0} to {high:.0} HU, where {} is transparent; choose \
+                 another --tf, or --tf-shift",
+                object.name,
+                look.transfer.name
+            );
+        }
+    }
 }

@@ -1,0 +1,113 @@
+//! The field of splats at the voxels of a grid. Only bricks that a splat reaches are computed, in slabs of
+//! bounded size, so that cost and memory depend on the splats and not on the size of the grid.
+
+use std::cmp::Ordering;
+
+use glam::{DVec3, IVec3, UVec3};
+use rayon::prelude::*;
+
+use super::{FieldSample, Sampler};
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::splat::{Activations, Field, Splat};
+use crate::volume::Bricks;
+use crate::volume::bricks::{BRICK, SAMPLES};
+
+/// Number of samples of one slab; with their results they take some 400 MB.
+const SLAB_SAMPLES: usize = 1 << 24;
+
+/// Returns the mean of a splat, and its reach along each axis of its space.
+pub fn reach(splat: &Splat, field: &Field) -> (DVec3, DVec3) {
+    let mean = DVec3::from_array(splat.mean.map(f64::from));
+    let axes = splat.axes();
+    let scale = splat.scale().map(f64::from);
+    // This is the diagonal of R S² Rᵀ.
+    let variance = (0..3).map(|k| (axes.col(k) * scale[k]).powf(2.0)).sum::<DVec3>();
+    (mean, (variance * field.kernel.support_q()).powf(0.5))
+}
+
+/// Returns the first and the last brick of the grid along each axis that a splat reaches; `None` if it lies
+/// outside.
+fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 2]; 3]> {
+    let (mean, reach) = reach(splat, field);
+    let mut out = [[0; 2]; 3];
+    for axis in 0..3 {
+        let first = (mean[axis] - reach[axis]).ceil().max(0.0);
+        let last = (mean[axis] + reach[axis]).floor().min(size[axis] as f64 - 1.0);
+        // This also holds if one of them is NaN.
+        if first.partial_cmp(&last).is_none_or(Ordering::is_gt) {
+            return None;
+        }
+        out[axis] = [first as usize / BRICK, last as usize / BRICK];
+    }
+    Some(out)
+}
+
+/// Calls `take` with index and field of each voxel of a grid that a splat may reach; the splats are in its
+/// voxel space.
+pub fn visit(
+    gpu: &Gpu,
+    splats: &[Splat],
+    field: &Field,
+    size: [usize; 3],
+    mut take: impl FnMut(usize, &FieldSample),
+) -> Result<()> {
+    let grid = size.map(|n| n.div_ceil(BRICK));
+    let boxes: Vec<_> = splats.par_iter().map(|s| bricks_of(s, field, size)).collect();
+    let mut touched = vec![false; grid.iter().product()];
+    for [x, y, z] in boxes.iter().flatten() {
+        for bz in z[0]..=z[1] {
+            for by in y[0]..=y[1] {
+                let row = (bz * grid[1] + by) * grid[0];
+                touched[row + x[0]..=row + x[1]].fill(true);
+            }
+        }
+    }
+    let layer = grid[0] * grid[1] * SAMPLES;
+    let depth = (SLAB_SAMPLES / layer.max(1)).max(1);
+    for first in (0..grid[2]).step_by(depth) {
+        let last = (first + depth).min(grid[2]);
+        let near: Vec<Splat> = splats
+            .iter()
+            .zip(&boxes)
+            .filter(|(_, b)| b.is_some_and(|[_, _, z]| z[0] < last && z[1] >= first))
+            .map(|(s, _)| *s)
+            .collect();
+        let low = IVec3::new(0, 0, (first * BRICK) as i32);
+        let high = (last * BRICK).min(size[2]) - first * BRICK;
+        let extent = UVec3::new(size[0] as u32, size[1] as u32, high as u32);
+        let bricks = Bricks::of_box(low, extent, |v| {
+            let [x, y, z] = (v / BRICK as u32).to_array().map(|n| n as usize);
+            touched[((first + z) * grid[1] + y) * grid[0] + x]
+        });
+        if near.is_empty() || bricks.is_empty() {
+            continue;
+        }
+        let samples = Sampler::new(gpu, &near, field, &bricks)?.sample([0.0; 3])?;
+        for (i, sample) in samples.iter().enumerate() {
+            let (slot, morton) = (i / SAMPLES, i % SAMPLES);
+            if bricks.is_active(slot, morton) {
+                let [x, y, z] = bricks.voxel(slot, morton).to_array().map(|n| n as usize);
+                take((z * size[1] + y) * size[0] + x, sample);
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_splat_reaches_as_far_as_its_kernel() {
+        let mut splat = Splat { mean: [20.0, 4.0, 4.0], rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        splat.set_scale([2.0, 1.0, 1.0]);
+        let field = Field::default();
+        let (_, far) = reach(&splat, &field);
+        assert!((far - DVec3::new(2.0, 1.0, 1.0) * 6f64.sqrt()).length() < 1e-6, "{far}");
+        // The splat reaches from 15.1 to 24.9, and from 1.6 to 6.4.
+        assert_eq!(bricks_of(&splat, &field, [64, 64, 64]), Some([[2, 3], [0, 0], [0, 0]]));
+        assert_eq!(bricks_of(&splat, &field, [8, 8, 8]), None);
+    }
+}
