@@ -126,8 +126,17 @@ fn a_fit_says_before_what_it_will_cost() {
     assert_eq!(estimate["file_bytes"], dry["file_bytes"]);
     // The origin that the header states, in whole mm, may have a digit more.
     let told = estimate["file_bytes"].as_u64().expect("bytes");
-    assert!(told.abs_diff(folder.read("a.ply").len() as u64) <= 6, "{told}");
-    assert!(ratio["file_bytes"].as_f64().is_some_and(|r| (r - 1.0).abs() < 2e-3), "{ratio}");
+    let file = folder.read("a.ply");
+    // Which voxels the splats miss is known only in the end.
+    let header = String::from_utf8_lossy(&file[..2000]).into_owned();
+    let missed = header.split_once("element exception ").map_or(0, |(_, after)| {
+        let (count, _) = after.split_once('\n').expect("a line");
+        count.parse::<u64>().expect("a count")
+            + format!("element exception {count}\nproperty uchar code\n").len() as u64
+    });
+    assert!(missed > 0 && told.abs_diff(file.len() as u64 - missed) <= 6, "{told}, {missed} for exceptions");
+    let real = ratio["file_bytes"].as_f64().expect("a ratio") * told as f64;
+    assert!((real / file.len() as f64 - 1.0).abs() < 2e-3, "{ratio}");
     let memory = ratio["device_peak_bytes"].as_f64().expect("a number");
     assert!((memory - 1.0).abs() < 0.03, "{memory}");
     assert!(ratio["seconds"].as_f64().is_some_and(|r| r > 0.0), "{ratio}");
