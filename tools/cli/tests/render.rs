@@ -149,7 +149,7 @@ fn files_are_objects_of_one_picture() {
         "--object",
         "t:hidden",
     ]);
-    assert!(unseen.err.contains("s is here and cannot be seen"), "{}", unseen.err);
+    assert!(unseen.err.contains("s is here and can hardly be seen"), "{}", unseen.err);
     assert!(!unseen.err.contains("t is here"), "{}", unseen.err);
 
     let few = run(&["s.ply", "-o", "few.png", "--splat-budget", "100"]);
