@@ -10,8 +10,8 @@
 //! [least squares](super::least_squares). Where no splat reaches, V is the mean of the neighbours that one
 //! does reach, so that interpolation at the rim is not drawn towards the background. Beyond the faces of the
 //! grid V is that at the faces. O is Σ w / (Σ w + w₀); of a fit for a binary mask it is 1 above ½ and 0
-//! elsewhere, but for the exceptions that the file lists. Beyond the faces of the grid O is 0, as it is in the CT. A voxel belongs to the object that has
-//! most of Σ w there.
+//! elsewhere, but for the exceptions that the file lists. Beyond the faces of the grid O is 0, as it is
+//! in the CT. A voxel belongs to the object that has most of Σ w there.
 //!
 //! If a file does not say what its grid was, voxels are cubes with an edge of
 //! [`GpuSplats::sigma_mm`](super::GpuSplats::sigma_mm), from the least coordinates of all means on; splats
@@ -239,8 +239,8 @@ impl Source {
                 None => [IVec3::MIN / 4, IVec3::MAX / 4],
             };
             let boxes = boxes(&splats, &self.field, faces);
-            if let Some(extent) = Extent::around(&boxes, grid.world_from_voxel, faces) {
-                return (Extent { pitch, ..extent }, splats);
+            if let Some(extent) = Extent::around(&boxes, grid.world_from_voxel, faces, pitch) {
+                return (extent, splats);
             }
             pitch *= 2.0;
             tracing::warn!("the field reaches too far to be decoded finer than to every {pitch} voxels");
@@ -351,7 +351,12 @@ fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<(IVec3, IVec
 
 impl Extent {
     /// Creates the extent around some boxes; returns `None` if there would be too many bricks.
-    fn around(boxes: &[(IVec3, IVec3)], scene_from_lattice: DAffine3, faces: [IVec3; 2]) -> Option<Self> {
+    fn around(
+        boxes: &[(IVec3, IVec3)],
+        scene_from_lattice: DAffine3,
+        faces: [IVec3; 2],
+        pitch: f64,
+    ) -> Option<Self> {
         let (low, high) = boxes
             .iter()
             .fold((IVec3::MAX, IVec3::MIN), |(low, high), (from, to)| (low.min(*from), high.max(*to)));
@@ -363,8 +368,7 @@ impl Extent {
         }
         // Places go from one voxel before the first to one behind the last.
         let bricks = (size.as_uvec3() + 8) / 8;
-        let mut extent =
-            Extent { pitch: 1.0, scene_from_lattice, faces, low, high, bricks, reached: Vec::new() };
+        let mut extent = Extent { pitch, scene_from_lattice, faces, low, high, bricks, reached: Vec::new() };
         let mut reached = vec![false; bricks.element_product() as usize];
         for &(from, to) in boxes {
             extent.mark(&mut reached, from, to);

@@ -56,7 +56,7 @@ impl Grid {
 }
 
 /// A voxel of the grid that rounding the splats' occupancy puts on the wrong side of a binary mask.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exception {
     /// The voxel's indices along x, y, z.
     pub voxel: [u16; 3],

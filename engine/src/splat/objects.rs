@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::harmonics::basis_count;
-use super::{Exception, Field, Form, Harmonics, SplatSet, label_name};
+use super::{Exception, Field, Form, Grid, Harmonics, SplatSet, label_name};
 use crate::error::{Error, Kind, Result};
 
 /// Most objects of a joined set: the number of labels other than 0.
@@ -79,7 +79,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
     let grid = first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid));
     let form = others.iter().fold(first.form, |form, (_, s)| form.joined(s.form));
-    let exceptions = joined_exceptions(&sets, grid.is_some());
+    let exceptions = joined_exceptions(&sets, grid.as_ref());
     let mut splats = Vec::with_capacity(labels.len());
     for (_, set) in sets {
         let apart = set.origin_mm - origin_mm;
@@ -106,11 +106,12 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
 }
 
 /// Returns the exceptions of all sets together, in order; none if they have no common grid.
-fn joined_exceptions(sets: &[(String, SplatSet)], common_grid: bool) -> Vec<Exception> {
+fn joined_exceptions(sets: &[(String, SplatSet)], common_grid: Option<&Grid>) -> Vec<Exception> {
+    let Some(grid) = common_grid else { return Vec::new() };
     let all = sets.iter().flat_map(|(_, set)| &set.exceptions);
     let mut kept: Vec<Exception> =
-        all.filter(|exception| common_grid && (sets.len() == 1 || exception.inside)).copied().collect();
-    kept.sort_unstable_by_key(|exception| (exception.voxel[2], exception.voxel[1], exception.voxel[0]));
+        all.filter(|exception| sets.len() == 1 || exception.inside).copied().collect();
+    kept.sort_unstable_by_key(|exception| exception.index(grid));
     kept.dedup();
     kept
 }
@@ -227,7 +228,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::splat::{Grid, Kernel, Splat};
+    use crate::splat::{Kernel, Splat};
 
     fn at(origin: DVec3, means: &[[f32; 3]]) -> SplatSet {
         let splat = |&mean: &[f32; 3]| Splat { mean, rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };

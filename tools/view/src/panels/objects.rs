@@ -46,8 +46,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                 } else if eye.clicked() {
                     object.visible = !object.visible;
                 }
-                let first = first_tint(&object.name, i);
-                tint(ui, &mut object.tint, first);
+                tint(ui, &mut object.tint, || first_tint(&object.name, i));
                 let percent = Slider::from_get_set(0.0..=100.0, |new| {
                     if let Some(new) = new {
                         object.opacity = new / 100.0;
@@ -70,12 +69,12 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
 }
 
 /// Shows the choice between a colour of the object's own, at first `first`, and that of the transfer function.
-fn tint(ui: &mut Ui, tint: &mut Option<DVec3>, first: DVec3) {
+fn tint(ui: &mut Ui, tint: &mut Option<DVec3>, first: impl FnOnce() -> DVec3) {
     let mut own = tint.is_some();
     let check =
         ui.checkbox(&mut own, "").on_hover_text("a colour of its own instead of the transfer function's");
     if check.changed() {
-        *tint = own.then_some(first);
+        *tint = own.then(first);
     }
     match tint {
         Some(colour) => {

@@ -236,8 +236,8 @@ fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
 
 /// Opacity per mm below which a structure cannot be told from nothing.
 const SEEN: f64 = 0.005;
-/// Part of an object's splats that must be seen, or the object counts as unseen: V is a mean of several splats, so that
-/// few bright ones among many are not seen either.
+/// Part of an object's splats that must be seen, or the object counts as unseen: V is a mean of several
+/// splats, so that few bright ones among many are not seen either.
 const LEAST_SEEN: f64 = 0.25;
 
 /// Warns of each object that is not hidden and of which the transfer function shows next to nothing.
