@@ -13,6 +13,7 @@ layout(push_constant, scalar) uniform LossParams {
     float epsilon;     // of equation (2)
     float region;      // a sample is of the region where M is above this; below 0: the term has M itself
     float low;         // the lower end of the intensity range, relative to the background
+    float tolerance;   // an error of the occupancy up to this costs nothing
 } p;
 layout(constant_id = 0) const uint ACCUMULATE = 0; // 1: not the first term
 layout(constant_id = 1) const uint FOLD = 0;       // 1: the last term

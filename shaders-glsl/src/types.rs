@@ -174,6 +174,8 @@ shared! {
         region: f32,
         /// The lower end of the intensity range, relative to the background in units of the fit.
         low: f32,
+        /// An error of the occupancy up to this costs nothing.
+        tolerance: f32,
     }
     /// Push constants of `overlap_sums`.
     OverlapParams {

@@ -54,7 +54,7 @@ pub fn all_terms(soft: bool) -> [Weighted; 8] {
     let term = |term, weight| Weighted { term, weight, region, low: LOW, ..Weighted::default() };
     [
         Weighted { parameter: 0.1, ..term(MSE, 1.0) },
-        Weighted { parameter: 0.05, ..term(OCCUPANCY, 0.3) },
+        Weighted { parameter: 0.05, tolerance: if soft { 0.0 } else { 0.1 }, ..term(OCCUPANCY, 0.3) },
         Weighted { parameter: 1.0, ..term(DICE, 2000.0) },
         Weighted { parameter: if soft { 2.0 } else { 1.0 }, region: -1.0, ..term(LEAK, 0.2) },
         term(SQUARE, 0.4),
@@ -74,7 +74,10 @@ pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
         };
         match TERMS[t.term].name {
             "mse" => reference::Term::Mse { weight, rim: parameter, region },
-            "occupancy" => reference::Term::Occupancy { weight, w0: parameter },
+            "occupancy" => {
+                let tolerance = f64::from(t.tolerance);
+                reference::Term::Occupancy { weight, w0: parameter, tolerance }
+            }
             "dice" | "intensity dice" => {
                 reference::Term::Dice { weight, smoothing: parameter, region, quantity }
             }

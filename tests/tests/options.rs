@@ -99,6 +99,7 @@ fn ways(profile: &Profile) -> Vec<(String, FitConfig, bool)> {
                             shell_beyond: turn / 31 % 2 == 0,
                             form: [FitForm::Field, FitForm::Grid][turn / 18 % 2],
                             rim_weight: [0.0, 0.1][turn / 7 % 2],
+                            occupancy_tolerance: [0.4, 0.0, 0.49][turn / 11 % 3],
                             offsets: 1 + 2 * (turn / 2 % 2),
                             seed: turn as u64,
                             ..start.clone()

@@ -157,6 +157,9 @@ config! {
         occupancy_weight: f32 = 0.004,
         /// w0 of the occupancy O = W / (W + w0), in units of the summed weight W.
         occupancy_w0: f32 = 0.05,
+        /// An occupancy error up to this costs nothing, for form "grid" and a binary mask, 0 to 0.49: what is
+        /// decoded is only whether the occupancy is above one half.
+        occupancy_tolerance: f32 = 0.4,
         /// Thickness of the shell around the ROI that occupancy, Dice and leak look at, voxels along each
         /// axis.
         shell: u32 = 4,
@@ -332,6 +335,7 @@ impl FitConfig {
         }
         for (key, value, least, most) in [
             ("region_threshold", self.region_threshold, 0.0, 0.99),
+            ("occupancy_tolerance", self.occupancy_tolerance, 0.0, 0.49),
             ("topology_share", self.topology_share, 0.0, 1.0),
             ("topology_limit", self.topology_limit, 1.0, 1000.0),
             ("topology_percentile", self.topology_percentile, 0.0, 100.0),
@@ -403,12 +407,14 @@ impl FitConfig {
         }
     }
 
+    /// Returns true if the fit is shown as voxels that are wholly inside of `roi` or wholly outside.
+    pub(super) fn is_classified(&self, roi: &Roi) -> bool {
+        self.effective_form() == FitForm::Grid && !roi.soft && self.region_threshold == 0.0
+    }
+
     /// Returns true if the rim of `roi` has a weight of its own.
     pub(super) fn has_rim(&self, roi: &Roi) -> bool {
-        self.effective_form() == FitForm::Grid
-            && !roi.soft
-            && self.region_threshold == 0.0
-            && self.rim_weight > 0.0
+        self.is_classified(roi) && self.rim_weight > 0.0
     }
 
     /// Returns the number of splats for a region of interest of `roi_voxels` voxels; at least one.

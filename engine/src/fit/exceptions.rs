@@ -11,11 +11,21 @@ use crate::volume::Roi;
 /// rounds otherwise.
 const MARGIN: f32 = 1e-3;
 
-/// Returns the voxels where `set` shows another occupancy than the mask `roi`, which is on the set's grid, in
-/// ascending order of z, y, x. Voxels of the mask that no splat reaches cannot be shown; they are counted in a
-/// warning. Only sets for a binary mask have exceptions.
-pub fn exceptions(gpu: &Gpu, set: &SplatSet, roi: &Roi) -> Result<Vec<Exception>> {
-    let (Form::Grid { binary: true }, Some(grid)) = (set.form, set.grid) else { return Ok(Vec::new()) };
+/// What a fit for a binary mask has on the wrong side of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Misclassified {
+    /// Voxels where the splats show another occupancy than the mask, in ascending order of z, y, x.
+    pub exceptions: Vec<Exception>,
+    /// Number of voxels of the mask that no splat reaches: they cannot be shown.
+    pub unreached: usize,
+}
+
+/// Returns what `set` has on the wrong side of the mask `roi`, which is on the set's grid; nothing if the set
+/// is not for a binary mask.
+pub fn misclassified(gpu: &Gpu, set: &SplatSet, roi: &Roi) -> Result<Misclassified> {
+    let (Form::Grid { binary: true }, Some(grid)) = (set.form, set.grid) else {
+        return Ok(Misclassified::default());
+    };
     let (mut found, mut reached) = (Vec::new(), 0);
     passes::visit(gpu, &set.to_voxel(&grid.world_from_voxel), &set.field, roi.size, |i, sample| {
         let inside = roi.weight[i] > 0.5;
@@ -26,10 +36,6 @@ pub fn exceptions(gpu: &Gpu, set: &SplatSet, roi: &Roi) -> Result<Vec<Exception>
         }
     })?;
     let voxels = roi.weight.iter().filter(|&&m| m > 0.5).count();
-    if reached < voxels {
-        let missing = voxels - reached;
-        tracing::warn!("no splat reaches {missing} of the region's {voxels} voxels: they are not shown");
-    }
     found.sort_unstable_by_key(|exception| exception.index(&grid));
-    Ok(found)
+    Ok(Misclassified { exceptions: found, unreached: voxels - reached })
 }

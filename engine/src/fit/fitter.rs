@@ -105,7 +105,7 @@ pub struct Progress {
     /// hold.
     #[serde(skip)]
     pub psnr_db: f64,
-    /// Root mean square of O - M over ROI and shell; 0 when the term is off.
+    /// Root mean square of what |O - M| has beyond the tolerance, over ROI and shell; 0 when the term is off.
     pub occupancy_rmse: f64,
     /// Dice loss of the predicted mask 1 - exp(-W) over ROI and shell, 0..1; none when the term is off.
     pub dice: Option<f64>,

@@ -38,6 +38,7 @@ pub mod topology;
 mod unit;
 
 pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, Storage};
+pub use exceptions::Misclassified;
 pub use fitter::{Fitter, Progress};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};

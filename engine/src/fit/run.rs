@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::exceptions::exceptions;
+use super::exceptions::{Misclassified, misclassified};
 use super::init::InitConfig;
 use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
 use crate::error::{Error, Kind, Result};
@@ -196,8 +196,20 @@ impl<'a> Problem<'a> {
     /// them needs. Waits for the device.
     pub fn finished_set(&self, gpu: &Gpu, splats: &[Splat], iterations: u32) -> Result<SplatSet> {
         let mut set = self.splat_set(splats, iterations);
-        set.exceptions = exceptions(gpu, &set, &self.roi)?;
+        let Misclassified { exceptions, unreached } = self.misclassified(gpu, &set)?;
+        if unreached > 0 {
+            let voxels = self.roi.voxel_count();
+            tracing::warn!(
+                "no splat reaches {unreached} of the region's {voxels} voxels: they are not shown"
+            );
+        }
+        set.exceptions = exceptions;
         Ok(set)
+    }
+
+    /// Returns what a set of this problem has on the wrong side of the mask. Waits for the device.
+    pub fn misclassified(&self, gpu: &Gpu, set: &SplatSet) -> Result<Misclassified> {
+        misclassified(gpu, set, &self.roi)
     }
 
     /// Fits from `start` until `schedule` is done or `watch` stops it. If the fit fails on the way, the

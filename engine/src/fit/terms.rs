@@ -1,7 +1,9 @@
 //! The loss terms of a fit with their weights. The objective is a sum over samples, which suits Adam and f32:
 //! only the ratio of the terms counts. With |ROI| the sum of the ROI's weights it is
 //!
-//! L = λ_ct/2 Σ m (V̂ - V)² + |ROI|/2 (λ_mask L_mask + λ_leak L_leak) + λ_occ/2 Σ (O - M)².
+//! L = λ_ct/2 Σ m (V̂ - V)² + |ROI|/2 (λ_mask L_mask + λ_leak L_leak) + λ_occ/2 Σ max(|O - M| - τ, 0)².
+//!
+//! τ is the tolerance of a fit for the grid of a binary mask, and 0 in others.
 //!
 //! Without the last sum this is |ROI|/2 times the paper's equation (3) with the mean squared error as L_ct.
 
@@ -101,7 +103,7 @@ pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside
     let threshold = if config.region_threshold > 0.0 { config.region_threshold } else { -1.0 };
     let hard = if roi.soft || threshold > 0.0 { threshold } else { 0.5 };
     let low = scaling.value(scaling.range.0);
-    let term = |term, weight| Weighted { term, weight, parameter: 0.0, region: threshold, low };
+    let term = |term, weight| Weighted { term, weight, region: threshold, low, ..Weighted::default() };
     let chosen = |loss: &ChosenLoss, weight: f32| {
         let divisor = match loss.mean {
             Mean::None => 1.0,
@@ -118,7 +120,9 @@ pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside
     let rim = if config.has_rim(roi) { config.rim_weight } else { 0.0 };
     let mut terms = vec![Weighted { region: hard, parameter: rim, ..term(MSE, of_mse) }];
     if config.occupancy_weight > 0.0 {
-        terms.push(Weighted { parameter: config.occupancy_w0, ..term(OCCUPANCY, config.occupancy_weight) });
+        let tolerance = if config.is_classified(roi) { config.occupancy_tolerance } else { 0.0 };
+        let occupancy = term(OCCUPANCY, config.occupancy_weight);
+        terms.push(Weighted { parameter: config.occupancy_w0, tolerance, ..occupancy });
     }
     if intensity.term != MSE && config.mse_weight > 0.0 {
         terms.push(chosen(intensity, config.mse_weight));

@@ -75,20 +75,22 @@ pub struct Weighted {
     pub region: f32,
     /// The lower end of the intensity range, relative to the background in units of the fit.
     pub low: f32,
+    /// An error of the occupancy up to this costs nothing, 0 to 1.
+    pub tolerance: f32,
 }
 
 impl Default for Weighted {
     /// Returns the squared error of intensities in a soft mask, with weight 1.
     fn default() -> Self {
-        Weighted { term: MSE, weight: 1.0, parameter: 0.0, region: -1.0, low: 0.0 }
+        Weighted { term: MSE, weight: 1.0, parameter: 0.0, region: -1.0, low: 0.0, tolerance: 0.0 }
     }
 }
 
 impl Weighted {
     /// Returns the push constants of its kernel; ε is that of equation (2).
     pub fn params(&self, epsilon: f32) -> LossParams {
-        let &Weighted { weight, parameter, region, low, .. } = self;
-        LossParams { weight, parameter, epsilon, region, low }
+        let &Weighted { weight, parameter, region, low, tolerance, .. } = self;
+        LossParams { weight, parameter, epsilon, region, low, tolerance }
     }
 }
 

@@ -2,6 +2,7 @@
 //! bounded size, so that cost and memory depend on the splats and not on the size of the grid.
 
 use std::cmp::Ordering;
+use std::ops::Range;
 
 use glam::{DVec3, IVec3, UVec3};
 use rayon::prelude::*;
@@ -13,8 +14,8 @@ use crate::splat::{Activations, Field, Splat};
 use crate::volume::Bricks;
 use crate::volume::bricks::{BRICK, SAMPLES};
 
-/// Number of samples of one slab; with their results they take some 400 MB.
-const SLAB_SAMPLES: usize = 1 << 24;
+/// Number of samples after which a slab ends; with their results they take some 13 MB.
+const SLAB_SAMPLES: usize = 1 << 19;
 
 /// Returns the mean of a splat, and its reach along each axis of its space.
 pub fn reach(splat: &Splat, field: &Field) -> (DVec3, DVec3) {
@@ -43,6 +44,20 @@ fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 
     Some(out)
 }
 
+/// Returns ranges of brick layers that together are the grid; each has [`SLAB_SAMPLES`] in touched bricks, or a
+/// layer more.
+fn slabs(touched: &[bool], grid: [usize; 3]) -> Vec<Range<usize>> {
+    let (mut out, mut first, mut samples) = (Vec::new(), 0, 0);
+    for (z, layer) in touched.chunks((grid[0] * grid[1]).max(1)).enumerate() {
+        samples += layer.iter().filter(|&&t| t).count() * SAMPLES;
+        if samples >= SLAB_SAMPLES || z + 1 == grid[2] {
+            out.push(first..z + 1);
+            (first, samples) = (z + 1, 0);
+        }
+    }
+    out
+}
+
 /// Calls `take` with index and field of each voxel of a grid that a splat may reach; the splats are in its
 /// voxel space.
 pub fn visit(
@@ -63,10 +78,7 @@ pub fn visit(
             }
         }
     }
-    let layer = grid[0] * grid[1] * SAMPLES;
-    let depth = (SLAB_SAMPLES / layer.max(1)).max(1);
-    for first in (0..grid[2]).step_by(depth) {
-        let last = (first + depth).min(grid[2]);
+    for Range { start: first, end: last } in slabs(&touched, grid) {
         let near: Vec<Splat> = splats
             .iter()
             .zip(&boxes)
@@ -98,6 +110,17 @@ pub fn visit(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn slabs_end_where_they_are_full() {
+        let full = SLAB_SAMPLES / SAMPLES;
+        let grid = [full / 2, 1, 7];
+        let touched: Vec<bool> = [0, 1, 1, 1, 0, 0, 1].iter().flat_map(|&t| vec![t == 1; grid[0]]).collect();
+        assert_eq!(slabs(&touched, grid), [0..3, 3..7]);
+        let layer = slabs(&touched, [grid[0] * 7, 1, 1]);
+        assert!(layer.len() == 1 && layer[0] == (0..1), "a layer is never cut: {layer:?}");
+        assert_eq!(slabs(&[], [0, 0, 0]), []);
+    }
 
     #[test]
     fn a_splat_reaches_as_far_as_its_kernel() {

@@ -56,12 +56,14 @@ pub enum Term {
         /// Threshold.
         region: f64,
     },
-    /// λ/2 Σ (O - M)², O = W / (W + w0).
+    /// λ/2 Σ max(|O - M| - τ, 0)², O = W / (W + w0).
     Occupancy {
         /// λ.
         weight: f64,
         /// w0.
         w0: f64,
+        /// τ.
+        tolerance: f64,
     },
     /// λ/2 (1 - (2 Σ pt + s) / (Σ p + Σ t + s)) over the region.
     Dice {
@@ -229,8 +231,9 @@ impl Term {
                     adjoint: Adjoint { value: weight * m * r, weight: 0.0 },
                 }
             }
-            Term::Occupancy { weight, w0 } => {
-                let r = got.weight / (got.weight + w0) - m;
+            Term::Occupancy { weight, w0, tolerance } => {
+                let error = got.weight / (got.weight + w0) - m;
+                let r = (error.abs() - tolerance).max(0.0).copysign(error);
                 let slope = w0 / ((got.weight + w0) * (got.weight + w0));
                 TermAt {
                     value: r * r,

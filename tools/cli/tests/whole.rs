@@ -138,7 +138,8 @@ fn a_fit_says_before_what_it_will_cost() {
     let real = told as f64 / ratio["file_bytes"].as_f64().expect("a ratio");
     assert!((real / file.len() as f64 - 1.0).abs() < 2e-3, "{ratio}");
     let memory = ratio["device_peak_bytes"].as_f64().expect("a number");
-    assert!((memory - 1.0).abs() < 0.03, "{memory}");
+    // With so few splats the buffers of pairs, which grow once more, are a good part of it.
+    assert!((memory - 1.0).abs() < 0.06, "{memory}");
     assert!(ratio["seconds"].as_f64().is_some_and(|r| r > 0.0), "{ratio}");
 
     // The fit is the same as without.

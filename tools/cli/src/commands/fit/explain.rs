@@ -40,6 +40,8 @@ struct Rates {
     iteration: f64,
     /// Time of fetching figures and splats once.
     look: f64,
+    /// Time of finding the voxels that the splats have on the wrong side of the mask.
+    finish: f64,
     /// Time of the closing evaluation.
     evaluation: f64,
 }
@@ -59,7 +61,7 @@ impl Rates {
     }
 
     fn total(&self, iterations: u32, looks: u32) -> f64 {
-        self.before + self.setup + self.fit(iterations, looks) + self.evaluation
+        self.before + self.setup + self.fit(iterations, looks) + self.finish + self.evaluation
     }
 }
 
@@ -92,13 +94,16 @@ pub struct Plan<'a> {
 pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     let begin = Instant::now();
     let mut rates = Rates { before: plan.before.as_secs_f64(), ..Rates::default() };
-    let early = time_iterations(plan, &mut rates)?;
+    let splats = time_iterations(plan, &mut rates)?;
     let evaluating = Instant::now();
-    let early = errors(plan, &early)?;
+    let early = errors(plan, &splats)?;
     if let Some(protocol) = &plan.protocol {
         // One grid is measured, and all cost the same.
         rates.evaluation = evaluating.elapsed().as_secs_f64() * (1 + protocol.offsets.len()) as f64;
     }
+    let finishing = Instant::now();
+    plan.problem.misclassified(plan.gpu, &plan.problem.splat_set(&splats, EARLY))?;
+    rates.finish = finishing.elapsed().as_secs_f64();
     let iterations = rates.iterations(&plan.schedule);
     let looks = iterations / u32::try_from(plan.problem.config().offset_count()).unwrap_or(1).max(LOOK_EVERY);
     Ok(Estimate {
@@ -189,10 +194,17 @@ mod tests {
 
     #[test]
     fn time_is_what_the_parts_take() {
-        let rates =
-            Rates { before: 1.0, setup: 2.0, warm_up: 0.5, iteration: 0.1, look: 0.01, evaluation: 3.0 };
+        let rates = Rates {
+            before: 1.0,
+            setup: 2.0,
+            warm_up: 0.5,
+            iteration: 0.1,
+            look: 0.01,
+            finish: 0.25,
+            evaluation: 3.0,
+        };
         assert!((rates.fit(400, 25) - 40.75).abs() < 1e-9);
-        assert!((rates.total(400, 25) - 46.75).abs() < 1e-9);
+        assert!((rates.total(400, 25) - 47.0).abs() < 1e-9);
         let limited = |seconds: u64, iterations| {
             rates.iterations(&Schedule { iterations, time: Some(Duration::from_secs(seconds)) })
         };
