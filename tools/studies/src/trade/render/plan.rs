@@ -100,6 +100,8 @@ pub fn choices() -> Vec<Choice> {
     }
     for usual in [Choice::usual("decoded"), Choice::of_grid()] {
         for (step, resolution) in [
+            (0.5, 1.0),
+            (0.5, 0.7),
             (1.0, 0.7),
             (1.0, 0.5),
             (1.0, 0.35),
