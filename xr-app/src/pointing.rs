@@ -4,7 +4,7 @@
 use egui::{Rect, pos2};
 use engine::Result;
 use engine::gpu::{Buffer, Gpu, Recorder};
-use engine::render::Look;
+use engine::render::{Intensities, Look};
 use engine::splat::SplatSet;
 use glam::{DQuat, DVec3};
 use shaders_glsl::types::View;
@@ -37,6 +37,7 @@ const DISTANCES: usize = 8;
 pub struct PickData {
     probe: Probe,
     histogram: Option<Histogram>,
+    intensities: Vec<Intensities>,
     unit: &'static str,
 }
 
@@ -44,7 +45,12 @@ impl PickData {
     /// Computes the data of the splats that are shown.
     pub fn of(set: &SplatSet) -> Self {
         let unit = if set.has_intensity { " HU" } else { "" };
-        PickData { probe: Probe::new(set), histogram: Histogram::of_splats(set), unit }
+        PickData {
+            probe: Probe::new(set),
+            histogram: Histogram::of_splats(set),
+            intensities: Intensities::of_objects(set),
+            unit,
+        }
     }
 }
 
@@ -267,6 +273,7 @@ impl Pointing {
             range: controls.range,
             unit: pick.map_or("", |pick| pick.unit),
             object_splats: &self.object_splats,
+            object_intensities: pick.map_or(&[], |pick| &pick.intensities),
             splat_histogram: pick.and_then(|pick| pick.histogram.as_ref()),
             ..PanelInfo::default()
         };

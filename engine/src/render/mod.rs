@@ -16,6 +16,7 @@
 //! | `gpu_volume`, `scale` | [`GpuVolume`]: a volume or a decoded field on the device; its 16-bit fractions |
 //! | `decoded`, `least_squares` | [`decode`]: the field of splats on the voxels of a grid |
 //! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and the parts no eye sees |
+//! | `intensities` | [`Intensities`]: of an object, and whether a transfer function shows them |
 //! | `settings`, `quality`, `target` | settings of a mode, quality of a frame, pictures of a frame |
 //! | `mode`, `modes` | [`Mode`]: a way to render; [`MODES`]: all of them |
 //! | `alpha`, `slab`, `raymarch` | the modes; `variants` holds their kernels |
@@ -30,6 +31,7 @@ mod extents;
 mod frames;
 mod gpu_splats;
 mod gpu_volume;
+mod intensities;
 mod least_squares;
 mod look;
 mod mode;
@@ -52,6 +54,7 @@ pub use decoded::{Decoded, decode};
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
 pub use gpu_splats::{GpuSplats, Precision};
 pub use gpu_volume::{GpuVolume, VolumeSource};
+pub use intensities::Intensities;
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use mode::Mode;
 pub use modes::{MODES, ModeRow, mode};

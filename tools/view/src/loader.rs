@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Instant;
 
 use engine::fit::place::place;
-use engine::render::VolumeSource;
+use engine::render::{Intensities, VolumeSource};
 use engine::splat::{self, SplatSet};
 use engine::volume::{FORMATS, LabelChoice, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
@@ -36,6 +36,8 @@ pub struct LoadedSplats {
     pub set: SplatSet,
     /// Rows of the list of objects, each with its number in the set and its number of splats.
     pub objects: Vec<(Object, u8, usize)>,
+    /// Intensities of each row.
+    pub intensities: Vec<Intensities>,
 }
 
 impl LoadedSplats {
@@ -59,7 +61,8 @@ impl LoadedSplats {
         // Joining numbers the objects in the order of files and labels.
         let objects = rows.into_iter().zip(set.objects());
         let objects = objects.map(|(row, o)| (Object { name: o.name, ..row }, o.number, o.splats)).collect();
-        Ok(LoadedSplats { set, objects })
+        let intensities = Intensities::of_objects(&set);
+        Ok(LoadedSplats { set, objects, intensities })
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use engine::render::Intensities;
 use glam::{DVec2, DVec3};
 
 use crate::histogram::Histogram;
@@ -25,6 +26,8 @@ pub struct PanelInfo<'a> {
     pub volume: bool,
     /// Number of splats of each row of [`crate::ViewState::objects`].
     pub object_splats: &'a [usize],
+    /// Intensities of each row of [`crate::ViewState::objects`], as soon as they are known.
+    pub object_intensities: &'a [Intensities],
     /// Histogram of the splats' intensities, as soon as it is computed.
     pub splat_histogram: Option<&'a Histogram>,
     /// Histogram of the volume's intensities within its region, as soon as it is computed.
@@ -55,6 +58,7 @@ impl Default for PanelInfo<'_> {
             splats: None,
             volume: false,
             object_splats: &[],
+            object_intensities: &[],
             splat_histogram: None,
             volume_histogram: None,
             draft: false,

@@ -243,6 +243,7 @@ impl Viewer {
             splats: data.has(Subject::Splats).then(|| object_splats.iter().sum()),
             volume: data.has(Subject::Volume),
             object_splats,
+            object_intensities: data.splats.as_ref().map_or(&[], |splats| &splats.intensities),
             splat_histogram: data.splat_histogram.as_ref(),
             volume_histogram: data.volume_histogram.as_ref(),
             draft: *draft,

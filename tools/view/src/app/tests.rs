@@ -1,9 +1,12 @@
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
+use engine::render::Intensities;
+use engine::splat::{Splat, SplatSet};
 use glam::DVec2;
 
 use super::*;
 use crate::orbit::Side;
 use crate::state::Object;
+use crate::transfer::Transfer;
 
 const SCREEN: Rect = Rect { min: Pos2::ZERO, max: pos2(1200.0, 800.0) };
 
@@ -14,6 +17,7 @@ struct Bench {
     time: f64,
     /// True if the picture has a lower quality than it will have.
     draft: bool,
+    intensities: Vec<Intensities>,
     shapes: Vec<egui::epaint::ClippedShape>,
 }
 
@@ -29,6 +33,7 @@ impl Bench {
             app: App::new(state, settings),
             time: 0.0,
             draft: false,
+            intensities: Vec::new(),
             shapes: Vec::new(),
         };
         // Panels know their size after the first frame.
@@ -51,6 +56,7 @@ impl Bench {
             splats: Some(1000),
             volume: true,
             object_splats: &[600, 400],
+            object_intensities: &self.intensities,
             draft: self.draft,
             depth: &depth,
             sample: &|x| Some(x.y),
@@ -123,6 +129,28 @@ impl Bench {
     fn middle(&self) -> Pos2 {
         self.app.picture().center()
     }
+}
+
+#[test]
+fn an_object_that_the_function_does_not_show_is_told() {
+    let mut bench = Bench::new();
+    let splat = |intensity| Splat { intensity, ..Splat::default() };
+    let set = SplatSet {
+        splats: [60.0, -900.0].map(splat).into(),
+        labels: Some(vec![1, 2]),
+        ..SplatSet::default()
+    };
+    bench.intensities = Intensities::of_objects(&set);
+    let soft = PRESETS.iter().find(|p| p.name == "CT-Soft-Tissue").expect("a preset");
+    bench.app.state.transfer = Transfer::new(&soft.over([-1000.0, 2000.0]));
+    bench.rest();
+    let told = "hardly seen: mostly -900 to -900 HU";
+    assert!(bench.find(told).y > bench.find("aorta").y, "below its row");
+    assert_eq!(bench.place_of("hardly seen: mostly 60 to 60 HU"), None);
+    // What is hidden on purpose is not missed.
+    bench.app.state.objects[1].visible = false;
+    bench.rest();
+    assert_eq!(bench.place_of(told), None);
 }
 
 #[test]

@@ -7,6 +7,7 @@ use glam::{DVec3, Vec3};
 use super::widgets::colour_button;
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
+use crate::theme::SIGNAL;
 
 /// Returns the colour of its own that an object gets first.
 fn first_tint(name: &str, index: usize) -> DVec3 {
@@ -34,6 +35,8 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
             }
         });
     }
+    // Anatomy must not vanish without a sign.
+    let transfer = state.transfer.function().ok();
     let mut alone = None;
     for (i, object) in state.objects.iter_mut().enumerate() {
         ui.push_id(i, |ui| {
@@ -61,6 +64,15 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                     name.on_hover_text(format!("{}: {count} splats", object.name));
                 }
             });
+            let shown = object.visible && object.opacity > 0.0;
+            if let (true, Some(transfer), Some(own)) = (shown, &transfer, info.object_intensities.get(i))
+                && !own.are_seen(transfer)
+                && let Some([low, high]) = own.middle_half()
+            {
+                let text = format!("hardly seen: mostly {low:.0} to {high:.0}{}", info.unit);
+                ui.colored_label(SIGNAL, text)
+                    .on_hover_text("the transfer function is transparent for most of this object's splats");
+            }
         });
     }
     if let Some(alone) = alone {

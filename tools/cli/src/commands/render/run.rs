@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use engine::gpu::Gpu;
 use engine::render::{
-    Appearance, Camera, ClipPlane, Look, ModeRow, Renderer, Scene, Settings, SplatKind, VolumeSource, mode,
+    Appearance, Camera, ClipPlane, Intensities, Look, ModeRow, Renderer, Scene, Settings, SplatKind,
+    VolumeSource, mode,
 };
 use engine::splat::{self, SplatSet, usual_colour};
 use engine::volume::{Roi, Volume};
@@ -234,33 +235,18 @@ fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
     range.unwrap_or([0.0, 1.0])
 }
 
-/// Opacity per mm below which a structure cannot be told from nothing.
-const SEEN: f64 = 0.005;
-/// Part of an object's splats that must be seen, or the object counts as unseen: V is a mean of several
-/// splats, so that few bright ones among many are not seen either.
-const LEAST_SEEN: f64 = 0.25;
-
 /// Warns of each object that is not hidden and of which the transfer function shows next to nothing.
 fn warn_of_unseen(set: &SplatSet, look: &Look) {
-    if !set.has_intensity {
-        return;
-    }
-    for object in set.objects() {
-        let own = |i: &usize| set.labels.as_ref().is_none_or(|labels| labels[*i] == object.number);
-        let mut intensities: Vec<f32> =
-            (0..set.splats.len()).filter(own).map(|i| set.splats[i].intensity).collect();
-        let seen = intensities.iter().filter(|&&hu| look.transfer.at(f64::from(hu)).1 >= SEEN).count();
+    for (object, intensities) in set.objects().iter().zip(Intensities::of_objects(set)) {
         let shown = look.objects.get(&object.number).is_none_or(|a| a.visible && a.opacity > 0.0);
-        if !shown || intensities.is_empty() || seen as f64 >= LEAST_SEEN * intensities.len() as f64 {
-            continue;
+        let Some([low, high]) = intensities.middle_half().filter(|_| shown) else { continue };
+        if !intensities.are_seen(&look.transfer) {
+            tracing::warn!(
+                "{} is here and can hardly be seen: half of its splats have {low:.0} to {high:.0} HU, and {} is \
+                 transparent for most; choose another --tf, or --tf-shift",
+                object.name,
+                look.transfer.name
+            );
         }
-        intensities.sort_by(f32::total_cmp);
-        let [low, high] = [1, 3].map(|quarters| intensities[(intensities.len() - 1) * quarters / 4]);
-        tracing::warn!(
-            "{} is here and can hardly be seen: half of its splats have {low:.0} to {high:.0} HU, and {} is transparent for \
-             most; choose another --tf, or --tf-shift",
-            object.name,
-            look.transfer.name
-        );
     }
 }

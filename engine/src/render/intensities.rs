@@ -1,0 +1,91 @@
+//! Intensities of an object's splats, and whether a transfer function shows them: what is there and cannot be
+//! seen has to be told.
+
+use crate::splat::SplatSet;
+use crate::transfer::TransferFunction;
+
+/// Opacity per mm below which a structure cannot be told from nothing.
+const SEEN: f64 = 0.005;
+/// Part of an object's splats that must be seen, or the object counts as unseen: V is a mean of several
+/// splats, so that few bright ones among many are not seen either.
+const LEAST_SEEN: f64 = 0.25;
+/// Number of intensities that are kept of an object.
+const KEPT: usize = 101;
+
+/// Intensities of an object's splats, evenly chosen from the least to the greatest.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Intensities(Vec<f32>);
+
+impl Intensities {
+    /// Returns those of each object of a set, in the order of [`SplatSet::objects`]; without intensities they
+    /// are empty.
+    pub fn of_objects(set: &SplatSet) -> Vec<Self> {
+        let objects = set.objects();
+        if !set.has_intensity {
+            return vec![Intensities::default(); objects.len()];
+        }
+        let mut own = vec![Vec::new(); 256];
+        for (i, splat) in set.splats.iter().enumerate() {
+            own[set.labels.as_ref().map_or(0, |labels| usize::from(labels[i]))].push(splat.intensity);
+        }
+        let number = |object: u8| if set.labels.is_some() { usize::from(object) } else { 0 };
+        objects.iter().map(|object| Self::of(std::mem::take(&mut own[number(object.number)]))).collect()
+    }
+
+    fn of(mut all: Vec<f32>) -> Self {
+        all.sort_unstable_by(f32::total_cmp);
+        let kept = all.len().min(KEPT);
+        Intensities((0..kept).map(|k| all[k * (all.len() - 1) / (kept - 1).max(1)]).collect())
+    }
+
+    /// Returns the intensities between which the middle half of the splats lies; `None` without any.
+    pub fn middle_half(&self) -> Option<[f32; 2]> {
+        let last = self.0.len().checked_sub(1)?;
+        Some([1, 3].map(|quarters| self.0[last * quarters / 4]))
+    }
+
+    /// Returns false if a transfer function shows next to nothing of them.
+    pub fn are_seen(&self, transfer: &TransferFunction) -> bool {
+        let seen = self.0.iter().filter(|&&v| transfer.at(f64::from(v)).1 >= SEEN).count();
+        seen as f64 >= LEAST_SEEN * self.0.len() as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::splat::Splat;
+    use crate::transfer::PRESETS;
+
+    #[test]
+    fn an_object_is_seen_if_a_quarter_of_its_splats_is() {
+        let bone = PRESETS.iter().find(|p| p.name == "CT-Bone").expect("a preset").over([-1000.0, 3000.0]);
+        let of = |bright: usize| {
+            let intensity = |i: usize| if i < bright { 1200.0 } else { -900.0 };
+            Intensities::of((0..1000).map(intensity).collect())
+        };
+        assert!(of(1000).are_seen(&bone) && of(260).are_seen(&bone));
+        assert!(!of(0).are_seen(&bone) && !of(240).are_seen(&bone));
+        assert_eq!(of(500).middle_half(), Some([-900.0, 1200.0]));
+        let none = Intensities::of(Vec::new());
+        assert!(none.are_seen(&bone) && none.middle_half().is_none(), "nothing is missing");
+        assert_eq!(Intensities::of(vec![7.0]).middle_half(), Some([7.0, 7.0]));
+    }
+
+    #[test]
+    fn objects_keep_their_order() {
+        let splat = |intensity| Splat { intensity, ..Splat::default() };
+        let mut set = SplatSet {
+            splats: [3.0, 1.0, 2.0].map(splat).into(),
+            labels: Some(vec![9, 200, 9]),
+            has_intensity: true,
+            ..SplatSet::default()
+        };
+        let of = |all: &[f32]| Intensities(all.to_vec());
+        assert_eq!(Intensities::of_objects(&set), [of(&[2.0, 3.0]), of(&[1.0])]);
+        set.labels = None;
+        assert_eq!(Intensities::of_objects(&set), [of(&[1.0, 2.0, 3.0])]);
+        set.has_intensity = false;
+        assert_eq!(Intensities::of_objects(&set), [of(&[])]);
+    }
+}
