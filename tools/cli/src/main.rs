@@ -17,6 +17,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use shared::console::{Console, TalkArguments};
 use shared::failure::{self, Stop};
+use shared::signals;
 use shared::version::VERSION;
 
 /// Volumetric Gaussian splatting: splats with physical intensities for the region of interest of a CT or MR
@@ -64,6 +65,7 @@ enum Command {
 fn main() -> ExitCode {
     let start = Instant::now();
     failure::guard(|| {
+        signals::survive_file_limits()?;
         let cli = parse()?;
         let console = Console::new(&cli.talk);
         console.start_logging();

@@ -187,4 +187,56 @@ fn an_interrupted_fit_goes_on_to_the_same_bytes() {
     }
     let none = folder.run(&flags("none.ply", &["--resume"]));
     assert_eq!(none.code, 66, "{}", none.err);
+    assert!(none.err.contains("begin without --resume"), "{}", none.err);
+}
+
+/// The last state is damaged: the fit goes on from the one before, to the same bytes.
+#[test]
+fn a_damaged_state_has_one_before_it() {
+    let folder = Folder::new(16);
+    let flags = |output: &'static str, more: &[&'static str]| {
+        let mut all = vec!["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", output];
+        all.extend(LONG);
+        all.extend(more);
+        all
+    };
+    assert_eq!(folder.run(&flags("whole.ply", &[])).code, 0);
+    assert!(!folder.path("whole.previous.state").exists(), "a fit that is done needs no state");
+
+    let child = folder.start(&flags("part.ply", &[]));
+    wait_for("two states", || folder.path("part.previous.state").exists());
+    wait_for("the last state", || folder.path("part.state").exists());
+    send(&child, "-KILL");
+    assert_ne!(finish(child).code, 0, "stopped in time");
+    let mut state = folder.read("part.state");
+    let middle = state.len() / 2;
+    state[middle] ^= 1;
+    std::fs::write(folder.path("part.state"), state).expect("written");
+
+    let resumed = folder.run(&flags("part.ply", &["--resume"]));
+    assert_eq!(resumed.code, 0, "{}", resumed.err);
+    assert!(
+        resumed.err.contains("damaged") && resumed.err.contains("the state before it"),
+        "{}",
+        resumed.err
+    );
+    assert!(folder.read("part.ply") == folder.read("whole.ply"), "the splats differ");
+    assert!(!folder.path("part.state").exists() && !folder.path("part.previous.state").exists());
+}
+
+/// A limit of the size of files is an error like a full disk, and nothing half written stays. (A software driver
+/// keeps its memory in files, so that a command without a device shows it.)
+#[test]
+fn a_limit_of_the_size_of_files_is_an_error() {
+    let folder = Folder::new(16);
+    let phantom = folder.command(&["phantom", "-o", "large", "--size", "40"]);
+    let mut limited = std::process::Command::new("sh");
+    limited.args(["-c", "ulimit -f 4; exec \"$@\"", "sh"]).arg(phantom.get_program());
+    limited.args(phantom.get_args()).current_dir(folder.path("."));
+    let output = limited.output().expect("sh");
+    let err = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(74), "{err}");
+    assert!(err.contains("ct.nii.gz") && err.contains("File too large"), "{err}");
+    let left = std::fs::read_dir(folder.path("large")).map_or(0, Iterator::count);
+    assert_eq!(left, 0, "half a volume");
 }

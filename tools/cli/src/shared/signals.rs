@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicI32, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use engine::{Error, Kind, Result};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator;
 
 /// State that the signal thread and the command share.
@@ -20,6 +20,16 @@ struct SharedState {
     deferring: AtomicBool,
     /// File to remove when a signal ends the program.
     remove_on_exit: Mutex<Option<PathBuf>>,
+}
+
+/// Makes a write beyond the limit of a file's size (ulimit -f) fail like any other, instead of ending the program
+/// in the middle of its work.
+pub fn survive_file_limits() -> Result<()> {
+    let failed = |e: std::io::Error| {
+        Error::new(Kind::Internal, "VGS-CLI-004", format!("signals cannot be watched: {e}"))
+    };
+    signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
+    Ok(())
 }
 
 /// Signals of this process; by default none are handled.

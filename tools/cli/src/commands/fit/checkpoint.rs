@@ -1,5 +1,6 @@
 //! Checkpoints of a fit, by which one can look at it and resume it: splats as PLY, and its state.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -48,11 +49,18 @@ pub struct Checkpoints {
     inputs: BTreeMap<String, String>,
     region: String,
     config: FitConfig,
+    /// True if the state on disk is whole and of this fit, so that it is worth keeping beside the next one.
+    has_good_state: Cell<bool>,
 }
 
 /// Returns the path of the state of a fit to `output`.
 pub fn state_path(output: &Path) -> PathBuf {
     beside(output, ".state")
+}
+
+/// Returns the path of the state before the last, which stands in if the last one is damaged.
+fn previous_path(output: &Path) -> PathBuf {
+    beside(output, ".previous.state")
 }
 
 impl Checkpoints {
@@ -73,9 +81,12 @@ impl Checkpoints {
             inputs: inputs.iter().map(|(&name, input)| (name.to_owned(), input.sha256.clone())).collect(),
             region: region_text(region),
             config: config.clone(),
+            has_good_state: Cell::new(false),
         };
-        let state = state_path(output);
-        if state.exists() && !checkpoints.write.force {
+        let states = [state_path(output), previous_path(output)];
+        if let Some(state) = states.into_iter().find(|path| path.exists())
+            && !checkpoints.write.force
+        {
             let message = "an interrupted fit has left its state here";
             return Err(Error::new(Kind::CannotCreate, "VGS-CLI-030", message)
                 .file(state)
@@ -115,28 +126,59 @@ impl Checkpoints {
         let notes = serde_json::to_string(&notes).map_err(|e| {
             Error::new(Kind::Internal, "VGS-CLI-031", format!("the notes of a state cannot be written: {e}"))
         })?;
-        // The previous state belongs to this fit.
-        state.write(&state_path(&self.output), &notes, true)
+        let (path, previous) = (state_path(&self.output), previous_path(&self.output));
+        if self.has_good_state.get() {
+            std::fs::rename(&path, &previous)
+                .map_err(|e| Error::io(&previous, "keeping the state before the last", &e))?;
+        }
+        // What is there was given up with --force, or cannot be read.
+        state.write(&path, &notes, true)?;
+        self.has_good_state.set(true);
+        Ok(())
     }
 
-    /// Removes the state of a fit that is finished.
+    /// Removes the states of a fit that is finished.
     pub fn clean(&self) {
-        let _ = std::fs::remove_file(state_path(&self.output));
+        for path in [state_path(&self.output), previous_path(&self.output)] {
+            let _ = std::fs::remove_file(path);
+        }
     }
 
-    /// Reads the state of an interrupted fit. It must be this fit: the same inputs, region and
-    /// hyper-parameters.
+    /// Reads the last state of an interrupted fit or, if that is damaged or missing, the one before it. It
+    /// must be this fit: the same inputs, region and hyper-parameters.
     pub fn read(&self) -> Result<Interrupted> {
-        let path = state_path(&self.output);
-        let (state, text) = FitState::read(&path)?;
+        let (last, previous) = (state_path(&self.output), previous_path(&self.output));
+        if !last.exists() && !previous.exists() {
+            let message = "there is no state of an interrupted fit here";
+            return Err(Error::new(Kind::Missing, "VGS-CLI-035", message)
+                .file(last)
+                .help("a fit that ended leaves none: begin without --resume"));
+        }
+        match self.read_from(&last) {
+            Ok(interrupted) => {
+                self.has_good_state.set(true);
+                Ok(interrupted)
+            }
+            Err(error) if error.kind != Kind::Usage && previous.exists() => {
+                let interrupted = self.read_from(&previous)?;
+                let iteration = interrupted.state.iteration;
+                tracing::warn!("{error}; going on from the state before it, of iteration {iteration}");
+                Ok(interrupted)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn read_from(&self, path: &Path) -> Result<Interrupted> {
+        let (state, text) = FitState::read(path)?;
         let notes: StateNotes = serde_json::from_str(&text).map_err(|e| {
             Error::new(Kind::BadData, "VGS-CLI-032", format!("the notes cannot be read: {e}"))
-                .file(&path)
+                .file(path)
                 .help("start the fit anew, with --force")
         })?;
         let other = |what: String| {
             Err(Error::new(Kind::Usage, "VGS-CLI-033", format!("this is the state of another fit: {what}"))
-                .file(&path)
+                .file(path)
                 .help("give the flags of the interrupted fit, or begin again with --force"))
         };
         for (name, hash) in &self.inputs {
@@ -147,8 +189,11 @@ impl Checkpoints {
         if notes.inputs.len() != self.inputs.len() || notes.region != self.region {
             return other("the region of interest is chosen otherwise".into());
         }
-        if let Some((key, was, is)) = difference(&notes.config, &self.config) {
-            return other(format!("{key} was {was} and is {is} now"));
+        let changed = differences(&notes.config, &self.config);
+        if !changed.is_empty() {
+            let all: Vec<_> =
+                changed.iter().map(|(key, was, is)| format!("{key} was {was} and is {is} now")).collect();
+            return other(all.join(", "));
         }
         Ok(Interrupted { state, seconds: notes.seconds, curve: notes.curve })
     }
@@ -163,14 +208,14 @@ fn region_text(region: &RoiArguments) -> String {
     format!("{roi_threshold:?} {roi_label:?}{steps}")
 }
 
-/// Returns the first key in which two configurations differ, and both values.
-fn difference(a: &FitConfig, b: &FitConfig) -> Option<(&'static str, Value, Value)> {
+/// Returns the keys in which two configurations differ, and both values of each.
+fn differences(a: &FitConfig, b: &FitConfig) -> Vec<(&'static str, Value, Value)> {
     // The values go through text, so that 0.1 as f32 stays 0.1.
     let text = |config| serde_json::to_string(config).unwrap_or_default();
     let values = |config| serde_json::from_str::<Value>(&text(config)).unwrap_or_default();
     let (a, b) = (values(a), values(b));
-    let mut keys = FitConfig::FIELDS.iter().map(|field| field.key);
-    keys.find(|key| a[key] != b[key]).map(|key| (key, a[key].clone(), b[key].clone()))
+    let keys = FitConfig::FIELDS.iter().map(|field| field.key);
+    keys.filter(|key| a[key] != b[key]).map(|key| (key, a[key].clone(), b[key].clone())).collect()
 }
 
 #[cfg(test)]
@@ -227,10 +272,11 @@ mod tests {
     #[test]
     fn another_configuration_is_told_by_its_key() {
         let a = FitConfig::default();
-        assert!(difference(&a, &a).is_none());
-        let b = FitConfig { rate_mean: 0.3, ..a.clone() };
-        let (key, was, is) = difference(&a, &b).unwrap();
-        assert_eq!((key, was.to_string(), is.to_string()), ("rate_mean", "0.2".into(), "0.3".into()));
+        assert!(differences(&a, &a).is_empty());
+        let b = FitConfig { rate_mean: 0.3, shell: 5, ..a.clone() };
+        let text = |(key, was, is): &(&str, Value, Value)| format!("{key} {was} {is}");
+        let all: Vec<_> = differences(&a, &b).iter().map(text).collect();
+        assert_eq!(all, ["shell 4 5", "rate_mean 0.2 0.3"]);
     }
 
     #[test]
