@@ -82,7 +82,7 @@ pub use storage::Storage;
 pub use submission_pacer::SubmissionPacer;
 pub use tiles::TileBinner;
 pub use views::Views;
-pub use visit::{reach, visit};
+pub use visit::visit;
 pub use work::Work;
 pub use workgroup_shape::WorkgroupShape;
 

@@ -17,20 +17,11 @@ use crate::volume::bricks::{BRICK, SAMPLES};
 /// Number of samples after which a slab ends; with their results they take some 13 MB.
 const SLAB_SAMPLES: usize = 1 << 19;
 
-/// Returns the mean of a splat, and its reach along each axis of its space.
-pub fn reach(splat: &Splat, field: &Field) -> (DVec3, DVec3) {
-    let mean = DVec3::from_array(splat.mean.map(f64::from));
-    let axes = splat.axes();
-    let scale = splat.scale().map(f64::from);
-    // This is the diagonal of R S² Rᵀ.
-    let variance = (0..3).map(|k| (axes.col(k) * scale[k]).powf(2.0)).sum::<DVec3>();
-    (mean, (variance * field.kernel.support_q()).powf(0.5))
-}
-
 /// Returns the first and the last brick of the grid along each axis that a splat reaches; `None` if it lies
 /// outside.
 fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 2]; 3]> {
-    let (mean, reach) = reach(splat, field);
+    let mean = DVec3::from_array(splat.mean.map(f64::from));
+    let reach = splat.reach(field.kernel.support_q());
     let mut out = [[0; 2]; 3];
     for axis in 0..3 {
         let first = (mean[axis] - reach[axis]).ceil().max(0.0);
@@ -127,7 +118,7 @@ mod tests {
         let mut splat = Splat { mean: [20.0, 4.0, 4.0], rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
         splat.set_scale([2.0, 1.0, 1.0]);
         let field = Field::default();
-        let (_, far) = reach(&splat, &field);
+        let far = splat.reach(field.kernel.support_q());
         assert!((far - DVec3::new(2.0, 1.0, 1.0) * 6f64.sqrt()).length() < 1e-6, "{far}");
         // The splat reaches from 15.1 to 24.9, and from 1.6 to 6.4.
         assert_eq!(bricks_of(&splat, &field, [64, 64, 64]), Some([[2, 3], [0, 0], [0, 0]]));

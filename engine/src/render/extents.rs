@@ -23,15 +23,7 @@ pub(super) fn middle_sigma(splats: &[Splat]) -> f64 {
 
 /// Returns the half size of the box around each splat's support, in the unit of the splats.
 pub(super) fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
-    splats
-        .par_iter()
-        .map(|splat| {
-            let axes = splat.axes();
-            let scale = DVec3::from_array(splat.scale().map(f64::from));
-            let squares = (0..3).map(|k| (axes.col(k) * scale[k]).powf(2.0)).sum::<DVec3>();
-            (squares * support_q).powf(0.5).as_vec3()
-        })
-        .collect()
+    splats.par_iter().map(|splat| splat.reach(support_q).as_vec3()).collect()
 }
 
 /// Returns the bounds of the field within the support of each splat: least and greatest intensity of all

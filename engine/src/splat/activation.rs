@@ -5,7 +5,7 @@
 //! it is set. σ is kept where σ² and 1/σ² are finite, and a needle is kept as thick as f32 can measure
 //! distances from. Rotations are built in f64 and accept any quaternion.
 
-use glam::{DMat3, DQuat};
+use glam::{DMat3, DQuat, DVec3};
 
 use super::Splat;
 
@@ -32,6 +32,8 @@ pub trait Activations {
     fn set_scale(&mut self, scale: [f32; 3]);
     /// Returns the rotation R whose columns are the axes of the splat; see [`rotation_matrix`].
     fn axes(&self) -> DMat3;
+    /// Returns the half size of the box around the splat's support q < `support_q`, in the unit of the mean.
+    fn reach(&self, support_q: f64) -> DVec3;
 }
 
 impl Activations for Splat {
@@ -54,6 +56,13 @@ impl Activations for Splat {
 
     fn axes(&self) -> DMat3 {
         rotation_matrix(self.rotation)
+    }
+
+    fn reach(&self, support_q: f64) -> DVec3 {
+        let (axes, scale) = (self.axes(), self.scale().map(f64::from));
+        // This is the diagonal of R S² Rᵀ.
+        let variance = (0..3).map(|k| (axes.col(k) * scale[k]).powf(2.0)).sum::<DVec3>();
+        (variance * support_q).powf(0.5)
     }
 }
 

@@ -6,7 +6,7 @@ use clap::{ArgGroup, Args, ValueEnum};
 use engine::fit::evaluate::FieldSample;
 use engine::fit::place::place;
 use engine::passes;
-use engine::splat::{SplatSet, Unplaced};
+use engine::splat::{Activations, SplatSet, Unplaced};
 use engine::volume::{Volume, nifti};
 use engine::{Error, Kind, Result};
 use glam::{DAffine3, DVec3};
@@ -183,7 +183,8 @@ impl GridArguments {
             .splats
             .iter()
             .map(|s| {
-                let (mean, reach) = passes::reach(s, &set.field);
+                let mean = DVec3::from_array(s.mean.map(f64::from));
+                let reach = s.reach(set.field.kernel.support_q());
                 (mean - reach, mean + reach)
             })
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
