@@ -35,8 +35,8 @@ fn bricks_of(splat: &Splat, field: &Field, size: [usize; 3]) -> Option<[[usize; 
     Some(out)
 }
 
-/// Returns ranges of brick layers that together are the grid; each has [`SLAB_SAMPLES`] in touched bricks, or a
-/// layer more.
+/// Returns ranges of brick layers that together are the grid. Each ends with the layer in which its touched bricks
+/// reach [`SLAB_SAMPLES`], the last one with the grid.
 fn slabs(touched: &[bool], grid: [usize; 3]) -> Vec<Range<usize>> {
     let (mut out, mut first, mut samples) = (Vec::new(), 0, 0);
     for (z, layer) in touched.chunks((grid[0] * grid[1]).max(1)).enumerate() {

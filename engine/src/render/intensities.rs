@@ -28,8 +28,7 @@ impl Intensities {
         for (i, splat) in set.splats.iter().enumerate() {
             own[set.labels.as_ref().map_or(0, |labels| usize::from(labels[i]))].push(splat.intensity);
         }
-        let number = |object: u8| if set.labels.is_some() { usize::from(object) } else { 0 };
-        objects.iter().map(|object| Self::of(std::mem::take(&mut own[number(object.number)]))).collect()
+        objects.iter().map(|object| Self::of(std::mem::take(&mut own[usize::from(object.number)]))).collect()
     }
 
     fn of(mut all: Vec<f32>) -> Self {

@@ -143,16 +143,17 @@ const LONG: [&str; 10] = [
     "16",
 ];
 
+fn flags(output: &'static str, more: &[&'static str]) -> Vec<&'static str> {
+    let mut all = vec!["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", output];
+    all.extend(LONG);
+    all.extend(more);
+    all
+}
+
 /// Killed without warning or stopped by Ctrl-C: with --resume the splats become those of a run that went through.
 #[test]
 fn an_interrupted_fit_goes_on_to_the_same_bytes() {
     let folder = Folder::new(16);
-    let flags = |output: &'static str, more: &[&'static str]| {
-        let mut all = vec!["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", output];
-        all.extend(LONG);
-        all.extend(more);
-        all
-    };
     let whole = folder.run(&flags("whole.ply", &[]));
     assert_eq!(whole.code, 0, "{}", whole.err);
     assert!(!folder.path("whole.state").exists(), "a fit that is done needs no state");
@@ -194,12 +195,6 @@ fn an_interrupted_fit_goes_on_to_the_same_bytes() {
 #[test]
 fn a_damaged_state_has_one_before_it() {
     let folder = Folder::new(16);
-    let flags = |output: &'static str, more: &[&'static str]| {
-        let mut all = vec!["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", output];
-        all.extend(LONG);
-        all.extend(more);
-        all
-    };
     assert_eq!(folder.run(&flags("whole.ply", &[])).code, 0);
     assert!(!folder.path("whole.previous.state").exists(), "a fit that is done needs no state");
 

@@ -22,12 +22,13 @@ struct SharedState {
     remove_on_exit: Mutex<Option<PathBuf>>,
 }
 
+fn failed(e: std::io::Error) -> Error {
+    Error::new(Kind::Internal, "VGS-CLI-004", format!("signals cannot be watched: {e}"))
+}
+
 /// Makes a write beyond the limit of a file's size (ulimit -f) fail like any other, instead of ending the program
 /// in the middle of its work.
 pub fn survive_file_limits() -> Result<()> {
-    let failed = |e: std::io::Error| {
-        Error::new(Kind::Internal, "VGS-CLI-004", format!("signals cannot be watched: {e}"))
-    };
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
     Ok(())
 }
@@ -39,9 +40,6 @@ pub struct Signals(Arc<SharedState>);
 impl Signals {
     /// Handles SIGINT, SIGTERM and SIGHUP from now on.
     pub fn install() -> Result<Self> {
-        let failed = |e: std::io::Error| {
-            Error::new(Kind::Internal, "VGS-CLI-004", format!("signals cannot be watched: {e}"))
-        };
         let mut incoming = iterator::Signals::new([SIGINT, SIGTERM, SIGHUP]).map_err(failed)?;
         let signals = Signals(Arc::default());
         let shared = signals.clone().0;

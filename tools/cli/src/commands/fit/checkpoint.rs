@@ -127,7 +127,8 @@ impl Checkpoints {
             Error::new(Kind::Internal, "VGS-CLI-031", format!("the notes of a state cannot be written: {e}"))
         })?;
         let (path, previous) = (state_path(&self.output), previous_path(&self.output));
-        if self.has_good_state.get() {
+        // If writing fails, the state before stays where it is.
+        if self.has_good_state.replace(false) {
             std::fs::rename(&path, &previous)
                 .map_err(|e| Error::io(&previous, "keeping the state before the last", &e))?;
         }
