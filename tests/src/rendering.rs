@@ -59,9 +59,10 @@ pub fn settings() -> Settings {
     Settings { precise: true, ..Settings::new(SIZE) }
 }
 
-/// Creates a camera that sees all of the scene from the patient's left front.
+/// Creates a camera that sees all of the scene, with the tails of splats, from the patient's left front.
 pub fn camera(scene: &Scene) -> Camera {
-    let [low, high] = scene.bounds();
+    let tails = scene.splats.as_ref().map(|splats| splats.bounds.map(|corner| corner + scene.origin));
+    let [low, high] = tails.unwrap_or_else(|| scene.bounds());
     let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
     Camera::from_side("anterior-left", (low + high) * 0.5, (high - low).length() * 0.35, 40.0, aspect)
         .expect("a camera")

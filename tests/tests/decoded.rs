@@ -40,7 +40,7 @@ fn objects(count: usize) -> SplatSet {
 }
 
 /// The voxels as the reference implementation has them.
-fn reference_voxels(set: &SplatSet, decoded: &Decoded, pitch: f64) -> Vec<reference::decoded::Voxel> {
+fn reference_voxels(set: &SplatSet, decoded: &Decoded) -> Vec<reference::decoded::Voxel> {
     // With one more on each side, so that all have their neighbours.
     let wide = decoded.size.map(|n| n as usize + 2);
     let scene_from_wide = decoded.scene_from_voxel * DAffine3::from_translation(DVec3::splat(-1.0));
@@ -67,10 +67,8 @@ fn reference_voxels(set: &SplatSet, decoded: &Decoded, pitch: f64) -> Vec<refere
     };
     let (last, grid_from_wide) = match set.grid {
         Some(grid) => (
-            DVec3::from_array(grid.at_pitch(pitch).size.map(|n| f64::from(n) - 1.0)),
-            grid.at_pitch(pitch).world_from_voxel.inverse()
-                * DAffine3::from_translation(set.origin_mm)
-                * scene_from_wide,
+            DVec3::from_array(grid.size.map(|n| f64::from(n) - 1.0)),
+            grid.world_from_voxel.inverse() * DAffine3::from_translation(set.origin_mm) * scene_from_wide,
         ),
         None => (DVec3::INFINITY, DAffine3::from_translation(DVec3::splat(1e6))),
     };
@@ -98,15 +96,14 @@ fn voxels_are_those_of_the_reference() {
     let binary = SplatSet { form: Form::Grid { binary: true }, ..fitted(80, Kernel::Compact) };
     // Of others V is by least squares.
     let samples = |set: SplatSet| SplatSet { form: Form::Grid { binary: false }, ..set };
-    for (name, set, pitch) in [
-        ("compact", samples(fitted(120, Kernel::Compact)), 1.0),
-        ("gaussian", samples(fitted(40, Kernel::Gaussian)), 1.0),
-        ("binary", binary, 1.0),
-        ("without a grid", samples(set(60, Kernel::Compact)), 1.0),
-        ("coarse", samples(fitted(120, Kernel::Compact)), 3.0),
+    for (name, set) in [
+        ("compact", samples(fitted(120, Kernel::Compact))),
+        ("gaussian", samples(fitted(40, Kernel::Gaussian))),
+        ("binary", binary),
+        ("without a grid", samples(set(60, Kernel::Compact))),
     ] {
-        let decoded = decode(&gpu, &set, pitch).expect("a field");
-        let wanted = reference_voxels(&set, &decoded, pitch);
+        let decoded = decode(&gpu, &set, 1.0).expect("a field");
+        let wanted = reference_voxels(&set, &decoded);
         let size = decoded.size;
         let found: Vec<(f64, f64)> = (0..wanted.len() as u32)
             .map(|i| decoded.value([i % size[0], i / size[0] % size[1], i / (size[0] * size[1])]))
@@ -126,7 +123,7 @@ fn voxels_are_those_of_the_reference() {
     }
 }
 
-/// The occupancy of a listed voxel is that of the mask if splats reach it, at every pitch that has the voxel.
+/// The occupancy of a listed voxel is that of the mask if splats reach it.
 #[test]
 fn exceptions_decide_the_occupancy_of_the_voxels_that_splats_reach() {
     let gpu = Device::boot();
@@ -144,43 +141,35 @@ fn exceptions_decide_the_occupancy_of_the_voxels_that_splats_reach() {
         .collect();
     let soft = SplatSet { form: Form::Grid { binary: false }, ..plain.clone() };
     let set = SplatSet { exceptions, ..plain.clone() };
-    for pitch in [1.0, 2.0] {
-        let [without, with, reach] =
-            [&plain, &set, &soft].map(|set| decode(&gpu, set, pitch).expect("a field"));
-        let to_box = without.scene_from_voxel.inverse()
-            * DAffine3::from_translation(-set.origin_mm)
-            * set.grid.expect("a grid").world_from_voxel;
-        let at = |voxel: [u16; 3]| to_box.transform_point3(DVec3::from_array(voxel.map(f64::from)));
-        let listed: std::collections::HashMap<[u32; 3], bool> = set
-            .exceptions
-            .iter()
-            .map(|e| (at(e.voxel), e.inside))
-            .filter(|(x, _)| x.distance(x.round()) < 1e-6 && x.cmpgt(DVec3::splat(-0.5)).all())
-            .map(|(x, inside)| (x.round().as_uvec3().to_array(), inside))
-            .collect();
-        let [nx, ny, nz] = without.size;
-        let (mut changed, mut empty) = (0, 0);
-        for i in 0..nx * ny * nz {
-            let voxel = [i % nx, i / nx % ny, i / (nx * ny)];
-            let ((v, o), (v_with, o_with)) = (without.value(voxel), with.value(voxel));
-            assert_eq!(v, v_with, "{pitch}: V of {voxel:?}");
-            match listed.get(&voxel) {
-                // O is less than 16 bits tell, or nothing; where there is nothing it stays so.
-                Some(&inside) if reach.value(voxel).1 == 0.0 => empty += usize::from(inside && o_with == 0.0),
-                Some(&inside) => {
-                    assert_eq!(
-                        o_with,
-                        f64::from(u8::from(inside)),
-                        "{pitch}: {voxel:?}, {o} {:?}",
-                        reach.value(voxel)
-                    );
-                    changed += usize::from(o != o_with);
-                }
-                None => assert_eq!(o, o_with, "{pitch}: {voxel:?}"),
+    let [without, with, reach] = [&plain, &set, &soft].map(|set| decode(&gpu, set, 1.0).expect("a field"));
+    let to_box = without.scene_from_voxel.inverse()
+        * DAffine3::from_translation(-set.origin_mm)
+        * set.grid.expect("a grid").world_from_voxel;
+    let at = |voxel: [u16; 3]| to_box.transform_point3(DVec3::from_array(voxel.map(f64::from)));
+    let listed: std::collections::HashMap<[u32; 3], bool> = set
+        .exceptions
+        .iter()
+        .map(|e| (at(e.voxel), e.inside))
+        .filter(|(x, _)| x.distance(x.round()) < 1e-6 && x.cmpgt(DVec3::splat(-0.5)).all())
+        .map(|(x, inside)| (x.round().as_uvec3().to_array(), inside))
+        .collect();
+    let [nx, ny, nz] = without.size;
+    let (mut changed, mut empty) = (0, 0);
+    for i in 0..nx * ny * nz {
+        let voxel = [i % nx, i / nx % ny, i / (nx * ny)];
+        let ((v, o), (v_with, o_with)) = (without.value(voxel), with.value(voxel));
+        assert_eq!(v, v_with, "V of {voxel:?}");
+        match listed.get(&voxel) {
+            // O is less than 16 bits tell, or nothing; where there is nothing it stays so.
+            Some(&inside) if reach.value(voxel).1 == 0.0 => empty += usize::from(inside && o_with == 0.0),
+            Some(&inside) => {
+                assert_eq!(o_with, f64::from(u8::from(inside)), "{voxel:?}, {o} {:?}", reach.value(voxel));
+                changed += usize::from(o != o_with);
             }
+            None => assert_eq!(o, o_with, "{voxel:?}"),
         }
-        assert!(changed > 20 && empty > 20, "{pitch}: {changed} changed, {empty} without splats");
     }
+    assert!(changed > 20 && empty > 20, "{changed} changed, {empty} without splats");
 }
 
 /// Between the voxels that they were fitted for splats are wrong, so a finer pitch has nothing to show there.
@@ -195,6 +184,56 @@ fn fits_for_a_grid_are_decoded_at_its_voxels_at_the_finest() {
     }
     let [coarse, fine] = [1.0, 0.5].map(|pitch| decode(&gpu, &field, pitch).expect("a field"));
     assert!((0..3).all(|k| fine.size[k] > 3 * coarse.size[k] / 2), "{:?}, {:?}", coarse.size, fine.size);
+}
+
+/// A coarser pitch has the means of the voxels, as the reference implementation takes them, and keeps thin
+/// things.
+#[test]
+fn coarser_voxels_are_means() {
+    let gpu = Device::boot();
+    for binary in [false, true] {
+        let set = SplatSet { form: Form::Grid { binary }, ..fitted(80, Kernel::Compact) };
+        let [fine, coarse, coarser, as_coarse] =
+            [1.0, 2.0, 4.0, 3.0].map(|pitch| decode(&gpu, &set, pitch).expect("a field"));
+        assert_eq!((coarser.size, coarser.scene_from_voxel), (as_coarse.size, as_coarse.scene_from_voxel));
+        let (mut size, mut voxels) = (fine.size.map(|n| n as usize), all_voxels(&fine));
+        for (name, found) in [("2", &coarse), ("4", &coarser)] {
+            (size, voxels) = reference::decoded::halved(size, &voxels);
+            assert_eq!(found.size.map(|n| n as usize), size, "{name}");
+            let got = all_voxels(found);
+            let occupancies = got.iter().zip(&voxels).map(|(a, b)| (a.occupancy, b.occupancy));
+            assert_close(&format!("{name}: O"), Bound::new(4e-5, 0.0), occupancies.collect::<Vec<_>>());
+            let there = got.iter().zip(&voxels).filter(|(_, b)| b.occupancy > 1e-3);
+            let values: Vec<_> = there.map(|(a, b)| (a.value, b.value)).collect();
+            assert!(values.len() > 100, "{name}: {} voxels", values.len());
+            assert_close(&format!("{name}: V"), Bound::new(0.2, 1e-3), values);
+        }
+        // All of O is there, at its place.
+        let whole = |field: &Decoded| {
+            let edge = field.scene_from_voxel.matrix3.determinant().abs();
+            let [nx, ny, _] = field.size.map(|n| n as usize);
+            all_voxels(field).iter().enumerate().fold(DVec4::ZERO, |sum, (i, voxel)| {
+                let at = DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64);
+                let place = field.scene_from_voxel.transform_point3(at);
+                sum + edge * voxel.occupancy * place.extend(1.0)
+            })
+        };
+        let (wanted, found) = (whole(&fine), whole(&coarser));
+        assert!((found.w / wanted.w - 1.0).abs() < 1e-3, "{binary}: {found} {wanted}");
+        let apart = (found.truncate() / found.w).distance(wanted.truncate() / wanted.w);
+        assert!(apart < 0.2, "{binary}: {apart} mm");
+    }
+}
+
+/// All voxels of a box, x fastest, as of one object.
+fn all_voxels(field: &Decoded) -> Vec<reference::decoded::Voxel> {
+    let [nx, ny, nz] = field.size;
+    (0..nx * ny * nz)
+        .map(|i| {
+            let (value, occupancy) = field.value([i % nx, i / nx % ny, i / (nx * ny)]);
+            reference::decoded::Voxel { value, occupancy, object: 0 }
+        })
+        .collect()
 }
 
 /// A fit lists the voxels where it is on the wrong side of a binary mask, so that what is shown is the mask.
@@ -262,7 +301,7 @@ fn an_atlas_is_marched_as_the_same_voxels_in_a_volume() {
 
 /// The picture of the reference voxels, marched by the reference implementation.
 fn reference_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decoded, step: f64) -> Image {
-    let voxels = reference_voxels(set, decoded, 1.0);
+    let voxels = reference_voxels(set, decoded);
     let size = decoded.size.map(|n| n as usize);
     let values: Vec<f32> = voxels.iter().map(|v| v.value as f32).collect();
     let mask: Vec<f32> = voxels.iter().map(|v| v.occupancy as f32).collect();
@@ -407,4 +446,73 @@ fn what_is_too_much_is_coarser_and_what_is_no_pitch_is_refused() {
             Renderer::new(&gpu, row, &scene, &Settings { pitch, ..settings() }).err().expect("an error");
         assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-RENDER-024"), "{pitch}");
     }
+}
+
+/// The same splats on a grid four times as fine, so that the bricks are sampled in several slabs.
+fn on_a_fine_grid(set: SplatSet) -> SplatSet {
+    let grid = set.grid.expect("a grid");
+    let world_from_voxel = grid.world_from_voxel * DAffine3::from_scale(DVec3::splat(0.25));
+    let fine = Grid { size: grid.size.map(|n| 4 * n - 3), world_from_voxel };
+    SplatSet { grid: Some(fine), form: Form::Grid { binary: false }, ..set }
+}
+
+/// Many bricks are sampled slab by slab, to the same voxels and objects as all at once.
+#[test]
+fn slabs_of_bricks_are_one_field() {
+    let gpu = Device::boot();
+    let set = on_a_fine_grid(objects(60));
+    let plain = SplatSet { form: set.form, ..objects(60) };
+    let [fine, coarse] = [&set, &plain].map(|set| decode(&gpu, set, 1.0).expect("a field"));
+    let counts = [&fine, &coarse].map(Decoded::brick_count);
+    assert!(counts[0] > 2048 && counts[1] < 2048, "several slabs and one: {counts:?}");
+    let fine_from_coarse = fine.scene_from_voxel.inverse() * coarse.scene_from_voxel;
+    let [nx, ny, nz] = coarse.size;
+    let (mut values, mut occupancies) = (Vec::new(), Vec::new());
+    for i in 0..nx * ny * nz {
+        let at = [i % nx, i / nx % ny, i / (nx * ny)];
+        let place = fine_from_coarse.transform_point3(DVec3::from_array(at.map(f64::from)));
+        let there =
+            place.cmpge(DVec3::ZERO).all() && place.cmplt(DVec3::from_array(fine.size.map(f64::from))).all();
+        let (v, o) = coarse.value(at);
+        if there && o > 0.01 {
+            let found = fine.value(place.round().as_uvec3().to_array());
+            values.push((found.0, v));
+            occupancies.push((found.1, o));
+        }
+    }
+    assert!(values.len() > 1000, "{}", values.len());
+    assert_close("V", Bound::new(0.1, 1e-5), values);
+    assert_close("O", Bound::new(1e-4, 0.0), occupancies);
+
+    let tint = |tint: [f32; 3]| Appearance { tint: Some(tint), ..Appearance::default() };
+    let look = Look {
+        objects: [(4, tint([1.0, 0.2, 0.1])), (7, tint([0.1, 0.4, 1.0]))].into(),
+        ..look("CT-Soft-Tissue", false)
+    };
+    let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
+    let row = mode("decoded").expect("a mode");
+    let [found, wanted] = [1.0, 2.0].map(|pitch| {
+        render(&gpu, row, &scene, &Settings { pitch, ..settings() }, &[camera(&scene)]).remove(0)
+    });
+    let db = psnr(&wanted, &found).expect("pictures of one size");
+    println!("tinted, in slabs against half as fine in one: {db:.1} dB");
+    assert!(db > 30.0, "objects keep their places: {db:.1} dB");
+}
+
+/// A decoding tells how far it is, and ends when the scene that wants it is gone.
+#[test]
+fn a_decoding_tells_its_progress_and_ends_with_its_scene() {
+    let gpu = Device::boot();
+    let set = on_a_fine_grid(fitted(60, Kernel::Compact));
+    let begin = |parts: &mut Vec<f32>, is_gone: bool| {
+        let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", false)).expect("a scene");
+        let job = scene.splats.as_ref().expect("splats").decoding(&gpu, 1.0).expect("a job");
+        let scene = (!is_gone).then_some(scene);
+        job(&mut |part| parts.push(part)).expect("decoded");
+        scene.is_some_and(|scene| scene.splats.as_ref().expect("splats").has_decoded(1.0))
+    };
+    let (mut all, mut gone) = (Vec::new(), Vec::new());
+    assert!(begin(&mut all, false));
+    assert!(all.len() > 1 && all[0] == 0.0 && all.is_sorted() && all.iter().all(|p| *p < 1.0), "{all:?}");
+    assert!(!begin(&mut gone, true) && gone == [0.0], "not a slab for nobody: {gone:?}");
 }

@@ -1,64 +1,77 @@
-//! Keeps the memory of the device within a budget of bytes: first splats are packed, then the least important
-//! ones are left out.
+//! Keeps the memory of the device within a budget of bytes: first splats are packed; then a decoded field has
+//! coarser voxels, of other splats the least important ones are left out.
 
 use engine::gpu::Gpu;
-use engine::render::Precision;
+use engine::render::{Precision, SplatKind};
 use engine::splat::SplatSet;
 use engine::{Error, Kind, Result};
 
 /// Part of the budget that the remaining splats should take, by estimate, when splats are left out; so
 /// another round is seldom needed.
 const MARGIN: f64 = 0.95;
+/// The coarsest voxels of a decoded field.
+const COARSEST: f64 = 16.0;
+
+/// What a budget leaves of a scene.
+pub struct Kept<'a> {
+    /// Splats, the most important ones if some are left out.
+    pub set: &'a SplatSet,
+    /// Precision of the splats.
+    pub precision: Precision,
+    /// [`engine::render::Settings::pitch`].
+    pub pitch: f64,
+}
 
 /// Creates something from a set, with `make`, that takes at most `budget_mib` MiB of device memory, and
-/// prints a note if splats were packed or left out. The memory is measured, not estimated: if it is too
-/// large, `make` is called again with a smaller set. The set begins with the splats that matter most.
+/// prints a note of what was given up. The memory is measured, not estimated: if it is too large, `make` is
+/// called again with less. The set begins with the splats that matter most.
 pub fn within<T>(
     gpu: &Gpu,
     budget_mib: Option<f64>,
     mut set: SplatSet,
-    mut make: impl FnMut(&SplatSet, Precision) -> Result<T>,
+    mut make: impl FnMut(&Kept<'_>) -> Result<T>,
 ) -> Result<T> {
-    let Some(budget) = budget_mib.map(|mib| mib * f64::from(1 << 20)) else {
-        return make(&set, Precision::Full);
-    };
-    let all = set.splats.len();
-    let mut precision = Precision::Full;
+    let (all, kind) = (set.splats.len(), SplatKind::of(&set));
+    let (mut precision, mut pitch) = (Precision::Full, 1.0);
     loop {
-        let made = make(&set, precision)?;
+        let made = make(&Kept { set: &set, precision, pitch })?;
+        let Some(budget) = budget_mib.map(|mib| mib * f64::from(1 << 20)) else { return Ok(made) };
         let used = gpu.memory_by_purpose().values().sum::<u64>() as f64;
         if used <= budget {
             let count = set.splats.len();
-            match precision {
-                _ if count < all => {
-                    eprintln!(
-                        "note: {count} of {all} splats fit into the memory budget; the least important are left out"
-                    );
-                }
-                Precision::Packed => eprintln!("note: splats are packed, to keep to the memory budget"),
-                Precision::Full => {}
+            if count < all {
+                eprintln!(
+                    "note: {count} of {all} splats fit into the memory budget; the least important are left out"
+                );
+            } else if pitch > 1.0 {
+                eprintln!("note: to keep to the memory budget, {pitch}³ voxels are shown as one");
+            } else if precision == Precision::Packed {
+                eprintln!("note: splats are packed, to keep to the memory budget");
             }
             return Ok(made);
         }
         drop(made);
         gpu.wait_idle()?;
-        if precision == Precision::Full && set.colours.is_none() {
-            precision = Precision::Packed;
-            continue;
-        }
         let fewer = (set.splats.len() as f64 * (budget / used).min(1.0) * MARGIN) as usize;
-        if fewer == 0 || set.splats.len() == 1 {
-            return Err(Error::new(
-                Kind::Unavailable,
-                "VGS-XR-024",
-                format!(
-                    "{:.0} MiB are needed without any splat; the budget is {:.0}",
-                    used / 1048576.0,
-                    budget / 1048576.0
-                ),
-            )
-            .help("choose a larger --memory-budget, or a smaller --resolution"));
+        match kind {
+            _ if precision == Precision::Full && kind != SplatKind::Coloured => precision = Precision::Packed,
+            // A splat less would be a hole in what is shown.
+            SplatKind::Grid if pitch < COARSEST => pitch *= 2.0,
+            SplatKind::Field | SplatKind::Coloured if fewer > 0 && set.splats.len() > 1 => {
+                set.truncate(fewer)
+            }
+            _ => {
+                return Err(Error::new(
+                    Kind::Unavailable,
+                    "VGS-XR-024",
+                    format!(
+                        "{:.0} MiB are needed at the least; the budget is {:.0}",
+                        used / 1048576.0,
+                        budget / 1048576.0
+                    ),
+                )
+                .help("choose a larger --memory-budget, or a smaller --resolution"));
+            }
         }
-        set.truncate(fewer);
     }
 }

@@ -125,11 +125,13 @@ fn show(
         frames: arguments.frames,
         panel: arguments.panel,
         foveation: arguments.foveation,
+        pitch: 1.0,
     };
-    let mut viewer = memory::within(gpu, arguments.memory_budget, set, |set, precision| {
-        let scene = Scene::with_precision(gpu, Some(set), None, &look, precision)?;
-        let mut viewer = Viewer::new(gpu, scene, headset, options.clone())?;
-        viewer.set_pick_data(PickData::of(set));
+    let mut viewer = memory::within(gpu, arguments.memory_budget, set, |kept| {
+        let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
+        let options = Options { pitch: kept.pitch, ..options.clone() };
+        let mut viewer = Viewer::new(gpu, scene, headset, options)?;
+        viewer.set_pick_data(PickData::of(kept.set));
         Ok(viewer)
     })?;
     if let Some(onlooker) = onlooker(gpu, headset.description())? {

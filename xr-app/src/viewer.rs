@@ -6,7 +6,7 @@ use std::time::Duration;
 use engine::Result;
 use engine::budget::{Controller, budget_ms};
 use engine::gpu::{Format, Gpu, Hitches, Image};
-use engine::render::{Fov, Frames, QualityLevel, Scene, Triangle, level_costs};
+use engine::render::{Fov, Frames, QualityLevel, Scene, Settings, Triangle, level_costs};
 use glam::DVec3;
 
 use crate::composer::Composer;
@@ -36,6 +36,8 @@ pub struct Options {
     /// Edges of the views' pictures, as a part of the eyes', with foveation ([`Sight`]); `None` for no
     /// foveation.
     pub foveation: Option<f64>,
+    /// [`Settings::pitch`].
+    pub pitch: f64,
 }
 
 /// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones
@@ -75,7 +77,8 @@ impl Viewer {
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
         let sight = Sight::new(about.eye_size, options.foveation, about.lenses);
-        let frames = Frames::new(gpu, &scene, &sight.settings(about.depth), &options.levels)?;
+        let settings = Settings { pitch: options.pitch, ..sight.settings(about.depth) };
+        let frames = Frames::new(gpu, &scene, &settings, &options.levels)?;
         let foveated = sight.insets().is_some();
         let composer =
             Composer::new(gpu, about.format, about.depth, about.blend, options.background, foveated)?;

@@ -4,11 +4,12 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use engine::splat::{self, Activations as _, Splat, SplatSet};
+use engine::splat::{self, Activations as _, Form, Grid, Splat, SplatSet};
+use glam::DAffine3;
 use serde_json::Value;
 
-/// Returns a folder with a scene of so many splats in a cube of 12 cm.
-fn folder(count: usize) -> tempfile::TempDir {
+/// Returns a folder with a scene of so many splats in a cube of 12 cm, fitted for its 121³ voxels if so.
+fn folder(count: usize, for_grid: bool) -> tempfile::TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let edge = (count as f64).cbrt().ceil() as usize;
     let splats = (0..count).map(|i| {
@@ -23,7 +24,11 @@ fn folder(count: usize) -> tempfile::TempDir {
         splat.set_scale([60.0 / edge as f32; 3]);
         splat
     });
-    let set = SplatSet { splats: splats.collect(), ..SplatSet::default() };
+    let mut set = SplatSet { splats: splats.collect(), ..SplatSet::default() };
+    if for_grid {
+        set.grid = Some(Grid { size: [121; 3], world_from_voxel: DAffine3::IDENTITY });
+        set.form = Form::Grid { binary: true };
+    }
     splat::write(&folder.path().join("scene.ply"), &set, false).expect("a file");
     folder
 }
@@ -56,7 +61,7 @@ fn used(folder: &Path, arguments: &[&str]) -> (String, f64) {
 
 #[test]
 fn a_memory_budget_is_kept_to_or_refused() {
-    let folder = folder(60_000);
+    let folder = folder(60_000, false);
     let folder = folder.path();
     let frames = ["--frames", "3", "--level", "3"];
     let (said, all) = used(folder, &frames);
@@ -70,6 +75,28 @@ fn a_memory_budget_is_kept_to_or_refused() {
     let (said, fewer) = within(all * 0.7);
     assert!(said.contains("of 60000 splats fit") && fewer <= all * 0.7, "{fewer} of {all} MiB: {said}");
     let refused = run(folder, &[&frames[..], &["--memory-budget", "0.5"]].concat());
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(!refused.status.success() && said.contains("VGS-XR-024"), "{said}");
+}
+
+/// What is shown decoded loses no splat to a budget: its voxels become coarser.
+#[test]
+fn a_memory_budget_makes_a_decoded_field_coarser() {
+    let folder = folder(4_000, true);
+    let folder = folder.path();
+    let frames = ["--frames", "3", "--level", "3"];
+    let (_, all) = used(folder, &frames);
+    let within = |mib: f64| {
+        let budget = format!("{mib:.3}");
+        used(folder, &[&frames[..], &["--memory-budget", &budget]].concat())
+    };
+    let (said, found) = within(all * 0.6);
+    assert!(
+        said.contains("2³ voxels are shown as one") && found <= all * 0.6,
+        "{found} of {all} MiB: {said}"
+    );
+    assert!(!said.contains("left out"), "{said}");
+    let refused = run(folder, &[&frames[..], &["--memory-budget", "0.1"]].concat());
     let said = String::from_utf8_lossy(&refused.stderr);
     assert!(!refused.status.success() && said.contains("VGS-XR-024"), "{said}");
 }
@@ -96,7 +123,7 @@ fn bright(xwd: &[u8], window: [usize; 2]) -> [usize; 2] {
 /// where no window manager moves it.
 #[test]
 fn a_window_shows_what_the_eyes_see() {
-    let folder = folder(3000);
+    let folder = folder(3000, false);
     let there = Command::new(tool("xvfb")).arg("true").output().expect("tools/xvfb starts");
     if !there.status.success() {
         println!("skipped: there is no virtual screen; `tools/setup window` brings one");

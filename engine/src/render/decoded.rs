@@ -18,6 +18,7 @@
 //! are fitted to be about as wide as voxels. The pitch doubles until the bricks fit into the limits below,
 //! with a warning: a coarser picture is better than none.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, IVec3, U16Vec3, UVec3, Vec3};
@@ -44,6 +45,9 @@ const MOST_LEAPS: f64 = 4e6;
 const APRONED: usize = glsl::APRONED as usize;
 /// Greatest number of bricks of an atlas along an axis, so that a place fits its bits.
 const MOST_ALONG: u32 = (1 << glsl::PLACE_BITS) - 1;
+/// Number of bricks that are sampled at once: with their results they take some 30 MB, and a decoding that is
+/// no longer wanted ends after them.
+const SLAB_BRICKS: usize = 1 << 11;
 /// The finest and the coarsest pitch that may be asked for, voxels.
 const PITCHES: [f64; 2] = [0.25, 16.0];
 
@@ -70,15 +74,15 @@ pub struct Decoded {
     pub scene_from_voxel: DAffine3,
     pub(super) scale: Scale,
     /// V and O, as fractions, of voxels that no splat reaches.
-    empty: [u16; 2],
+    pub(super) empty: [u16; 2],
     /// Bricks along x, y, z; brick b holds the voxels 8 b − 1 to 8 b + 6 of the box.
-    bricks: UVec3,
+    pub(super) bricks: UVec3,
     /// Slot of each brick, x fastest.
-    slots: Vec<u32>,
+    pub(super) slots: Vec<u32>,
     /// V and O as fractions, [slot][Morton place].
-    samples: Vec<[u16; 2]>,
+    pub(super) samples: Vec<[u16; 2]>,
     /// Objects that the voxels belong to, [slot][Morton place]; `None` if all belong to `label`.
-    labels: Option<Vec<u8>>,
+    pub(super) labels: Option<Vec<u8>>,
     pub(super) label: u8,
 }
 
@@ -91,8 +95,9 @@ pub(super) struct Atlas {
     pub(super) labels: Option<Vec<u8>>,
 }
 
-/// Decodes a set, in its own space (mm less its origin), to voxels `pitch` voxels of its grid apart; at least
-/// one if the set was fitted for the voxels alone, since it is wrong between them.
+/// Decodes a set, in its own space (mm less its origin), to voxels `pitch` voxels of its grid apart. A set that
+/// was fitted for the voxels alone is wrong between them: its pitch is 1 or the next power of two, and coarser
+/// voxels have the means of those of the grid.
 ///
 /// # Errors
 /// If the pitch is below ¼ or above 16.
@@ -107,7 +112,8 @@ pub fn decode(gpu: &Gpu, set: &SplatSet, pitch: f64) -> Result<Decoded> {
         exceptions: set.exceptions.as_slice().into(),
         sigma_mm: middle_sigma(&set.splats),
     }
-    .decode(gpu, pitch)
+    .decode(gpu, pitch, &mut |_| true)?
+    .ok_or_else(|| Error::new(Kind::Internal, "VGS-RENDER-026", "a decoded field is lost"))
 }
 
 /// Fails if splats cannot be decoded to voxels of this pitch.
@@ -119,6 +125,9 @@ pub(super) fn check(pitch: f64) -> Result<()> {
     Err(Error::new(Kind::Usage, "VGS-RENDER-024", format!("a pitch of {pitch} voxels"))
         .help(format!("choose one from {finest} to {coarsest}; 1 is the grid of the CT itself")))
 }
+
+/// First and last voxel of the box around what a splat reaches; `None` if that is nothing of the grid.
+type VoxelBox = Option<(IVec3, IVec3)>;
 
 /// The voxels that splats reach, and the bricks in which they lie.
 struct Extent {
@@ -136,10 +145,21 @@ struct Extent {
 }
 
 impl Source {
-    pub(super) fn decode(&self, gpu: &Gpu, pitch: f64) -> Result<Decoded> {
+    /// Decodes the splats. `going` is told the part that is done, 0 to 1, again and again; the result is
+    /// `None` if it returns false.
+    pub(super) fn decode(
+        &self,
+        gpu: &Gpu,
+        pitch: f64,
+        going: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Option<Decoded>> {
         check(pitch)?;
-        let pitch = if self.form == Form::Field { pitch } else { pitch.max(1.0) };
-        let (extent, splats) = self.extent(pitch);
+        // What is between the voxels of a grid fit means nothing, so a coarser field is made of that of its grid.
+        let (pitch, coarser) = match self.form {
+            Form::Field => (pitch, 1.0),
+            Form::Grid { .. } => (1.0, pitch),
+        };
+        let (extent, splats, boxes) = self.extent(pitch);
         let bricks = extent.sampled(|brick| extent.reached[brick]);
         let background = self.field.background;
         let scene_from_voxel = extent.scene_from_lattice * DAffine3::from_translation(extent.low.as_dvec3());
@@ -155,14 +175,26 @@ impl Source {
             label: self.objects.first().copied().unwrap_or(0),
         };
         if bricks.is_empty() {
-            return Ok(decoded);
+            return Ok(Some(decoded));
         }
-        // Each sample has V, O and Σ w; V and O are kept.
-        let mut sampler = Sampler::new(gpu, &splats, &self.field, &bricks)?;
-        let found = sampler.sample([0.0; 3])?;
-        let binary = self.form == Form::Grid { binary: true };
         let [first, last] = extent.faces;
         let inside = |voxel: IVec3| voxel.cmpge(first).all() && voxel.cmple(last).all();
+        // Each sample has V, O and Σ w; V and O are kept.
+        let mut found = Vec::with_capacity(bricks.len() * SAMPLES);
+        let offsets = if self.form == Form::Field { &BETWEEN[..] } else { &[] };
+        let mut points: Vec<Points> =
+            offsets.iter().map(|&offset| Points { offset, samples: Vec::new() }).collect();
+        let whole = in_slabs(gpu, (&splats, &boxes), &self.field, &bricks, going, &mut |slots, sampler| {
+            found.extend(sampler.sample([0.0; 3])?);
+            for set in &mut points {
+                set.samples.extend(between(sampler, &bricks, slots.start, set.offset, &inside)?);
+            }
+            Ok(())
+        })?;
+        if !whole {
+            return Ok(None);
+        }
+        let binary = self.form == Form::Grid { binary: true };
         let mut values: Vec<f32> = (0..found.len())
             .into_par_iter()
             .map(|i| match found[i].weight > 0.0 {
@@ -178,7 +210,6 @@ impl Source {
             })
             .collect();
         if self.form == Form::Field {
-            let points = between(&mut sampler, &bricks, &inside)?;
             let neighbours = Neighbours::new(bricks.grid, &bricks.slots, &bricks.coordinates);
             let (low, high) = range_of(&values);
             values = least_squares(&neighbours, &values, &points);
@@ -223,13 +254,18 @@ impl Source {
                 }
             }
         }
-        decoded.labels = self.labels(gpu, &extent, &bricks, &splats)?;
-        Ok(decoded)
+        decoded.labels = self.labels(gpu, &extent, &bricks, (&splats, &boxes))?;
+        let mut reached = extent.pitch / pitch;
+        while reached < coarser {
+            decoded = decoded.halved();
+            reached *= 2.0;
+        }
+        Ok(Some(decoded))
     }
 
     /// Returns the voxels that splats reach, at the pitch or at the first coarser one at which they are few
-    /// enough, and the splats in the space of the lattice.
-    fn extent(&self, mut pitch: f64) -> (Extent, Vec<Splat>) {
+    /// enough, the splats in the space of the lattice, and what each of them reaches.
+    fn extent(&self, mut pitch: f64) -> (Extent, Vec<Splat>, Vec<VoxelBox>) {
         let set = SplatSet { splats: self.splats.clone(), ..SplatSet::default() };
         loop {
             let grid = self.lattice().at_pitch(pitch);
@@ -240,7 +276,7 @@ impl Source {
             };
             let boxes = boxes(&splats, &self.field, faces);
             if let Some(extent) = Extent::around(&boxes, grid.world_from_voxel, faces, pitch) {
-                return (extent, splats);
+                return (extent, splats, boxes);
             }
             pitch *= 2.0;
             tracing::warn!("the field reaches too far to be decoded finer than to every {pitch} voxels");
@@ -265,7 +301,7 @@ impl Source {
         gpu: &Gpu,
         extent: &Extent,
         bricks: &Bricks,
-        splats: &[Splat],
+        (splats, boxes): (&[Splat], &[VoxelBox]),
     ) -> Result<Option<Vec<u8>>> {
         let mut numbers = self.objects.clone();
         numbers.sort_unstable();
@@ -276,26 +312,29 @@ impl Source {
         let count = bricks.len() * SAMPLES;
         let (mut labels, mut most) = (vec![numbers[0]; count], vec![0.0f32; count]);
         for &number in &numbers {
-            let own: Vec<Splat> =
-                splats.iter().zip(&self.objects).filter(|(_, o)| **o == number).map(|(s, _)| *s).collect();
+            let (own, own_boxes): (Vec<Splat>, Vec<VoxelBox>) = (splats.iter().zip(boxes).zip(&self.objects))
+                .filter(|(_, object)| **object == number)
+                .map(|((splat, reach), _)| (*splat, *reach))
+                .unzip();
             let mut reached = vec![false; extent.reached.len()];
-            for (low, high) in boxes(&own, &self.field, extent.faces) {
+            for &(low, high) in own_boxes.iter().flatten() {
                 extent.mark(&mut reached, low, high);
             }
             let there = extent.sampled(|brick| reached[brick] && extent.reached[brick]);
-            if there.is_empty() {
-                continue;
-            }
-            let found = Sampler::new(gpu, &own, &self.field, &there)?.sample([0.0; 3])?;
-            for (brick, samples) in there.coordinates.iter().zip(found.chunks(SAMPLES)) {
-                let slot = bricks.slots[place_of(extent.bricks, *brick)] as usize;
-                for (m, sample) in samples.iter().enumerate() {
-                    let i = slot * SAMPLES + m;
-                    if sample.weight > most[i] {
-                        (labels[i], most[i]) = (number, sample.weight);
+            let own = (&own[..], &own_boxes[..]);
+            in_slabs(gpu, own, &self.field, &there, &mut |_| true, &mut |slots, sampler| {
+                let found = sampler.sample([0.0; 3])?;
+                for (brick, samples) in there.coordinates[slots].iter().zip(found.chunks(SAMPLES)) {
+                    let slot = bricks.slots[place_of(extent.bricks, *brick)] as usize;
+                    for (m, sample) in samples.iter().enumerate() {
+                        let i = slot * SAMPLES + m;
+                        if sample.weight > most[i] {
+                            (labels[i], most[i]) = (number, sample.weight);
+                        }
                     }
                 }
-            }
+                Ok(())
+            })?;
         }
         Ok(Some(labels))
     }
@@ -307,23 +346,49 @@ const BETWEEN: [[f32; 3]; 4] =
 /// Weight of a point besides its occupancy: it alone holds V where the occupancy is faint.
 const LEAST_WEIGHT: f32 = 1e-3;
 
-/// Evaluates the field at points between the voxels. A point has no weight if a voxel beyond the faces takes
-/// part in it or if no splat reaches it.
+/// Evaluates the field at the points at one offset from the voxels of the slots from `first` on: their
+/// weights and V. A point has no weight if a voxel beyond the faces takes part in it or if no splat reaches it.
 fn between(
     sampler: &mut Sampler,
     bricks: &Bricks,
+    first: usize,
+    offset: [f32; 3],
     inside: &(dyn Fn(IVec3) -> bool + Sync),
-) -> Result<Vec<Points>> {
-    let set = |offset| {
-        let found = sampler.sample(offset)?;
-        let each = |i: usize| {
-            let voxel = bricks.voxel(i / SAMPLES, i % SAMPLES);
-            let there = found[i].weight > 0.0 && inside(voxel) && inside(voxel + 1);
-            [if there { found[i].occupancy + LEAST_WEIGHT } else { 0.0 }, found[i].hu]
-        };
-        Ok(Points { offset, samples: (0..found.len()).into_par_iter().map(each).collect() })
+) -> Result<Vec<[f32; 2]>> {
+    let found = sampler.sample(offset)?;
+    let each = |i: usize| {
+        let voxel = bricks.voxel(first + i / SAMPLES, i % SAMPLES);
+        let there = found[i].weight > 0.0 && inside(voxel) && inside(voxel + 1);
+        [if there { found[i].occupancy + LEAST_WEIGHT } else { 0.0 }, found[i].hu]
     };
-    BETWEEN.into_iter().map(set).collect()
+    Ok((0..found.len()).into_par_iter().map(each).collect())
+}
+
+/// Calls `take` with the slots of each slab of some bricks, and with a sampler of its samples. Before each
+/// slab `going` is told the part that is done; returns false, without the rest, if it does.
+fn in_slabs(
+    gpu: &Gpu,
+    (splats, boxes): (&[Splat], &[VoxelBox]),
+    field: &Field,
+    bricks: &Bricks,
+    going: &mut dyn FnMut(f64) -> bool,
+    take: &mut dyn FnMut(Range<usize>, &mut Sampler) -> Result<()>,
+) -> Result<bool> {
+    for start in (0..bricks.len()).step_by(SLAB_BRICKS) {
+        if !going(start as f64 / bricks.len() as f64) {
+            return Ok(false);
+        }
+        let slots = start..(start + SLAB_BRICKS).min(bricks.len());
+        // Slots ascend along z. A voxel more holds the points between the last ones.
+        let z = [slots.start, slots.end - 1].map(|slot| bricks.voxel(slot, 0).z);
+        let near: Vec<Splat> = (splats.iter().zip(boxes))
+            .filter(|(_, reach)| reach.is_some_and(|(low, high)| low.z <= z[1] + 8 && z[0] <= high.z))
+            .map(|(splat, _)| *splat)
+            .collect();
+        let part = bricks.part(slots.clone());
+        take(slots, &mut Sampler::new(gpu, &near, field, &part)?)?;
+    }
+    Ok(true)
 }
 
 /// Returns the least and greatest of some values.
@@ -333,11 +398,11 @@ fn range_of(values: &[f32]) -> (f32, f32) {
     values.par_iter().fold(none, |range, &v| joined(range, (v, v))).reduce(none, joined)
 }
 
-/// Returns the first and last voxel of a box around the voxels that each splat reaches and those beside them,
-/// within the grid and a border of one voxel. Splats that reach no voxel of the grid are left out.
-fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<(IVec3, IVec3)> {
+/// Returns the box around the voxels that each splat reaches and those beside them, within the grid and a
+/// border of one voxel.
+fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<VoxelBox> {
     let reaches = reaches(splats, field.kernel.support_q());
-    let boxes = splats.par_iter().zip(reaches).filter_map(|(splat, reach)| {
+    let boxes = splats.par_iter().zip(reaches).map(|(splat, reach)| {
         let mean = Vec3::from_array(splat.mean);
         // Positions are clamped as floats, so that huge ones do not overflow.
         let far = Vec3::splat(1e9);
@@ -352,15 +417,15 @@ fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<(IVec3, IVec
 impl Extent {
     /// Creates the extent around some boxes; returns `None` if there would be too many bricks.
     fn around(
-        boxes: &[(IVec3, IVec3)],
+        boxes: &[VoxelBox],
         scene_from_lattice: DAffine3,
         faces: [IVec3; 2],
         pitch: f64,
     ) -> Option<Self> {
-        let (low, high) = boxes
-            .iter()
-            .fold((IVec3::MAX, IVec3::MIN), |(low, high), (from, to)| (low.min(*from), high.max(*to)));
-        let (low, high) = if boxes.is_empty() { (IVec3::ZERO, IVec3::splat(2)) } else { (low, high) };
+        let there = boxes.iter().flatten();
+        let (low, high) =
+            there.fold((IVec3::MAX, IVec3::MIN), |(low, high), (from, to)| (low.min(*from), high.max(*to)));
+        let (low, high) = if low.x > high.x { (IVec3::ZERO, IVec3::splat(2)) } else { (low, high) };
         // The size is computed in f64, because a box may be as wide as the range of an integer.
         let size = high.as_dvec3() - low.as_dvec3() + 1.0;
         if ((size + 4.0) / 4.0).element_product() > MOST_LEAPS {
@@ -370,7 +435,7 @@ impl Extent {
         let bricks = (size.as_uvec3() + 8) / 8;
         let mut extent = Extent { pitch, scene_from_lattice, faces, low, high, bricks, reached: Vec::new() };
         let mut reached = vec![false; bricks.element_product() as usize];
-        for &(from, to) in boxes {
+        for &(from, to) in boxes.iter().flatten() {
             extent.mark(&mut reached, from, to);
         }
         let count = reached.iter().filter(|there| **there).count();
@@ -460,7 +525,8 @@ impl Decoded {
         self.sample(voxel).map_or(self.empty, |i| self.samples[i])
     }
 
-    fn sample(&self, voxel: IVec3) -> Option<usize> {
+    /// Returns the index of the sample of a voxel of the box; beyond its faces of that at the faces.
+    pub(super) fn sample(&self, voxel: IVec3) -> Option<usize> {
         let last = UVec3::from_array(self.size).as_ivec3() - 1;
         bricks_sample(self.bricks, &self.slots, voxel.clamp(IVec3::ZERO, last))
     }

@@ -21,7 +21,7 @@ use crate::passes::activity::ActivitySources;
 use crate::passes::deconvolution::DevicePoints;
 use crate::passes::{Activity, Ranking, SplatRows};
 use crate::splat::harmonics::basis_count;
-use crate::splat::{Exception, Field, Form, Grid, Harmonics, Object, Packed, SplatSet, by_importance};
+use crate::splat::{Exception, Field, Form, Grid, Harmonics, Object, Packed, Splat, SplatSet, by_importance};
 
 /// Precision of the splats on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,6 +32,9 @@ pub enum Precision {
     /// Splats of 16 bytes each; see [`Packed`].
     Packed,
 }
+
+/// q at half a standard deviation.
+const CORE_Q: f64 = 0.25;
 
 /// Properties of standard splats, those of ordinary 3D Gaussian splatting: they have colours instead of an
 /// intensity.
@@ -65,6 +68,9 @@ pub struct GpuSplats {
     pub range: [f64; 2],
     /// Corners of the box around all supports, mm in the space of the scene.
     pub bounds: [DVec3; 2],
+    /// Corners of the box around all cores, half a standard deviation from the means on, mm in the space of
+    /// the scene: where the mask is that they were fitted to.
+    pub(super) cores: [DVec3; 2],
     /// Objects of the splats, by ascending number.
     pub objects: Vec<Object>,
     intervals: Buffer<[f32; 2]>,
@@ -98,15 +104,12 @@ impl GpuSplats {
         let count = splats.len();
         let reach = reaches(splats, set.field.kernel.support_q());
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
-        let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        for (splat, reach) in splats.iter().zip(&reach) {
+        for splat in splats {
             let c = f64::from(splat.intensity);
             range = [range[0].min(c), range[1].max(c)];
-            let mean = Vec3::from_array(splat.mean);
-            bounds = [bounds[0].min((mean - reach).as_dvec3()), bounds[1].max((mean + reach).as_dvec3())];
         }
         if count == 0 {
-            (range, bounds) = ([0.0, 1.0], [DVec3::splat(-1.0), DVec3::ONE]);
+            range = [0.0, 1.0];
         }
         let object_numbers: Vec<u32> = match (&packed, &set.labels) {
             (Some(packed), _) => (0..count).map(|row| u32::from(packed.label(row))).collect(),
@@ -129,7 +132,8 @@ impl GpuSplats {
             count,
             sigma_mm: middle_sigma(splats),
             range,
-            bounds,
+            bounds: box_around(splats, &reach),
+            cores: box_around(splats, &reaches(splats, CORE_Q)),
             intervals: gpu.upload("intervals of intensity", "splats", &intervals)?,
             objects: set.objects(),
             object_numbers: gpu.upload("objects of splats", "splats", &object_numbers)?,
@@ -235,7 +239,7 @@ impl GpuSplats {
             };
             // Between the voxels of its grid such a fit means nothing, only its decoded field does.
             let decoded = match source.form {
-                Form::Grid { .. } => Some(source.decode(&gpu, 1.0)?),
+                Form::Grid { .. } => source.decode(&gpu, 1.0, &mut |_| true)?,
                 Form::Field => None,
             };
             let made = splat_points(&source.splats, &source.field, decoded.as_ref())?;
@@ -250,7 +254,7 @@ impl GpuSplats {
     /// pitch is kept.
     pub(super) fn decoded(&self, gpu: &Gpu, pitch: f64) -> Result<Arc<GpuVolume>> {
         if !self.has_decoded(pitch) {
-            self.decoding(gpu, pitch)?()?;
+            self.decoding(gpu, pitch)?(&mut |_| ())?;
         }
         let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
         match &*place {
@@ -266,17 +270,27 @@ impl GpuSplats {
     }
 
     /// Returns a function that prepares mode decoded at `pitch`, voxels, so that it can begin at once; it may
-    /// be called on any thread. Waits for the device.
+    /// be called on any thread. It tells its argument the part that is done, 0 to 1, and ends without a result
+    /// once the splats are gone. Waits for the device.
     ///
     /// # Errors
     /// If the pitch is out of range.
-    pub fn decoding(&self, gpu: &Gpu, pitch: f64) -> Result<impl FnOnce() -> Result<()> + Send + use<>> {
+    pub fn decoding(
+        &self,
+        gpu: &Gpu,
+        pitch: f64,
+    ) -> Result<impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + use<>> {
         decoded::check(pitch)?;
         let source = self.source()?;
-        let (gpu, place) = (gpu.clone(), Arc::clone(&self.decoded));
-        Ok(move || {
+        let (gpu, place) = (gpu.clone(), Arc::downgrade(&self.decoded));
+        Ok(move |progress: &mut dyn FnMut(f32)| {
             let start = std::time::Instant::now();
-            let field = source.decode(&gpu, pitch)?;
+            let mut going = |part: f64| {
+                progress(part as f32);
+                place.strong_count() > 0
+            };
+            let Some(field) = source.decode(&gpu, pitch, &mut going)? else { return Ok(()) };
+            let Some(place) = place.upgrade() else { return Ok(()) };
             let volume = Arc::new(GpuVolume::of_field(&gpu, &field)?);
             tracing::info!(
                 "{} bricks decoded in {:.2} s",
@@ -326,6 +340,19 @@ impl GpuSplats {
     pub fn active_count(&self) -> Result<usize> {
         Ok(self.activity.count.read()?[0] as usize)
     }
+}
+
+/// Returns the corners of the box around all splats, each of which has this half size around its mean.
+fn box_around(splats: &[Splat], reach: &[Vec3]) -> [DVec3; 2] {
+    if splats.is_empty() {
+        return [DVec3::splat(-1.0), DVec3::ONE];
+    }
+    let mut corners = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for (splat, &reach) in splats.iter().zip(reach) {
+        let mean = Vec3::from_array(splat.mean);
+        corners = [corners[0].min((mean - reach).as_dvec3()), corners[1].max((mean + reach).as_dvec3())];
+    }
+    corners
 }
 
 /// Returns coefficients as halves, two in a word.

@@ -6,6 +6,8 @@ use serde::Deserialize;
 
 use super::modes::mode;
 use super::quality::Quality;
+#[cfg(doc)]
+use super::settings::Settings;
 use crate::budget;
 use crate::splat::{Form, SplatSet};
 
@@ -14,7 +16,7 @@ use crate::splat::{Form, SplatSet};
 pub struct QualityLevel {
     /// Name of the render mode.
     pub mode: &'static str,
-    /// Quality within the mode.
+    /// Quality within the mode, for a [`Settings::step`] of 1.
     pub quality: Quality,
     /// Time of a frame relative to the first level; measured by `studies trade render`.
     pub cost: f64,
@@ -134,9 +136,14 @@ mod tests {
 
     #[test]
     fn levels_of_every_kind_begin_with_all_and_go_down() {
-        for (kind, first) in SplatKind::ALL.into_iter().zip(["slab", "decoded", "alpha"]) {
+        for (kind, first, coarseness) in [
+            (SplatKind::Field, "slab", 1.0),
+            (SplatKind::Grid, "decoded", 0.5),
+            (SplatKind::Coloured, "alpha", 1.0),
+        ] {
             let levels = quality_levels(kind);
-            assert_eq!((levels[0].mode, levels[0].quality, levels[0].cost), (first, Quality::FULL, 1.0));
+            let quality = Quality { coarseness, ..Quality::FULL };
+            assert_eq!((levels[0].mode, levels[0].quality, levels[0].cost), (first, quality, 1.0));
             // Refuses costs that do not fall.
             assert_eq!(level_costs(levels).len(), levels.len());
             assert!(levels.len() > 1, "{kind:?}");

@@ -109,9 +109,10 @@ impl Scene {
         &self.buffers
     }
 
-    /// Returns the corners of the box around the splats and the volume, mm RAS.
+    /// Returns the corners of the box around what there is to see, mm RAS: around the volume's region, and
+    /// around the splats without their tails, so that both are framed alike.
     pub fn bounds(&self) -> [DVec3; 2] {
-        let splats = self.splats.as_ref().map(|s| s.bounds);
+        let splats = self.splats.as_ref().map(|s| s.cores);
         let volume = self.volume.as_ref().map(|v| v.bounds);
         let [low, high] = match (splats, volume) {
             (Some(a), Some(b)) => [a[0].min(b[0]), a[1].max(b[1])],

@@ -5,6 +5,8 @@
 //! there. Inside a brick samples lie in Morton order (`shaders-glsl/include/brick.glsl`), so that 8
 //! neighbours in memory are a cell of 2³ voxels.
 
+use std::ops::Range;
+
 use glam::{IVec3, UVec3};
 use rayon::prelude::*;
 
@@ -100,6 +102,22 @@ impl Bricks {
             coordinates: found.iter().map(|f| f.1).collect(),
             active: found.into_iter().map(|f| f.2).collect(),
         }
+    }
+
+    /// Returns bricks of which only those of some slots have one, in the same order.
+    pub fn part(&self, slots: Range<usize>) -> Self {
+        let mut part = Bricks {
+            origin: self.origin,
+            grid: self.grid,
+            slots: vec![NO_SLOT; self.slots.len()],
+            coordinates: self.coordinates[slots.clone()].to_vec(),
+            active: self.active[slots].to_vec(),
+        };
+        for (slot, brick) in (0..).zip(&part.coordinates) {
+            let place = (brick.z * self.grid.y + brick.y) * self.grid.x + brick.x;
+            part.slots[place as usize] = slot;
+        }
+        part
     }
 
     /// Returns the number of bricks with a slot.

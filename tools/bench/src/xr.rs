@@ -115,6 +115,7 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &XrArguments) -> R
         frames: None,
         panel: false,
         foveation: None,
+        pitch: 1.0,
     };
     let mut viewer = Viewer::new(gpu, scene, &headset, options)?;
     viewer.run(&mut headset, &AtomicBool::new(false))?;

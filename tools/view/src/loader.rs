@@ -216,10 +216,16 @@ impl Loader {
         self.doing.first().map(|(what, part)| (what.as_str(), *part))
     }
 
-    /// Runs a job beside the window that makes later work faster.
-    pub fn prepare(&self, what: &'static str, job: impl FnOnce() -> Result<()> + Send + 'static) {
+    /// Runs a job beside the window that makes later work faster. It is given a function that takes its
+    /// progress, from 0 to 1.
+    pub fn prepare(
+        &self,
+        what: &'static str,
+        job: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
+    ) {
         self.spawn(self.turn, move |tell| {
-            tell.during(what.to_owned(), job);
+            let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
+            tell.during(what.to_owned(), || job(&mut progress));
         });
     }
 

@@ -312,7 +312,7 @@ impl Viewer {
         let level = self.controller.level();
         let given_up = match (first, moves) {
             (true, _) => FIRST,
-            (false, true) => quality_levels(self.kind)[level].quality,
+            (false, true) => quality_levels(self.kind)[level].quality.at_step(quality.step),
             (false, false) => Quality::FULL,
         };
         // The first level is the user's choice. So is every other level whose mode is not ready yet.
@@ -382,7 +382,8 @@ impl Viewer {
         let wanted = |mode| quality_levels(self.kind).iter().any(|level| level.mode == mode);
         if let Some(splats) = splats {
             if wanted("alpha") && !splats.has_faces() {
-                self.loader.prepare("making what moves fast", splats.preparation(canvas.gpu())?);
+                let job = splats.preparation(canvas.gpu())?;
+                self.loader.prepare("making what moves fast", |_| job());
             }
             if wanted("decoded") && !splats.has_decoded(PITCH) && !self.decoding {
                 self.loader.prepare("decoding what moves fast", splats.decoding(canvas.gpu(), PITCH)?);

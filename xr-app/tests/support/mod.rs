@@ -78,6 +78,7 @@ pub fn options() -> Options {
         frames: None,
         panel: false,
         foveation: None,
+        pitch: 1.0,
     }
 }
 

@@ -3,6 +3,10 @@
 use engine::render::{Quality, QualityLevel, SplatKind, quality_levels};
 use serde::{Deserialize, Serialize};
 
+/// Step of the best quality level for fits for the grid, voxels: from there on the field is no nearer to the
+/// CT than half a voxel's rays are.
+const FINEST_OF_GRID: f64 = 0.5;
+
 /// One way to render splats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Choice {
@@ -11,7 +15,7 @@ pub struct Choice {
     /// True if the splats are those of a fit for the CT's grid, not of one that is right between the voxels,
     /// too.
     pub of_grid: bool,
-    /// Distance of slabs, in standard deviations of a splat.
+    /// Distance of slabs, in standard deviations of a splat, or of samples, in voxels.
     pub step: f64,
     /// Edge of the picture as a part of the full one; the picture is enlarged to be compared.
     pub resolution: f64,
@@ -27,9 +31,23 @@ impl Choice {
         Choice { mode: mode.into(), of_grid: false, step: 1.0, resolution: 1.0, splats: 1.0, packed: false }
     }
 
-    /// Returns the usual choice for a fit for the grid, which has one mode.
+    /// Returns the choice for a fit for the grid, which has one mode, in steps of a voxel.
     pub fn of_grid() -> Self {
         Choice { of_grid: true, ..Self::usual("decoded") }
+    }
+
+    /// Returns the choice with which the quality levels for splats of this kind begin.
+    pub fn best(kind: SplatKind) -> Self {
+        match kind {
+            SplatKind::Field => Self::usual("slab"),
+            SplatKind::Grid => Choice { step: FINEST_OF_GRID, ..Self::of_grid() },
+            SplatKind::Coloured => Self::usual("alpha"),
+        }
+    }
+
+    /// Returns the least step of a quality level.
+    fn finest(&self) -> f64 {
+        if self.of_grid { FINEST_OF_GRID } else { 1.0 }
     }
 
     /// Returns the choice that corresponds to a quality level for splats of this kind.
@@ -46,18 +64,18 @@ impl Choice {
     /// Returns true if a frame can change to this choice without creating anything anew and without leaving
     /// anything out, so that it can be a quality level.
     pub fn can_be_level(&self) -> bool {
-        !self.packed && self.step >= 1.0 && self.mode != "exact" && self.splats == 1.0
+        !self.packed && self.step >= self.finest() && self.mode != "exact" && self.splats == 1.0
     }
 
     /// Returns what is given up within the mode.
     pub fn quality(&self) -> Quality {
-        Quality { resolution: self.resolution, coarseness: self.step.max(1.0) }
+        Quality { resolution: self.resolution, coarseness: self.step.max(self.finest()) }
     }
 
-    /// Returns [`engine::render::Settings::step`]; a greater distance of slabs is part of
-    /// [`Choice::quality`].
-    pub fn fine_step(&self) -> f64 {
-        self.step.min(1.0)
+    /// Returns [`engine::render::Settings::step`], of which [`Choice::quality`] has multiples: 1 for all that
+    /// can be a quality level.
+    pub fn settings_step(&self) -> f64 {
+        self.step / self.quality().coarseness
     }
 
     /// Describes the choice in a few words.

@@ -16,16 +16,12 @@ const STEP: f64 = 0.8;
 /// Returns the quality levels for splats of this kind: from the best choice down along the front of PSNR
 /// against cost.
 pub fn levels_of(kind: SplatKind, rows: &[Averages]) -> Vec<Averages> {
-    let usual = match kind {
-        SplatKind::Field => Choice::usual("slab"),
-        SplatKind::Grid => Choice::of_grid(),
-        SplatKind::Coloured => Choice::usual("alpha"),
-    };
-    let Some(first) = rows.iter().find(|row| row.choice == usual) else { return Vec::new() };
+    let best = Choice::best(kind);
+    let Some(first) = rows.iter().find(|row| row.choice == best) else { return Vec::new() };
     let fits = |choice: &Choice| {
         choice.can_be_level()
-            && choice.of_grid == usual.of_grid
-            && (kind != SplatKind::Coloured || choice.mode == usual.mode)
+            && choice.of_grid == best.of_grid
+            && (kind != SplatKind::Coloured || choice.mode == best.mode)
     };
     let mut cheaper: Vec<&Averages> =
         rows.iter().filter(|row| fits(&row.choice) && row.cost < first.cost).collect();
@@ -51,9 +47,11 @@ pub fn toml(rows: &[Averages], device: &str) -> String {
          # {device}.\n\
          # field: splats that are right between the voxels, too; grid: those fitted for a CT's grid; \
          coloured: standard\n\
-         # 3DGS files (measured with the first). cost: of a frame, relative to the first level; \
-         psnr: against the CT,\n\
-         # dB, mean over cases, transfer functions and views.\n"
+         # 3DGS files (measured with the first). coarseness: distance of slabs, standard deviations, or of \
+         samples, voxels.\n\
+         # cost: of a frame, relative to the first level; psnr: against the CT, dB, mean over cases, transfer \
+         functions\n\
+         # and views.\n"
     );
     for kind in SplatKind::ALL {
         let levels = levels_of(kind, rows);
@@ -112,8 +110,10 @@ mod tests {
             // Leaves something out.
             row(Choice { splats: 0.3, ..slab.clone() }, 0.3, 35.0),
             // Other splats.
-            row(Choice::of_grid(), 0.5, 45.0),
-            row(Choice { resolution: 0.7, ..Choice::of_grid() }, 0.3, 40.0),
+            row(Choice::best(SplatKind::Grid), 0.5, 45.0),
+            row(Choice::of_grid(), 0.3, 40.0),
+            // Finer than the best level.
+            row(Choice { step: 0.25, resolution: 0.5, ..Choice::of_grid() }, 0.2, 39.0),
         ];
         let costs = |kind| levels_of(kind, &rows).iter().map(|r| r.cost).collect::<Vec<_>>();
         assert_eq!(costs(SplatKind::Field), [1.0, 0.7, 0.4, 0.2]);
@@ -122,6 +122,7 @@ mod tests {
         let read: toml::Table = toml(&rows, "a device").parse().expect("TOML");
         assert_eq!(read["field"].as_array().map(Vec::len), Some(4));
         assert_eq!(read["field"][1]["coarseness"].as_float(), Some(2.0));
+        assert_eq!(read["grid"][0]["coarseness"].as_float(), Some(0.5));
         assert_eq!(read["grid"][1]["cost"].as_float(), Some(0.6));
         assert!(levels_of(SplatKind::Field, &rows[2..]).is_empty(), "no levels without the first");
     }

@@ -150,7 +150,7 @@ fn shoot(
     cameras: &[Camera],
 ) -> Result<Vec<(Image, Cost)>> {
     let levels = [QualityLevel { mode: mode(&choice.mode)?.name, quality: choice.quality(), cost: 1.0 }];
-    let settings = Settings { step: choice.fine_step(), precise: true, ..Settings::new([unit.size; 2]) };
+    let settings = Settings { step: choice.settings_step(), precise: true, ..Settings::new([unit.size; 2]) };
     let mut frames = Frames::new(gpu, scene, &settings, &levels)?;
     // A frame that needs more room than those before it lacks splats.
     for camera in cameras {
