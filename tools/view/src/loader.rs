@@ -216,13 +216,19 @@ impl Loader {
         self.doing.first().map(|(what, part)| (what.as_str(), *part))
     }
 
+    /// Returns true if this work is in progress.
+    pub fn is_doing(&self, what: &str) -> bool {
+        self.doing.iter().any(|(doing, _)| doing == what)
+    }
+
     /// Runs a job beside the window that makes later work faster. It is given a function that takes its
     /// progress, from 0 to 1.
     pub fn prepare(
-        &self,
+        &mut self,
         what: &'static str,
         job: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
     ) {
+        self.doing.push((what.to_owned(), None));
         self.spawn(self.turn, move |tell| {
             let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
             tell.during(what.to_owned(), || job(&mut progress));

@@ -13,6 +13,8 @@ pub struct WindowReport {
     pub first_frame_ms: Option<f64>,
     /// Time from the start of the program to the first frame with a picture of what was opened, ms.
     pub first_picture_ms: Option<f64>,
+    /// Time from the start of the program to the first frame with a picture in full quality, ms.
+    pub full_picture_ms: Option<f64>,
     /// Number of frames that were shown.
     pub frames: u64,
     /// Number of pictures that were rendered; a frame in which only panels changed has none.
@@ -33,6 +35,7 @@ impl WindowReport {
             since,
             first_frame_ms: None,
             first_picture_ms: None,
+            full_picture_ms: None,
             frames: 0,
             pictures: 0,
             edits_ms: Vec::new(),
@@ -40,14 +43,17 @@ impl WindowReport {
         }
     }
 
-    /// Notes that a frame was shown. `edited` is the beginning of the edit of the look that it shows, if it
+    /// Notes that a frame was shown, with a picture or without one, and with a draft if so. `edited` is the beginning of the edit of the look that it shows, if it
     /// shows one.
-    pub fn shown(&mut self, with_picture: bool, edited: Option<Instant>) {
+    pub fn shown(&mut self, with_picture: bool, draft: bool, edited: Option<Instant>) {
         let ms = self.since.elapsed().as_secs_f64() * 1e3;
         self.frames += 1;
         self.first_frame_ms.get_or_insert(ms);
         if with_picture {
             self.first_picture_ms.get_or_insert(ms);
+            if !draft {
+                self.full_picture_ms.get_or_insert(ms);
+            }
         }
         if let Some(begun) = edited
             && self.edits_ms.len() < KEPT

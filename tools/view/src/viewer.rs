@@ -25,6 +25,8 @@ use crate::state::{Files, SplatMode, Subject, ViewState};
 
 /// Quality of the first picture, low so that something is shown at once.
 const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0 };
+/// The work without which splats cannot be shown decoded.
+const DECODING: &str = "decoding the field";
 
 /// Time after the last movement until the picture is rendered in full.
 const REST: Duration = Duration::from_millis(150);
@@ -85,6 +87,8 @@ pub struct Viewer {
     prepared: bool,
     /// True if the field for mode decoded is being decoded.
     decoding: bool,
+    /// True while there is nothing better than a draft in slabs, because the field is still being decoded.
+    waits: bool,
     /// True if the camera is to see everything once something is there.
     fits: bool,
 }
@@ -119,6 +123,7 @@ impl Viewer {
             budget: None,
             prepared: false,
             decoding: false,
+            waits: false,
             fits: !keeps_camera,
         }
     }
@@ -274,7 +279,7 @@ impl Viewer {
         let shown = active.canvas.present(&self.app.state, overlay, || window.pre_present_notify())?;
         if shown {
             let with_picture = !active.canvas.is_blank();
-            self.report.shown(with_picture, happened.filter(|_| edited));
+            self.report.shown(with_picture, self.draft, happened.filter(|_| edited));
             tracing::debug!("frame shown");
         }
         let egui = output.viewport_output.values().map(|v| v.repaint_delay).min();
@@ -302,8 +307,11 @@ impl Viewer {
         }
         self.controller.set_budget_ms(quality.target_frame_ms);
         let moves = quality.adaptive && changes.any() && self.app.held() && size == self.size;
+        let wanted = self.app.state.mode_of(Subject::Splats);
+        let waits = chosen != wanted && self.loader.is_doing(DECODING);
+        self.stale |= std::mem::replace(&mut self.waits, waits) && !waits;
         // Something is shown at once; the rest follows.
-        let first = quality.adaptive && canvas.is_blank();
+        let first = quality.adaptive && canvas.is_blank() || waits;
         let rested = self.moved.is_some_and(|at| at.elapsed() >= REST || !quality.adaptive);
         let (Some(pixels), true) = (size, self.stale || changes.any() || size != self.size || rested) else {
             return Ok(changes.look);
@@ -333,8 +341,8 @@ impl Viewer {
             self.controller.foresee(ms);
         }
         tracing::debug!("picture rendered {}: {ms:.1} ms", if fast { "fast" } else { "in full" });
-        self.moved = fast.then(Instant::now);
-        let wanted = self.app.state.mode_of(Subject::Splats);
+        // What waits is not refined by time.
+        self.moved = (fast && !waits).then(Instant::now);
         self.draft = mode != wanted || given_up != Quality::FULL;
         if !fast && !self.prepared {
             self.prepare(canvas)?;
@@ -357,7 +365,7 @@ impl Viewer {
             return Ok(chosen);
         }
         if !std::mem::replace(&mut self.decoding, true) {
-            self.loader.prepare("decoding the field", splats.decoding(canvas.gpu(), PITCH)?);
+            self.loader.prepare(DECODING, splats.decoding(canvas.gpu(), PITCH)?);
         }
         Ok(SplatMode::Slab.name())
     }
