@@ -30,7 +30,7 @@ type Variant = (Classification, bool, bool);
 /// What starts the rays.
 enum Start {
     Computed(Variants<Variant>),
-    Rasterized(Rasterized),
+    Rasterized(Box<Rasterized>),
 }
 
 /// Rays that fragments start. First the pixels that faces around visible bricks cover are marked, then one
@@ -81,7 +81,7 @@ impl Raymarch {
                 let Settings { size, views, .. } = *settings;
                 let marks = gpu.picture("marks of faces", "pictures", Format::D32f, size, views)?;
                 let marking = Faces::marking(gpu, &marks)?;
-                Start::Rasterized(Rasterized { drawings: Variants::new(), marking, marks })
+                Start::Rasterized(Box::new(Rasterized { drawings: Variants::new(), marking, marks }))
             }
         };
         let settings = settings.clone();
@@ -181,7 +181,8 @@ impl Mode for Raymarch {
                     .push(&params)
                     .dispatch_3d([width.div_ceil(group[0]), height.div_ceil(group[1]), self.settings.views]);
             }
-            Start::Rasterized(Rasterized { drawings, marking, marks }) => {
+            Start::Rasterized(rasterized) => {
+                let Rasterized { drawings, marking, marks } = &mut **rasterized;
                 let faces = marked.faces(&self.gpu, recorder)?;
                 faces.mark(recorder, marking, views, volume.voxel_from_scene(), size, marks);
                 recorder.clear_image(&target.colour, [0.0; 4]);
