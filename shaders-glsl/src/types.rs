@@ -434,6 +434,20 @@ shared! {
         /// Least light: rays end when less than this would pass.
         dark: f32,
     }
+    /// Push constants of `mark_faces`.
+    MarkParams {
+        /// The image and its bricks.
+        grid: BrickGrid,
+        /// Rows of the affine from the scene, mm, to voxels of the image.
+        voxel_from_scene: [[f32; 4]; 3],
+        /// Width and height of the picture, pixels.
+        size: [u32; 2],
+    }
+    /// Push constants of `list_faces`.
+    FacesParams {
+        /// The bricks.
+        grid: BrickGrid,
+    }
     /// A splat as one eye sees it; see `include/projected.glsl`.
     Projected {
         /// x/z and y/z of its centre.

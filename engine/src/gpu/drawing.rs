@@ -12,9 +12,7 @@ use super::pipeline_creation::{Interface, constant_places, module};
 use super::{Context, Format, Gpu, check, lock};
 use crate::error::Result;
 
-/// A graphics pipeline that draws triangles without vertex buffers and blends premultiplied colours over the
-/// target: result = source + (1 - source alpha) · target, in every picture. If there is a picture of depth,
-/// the depth of what is drawn last replaces the one before.
+/// A graphics pipeline that draws triangles without vertex buffers.
 pub struct Drawing {
     context: Arc<Context>,
     pub(super) vertex: &'static Shader,
@@ -25,13 +23,24 @@ pub struct Drawing {
     pub(super) pipeline: Pipeline,
 }
 
+/// What becomes of a pixel that several triangles cover, or that was drawn before.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Overlap {
+    /// All are blended.
+    Blended,
+    /// The nearest of the target and of all triangles is kept, the first one of several at the same depth.
+    Nearest,
+}
+
 /// The stages that see bindings and push constants.
 pub(super) const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
     vk::ShaderStageFlags::VERTEX.as_raw() | vk::ShaderStageFlags::FRAGMENT.as_raw(),
 );
 
 impl Drawing {
-    /// Creates the pipeline. `constants` are the specialisation constants of both shaders in id order;
+    /// Creates a pipeline that blends premultiplied colours over the target: result = source + (1 - source
+    /// alpha) · target, in every picture. If there is a picture of depth, the depth of what is drawn last
+    /// replaces the one before. `constants` are the specialisation constants of both shaders in id order;
     /// `formats` are those of the pictures, of which the last may be depth; `views` is the number of layers
     /// that are drawn at once.
     ///
@@ -44,6 +53,34 @@ impl Drawing {
         constants: &[u32],
         formats: &[Format],
         views: u32,
+    ) -> Result<Self> {
+        Self::overlapping(gpu, [vertex, fragment], constants, formats, views, Overlap::Blended)
+    }
+
+    /// Creates a pipeline as [`Drawing::new`] does that replaces what lies behind instead: by the picture of
+    /// depth, which must be there. Of what has the same depth the first alone is drawn.
+    ///
+    /// # Panics
+    /// If the shaders are not a pair, or there is no picture of depth.
+    pub fn nearest(
+        gpu: &Gpu,
+        vertex: &'static Shader,
+        fragment: &'static Shader,
+        constants: &[u32],
+        formats: &[Format],
+        views: u32,
+    ) -> Result<Self> {
+        assert!(formats.iter().any(|f| f.is_depth()), "{}: no picture of depth", vertex.name);
+        Self::overlapping(gpu, [vertex, fragment], constants, formats, views, Overlap::Nearest)
+    }
+
+    fn overlapping(
+        gpu: &Gpu,
+        [vertex, fragment]: [&'static Shader; 2],
+        constants: &[u32],
+        formats: &[Format],
+        views: u32,
+        overlap: Overlap,
     ) -> Result<Self> {
         let name = vertex.name;
         assert!(
@@ -61,7 +98,7 @@ impl Drawing {
         let context = Arc::clone(&gpu.0);
         let interface = Interface { name, bindings: &bindings, push_bytes, stages: STAGES };
         let pipeline = Pipeline::new(&context, &interface, |layout| {
-            build(&context, [vertex, fragment], constants, formats, views, layout)
+            build(&context, [vertex, fragment], constants, formats, views, overlap, layout)
         })?;
         Ok(Drawing { context, vertex, bindings, push_bytes, formats: formats.to_vec(), views, pipeline })
     }
@@ -81,6 +118,7 @@ fn build(
     constants: &[u32],
     formats: &[Format],
     views: u32,
+    overlap: Overlap,
     layout: vk::PipelineLayout,
 ) -> Result<vk::Pipeline> {
     let entries = constant_places(constants);
@@ -97,7 +135,7 @@ fn build(
     let samples =
         vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
     let over = vk::PipelineColorBlendAttachmentState::default()
-        .blend_enable(true)
+        .blend_enable(overlap == Overlap::Blended)
         .src_color_blend_factor(vk::BlendFactor::ONE)
         .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
         .color_blend_op(vk::BlendOp::ADD)
@@ -111,7 +149,10 @@ fn build(
     let deep = vk::PipelineDepthStencilStateCreateInfo::default()
         .depth_test_enable(depth.is_some())
         .depth_write_enable(depth.is_some())
-        .depth_compare_op(vk::CompareOp::ALWAYS);
+        .depth_compare_op(match overlap {
+            Overlap::Blended => vk::CompareOp::ALWAYS,
+            Overlap::Nearest => vk::CompareOp::LESS,
+        });
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&attachments);
     let dynamic_states = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic_states);

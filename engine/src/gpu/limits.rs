@@ -18,6 +18,8 @@ pub struct Limits {
     pub picture_edge: u32,
     /// True if volumes of 16-bit fractions can be sampled with interpolation.
     pub filters_fractions: bool,
+    /// True if the invocations of a subgroup can work together in fragment shaders, too.
+    pub fragment_subgroups: bool,
 }
 
 impl Limits {
@@ -28,13 +30,14 @@ impl Limits {
         queue_family: u32,
         range_limit: Option<u64>,
     ) -> Self {
-        // SAFETY: plain queries.
-        let (properties, families) = unsafe {
-            (
-                instance.get_physical_device_properties(physical),
-                instance.get_physical_device_queue_family_properties(physical),
-            )
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut two = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup);
+        // SAFETY: plain queries; the chained struct lives until the first one returns.
+        let families = unsafe {
+            instance.get_physical_device_properties2(physical, &mut two);
+            instance.get_physical_device_queue_family_properties(physical)
         };
+        let properties = two.properties;
         let range = u64::from(properties.limits.max_storage_buffer_range);
         let has_timestamps = families.get(queue_family as usize).is_some_and(|f| f.timestamp_valid_bits > 0);
         Limits {
@@ -43,6 +46,7 @@ impl Limits {
             workgroups: properties.limits.max_compute_work_group_count[0],
             volume_edge: properties.limits.max_image_dimension3_d,
             picture_edge: properties.limits.max_image_dimension2_d,
+            fragment_subgroups: subgroup.supported_stages.contains(vk::ShaderStageFlags::FRAGMENT),
             filters_fractions: [vk::Format::R16_UNORM, vk::Format::R16G16_UNORM].iter().all(|&format| {
                 // SAFETY: plain query.
                 let found = unsafe { instance.get_physical_device_format_properties(physical, format) };

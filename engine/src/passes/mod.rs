@@ -22,6 +22,7 @@
 //! | `deconvolution` | `deconvolve_points`, `deconvolve_splats` | extinction and colour of each splat, for mode alpha |
 //! | `quads` | `project_quads` | projection of splats to quads |
 //! | `occupancy` | `occupancy_mark`, `occupancy_spread` | which bricks of a volume a look can show |
+//! | `faces` | `list_faces` | the faces around those bricks, and the pixels that they cover |
 //! | `render/slab` | `slab` | the modes slab and exact |
 //! | `render/raymarch` | `raymarch` | the modes volume and decoded |
 //! | `views`, `splat_rows` | | the views and the splats that kernels read |
@@ -36,6 +37,7 @@ pub mod activity;
 pub mod adam;
 pub mod bin;
 pub mod deconvolution;
+pub mod faces;
 pub mod gradient;
 pub mod lists;
 pub mod loss;
@@ -63,6 +65,7 @@ pub use activity::Activity;
 pub use adam::Adam;
 pub use bin::Binner;
 pub use deconvolution::Deconvolution;
+pub use faces::Faces;
 pub use gradient::Gradient;
 pub use lists::Lists;
 pub use loss::Losses;

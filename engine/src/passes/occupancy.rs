@@ -14,7 +14,8 @@ pub const FARTHEST: u32 = 16;
 pub struct Occupancy {
     mark: Kernel,
     spread: Kernel,
-    grid: BrickGrid,
+    /// The bricks.
+    pub grid: BrickGrid,
     intervals: Buffer<[f32; 2]>,
     /// For each brick the Chebyshev distance to the nearest brick that can be seen, in bricks; at most
     /// [`FARTHEST`].

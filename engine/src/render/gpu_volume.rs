@@ -22,7 +22,7 @@ use super::look::LookBuffers;
 use super::scale::{Scale, to_fraction};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image, Recorder};
-use crate::passes::Occupancy;
+use crate::passes::{Faces, Occupancy};
 use crate::volume::{Roi, Volume};
 
 /// Edge of a brick along the axis of the shortest voxel edge, as a logarithm to base 2. Along the other axes
@@ -70,16 +70,32 @@ pub(super) struct Marked {
     occupancy: Occupancy,
     /// Number of the look that they were marked for.
     look: Option<u64>,
+    /// Faces around them, with the number of the look that they were listed for; `None` before they are needed.
+    faces: Option<(Faces, Option<u64>)>,
 }
 
 impl Marked {
     fn new(occupancy: Occupancy) -> Mutex<Self> {
-        Mutex::new(Marked { occupancy, look: None })
+        Mutex::new(Marked { occupancy, look: None, faces: None })
     }
 
     /// Returns for each brick the distance, in bricks, to the next one that can be seen.
     pub(super) fn distances(&self) -> &Buffer<u32> {
         &self.occupancy.distances
+    }
+
+    /// Returns the faces around the bricks that can be seen. Records their listing if the bricks were marked
+    /// anew.
+    pub(super) fn faces(&mut self, gpu: &Gpu, recorder: &mut Recorder) -> Result<&Faces> {
+        let (faces, look) = match &mut self.faces {
+            Some(made) => made,
+            none => none.insert((Faces::new(gpu, self.occupancy.grid)?, None)),
+        };
+        if *look != self.look {
+            faces.record(recorder, &self.occupancy.distances);
+            *look = self.look;
+        }
+        Ok(faces)
     }
 }
 

@@ -63,7 +63,7 @@ pub use quality::Quality;
 pub use quality_levels::{QualityLevel, SplatKind, level_costs, quality_levels};
 pub use renderer::Renderer;
 pub use scene::Scene;
-pub use settings::Settings;
+pub use settings::{Rays, Settings};
 pub use target::Target;
 pub use visibility_mask::{Triangle, VisibilityMask};
 

@@ -1,6 +1,7 @@
 //! The modes `volume` and `decoded`: rays marched through the voxels of the CT itself, against which the
-//! splats' modes are measured, or through those that the splats were decoded to. One kernel serves both; only
-//! the image differs.
+//! splats' modes are measured, or through those that the splats were decoded to. Both have the same
+//! shaders; only the image differs. Rays are started by a kernel or, of the same shader code, by fragments
+//! ([`Rays`]).
 
 use std::sync::Arc;
 
@@ -12,22 +13,39 @@ use super::look::Classification;
 use super::mode::Mode;
 use super::quality::Quality;
 use super::scene::Scene;
-use super::settings::Settings;
+use super::settings::{Rays, Settings};
 use super::target::Target;
 use super::variants::Variants;
 use crate::error::{Error, Kind, Result};
-use crate::gpu::{Format, Gpu, Kernel, Recorder};
-use crate::passes::{Views, Work, WorkgroupShape};
+use crate::gpu::{Drawing, Format, Gpu, Image, Kernel, Recorder};
+use crate::passes::{Faces, Views, Work, WorkgroupShape};
 
 /// Least distance of samples, in voxels. Nearer ones would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
 
+/// What kernels and drawings are created for: the way to classify, whether there is light, and whether objects
+/// have appearances.
+type Variant = (Classification, bool, bool);
+
+/// What starts the rays.
+enum Start {
+    Computed(Variants<Variant>),
+    Rasterized(Box<Rasterized>),
+}
+
+/// Rays that fragments start. First the pixels that faces around visible bricks cover are marked, then one
+/// triangle over the picture starts the rays of those. Rays that the faces' own fragments start would have less
+/// company: a subgroup holds pixels of one triangle.
+struct Rasterized {
+    drawings: Variants<Variant, Drawing>,
+    marking: Drawing,
+    marks: Image,
+}
+
 /// The mode `volume` or `decoded`.
 pub struct Raymarch {
     gpu: Gpu,
-    /// Kernels for each way to classify, with or without light and appearances of objects, each created when
-    /// it is first needed.
-    kernels: Variants<(Classification, bool, bool)>,
+    start: Start,
     settings: Settings,
     /// Bytes of the image that the last frame sampled.
     image_bytes: u64,
@@ -57,41 +75,73 @@ impl Raymarch {
             )
             .help("choose another --step; 0.5 is fine for pictures, 0.25 for measuring"));
         }
-        let mut mode = Raymarch {
-            gpu: gpu.clone(),
-            kernels: Variants::new(),
-            settings: settings.clone(),
-            image_bytes: 0,
-            decoded,
+        let start = match settings.rays.where_subgroups_are(gpu.limits().fragment_subgroups) {
+            Rays::Computed => Start::Computed(Variants::new()),
+            Rays::Rasterized => {
+                let Settings { size, views, .. } = *settings;
+                let marks = gpu.picture("marks of faces", "pictures", Format::D32f, size, views)?;
+                let marking = Faces::marking(gpu, &marks)?;
+                Start::Rasterized(Box::new(Rasterized { drawings: Variants::new(), marking, marks }))
+            }
         };
-        mode.kernel(scene)?;
+        let settings = settings.clone();
+        let mut mode = Raymarch { gpu: gpu.clone(), start, settings, image_bytes: 0, decoded };
+        mode.pipeline(scene)?;
         Ok(mode)
     }
 
-    /// Returns the index of the kernel for a way to classify; creates the kernel if necessary.
-    fn kernel(&mut self, scene: &Scene) -> Result<usize> {
+    /// Returns the index of the kernel or drawing for a way to classify; creates it if necessary.
+    fn pipeline(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (volume, look) =
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
         let (classification, shaded) = settings.variant(scene);
         // Splats of a hidden object are still in the decoded field.
         let objects = volume.is_atlas() && (look.objects_differ || look.hides);
-        self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
-            let constants = [
-                WorkgroupShape::of(gpu) as u32,
-                u32::from(volume.image().format() == Format::Rg16),
-                u32::from(*classification == Classification::PreIntegrated),
-                u32::from(*shaded),
-                u32::from(settings.depth),
-                u32::from(settings.jitter),
-                u32::from(volume.is_atlas()),
-                u32::from(*objects),
-                u32::from(settings.masked),
-                u32::from(settings.counting),
-            ];
-            Kernel::new(gpu, &glsl::RAYMARCH, &constants)
-        })
+        let constants = [
+            settings.counting,
+            volume.image().format() == Format::Rg16,
+            classification == Classification::PreIntegrated,
+            shaded,
+            settings.masked,
+            settings.jitter,
+            volume.is_atlas(),
+            objects,
+        ]
+        .map(u32::from);
+        let variant = (classification, shaded, objects);
+        match &mut self.start {
+            Start::Computed(kernels) => kernels.find(variant, |_| {
+                let own = [u32::from(settings.depth), WorkgroupShape::of(gpu) as u32];
+                Kernel::new(gpu, &glsl::RAYMARCH, &[&constants[..], &own].concat())
+            }),
+            Start::Rasterized(rasterized) => rasterized.drawings.find(variant, |_| {
+                let colour = if settings.precise { Format::Rgba32f } else { Format::Rgba16f };
+                let (fragment, formats) = match settings.depth {
+                    false => (&glsl::RAYMARCH_FRAG, &[colour, Format::D32f][..]),
+                    true => (&glsl::RAYMARCH_DEPTH_FRAG, &[colour, Format::R32f, Format::D32f][..]),
+                };
+                Drawing::nearest(gpu, &glsl::RAYMARCH_VERT, fragment, &constants, formats, settings.views)
+            }),
+        }
     }
+}
+
+/// Binds what a march reads, in the order of the shaders.
+macro_rules! marched {
+    ($pass:expr, $views:ident, $look:ident, $volume:ident, $distances:expr) => {
+        $pass
+            .read("views", &$views.rows)
+            .read("look_rows", &$look.rows)
+            .read("look_points", &$look.points)
+            .read("look_integrals", &$look.integrals)
+            .sample("medium", $volume.image())
+            .read("distances", $distances)
+            .read("places", $volume.places())
+            .sample("labels", $volume.labels())
+            .read("appearances", &$look.appearances)
+            .read("patches", &$views.patches)
+    };
 }
 
 impl Mode for Raymarch {
@@ -103,41 +153,51 @@ impl Mode for Raymarch {
         target: &mut Target,
         quality: &Quality,
     ) -> Result<()> {
-        let kernel = self.kernel(scene)?;
+        let pipeline = self.pipeline(scene)?;
         let volume = self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume());
         self.image_bytes = volume.image_bytes();
         let look = scene.look_buffers();
-        let marked = volume.marked(recorder, look);
-        // Width and height of a workgroup, pixels; see the kernel.
-        let group = match WorkgroupShape::of(&self.gpu) {
-            WorkgroupShape::OneByOne => [4, 2],
-            WorkgroupShape::SideBySide => [8, 8],
-        };
+        let mut marked = volume.marked(recorder, look);
         let size @ [width, height] = quality.size(self.settings.size);
-        recorder
-            .pass(&self.kernels[kernel])
-            .read("views", &views.rows)
-            .read("look_rows", &look.rows)
-            .read("look_points", &look.points)
-            .read("look_integrals", &look.integrals)
-            .sample("medium", volume.image())
-            .read("distances", marked.distances())
-            .read("places", volume.places())
-            .sample("labels", volume.labels())
-            .read("appearances", &look.appearances)
-            .write_image("colour_image", &mut target.colour)
-            .write_image("depth_image", &mut target.depth)
-            .read("patches", &views.patches)
-            .push(&RaymarchParams {
-                grid: volume.grid(),
-                voxel_from_scene: volume.voxel_from_scene(),
-                first: volume.scale().first as f32,
-                span: volume.scale().span as f32,
-                size,
-                step: (self.settings.step * quality.coarseness * volume.spacing_mm) as f32,
-                dark: self.settings.dark,
-            })
-            .dispatch_3d([width.div_ceil(group[0]), height.div_ceil(group[1]), self.settings.views]);
+        let params = RaymarchParams {
+            grid: volume.grid(),
+            voxel_from_scene: volume.voxel_from_scene(),
+            first: volume.scale().first as f32,
+            span: volume.scale().span as f32,
+            size,
+            step: (self.settings.step * quality.coarseness * volume.spacing_mm) as f32,
+            dark: self.settings.dark,
+        };
+        match &mut self.start {
+            Start::Computed(kernels) => {
+                // Width and height of a workgroup, pixels; see the kernel.
+                let group = match WorkgroupShape::of(&self.gpu) {
+                    WorkgroupShape::OneByOne => [4, 2],
+                    WorkgroupShape::SideBySide => [8, 8],
+                };
+                marched!(recorder.pass(&kernels[pipeline]), views, look, volume, marked.distances())
+                    .write_image("colour_image", &mut target.colour)
+                    .write_image("depth_image", &mut target.depth)
+                    .push(&params)
+                    .dispatch_3d([width.div_ceil(group[0]), height.div_ceil(group[1]), self.settings.views]);
+            }
+            Start::Rasterized(rasterized) => {
+                let Rasterized { drawings, marking, marks } = &mut **rasterized;
+                let faces = marked.faces(&self.gpu, recorder)?;
+                faces.mark(recorder, marking, views, volume.voxel_from_scene(), size, marks);
+                recorder.clear_image(&target.colour, [0.0; 4]);
+                let mut pictures = vec![&mut target.colour];
+                if self.settings.depth {
+                    recorder.clear_image(&target.depth, [0.0; 4]);
+                    pictures.push(&mut target.depth);
+                }
+                pictures.push(marks);
+                marched!(recorder.draw(&drawings[pipeline]), views, look, volume, marked.distances())
+                    .push(&params)
+                    .within(size)
+                    .vertices_over(&mut pictures, 0..3);
+            }
+        }
         Ok(())
     }
 

@@ -5,6 +5,25 @@ use super::scene::Scene;
 #[cfg(doc)]
 use super::{GpuSplats, VisibilityMask};
 
+/// How the rays of modes volume and decoded are started. The pictures are the same, bit by bit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rays {
+    /// A kernel marches the ray of every pixel.
+    #[default]
+    Computed,
+    /// Fragment shaders march the rays of those pixels that faces around the visible bricks cover, so that
+    /// what a device does for fragments is done for rays: fewer of them at the rim of a headset's field of
+    /// view. Where a device's fragment shaders have no subgroups, rays are computed all the same.
+    Rasterized,
+}
+
+impl Rays {
+    /// Returns the way of a device whose fragment shaders have subgroups, or not.
+    pub(super) fn where_subgroups_are(self, in_fragments: bool) -> Self {
+        if in_fragments { self } else { Rays::Computed }
+    }
+}
+
 /// Settings that a mode is created for; a change of one of them requires a new mode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -29,6 +48,8 @@ pub struct Settings {
     /// True if the samples of a volume begin at a random part of a step in each pixel, which turns the rings
     /// of a coarse step into noise. It is not for pictures that are measured.
     pub jitter: bool,
+    /// How rays are started.
+    pub rays: Rays,
     /// How the transfer function is applied; `None` leaves the choice to the look.
     pub classification: Option<Classification>,
     /// Least light: rays end when less than this would pass.
@@ -41,7 +62,8 @@ pub struct Settings {
     /// were evaluated, summed over the splats; the same over all splats of the tile's lists, as for a group
     /// as wide as a tile; planes classified; pairs visited. In mode alpha: fragments, and those of them that
     /// were blended. In modes volume and decoded, alike for the pixels of a subgroup: rounds of its rays, those
-    /// of them in which the field was sampled, and those in which the gradient was.
+    /// of them in which the field was sampled, and those in which the gradient was; and 1 where a ray was
+    /// started.
     pub counting: bool,
 }
 
@@ -57,6 +79,7 @@ impl Settings {
             step: 1.0,
             pitch: 1.0,
             jitter: false,
+            rays: Rays::Computed,
             classification: None,
             dark: 1.0 / 512.0,
             gradual: false,
@@ -70,5 +93,22 @@ impl Settings {
     pub(super) fn variant(&self, scene: &Scene) -> (Classification, bool) {
         let classification = self.classification.unwrap_or_else(|| scene.look().classification());
         (classification, scene.look_buffers().shaded)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_are_computed_where_fragments_have_no_subgroups() {
+        for (rays, fragment_subgroups, wanted) in [
+            (Rays::Computed, true, Rays::Computed),
+            (Rays::Computed, false, Rays::Computed),
+            (Rays::Rasterized, true, Rays::Rasterized),
+            (Rays::Rasterized, false, Rays::Computed),
+        ] {
+            assert_eq!(rays.where_subgroups_are(fragment_subgroups), wanted);
+        }
     }
 }

@@ -2,8 +2,8 @@
 //! of an image or of an atlas of bricks.
 
 use engine::gpu::{Buffer, Format, Gpu, Image, Kernel};
-use engine::passes::Occupancy;
 use engine::passes::occupancy::FARTHEST;
+use engine::passes::{Faces, Occupancy};
 use engine::reference::eye::{Appearance, Eye};
 use engine::reference::occupancy;
 use engine::reference::raymarch as reference;
@@ -89,6 +89,41 @@ pub fn occupancy_spread() {
             let nearest = (0..count).filter(|&j| marks[j] == 0).map(to).min().unwrap_or(most);
             assert_eq!(distance, nearest.min(most), "brick {i} of {bricks:?}");
         }
+    }
+}
+
+pub fn list_faces() {
+    let gpu = Device::boot();
+    let mut rng = random(12);
+    for (bricks, one_in) in [
+        ([1, 1, 1], 1),
+        ([7, 1, 3], 2),
+        ([5, 4, 9], 1),
+        ([23, 18, 30], 40),
+        ([16, 9, 10], 3),
+        ([6, 6, 6], 9999),
+    ] {
+        let grid = BrickGrid { texels: [8; 3], bricks: bricks.map(|n: usize| n as u32), shift: [3; 3] };
+        let count: usize = bricks.iter().product();
+        let distances: Vec<u32> = (0..count).map(|_| u32::from(rng.random_range(0..one_in) != 0)).collect();
+        let on_device = gpu.upload("distances", "test", &distances).unwrap();
+        let mut faces = Faces::new(&gpu, grid).unwrap();
+        let wanted = occupancy::list_faces(&distances, bricks);
+        // The second time in place of the first.
+        for _ in 0..2 {
+            run(&gpu, |r| faces.record(r, &on_device));
+            assert_eq!(faces.arguments.read().unwrap(), [[6 * wanted.len() as u32, 1, 0, 0]], "{bricks:?}");
+            let mut found = faces.rows.read().unwrap();
+            found.truncate(wanted.len());
+            found.sort_unstable();
+            assert_eq!(found, wanted, "{bricks:?}");
+        }
+        // A closed surface: along each axis as many lower as upper ones.
+        for axis in 0..3 {
+            let ends = [0, 1].map(|end| wanted.iter().filter(|&&f| f % 6 == 2 * axis + end).count());
+            assert_eq!(ends[0], ends[1], "{bricks:?}");
+        }
+        assert_eq!(wanted.is_empty(), one_in == 9999, "{bricks:?}");
     }
 }
 
@@ -435,8 +470,8 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     };
     let (atlas, objects) =
         (row.source != Source::Image, matches!(row.source, Source::Objects | Source::OneObject));
-    let constants = [row.masked, row.segments, row.shade, true, row.jitter, atlas, objects].map(u32::from);
-    let constants: Vec<u32> = [row.group].into_iter().chain(constants).collect();
+    let constants = [false, row.masked, row.segments, row.shade, false, row.jitter, atlas, objects, true];
+    let constants: Vec<u32> = constants.map(u32::from).into_iter().chain([row.group]).collect();
     let kernel = Kernel::new(gpu, &shaders_glsl::RAYMARCH, &constants).unwrap();
     let tile = if row.group == 8 { [4, 2] } else { [8, 8] };
     let patches = gpu.upload("patches", "test", &[0u32]).unwrap();
@@ -453,9 +488,9 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
                 .read("places", &places)
                 .sample("labels", &labels)
                 .read("appearances", &buffers.appearances)
+                .read("patches", &patches)
                 .write_image("colour_image", &mut target.colour)
                 .write_image("depth_image", &mut target.depth)
-                .read("patches", &patches)
                 .push(&params)
                 .dispatch_3d([SIZE[0].div_ceil(tile[0]), SIZE[1].div_ceil(tile[1]), 2]);
         });

@@ -151,6 +151,9 @@ pub struct Rendering {
     /// Classification; `None` leaves it to the look.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub classification: Option<Classify>,
+    /// True if modes volume and decoded start their rays by rasterization (`Rays::Rasterized`).
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub rasterized: bool,
 }
 
 impl Rendering {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use engine::fit::{self, FitConfig};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
-use engine::render::{Camera, Renderer, Scene, Settings};
+use engine::render::{Camera, Rays, Renderer, Scene, Settings};
 use engine::splat::harmonics::{MAX_DEGREE, SH0, basis_count};
 use engine::splat::{self, Harmonics, SplatSet};
 use engine::transfer::{TransferFunction, preset};
@@ -251,6 +251,7 @@ impl TimedRenderer {
             precise,
             step: rendering.step,
             classification: rendering.classification.map(Into::into),
+            rays: if rendering.rasterized { Rays::Rasterized } else { Rays::Computed },
             ..Settings::new([size; 2])
         };
         Ok(TimedRenderer { gpu: gpu.clone(), renderer: Renderer::new(gpu, row, scene, &settings)? })

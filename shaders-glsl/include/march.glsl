@@ -1,0 +1,197 @@
+// Marches rays through a volume or a decoded field (medium.glsl): V and O by trilinear sampling, then the
+// transfer function, front to back, until no light is left. A ray is cut into cells of one step; a cell's
+// share of the ray is what clip planes and the volume's box leave of it, so a homogeneous medium absorbs
+// exactly. Bricks that show nothing are leapt over, as many at a time as their distance to the next one that
+// does allows. Where little is added, the light of a cell serves for the next one, too.
+//
+// The rays of a subgroup go together, cell by cell: what they read lies close together, and no ray waits for
+// another's brick. What a ray gathers does not depend on its company, since a cell that it could have leapt
+// over adds exactly nothing: so it is the same in the kernel (raymarch.comp) and in fragments (raymarch.frag).
+#ifndef MARCH_GLSL
+#define MARCH_GLSL
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_vote : require
+#define VISIBILITY_BINDING 9
+#include "visibility.glsl"
+#include "look.glsl"
+#include "medium.glsl"
+
+layout(constant_id = 0) const uint COUNTING = 0; // 1: work is counted, see Gathered
+layout(constant_id = 2) const uint SEGMENTS = 0; // 1: the transfer function is integrated between samples
+layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
+layout(constant_id = 4) const uint HIDDEN = 0;   // 1: what no eye sees stays transparent
+layout(constant_id = 5) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
+layout(push_constant, scalar) uniform RaymarchParams {
+    BrickGrid grid;
+    vec4 voxel_from_scene[3];
+    float first;
+    float span;
+    uvec2 size;
+    float step;
+    float dark;
+} p;
+layout(scalar, binding = 5) readonly buffer Distances { uint distances[]; };
+
+// What a ray brings back.
+struct Gathered {
+    vec4 colour; // premultiplied; or, where work is counted, the work of its subgroup and 1
+    float depth; // the mean times the opacity, mm
+};
+
+const float FAR = 1e30;
+const float MOST = 8388608.0;       // cells from the eye on; beyond, floats do not count any more
+const float FAINT = 1.0 / 4096.0;   // a cell that adds less than this finds no light of its own,
+const float STRONG = 1.0 / 64.0;    // one that adds more than this always does, others do if their index is even
+
+// V and O at a place, and the tint there.
+vec2 field_at(vec3 at, out vec4 tint) {
+    vec2 found = medium_at(p.grid, at, tint);
+    return vec2(p.first + p.span * found.x, found.y);
+}
+
+// O (V - dark)
+float excess(vec3 at) {
+    vec4 tint;
+    vec2 here = field_at(at, tint);
+    return here.y * (here.x - look_rows[0].dark);
+}
+
+// Gradient of O (V - dark) in the scene, by central differences over a voxel on each side.
+vec3 gradient_at(vec3 at) {
+    vec3 g = vec3(
+        excess(at + vec3(1.0, 0.0, 0.0)) - excess(at - vec3(1.0, 0.0, 0.0)),
+        excess(at + vec3(0.0, 1.0, 0.0)) - excess(at - vec3(0.0, 1.0, 0.0)),
+        excess(at + vec3(0.0, 0.0, 1.0)) - excess(at - vec3(0.0, 0.0, 1.0)));
+    return 0.5 * (g.x * p.voxel_from_scene[0].xyz + g.y * p.voxel_from_scene[1].xyz + g.z * p.voxel_from_scene[2].xyz);
+}
+
+vec3 to_voxel(vec4 x) {
+    return vec3(dot(p.voxel_from_scene[0], x), dot(p.voxel_from_scene[1], x), dot(p.voxel_from_scene[2], x));
+}
+
+// A number from 0 to 1 for each pixel of each view (PCG of Jarzynski and Olano 2020).
+float noise(uvec2 pixel, uint view) {
+    uint h = (view * 8192u + pixel.y) * 65536u + pixel.x;
+    h = h * 747796405u + 2891336453u;
+    h = ((h >> ((h >> 28) + 4u)) ^ h) * 277803737u;
+    h = (h >> 22) ^ h;
+    return float(h >> 8) * (1.0 / 16777216.0);
+}
+
+// Marches the ray through a place of a view's picture, pixels from its upper left corner; together with those
+// of the rest of the subgroup, whether they are wanted or not.
+Gathered march(vec2 place, uint view, bool wanted) {
+    View v = views[view];
+    vec2 tangents = ray_tangents(v, place, p.size);
+    vec3 toward = ray_direction(v, tangents);
+    float len = length(vec3(tangents, 1.0));
+    vec3 origin = to_voxel(vec4(v.eye, 1.0));
+    vec3 direction = to_voxel(vec4(toward, 0.0));
+    // No direction is quite parallel to a face, so that nothing is divided by 0.
+    direction = mix(direction, vec3(1e-20), lessThan(abs(direction), vec3(1e-20)));
+    vec3 inverse = 1.0 / direction;
+    // One voxel beyond the outermost centres there is nothing.
+    vec3 a = (-1.0 - origin) * inverse, b = (vec3(p.grid.texels) - origin) * inverse;
+    vec3 enters = min(a, b), leaves = max(a, b);
+    vec2 range = look_clipped(v.eye, toward, vec2(NEAREST, 3e38));
+    range.x = max(range.x, max(enters.x, max(enters.y, enters.z)));
+    range.y = min(range.y, min(leaves.x, min(leaves.y, leaves.z)));
+
+    // Cell k goes from depth (k + shift) dz to (k + 1 + shift) dz.
+    float dz = p.step / len;
+    float shift = 0.0;
+    if (JITTER == 1) shift = noise(uvec2(place), view);
+    bool open = wanted && range.x < range.y;
+    if (HIDDEN == 1 && open) {
+        uvec2 patch_at = uvec2(place) * PATCHES / p.size;
+        open = !all_hidden(view, patch_at, patch_at);
+    }
+    float entry = FAR, last = -1.0;
+    if (open) {
+        entry = floor(range.x / dz - shift);
+        last = min(ceil(range.y / dz - shift) - 1.0, MOST);
+    }
+    float k = subgroupMin(entry);
+    last = subgroupMax(last);
+    float until = k; // in the cells before this one nobody leaves a brick
+    bool shown = false; // whether the ray's own brick can be seen
+
+    // Of a subgroup, where work is counted: rounds of the loop, those of them in which the field was sampled, and
+    // those in which the gradient was.
+    uvec3 work = uvec3(0);
+    vec3 colour = vec3(0.0);
+    float clear = 1.0;
+    float depth = 0.0;
+    vec3 gradient = vec3(0.0);     // in eye space, as last found
+    vec2 before = vec2(0.0, -1.0); // V and O at the end of the cell before; O < 0: not known
+    while (k <= last && subgroupAny(open)) {
+        if (COUNTING == 1) work.x += 1;
+        float from = max((k + shift) * dz, range.x), to = min((k + 1.0 + shift) * dz, range.y);
+        open = open && from < range.y;
+        bool there = open && from < to;
+        float z = 0.5 * (from + to);
+        if (SEGMENTS == 1) z = to;
+        if (!there) z = NEAREST; // anything finite: it is not used
+        vec3 at = origin + z * direction;
+        bool leap = false;
+        if (k >= until) {
+            uvec3 brick = min(uvec3(max(at + 1.0, 0.0)) >> p.grid.shift, p.grid.bricks - 1);
+            int away = int(distances[brick_index(p.grid, brick)]);
+            // The faces behind which this brick ends, or the cube of empty ones around it.
+            int reach = max(away, 1);
+            ivec3 low = ivec3(brick) - reach + 1, high = ivec3(brick) + reach;
+            vec3 wall = vec3(mix(low, high, greaterThan(direction, vec3(0.0))) * (ivec3(1) << ivec3(p.grid.shift))) - 1.0;
+            vec3 exits = (wall - origin) * inverse;
+            float next = entry;
+            if (there) next = floor(min(exits.x, min(exits.y, exits.z)) / dz - shift);
+            if (!open) next = FAR;
+            until = max(k + 1.0, subgroupMin(next));
+            shown = there && away == 0;
+            leap = !subgroupAny(shown);
+        }
+        // Not `continue`: with it a CPU driver masks all that follows.
+        if (leap) {
+            k = until;
+            before.y = -1.0;
+        } else {
+            if (COUNTING == 1) work.y += 1;
+            vec4 tint;
+            vec2 here = field_at(at, tint);
+            vec4 got;
+            float occupancy = here.y;
+            if (SEGMENTS == 1) {
+                if (before.y < 0.0) before = here;
+                got = look_segment(before.x, here.x);
+                occupancy = 0.5 * (before.y + here.y);
+                before = here;
+                // What comes from a brick that is leapt over where the ray is alone does not count; else long
+                // steps would bring something from there.
+                if (!shown) before.y = -1.0;
+            } else {
+                got = look_point(here.x);
+            }
+            float share = clear * look_opacity(got.a, occupancy, (to - from) * len);
+            if (!there || SEGMENTS == 1 && !shown) share = 0.0;
+            vec3 base = got.rgb;
+            if (OBJECTS == 1) base = tinted(base, tint);
+            if (SHADED == 1) {
+                bool anew = share > STRONG || share > FAINT && mod(k, 2.0) == 0.0;
+                if (subgroupAny(anew)) {
+                    if (COUNTING == 1) work.z += 1;
+                    vec3 found = turned(v, gradient_at(at));
+                    if (anew) gradient = found;
+                }
+                base = look_lit(base, gradient, vec3(tangents, 1.0));
+            }
+            colour += share * base;
+            depth += share * z;
+            clear -= share;
+            open = open && clear > p.dark;
+            k += 1.0;
+        }
+    }
+    if (COUNTING == 1) return Gathered(vec4(work, 1.0), depth);
+    return Gathered(vec4(colour, 1.0 - clear), depth);
+}
+
+#endif

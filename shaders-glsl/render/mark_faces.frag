@@ -1,0 +1,3 @@
+#version 460
+// Nothing is drawn but the depth of a face.
+void main() {}
