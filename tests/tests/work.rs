@@ -8,7 +8,7 @@ use engine::passes::WorkgroupShape;
 use engine::reference::eye::{self, Eye};
 use engine::reference::quads::{self, Face, Quad};
 use engine::reference::slab::{self as reference, Seen};
-use engine::render::{Camera, Look, Renderer, Scene, Settings, VolumeSource, mode};
+use engine::render::{Camera, Look, Rays, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Harmonics, Kernel};
 use engine::transfer::{ColourPoint, Material, OpacityPoint, TransferFunction};
 use engine::volume::Volume;
@@ -27,7 +27,8 @@ const MARGIN: f64 = 1e-3;
 
 fn settings() -> Settings {
     // Light never ends: what is done does not depend on what is seen.
-    Settings { precise: true, counting: true, dark: -1.0, ..Settings::new(SIZE) }
+    let plain = Settings { rays: Rays::Computed, ..Settings::new(SIZE) };
+    Settings { precise: true, counting: true, dark: -1.0, ..plain }
 }
 
 fn counted(renderer: &Renderer) -> Vec<[usize; 4]> {

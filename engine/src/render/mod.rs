@@ -24,6 +24,7 @@
 //! | `quality_levels` | [`quality_levels()`]: the measured ways to trade quality for time, for the frame budget |
 
 mod alpha;
+mod atlas;
 mod bumps;
 mod camera;
 mod decoded;

@@ -9,11 +9,11 @@ use super::{GpuSplats, VisibilityMask};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rays {
     /// A kernel marches the ray of every pixel.
-    #[default]
     Computed,
     /// Fragment shaders march the rays of those pixels that faces around the visible bricks cover, so that
     /// what a device does for fragments is done for rays: fewer of them at the rim of a headset's field of
     /// view. Where a device's fragment shaders have no subgroups, rays are computed all the same.
+    #[default]
     Rasterized,
 }
 
@@ -79,7 +79,7 @@ impl Settings {
             step: 1.0,
             pitch: 1.0,
             jitter: false,
-            rays: Rays::Computed,
+            rays: Rays::default(),
             classification: None,
             dark: 1.0 / 512.0,
             gradual: false,

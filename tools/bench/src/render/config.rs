@@ -151,9 +151,9 @@ pub struct Rendering {
     /// Classification; `None` leaves it to the look.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub classification: Option<Classify>,
-    /// True if modes volume and decoded start their rays by rasterization (`Rays::Rasterized`).
+    /// True if modes volume and decoded start their rays in a kernel (`Rays::Computed`).
     #[serde(default, skip_serializing_if = "is_false")]
-    pub rasterized: bool,
+    pub computed: bool,
 }
 
 impl Rendering {

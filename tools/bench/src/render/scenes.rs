@@ -251,7 +251,7 @@ impl TimedRenderer {
             precise,
             step: rendering.step,
             classification: rendering.classification.map(Into::into),
-            rays: if rendering.rasterized { Rays::Rasterized } else { Rays::Computed },
+            rays: if rendering.computed { Rays::Computed } else { Rays::Rasterized },
             ..Settings::new([size; 2])
         };
         Ok(TimedRenderer { gpu: gpu.clone(), renderer: Renderer::new(gpu, row, scene, &settings)? })

@@ -28,13 +28,7 @@ const COLOURED: &str = "alpha";
 fn judge(of_splats: bool) -> Rendering {
     let mode = if of_splats { "exact" } else { "volume" };
     let name = format!("the most accurate {mode}");
-    Rendering {
-        name,
-        mode: mode.into(),
-        step: 0.25,
-        classification: Some(Classify::Point),
-        rasterized: false,
-    }
+    Rendering { name, mode: mode.into(), step: 0.25, classification: Some(Classify::Point), computed: false }
 }
 
 /// Rendering with its device, scene and renderer.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use engine::render::{Camera, Classification, FOV_DEGREES, Look, Quality, Scene, Settings};
+use engine::render::{Camera, Classification, FOV_DEGREES, Look, Quality, Rays, Scene, Settings};
 use engine::{Result, transfer};
 use serde::{Deserialize, Serialize};
 
@@ -111,6 +111,8 @@ impl Shot {
             views: self.views,
             depth: self.depth,
             classification: Some(classification),
+            // The counts are those of the kernel.
+            rays: Rays::Computed,
             ..Settings::new(self.size)
         }
     }

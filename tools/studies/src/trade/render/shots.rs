@@ -23,7 +23,7 @@ fn reference() -> Rendering {
         mode: "volume".into(),
         step: 0.25,
         classification: Some(Classify::Point),
-        rasterized: false,
+        computed: false,
     }
 }
 
