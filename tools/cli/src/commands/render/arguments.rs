@@ -88,7 +88,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = values::step)]
     pub step: Option<f64>,
     /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on; 0.5
-    /// is finer, for fits of --profile field
+    /// is finer, for fits of --profile field; 2, 4, 8 and 16 of other fits are means of voxels
     #[arg(long, value_name = "VOXELS", default_value_t = 1.0, help_heading = "Quality",
           value_parser = values::pitch)]
     pub pitch: f64,
