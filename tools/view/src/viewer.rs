@@ -293,7 +293,7 @@ impl Viewer {
 
     /// Renders the picture if needed. Returns true if the look was changed.
     fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
-        let chosen = self.chosen_mode(canvas)?;
+        let chosen = self.chosen_mode(canvas);
         self.choose_levels();
         let changes = self.app.take_changes();
         let size = canvas::size(overlay.picture, overlay.pixels_per_point);
@@ -308,7 +308,7 @@ impl Viewer {
         self.controller.set_budget_ms(quality.target_frame_ms);
         let moves = quality.adaptive && changes.any() && self.app.held() && size == self.size;
         let wanted = self.app.state.mode_of(Subject::Splats);
-        let waits = chosen != wanted && self.loader.is_doing(DECODING);
+        let waits = chosen != wanted && (!self.decoding || self.loader.is_doing(DECODING));
         self.stale |= std::mem::replace(&mut self.waits, waits) && !waits;
         // Something is shown at once; the rest follows.
         let first = quality.adaptive && canvas.is_blank() || waits;
@@ -334,6 +334,9 @@ impl Viewer {
             return Ok(false);
         }
         let ms = canvas.render(setups, self.app.camera())?;
+        if waits && !std::mem::replace(&mut self.decoding, true) {
+            self.decode(canvas)?;
+        }
         if moves {
             self.controller.finished(level, ms);
         } else if !fast {
@@ -353,21 +356,28 @@ impl Viewer {
         Ok(changes.look)
     }
 
-    /// Returns the mode in which splats are shown at rest: the user's choice, or slabs while a thread beside
-    /// the window decodes the field for it.
-    fn chosen_mode(&mut self, canvas: &Canvas) -> Result<&'static str> {
+    /// Returns the mode in which splats are shown at rest: the user's choice, or slabs while the field is not
+    /// decoded that it needs.
+    fn chosen_mode(&mut self, canvas: &Canvas) -> &'static str {
         let chosen = self.app.state.mode_of(Subject::Splats);
         let splats =
             canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
-        let Some(splats) = splats.filter(|_| chosen == SplatMode::Decoded.name()) else { return Ok(chosen) };
+        let Some(splats) = splats.filter(|_| chosen == SplatMode::Decoded.name()) else { return chosen };
         if splats.has_decoded(PITCH) {
             self.stale |= std::mem::take(&mut self.decoding);
-            return Ok(chosen);
+            return chosen;
         }
-        if !std::mem::replace(&mut self.decoding, true) {
+        SplatMode::Slab.name()
+    }
+
+    /// Begins to decode the field, beside the window.
+    fn decode(&mut self, canvas: &Canvas) -> Result<()> {
+        let splats =
+            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
+        if let Some(splats) = splats {
             self.loader.prepare(DECODING, splats.decoding(canvas.gpu(), PITCH)?);
         }
-        Ok(SplatMode::Slab.name())
+        Ok(())
     }
 
     /// Changes to the quality levels that belong to the mode that the user has chosen.
