@@ -14,7 +14,7 @@
 //! | `gpu_splats`, `extents` | [`GpuSplats`]: splats on the device; their reach |
 //! | `splat_points`, `bumps` | the field at points in the splats, for mode alpha |
 //! | `gpu_volume`, `scale` | [`GpuVolume`]: a volume or a decoded field on the device; its 16-bit fractions |
-//! | `decoded`, `least_squares`, `halving` | [`decode`]: the field of splats on the voxels of a grid |
+//! | `decoded`, `atlas`, `least_squares`, `halving` | [`decode`]: the field of splats on the voxels of a grid |
 //! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and the parts no eye sees |
 //! | `intensities` | [`Intensities`]: of an object, and whether a transfer function shows them |
 //! | `settings`, `quality`, `target` | settings of a mode, quality of a frame, pictures of a frame |
