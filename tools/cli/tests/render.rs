@@ -179,7 +179,7 @@ fn what_cannot_be_rendered_is_refused_and_nothing_is_written() {
         (2, &["--volume", "ct.nii.gz", "-o", "a.png", "--object", "1:hidden"], "volume has no objects"),
         (66, &["s.ply", "none.ply", "-o", "a.png"], "none.ply"),
         (2, &["s.ply", "-o", "a.exr", "--turntable", "4"], "png"),
-        (2, &["-o", "a.png"], "<SPLATS>"),
+        (2, &["-o", "a.png"], "<SPLATS|VOLUME>"),
         (66, &["none.ply", "-o", "a.png"], "none.ply"),
         (73, &["s.ply", "-o", "there.png"], "--force"),
     ] {
@@ -188,4 +188,28 @@ fn what_cannot_be_rendered_is_refused_and_nothing_is_written() {
         assert!(ended.err.to_lowercase().contains(&told.to_lowercase()), "{arguments:?}: {}", ended.err);
     }
     assert_eq!(folder.contents(), before);
+}
+
+/// A volume may be given like splats, and what makes no sense with it is said.
+#[test]
+fn a_volume_is_rendered_without_a_flag() {
+    let folder = Folder::new(24);
+    let run = |more: &[&str]| folder.run(&[&["render", "--size", "48x40", "--tf", "CT-Bone"], more].concat());
+    let flag = run(&["--volume", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "a.png"]);
+    let plain = run(&["ct.nii.gz", "--roi", "mask.nii.gz", "-o", "b.png"]);
+    assert_eq!((flag.code, plain.code), (0, 0), "{} {}", flag.err, plain.err);
+    assert_eq!(picture(&folder, "a.png"), picture(&folder, "b.png"));
+    for (more, code) in [
+        (&["ct.nii.gz", "--volume", "ct.nii.gz", "-o", "c.png"][..], "VGS-CLI-098"),
+        (&["ct.nii.gz", "mask.nii.gz", "-o", "c.png"], "VGS-CLI-098"),
+        (&["s.ply", "--roi", "mask.nii.gz", "-o", "c.png"], "VGS-CLI-099"),
+    ] {
+        let refused = run(more);
+        assert!(
+            refused.code == 2 && refused.err.contains(code),
+            "{more:?}: {} {}",
+            refused.code,
+            refused.err
+        );
+    }
 }

@@ -5,12 +5,19 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
-use engine::volume::{Cleaning, LabelChoice, Labels, ReadOptions, Roi, Volume};
+use engine::volume::{Cleaning, FORMATS, LabelChoice, Labels, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::flags::{Range, bytes, pair};
+
+/// Returns true if a path has the name of a volume, or is a folder, as of DICOM slices.
+pub fn is_volume(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+    let mut endings = FORMATS.iter().flat_map(|format| format.extensions);
+    path.is_dir() || endings.any(|ending| name.ends_with(ending))
+}
 
 /// Flags for reading volumes.
 #[derive(Args, Clone, Debug)]

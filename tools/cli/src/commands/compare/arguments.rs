@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use engine::{Error, volume};
+use engine::Error;
 
 use crate::shared::flags::{Range, any_range, pair};
-use crate::shared::inputs::ReadArguments;
+use crate::shared::inputs::{ReadArguments, is_volume};
 
 /// Tells how different two pictures are, or two volumes inside a region
 #[derive(Args, Debug)]
@@ -93,9 +93,7 @@ impl CompareArguments {
     /// Returns true if volumes are compared: by the name of the first file, or by flags that only volumes
     /// have.
     pub fn of_volumes(&self) -> bool {
-        let name = self.a.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        let mut endings = volume::FORMATS.iter().flat_map(|format| format.extensions);
-        self.volumes.are_given() || self.a.is_dir() || endings.any(|ending| name.ends_with(ending))
+        self.volumes.are_given() || is_volume(&self.a)
     }
 
     /// Adds the names of both files to an error of the pair.

@@ -12,11 +12,11 @@ use crate::shared::flags::{DeviceArguments, Size, pair};
 use crate::shared::inputs::ReadArguments;
 
 /// Renders splats or a volume through a transfer function
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct RenderArguments {
-    /// The splats (PLY); several files are shown together, in the space of the patient
-    #[arg(required_unless_present = "volume")]
+    /// The splats (PLY); several files are shown together, in the space of the patient. Or a volume
+    #[arg(required_unless_present = "volume", value_name = "SPLATS|VOLUME")]
     pub splats: Vec<PathBuf>,
     /// A volume: with --mode volume, or without splats, it is what is rendered. It also places splats of a
     /// PLY of the paper's authors, with its region
@@ -115,11 +115,10 @@ pub struct RenderArguments {
 #[command(next_help_heading = "Volume", group = ArgGroup::new("shown").args(["roi", "roi_threshold"]))]
 pub struct VolumeRegion {
     /// Shows nothing of the volume outside this mask
-    #[arg(long, value_name = "MASK", requires = "volume")]
+    #[arg(long, value_name = "MASK")]
     pub roi: Option<PathBuf>,
     /// Or outside the voxels from LOW to HIGH, HU
-    #[arg(long, value_name = "LOW,HIGH", requires = "volume", value_parser = pair,
-          allow_hyphen_values = true)]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
     pub roi_threshold: Option<[f32; 2]>,
     /// Which labels of the mask, by number or name
     #[arg(long, value_name = "N|NAME,...", requires = "roi")]
@@ -187,7 +186,7 @@ Examples:
   vgs render body.ply -o soft.exr --tf CT-Soft-Tissue --clip 'y>20'
   vgs render bones.ply vessels.ply -o both.png --object vessels:colour=#c03020 --object bones:opacity=0.2
   vgs render organs.ply -o organs.png --tf CT-Soft-Tissue --object-colours
-  vgs render --volume ct.nii.gz --roi bones.nii.gz -o ct.png --tf CT-Bone
+  vgs render ct.nii.gz --roi bones.nii.gz -o ct.png --tf CT-Bone
   vgs render bones.ply -o turn.png --turntable 60
   vgs render bones.ply -o frame.png --turntable 60 --sequence
   vgs render theirs.ply --volume ct.nii.gz --roi bones.nii.gz -o theirs.png      a PLY of the paper's authors

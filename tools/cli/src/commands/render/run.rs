@@ -19,7 +19,7 @@ use super::frames;
 use super::values::{ObjectChange, View};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
-use crate::shared::inputs::{region_of, volume_of};
+use crate::shared::inputs::{is_volume, region_of, volume_of};
 use crate::shared::outputs;
 
 /// Sample distance of a still picture; fine enough that lit surfaces show no rings.
@@ -52,6 +52,7 @@ struct ObjectOutput {
 
 /// Runs the command.
 pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Result<u8, Stop> {
+    let arguments = &arguments.sorted()?;
     let files = arguments.output.files(&arguments.turntable)?;
     let written: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     let volumes = [&arguments.volume, &arguments.region.roi].into_iter().flatten();
@@ -100,6 +101,31 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
 }
 
 impl RenderArguments {
+    /// Returns the arguments with a volume among the files of splats as the volume.
+    ///
+    /// # Errors
+    /// If there are two volumes, or a region of none.
+    fn sorted(&self) -> Result<Self> {
+        let (volumes, splats): (Vec<PathBuf>, _) = self.splats.iter().cloned().partition(|p| is_volume(p));
+        let mut volumes = self.volume.iter().cloned().chain(volumes);
+        let volume = volumes.next();
+        if let Some(other) = volumes.next() {
+            return Err(Error::new(Kind::Usage, "VGS-CLI-098", "a second volume")
+                .file(&other)
+                .help("render one volume at a time"));
+        }
+        let region = self.region.roi.is_some() || self.region.roi_threshold.is_some();
+        if region && volume.is_none() {
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-CLI-099",
+                "a region, and no volume that it is a part of",
+            )
+            .help("give the volume, too; splats are shown whole"));
+        }
+        Ok(RenderArguments { splats, volume, ..self.clone() })
+    }
+
     fn mode_row(&self) -> Result<&'static ModeRow> {
         let name = self.mode.unwrap_or(if self.splats.is_empty() { "volume" } else { "slab" });
         let row = mode(name)?;
@@ -109,7 +135,7 @@ impl RenderArguments {
         }
         if !row.of_splats && self.volume.is_none() {
             return Err(Error::new(Kind::Usage, "VGS-CLI-091", format!("--mode {name} renders a volume"))
-                .help("give it with --volume, and its mask with --roi"));
+                .help("give one, beside splats with --volume, and its mask with --roi"));
         }
         Ok(row)
     }
