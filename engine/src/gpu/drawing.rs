@@ -25,10 +25,11 @@ pub struct Drawing {
 
 /// What becomes of a pixel that several triangles cover, or that was drawn before.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Overlap {
+pub enum Overlap {
     /// All are blended.
     Blended,
-    /// The nearest of the target and of all triangles is kept, the first one of several at the same depth.
+    /// The nearest of the target and of all triangles is kept, by the picture of depth, which must be there;
+    /// the first one of several at the same depth.
     Nearest,
 }
 
@@ -57,24 +58,11 @@ impl Drawing {
         Self::overlapping(gpu, [vertex, fragment], constants, formats, views, Overlap::Blended)
     }
 
-    /// Creates a pipeline as [`Drawing::new`] does that replaces what lies behind instead: by the picture of
-    /// depth, which must be there. Of what has the same depth the first alone is drawn.
+    /// Creates a pipeline as [`Drawing::new`] does, for another overlap.
     ///
     /// # Panics
-    /// If the shaders are not a pair, or there is no picture of depth.
-    pub fn nearest(
-        gpu: &Gpu,
-        vertex: &'static Shader,
-        fragment: &'static Shader,
-        constants: &[u32],
-        formats: &[Format],
-        views: u32,
-    ) -> Result<Self> {
-        assert!(formats.iter().any(|f| f.is_depth()), "{}: no picture of depth", vertex.name);
-        Self::overlapping(gpu, [vertex, fragment], constants, formats, views, Overlap::Nearest)
-    }
-
-    fn overlapping(
+    /// If the shaders are not a pair.
+    pub fn overlapping(
         gpu: &Gpu,
         [vertex, fragment]: [&'static Shader; 2],
         constants: &[u32],

@@ -100,7 +100,7 @@ pub use buffer::Buffer;
 pub use device_description::DeviceDescription;
 pub use devices::devices;
 pub use draw_pass::DrawPass;
-pub use drawing::Drawing;
+pub use drawing::{Drawing, Overlap};
 pub use format::Format;
 pub use gpu::Gpu;
 pub use gpu_options::GpuOptions;

@@ -17,7 +17,7 @@ use super::settings::{Rays, Settings};
 use super::target::Target;
 use super::variants::Variants;
 use crate::error::{Error, Kind, Result};
-use crate::gpu::{Drawing, Format, Gpu, Image, Kernel, Recorder};
+use crate::gpu::{Drawing, Format, Gpu, Image, Kernel, Overlap, Recorder};
 use crate::passes::{Faces, Views, Work, WorkgroupShape};
 
 /// Least distance of samples, in voxels. Nearer ones would change nothing but the time.
@@ -121,7 +121,8 @@ impl Raymarch {
                     false => (&glsl::RAYMARCH_FRAG, &[colour, Format::D32f][..]),
                     true => (&glsl::RAYMARCH_DEPTH_FRAG, &[colour, Format::R32f, Format::D32f][..]),
                 };
-                Drawing::nearest(gpu, &glsl::RAYMARCH_VERT, fragment, &constants, formats, settings.views)
+                let shaders = [&glsl::RAYMARCH_VERT, fragment];
+                Drawing::overlapping(gpu, shaders, &constants, formats, settings.views, Overlap::Nearest)
             }),
         }
     }

@@ -43,7 +43,7 @@ pub struct Settings {
     /// and 0.25 serves as a reference.
     pub step: f64,
     /// Distance of the voxels that splats are decoded to in mode decoded, in voxels of the grid that they
-    /// were fitted on.
+    /// were fitted on; of splats that were fitted for the voxels alone 1 or the next power of two.
     pub pitch: f64,
     /// True if the samples of a volume begin at a random part of a step in each pixel, which turns the rings
     /// of a coarse step into noise. It is not for pictures that are measured.

@@ -3,8 +3,8 @@
 use engine::render::{Quality, QualityLevel, SplatKind, quality_levels};
 use serde::{Deserialize, Serialize};
 
-/// Step of the best quality level for fits for the grid, voxels: from there on the field is no nearer to the
-/// CT than half a voxel's rays are.
+/// Step of the best quality level for fits for the grid, voxels: that with which
+/// `vgs render` and the viewer begin.
 const FINEST_OF_GRID: f64 = 0.5;
 
 /// One way to render splats.
