@@ -24,7 +24,8 @@ void main() {
     vec4 look = look_point(value.x);
     float extinction = min(-log(1.0 - value.y * (1.0 - exp(-look.a))), MOST_EXTINCTION);
     vec4 ratio = vec4(look.rgb, 1.0) * extinction;
-    if (p.round > 0) {
+    // What is to be nothing is nothing whatever is drawn, and its list need not be read.
+    if (p.round > 0 && extinction > 0.0) {
         vec4 drawn = vec4(0.0);
         uint end = point_ends[i];
         for (uint k = i == 0 ? 0 : point_ends[i - 1]; k < end; ++k) {

@@ -20,6 +20,8 @@ const float MOST_FACTOR = 8.0;
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.count) return;
+    // A splat that is to draw nothing anywhere is done.
+    if (p.round > 0 && media[i].a == 0.0) return;
     vec4 sum = vec4(0.0);
     float whole = 0.0;
     uint end = splat_ends[i];
@@ -32,7 +34,7 @@ void main() {
     vec4 mean = sum / max(whole, 1.0);
     vec4 medium;
     if (p.round == 0) {
-        medium = max(shares[i] * mean, LEAST_MEDIUM);
+        medium = mean.a > 0.0 ? max(shares[i] * mean, LEAST_MEDIUM) : vec4(0.0);
     } else {
         vec4 factor = clamp(mean, LEAST_FACTOR, MOST_FACTOR);
         medium = media[i] * (p.round < ROUNDS ? factor * factor : factor);

@@ -32,11 +32,10 @@ pub struct Points<'a> {
 pub fn media(points: &Points<'_>, table: &Table, rounds: u32) -> Vec<DVec4> {
     let wanted: Vec<DVec4> = points.values.iter().map(|&[v, o]| medium(table, v.into(), o.into())).collect();
     let first = means(points.of_splats, &wanted);
-    let mut media: Vec<DVec4> = first
-        .iter()
-        .zip(points.shares)
-        .map(|(mean, &share)| (*mean * f64::from(share)).max(DVec4::splat(LEAST_MEDIUM)))
-        .collect();
+    let begin = |(mean, &share): (&DVec4, &f32)| {
+        if mean.w > 0.0 { (*mean * f64::from(share)).max(DVec4::splat(LEAST_MEDIUM)) } else { DVec4::ZERO }
+    };
+    let mut media: Vec<DVec4> = first.iter().zip(points.shares).map(begin).collect();
     for round in 1..rounds.min(ROUNDS + 1) {
         let ratio = |(wanted, splats): (&DVec4, &List)| {
             let drawn: DVec4 = splats.iter().map(|&(splat, profile)| media[splat] * profile).sum();

@@ -112,6 +112,9 @@ pub struct Timing {
     pub mse: Option<f64>,
     /// Index of the view and cost of each frame, in order.
     pub frames: Vec<(usize, Cost)>,
+    /// Cost of giving the scene a look and of the frame after it, once from each view.
+    #[serde(default)]
+    pub changes: Vec<Cost>,
     /// Passes, summed over all frames.
     pub passes: Passes,
     /// Bytes of device memory by purpose, after all frames.
@@ -122,6 +125,14 @@ impl Timing {
     /// Returns the PSNR of the first picture, dB.
     pub fn psnr(&self) -> Option<f64> {
         self.mse.map(|mse| -10.0 * mse.log10())
+    }
+
+    /// Returns what a change of the look costs beside the frame that shows it, ms: the difference of the medians;
+    /// `None` if none was measured.
+    pub fn change(&self, is_cpu: bool) -> Option<f64> {
+        let of = |cost: &Cost| cost.of_device(is_cpu);
+        let changes: Vec<f64> = self.changes.iter().map(of).collect();
+        Some((median(&changes)? - median(&self.each(of))?).max(0.0))
     }
 
     /// Returns one figure of each frame.

@@ -210,9 +210,11 @@ impl Results<'_> {
         let title = format!(
             "## Speed\n\nFrames of {size}×{size} pixels, in rounds of one frame of each rendering from the same camera. \
              \"Picture\" is the PSNR of the first one against the most accurate rendering of the same; it was taken before any \
-             frame was timed. \"Volume costs\": {} of the volume with its mask over those of this row, the median of the rounds.",
+             frame was timed. \"Volume costs\": {} of the volume with its mask over those of this row, the median of the rounds. \"Change\": \
+             what another transfer function costs once, beside its frame.",
             self.device.unit()
         );
+        let change = if self.device.is_cpu { "change, core-ms" } else { "change, device ms" };
         let columns = vec![
             "case",
             "transfer function",
@@ -223,6 +225,7 @@ impl Results<'_> {
             "wall, ms: median",
             "wall, ms: p95",
             "device, ms: median",
+            change,
             "volume costs",
             "goal",
         ];
@@ -258,6 +261,7 @@ impl Results<'_> {
             ms(median(&wall)),
             ms(percentile(&wall, 0.95)),
             ms(median(&row.each(|cost| cost.device_ms))),
+            ms(row.change(self.device.is_cpu)),
             faster.map_or_else(dash, |ratio| format!("{ratio:.2}×")),
             goals::cell(&self.config.goals, &found, |_| None),
         ]

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use engine::fit::{self, FitConfig};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
-use engine::render::{Camera, Rays, Renderer, Scene, Settings};
+use engine::render::{Camera, Look, Rays, Renderer, Scene, Settings};
 use engine::splat::harmonics::{MAX_DEGREE, SH0, basis_count};
 use engine::splat::{self, Harmonics, SplatSet};
 use engine::transfer::{TransferFunction, preset};
@@ -260,6 +260,15 @@ impl TimedRenderer {
     /// Renders a frame, waits for it and returns its cost and passes.
     pub fn frame(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<(Cost, cost::Passes)> {
         cost::measure(&self.gpu, || self.renderer.render(scene, cameras))
+    }
+
+    /// Gives the scene a look, renders a frame of it, and returns the cost of both.
+    pub fn change(&mut self, scene: &mut Scene, look: &Look, camera: Camera) -> Result<Cost> {
+        let both = || {
+            scene.set_look(look)?;
+            self.renderer.render(scene, &[camera])
+        };
+        cost::measure(&self.gpu, both).map(|(cost, _)| cost)
     }
 
     /// Reads the colour of the last frame.

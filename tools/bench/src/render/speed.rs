@@ -11,7 +11,7 @@ use engine::render::{Camera, Look, Scene, VolumeSource};
 use engine::splat::SplatSet;
 
 use super::accuracy::{checked, mse};
-use super::config::{Classify, Rendering};
+use super::config::{Classify, Part, Rendering};
 use super::plan::{Unit, mode_row};
 use super::record::{Record, Timing};
 use super::scenes::{Place, TimedRenderer, check_validation, shows_something};
@@ -91,7 +91,7 @@ pub fn measure(
                 }
             }
         }
-        for timing in race(&transfer.name, racing, &views, &cameras, unit.part.frames, unit.part.warm_up)? {
+        for timing in race(&transfer.name, &look, racing, &views, &cameras, &unit.part)? {
             saw(&timing);
             record.timings.push(timing);
         }
@@ -177,16 +177,17 @@ fn verdict(mse: f64) -> Verdict {
 }
 
 /// Renders in rounds and returns the times of each contestant: warm-up from every camera first, then frame i
-/// from camera i, i + 1, and so on.
+/// from camera i, i + 1, and so on, at last a frame from each after the look was given again, which is as
+/// much work as another look.
 fn race(
     transfer: &str,
+    look: &Look,
     mut racing: Vec<(&mut Contestant, Option<f64>)>,
     views: &[usize],
     cameras: &[Camera],
-    frames: usize,
-    warm_up: usize,
+    part: &Part,
 ) -> Result<Vec<Timing>> {
-    for _ in 0..warm_up {
+    for _ in 0..part.warm_up {
         for camera in cameras {
             for (contestant, _) in &mut racing {
                 contestant.renderer.frame(&contestant.scene, &[*camera])?;
@@ -202,15 +203,22 @@ fn race(
             whole: contestant.whole,
             mse: *mse,
             frames: Vec::new(),
+            changes: Vec::new(),
             passes: Passes::default(),
             memory: Default::default(),
         })
         .collect();
-    for (&view, camera) in views.iter().zip(cameras).cycle().take(frames) {
+    for (&view, camera) in views.iter().zip(cameras).cycle().take(part.frames) {
         for ((contestant, _), timing) in racing.iter_mut().zip(&mut timings) {
             let (cost, passes) = contestant.renderer.frame(&contestant.scene, &[*camera])?;
             timing.frames.push((view, cost));
             timing.passes.add(passes);
+        }
+    }
+    for camera in cameras {
+        for ((contestant, _), timing) in racing.iter_mut().zip(&mut timings) {
+            let Contestant { scene, renderer, .. } = &mut **contestant;
+            timing.changes.push(renderer.change(scene, look, *camera)?);
         }
     }
     for ((contestant, _), timing) in racing.iter().zip(&mut timings) {

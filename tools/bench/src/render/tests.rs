@@ -102,6 +102,7 @@ fn all_sections_run_on_the_phantom_and_only_once() {
         assert!(timings.iter().any(|row| row.mode == "slab"));
         for row in timings {
             assert_eq!(row.frames.len(), 3);
+            assert!(!row.changes.is_empty() && row.change(true).is_some());
             assert!(row.frames.iter().all(|(_, cost)| cost.wall_ms > 0.0 && cost.core_ms != Some(0.0)));
             assert!(row.psnr() > Some(15.0) && !row.memory.is_empty() && !row.passes.a_frame(3).is_empty());
         }
@@ -255,6 +256,7 @@ fn timing(rendering: &str, mode: &str, core: [f64; 3]) -> Timing {
         whole: false,
         mse: Some(1e-3),
         frames: core.map(|core| (0, cost(core))).to_vec(),
+        changes: vec![cost(core[1] + 70.0)],
         passes: Passes::default(),
         memory: [("splats".to_owned(), 4_800_000), ("pictures".to_owned(), 12_345_678)].into(),
     }
@@ -377,12 +379,12 @@ fn speed_tells_medians_and_the_ratio_of_each_round() {
     };
     let text = report_of(Section::Speed, true, fill);
     let alpha = line(&text, &["| alpha |", "×"]);
-    assert!(alpha.contains("| 30.00 | 250 | 350 | 125 | 300 | 62.5 | 5.00× |"), "{alpha}");
+    assert!(alpha.contains("| 30.00 | 250 | 350 | 125 | 300 | 62.5 | 20.0 | 5.00× |"), "{alpha}");
     assert!(
         alpha.contains("4 times faster: met") && alpha.contains("≤ 464 core-ms: met (web-splat)"),
         "{alpha}"
     );
-    assert!(line(&text, &["| volume |", "1500"]).contains("| 2000 | 2000 | 1000 | 1500 | 500 | — |"));
+    assert!(line(&text, &["| volume |", "1500"]).contains("| 2000 | 2000 | 1000 | 1500 | 500 | 70.0 | — |"));
     assert!(text.contains("pictures 12.3, splats 4.80") && text.contains("software driver"));
     // On a GPU the same ratio, of device times, and nothing of CPU time.
     let text = report_of(Section::Speed, false, fill);
