@@ -32,6 +32,7 @@ fn main() {
     let mut structs = BTreeMap::new();
     let mut items = String::new();
     let mut names = Vec::new();
+    let mut kernels = Vec::new();
     let mut plain_items = String::new();
     let mut modules = Modules::new();
     for file in list(&root.join("include")) {
@@ -68,11 +69,15 @@ fn main() {
             )
             .unwrap();
             if stage == "Compute" {
-                names.push(item);
+                kernels.push(item.clone());
             }
+            names.push(item);
         }
     }
-    writeln!(items, "/// Every compiled kernel.\npub static ALL: &[&Shader] = &[{}];", amp(&names)).unwrap();
+    for (about, list, names) in [("shader", "ALL", names), ("kernel", "KERNELS", kernels)] {
+        let names = amp(&names);
+        writeln!(items, "/// Every compiled {about}.\npub static {list}: &[&Shader] = &[{names}];").unwrap();
+    }
     writeln!(
         items,
         "/// Unoptimised SPIR-V with names, by file: what programs that study the kernels read.\n\

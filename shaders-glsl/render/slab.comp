@@ -4,9 +4,10 @@
 // of Mueller and Crawfis 1998, classified after reconstruction). Nothing is sorted within a block of planes:
 // sums have no order.
 //
-// A tile has eight parts of 4 x 8 pixels; 8 invocations own a part, 4 pixels each. With GROUP = 64 the parts
-// of a tile go side by side. With GROUP = 8 a workgroup is one part: then all loads of splats are uniform,
-// which a CPU driver turns into scalar ones. The result has the same bits.
+// A tile has eight parts of 4 x 8 pixels. With GROUP = 64 a workgroup is two parts side by side, and an
+// invocation owns a pixel, since the sums of four would not fit a GPU's registers. With GROUP = 8 a workgroup is
+// one part, and an invocation owns four pixels: then all loads of splats are uniform, which a CPU driver turns
+// into scalar ones, and one load serves four. The result has the same bits.
 #extension GL_KHR_shader_subgroup_vote : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_EXT_shader_image_load_formatted : require
@@ -38,18 +39,24 @@ layout(scalar, binding = 9) readonly buffer ActiveObjects { uint active_objects[
 layout(scalar, binding = 10) readonly buffer Appearances { Appearance appearances[]; };
 layout(scalar, binding = 11) readonly buffer HiddenParts { uint hidden_parts[]; };
 
-const uint PIXELS = 4;
+// Pixels of an invocation, at most and in this shape; invocations of a part, and parts of a workgroup.
+const uint MOST_PIXELS = 4;
+const uint PIXELS = 1 + 24 / GROUP; // 4 or 1
+const uint LANES = 32 / PIXELS;
+const uint SIDE_BY_SIDE = GROUP / LANES;
+// The bound of the loop is no specialisation constant, so that it is unrolled when the shader is built.
+#define FOR_PIXELS [[unroll]] for (uint n = 0; n < MOST_PIXELS; ++n) if (n < PIXELS)
 
 // Σw, Σwc and, where there is light, their gradients in eye space; Σw times tint and opacity of the splats'
 // objects.
-float weight[PLANES * PIXELS];
-float value[PLANES * PIXELS];
-vec3 weight_slope[PLANES * PIXELS];
-vec3 value_slope[PLANES * PIXELS];
-vec4 tint[PLANES * PIXELS];
-float shown[PLANES * PIXELS];
+float weight[PLANES * MOST_PIXELS];
+float value[PLANES * MOST_PIXELS];
+vec3 weight_slope[PLANES * MOST_PIXELS];
+vec3 value_slope[PLANES * MOST_PIXELS];
+vec4 tint[PLANES * MOST_PIXELS];
+float shown[PLANES * MOST_PIXELS];
 
-void add(Projected s, Appearance object, vec2 ray[PIXELS], float depths[PLANES], uint from) {
+void add(Projected s, Appearance object, vec2 ray[MOST_PIXELS], float depths[PLANES], uint from) {
     float a[4];
     float zz[4];
     [[unroll]] for (uint k = 0; k < 4; ++k) {
@@ -57,14 +64,14 @@ void add(Projected s, Appearance object, vec2 ray[PIXELS], float depths[PLANES],
         a[k] = s.along.x * ((z - s.depth) / z);
         zz[k] = z * z;
     }
-    [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+    FOR_PIXELS {
         vec2 d = ray[n] - s.centre;
         float lean = s.along.y * d.x + s.along.z * d.y;
         float u = s.across.x * d.x + s.across.y * d.y;
         float v = s.across.z * d.y;
         float aside = u * u + v * v;
         [[unroll]] for (uint k = 0; k < 4; ++k) {
-            uint at = (from + k) * PIXELS + n;
+            uint at = (from + k) * MOST_PIXELS + n;
             float t = a[k] + lean;
             float q = zz[k] * (t * t + aside);
             float w;
@@ -93,19 +100,16 @@ void add(Projected s, Appearance object, vec2 ray[PIXELS], float depths[PLANES],
 }
 
 void main() {
-    uint lane = gl_LocalInvocationIndex & 7u;
-    uint part = gl_LocalInvocationIndex >> 3;
-    uint column = gl_WorkGroupID.x;
-    if (GROUP == 8) {
-        part = gl_WorkGroupID.x & (PARTS - 1u);
-        column = gl_WorkGroupID.x / PARTS;
-    }
-    uvec2 tile = uvec2(column, gl_WorkGroupID.y);
+    const uint groups = PARTS / SIDE_BY_SIDE; // workgroups of a tile
+    uint lane = gl_LocalInvocationIndex % LANES;
+    uint first_part = gl_WorkGroupID.x % groups * SIDE_BY_SIDE;
+    uint part = first_part + gl_LocalInvocationIndex / LANES;
+    uvec2 tile = uvec2(gl_WorkGroupID.x / groups, gl_WorkGroupID.y);
     View v = views[gl_WorkGroupID.z];
     uvec2 pixel = tile * TILE + uvec2((part & 3u) * 4, (part >> 2) * 8) + uvec2(lane & 3u, lane >> 2);
     uint list_tile = (gl_WorkGroupID.z * p.grid.tiles.y + tile.y) * p.grid.tiles.x + tile.x;
     if (HIDDEN == 1 && (hidden_parts[list_tile] >> part & 1u) == 1) {
-        [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+        FOR_PIXELS {
             uvec2 to = pixel + uvec2(0, 2 * n);
             if (any(greaterThanEqual(to, p.grid.size))) continue;
             imageStore(colour_image, ivec3(to, gl_WorkGroupID.z), vec4(0.0));
@@ -116,14 +120,14 @@ void main() {
     uint first_list = list_tile * p.grid.blocks;
     uint row = gl_WorkGroupID.z * p.grid.splat_count;
 
-    vec2 ray[PIXELS];
-    float path[PIXELS]; // mm of ray per plane
-    vec2 range[PIXELS]; // depths that the clip planes leave
-    vec3 colour[PIXELS];
-    float clear[PIXELS];
-    float depth[PIXELS];
-    vec2 before[PIXELS]; // V and O at the plane before
-    [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+    vec2 ray[MOST_PIXELS];
+    float path[MOST_PIXELS]; // mm of ray per plane
+    vec2 range[MOST_PIXELS]; // depths that the clip planes leave
+    vec3 colour[MOST_PIXELS];
+    float clear[MOST_PIXELS];
+    float depth[MOST_PIXELS];
+    vec2 before[MOST_PIXELS]; // V and O at the plane before
+    FOR_PIXELS {
         ray[n] = ray_tangents(v, vec2(pixel + uvec2(0, 2 * n)) + 0.5, p.grid.size);
         path[n] = p.grid.spacing * length(vec3(ray[n], 1.0));
         range[n] = look_clipped(v.eye, ray_direction(v, ray[n]), vec2(0.0, 3e38));
@@ -142,7 +146,7 @@ void main() {
         uint start = min(starts[first_list + block], p.grid.capacity);
         uint end = min(starts[first_list + block + 1], p.grid.capacity);
         if (start == end) {
-            [[unroll]] for (uint n = 0; n < PIXELS; ++n) before[n] = vec2(0.0);
+            FOR_PIXELS before[n] = vec2(0.0);
             continue;
         }
         for (uint round = 0; round < rounds; ++round) {
@@ -150,7 +154,7 @@ void main() {
             [[unroll]] for (uint k = 0; k < PLANES; ++k) {
                 depths[k] = first + (float((block * rounds + round) * PLANES + k) + 0.5) * p.grid.spacing;
             }
-            [[unroll]] for (uint i = 0; i < PLANES * PIXELS; ++i) {
+            [[unroll]] for (uint i = 0; i < PLANES * MOST_PIXELS; ++i) {
                 weight[i] = 0.0;
                 value[i] = 0.0;
                 if (SHADED == 1) {
@@ -169,7 +173,8 @@ void main() {
                     float lowest = c.depth - c.reach, highest = c.depth + c.reach;
                     uint planes = highest >= depths[0] && lowest <= depths[3] ? 4 : 0;
                     if (highest >= depths[4] && lowest <= depths[7]) planes += 4;
-                    work += uvec4((pair >> (ROW_BITS + part) & 1u) * planes, planes, 0, 1);
+                    bool beside = (pair >> (ROW_BITS + (part & ~1u)) & 3u) != 0;
+                    work += uvec4((pair >> (ROW_BITS + part) & 1u) * planes, beside ? planes : 0, 0, 1);
                 }
                 if ((pair >> (ROW_BITS + part) & 1u) == 0) continue;
                 Projected s = projected[pair & ((1u << ROW_BITS) - 1u)];
@@ -182,16 +187,16 @@ void main() {
             [[unroll]] for (uint k = 0; k < PLANES; ++k) {
                 float z = depths[k];
                 bool any_there = false;
-                [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
-                    any_there = any_there || (weight[k * PIXELS + n] > 0.0 && clear[n] > p.dark);
+                FOR_PIXELS {
+                    any_there = any_there || (weight[k * MOST_PIXELS + n] > 0.0 && clear[n] > p.dark);
                 }
                 if (!subgroupAny(any_there)) {
-                    [[unroll]] for (uint n = 0; n < PIXELS; ++n) before[n] = vec2(0.0);
+                    FOR_PIXELS before[n] = vec2(0.0);
                     continue;
                 }
                 if (COUNTING == 1) work.z += 1;
-                [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
-                    uint at = k * PIXELS + n;
+                FOR_PIXELS {
+                    uint at = k * MOST_PIXELS + n;
                     float w = weight[at];
                     bool there = w > 0.0 && clear[n] > p.dark && z >= range[n].x && z <= range[n].y;
                     float inverse = 1.0 / (w + p.epsilon);
@@ -231,10 +236,10 @@ void main() {
             }
         }
         bool open = false;
-        [[unroll]] for (uint n = 0; n < PIXELS; ++n) open = open || clear[n] > p.dark;
+        FOR_PIXELS open = open || clear[n] > p.dark;
         if (!subgroupAny(open)) break;
     }
-    [[unroll]] for (uint n = 0; n < PIXELS; ++n) {
+    FOR_PIXELS {
         uvec2 to = pixel + uvec2(0, 2 * n);
         if (any(greaterThanEqual(to, p.grid.size))) continue;
         ivec3 at = ivec3(to, gl_WorkGroupID.z);

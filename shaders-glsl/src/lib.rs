@@ -1,6 +1,6 @@
 //! The GLSL shaders of vgs, compiled and reflected when this crate is built, and the structs and constants
 //! they share with the host. Adding a kernel is adding its `.comp` file to a folder; its [`Shader`] appears
-//! in [`ALL`]. Vertex and fragment shaders come in pairs of one name: `alpha.vert` and `alpha.frag` are
+//! in [`KERNELS`]. Vertex and fragment shaders come in pairs of one name: `alpha.vert` and `alpha.frag` are
 //! `ALPHA_VERT` and `ALPHA_FRAG`. A line `const uint TILE = 16;` of `include/tiles.glsl` is [`tiles::TILE`]
 //! here: such a number is written in GLSL only.
 #![forbid(unsafe_code)]

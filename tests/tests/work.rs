@@ -141,11 +141,12 @@ fn slabs_count_what_their_reference_meets() {
     assert_eq!(work.lists as usize, tiles[0] * tiles[1] * planes.count / PLANES);
     let (mut pairs, mut evaluated, mut needed) = (0, 0, 0);
     for tile in (0..tiles[0] * tiles[1]).map(|n| [n % tiles[0], n / tiles[0]]) {
-        let (mut all_met, mut all_near, mut tile_counts) =
-            (BTreeSet::new(), BTreeSet::new(), BTreeSet::new());
-        for part in (0..PARTS[0] * PARTS[1]).map(|n| {
-            [0, 1].map(|axis| tile[axis] * PARTS[axis] + if axis == 0 { n % PARTS[0] } else { n / PARTS[0] })
-        }) {
+        let mut tile_counts = BTreeSet::new();
+        // What two parts side by side meet, what is near them, and what was counted for both.
+        let mut beside = vec![(BTreeSet::new(), BTreeSet::new(), BTreeSet::new()); PARTS[0] * PARTS[1] / 2];
+        for n in 0..PARTS[0] * PARTS[1] {
+            let within = [n % PARTS[0], n / PARTS[0]];
+            let part = [0, 1].map(|axis| tile[axis] * PARTS[axis] + within[axis]);
             let near = near(&splats, &eye, &planes, part);
             let q = least_q(&near, &splats, &eye, &planes, part);
             let [surely, perhaps] = [1.0 - MARGIN, 1.0 + MARGIN].map(|margin| -> BTreeSet<(usize, usize)> {
@@ -153,7 +154,7 @@ fn slabs_count_what_their_reference_meets() {
             });
             let at = [part[0] * PART[0], part[1] * PART[1]];
             if at[0] < size[0] && at[1] < size[1] {
-                let [own, whole, classified, looked] = counts[at[1] * size[0] + at[0]];
+                let [own, both, classified, looked] = counts[at[1] * size[0] + at[0]];
                 let of = |set: &BTreeSet<_>| set.len() * HALF;
                 assert!(
                     of(&surely) <= own && own <= of(&near),
@@ -162,7 +163,7 @@ fn slabs_count_what_their_reference_meets() {
                     of(&near)
                 );
                 let least: BTreeSet<usize> = surely.iter().map(|&(_, half)| half).collect();
-                // A group as wide as a tile classifies what any of its parts needs.
+                // A wide group classifies what any of its parts needs.
                 let most = match WorkgroupShape::of(&gpu) {
                     WorkgroupShape::OneByOne => {
                         perhaps.iter().map(|&(_, half)| half).collect::<BTreeSet<_>>().len() * HALF
@@ -170,18 +171,24 @@ fn slabs_count_what_their_reference_meets() {
                     WorkgroupShape::SideBySide => planes.count,
                 };
                 assert!(least.len() <= classified && classified <= most, "{part:?}: {classified}");
-                tile_counts.insert((whole, looked));
+                tile_counts.insert(looked);
+                beside[n / 2].2.insert(both);
                 evaluated += own;
                 needed += of(&surely);
             }
-            all_met.extend(surely);
-            all_near.extend(near);
+            beside[n / 2].0.extend(surely);
+            beside[n / 2].1.extend(near);
         }
         // Parts of a tile go through the same lists.
         assert_eq!(tile_counts.len(), 1, "{tile:?}: {tile_counts:?}");
-        let (whole, looked) = tile_counts.into_iter().next().expect("a tile");
-        assert!(all_met.len() * HALF <= whole && whole <= all_near.len() * HALF, "{tile:?}: {whole}");
-        pairs += looked;
+        for (met, near, counts) in beside {
+            // None was counted where both lie outside of the picture.
+            assert!(counts.len() <= 1, "{tile:?}: {counts:?}");
+            for both in counts {
+                assert!(met.len() * HALF <= both && both <= near.len() * HALF, "{tile:?}: {both}");
+            }
+        }
+        pairs += tile_counts.into_iter().next().expect("a tile");
     }
     assert_eq!(pairs as u64, work.sorted, "every pair is in one list");
     println!("{needed} of {evaluated} evaluations meet a support; {pairs} pairs");

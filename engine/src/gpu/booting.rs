@@ -21,16 +21,17 @@ impl Gpu {
     /// Boots with an instance and a device that `boot` creates.
     pub fn with_boot(boot: &dyn Boot, options: &GpuOptions) -> Result<Self> {
         let instance = Instance::new(boot, options.validation, options.windows.as_ref())?;
-        let (physical, description) = choose(boot, options, &instance)?;
+        let (physical, mut description) = choose(boot, options, &instance)?;
+        description.subgroup_size = options.subgroup_size.unwrap_or(description.subgroup_size);
         let queue_family = queue_family(&instance.handle, physical).unwrap_or_default();
-        let device = create_device(boot, options, &instance, physical, queue_family)?;
+        let device = create_device(boot, options, &instance, physical, queue_family, false)?;
         Context::new(instance, physical, device, queue_family, description, options)
             .map(|context| Gpu(Arc::new(context)))
     }
 }
 
 /// Chooses the device that the runtime insists on, or else the one that the options ask for.
-fn choose(
+pub(super) fn choose(
     boot: &dyn Boot,
     options: &GpuOptions,
     instance: &Instance,
@@ -57,13 +58,15 @@ fn choose(
     Ok((physical, chosen.clone()))
 }
 
-/// Creates the device with one queue, the extensions and the features that the engine needs.
-fn create_device(
+/// Creates the device with one queue, the extensions and the features that the engine needs; if it `compiles`
+/// only, also those by which it tells what it made.
+pub(super) fn create_device(
     boot: &dyn Boot,
     options: &GpuOptions,
     instance: &Instance,
     physical: vk::PhysicalDevice,
     queue_family: u32,
+    compiles: bool,
 ) -> Result<ash::Device> {
     let priorities = [1.0];
     let queues =
@@ -72,8 +75,17 @@ fn create_device(
     if options.windows.is_some() {
         extensions.push(ash::khr::swapchain::NAME.as_ptr());
     }
+    if compiles {
+        extensions.push(ash::khr::pipeline_executable_properties::NAME.as_ptr());
+    }
     let mut features = Features::needed();
     let info =
         vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_extension_names(&extensions);
-    boot.create_device(&instance.handle, physical, &features.chain(info))
+    let mut told =
+        vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
+    let mut info = features.chain(info);
+    if compiles {
+        info = info.push_next(&mut told);
+    }
+    boot.create_device(&instance.handle, physical, &info)
 }

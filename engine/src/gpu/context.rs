@@ -1,6 +1,8 @@
 //! The context of a device: created once, shared by every handle, destroyed with the last one.
 
+use std::collections::BTreeSet;
 use std::sync::Mutex;
+use std::sync::atomic::Ordering;
 
 use ash::vk;
 
@@ -8,10 +10,11 @@ use super::c_name::c_name;
 use super::hitches::Counters;
 use super::instance::Instance;
 use super::memory::Memory;
-use super::pipeline::Pipelines;
+use super::pipeline::{Pipeline, Pipelines};
+use super::pipeline_creation::Builder;
 use super::submissions::Submissions;
 use super::times::Times;
-use super::{DeviceDescription, GpuOptions, Limits, check, lock, pipeline_cache};
+use super::{DeviceDescription, GpuOptions, Limits, Recipe, check, lock, pipeline_cache};
 use crate::error::Result;
 
 /// Everything that lives as long as the device. `Drop` destroys by hand, in order; the instance goes last.
@@ -33,6 +36,8 @@ pub(super) struct Context {
     pub(super) times: Mutex<Times>,
     pub(super) counters: Counters,
     pub(super) pipelines: Mutex<Pipelines>,
+    /// Recipes of all pipelines that were created.
+    pub(super) recipes: Mutex<BTreeSet<Recipe>>,
 }
 
 impl Context {
@@ -67,6 +72,7 @@ impl Context {
             times: Mutex::default(),
             counters: Counters::default(),
             pipelines: Mutex::default(),
+            recipes: Mutex::default(),
         };
         // From here on `Drop` cleans up: destroying a null handle is allowed.
         let device = &context.device;
@@ -88,6 +94,19 @@ impl Context {
             check("creating the sampler", unsafe { device.create_sampler(&sampler_info, None) })?;
         context.memory = Mutex::new(Memory::new(handle, physical, device.clone())?);
         Ok(context)
+    }
+
+    /// Returns where pipelines for this device are built.
+    pub(super) fn builder(&self) -> Builder<'_> {
+        let flags = vk::PipelineCreateFlags::empty();
+        Builder { device: &self.device, cache: self.pipeline_cache, flags }
+    }
+
+    /// Counts a pipeline that was just built, names it and keeps its recipe.
+    pub(super) fn made(&self, pipeline: Pipeline, recipe: Recipe) {
+        self.counters.pipelines.fetch_add(1, Ordering::Relaxed);
+        self.name(pipeline.handle, &recipe.shaders[0]);
+        lock(&self.recipes).insert(recipe);
     }
 
     /// Gives a handle a name, for debuggers and for messages of the validation layers.

@@ -8,8 +8,8 @@ use shaders_glsl::{Binding, Shader, Stage};
 
 use super::bindings::Place;
 use super::pipeline::Pipeline;
-use super::pipeline_creation::{Interface, constant_places, module};
-use super::{Context, Format, Gpu, check, lock};
+use super::pipeline_creation::{Builder, Interface, constant_places, module};
+use super::{Context, Format, Gpu, Overlap, Recipe, Targets, check, lock};
 use crate::error::Result;
 
 /// A graphics pipeline that draws triangles without vertex buffers.
@@ -21,16 +21,6 @@ pub struct Drawing {
     pub(super) formats: Vec<Format>,
     pub(super) views: u32,
     pub(super) pipeline: Pipeline,
-}
-
-/// What becomes of a pixel that several triangles cover, or that was drawn before.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Overlap {
-    /// All are blended.
-    Blended,
-    /// The nearest of the target and of all triangles is kept, by the picture of depth, which must be there;
-    /// the first one of several at the same depth.
-    Nearest,
 }
 
 /// The stages that see bindings and push constants.
@@ -70,24 +60,11 @@ impl Drawing {
         views: u32,
         overlap: Overlap,
     ) -> Result<Self> {
-        let name = vertex.name;
-        assert!(
-            vertex.stage == Stage::Vertex && fragment.stage == Stage::Fragment,
-            "{name}: a pair of shaders"
-        );
-        let mut bindings: Vec<Binding> = vertex.bindings.iter().chain(fragment.bindings).copied().collect();
-        bindings.sort_by_key(|b| b.number);
-        bindings.dedup_by_key(|b| b.number);
-        assert!(
-            bindings.iter().map(|b| b.number).eq(0..bindings.len() as u32),
-            "{name}: bindings count up from 0"
-        );
-        let push_bytes = vertex.push_bytes.max(fragment.push_bytes);
         let context = Arc::clone(&gpu.0);
-        let interface = Interface { name, bindings: &bindings, push_bytes, stages: STAGES };
-        let pipeline = Pipeline::new(&context, &interface, |layout| {
-            build(&context, [vertex, fragment], constants, formats, views, overlap, layout)
-        })?;
+        let targets = Targets { formats: formats.to_vec(), views, overlap };
+        let (pipeline, bindings, push_bytes) =
+            make(context.builder(), [vertex, fragment], constants, &targets)?;
+        context.made(pipeline, Recipe::drawing([vertex, fragment], constants, targets));
         Ok(Drawing { context, vertex, bindings, push_bytes, formats: formats.to_vec(), views, pipeline })
     }
 }
@@ -99,16 +76,41 @@ impl Drawing {
     }
 }
 
+/// Creates a pipeline with its layouts; returns it with its bindings and the bytes of its push constants.
+///
+/// # Panics
+/// If the shaders are not a pair: their stages are wrong, or their bindings or push constants differ.
+pub(super) fn make(
+    builder: Builder<'_>,
+    [vertex, fragment]: [&Shader; 2],
+    constants: &[u32],
+    targets: &Targets,
+) -> Result<(Pipeline, Vec<Binding>, usize)> {
+    let name = vertex.name;
+    let is_pair = vertex.stage == Stage::Vertex && fragment.stage == Stage::Fragment;
+    assert!(is_pair, "{name}: a pair of shaders");
+    let mut bindings: Vec<Binding> = vertex.bindings.iter().chain(fragment.bindings).copied().collect();
+    bindings.sort_by_key(|b| b.number);
+    bindings.dedup_by_key(|b| b.number);
+    let counts_up = bindings.iter().map(|b| b.number).eq(0..bindings.len() as u32);
+    assert!(counts_up, "{name}: bindings count up from 0");
+    let push_bytes = vertex.push_bytes.max(fragment.push_bytes);
+    let interface = Interface { name, bindings: &bindings, push_bytes, stages: STAGES };
+    let pipeline = Pipeline::new(builder, &interface, |layout| {
+        build(builder, [vertex, fragment], constants, targets, layout)
+    })?;
+    Ok((pipeline, bindings, push_bytes))
+}
+
 /// Builds the pipeline of a vertex and a fragment shader on its layout.
 fn build(
-    context: &Context,
+    Builder { device, cache, flags }: Builder<'_>,
     shaders: [&Shader; 2],
     constants: &[u32],
-    formats: &[Format],
-    views: u32,
-    overlap: Overlap,
+    targets: &Targets,
     layout: vk::PipelineLayout,
 ) -> Result<vk::Pipeline> {
+    let &Targets { ref formats, views, overlap } = targets;
     let entries = constant_places(constants);
     let special =
         vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
@@ -148,7 +150,7 @@ fn build(
         .view_mask(view_mask(views))
         .color_attachment_formats(&colours)
         .depth_attachment_format(depth.unwrap_or(vk::Format::UNDEFINED));
-    let modules = [module(context, shaders[0])?, module(context, shaders[1])?];
+    let modules = [module(device, shaders[0])?, module(device, shaders[1])?];
     let stages = [(vk::ShaderStageFlags::VERTEX, modules[0]), (vk::ShaderStageFlags::FRAGMENT, modules[1])]
         .map(|(stage, module)| {
             vk::PipelineShaderStageCreateInfo::default()
@@ -158,6 +160,7 @@ fn build(
                 .specialization_info(&special)
         });
     let info = [vk::GraphicsPipelineCreateInfo::default()
+        .flags(flags)
         .stages(&stages)
         .vertex_input_state(&input)
         .input_assembly_state(&assembly)
@@ -171,10 +174,9 @@ fn build(
         .push_next(&mut rendering)];
     // SAFETY: modules and layout are live; the modules may go once the pipeline is made.
     let made = unsafe {
-        let made =
-            context.device.create_graphics_pipelines(context.pipeline_cache, &info, None).map_err(|(_, e)| e);
+        let made = device.create_graphics_pipelines(cache, &info, None).map_err(|(_, e)| e);
         for module in modules {
-            context.device.destroy_shader_module(module, None);
+            device.destroy_shader_module(module, None);
         }
         made
     };

@@ -1,9 +1,10 @@
 //! Formats of texels.
 
 use ash::vk;
+use serde::{Deserialize, Serialize};
 
 /// Format of a texel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Format {
     /// Four 32-bit floats.
     Rgba32f,

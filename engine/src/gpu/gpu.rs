@@ -1,11 +1,11 @@
 //! The handle to a booted device: its description, its limits, and the use of its memory.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::hitches::Counters;
-use super::{Context, DeviceDescription, Hitches, Limits, lock};
+use super::{Context, DeviceDescription, Hitches, Limits, Recipe, lock};
 
 /// A booted Vulkan device. A clone is cheap; all clones are the same device.
 #[derive(Clone)]
@@ -28,6 +28,11 @@ impl Gpu {
         let [allocations, pipelines, waits] =
             [allocations, pipelines, waits].map(|counter| counter.load(Ordering::Relaxed));
         Hitches { allocations, pipelines, waits }
+    }
+
+    /// Returns the recipes of all pipelines that were created since the start.
+    pub fn recipes(&self) -> BTreeSet<Recipe> {
+        lock(&self.0.recipes).clone()
     }
 
     /// Returns the bytes of device memory in use now, by purpose.

@@ -5,8 +5,8 @@ use shaders_glsl::Shader;
 
 use super::bindings::Place;
 use super::pipeline::Pipeline;
-use super::pipeline_creation::{Interface, constant_places, module};
-use super::{Context, Gpu, check, lock};
+use super::pipeline_creation::{Builder, Interface, constant_places, module};
+use super::{Gpu, Recipe, check, lock};
 use crate::error::{Error, Kind, Result};
 
 /// A compute pipeline: one shader with its specialisation constants fixed. Kernels of the same shader and
@@ -36,7 +36,8 @@ impl Kernel {
         let pipeline = match there {
             Some(pipeline) => pipeline,
             None => {
-                let made = make(context, shader, constants)?;
+                let made = make(context.builder(), shader, constants)?;
+                context.made(made, Recipe::kernel(shader, constants));
                 let mut pipelines = lock(&context.pipelines);
                 match pipelines.0.get(&key) {
                     Some(&first) => {
@@ -65,21 +66,20 @@ impl Kernel {
 }
 
 /// Creates a pipeline with its layouts.
-fn make(context: &Context, shader: &'static Shader, constants: &[u32]) -> Result<Pipeline> {
+pub(super) fn make(builder: Builder<'_>, shader: &Shader, constants: &[u32]) -> Result<Pipeline> {
     let &Shader { name, bindings, push_bytes, .. } = shader;
     let interface = Interface { name, bindings, push_bytes, stages: vk::ShaderStageFlags::COMPUTE };
-    Pipeline::new(context, &interface, |layout| build(context, shader, constants, layout))
+    Pipeline::new(builder, &interface, |layout| build(builder, shader, constants, layout))
 }
 
 /// Creates the pipeline on its layout.
 fn build(
-    context: &Context,
+    Builder { device, cache, flags }: Builder<'_>,
     shader: &Shader,
     constants: &[u32],
     layout: vk::PipelineLayout,
 ) -> Result<vk::Pipeline> {
-    let device = &context.device;
-    let module = module(context, shader)?;
+    let module = module(device, shader)?;
     let entries = constant_places(constants);
     let special =
         vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
@@ -88,10 +88,10 @@ fn build(
         .module(module)
         .name(c"main")
         .specialization_info(&special);
-    let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
+    let info = [vk::ComputePipelineCreateInfo::default().flags(flags).stage(stage).layout(layout)];
     // SAFETY: module and layout are live; the module may go once the pipeline is made.
     let made = unsafe {
-        let made = device.create_compute_pipelines(context.pipeline_cache, &info, None).map_err(|(_, e)| e);
+        let made = device.create_compute_pipelines(cache, &info, None).map_err(|(_, e)| e);
         device.destroy_shader_module(module, None);
         made
     };

@@ -14,6 +14,7 @@
 //! | | **helpers and plain data** |
 //! | `check`, `lock`, `c_name` | Vulkan results as errors, locks of mutexes, names as Vulkan takes them |
 //! | `format`, `ticket` | formats of texels, tickets of submissions |
+//! | `recipe` | all that a driver needs to compile a pipeline |
 //! | `limits`, `hitches`, `pass_time` | limits of a device, counts of hitches, the time of a pass |
 //! | `windows`, `gpu_options` | what an instance must know of windows, and the options of booting |
 //! | `features` | extensions and features that are asked for, and turned on |
@@ -24,6 +25,7 @@
 //! | | **state that contexts and recorders own** |
 //! | `memory` | the allocator, its account of bytes, deferred deletions |
 //! | `pipeline`, `pipeline_cache` | pipelines while the device lives, and between two runs of a program |
+//! | `pipeline_creation` | layouts and modules of pipelines in general |
 //! | `submissions`, `times` | the queue, the submissions in flight on it, the times of finished ones |
 //! | `hazards` | the accesses since the last barrier, and the barrier that follows from them |
 //! | | **a device** |
@@ -34,8 +36,8 @@
 //! | `placement` | memory for a new object |
 //! | `buffer`, `image` | typed buffers, and images |
 //! | `bindings` | the resources that a pass binds, checked against its shaders |
-//! | `pipeline_creation` | layouts and modules of pipelines in general |
 //! | `kernel`, `drawing` | pipelines of a compute shader, of a vertex and a fragment shader |
+//! | `compiler` | a device that compiles and never runs, for what its compiler says |
 //! | | **recording** |
 //! | `recorder`, `submit` | recording of commands, with the barriers between them; their submission |
 //! | `image_commands` | clearing and copying images |
@@ -59,6 +61,7 @@ mod buffer_content;
 mod c_name;
 mod check;
 mod choice;
+mod compiler;
 mod context;
 mod device_description;
 mod devices;
@@ -85,6 +88,7 @@ mod pipeline;
 mod pipeline_cache;
 mod pipeline_creation;
 mod placement;
+mod recipe;
 mod recorder;
 mod submissions;
 mod submit;
@@ -97,10 +101,11 @@ mod windows;
 
 pub use boot::Boot;
 pub use buffer::Buffer;
+pub use compiler::{Compiler, Executable};
 pub use device_description::DeviceDescription;
 pub use devices::devices;
 pub use draw_pass::DrawPass;
-pub use drawing::{Drawing, Overlap};
+pub use drawing::Drawing;
 pub use format::Format;
 pub use gpu::Gpu;
 pub use gpu_options::GpuOptions;
@@ -110,6 +115,7 @@ pub use kernel::Kernel;
 pub use limits::Limits;
 pub use pass::Pass;
 pub use pass_time::PassTime;
+pub use recipe::{Overlap, Recipe, Targets};
 pub use recorder::Recorder;
 pub use surface::{Acquired, Surface};
 pub use ticket::Ticket;

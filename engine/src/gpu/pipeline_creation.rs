@@ -1,13 +1,19 @@
 //! The creation of pipelines of any kind: the layouts that follow from reflection, and the modules.
 
-use std::sync::atomic::Ordering;
-
 use ash::vk;
 use shaders_glsl::{Binding, Resource, Shader};
 
+use super::check;
 use super::pipeline::Pipeline;
-use super::{Context, check};
 use crate::error::Result;
+
+/// Where pipelines are built: a device with its cache, and how they are to be built.
+#[derive(Clone, Copy)]
+pub(super) struct Builder<'a> {
+    pub(super) device: &'a ash::Device,
+    pub(super) cache: vk::PipelineCache,
+    pub(super) flags: vk::PipelineCreateFlags,
+}
 
 /// The interface of shaders from which the layout of a pipeline is created.
 pub(super) struct Interface<'a> {
@@ -21,14 +27,14 @@ impl Pipeline {
     /// Creates the layouts and, with `build`, the pipeline. If a step fails, the handles created before it
     /// are destroyed.
     pub(super) fn new(
-        context: &Context,
+        builder: Builder<'_>,
         interface: &Interface<'_>,
         build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
     ) -> Result<Self> {
         let mut pipeline = Pipeline::default();
-        let made = pipeline.make(context, interface, build);
+        let made = pipeline.make(builder.device, interface, build);
         if made.is_err() {
-            pipeline.destroy(&context.device);
+            pipeline.destroy(builder.device);
         }
         made.map(|()| pipeline)
     }
@@ -36,12 +42,12 @@ impl Pipeline {
     /// Creates the handles one after the other.
     fn make(
         &mut self,
-        context: &Context,
+        device: &ash::Device,
         interface: &Interface<'_>,
         build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
     ) -> Result<()> {
         let &Interface { name, bindings, push_bytes, stages } = interface;
-        self.set_layout = set_layout(context, name, bindings, stages)?;
+        self.set_layout = set_layout(device, name, bindings, stages)?;
         let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size: push_bytes as u32 }];
         let layouts = [self.set_layout];
         let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
@@ -49,10 +55,8 @@ impl Pipeline {
             info = info.push_constant_ranges(&ranges);
         }
         // SAFETY: the device is live; the create-info lives on this stack.
-        self.layout = check(name, unsafe { context.device.create_pipeline_layout(&info, None) })?;
+        self.layout = check(name, unsafe { device.create_pipeline_layout(&info, None) })?;
         self.handle = build(self.layout)?;
-        context.counters.pipelines.fetch_add(1, Ordering::Relaxed);
-        context.name(self.handle, name);
         Ok(())
     }
 }
@@ -68,7 +72,7 @@ fn descriptor_type(resource: Resource) -> vk::DescriptorType {
 
 /// Creates the layout of one set of push descriptors.
 fn set_layout(
-    context: &Context,
+    device: &ash::Device,
     name: &str,
     bindings: &[Binding],
     stages: vk::ShaderStageFlags,
@@ -87,16 +91,16 @@ fn set_layout(
         .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
         .bindings(&bindings);
     // SAFETY: the device is live; the create-info lives on this stack.
-    check(name, unsafe { context.device.create_descriptor_set_layout(&info, None) })
+    check(name, unsafe { device.create_descriptor_set_layout(&info, None) })
 }
 
 /// Creates the driver's module of a shader; it is destroyed when the pipeline exists.
-pub(super) fn module(context: &Context, shader: &Shader) -> Result<vk::ShaderModule> {
+pub(super) fn module(device: &ash::Device, shader: &Shader) -> Result<vk::ShaderModule> {
     let code: Vec<u32> =
         shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
     let info = vk::ShaderModuleCreateInfo::default().code(&code);
     // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
-    check(shader.name, unsafe { context.device.create_shader_module(&info, None) })
+    check(shader.name, unsafe { device.create_shader_module(&info, None) })
 }
 
 /// Maps specialisation constants to their places: id after id, four bytes each.

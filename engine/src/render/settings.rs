@@ -59,8 +59,8 @@ pub struct Settings {
     pub gradual: bool,
     /// True if pictures show the work of each pixel instead of its colour, for benchmarks, with `precise`. In
     /// mode slab the channels are, alike for the 4 × 8 pixels of a part of a tile: planes at which splats
-    /// were evaluated, summed over the splats; the same over all splats of the tile's lists, as for a group
-    /// as wide as a tile; planes classified; pairs visited. In mode alpha: fragments, and those of them that
+    /// were evaluated, summed over the splats; the same over the splats of this part and the one beside it,
+    /// as for a group as wide as both; planes classified; pairs visited. In mode alpha: fragments, and those of them that
     /// were blended. In modes volume and decoded, alike for the pixels of a subgroup: rounds of its rays, those
     /// of them in which the field was sampled, and those in which the gradient was; and 1 where a ray was
     /// started.

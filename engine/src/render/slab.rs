@@ -141,7 +141,7 @@ impl Mode for Slab {
         self.bins.record(recorder, &grid, field.background, views, splats.rows(), active);
         let columns = match WorkgroupShape::of(&self.gpu) {
             WorkgroupShape::OneByOne => grid.tiles[0] * PARTS,
-            WorkgroupShape::SideBySide => grid.tiles[0],
+            WorkgroupShape::SideBySide => grid.tiles[0] * (PARTS / 2),
         };
         recorder
             .pass(&self.kernels[kernel])

@@ -1,7 +1,7 @@
 //! Command line of the benchmarks (`bench`).
 #![forbid(unsafe_code)]
 
-use bench::{budget, eyes, passes, render, xr};
+use bench::{budget, eyes, isa, passes, render, xr};
 use clap::{Parser, Subcommand};
 use engine::Result;
 use engine::gpu::{Gpu, GpuOptions};
@@ -18,7 +18,8 @@ Examples:
   bench render --data DIR --quick   pictures against what they should be, and their time; bench render --help
   bench budget --plot traces.svg    the frame-budget controller on simulated GPUs
   bench xr bones.ply                sessions in a simulated headset at several budgets
-  bench eyes bones.ply              what the rims of lenses and foveation save"
+  bench eyes bones.ply              what the rims of lenses and foveation save
+  bench isa                         registers, spills and waves of the kernels on GPUs that are not there"
 )]
 struct BenchArguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
@@ -38,6 +39,8 @@ enum Benchmark {
     Xr(xr::XrArguments),
     /// What the rims of a headset's lenses and foveation save, and what foveation gives up.
     Eyes(eyes::EyesArguments),
+    /// What the compiler of AMD GPUs makes of the kernels, without a GPU: registers, spills, waves.
+    Isa(isa::IsaArguments),
     /// Pictures of all modes against what they should be, and what frames cost.
     Render(render::RenderArguments),
 }
@@ -53,6 +56,7 @@ fn run(arguments: &BenchArguments) -> Result<()> {
         Benchmark::Budget(a) => budget::run(a),
         Benchmark::Xr(a) => xr::run(&Gpu::new(&options)?, a),
         Benchmark::Eyes(a) => eyes::run(&Gpu::new(&options)?, a),
+        Benchmark::Isa(a) => isa::run(&options, a),
         Benchmark::Render(a) => render::run(&options, a),
     }
 }

@@ -42,7 +42,7 @@ pub struct Overhead {
 pub struct Device {
     /// Name of the device.
     pub name: String,
-    /// True if its workgroups are as wide as a tile, 64 invocations, as those of GPUs are.
+    /// True if its workgroups have 64 invocations, as those of GPUs have.
     pub wide: bool,
     /// Rate of operations on 32-bit floats; a fused multiply-add counts as two.
     pub flops: Rate,

@@ -48,7 +48,7 @@ pub struct StageRates {
 /// Costs of the pieces of a frame on a device.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rates {
-    /// True if the workgroups of the device are as wide as a tile.
+    /// True if the workgroups of the device have 64 invocations.
     pub wide: bool,
     /// Costs of each stage, in the order of [`STAGES`].
     pub stages: Vec<StageRates>,

@@ -9,7 +9,6 @@ use std::sync::LazyLock;
 
 use shaders_glsl::radix::RADIX_BLOCK;
 use shaders_glsl::scan::SCAN_BLOCK;
-use shaders_glsl::slab;
 use shaders_glsl::tiles::{PLANES, TILE};
 use shaders_glsl::{
     ALPHA_FRAG, ALPHA_VERT, BRICK_RANGES, EMIT_TILE_PAIRS, PROJECT_QUADS, PROJECT_SPLATS, RADIX_COUNT,
@@ -19,10 +18,12 @@ use shaders_glsl::{
 use super::operations::Operations;
 use super::work::Work;
 
-/// Pixels of an invocation of `slab`.
-const PIXELS: f64 = slab::PIXELS as f64;
-/// Invocations of a wide group, which share a tile.
-const LANES: f64 = (TILE * TILE) as f64 / PIXELS;
+/// Pixels of an invocation of `slab` in a wide group.
+const PIXELS: f64 = 1.0;
+/// Invocations of a wide group.
+const LANES: f64 = 64.0;
+/// Invocations of the groups of a tile.
+const TILE_LANES: f64 = (TILE * TILE) as f64 / PIXELS;
 /// The area of a square around a circle over that of a triangle around it.
 const SQUARE: f64 = 4.0 / 5.196_152_4;
 
@@ -235,7 +236,7 @@ fn classify() -> Stage {
                 of_plane(&lit) - of_plane(&plain),
                 0.0,
             ),
-            term("list", |w, _| w.lists, LANES * plain.at("main/block"), bytes(&SLAB, &["starts"])),
+            term("list", |w, _| w.lists, TILE_LANES * plain.at("main/block"), bytes(&SLAB, &["starts"])),
             term("pixel", |w, _| w.pixels, plain.at("main") / PIXELS, 0.0),
             term("byte of a pixel", |w, _| w.pixels * w.pixel_bytes, 0.0, 1.0),
         ],

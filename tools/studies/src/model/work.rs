@@ -6,12 +6,10 @@ use serde::{Deserialize, Serialize};
 
 /// Pixels of a part of a tile.
 const PART: [usize; 2] = [4, 8];
-/// Pixels along the edge of a tile.
-const TILE: usize = shaders_glsl::tiles::TILE as usize;
 const PART_PIXELS: f64 = (PART[0] * PART[1]) as f64;
-const TILE_PIXELS: f64 = (TILE * TILE) as f64;
-/// Pixels of a group of rays: of eight invocations, and the edge of a square of 64.
+/// Pixels of a group of rays of eight invocations.
 const BLOCK: [usize; 2] = [4, 2];
+/// Pixels along the edge of the square of 64 invocations: two parts of a tile, or eight groups of rays.
 const SQUARE: usize = 8;
 const BLOCK_PIXELS: f64 = (BLOCK[0] * BLOCK[1]) as f64;
 const SQUARE_PIXELS: f64 = (SQUARE * SQUARE) as f64;
@@ -53,7 +51,7 @@ pub struct Work {
     pub image_bytes: f64,
     /// Work on pixels, done by narrow groups: as wide as a part of a tile, or of eight rays.
     pub narrow: Pixels,
-    /// The same, done by wide groups: as wide as a tile, or of 64 rays.
+    /// The same, done by wide groups: of two parts of a tile, or of 64 rays.
     pub wide: Pixels,
     /// Fragments that were rasterized, of triangles around the splats' ellipses or of squares.
     pub fragments: f64,
@@ -87,18 +85,18 @@ impl Work {
 
     /// Adds the counts of mode slab of a picture of `width` pixels, in each pixel those of its part
     /// ([`render::Settings::counting`]). A wide group goes on as long as any of its parts, so that for pairs and
-    /// planes it has the most of its parts; planes that only other parts have are not counted, which makes
+    /// planes it has the most of its two parts; planes that only the other part has are not counted, which makes
     /// that a little too few.
     pub fn add_slab(&mut self, counts: &[[f32; 4]], width: usize) {
-        for_groups(counts, width, [TILE; 2], PART, |parts| {
+        for_groups(counts, width, [SQUARE; 2], PART, |parts| {
             for part in parts {
                 self.narrow.evaluations += PART_PIXELS * part[0];
                 self.narrow.classified += PART_PIXELS * part[2];
                 self.narrow.looked += part[3];
             }
             let most = most(parts);
-            self.wide.evaluations += TILE_PIXELS * most[1];
-            self.wide.classified += TILE_PIXELS * most[2];
+            self.wide.evaluations += SQUARE_PIXELS * most[1];
+            self.wide.classified += SQUARE_PIXELS * most[2];
             self.wide.looked += most[3];
         });
     }
@@ -199,10 +197,10 @@ mod tests {
 
     #[test]
     fn a_wide_group_does_what_its_most_needy_part_needs() {
-        // 20 × 17 pixels: four tiles, of which three are cut by the edges.
+        // 20 × 17 pixels: nine squares, of which five are cut by the edges.
         let [width, height] = [20, 17];
         let mut counts = vec![[0f32; 4]; width * height];
-        // Two parts of the first tile, and the one part of the second that is in the picture.
+        // Two parts side by side, and one whose neighbour is not in the picture.
         let mut fill = |left: usize, top: usize, value: [f32; 4]| {
             for y in top..height.min(top + PART[1]) {
                 for x in left..width.min(left + PART[0]) {
@@ -211,7 +209,7 @@ mod tests {
             }
         };
         fill(0, 0, [3.0, 10.0, 2.0, 5.0]);
-        fill(4, 8, [4.0, 12.0, 1.0, 6.0]);
+        fill(4, 0, [4.0, 12.0, 1.0, 6.0]);
         fill(16, 0, [1.0, 7.0, 1.0, 2.0]);
         let mut work = Work::default();
         work.add_slab(&counts, width);
@@ -222,7 +220,7 @@ mod tests {
             ..Pixels::default()
         };
         assert_eq!(work.narrow, of(8.0 * 32.0, 4.0 * 32.0, 13.0));
-        assert_eq!(work.wide, of(19.0 * 256.0, 3.0 * 256.0, 8.0));
+        assert_eq!(work.wide, of(19.0 * 64.0, 3.0 * 64.0, 8.0));
         assert_eq!((work.by(true), work.by(false)), (&work.wide, &work.narrow));
         work.add_alpha(&[[3.0, 2.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]);
         assert_eq!((work.fragments, work.blended), (4.0, 2.0));
