@@ -330,7 +330,7 @@ pub fn slab() {
                     .read("appearances", &buffers.appearances)
                     .read("hidden_parts", &bins.hidden_parts)
                     .push(&params)
-                    .dispatch_3d([grid.tiles[0] * if shape == 8 { 8 } else { 1 }, grid.tiles[1], 2]);
+                    .dispatch_3d([grid.tiles[0] * if shape == 8 { 8 } else { 4 }, grid.tiles[1], 2]);
             });
             let reference_look = reference::Look {
                 table: &table,

@@ -118,7 +118,7 @@ pub fn recipes(options: &GpuOptions) -> Result<BTreeSet<Recipe>> {
 /// Compiles the pipelines of a file and prints what came of it.
 fn compile(options: &GpuOptions, file: &Path) -> Result<()> {
     let text = std::fs::read_to_string(file).map_err(|e| Error::io(file, "reading pipelines", &e))?;
-    let wrong = |e: serde_json::Error| Error::new(Kind::Usage, "VGS-BEN-030", format!("no pipelines: {e}"));
+    let wrong = |e: serde_json::Error| Error::new(Kind::Usage, "VGS-BEN-045", format!("no pipelines: {e}"));
     let recipes: Vec<Recipe> = serde_json::from_str(&text).map_err(wrong)?;
     let compiler = Compiler::new(options)?;
     let pipeline = |recipe: Recipe| Ok(Pipeline { stages: compiler.compile(&recipe)?, recipe });
@@ -135,7 +135,7 @@ fn compile(options: &GpuOptions, file: &Path) -> Result<()> {
 /// Returns [`Kind::Unavailable`] if Mesa's driver for AMD GPUs is not set up.
 pub fn compiled(program: &Path, recipes: &BTreeSet<Recipe>, family: &str) -> Result<Compiled> {
     let unavailable = |what: String| {
-        Error::new(Kind::Unavailable, "VGS-BEN-031", what)
+        Error::new(Kind::Unavailable, "VGS-BEN-046", what)
             .help("`tools/setup amd` brings Mesa's driver for AMD GPUs; start this through tools/run")
     };
     let runner = std::env::var_os("VGS_RUNNER")
@@ -160,7 +160,7 @@ pub fn compiled(program: &Path, recipes: &BTreeSet<Recipe>, family: &str) -> Res
         return Err(unavailable(format!("nothing was compiled for {family}: {}", said.trim())));
     }
     serde_json::from_slice(&child.stdout)
-        .map_err(|e| Error::new(Kind::Internal, "VGS-BEN-032", format!("the compiler's figures: {e}")))
+        .map_err(|e| Error::new(Kind::Internal, "VGS-BEN-047", format!("the compiler's figures: {e}")))
 }
 
 /// What the table shows of a stage: titles, and the driver's names.

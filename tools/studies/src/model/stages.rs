@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 
 use shaders_glsl::radix::RADIX_BLOCK;
 use shaders_glsl::scan::SCAN_BLOCK;
+use shaders_glsl::slab;
 use shaders_glsl::tiles::{PLANES, TILE};
 use shaders_glsl::{
     ALPHA_FRAG, ALPHA_VERT, BRICK_RANGES, EMIT_TILE_PAIRS, PROJECT_QUADS, PROJECT_SPLATS, RADIX_COUNT,
@@ -18,12 +19,12 @@ use shaders_glsl::{
 use super::operations::Operations;
 use super::work::Work;
 
-/// Pixels of an invocation of `slab` in a wide group.
-const PIXELS: f64 = 1.0;
+/// Pixels over which the loops of `slab` go in its source; a wide group leaves all but the first out.
+const PIXELS: f64 = slab::MOST_PIXELS as f64;
 /// Invocations of a wide group.
 const LANES: f64 = 64.0;
-/// Invocations of the groups of a tile.
-const TILE_LANES: f64 = (TILE * TILE) as f64 / PIXELS;
+/// Invocations of the wide groups of a tile.
+const TILE_LANES: f64 = (TILE * TILE) as f64;
 /// The area of a square around a circle over that of a triangle around it.
 const SQUARE: f64 = 4.0 / 5.196_152_4;
 
