@@ -4,6 +4,7 @@ use ash::vk;
 use bytemuck::Pod;
 use shaders_glsl::{Access, Binding, Resource};
 
+use super::descriptors::Way;
 use super::hazards::Resident;
 use super::{Buffer, Context, Image};
 
@@ -93,16 +94,18 @@ impl Bindings {
         self.accesses.push((Resident::Image(image.handle()), place.write));
     }
 
-    /// Pushes the descriptors.
+    /// Binds the resources.
     ///
     /// # Safety
-    /// `commands` is recording, and `layout` is the one that the pipeline of these bindings was created with.
-    pub(super) unsafe fn push(
+    /// `commands` is recording, and `layout` is the one that the pipeline of these bindings was created with; a set is
+    /// of its layout and was not written yet.
+    pub(super) unsafe fn record(
         &self,
         context: &Context,
         commands: vk::CommandBuffer,
         point: vk::PipelineBindPoint,
         layout: vk::PipelineLayout,
+        way: Way,
     ) {
         let general = vk::ImageLayout::GENERAL;
         let mut buffers = Vec::with_capacity(self.bound.len());
@@ -138,9 +141,23 @@ impl Bindings {
                 }
             })
             .collect();
-        if !writes.is_empty() {
-            // SAFETY: as the caller promises; what is bound is alive and of the kinds of the layout.
-            unsafe { context.push_descriptor.cmd_push_descriptor_set(commands, point, layout, 0, &writes) };
+        if writes.is_empty() {
+            return;
+        }
+        match (way, &context.push_descriptor) {
+            (Way::Set(set), _) => {
+                let writes: Vec<_> = writes.into_iter().map(|write| write.dst_set(set)).collect();
+                // SAFETY: as the caller promises; what is bound is alive and of the kinds of the layout.
+                unsafe {
+                    context.device.update_descriptor_sets(&writes, &[]);
+                    context.device.cmd_bind_descriptor_sets(commands, point, layout, 0, &[set], &[]);
+                }
+            }
+            // SAFETY: as above.
+            (Way::Pushed, Some(pushing)) => unsafe {
+                pushing.cmd_push_descriptor_set(commands, point, layout, 0, &writes);
+            },
+            (Way::Pushed, None) => panic!("this device takes no pushed descriptors"),
         }
     }
 }

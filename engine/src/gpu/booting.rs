@@ -6,7 +6,7 @@ use ash::vk;
 
 use super::boot::Own;
 use super::device_description::{describe_all, offers, queue_family};
-use super::features::{EXTENSIONS, Features};
+use super::features::Features;
 use super::instance::Instance;
 use super::{Boot, Context, DeviceDescription, Gpu, GpuOptions, choice};
 use crate::error::{Error, Kind, Result};
@@ -25,7 +25,8 @@ impl Gpu {
         description.subgroup_size = options.subgroup_size.unwrap_or(description.subgroup_size);
         let queue_family = queue_family(&instance.handle, physical).unwrap_or_default();
         let device = create_device(boot, options, &instance, physical, queue_family, false)?;
-        Context::new(instance, physical, device, queue_family, description, options)
+        let pushes = pushes_descriptors(options, &instance, physical);
+        Context::new(instance, physical, device, queue_family, description, pushes, options)
             .map(|context| Gpu(Arc::new(context)))
     }
 }
@@ -58,6 +59,15 @@ pub(super) fn choose(
     Ok((physical, chosen.clone()))
 }
 
+/// Returns true if passes push their descriptors with the commands.
+pub(super) fn pushes_descriptors(
+    options: &GpuOptions,
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+) -> bool {
+    !options.descriptor_pools && offers(&instance.handle, physical, ash::khr::push_descriptor::NAME)
+}
+
 /// Creates the device with one queue, the extensions and the features that the engine needs; if it `compiles`
 /// only, also those by which it tells what it made.
 pub(super) fn create_device(
@@ -71,7 +81,10 @@ pub(super) fn create_device(
     let priorities = [1.0];
     let queues =
         [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
-    let mut extensions: Vec<_> = EXTENSIONS.iter().map(|e| e.as_ptr()).collect();
+    let mut extensions = Vec::new();
+    if pushes_descriptors(options, instance, physical) {
+        extensions.push(ash::khr::push_descriptor::NAME.as_ptr());
+    }
     if options.windows.is_some() {
         extensions.push(ash::khr::swapchain::NAME.as_ptr());
     }

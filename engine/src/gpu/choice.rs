@@ -70,6 +70,7 @@ mod tests {
             driver: "test".into(),
             api: "1.3.0".into(),
             memory_bytes: 0,
+            heaps: Vec::new(),
             subgroup_size: 8,
             max_storage_range: 1 << 27,
             missing: missing.iter().map(|&m| m.into()).collect(),

@@ -9,7 +9,7 @@ use ash::{khr, vk};
 use serde::{Deserialize, Serialize};
 
 use super::boot::Own;
-use super::booting::{choose, create_device};
+use super::booting::{choose, create_device, pushes_descriptors};
 use super::device_description::{offers, queue_family};
 use super::instance::Instance;
 use super::pipeline_creation::Builder;
@@ -23,6 +23,7 @@ pub struct Compiler {
     /// Driver and its version.
     pub driver: String,
     device: ash::Device,
+    pushes: bool,
     executables: khr::pipeline_executable_properties::Device,
     // Dropped last.
     _instance: Instance,
@@ -57,8 +58,9 @@ impl Compiler {
         let family = queue_family(&instance.handle, physical).unwrap_or_default();
         let device = create_device(&Own, options, &instance, physical, family, true)?;
         let executables = khr::pipeline_executable_properties::Device::new(&instance.handle, &device);
+        let pushes = pushes_descriptors(options, &instance, physical);
         let (name, driver) = (description.name, description.driver);
-        Ok(Compiler { name, driver, device, executables, _instance: instance })
+        Ok(Compiler { name, driver, device, pushes, executables, _instance: instance })
     }
 
     /// Compiles a pipeline and returns what was made of its stages.
@@ -67,7 +69,8 @@ impl Compiler {
     /// Returns [`Kind::Usage`] if the recipe names no pipeline, or the error of the driver.
     pub fn compile(&self, recipe: &Recipe) -> Result<Vec<Executable>> {
         let flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
-        let builder = Builder { device: &self.device, cache: vk::PipelineCache::null(), flags };
+        let builder =
+            Builder { device: &self.device, cache: vk::PipelineCache::null(), flags, pushes: self.pushes };
         let shaders = recipe.found()?;
         let pipeline = match (&shaders[..], &recipe.targets) {
             (&[vertex, fragment], Some(targets)) => {

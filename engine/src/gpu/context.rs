@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering;
 use ash::vk;
 
 use super::c_name::c_name;
+use super::device_description::offers;
 use super::hitches::Counters;
 use super::instance::Instance;
 use super::memory::Memory;
@@ -23,8 +24,13 @@ pub(super) struct Context {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) description: DeviceDescription,
     pub(super) limits: Limits,
+    /// True if the device tells how much memory is free.
+    pub(super) tells_budget: bool,
+    /// See [`GpuOptions::free_limit`].
+    pub(super) free_limit: Option<u64>,
     pub(super) device: ash::Device,
-    pub(super) push_descriptor: ash::khr::push_descriptor::Device,
+    /// How descriptors are pushed; absent where sets from pools are bound.
+    pub(super) push_descriptor: Option<ash::khr::push_descriptor::Device>,
     pub(super) debug_utils: Option<ash::ext::debug_utils::Device>,
     pub(super) queue_family: u32,
     pub(super) timeline: vk::Semaphore,
@@ -48,6 +54,7 @@ impl Context {
         device: ash::Device,
         queue_family: u32,
         description: DeviceDescription,
+        pushes: bool,
         options: &GpuOptions,
     ) -> Result<Self> {
         let handle = instance.handle.clone();
@@ -55,10 +62,12 @@ impl Context {
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
         let mut context = Context {
             limits: Limits::of(&handle, physical, queue_family, options.storage_range_limit),
-            push_descriptor: ash::khr::push_descriptor::Device::new(&handle, &device),
+            push_descriptor: pushes.then(|| ash::khr::push_descriptor::Device::new(&handle, &device)),
             debug_utils: instance
                 .has_messenger()
                 .then(|| ash::ext::debug_utils::Device::new(&handle, &device)),
+            tells_budget: offers(&handle, physical, ash::ext::memory_budget::NAME),
+            free_limit: options.free_limit,
             instance,
             physical,
             description,
@@ -98,8 +107,12 @@ impl Context {
 
     /// Returns where pipelines for this device are built.
     pub(super) fn builder(&self) -> Builder<'_> {
-        let flags = vk::PipelineCreateFlags::empty();
-        Builder { device: &self.device, cache: self.pipeline_cache, flags }
+        Builder {
+            device: &self.device,
+            cache: self.pipeline_cache,
+            flags: vk::PipelineCreateFlags::empty(),
+            pushes: self.push_descriptor.is_some(),
+        }
     }
 
     /// Counts a pipeline that was just built, names it and keeps its recipe.

@@ -5,7 +5,8 @@ use std::ffi::CStr;
 use ash::vk;
 use serde::Serialize;
 
-use super::features::{self, API, EXTENSIONS};
+use super::features::{self, API};
+use super::heap::{Heap, HeapKind, heaps};
 
 /// One Vulkan device as it describes itself.
 #[derive(Clone, Debug, Serialize)]
@@ -20,8 +21,10 @@ pub struct DeviceDescription {
     pub driver: String,
     /// Vulkan version of the device, "1.3.255".
     pub api: String,
-    /// Bytes of all device-local heaps.
+    /// Bytes of all heaps that are near to the device.
     pub memory_bytes: u64,
+    /// All heaps.
+    pub heaps: Vec<Heap>,
     /// Number of invocations that run in lockstep; informative, nothing assumes it.
     pub subgroup_size: u32,
     /// Largest storage-buffer binding, bytes.
@@ -33,7 +36,7 @@ pub struct DeviceDescription {
 /// Describes a device and what it lacks.
 fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice) -> DeviceDescription {
     // SAFETY: queries on a physical device of this instance; the chained structs live until the calls return.
-    let (properties, driver, subgroup, memory, extensions) = unsafe {
+    let (properties, driver, subgroup) = unsafe {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
         let mut two = vk::PhysicalDeviceProperties2::default();
@@ -43,9 +46,7 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
         }
         instance.get_physical_device_properties2(physical, &mut two);
         let properties = two.properties;
-        let memory = instance.get_physical_device_memory_properties(physical);
-        let extensions = instance.enumerate_device_extension_properties(physical).unwrap_or_default();
-        (properties, driver, subgroup, memory, extensions)
+        (properties, driver, subgroup)
     };
     let mut missing = if properties.api_version < API {
         vec!["Vulkan 1.3".to_owned()]
@@ -56,11 +57,6 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
     if !subgroup.supported_operations.contains(operations) {
         missing.push("subgroup vote and arithmetic".to_owned());
     }
-    for needed in EXTENSIONS {
-        if !extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(needed)) {
-            missing.push(format!("extension {}", needed.to_string_lossy()));
-        }
-    }
     if queue_family(instance, physical).is_none() {
         missing.push("a queue for compute and graphics".to_owned());
     }
@@ -69,7 +65,7 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
             .unwrap_or_else(|_: std::ffi::FromBytesUntilNulError| String::new())
     };
     let v = properties.api_version;
-    let heaps = &memory.memory_heaps[..memory.memory_heap_count as usize];
+    let heaps = heaps(instance, physical, offers(instance, physical, ash::ext::memory_budget::NAME));
     DeviceDescription {
         index,
         name: text(properties.device_name_as_c_str()),
@@ -89,11 +85,8 @@ fn describe(instance: &ash::Instance, index: usize, physical: vk::PhysicalDevice
             vk::api_version_minor(v),
             vk::api_version_patch(v)
         ),
-        memory_bytes: heaps
-            .iter()
-            .filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
-            .map(|h| h.size)
-            .sum(),
+        memory_bytes: heaps.iter().filter(|heap| heap.kind != HeapKind::Host).map(|heap| heap.bytes).sum(),
+        heaps,
         subgroup_size: subgroup.subgroup_size,
         max_storage_range: u64::from(properties.limits.max_storage_buffer_range),
         missing,

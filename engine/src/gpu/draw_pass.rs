@@ -98,6 +98,7 @@ impl<'a> DrawPass<'a> {
         }
         bindings.accesses.extend(pictures.iter().map(|p| (Resident::Image(p.handle()), true)));
         recorder.hazards.graphics = true;
+        let Some(way) = recorder.way(drawing.pipeline.set_layout) else { return };
         recorder.touch(&bindings.accesses);
         let whole = [pictures[0].size()[0], pictures[0].size()[1]];
         let [width, height] = size.unwrap_or(whole);
@@ -128,7 +129,13 @@ impl<'a> DrawPass<'a> {
             unsafe {
                 device.cmd_begin_rendering(commands, &rendering);
                 device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::GRAPHICS, drawing.pipeline.handle);
-                bindings.push(context, commands, vk::PipelineBindPoint::GRAPHICS, drawing.pipeline.layout);
+                bindings.record(
+                    context,
+                    commands,
+                    vk::PipelineBindPoint::GRAPHICS,
+                    drawing.pipeline.layout,
+                    way,
+                );
                 if !push.is_empty() {
                     device.cmd_push_constants(commands, drawing.pipeline.layout, STAGES, 0, &push);
                 }

@@ -104,7 +104,7 @@ pub(super) fn make(
 
 /// Builds the pipeline of a vertex and a fragment shader on its layout.
 fn build(
-    Builder { device, cache, flags }: Builder<'_>,
+    Builder { device, cache, flags, .. }: Builder<'_>,
     shaders: [&Shader; 2],
     constants: &[u32],
     targets: &Targets,

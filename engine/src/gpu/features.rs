@@ -1,14 +1,10 @@
-//! The version, extensions and features of Vulkan that the engine needs: the check for them, and how they are
+//! The version and features of Vulkan that the engine needs: the check for them, and how they are
 //! turned on.
-
-use std::ffi::CStr;
 
 use ash::vk;
 
 /// The version of Vulkan that is asked for.
 pub(super) const API: u32 = vk::API_VERSION_1_3;
-/// The extensions that every device must have.
-pub(super) const EXTENSIONS: [&CStr; 1] = [ash::khr::push_descriptor::NAME];
 
 /// Returns the names of the needed features that a device of version 1.3 lacks.
 pub(super) fn missing(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Vec<String> {

@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use super::heap::heaps;
 use super::hitches::Counters;
-use super::{Context, DeviceDescription, Hitches, Limits, Recipe, lock};
+use super::{Context, DeviceDescription, Heap, HeapKind, Hitches, Limits, Recipe, lock};
 
 /// A booted Vulkan device. A clone is cheap; all clones are the same device.
 #[derive(Clone)]
@@ -37,7 +38,21 @@ impl Gpu {
 
     /// Returns the bytes of device memory in use now, by purpose.
     pub fn memory_by_purpose(&self) -> BTreeMap<&'static str, u64> {
-        lock(&self.0.memory).by_purpose.clone()
+        let mut rows = BTreeMap::new();
+        for (&(purpose, _), &bytes) in &lock(&self.0.memory).account {
+            *rows.entry(purpose).or_default() += bytes;
+        }
+        rows
+    }
+
+    /// Returns the bytes of device memory in use now, by purpose and by kind of heap.
+    pub fn memory_account(&self) -> BTreeMap<(&'static str, HeapKind), u64> {
+        lock(&self.0.memory).account.clone()
+    }
+
+    /// Returns the heaps of the device, with what is free in them now.
+    pub fn heaps(&self) -> Vec<Heap> {
+        heaps(&self.0.instance.handle, self.0.physical, self.0.tells_budget)
     }
 
     /// Returns the peak of the device memory in use, bytes.

@@ -12,8 +12,12 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Largest storage-buffer range to plan with, bytes, as on a smaller device; for tests.
     pub storage_range_limit: Option<u64>,
+    /// Bytes of memory to take as free, as beside other programs; for tests.
+    pub free_limit: Option<u64>,
     /// Subgroup size to plan with, as on another device; for tests and for recipes of its pipelines.
     pub subgroup_size: Option<u32>,
+    /// True if passes bind sets of descriptors from pools even where the device takes pushed ones; for tests.
+    pub descriptor_pools: bool,
     /// Number of the submission, counted from 1, at which the device behaves as lost; for tests.
     pub lost_at: Option<u64>,
     /// The windows in which pictures are shown, if any.

@@ -1,4 +1,4 @@
-//! Compute pipelines created from reflected shaders. They use push descriptors: no pools, no sets to own.
+//! Compute pipelines created from reflected shaders.
 
 use ash::vk;
 use shaders_glsl::Shader;
@@ -74,7 +74,7 @@ pub(super) fn make(builder: Builder<'_>, shader: &Shader, constants: &[u32]) -> 
 
 /// Creates the pipeline on its layout.
 fn build(
-    Builder { device, cache, flags }: Builder<'_>,
+    Builder { device, cache, flags, .. }: Builder<'_>,
     shader: &Shader,
     constants: &[u32],
     layout: vk::PipelineLayout,

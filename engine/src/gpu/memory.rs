@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};
 
+use super::HeapKind;
 use crate::error::{Error, Kind, Result};
 
 /// The allocator, the deferred deletions, and the account of bytes.
@@ -14,7 +15,7 @@ pub(super) struct Memory {
     /// `None` only while the device is being created or destroyed.
     allocator: Option<Allocator>,
     deferred: Vec<DeferredDeletion>,
-    pub(super) by_purpose: BTreeMap<&'static str, u64>,
+    pub(super) account: BTreeMap<(&'static str, HeapKind), u64>,
     pub(super) peak: u64,
 }
 
@@ -105,8 +106,9 @@ impl Memory {
             )
             .help("close other programs that use the GPU, use fewer splats or a smaller ROI")
         })?;
-        *self.by_purpose.entry(purpose).or_default() += allocation.size();
-        self.peak = self.peak.max(self.by_purpose.values().sum());
+        let kind = HeapKind::of(allocation.memory_properties());
+        *self.account.entry((purpose, kind)).or_default() += allocation.size();
+        self.peak = self.peak.max(self.account.values().sum());
         Ok(allocation)
     }
 
@@ -119,7 +121,8 @@ impl Memory {
         allocation: Allocation,
         purpose: &'static str,
     ) {
-        if let Some(bytes) = self.by_purpose.get_mut(purpose) {
+        let kind = HeapKind::of(allocation.memory_properties());
+        if let Some(bytes) = self.account.get_mut(&(purpose, kind)) {
             *bytes -= allocation.size();
         }
         self.deferred.push(DeferredDeletion { after, dropped, allocation: Some(allocation) });

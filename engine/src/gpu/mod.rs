@@ -15,9 +15,10 @@
 //! | `check`, `lock`, `c_name` | Vulkan results as errors, locks of mutexes, names as Vulkan takes them |
 //! | `format`, `ticket` | formats of texels, tickets of submissions |
 //! | `recipe` | all that a driver needs to compile a pipeline |
+//! | `heap` | heaps of memory, and what is free in them |
 //! | `limits`, `hitches`, `pass_time` | limits of a device, counts of hitches, the time of a pass |
 //! | `windows`, `gpu_options` | what an instance must know of windows, and the options of booting |
-//! | `features` | extensions and features that are asked for, and turned on |
+//! | `features` | features that are asked for, and turned on |
 //! | `device_description`, `choice` | devices as they describe themselves; the choice of one |
 //! | | **an instance** |
 //! | `boot` | [`Boot`], the creator of instance and device, and the engine itself as one |
@@ -26,6 +27,7 @@
 //! | `memory` | the allocator, its account of bytes, deferred deletions |
 //! | `pipeline`, `pipeline_cache` | pipelines while the device lives, and between two runs of a program |
 //! | `pipeline_creation` | layouts and modules of pipelines in general |
+//! | `descriptors` | sets of descriptors for devices that do not take them pushed |
 //! | `submissions`, `times` | the queue, the submissions in flight on it, the times of finished ones |
 //! | `hazards` | the accesses since the last barrier, and the barrier that follows from them |
 //! | | **a device** |
@@ -63,6 +65,7 @@ mod check;
 mod choice;
 mod compiler;
 mod context;
+mod descriptors;
 mod device_description;
 mod devices;
 mod draw_pass;
@@ -73,6 +76,7 @@ mod format;
 mod gpu;
 mod gpu_options;
 mod hazards;
+mod heap;
 mod hitches;
 mod image;
 mod image_commands;
@@ -109,6 +113,7 @@ pub use drawing::Drawing;
 pub use format::Format;
 pub use gpu::Gpu;
 pub use gpu_options::GpuOptions;
+pub use heap::{Heap, HeapKind};
 pub use hitches::Hitches;
 pub use image::Image;
 pub use kernel::Kernel;

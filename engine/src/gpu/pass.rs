@@ -142,6 +142,7 @@ impl<'a> Pass<'a> {
             recorder.hazards.graphics = true;
             bindings.accesses.push((Resident::Buffer(buffer), false));
         }
+        let Some(way) = recorder.way(kernel.pipeline.set_layout) else { return };
         recorder.touch(&bindings.accesses);
         recorder.timed(shader.name, vk::PipelineStageFlags2::COMPUTE_SHADER, |context, commands| {
             let device = &context.device;
@@ -149,7 +150,13 @@ impl<'a> Pass<'a> {
             // is pushed, and indirect counts lie in a buffer made for them.
             unsafe {
                 device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline.handle);
-                bindings.push(context, commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline.layout);
+                bindings.record(
+                    context,
+                    commands,
+                    vk::PipelineBindPoint::COMPUTE,
+                    kernel.pipeline.layout,
+                    way,
+                );
                 if !push.is_empty() {
                     let stages = vk::ShaderStageFlags::COMPUTE;
                     device.cmd_push_constants(commands, kernel.pipeline.layout, stages, 0, &push);

@@ -13,6 +13,8 @@ pub(super) struct Builder<'a> {
     pub(super) device: &'a ash::Device,
     pub(super) cache: vk::PipelineCache,
     pub(super) flags: vk::PipelineCreateFlags,
+    /// True if descriptors are pushed with the commands.
+    pub(super) pushes: bool,
 }
 
 /// The interface of shaders from which the layout of a pipeline is created.
@@ -32,7 +34,7 @@ impl Pipeline {
         build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
     ) -> Result<Self> {
         let mut pipeline = Pipeline::default();
-        let made = pipeline.make(builder.device, interface, build);
+        let made = pipeline.make(builder, interface, build);
         if made.is_err() {
             pipeline.destroy(builder.device);
         }
@@ -42,12 +44,12 @@ impl Pipeline {
     /// Creates the handles one after the other.
     fn make(
         &mut self,
-        device: &ash::Device,
+        Builder { device, pushes, .. }: Builder<'_>,
         interface: &Interface<'_>,
         build: impl FnOnce(vk::PipelineLayout) -> Result<vk::Pipeline>,
     ) -> Result<()> {
-        let &Interface { name, bindings, push_bytes, stages } = interface;
-        self.set_layout = set_layout(device, name, bindings, stages)?;
+        let &Interface { name, push_bytes, stages, .. } = interface;
+        self.set_layout = set_layout(device, pushes, interface)?;
         let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size: push_bytes as u32 }];
         let layouts = [self.set_layout];
         let mut info = vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts);
@@ -70,12 +72,11 @@ fn descriptor_type(resource: Resource) -> vk::DescriptorType {
     }
 }
 
-/// Creates the layout of one set of push descriptors.
+/// Creates the layout of the set of descriptors of a pipeline.
 fn set_layout(
     device: &ash::Device,
-    name: &str,
-    bindings: &[Binding],
-    stages: vk::ShaderStageFlags,
+    pushes: bool,
+    &Interface { name, bindings, stages, .. }: &Interface<'_>,
 ) -> Result<vk::DescriptorSetLayout> {
     let bindings: Vec<_> = bindings
         .iter()
@@ -87,9 +88,11 @@ fn set_layout(
                 .stage_flags(stages)
         })
         .collect();
-    let info = vk::DescriptorSetLayoutCreateInfo::default()
-        .flags(vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR)
-        .bindings(&bindings);
+    let flags = match pushes {
+        true => vk::DescriptorSetLayoutCreateFlags::PUSH_DESCRIPTOR_KHR,
+        false => vk::DescriptorSetLayoutCreateFlags::empty(),
+    };
+    let info = vk::DescriptorSetLayoutCreateInfo::default().flags(flags).bindings(&bindings);
     // SAFETY: the device is live; the create-info lives on this stack.
     check(name, unsafe { device.create_descriptor_set_layout(&info, None) })
 }

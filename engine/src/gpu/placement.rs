@@ -6,9 +6,13 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
+use super::heap::{heaps, most_free};
 use super::memory::Dropped;
 use super::{Context, lock};
-use crate::error::Result;
+use crate::error::{Error, Kind, Result};
+
+/// Bytes from which on an object is large.
+const LARGE: u64 = 16 << 20;
 
 /// Requirements and purpose of an allocation.
 pub(super) struct Placement<'a> {
@@ -32,12 +36,32 @@ impl Context {
             linear,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
-        let placed = lock(&self.memory).allocate(&desc, purpose);
+        let placed = self.room(placement).and_then(|()| lock(&self.memory).allocate(&desc, purpose));
         match &placed {
             Ok(_) => _ = self.counters.allocations.fetch_add(1, Ordering::Relaxed),
             // SAFETY: it was never used.
             Err(_) => unsafe { made.destroy(&self.device) },
         }
         placed
+    }
+
+    /// Checks that a large object fits into what other programs leave, where the driver tells: some drivers hand out
+    /// more, and something else dies of it.
+    fn room(&self, &Placement { name, ref requirements, location, .. }: &Placement<'_>) -> Result<()> {
+        let bytes = requirements.size;
+        if bytes < LARGE {
+            return Ok(());
+        }
+        let heaps = heaps(&self.instance.handle, self.physical, self.tells_budget);
+        let free = self.free_limit.or_else(|| most_free(&heaps, location == MemoryLocation::GpuOnly));
+        match free.filter(|&free| bytes > free) {
+            None => Ok(()),
+            Some(free) => {
+                let message =
+                    format!("{name}: {bytes} bytes of device memory are needed, and {free} bytes are free");
+                Err(Error::new(Kind::Temporary, "VGS-GPU-033", message)
+                    .help("close other programs that use the GPU, use fewer splats or a smaller ROI"))
+            }
+        }
     }
 }

@@ -9,10 +9,11 @@ use ash::vk::Handle as _;
 use bytemuck::Pod;
 
 use super::c_name::c_name;
+use super::descriptors::Way;
 use super::hazards::{Hazards, Resident};
 use super::submissions::{QUERIES, Slot};
 use super::{Buffer, Context, Gpu, check, lock};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 impl Gpu {
     /// Starts recording.
@@ -23,21 +24,16 @@ impl Gpu {
             Some(slot) => slot,
             None => Slot::new(&context.device, context.queue_family)?,
         };
-        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the slot is not in flight: it is new, or `wait` saw its submission finished.
-        unsafe {
-            let reset = context.device.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty());
-            check("resetting commands", reset)?;
-            check("recording", context.device.begin_command_buffer(slot.commands, &begin))?;
-            context.device.cmd_reset_query_pool(slot.commands, slot.queries, 0, QUERIES);
-        }
+        // From here on a slot that cannot be used goes back when the recorder is dropped.
         let mut recorder = Recorder {
             gpu: self.clone(),
             slot: Some(slot),
             passes: Vec::new(),
             hazards: Hazards::default(),
             kept: Vec::new(),
+            failed: None,
         };
+        recorder.begin()?;
         // Whatever earlier submissions wrote, drawings too, is visible to this one.
         recorder.hazards.graphics = true;
         recorder.barrier();
@@ -56,9 +52,26 @@ pub struct Recorder {
     pub(super) hazards: Hazards,
     /// Staging buffers that the recorded copies read.
     kept: Vec<Box<dyn Any>>,
+    /// Why a pass could not be recorded; the submission tells it.
+    pub(super) failed: Option<Error>,
 }
 
 impl Recorder {
+    /// Empties the slot and begins recording in it.
+    fn begin(&mut self) -> Result<()> {
+        let (device, Some(slot)) = (&self.gpu.0.device, &mut self.slot) else { return Ok(()) };
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        slot.descriptors.reset(device)?;
+        // SAFETY: the slot is not in flight: it is new, or `wait` saw its submission finished.
+        unsafe {
+            let reset = device.reset_command_pool(slot.pool, vk::CommandPoolResetFlags::empty());
+            check("resetting commands", reset)?;
+            check("recording", device.begin_command_buffer(slot.commands, &begin))?;
+            device.cmd_reset_query_pool(slot.commands, slot.queries, 0, QUERIES);
+        }
+        Ok(())
+    }
+
     /// Returns the commands being recorded.
     pub(super) fn commands(&self) -> vk::CommandBuffer {
         self.slot.as_ref().map_or(vk::CommandBuffer::null(), |s| s.commands)
@@ -79,6 +92,22 @@ impl Recorder {
             self.barrier();
         }
         self.hazards.register(accesses);
+    }
+
+    /// Returns how a pass with a pipeline of this layout binds its resources; nothing if there is no way, which the
+    /// submission then tells.
+    pub(super) fn way(&mut self, layout: vk::DescriptorSetLayout) -> Option<Way> {
+        let context = &self.gpu.0;
+        if context.push_descriptor.is_some() {
+            return Some(Way::Pushed);
+        }
+        match self.slot.as_mut()?.descriptors.set(&context.device, layout) {
+            Ok(set) => Some(Way::Set(set)),
+            Err(e) => {
+                self.failed.get_or_insert(e);
+                None
+            }
+        }
     }
 
     /// Fills a buffer with zeros.

@@ -3,6 +3,7 @@
 use ash::vk;
 
 use super::check;
+use super::descriptors::Descriptors;
 use crate::error::Result;
 
 /// Number of timestamps in one submission: two per pass.
@@ -23,6 +24,8 @@ pub(super) struct Slot {
     pub(super) pool: vk::CommandPool,
     pub(super) commands: vk::CommandBuffer,
     pub(super) queries: vk::QueryPool,
+    /// Sets of descriptors, where they are not pushed.
+    pub(super) descriptors: Descriptors,
 }
 
 /// A submission that the device may not have finished: its timeline value, and the names of its passes.
@@ -54,11 +57,12 @@ impl Submissions {
     /// The device must be idle.
     pub(super) unsafe fn destroy(&mut self, device: &ash::Device) {
         let flying = self.flying.drain(..).map(|f| f.slot);
-        for slot in self.free.drain(..).chain(flying) {
+        for mut slot in self.free.drain(..).chain(flying) {
             // SAFETY: as the caller promises.
             unsafe {
                 device.destroy_command_pool(slot.pool, None);
                 device.destroy_query_pool(slot.queries, None);
+                slot.descriptors.destroy(device);
             }
         }
     }
@@ -83,7 +87,9 @@ impl Slot {
                 .allocate_command_buffers(&allocate)
                 .and_then(|c| device.create_query_pool(&query_info, None).map(|q| (c[0], q)));
             match made {
-                Ok((commands, queries)) => Ok(Slot { pool, commands, queries }),
+                Ok((commands, queries)) => {
+                    Ok(Slot { pool, commands, queries, descriptors: Descriptors::default() })
+                }
                 Err(e) => {
                     device.destroy_command_pool(pool, None);
                     check("creating commands", Err(e))

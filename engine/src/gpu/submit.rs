@@ -24,6 +24,9 @@ impl Recorder {
         wait: Option<vk::Semaphore>,
         signal: Option<vk::Semaphore>,
     ) -> Result<Ticket> {
+        if let Some(failed) = self.failed.take() {
+            return Err(failed);
+        }
         let Some(slot) = self.slot.take() else {
             return Err(Error::new(Kind::Internal, "VGS-GPU-040", "submitted twice"));
         };

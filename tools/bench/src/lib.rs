@@ -7,6 +7,7 @@
 pub mod budget;
 pub mod cost;
 pub mod eyes;
+pub mod gpu;
 pub mod isa;
 pub mod passes;
 pub mod plot;

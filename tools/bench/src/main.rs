@@ -1,7 +1,7 @@
 //! Command line of the benchmarks (`bench`).
 #![forbid(unsafe_code)]
 
-use bench::{budget, eyes, isa, passes, render, xr};
+use bench::{budget, eyes, gpu, isa, passes, render, xr};
 use clap::{Parser, Subcommand};
 use engine::Result;
 use engine::gpu::{Gpu, GpuOptions};
@@ -19,6 +19,7 @@ Examples:
   bench budget --plot traces.svg    the frame-budget controller on simulated GPUs
   bench xr bones.ply                sessions in a simulated headset at several budgets
   bench eyes bones.ply              what the rims of lenses and foveation save
+  bench gpu                         all that a GPU can tell, in one folder; bench gpu --help
   bench isa                         registers, spills and waves of the kernels on GPUs that are not there"
 )]
 struct BenchArguments {
@@ -39,6 +40,8 @@ enum Benchmark {
     Xr(xr::XrArguments),
     /// What the rims of a headset's lenses and foveation save, and what foveation gives up.
     Eyes(eyes::EyesArguments),
+    /// Everything that a GPU can tell, in one folder.
+    Gpu(gpu::GpuArguments),
     /// What the compiler of AMD GPUs makes of the kernels, without a GPU: registers, spills, waves.
     Isa(isa::IsaArguments),
     /// Pictures of all modes against what they should be, and what frames cost.
@@ -56,6 +59,7 @@ fn run(arguments: &BenchArguments) -> Result<()> {
         Benchmark::Budget(a) => budget::run(a),
         Benchmark::Xr(a) => xr::run(&Gpu::new(&options)?, a),
         Benchmark::Eyes(a) => eyes::run(&Gpu::new(&options)?, a),
+        Benchmark::Gpu(a) => gpu::run(&options, a),
         Benchmark::Isa(a) => isa::run(&options, a),
         Benchmark::Render(a) => render::run(&options, a),
     }

@@ -1,10 +1,16 @@
 //! Lists the Vulkan devices and whether vgs can use them (`vgs devices`).
 
-use engine::gpu::{self, DeviceDescription};
+use engine::gpu::{self, DeviceDescription, HeapKind};
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::{bytes, table};
+
+/// Returns what is free in the largest heap of the device.
+fn free(device: &DeviceDescription) -> String {
+    let near = device.heaps.iter().filter(|heap| heap.kind != HeapKind::Host);
+    near.max_by_key(|heap| heap.bytes).and_then(|heap| heap.free).map_or_else(|| "?".to_owned(), bytes)
+}
 
 /// Runs the command.
 pub fn run(console: &Console) -> Result<u8, Stop> {
@@ -28,10 +34,11 @@ pub fn run(console: &Console) -> Result<u8, Stop> {
             d.driver.clone(),
             d.api.clone(),
             bytes(d.memory_bytes),
+            free(d),
             state,
         ]
     };
-    let heads = ["", "device", "kind", "driver", "Vulkan", "memory", "state"];
+    let heads = ["", "device", "kind", "driver", "Vulkan", "memory", "free", "state"];
     console.data(&table(&heads, &devices.iter().map(row).collect::<Vec<_>>()))?;
     Ok(0)
 }

@@ -28,9 +28,7 @@ impl DeviceArguments {
             device: self.device.clone(),
             storage_range_limit: self.storage_range_limit,
             lost_at: self.lost_at,
-            subgroup_size: None,
-            windows: None,
-            validation: false,
+            ..Default::default()
         }
     }
 

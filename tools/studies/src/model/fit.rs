@@ -16,7 +16,7 @@ use bench::store::Store;
 /// What each piece of work costs on this device, and how well that predicts scenes that were held out.
 #[derive(Args)]
 #[command(after_help = "\
-Each file of splats, whole and cut to its most important ones, is rendered in modes slab and alpha, in \
+Each file of splats, whole and cut to its most important ones, is rendered in modes slab, decoded and alpha, in \
 several sizes, for one eye and two, through transfer functions lit and not lit, from near and far. Each \
 frame's work is counted, in a run of its own, and its passes are timed by the device. The costs of a unit of \
 work are the non-negative ones of least relative error. They are judged by scenes that were held out, all \

@@ -238,8 +238,8 @@ impl RenderArguments {
             let verb = if self.splat_budget.is_some() { "are rendered" } else { "can be seen" };
             console.say(&format!("{active} of {} splats {verb}", splats.count));
         }
-        for (purpose, bytes) in gpu.memory_by_purpose() {
-            tracing::info!("device memory for {purpose}: {:.1} MB", bytes as f64 * 1e-6);
+        for ((purpose, heap), bytes) in gpu.memory_account() {
+            tracing::info!("{heap} memory for {purpose}: {:.1} MB", bytes as f64 * 1e-6);
         }
         let what = if frames > 1 {
             format!("{frames} frames, {seconds:.3} s each")
