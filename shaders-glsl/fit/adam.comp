@@ -1,8 +1,8 @@
 #version 460
 // One step of Adam (Kingma & Ba 2015) for one splat an invocation, in voxel units, then the clamps. The
-// rotation moves on the sphere: q <- normalise(q (1, ω/2)). A splat whose gradient is not finite is left as
-// it is and counted. When a chunk of this step needed more room than the bins have, the step is void: nothing
-// moves, the host repeats.
+// rotation moves on the sphere: q <- normalise(q (1, ω/2)). A splat that is not finite, or whose gradient is not,
+// is left as it is and counted. When a chunk of this step needed more room than the bins have, the step is void:
+// nothing moves, the host repeats.
 #include "splat.glsl"
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform AdamParams {
@@ -55,11 +55,14 @@ void main() {
     // The square must be finite too: it goes into the second moment.
     float size = dot(g.mean, g.mean) + dot(g.rotation, g.rotation) + dot(g.log_scale, g.log_scale)
         + g.opacity_logit * g.opacity_logit + g.intensity * g.intensity;
-    if (!(size < 1e37)) {
+    Splat s = splats[i];
+    // Not every driver's exp gives NaN for NaN, so that the gradient of a bad splat may look sound.
+    float held = dot(s.mean, s.mean) + dot(s.rotation, s.rotation) + dot(s.log_scale, s.log_scale)
+        + s.opacity_logit * s.opacity_logit + s.intensity * s.intensity;
+    if (!(size < 1e37) || !(held < 1e37)) {
         atomicAdd(frozen[0], 1u);
         return;
     }
-    Splat s = splats[i];
     if (p.scale_weight > 0.0) {
         vec3 scale = exp(s.log_scale);
         g.log_scale += p.scale_weight * scale * scale / length(scale);

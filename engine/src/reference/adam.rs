@@ -35,12 +35,19 @@ fn moved3(g: DVec3, first: &mut DVec3, second: &mut DVec3, rate: [f32; 3], p: &A
     DVec3::from_array(std::array::from_fn(|k| moved(g[k], &mut first[k], &mut second[k], rate[k], p)))
 }
 
-/// Takes one step. Returns `None` if the gradient is not finite: then nothing changes and the splat is
+/// Takes one step. Returns `None` if the splat or the gradient is not finite: then nothing changes and the splat is
 /// counted as frozen.
 pub fn adam(state: &AdamState, gradient: &Gradient, p: &AdamParams) -> Option<AdamState> {
     let size: f64 = gradient.lanes().iter().map(|g| g * g).sum();
     // The square must fit an f32, since it goes into the second moment; NaN fails the comparison.
-    if !matches!(size.partial_cmp(&1e37), Some(std::cmp::Ordering::Less)) {
+    let sound = |size: f64| matches!(size.partial_cmp(&1e37), Some(std::cmp::Ordering::Less));
+    let held = &state.splat;
+    let held = held.mean.length_squared()
+        + held.rotation.length_squared()
+        + held.log_scale.length_squared()
+        + held.opacity_logit.powi(2)
+        + held.intensity.powi(2);
+    if !sound(size) || !sound(held) {
         return None;
     }
     let AdamState { mut splat, mut first, mut second, gradient_norm, log_scale_cap } = *state;

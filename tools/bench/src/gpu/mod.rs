@@ -92,7 +92,7 @@ pub fn run(options: &GpuOptions, arguments: &GpuArguments) -> Result<()> {
     let description = Gpu::new(options)?.description().clone();
     let device = format!("{} ({}, {})", description.name, description.kind, description.driver);
     let store = Store::open(&arguments.out)?;
-    store.report("pictures.toml", include_str!("pictures.toml"))?;
+    store.report("pictures.toml", &pictures(arguments.quick))?;
     for folder in ["logs", "splats", "cases"] {
         let path = store.file(folder);
         std::fs::create_dir_all(&path).map_err(|e| Error::io(&path, "making a folder", &e))?;
@@ -137,6 +137,15 @@ pub fn run(options: &GpuOptions, arguments: &GpuArguments) -> Result<()> {
     store.report("gpu.md", &text)?;
     println!("written: {}", store.file("gpu.md").display());
     ending(&failed, &late, &arguments.out)
+}
+
+/// Returns the configuration of the pictures.
+fn pictures(quick: bool) -> String {
+    let usual = include_str!("pictures.toml");
+    match quick {
+        false => usual.to_owned(),
+        true => usual.replace("phantom = 128", "phantom = 24").replace("phantom = 256", "phantom = 32"),
+    }
 }
 
 /// Returns the steps that were asked for, all where none were.

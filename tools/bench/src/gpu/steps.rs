@@ -122,7 +122,7 @@ pub fn steps(has_data: bool, quick: bool) -> Vec<Step> {
         ),
         step(
             "full",
-            "Fits of full size with 250,000 splats",
+            "Fits of full size",
             match (has_data, quick) {
                 (true, _) => scans(&FULL),
                 (false, false) => phantoms(&[full], " --splats 250000"),
