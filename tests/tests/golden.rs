@@ -77,7 +77,7 @@ fn as_it_was(name: &str, form: FitForm) {
         GoldenRow::new("histogram", Bound::new(3.0, 0.03), histogram),
         GoldenRow::new(
             "probe_hu",
-            Bound::new(8.0, 0.0).outliers(0.05, 100.0),
+            Bound::new(8.0, 0.0).outliers(0.08, 100.0),
             probes.iter().map(|s| f64::from(s.hu)),
         ),
         GoldenRow::new(
