@@ -366,6 +366,40 @@ fn a_threshold_is_made_clean() {
             ["eval", "a.ply", "box.nii", "--roi-threshold", "200,3000", flag, "--offsets", "1", "--json"];
         assert_eq!(folder.run(&eval).json()["roi_voxels"], voxels, "{flag}");
     }
+    // The same region in the comparison of volumes, and in a picture.
+    let compare = [&["compare", "box.nii", "box.nii", "--json"], &region[..]].concat();
+    assert_eq!(folder.run(&compare).json()["voxels"], whole);
+    let picture = |name: &str, flags: &[&str]| {
+        let render = ["render", "box.nii", "-o", name, "--size", "96x96", "--tf", "CT-Bone"];
+        let ended = folder.run(&[&render[..], &region[..2], flags].concat());
+        assert_eq!(ended.code, 0, "{}", ended.err);
+    };
+    picture("specks.png", &[]);
+    picture("clean.png", &region[2..]);
+    let same = folder.run(&["compare", "specks.png", "clean.png", "--json"]).json();
+    assert!(same["psnr_db"].as_f64().is_some_and(|db| db < 60.0), "the specks are gone: {same}");
+}
+
+/// The record of a fit tells volumes apart whose headers are alike.
+#[test]
+fn the_voxels_beside_a_header_are_recorded() {
+    let folder = Folder::new(16);
+    let ct = engine::volume::Volume::read(folder.path("ct.nii.gz"), &Default::default()).expect("a volume");
+    let header = "NDims = 3\nDimSize = 16 16 16\nElementType = MET_FLOAT\nElementByteOrderMSB = False\n\
+                  ElementDataFile = ct.raw\n";
+    folder.write("ct.mhd", header);
+    let hash = |change: f32| {
+        let bytes: Vec<u8> = ct.samples.iter().flat_map(|hu| (hu + change).to_le_bytes()).collect();
+        let stored = bytes.len() + header.len();
+        folder.write("ct.raw", bytes);
+        let fit = ["fit", "ct.mhd", "--roi-threshold", "-200,3000", "-o", "r.ply", "--force", "--no-eval"];
+        let ended = folder.run(&[&fit[..], &QUICK].concat());
+        assert_eq!(ended.code, 0, "{}", ended.err);
+        let record: serde_json::Value = serde_json::from_str(&folder.text("r.run.json")).expect("a record");
+        assert_eq!(record["inputs"]["volume"]["bytes"], stored);
+        record["inputs"]["volume"]["sha256"].clone()
+    };
+    assert_ne!(hash(0.0), hash(1.0));
 }
 
 #[test]

@@ -481,6 +481,22 @@ fn a_file_is_asked_for_and_written_once() {
 }
 
 #[test]
+fn a_folder_of_slices_can_be_opened() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut bench = Bench::new();
+    bench.app.state.files.splats = vec![folder.path().join("a.ply")];
+    bench.press(Key::O, Modifiers::COMMAND);
+    let button = bench.find("Open the folder");
+    let actions = bench.click(button);
+    let expected = Action::Open(vec![folder.path().join("")]);
+    assert!(actions.contains(&expected), "{actions:?}");
+    // What is written goes to a file.
+    bench.press(Key::Escape, Modifiers::NONE);
+    bench.press(Key::S, Modifiers::COMMAND);
+    assert!(bench.seek("Open the folder").is_none());
+}
+
+#[test]
 fn opening_files_is_no_step_of_undo() {
     let mut bench = Bench::new();
     bench.press(Key::PageDown, Modifiers::NONE);

@@ -74,6 +74,10 @@ pub struct Files {
     /// The CT or MR that they were fitted to.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<PathBuf>,
+    /// The series that is meant, if the volume is a folder or a zip of several DICOM series: its number, its
+    /// UID, or a part of its description.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub series: Option<String>,
     /// The mask or label map of its region.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roi: Option<PathBuf>,
@@ -360,7 +364,7 @@ impl ViewState {
         let path = path.as_ref();
         let mut state = ViewState::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let Files { splats, volume, roi } = &mut state.files;
+        let Files { splats, volume, roi, series: _ } = &mut state.files;
         for file in splats.iter_mut().chain(volume).chain(roi) {
             // An absolute path replaces the folder.
             *file = folder.join(&file);

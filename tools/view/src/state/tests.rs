@@ -11,6 +11,7 @@ fn full() -> ViewState {
     state.files = Files {
         splats: vec!["/data/a.ply".into(), "/data/b.ply".into()],
         volume: Some("/data/ct.nii.gz".into()),
+        series: Some("3".into()),
         roi: Some("/data/mask.nii.gz".into()),
     };
     state.orbit = Orbit { azimuth_deg: 33.3, elevation_deg: -12.25, distance_mm: 1e3 / 3.0, ..state.orbit };

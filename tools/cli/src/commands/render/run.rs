@@ -144,8 +144,9 @@ impl RenderArguments {
     fn read_volume(&self) -> Result<(Option<Volume>, Option<Roi>)> {
         let Some(path) = &self.volume else { return Ok((None, None)) };
         let volume = volume_of(path, &self.read)?;
-        let VolumeRegion { roi, roi_threshold, roi_label } = &self.region;
-        let roi = region_of(&volume, &self.read, roi.as_deref(), *roi_threshold, roi_label.as_deref())?;
+        let VolumeRegion { roi, roi_threshold, roi_label, cleaning } = &self.region;
+        let threshold = (*roi_threshold, cleaning);
+        let roi = region_of(&volume, &self.read, roi.as_deref(), threshold, roi_label.as_deref())?;
         Ok((Some(volume), roi))
     }
 
