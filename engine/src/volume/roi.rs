@@ -143,6 +143,21 @@ impl Roi {
         Roi::new(weight, volume)
     }
 
+    /// Returns the part of a mask that this region, which was made from it on the grid of `volume`, holds, by
+    /// their volumes in mm³: much less than 1 if most of the mask lies outside the volume or where it has no
+    /// values.
+    ///
+    /// # Errors
+    /// Those of [`Roi::from_mask`] for the mask and the labels.
+    pub fn share_of(&self, mask: &Volume, labels: &LabelChoice, volume: &Volume) -> Result<f64> {
+        let whole: f64 = mask_weights(mask, labels)?.0.iter().map(|&w| f64::from(w)).sum();
+        let voxel = |of: &Volume| of.world_from_voxel.matrix3.determinant().abs();
+        // Without orientation the grids are taken to be one, whatever their spacing.
+        let same = !mask.oriented || !volume.oriented;
+        let scale = if same { 1.0 } else { voxel(volume) / voxel(mask) };
+        Ok(self.weight_sum() * scale / whole.max(f64::MIN_POSITIVE))
+    }
+
     /// Returns the voxels of `volume` with `low` ≤ sample ≤ `high` (HU for CT).
     ///
     /// # Errors

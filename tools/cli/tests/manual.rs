@@ -42,6 +42,25 @@ fn completions_know_every_command_and_the_flags() {
 }
 
 #[test]
+fn the_short_help_fits_a_screen_and_the_long_one_has_everything() {
+    let folder = Folder::new(8);
+    let top = folder.run(&["-h"]).out;
+    for command in COMMANDS {
+        assert!(top.contains(&format!("  {command} ")), "{command} in {top}");
+    }
+    assert!(top.lines().count() <= 40, "{} lines: {top}", top.lines().count());
+    assert!(folder.run(&["--help"]).out.contains("Exit codes"));
+    for command in ["fit", "render", "eval"] {
+        let short = folder.run(&[command, "-h"]).out;
+        let lines = short.lines().count();
+        assert!(lines <= 60, "{command}: {lines} lines: {short}");
+        assert!(short.contains(&format!("`vgs {command} --help`")) && short.contains("Examples:"), "{short}");
+    }
+    assert!(!folder.run(&["fit", "-h"]).out.contains("--adam-epsilon"));
+    assert!(folder.run(&["fit", "--help"]).out.contains("--adam-epsilon"));
+}
+
+#[test]
 fn an_unknown_shell_is_refused_with_those_that_are_known() {
     let ended = Folder::new(8).run(&["completions", "cmd"]);
     assert_eq!((ended.code, ended.out.as_str()), (2, ""));

@@ -122,6 +122,12 @@ const ROWS: &[RefusalRow] = &[
         says: &["VGS-CLI-121", "--series is one of a DICOM folder"],
     },
     RefusalRow {
+        name: "a mistyped quality",
+        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "--quality", "fien", "-o", "x.ply"],
+        exit: 2,
+        says: &["VGS-CFG-015", "did you mean fine?"],
+    },
+    RefusalRow {
         name: "a threshold has no labels",
         arguments: &["fit", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-label", "5", "-o", "x.ply"],
         exit: 2,

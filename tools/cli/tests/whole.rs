@@ -380,6 +380,22 @@ fn a_threshold_is_made_clean() {
     assert!(same["psnr_db"].as_f64().is_some_and(|db| db < 60.0), "the specks are gone: {same}");
 }
 
+/// What is probably not meant is told; where nobody can answer it is done all the same.
+#[test]
+fn a_mask_of_another_scan_and_too_many_splats_are_doubted() {
+    let folder = Folder::new(16);
+    let mut mask =
+        engine::volume::Volume::read(folder.path("mask.nii.gz"), &Default::default()).expect("a mask");
+    mask.samples.fill(1.0);
+    mask.world_from_voxel.translation.x += 12.0 * mask.spacing_mm().x;
+    nifti::write(folder.path("away.nii.gz"), &mask, false).expect("a mask");
+    let fit = ["fit", "ct.nii.gz", "--roi", "away.nii.gz", "-o", "d.ply", "--no-eval", "--iterations", "2"];
+    let ended = folder.run(&[&fit[..], &["--splats", "6000"]].concat());
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    assert!(ended.err.contains("only 25 % of the mask lies within the volume"), "{}", ended.err);
+    assert!(ended.err.contains("5.9 for each voxel"), "{}", ended.err);
+}
+
 /// The record of a fit tells volumes apart whose headers are alike.
 #[test]
 fn the_voxels_beside_a_header_are_recorded() {

@@ -413,11 +413,12 @@ mod tests {
         let layout = splat::PlyLayout::named("reference").expect("a layout");
         let place = Some(place(&volume, Some(&whole)));
         splat::write_as(&ply, &set, &splat::WriteOptions { layout, place, force: false }).unwrap();
-        let read = read_splats(&ply, Some(&ct), None).unwrap();
+        let with_volume = Files { volume: Some(ct), ..Files::default() };
+        let read = read_splats(&ply, &with_volume).unwrap();
         let mean = read.splats[0].mean.map(f64::from);
         let apart = glam::DVec3::from_array(mean) + read.origin_mm - glam::DVec3::new(103.0, -46.0, 12.0);
         assert!(apart.length() < 1e-4 && read.splats[0].intensity == 40.0, "{read:?}");
-        let error = read_splats(&ply, None, None).unwrap_err();
+        let error = read_splats(&ply, &Files::default()).unwrap_err();
         assert!(error.code == "VGS-PLY-026" && error.help.contains("vgs view"), "{error}");
     }
 }

@@ -14,6 +14,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::flags::{Range, bytes, pair, spacing};
+use super::waiting::Waiting;
 
 /// Returns true if a path has the name of a volume, or is a folder, as of DICOM slices.
 pub fn is_volume(path: &Path) -> bool {
@@ -128,6 +129,8 @@ pub struct Case {
     pub volume: Volume,
     /// Region on the volume's grid.
     pub roi: Roi,
+    /// Part of the mask that lies within the volume, by its volume in mm³; `None` without a mask.
+    pub mask_within: Option<f64>,
 }
 
 impl Case {
@@ -166,7 +169,9 @@ impl Case {
             volume.size,
             roi.voxel_count()
         );
-        Ok((Case { volume, roi }, mask))
+        let mask_within =
+            mask.as_ref().map(|(mask, labels)| roi.share_of(mask, labels, &volume)).transpose()?;
+        Ok((Case { volume, roi, mask_within }, mask))
     }
 
     /// Returns the least and the greatest finite sample of the whole volume: the usual normalisation of a
@@ -206,6 +211,7 @@ pub fn volume_of(path: &Path, read: &ReadArguments) -> Result<Volume> {
             .file(path)
             .help("leave it out; `vgs info` tells what the file says"));
     }
+    let _waiting = Waiting::on(format!("reading {}", path.display()));
     Volume::read(path, &options)
 }
 
@@ -238,10 +244,12 @@ fn region_with_mask(
         None => LabelChoice::Whole,
     };
     if let Some(path) = mask {
+        let _waiting = Waiting::on(format!("reading {}", path.display()));
         let mask = Volume::read_mask(path, &read.options(), &labels, volume)?;
         let roi = Roi::from_mask(&mask, &labels, volume).map_err(|e| named(e, path))?;
         return Ok(Some((roi, Some((mask, labels)))));
     }
+    let _waiting = Waiting::on("finding the voxels of the threshold");
     let roi = threshold.map(|[low, high]| cleaning.region(volume, low, high)).transpose()?;
     Ok(roi.map(|roi| (roi, None)))
 }
@@ -272,6 +280,7 @@ impl InputRecord {
         } else {
             files = files_of(path);
         }
+        let _waiting = Waiting::on(format!("hashing {}, for the record", path.display()));
         let mut hash = Sha256::new();
         let mut block = vec![0; 1 << 18];
         let mut bytes = 0;

@@ -493,7 +493,7 @@ fn a_folder_of_slices_can_be_opened() {
     // What is written goes to a file.
     bench.press(Key::Escape, Modifiers::NONE);
     bench.press(Key::S, Modifiers::COMMAND);
-    assert!(bench.seek("Open the folder").is_none());
+    assert!(bench.place_of("Open the folder").is_none());
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub fn compare(arguments: &CompareArguments, console: &Console) -> std::result::
         Some(roi) => roi,
         None => Roi::new(vec![1.0; a.len()], &a).map_err(of_first)?,
     };
-    let case = Case { volume: a, roi };
+    let case = Case { volume: a, roi, mask_within: None };
     let normalisation = match volumes.range {
         Some(Range::Own) => Normalisation::Own,
         chosen => Normalisation::Range(case.range(chosen).map_err(of_first)?),
