@@ -55,6 +55,7 @@ enum Command {
     Render(Box<commands::render::RenderArguments>),
     View(commands::view::ViewArguments),
     Compare(commands::compare::CompareArguments),
+    Stats(commands::stats::StatsArguments),
     Info(commands::info::InfoArguments),
     /// Lists the Vulkan devices of this machine
     Devices,
@@ -77,6 +78,7 @@ fn main() -> ExitCode {
             Command::Render(arguments) => commands::render::run(&arguments, &console),
             Command::View(arguments) => commands::view::run(&arguments, start),
             Command::Compare(arguments) => commands::compare::run(&arguments, &console),
+            Command::Stats(arguments) => commands::stats::run(&arguments, &console),
             Command::Info(arguments) => commands::info::run(&arguments, &console),
             Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
             Command::Devices => commands::devices::run(&console),

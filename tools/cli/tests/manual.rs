@@ -5,13 +5,14 @@ mod support;
 use support::Folder;
 
 /// The commands that users type.
-const COMMANDS: [&str; 11] = [
+const COMMANDS: [&str; 12] = [
     "fit",
     "eval",
     "rasterize",
     "render",
     "view",
     "compare",
+    "stats",
     "info",
     "devices",
     "phantom",

@@ -380,6 +380,36 @@ fn a_threshold_is_made_clean() {
     assert!(same["psnr_db"].as_f64().is_some_and(|db| db < 60.0), "the specks are gone: {same}");
 }
 
+/// The phantom's own intensities and the volume of its mask are what the objects of a fit have.
+#[test]
+fn objects_have_the_volume_and_the_intensities_of_their_labels() {
+    let folder = Folder::new(24);
+    write_labels(&folder, "left");
+    let labels = "--roi labels.nii --roi-label 5,200 -o s.ply --splats 1500 --iterations 60 --no-eval";
+    let ended = folder.run(&[&["fit", "ct.nii.gz"][..], &labels.split(' ').collect::<Vec<_>>()].concat());
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    let told = folder.run(&["stats", "s.ply", "--volume", "ct.nii.gz", "--json"]).json();
+    let read =
+        |name: &str| engine::volume::Volume::read(folder.path(name), &Default::default()).expect("a volume");
+    let (ct, map) = (read("ct.nii.gz"), read("labels.nii"));
+    let ml = ct.spacing_mm().element_product() / 1000.0;
+    for (object, label) in told["objects"].as_array().expect("objects").iter().zip([5.0, 200.0]) {
+        let of_label: Vec<_> = map.samples.iter().zip(&ct.samples).filter(|(l, _)| **l == label).collect();
+        let mean = of_label.iter().map(|(_, hu)| f64::from(**hu)).sum::<f64>() / of_label.len() as f64;
+        let expected = of_label.len() as f64 * ml;
+        let figure = |path: &str| object.pointer(path).and_then(serde_json::Value::as_f64).expect("a figure");
+        assert!((figure("/volume_ml") / expected - 1.0).abs() < 0.1, "{object}: {expected} ml");
+        assert!((figure("/volume/mean") - mean).abs() < 30.0, "{object}: {mean} HU");
+        assert!((figure("/field/mean") - figure("/volume/mean")).abs() < 30.0, "{object}");
+    }
+    // Without the volume the grid is that of the fit, so the voxels are the same.
+    let alone = folder.run(&["stats", "s.ply", "--json"]).json();
+    assert_eq!(alone["objects"][0]["voxels"], told["objects"][0]["voxels"]);
+    assert!(alone["objects"][0].get("volume").is_none());
+    let text = folder.run(&["stats", "s.ply", "--volume", "ct.nii.gz"]).out;
+    assert!(text.contains("volume, ml") && text.contains("left"), "{text}");
+}
+
 /// What is probably not meant is told; where nobody can answer it is done all the same.
 #[test]
 fn a_mask_of_another_scan_and_too_many_splats_are_doubted() {

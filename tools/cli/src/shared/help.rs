@@ -6,7 +6,7 @@ use clap::{Arg, Command};
 const TASKS: &[(&str, &[&str])] = &[
     ("From a scan to splats", &["info", "fit"]),
     ("To look at", &["view", "render"]),
-    ("To measure", &["eval", "compare", "rasterize"]),
+    ("To measure", &["stats", "eval", "compare", "rasterize"]),
     ("To set up and to try", &["devices", "phantom", "completions", "man"]),
 ];
 
