@@ -1,13 +1,14 @@
 //! Structures as contours (RTSTRUCT): polygons in the planes of the slices, in mm.
 //!
 //! A voxel is inside if its centre is, by the even-odd rule of all contours of the structure in its plane, so a
-//! contour within another one is a hole. Each slice takes the contours that lie nearest to it, up to half the
+//! contour within another one is a hole. A centre on a contour is inside: programs that make contours of masks
+//! lead them through the centres of the outermost voxels. Each slice takes the contours that lie nearest to it, up to half the
 //! usual distance of contours away.
 //! Format: <https://dicom.nema.org/medical/dicom/current/output/chtml/part03/sect_C.8.8.6.html>.
 
 use dicom_dictionary_std::tags;
 use dicom_object::{DefaultDicomObject, InMemDicomObject};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::header::{items, numbers, text, whole};
 use super::location::Location;
@@ -176,11 +177,13 @@ fn across(contours: &[Contour]) -> Option<usize> {
     (0..3).min_by(|&a, &b| extent(a).sum::<f64>().total_cmp(&extent(b).sum::<f64>()))
 }
 
-/// Calls `add` for the voxels of a slice across `axis` whose centres are inside an odd number of contours.
+/// Calls `add` for the voxels of a slice across `axis` whose centres are inside an odd number of contours, or
+/// on one.
 fn fill_slice(contours: &[&Contour], axis: usize, slice: usize, grid: &Grid, mut add: impl FnMut(usize)) {
     let [u, v] = [[1, 2], [0, 2], [0, 1]][axis];
     let strides = [1, grid.size[0], grid.size[0] * grid.size[1]];
     let [columns, rows] = [grid.size[u], grid.size[v]];
+    let index = |column: usize, row: usize| column * strides[u] + row * strides[v] + slice * strides[axis];
     let ends = || contours.iter().flat_map(|contour| contour.iter().map(|p| p[v]));
     let low = ends().fold(f64::INFINITY, f64::min).ceil().max(0.0);
     let high = ends().fold(f64::NEG_INFINITY, f64::max).floor().min(rows as f64 - 1.0);
@@ -201,9 +204,38 @@ fn fill_slice(contours: &[&Contour], axis: usize, slice: usize, grid: &Grid, mut
             let from = pair[0].ceil().clamp(0.0, columns as f64) as usize;
             let to = pair[1].ceil().clamp(0.0, columns as f64) as usize;
             for column in from..to {
-                add(column * strides[u] + row as usize * strides[v] + slice * strides[axis]);
+                add(index(column, row as usize));
             }
         }
         row += 1.0;
+    }
+    for contour in contours {
+        let previous = contour.iter().cycle().skip(contour.len() - 1);
+        for (a, b) in previous.zip(contour.iter()) {
+            let edge = [[a[u], a[v]], [b[u], b[v]]].map(DVec2::from_array);
+            on_edge(edge, [columns, rows], |column, row| add(index(column, row)));
+        }
+    }
+}
+
+/// Calls `add` for the pixels of a slice of this size whose centres are on an edge of a contour.
+fn on_edge([a, b]: [DVec2; 2], size: [usize; 2], mut add: impl FnMut(usize, usize)) {
+    // Along the longer side of the edge there is at most one pixel for each step.
+    let along = usize::from((b - a).abs().y > (b - a).abs().x);
+    let across = 1 - along;
+    let length = b[along] - a[along];
+    let last = size.map(|n| n as f64 - 1.0);
+    let end = (a[along].max(b[along]) + ROUNDING).floor().min(last[along]);
+    let mut step = (a[along].min(b[along]) - ROUNDING).ceil().max(0.0);
+    while step <= end {
+        let share = if length == 0.0 { 0.0 } else { ((step - a[along]) / length).clamp(0.0, 1.0) };
+        let at = a[across] + share * (b[across] - a[across]);
+        let pixel = at.round();
+        if (at - pixel).abs() <= ROUNDING && (0.0..=last[across]).contains(&pixel) {
+            let mut place = [0; 2];
+            (place[along], place[across]) = (step as usize, pixel as usize);
+            add(place[0], place[1]);
+        }
+        step += 1.0;
     }
 }

@@ -333,7 +333,11 @@ fn contours_are_the_voxels_whose_centres_they_enclose() {
 fn structure_sets_that_cannot_be_read_are_refused() {
     let whole = vec![rectangle([0.0, 0.0], [3.0, 2.0], 1.0)];
     let alone = structure_set(&[(0, "a", whole.clone())]);
-    assert_eq!(mask(&alone, "").unwrap().1.voxel_count(), 6, "numbered anew: 0 is no label");
+    assert_eq!(
+        mask(&alone, "").unwrap().1.voxel_count(),
+        12,
+        "centres on the contour are inside; numbered anew: 0 is no label"
+    );
     let error: Error = read_bytes("a.dcm", &alone.bytes()).unwrap_err();
     assert!(error.code == "VGS-DCM-018" && error.help.contains("--roi"), "{error}");
     let across = vec![DVec3::ZERO, DVec3::new(3.0, 0.0, 2.0), DVec3::new(0.0, 2.0, 4.0)];
