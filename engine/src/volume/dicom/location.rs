@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use dicom_object::{DefaultDicomObject, OpenFileOptions, Tag};
+use flate2::read::DeflateDecoder;
 use zip::ZipArchive;
 use zip::result::ZipError;
 
@@ -17,6 +18,12 @@ use crate::{Error, Kind, Result};
 /// The most bytes before the pixels of a file in a zip; the header of an enhanced file of ten thousand frames
 /// has some twenty million.
 const MOST_HEADER_BYTES: u64 = 1 << 28;
+/// Transfer syntax of files whose elements are packed as a whole.
+const DEFLATED: &[u8] = b"1.2.840.10008.1.2.1.99";
+/// Tag, type and length of the first element, which says how long its group is.
+const GROUP_LENGTH: &[u8] = b"\x02\0\0\0UL\x04\0";
+/// The longest first group that is searched; those of real files have some hundred bytes.
+const MOST_META_BYTES: u64 = 1 << 16;
 /// Beginning of a zip.
 const ZIP_MAGIC: &[u8] = b"PK\x03\x04";
 
@@ -44,6 +51,30 @@ impl Location {
     /// Creates the location of a file on disk.
     pub fn on_disk(path: impl Into<PathBuf>) -> Self {
         Location { path: path.into(), member: None }
+    }
+
+    /// Refuses a file whose elements are packed as a whole (deflated) and unpack to more than `max_bytes`. They
+    /// are unpacked here once, into nothing, since nothing else bounds what a reader of them takes.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] if it is too large; [`Kind::Io`].
+    pub fn check_packed(&self, max_bytes: u64) -> Result<()> {
+        let failed = |e: io::Error| Error::io(&self.path, "reading", &e);
+        let unpacked = match &self.member {
+            None => unpacked_size(File::open(&self.path).map_err(failed)?, max_bytes),
+            Some((archive, index)) => {
+                let mut zip = archive.lock();
+                unpacked_size(zip.by_index(*index).map_err(|e| archive.failed(&self.path, e))?, max_bytes)
+            }
+        };
+        // Damage is told by the reader.
+        if unpacked.unwrap_or(0) <= max_bytes {
+            return Ok(());
+        }
+        let message = format!("unpacks to more than the limit of {max_bytes} bytes");
+        Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
+            .file(&self.path)
+            .help("if the size is right, raise the limit with --max-bytes"))
     }
 
     /// Reads the file, or its elements before `until`. Of a file in a zip no more is unpacked than the zip
@@ -78,6 +109,25 @@ impl Location {
         drop(zip);
         options.from_reader(bytes.as_slice()).map_err(|e| damaged(&self.path, &e))
     }
+}
+
+/// Returns how many bytes the elements of a deflated file unpack to, up to `most` and one more; 0 for any other
+/// file.
+fn unpacked_size(mut file: impl Read, most: u64) -> io::Result<u64> {
+    // Magic, then the length of the first group of elements, which is never packed.
+    let mut head = [0; MAGIC_AT + 4 + 12];
+    file.read_exact(&mut head)?;
+    let (tag, length) = head[MAGIC_AT + 4..].split_at(8);
+    let length = u64::from(u32::from_le_bytes([length[0], length[1], length[2], length[3]]));
+    if !sniff(&head) || tag != GROUP_LENGTH || length > MOST_META_BYTES {
+        return Ok(0);
+    }
+    let mut meta = Vec::new();
+    file.by_ref().take(length).read_to_end(&mut meta)?;
+    if !meta.windows(DEFLATED.len()).any(|window| window == DEFLATED) {
+        return Ok(0);
+    }
+    io::copy(&mut DeflateDecoder::new(file).take(most.saturating_add(1)), &mut io::sink())
 }
 
 /// Returns the error of a file that the library cannot read.

@@ -95,6 +95,7 @@ fn find(path: &Path, options: &ReadOptions) -> Result<Found> {
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let location = Location::on_disk(path);
+    location.check_packed(options.max_bytes)?;
     match read_header(&location)? {
         Err(Skipped::Directory) => found(folder, &dicom_files(folder)?, options),
         Err(Skipped::Structures(kind)) => Ok(Found::Structures(location, kind)),
@@ -112,7 +113,10 @@ fn find(path: &Path, options: &ReadOptions) -> Result<Found> {
 }
 
 fn found(folder: &Path, files: &[Location], options: &ReadOptions) -> Result<Found> {
-    let contents: Vec<Result<Content>> = files.par_iter().map(read_header).collect();
+    let contents: Vec<Result<Content>> = files
+        .par_iter()
+        .map(|file| file.check_packed(options.max_bytes).and_then(|()| read_header(file)))
+        .collect();
     let (mut frames, mut skipped, mut structures) = (Vec::new(), Vec::new(), Vec::new());
     for (content, location) in contents.into_iter().zip(files) {
         match content {
