@@ -56,10 +56,8 @@ Examples:
             "tf",
             "camera",
             "size",
-            "background",
             "clip",
             "object",
-            "object_colours",
             "turntable",
         ],
         examples: "\
