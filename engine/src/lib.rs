@@ -16,6 +16,7 @@
 //! reference  the f64 reference implementation of every kernel; never gpu
 //! budget   which quality frames can afford, from the times of those that have finished; pure, uses nothing
 //! output   files that appear whole or not at all; used by all that write
+//! names    the name that a mistyped one stands for; used by all that have names
 //! memory   how much of the host there is; asked before what a flag or a file sizes is taken
 //! ```
 //!
@@ -33,6 +34,7 @@ pub mod fit;
 pub mod gpu;
 pub mod image;
 pub mod memory;
+pub mod names;
 pub mod output;
 pub mod passes;
 pub mod reference;

@@ -8,6 +8,7 @@ use super::settings::Settings;
 use super::slab::Slab;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
+use crate::names;
 
 /// A row of [`MODES`].
 pub struct ModeRow {
@@ -74,8 +75,11 @@ pub static MODES: [ModeRow; 5] = [
 /// Returns the row of the mode called `name`.
 pub fn mode(name: &str) -> Result<&'static ModeRow> {
     MODES.iter().find(|m| m.name == name).ok_or_else(|| {
-        let names: Vec<_> = MODES.iter().map(|m| m.name).collect();
-        Error::new(Kind::Usage, "VGS-RENDER-002", format!("there is no mode {name:?}"))
-            .help(format!("modes are {}", names.join(", ")))
+        let known: Vec<_> = MODES.iter().map(|m| m.name).collect();
+        Error::new(Kind::Usage, "VGS-RENDER-002", format!("there is no mode {name:?}")).help(format!(
+            "{}modes are {}",
+            names::meant(name, known.iter().copied()),
+            known.join(", ")
+        ))
     })
 }

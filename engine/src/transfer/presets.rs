@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::{ColourPoint, MAX_INTENSITY, Material, OpacityPoint, TransferFunction};
 use crate::error::{Error, Kind, Result};
+use crate::names;
 
 /// The unit of a preset's intensities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -267,40 +268,8 @@ pub fn preset(name: &str) -> Result<&'static Preset> {
 
 /// Returns advice for a user who asked for an unknown preset.
 pub(super) fn known_names(asked: &str) -> String {
-    let names: Vec<_> = PRESETS.iter().map(|p| p.name).collect();
-    let known = format!("presets are {}", names.join(", "));
-    match nearest(asked, names.iter().copied()) {
-        Some(name) => format!("did you mean {name}? {known}"),
-        None => known,
-    }
-}
-
-/// Returns the name that is the fewest typing errors away, if these are fewer than half of its letters.
-pub(super) fn nearest<'a>(asked: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let asked = asked.to_lowercase();
-    if asked.len() > 64 {
-        return None;
-    }
-    let near = names.map(|name| (typing_errors(&asked, &name.to_lowercase()), name));
-    near.filter(|(errors, name)| 2 * errors < name.chars().count())
-        .min_by_key(|(errors, _)| *errors)
-        .map(|(_, n)| n)
-}
-
-/// Returns the Levenshtein distance: the number of letters to insert, delete or replace.
-fn typing_errors(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = i;
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
+    let known: Vec<_> = PRESETS.iter().map(|p| p.name).collect();
+    format!("{}presets are {}", names::meant(asked, known.iter().copied()), known.join(", "))
 }
 
 #[cfg(test)]
@@ -355,7 +324,5 @@ mod tests {
         assert!(error.help.starts_with("did you mean CT-Bone?"), "{}", error.help);
         assert!(PRESETS.iter().all(|p| error.help.contains(p.name)));
         assert!(!preset("something else").unwrap_err().help.contains("did you mean"));
-        assert_eq!(typing_errors("kitten", "sitting"), 3);
-        assert_eq!(typing_errors("", "abc"), 3);
     }
 }

@@ -1,11 +1,11 @@
 //! The file formats of volumes.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::read_options::ReadOptions;
 use super::source::Source;
 use super::volume::Volume;
-use super::{dicom, inv3, metaimage, nifti, npy, nrrd};
+use super::{Grid, LabelChoice, dicom, inv3, metaimage, nifti, npy, nrrd};
 use crate::{Error, Kind, Result};
 
 /// A file format that [`Volume::read`] knows.
@@ -17,13 +17,24 @@ pub struct Format {
     /// Returns true if the first [`SNIFF_BYTES`] decoded bytes (fewer in a shorter file) are of this format.
     sniff: fn(&[u8]) -> bool,
     read: fn(&Path, &ReadOptions) -> Result<Volume>,
+    /// Returns the file beside a header that holds its voxels, if there is one.
+    beside: fn(&Path) -> Option<PathBuf>,
 }
 
 /// Number of bytes of a file that are examined to recognise it.
 pub const SNIFF_BYTES: usize = 1024;
 
-const DICOM: Format =
-    Format { name: dicom::NAME, extensions: &[".dcm", ".ima"], sniff: dicom::sniff, read: dicom::read };
+const DICOM: Format = Format {
+    name: dicom::NAME,
+    extensions: &[".dcm", ".ima"],
+    sniff: dicom::sniff,
+    read: dicom::read,
+    beside: nothing_beside,
+};
+
+fn nothing_beside(_: &Path) -> Option<PathBuf> {
+    None
+}
 
 /// All formats; a format is chosen by the content, and by the name only if the content is not recognised.
 pub const FORMATS: &[Format] = &[
@@ -32,17 +43,44 @@ pub const FORMATS: &[Format] = &[
         extensions: &[".nii", ".nii.gz", ".hdr", ".hdr.gz", ".img", ".img.gz"],
         sniff: nifti::sniff,
         read: nifti::read,
+        beside: nifti::beside,
     },
     DICOM,
-    Format { name: inv3::NAME, extensions: &[".inv3"], sniff: inv3::sniff, read: inv3::read },
-    Format { name: "NRRD", extensions: &[".nrrd", ".nhdr"], sniff: nrrd::sniff, read: nrrd::read },
+    Format {
+        name: inv3::NAME,
+        extensions: &[".inv3"],
+        sniff: inv3::sniff,
+        read: inv3::read,
+        beside: nothing_beside,
+    },
+    Format {
+        name: "NRRD",
+        extensions: &[".nrrd", ".nhdr"],
+        sniff: nrrd::sniff,
+        read: nrrd::read,
+        beside: nrrd::beside,
+    },
     Format {
         name: "MetaImage",
         extensions: &[".mha", ".mhd"],
         sniff: metaimage::sniff,
         read: metaimage::read,
+        beside: metaimage::beside,
     },
-    Format { name: "NumPy array", extensions: &[".npy"], sniff: npy::sniff, read: npy::read },
+    Format {
+        name: npy::NAME,
+        extensions: &[".npy"],
+        sniff: npy::sniff,
+        read: npy::read,
+        beside: nothing_beside,
+    },
+    Format {
+        name: dicom::ZIP_NAME,
+        extensions: &[".zip"],
+        sniff: dicom::is_zip,
+        read: dicom::read,
+        beside: nothing_beside,
+    },
 ];
 
 impl Format {
@@ -72,6 +110,13 @@ impl Format {
     }
 }
 
+/// Returns the files that make up a volume file: the file itself, and the one with its voxels where a header
+/// names it (`.nhdr`, `.mhd`, `.hdr`, `.img`). A file that cannot be read is returned alone.
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let beside = Format::of(path, &ReadOptions::default()).ok().and_then(|format| (format.beside)(path));
+    std::iter::once(path.to_owned()).chain(beside).collect()
+}
+
 impl Volume {
     /// Reads a volume in any of the [`FORMATS`], or the DICOM series in a folder. Oddities that do not
     /// prevent reading are logged as warnings.
@@ -82,5 +127,27 @@ impl Volume {
     pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Volume> {
         let path = path.as_ref();
         (Format::of(path, options)?.read)(path, options)
+    }
+
+    /// Reads a mask of `volume`: any volume, and the structures of DICOM segmentations and structure sets. Of
+    /// structures that overlap only those of `labels` are read; contours become voxels of the volume's grid.
+    /// Index and series of the options choose the volume; a mask is a single one.
+    ///
+    /// # Errors
+    /// As [`Volume::read`].
+    pub fn read_mask(
+        path: impl AsRef<Path>,
+        options: &ReadOptions,
+        labels: &LabelChoice,
+        volume: &Volume,
+    ) -> Result<Volume> {
+        let options = ReadOptions {
+            volume_index: None,
+            series: None,
+            labels: labels.clone(),
+            grid: Some(Grid { size: volume.size, world_from_voxel: volume.world_from_voxel }),
+            ..*options
+        };
+        Volume::read(path, &options)
     }
 }

@@ -8,7 +8,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
 
@@ -16,7 +16,7 @@ use super::affine::{RAS_FROM_LPS, grid};
 use super::elements::{self, Element};
 use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
-use super::text_header::{Lines, check_grid, excerpt, open_beside, reals};
+use super::text_header::{Lines, check_grid, excerpt, open_beside, path_beside, reals};
 use super::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
@@ -62,6 +62,13 @@ pub(super) fn sniff(head: &[u8]) -> bool {
 /// As [`Volume::read`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
     read_volume(path, options).map_err(|e| if e.file.is_some() { e } else { e.file(path) })
+}
+
+/// Returns the file of voxels that a header names; `None` if they are in the same file.
+pub(super) fn beside(path: &Path) -> Option<PathBuf> {
+    let header = Header::read(&mut Source::open(path, true).ok()?).ok()?;
+    let name = header.field(&["elementdatafile"]).filter(|name| !name.eq_ignore_ascii_case("local"))?;
+    path_beside(path, name).ok()
 }
 
 fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {

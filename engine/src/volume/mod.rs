@@ -44,10 +44,10 @@ mod volume;
 pub(crate) use affine::spacing_of;
 pub use bricks::Bricks;
 pub use cleaning::Cleaning;
-pub use formats::{FORMATS, Format, SNIFF_BYTES};
+pub use formats::{FORMATS, Format, SNIFF_BYTES, files_of};
 pub use interpolation::trilinear;
 pub use labels::Labels;
-pub use read_options::ReadOptions;
+pub use read_options::{Grid, ReadOptions};
 pub use roi::{LabelChoice, Roi};
 pub use volume::{Stats, Volume};
 

@@ -2,13 +2,14 @@
 //!
 //! The indices of an array are [z, y, x], or [volume, z, y, x], whatever their order in memory: the last axis
 //! is x. That is what SimpleITK gives; an array of nibabel, [x, y, z], must be transposed before it is saved.
-//! The file knows no lengths and no patient: voxels are taken to be 1 mm apart, with the orientation unknown.
+//! The file knows no lengths and no patient: voxels are [`ReadOptions::spacing_mm`] apart, or taken to be 1 mm
+//! apart, with the orientation unknown.
 //! Format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 
 use super::elements::{self, Element};
 use super::payload::{Layout, Packing, Payload};
@@ -17,6 +18,8 @@ use super::text_header::excerpt;
 use super::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
+/// Name of the format.
+pub const NAME: &str = "NumPy array";
 const MAGIC: &[u8] = b"\x93NUMPY";
 /// The longest header that is read; the header of an array of numbers has about 120 bytes.
 const MAX_HEADER: usize = 1 << 20;
@@ -85,12 +88,16 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
         false => payload.samples(&layout, false, options)?,
         true => transposed(payload, &layout, size, options)?,
     };
+    let apart = match options.spacing_mm {
+        Some(mm) => format!("{} x {} x {} mm apart as was given", mm.x, mm.y, mm.z),
+        None => "1 mm apart".to_owned(),
+    };
     tracing::warn!(
-        "{}: a NumPy array has neither voxel size nor orientation: its axes are taken as [z, y, x], 1 mm apart, left \
+        "{}: a NumPy array has neither voxel size nor orientation: its axes are taken as [z, y, x], {apart}, left \
          and right cannot be told",
         path.display()
     );
-    let world_from_voxel = DAffine3::IDENTITY;
+    let world_from_voxel = DAffine3::from_scale(options.spacing_mm.unwrap_or(DVec3::ONE));
     Ok(Volume { size, world_from_voxel, samples, oriented: false, labels: BTreeMap::new() })
 }
 
@@ -238,7 +245,6 @@ fn element(descr: &str) -> Result<(&'static Element, bool)> {
 mod tests {
     use std::fs;
 
-    use glam::DVec3;
     use half::f16;
 
     use super::*;
@@ -279,6 +285,15 @@ mod tests {
 
     fn read_bytes(bytes: &[u8]) -> Result<Volume> {
         read_in(tempfile::tempdir().unwrap().path(), bytes, &options())
+    }
+
+    #[test]
+    fn distances_are_those_that_are_given() {
+        let given = ReadOptions { spacing_mm: Some(DVec3::new(0.5, 0.7, 3.0)), ..options() };
+        let folder = tempfile::tempdir().unwrap();
+        let v = read_in(folder.path(), &file(1, &head("<i2", false, "(2, 3, 4)"), &shorts(0..24)), &given);
+        let v = v.unwrap();
+        assert_eq!((v.spacing_mm(), v.oriented), (DVec3::new(0.5, 0.7, 3.0), false));
     }
 
     #[test]

@@ -44,6 +44,18 @@ pub enum LabelChoice {
     Labels(Vec<String>),
 }
 
+impl LabelChoice {
+    /// Returns true if the label of this number and name is chosen by either; `false` for all if the mask is
+    /// used as a whole.
+    pub fn names(&self, number: i32, name: &str) -> bool {
+        let LabelChoice::Labels(names) = self else { return false };
+        names.iter().any(|asked| match asked.parse::<i32>() {
+            Ok(asked) => asked == number,
+            Err(_) => asked.eq_ignore_ascii_case(name),
+        })
+    }
+}
+
 impl FromStr for LabelChoice {
     type Err = Error;
 
@@ -129,6 +141,21 @@ impl Roi {
             Grids::Differ => resample(&on_mask_grid, mask, volume)?,
         };
         Roi::new(weight, volume)
+    }
+
+    /// Returns the part of a mask that this region, which was made from it on the grid of `volume`, holds, by
+    /// their volumes in mm³: much less than 1 if most of the mask lies outside the volume or where it has no
+    /// values.
+    ///
+    /// # Errors
+    /// Those of [`Roi::from_mask`] for the mask and the labels.
+    pub fn share_of(&self, mask: &Volume, labels: &LabelChoice, volume: &Volume) -> Result<f64> {
+        let whole: f64 = mask_weights(mask, labels)?.0.iter().map(|&w| f64::from(w)).sum();
+        let voxel = |of: &Volume| of.world_from_voxel.matrix3.determinant().abs();
+        // Without orientation the grids are taken to be one, whatever their spacing.
+        let same = !mask.oriented || !volume.oriented;
+        let scale = if same { 1.0 } else { voxel(volume) / voxel(mask) };
+        Ok(self.weight_sum() * scale / whole.max(f64::MIN_POSITIVE))
     }
 
     /// Returns the voxels of `volume` with `low` ≤ sample ≤ `high` (HU for CT).
@@ -378,12 +405,31 @@ fn resample(roi: &Roi, mask: &Volume, volume: &Volume) -> Result<Vec<f32>> {
             .help("use a mask of the same scan; converters sometimes lose the origin"));
     }
     let how = if roi.soft { "linearly" } else { "by nearest voxel" };
-    tracing::warn!(
-        "the mask is on another grid ({:?} voxels) than the volume: it is resampled {how}",
-        mask.size
-    );
+    // A part of the volume's own grid, as many masks are, loses nothing.
+    if !centres_coincide(mask, volume) {
+        tracing::warn!(
+            "the mask is on another grid ({:?} voxels) than the volume: it is resampled {how}",
+            mask.size
+        );
+    }
     let weight = |i: usize| if roi.soft { roi.trilinear(place(i)) as f32 } else { roi.nearest(place(i)) };
     Ok((0..volume.len()).into_par_iter().map(|i| weight(i).clamp(0.0, 1.0)).collect())
+}
+
+/// Returns true if the centres of all voxels of a mask are centres of voxels of the volume, or would be if it
+/// went on: the axes may be turned by right angles, and the mask may be smaller or larger.
+fn centres_coincide(mask: &Volume, volume: &Volume) -> bool {
+    let volume_from_mask = volume.voxel_from_world() * mask.world_from_voxel;
+    let far = |axis: usize| (mask.size[axis] - 1) as f64;
+    (0..8).all(|corner| {
+        let end = DVec3::from_array(std::array::from_fn(|a| if corner >> a & 1 == 1 { far(a) } else { 0.0 }));
+        let at = volume_from_mask.transform_point3(end);
+        (at - at.round()).abs().max_element() <= SAME_GRID_VOXELS
+    }) && (0..3).all(|axis| {
+        let step = volume_from_mask.matrix3.col(axis).abs();
+        (step.element_sum() - 1.0).abs() <= SAME_GRID_VOXELS
+            && (step.max_element() - 1.0).abs() <= SAME_GRID_VOXELS
+    })
 }
 
 /// Returns the box of a volume in the world, as text.

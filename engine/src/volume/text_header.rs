@@ -81,6 +81,18 @@ pub(super) fn reals(text: &str) -> Option<Vec<f64>> {
 /// Opens the file of voxels that a header names. It must be in the folder of the header or below it: a header
 /// from elsewhere must not lead to other files of this machine.
 pub(super) fn open_beside(header: &Path, name: &str, lenient: bool) -> Result<(Source, PathBuf)> {
+    let path = path_beside(header, name)?;
+    let source = Source::open(&path, lenient).map_err(|e| match e.kind {
+        Kind::Missing => {
+            e.help(format!("{} says that its voxels are there: put both files together", header.display()))
+        }
+        _ => e,
+    })?;
+    Ok((source, path))
+}
+
+/// Returns the path of the file that a header names; an error if it is not below the header's folder.
+pub(super) fn path_beside(header: &Path, name: &str) -> Result<PathBuf> {
     // Windows programs write backslashes, which no one uses in a name.
     let name = name.trim().replace('\\', "/");
     let has_drive = name.as_bytes().get(1) == Some(&b':');
@@ -91,14 +103,7 @@ pub(super) fn open_beside(header: &Path, name: &str, lenient: bool) -> Result<(S
             .file(header)
             .help("put both files in one folder, and write only the name in the header"));
     }
-    let path = header.parent().unwrap_or(Path::new("")).join(name);
-    let source = Source::open(&path, lenient).map_err(|e| match e.kind {
-        Kind::Missing => {
-            e.help(format!("{} says that its voxels are there: put both files together", header.display()))
-        }
-        _ => e,
-    })?;
-    Ok((source, path))
+    Ok(header.parent().unwrap_or(Path::new("")).join(name))
 }
 
 /// Refuses an affine that is not a grid; returns notes on its oddities, as sentences.

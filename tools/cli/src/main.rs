@@ -13,10 +13,11 @@ mod shared;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use shared::console::{Console, TalkArguments};
 use shared::failure::{self, Stop};
+use shared::help;
 use shared::signals;
 use shared::version::VERSION;
 
@@ -41,9 +42,9 @@ missing, 69 no usable device, 70 fault of this program or a fit that diverged,
 75 try again (device lost or full, output locked), 130 and 143 stopped by a
 signal with what was reached written.
 
-Volumes: folders of DICOM slices, NIfTI (.nii, .nii.gz, .hdr and .img), NRRD
-(.nrrd, .nhdr), MetaImage (.mha, .mhd), NumPy arrays (.npy) and InVesalius
-projects (.inv3).
+Volumes: folders and zips of DICOM slices, NIfTI (.nii, .nii.gz, .hdr and
+.img), NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NumPy arrays (.npy) and
+InVesalius projects (.inv3). Masks also: DICOM segmentations and RT structures.
 Splats: PLY. Pictures: PNG and EXR. For looking, not for diagnosis.";
 
 #[derive(Subcommand)]
@@ -54,6 +55,7 @@ enum Command {
     Render(Box<commands::render::RenderArguments>),
     View(commands::view::ViewArguments),
     Compare(commands::compare::CompareArguments),
+    Stats(commands::stats::StatsArguments),
     Info(commands::info::InfoArguments),
     /// Lists the Vulkan devices of this machine
     Devices,
@@ -76,20 +78,27 @@ fn main() -> ExitCode {
             Command::Render(arguments) => commands::render::run(&arguments, &console),
             Command::View(arguments) => commands::view::run(&arguments, start),
             Command::Compare(arguments) => commands::compare::run(&arguments, &console),
+            Command::Stats(arguments) => commands::stats::run(&arguments, &console),
             Command::Info(arguments) => commands::info::run(&arguments, &console),
             Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
             Command::Devices => commands::devices::run(&console),
             Command::Completions(arguments) => {
-                commands::completions::run(&arguments, Cli::command(), &console)
+                commands::completions::run(&arguments, command_line(), &console)
             }
-            Command::Man(arguments) => commands::man::run(&arguments, Cli::command(), &console),
+            Command::Man(arguments) => commands::man::run(&arguments, command_line(), &console),
         }
     })
 }
 
 /// Parses the command line. Help and version are printed here and stop the program with success.
 fn parse() -> Result<Cli, Stop> {
-    Cli::try_parse().map_err(Stop::Arguments)
+    let matches = help::shortened(command_line()).try_get_matches().map_err(Stop::Arguments)?;
+    Cli::from_arg_matches(&matches).map_err(Stop::Arguments)
+}
+
+/// Returns the whole command line.
+fn command_line() -> clap::Command {
+    Cli::command()
 }
 
 #[cfg(test)]
@@ -98,6 +107,6 @@ mod tests {
 
     #[test]
     fn the_command_line_is_consistent() {
-        Cli::command().debug_assert();
+        help::shortened(command_line()).debug_assert();
     }
 }

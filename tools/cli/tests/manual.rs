@@ -5,13 +5,14 @@ mod support;
 use support::Folder;
 
 /// The commands that users type.
-const COMMANDS: [&str; 11] = [
+const COMMANDS: [&str; 12] = [
     "fit",
     "eval",
     "rasterize",
     "render",
     "view",
     "compare",
+    "stats",
     "info",
     "devices",
     "phantom",
@@ -39,6 +40,25 @@ fn completions_know_every_command_and_the_flags() {
     }
     let json = folder.run(&["completions", "bash", "--json"]).json();
     assert_eq!((json["shell"].as_str(), json["script"].as_str()), (Some("bash"), Some(bash.as_str())));
+}
+
+#[test]
+fn the_short_help_fits_a_screen_and_the_long_one_has_everything() {
+    let folder = Folder::new(8);
+    let top = folder.run(&["-h"]).out;
+    for command in COMMANDS {
+        assert!(top.contains(&format!("  {command} ")), "{command} in {top}");
+    }
+    assert!(top.lines().count() <= 40, "{} lines: {top}", top.lines().count());
+    assert!(folder.run(&["--help"]).out.contains("Exit codes"));
+    for command in ["fit", "render", "eval"] {
+        let short = folder.run(&[command, "-h"]).out;
+        let lines = short.lines().count();
+        assert!(lines <= 55, "{command}: {lines} lines: {short}");
+        assert!(short.contains(&format!("`vgs {command} --help`")) && short.contains("Examples:"), "{short}");
+    }
+    assert!(!folder.run(&["fit", "-h"]).out.contains("--adam-epsilon"));
+    assert!(folder.run(&["fit", "--help"]).out.contains("--adam-epsilon"));
 }
 
 #[test]

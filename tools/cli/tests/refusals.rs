@@ -104,6 +104,30 @@ const ROWS: &[RefusalRow] = &[
         says: &["--roi", "cannot be used with", "--roi-largest"],
     },
     RefusalRow {
+        name: "a mask of a picture is not cleaned either",
+        arguments: &["render", "ct.nii.gz", "--roi", "mask.nii.gz", "--roi-fill", "-o", "x.png"],
+        exit: 2,
+        says: &["--roi", "cannot be used with", "--roi-fill"],
+    },
+    RefusalRow {
+        name: "distances of voxels that the file has",
+        arguments: &["eval", "away.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--voxel-mm", "2"],
+        exit: 2,
+        says: &["VGS-CLI-120", "ct.nii.gz: --voxel-mm is for files that do not say"],
+    },
+    RefusalRow {
+        name: "a series of no folder",
+        arguments: &["view", "--series", "3"],
+        exit: 2,
+        says: &["VGS-CLI-121", "--series is one of a DICOM folder"],
+    },
+    RefusalRow {
+        name: "a mistyped quality",
+        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "--quality", "fien", "-o", "x.ply"],
+        exit: 2,
+        says: &["VGS-CFG-015", "did you mean fine?"],
+    },
+    RefusalRow {
         name: "a threshold has no labels",
         arguments: &["fit", "ct.nii.gz", "--roi-threshold", "0,1", "--roi-label", "5", "-o", "x.ply"],
         exit: 2,

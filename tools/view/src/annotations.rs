@@ -1,18 +1,44 @@
 //! Paints annotations over the picture: the patient's sides, the scale, distances, handles and the line of
 //! the split.
 
+use std::cmp::Ordering;
+
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
 use engine::image::{annotate::scale_bar, orientation_labels};
+use engine::transfer::TransferFunction;
 use glam::{DVec2, DVec3};
 
+use crate::cube;
 use crate::handles::{Handle, Placed, edges, handles, outline};
 use crate::orbit::Orbit;
 use crate::panels::status::Reading;
 use crate::state::{Clip, Distance, ViewState};
-use crate::theme::{ACCENT, SIGNAL};
+use crate::theme::{ACCENT, SIGNAL, screen};
 
 /// Distance to the border of the picture, points of the screen.
 const MARGIN: f32 = 10.0;
+
+/// Length of an edge of the cube, points of the screen.
+const CUBE: f32 = 40.0;
+/// Width and greatest height of the colour bar, points of the screen.
+const BAR: [f32; 2] = [12.0, 150.0];
+/// Space below the colour bar, where the scale bar is, points of the screen.
+const BELOW_BAR: f32 = 64.0;
+/// Number of steps in which the colour bar is painted.
+const STEPS: usize = 64;
+
+/// Returns the place of the orientation cube in the lower right corner of a picture, points of the screen.
+pub fn cube_place(picture: Rect) -> Rect {
+    let reach = cube::REACH as f32 * CUBE;
+    Rect::from_min_size(picture.right_bottom() - vec2(reach, reach), vec2(reach, reach))
+        .translate(vec2(-MARGIN, -MARGIN))
+}
+
+/// Converts a place of the screen to one of the cube.
+pub fn in_cube(picture: Rect, at: Pos2) -> DVec2 {
+    let from = (at - cube_place(picture).center()) / (0.5 * CUBE);
+    DVec2::new(f64::from(from.x), f64::from(from.y))
+}
 
 /// Picture that is painted over.
 pub struct PictureOverlay<'a> {
@@ -32,6 +58,9 @@ impl PictureOverlay<'_> {
     pub fn annotations(&self, state: &ViewState, oriented: bool) {
         if state.show.orientation && oriented {
             self.letters();
+        }
+        if state.show.cube && oriented {
+            self.cube();
         }
         if state.show.scale_bar {
             self.scale();
@@ -69,6 +98,60 @@ impl PictureOverlay<'_> {
             }
         }
         self.text(from - vec2(0.0, 9.0), Align2::LEFT_BOTTOM, &text, 13.0, Color32::WHITE);
+    }
+
+    /// Paints the cube whose faces are the patient's sides.
+    fn cube(&self) {
+        let middle = cube_place(self.rect).center();
+        let at = |p: DVec2| middle + vec2(p.x as f32, p.y as f32) * (0.5 * CUBE);
+        for face in cube::faces(self.orbit) {
+            let grey = (90.0 + 90.0 * face.towards) as u8;
+            let corners = face.corners.map(at).to_vec();
+            let edge = Stroke::new(1.0, Color32::BLACK);
+            self.painter.add(Shape::convex_polygon(corners, Color32::from_gray(grey), edge));
+            // A letter on a face that is seen from its edge would lie over its neighbours.
+            if face.towards > 0.3 {
+                let size = (9.0 + 6.0 * face.towards) as f32;
+                self.text(
+                    at(face.middle),
+                    Align2::CENTER_CENTER,
+                    &face.letter().to_string(),
+                    size,
+                    Color32::WHITE,
+                );
+            }
+        }
+    }
+
+    /// Paints the colours of the intensities that a transfer function shows, as far as there are any in
+    /// `range`, with the least, the middle and the greatest of them in `unit`.
+    pub fn colour_bar(&self, function: &TransferFunction, range: [f64; 2], unit: &str) {
+        let Some([low, high]) = function.visible() else { return };
+        // Where the function goes on without end, its last control point is the end of its colours.
+        let extent = function.extent();
+        let [low, high] =
+            [if low.is_finite() { low } else { extent[0] }, if high.is_finite() { high } else { extent[1] }];
+        let (low, high) = (low.max(range[0]), high.min(range[1]));
+        let height = BAR[1].min(0.25 * self.rect.height());
+        if low.partial_cmp(&high) != Some(Ordering::Less) || height < 40.0 {
+            return;
+        }
+        let foot = self.rect.left_bottom() + vec2(MARGIN, -BELOW_BAR);
+        let bar = Rect::from_min_max(foot - vec2(0.0, height), foot + vec2(BAR[0], 0.0));
+        let step = height / STEPS as f32;
+        for i in 0..STEPS {
+            let intensity = low + (high - low) * (i as f64 + 0.5) / STEPS as f64;
+            let top = bar.bottom() - (i + 1) as f32 * step;
+            let row = Rect::from_min_size(pos2(bar.left(), top), vec2(bar.width(), step + 0.5));
+            self.painter.rect_filled(row, 0.0, screen(function.at(intensity).0));
+        }
+        let edge = Stroke::new(1.0, Color32::from_gray(200));
+        self.painter.rect_stroke(bar, 0.0, edge, egui::StrokeKind::Outside);
+        for (share, unit) in [(0.0, ""), (0.5, ""), (1.0, unit)] {
+            let at = pos2(bar.right() + 5.0, bar.bottom() - share as f32 * height);
+            let text = format!("{:.0}{unit}", low + share * (high - low));
+            self.text(at, Align2::LEFT_CENTER, &text, 12.0, Color32::WHITE);
+        }
     }
 
     /// Paints the line between splats and volume at `share` of the width, with its grip and the names of both

@@ -9,14 +9,15 @@
 //! ```text
 //! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, report, settings, panel_info, actions -> state
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
-//! app -> history, handles          annotations -> handles          prompt, annotations -> state, theme
+//! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
 //! app, handles, annotations, panels -> state -> orbit, transfer          app -> settings, editor, transfer
 //! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
 //! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit
 //! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function
 //! actions   what a user may ask for, with its keys; `settings` what is remembered from start to start
-//! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts
+//! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts; `cube` of the
+//!           patient's sides
 //! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `annotations` are over the picture
 //! panel_info     what panels are told anew for each frame
 //! app       the viewer without its window: puts the panels together
@@ -33,6 +34,7 @@ pub mod app;
 #[cfg(feature = "window")]
 pub mod canvas;
 pub mod composer;
+pub mod cube;
 pub mod editor;
 pub mod export;
 pub mod handles;

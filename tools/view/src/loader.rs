@@ -115,6 +115,8 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
             sorted.files.roi = Some(path.clone());
         } else if is_volume {
             sorted.files.volume = Some(path.clone());
+            // Series are those of one folder.
+            sorted.files.series = None;
         } else {
             let volumes: Vec<_> = volume_endings().collect();
             return Err(Error::new(Kind::Usage, "VGS-VIEW-020", "not a file that can be shown")
@@ -125,6 +127,7 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
     if sorted.files.roi.is_some() && sorted.files.volume.is_none() {
         // A mask alone is shown as a volume.
         sorted.files.volume = sorted.files.roi.take();
+        sorted.files.series = None;
     }
     Ok(sorted)
 }
@@ -175,15 +178,16 @@ impl Loader {
         self.turn += 1;
         self.doing.clear();
         let turn = self.turn;
-        let (splats, volume, roi) = (files.splats.clone(), files.volume.clone(), files.roi.clone());
-        if splats != had.splats && !splats.is_empty() {
-            let (volume, roi) = (volume.clone(), roi.clone());
-            self.spawn(turn, move |tell| tell.splats(&splats, volume.as_deref(), roi.as_deref()));
+        if files.splats != had.splats && !files.splats.is_empty() {
+            let files = files.clone();
+            self.spawn(turn, move |tell| tell.splats(&files));
         }
-        if let Some(volume) = volume
-            && (Some(&volume), &roi) != (had.volume.as_ref(), &had.roi)
+        let of_volume = |files: &Files| (files.volume.clone(), files.series.clone(), files.roi.clone());
+        if let Some(volume) = files.volume.clone()
+            && of_volume(files) != of_volume(had)
         {
-            self.spawn(turn, move |tell| tell.volume(&volume, roi.as_deref()));
+            let files = files.clone();
+            self.spawn(turn, move |tell| tell.volume(&volume, &files));
         }
     }
 
@@ -289,9 +293,9 @@ impl Teller {
         value
     }
 
-    fn splats(&self, paths: &[PathBuf], volume: Option<&Path>, roi: Option<&Path>) {
+    fn splats(&self, files: &Files) {
         let sets = self.reading("reading splats".to_owned(), Subject::Splats, || {
-            let sets = paths.iter().map(|path| Ok((path.clone(), read_splats(path, volume, roi)?)));
+            let sets = files.splats.iter().map(|path| Ok((path.clone(), read_splats(path, files)?)));
             LoadedSplats::join(sets.collect::<Result<_>>()?).map(Arc::new)
         });
         let Some(splats) = sets else { return };
@@ -304,10 +308,10 @@ impl Teller {
         self.say(Message::Loaded(Loaded::Probe(probe)));
     }
 
-    fn volume(&self, path: &Path, roi: Option<&Path>) {
+    fn volume(&self, path: &Path, files: &Files) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let shown =
-            self.reading(format!("reading {name}"), Subject::Volume, || read_volume(path, roi).map(Arc::new));
+        let read = || read_volume(path, files).map(Arc::new);
+        let shown = self.reading(format!("reading {name}"), Subject::Volume, read);
         let Some(shown) = shown else { return };
         self.say(Message::Loaded(Loaded::Volume(Arc::clone(&shown))));
         let histogram = self.during(format!("counting intensities of {name}"), || {
@@ -318,20 +322,22 @@ impl Teller {
 }
 
 /// Reads a splat set; volume and region are read only if it needs them to be placed.
-fn read_splats(path: &Path, volume: Option<&Path>, roi: Option<&Path>) -> Result<SplatSet> {
+fn read_splats(path: &Path, files: &Files) -> Result<SplatSet> {
     let splats = splat::read_some(path)?;
-    let shown =
-        volume.filter(|_| splats.needs_volume()).map(|volume| read_volume(volume, roi)).transpose()?;
+    let volume = files.volume.as_ref().filter(|_| splats.needs_volume());
+    let shown = volume.map(|volume| read_volume(volume, files)).transpose()?;
     splats.placed(shown.map(|shown| place(&shown.volume, shown.roi.as_ref())).as_ref())
 }
 
-fn read_volume(path: &Path, roi: Option<&Path>) -> Result<LoadedVolume> {
-    let options = ReadOptions::default();
+fn read_volume(path: &Path, files: &Files) -> Result<LoadedVolume> {
+    let options = ReadOptions { series: files.series.clone(), ..ReadOptions::default() };
     let volume = Volume::read(path, &options)?;
-    let roi = roi
+    let roi = files
+        .roi
+        .as_deref()
         .map(|mask| {
             let named = |e: Error| if e.file.is_some() { e } else { e.file(mask) };
-            Volume::read(mask, &options)
+            Volume::read_mask(mask, &options, &LabelChoice::Whole, &volume)
                 .and_then(|mask| Roi::from_mask(&mask, &LabelChoice::Whole, &volume))
                 .map_err(named)
         })
@@ -407,11 +413,12 @@ mod tests {
         let layout = splat::PlyLayout::named("reference").expect("a layout");
         let place = Some(place(&volume, Some(&whole)));
         splat::write_as(&ply, &set, &splat::WriteOptions { layout, place, force: false }).unwrap();
-        let read = read_splats(&ply, Some(&ct), None).unwrap();
+        let with_volume = Files { volume: Some(ct), ..Files::default() };
+        let read = read_splats(&ply, &with_volume).unwrap();
         let mean = read.splats[0].mean.map(f64::from);
         let apart = glam::DVec3::from_array(mean) + read.origin_mm - glam::DVec3::new(103.0, -46.0, 12.0);
         assert!(apart.length() < 1e-4 && read.splats[0].intensity == 40.0, "{read:?}");
-        let error = read_splats(&ply, None, None).unwrap_err();
+        let error = read_splats(&ply, &Files::default()).unwrap_err();
         assert!(error.code == "VGS-PLY-026" && error.help.contains("vgs view"), "{error}");
     }
 }

@@ -47,6 +47,7 @@ fn copy(subject: Subject, from: &Files, to: &mut Files) {
         Subject::Splats => to.splats.clone_from(&from.splats),
         Subject::Volume => {
             to.volume.clone_from(&from.volume);
+            to.series.clone_from(&from.series);
             to.roi.clone_from(&from.roi);
         }
     }

@@ -136,6 +136,12 @@ impl Prompt {
             if done || (good && !force && (entered || double)) {
                 answer = Answer::Do(self.action(path.clone(), force));
             }
+            if self.purpose == Purpose::Open && path.is_dir() {
+                let button = ui.button("Open the folder");
+                if button.on_hover_text("as a scan: all DICOM slices in it are one volume").clicked() {
+                    answer = Answer::Do(self.action(path.clone(), false));
+                }
+            }
             if ui.button("Cancel").clicked() {
                 answer = Answer::Cancelled;
             }

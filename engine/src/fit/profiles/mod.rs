@@ -3,6 +3,7 @@
 
 use super::FitConfig;
 use crate::error::{Error, Kind, Result};
+use crate::names;
 
 /// A named set of hyper-parameters, a row of [`PROFILES`].
 pub struct Profile {
@@ -42,9 +43,12 @@ impl Profile {
     /// Returns the profile called `name`; if there is none, fails with the list of names.
     pub fn named(name: &str) -> Result<&'static Profile> {
         PROFILES.iter().find(|row| row.name == name).ok_or_else(|| {
-            let names = PROFILES.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
-            Error::new(Kind::Usage, "VGS-CFG-010", format!("there is no profile {name:?}"))
-                .help(format!("profiles: {names}"))
+            let known: Vec<_> = PROFILES.iter().map(|row| row.name).collect();
+            Error::new(Kind::Usage, "VGS-CFG-010", format!("there is no profile {name:?}")).help(format!(
+                "{}profiles: {}",
+                names::meant(name, known.iter().copied()),
+                known.join(", ")
+            ))
         })
     }
 

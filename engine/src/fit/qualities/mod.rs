@@ -9,6 +9,7 @@ use serde::Deserialize;
 
 use super::FitConfig;
 use crate::error::{Error, Kind, Result};
+use crate::names;
 
 /// Number of iterations after which the error of a fit predicts its final error:
 /// [`QualityPreset::rmse_of_early`].
@@ -74,9 +75,12 @@ impl QualityPreset {
     /// Returns the quality called `name`; if there is none, fails with the list of names.
     pub fn named(name: &str) -> Result<&'static QualityPreset> {
         QUALITIES.iter().find(|row| row.name == name).ok_or_else(|| {
-            let names = QUALITIES.iter().map(|row| row.name).collect::<Vec<_>>().join(", ");
-            Error::new(Kind::Usage, "VGS-CFG-015", format!("there is no quality {name:?}"))
-                .help(format!("qualities: {names}"))
+            let known: Vec<_> = QUALITIES.iter().map(|row| row.name).collect();
+            Error::new(Kind::Usage, "VGS-CFG-015", format!("there is no quality {name:?}")).help(format!(
+                "{}qualities: {}",
+                names::meant(name, known.iter().copied()),
+                known.join(", ")
+            ))
         })
     }
 

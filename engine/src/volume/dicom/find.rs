@@ -1,10 +1,12 @@
-//! The DICOM files of a folder.
+//! The DICOM files of a folder or a zip.
 
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use super::location::{self, Location, is_zip};
 use super::{MAGIC, MAGIC_AT, sniff};
+use crate::volume::ReadOptions;
 use crate::{Error, Kind, Result};
 
 /// Levels of nested folders that are searched.
@@ -17,16 +19,37 @@ const MOST_FILES: usize = 100_000;
 ///
 /// # Errors
 /// [`Kind::BadData`] if there is none or the folder holds far too many files, and [`Kind::Io`].
-pub(super) fn dicom_files(folder: &Path) -> Result<Vec<PathBuf>> {
+pub(super) fn dicom_files(folder: &Path) -> Result<Vec<Location>> {
     files_within(folder, DEEPEST)
 }
 
 /// Returns the DICOM files of a folder as [`dicom_files`] does, without those of its subfolders.
-pub(super) fn dicom_files_beside(folder: &Path) -> Result<Vec<PathBuf>> {
+pub(super) fn dicom_files_beside(folder: &Path) -> Result<Vec<Location>> {
     files_within(folder, 0)
 }
 
-fn files_within(folder: &Path, depth: usize) -> Result<Vec<PathBuf>> {
+/// Returns the DICOM files of a zip, in the order of their names.
+///
+/// # Errors
+/// [`Kind::BadData`] if there is none, or the zip is damaged, encrypted or too large; [`Kind::Io`].
+pub(super) fn zipped_dicom_files(path: &Path, options: &ReadOptions) -> Result<Vec<Location>> {
+    let (count, files) = location::members(path, MOST_FILES, options)?;
+    if files.is_empty() {
+        let message = format!("none of the {count} files in the zip is DICOM");
+        return Err(Error::new(Kind::BadData, "VGS-DCM-001", message)
+            .file(path)
+            .help("unpack the zip, and give the volume file in it"));
+    }
+    Ok(files)
+}
+
+/// Returns true if a file is a zip; false also if it cannot be read.
+pub(super) fn is_zip_file(path: &Path) -> bool {
+    let mut head = Vec::new();
+    File::open(path).and_then(|file| file.take(4).read_to_end(&mut head)).is_ok() && is_zip(&head)
+}
+
+fn files_within(folder: &Path, depth: usize) -> Result<Vec<Location>> {
     let mut files = Vec::new();
     gather(folder, depth, &mut files)?;
     let looked_at = files.len();
@@ -38,7 +61,7 @@ fn files_within(folder: &Path, depth: usize) -> Result<Vec<PathBuf>> {
             .help("give the folder of a DICOM series, or a volume file such as .nii.gz"));
     }
     files.sort();
-    Ok(files)
+    Ok(files.into_iter().map(Location::on_disk).collect())
 }
 
 fn gather(folder: &Path, deeper: usize, files: &mut Vec<PathBuf>) -> Result<()> {

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3};
 
 use super::header::Frame;
-use super::stacks::{Stack, along_normal, doubled, normal};
+use super::stacks::{along_normal, doubled, normal};
 use crate::volume::affine::{RAS_FROM_LPS, grid};
 use crate::{Error, Kind, Result};
 
@@ -29,13 +29,14 @@ pub(super) struct Arrangement {
     pub notes: Vec<String>,
 }
 
-/// Finds the regular planes that all slices of a stack lie on.
+/// Finds the regular planes that all slices of a stack lie on; `frames` are parallel, in the order of their
+/// places, and at least one. Where `distance`, mm, is the distance of slices that the file gives, planes that
+/// far apart are tried first: a mask may leave out slices everywhere.
 ///
 /// # Errors
 /// [`Kind::BadData`] if two slices lie at one place, shift sideways, or lie on no regular planes.
-pub(super) fn arrange(stack: &Stack) -> Result<Arrangement> {
-    let frames = &stack.frames;
-    let first = stack.first();
+pub(super) fn arrange(frames: &[Frame], distance: Option<f64>) -> Result<Arrangement> {
+    let first = &frames[0];
     let normal = normal(first);
     let mut notes = Vec::new();
     if let Some([a, b]) = doubled(frames) {
@@ -46,7 +47,11 @@ pub(super) fn arrange(stack: &Stack) -> Result<Arrangement> {
     }
     let positions: Vec<f64> =
         frames.iter().map(|frame| along_normal(frame, normal) - along_normal(first, normal)).collect();
-    let (planes, step) = planes(&positions, first.thickness, &mut notes)?;
+    let given = distance.filter(|_| frames.len() > 1).and_then(|mm| on_planes(&positions, mm));
+    let (planes, step) = match given {
+        Some(found) => found,
+        None => planes(&positions, distance.unwrap_or(first.thickness), &mut notes)?,
+    };
     let last = planes.last().copied().unwrap_or(0);
     let step = match frames.last() {
         Some(end) if last > 0 => (end.position - first.position) / last as f64,
@@ -74,7 +79,7 @@ fn bad(code: &'static str, message: impl Into<String>) -> Error {
 }
 
 fn name(frame: &Frame) -> String {
-    let name = frame.file.path.file_name().unwrap_or_default().to_string_lossy();
+    let name = frame.file.location.path.file_name().unwrap_or_default().to_string_lossy();
     if frame.number > 0 { format!("{name} (frame {})", frame.number) } else { name.into_owned() }
 }
 

@@ -1,21 +1,28 @@
 //! The header of a DICOM file: what it says about its frames.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use dicom_dictionary_std::tags;
-use dicom_object::{DefaultDicomObject, InMemDicomObject, OpenFileOptions, Tag};
+use dicom_object::{DefaultDicomObject, InMemDicomObject, Tag};
 use glam::DVec3;
 
+use super::location::Location;
 use crate::{Error, Kind, Result};
 
 /// Class UID of a DICOMDIR.
 const DIRECTORY: &str = "1.2.840.10008.1.3.10";
+/// Class UIDs of segmentations: bits of each segment, and maps of labels.
+const SEGMENTATIONS: [&str; 2] = ["1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7"];
+/// Class UID of an RT structure set.
+const STRUCTURE_SET: &str = "1.2.840.10008.5.1.4.1.1.481.3";
+
+/// More frames than any file has: a segmentation of a hundred structures in a long scan.
+const MOST_FRAMES: i64 = 1 << 18;
 
 /// What all frames of a file have in common.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FileHeader {
-    pub path: PathBuf,
+    pub location: Location,
     pub instance: String,
     pub series: String,
     /// Number of the series on the scanner.
@@ -55,6 +62,11 @@ pub(super) struct Frame {
     pub position: DVec3,
     /// Thickness of the slice, mm; 0 if the file does not give it.
     pub thickness: f64,
+    /// Distance of slices that the file gives, mm; 0 if it gives none. Only that of a segmentation is used:
+    /// places tell it better.
+    pub slice_distance: f64,
+    /// Number of the segment whose voxels these are, in a segmentation.
+    pub segment: Option<i64>,
     /// Slope and intercept from stored values to intensities.
     pub rescale: [f64; 2],
 }
@@ -64,10 +76,21 @@ pub(super) struct Frame {
 pub(super) enum Skipped {
     /// The file is an index of other files.
     Directory,
+    /// The file holds structures, as a mask does.
+    Structures(Structures),
     /// The file holds no image.
     NoImage,
     /// The file holds an image without a place, such as a copy of a screen; the text says what it is.
     NoPlace(String),
+}
+
+/// The way in which a file holds structures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Structures {
+    /// As voxels (DICOM-SEG).
+    Voxels,
+    /// As contours (RTSTRUCT).
+    Contours,
 }
 
 /// Content of a file: its frames, or the reason why it has none that can be used.
@@ -77,48 +100,48 @@ pub(super) type Content = std::result::Result<Vec<Frame>, Skipped>;
 ///
 /// # Errors
 /// [`Kind::BadData`] for a damaged file.
-pub(super) fn read_header(path: &Path) -> Result<Content> {
-    let object =
-        OpenFileOptions::new().read_until(tags::PIXEL_DATA).open_file(path).map_err(|e| damaged(path, &e))?;
-    if object.meta().media_storage_sop_class_uid().trim_end_matches('\0') == DIRECTORY {
-        return Ok(Err(Skipped::Directory));
+pub(super) fn read_header(location: &Location) -> Result<Content> {
+    let object = location.open(Some(tags::PIXEL_DATA))?;
+    match object.meta().media_storage_sop_class_uid().trim_end_matches('\0') {
+        DIRECTORY => Ok(Err(Skipped::Directory)),
+        STRUCTURE_SET => Ok(Err(Skipped::Structures(Structures::Contours))),
+        class if SEGMENTATIONS.contains(&class) => Ok(Err(Skipped::Structures(Structures::Voxels))),
+        _ => frames(location, &object),
     }
-    let (Some(rows), Some(columns)) = (whole(&object, tags::ROWS), whole(&object, tags::COLUMNS)) else {
+}
+
+/// Returns the frames of a file, or why it has none that can be used.
+///
+/// # Errors
+/// [`Kind::BadData`] for an image without pixels.
+pub(super) fn frames(location: &Location, object: &DefaultDicomObject) -> Result<Content> {
+    let (Some(rows), Some(columns)) = (whole(object, tags::ROWS), whole(object, tags::COLUMNS)) else {
         return Ok(Err(Skipped::NoImage));
     };
-    let file = Arc::new(file_header(path, &object));
+    let file = Arc::new(file_header(location, object));
     let size = [columns, rows].map(|n| usize::try_from(n).unwrap_or(0));
-    let count = whole(&object, tags::NUMBER_OF_FRAMES).unwrap_or(1).max(1);
-    if size.contains(&0) || count > i64::from(u16::MAX) {
+    let count = whole(object, tags::NUMBER_OF_FRAMES).unwrap_or(1).max(1);
+    if size.contains(&0) || count > MOST_FRAMES {
         let message = format!("an image of {columns} x {rows} pixels, {count} frames");
         return Err(Error::new(Kind::BadData, "VGS-DCM-003", message)
-            .file(path)
+            .file(&location.path)
             .help("the file is damaged; copy it again"));
     }
-    let shared = items(&object, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).and_then(|items| items.first());
-    let each = items(&object, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).unwrap_or_default();
+    let shared = items(object, tags::SHARED_FUNCTIONAL_GROUPS_SEQUENCE).and_then(|items| items.first());
+    let each = items(object, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).unwrap_or_default();
     let frames = (0..count as u32).map(|number| {
         let own = each.get(number as usize);
-        let groups = Groups { own, shared, file: &object, alone: count == 1 };
+        let groups = Groups { own, shared, file: object, alone: count == 1 };
         groups.frame(&file, number, size)
     });
     let frames: Option<Vec<_>> = frames.collect();
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let name = location.path.file_name().unwrap_or_default().to_string_lossy();
     Ok(frames.ok_or_else(|| {
         Skipped::NoPlace(format!("{name} ({})", format!("{} {}", file.modality, file.description).trim()))
     }))
 }
 
-pub(super) fn damaged(path: &Path, error: &dyn std::error::Error) -> Error {
-    // Only the first line: the library's texts may continue with a backtrace.
-    let text = error.to_string();
-    let text = text.lines().next().unwrap_or_default().to_owned();
-    Error::new(Kind::BadData, "VGS-DCM-005", format!("not readable as DICOM: {text}")).file(path).help(
-        "the file is damaged or cut short: copy it again, or leave such files of a folder out with --lenient",
-    )
-}
-
-fn file_header(path: &Path, object: &DefaultDicomObject) -> FileHeader {
+fn file_header(location: &Location, object: &DefaultDicomObject) -> FileHeader {
     let image_type = text(object, tags::IMAGE_TYPE).to_uppercase();
     let bits_stored = whole(object, tags::BITS_STORED).unwrap_or(16).clamp(1, 32) as u32;
     let padding = whole(object, tags::PIXEL_PADDING_VALUE).map(|from| {
@@ -134,7 +157,7 @@ fn file_header(path: &Path, object: &DefaultDicomObject) -> FileHeader {
         ("content time", tags::CONTENT_TIME),
     ];
     FileHeader {
-        path: path.to_owned(),
+        location: location.clone(),
         instance: text(object, tags::SOP_INSTANCE_UID),
         series: text(object, tags::SERIES_INSTANCE_UID),
         series_number: whole(object, tags::SERIES_NUMBER).unwrap_or(0),
@@ -191,7 +214,13 @@ impl Groups<'_> {
         }
         let transformation = tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE;
         let first = |element| Some(*self.numbers(transformation, element)?.first()?);
-        let thickness = self.numbers(measures, tags::SLICE_THICKNESS).and_then(|v| v.first().copied());
+        let length = |element| {
+            let given = self.numbers(measures, element).and_then(|v| v.first().copied());
+            given.filter(|mm| mm.is_finite() && *mm > 0.0).unwrap_or(0.0)
+        };
+        let segment = self
+            .numbers(tags::SEGMENT_IDENTIFICATION_SEQUENCE, tags::REFERENCED_SEGMENT_NUMBER)
+            .and_then(|numbers| numbers.first().copied());
         Some(Frame {
             file: Arc::clone(file),
             number,
@@ -199,7 +228,9 @@ impl Groups<'_> {
             spacing,
             along: along.map(DVec3::normalize),
             position,
-            thickness: thickness.filter(|mm| mm.is_finite() && *mm > 0.0).unwrap_or(0.0),
+            thickness: length(tags::SLICE_THICKNESS),
+            slice_distance: length(tags::SPACING_BETWEEN_SLICES),
+            segment: segment.map(|number| number as i64),
             rescale: [
                 first(tags::RESCALE_SLOPE).unwrap_or(1.0),
                 first(tags::RESCALE_INTERCEPT).unwrap_or(0.0),
@@ -213,21 +244,21 @@ fn vector(numbers: &[f64]) -> Option<DVec3> {
     vector.is_finite().then_some(vector)
 }
 
-fn items(object: &InMemDicomObject, tag: Tag) -> Option<&[InMemDicomObject]> {
+pub(super) fn items(object: &InMemDicomObject, tag: Tag) -> Option<&[InMemDicomObject]> {
     object.get(tag)?.items()
 }
 
-fn numbers(object: &InMemDicomObject, tag: Tag) -> Option<Vec<f64>> {
+pub(super) fn numbers(object: &InMemDicomObject, tag: Tag) -> Option<Vec<f64>> {
     object.get(tag)?.to_multi_float64().ok().filter(|numbers| !numbers.is_empty())
 }
 
 /// Returns an integer, which some writers store as a decimal number.
-fn whole(object: &InMemDicomObject, tag: Tag) -> Option<i64> {
+pub(super) fn whole(object: &InMemDicomObject, tag: Tag) -> Option<i64> {
     let element = object.get(tag)?;
     element.to_int::<i64>().ok().or_else(|| element.to_float64().ok().map(|v| v as i64))
 }
 
-fn text(object: &InMemDicomObject, tag: Tag) -> String {
+pub(super) fn text(object: &InMemDicomObject, tag: Tag) -> String {
     let text = object.get(tag).and_then(|element| element.to_str().ok().map(|text| text.into_owned()));
     text.unwrap_or_default().trim_matches(['\0', ' ']).to_owned()
 }

@@ -3,15 +3,16 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use dicom_encoding::TransferSyntaxIndex;
-use dicom_object::open_file;
+use dicom_object::DefaultDicomObject;
 use dicom_pixeldata::{DecodedPixelData, PixelDecoder};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
-use super::header::{FileHeader, Frame, damaged};
+use super::header::{FileHeader, Frame};
+use super::location::{Location, damaged};
 use crate::{Error, Kind, Result};
 
 /// The transfer syntax with the most significant byte first.
-const BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
+pub(super) const BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
 
 /// Refuses files whose pixels cannot be read as intensities, before any pixel is read.
 ///
@@ -20,7 +21,7 @@ const BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
 pub(super) fn check(file: &FileHeader) -> Result<()> {
     if !file.photometric.starts_with("MONOCHROME") {
         let message = format!("a colour picture ({})", file.photometric);
-        return Err(Error::new(Kind::BadData, "VGS-DCM-010", message).file(&file.path).help(
+        return Err(Error::new(Kind::BadData, "VGS-DCM-010", message).file(&file.location.path).help(
             "intensities are needed: MONOCHROME1 or MONOCHROME2; choose the original series with --series",
         ));
     }
@@ -33,7 +34,7 @@ pub(super) fn check(file: &FileHeader) -> Result<()> {
     let name = syntax.map_or(file.transfer_syntax.as_str(), |syntax| syntax.name());
     let message = format!("pixels of {} bits as {name}, which is not read", file.bits_allocated);
     Err(Error::new(Kind::Unavailable, "VGS-DCM-011", message)
-        .file(&file.path)
+        .file(&file.location.path)
         .help("unpack the series first: `dcm2niix`, or `gdcmconv --raw IN OUT` for each file"))
 }
 
@@ -42,14 +43,25 @@ pub(super) fn check(file: &FileHeader) -> Result<()> {
 /// # Errors
 /// [`Kind::BadData`] for damaged pixels, and [`Kind::Io`].
 pub(super) fn read_frames(file: &FileHeader, frames: Vec<(&Frame, &mut [f32])>) -> Result<()> {
-    let object = open_file(&file.path).map_err(|e| damaged(&file.path, &e))?;
-    // The decoders are foreign code: a damaged stream may break the assumptions of one of them.
-    let decoded = match catch_unwind(AssertUnwindSafe(|| object.decode_pixel_data())) {
-        Ok(Ok(decoded)) => decoded,
-        Ok(Err(e)) => return Err(damaged(&file.path, &e)),
-        Err(_) => return Err(damaged(&file.path, &std::io::Error::other("its decoder gave up"))),
-    };
+    let object = file.location.open(None)?;
+    let decoded = decode(&object, &file.location)?;
     frames.into_iter().try_for_each(|(frame, plane)| intensities(file, &decoded, frame, plane))
+}
+
+/// Unpacks all frames of a file.
+///
+/// # Errors
+/// [`Kind::BadData`] for damaged pixels.
+pub(super) fn decode<'a>(
+    object: &'a DefaultDicomObject,
+    location: &Location,
+) -> Result<DecodedPixelData<'a>> {
+    // The decoders are foreign code: a damaged stream may break the assumptions of one of them.
+    match catch_unwind(AssertUnwindSafe(|| object.decode_pixel_data())) {
+        Ok(Ok(decoded)) => Ok(decoded),
+        Ok(Err(e)) => Err(damaged(&location.path, &e)),
+        Err(_) => Err(damaged(&location.path, &std::io::Error::other("its decoder gave up"))),
+    }
 }
 
 fn intensities(
@@ -72,7 +84,7 @@ fn intensities(
             decoded.data().len()
         );
         return Err(Error::new(Kind::BadData, "VGS-DCM-012", message)
-            .file(&file.path)
+            .file(&file.location.path)
             .help("the file is damaged or cut short; copy it again"));
     };
     let [slope, intercept] = frame.rescale;

@@ -1,26 +1,42 @@
 //! The DICOM reader: from a folder or a file to a volume.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::find::{dicom_files, dicom_files_beside};
+use super::find::{dicom_files, dicom_files_beside, is_zip_file, zipped_dicom_files};
 use super::geometry::{Arrangement, arrange};
-use super::header::{Content, Frame, Skipped, read_header};
-use super::pixels;
+use super::header::{Content, Frame, Skipped, Structures, read_header};
+use super::location::Location;
 use super::stacks::{Stack, StackSummary, choose, stacks};
+use super::structures::Structure;
+use super::{contours, pixels, segmentation};
 use crate::volume::source::reserve_samples;
 use crate::volume::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
-/// Lists the stacks of a folder or a file, in the order in which [`ReadOptions::series`] counts.
+/// Lists the stacks of a folder, a zip or a file, in the order in which [`ReadOptions::series`] counts; none of
+/// a file of structures.
 ///
 /// # Errors
 /// As [`Volume::read`], except that no series need be chosen.
 pub fn list(path: &Path, options: &ReadOptions) -> Result<Vec<StackSummary>> {
-    let stacks = stacks(frames_of(path, options)?.0);
+    let Found::Frames(frames, _) = find(path, options)? else { return Ok(Vec::new()) };
+    let stacks = stacks(frames);
     Ok(stacks.iter().enumerate().map(|(i, stack)| stack.summary(i + 1)).collect())
+}
+
+/// Lists the structures of a segmentation or a structure set; `None` if the file is neither.
+///
+/// # Errors
+/// As [`Volume::read`], except that no series need be chosen.
+pub fn structures(path: &Path, options: &ReadOptions) -> Result<Option<Vec<Structure>>> {
+    match find(path, options)? {
+        Found::Frames(..) => Ok(None),
+        Found::Structures(location, Structures::Voxels) => segmentation::structures(&location).map(Some),
+        Found::Structures(location, Structures::Contours) => contours::structures(&location).map(Some),
+    }
 }
 
 /// Reads one series. See [`Volume::read`], which recognises the format first. A single slice stands for the
@@ -36,7 +52,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
             .file(path)
             .help("`vgs info` lists the series"));
     }
-    let (frames, left_out) = frames_of(path, options)?;
+    let (frames, left_out) = match find(path, options)? {
+        Found::Frames(frames, left_out) => (frames, left_out),
+        Found::Structures(location, Structures::Voxels) => return segmentation::read(&location, options),
+        Found::Structures(location, Structures::Contours) => return contours::read(&location, options),
+    };
     let stacks = stacks(frames);
     let asked = options.series.as_deref();
     let stack = choose(&stacks, asked).map_err(named)?;
@@ -49,54 +69,86 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
             stack.summary(number).line()
         );
     }
-    let arrangement = arrange(stack).map_err(named)?;
+    let arrangement = arrange(&stack.frames, None).map_err(named)?;
     for note in left_out.into_iter().chain(arrangement.notes.iter().cloned()).chain(notes(stack)) {
         tracing::warn!("{}: {note}", path.display());
     }
     volume(stack, &arrangement, options).map_err(named)
 }
 
-/// Frames, and a note on what was left out.
-type Found = (Vec<Frame>, Option<String>);
+/// What a folder or a file holds.
+enum Found {
+    /// Frames that have a place, and notes on what was left out.
+    Frames(Vec<Frame>, Vec<String>),
+    /// A file of structures.
+    Structures(Location, Structures),
+}
 
-/// Reads the frames that have a place: those of a folder, of a file of several frames, or of the series of a
-/// single slice.
-fn frames_of(path: &Path, options: &ReadOptions) -> Result<Found> {
+/// Reads the frames that have a place: those of a folder or a zip, of a file of several frames, or of the series
+/// of a single slice. Where there are none, finds the structures.
+fn find(path: &Path, options: &ReadOptions) -> Result<Found> {
     if path.is_dir() {
-        return frames(path, &dicom_files(path)?, options);
+        return found(path, &dicom_files(path)?, options);
+    }
+    if is_zip_file(path) {
+        return found(path, &zipped_dicom_files(path, options)?, options);
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    match read_header(path)? {
-        Err(Skipped::Directory) => frames(folder, &dicom_files(folder)?, options),
+    let location = Location::on_disk(path);
+    location.check_packed(options.max_bytes)?;
+    match read_header(&location)? {
+        Err(Skipped::Directory) => found(folder, &dicom_files(folder)?, options),
+        Err(Skipped::Structures(kind)) => Ok(Found::Structures(location, kind)),
         Err(skipped) => Err(nothing(path, &[skipped])),
-        Ok(frames) if frames.len() > 1 => Ok((frames, None)),
+        Ok(frames) if frames.len() > 1 => Ok(Found::Frames(frames, Vec::new())),
         Ok(own) => {
-            let (mut beside, _) = frames(folder, &dicom_files_beside(folder)?, options)?;
+            let Found::Frames(mut beside, _) = found(folder, &dicom_files_beside(folder)?, options)? else {
+                return Ok(Found::Frames(own, Vec::new()));
+            };
             let series = own.first().map(|frame| frame.file.series.clone()).unwrap_or_default();
             beside.retain(|frame| frame.file.series == series);
-            Ok((beside, None))
+            Ok(Found::Frames(beside, Vec::new()))
         }
     }
 }
 
-fn frames(folder: &Path, files: &[PathBuf], options: &ReadOptions) -> Result<Found> {
-    let contents: Vec<Result<Content>> = files.par_iter().map(|file| read_header(file)).collect();
-    let (mut frames, mut skipped) = (Vec::new(), Vec::new());
-    for content in contents {
+fn found(folder: &Path, files: &[Location], options: &ReadOptions) -> Result<Found> {
+    let contents: Vec<Result<Content>> = files
+        .par_iter()
+        .map(|file| file.check_packed(options.max_bytes).and_then(|()| read_header(file)))
+        .collect();
+    let (mut frames, mut skipped, mut structures) = (Vec::new(), Vec::new(), Vec::new());
+    for (content, location) in contents.into_iter().zip(files) {
         match content {
             Ok(Ok(content)) => frames.extend(content),
+            Ok(Err(Skipped::Structures(kind))) => structures.push((location, kind)),
             Ok(Err(reason)) => skipped.push(reason),
             Err(e) if options.lenient => tracing::warn!("{e}; left out"),
             Err(e) => return Err(e),
         }
     }
-    if frames.is_empty() {
-        return Err(nothing(folder, &skipped));
+    match (frames.is_empty(), structures.as_slice()) {
+        (true, []) => return Err(nothing(folder, &skipped)),
+        (true, [(location, kind)]) => return Ok(Found::Structures((*location).clone(), *kind)),
+        (true, several) => {
+            let message = format!("there are {} files of structures, and no scan", several.len());
+            let names = several.iter().take(10).map(|(location, _)| location.path.display().to_string());
+            return Err(Error::new(Kind::Usage, "VGS-DCM-020", message)
+                .file(folder)
+                .help(format!("give one of them: {}", names.collect::<Vec<_>>().join(", "))));
+        }
+        (false, _) => {}
     }
     let placeless = skipped.iter().filter(|reason| matches!(reason, Skipped::NoPlace(_))).count();
-    let left_out =
-        (placeless > 0).then(|| format!("{placeless} images have no place in the patient: left out"));
-    Ok((frames, left_out))
+    let mut left_out = Vec::new();
+    if placeless > 0 {
+        left_out.push(format!("{placeless} images have no place in the patient: left out"));
+    }
+    if let [(first, _), ..] = structures.as_slice() {
+        let (count, name) = (structures.len(), first.path.display());
+        left_out.push(format!("{count} files of structures are left out: give one as a mask, --roi {name}"));
+    }
+    Ok(Found::Frames(frames, left_out))
 }
 
 /// Returns the error for files without a usable frame.
@@ -152,7 +204,7 @@ fn volume(stack: &Stack, arrangement: &Arrangement, options: &ReadOptions) -> Re
         if !frame.rescale.iter().all(|v| v.is_finite()) {
             let message = format!("rescale slope and intercept are {:?}", frame.rescale);
             return Err(Error::new(Kind::BadData, "VGS-DCM-014", message)
-                .file(&frame.file.path)
+                .file(&frame.file.location.path)
                 .help("the file is damaged; copy it again"));
         }
     }
@@ -163,7 +215,7 @@ fn volume(stack: &Stack, arrangement: &Arrangement, options: &ReadOptions) -> Re
     let mut files: BTreeMap<&Path, Vec<(&Frame, &mut [f32])>> = BTreeMap::new();
     for (frame, &plane) in stack.frames.iter().zip(&arrangement.planes) {
         if let Some(plane) = planes.get_mut(plane).and_then(Option::take) {
-            files.entry(&frame.file.path).or_default().push((frame, plane));
+            files.entry(&frame.file.location.path).or_default().push((frame, plane));
         }
     }
     let files: Vec<_> = files.into_values().collect();

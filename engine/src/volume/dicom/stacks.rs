@@ -100,7 +100,8 @@ pub(super) fn stacks(frames: Vec<Frame>) -> Vec<Stack> {
     stacks
 }
 
-fn are_parallel(a: &Frame, b: &Frame) -> bool {
+/// Returns true if two frames have the same size, orientation, pixel distances and kind.
+pub(super) fn are_parallel(a: &Frame, b: &Frame) -> bool {
     a.size == b.size
         && a.file.localizer == b.file.localizer
         && (0..2).all(|i| {
@@ -124,7 +125,7 @@ fn by_phase(mut frames: Vec<Frame>) -> Vec<Stack> {
     let normal = normal(&frames[0]);
     frames.sort_by(|a, b| {
         let by_place = along_normal(a, normal).total_cmp(&along_normal(b, normal));
-        by_place.then_with(|| a.file.path.cmp(&b.file.path)).then(a.number.cmp(&b.number))
+        by_place.then_with(|| a.file.location.path.cmp(&b.file.location.path)).then(a.number.cmp(&b.number))
     });
     let before = frames.len();
     let mut known = std::collections::BTreeSet::new();

@@ -23,6 +23,7 @@ mod write;
 
 pub use describe::{Header, describe};
 pub(super) use header::sniff;
+pub(super) use open::beside;
 pub use read::read;
 pub use write::{check_name, write};
 

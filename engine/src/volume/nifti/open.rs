@@ -59,6 +59,13 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Opened> {
     Ok(Opened { header, labels, voxels, voxel_path, gzip })
 }
 
+/// Returns the other file of a pair; `None` if `path` is a whole file.
+pub(in crate::volume) fn beside(path: &Path) -> Option<PathBuf> {
+    let [from, to] =
+        [[".img", ".hdr"], [".hdr", ".img"]].into_iter().find(|[from, _]| has_ending(path, from))?;
+    partner(path, from, to).ok()
+}
+
 /// Reads the extensions, if the four bytes after the header announce any.
 fn read_labels(
     source: &mut Source,

@@ -15,12 +15,12 @@ mod geometry;
 mod header;
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use self::header::{Encoding, Header, bad};
 use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
-use super::text_header::{check_grid, excerpt, open_beside, skip_lines};
+use super::text_header::{check_grid, excerpt, open_beside, path_beside, skip_lines};
 use super::{ReadOptions, Volume};
 use crate::{Error, Result};
 
@@ -35,6 +35,12 @@ pub(super) fn sniff(head: &[u8]) -> bool {
 /// As [`Volume::read`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
     read_volume(path, options).map_err(|e| if e.file.is_some() { e } else { e.file(path) })
+}
+
+/// Returns the file of voxels that a header names; `None` if they are in the same file.
+pub(super) fn beside(path: &Path) -> Option<PathBuf> {
+    let header = Header::read(&mut Source::open(path, true).ok()?).ok()?;
+    path_beside(path, header.field("datafile")?).ok()
 }
 
 fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {

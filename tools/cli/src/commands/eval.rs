@@ -23,6 +23,7 @@ use crate::shared::failure::Stop;
 use crate::shared::flags::{DeviceArguments, Range, range_or_roi};
 use crate::shared::inputs::{Case, ReadArguments, RoiArguments};
 use crate::shared::memory::host_peak_bytes;
+use crate::shared::waiting::Waiting;
 use crate::shared::{outputs, splat_files};
 
 /// Measures splats against a volume, at the voxels and between them
@@ -139,6 +140,7 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
     let splats = in_volume(&set, &case, &arguments.splats)?;
     let gpu = arguments.device.boot()?;
     let protocol = arguments.protocol(&case)?;
+    let waiting = Waiting::on("measuring the splats");
     let of_field = evaluate::evaluate(&gpu, &splats, &set.field, &case.volume, &case.roi, &protocol)?;
     let of_decoded = evaluate_decoded(&gpu, &set, &case, &protocol)?;
     let of_grid = set.form != Form::Field;
@@ -147,7 +149,9 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
     let map = ErrorMap::new(&gpu, &splats, &set.field, &case.volume, &case.roi)?;
     let errors = ErrorsByPlace::of(&map, &case.volume, labels.as_ref());
 
+    drop(waiting);
     if let Some(path) = &arguments.picture {
+        let _waiting = Waiting::on(format!("drawing {}", path.display()));
         picture::draw(
             path,
             arguments.force,

@@ -10,4 +10,5 @@ pub mod man;
 pub mod phantom;
 pub mod rasterize;
 pub mod render;
+pub mod stats;
 pub mod view;

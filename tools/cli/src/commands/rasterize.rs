@@ -14,7 +14,7 @@ use glam::{DAffine3, DVec3};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::flags::{DeviceArguments, spacing};
-use crate::shared::inputs::{ReadArguments, region_of};
+use crate::shared::inputs::{CleaningArguments, ReadArguments, region_of};
 use crate::shared::{outputs, sampling, splat_files};
 
 /// Turns splats back into a volume
@@ -168,7 +168,8 @@ impl RasterizeArguments {
         };
         let volume = Volume::read(path, &self.read.options())?;
         let FittedRegion { roi, roi_label } = &self.region;
-        let roi = region_of(&volume, &self.read, roi.as_deref(), None, roi_label.as_deref())?;
+        let no_threshold = (None, &CleaningArguments::default());
+        let roi = region_of(&volume, &self.read, roi.as_deref(), no_threshold, roi_label.as_deref())?;
         let set = splats.placed(Some(&place(&volume, roi.as_ref())))?;
         Ok((set, volume))
     }

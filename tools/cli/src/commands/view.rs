@@ -23,6 +23,9 @@ pub struct ViewArguments {
     /// The volume that the splats were fitted to: the space bar flips between the two
     #[arg(long, value_name = "VOLUME")]
     volume: Option<PathBuf>,
+    /// Which series of a DICOM folder: its number in `vgs info`, its UID, or a part of its description
+    #[arg(long, value_name = "N|TEXT")]
+    series: Option<String>,
     /// Shows nothing of the volume outside this mask
     #[arg(long, value_name = "MASK")]
     roi: Option<PathBuf>,
@@ -45,6 +48,7 @@ Examples:
   vgs view bones.ply
   vgs view bones.ply --volume ct.nii.gz --roi bones.nii.gz
   vgs view bones.ply vessels.ply --tf CT-Angio
+  vgs view scans/ --series 3       a folder of DICOM slices; `vgs info scans/` lists its series
   vgs view session.toml
 
 Left button turns, middle moves, wheel zooms, right sets window and level; ? lists the keys.
@@ -96,11 +100,18 @@ impl ViewArguments {
         if self.roi.is_some() {
             state.files.roi.clone_from(&self.roi);
         }
+        if self.series.is_some() {
+            if state.files.volume.is_none() {
+                return Err(Error::new(Kind::Usage, "VGS-CLI-121", "--series is one of a DICOM folder")
+                    .help("give the folder, too: vgs view FOLDER --series N"));
+            }
+            state.files.series.clone_from(&self.series);
+        }
         if state.files.roi.is_some() && state.files.volume.is_none() {
             return Err(Error::new(Kind::Usage, "VGS-CLI-096", "--roi is the region of a volume")
                 .help("give the volume with --volume"));
         }
-        let Files { splats, volume, roi } = &state.files;
+        let Files { splats, volume, roi, series: _ } = &state.files;
         for file in splats.iter().chain(volume).chain(roi) {
             exists(file)?;
         }

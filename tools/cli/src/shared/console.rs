@@ -13,6 +13,7 @@ use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields, MakeWriter}
 use tracing_subscriber::registry::LookupSpan;
 
 use super::terminal::{self, clean, stderr_has_colour};
+use super::waiting;
 
 /// Flags for the amount and the form of output.
 #[derive(Args, Clone, Debug)]
@@ -52,6 +53,9 @@ impl Console {
             (_, 1) => LevelFilter::INFO,
             _ => LevelFilter::DEBUG,
         };
+        if self.quiet || self.json {
+            waiting::be_silent();
+        }
         tracing_subscriber::fmt()
             .with_max_level(level)
             .event_format(Line { json: self.json, colour: !self.json && stderr_has_colour() })

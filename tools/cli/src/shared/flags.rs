@@ -5,6 +5,8 @@ use std::str::FromStr;
 use clap::Args;
 use glam::DVec3;
 
+use super::waiting::Waiting;
+
 /// Flags for the device.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Device")]
@@ -34,6 +36,7 @@ impl DeviceArguments {
 
     /// Boots the device.
     pub fn boot(&self) -> engine::Result<engine::gpu::Gpu> {
+        let _waiting = Waiting::on("starting the device");
         let gpu = engine::gpu::Gpu::new(&self.options())?;
         let chosen = gpu.description();
         tracing::info!("device: {} ({}, {})", chosen.name, chosen.kind, chosen.driver);

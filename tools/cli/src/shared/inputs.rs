@@ -5,12 +5,16 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
-use engine::volume::{Cleaning, FORMATS, LabelChoice, Labels, ReadOptions, Roi, Volume};
+use engine::volume::{
+    Cleaning, FORMATS, Format, LabelChoice, Labels, ReadOptions, Roi, Volume, files_of, npy,
+};
 use engine::{Error, Kind, Result};
+use glam::DVec3;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::flags::{Range, bytes, pair};
+use super::flags::{Range, bytes, pair, spacing};
+use super::waiting::Waiting;
 
 /// Returns true if a path has the name of a volume, or is a folder, as of DICOM slices.
 pub fn is_volume(path: &Path) -> bool {
@@ -29,6 +33,9 @@ pub struct ReadArguments {
     /// Which series of a DICOM folder: its number in `vgs info`, its UID, or a part of its description
     #[arg(long, value_name = "N|TEXT")]
     pub series: Option<String>,
+    /// How far voxels are apart along x, y, z, mm, in a file that does not say (.npy) [default: 1]
+    #[arg(long, value_name = "MM", value_parser = spacing)]
+    pub voxel_mm: Option<DVec3>,
     /// Largest volume that is accepted, bytes; K, M, G stand for powers of 1024 [default: 2G]
     #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_MAX_BYTES", hide_env = true)]
     pub max_bytes: Option<u64>,
@@ -46,6 +53,8 @@ impl ReadArguments {
             volume_index: self.volume_index,
             series: self.series.clone(),
             lenient: self.lenient,
+            spacing_mm: self.voxel_mm,
+            ..default
         }
     }
 }
@@ -120,6 +129,8 @@ pub struct Case {
     pub volume: Volume,
     /// Region on the volume's grid.
     pub roi: Roi,
+    /// Part of the mask that lies within the volume, by its volume in mm³; `None` without a mask.
+    pub mask_within: Option<f64>,
 }
 
 impl Case {
@@ -158,7 +169,9 @@ impl Case {
             volume.size,
             roi.voxel_count()
         );
-        Ok((Case { volume, roi }, mask))
+        let mask_within =
+            mask.as_ref().map(|(mask, labels)| roi.share_of(mask, labels, &volume)).transpose()?;
+        Ok((Case { volume, roi, mask_within }, mask))
     }
 
     /// Returns the least and the greatest finite sample of the whole volume: the usual normalisation of a
@@ -191,20 +204,27 @@ pub fn region_range(volume: &Volume, roi: &Roi) -> Result<[f32; 2]> {
 
 /// Reads a volume.
 pub fn volume_of(path: &Path, read: &ReadArguments) -> Result<Volume> {
-    Volume::read(path, &read.options())
+    let options = read.options();
+    if read.voxel_mm.is_some() && Format::of(path, &options)?.name != npy::NAME {
+        let message = "--voxel-mm is for files that do not say how far their voxels are apart";
+        return Err(Error::new(Kind::Usage, "VGS-CLI-120", message)
+            .file(path)
+            .help("leave it out; `vgs info` tells what the file says"));
+    }
+    let _waiting = Waiting::on(format!("reading {}", path.display()));
+    Volume::read(path, &options)
 }
 
-/// Reads the region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU;
-/// `None` if neither is given.
+/// Reads the region of a volume from a mask file (some of its labels, or all of it) or from a threshold, HU,
+/// whose voxels are cleaned; `None` if neither is given.
 pub fn region_of(
     volume: &Volume,
     read: &ReadArguments,
     mask: Option<&Path>,
-    threshold: Option<[f32; 2]>,
+    (threshold, cleaning): (Option<[f32; 2]>, &CleaningArguments),
     labels: Option<&str>,
 ) -> Result<Option<Roi>> {
-    let as_it_is = Cleaning::default();
-    Ok(region_with_mask(volume, read, mask, threshold, &as_it_is, labels)?.map(|(roi, _)| roi))
+    Ok(region_with_mask(volume, read, mask, threshold, &cleaning.steps()?, labels)?.map(|(roi, _)| roi))
 }
 
 /// Mask as its file has it, and the chosen labels.
@@ -224,12 +244,12 @@ fn region_with_mask(
         None => LabelChoice::Whole,
     };
     if let Some(path) = mask {
-        // Index and series choose the volume; the mask is a single one.
-        let options = ReadOptions { volume_index: None, series: None, ..read.options() };
-        let mask = Volume::read(path, &options)?;
+        let _waiting = Waiting::on(format!("reading {}", path.display()));
+        let mask = Volume::read_mask(path, &read.options(), &labels, volume)?;
         let roi = Roi::from_mask(&mask, &labels, volume).map_err(|e| named(e, path))?;
         return Ok(Some((roi, Some((mask, labels)))));
     }
+    let _waiting = Waiting::on("finding the voxels of the threshold");
     let roi = threshold.map(|[low, high]| cleaning.region(volume, low, high)).transpose()?;
     Ok(roi.map(|roi| (roi, None)))
 }
@@ -250,11 +270,17 @@ pub struct InputRecord {
 }
 
 impl InputRecord {
-    /// Reads a file once more, for its hash; for a folder all files within it, in the order of their names.
+    /// Reads a file once more, for its hash, and then the file of voxels that it names, if it is a header; for a
+    /// folder all files within it, in the order of their names.
     pub fn of(path: &Path) -> Result<InputRecord> {
         let mut files = Vec::new();
-        files_within(path, &mut files)?;
-        files.sort();
+        if path.is_dir() {
+            files_within(path, &mut files)?;
+            files.sort();
+        } else {
+            files = files_of(path);
+        }
+        let _waiting = Waiting::on(format!("hashing {}, for the record", path.display()));
         let mut hash = Sha256::new();
         let mut block = vec![0; 1 << 18];
         let mut bytes = 0;
@@ -275,13 +301,8 @@ impl InputRecord {
     }
 }
 
-/// Adds the files of a folder and of the folders within it; links to folders are not followed. A path that is
-/// no folder is added itself.
+/// Adds the files of a folder and of the folders within it; links to folders are not followed.
 fn files_within(path: &Path, files: &mut Vec<PathBuf>) -> Result<()> {
-    if !path.is_dir() {
-        files.push(path.to_owned());
-        return Ok(());
-    }
     let failed = |e: std::io::Error| Error::io(path, "reading", &e);
     for entry in std::fs::read_dir(path).map_err(failed)? {
         let entry = entry.map_err(failed)?;

@@ -9,7 +9,8 @@
 //! | `sampling` | the field of splats at the voxels of a grid |
 //! | `evaluation` | how splats are measured against a volume |
 //! | `console` | results to stdout, messages to stderr; `figures`: how numbers are written |
-//! | `progress` | the bar or the lines of long work |
+//! | `help` | the short help, by task |
+//! | `progress` | the bar or the lines of long work; `waiting`: a line for work that is not told otherwise |
 //! | `failure` | how the program ends: errors and exit codes |
 //! | `signals` | Ctrl-C and similar signals |
 //! | `terminal`, `clock`, `memory`, `version` | the machine and the program itself |
@@ -20,6 +21,7 @@ pub mod evaluation;
 pub mod failure;
 pub mod figures;
 pub mod flags;
+pub mod help;
 pub mod inputs;
 pub mod lock;
 pub mod memory;
@@ -30,3 +32,4 @@ pub mod signals;
 pub mod splat_files;
 pub mod terminal;
 pub mod version;
+pub mod waiting;

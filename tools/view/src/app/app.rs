@@ -255,8 +255,10 @@ impl App {
             Action::TogglePanels => state.show.panels = !state.show.panels,
             Action::ToggleOverlay => state.show.overlay = !state.show.overlay,
             Action::ToggleAnnotations => {
-                let on = !(state.show.orientation || state.show.scale_bar);
-                (state.show.orientation, state.show.scale_bar) = (on, on);
+                let show = &mut state.show;
+                let on = !(show.orientation || show.scale_bar || show.colour_bar || show.cube);
+                (show.orientation, show.scale_bar) = (on, on);
+                (show.colour_bar, show.cube) = (on, on);
             }
             Action::ToggleHandles => state.show.handles = !state.show.handles,
             Action::ToggleKeys => self.keys = !self.keys,

@@ -6,11 +6,12 @@ use glam::DVec2;
 use super::app::App;
 use super::drag::{Drag, Target};
 use crate::actions::Action;
-use crate::annotations::PictureOverlay;
+use crate::annotations::{self, PictureOverlay};
+use crate::cube;
 use crate::handles;
 use crate::panel_info::PanelInfo;
 use crate::panels::{self, status::Reading};
-use crate::state::{Distance, ViewState};
+use crate::state::{Distance, Object, Subject, ViewState};
 use crate::theme::SIGNAL;
 
 /// Length of a drag that turns by a degree, points of the screen.
@@ -51,6 +52,7 @@ impl App {
             self.lead(ui, &response);
         }
         self.point(&response, info);
+        self.cube(ui, info, actions);
         self.paint(ui, &response, info, over);
         if info.draft {
             let at = rect.left_bottom() + vec2(10.0, -8.0);
@@ -59,6 +61,20 @@ impl App {
                 let at = at + egui::Vec2::splat(by);
                 ui.painter().text(at, Align2::LEFT_BOTTOM, "draft", font.clone(), colour);
             }
+        }
+    }
+
+    /// Looks from the side of the cube that is clicked.
+    fn cube(&self, ui: &Ui, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
+        if !(self.state.show.cube && info.oriented) {
+            return;
+        }
+        let place = annotations::cube_place(self.picture);
+        let response = ui.interact(place, ui.id().with("cube"), Sense::click());
+        let at = response.hover_pos().map(|at| annotations::in_cube(self.picture, at));
+        let Some(side) = at.and_then(|at| cube::hit(&self.state.orbit, at)) else { return };
+        if response.on_hover_text(format!("look from the {} side", side.name())).clicked() {
+            actions.push(Action::View(side));
         }
     }
 
@@ -132,6 +148,16 @@ impl App {
             paint.split(split);
         }
         paint.annotations(state, info.oriented);
+        let own_colours = |object: &Object| object.tint.is_some() || !object.visible;
+        let all_own = state.shown == Subject::Splats
+            && !state.objects.is_empty()
+            && state.objects.iter().all(own_colours);
+        if state.show.colour_bar
+            && !all_own
+            && let Ok(function) = state.transfer.function()
+        {
+            paint.colour_bar(&function, info.range, info.unit);
+        }
         let begun = self.measuring.flatten().map(|from| (from, self.reading.map(|r| r.at_mm)));
         paint.distances(&state.distances, begun);
         if let (Some(_), Some(reading), Some(cursor)) = (self.measuring, &self.reading, response.hover_pos())

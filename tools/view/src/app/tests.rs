@@ -4,7 +4,7 @@ use engine::splat::{Splat, SplatSet};
 use glam::DVec2;
 
 use super::*;
-use crate::orbit::Side;
+use crate::orbit::{Orbit, Side};
 use crate::state::Object;
 use crate::transfer::Transfer;
 
@@ -478,6 +478,79 @@ fn a_file_is_asked_for_and_written_once() {
     bench.find("session.toml");
     bench.press(Key::Escape, Modifiers::NONE);
     assert!(bench.app.prompt.is_none());
+}
+
+#[test]
+fn a_side_of_the_cube_is_looked_at_when_it_is_clicked() {
+    let mut bench = Bench::new();
+    bench.app.state.orbit = Orbit { azimuth_deg: 40.0, elevation_deg: 30.0, ..bench.app.state.orbit };
+    // The letters at the borders would be found first.
+    bench.app.state.show.orientation = false;
+    bench.rest();
+    let head = bench.find("S");
+    assert!(bench.app.picture().contains(head));
+    bench.click(head);
+    assert_eq!(bench.app.state.orbit.elevation_deg, 90.0);
+    bench.press(Key::T, Modifiers::NONE);
+    assert!(bench.place_of("S").is_none(), "the annotations are off");
+}
+
+#[test]
+fn the_colour_bar_tells_what_is_shown() {
+    let mut bench = Bench::new();
+    bench.app.state.transfer =
+        Transfer::new(&engine::transfer::load("window:400,40", [0.0, 1.0]).expect("a window"));
+    bench.rest();
+    let shown = |bench: &Bench| {
+        bench.shapes.iter().any(|s| {
+            matches!(&s.shape, Shape::Text(t) if t.galley.text().ends_with(" HU")
+        && bench.app.picture().contains(t.visual_bounding_rect().center()))
+        })
+    };
+    assert!(shown(&bench));
+    for object in &mut bench.app.state.objects {
+        object.tint = Some(DVec3::ONE);
+    }
+    bench.rest();
+    assert!(!shown(&bench), "no object has a colour of the function");
+}
+
+#[test]
+fn a_camera_that_is_kept_comes_back() {
+    let mut bench = Bench::new();
+    // The other sections would push this one over the edge of the screen.
+    for section in ["Objects", "Transfer function", "Quality", "Camera"] {
+        let header = bench.find(section);
+        bench.click(header);
+        for _ in 0..20 {
+            bench.rest();
+        }
+    }
+    let kept = bench.app.state.orbit;
+    let keep = bench.find("Keep this view");
+    bench.click(keep);
+    assert_eq!(bench.app.state.bookmarks.len(), 1);
+    bench.app.state.orbit.turn(50.0, 10.0);
+    bench.rest();
+    let back = bench.find("Go to");
+    bench.click(back);
+    assert_eq!(bench.app.state.orbit, kept);
+}
+
+#[test]
+fn a_folder_of_slices_can_be_opened() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut bench = Bench::new();
+    bench.app.state.files.splats = vec![folder.path().join("a.ply")];
+    bench.press(Key::O, Modifiers::COMMAND);
+    let button = bench.find("Open the folder");
+    let actions = bench.click(button);
+    let expected = Action::Open(vec![folder.path().join("")]);
+    assert!(actions.contains(&expected), "{actions:?}");
+    // What is written goes to a file.
+    bench.press(Key::Escape, Modifiers::NONE);
+    bench.press(Key::S, Modifiers::COMMAND);
+    assert!(bench.place_of("Open the folder").is_none());
 }
 
 #[test]

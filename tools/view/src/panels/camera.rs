@@ -1,11 +1,14 @@
 //! Panel of the camera: sides to look from, pivot, distance and field of view.
 
-use egui::{DragValue, Slider, Ui};
+use egui::{DragValue, Slider, TextEdit, Ui};
 
 use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
 use crate::orbit::{FOV_RANGE, Side};
-use crate::state::ViewState;
+use crate::state::{Bookmark, ViewState};
+
+/// Greatest number of bookmarks; a list of more would not be looked through.
+const MOST_BOOKMARKS: usize = 50;
 
 /// Shows the camera and changes it.
 pub fn show(ui: &mut Ui, state: &mut ViewState, actions: &mut Vec<Action>) {
@@ -59,6 +62,38 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, actions: &mut Vec<Action>) {
     ui.checkbox(&mut state.show.orientation, "Letters of the patient's sides")
         .on_hover_text("R right, L left, A anterior, P posterior, S superior, I inferior");
     ui.checkbox(&mut state.show.scale_bar, "Scale bar").on_hover_text("true at the depth of the pivot");
+    ui.checkbox(&mut state.show.colour_bar, "Colour bar")
+        .on_hover_text("the colours of the intensities that the transfer function shows");
+    ui.checkbox(&mut state.show.cube, "Cube of the patient's sides")
+        .on_hover_text("click a face to look from there");
+    bookmarks(ui, state);
+}
+
+/// Shows the cameras that were kept, and keeps the present one.
+fn bookmarks(ui: &mut Ui, state: &mut ViewState) {
+    let mut gone = None;
+    for (i, bookmark) in state.bookmarks.iter_mut().enumerate() {
+        ui.push_id(i, |ui| {
+            ui.horizontal(|ui| {
+                if ui.button("Go to").on_hover_text("look from there again").clicked() {
+                    state.orbit = bookmark.orbit;
+                }
+                ui.add(TextEdit::singleline(&mut bookmark.name).desired_width(180.0));
+                if ui.small_button("✖").on_hover_text("remove it").clicked() {
+                    gone = Some(i);
+                }
+            });
+        });
+    }
+    if let Some(i) = gone {
+        state.bookmarks.remove(i);
+    }
+    let full = state.bookmarks.len() >= MOST_BOOKMARKS;
+    let keep = ui.add_enabled(!full, egui::Button::new("Keep this view"));
+    if keep.on_hover_text("a bookmark of the camera, which the session file has, too").clicked() {
+        let name = format!("View {}", state.bookmarks.len() + 1);
+        state.bookmarks.push(Bookmark { name, orbit: state.orbit });
+    }
 }
 
 fn capitalised(word: &str) -> String {

@@ -46,6 +46,9 @@ pub struct ViewState {
     /// The camera.
     #[serde(default)]
     pub orbit: Orbit,
+    /// Cameras that were kept.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bookmarks: Vec<Bookmark>,
     /// Quality and speed of pictures.
     #[serde(default)]
     pub quality: Quality,
@@ -74,9 +77,23 @@ pub struct Files {
     /// The CT or MR that they were fitted to.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<PathBuf>,
+    /// The series that is meant, if the volume is a folder or a zip of several DICOM series: its number, its
+    /// UID, or a part of its description.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub series: Option<String>,
     /// The mask or label map of its region.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roi: Option<PathBuf>,
+}
+
+/// A camera that was kept.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Bookmark {
+    /// Name for people.
+    pub name: String,
+    /// The camera.
+    pub orbit: Orbit,
 }
 
 /// Subject of the picture.
@@ -189,6 +206,10 @@ pub struct Show {
     pub orientation: bool,
     /// True if the scale bar is shown.
     pub scale_bar: bool,
+    /// True if the bar of the transfer function's colours is shown.
+    pub colour_bar: bool,
+    /// True if the cube with the patient's sides is shown.
+    pub cube: bool,
     /// True if the handles of clip planes and of the crop box are shown.
     pub handles: bool,
 }
@@ -244,7 +265,15 @@ impl Default for Quality {
 
 impl Default for Show {
     fn default() -> Self {
-        Show { panels: true, overlay: false, orientation: true, scale_bar: true, handles: true }
+        Show {
+            panels: true,
+            overlay: false,
+            orientation: true,
+            scale_bar: true,
+            colour_bar: true,
+            cube: true,
+            handles: true,
+        }
     }
 }
 
@@ -295,6 +324,7 @@ impl ViewState {
             background: DVec3::ZERO,
             files: Files::default(),
             orbit: Orbit::default(),
+            bookmarks: Vec::new(),
             quality: Quality::default(),
             show: Show::default(),
             clip: Clip::default(),
@@ -360,7 +390,7 @@ impl ViewState {
         let path = path.as_ref();
         let mut state = ViewState::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let Files { splats, volume, roi } = &mut state.files;
+        let Files { splats, volume, roi, series: _ } = &mut state.files;
         for file in splats.iter_mut().chain(volume).chain(roi) {
             // An absolute path replaces the folder.
             *file = folder.join(&file);
@@ -406,6 +436,7 @@ impl ViewState {
 
     fn check(&self) -> Result<()> {
         self.orbit.check()?;
+        self.bookmarks.iter().try_for_each(|bookmark| bookmark.orbit.check())?;
         self.transfer.function()?;
         let share = |v: f64| (0.0..=1.0).contains(&v);
         let colour = |c: DVec3| c.to_array().into_iter().all(share);

@@ -11,9 +11,11 @@ fn full() -> ViewState {
     state.files = Files {
         splats: vec!["/data/a.ply".into(), "/data/b.ply".into()],
         volume: Some("/data/ct.nii.gz".into()),
+        series: Some("3".into()),
         roi: Some("/data/mask.nii.gz".into()),
     };
     state.orbit = Orbit { azimuth_deg: 33.3, elevation_deg: -12.25, distance_mm: 1e3 / 3.0, ..state.orbit };
+    state.bookmarks = vec![Bookmark { name: "hilum".into(), orbit: Orbit { fov_deg: 12.5, ..state.orbit } }];
     state.quality =
         Quality { step: 1.5, splat_budget: Some(100_000), target_frame_ms: 11.1, adaptive: false };
     state.show.overlay = true;

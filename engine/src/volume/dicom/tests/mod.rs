@@ -9,6 +9,7 @@ use super::{list, read};
 use crate::volume::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
+mod structures;
 mod writer;
 
 use writer::{Dicom, words};

@@ -26,6 +26,20 @@ fn numbers(values: &[f64]) -> String {
     values.iter().map(f64::to_string).collect::<Vec<_>>().join("\\")
 }
 
+fn element((group, number): (u16, u16), vr: &[u8; 2], value: &[u8]) -> Vec<u8> {
+    let mut bytes = words(&[group, number]);
+    bytes.extend(vr);
+    match vr {
+        b"OB" | b"OW" | b"SQ" | b"UN" => {
+            bytes.extend([0, 0]);
+            bytes.extend((value.len() as u32).to_le_bytes());
+        }
+        _ => bytes.extend((value.len() as u16).to_le_bytes()),
+    }
+    bytes.extend(value);
+    bytes
+}
+
 impl Dicom {
     /// Creates a slice of 4 columns and 3 rows at a position along an oblique grid, with the attributes of a
     /// CT.
@@ -72,21 +86,29 @@ impl Dicom {
         self.elements.retain(|(other, ..)| *other != tag);
     }
 
+    /// Creates a file without elements, or an item of a sequence.
+    pub fn empty(class: &'static str) -> Self {
+        Dicom { syntax: PLAIN, class, elements: Vec::new() }
+    }
+
+    /// Sets a sequence.
+    pub fn sequence(&mut self, tag: (u16, u16), items: &[Dicom]) {
+        let item = |item: &Dicom| {
+            let body = item.body();
+            [words(&[0xfffe, 0xe000]), (body.len() as u32).to_le_bytes().to_vec(), body].concat()
+        };
+        self.put(tag, b"SQ", items.iter().flat_map(item).collect());
+    }
+
+    /// Returns the elements, in the order of their tags.
+    fn body(&self) -> Vec<u8> {
+        let mut elements = self.elements.clone();
+        elements.sort_by_key(|(tag, ..)| *tag);
+        elements.iter().flat_map(|(tag, vr, value)| element(*tag, vr, value)).collect()
+    }
+
     /// Returns the file.
     pub fn bytes(&self) -> Vec<u8> {
-        let element = |(group, number): (u16, u16), vr: &[u8; 2], value: &[u8]| {
-            let mut bytes = words(&[group, number]);
-            bytes.extend(vr);
-            match vr {
-                b"OB" | b"OW" | b"SQ" | b"UN" => {
-                    bytes.extend([0, 0]);
-                    bytes.extend((value.len() as u32).to_le_bytes());
-                }
-                _ => bytes.extend((value.len() as u16).to_le_bytes()),
-            }
-            bytes.extend(value);
-            bytes
-        };
         let padded = |text: &str| {
             let mut bytes = text.as_bytes().to_vec();
             bytes.resize(bytes.len().next_multiple_of(2), 0);
@@ -104,9 +126,7 @@ impl Dicom {
         all.extend(b"DICM");
         all.extend(element((2, 0), b"UL", &(meta.len() as u32).to_le_bytes()));
         all.extend(meta);
-        let mut elements = self.elements.clone();
-        elements.sort_by_key(|(tag, ..)| *tag);
-        elements.iter().for_each(|(tag, vr, value)| all.extend(element(*tag, vr, value)));
+        all.extend(self.body());
         all
     }
 }

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use engine::Error;
 
 use crate::shared::flags::{Range, any_range, pair};
-use crate::shared::inputs::{ReadArguments, is_volume};
+use crate::shared::inputs::{CleaningArguments, ReadArguments, is_volume};
 
 /// Tells how different two pictures are, or two volumes inside a region
 #[derive(Args, Debug)]
@@ -75,6 +75,8 @@ pub struct VolumeArguments {
     /// Which labels of the mask, by number or name
     #[arg(long, value_name = "N|NAME,...", requires = "roi")]
     pub roi_label: Option<String>,
+    #[command(flatten)]
+    pub cleaning: CleaningArguments,
     /// What the PSNR is over: two HU, or roi for the range of the first volume inside the region; both
     /// volumes are clipped to it. Or own: each volume over its own full range [default: the full range of the
     /// first]

@@ -38,11 +38,12 @@ pub fn compare(arguments: &CompareArguments, console: &Console) -> std::result::
     let (a, b) = (a?, b?);
     let (mask, labels) = (volumes.roi.as_deref(), volumes.roi_label.as_deref());
     let of_first = |error: Error| if error.file.is_some() { error } else { error.file(&arguments.a) };
-    let roi = match region_of(&a, &arguments.read, mask, volumes.roi_threshold, labels).map_err(of_first)? {
+    let threshold = (volumes.roi_threshold, &volumes.cleaning);
+    let roi = match region_of(&a, &arguments.read, mask, threshold, labels).map_err(of_first)? {
         Some(roi) => roi,
         None => Roi::new(vec![1.0; a.len()], &a).map_err(of_first)?,
     };
-    let case = Case { volume: a, roi };
+    let case = Case { volume: a, roi, mask_within: None };
     let normalisation = match volumes.range {
         Some(Range::Own) => Normalisation::Own,
         chosen => Normalisation::Range(case.range(chosen).map_err(of_first)?),

@@ -6,6 +6,7 @@
 //! | `run` | the command, stage by stage: prepare, estimate, fit, evaluate, report |
 //! | `stages` | estimate, fit, evaluate |
 //! | `prepare` | the first stage: reads, chooses and checks |
+//! | `doubts` | what is probably not meant, told or asked about first |
 //! | `explain` | estimates what the fit will cost, by its first iterations |
 //! | `watch` | watches the fit: progress, signals; `checkpoint`: files written on the way |
 //! | `reporting` | the last stage: record, curve, printed figures |
@@ -13,6 +14,7 @@
 
 mod arguments;
 mod checkpoint;
+mod doubts;
 mod explain;
 mod output_files;
 mod prepare;

@@ -17,6 +17,7 @@ use super::settings::Settings;
 use crate::shared::evaluation::{EVAL_SEED, unweighted};
 use crate::shared::flags::Range;
 use crate::shared::inputs::Case;
+use crate::shared::waiting::Waiting;
 
 /// Inputs of a fit.
 pub struct Inputs {
@@ -29,6 +30,11 @@ impl Inputs {
     pub fn read(arguments: &FitArguments) -> Result<Self> {
         let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
         Ok(Inputs { case, labels })
+    }
+
+    /// Returns the volume and its region.
+    pub fn case(&self) -> &Case {
+        &self.case
     }
 }
 
@@ -95,7 +101,10 @@ pub fn prepare<'a>(
     let begin = match interrupted {
         Some(interrupted) => Start::Interrupted(interrupted),
         // Reading and placing get half of the time, the fit the rest.
-        None => Start::First(problem.first_splats_by(arguments.time_budget.map(|time| start + time / 2))?),
+        None => Start::First({
+            let _waiting = Waiting::on("placing the first splats");
+            problem.first_splats_by(arguments.time_budget.map(|time| start + time / 2))?
+        }),
     };
     let initialise_seconds = initialising.elapsed().as_secs_f64();
 

@@ -5,6 +5,7 @@ use std::time::Instant;
 use engine::fit::End;
 
 use super::arguments::FitArguments;
+use super::doubts;
 use super::output_files::OutputFiles;
 use super::prepare::{Inputs, prepare};
 use super::reporting::report;
@@ -21,6 +22,7 @@ pub fn run(arguments: &FitArguments, console: &Console) -> Result<u8, Stop> {
     let signals = Signals::install()?;
     let _lock = files.lock(arguments, &signals)?;
     let inputs = Inputs::read(arguments)?;
+    doubts::tell(arguments, &settings, inputs.case(), console)?;
     let (prepared, begin) = prepare(arguments, &settings, &files, &inputs, start)?;
     let estimate = estimate(&prepared, &begin, console)?;
     if arguments.dry_run {

@@ -18,6 +18,7 @@ use crate::shared::console::Console;
 use crate::shared::evaluation::evaluate_decoded;
 use crate::shared::signals::Signals;
 use crate::shared::splat_files;
+use crate::shared::waiting::Waiting;
 
 /// Estimates the cost of the fit and prints the estimate, if that was asked for.
 pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Result<Option<Estimate>> {
@@ -114,8 +115,11 @@ pub struct Evaluated {
 pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> Result<Evaluated> {
     let evaluating = Instant::now();
     let finished = matches!(fitted.outcome.end, End::Finished) && signals.exit_code().is_none();
+    let waiting = Waiting::on("measuring the splats");
     let evaluation = if finished { measure(prepared, fitted)? } else { None };
+    drop(waiting);
     if let (Some(path), Some(evaluation)) = (&prepared.files.picture, &evaluation) {
+        let _waiting = Waiting::on(format!("drawing {}", path.display()));
         picture::draw(
             path,
             prepared.write.force,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use engine::splat::{self, LabelCount, Summary};
-use engine::volume::dicom::{self, StackSummary};
+use engine::volume::dicom::{self, StackSummary, Structure};
 use engine::volume::nifti::{self, Header};
 use engine::volume::{Format, ReadOptions, Stats, Volume, inv3};
 use engine::{Error, Kind, Result};
@@ -53,6 +53,9 @@ enum FileContent {
         /// Series of a DICOM folder.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         series: Vec<StackSummary>,
+        /// Labels of a mask with their names.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        structures: Vec<Structure>,
         #[serde(flatten)]
         voxels: Option<Voxels>,
     },
@@ -111,23 +114,55 @@ fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
         return Ok(FileContent::Splats(Box::new(summary)));
     }
     let mut options = read.options();
-    if Format::of(path, &options).is_ok_and(|format| format.name == dicom::NAME) {
-        return dicom_content(path, &options);
+    match Format::of(path, &options) {
+        Ok(format) if [dicom::NAME, dicom::ZIP_NAME].contains(&format.name) => {
+            return dicom_content(path, format.name, &options);
+        }
+        _ => {}
     }
     let header = nifti::describe(path).ok().map(Box::new);
     if header.as_ref().is_some_and(|h| !h.scalar) {
-        return Ok(FileContent::Volume { format: None, header, series: Vec::new(), voxels: None });
+        return Ok(FileContent::Volume {
+            format: None,
+            header,
+            series: Vec::new(),
+            structures: Vec::new(),
+            voxels: None,
+        });
     }
     if header.as_ref().is_some_and(|h| h.dims.iter().skip(3).product::<usize>() > 1) {
         options.volume_index = options.volume_index.or(Some(0));
     }
     let volume = Volume::read(path, &options).map_err(|e| not_splats_either(e, path))?;
     let format = if header.is_some() { None } else { Some(Format::of(path, &options)?.name) };
-    Ok(FileContent::Volume { format, header, series: Vec::new(), voxels: Some(Voxels::of(&volume)) })
+    let structures = if header.is_some() { Vec::new() } else { labels_of(&volume) };
+    Ok(FileContent::Volume {
+        format,
+        header,
+        series: Vec::new(),
+        structures,
+        voxels: Some(Voxels::of(&volume)),
+    })
 }
 
-/// Lists the series of a DICOM folder, and describes the one that is chosen, or the only one.
-fn dicom_content(path: &Path, options: &ReadOptions) -> Result<FileContent> {
+/// Lists the series of a DICOM folder, and describes the one that is chosen, or the only one. Lists the
+/// structures of a segmentation or a structure set.
+fn dicom_content(path: &Path, format: &'static str, options: &ReadOptions) -> Result<FileContent> {
+    if let Some(structures) = dicom::structures(path, options)? {
+        // Contours have no voxels of their own.
+        let voxels = Volume::read(path, options);
+        let voxels = match voxels {
+            Err(error) if error.kind == Kind::Usage => None,
+            voxels => Some(Voxels::of(&voxels?)),
+        };
+        return Ok(FileContent::Volume {
+            format: Some(format),
+            header: None,
+            series: Vec::new(),
+            structures,
+            voxels,
+        });
+    }
     let series = dicom::list(path, options)?;
     let voxels = match Volume::read(path, options) {
         Ok(volume) => Some(Voxels::of(&volume)),
@@ -139,7 +174,13 @@ fn dicom_content(path: &Path, options: &ReadOptions) -> Result<FileContent> {
         }
         Err(error) => return Err(error),
     };
-    Ok(FileContent::Volume { format: Some(dicom::NAME), header: None, series, voxels })
+    Ok(FileContent::Volume { format: Some(format), header: None, series, structures: Vec::new(), voxels })
+}
+
+/// Returns the names of labels that the file has.
+fn labels_of(volume: &Volume) -> Vec<Structure> {
+    let structure = |(&number, name): (&i32, &String)| Structure { number, name: name.clone() };
+    volume.labels.iter().map(structure).collect()
 }
 
 fn not_splats_either(error: Error, path: &Path) -> Error {
@@ -177,9 +218,9 @@ fn text(content: &FileContent) -> Lines {
     let mut out = Lines(String::new());
     match content {
         FileContent::Splats(summary) => splat_lines(summary, &mut out),
-        FileContent::Volume { format, header, series, voxels } => {
-            let header = header.as_deref();
-            volume_lines(format.unwrap_or_default(), header, series, voxels.as_ref(), &mut out);
+        FileContent::Volume { format, header, series, structures, voxels } => {
+            let lists = (series.as_slice(), structures.as_slice());
+            volume_lines(format.unwrap_or_default(), header.as_deref(), lists, voxels.as_ref(), &mut out);
         }
     }
     out
@@ -201,7 +242,7 @@ fn rounded(values: &[f64]) -> String {
 fn volume_lines(
     format: &str,
     header: Option<&Header>,
-    series: &[StackSummary],
+    (series, structures): (&[StackSummary], &[Structure]),
     voxels: Option<&Voxels>,
     out: &mut Lines,
 ) {
@@ -209,6 +250,10 @@ fn volume_lines(
         out.add("format", format);
         for (i, row) in series.iter().enumerate() {
             out.add(if i == 0 { "series" } else { "" }, row.line());
+        }
+        if !structures.is_empty() {
+            let list: Vec<_> = structures.iter().map(|s| format!("{} {}", s.number, s.name)).collect();
+            out.add("labels", list.join(", "));
         }
         if let Some(v) = voxels {
             out.add("voxels", joined(&v.size, " x "));

@@ -9,7 +9,7 @@ use engine::{Error, Kind, Result};
 
 use super::values::{self, Background, Clip, ObjectChange, View};
 use crate::shared::flags::{DeviceArguments, Size, pair};
-use crate::shared::inputs::ReadArguments;
+use crate::shared::inputs::{CleaningArguments, ReadArguments};
 
 /// Renders splats or a volume through a transfer function
 #[derive(Args, Clone, Debug)]
@@ -123,6 +123,8 @@ pub struct VolumeRegion {
     /// Which labels of the mask, by number or name
     #[arg(long, value_name = "N|NAME,...", requires = "roi")]
     pub roi_label: Option<String>,
+    #[command(flatten)]
+    pub cleaning: CleaningArguments,
 }
 
 /// Flags of the output files.

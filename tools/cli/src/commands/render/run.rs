@@ -21,6 +21,7 @@ use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::inputs::{is_volume, region_of, volume_of};
 use crate::shared::outputs;
+use crate::shared::waiting::Waiting;
 
 /// Sample distance of a still picture; fine enough that lit surfaces show no rings.
 const STEP: f64 = 0.5;
@@ -91,8 +92,12 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         precise: true,
         ..Settings::new(arguments.size.0)
     };
+    let preparing = Waiting::on("preparing the scene");
     let mut renderer = Renderer::new(&gpu, row, &scene, &settings)?;
+    drop(preparing);
     let start = Instant::now();
+    // The frames of a turntable are counted instead.
+    let _rendering = arguments.turntable.turntable.is_none().then(|| Waiting::on("rendering"));
     let oriented = volume.as_ref().is_none_or(|v| v.oriented);
     let count = frames::render(arguments, console, &mut renderer, &scene, camera, oriented)?;
     let seconds = start.elapsed().as_secs_f64() / f64::from(count);
@@ -144,8 +149,9 @@ impl RenderArguments {
     fn read_volume(&self) -> Result<(Option<Volume>, Option<Roi>)> {
         let Some(path) = &self.volume else { return Ok((None, None)) };
         let volume = volume_of(path, &self.read)?;
-        let VolumeRegion { roi, roi_threshold, roi_label } = &self.region;
-        let roi = region_of(&volume, &self.read, roi.as_deref(), *roi_threshold, roi_label.as_deref())?;
+        let VolumeRegion { roi, roi_threshold, roi_label, cleaning } = &self.region;
+        let threshold = (*roi_threshold, cleaning);
+        let roi = region_of(&volume, &self.read, roi.as_deref(), threshold, roi_label.as_deref())?;
         Ok((Some(volume), roi))
     }
 

@@ -1,0 +1,228 @@
+//! Where a DICOM file is: on disk, or in a zip.
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use dicom_object::{DefaultDicomObject, OpenFileOptions, Tag};
+use flate2::read::DeflateDecoder;
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+use super::{MAGIC, MAGIC_AT, sniff};
+use crate::volume::ReadOptions;
+use crate::{Error, Kind, Result};
+
+/// The most bytes before the pixels of a file in a zip; the header of an enhanced file of ten thousand frames
+/// has some twenty million.
+const MOST_HEADER_BYTES: u64 = 1 << 28;
+/// Transfer syntax of files whose elements are packed as a whole.
+const DEFLATED: &[u8] = b"1.2.840.10008.1.2.1.99";
+/// Tag, type and length of the first element, which says how long its group is.
+const GROUP_LENGTH: &[u8] = b"\x02\0\0\0UL\x04\0";
+/// The longest first group that is searched; those of real files have some hundred bytes.
+const MOST_META_BYTES: u64 = 1 << 16;
+/// Beginning of a zip.
+const ZIP_MAGIC: &[u8] = b"PK\x03\x04";
+
+/// Returns true if this is the beginning of a zip.
+pub(in crate::volume) fn is_zip(head: &[u8]) -> bool {
+    head.starts_with(ZIP_MAGIC)
+}
+
+/// A DICOM file on disk or in a zip. Nothing of a zip is written to disk.
+#[derive(Clone, Default)]
+pub(super) struct Location {
+    /// Path of the file; for a file in a zip the path of the zip, and the name in it as it stands there. The
+    /// latter is only for messages.
+    pub path: PathBuf,
+    member: Option<(Arc<Archive>, usize)>,
+}
+
+impl fmt::Debug for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.path.fmt(f)
+    }
+}
+
+impl Location {
+    /// Creates the location of a file on disk.
+    pub fn on_disk(path: impl Into<PathBuf>) -> Self {
+        Location { path: path.into(), member: None }
+    }
+
+    /// Refuses a file whose elements are packed as a whole (deflated) and unpack to more than `max_bytes`. They
+    /// are unpacked here once, into nothing, since nothing else bounds what a reader of them takes.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] if it is too large; [`Kind::Io`].
+    pub fn check_packed(&self, max_bytes: u64) -> Result<()> {
+        let failed = |e: io::Error| Error::io(&self.path, "reading", &e);
+        let unpacked = match &self.member {
+            None => unpacked_size(File::open(&self.path).map_err(failed)?, max_bytes),
+            Some((archive, index)) => {
+                let mut zip = archive.lock();
+                unpacked_size(zip.by_index(*index).map_err(|e| archive.failed(&self.path, e))?, max_bytes)
+            }
+        };
+        // Damage is told by the reader.
+        if unpacked.unwrap_or(0) <= max_bytes {
+            return Ok(());
+        }
+        let message = format!("unpacks to more than the limit of {max_bytes} bytes");
+        Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
+            .file(&self.path)
+            .help("if the size is right, raise the limit with --max-bytes"))
+    }
+
+    /// Reads the file, or its elements before `until`. Of a file in a zip no more is unpacked than the zip
+    /// declares.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] for a damaged file, [`Kind::HostMemory`].
+    pub fn open(&self, until: Option<Tag>) -> Result<DefaultDicomObject> {
+        let options = OpenFileOptions::new();
+        let options = match until {
+            Some(tag) => options.read_until(tag),
+            None => options,
+        };
+        let Some((archive, index)) = &self.member else {
+            return options.open_file(&self.path).map_err(|e| damaged(&self.path, &e));
+        };
+        let mut zip = archive.lock();
+        let mut member = zip.by_index(*index).map_err(|e| archive.failed(&self.path, e))?;
+        let size = member.size();
+        if until.is_some() {
+            let start = BufReader::new(member.take(size.min(MOST_HEADER_BYTES)));
+            return options.from_reader(start).map_err(|e| damaged(&self.path, &e));
+        }
+        let mut bytes = Vec::new();
+        bytes.try_reserve_exact(size as usize).map_err(|_| {
+            let message = format!("no memory for a file of {size} bytes");
+            Error::new(Kind::HostMemory, "VGS-VOL-010", message).file(&self.path)
+        })?;
+        member.by_ref().take(size).read_to_end(&mut bytes).map_err(|e| damaged(&self.path, &e))?;
+        // Decoding takes longer than unpacking, and other threads may unpack meanwhile.
+        drop(member);
+        drop(zip);
+        options.from_reader(bytes.as_slice()).map_err(|e| damaged(&self.path, &e))
+    }
+}
+
+/// Returns how many bytes the elements of a deflated file unpack to, up to `most` and one more; 0 for any other
+/// file.
+fn unpacked_size(mut file: impl Read, most: u64) -> io::Result<u64> {
+    // Magic, then the length of the first group of elements, which is never packed.
+    let mut head = [0; MAGIC_AT + 4 + 12];
+    file.read_exact(&mut head)?;
+    let (tag, length) = head[MAGIC_AT + 4..].split_at(8);
+    let length = u64::from(u32::from_le_bytes([length[0], length[1], length[2], length[3]]));
+    if !sniff(&head) || tag != GROUP_LENGTH || length > MOST_META_BYTES {
+        return Ok(0);
+    }
+    let mut meta = Vec::new();
+    file.by_ref().take(length).read_to_end(&mut meta)?;
+    if !meta.windows(DEFLATED.len()).any(|window| window == DEFLATED) {
+        return Ok(0);
+    }
+    io::copy(&mut DeflateDecoder::new(file).take(most.saturating_add(1)), &mut io::sink())
+}
+
+/// Returns the error of a file that the library cannot read.
+pub(super) fn damaged(path: &Path, error: &dyn std::error::Error) -> Error {
+    // Only the first line: the library's texts may continue with a backtrace.
+    let text = error.to_string();
+    let text = text.lines().next().unwrap_or_default().to_owned();
+    Error::new(Kind::BadData, "VGS-DCM-005", format!("not readable as DICOM: {text}")).file(path).help(
+        "the file is damaged or cut short: copy it again, or leave such files of a folder out with --lenient",
+    )
+}
+
+/// An open zip.
+struct Archive {
+    path: PathBuf,
+    zip: Mutex<ZipArchive<BufReader<File>>>,
+}
+
+impl Archive {
+    fn lock(&self) -> MutexGuard<'_, ZipArchive<BufReader<File>>> {
+        // Each member is sought anew, so a thread that has panicked leaves nothing half done.
+        self.zip.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn failed(&self, member: &Path, e: ZipError) -> Error {
+        match e {
+            ZipError::Io(e) => Error::io(&self.path, "reading", &e),
+            e => Error::new(Kind::BadData, "VGS-DCM-015", format!("not readable as a zip: {e}"))
+                .file(member)
+                .help("unpack it with another program and give the folder"),
+        }
+    }
+}
+
+/// Returns the number of entries of a zip and the DICOM files among them, in the order of their names.
+/// Everything that a damaged or malicious zip may claim is bounded: a file is refused if it claims more than
+/// [`ReadOptions::max_bytes`], and so are members that share their bytes.
+///
+/// # Errors
+/// [`Kind::BadData`] if the zip is damaged, encrypted or too large, or has more than `most` entries;
+/// [`Kind::Io`].
+pub(super) fn members(path: &Path, most: usize, options: &ReadOptions) -> Result<(usize, Vec<Location>)> {
+    let file = File::open(path).map_err(|e| Error::io(path, "opening", &e))?;
+    let unreadable = |e: ZipError| match e {
+        ZipError::Io(e) if e.kind() != io::ErrorKind::UnexpectedEof => Error::io(path, "reading", &e),
+        e => Error::new(Kind::BadData, "VGS-DCM-015", format!("not readable as a zip: {e}"))
+            .file(path)
+            .help("copy the file again, or unpack it with another program and give the folder"),
+    };
+    let mut zip = ZipArchive::new(BufReader::new(file)).map_err(unreadable)?;
+    let count = zip.len();
+    if count > most {
+        return Err(Error::new(
+            Kind::BadData,
+            "VGS-DCM-002",
+            format!("the zip holds more than {most} files"),
+        )
+        .file(path)
+        .help("give a zip of one study or series"));
+    }
+    if zip.has_overlapping_entries().map_err(unreadable)? {
+        let message = "not readable as a zip: its files overlap";
+        return Err(Error::new(Kind::BadData, "VGS-DCM-015", message)
+            .file(path)
+            .help("no program writes such zips; make the zip again"));
+    }
+    let archive = Arc::new(Archive { path: path.to_owned(), zip: Mutex::new(zip) });
+    let mut found = Vec::new();
+    for index in 0..count {
+        let mut zip = archive.lock();
+        let name = zip.name_for_index(index).and_then(|name| name.ok()).unwrap_or_default();
+        let mut of_zip = path.as_os_str().to_owned();
+        of_zip.push(format!("/{name}"));
+        let own = PathBuf::from(of_zip);
+        let mut member = zip.by_index(index).map_err(|e| archive.failed(&own, e))?;
+        if member.is_dir() {
+            continue;
+        }
+        let mut head = Vec::new();
+        let length = (MAGIC_AT + MAGIC.len()) as u64;
+        let read = member.by_ref().take(length).read_to_end(&mut head);
+        if read.is_err() || !sniff(&head) {
+            continue;
+        }
+        if member.size() > options.max_bytes {
+            let message =
+                format!("declares {} bytes, more than the limit of {}", member.size(), options.max_bytes);
+            return Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
+                .file(own)
+                .help("if the size is right, raise the limit with --max-bytes"));
+        }
+        drop(member);
+        drop(zip);
+        found.push(Location { path: own, member: Some((Arc::clone(&archive), index)) });
+    }
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok((count, found))
+}

@@ -1,0 +1,230 @@
+//! Structures as voxels (DICOM-SEG): for each structure the slices where it is, as bits or as fractions; or
+//! slices of labels.
+//! Format: <https://dicom.nema.org/medical/dicom/current/output/chtml/part03/sect_C.8.20.2.html>.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use dicom_dictionary_std::tags;
+use dicom_object::DefaultDicomObject;
+
+use super::geometry::{Arrangement, arrange};
+use super::header::{Frame, Skipped, frames, items, text, whole};
+use super::location::Location;
+use super::pixels::{self, BIG_ENDIAN};
+use super::stacks::{SAME_PLACE_MM, along_normal, are_parallel, normal};
+use super::structures::{LabelMap, Structure, chosen, none};
+use crate::volume::{Grid, LabelChoice, ReadOptions, Volume};
+use crate::{Error, Kind, Result};
+
+/// Part of the greatest fraction from which on a voxel belongs to a structure, where it must or must not.
+const HALF: f32 = 0.5;
+
+/// How the voxels of a segmentation are stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stored {
+    /// A bit for each voxel of a structure.
+    Bits,
+    /// A part of this greatest number for each voxel of a structure.
+    Fractions(f32),
+    /// The number of its structure for each voxel; bytes of a number.
+    Labels(usize),
+}
+
+/// Returns the structures of a segmentation.
+///
+/// # Errors
+/// [`Kind::BadData`] for a damaged file or one without structures.
+pub(super) fn structures(location: &Location) -> Result<Vec<Structure>> {
+    let object = location.open(Some(tags::PIXEL_DATA))?;
+    segments(&object).map_err(|e| e.file(&location.path))
+}
+
+/// Reads the structures of `options.labels`, or all of them, as a map of labels; a structure that is alone as
+/// a mask, soft if it is stored as fractions.
+///
+/// # Errors
+/// [`Kind::BadData`] for a damaged file, slices that do not form one block, or too large a mask;
+/// [`Kind::Unavailable`] for pixels that cannot be unpacked; [`Kind::HostMemory`].
+pub(super) fn read(location: &Location, options: &ReadOptions) -> Result<Volume> {
+    let object = location.open(None)?;
+    let named = |e: Error| if e.file.is_some() { e } else { e.file(&location.path) };
+    let all = segments(&object).map_err(named)?;
+    let wanted = chosen(&all, &options.labels);
+    let frames = match frames(location, &object)? {
+        Ok(frames) => frames,
+        Err(reason) => return Err(named(placeless(&reason))),
+    };
+    let stored = stored(&object, &frames).map_err(named)?;
+    let (arrangement, planes) = planes(&frames).map_err(named)?;
+    let pixels = bytes(&object, location, stored, &frames)?;
+    let mask = fill(&frames, &planes, &arrangement, stored, &pixels, &wanted, options).map_err(named)?;
+    let (volume, note) = mask;
+    if let Some(note) = note {
+        tracing::warn!("{}: {note}", location.path.display());
+    }
+    Ok(volume)
+}
+
+fn bad(code: &'static str, message: impl Into<String>) -> Error {
+    Error::new(Kind::BadData, code, message)
+}
+
+fn placeless(reason: &Skipped) -> Error {
+    let what = match reason {
+        Skipped::NoPlace(_) => "its slices have no place in the patient",
+        _ => "it has no slices",
+    };
+    bad("VGS-DCM-004", format!("a segmentation that cannot be read: {what}"))
+        .help("export it again, or as NIfTI or NRRD")
+}
+
+fn segments(object: &DefaultDicomObject) -> Result<Vec<Structure>> {
+    let items = items(object, tags::SEGMENT_SEQUENCE).unwrap_or_default();
+    let segments = items.iter().filter_map(|item| {
+        let number = whole(item, tags::SEGMENT_NUMBER)?;
+        // Number 0 of a map of labels is what is around the structures.
+        let number = i32::try_from(number).ok().filter(|n| (1..=i32::from(u16::MAX)).contains(n))?;
+        Some(Structure { number, name: text(item, tags::SEGMENT_LABEL) })
+    });
+    let segments: Vec<_> = segments.collect();
+    if segments.is_empty() { Err(none()) } else { Ok(segments) }
+}
+
+fn stored(object: &DefaultDicomObject, frames: &[Frame]) -> Result<Stored> {
+    let kind = text(object, tags::SEGMENTATION_TYPE);
+    let bits = frames.first().map_or(0, |frame| frame.file.bits_allocated);
+    let most = whole(object, tags::MAXIMUM_FRACTIONAL_VALUE).unwrap_or(255);
+    match (kind.as_str(), bits) {
+        ("BINARY", 1) => Ok(Stored::Bits),
+        ("FRACTIONAL", 8) if most > 0 => Ok(Stored::Fractions(most as f32)),
+        ("LABELMAP", 8 | 16) => Ok(Stored::Labels(bits as usize / 8)),
+        _ => Err(bad("VGS-DCM-017", format!("a segmentation of type '{kind}' with {bits} bits for a voxel"))
+            .help("BINARY, FRACTIONAL and LABELMAP are read; export it again, or as NIfTI or NRRD")),
+    }
+}
+
+/// Returns the grid of all slices, and the plane of each frame: frames of several structures share planes.
+fn planes(frames: &[Frame]) -> Result<(Arrangement, Vec<usize>)> {
+    let first = &frames[0];
+    if let Some(other) = frames.iter().find(|frame| !are_parallel(first, frame)) {
+        let message = format!("frames 1 and {} of the segmentation are not parallel", other.number + 1);
+        return Err(bad("VGS-DCM-009", message).help("export it again on the grid of its series"));
+    }
+    let normal = normal(first);
+    let mut order: Vec<usize> = (0..frames.len()).collect();
+    order.sort_by(|&a, &b| along_normal(&frames[a], normal).total_cmp(&along_normal(&frames[b], normal)));
+    let mut places: Vec<Frame> = Vec::new();
+    let mut place_of = vec![0; frames.len()];
+    for i in order {
+        let new = places.last().is_none_or(|last| {
+            along_normal(&frames[i], normal) - along_normal(last, normal) >= SAME_PLACE_MM
+        });
+        if new {
+            places.push(frames[i].clone());
+        }
+        place_of[i] = places.len() - 1;
+    }
+    let distance = Some(first.slice_distance).filter(|&mm| mm > 0.0);
+    let arrangement = arrange(&places, distance)?;
+    let planes = place_of.into_iter().map(|place| arrangement.planes[place]).collect();
+    Ok((arrangement, planes))
+}
+
+/// Returns the stored voxels of all frames, as many bytes as there must be.
+fn bytes<'a>(
+    object: &'a DefaultDicomObject,
+    location: &Location,
+    stored: Stored,
+    frames: &[Frame],
+) -> Result<Cow<'a, [u8]>> {
+    let file = &frames[0].file;
+    let voxels = frames[0].size.iter().product::<usize>() as u64 * frames.len() as u64;
+    let (needed, packed) = match stored {
+        Stored::Bits => (voxels.div_ceil(8), true),
+        Stored::Fractions(_) => (voxels, false),
+        Stored::Labels(bytes) => (voxels * bytes as u64, false),
+    };
+    let plain = object.element(tags::PIXEL_DATA).ok().and_then(|element| element.value().to_bytes().ok());
+    let bytes = match plain {
+        // Bits are not what the decoders of pictures know.
+        Some(plain) if file.transfer_syntax != BIG_ENDIAN => plain,
+        _ if packed => {
+            let message = format!("bits packed as {}, which are not read", file.transfer_syntax);
+            return Err(Error::new(Kind::Unavailable, "VGS-DCM-011", message)
+                .file(&location.path)
+                .help("unpack the file first: `gdcmconv --raw IN OUT`"));
+        }
+        _ => {
+            pixels::check(file)?;
+            Cow::Owned(pixels::decode(object, location)?.data().to_vec())
+        }
+    };
+    if (bytes.len() as u64) < needed {
+        let message = format!("expected {needed} bytes for {} frames, got {}", frames.len(), bytes.len());
+        return Err(bad("VGS-DCM-012", message)
+            .file(&location.path)
+            .help("the file is damaged or cut short; copy it again"));
+    }
+    Ok(bytes)
+}
+
+fn fill(
+    frames: &[Frame],
+    planes: &[usize],
+    arrangement: &Arrangement,
+    stored: Stored,
+    bytes: &[u8],
+    wanted: &[Structure],
+    options: &ReadOptions,
+) -> Result<(Volume, Option<String>)> {
+    let grid = Grid { size: arrangement.size, world_from_voxel: arrangement.world_from_voxel };
+    let area = grid.size[0] * grid.size[1];
+    let mut map = LabelMap::new(grid, wanted, options)?;
+    let by_number: BTreeMap<i64, i32> = wanted.iter().map(|s| (i64::from(s.number), s.number)).collect();
+    // A structure that is alone keeps its fractions.
+    let soft =
+        matches!(stored, Stored::Fractions(_)) && wanted.len() == 1 && options.labels == LabelChoice::Whole;
+    let mut fractions = if soft { vec![0.0_f32; map.len()] } else { Vec::new() };
+    for (frame, plane) in frames.iter().zip(planes) {
+        let start = frame.number as usize * area;
+        let own = match (stored, frame.segment) {
+            (Stored::Labels(_), _) => None,
+            (_, Some(segment)) => match by_number.get(&segment) {
+                Some(&number) => Some(number),
+                None => continue,
+            },
+            (_, None) => {
+                return Err(bad("VGS-DCM-017", format!("frame {} names no segment", frame.number + 1))
+                    .help("the file is damaged; export it again"));
+            }
+        };
+        for pixel in 0..area {
+            let at = start + pixel;
+            let voxel = plane * area + pixel;
+            let number = match stored {
+                Stored::Bits => own.filter(|_| bytes[at / 8] >> (at % 8) & 1 == 1),
+                Stored::Fractions(most) => {
+                    let part = (f32::from(bytes[at]) / most).min(1.0);
+                    if soft {
+                        fractions[voxel] = part;
+                    }
+                    own.filter(|_| part >= HALF)
+                }
+                Stored::Labels(1) => by_number.get(&i64::from(bytes[at])).copied(),
+                Stored::Labels(_) => {
+                    let word = u16::from_le_bytes([bytes[2 * at], bytes[2 * at + 1]]);
+                    by_number.get(&i64::from(word)).copied()
+                }
+            };
+            if let Some(number) = number {
+                map.add(voxel, number);
+            }
+        }
+    }
+    let (mut volume, note) = map.finish();
+    if soft {
+        volume.samples = fractions;
+    }
+    Ok((volume, note))
+}
