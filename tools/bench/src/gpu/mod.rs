@@ -241,7 +241,7 @@ impl Runner {
         let mut child = spawned().map_err(Unfinished::Failed)?;
         let status = self.wait(&mut child)?;
         if !status.success() {
-            let message = format!("{}: {status}", words[0]);
+            let message = format!("a program ended with {status}: {}", words[0]);
             let failed = Error::new(Kind::Temporary, "VGS-BEN-052", message);
             return Err(Unfinished::Failed(failed.file(logs.join(format!("{name}.err")))));
         }
