@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -11,6 +11,7 @@ use flate2::read::DeflateDecoder;
 use zip::ZipArchive;
 use zip::result::ZipError;
 
+use super::lengths::too_long;
 use super::{MAGIC, MAGIC_AT, sniff};
 use crate::volume::ReadOptions;
 use crate::{Error, Kind, Result};
@@ -89,14 +90,23 @@ impl Location {
             None => options,
         };
         let Some((archive, index)) = &self.member else {
+            let failed = |e: io::Error| Error::io(&self.path, "reading", &e);
+            let file = File::open(&self.path).map_err(failed)?;
+            let size = file.metadata().map_err(failed)?.len();
+            self.check_lengths(BufReader::new(file), size, until.is_some())?;
             return options.open_file(&self.path).map_err(|e| damaged(&self.path, &e));
         };
         let mut zip = archive.lock();
         let mut member = zip.by_index(*index).map_err(|e| archive.failed(&self.path, e))?;
         let size = member.size();
         if until.is_some() {
-            let start = BufReader::new(member.take(size.min(MOST_HEADER_BYTES)));
-            return options.from_reader(start).map_err(|e| damaged(&self.path, &e));
+            let mut start = Vec::new();
+            member
+                .take(size.min(MOST_HEADER_BYTES))
+                .read_to_end(&mut start)
+                .map_err(|e| damaged(&self.path, &e))?;
+            self.check_lengths(Cursor::new(&start), start.len() as u64, true)?;
+            return options.from_reader(start.as_slice()).map_err(|e| damaged(&self.path, &e));
         }
         let mut bytes = Vec::new();
         bytes.try_reserve_exact(size as usize).map_err(|_| {
@@ -107,7 +117,26 @@ impl Location {
         // Decoding takes longer than unpacking, and other threads may unpack meanwhile.
         drop(member);
         drop(zip);
+        self.check_lengths(Cursor::new(&bytes), size, false)?;
         options.from_reader(bytes.as_slice()).map_err(|e| damaged(&self.path, &e))
+    }
+}
+
+impl Location {
+    /// Checks that no element of the file claims more than there is.
+    fn check_lengths(&self, mut source: impl Read + Seek, size: u64, before_pixels: bool) -> Result<()> {
+        let mut head = [0; MAGIC_AT + 4];
+        let is_dicom = source.read_exact(&mut head).is_ok() && sniff(&head);
+        // Files without the magic are the library's to refuse.
+        let found = match is_dicom {
+            true => too_long(&mut source, head.len() as u64, size, before_pixels),
+            false => Ok(None),
+        };
+        match found {
+            Ok(None) => Ok(()),
+            Ok(Some(element)) => Err(damaged(&self.path, &element)),
+            Err(e) => Err(damaged(&self.path, &e)),
+        }
     }
 }
 

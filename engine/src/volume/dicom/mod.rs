@@ -3,6 +3,7 @@
 //!
 //! | file | what is there |
 //! |---|---|
+//! | `lengths` | the lengths that elements claim, checked before memory is taken for them |
 //! | `header` | what a file says of its frames: place, size, units |
 //! | `location` | where a file is: on disk, or in a zip |
 //! | `find` | the files of a folder or a zip |
@@ -22,6 +23,7 @@ mod contours;
 mod find;
 mod geometry;
 mod header;
+mod lengths;
 mod location;
 mod pixels;
 mod read;

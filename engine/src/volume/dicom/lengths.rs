@@ -1,0 +1,191 @@
+//! The lengths of a DICOM file's elements, checked before the library takes memory for them: it takes what an
+//! element claims, up to 4 GiB, before it reads a byte of it.
+
+use std::fmt;
+use std::io::{self, Read, Seek};
+
+/// Kinds of values whose length takes two bytes. That of all others, known or not, takes four, after two that are not
+/// used.
+const SHORT: [&[u8; 2]; 21] = [
+    b"AE", b"AS", b"AT", b"CS", b"DA", b"DS", b"DT", b"FD", b"FL", b"IS", b"LO", b"LT", b"PN", b"SH", b"SL",
+    b"SS", b"ST", b"TM", b"UI", b"UL", b"US",
+];
+/// A length that is not told: an end mark follows the content.
+const UNTOLD: u32 = u32::MAX;
+/// Group of the marks of items and of ends.
+const MARKS: u16 = 0xfffe;
+const ITEM: u16 = 0xe000;
+const PIXELS: (u16, u16) = (0x7fe0, 0x10);
+const SYNTAX: (u16, u16) = (2, 0x10);
+
+/// An element that claims more bytes than there are.
+#[derive(Debug, PartialEq)]
+pub(super) struct TooLong {
+    tag: (u16, u16),
+    claimed: u32,
+    left: u64,
+}
+
+impl fmt::Display for TooLong {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let TooLong { tag: (group, number), claimed, left } = self;
+        write!(f, "element ({group:04x},{number:04x}) claims {claimed} bytes where {left} are left")
+    }
+}
+
+impl std::error::Error for TooLong {}
+
+/// How elements are written.
+#[derive(Clone, Copy, PartialEq)]
+enum Syntax {
+    Implicit,
+    Explicit { big: bool },
+}
+
+/// Walks through the elements of a file of `size` bytes, whose magic ends at byte `begin`, and returns the first one
+/// that is too long. Stops before the pixels if only what stands before them will be read, and where the rest is
+/// packed. Damage of other kinds is the library's to tell.
+///
+/// # Errors
+/// That of the source.
+pub(super) fn too_long(
+    source: &mut (impl Read + Seek),
+    begin: u64,
+    size: u64,
+    before_pixels: bool,
+) -> io::Result<Option<TooLong>> {
+    let mut at = source.seek(io::SeekFrom::Start(begin))?;
+    let (mut syntax, mut told) = (Syntax::Explicit { big: false }, None);
+    let (mut in_meta, mut in_fragments) = (true, false);
+    loop {
+        let mut head = [0; 8];
+        if size.saturating_sub(at) < 8 {
+            return Ok(None);
+        }
+        source.read_exact(&mut head[..4])?;
+        if in_meta && (head[0], head[1]) != (2, 0) {
+            in_meta = false;
+            match told {
+                Some(None) => return Ok(None),
+                Some(Some(found)) => syntax = found,
+                // The library goes on as before.
+                None => {}
+            }
+        }
+        let big = syntax == Syntax::Explicit { big: true };
+        let short = |b: [u8; 2]| if big { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) };
+        let long = |b: [u8; 4]| if big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) };
+        let tag = (short([head[0], head[1]]), short([head[2], head[3]]));
+        source.read_exact(&mut head[4..])?;
+        at += 8;
+        let kind = [head[4], head[5]];
+        let is_mark = tag.0 == MARKS;
+        let is_long = !SHORT.contains(&&kind);
+        let claimed = if is_mark || syntax == Syntax::Implicit {
+            long([head[4], head[5], head[6], head[7]])
+        } else if is_long {
+            let mut length = [0; 4];
+            if size.saturating_sub(at) < 4 {
+                return Ok(None);
+            }
+            source.read_exact(&mut length)?;
+            at += 4;
+            long(length)
+        } else {
+            u32::from(short([head[6], head[7]]))
+        };
+        if before_pixels && tag == PIXELS {
+            return Ok(None);
+        }
+        let left = size.saturating_sub(at);
+        if claimed == UNTOLD {
+            // What follows of a value of unknown kind is written in another way.
+            if !is_mark && kind == *b"UN" && syntax != Syntax::Implicit {
+                return Ok(None);
+            }
+            in_fragments = tag == PIXELS;
+            continue;
+        }
+        if u64::from(claimed) > left {
+            return Ok(Some(TooLong { tag, claimed, left }));
+        }
+        let is_sequence = syntax != Syntax::Implicit && kind == *b"SQ" && !is_mark;
+        if is_sequence || is_mark && !(in_fragments && tag.1 == ITEM) {
+            // The content is walked through as well; an end mark has none.
+            in_fragments &= !(is_mark && tag.1 != ITEM);
+            continue;
+        }
+        if tag == SYNTAX && in_meta && claimed <= 64 {
+            let mut name = vec![0; claimed as usize];
+            source.read_exact(&mut name)?;
+            told = match String::from_utf8_lossy(&name).trim_end_matches(['\0', ' ']) {
+                "1.2.840.10008.1.2" => Some(Some(Syntax::Implicit)),
+                "1.2.840.10008.1.2.2" => Some(Some(Syntax::Explicit { big: true })),
+                // What follows is packed, and was checked as a whole.
+                "1.2.840.10008.1.2.1.99" => Some(None),
+                _ => Some(Some(Syntax::Explicit { big: false })),
+            };
+        } else {
+            source.seek_relative(i64::from(claimed))?;
+        }
+        at += u64::from(claimed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    fn element(group: u16, number: u16, kind: &[u8; 2], claimed: u32, content: &[u8]) -> Vec<u8> {
+        let mut bytes = [group.to_le_bytes(), number.to_le_bytes(), *kind].concat();
+        match SHORT.contains(&kind) {
+            true => bytes.extend((claimed as u16).to_le_bytes()),
+            false => bytes.extend([&[0, 0], &claimed.to_le_bytes()[..]].concat()),
+        }
+        [bytes, content.to_vec()].concat()
+    }
+
+    fn item(claimed: u32, content: &[u8]) -> Vec<u8> {
+        [&[0xfe, 0xff, 0, 0xe0], &claimed.to_le_bytes()[..], content].concat()
+    }
+
+    const EXPLICIT: &[u8] = b"1.2.840.10008.1.2.1\0";
+
+    fn found(parts: &[Vec<u8>], before_pixels: bool) -> Option<(u16, u16)> {
+        let bytes = parts.concat();
+        let size = bytes.len() as u64;
+        let walked = too_long(&mut Cursor::new(bytes), 0, size, before_pixels).expect("it is in memory");
+        walked.map(|e| e.tag)
+    }
+
+    #[test]
+    fn elements_that_claim_too_much_are_found_wherever_they_are() {
+        let syntax = element(2, 0x10, b"UI", EXPLICIT.len() as u32, EXPLICIT);
+        let good = element(8, 0x60, b"CS", 2, b"CT");
+        assert_eq!(found(&[syntax.clone(), good.clone()], false), None);
+        let meta = element(2, 1, b"OB", 0x2e31_0000, &[0, 1]);
+        assert_eq!(found(&[meta, syntax.clone()], false), Some((2, 1)));
+        let comment = element(0x20, 0x4000, b"UT", 1_000_000, b"short");
+        assert_eq!(found(&[syntax.clone(), good.clone(), comment.clone()], false), Some((0x20, 0x4000)));
+        assert_eq!(found(&[good.clone(), comment.clone()], false), Some((0x20, 0x4000)), "no syntax is told");
+        // In items of sequences, whose lengths are told or not.
+        let told = item(comment.len() as u32, &comment);
+        let sequence = element(8, 0x1140, b"SQ", told.len() as u32, &told);
+        assert_eq!(found(&[syntax.clone(), sequence], false), Some((0x20, 0x4000)));
+        let untold = element(8, 0x1140, b"SQ", UNTOLD, &item(UNTOLD, &comment));
+        assert_eq!(found(&[syntax.clone(), untold], false), Some((0x20, 0x4000)));
+        let unknown = element(8, 0x60, b"\0U", 1_000_000, &[]);
+        assert_eq!(found(&[syntax.clone(), unknown], false), Some((8, 0x60)));
+        // The content of fragments is not elements.
+        let fragments = element(0x7fe0, 0x10, b"OB", UNTOLD, &[item(0, &[]), item(8, &[9; 8])].concat());
+        assert_eq!(found(&[syntax.clone(), fragments], false), None);
+        let pixels = element(0x7fe0, 0x10, b"OW", 1_000_000, &[0; 8]);
+        assert_eq!(found(&[syntax.clone(), pixels.clone()], false), Some(PIXELS));
+        assert_eq!(found(&[syntax, pixels], true), None, "they are not read");
+        let implicit = element(2, 0x10, b"UI", 18, b"1.2.840.10008.1.2\0");
+        let plain = [&[8u8, 0, 0x60, 0], &9u32.to_le_bytes()[..], b"CT"].concat();
+        assert_eq!(found(&[implicit, plain], false), Some((8, 0x60)));
+    }
+}
