@@ -18,7 +18,7 @@ const COMMON: [&str; 4] = ["error", "memory", "names", "output"];
 /// Android.
 const UNSAFE: [&str; 3] = ["engine/src/gpu/", "xr-app/src/headset/openxr.rs", "xr-app/src/android.rs"];
 /// The members of the workspace: the folder of each, and what others call it in their dependencies.
-const MEMBERS: [(&str, &str); 8] = [
+const MEMBERS: [(&str, &str); 9] = [
     ("engine", "engine"),
     ("shaders-glsl", "shaders-glsl"),
     ("tools/view", "view"),
@@ -26,6 +26,7 @@ const MEMBERS: [(&str, &str); 8] = [
     ("tools/cli", "vgs"),
     ("tools/bench", "bench"),
     ("tools/studies", "vgs-studies"),
+    ("tools/fuzz", "vgs-fuzz"),
     ("tests", "vgs-tests"),
 ];
 /// The crates with a map of their modules at the top of `lib.rs`.

@@ -344,8 +344,9 @@ fn the_picture_of_alpha_is_that_of_its_reference() {
         assert!(filled > 500, "{name}: the scene is to be seen: {filled}");
         // At the edge of an ellipse the opacity falls by 1/255, for the one or for the other.
         // Corners lie on sixteenths of a pixel on SwiftShader, not on 256ths: 4.8 % of the depths are off there.
-        let share = if gpu.description().driver.contains("SwiftShader") { 0.06 } else { 0.005 };
-        assert_close(&name, Bound::new(2.0 / 255.0, 0.0).outliers(share, 0.05), colours);
-        assert_close(&format!("{name}, depth"), Bound::new(0.3, 5e-3).outliers(share, 5.0), depth_pairs);
+        let is_rough = gpu.description().driver.contains("SwiftShader");
+        let (share, most) = if is_rough { (0.06, [0.2, 10.0]) } else { (0.005, [0.05, 5.0]) };
+        assert_close(&name, Bound::new(2.0 / 255.0, 0.0).outliers(share, most[0]), colours);
+        assert_close(&format!("{name}, depth"), Bound::new(0.3, 5e-3).outliers(share, most[1]), depth_pairs);
     }
 }

@@ -243,7 +243,7 @@ pub fn pictures() -> Vec<Vec<u8>> {
 pub fn state() -> Vec<Vec<u8>> {
     let notes = br#"{"a": 1}"#;
     let words: Vec<u8> = [3u32, 0, 0, 0].iter().flat_map(|word| word.to_le_bytes()).collect();
-    let row = vec![0u8; 4 * (12 + 11 + 11 + 2)];
+    let row = [0u8; 4 * (12 + 11 + 11 + 2)];
     let parts: [&[u8]; 6] = [
         b"vgs-state-2\n",
         &(notes.len() as u64).to_le_bytes(),

@@ -101,10 +101,7 @@ impl<'a> Trial<'a> {
         let mut outcome = Outcome::default();
         let (begin, mut told) = (Instant::now(), Instant::now());
         while outcome.executions < most && begin.elapsed() < longest {
-            let mut bytes = mutated(&mut rng, &seeds);
-            if let Some(mend) = self.target.mend {
-                bytes = mend(&bytes);
-            }
+            let bytes = (self.target.mend)(&mutated(&mut rng, &seeds));
             match self.read(&bytes) {
                 Ok(accepted) => outcome.accepted += u64::from(accepted),
                 Err(fault) => {
