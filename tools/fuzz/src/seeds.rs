@@ -213,7 +213,7 @@ pub fn transfer() -> Vec<Vec<u8>> {
     let function = preset(PRESETS[0].name).expect("a preset").over([-1000.0, 2000.0]);
     let mut files = written(&["a.vp.json"], |path| transfer::save(&function, path, true));
     files.push(
-        b"6 0 0 300 0 1000 1\n4 0 1 1000 1\n16 0 0.1 0.2 0.3 300 1 0.5 0.2 1000 1 1 1 2000 1 1 1\n1\n0.2\n0.8\n0.3\n10\n"
+        b"1\n1\n0.9\n0.1\n0.2\n10\n6 0 0 300 0 1000 1\n4 0 1 255 1\n12 0 0 0 0 300 1 0.5 0.2 1000 1 1 1\n"
             .to_vec(),
     );
     files.push(

@@ -1,9 +1,10 @@
 //! A file, read and judged.
 
 use std::any::Any;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
+use std::sync::Once;
 use std::time::{Duration, Instant};
 
 use engine::{Error, Kind, Result};
@@ -55,11 +56,13 @@ pub struct Trial<'a> {
 }
 
 thread_local! {
+    /// Whether a reader is at work, whose panics are kept.
+    static READING: Cell<bool> = const { Cell::new(false) };
     static MESSAGE: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
 impl<'a> Trial<'a> {
-    /// Prepares trials of a reader. Panics are then told by [`Fault::Panic`], no longer on stderr.
+    /// Prepares trials of a reader. Panics of readers are then told by [`Fault::Panic`], no longer on stderr.
     ///
     /// # Errors
     /// If there is no place for a file.
@@ -68,7 +71,14 @@ impl<'a> Trial<'a> {
         let made = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
         let folder = made.map_err(|e| Error::io(memory, "making a folder", &e))?;
         let file = folder.path().join("file").with_extension(target.extension);
-        panic::set_hook(Box::new(|info| MESSAGE.with_borrow_mut(|said| *said = Some(info.to_string()))));
+        static HOOK: Once = Once::new();
+        HOOK.call_once(|| {
+            let usual = panic::take_hook();
+            panic::set_hook(Box::new(move |info| match READING.get() {
+                true => MESSAGE.with_borrow_mut(|said| *said = Some(info.to_string())),
+                false => usual(info),
+            }));
+        });
         Ok(Trial { target, file, _folder: folder })
     }
 
@@ -77,7 +87,9 @@ impl<'a> Trial<'a> {
         std::fs::write(&self.file, bytes).expect("a small file fits");
         HEAP.reset_peak_usage();
         let (before, begin) = (HEAP.current_usage(), Instant::now());
+        READING.set(true);
         let read = panic::catch_unwind(AssertUnwindSafe(|| (self.target.read)(&self.file)));
+        READING.set(false);
         let (taken, time) = (HEAP.peak_usage().saturating_sub(before), begin.elapsed());
         match read {
             Err(payload) => Err(Fault::Panic(said(&*payload))),
