@@ -113,14 +113,15 @@ fn near(splats: &[Seen], eye: &Eye, planes: &Planes, part: [usize; 2]) -> BTreeS
     near
 }
 
-/// Returns true, with a sentence, for devices of less than eight invocations in lockstep: a group of eight then counts
-/// in two parts, of which the picture shows one.
+/// Returns true, with a sentence, for devices on which a part of a tile is several subgroups (4 or 16 invocations in
+/// lockstep): each counts for itself, and the picture shows the count of one.
 fn is_narrow(gpu: &Gpu) -> bool {
     let lanes = gpu.description().subgroup_size;
-    if lanes < 8 {
-        println!("skipped: {lanes} invocations run in lockstep, and work is counted for eight");
+    let is_narrow = lanes < 8 || (9..32).contains(&lanes);
+    if is_narrow {
+        println!("skipped: {lanes} invocations run in lockstep, less than a part of a tile");
     }
-    lanes < 8
+    is_narrow
 }
 
 #[test]
