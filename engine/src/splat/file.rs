@@ -5,18 +5,28 @@ use std::io::Read;
 use std::path::Path;
 
 use super::format::{Format, ReadOptions, SNIFF_BYTES, Summary, WriteOptions};
-use super::{Place, SplatSet, Unplaced, join, ply};
+use super::{Place, SplatSet, Unplaced, join, ply, vgs};
 use crate::error::{Error, Kind, Result};
 
 /// Every format of splat sets.
-pub const FORMATS: &[Format] = &[Format {
-    name: "ply",
-    sniff: ply::sniff,
-    read: ply::read,
-    write: ply::write,
-    bytes: ply::bytes,
-    describe: ply::describe,
-}];
+pub const FORMATS: &[Format] = &[
+    Format {
+        name: "ply",
+        sniff: ply::sniff,
+        read: ply::read,
+        write: ply::write,
+        bytes: ply::bytes,
+        describe: ply::describe,
+    },
+    Format {
+        name: "vgs",
+        sniff: vgs::sniff,
+        read: vgs::read,
+        write: vgs::write,
+        bytes: vgs::bytes,
+        describe: vgs::describe,
+    },
+];
 
 /// A format of other programs that is told apart, and not read.
 struct Foreign {

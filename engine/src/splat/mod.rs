@@ -14,7 +14,7 @@
 //! | `grid` | the grid that a set was fitted on, what it is right for, and where it is not |
 //! | `harmonics` | colours of splats that have no intensity |
 //! | `packed` | a set in 16 bytes a splat |
-//! | `file`, `format`, `ply` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
+//! | `file`, `format`, `ply`, `vgs` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
 //! | `place`, `unplaced` | sets without a known place: [`Unplaced`], until a volume gives the [`Place`] |
 //! | `defect` | which splats a file must not hold |
 
@@ -36,6 +36,7 @@ mod set;
 pub mod space;
 mod structures;
 mod unplaced;
+mod vgs;
 
 pub use activation::Activations;
 pub use defect::defect;

@@ -1,7 +1,7 @@
 //! What the page says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the page.
-pub const GROUPS: [(&str, &str); 26] = [
+pub const GROUPS: [(&str, &str); 27] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -15,6 +15,7 @@ pub const GROUPS: [(&str, &str); 26] = [
     ("INIT", "first splats"),
     ("FIT", "the fit"),
     ("SPLAT", "files of splats"),
+    ("FILE", "splat files .vgs"),
     ("PLY", "PLY files"),
     ("RENDER", "rendering"),
     ("CAM", "cameras"),

@@ -45,7 +45,7 @@ signal with what was reached written.
 Volumes: folders and zips of DICOM slices, NIfTI (.nii, .nii.gz, .hdr and
 .img), NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NumPy arrays (.npy) and
 InVesalius projects (.inv3). Masks also: DICOM segmentations and RT structures.
-Splats: PLY. Pictures: PNG and EXR. For looking, not for diagnosis.";
+Splats: PLY and .vgs. Pictures: PNG and EXR. For looking, not for diagnosis.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -57,6 +57,7 @@ enum Command {
     Compare(commands::compare::CompareArguments),
     Stats(commands::stats::StatsArguments),
     Info(commands::info::InfoArguments),
+    Convert(commands::convert::ConvertArguments),
     /// Lists the Vulkan devices of this machine
     Devices,
     Phantom(commands::phantom::PhantomArguments),
@@ -80,6 +81,7 @@ fn main() -> ExitCode {
             Command::Compare(arguments) => commands::compare::run(&arguments, &console),
             Command::Stats(arguments) => commands::stats::run(&arguments, &console),
             Command::Info(arguments) => commands::info::run(&arguments, &console),
+            Command::Convert(arguments) => commands::convert::run(&arguments, &console),
             Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
             Command::Devices => commands::devices::run(&console),
             Command::Completions(arguments) => {

@@ -45,4 +45,5 @@ pub use layout::{PLY_LAYOUTS, PlyLayout};
 pub(super) use names::sniff;
 pub(super) use read::convert_help;
 pub use read::{describe, read};
+pub(super) use write::check;
 pub use write::{bytes, write};

@@ -40,7 +40,8 @@ impl Write for Count {
     }
 }
 
-pub(super) fn check(set: &SplatSet) -> Result<()> {
+/// Refuses a set that no file may hold.
+pub(in crate::splat) fn check(set: &SplatSet) -> Result<()> {
     if set.splats.is_empty() {
         return Err(Error::new(Kind::NothingToDo, "VGS-PLY-011", "there are no splats to write"));
     }
