@@ -5,7 +5,7 @@ mod support;
 use support::Folder;
 
 /// The commands that users type.
-const COMMANDS: [&str; 12] = [
+const COMMANDS: [&str; 13] = [
     "fit",
     "eval",
     "rasterize",
@@ -14,6 +14,7 @@ const COMMANDS: [&str; 12] = [
     "compare",
     "stats",
     "info",
+    "convert",
     "devices",
     "phantom",
     "completions",
