@@ -30,6 +30,14 @@ pub const LONGEST: Duration = Duration::from_secs(1);
 /// Time by the clock that it may take, as where it waits for something that does not come.
 pub const LONGEST_BY_THE_CLOCK: Duration = Duration::from_secs(60);
 
+/// Returns what `work` returns, and the most bytes of the heap that it took.
+pub fn heap_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    HEAP.reset_peak_usage();
+    let before = HEAP.current_usage();
+    let out = work();
+    (out, HEAP.peak_usage().saturating_sub(before))
+}
+
 /// What reading a file must not do.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Fault {
@@ -111,12 +119,12 @@ impl<'a> Trial<'a> {
         let mut file = &self.file;
         let written = file.rewind().and_then(|()| file.write_all(bytes));
         written.and_then(|()| file.set_len(bytes.len() as u64)).expect("a small file fits");
-        HEAP.reset_peak_usage();
-        let (before, begin, cpu) = (HEAP.current_usage(), Instant::now(), ProcessTime::now());
+        let (begin, cpu) = (Instant::now(), ProcessTime::now());
         READING.set(true);
-        let read = panic::catch_unwind(AssertUnwindSafe(|| (self.target.read)(&self.path)));
+        let (read, taken) =
+            heap_of(|| panic::catch_unwind(AssertUnwindSafe(|| (self.target.read)(&self.path))));
         READING.set(false);
-        let (taken, clock) = (HEAP.peak_usage().saturating_sub(before), begin.elapsed());
+        let clock = begin.elapsed();
         let time = if clock > LONGEST { cpu.elapsed() } else { clock };
         let judged = match read {
             Err(payload) => Err(Fault::Panic(said(&*payload))),

@@ -1,8 +1,11 @@
 //! The lengths of a DICOM file's elements, checked before the library takes memory for them: it takes what an
-//! element claims, up to 4 GiB, before it reads a byte of it.
+//! element claims, up to 4 GiB, before it reads a byte of it. So the walk goes where the library goes, right or wrong.
 
 use std::fmt;
 use std::io::{self, Read, Seek};
+
+use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry};
+use dicom_object::{StandardDataDictionary, Tag};
 
 /// Kinds of values whose length takes two bytes. That of all others, known or not, takes four, after two that are not
 /// used.
@@ -17,6 +20,22 @@ const MARKS: u16 = 0xfffe;
 const ITEM: u16 = 0xe000;
 const PIXELS: (u16, u16) = (0x7fe0, 0x10);
 const SYNTAX: (u16, u16) = (2, 0x10);
+
+/// Returns the bytes of a number of this kind; 1 of what is no number. The library reads whole numbers, and goes on behind
+/// the last one even if the element claims some bytes more.
+fn width(kind: [u8; 2]) -> u32 {
+    match &kind {
+        b"US" | b"SS" | b"OW" => 2,
+        b"UL" | b"SL" | b"FL" | b"OL" | b"OF" | b"AT" => 4,
+        b"FD" | b"OD" | b"SV" | b"UV" | b"OV" => 8,
+        _ => 1,
+    }
+}
+
+/// Returns the kind that the dictionary has for an element.
+fn known_kind((group, number): (u16, u16)) -> [u8; 2] {
+    StandardDataDictionary.by_tag(Tag(group, number)).map_or(*b"UN", |entry| entry.vr().relaxed().to_bytes())
+}
 
 /// An element that claims more bytes than there are.
 #[derive(Debug, PartialEq)]
@@ -78,8 +97,11 @@ pub(super) fn too_long(
         let tag = (short([head[0], head[1]]), short([head[2], head[3]]));
         source.read_exact(&mut head[4..])?;
         at += 8;
-        let kind = [head[4], head[5]];
         let is_mark = tag.0 == MARKS;
+        let kind = match syntax {
+            Syntax::Implicit => known_kind(tag),
+            Syntax::Explicit { .. } => [head[4], head[5]],
+        };
         let is_long = !SHORT.contains(&&kind);
         let claimed = if is_mark || syntax == Syntax::Implicit {
             long([head[4], head[5], head[6], head[7]])
@@ -99,24 +121,21 @@ pub(super) fn too_long(
         }
         let left = size.saturating_sub(at);
         if claimed == UNTOLD {
-            // What follows of a value of unknown kind is written in another way.
-            if !is_mark && kind == *b"UN" && syntax != Syntax::Implicit {
-                return Ok(None);
-            }
             in_fragments = tag == PIXELS;
             continue;
         }
         if u64::from(claimed) > left {
             return Ok(Some(TooLong { tag, claimed, left }));
         }
-        let is_sequence = syntax != Syntax::Implicit && kind == *b"SQ" && !is_mark;
+        let is_sequence = kind == *b"SQ" && !is_mark;
         if is_sequence || is_mark && !(in_fragments && tag.1 == ITEM) {
             // The content is walked through as well; an end mark has none.
             in_fragments &= !(is_mark && tag.1 != ITEM);
             continue;
         }
+        let taken = if is_mark { claimed } else { claimed - claimed % width(kind) };
         if tag == SYNTAX && in_meta && claimed <= 64 {
-            let mut name = vec![0; claimed as usize];
+            let mut name = vec![0; taken as usize];
             source.read_exact(&mut name)?;
             told = match String::from_utf8_lossy(&name).trim_end_matches(['\0', ' ']) {
                 "1.2.840.10008.1.2" => Some(Some(Syntax::Implicit)),
@@ -126,9 +145,9 @@ pub(super) fn too_long(
                 _ => Some(Some(Syntax::Explicit { big: false })),
             };
         } else {
-            source.seek_relative(i64::from(claimed))?;
+            source.seek_relative(i64::from(taken))?;
         }
-        at += u64::from(claimed);
+        at += u64::from(taken);
     }
 }
 
@@ -183,9 +202,24 @@ mod tests {
         assert_eq!(found(&[syntax.clone(), fragments], false), None);
         let pixels = element(0x7fe0, 0x10, b"OW", 1_000_000, &[0; 8]);
         assert_eq!(found(&[syntax.clone(), pixels.clone()], false), Some(PIXELS));
-        assert_eq!(found(&[syntax, pixels], true), None, "they are not read");
+        assert_eq!(found(&[syntax.clone(), pixels], true), None, "they are not read");
         let implicit = element(2, 0x10, b"UI", 18, b"1.2.840.10008.1.2\0");
-        let plain = [&[8u8, 0, 0x60, 0], &9u32.to_le_bytes()[..], b"CT"].concat();
-        assert_eq!(found(&[implicit, plain], false), Some((8, 0x60)));
+        let plain = |group: u8, number: u16, claimed: u32, content: &[u8]| {
+            [&[group, 0], &number.to_le_bytes()[..], &claimed.to_le_bytes(), content].concat()
+        };
+        let long = plain(8, 0x60, 1_000_000, b"CT");
+        assert_eq!(found(&[implicit.clone(), long.clone()], false), Some((8, 0x60)));
+        let told = item(long.len() as u32, &long);
+        let sequence = plain(8, 0x1140, told.len() as u32, &told);
+        assert_eq!(found(&[implicit.clone(), sequence], false), Some((8, 0x60)), "within a sequence");
+        // Half a number is left, and taken for the beginning of the next element.
+        let half = [b"\x20\0\0\x40UT\0\0".to_vec(), 1_000_000u32.to_le_bytes().to_vec()].concat();
+        let number = element(0x28, 2, b"UL", 6, &[0; 4]);
+        assert_eq!(found(&[syntax.clone(), number, half], false), Some((0x20, 0x4000)));
+        let rows = [plain(0x28, 0x10, 3, &[0; 2]), long].concat();
+        assert_eq!(found(&[implicit, rows], false), Some((8, 0x60)));
+        // What follows of an unknown kind is read as all else.
+        let unknown = element(9, 0x10, b"UN", UNTOLD, &comment);
+        assert_eq!(found(&[syntax, unknown], false), Some((0x20, 0x4000)));
     }
 }

@@ -23,9 +23,53 @@ fn place(i: usize) -> DVec3 {
     DVec3::new(10.0, -20.0, 30.0 + 3.0 * i as f64)
 }
 
-/// A slice of a CT, explicit little endian.
+/// A slice of a CT, with the kinds of its elements and without.
 pub fn slice() -> Vec<Vec<u8>> {
-    vec![Dicom::slice(1, place(0)).bytes()]
+    let mut slice = Dicom::slice(1, place(0));
+    let mut code = Dicom::empty("");
+    code.text((0x0008, 0x0100), b"SH", "T-D4000");
+    slice.sequence((0x0008, 0x2218), &[code]);
+    let explicit = slice.bytes();
+    vec![implicit(&explicit), explicit]
+}
+
+/// Returns a file of explicit elements, all of whose sequences have items of explicit lengths, as one of implicit
+/// elements.
+fn implicit(file: &[u8]) -> Vec<u8> {
+    const META: usize = 132 + 12;
+    let word = |at: usize| u16::from_le_bytes([file[at], file[at + 1]]);
+    let end = META + usize::from(word(META - 4));
+    let syntax = b"1.2.840.10008.1.2.1\0";
+    let at = file.windows(syntax.len()).position(|window| window == syntax).expect("a plain file");
+    let mut out = file[..end].to_vec();
+    out.splice(at - 2..at + syntax.len(), [&18_u16.to_le_bytes()[..], b"1.2.840.10008.1.2\0"].concat());
+    let length = out.len() - META;
+    out[META - 4..META - 2].copy_from_slice(&(length as u16).to_le_bytes());
+    out.extend(implicit_elements(&file[end..]));
+    out
+}
+
+fn implicit_elements(mut rest: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    while rest.len() >= 8 {
+        let is_long = [b"OB", b"OW", b"SQ", b"UN"].iter().any(|kind| rest[4..6] == kind[..]);
+        let (head, length) = match is_long {
+            true => (12, u32::from_le_bytes([rest[8], rest[9], rest[10], rest[11]])),
+            false => (8, u16::from_le_bytes([rest[6], rest[7]]).into()),
+        };
+        let (content, after) = rest[head..].split_at(length as usize);
+        let content = match &rest[4..6] {
+            // Of one item.
+            b"SQ" => {
+                let inner = implicit_elements(&content[8..]);
+                [&content[..4], &(inner.len() as u32).to_le_bytes(), &inner].concat()
+            }
+            _ => content.to_vec(),
+        };
+        out.extend([&rest[..4], &(content.len() as u32).to_le_bytes(), &content].concat());
+        rest = after;
+    }
+    out
 }
 
 /// A zip of two slices, packed and as they are.

@@ -88,12 +88,14 @@ fn without_comments(file: &[u8]) -> Vec<u8> {
     [kept.as_bytes(), &file[at..]].concat()
 }
 
-/// `.vgs` with labels and exceptions, and with none.
+/// `.vgs` with labels and exceptions, with none, and with many splats.
 pub fn vgs() -> Vec<Vec<u8>> {
     let origin_mm = DVec3::new(3.0, -7.0, 9.0);
     let bare = SplatSet { splats: set().splats, origin_mm, ..SplatSet::default() };
+    // With more bytes of splats than of header.
+    let many = SplatSet { splats: set().splats.repeat(60), origin_mm, ..SplatSet::default() };
     let write = |set: SplatSet| written(&["a.vgs"], move |path: &Path| splat::write(path, &set, true));
-    [write(set()), write(bare)].concat()
+    [write(set()), write(bare), write(many)].concat()
 }
 
 /// What of the header of a `.vgs` file says where its parts are.
