@@ -402,6 +402,7 @@ pub const INPUTS: &[Row] = &[
             "an unknown key in the configuration",
             "a wrong type in the configuration",
             "a configuration that is no TOML",
+            "a configuration without end",
             "a negative learning rate",
             "far too many iterations",
         ])],
@@ -712,8 +713,8 @@ pub const FOUND: &[Row] = &[
     Row {
         number: 7,
         input: "`--splats` of 1e9 and more aborted",
-        must: "71 or 2 before memory is taken",
-        tests: &[refused(&["more splats than memory holds", "more splats than can be counted"])],
+        must: "2 with the most that there may be",
+        tests: &[refused(&["far too many splats", "more splats than can be counted", "a density beyond all"])],
         verdict: Holds,
     },
     Row {
