@@ -81,7 +81,8 @@ pub fn ssim(a: &Image, b: &Image) -> Result<f64> {
         };
         (0..end - first).map(row_sum).collect()
     };
-    let bands: Vec<Vec<f64>> = (0..rows.div_ceil(BAND)).into_par_iter().map(|i| band_sums(i * BAND)).collect();
+    let bands: Vec<Vec<f64>> =
+        (0..rows.div_ceil(BAND)).into_par_iter().map(|i| band_sums(i * BAND)).collect();
     Ok(bands.iter().flatten().sum::<f64>() / (columns * rows) as f64)
 }
 

@@ -129,7 +129,9 @@ fn the_page_is_what_the_rows_say() {
 /// Returns what is wrong with a test that a row names.
 fn fault(test: &Test) -> Option<String> {
     let Test { file, function, cases } = test;
-    let Ok(code) = std::fs::read_to_string(root().join(file)) else { return Some(format!("there is no {file}")) };
+    let Ok(code) = std::fs::read_to_string(root().join(file)) else {
+        return Some(format!("there is no {file}"));
+    };
     let name = format!("fn {function}(");
     let Some(at) = code.find(&name) else { return Some(format!("{file} has no {function}")) };
     // The attribute stands above, before any other function.
@@ -145,14 +147,16 @@ fn fault(test: &Test) -> Option<String> {
 #[test]
 fn every_test_that_is_named_is_there() {
     let rows = INPUTS.iter().chain(FOUND);
-    let faults: Vec<String> =
-        rows.flat_map(|row| row.tests).chain(ALL_READERS).filter_map(fault).collect();
+    let faults: Vec<String> = rows.flat_map(|row| row.tests).chain(ALL_READERS).filter_map(fault).collect();
     assert!(faults.is_empty(), "{faults:#?}");
     for (what, of) in [
         ("there is no", t("nowhere.rs", "a", &[])),
         ("has no a_test_of_nothing", t("tests/tests/reliability/main.rs", "a_test_of_nothing", &[])),
         ("is no test", t("tests/tests/reliability/main.rs", "written", &[])),
-        ("has no case", t("tests/tests/reliability/main.rs", "the_page_is_what_the_rows_say", &["case\u{21}"])),
+        (
+            "has no case",
+            t("tests/tests/reliability/main.rs", "the_page_is_what_the_rows_say", &["case\u{21}"]),
+        ),
     ] {
         assert!(fault(&of).is_some_and(|fault| fault.contains(what)), "{what}");
     }

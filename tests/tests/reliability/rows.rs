@@ -102,7 +102,10 @@ pub const INPUTS: &[Row] = &[
         number: 9,
         input: "megabytes that unpack to 4 GiB, a claim of 20 GB",
         must: "65 before memory is taken, less than 100 MB",
-        tests: &[malformed(&["bomb", "gzip claim"]), t(MEMORY, "memory_follows_what_is_read", &["wide.nii.gz", "claim.nii.gz"])],
+        tests: &[
+            malformed(&["bomb", "gzip claim"]),
+            t(MEMORY, "memory_follows_what_is_read", &["wide.nii.gz", "claim.nii.gz"]),
+        ],
         verdict: Holds,
     },
     Row {
@@ -116,7 +119,10 @@ pub const INPUTS: &[Row] = &[
         number: 11,
         input: "NIfTI-2; ANALYZE 7.5",
         must: "read; 65 with a hint",
-        tests: &[t(NIFTI, "every_scalar_type_in_both_byte_orders_and_versions", &[]), malformed(&["ANALYZE"])],
+        tests: &[
+            t(NIFTI, "every_scalar_type_in_both_byte_orders_and_versions", &[]),
+            malformed(&["ANALYZE"]),
+        ],
         verdict: Holds,
     },
     Row {
@@ -157,7 +163,16 @@ pub const INPUTS: &[Row] = &[
         number: 16,
         input: "colour, complex, 128 bits, unknown types",
         must: "65 with the type",
-        tests: &[malformed(&["datatype 0", "binary", "complex", "RGB", "RGBA", "float128", "complex256", "no datatype"])],
+        tests: &[malformed(&[
+            "datatype 0",
+            "binary",
+            "complex",
+            "RGB",
+            "RGBA",
+            "float128",
+            "complex256",
+            "no datatype",
+        ])],
         verdict: Holds,
     },
     Row {
@@ -209,14 +224,20 @@ pub const INPUTS: &[Row] = &[
         number: 23,
         input: "a constant volume",
         must: "fitted exactly, a PSNR of ∞ and no NaN",
-        tests: &[t(WHOLE, "a_constant_volume_is_fitted_exactly", &[]), t(FIT, "a_constant_region_is_exact", &[])],
+        tests: &[
+            t(WHOLE, "a_constant_volume_is_fitted_exactly", &[]),
+            t(FIT, "a_constant_region_is_exact", &[]),
+        ],
         verdict: Holds,
     },
     Row {
         number: 24,
         input: "one slice, one voxel, 2 × 2 × 2",
         must: "works",
-        tests: &[t(FIT, "small_regions_and_thin_volumes", &[]), t("engine/src/volume/tests.rs", "one_voxel_is_a_volume", &[])],
+        tests: &[
+            t(FIT, "small_regions_and_thin_volumes", &[]),
+            t("engine/src/volume/tests.rs", "one_voxel_is_a_volume", &[]),
+        ],
         verdict: Holds,
     },
     Row {
@@ -330,8 +351,19 @@ pub const INPUTS: &[Row] = &[
         input: "a PLY with duplicates, lists, doubles, big-endian, text, CRLF, Latin-1, endless lines",
         must: "read, or 65 with the reason; a header of 64 KiB at most",
         tests: &[
-            wrong_ply(&["property twice", "element twice", "list property", "endless line", "200 000 properties", "NUL"]),
-            t(PLY, "files_of_others_are_read", &["double", "big endian", "ASCII", "CRLF", "obj_info", "Latin-1"]),
+            wrong_ply(&[
+                "property twice",
+                "element twice",
+                "list property",
+                "endless line",
+                "200 000 properties",
+                "NUL",
+            ]),
+            t(
+                PLY,
+                "files_of_others_are_read",
+                &["double", "big endian", "ASCII", "CRLF", "obj_info", "Latin-1"],
+            ),
         ],
         verdict: Holds,
     },
@@ -348,7 +380,11 @@ pub const INPUTS: &[Row] = &[
         must: "told, 65; never written",
         tests: &[
             t(PLY, "no_splats_can_be_read_but_not_written", &[]),
-            t("engine/src/splat/file.rs", "a_file_is_known_by_its_content_and_written_by_its_extension", &["none.ply"]),
+            t(
+                "engine/src/splat/file.rs",
+                "a_file_is_known_by_its_content_and_written_by_its_extension",
+                &["none.ply"],
+            ),
         ],
         verdict: Holds,
     },
@@ -390,7 +426,11 @@ pub const INPUTS: &[Row] = &[
         tests: &[
             t("engine/src/transfer/file/tests.rs", "what_is_wrong_is_told", &[]),
             t("engine/src/transfer/function.rs", "what_makes_no_function_is_refused", &[]),
-            t("engine/src/transfer/function.rs", "of_several_points_at_one_intensity_the_last_holds_to_the_right", &[]),
+            t(
+                "engine/src/transfer/function.rs",
+                "of_several_points_at_one_intensity_the_last_holds_to_the_right",
+                &[],
+            ),
         ],
         verdict: Holds,
     },
@@ -414,7 +454,11 @@ pub const INPUTS: &[Row] = &[
         must: "69 with the devices and what they lack",
         tests: &[
             t(SURROUNDINGS, "without_a_device_it_says_so", &[]),
-            t("engine/src/gpu/choice.rs", "the_fastest_usable_device_is_chosen_unless_the_user_says_otherwise", &[]),
+            t(
+                "engine/src/gpu/choice.rs",
+                "the_fastest_usable_device_is_chosen_unless_the_user_says_otherwise",
+                &[],
+            ),
             refused(&["a device that is not there"]),
         ],
         verdict: Holds,
@@ -682,7 +726,11 @@ pub const FOUND: &[Row] = &[
         number: 3,
         input: "2 MB of an InVesalius project became 2.6 GB",
         must: "names are bounded before they are read",
-        tests: &[t("engine/src/volume/inv3.rs", "names_that_come_before_their_members_are_read_and_bounded", &[])],
+        tests: &[t(
+            "engine/src/volume/inv3.rs",
+            "names_that_come_before_their_members_are_read_and_bounded",
+            &[],
+        )],
         verdict: Holds,
     },
     Row {
@@ -714,7 +762,11 @@ pub const FOUND: &[Row] = &[
         number: 7,
         input: "`--splats` of 1e9 and more aborted",
         must: "2 with the most that there may be",
-        tests: &[refused(&["far too many splats", "more splats than can be counted", "a density beyond all"])],
+        tests: &[refused(&[
+            "far too many splats",
+            "more splats than can be counted",
+            "a density beyond all",
+        ])],
         verdict: Holds,
     },
     Row {
@@ -750,7 +802,11 @@ pub const FOUND: &[Row] = &[
         number: 11,
         input: "a volume one voxel wide had a mean of ∞ dB",
         must: "offsets without a sample do not count",
-        tests: &[t("engine/src/fit/evaluate.rs", "an_offset_without_a_sample_in_the_region_is_no_perfect_one", &[])],
+        tests: &[t(
+            "engine/src/fit/evaluate.rs",
+            "an_offset_without_a_sample_in_the_region_is_no_perfect_one",
+            &[],
+        )],
         verdict: Holds,
     },
     Row {
@@ -799,7 +855,11 @@ pub const FOUND: &[Row] = &[
         must: "a help with a way for each",
         tests: &[
             t(PLY, "a_compressed_ply_of_supersplat_is_told_by_its_name", &[]),
-            t("engine/src/splat/file.rs", "a_file_is_known_by_its_content_and_written_by_its_extension", &["a.spz"]),
+            t(
+                "engine/src/splat/file.rs",
+                "a_file_is_known_by_its_content_and_written_by_its_extension",
+                &["a.spz"],
+            ),
         ],
         verdict: Partly("of foreign splat files; not every message is held to it"),
     },
@@ -813,7 +873,5 @@ pub const FOUND: &[Row] = &[
 ];
 
 /// What is tried with files that nobody thought of.
-pub const ALL_READERS: &[Test] = &[
-    t(FUZZ, "readers_survive_what_they_are_given", &[]),
-    t(MEMORY, "memory_follows_what_is_read", &[]),
-];
+pub const ALL_READERS: &[Test] =
+    &[t(FUZZ, "readers_survive_what_they_are_given", &[]), t(MEMORY, "memory_follows_what_is_read", &[])];

@@ -249,7 +249,16 @@ const ROWS: &[RefusalRow] = &[
     },
     RefusalRow {
         name: "more splats than can be counted",
-        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--splats", "99999999999999999999"],
+        arguments: &[
+            "fit",
+            "ct.nii.gz",
+            "--roi",
+            "mask.nii.gz",
+            "-o",
+            "x.ply",
+            "--splats",
+            "99999999999999999999",
+        ],
         exit: 2,
         says: &["VGS-CFG-012", "splats"],
     },

@@ -14,7 +14,8 @@ use support::{Folder, QUICK, finish, fit};
 #[test]
 fn any_path_is_a_path() {
     let folder = Folder::new(12);
-    let odd: [&[u8]; 6] = [b"a b", b"~", b"C:\\scans", b"-o", "Kopf_\u{e4}\u{1f480}".as_bytes(), b"latin-1 \xe4\xff"];
+    let odd: [&[u8]; 6] =
+        [b"a b", b"~", b"C:\\scans", b"-o", "Kopf_\u{e4}\u{1f480}".as_bytes(), b"latin-1 \xe4\xff"];
     for name in odd {
         let inner = folder.path(".").join(OsStr::from_bytes(name));
         std::fs::create_dir(&inner).expect("a folder");
@@ -57,7 +58,7 @@ fn locale_and_time_zone_change_nothing() {
 fn variables_that_cannot_be_read_are_told() {
     let folder = Folder::new(8);
     for (variable, value, exit, says) in [
-        ("VGS_ITERATIONS", "many", 2, "VGS_ITERATIONS"),
+        ("VGS_SHELL", "many", 2, "shell"),
         ("VGS_SEED", "-1", 2, "seed"),
         ("VGS_HU_RANGE", "1,2,3", 2, "hu"),
         ("VGS_RATE_MEAN", "0,2", 2, "rate"),
@@ -108,7 +109,7 @@ fn a_second_signal_ends_at_once_and_a_hangup_saves() {
     };
     let send = |id: u32, signals: &[&str]| {
         for signal in signals {
-            let sent = Command::new("kill").args([signal, &id.to_string()]).status();
+            let sent = Command::new("kill").args([*signal, &id.to_string()]).status();
             assert!(sent.expect("kill").success());
         }
     };
@@ -155,7 +156,17 @@ fn volume_and_mask_that_were_swapped_are_told() {
     let ended = folder.run(&swapped);
     assert_eq!(ended.code, 65, "{}", ended.err);
     assert!(ended.err.contains("ct.nii.gz"), "{}", ended.err);
-    let ended = folder.run(&["fit", "mask.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--no-eval", "--iterations", "2"]);
+    let ended = folder.run(&[
+        "fit",
+        "mask.nii.gz",
+        "--roi",
+        "mask.nii.gz",
+        "-o",
+        "x.ply",
+        "--no-eval",
+        "--iterations",
+        "2",
+    ]);
     assert_eq!(ended.code, 0, "{}", ended.err);
     assert!(ended.err.contains("were volume and mask swapped?"), "{}", ended.err);
 }

@@ -82,7 +82,8 @@ impl Series {
 }
 
 /// Head of the table of [`Series::row`]: the rate is of a second of the processor.
-pub const HEAD: &str = "| reader | files | accepted | a second | most heap, MB | faults |\n|---|---|---|---|---|---|";
+pub const HEAD: &str =
+    "| reader | files | accepted | a second | most heap, MB | faults |\n|---|---|---|---|---|---|";
 
 impl Log {
     /// Opens a log, which need not be there yet.
@@ -153,7 +154,8 @@ mod tests {
             Log::open(&path).expect("a log").add(row).expect("writing");
         }
         let total = Log::open(&path).expect("a log").total("ply");
-        let expected = Series { accepted: 37, faults: 1, time: Duration::from_millis(150), ..series("ply", 2, 150) };
+        let expected =
+            Series { accepted: 37, faults: 1, time: Duration::from_millis(150), ..series("ply", 2, 150) };
         assert_eq!(total, expected);
         assert_eq!(total.row(), "| ply | 150 | 25 % | 1000 | 0.0 | 1 |");
         assert_eq!(Log::open(&path).expect("a log").total("npy").files, 0);

@@ -93,7 +93,9 @@ fn run(arguments: &Arguments) -> Result<usize> {
     for target in targets {
         let total = match &arguments.log {
             Some(path) => logged(arguments, target, Log::open(path)?)?,
-            None => series(arguments, target, arguments.seed, arguments.executions, seconds(arguments.seconds))?,
+            None => {
+                series(arguments, target, arguments.seed, arguments.executions, seconds(arguments.seconds))?
+            }
         };
         println!("{}", total.row());
         faults += total.faults as usize;
@@ -137,7 +139,8 @@ fn series(arguments: &Arguments, target: &Target, seed: u64, most: u64, longest:
     for (number, (fault, bytes)) in outcome.faults.iter().enumerate() {
         let name = format!("{}-{seed}-{}.{}", target.name, number + 1, target.extension);
         let file = arguments.out.join(name);
-        std::fs::create_dir_all(&arguments.out).map_err(|e| Error::io(&arguments.out, "making a folder", &e))?;
+        std::fs::create_dir_all(&arguments.out)
+            .map_err(|e| Error::io(&arguments.out, "making a folder", &e))?;
         output::write_atomic(&file, true, |w| w.write_all(bytes))?;
         eprintln!("{}: {fault:?}", file.display());
     }

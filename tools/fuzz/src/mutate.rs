@@ -88,7 +88,8 @@ pub fn mutated(rng: &mut Pcg64Mcg, seeds: &[Vec<u8>]) -> Vec<u8> {
     let seed = &seeds[rng.random_range(0..seeds.len())];
     // What is packed is mostly changed inside: a change of the package seldom gets beyond its checksum.
     if rng.random_range(0..4) > 0
-        && let Some(bytes) = changed_inside_gzip(rng, seed, seeds).or_else(|| changed_inside_zip(rng, seed, seeds))
+        && let Some(bytes) =
+            changed_inside_gzip(rng, seed, seeds).or_else(|| changed_inside_zip(rng, seed, seeds))
     {
         return bytes;
     }

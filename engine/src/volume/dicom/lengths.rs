@@ -2,11 +2,15 @@
 //! element claims, up to 4 GiB, before it reads a byte of it. So the walk goes where the library goes, right or wrong.
 
 use std::fmt;
-use std::io::{self, Read, Seek};
+use std::io::{self, Read, Seek, SeekFrom};
 
 use dicom_core::dictionary::{DataDictionary, DataDictionaryEntry};
 use dicom_object::{StandardDataDictionary, Tag};
+use flate2::read::DeflateDecoder;
 
+/// Transfer syntaxes of files whose elements are packed as a whole.
+pub(super) const PACKED: [&str; 3] =
+    ["1.2.840.10008.1.2.1.99", "1.2.840.10008.1.2.4.95", "1.2.840.10008.1.2.4.205"];
 /// Kinds of values whose length takes two bytes. That of all others, known or not, takes four, after two that are not
 /// used.
 const SHORT: [&[u8; 2]; 21] = [
@@ -19,6 +23,7 @@ const UNTOLD: u32 = u32::MAX;
 const MARKS: u16 = 0xfffe;
 const ITEM: u16 = 0xe000;
 const PIXELS: (u16, u16) = (0x7fe0, 0x10);
+const GROUP_LENGTH: (u16, u16) = (2, 0);
 const SYNTAX: (u16, u16) = (2, 0x10);
 
 /// Returns the bytes of a number of this kind; 1 of what is no number. The library reads whole numbers, and goes on behind
@@ -61,9 +66,17 @@ enum Syntax {
     Explicit { big: bool },
 }
 
+/// What a walk through elements comes to.
+enum Walked {
+    /// The first element that is too long, if one is.
+    Through(Option<TooLong>),
+    /// Elements that are packed, from this byte on.
+    Packed(u64),
+}
+
 /// Walks through the elements of a file of `size` bytes, whose magic ends at byte `begin`, and returns the first one
-/// that is too long. Stops before the pixels if only what stands before them will be read, and where the rest is
-/// packed. Damage of other kinds is the library's to tell.
+/// that is too long. Stops before the pixels if only what stands before them will be read. Damage of other kinds is the
+/// library's to tell.
 ///
 /// # Errors
 /// That of the source.
@@ -73,19 +86,50 @@ pub(super) fn too_long(
     size: u64,
     before_pixels: bool,
 ) -> io::Result<Option<TooLong>> {
-    let mut at = source.seek(io::SeekFrom::Start(begin))?;
+    let at = source.seek(SeekFrom::Start(begin))?;
+    let seek = |source: &mut _, count: u32| Seek::seek_relative(source, count.into());
+    let packed = match walk(source, seek, at, size, true, before_pixels)? {
+        Walked::Through(found) => return Ok(found),
+        Walked::Packed(from) => from,
+    };
+    source.seek(SeekFrom::Start(packed))?;
+    // Where the stream is damaged, the library reads up to there.
+    let mut unpacked = DeflateDecoder::new(&mut *source);
+    let _ = io::copy(&mut unpacked, &mut io::sink());
+    let size = unpacked.total_out();
+    source.seek(SeekFrom::Start(packed))?;
+    let read = |source: &mut DeflateDecoder<_>, count: u32| {
+        io::copy(&mut source.take(count.into()), &mut io::sink()).map(drop)
+    };
+    match walk(&mut DeflateDecoder::new(source), read, 0, size, false, before_pixels)? {
+        Walked::Through(found) => Ok(found),
+        Walked::Packed(_) => Ok(None),
+    }
+}
+
+/// Walks through elements from byte `at` of `size` bytes, where `source` is; `skip` skips bytes of it.
+fn walk<R: Read>(
+    source: &mut R,
+    skip: impl Fn(&mut R, u32) -> io::Result<()>,
+    mut at: u64,
+    size: u64,
+    mut in_meta: bool,
+    before_pixels: bool,
+) -> io::Result<Walked> {
     let (mut syntax, mut told) = (Syntax::Explicit { big: false }, None);
-    let (mut in_meta, mut in_fragments) = (true, false);
+    let mut in_fragments = false;
+    // The first group ends where its length says, whatever the elements in it; without a length, where another begins.
+    let mut meta_end = None;
     loop {
         let mut head = [0; 8];
         if size.saturating_sub(at) < 8 {
-            return Ok(None);
+            return Ok(Walked::Through(None));
         }
-        source.read_exact(&mut head[..4])?;
-        if in_meta && (head[0], head[1]) != (2, 0) {
+        source.read_exact(&mut head)?;
+        if in_meta && meta_end.map_or((head[0], head[1]) != (2, 0), |end| at >= end) {
             in_meta = false;
             match told {
-                Some(None) => return Ok(None),
+                Some(None) => return Ok(Walked::Packed(at)),
                 Some(Some(found)) => syntax = found,
                 // The library goes on as before.
                 None => {}
@@ -95,7 +139,6 @@ pub(super) fn too_long(
         let short = |b: [u8; 2]| if big { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) };
         let long = |b: [u8; 4]| if big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) };
         let tag = (short([head[0], head[1]]), short([head[2], head[3]]));
-        source.read_exact(&mut head[4..])?;
         at += 8;
         let is_mark = tag.0 == MARKS;
         let kind = match syntax {
@@ -108,7 +151,7 @@ pub(super) fn too_long(
         } else if is_long {
             let mut length = [0; 4];
             if size.saturating_sub(at) < 4 {
-                return Ok(None);
+                return Ok(Walked::Through(None));
             }
             source.read_exact(&mut length)?;
             at += 4;
@@ -116,8 +159,8 @@ pub(super) fn too_long(
         } else {
             u32::from(short([head[6], head[7]]))
         };
-        if before_pixels && tag == PIXELS {
-            return Ok(None);
+        if before_pixels && tag == PIXELS && !in_meta {
+            return Ok(Walked::Through(None));
         }
         let left = size.saturating_sub(at);
         if claimed == UNTOLD {
@@ -125,27 +168,30 @@ pub(super) fn too_long(
             continue;
         }
         if u64::from(claimed) > left {
-            return Ok(Some(TooLong { tag, claimed, left }));
+            return Ok(Walked::Through(Some(TooLong { tag, claimed, left })));
         }
         let is_sequence = kind == *b"SQ" && !is_mark;
-        if is_sequence || is_mark && !(in_fragments && tag.1 == ITEM) {
+        if !in_meta && (is_sequence || is_mark && !(in_fragments && tag.1 == ITEM)) {
             // The content is walked through as well; an end mark has none.
             in_fragments &= !(is_mark && tag.1 != ITEM);
             continue;
         }
-        let taken = if is_mark { claimed } else { claimed - claimed % width(kind) };
-        if tag == SYNTAX && in_meta && claimed <= 64 {
+        let taken = if is_mark || in_meta { claimed } else { claimed - claimed % width(kind) };
+        if tag == GROUP_LENGTH && meta_end.is_none() && taken == 4 {
+            let mut length = [0; 4];
+            source.read_exact(&mut length)?;
+            meta_end = Some(at + 4 + u64::from(u32::from_le_bytes(length)));
+        } else if tag == SYNTAX && in_meta {
             let mut name = vec![0; taken as usize];
             source.read_exact(&mut name)?;
             told = match String::from_utf8_lossy(&name).trim_end_matches(['\0', ' ']) {
                 "1.2.840.10008.1.2" => Some(Some(Syntax::Implicit)),
                 "1.2.840.10008.1.2.2" => Some(Some(Syntax::Explicit { big: true })),
-                // What follows is packed, and was checked as a whole.
-                "1.2.840.10008.1.2.1.99" => Some(None),
+                packed if PACKED.contains(&packed) => Some(None),
                 _ => Some(Some(Syntax::Explicit { big: false })),
             };
         } else {
-            source.seek_relative(i64::from(taken))?;
+            skip(source, taken)?;
         }
         at += u64::from(taken);
     }
@@ -153,7 +199,10 @@ pub(super) fn too_long(
 
 #[cfg(test)]
 mod tests {
-    use std::io::Cursor;
+    use std::io::{Cursor, Write};
+
+    use flate2::Compression;
+    use flate2::write::DeflateEncoder;
 
     use super::*;
 
@@ -218,6 +267,26 @@ mod tests {
         assert_eq!(found(&[syntax.clone(), number, half], false), Some((0x20, 0x4000)));
         let rows = [plain(0x28, 0x10, 3, &[0; 2]), long].concat();
         assert_eq!(found(&[implicit, rows], false), Some((8, 0x60)));
+        // Pixels in the first group are none, and the group ends where its length says.
+        let misplaced = element(0x7fe0, 0x10, b"OW", 2, &[0; 2]);
+        let length = (misplaced.len() + syntax.len()) as u32;
+        let length = element(2, 0, b"UL", 4, &length.to_le_bytes());
+        let meta = [length, misplaced, syntax.clone()].concat();
+        assert_eq!(found(&[meta.clone(), comment.clone()], true), Some((0x20, 0x4000)));
+        let other = element(2, 0x13, b"SH", 2, b"a ");
+        assert_eq!(found(&[meta, other, comment.clone()], true), Some((0x20, 0x4000)));
+        // Packed as a whole.
+        for name in PACKED {
+            let syntax = element(2, 0x10, b"UI", name.len() as u32, name.as_bytes());
+            let packed = |elements: &[u8]| {
+                let mut out = DeflateEncoder::new(Vec::new(), Compression::fast());
+                out.write_all(elements).expect("memory takes it");
+                out.finish().expect("memory takes it")
+            };
+            assert_eq!(found(&[syntax.clone(), packed(&good)], false), None);
+            let parts = [good.clone(), comment.clone()].concat();
+            assert_eq!(found(&[syntax, packed(&parts)], false), Some((0x20, 0x4000)), "{name}");
+        }
         // What follows of an unknown kind is read as all else.
         let unknown = element(9, 0x10, b"UN", UNTOLD, &comment);
         assert_eq!(found(&[syntax, unknown], false), Some((0x20, 0x4000)));

@@ -119,8 +119,11 @@ fn segmentation_of(kind: &str) -> Dicom {
     let mut segment = item(&[((0x0062, 0x0005), b"LO", "liver")]);
     segment.put((0x0062, 0x0004), b"US", words(&[1]));
     file.sequence((0x0062, 0x0002), &[segment]);
-    let measures =
-        item(&[((0x0028, 0x0030), b"DS", "2\\0.5"), ((0x0018, 0x0050), b"DS", "3"), ((0x0018, 0x0088), b"DS", "3")]);
+    let measures = item(&[
+        ((0x0028, 0x0030), b"DS", "2\\0.5"),
+        ((0x0018, 0x0050), b"DS", "3"),
+        ((0x0018, 0x0088), b"DS", "3"),
+    ]);
     let mut shared = within((0x0028, 0x9110), measures);
     shared.sequence((0x0020, 0x9116), &[item(&[((0x0020, 0x0037), b"DS", "0.8\\0.6\\0\\-0.6\\0.8\\0")])]);
     file.sequence((0x5200, 0x9229), &[shared]);
@@ -157,10 +160,12 @@ pub fn contours() -> Vec<Vec<u8>> {
         item.text((0x3006, 0x0050), b"DS", &numbers.join("\\"));
         item
     };
-    let rectangle =
-        |low: f64, high: f64, z: f64| contour(&[[low, low, z], [high, low, z], [high, high, z], [low, high, z]]);
+    let rectangle = |low: f64, high: f64, z: f64| {
+        contour(&[[low, low, z], [high, low, z], [high, high, z], [low, high, z]])
+    };
     let triangle = contour(&[[0.0, 0.0, 0.0], [3.0, 0.5, 0.0], [1.0, 2.0, 0.0]]);
-    let structures = [("liver", vec![triangle]), ("vessel", vec![rectangle(0.0, 2.0, 1.0), rectangle(0.6, 1.4, 1.0)])];
+    let structures =
+        [("liver", vec![triangle]), ("vessel", vec![rectangle(0.0, 2.0, 1.0), rectangle(0.6, 1.4, 1.0)])];
     let (mut names, mut drawn) = (Vec::new(), Vec::new());
     for (i, (name, contours)) in structures.into_iter().enumerate() {
         let number = (i + 1).to_string();

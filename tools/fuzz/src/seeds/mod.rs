@@ -88,8 +88,12 @@ pub fn nrrd() -> Vec<Vec<u8>> {
         [header("raw"), voxels()].concat(),
         [header("gzip"), gzipped(&voxels())].concat(),
         [header("ascii"), text].concat(),
-        [&header("raw")[..header("raw").len() - 1], b"Segment0_ID:=a\nSegment0_LabelValue:=1\nSegment0_Layer:=0\n\
-          Segment0_Name:=liver\n\n", &voxels()]
+        [
+            &header("raw")[..header("raw").len() - 1],
+            b"Segment0_ID:=a\nSegment0_LabelValue:=1\nSegment0_Layer:=0\n\
+          Segment0_Name:=liver\n\n",
+            &voxels(),
+        ]
         .concat(),
         [&header("raw")[..header("raw").len() - 1], b"data file: beside.raw\n"].concat(),
     ]
@@ -155,7 +159,8 @@ pub fn vp_json() -> Vec<Vec<u8>> {
 
 /// Transfer functions of older Slicers.
 pub fn vp() -> Vec<Vec<u8>> {
-    let text = "1\n1\n0.9\n0.1\n0.2\n10\n6 0 0 300 0 1000 1\n4 0 1 255 1\n12 0 0 0 0 300 1 0.5 0.2 1000 1 1 1\n";
+    let text =
+        "1\n1\n0.9\n0.1\n0.2\n10\n6 0 0 300 0 1000 1\n4 0 1 255 1\n12 0 0 0 0 300 1 0.5 0.2 1000 1 1 1\n";
     vec![text.into()]
 }
 
@@ -169,8 +174,7 @@ specularPower="10"/></MRML>"#;
 
 /// Colour maps of ParaView.
 pub fn paraview() -> Vec<Vec<u8>> {
-    let text =
-        r#"[{"ColorSpace":"RGB","Name":"a","Points":[0,0,0.5,0,1,1,0.5,0],"RGBPoints":[0,0,0,0,1,1,0.5,0.2]}]"#;
+    let text = r#"[{"ColorSpace":"RGB","Name":"a","Points":[0,0,0.5,0,1,1,0.5,0],"RGBPoints":[0,0,0,0,1,1,0.5,0.2]}]"#;
     vec![text.into()]
 }
 
@@ -230,7 +234,8 @@ pub fn exr() -> Vec<Vec<u8>> {
     let mut files = written(&["a.exr"], |path| image::write(path, &image, None, &options));
     files.extend(written(&["b.exr"], |path| image::write(path, &image, Some(&depth), &options)));
     for encoding in [Encoding::UNCOMPRESSED, Encoding::FAST_LOSSLESS, Encoding::SMALL_LOSSLESS] {
-        let pixels = SpecificChannels::rgba(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 0.5_f32, 1.0_f32));
+        let pixels =
+            SpecificChannels::rgba(|at: Vec2<usize>| (at.x() as f32, at.y() as f32, 0.5_f32, 1.0_f32));
         let layer = Layer::new((5, 4), LayerAttributes::named("a"), encoding, pixels);
         let mut out = std::io::Cursor::new(Vec::new());
         exr::prelude::Image::from_layer(layer).write().to_buffered(&mut out).expect("memory takes it");
