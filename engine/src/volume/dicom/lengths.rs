@@ -74,21 +74,21 @@ enum Walked {
     Packed(u64),
 }
 
-/// Walks through the elements of a file of `size` bytes, whose magic ends at byte `begin`, and returns the first one
-/// that is too long. Stops before the pixels if only what stands before them will be read. Damage of other kinds is the
-/// library's to tell.
+/// Walks through the elements of a file, whose magic ends at byte `begin`, and returns the first one that is too long for
+/// a file of `size` bytes. `source` may have the first `there` of them alone. Damage of other kinds is the library's to
+/// tell.
 ///
 /// # Errors
 /// That of the source.
 pub(super) fn too_long(
     source: &mut (impl Read + Seek),
     begin: u64,
+    there: u64,
     size: u64,
-    before_pixels: bool,
 ) -> io::Result<Option<TooLong>> {
     let at = source.seek(SeekFrom::Start(begin))?;
     let seek = |source: &mut _, count: u32| Seek::seek_relative(source, count.into());
-    let packed = match walk(source, seek, at, size, true, before_pixels)? {
+    let packed = match walk(source, seek, at, [there, size], true)? {
         Walked::Through(found) => return Ok(found),
         Walked::Packed(from) => from,
     };
@@ -101,20 +101,22 @@ pub(super) fn too_long(
     let read = |source: &mut DeflateDecoder<_>, count: u32| {
         io::copy(&mut source.take(count.into()), &mut io::sink()).map(drop)
     };
-    match walk(&mut DeflateDecoder::new(source), read, 0, size, false, before_pixels)? {
+    match walk(&mut DeflateDecoder::new(source), read, 0, [size; 2], false)? {
         Walked::Through(found) => Ok(found),
         Walked::Packed(_) => Ok(None),
     }
 }
 
-/// Walks through elements from byte `at` of `size` bytes, where `source` is; `skip` skips bytes of it.
+/// Walks through elements from byte `at`, where `source` is, as far as it is `there`; `skip` skips bytes of it.
+///
+/// Pixels are walked over like all else. Where the library stops before them it does so outside of sequences alone, and
+/// it is not told here where these end: it counts by lengths that may be wrong.
 fn walk<R: Read>(
     source: &mut R,
     skip: impl Fn(&mut R, u32) -> io::Result<()>,
     mut at: u64,
-    size: u64,
+    [there, size]: [u64; 2],
     mut in_meta: bool,
-    before_pixels: bool,
 ) -> io::Result<Walked> {
     let (mut syntax, mut told) = (Syntax::Explicit { big: false }, None);
     let mut in_fragments = false;
@@ -122,7 +124,7 @@ fn walk<R: Read>(
     let mut meta_end = None;
     loop {
         let mut head = [0; 8];
-        if size.saturating_sub(at) < 8 {
+        if there.saturating_sub(at) < 8 {
             return Ok(Walked::Through(None));
         }
         source.read_exact(&mut head)?;
@@ -150,7 +152,7 @@ fn walk<R: Read>(
             long([head[4], head[5], head[6], head[7]])
         } else if is_long {
             let mut length = [0; 4];
-            if size.saturating_sub(at) < 4 {
+            if there.saturating_sub(at) < 4 {
                 return Ok(Walked::Through(None));
             }
             source.read_exact(&mut length)?;
@@ -159,9 +161,6 @@ fn walk<R: Read>(
         } else {
             u32::from(short([head[6], head[7]]))
         };
-        if before_pixels && tag == PIXELS && !in_meta {
-            return Ok(Walked::Through(None));
-        }
         let left = size.saturating_sub(at);
         if claimed == UNTOLD {
             in_fragments = tag == PIXELS;
@@ -221,10 +220,15 @@ mod tests {
 
     const EXPLICIT: &[u8] = b"1.2.840.10008.1.2.1\0";
 
-    fn found(parts: &[Vec<u8>], before_pixels: bool) -> Option<(u16, u16)> {
+    fn found(parts: &[Vec<u8>]) -> Option<(u16, u16)> {
+        found_before(parts, 0)
+    }
+
+    /// Of a file that goes on for so many bytes.
+    fn found_before(parts: &[Vec<u8>], more: u64) -> Option<(u16, u16)> {
         let bytes = parts.concat();
-        let size = bytes.len() as u64;
-        let walked = too_long(&mut Cursor::new(bytes), 0, size, before_pixels).expect("it is in memory");
+        let there = bytes.len() as u64;
+        let walked = too_long(&mut Cursor::new(bytes), 0, there, there + more).expect("it is in memory");
         walked.map(|e| e.tag)
     }
 
@@ -232,49 +236,53 @@ mod tests {
     fn elements_that_claim_too_much_are_found_wherever_they_are() {
         let syntax = element(2, 0x10, b"UI", EXPLICIT.len() as u32, EXPLICIT);
         let good = element(8, 0x60, b"CS", 2, b"CT");
-        assert_eq!(found(&[syntax.clone(), good.clone()], false), None);
+        assert_eq!(found(&[syntax.clone(), good.clone()]), None);
         let meta = element(2, 1, b"OB", 0x2e31_0000, &[0, 1]);
-        assert_eq!(found(&[meta, syntax.clone()], false), Some((2, 1)));
+        assert_eq!(found(&[meta, syntax.clone()]), Some((2, 1)));
         let comment = element(0x20, 0x4000, b"UT", 1_000_000, b"short");
-        assert_eq!(found(&[syntax.clone(), good.clone(), comment.clone()], false), Some((0x20, 0x4000)));
-        assert_eq!(found(&[good.clone(), comment.clone()], false), Some((0x20, 0x4000)), "no syntax is told");
+        assert_eq!(found(&[syntax.clone(), good.clone(), comment.clone()]), Some((0x20, 0x4000)));
+        assert_eq!(found(&[good.clone(), comment.clone()]), Some((0x20, 0x4000)), "no syntax is told");
         // In items of sequences, whose lengths are told or not.
         let told = item(comment.len() as u32, &comment);
         let sequence = element(8, 0x1140, b"SQ", told.len() as u32, &told);
-        assert_eq!(found(&[syntax.clone(), sequence], false), Some((0x20, 0x4000)));
+        assert_eq!(found(&[syntax.clone(), sequence]), Some((0x20, 0x4000)));
         let untold = element(8, 0x1140, b"SQ", UNTOLD, &item(UNTOLD, &comment));
-        assert_eq!(found(&[syntax.clone(), untold], false), Some((0x20, 0x4000)));
+        assert_eq!(found(&[syntax.clone(), untold]), Some((0x20, 0x4000)));
         let unknown = element(8, 0x60, b"\0U", 1_000_000, &[]);
-        assert_eq!(found(&[syntax.clone(), unknown], false), Some((8, 0x60)));
+        assert_eq!(found(&[syntax.clone(), unknown]), Some((8, 0x60)));
         // The content of fragments is not elements.
         let fragments = element(0x7fe0, 0x10, b"OB", UNTOLD, &[item(0, &[]), item(8, &[9; 8])].concat());
-        assert_eq!(found(&[syntax.clone(), fragments], false), None);
+        assert_eq!(found(&[syntax.clone(), fragments]), None);
         let pixels = element(0x7fe0, 0x10, b"OW", 1_000_000, &[0; 8]);
-        assert_eq!(found(&[syntax.clone(), pixels.clone()], false), Some(PIXELS));
-        assert_eq!(found(&[syntax.clone(), pixels], true), None, "they are not read");
+        assert_eq!(found(&[syntax.clone(), pixels.clone()]), Some(PIXELS));
+        assert_eq!(found_before(&[syntax.clone(), pixels], 1_000_000), None, "they are there");
+        // Within a sequence the library does not stop before pixels.
+        let inner = [element(0x7fe0, 0x10, b"OW", 2, &[0; 2]), comment.clone()].concat();
+        let nested = element(8, 0x1140, b"SQ", UNTOLD, &item(UNTOLD, &inner));
+        assert_eq!(found(&[syntax.clone(), nested]), Some((0x20, 0x4000)));
         let implicit = element(2, 0x10, b"UI", 18, b"1.2.840.10008.1.2\0");
         let plain = |group: u8, number: u16, claimed: u32, content: &[u8]| {
             [&[group, 0], &number.to_le_bytes()[..], &claimed.to_le_bytes(), content].concat()
         };
         let long = plain(8, 0x60, 1_000_000, b"CT");
-        assert_eq!(found(&[implicit.clone(), long.clone()], false), Some((8, 0x60)));
+        assert_eq!(found(&[implicit.clone(), long.clone()]), Some((8, 0x60)));
         let told = item(long.len() as u32, &long);
         let sequence = plain(8, 0x1140, told.len() as u32, &told);
-        assert_eq!(found(&[implicit.clone(), sequence], false), Some((8, 0x60)), "within a sequence");
+        assert_eq!(found(&[implicit.clone(), sequence]), Some((8, 0x60)), "within a sequence");
         // Half a number is left, and taken for the beginning of the next element.
         let half = [b"\x20\0\0\x40UT\0\0".to_vec(), 1_000_000u32.to_le_bytes().to_vec()].concat();
         let number = element(0x28, 2, b"UL", 6, &[0; 4]);
-        assert_eq!(found(&[syntax.clone(), number, half], false), Some((0x20, 0x4000)));
+        assert_eq!(found(&[syntax.clone(), number, half]), Some((0x20, 0x4000)));
         let rows = [plain(0x28, 0x10, 3, &[0; 2]), long].concat();
-        assert_eq!(found(&[implicit, rows], false), Some((8, 0x60)));
+        assert_eq!(found(&[implicit, rows]), Some((8, 0x60)));
         // Pixels in the first group are none, and the group ends where its length says.
         let misplaced = element(0x7fe0, 0x10, b"OW", 2, &[0; 2]);
         let length = (misplaced.len() + syntax.len()) as u32;
         let length = element(2, 0, b"UL", 4, &length.to_le_bytes());
         let meta = [length, misplaced, syntax.clone()].concat();
-        assert_eq!(found(&[meta.clone(), comment.clone()], true), Some((0x20, 0x4000)));
+        assert_eq!(found(&[meta.clone(), comment.clone()]), Some((0x20, 0x4000)));
         let other = element(2, 0x13, b"SH", 2, b"a ");
-        assert_eq!(found(&[meta, other, comment.clone()], true), Some((0x20, 0x4000)));
+        assert_eq!(found(&[meta, other, comment.clone()]), Some((0x20, 0x4000)));
         // Packed as a whole.
         for name in PACKED {
             let syntax = element(2, 0x10, b"UI", name.len() as u32, name.as_bytes());
@@ -283,12 +291,12 @@ mod tests {
                 out.write_all(elements).expect("memory takes it");
                 out.finish().expect("memory takes it")
             };
-            assert_eq!(found(&[syntax.clone(), packed(&good)], false), None);
+            assert_eq!(found(&[syntax.clone(), packed(&good)]), None);
             let parts = [good.clone(), comment.clone()].concat();
-            assert_eq!(found(&[syntax, packed(&parts)], false), Some((0x20, 0x4000)), "{name}");
+            assert_eq!(found(&[syntax, packed(&parts)]), Some((0x20, 0x4000)), "{name}");
         }
         // What follows of an unknown kind is read as all else.
         let unknown = element(9, 0x10, b"UN", UNTOLD, &comment);
-        assert_eq!(found(&[syntax, unknown], false), Some((0x20, 0x4000)));
+        assert_eq!(found(&[syntax, unknown]), Some((0x20, 0x4000)));
     }
 }
