@@ -102,6 +102,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         grid,
         form,
         exceptions,
+        rounding: None,
     })
 }
 
