@@ -91,7 +91,7 @@ impl Location {
             let failed = |e: io::Error| Error::io(&self.path, "reading", &e);
             let file = File::open(&self.path).map_err(failed)?;
             let size = file.metadata().map_err(failed)?.len();
-            self.check_lengths(BufReader::new(file), size, size)?;
+            self.check_lengths(BufReader::new(file), size, until.is_some())?;
             return options.open_file(&self.path).map_err(|e| damaged(&self.path, &e));
         };
         let mut zip = archive.lock();
@@ -103,7 +103,10 @@ impl Location {
                 .take(size.min(MOST_HEADER_BYTES))
                 .read_to_end(&mut start)
                 .map_err(|e| damaged(&self.path, &e))?;
-            self.check_lengths(Cursor::new(&start), start.len() as u64, size)?;
+            // What ends sooner than it should has no more than there is.
+            let there = start.len() as u64;
+            let size = if there < MOST_HEADER_BYTES { there } else { size };
+            self.check_lengths(Cursor::new(&start), size, true)?;
             return options.from_reader(start.as_slice()).map_err(|e| damaged(&self.path, &e));
         }
         let mut bytes = Vec::new();
@@ -115,19 +118,19 @@ impl Location {
         // Decoding takes longer than unpacking, and other threads may unpack meanwhile.
         drop(member);
         drop(zip);
-        self.check_lengths(Cursor::new(&bytes), bytes.len() as u64, size)?;
+        self.check_lengths(Cursor::new(&bytes), bytes.len() as u64, false)?;
         options.from_reader(bytes.as_slice()).map_err(|e| damaged(&self.path, &e))
     }
 }
 
 impl Location {
-    /// Checks that no element of the file claims more than the `size` of the file; `there` bytes of it are.
-    fn check_lengths(&self, mut source: impl Read + Seek, there: u64, size: u64) -> Result<()> {
+    /// Checks that no element of the file claims more than there is.
+    fn check_lengths(&self, mut source: impl Read + Seek, size: u64, before_pixels: bool) -> Result<()> {
         let mut head = [0; MAGIC_AT + 4];
         let is_dicom = source.read_exact(&mut head).is_ok() && sniff(&head);
         // Files without the magic are the library's to refuse.
         let found = match is_dicom {
-            true => too_long(&mut source, head.len() as u64, there, size),
+            true => too_long(&mut source, head.len() as u64, size, before_pixels),
             false => Ok(None),
         };
         match found {
