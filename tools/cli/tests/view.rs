@@ -261,8 +261,8 @@ fn a_lost_device_is_made_again() {
     let (whole, log) = shot(&[]);
     assert!(!log.contains("beginning anew"));
     // In the middle of the upload, and while the field is decoded beside the window.
-    for at in ["3", "30"] {
-        let (again, log) = shot(&["--lost-at", at]);
+    for at in [3, 30] {
+        let (again, log) = shot(&["--fault", &format!("submit:{at}:lost")]);
         again.keep(&format!("lost-{at}"));
         assert!(log.contains("the device was lost; beginning anew"), "{at}: {log}");
         let differing = again.differences(&whole, [0, 0, 1280, 720]);

@@ -34,8 +34,8 @@ const REST: Duration = Duration::from_millis(150);
 /// Distance of the voxels of mode decoded, in those of the CT, as in the settings of a picture.
 const PITCH: f64 = 1.0;
 
-/// Error code of a lost device.
-pub const LOST: &str = "VGS-GPU-012";
+/// Error codes of a lost device, and of a lost surface of the window.
+pub const LOST: [&str; 2] = ["VGS-GPU-012", "VGS-GPU-034"];
 
 /// The open window with what draws in it.
 pub struct ActiveWindow {
@@ -172,7 +172,7 @@ impl Viewer {
                 Ok(None) => {}
                 // The next picture finds the same loss, and the window begins anew; a device that has
                 // replaced the lost one draws one picture more.
-                Err(error) if error.code == LOST => self.stale = true,
+                Err(error) if LOST.contains(&error.code) => self.stale = true,
                 Err(error) => self.app.report(&error),
             }
         }
@@ -215,7 +215,7 @@ impl Viewer {
         let start = Instant::now();
         match self.data.scene(canvas.gpu(), subject, &self.app.state) {
             Ok(scene) => canvas.set_scene(subject, scene),
-            Err(error) if error.code == LOST => return Err(error),
+            Err(error) if LOST.contains(&error.code) => return Err(error),
             // What the device has no room for is not shown; the rest goes on.
             Err(error) => self.app.report(&error),
         }
