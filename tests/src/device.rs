@@ -27,12 +27,8 @@ impl Device {
 
     /// Boots a device with these options, validation on.
     pub fn boot_with(options: GpuOptions) -> Self {
-        let validation = std::env::var_os(NO_VALIDATION).is_none_or(|v| v != "1");
-        if !validation {
-            println!("{NO_VALIDATION}=1: the validation layers are off, this run checks less");
-        }
         let messages = options.messages.clone();
-        match Gpu::new(&GpuOptions { validation, ..options }) {
+        match Gpu::new(&with_validation(options)) {
             Ok(gpu) => Device { gpu: Some(gpu), messages },
             Err(e) => panic!(
                 "this test needs a Vulkan device and the Khronos validation layer: {e} ({}); `tools/setup run test` \
@@ -63,6 +59,15 @@ impl Drop for Device {
         self.gpu = None;
         assert_silent(&self.messages);
     }
+}
+
+/// Returns the options with the validation layers on, unless the environment turns them off.
+pub fn with_validation(options: GpuOptions) -> GpuOptions {
+    let validation = std::env::var_os(NO_VALIDATION).is_none_or(|v| v != "1");
+    if !validation {
+        println!("{NO_VALIDATION}=1: the validation layers are off, this run checks less");
+    }
+    GpuOptions { validation, ..options }
 }
 
 /// Checks that the validation layers have reported nothing.

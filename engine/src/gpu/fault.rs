@@ -58,7 +58,7 @@ pub struct Fault(Arc<Plan>);
 #[derive(Debug)]
 struct Plan {
     call: Call,
-    nth: u64,
+    nth: AtomicU64,
     failure: Failure,
     calls: AtomicU64,
 }
@@ -66,10 +66,16 @@ struct Plan {
 impl Fault {
     /// Creates a fault of the `nth` call of a kind, counted from 1.
     pub fn new(call: Call, nth: u64, failure: Failure) -> Self {
-        Fault(Arc::new(Plan { call, nth, failure, calls: AtomicU64::new(0) }))
+        Fault(Arc::new(Plan { call, nth: AtomicU64::new(nth), failure, calls: AtomicU64::new(0) }))
     }
 
-    /// Returns the number of calls of its kind so far. If it is less than the `nth`, nothing has failed.
+    /// Counts from here anew: the `nth` call from now on fails. A device that was lost stays so.
+    pub fn begin_anew(&self, nth: u64) {
+        self.0.nth.store(nth, Ordering::Relaxed);
+        self.0.calls.store(0, Ordering::Relaxed);
+    }
+
+    /// Returns the number of calls of its kind since its creation or [`Self::begin_anew`]. If it is less than the `nth`, nothing has failed.
     pub fn calls(&self) -> u64 {
         self.0.calls.load(Ordering::Relaxed)
     }
@@ -165,7 +171,8 @@ impl Faulty {
     fn fails(&self, call: Call) -> Option<vk::Result> {
         let can_be_lost = matches!(call, Call::Submit | Call::Wait | Call::Acquire | Call::Present);
         let plan = &*self.plan;
-        let is_nth = call == plan.call && plan.calls.fetch_add(1, Ordering::Relaxed) + 1 == plan.nth;
+        let is_nth = call == plan.call
+            && plan.calls.fetch_add(1, Ordering::Relaxed) + 1 == plan.nth.load(Ordering::Relaxed);
         if is_nth && plan.failure == Failure::Lost {
             self.lost.store(true, Ordering::Relaxed);
         }
@@ -326,8 +333,9 @@ mod tests {
     #[test]
     fn faults_are_read_from_text() {
         let fault: Fault = "submit:3:lost".parse().unwrap();
-        let Plan { call, nth, failure, .. } = *fault.0;
-        assert_eq!((call, nth, failure, fault.calls()), (Call::Submit, 3, Failure::Lost, 0));
+        let Plan { call, nth, failure, .. } = &*fault.0;
+        let nth = nth.load(Ordering::Relaxed);
+        assert_eq!((*call, nth, *failure, fault.calls()), (Call::Submit, 3, Failure::Lost, 0));
         for (wrong, told) in [
             ("submit:3", "submit:3:lost"),
             ("send:3:lost", "calls: memory"),

@@ -123,7 +123,11 @@ fn go_round(gpu: &Gpu, a: &SoakArguments, cycle: usize, folder: &Path) -> Result
     let volume = Volume::read(&volume, &ReadOptions::default())?;
     let roi = phantom.roi()?;
     let config = FitConfig { density: 0.05, iterations: a.iterations, ..FitConfig::default() };
-    splat::write(&splats, &fit::run(gpu, &volume, &roi, &config, |_| std::ops::ControlFlow::Continue(()))?, true)?;
+    splat::write(
+        &splats,
+        &fit::run(gpu, &volume, &roi, &config, |_| std::ops::ControlFlow::Continue(()))?,
+        true,
+    )?;
     let set = splat::read_all(&[splats], || Ok(None))?;
     show(gpu, &set, &volume, &roi)
 }
@@ -237,7 +241,8 @@ mod tests {
     fn a_short_soak_goes_through() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("soak.csv");
-        let a = SoakArguments { minutes: 0.0, out: out.clone(), sizes: vec![12], iterations: 2, force: false };
+        let a =
+            SoakArguments { minutes: 0.0, out: out.clone(), sizes: vec![12], iterations: 2, force: false };
         // One cycle has no slope.
         assert_eq!(run(&GpuOptions::default(), &a).unwrap_err().code, "VGS-BEN-062");
         let rows = fs::read_to_string(out).unwrap();
