@@ -79,7 +79,11 @@ fn on_one_device(call: Call, failure: Failure, stride: usize, name: &str, work: 
     for n in (1..=calls).step_by(stride) {
         let what = format!("{name}: {call:?} {n} of {calls}");
         fault.begin_anew(n);
-        check(&work(&gpu).expect_err(&what), failure, &what);
+        let done = work(&gpu);
+        // On a busy machine long passes are cut into more or fewer submissions.
+        if fault.calls() >= n {
+            check(&done.expect_err(&what), failure, &what);
+        }
         assert_empty(&gpu, &what);
     }
     fault.begin_anew(NEVER);
@@ -107,7 +111,10 @@ fn on_new_devices(call: Call, failure: Failure, stride: usize, name: &str, work:
     done.expect("nothing fails");
     for n in (1..=calls).step_by(stride) {
         let what = format!("{name}: {call:?} {n} of {calls}");
-        check(&attempt(n).0.expect_err(&what), failure, &what);
+        let (done, reached) = attempt(n);
+        if reached >= n {
+            check(&done.expect_err(&what), failure, &what);
+        }
     }
     calls
 }

@@ -145,8 +145,8 @@ fn show(gpu: &Gpu, set: &splat::SplatSet, volume: &Volume, roi: &Roi) -> Result<
             let mut renderer = Renderer::new(gpu, mode, &scene, &Settings::new(size))?;
             for side in ["anterior", "left"] {
                 let plane = ClipPlane { normal: DVec3::X, offset: middle.x - radius * 0.3 };
-                let planes = if side == "left" { vec![plane] } else { vec![] };
-                scene.set_look(&Look { planes, ..look(name)? })?;
+                let clip = if side == "left" { vec![plane] } else { vec![] };
+                scene.set_look(&Look { clip, ..look(name)? })?;
                 let aspect = f64::from(size[0]) / f64::from(size[1]);
                 renderer.render(&scene, &[Camera::from_side(side, middle, radius, 30.0, aspect)?])?;
             }
