@@ -47,12 +47,21 @@ fn a_session_ends_with_an_error_whatever_fails() {
         let calls = fault.calls();
         println!("{calls} of {call:?}");
         assert!(calls > 8, "{calls} of {call:?}");
+        let mut refused = 0;
         for n in (1..=calls).step_by(stride) {
             let (fault, messages) = (Fault::new(call, n, failure), MessageLog::default());
             let what = format!("{call:?} {n} of {calls}");
-            let error = session(&fault, &messages).expect_err(&what);
-            assert!(error.kind == kind && codes.contains(&error.code), "{what}: {}: {error}", error.code);
+            match session(&fault, &messages) {
+                Err(error) => {
+                    let is_right = error.kind == kind && codes.contains(&error.code);
+                    assert!(is_right, "{what}: {}: {error}", error.code);
+                    refused += 1;
+                }
+                // Memory that the host writes is taken from elsewhere.
+                Ok(()) => assert_eq!(call, Call::Memory, "{what}: no error"),
+            }
             assert_eq!(messages.all(), Vec::<String>::new(), "{what}");
         }
+        assert!(2 * refused > calls as usize / stride, "{refused} errors in {calls} calls of {call:?}");
     }
 }

@@ -20,20 +20,17 @@ fn without_memory_it_ends_with_its_exit_code() {
     ];
     for arguments in commands {
         let (mut lacking, mut last) = (0, -1);
-        for mib in [40, 60, 80, 100, 120, 150, 200, 300, 500, 1500] {
+        for mib in [40, 80, 120, 200, 400, 1500] {
             let command = folder.command(arguments);
             let mut limited = Command::new("sh");
             limited.args(["-c", "ulimit -v $1; shift; exec \"$@\"", "sh", &(mib * 1024).to_string()]);
             limited.arg(command.get_program()).args(command.get_args()).current_dir(folder.path("."));
+            // A backtrace of an allocation that failed takes many seconds.
+            limited.env("RUST_BACKTRACE", "0");
             let ended = limited.output().expect("sh");
             let said = String::from_utf8_lossy(&ended.stderr);
             let code = ended.status.code();
             let what = format!("{} in {mib} MiB: {:?}: {said}", arguments.join(" "), ended.status);
-            println!("{what}");
-            // Where not even the program finds room, its loader says so.
-            if said.contains("cannot allocate memory") && !said.contains("error[") {
-                continue;
-            }
             assert!(matches!(code, Some(0 | 71)), "{what}");
             lacking += usize::from(code == Some(71));
             last = code.unwrap_or(-1);
