@@ -36,10 +36,10 @@ fn show(gpu: &Gpu) -> Result<()> {
 #[test]
 fn a_session_ends_with_an_error_whatever_fails() {
     for (call, failure, kind, codes, stride) in [
-        (Call::Submit, Failure::Lost, Kind::Temporary, &["VGS-GPU-012"][..], 5),
-        (Call::Wait, Failure::Lost, Kind::Temporary, &["VGS-GPU-012"], 9),
-        (Call::Memory, Failure::DeviceMemory, Kind::Temporary, &["VGS-GPU-024"], 9),
-        (Call::Object, Failure::HostMemory, Kind::HostMemory, &["VGS-GPU-011"], 41),
+        (Call::Submit, Failure::Lost, Kind::Temporary, &["VGS-GPU-012"][..], 11),
+        (Call::Wait, Failure::Lost, Kind::Temporary, &["VGS-GPU-012"], 23),
+        (Call::Memory, Failure::DeviceMemory, Kind::Temporary, &["VGS-GPU-024"], 15),
+        (Call::Object, Failure::HostMemory, Kind::HostMemory, &["VGS-GPU-011"], 71),
     ] {
         let (fault, messages) = (Fault::new(call, u64::MAX, failure), MessageLog::default());
         session(&fault, &messages).expect("nothing fails");

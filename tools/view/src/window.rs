@@ -18,7 +18,7 @@ use crate::report::WindowReport;
 use crate::settings::Settings;
 use crate::state::ViewState;
 use crate::theme;
-use crate::viewer::{ActiveWindow, LOST, Viewer};
+use crate::viewer::{ActiveWindow, Viewer, is_lost};
 
 /// Initial state of the viewer.
 pub struct Start {
@@ -146,7 +146,7 @@ impl Program {
 
     /// Begins anew if the device or the surface was lost for the first time; otherwise ends the program with the error.
     fn fail(&mut self, event_loop: &ActiveEventLoop, error: Error) {
-        if LOST.contains(&error.code) && !self.lost {
+        if is_lost(&error) && !self.lost {
             tracing::warn!("{error}; beginning anew");
             self.lost = true;
             // The old device is dropped completely before there is a new one.
