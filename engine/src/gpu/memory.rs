@@ -101,8 +101,13 @@ impl Memory {
         };
         let allocation = allocator.allocate(desc).map_err(|e| {
             let bytes = desc.requirements.size;
-            // The allocator hands on this result in words only.
-            if matches!(&e, AllocationError::Internal(said) if said.contains("OUT_OF_HOST_MEMORY")) {
+            // The allocator hands on results in words only.
+            let is_of_host = match &e {
+                AllocationError::Internal(said) => said.contains("OUT_OF_HOST_MEMORY"),
+                AllocationError::FailedToMap(said) => said.contains("host memory"),
+                _ => false,
+            };
+            if is_of_host {
                 return out_of_host_memory(desc.name);
             }
             Error::new(
