@@ -71,7 +71,8 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         return Ok(sets.into_iter().next().map(|(_, set)| set).unwrap_or_default());
     }
     let Numbered { labels, names: label_names } = numbered(&sets)?;
-    let origin_mm = if alone { first.origin_mm } else { common_origin(&sets) };
+    let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
+    let origin_mm = if shared { first.origin_mm } else { common_origin(&sets) };
     let field = Field { background: mean_background(&sets), ..first.field };
     let has_intensity = first.has_intensity;
     let colours = first.colours.is_some().then(|| joined_colours(&sets));

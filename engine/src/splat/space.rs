@@ -15,6 +15,9 @@ use super::{Field, Splat, SplatSet};
 
 /// Cosine below which two columns count as orthogonal.
 const ORTHOGONAL: f64 = 1e-15;
+/// Rounding that no measure of a set sees, as a part of a splat's least σ: at the place of a splat of 0.3 mm it
+/// lets pass 5 m.
+const EXACT: f32 = 1e-3;
 /// Most sweeps of the Jacobi iteration; a 3×3 matrix converges in about five.
 const MAX_SWEEPS: usize = 16;
 
@@ -31,15 +34,30 @@ impl SplatSet {
     /// Returns the world-space set of voxel-space `splats` of a volume with the index-to-world map
     /// `world_from_voxel`, mm RAS.
     ///
-    /// The origin is the centre of the box of all means, rounded to whole millimetres, so that f32 means keep
-    /// their digits wherever the scanner put the patient.
+    /// The origin is that of the world where f32 means are exact enough from there, and otherwise the centre
+    /// of the box of all means, rounded to whole millimetres.
     pub fn from_voxel(splats: &[Splat], world_from_voxel: &DAffine3, field: Field) -> SplatSet {
         let linear = world_from_voxel.matrix3;
-        let origin_mm = centre(splats.iter().map(|splat| world_from_voxel.transform_point3(mean(splat))));
-        let offset = world_from_voxel.translation - origin_mm;
-        let splats =
-            splats.par_iter().map(|splat| transformed(splat, &linear, |x| linear * x + offset)).collect();
-        SplatSet { splats, origin_mm, field, ..SplatSet::default() }
+        let about = |origin_mm| {
+            let offset = world_from_voxel.translation - origin_mm;
+            let place = |x: DVec3| linear * x + offset;
+            let splats = splats.par_iter().map(|splat| transformed(splat, &linear, place)).collect();
+            SplatSet { splats, origin_mm, field, ..SplatSet::default() }
+        };
+        let set = about(DVec3::ZERO);
+        if set.is_exact() {
+            return set;
+        }
+        about(centre(splats.iter().map(|splat| world_from_voxel.transform_point3(mean(splat)))))
+    }
+
+    /// Returns true if rounding to f32 moves no mean by more than [`EXACT`] of its splat's least σ.
+    pub(super) fn is_exact(&self) -> bool {
+        self.splats.par_iter().all(|splat| {
+            let far = splat.mean.iter().fold(0.0f32, |far, x| far.max(x.abs()));
+            let least = splat.log_scale.iter().copied().fold(f32::INFINITY, f32::min).exp();
+            far * (0.5 * f32::EPSILON) <= EXACT * least
+        })
     }
 }
 

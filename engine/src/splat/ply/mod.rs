@@ -44,6 +44,6 @@ mod write;
 pub use layout::{PLY_LAYOUTS, PlyLayout};
 pub(super) use names::sniff;
 pub(super) use read::convert_help;
-pub use read::{describe, read};
+pub use read::{ORDINARY, describe, read};
 pub(super) use write::check;
 pub use write::{bytes, write};

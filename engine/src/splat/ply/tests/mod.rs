@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
 
 use super::describe;
-use super::encode::encode;
+use super::encode::{Row, encode};
 use super::read::{Loaded, load};
 use super::write::check;
 use crate::error::{Kind, Result};
@@ -27,10 +27,20 @@ fn loaded(file: &[u8], options: &ReadOptions) -> Result<Loaded> {
 }
 
 fn encoded(set: &SplatSet) -> Vec<u8> {
+    encoded_as(set, Row::Named)
+}
+
+fn encoded_as(set: &SplatSet, row: Row) -> Vec<u8> {
     check(set).expect("a set that can be written");
     let mut file = Vec::new();
-    encode(set, &mut file).expect("writing to memory");
+    encode(set, row, &mut file).expect("writing to memory");
     file
+}
+
+/// Returns the header of a file, `end_header` and its line feed included.
+fn header_of(file: &[u8]) -> &str {
+    let end = file.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
+    std::str::from_utf8(&file[..end]).expect("UTF-8")
 }
 
 fn sample(count: usize) -> SplatSet {
@@ -148,19 +158,21 @@ fn a_set_survives_bit_for_bit() {
 #[test]
 fn our_files_have_the_layout_that_every_reader_accepts() {
     let file = encoded(&sample(3));
-    let end = file.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
-    let header = std::str::from_utf8(&file[..end]).expect("ASCII");
+    let header = header_of(&file);
+    let end = header.len();
     let lines: Vec<&str> = header.lines().collect();
     assert_eq!(lines[..3], ["ply", "format binary_little_endian 1.0", "element vertex 3"]);
-    let names = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
-    for (line, name) in lines[3..20].iter().zip(names.split(' ')) {
+    let names = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 \
+                 intensity";
+    for (line, name) in lines[3..21].iter().zip(names.split(' ')) {
         assert_eq!(*line, format!("property float {name}"));
     }
-    assert!(lines[20..].contains(&"comment not for diagnosis"));
-    assert_eq!(file.len(), end + 3 * 17 * 4 + 3 * 4);
+    assert!(lines[21..].contains(&"comment not for diagnosis"));
+    assert!(!lines[21..].iter().any(|line| line.starts_with("property") || line.starts_with("element")));
+    assert_eq!(file.len(), end + 3 * 18 * 4);
     // The ramp: black for the least intensity, white for the greatest.
     let grey = |row: usize| {
-        let at = end + row * 68 + 24;
+        let at = end + row * 72 + 24;
         0.5 + SH0 * f32::from_le_bytes(file[at..at + 4].try_into().expect("four bytes"))
     };
     for (row, expected) in [(0, 0.0), (1, 0.5), (2, 1.0)] {
@@ -174,10 +186,85 @@ fn our_files_have_the_layout_that_every_reader_accepts() {
     let set = sample(3);
     for (index, splat) in set.splats.iter().enumerate() {
         let number = |element: &str, name: &str| ply.payload[element][index][name].to_f32_lossy();
-        assert_eq!(number("splat_intensity", "intensity"), Some(splat.intensity));
+        assert_eq!(number("vertex", "intensity"), Some(splat.intensity));
         assert_eq!(number("vertex", "rot_1"), Some(splat.rotation[1]));
         assert_eq!(number("vertex", "opacity"), Some(splat.opacity_logit));
     }
+}
+
+#[test]
+fn rows_of_62_floats_have_nothing_more_and_give_the_set_back() {
+    let set = SplatSet {
+        exceptions: vec![Exception { voxel: [3, 2, 1], inside: true }],
+        labels: Some((0..9).collect()),
+        ..sample(9)
+    };
+    let file = encoded_as(&set, Row::Fixed);
+    let header = header_of(&file);
+    let lines: Vec<&str> = header.lines().collect();
+    // Programs that count the lines `property float` of the whole file must come to 62 as well.
+    let floats: Vec<&str> = lines.iter().filter_map(|line| line.strip_prefix("property float ")).collect();
+    assert_eq!((lines[2], floats.len()), ("element vertex 9", 62));
+    assert_eq!([floats[8], floats[9], floats[53], floats[54]], ["f_dc_2", "f_rest_0", "f_rest_44", "opacity"]);
+    let tail = "element splat_intensity 9\nproperty double intensity\nproperty uchar label\n";
+    assert!(header.contains(tail), "{header}");
+    let row = |i: usize, k: usize| {
+        let at = header.len() + i * 248 + 4 * k;
+        f32::from_le_bytes(file[at..at + 4].try_into().expect("four bytes"))
+    };
+    let expected = &set.splats[8];
+    assert_eq!([row(8, 0), row(8, 54), row(8, 55), row(8, 58)], [
+        expected.mean[0],
+        expected.opacity_logit,
+        expected.log_scale[0],
+        expected.rotation[0],
+    ]);
+    let read = loaded(&file, &STRICT).expect("our own file");
+    let exceptions = read.header.element("exception").expect("the exceptions").1.count;
+    assert_eq!(file.len(), header.len() + 9 * (62 * 4 + 8 + 1) + exceptions);
+    assert_eq!((read.set, read.layout), (set, "inria"));
+}
+
+/// Written by version 0.2.0 before the intensity was a property of the vertices: `vgs fit` of two balls with
+/// labels in an oblique grid.
+const SECOND_ELEMENT: &[u8] = include_bytes!("second-element.ply");
+
+#[test]
+fn files_with_a_second_element_are_read_as_before() {
+    let Loaded { set, layout, .. } = loaded(SECOND_ELEMENT, &STRICT).expect("an earlier file of ours");
+    assert_eq!((set.splats.len(), layout, set.field.kernel), (40, "vgs", Kernel::Compact));
+    assert_eq!(set.origin_mm, DVec3::new(137.0, -207.0, -797.0), "as the file has it");
+    // Numbers of the file, by another reader.
+    let first = &set.splats[0];
+    assert_eq!(first.mean, [2.0603073, -1.4126235, -3.353494]);
+    assert_eq!((first.intensity, set.splats[39].intensity), (-581.626, 121.88739));
+    assert_eq!(set.label_counts().iter().map(|l| (l.label, l.splats)).collect::<Vec<_>>(), [(3, 24), (7, 16)]);
+    assert_eq!(set.exceptions.len(), 445);
+    assert_eq!((set.form, set.iterations), (Form::Grid { binary: true }, Some(60)));
+    let again = loaded(&encoded(&set), &STRICT).expect("the layout of today").set;
+    assert_eq!(again, set, "nothing is lost on the way to the layout of today");
+}
+
+#[test]
+fn what_splat_transform_leaves_of_a_file_has_places_intensities_and_labels() {
+    // It keeps the columns of the vertices and drops comments and further elements.
+    let set = SplatSet {
+        origin_mm: DVec3::ZERO,
+        exceptions: vec![Exception { voxel: [3, 2, 1], inside: true }],
+        labels: Some((0..9).collect()),
+        ..sample(9)
+    };
+    let file = encoded(&set);
+    let header = header_of(&file);
+    let kept: Vec<&str> =
+        header.lines().take_while(|line| !line.starts_with("element exception")).filter(|line| !line.starts_with("comment")).collect();
+    let bare = [kept.join("\n").as_bytes(), b"\nend_header\n", &file[header.len()..][..9 * 19 * 4]].concat();
+    let Loaded { set: read, layout, .. } = loaded(&bare, &STRICT).expect("without comments");
+    assert_eq!((&read.splats, &read.labels, read.origin_mm), (&set.splats, &set.labels, set.origin_mm));
+    assert!(read.has_intensity && layout == "3dgs");
+    assert_eq!((read.field.kernel, read.grid, read.exceptions.len()), (Kernel::Gaussian, None, 0));
+    let given_back = read.with_statements_of(&set);
+    assert_eq!(given_back, set);
 }
 
 #[test]
@@ -567,8 +654,8 @@ fn files_are_described_and_never_replaced_by_accident() {
     let summary = describe(&path, &STRICT).expect("our own file");
     assert_eq!((summary.format, summary.splats, summary.dropped), ("ply", 11, 0));
     assert_eq!(summary.encoding, "binary_little_endian");
-    assert_eq!(summary.elements, [("vertex".to_owned(), 11), ("splat_intensity".to_owned(), 11)]);
-    assert_eq!(summary.properties.len(), 17);
+    assert_eq!(summary.elements, [("vertex".to_owned(), 11)]);
+    assert_eq!(summary.properties.len(), 18);
     assert_eq!((summary.kernel, summary.has_intensity), ("compact", true));
     assert_eq!(summary.intensity_range, Some([-1000.0, -600.0]));
     let [low, high] = summary.bounding_box_mm.expect("there are splats");
@@ -607,6 +694,7 @@ proptest! {
         kernel in prop::sample::select(KERNELS.map(|row| row.kernel).to_vec()),
         has_intensity: bool,
         labelled: bool,
+        fixed: bool,
         names in prop::collection::btree_map(1..=u8::MAX, "[!-~]{1,20}( [à-ü(]{1,9})?", 0..9),
     ) {
         let field = Field { kernel, background, epsilon, occupancy_w0 };
@@ -615,7 +703,8 @@ proptest! {
         let origin_mm = DVec3::from_array(origin);
         let set =
             SplatSet { splats, origin_mm, field, has_intensity, labels, label_names, ..SplatSet::default() };
-        let read = loaded(&encoded(&set), &STRICT).expect("our own file").set;
+        let row = if fixed { Row::Fixed } else { Row::Named };
+        let read = loaded(&encoded_as(&set, row), &STRICT).expect("our own file").set;
         prop_assert_eq!(bytemuck::cast_slice::<_, u32>(&read.splats), bytemuck::cast_slice::<_, u32>(&set.splats));
         prop_assert_eq!(SplatSet { splats: Vec::new(), ..read }, SplatSet { splats: Vec::new(), ..set });
     }
