@@ -254,6 +254,8 @@ mod tests {
             let before = if i < 2 { world(&bones, i) } else { world(&organs, i - 2) };
             assert!(world(&joined, i).distance(before) < 1e-5, "splat {i}");
         }
+        let again = join(named(&[("bones", &bones), ("more", &bones)])).expect("they fit together");
+        assert_eq!((again.origin_mm, &again.splats[2..]), (bones.origin_mm, &bones.splats[..]), "to the bit");
         assert_eq!(joined.labels, Some(vec![1, 1, 3, 2, 4, 3]));
         let objects: Vec<_> = joined.objects().into_iter().map(|o| (o.number, o.name, o.splats)).collect();
         let wanted =

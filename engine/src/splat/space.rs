@@ -205,6 +205,8 @@ mod tests {
             for anisotropy in [2.0, 10.0, 100.0] {
                 let splats = random_splats(300, anisotropy, 1);
                 let set = SplatSet::from_voxel(&splats, &affine, field());
+                // Only where f32 would be too coarse are means relative to something.
+                assert_eq!(set.origin_mm != DVec3::ZERO, *name == "far away", "{name}: {}", set.origin_mm);
                 assert_eq!(set.origin_mm, set.origin_mm.round(), "{name}: whole millimetres");
                 for (voxel, world) in splats.iter().zip(&set.splats) {
                     let expected = affine.matrix3 * covariance(voxel) * affine.matrix3.transpose();
@@ -272,6 +274,20 @@ mod tests {
         let upright = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
         let mirrored = SplatSet::from_voxel(&[upright], &affines()[3].1, field());
         assert_eq!(mirrored.splats[0].rotation, upright.rotation);
+    }
+
+    #[test]
+    fn the_origin_is_that_of_the_world_as_long_as_f32_is_exact_enough() {
+        let at = |mm: f64, log_scale: f32| {
+            let splat = Splat { log_scale: [log_scale, 0.0, 1.0], ..Splat::default() };
+            let affine = DAffine3::from_translation(DVec3::new(0.0, mm, 0.0));
+            SplatSet::from_voxel(&[splat], &affine, field()).origin_mm
+        };
+        // Half a step of f32 there, against a thousandth of the least σ.
+        assert_eq!(at(4_500.4, 0.28f32.ln()), DVec3::ZERO);
+        assert_eq!(at(4_900.4, 0.28f32.ln()), DVec3::new(0.0, 4_900.0, 0.0));
+        assert_eq!(at(-4_900.4, 0.28f32.ln()), DVec3::new(0.0, -4_900.0, 0.0));
+        assert_eq!(at(4_900.4, 0.4f32.ln()), DVec3::ZERO);
     }
 
     #[test]

@@ -45,16 +45,26 @@ fn every_dependency_is_used() {
                 .map(|(_, text)| code(text) + "\n")
                 .collect();
             let names = named(&manifest, section);
-            unused.extend(names.iter().filter(|name| !uses(&code, name)).map(|name| format!("{folder}: {name}")));
+            unused.extend(
+                names.iter().filter(|name| !uses(&code, name)).map(|name| format!("{folder}: {name}")),
+            );
             wanted.extend(names);
         }
     }
-    assert!(unused.is_empty(), "these dependencies are named in a Cargo.toml and used by no source: {unused:?}");
-    let workspace = std::fs::read_to_string(root().join("Cargo.toml")).expect("the manifest of the workspace");
+    assert!(
+        unused.is_empty(),
+        "these dependencies are named in a Cargo.toml and used by no source: {unused:?}"
+    );
+    let workspace =
+        std::fs::read_to_string(root().join("Cargo.toml")).expect("the manifest of the workspace");
     let members: BTreeSet<_> = MEMBERS.map(|(_, name)| name.to_owned()).into();
     let offered = named(&workspace, "workspace.dependencies");
-    let idle: Vec<_> = offered.iter().filter(|name| !wanted.contains(*name) && !members.contains(*name)).collect();
-    assert!(offered.len() > 30 && idle.is_empty(), "no member wants these dependencies of the workspace: {idle:?}");
+    let idle: Vec<_> =
+        offered.iter().filter(|name| !wanted.contains(*name) && !members.contains(*name)).collect();
+    assert!(
+        offered.len() > 30 && idle.is_empty(),
+        "no member wants these dependencies of the workspace: {idle:?}"
+    );
 }
 
 #[test]

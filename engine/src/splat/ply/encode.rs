@@ -31,10 +31,12 @@ pub(super) fn encode(set: &SplatSet, shape: Row, out: &mut dyn Write) -> std::io
     let basis = if shape == Row::Fixed { MAX_BASIS } else { basis_count(degree) };
     // The intensity of a set with colours is their luminance: reading it gives it back.
     let with_intensity = set.colours.is_none();
-    let beside = [(with_intensity, INTENSITY_PROPERTY, "double"), (set.labels.is_some(), LABEL_PROPERTY, "uchar")];
+    let beside =
+        [(with_intensity, INTENSITY_PROPERTY, "double"), (set.labels.is_some(), LABEL_PROPERTY, "uchar")];
     let beside = || beside.iter().filter(|(there, ..)| *there);
 
-    let mut names: Vec<String> = BEFORE.iter().chain(&COLOUR_PROPERTIES).map(|&name| name.to_owned()).collect();
+    let mut names: Vec<String> =
+        BEFORE.iter().chain(&COLOUR_PROPERTIES).map(|&name| name.to_owned()).collect();
     names.extend((0..3 * (basis - 1)).map(rest_property));
     names.extend(BEHIND.map(str::to_owned));
     if shape == Row::Named {
@@ -45,7 +47,8 @@ pub(super) fn encode(set: &SplatSet, shape: Row, out: &mut dyn Write) -> std::io
     write!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}{comments}")?;
     let apart = shape == Row::Fixed && beside().next().is_some();
     if apart {
-        let properties: String = beside().map(|(_, name, kind)| format!("property {kind} {name}\n")).collect();
+        let properties: String =
+            beside().map(|(_, name, kind)| format!("property {kind} {name}\n")).collect();
         write!(out, "element {INTENSITY_ELEMENT} {count}\n{properties}")?;
     }
     let exceptions = exceptions::bytes(&set.exceptions, set.grid.as_ref());

@@ -10,7 +10,8 @@ use ply_rs::ply::{ElementDef, PropertyType};
 use super::header::{Header, bad, quoted};
 use super::layout::{INRIA, PLY_LAYOUTS};
 use super::names::{
-    COLOUR_PROPERTIES, EXCEPTION_ELEMENT, INTENSITY_ELEMENT, INTENSITY_PROPERTY, LABEL_PROPERTY, rest_property,
+    COLOUR_PROPERTIES, EXCEPTION_ELEMENT, INTENSITY_ELEMENT, INTENSITY_PROPERTY, LABEL_PROPERTY,
+    rest_property,
 };
 use super::rows::{self, Column};
 use super::{comments, exceptions, reference};
@@ -357,7 +358,13 @@ impl Layout {
         let mut columns = columns(vertex, &wanted)?;
         let hu = vertex.properties.get_index_of("hu");
         columns.extend(hu.map(|property| Column { property, slot: INTENSITY_SLOT }));
-        Ok(Layout { columns, has_label: false, source: Source::Reference, degree: None, has_hu: hu.is_some() })
+        Ok(Layout {
+            columns,
+            has_label: false,
+            source: Source::Reference,
+            degree: None,
+            has_hu: hu.is_some(),
+        })
     }
 
     /// Returns the number of floats of a row beyond those of the splat.

@@ -49,7 +49,10 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
         let summary = splat::describe(splats, &ReadOptions::default())?;
         if summary.layout != splat::ply::ORDINARY {
             let message = "the file states itself what --like would take from another";
-            return Err(Error::new(Kind::Usage, "VGS-CLI-129", message).file(splats).help("leave out --like").into());
+            return Err(Error::new(Kind::Usage, "VGS-CLI-129", message)
+                .file(splats)
+                .help("leave out --like")
+                .into());
         }
         let original = splat::read(original, &ReadOptions::default())?;
         let exceptions = original.exceptions.len();

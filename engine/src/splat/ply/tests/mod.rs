@@ -205,7 +205,10 @@ fn rows_of_62_floats_have_nothing_more_and_give_the_set_back() {
     // Programs that count the lines `property float` of the whole file must come to 62 as well.
     let floats: Vec<&str> = lines.iter().filter_map(|line| line.strip_prefix("property float ")).collect();
     assert_eq!((lines[2], floats.len()), ("element vertex 9", 62));
-    assert_eq!([floats[8], floats[9], floats[53], floats[54]], ["f_dc_2", "f_rest_0", "f_rest_44", "opacity"]);
+    assert_eq!(
+        [floats[8], floats[9], floats[53], floats[54]],
+        ["f_dc_2", "f_rest_0", "f_rest_44", "opacity"]
+    );
     let tail = "element splat_intensity 9\nproperty double intensity\nproperty uchar label\n";
     assert!(header.contains(tail), "{header}");
     let row = |i: usize, k: usize| {
@@ -213,12 +216,10 @@ fn rows_of_62_floats_have_nothing_more_and_give_the_set_back() {
         f32::from_le_bytes(file[at..at + 4].try_into().expect("four bytes"))
     };
     let expected = &set.splats[8];
-    assert_eq!([row(8, 0), row(8, 54), row(8, 55), row(8, 58)], [
-        expected.mean[0],
-        expected.opacity_logit,
-        expected.log_scale[0],
-        expected.rotation[0],
-    ]);
+    assert_eq!(
+        [row(8, 0), row(8, 54), row(8, 55), row(8, 58)],
+        [expected.mean[0], expected.opacity_logit, expected.log_scale[0], expected.rotation[0],]
+    );
     let read = loaded(&file, &STRICT).expect("our own file");
     let exceptions = read.header.element("exception").expect("the exceptions").1.count;
     assert_eq!(file.len(), header.len() + 9 * (62 * 4 + 8 + 1) + exceptions);
@@ -238,7 +239,10 @@ fn files_with_a_second_element_are_read_as_before() {
     let first = &set.splats[0];
     assert_eq!(first.mean, [2.0603073, -1.4126235, -3.353494]);
     assert_eq!((first.intensity, set.splats[39].intensity), (-581.626, 121.88739));
-    assert_eq!(set.label_counts().iter().map(|l| (l.label, l.splats)).collect::<Vec<_>>(), [(3, 24), (7, 16)]);
+    assert_eq!(
+        set.label_counts().iter().map(|l| (l.label, l.splats)).collect::<Vec<_>>(),
+        [(3, 24), (7, 16)]
+    );
     assert_eq!(set.exceptions.len(), 445);
     assert_eq!((set.form, set.iterations), (Form::Grid { binary: true }, Some(60)));
     let again = loaded(&encoded(&set), &STRICT).expect("the layout of today").set;
@@ -256,8 +260,11 @@ fn what_splat_transform_leaves_of_a_file_has_places_intensities_and_labels() {
     };
     let file = encoded(&set);
     let header = header_of(&file);
-    let kept: Vec<&str> =
-        header.lines().take_while(|line| !line.starts_with("element exception")).filter(|line| !line.starts_with("comment")).collect();
+    let kept: Vec<&str> = header
+        .lines()
+        .take_while(|line| !line.starts_with("element exception"))
+        .filter(|line| !line.starts_with("comment"))
+        .collect();
     let bare = [kept.join("\n").as_bytes(), b"\nend_header\n", &file[header.len()..][..9 * 19 * 4]].concat();
     let Loaded { set: read, layout, .. } = loaded(&bare, &STRICT).expect("without comments");
     assert_eq!((&read.splats, &read.labels, read.origin_mm), (&set.splats, &set.labels, set.origin_mm));
