@@ -206,7 +206,7 @@ mod tests {
                 let splats = random_splats(300, anisotropy, 1);
                 let set = SplatSet::from_voxel(&splats, &affine, field());
                 // Only where f32 would be too coarse are means relative to something.
-                assert_eq!(set.origin_mm != DVec3::ZERO, *name == "far away", "{name}: {}", set.origin_mm);
+                assert_eq!(set.origin_mm != DVec3::ZERO, name == "far away", "{name}: {}", set.origin_mm);
                 assert_eq!(set.origin_mm, set.origin_mm.round(), "{name}: whole millimetres");
                 for (voxel, world) in splats.iter().zip(&set.splats) {
                     let expected = affine.matrix3 * covariance(voxel) * affine.matrix3.transpose();

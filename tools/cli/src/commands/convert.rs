@@ -55,6 +55,9 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
                 .into());
         }
         let original = splat::read(original, &ReadOptions::default())?;
+        if original.has_intensity && !set.has_intensity {
+            tracing::warn!("{}: the other program has left no intensities but their grey", splats.display());
+        }
         let exceptions = original.exceptions.len();
         set = set.with_statements_of(&original);
         if set.exceptions.len() < exceptions {

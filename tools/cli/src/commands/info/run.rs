@@ -364,8 +364,9 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
 }
 
 /// Explanation of each layout of splats.
-const LAYOUTS: [(&str, &str); 3] = [
+const LAYOUTS: [(&str, &str); 4] = [
     ("vgs", "places in mm RAS, an intensity for each splat"),
+    ("inria", "rows of 62 floats, places in mm RAS, an intensity for each splat in a second element"),
     (
         "reference",
         "that of the paper's authors; opacities are probabilities, and only the volume can place the splats: give it to \
