@@ -58,3 +58,4 @@ pub use set::SplatSet;
 pub use shaders_glsl::types::Splat;
 pub use structures::usual_colour;
 pub use unplaced::Unplaced;
+pub use vgs::{Group, Rounding};

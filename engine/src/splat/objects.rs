@@ -103,6 +103,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         grid,
         form,
         exceptions,
+        rounding: None,
     })
 }
 

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::importance::by_importance;
-use super::{Exception, Field, Form, Grid, Harmonics, Splat};
+use super::{Exception, Field, Form, Grid, Harmonics, Rounding, Splat};
 
 /// A fitted set of splats in world space, with all that is needed to evaluate its field.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +33,8 @@ pub struct SplatSet {
     pub form: Form,
     /// Voxels of the grid whose occupancy is not the rounded one, in ascending order of z, y, x.
     pub exceptions: Vec<Exception>,
+    /// The lattice that the splats were rounded to; `None` if they were not.
+    pub rounding: Option<Rounding>,
 }
 
 impl Default for SplatSet {
@@ -50,6 +52,7 @@ impl Default for SplatSet {
             grid: None,
             form: Form::default(),
             exceptions: Vec::new(),
+            rounding: None,
         }
     }
 }

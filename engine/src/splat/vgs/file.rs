@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::lattice::{Lattice, Steps};
 use super::layers::{self, COLUMNS, Cells, Models, Row};
-use super::steps_for;
+use super::rounding::Rounding;
 use crate::error::{Error, Kind, Result};
 use crate::memory;
 use crate::splat::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
@@ -117,15 +117,21 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
     crate::splat::ply::check(set)?;
     let affine = set.grid.map_or(DAffine3::from_translation(set.origin_mm), |grid| grid.world_from_voxel);
     let splats = set.to_voxel(&affine);
-    let steps = steps_for(&splats);
     let unusable = || Error::new(Kind::Internal, "VGS-FILE-002", "these splats cannot be rounded");
-    let lattice = Lattice::new(steps).ok_or_else(unusable)?;
-    let cells = Cells::of(&splats.iter().map(|splat| splat.mean).collect::<Vec<_>>());
+    let order = by_importance(&splats, &set.field);
     let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
-    let mut rows = by_importance(&splats, &set.field)
-        .into_iter()
-        .map(|i| Row::of(&splats[i as usize], label(i as usize), &lattice, &cells))
-        .collect::<Option<Vec<_>>>()
+    let rows = |rounding: &Rounding| {
+        let lattice = Lattice::new(rounding.steps)?;
+        let row = |&i: &u32| Row::of(&splats[i as usize], label(i as usize), &lattice, &rounding.cells);
+        order.iter().map(row).collect::<Option<Vec<_>>>()
+    };
+    // Splats that were moved since may lie beyond the cells.
+    let as_they_are = set.rounding.and_then(|rounding| Some((rounding, rows(&rounding)?)));
+    let (rounding, mut rows) = as_they_are
+        .or_else(|| {
+            let fine = Rounding::fine(&splats);
+            Some((fine, rows(&fine)?))
+        })
         .ok_or_else(unusable)?;
     let ranges = layers::ranges(&rows);
     let mut models = Models::new(&ranges).ok_or_else(unusable)?;
@@ -161,8 +167,8 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
         labels: set.labels.is_some(),
         label_names: set.label_names.clone(),
         affine: Grid { size: [1; 3], world_from_voxel: affine }.rows(),
-        steps,
-        cells,
+        steps: rounding.steps,
+        cells: rounding.cells,
         ranges,
         layers: parts,
         exceptions: exceptions_part,
@@ -393,6 +399,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     set.grid = grid;
     set.form = form;
     set.exceptions = exceptions;
+    set.rounding = Some(Rounding { steps: header.steps, cells: header.cells });
     let names_ascend = set.label_names.is_sorted_by(|a, b| a.0 < b.0);
     if !names_ascend || crate::splat::ply::check(&set).is_err() {
         return Err(damaged("the header states what no set can have"));
@@ -470,10 +477,12 @@ mod tests {
                 splats: Vec::new(),
                 labels: None,
                 origin_mm: glam::DVec3::ZERO,
+                rounding: None,
                 ..set.clone()
             };
             assert_eq!(blank(&read), blank(&set));
             assert_eq!(read.label_counts(), set.label_counts());
+            assert_eq!(encoded(&read).expect("a set"), bytes, "the same when it is written again");
             let mean = |set: &SplatSet| {
                 let sum: glam::DVec3 = set
                     .splats

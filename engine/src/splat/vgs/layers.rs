@@ -143,7 +143,7 @@ impl Row {
     }
 
     /// Returns the splat, in the space of the lattice, and its label.
-    fn splat(&self, lattice: &Lattice, cells: &Cells) -> Option<(Splat, u8)> {
+    pub fn splat(&self, lattice: &Lattice, cells: &Cells) -> Option<(Splat, u8)> {
         let codes: &[i32; CODES] = self.columns.first_chunk()?;
         let within = std::array::from_fn(|k| (f64::from(self.step[k]) + 0.5) / f64::from(self.counts[k]));
         let splat = Splat { mean: cells.mean(self.cell, within), ..lattice.splat(codes)? };
