@@ -185,7 +185,12 @@ fn labels_of(volume: &Volume) -> Vec<Structure> {
 
 fn not_splats_either(error: Error, path: &Path) -> Error {
     let ply = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
-    if ply { Error { message: "not a PLY file, nor a volume".into(), ..error } } else { error }
+    // What cannot be read at all says so.
+    if ply && error.kind == Kind::BadData {
+        Error { message: "not a PLY file, nor a volume".into(), ..error }
+    } else {
+        error
+    }
 }
 
 impl Voxels {
