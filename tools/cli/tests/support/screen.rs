@@ -253,6 +253,11 @@ impl<'a> Viewer<'a> {
         self.wait_for_end()
     }
 
+    /// Waits until it has ended by itself, and gives how.
+    pub fn end(mut self) -> Ended {
+        self.wait_for_end()
+    }
+
     fn wait_for_end(&mut self) -> Ended {
         let begin = Instant::now();
         let mut child = self.child.take().expect("it runs");
