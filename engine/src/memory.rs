@@ -2,6 +2,9 @@
 
 use crate::error::{Error, Kind, Result};
 
+/// Bytes that need no asking whether they are there: asking takes longer than taking them.
+const LITTLE: u64 = 1 << 20;
+
 /// Returns the bytes that a program may still allocate without swapping; `None` if the system does not tell.
 pub fn available() -> Option<u64> {
     from_meminfo(&std::fs::read_to_string("/proc/meminfo").ok()?)
@@ -10,7 +13,7 @@ pub fn available() -> Option<u64> {
 /// Fails with [`Kind::HostMemory`] if `bytes` for `what` are more than is available. Where the system does
 /// not tell, the allocation itself has to fail.
 pub fn require(bytes: u64, what: &str) -> Result<()> {
-    match available() {
+    match (bytes > LITTLE).then(available).flatten() {
         Some(there) if bytes > there => {
             let message = format!(
                 "{what} need {:.1} GB of memory, and {:.1} GB are available",

@@ -39,3 +39,19 @@ pub fn misclassified(gpu: &Gpu, set: &SplatSet, roi: &Roi) -> Result<Misclassifi
     found.sort_unstable_by_key(|exception| exception.index(&grid));
     Ok(Misclassified { exceptions: found, unreached: voxels - reached })
 }
+
+/// Returns `changed`, the splats of `set` but for small changes, with the exceptions that give it the mask that
+/// `set` has.
+pub(super) fn with_same_mask(gpu: &Gpu, set: &SplatSet, mut changed: SplatSet) -> Result<SplatSet> {
+    let (Form::Grid { binary: true }, Some(grid)) = (set.form, set.grid) else { return Ok(changed) };
+    let size = grid.size.map(|n| n as usize);
+    let mut weight = vec![0.0; size.iter().product()];
+    passes::visit(gpu, &set.to_voxel(&grid.world_from_voxel), &set.field, size, |i, sample| {
+        weight[i] = f32::from(u8::from(sample.occupancy > 0.5));
+    })?;
+    for exception in &set.exceptions {
+        weight[exception.index(&grid) as usize] = f32::from(u8::from(exception.inside));
+    }
+    changed.exceptions = misclassified(gpu, &changed, &Roi { size, weight, soft: false })?.exceptions;
+    Ok(changed)
+}

@@ -13,6 +13,7 @@
 //! | `pause`, `topology` | between iterations: splats are added, removed and moved (density control) |
 //! | `targets`, `terms` | the samples that a fit must match, and its loss terms |
 //! | `state` | an interrupted fit, as a file |
+//! | `rounding` | a fit rounded for a small file: [`Problem::rounded_set`] |
 //! | `evaluate`, `errors` | how good splats are, and where they are wrong |
 //! | `exceptions` | the voxels where splats are on the wrong side of a binary mask, for the file |
 //! | `labels`, `place` | which structure a splat belongs to; the voxel grid of splats from other programs |
@@ -28,6 +29,7 @@ mod pause;
 pub mod place;
 mod profiles;
 mod qualities;
+mod rounding;
 mod run;
 mod schedule;
 mod state;
@@ -42,6 +44,7 @@ pub use exceptions::Misclassified;
 pub use fitter::{Fitter, Progress};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};
+pub use rounding::{ROUNDING_ITERATIONS, rounded_as_it_is};
 pub use run::{Beginning, CurvePoint, End, Interrupted, Milestone, Outcome, Problem, Start, Watch, run};
 pub use schedule::Schedule;
 pub use state::FitState;

@@ -1,6 +1,6 @@
 //! Pictures, and the limits of their size.
 
-use crate::{Error, Kind, Result};
+use crate::{Error, Kind, Result, memory};
 
 /// Most pixels that a picture may have when it is read or written: 16384 by 16384.
 pub const MAX_PIXELS: usize = 1 << 28;
@@ -55,6 +55,7 @@ pub(super) fn check_size(size: [usize; 2]) -> Result<()> {
 /// Returns an empty vector with room for `count` values, or an error if there is no memory for them: sizes
 /// from files may be too large.
 pub(super) fn room<T>(count: usize) -> Result<Vec<T>> {
+    memory::require(count.saturating_mul(size_of::<T>()) as u64, "the picture")?;
     let mut values = Vec::new();
     values.try_reserve_exact(count).map_err(|_| {
         let bytes = count.saturating_mul(size_of::<T>());

@@ -30,6 +30,8 @@ pub fn psnr(a: &Image, b: &Image) -> Result<f64> {
 /// Side of the window of [`ssim`], pixels, and standard deviation of its weights.
 const WINDOW: usize = 11;
 const SIGMA: f64 = 1.5;
+/// Rows of windows of [`ssim`] that are computed together.
+const BAND: usize = 64;
 /// (K₁ L)² and (K₂ L)² with K₁ = 0.01, K₂ = 0.03 and L = 1.
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
@@ -49,11 +51,13 @@ pub fn ssim(a: &Image, b: &Image) -> Result<f64> {
     check_sizes(a, b)?;
     let [width, height] = a.size;
     let (across, down) = (window(width), window(height));
-    let (a, b) = (luma(a), luma(b));
     let [columns, rows] = [width + 1 - across.len(), height + 1 - down.len()];
-    let row_sums: Vec<f64> = (0..rows)
-        .into_par_iter()
-        .map(|top| {
+    // By bands of rows, since the luma of whole pictures would take as much memory as the pictures.
+    let band_sums = |first: usize| -> Vec<f64> {
+        let end = (first + BAND).min(rows);
+        let within = first * width..(end + down.len() - 1) * width;
+        let [a, b] = [a, b].map(|image| luma(&image.pixels[within.clone()]));
+        let row_sum = |top: usize| -> f64 {
             // The filter is separable: first down each column, for the five moments, then along the row.
             let mut moments = vec![[0.0; 5]; width];
             for (y, weight) in down.iter().enumerate() {
@@ -74,9 +78,12 @@ pub fn ssim(a: &Image, b: &Image) -> Result<f64> {
                 similarity(sums)
             };
             (0..columns).map(place).sum()
-        })
-        .collect();
-    Ok(row_sums.iter().sum::<f64>() / (columns * rows) as f64)
+        };
+        (0..end - first).map(row_sum).collect()
+    };
+    let bands: Vec<Vec<f64>> =
+        (0..rows.div_ceil(BAND)).into_par_iter().map(|i| band_sums(i * BAND)).collect();
+    Ok(bands.iter().flatten().sum::<f64>() / (columns * rows) as f64)
 }
 
 /// Returns the SSIM of one place from the means of a, b, a², b² and ab.
@@ -94,10 +101,10 @@ fn window(length: usize) -> Vec<f64> {
     weights.iter().map(|w| w / sum).collect()
 }
 
-fn luma(image: &Image) -> Vec<f64> {
+fn luma(pixels: &[[f32; 4]]) -> Vec<f64> {
     let weighted =
         |&[r, g, b, _]: &[f32; 4]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b);
-    image.pixels.par_iter().map(weighted).collect()
+    pixels.iter().map(weighted).collect()
 }
 
 /// The greatest difference of two pictures, and its place.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::importance::by_importance;
-use super::{Exception, Field, Form, Grid, Harmonics, Splat};
+use super::{Exception, Field, Form, Grid, Harmonics, Rounding, Splat};
 
 /// A fitted set of splats in world space, with all that is needed to evaluate its field.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,6 +33,8 @@ pub struct SplatSet {
     pub form: Form,
     /// Voxels of the grid whose occupancy is not the rounded one, in ascending order of z, y, x.
     pub exceptions: Vec<Exception>,
+    /// The lattice that the splats were rounded to; `None` if they were not.
+    pub rounding: Option<Rounding>,
 }
 
 impl Default for SplatSet {
@@ -50,6 +52,7 @@ impl Default for SplatSet {
             grid: None,
             form: Form::default(),
             exceptions: Vec::new(),
+            rounding: None,
         }
     }
 }
@@ -60,6 +63,24 @@ impl SplatSet {
     pub fn intensity_range(&self) -> Option<[f64; 2]> {
         let intensities = || self.splats.iter().map(|splat| f64::from(splat.intensity));
         intensities().reduce(f64::min).zip(intensities().reduce(f64::max)).map(|(low, high)| [low, high])
+    }
+
+    /// Returns this set with all that `original` states beside its splats: for a file that another program has
+    /// written anew without the comments of this one. Exceptions belong to splats, and come only if there are as
+    /// many as before.
+    pub fn with_statements_of(self, original: &SplatSet) -> SplatSet {
+        let same = self.splats.len() == original.splats.len();
+        SplatSet {
+            origin_mm: original.origin_mm,
+            field: original.field,
+            has_intensity: self.has_intensity && original.has_intensity,
+            label_names: original.label_names.clone(),
+            iterations: original.iterations,
+            grid: original.grid,
+            form: original.form,
+            exceptions: if same { original.exceptions.clone() } else { Vec::new() },
+            ..self
+        }
     }
 
     /// Sorts the splats by importance, the most important first: the first n splats then represent the set as

@@ -400,7 +400,7 @@ impl Payload {
     fn read_binary(&mut self, sieve: &mut Sieve) -> Result<()> {
         let layout = sieve.layout;
         let width = layout.element.bytes;
-        let mut block = vec![0; BLOCK * width];
+        let mut block = vec![0; layout.numbers().min(BLOCK as u64) as usize * width];
         while sieve.at < layout.numbers() {
             let count = (layout.numbers() - sieve.at).min(BLOCK as u64) as usize;
             let wanted = &mut block[..count * width];

@@ -157,6 +157,7 @@ fn an_interrupted_fit_goes_on_to_the_same_bytes() {
     let whole = folder.run(&flags("whole.ply", &[]));
     assert_eq!(whole.code, 0, "{}", whole.err);
     assert!(!folder.path("whole.state").exists(), "a fit that is done needs no state");
+    let other_volume = Folder::with_seed(16, 2).read("ct.nii.gz");
     let checkpoint = folder.run(&["info", "whole.000300.ply", "--json"]).json();
     assert_eq!(checkpoint["splats"], 40);
     assert_eq!(checkpoint["iterations"], 300);
@@ -172,6 +173,12 @@ fn an_interrupted_fit_goes_on_to_the_same_bytes() {
         let other = folder.run(&flags("part.ply", &["--resume", "--rate-mean", "0.3"]));
         assert_eq!(other.code, 2, "{}", other.err);
         assert!(other.err.contains("rate_mean was 0.2 and is 0.3"), "{}", other.err);
+        // Another volume, though it is called like the one of the fit.
+        let volume = folder.read("ct.nii.gz");
+        folder.write("ct.nii.gz", &other_volume);
+        let other = folder.run(&flags("part.ply", &["--resume"]));
+        assert!(other.code == 2 && other.err.contains("the file of the volume differs"), "{}", other.err);
+        folder.write("ct.nii.gz", volume);
         let anew = folder.run(&flags("part.ply", &[]));
         assert_eq!(anew.code, 73, "{}", anew.err);
 

@@ -206,6 +206,24 @@ const ROWS: &[RefusalRow] = &[
         says: &["broken.toml", "not valid TOML"],
     },
     RefusalRow {
+        name: "a configuration without end",
+        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "/dev/zero"],
+        exit: 2,
+        says: &["VGS-CFG-013", "/dev/zero: no configuration: longer than 1048576 bytes"],
+    },
+    RefusalRow {
+        name: "a configuration of bytes",
+        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "ct.nii.gz"],
+        exit: 2,
+        says: &["VGS-CFG-013", "ct.nii.gz: no configuration: no text: byte 1 is not UTF-8"],
+    },
+    RefusalRow {
+        name: "a camera without end",
+        arguments: &["render", "away.ply", "-o", "x.png", "--camera", "zero.json"],
+        exit: 2,
+        says: &["zero.json: longer than 1048576 bytes"],
+    },
+    RefusalRow {
         name: "a missing configuration",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "none.toml"],
         exit: 66,
@@ -222,6 +240,39 @@ const ROWS: &[RefusalRow] = &[
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--iterations", "1e12"],
         exit: 2,
         says: &["iterations"],
+    },
+    RefusalRow {
+        name: "far too many splats",
+        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--splats", "1000000000"],
+        exit: 2,
+        says: &["VGS-FIT-040", "1000000000 splats for a region of", "choose at most"],
+    },
+    RefusalRow {
+        name: "more splats than can be counted",
+        arguments: &[
+            "fit",
+            "ct.nii.gz",
+            "--roi",
+            "mask.nii.gz",
+            "-o",
+            "x.ply",
+            "--splats",
+            "99999999999999999999",
+        ],
+        exit: 2,
+        says: &["VGS-CFG-012", "splats"],
+    },
+    RefusalRow {
+        name: "a density beyond all",
+        arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--density", "1e9"],
+        exit: 2,
+        says: &["VGS-CFG-001", "at most 100"],
+    },
+    RefusalRow {
+        name: "a picture that no memory holds",
+        arguments: &["render", "away.ply", "-o", "x.png", "--size", "99999x99999"],
+        exit: 2,
+        says: &["99999x99999"],
     },
     RefusalRow {
         name: "a profile that is not there",
@@ -353,6 +404,7 @@ fn bad_inputs_are_refused_and_nothing_is_touched() {
     folder.write("away.ply", ply("property float hu\n", 5000.0, " 40"));
     std::os::unix::fs::symlink("ct.nii.gz", folder.path("link.nii.gz")).expect("a link");
     let before = folder.contents();
+    std::os::unix::fs::symlink("/dev/zero", folder.path("zero.json")).expect("a link");
     let mut wrong = Vec::new();
     for row in ROWS {
         let ended = folder.run(row.arguments);
@@ -367,6 +419,7 @@ fn bad_inputs_are_refused_and_nothing_is_touched() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    std::fs::remove_file(folder.path("zero.json")).expect("the link");
     assert_eq!(before, folder.contents(), "a refused command leaves every file as it was, and no other");
 }
 

@@ -1,12 +1,15 @@
 //! The changes of valid files: of bits, numbers and words, of what is where, and of what is compressed.
 
-use std::io::{Read, Write};
+use std::io::{Cursor, Read, Write};
 
 use flate2::Compression;
 use flate2::read::MultiGzDecoder;
 use flate2::write::GzEncoder;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+use zip::{CompressionMethod, ZipArchive};
+
+use crate::seeds::dicom::zipped;
 
 /// Longest file that a mutation makes, bytes.
 const LONGEST: usize = 1 << 16;
@@ -83,21 +86,46 @@ const WORDS: [&str; 24] = [
 /// Returns a changed copy of one of these files.
 pub fn mutated(rng: &mut Pcg64Mcg, seeds: &[Vec<u8>]) -> Vec<u8> {
     let seed = &seeds[rng.random_range(0..seeds.len())];
-    if seed.starts_with(&[0x1f, 0x8b]) && rng.random_range(0..4) > 0 {
-        let mut inner = Vec::new();
-        if MultiGzDecoder::new(&seed[..]).take(LONGEST as u64).read_to_end(&mut inner).is_ok() {
-            change(rng, &mut inner, seeds);
-            let mut packed = GzEncoder::new(Vec::new(), Compression::fast());
-            if packed.write_all(&inner).is_ok()
-                && let Ok(bytes) = packed.finish()
-            {
-                return bytes;
-            }
-        }
+    // What is packed is mostly changed inside: a change of the package seldom gets beyond its checksum.
+    if rng.random_range(0..4) > 0
+        && let Some(bytes) =
+            changed_inside_gzip(rng, seed, seeds).or_else(|| changed_inside_zip(rng, seed, seeds))
+    {
+        return bytes;
     }
     let mut bytes = seed.clone();
     change(rng, &mut bytes, seeds);
     bytes
+}
+
+fn changed_inside_gzip(rng: &mut Pcg64Mcg, seed: &[u8], seeds: &[Vec<u8>]) -> Option<Vec<u8>> {
+    if !seed.starts_with(&[0x1f, 0x8b]) {
+        return None;
+    }
+    let mut inner = Vec::new();
+    MultiGzDecoder::new(seed).take(LONGEST as u64).read_to_end(&mut inner).ok()?;
+    change(rng, &mut inner, seeds);
+    let mut packed = GzEncoder::new(Vec::new(), Compression::fast());
+    packed.write_all(&inner).ok()?;
+    packed.finish().ok()
+}
+
+/// Changes one file of a zip.
+fn changed_inside_zip(rng: &mut Pcg64Mcg, seed: &[u8], seeds: &[Vec<u8>]) -> Option<Vec<u8>> {
+    if !seed.starts_with(b"PK\x03\x04") {
+        return None;
+    }
+    let mut zip = ZipArchive::new(Cursor::new(seed)).ok()?;
+    let mut files = Vec::new();
+    for index in 0..zip.len() {
+        let mut file = zip.by_index(index).ok()?;
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).ok()?;
+        files.push((file.name().ok()?.into_owned(), bytes));
+    }
+    let chosen = rng.random_range(0..files.len());
+    change(rng, &mut files[chosen].1, seeds);
+    Some(zipped(&files, CompressionMethod::Stored))
 }
 
 /// Makes one to eight changes.

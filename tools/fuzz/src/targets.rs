@@ -1,18 +1,20 @@
 //! The readers that are fuzzed.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use engine::fit::{FitConfig, FitState};
 use engine::render::CameraFile;
 use engine::splat::{ReadOptions as SplatOptions, read_unplaced};
-use engine::volume::{ReadOptions, Volume};
+use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result, image, transfer};
+use view::Settings;
 use view::state::ViewState;
 
-use crate::seeds;
+use crate::seeds::{self, dicom, splats};
 
 /// Bytes that a volume may take here; a larger claim is refused.
-const VOLUME_BYTES: u64 = 32 << 20;
+pub const VOLUME_BYTES: u64 = 32 << 20;
 
 /// A reader.
 pub struct Target {
@@ -24,31 +26,49 @@ pub struct Target {
     pub seeds: fn() -> Vec<Vec<u8>>,
     /// Makes the last change of a mutated file, such as a checksum that is right.
     pub mend: fn(&[u8]) -> Vec<u8>,
+    /// Name of a file with voxels beside the file.
+    pub beside: Option<&'static str>,
     /// Reads a file.
     pub read: fn(&Path) -> Result<()>,
 }
 
+/// Returns a reader of files that need nothing but themselves.
+const fn reader(
+    name: &'static str,
+    extension: &'static str,
+    seeds: fn() -> Vec<Vec<u8>>,
+    read: fn(&Path) -> Result<()>,
+) -> Target {
+    Target { name, extension, seeds, mend: as_it_is, beside: None, read }
+}
+
 /// All readers.
 pub const TARGETS: &[Target] = &[
-    Target { name: "nifti", extension: "nii", seeds: seeds::nifti, mend: as_it_is, read: volume },
-    Target { name: "nrrd", extension: "nrrd", seeds: seeds::nrrd, mend: as_it_is, read: volume },
-    Target { name: "metaimage", extension: "mha", seeds: seeds::metaimage, mend: as_it_is, read: volume },
-    Target { name: "npy", extension: "npy", seeds: seeds::npy, mend: as_it_is, read: volume },
-    Target { name: "inv3", extension: "inv3", seeds: seeds::inv3, mend: as_it_is, read: volume },
-    Target { name: "dicom", extension: "dcm", seeds: seeds::dicom, mend: as_it_is, read: volume },
-    Target { name: "ply", extension: "ply", seeds: seeds::ply, mend: as_it_is, read: splats },
-    Target {
-        name: "transfer",
-        extension: "json",
-        seeds: seeds::transfer,
-        mend: as_it_is,
-        read: transfer_function,
-    },
-    Target { name: "picture", extension: "png", seeds: seeds::pictures, mend: as_it_is, read: picture },
-    Target { name: "state", extension: "state", seeds: seeds::state, mend: sum_again, read: fit_state },
-    Target { name: "config", extension: "toml", seeds: config_seeds, mend: as_it_is, read: config },
-    Target { name: "session", extension: "toml", seeds: session_seeds, mend: as_it_is, read: session },
-    Target { name: "camera", extension: "json", seeds: camera_seeds, mend: as_it_is, read: camera },
+    reader("nifti", "nii", seeds::nifti, volume),
+    Target { beside: Some("file.img"), ..reader("nifti-pair", "hdr", seeds::nifti_pair, volume) },
+    Target { beside: Some("beside.raw"), ..reader("nrrd", "nrrd", seeds::nrrd, volume) },
+    Target { beside: Some("beside.raw"), ..reader("metaimage", "mha", seeds::metaimage, volume) },
+    reader("npy", "npy", seeds::npy, volume),
+    reader("inv3", "inv3", seeds::inv3, volume),
+    reader("dicom", "dcm", dicom::slice, volume),
+    reader("dicom-zip", "zip", dicom::zip, volume),
+    reader("dicom-seg", "dcm", dicom::segmentation, mask),
+    reader("rtstruct", "dcm", dicom::contours, mask),
+    reader("ply", "ply", splats::ply, splat_set),
+    reader("ply-colours", "ply", splats::ply_colours, splat_set),
+    reader("ply-reference", "ply", splats::ply_reference, splat_set),
+    Target { mend: splats::vgs_sums, ..reader("vgs", "vgs", splats::vgs, splat_set) },
+    reader("vp-json", "json", seeds::vp_json, transfer_function),
+    reader("vp", "vp", seeds::vp, transfer_function),
+    reader("slicer-xml", "xml", seeds::slicer_xml, transfer_function),
+    reader("paraview", "json", seeds::paraview, transfer_function),
+    Target { mend: seeds::png_sums, ..reader("png", "png", seeds::png, picture) },
+    reader("exr", "exr", seeds::exr, picture),
+    Target { mend: seeds::state_sum, ..reader("state", "state", seeds::state, fit_state) },
+    reader("config", "toml", config_seeds, config),
+    reader("session", "toml", session_seeds, session),
+    reader("settings", "toml", settings_seeds, settings),
+    reader("camera", "json", camera_seeds, camera),
 ];
 
 fn volume(path: &Path) -> Result<()> {
@@ -61,9 +81,24 @@ fn volume(path: &Path) -> Result<()> {
     strict
 }
 
-fn splats(path: &Path) -> Result<()> {
+/// The volume that masks are read for.
+static SCAN: LazyLock<Volume> = LazyLock::new(|| {
+    let samples = (0..24).map(|i| i as f32).collect();
+    Volume::new([4, 3, 2], dicom::world_from_voxel(), samples)
+});
+
+fn mask(path: &Path) -> Result<()> {
+    let options = ReadOptions { max_bytes: VOLUME_BYTES, ..ReadOptions::default() };
+    let labels = LabelChoice::Labels(vec!["1".into()]);
+    let whole = Volume::read_mask(path, &options, &LabelChoice::Whole, &SCAN);
+    let chosen = Volume::read_mask(path, &options, &labels, &SCAN)?;
+    let _ = Roi::from_mask(&chosen, &labels, &SCAN);
+    whole.map(drop)
+}
+
+fn splat_set(path: &Path) -> Result<()> {
     let _ = engine::splat::describe(path, &SplatOptions { strict: true, ..SplatOptions::default() });
-    read_unplaced(path, &SplatOptions::default()).map(drop)
+    read_unplaced(path, &SplatOptions::default())?.placed(Some(&splats::place())).map(drop)
 }
 
 fn transfer_function(path: &Path) -> Result<()> {
@@ -80,10 +115,6 @@ fn fit_state(path: &Path) -> Result<()> {
 
 fn as_it_is(bytes: &[u8]) -> Vec<u8> {
     bytes.to_vec()
-}
-
-fn sum_again(bytes: &[u8]) -> Vec<u8> {
-    seeds::summed(&bytes[..bytes.len().saturating_sub(4)])
 }
 
 fn text(path: &Path) -> Result<String> {
@@ -111,6 +142,14 @@ fn session(path: &Path) -> Result<()> {
 fn session_seeds() -> Vec<Vec<u8>> {
     let function = transfer::preset(transfer::PRESETS[0].name).expect("a preset").over([-1000.0, 2000.0]);
     vec![ViewState::new(&function).text().expect("a session is TOML").into_bytes()]
+}
+
+fn settings(path: &Path) -> Result<()> {
+    Settings::read(Some(path.to_owned())).map(drop)
+}
+
+fn settings_seeds() -> Vec<Vec<u8>> {
+    vec![b"notice_seen = true\nrecent = [\"/home/a/b.ply\", \"c.vgs\"]\n".to_vec()]
 }
 
 fn camera(path: &Path) -> Result<()> {

@@ -2,27 +2,41 @@
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
+use std::fs::File;
+use std::io::{Seek, Write};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 use std::sync::Once;
 use std::time::{Duration, Instant};
 
+use cpu_time::ProcessTime;
 use engine::{Error, Kind, Result};
 use peak_alloc::PeakAlloc;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 use crate::mutate::mutated;
-use crate::targets::Target;
+use crate::seeds;
+use crate::targets::{Target, VOLUME_BYTES};
 
 /// Counts the bytes of the heap.
 #[global_allocator]
 static HEAP: PeakAlloc = PeakAlloc;
 
 /// Bytes of the heap that reading a file may take: 300 MB and twice what the largest volume may declare.
-pub const MOST_BYTES: usize = 300_000_000 + 2 * (32 << 20);
-/// Time that reading a file may take.
+pub const MOST_BYTES: usize = 300_000_000 + 2 * VOLUME_BYTES as usize;
+/// Time of the processor that reading a file may take; it does not grow where others use the machine.
 pub const LONGEST: Duration = Duration::from_secs(1);
+/// Time by the clock that it may take, as where it waits for something that does not come.
+pub const LONGEST_BY_THE_CLOCK: Duration = Duration::from_secs(60);
+
+/// Returns what `work` returns, and the most bytes of the heap that it took.
+pub fn heap_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    HEAP.reset_peak_usage();
+    let before = HEAP.current_usage();
+    let out = work();
+    (out, HEAP.peak_usage().saturating_sub(before))
+}
 
 /// What reading a file must not do.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,6 +58,10 @@ pub struct Outcome {
     pub executions: u64,
     /// Files that were accepted.
     pub accepted: u64,
+    /// Most bytes of the heap that a file took.
+    pub peak_bytes: usize,
+    /// Time of the processor.
+    pub time: Duration,
     /// Faults, each with the file that led to it, the first of each kind and message.
     pub faults: Vec<(Fault, Vec<u8>)>,
 }
@@ -51,7 +69,8 @@ pub struct Outcome {
 /// The reader under trial, with its file.
 pub struct Trial<'a> {
     target: &'a Target,
-    file: PathBuf,
+    path: PathBuf,
+    file: File,
     _folder: tempfile::TempDir,
 }
 
@@ -69,8 +88,15 @@ impl<'a> Trial<'a> {
     pub fn new(target: &'a Target) -> Result<Self> {
         let memory = Path::new("/dev/shm");
         let made = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
-        let folder = made.map_err(|e| Error::io(memory, "making a folder", &e))?;
-        let file = folder.path().join("file").with_extension(target.extension);
+        let failed = |e: std::io::Error| Error::io(memory, "making a file", &e);
+        let folder = made.map_err(failed)?;
+        let path = folder.path().join("file").with_extension(target.extension);
+        let file = File::create(&path).map_err(failed)?;
+        if let Some(beside) = target.beside {
+            std::fs::write(folder.path().join(beside), seeds::voxels()).map_err(failed)?;
+        }
+        // Handing so little work to another thread takes longer than the work. There may be a pool already.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global();
         static HOOK: Once = Once::new();
         HOOK.call_once(|| {
             let usual = panic::take_hook();
@@ -79,25 +105,35 @@ impl<'a> Trial<'a> {
                 false => usual(info),
             }));
         });
-        Ok(Trial { target, file, _folder: folder })
+        Ok(Trial { target, path, file, _folder: folder })
     }
 
     /// Reads a file with these bytes. Returns whether it was accepted, or the fault.
     pub fn read(&self, bytes: &[u8]) -> std::result::Result<bool, Fault> {
-        std::fs::write(&self.file, bytes).expect("a small file fits");
-        HEAP.reset_peak_usage();
-        let (before, begin) = (HEAP.current_usage(), Instant::now());
+        self.measured(bytes).0
+    }
+
+    /// Reads a file with these bytes. Returns whether it was accepted, or the fault, and the most bytes of the heap
+    /// that were taken.
+    fn measured(&self, bytes: &[u8]) -> (std::result::Result<bool, Fault>, usize) {
+        let mut file = &self.file;
+        let written = file.rewind().and_then(|()| file.write_all(bytes));
+        written.and_then(|()| file.set_len(bytes.len() as u64)).expect("a small file fits");
+        let (begin, cpu) = (Instant::now(), ProcessTime::now());
         READING.set(true);
-        let read = panic::catch_unwind(AssertUnwindSafe(|| (self.target.read)(&self.file)));
+        let (read, taken) =
+            heap_of(|| panic::catch_unwind(AssertUnwindSafe(|| (self.target.read)(&self.path))));
         READING.set(false);
-        let (taken, time) = (HEAP.peak_usage().saturating_sub(before), begin.elapsed());
-        match read {
+        let clock = begin.elapsed();
+        let time = if clock > LONGEST { cpu.elapsed() } else { clock };
+        let judged = match read {
             Err(payload) => Err(Fault::Panic(said(&*payload))),
             Ok(Err(e)) if e.kind == Kind::Internal => Err(Fault::Internal(format!("{}: {e}", e.code))),
             _ if taken > MOST_BYTES => Err(Fault::Memory(taken)),
-            _ if time > LONGEST => Err(Fault::Slow(time)),
+            _ if time > LONGEST || clock > LONGEST_BY_THE_CLOCK => Err(Fault::Slow(time.max(clock))),
             Ok(read) => Ok(read.is_ok()),
-        }
+        };
+        (judged, taken)
     }
 
     /// Reads mutated files until there were so many, or so long. `tell` is called about once a second.
@@ -111,10 +147,12 @@ impl<'a> Trial<'a> {
         let seeds = (self.target.seeds)();
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let mut outcome = Outcome::default();
-        let (begin, mut told) = (Instant::now(), Instant::now());
+        let (begin, mut told, cpu) = (Instant::now(), Instant::now(), ProcessTime::now());
         while outcome.executions < most && begin.elapsed() < longest {
             let bytes = (self.target.mend)(&mutated(&mut rng, &seeds));
-            match self.read(&bytes) {
+            let (read, taken) = self.measured(&bytes);
+            outcome.peak_bytes = outcome.peak_bytes.max(taken);
+            match read {
                 Ok(accepted) => outcome.accepted += u64::from(accepted),
                 Err(fault) => {
                     if !outcome.faults.iter().any(|(known, _)| is_alike(known, &fault)) {
@@ -129,6 +167,7 @@ impl<'a> Trial<'a> {
                 tell(&outcome, begin.elapsed());
             }
         }
+        outcome.time = cpu.elapsed();
         outcome
     }
 

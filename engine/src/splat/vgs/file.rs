@@ -7,9 +7,10 @@ use flate2::Crc;
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
-use super::lattice::{Lattice, Steps};
-use super::layers::{self, COLUMNS, Cells, Models, Row};
-use super::steps_for;
+use super::exceptions;
+use super::lattice::Lattice;
+use super::layers::{self, COLUMNS, Models, Row};
+use super::rounding::{Cells, Rounding, Steps};
 use crate::error::{Error, Kind, Result};
 use crate::memory;
 use crate::splat::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
@@ -117,15 +118,21 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
     crate::splat::ply::check(set)?;
     let affine = set.grid.map_or(DAffine3::from_translation(set.origin_mm), |grid| grid.world_from_voxel);
     let splats = set.to_voxel(&affine);
-    let steps = steps_for(&splats);
     let unusable = || Error::new(Kind::Internal, "VGS-FILE-002", "these splats cannot be rounded");
-    let lattice = Lattice::new(steps).ok_or_else(unusable)?;
-    let cells = Cells::of(&splats.iter().map(|splat| splat.mean).collect::<Vec<_>>());
+    let order = by_importance(&splats, &set.field);
     let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
-    let mut rows = by_importance(&splats, &set.field)
-        .into_iter()
-        .map(|i| Row::of(&splats[i as usize], label(i as usize), &lattice, &cells))
-        .collect::<Option<Vec<_>>>()
+    let rows = |rounding: &Rounding| {
+        let lattice = Lattice::new(rounding.steps)?;
+        let row = |&i: &u32| Row::of(&splats[i as usize], label(i as usize), &lattice, &rounding.cells);
+        order.iter().map(row).collect::<Option<Vec<_>>>()
+    };
+    // Splats that were moved since may lie beyond the cells.
+    let as_they_are = set.rounding.and_then(|rounding| Some((rounding, rows(&rounding)?)));
+    let (rounding, mut rows) = as_they_are
+        .or_else(|| {
+            let fine = Rounding::fine(&splats);
+            Some((fine, rows(&fine)?))
+        })
         .ok_or_else(unusable)?;
     let ranges = layers::ranges(&rows);
     let mut models = Models::new(&ranges).ok_or_else(unusable)?;
@@ -143,8 +150,7 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
         payload.extend(layer);
         begin = end;
     }
-    let mut exceptions =
-        set.grid.as_ref().map_or_else(Vec::new, |grid| encoded_exceptions(&set.exceptions, grid));
+    let mut exceptions = exceptions::encode(&set.exceptions);
     let exceptions_part = Part::of(set.exceptions.len(), &mut exceptions);
     payload.extend(exceptions);
     let header = Header {
@@ -161,8 +167,8 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
         labels: set.labels.is_some(),
         label_names: set.label_names.clone(),
         affine: Grid { size: [1; 3], world_from_voxel: affine }.rows(),
-        steps,
-        cells,
+        steps: rounding.steps,
+        cells: rounding.cells,
         ranges,
         layers: parts,
         exceptions: exceptions_part,
@@ -175,41 +181,6 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
     out.extend(header);
     out.extend(payload);
     Ok(out)
-}
-
-/// Returns exceptions as numbers of seven bits a byte: twice the gap to the one before, plus 1 if inside.
-fn encoded_exceptions(exceptions: &[Exception], grid: &Grid) -> Vec<u8> {
-    let (mut out, mut next) = (Vec::new(), 0);
-    for exception in exceptions {
-        let index = exception.index(grid);
-        let mut number = (index - next) << 1 | u64::from(exception.inside);
-        next = index + 1;
-        while number >= 128 {
-            out.push(number as u8 | 128);
-            number >>= 7;
-        }
-        out.push(number as u8);
-    }
-    out
-}
-
-fn decoded_exceptions(bytes: &[u8], count: u64, grid: &Grid) -> Option<Vec<Exception>> {
-    let (mut bytes, mut next, mut found) = (bytes.iter(), 0u64, Vec::new());
-    for _ in 0..count {
-        let (mut number, mut shift) = (0u64, 0);
-        loop {
-            let byte = *bytes.next()?;
-            number |= u64::from(byte & 127).checked_shl(shift).filter(|_| shift < 63)?;
-            shift += 7;
-            if byte < 128 {
-                break;
-            }
-        }
-        let index = next.checked_add(number >> 1)?;
-        found.push(Exception::at(index, number & 1 == 1, grid)?);
-        next = index + 1;
-    }
-    Some(found)
 }
 
 /// Reads a set.
@@ -354,7 +325,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     }
     let exceptions = match (take(&header.exceptions).filter(|_| missing == 0), &grid) {
         (Some(bytes), Some(grid)) if crc32(bytes) == header.exceptions.crc32 => {
-            decoded_exceptions(bytes, header.exceptions.count, grid)
+            exceptions::decode(bytes, header.exceptions.count as usize, grid)
                 .ok_or_else(|| damaged("the exceptions are not as they were written"))?
         }
         (Some(_), None) if header.exceptions.count == 0 => Vec::new(),
@@ -393,6 +364,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     set.grid = grid;
     set.form = form;
     set.exceptions = exceptions;
+    set.rounding = Some(Rounding { steps: header.steps, cells: header.cells });
     let names_ascend = set.label_names.is_sorted_by(|a, b| a.0 < b.0);
     if !names_ascend || crate::splat::ply::check(&set).is_err() {
         return Err(damaged("the header states what no set can have"));
@@ -470,10 +442,12 @@ mod tests {
                 splats: Vec::new(),
                 labels: None,
                 origin_mm: glam::DVec3::ZERO,
+                rounding: None,
                 ..set.clone()
             };
             assert_eq!(blank(&read), blank(&set));
             assert_eq!(read.label_counts(), set.label_counts());
+            assert_eq!(encoded(&read).expect("a set"), bytes, "the same when it is written again");
             let mean = |set: &SplatSet| {
                 let sum: glam::DVec3 = set
                     .splats

@@ -11,7 +11,7 @@ use flate2::read::DeflateDecoder;
 use zip::ZipArchive;
 use zip::result::ZipError;
 
-use super::lengths::too_long;
+use super::lengths::{PACKED, too_long};
 use super::{MAGIC, MAGIC_AT, sniff};
 use crate::volume::ReadOptions;
 use crate::{Error, Kind, Result};
@@ -19,8 +19,6 @@ use crate::{Error, Kind, Result};
 /// The most bytes before the pixels of a file in a zip; the header of an enhanced file of ten thousand frames
 /// has some twenty million.
 const MOST_HEADER_BYTES: u64 = 1 << 28;
-/// Transfer syntax of files whose elements are packed as a whole.
-const DEFLATED: &[u8] = b"1.2.840.10008.1.2.1.99";
 /// Tag, type and length of the first element, which says how long its group is.
 const GROUP_LENGTH: &[u8] = b"\x02\0\0\0UL\x04\0";
 /// The longest first group that is searched; those of real files have some hundred bytes.
@@ -105,7 +103,10 @@ impl Location {
                 .take(size.min(MOST_HEADER_BYTES))
                 .read_to_end(&mut start)
                 .map_err(|e| damaged(&self.path, &e))?;
-            self.check_lengths(Cursor::new(&start), start.len() as u64, true)?;
+            // What ends sooner than it should has no more than there is.
+            let there = start.len() as u64;
+            let size = if there < MOST_HEADER_BYTES { there } else { size };
+            self.check_lengths(Cursor::new(&start), size, true)?;
             return options.from_reader(start.as_slice()).map_err(|e| damaged(&self.path, &e));
         }
         let mut bytes = Vec::new();
@@ -117,7 +118,7 @@ impl Location {
         // Decoding takes longer than unpacking, and other threads may unpack meanwhile.
         drop(member);
         drop(zip);
-        self.check_lengths(Cursor::new(&bytes), size, false)?;
+        self.check_lengths(Cursor::new(&bytes), bytes.len() as u64, false)?;
         options.from_reader(bytes.as_slice()).map_err(|e| damaged(&self.path, &e))
     }
 }
@@ -153,7 +154,8 @@ fn unpacked_size(mut file: impl Read, most: u64) -> io::Result<u64> {
     }
     let mut meta = Vec::new();
     file.by_ref().take(length).read_to_end(&mut meta)?;
-    if !meta.windows(DEFLATED.len()).any(|window| window == DEFLATED) {
+    let is_packed = |name: &str| meta.windows(name.len()).any(|window| window == name.as_bytes());
+    if !PACKED.into_iter().any(is_packed) {
         return Ok(0);
     }
     io::copy(&mut DeflateDecoder::new(file).take(most.saturating_add(1)), &mut io::sink())

@@ -7,6 +7,9 @@ use crate::volume::source::reserve_samples;
 use crate::volume::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
+/// Number of voxels that are decoded at a time.
+const BLOCK: usize = 65536;
+
 /// Reads one volume. See [`Volume::read`], which recognises the format first.
 ///
 /// # Errors
@@ -57,9 +60,9 @@ fn samples(opened: Opened, options: &ReadOptions) -> Result<Volume> {
     let mut out = reserve_samples(header.voxels())?;
     let mut inexact = 0_usize;
     let mut overflow = None;
-    let mut block = vec![0; 65536 * header.datatype.bytes];
+    let mut block = vec![0; header.voxels().min(BLOCK) * header.datatype.bytes];
     while out.len() < header.voxels() {
-        let wanted = (header.voxels() - out.len()).min(65536) * header.datatype.bytes;
+        let wanted = (header.voxels() - out.len()).min(BLOCK) * header.datatype.bytes;
         if voxels.read_some(&mut block[..wanted])? < wanted {
             return Err(voxels.truncated(end, voxels.position));
         }

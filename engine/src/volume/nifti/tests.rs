@@ -369,6 +369,17 @@ fn compression_is_recognised_by_content() {
     ] {
         assert_eq!(read_as(name, &bytes, &options()).unwrap().samples, count(24), "{name}");
     }
+    // A name that promises something else is told.
+    let dir = tempfile::tempdir().unwrap();
+    for (name, bytes, note) in [
+        ("a.nii", gzip(&good), "does not end in .gz"),
+        ("a.nii.gz", good.clone(), "ends in .gz"),
+        ("b.nii.gz", gzip(&good), ""),
+    ] {
+        fs::write(dir.path().join(name), bytes).unwrap();
+        let notes = describe(dir.path().join(name)).unwrap().notes.concat();
+        assert!(notes.contains(note) && notes.is_empty() == note.is_empty(), "{name}: {notes}");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! | file | subject |
 //! |---|---|
 //! | `flags` | flags that several commands have, and how their texts are parsed |
-//! | `inputs` | the volume and the region of interest, and the records of their files |
+//! | `inputs` | the volume and the region of interest, and the records of their files; `texts`: small files of text |
 //! | `splat_files` | reading and writing splats, whatever their layout |
 //! | `outputs` | checks before anything is written; `lock`: one run per output |
 //! | `sampling` | the field of splats at the voxels of a grid |
@@ -31,5 +31,6 @@ pub mod sampling;
 pub mod signals;
 pub mod splat_files;
 pub mod terminal;
+pub mod texts;
 pub mod version;
 pub mod waiting;

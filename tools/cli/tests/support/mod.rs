@@ -57,8 +57,14 @@ impl Ended {
 impl Folder {
     /// With a phantom of `size` cubed.
     pub fn new(size: u32) -> Self {
+        Self::with_seed(size, 1)
+    }
+
+    /// With the phantom of a seed.
+    pub fn with_seed(size: u32, seed: u32) -> Self {
         let folder = Folder(tempfile::tempdir().expect("a temporary folder"));
-        let ended = folder.run(&["phantom", "-o", ".", "--size", &size.to_string(), "--seed", "1"]);
+        let ended =
+            folder.run(&["phantom", "-o", ".", "--size", &size.to_string(), "--seed", &seed.to_string()]);
         assert_eq!(ended.code, 0, "{}", ended.err);
         folder
     }

@@ -38,7 +38,10 @@ pub fn compare(arguments: &CompareArguments, console: &Console) -> std::result::
         image::file::of_extension(path)?;
     }
 
-    let [a, b] = [image::read(&arguments.a)?.image, image::read(&arguments.b)?.image];
+    let a = image::read(&arguments.a)?.image;
+    let more = a.pixels.len() * (size_of::<[f32; 4]>() + size_of::<f32>());
+    engine::memory::require(more as u64, "the other picture and the map of differences")?;
+    let b = image::read(&arguments.b)?.image;
     let largest = image::largest_difference(&a, &b).map_err(|e| arguments.name_both(e))?;
     let flip = image::flip(&a, &b)?;
     let output = PictureComparison {

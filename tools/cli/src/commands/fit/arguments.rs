@@ -22,8 +22,9 @@ pub struct FitArguments {
     pub volume: PathBuf,
     #[command(flatten)]
     pub region: RoiArguments,
-    /// Where the splats go (PLY). Beside it: .run.json (record), .csv and .svg (curve)
-    #[arg(short, long, value_name = "OUT.ply", help_heading = "Output")]
+    /// Where the splats go: .ply for all programs, or .vgs, which is small and rounded. Beside it: .run.json
+    /// (record), .csv and .svg (curve)
+    #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     pub output: PathBuf,
     /// Replaces outputs that exist
     #[arg(short, long, help_heading = "Output")]
@@ -75,6 +76,7 @@ Examples:
   vgs fit skull.inv3 --roi-threshold 226,3071 -o skull.ply --time-budget 5m
   vgs fit scans/ --series 3 --roi bones.nii.gz -o bones.ply     a DICOM series; vgs info scans/ lists them
   vgs fit ct.nii.gz --roi-threshold 200,3000 --roi-largest --roi-close 2 --roi-fill -o bone.ply
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.vgs     an eighth of the bytes, for another half of the time
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --kernel gaussian --ply-layout reference
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --checkpoint-every 100

@@ -40,7 +40,7 @@ struct Rates {
     iteration: f64,
     /// Time of fetching figures and splats once.
     look: f64,
-    /// Time of finding the voxels that the splats have on the wrong side of the mask.
+    /// Time of rounding the splats, and of finding the voxels that they have on the wrong side of the mask.
     finish: f64,
     /// Time of the closing evaluation.
     evaluation: f64,
@@ -81,6 +81,8 @@ pub struct Plan<'a> {
     pub protocol: Option<Protocol>,
     /// Splats as they will be written, except for their values.
     pub set: &'a SplatSet,
+    /// Iterations that rounding the splats takes after the fit.
+    pub rounding_iterations: u32,
     pub output: &'a std::path::Path,
     /// Options with which they will be written.
     pub write: &'a splat::WriteOptions,
@@ -103,7 +105,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     }
     let finishing = Instant::now();
     plan.problem.misclassified(plan.gpu, &plan.problem.splat_set(&splats, EARLY))?;
-    rates.finish = finishing.elapsed().as_secs_f64();
+    rates.finish = finishing.elapsed().as_secs_f64() + f64::from(plan.rounding_iterations) * rates.iteration;
     let iterations = rates.iterations(&plan.schedule);
     let looks = iterations / u32::try_from(plan.problem.config().offset_count()).unwrap_or(1).max(LOOK_EVERY);
     Ok(Estimate {

@@ -7,7 +7,7 @@ use engine::fit::evaluate::{self, Protocol};
 use engine::fit::labels::label;
 use engine::fit::{FitConfig, IntensityRange, Problem, Schedule, Start};
 use engine::gpu::Gpu;
-use engine::splat::{Field, Splat, SplatSet, WriteOptions};
+use engine::splat::{Field, Rounding, Splat, SplatSet, WriteOptions};
 use engine::volume::Labels;
 
 use super::arguments::FitArguments;
@@ -133,9 +133,30 @@ pub fn prepare<'a>(
 }
 
 impl Prepared<'_> {
+    /// Returns true if the splats are rounded for a small file and fitted again. A clock leaves no time for
+    /// that, and a fit of mini-batches no memory; their splats are rounded as they are.
+    pub fn is_rounded(&self) -> bool {
+        let small = self.files.splats.extension().is_some_and(|name| name.eq_ignore_ascii_case("vgs"));
+        small && self.schedule.time.is_none() && self.settings.config.subset == 0
+    }
+
     /// Returns first splats of the fit, given in its voxel space, as a file stores them.
     pub fn first_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
-        self.labelled(self.problem.splat_set(splats, iterations))
+        let rounding = self.is_rounded().then(|| Rounding::coarse(splats));
+        self.labelled(SplatSet { rounding, ..self.problem.splat_set(splats, iterations) })
+    }
+
+    /// Returns fitted splats as [`Prepared::set`] does, rounded and fitted again; `None` if the device has
+    /// failed.
+    pub fn rounded_set(
+        &self,
+        splats: &[Splat],
+        iterations: u32,
+        stopped: &mut dyn FnMut() -> bool,
+    ) -> Option<SplatSet> {
+        let rounded = self.problem.rounded_set(&self.gpu, splats, iterations, stopped);
+        let failed = |error| tracing::warn!("the rounded splats could not be fitted again: {error}");
+        Some(self.labelled(rounded.map_err(failed).ok()?))
     }
 
     /// Returns fitted splats, given in the voxel space of the fit, as a file stores them. If the device has

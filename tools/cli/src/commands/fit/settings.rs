@@ -5,12 +5,15 @@
 //! further code.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 use engine::fit::{FitConfig, PROFILES, Profile, QUALITIES, QualityPreset};
 use engine::{Error, Kind, Result};
 use serde_json::{Map, Value};
+
+use crate::shared::texts::text_of;
 
 /// The flags: a profile, a quality, a file, and one for every field of [`FitConfig`].
 #[derive(Clone, Debug)]
@@ -132,8 +135,11 @@ fn number(text: &str) -> Option<Value> {
 
 /// Reads keys and values of a TOML file.
 fn read_file(path: &Path) -> Result<Vec<(String, Value)>> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "reading the configuration", &e))?;
     let bad = |why: String| Error::new(Kind::Usage, "VGS-CFG-013", why).file(path);
+    let text = text_of(path).map_err(|e| match e.kind() {
+        ErrorKind::InvalidData => bad(format!("no configuration: {e}")),
+        _ => Error::io(path, "reading the configuration", &e),
+    })?;
     let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
         let place = e.span().map(|s| text[..s.start.min(text.len())].lines().count().max(1));
         let line = place.map(|n| format!("line {n}: ")).unwrap_or_default();

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use engine::Result;
 use engine::fit::evaluate::{self, Evaluation};
-use engine::fit::{End, Outcome, Start};
+use engine::fit::{End, Outcome, ROUNDING_ITERATIONS, Start};
 use engine::splat::{Form, SplatSet};
 
 use super::explain;
@@ -36,6 +36,7 @@ pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Re
         schedule: prepared.schedule,
         protocol: prepared.protocol.clone(),
         set: &prepared.first_set(first, settings.config.iterations),
+        rounding_iterations: if prepared.is_rounded() { ROUNDING_ITERATIONS } else { 0 },
         output: &prepared.files.splats,
         write: &prepared.write,
         quality: settings.plain_quality(),
@@ -72,16 +73,23 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
         let mut watch = FitWatch::new(prepared, signals, console);
         prepared.problem.run(&prepared.gpu, begin, prepared.schedule, &mut watch)?
     };
-    if matches!(outcome.end, End::Finished) {
-        prepared.checkpoints.clean();
-    }
     let passes = PassRecord::list(prepared.gpu.take_profile());
     if outcome.frozen > 0 {
         tracing::warn!("{} updates of splats were left out: a gradient was not finite", outcome.frozen);
     }
-    let set = prepared.set(&outcome.splats, outcome.iterations);
+    let finished = matches!(outcome.end, End::Finished);
+    let rounded = if finished && prepared.is_rounded() {
+        let _waiting = Waiting::on("rounding the splats, and fitting them again");
+        prepared.rounded_set(&outcome.splats, outcome.iterations, &mut || signals.exit_code().is_some())
+    } else {
+        None
+    };
+    let set = rounded.unwrap_or_else(|| prepared.set(&outcome.splats, outcome.iterations));
     let files = prepared.files.after(&outcome.end);
     splat_files::write(&files.splats, &set, &prepared.write)?;
+    if finished {
+        prepared.checkpoints.clean();
+    }
     warn_of_time(prepared, outcome.iterations);
     Ok(Fitted { outcome, set, passes, files })
 }
@@ -141,9 +149,10 @@ fn measure(prepared: &Prepared<'_>, fitted: &Fitted) -> Result<Option<Evaluation
     if fitted.set.form != Form::Field {
         return evaluate_decoded(gpu, &fitted.set, case, protocol).map(Some);
     }
-    // Splats of a working grid are converted to the native one. Without a working grid they are there
-    // already, and nothing need be rounded.
-    let native = prepared.problem.is_coarser().then(|| fitted.set.to_voxel(&case.volume.world_from_voxel));
+    // Splats of a working grid are converted to the native one, and those of a small file are not those of the
+    // fit. Others are there already, and need no conversion, which is not exact.
+    let converted = prepared.problem.is_coarser() || fitted.set.rounding.is_some();
+    let native = converted.then(|| fitted.set.to_voxel(&case.volume.world_from_voxel));
     let splats = native.as_deref().unwrap_or(&fitted.outcome.splats);
     evaluate::evaluate(gpu, splats, &prepared.field, &case.volume, &case.roi, protocol).map(Some)
 }

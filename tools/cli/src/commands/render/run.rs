@@ -11,7 +11,7 @@ use engine::render::{
 };
 use engine::splat::{self, SplatSet, usual_colour};
 use engine::volume::{Roi, Volume};
-use engine::{Error, Kind, Result, fit, transfer};
+use engine::{Error, Kind, Result, fit, memory, transfer};
 use serde::Serialize;
 
 use super::arguments::{RenderArguments, VolumeRegion};
@@ -25,6 +25,9 @@ use crate::shared::waiting::Waiting;
 
 /// Sample distance of a still picture; fine enough that lit surfaces show no rings.
 const STEP: f64 = 0.5;
+
+/// Host bytes that a pixel takes.
+const BYTES_A_PIXEL: u64 = 40;
 
 /// Output of `--json`.
 #[derive(Serialize)]
@@ -78,6 +81,9 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
     let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
     let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()))?;
+    // A frame as it is rendered, and as it is written: over a background, in bytes, with a depth.
+    let pixels: u64 = arguments.size.0.iter().map(|&n| u64::from(n)).product();
+    memory::require(pixels.saturating_mul(BYTES_A_PIXEL), "a picture of this --size")?;
     let gpu = arguments.device.boot()?;
     let mut scene = Scene::with_precision(&gpu, set.as_ref(), source.as_ref(), &look, arguments.precision)?;
     if let Some(budget) = arguments.splat_budget {

@@ -9,6 +9,8 @@ use engine::splat::Object;
 use engine::{Error, Kind};
 use glam::DVec3;
 
+use crate::shared::texts::text_of;
+
 /// Background colour; `None` keeps the opacity.
 #[derive(Clone, Copy, Debug)]
 pub struct Background(pub Option<[f32; 3]>);
@@ -158,7 +160,7 @@ impl FromStr for View {
         if !text.to_lowercase().ends_with(".json") {
             return Ok(View::Side(text.to_owned()));
         }
-        let content = std::fs::read_to_string(Path::new(text)).map_err(|e| format!("{text}: {e}"))?;
+        let content = text_of(Path::new(text)).map_err(|e| format!("{text}: {e}"))?;
         serde_json::from_str(&content).map(View::File).map_err(|e| {
             format!("{text}: {e}; needed: {{\"eye_mm\": [x, y, z], \"target_mm\": [x, y, z], \"up\": [0, 0, 1], \"fov_deg\": 30}}")
         })

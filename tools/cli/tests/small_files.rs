@@ -1,0 +1,67 @@
+//! Splats in small files.
+
+mod support;
+
+use support::Folder;
+
+const REGION: [&str; 2] = ["--roi", "mask.nii.gz"];
+
+/// Returns PSNR and error of the occupancy at the voxels.
+fn errors(folder: &Folder, splats: &str) -> (f64, f64) {
+    let eval = ["eval", splats, "ct.nii.gz", "--offsets", "0", "--json"];
+    let found = folder.run(&[&eval[..], &REGION].concat()).json();
+    let number = |key: &str| found[key].as_f64().expect("a number");
+    (number("psnr_db"), number("occupancy_rmse_on_grid"))
+}
+
+fn bytes(folder: &Folder, splats: &str) -> usize {
+    folder.read(splats).len()
+}
+
+#[test]
+fn small_files_are_smaller_where_the_fit_makes_up_for_rounding() {
+    let folder = Folder::new(28);
+    let fit = |output| {
+        let settings = ["--splats", "200", "--iterations", "150", "--no-eval"];
+        folder.run(&[&["fit", "ct.nii.gz", "-o", output], &REGION[..], &settings].concat())
+    };
+    let convert = |from, to, more: &[&str]| {
+        let ended = folder.run(&[&["convert", from, "-o", to, "--force"], more].concat());
+        assert_eq!(ended.code, 0, "{}", ended.err);
+    };
+    assert_eq!(fit("a.ply").code, 0);
+    let (before, outline) = errors(&folder, "a.ply");
+    assert_eq!(outline, 0.0, "a file lists what is on the wrong side of the mask");
+    convert("a.ply", "rounded.vgs", &[]);
+    let (fine, outline) = errors(&folder, "rounded.vgs");
+    assert!(fine > before - 2.0 && outline == 0.0, "{before} dB, then {fine}, outline {outline}");
+    convert("a.ply", "again.vgs", &["--volume", "ct.nii.gz", "--roi", "mask.nii.gz"]);
+    // The same by one command, where the fit is still in memory.
+    assert_eq!(fit("b.vgs").code, 0);
+    for small in ["again.vgs", "b.vgs"] {
+        let (size, rounded) = (bytes(&folder, small), bytes(&folder, "rounded.vgs"));
+        assert!(size * 10 < rounded * 9, "{small}: {size} bytes, and {rounded} are only rounded");
+        let (after, outline) = errors(&folder, small);
+        assert!(
+            after > before - 0.7 && outline == 0.0,
+            "{small}: {before} dB, then {after}, outline {outline}"
+        );
+        // What is rounded already is not rounded a second time.
+        convert(small, "same.vgs", &[]);
+        assert_eq!(folder.read("same.vgs"), folder.read(small));
+    }
+}
+
+#[test]
+fn another_scan_than_that_of_the_fit_is_refused() {
+    let folder = Folder::new(20);
+    let fit = ["fit", "ct.nii.gz", "-o", "a.ply", "--splats", "20", "--iterations", "2", "--no-eval"];
+    assert_eq!(folder.run(&[&fit[..], &REGION].concat()).code, 0);
+    assert_eq!(folder.run(&["phantom", "-o", "other", "--size", "16"]).code, 0);
+    let convert = ["convert", "a.ply", "-o", "a.vgs", "--volume"];
+    let other = folder.run(&[&convert[..], &["other/ct.nii.gz", "--roi-threshold", "100,3000"]].concat());
+    assert!(other.code == 2 && other.err.contains("VGS-CLI-100"), "{}", other.err);
+    let regionless = folder.run(&[&convert[..], &["ct.nii.gz"]].concat());
+    assert!(regionless.code == 2 && regionless.err.contains("--roi"), "{}", regionless.err);
+    assert!(!folder.path("a.vgs").exists());
+}
