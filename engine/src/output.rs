@@ -33,7 +33,7 @@ pub fn write_atomic(
     let failed = |e: &io::Error| {
         Error::new(Kind::Io, "VGS-OUT-006", format!("writing failed: {e}"))
             .file(path)
-            .help("free some space or choose another folder; nothing was changed")
+            .help("free some space or choose another folder; this file is as it was")
     };
     {
         let mut buffered = BufWriter::with_capacity(1 << 20, temporary.as_file());

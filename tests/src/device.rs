@@ -2,15 +2,18 @@
 
 use std::ops::Deref;
 
-use engine::gpu::{Gpu, GpuOptions};
+use engine::gpu::{Gpu, GpuOptions, MessageLog};
 
 /// Environment variable: set to 1, tests run without validation layers and say so. Otherwise a missing layer
 /// fails every GPU test.
 const NO_VALIDATION: &str = "VGS_TEST_NO_VALIDATION";
 
-/// A booted device. On drop it checks that the validation layers have reported nothing.
+/// A booted device. On drop it checks that the validation layers have reported nothing: also, if nobody else
+/// has a part of it, that nothing is left when it is destroyed.
 pub struct Device {
-    gpu: Gpu,
+    /// `None` only inside `Drop`.
+    gpu: Option<Gpu>,
+    messages: MessageLog,
 }
 
 impl Device {
@@ -24,12 +27,9 @@ impl Device {
 
     /// Boots a device with these options, validation on.
     pub fn boot_with(options: GpuOptions) -> Self {
-        let validation = std::env::var_os(NO_VALIDATION).is_none_or(|v| v != "1");
-        if !validation {
-            println!("{NO_VALIDATION}=1: the validation layers are off, this run checks less");
-        }
-        match Gpu::new(&GpuOptions { validation, ..options }) {
-            Ok(gpu) => Device { gpu },
+        let messages = options.messages.clone();
+        match Gpu::new(&with_validation(options)) {
+            Ok(gpu) => Device { gpu: Some(gpu), messages },
             Err(e) => panic!(
                 "this test needs a Vulkan device and the Khronos validation layer: {e} ({}); `tools/setup run test` \
                  installs both, `tools/test` runs the tests with them",
@@ -43,7 +43,7 @@ impl Deref for Device {
     type Target = Gpu;
 
     fn deref(&self) -> &Gpu {
-        &self.gpu
+        self.gpu.as_ref().expect("it is there until it is dropped")
     }
 }
 
@@ -53,22 +53,35 @@ impl Drop for Device {
         if std::thread::panicking() {
             return;
         }
-        if let Err(e) = self.gpu.wait_idle() {
+        if let Err(e) = self.wait_idle() {
             panic!("the device failed at the end of the test: {e}");
         }
-        // GPU-assisted validation tells what it turns on for itself.
-        let of_itself = |message: &String| {
-            message.contains("Internal Warning: ") || message.contains("GPU Assisted Validation")
-        };
-        let mut messages = self.gpu.validation_messages();
-        messages.retain(|message| !of_itself(message));
-        assert!(
-            messages.is_empty(),
-            "validation layers: {} messages\n{}",
-            messages.len(),
-            messages.join("\n")
-        );
+        self.gpu = None;
+        assert_silent(&self.messages);
     }
+}
+
+/// Returns the options with the validation layers on, unless the environment turns them off.
+pub fn with_validation(options: GpuOptions) -> GpuOptions {
+    let validation = std::env::var_os(NO_VALIDATION).is_none_or(|v| v != "1");
+    if !validation {
+        println!("{NO_VALIDATION}=1: the validation layers are off, this run checks less");
+    }
+    GpuOptions { validation, ..options }
+}
+
+/// Checks that the validation layers have reported nothing.
+///
+/// # Panics
+/// With what they have reported.
+pub fn assert_silent(messages: &MessageLog) {
+    // GPU-assisted validation tells what it turns on for itself.
+    let of_itself = |message: &String| {
+        message.contains("Internal Warning: ") || message.contains("GPU Assisted Validation")
+    };
+    let mut messages = messages.all();
+    messages.retain(|message| !of_itself(message));
+    assert!(messages.is_empty(), "validation layers: {} messages\n{}", messages.len(), messages.join("\n"));
 }
 
 #[cfg(test)]

@@ -68,6 +68,7 @@ pub(crate) fn session(
         device: arguments.device.clone(),
         validation: arguments.validation,
         windows,
+        fault: arguments.fault.clone(),
         ..GpuOptions::default()
     };
     if arguments.simulated {

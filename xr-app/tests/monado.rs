@@ -199,3 +199,23 @@ fn views_from_a_remote_driver() {
         assert!((forward_x - side * 5f64.to_radians().sin()).abs() < 2e-3, "{eye}");
     }
 }
+
+/// The device is lost in the middle of the session, or has no memory for the pictures: the program says so and ends
+/// with the code for "try again"; the runtime is left as it should be, says its layer.
+#[test]
+fn what_fails_on_the_device_ends_the_session() {
+    let Some(tools) = tools(&["xr"]) else { return };
+    let folder = folder();
+    for (fault, says) in [("submit:60:lost", "VGS-GPU-012"), ("memory:9:device-memory", "VGS-GPU-024")] {
+        let arguments = ["--frames", "200", "--force", "--fault", fault];
+        let output = program(&tools, folder.path(), &arguments).output().expect("tools");
+        let text = said(&output);
+        assert!(
+            output.status.code() == Some(75) && text.contains(says),
+            "{fault}: {}: {text}",
+            output.status
+        );
+        let layer = std::fs::read_to_string(folder.path().join("openxr.log")).expect("the layer was on");
+        assert!(!layer.contains("VALID_ERROR"), "{fault}: {layer}");
+    }
+}

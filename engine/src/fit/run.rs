@@ -242,17 +242,21 @@ impl<'a> Problem<'a> {
             grids: u32::try_from(self.config.offset_count()).unwrap_or(1).max(1),
             kept: None,
         };
-        let end = match course.run(&mut fitter, schedule, watch) {
-            Ok(end) => end,
-            Err(error) => End::Failed(error),
+        let end = course.run(&mut fitter, schedule, watch).unwrap_or_else(End::Failed);
+        let seconds = course.elapsed().as_secs_f64();
+        let (frozen, end) = match (fitter.frozen(), end) {
+            (Ok(frozen), end) => (frozen, end),
+            // The first failure counts.
+            (Err(_), end @ End::Failed(_)) => (0, end),
+            (Err(error), _) => (0, End::Failed(error)),
         };
         Ok(Outcome {
-            seconds: course.elapsed().as_secs_f64(),
+            seconds,
             splats: course.good,
             iterations: course.iterations,
             curve: course.curve,
             range: [low, high],
-            frozen: fitter.frozen().unwrap_or_default(),
+            frozen,
             device_bytes: gpu.memory_by_purpose(),
             end,
         })

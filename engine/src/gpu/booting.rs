@@ -20,11 +20,14 @@ impl Gpu {
 
     /// Boots with an instance and a device that `boot` creates.
     pub fn with_boot(boot: &dyn Boot, options: &GpuOptions) -> Result<Self> {
-        let instance = Instance::new(boot, options.validation, options.windows.as_ref())?;
+        let mut instance = Instance::new(boot, options)?;
         let (physical, mut description) = choose(boot, options, &instance)?;
         description.subgroup_size = options.subgroup_size.unwrap_or(description.subgroup_size);
         let queue_family = queue_family(&instance.handle, physical).unwrap_or_default();
-        let device = create_device(boot, options, &instance, physical, queue_family, false)?;
+        let mut device = create_device(boot, options, &instance, physical, queue_family, false)?;
+        if let Some(fault) = &options.fault {
+            device = fault.install(&mut instance.handle, &device, queue_family);
+        }
         let pushes = pushes_descriptors(options, &instance, physical);
         Context::new(instance, physical, device, queue_family, description, pushes, options)
             .map(|context| Gpu(Arc::new(context)))

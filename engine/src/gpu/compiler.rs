@@ -47,7 +47,7 @@ impl Compiler {
     /// Returns [`Kind::Unavailable`] if there is no such device, or if it does not tell what it compiles
     /// (`VK_KHR_pipeline_executable_properties`).
     pub fn new(options: &GpuOptions) -> Result<Self> {
-        let instance = Instance::new(&Own, options.validation, None)?;
+        let instance = Instance::new(&Own, options)?;
         let (physical, description) = choose(&Own, options, &instance)?;
         let extension = khr::pipeline_executable_properties::NAME;
         if !offers(&instance.handle, physical, extension) {

@@ -15,7 +15,7 @@ use super::pipeline::{Pipeline, Pipelines};
 use super::pipeline_creation::Builder;
 use super::submissions::Submissions;
 use super::times::Times;
-use super::{DeviceDescription, GpuOptions, Limits, Recipe, check, lock, pipeline_cache};
+use super::{DeviceDescription, Fault, GpuOptions, Limits, Recipe, check, lock, pipeline_cache};
 use crate::error::Result;
 
 /// Everything that lives as long as the device. `Drop` destroys by hand, in order; the instance goes last.
@@ -28,6 +28,8 @@ pub(super) struct Context {
     pub(super) tells_budget: bool,
     /// See [`GpuOptions::free_limit`].
     pub(super) free_limit: Option<u64>,
+    /// True if each buffer and image has memory of its own, so that a fault meets each of them.
+    pub(super) alone: bool,
     pub(super) device: ash::Device,
     /// How descriptors are pushed; absent where sets from pools are bound.
     pub(super) push_descriptor: Option<ash::khr::push_descriptor::Device>,
@@ -68,6 +70,7 @@ impl Context {
                 .then(|| ash::ext::debug_utils::Device::new(&handle, &device)),
             tells_budget: offers(&handle, physical, ash::ext::memory_budget::NAME),
             free_limit: options.free_limit,
+            alone: options.fault.as_ref().is_some_and(Fault::meets_memory),
             instance,
             physical,
             description,
@@ -76,7 +79,7 @@ impl Context {
             timeline: vk::Semaphore::null(),
             pipeline_cache: vk::PipelineCache::null(),
             sampler: vk::Sampler::null(),
-            queue: Mutex::new(Submissions::new(queue, options.lost_at)),
+            queue: Mutex::new(Submissions::new(queue)),
             memory: Mutex::default(),
             times: Mutex::default(),
             counters: Counters::default(),

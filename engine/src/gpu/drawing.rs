@@ -8,7 +8,7 @@ use shaders_glsl::{Binding, Shader, Stage};
 
 use super::bindings::Place;
 use super::pipeline::Pipeline;
-use super::pipeline_creation::{Builder, Interface, constant_places, module};
+use super::pipeline_creation::{Builder, Interface, Module, constant_places};
 use super::{Context, Format, Gpu, Overlap, Recipe, Targets, check, lock};
 use crate::error::Result;
 
@@ -150,12 +150,12 @@ fn build(
         .view_mask(view_mask(views))
         .color_attachment_formats(&colours)
         .depth_attachment_format(depth.unwrap_or(vk::Format::UNDEFINED));
-    let modules = [module(device, shaders[0])?, module(device, shaders[1])?];
-    let stages = [(vk::ShaderStageFlags::VERTEX, modules[0]), (vk::ShaderStageFlags::FRAGMENT, modules[1])]
+    let modules = [Module::new(device, shaders[0])?, Module::new(device, shaders[1])?];
+    let stages = [(vk::ShaderStageFlags::VERTEX, &modules[0]), (vk::ShaderStageFlags::FRAGMENT, &modules[1])]
         .map(|(stage, module)| {
             vk::PipelineShaderStageCreateInfo::default()
                 .stage(stage)
-                .module(module)
+                .module(module.handle)
                 .name(c"main")
                 .specialization_info(&special)
         });
@@ -172,15 +172,9 @@ fn build(
         .dynamic_state(&dynamic)
         .layout(layout)
         .push_next(&mut rendering)];
-    // SAFETY: modules and layout are live; the modules may go once the pipeline is made.
-    let made = unsafe {
-        let made = device.create_graphics_pipelines(cache, &info, None).map_err(|(_, e)| e);
-        for module in modules {
-            device.destroy_shader_module(module, None);
-        }
-        made
-    };
-    Ok(check(shaders[0].name, made)?[0])
+    // SAFETY: modules and layout are live.
+    let made = unsafe { device.create_graphics_pipelines(cache, &info, None) };
+    Ok(check(shaders[0].name, made.map_err(|(_, e)| e))?[0])
 }
 
 /// Returns the views as a bit mask; 0, which turns multiview off, for a single view.

@@ -1,6 +1,6 @@
 //! The options of booting.
 
-use super::Windows;
+use super::{Fault, MessageLog, Windows};
 
 /// The options of booting.
 #[derive(Clone, Debug, Default)]
@@ -18,8 +18,10 @@ pub struct GpuOptions {
     pub subgroup_size: Option<u32>,
     /// True if passes bind sets of descriptors from pools even where the device takes pushed ones; for tests.
     pub descriptor_pools: bool,
-    /// Number of the submission, counted from 1, at which the device behaves as lost; for tests.
-    pub lost_at: Option<u64>,
+    /// A call of the driver that fails; for tests.
+    pub fault: Option<Fault>,
+    /// Where the messages of the validation layers go.
+    pub messages: MessageLog,
     /// The windows in which pictures are shown, if any.
     pub windows: Option<Windows>,
 }

@@ -1,12 +1,11 @@
 //! The Vulkan instance, with its loader and its message catcher.
 
 use std::ffi::{CStr, c_void};
-use std::sync::Mutex;
 
 use ash::vk;
 
 use super::features::API;
-use super::{Boot, Windows, check, lock};
+use super::{Boot, GpuOptions, MessageLog, check};
 use crate::error::{Error, Kind, Result};
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -16,14 +15,13 @@ pub(super) struct Instance {
     pub(super) entry: ash::Entry,
     pub(super) handle: ash::Instance,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    messages: Box<Messages>,
+    messages: Box<MessageLog>,
 }
 
-type Messages = Mutex<Vec<String>>;
-
 impl Instance {
-    /// Creates the instance; with the validation layer and for windows if they are asked for.
-    pub(super) fn new(boot: &dyn Boot, validation: bool, windows: Option<&Windows>) -> Result<Self> {
+    /// Creates the instance; with the validation layer and for windows if the options ask for them.
+    pub(super) fn new(boot: &dyn Boot, options: &GpuOptions) -> Result<Self> {
+        let validation = options.validation;
         // SAFETY: loading the Vulkan loader runs its initialisers; it is the system's own library.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
             Error::new(Kind::Unavailable, "VGS-GPU-001", format!("no Vulkan loader: {e}"))
@@ -46,11 +44,11 @@ impl Instance {
             || offered.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::debug_utils::NAME));
         let mut extensions: Vec<_> =
             debug.then_some(ash::ext::debug_utils::NAME.as_ptr()).into_iter().collect();
-        extensions.extend(windows.iter().flat_map(|windows| windows.0));
+        extensions.extend(options.windows.iter().flat_map(|windows| windows.0));
 
         let app =
             vk::ApplicationInfo::default().application_name(c"vgs").engine_name(c"vgs").api_version(API);
-        let messages: Box<Messages> = Box::default();
+        let messages = Box::new(options.messages.clone());
         let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
                 vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
@@ -60,7 +58,7 @@ impl Instance {
                     | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
             )
             .pfn_user_callback(Some(on_message))
-            .user_data(std::ptr::from_ref::<Messages>(&messages) as *mut c_void);
+            .user_data(std::ptr::from_ref::<MessageLog>(&messages) as *mut c_void);
         let enables = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enables);
         let mut info = vk::InstanceCreateInfo::default()
@@ -90,7 +88,7 @@ impl Instance {
 
     /// Returns the messages caught so far.
     pub(super) fn messages(&self) -> Vec<String> {
-        lock(&self.messages).clone()
+        self.messages.all()
     }
 
     /// Lists the devices, in Vulkan's order.
@@ -123,8 +121,8 @@ unsafe extern "system" fn on_message(
     // SAFETY: the layer passes valid callback data, and `user` is the boxed message list of a live instance.
     let (text, messages) = unsafe {
         let text = (*data).message_as_c_str().map(|t| t.to_string_lossy().into_owned()).unwrap_or_default();
-        (text, &*user.cast::<Messages>())
+        (text, &*user.cast::<MessageLog>())
     };
-    lock(messages).push(text);
+    messages.push(text);
     vk::FALSE
 }

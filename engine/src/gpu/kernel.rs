@@ -5,7 +5,7 @@ use shaders_glsl::Shader;
 
 use super::bindings::Place;
 use super::pipeline::Pipeline;
-use super::pipeline_creation::{Builder, Interface, constant_places, module};
+use super::pipeline_creation::{Builder, Interface, Module, constant_places};
 use super::{Gpu, Recipe, check, lock};
 use crate::error::{Error, Kind, Result};
 
@@ -79,21 +79,17 @@ fn build(
     constants: &[u32],
     layout: vk::PipelineLayout,
 ) -> Result<vk::Pipeline> {
-    let module = module(device, shader)?;
+    let module = Module::new(device, shader)?;
     let entries = constant_places(constants);
     let special =
         vk::SpecializationInfo::default().map_entries(&entries).data(bytemuck::cast_slice(constants));
     let stage = vk::PipelineShaderStageCreateInfo::default()
         .stage(vk::ShaderStageFlags::COMPUTE)
-        .module(module)
+        .module(module.handle)
         .name(c"main")
         .specialization_info(&special);
     let info = [vk::ComputePipelineCreateInfo::default().flags(flags).stage(stage).layout(layout)];
-    // SAFETY: module and layout are live; the module may go once the pipeline is made.
-    let made = unsafe {
-        let made = device.create_compute_pipelines(cache, &info, None).map_err(|(_, e)| e);
-        device.destroy_shader_module(module, None);
-        made
-    };
-    Ok(check(shader.name, made)?[0])
+    // SAFETY: module and layout are live.
+    let made = unsafe { device.create_compute_pipelines(cache, &info, None) };
+    Ok(check(shader.name, made.map_err(|(_, e)| e))?[0])
 }

@@ -4,9 +4,11 @@
 use std::collections::BTreeMap;
 
 use ash::vk;
+use gpu_allocator::AllocationError;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, Allocator, AllocatorCreateDesc};
 
 use super::HeapKind;
+use super::check::out_of_host_memory;
 use crate::error::{Error, Kind, Result};
 
 /// The allocator, the deferred deletions, and the account of bytes.
@@ -99,6 +101,15 @@ impl Memory {
         };
         let allocation = allocator.allocate(desc).map_err(|e| {
             let bytes = desc.requirements.size;
+            // The allocator hands on results in words only.
+            let is_of_host = match &e {
+                AllocationError::Internal(said) => said.contains("OUT_OF_HOST_MEMORY"),
+                AllocationError::FailedToMap(said) => said.contains("host memory"),
+                _ => false,
+            };
+            if is_of_host {
+                return out_of_host_memory(desc.name);
+            }
             Error::new(
                 Kind::Temporary,
                 "VGS-GPU-024",

@@ -14,6 +14,8 @@
 //! | | **helpers and plain data** |
 //! | `check`, `lock`, `c_name` | Vulkan results as errors, locks of mutexes, names as Vulkan takes them |
 //! | `format`, `ticket` | formats of texels, tickets of submissions |
+//! | `fault` | a call of the driver that fails, for tests |
+//! | `message_log` | messages of the validation layers |
 //! | `recipe` | all that a driver needs to compile a pipeline |
 //! | `heap` | heaps of memory, and what is free in them |
 //! | `limits`, `hitches`, `pass_time` | limits of a device, counts of hitches, the time of a pass |
@@ -71,6 +73,7 @@ mod devices;
 mod draw_pass;
 mod drawing;
 mod external_image;
+mod fault;
 mod features;
 mod format;
 mod gpu;
@@ -86,6 +89,7 @@ mod kernel;
 mod limits;
 mod lock;
 mod memory;
+mod message_log;
 mod pass;
 mod pass_time;
 mod pipeline;
@@ -110,6 +114,7 @@ pub use device_description::DeviceDescription;
 pub use devices::devices;
 pub use draw_pass::DrawPass;
 pub use drawing::Drawing;
+pub use fault::{Call, Failure, Fault};
 pub use format::Format;
 pub use gpu::Gpu;
 pub use gpu_options::GpuOptions;
@@ -118,6 +123,7 @@ pub use hitches::Hitches;
 pub use image::Image;
 pub use kernel::Kernel;
 pub use limits::Limits;
+pub use message_log::MessageLog;
 pub use pass::Pass;
 pub use pass_time::PassTime;
 pub use recipe::{Overlap, Recipe, Targets};

@@ -97,13 +97,29 @@ fn set_layout(
     check(name, unsafe { device.create_descriptor_set_layout(&info, None) })
 }
 
-/// Creates the driver's module of a shader; it is destroyed when the pipeline exists.
-pub(super) fn module(device: &ash::Device, shader: &Shader) -> Result<vk::ShaderModule> {
-    let code: Vec<u32> =
-        shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
-    let info = vk::ShaderModuleCreateInfo::default().code(&code);
-    // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
-    check(shader.name, unsafe { device.create_shader_module(&info, None) })
+/// The driver's module of a shader, while pipelines are made of it.
+pub(super) struct Module<'a> {
+    device: &'a ash::Device,
+    pub(super) handle: vk::ShaderModule,
+}
+
+impl<'a> Module<'a> {
+    /// Creates the module.
+    pub(super) fn new(device: &'a ash::Device, shader: &Shader) -> Result<Self> {
+        let code: Vec<u32> =
+            shader.spirv.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
+        let info = vk::ShaderModuleCreateInfo::default().code(&code);
+        // SAFETY: the SPIR-V was made and checked by glslang when this program was built.
+        let handle = check(shader.name, unsafe { device.create_shader_module(&info, None) })?;
+        Ok(Module { device, handle })
+    }
+}
+
+impl Drop for Module<'_> {
+    fn drop(&mut self) {
+        // SAFETY: the module may go once pipelines are made.
+        unsafe { self.device.destroy_shader_module(self.handle, None) };
+    }
 }
 
 /// Maps specialisation constants to their places: id after id, four bytes each.

@@ -34,7 +34,11 @@ impl Context {
             requirements,
             location,
             linear,
-            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+            allocation_scheme: match made {
+                Dropped::Buffer(buffer) if self.alone => AllocationScheme::DedicatedBuffer(buffer),
+                Dropped::Image(image, _) if self.alone => AllocationScheme::DedicatedImage(image),
+                _ => AllocationScheme::GpuAllocatorManaged,
+            },
         };
         let placed = self.room(placement).and_then(|()| lock(&self.memory).allocate(&desc, purpose));
         match &placed {

@@ -13,8 +13,6 @@ pub(super) const QUERIES: u32 = 512;
 pub(super) struct Submissions {
     pub(super) queue: vk::Queue,
     pub(super) last: u64,
-    /// See [`super::GpuOptions::lost_at`].
-    lost_at: Option<u64>,
     pub(super) free: Vec<Slot>,
     pub(super) flying: Vec<Flight>,
 }
@@ -37,13 +35,8 @@ pub(super) struct Flight {
 
 impl Submissions {
     /// Takes over a queue that nobody else uses.
-    pub(super) fn new(queue: vk::Queue, lost_at: Option<u64>) -> Self {
-        Submissions { queue, last: 0, lost_at, free: Vec::new(), flying: Vec::new() }
-    }
-
-    /// Returns true if the next submission is one at which the device behaves as lost.
-    pub(super) fn is_lost(&self) -> bool {
-        self.lost_at.is_some_and(|at| self.last + 1 >= at)
+    pub(super) fn new(queue: vk::Queue) -> Self {
+        Submissions { queue, last: 0, free: Vec::new(), flying: Vec::new() }
     }
 
     /// Returns the timeline value of the last submission.

@@ -60,10 +60,6 @@ impl Recorder {
             .wait_semaphore_infos(&waits)
             .command_buffer_infos(&commands)
             .signal_semaphore_infos(&signals)];
-        if queue.is_lost() {
-            queue.free.push(slot);
-            return check("submitting", Err(vk::Result::ERROR_DEVICE_LOST));
-        }
         // SAFETY: the queue is ours alone while locked; the command buffer is complete.
         let submitted = unsafe {
             context.device.cmd_pipeline_barrier2(slot.commands, &dependency);

@@ -32,17 +32,38 @@ pub const FORMATS: &[Format] = &[
 struct Foreign {
     name: &'static str,
     extension: &'static str,
-    /// First bytes; empty if the format has no mark of its own.
-    begins: &'static [u8],
+    /// The first bytes that a file may have; empty if the format has no mark of its own.
+    begins: &'static [&'static [u8]],
+    /// True if splat-transform makes a PLY of it.
+    converted: bool,
 }
 
 const FOREIGN: [Foreign; 5] = [
-    Foreign { name: "an SPZ file", extension: "spz", begins: b"\x1f\x8b" },
-    Foreign { name: "a SOG bundle", extension: "sog", begins: b"PK" },
-    Foreign { name: "a SPLAT file", extension: "splat", begins: b"" },
-    Foreign { name: "a KSPLAT file", extension: "ksplat", begins: b"" },
-    Foreign { name: "a glTF file", extension: "glb", begins: b"glTF" },
+    // gzip to version 3, a mark of its own since.
+    Foreign { name: "an SPZ file", extension: "spz", begins: &[b"\x1f\x8b", b"NGSP"], converted: true },
+    Foreign { name: "a SOG bundle", extension: "sog", begins: &[b"PK"], converted: true },
+    Foreign { name: "a SPLAT file", extension: "splat", begins: &[b""], converted: true },
+    Foreign { name: "a KSPLAT file", extension: "ksplat", begins: &[b""], converted: true },
+    Foreign { name: "a glTF file", extension: "glb", begins: &[b"glTF"], converted: false },
 ];
+
+impl Foreign {
+    /// Returns the format of other programs that a file has by its name and first bytes, if it is one of these.
+    fn of(path: &Path, start: &[u8]) -> Option<&'static Foreign> {
+        let extension = path.extension()?.to_str()?;
+        FOREIGN.iter().find(|foreign| {
+            !start.is_empty()
+                && foreign.extension.eq_ignore_ascii_case(extension)
+                && foreign.begins.iter().any(|mark| start.starts_with(mark))
+        })
+    }
+}
+
+/// Returns true if a file that begins with `start` holds splats: in one of the [`FORMATS`], or in a format of
+/// other programs that the readers refuse by its name.
+pub fn is_splats(path: &Path, start: &[u8]) -> bool {
+    FORMATS.iter().any(|format| (format.sniff)(start)) || Foreign::of(path, start).is_some()
+}
 
 /// Reads a splat set; the content of the file decides on the format, not its name. Refuses a file whose
 /// splats only a volume can place; [`read_unplaced`] reads these, too.
@@ -124,15 +145,14 @@ fn sniffed(path: &Path) -> Result<&'static Format> {
         .and_then(|file| file.take(SNIFF_BYTES).read_to_end(&mut start))
         .map_err(|error| Error::io(path, "reading a splat file", &error))?;
     FORMATS.iter().find(|format| (format.sniff)(&start)).ok_or_else(|| {
-        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-        let is = |foreign: &&Foreign| {
-            foreign.extension.eq_ignore_ascii_case(extension) && start.starts_with(foreign.begins)
-        };
-        if let Some(Foreign { name, extension, .. }) = FOREIGN.iter().find(is).filter(|_| !start.is_empty()) {
+        if let Some(Foreign { name, extension, converted, .. }) = Foreign::of(path, &start) {
+            let help = if *converted {
+                ply::convert_help(extension)
+            } else {
+                "write the splats as a PLY with the program that they are from".to_owned()
+            };
             let message = format!("{name}, which vgs does not read");
-            return Error::new(Kind::BadData, "VGS-SPLAT-006", message)
-                .file(path)
-                .help(ply::convert_help(extension));
+            return Error::new(Kind::BadData, "VGS-SPLAT-006", message).file(path).help(help);
         }
         let found = if start.is_empty() { "the file is empty" } else { "not a splat file" };
         Error::new(Kind::BadData, "VGS-SPLAT-001", found)
@@ -174,13 +194,22 @@ mod tests {
             let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-001"), "{name}");
         }
-        for (name, content) in [("a.spz", &b"\x1f\x8b\x08"[..]), ("a.GLB", b"glTF\x02"), ("a.splat", b"1234")]
-        {
+        // As splat-transform writes them, SPZ also in its earlier version.
+        for (name, content) in [
+            ("a.spz", &b"NGSP\x04\0"[..]),
+            ("b.spz", b"\x1f\x8b\x08"),
+            ("a.sog", b"PK\x03\x04"),
+            ("a.GLB", b"glTF\x02"),
+            ("a.splat", b"1234"),
+        ] {
             std::fs::write(at(name), content).expect("writing");
+            assert!(is_splats(&at(name), content), "{name}");
             let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-006"), "{name}");
-            assert!(error.help.contains("splat-transform"), "{}", error.help);
+            // It reads all of them but glTF.
+            assert_eq!(error.help.contains("splat-transform"), name != "a.GLB", "{}", error.help);
         }
+        assert!(!is_splats(&at("a.zip"), b"PK\x03\x04") && !is_splats(&at("a.spz"), b"plain"));
         // A mean that is no number cannot be used.
         let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
         let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();

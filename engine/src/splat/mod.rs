@@ -41,7 +41,9 @@ mod vgs;
 pub use activation::Activations;
 pub use defect::defect;
 pub use field::Field;
-pub use file::{FORMATS, describe, file_bytes, read, read_all, read_some, read_unplaced, write, write_as};
+pub use file::{
+    FORMATS, describe, file_bytes, is_splats, read, read_all, read_some, read_unplaced, write, write_as,
+};
 pub use format::{Format, ReadOptions, SNIFF_BYTES, Summary, WriteOptions};
 pub use grid::{Exception, Form, Grid};
 pub use harmonics::Harmonics;

@@ -71,7 +71,8 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         return Ok(sets.into_iter().next().map(|(_, set)| set).unwrap_or_default());
     }
     let Numbered { labels, names: label_names } = numbered(&sets)?;
-    let origin_mm = if alone { first.origin_mm } else { common_origin(&sets) };
+    let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
+    let origin_mm = if shared { first.origin_mm } else { common_origin(&sets) };
     let field = Field { background: mean_background(&sets), ..first.field };
     let has_intensity = first.has_intensity;
     let colours = first.colours.is_some().then(|| joined_colours(&sets));
@@ -254,6 +255,8 @@ mod tests {
             let before = if i < 2 { world(&bones, i) } else { world(&organs, i - 2) };
             assert!(world(&joined, i).distance(before) < 1e-5, "splat {i}");
         }
+        let again = join(named(&[("bones", &bones), ("more", &bones)])).expect("they fit together");
+        assert_eq!((again.origin_mm, &again.splats[2..]), (bones.origin_mm, &bones.splats[..]), "to the bit");
         assert_eq!(joined.labels, Some(vec![1, 1, 3, 2, 4, 3]));
         let objects: Vec<_> = joined.objects().into_iter().map(|o| (o.number, o.name, o.splats)).collect();
         let wanted =

@@ -65,6 +65,24 @@ impl SplatSet {
         intensities().reduce(f64::min).zip(intensities().reduce(f64::max)).map(|(low, high)| [low, high])
     }
 
+    /// Returns this set with all that `original` states beside its splats: for a file that another program has
+    /// written anew without the comments of this one. Exceptions belong to splats, and come only if there are as
+    /// many as before.
+    pub fn with_statements_of(self, original: &SplatSet) -> SplatSet {
+        let same = self.splats.len() == original.splats.len();
+        SplatSet {
+            origin_mm: original.origin_mm,
+            field: original.field,
+            has_intensity: self.has_intensity && original.has_intensity,
+            label_names: original.label_names.clone(),
+            iterations: original.iterations,
+            grid: original.grid,
+            form: original.form,
+            exceptions: if same { original.exceptions.clone() } else { Vec::new() },
+            ..self
+        }
+    }
+
     /// Sorts the splats by importance, the most important first: the first n splats then represent the set as
     /// well as n splats can, for any n. The field stays the same.
     pub fn order_by_importance(&mut self) {

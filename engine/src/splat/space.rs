@@ -15,6 +15,9 @@ use super::{Field, Splat, SplatSet};
 
 /// Cosine below which two columns count as orthogonal.
 const ORTHOGONAL: f64 = 1e-15;
+/// Rounding that no measure of a set sees, as a part of a splat's least σ: at the place of a splat of 0.3 mm it
+/// lets pass 5 m.
+const EXACT: f32 = 1e-3;
 /// Most sweeps of the Jacobi iteration; a 3×3 matrix converges in about five.
 const MAX_SWEEPS: usize = 16;
 
@@ -31,15 +34,30 @@ impl SplatSet {
     /// Returns the world-space set of voxel-space `splats` of a volume with the index-to-world map
     /// `world_from_voxel`, mm RAS.
     ///
-    /// The origin is the centre of the box of all means, rounded to whole millimetres, so that f32 means keep
-    /// their digits wherever the scanner put the patient.
+    /// The origin is that of the world where f32 means are exact enough from there, and otherwise the centre
+    /// of the box of all means, rounded to whole millimetres.
     pub fn from_voxel(splats: &[Splat], world_from_voxel: &DAffine3, field: Field) -> SplatSet {
         let linear = world_from_voxel.matrix3;
-        let origin_mm = centre(splats.iter().map(|splat| world_from_voxel.transform_point3(mean(splat))));
-        let offset = world_from_voxel.translation - origin_mm;
-        let splats =
-            splats.par_iter().map(|splat| transformed(splat, &linear, |x| linear * x + offset)).collect();
-        SplatSet { splats, origin_mm, field, ..SplatSet::default() }
+        let about = |origin_mm| {
+            let offset = world_from_voxel.translation - origin_mm;
+            let place = |x: DVec3| linear * x + offset;
+            let splats = splats.par_iter().map(|splat| transformed(splat, &linear, place)).collect();
+            SplatSet { splats, origin_mm, field, ..SplatSet::default() }
+        };
+        let set = about(DVec3::ZERO);
+        if set.is_exact() {
+            return set;
+        }
+        about(centre(splats.iter().map(|splat| world_from_voxel.transform_point3(mean(splat)))))
+    }
+
+    /// Returns true if rounding to f32 moves no mean by more than [`EXACT`] of its splat's least σ.
+    pub(super) fn is_exact(&self) -> bool {
+        self.splats.par_iter().all(|splat| {
+            let far = splat.mean.iter().fold(0.0f32, |far, x| far.max(x.abs()));
+            let least = splat.log_scale.iter().copied().fold(f32::INFINITY, f32::min).exp();
+            far * (0.5 * f32::EPSILON) <= EXACT * least
+        })
     }
 }
 
@@ -187,6 +205,8 @@ mod tests {
             for anisotropy in [2.0, 10.0, 100.0] {
                 let splats = random_splats(300, anisotropy, 1);
                 let set = SplatSet::from_voxel(&splats, &affine, field());
+                // Only where f32 would be too coarse are means relative to something.
+                assert_eq!(set.origin_mm != DVec3::ZERO, name == "far away", "{name}: {}", set.origin_mm);
                 assert_eq!(set.origin_mm, set.origin_mm.round(), "{name}: whole millimetres");
                 for (voxel, world) in splats.iter().zip(&set.splats) {
                     let expected = affine.matrix3 * covariance(voxel) * affine.matrix3.transpose();
@@ -254,6 +274,20 @@ mod tests {
         let upright = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
         let mirrored = SplatSet::from_voxel(&[upright], &affines()[3].1, field());
         assert_eq!(mirrored.splats[0].rotation, upright.rotation);
+    }
+
+    #[test]
+    fn the_origin_is_that_of_the_world_as_long_as_f32_is_exact_enough() {
+        let at = |mm: f64, log_scale: f32| {
+            let splat = Splat { log_scale: [log_scale, 0.0, 1.0], ..Splat::default() };
+            let affine = DAffine3::from_translation(DVec3::new(0.0, mm, 0.0));
+            SplatSet::from_voxel(&[splat], &affine, field()).origin_mm
+        };
+        // Half a step of f32 there, against a thousandth of the least σ.
+        assert_eq!(at(4_500.4, 0.28f32.ln()), DVec3::ZERO);
+        assert_eq!(at(4_900.4, 0.28f32.ln()), DVec3::new(0.0, 4_900.0, 0.0));
+        assert_eq!(at(-4_900.4, 0.28f32.ln()), DVec3::new(0.0, -4_900.0, 0.0));
+        assert_eq!(at(4_900.4, 0.4f32.ln()), DVec3::ZERO);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! top of `engine/src/lib.rs`, `tools/view/src/lib.rs` and `xr-app/src/lib.rs`.
 #![forbid(unsafe_code)]
 
+mod dependencies;
 mod imports;
 
 use std::collections::{BTreeMap, BTreeSet};

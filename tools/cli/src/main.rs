@@ -69,6 +69,7 @@ fn main() -> ExitCode {
     let start = Instant::now();
     failure::guard(|| {
         signals::survive_file_limits()?;
+        signals::end_without_memory()?;
         let cli = parse()?;
         let console = Console::new(&cli.talk);
         console.start_logging();

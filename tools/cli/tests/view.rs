@@ -261,12 +261,56 @@ fn a_lost_device_is_made_again() {
     let (whole, log) = shot(&[]);
     assert!(!log.contains("beginning anew"));
     // In the middle of the upload, and while the field is decoded beside the window.
-    for at in ["3", "30"] {
-        let (again, log) = shot(&["--lost-at", at]);
+    for at in [3, 30] {
+        let (again, log) = shot(&["--fault", &format!("submit:{at}:lost")]);
         again.keep(&format!("lost-{at}"));
         assert!(log.contains("the device was lost; beginning anew"), "{at}: {log}");
         let differing = again.differences(&whole, [0, 0, 1280, 720]);
         assert!(differing < 500, "{at}: {differing} pixels differ");
+    }
+}
+
+/// A swapchain that no longer fits is made again, a lost device or surface once; what else fails ends the program
+/// with its exit code. The validation layer, which writes to stdout, is silent.
+#[test]
+fn what_fails_in_a_window_is_made_up_for_or_told() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let layer = [("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")];
+    let start = |fault: &str| {
+        let arguments = ["s.ply", "--tf", "CT-Soft-Tissue", "--fault", fault];
+        Viewer::start_with(&screen, &folder, &arguments, &layer)
+    };
+    for (fault, begins_anew) in [
+        ("acquire:2:out-of-date", false),
+        ("present:1:out-of-date", false),
+        ("acquire:2:lost", true),
+        ("present:1:lost", true),
+        ("wait:9:lost", true),
+        ("acquire:1:surface-lost", true),
+        ("swapchain:1:surface-lost", true),
+    ] {
+        let mut viewer = start(fault);
+        viewer.wait(&format!("{fault}: a picture"), |v| v.frames()[1] > 0);
+        viewer.settle();
+        assert!(screen.look().count(PICTURE, bright) > 5000, "{fault}: something is seen");
+        screen.hand(&["search", "--name", "vgs", "windowfocus"]);
+        let ended = viewer.quit();
+        assert_eq!(ended.code, 0, "{fault}: {}", ended.err);
+        assert_eq!(ended.err.contains("beginning anew"), begins_anew, "{fault}: {}", ended.err);
+        assert_eq!(ended.out, "", "{fault}");
+    }
+    for (fault, code, says) in [
+        ("swapchain:1:device-memory", 75, "VGS-GPU-010"),
+        ("present:1:device-memory", 75, "VGS-GPU-010"),
+        ("memory:1:device-memory", 75, "VGS-GPU-024"),
+        ("object:1:host-memory", 71, "VGS-GPU-011"),
+    ] {
+        let ended = start(fault).end();
+        assert_eq!(ended.code, code, "{fault}: {}", ended.err);
+        assert!(ended.err.contains(says), "{fault}: {}", ended.err);
+        assert_eq!(ended.out, "", "{fault}");
     }
 }
 

@@ -4,6 +4,7 @@
 
 mod model;
 mod paper;
+mod soak;
 mod trade;
 
 use clap::{Parser, Subcommand};
@@ -23,7 +24,8 @@ studies paper --help
 of the frame budget
   studies model fit *.ply --out DIR   what a frame costs, from the work that it is made of; \
 studies model fit --help
-  studies model headset *.ply --out DIR    what a standalone headset would take for it"
+  studies model headset *.ply --out DIR    what a standalone headset would take for it
+  studies soak --minutes 60           whether memory stays as it is"
 )]
 struct StudiesArguments {
     /// Device by index or part of its name, as `vgs devices` lists them.
@@ -43,6 +45,7 @@ enum Study {
     /// What a frame costs, from the work that it is made of, here and on devices that are not at hand.
     #[command(subcommand)]
     Model(model::ModelStudy),
+    Soak(soak::SoakArguments),
 }
 
 fn main() -> std::process::ExitCode {
@@ -57,5 +60,6 @@ fn run(arguments: &StudiesArguments) -> Result<()> {
         Study::Trade(trade::TradeStudy::Render(a)) => trade::render::run(&options, a),
         Study::Model(model::ModelStudy::Fit(a)) => model::fit(&Gpu::new(&options)?, a),
         Study::Model(model::ModelStudy::Headset(a)) => model::headset(&Gpu::new(&options)?, a),
+        Study::Soak(a) => soak::run(&options, a),
     }
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
 use std::time::Instant;
 
 use engine::fit::place::place;
@@ -153,6 +154,8 @@ pub struct Loader {
     turn: u64,
     /// Work in progress, and the part of it that is done, if known.
     doing: Vec<(String, Option<f32>)>,
+    /// Threads that use the device.
+    preparing: Vec<JoinHandle<()>>,
 }
 
 /// Turn of work whose result is wanted whatever is opened meanwhile.
@@ -169,7 +172,7 @@ impl Loader {
     /// Creates a loader. `wake` is called from other threads.
     pub fn new(wake: impl Fn() + Send + Sync + 'static) -> Self {
         let (sender, receiver) = channel();
-        Loader { wake: Arc::new(wake), sender, receiver, turn: 0, doing: Vec::new() }
+        Loader { wake: Arc::new(wake), sender, receiver, turn: 0, doing: Vec::new(), preparing: Vec::new() }
     }
 
     /// Begins to read files; results of what was being read before are dropped. Files that are also in `had`
@@ -191,9 +194,9 @@ impl Loader {
         }
     }
 
-    fn spawn(&self, turn: u64, job: impl FnOnce(&Teller) + Send + 'static) {
+    fn spawn(&self, turn: u64, job: impl FnOnce(&Teller) + Send + 'static) -> JoinHandle<()> {
         let teller = Teller { wake: Arc::clone(&self.wake), sender: self.sender.clone(), turn };
-        std::thread::spawn(move || job(&teller));
+        std::thread::spawn(move || job(&teller))
     }
 
     /// Returns what has been loaded since the last call.
@@ -233,10 +236,11 @@ impl Loader {
         job: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
     ) {
         self.doing.push((what.to_owned(), None));
-        self.spawn(self.turn, move |tell| {
+        self.preparing.retain(|thread| !thread.is_finished());
+        self.preparing.push(self.spawn(self.turn, move |tell| {
             let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
             tell.during(what.to_owned(), || job(&mut progress));
-        });
+        }));
     }
 
     /// Writes a file beside the window. `write` is given a function that takes its progress, from 0 to 1.
@@ -252,6 +256,17 @@ impl Loader {
                 tell.say(Message::Loaded(Loaded::Written(path)));
             }
         });
+    }
+}
+
+impl Drop for Loader {
+    /// Waits for the threads that use the device: a driver crashes if the program ends meanwhile. They end soon once
+    /// their scene is gone.
+    fn drop(&mut self) {
+        for thread in self.preparing.drain(..) {
+            // A panic of the thread was told when it happened.
+            let _ = thread.join();
+        }
     }
 }
 

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use engine::Result;
 use engine::budget::Controller;
 use engine::render::{GpuSplats, Quality, SplatKind, level_costs, quality_levels};
 use engine::splat::SplatSet;
+use engine::{Error, Result};
 use glam::DVec2;
 use winit::window::Window;
 
@@ -35,7 +35,14 @@ const REST: Duration = Duration::from_millis(150);
 const PITCH: f64 = 1.0;
 
 /// Error code of a lost device.
-pub const LOST: &str = "VGS-GPU-012";
+const LOST: &str = "VGS-GPU-012";
+/// Error code of a lost surface of the window.
+const SURFACE_LOST: &str = "VGS-GPU-034";
+
+/// Returns true if the device or the window's surface is lost, so that the window has to begin anew.
+pub fn is_lost(error: &Error) -> bool {
+    error.code == LOST || error.code == SURFACE_LOST
+}
 
 /// The open window with what draws in it.
 pub struct ActiveWindow {
@@ -172,7 +179,7 @@ impl Viewer {
                 Ok(None) => {}
                 // The next picture finds the same loss, and the window begins anew; a device that has
                 // replaced the lost one draws one picture more.
-                Err(error) if error.code == LOST => self.stale = true,
+                Err(error) if is_lost(&error) => self.stale = true,
                 Err(error) => self.app.report(&error),
             }
         }
@@ -215,7 +222,7 @@ impl Viewer {
         let start = Instant::now();
         match self.data.scene(canvas.gpu(), subject, &self.app.state) {
             Ok(scene) => canvas.set_scene(subject, scene),
-            Err(error) if error.code == LOST => return Err(error),
+            Err(error) if is_lost(&error) => return Err(error),
             // What the device has no room for is not shown; the rest goes on.
             Err(error) => self.app.report(&error),
         }

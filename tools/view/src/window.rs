@@ -18,7 +18,7 @@ use crate::report::WindowReport;
 use crate::settings::Settings;
 use crate::state::ViewState;
 use crate::theme;
-use crate::viewer::{ActiveWindow, LOST, Viewer};
+use crate::viewer::{ActiveWindow, Viewer, is_lost};
 
 /// Initial state of the viewer.
 pub struct Start {
@@ -42,7 +42,7 @@ struct Woken;
 ///
 /// # Errors
 /// Returns [`Kind::Unavailable`] without a display, or without a device that can show pictures on it; errors
-/// of the device, after one attempt to begin anew if it was lost.
+/// of the device, after one attempt to begin anew if it or the surface of the window was lost.
 pub fn run(start: Start) -> Result<WindowReport> {
     let events = EventLoop::<Woken>::with_user_event().build().map_err(|e| no_window(&e))?;
     let proxy = events.create_proxy();
@@ -73,7 +73,7 @@ struct Program {
     active: Option<ActiveWindow>,
     /// Time when egui wants another frame by itself, as for a tooltip.
     wake_at: Option<Instant>,
-    /// True if the device was lost.
+    /// True if the device or the surface was lost.
     lost: bool,
     failure: Option<Error>,
 }
@@ -144,12 +144,11 @@ impl Program {
         }
     }
 
-    /// Begins anew if the device was lost for the first time; otherwise ends the program with the error.
+    /// Begins anew if the device or the surface was lost for the first time; otherwise ends the program with the error.
     fn fail(&mut self, event_loop: &ActiveEventLoop, error: Error) {
-        if error.code == LOST && !self.lost {
+        if is_lost(&error) && !self.lost {
             tracing::warn!("{error}; beginning anew");
             self.lost = true;
-            self.options.lost_at = None;
             // The old device is dropped completely before there is a new one.
             let window = self.active.take().map(|active| active.window);
             return self.begin(event_loop, window);

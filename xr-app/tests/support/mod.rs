@@ -52,8 +52,12 @@ pub fn set() -> SplatSet {
 }
 
 pub fn scene(gpu: &Gpu) -> Scene {
+    try_scene(gpu).expect("a scene")
+}
+
+pub fn try_scene(gpu: &Gpu) -> engine::Result<Scene> {
     let look = Look::new(preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]));
-    Scene::new(gpu, Some(&set()), None, &look).expect("a scene")
+    Scene::new(gpu, Some(&set()), None, &look)
 }
 
 pub fn script(frames: u64) -> Script {

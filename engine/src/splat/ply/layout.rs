@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use super::encode::encode;
+use super::encode::{Row, encode};
 use super::reference;
 use crate::error::Result;
 use crate::splat::{Kernel, Place, SplatSet};
@@ -16,6 +16,8 @@ pub struct PlyLayout {
     pub about: &'static str,
     /// The kernel that programs which read the layout assume; `None` if the file names it.
     pub kernel: Option<Kernel>,
+    /// True if the layout counts in the voxels of a volume, which must be given.
+    pub needs_volume: bool,
     /// Fails if a set that can be written otherwise cannot be written in this layout.
     pub(super) check: fn(&SplatSet, Option<&Place>) -> Result<()>,
     /// Writes a set that has been checked.
@@ -24,21 +26,35 @@ pub struct PlyLayout {
     losses: fn(&SplatSet, Option<&Place>) -> Vec<String>,
 }
 
+/// Name of the layout of rows of 62 floats.
+pub(super) const INRIA: &str = "inria";
+
 /// Every layout that is written; the first is the default.
 pub const PLY_LAYOUTS: &[PlyLayout] = &[
     PlyLayout {
         name: "vgs",
-        about: "places in mm RAS and HU in a second element; what every other command and ordinary viewers read",
+        about: "places in mm RAS, and HU as one more property; what every other command and ordinary viewers read",
         kernel: None,
+        needs_volume: false,
         check: |_, _| Ok(()),
-        encode: |set, _, out| encode(set, out),
+        encode: |set, _, out| encode(set, Row::Named, out),
         losses: |_, _| Vec::new(),
     },
     PlyLayout {
-        name: "reference",
+        name: INRIA,
+        about: "the same in rows of 62 floats, for programs that know no other, and HU in a second element",
+        kernel: None,
+        needs_volume: false,
+        check: |_, _| Ok(()),
+        encode: |set, _, out| encode(set, Row::Fixed, out),
+        losses: |_, _| Vec::new(),
+    },
+    PlyLayout {
+        name: reference::NAME,
         about: "that of the paper's authors, for their viewer: voxel index times spacing, opacity as a probability; \
                 commands then need the volume beside it",
         kernel: Some(reference::KERNEL),
+        needs_volume: true,
         check: reference::check,
         encode: reference::encode,
         losses: reference::losses,

@@ -1,10 +1,11 @@
 //! Names of elements and properties, and the first bytes of a PLY.
 
-/// The second element, with one row per vertex.
-pub(super) const INTENSITY_ELEMENT: &str = "splat_intensity";
-
-/// The property of the second element that holds the label.
+/// The properties that hold intensity and label, of the vertices or of [`INTENSITY_ELEMENT`].
+pub(super) const INTENSITY_PROPERTY: &str = "intensity";
 pub(super) const LABEL_PROPERTY: &str = "label";
+
+/// The second element of some files, with one row per vertex.
+pub(super) const INTENSITY_ELEMENT: &str = "splat_intensity";
 
 /// The element of voxels whose occupancy is not the rounded one, and its property, a byte of their code.
 pub(super) const EXCEPTION_ELEMENT: &str = "exception";

@@ -8,8 +8,11 @@ use glam::DVec3;
 use ply_rs::ply::{ElementDef, PropertyType};
 
 use super::header::{Header, bad, quoted};
-use super::layout::PLY_LAYOUTS;
-use super::names::{COLOUR_PROPERTIES, EXCEPTION_ELEMENT, INTENSITY_ELEMENT, LABEL_PROPERTY, rest_property};
+use super::layout::{INRIA, PLY_LAYOUTS};
+use super::names::{
+    COLOUR_PROPERTIES, EXCEPTION_ELEMENT, INTENSITY_ELEMENT, INTENSITY_PROPERTY, LABEL_PROPERTY,
+    rest_property,
+};
 use super::rows::{self, Column};
 use super::{comments, exceptions, reference};
 use crate::error::{Error, Kind, Result};
@@ -21,22 +24,25 @@ use crate::splat::{Field, Harmonics, Kernel, ReadOptions, Splat, SplatSet, Summa
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Properties that hold a physical intensity; the first that an element has counts.
-const INTENSITY_PROPERTIES: [&str; 2] = ["hu", "intensity"];
+const INTENSITY_PROPERTIES: [&str; 2] = ["hu", INTENSITY_PROPERTY];
 
 /// The properties of a splat, in the order of its first 11 floats.
 const SPLAT_PROPERTIES: [&str; INTENSITY_SLOT] =
     ["x", "y", "z", "opacity", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2"];
 
 /// The layout name of ordinary 3D Gaussian splatting.
-const ORDINARY: &str = "3dgs";
+pub const ORDINARY: &str = "3dgs";
 
 /// Position of the intensity among the floats of a [`Splat`].
 const INTENSITY_SLOT: usize = 11;
 const SPLAT_SLOTS: usize = INTENSITY_SLOT + 1;
-/// Floats of a row: those of a splat and, if there is no intensity, those of its harmonics, of degree 0 or of
-/// the highest.
-const GREY_SLOTS: usize = SPLAT_SLOTS + 3;
-const ALL_SLOTS: usize = SPLAT_SLOTS + 3 * MAX_BASIS;
+const LABEL_SLOT: usize = SPLAT_SLOTS;
+/// Position of the first value that is kept beside the splats.
+const BEYOND_SLOT: usize = LABEL_SLOT + 1;
+/// Floats of a row: those of a splat, its label and, if there is no intensity, those of its harmonics, of
+/// degree 0 or of the highest.
+const GREY_SLOTS: usize = BEYOND_SLOT + 3;
+const ALL_SLOTS: usize = BEYOND_SLOT + 3 * MAX_BASIS;
 
 /// Reads a splat set; the text of the module above says what is accepted.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
@@ -118,6 +124,13 @@ fn open(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     }
     if !loaded.set.has_intensity {
         tracing::info!(%file, "no intensity: what acts on intensities acts on the luminance of the colour");
+    } else if loaded.layout == ORDINARY {
+        tracing::warn!(
+            %file,
+            "the file has intensities and no comments `vgs.`, so a Gaussian kernel, the mean as background and no grid \
+             are assumed; if vgs wrote it and another program has changed it since, `vgs convert FILE --like ORIGINAL \
+             -o OUT.ply` takes them from the original"
+        );
     }
     Ok(loaded)
 }
@@ -157,19 +170,24 @@ pub(super) fn load(
         extra => tracing::warn!(extra, "bytes behind the last row of a PLY file were ignored"),
     }
 
+    let fixed = vertex.properties.contains_key(&rest_property(3 * MAX_BASIS - 4));
     let count = vertex.count;
     let mut splats = zeros::<Splat>(count)?;
     let mut beyond = zeros::<f32>(count.saturating_mul(layout.beyond()))?;
-    let mut labels = match &beside_columns {
-        Some(beside) if beside.label.is_some() => Some(zeros::<u8>(count)?),
-        _ => None,
-    };
+    let beside_has_label = beside_columns.as_ref().is_some_and(|beside| beside.label.is_some());
+    let labelled = layout.has_label || beside_has_label;
+    let mut labels = if labelled { Labels::of(zeros(count)?) } else { Labels::default() };
     let mut exceptions = Vec::new();
     for (index, element) in header.elements.iter().enumerate().take(last + 1) {
         if let Some(grid) = grid.as_ref().filter(|_| element.name == EXCEPTION_ELEMENT) {
             exceptions = exceptions::read(&mut source, &header, element, grid)?;
         } else if index == vertex_index {
-            let mut fill = |i: usize, row: &[f32]| layout.fill(&mut splats[i], &mut beyond, i, row);
+            let mut fill = |i: usize, row: &[f32]| {
+                layout.fill(&mut splats[i], &mut beyond, i, row);
+                if layout.has_label {
+                    labels.set(i, row[LABEL_SLOT]);
+                }
+            };
             match layout.degree {
                 None | Some(0) => rows::read(
                     &mut source,
@@ -187,12 +205,14 @@ pub(super) fn load(
                 )?,
             }
         } else if let Some(beside) = beside_columns.as_ref().filter(|_| element.name == INTENSITY_ELEMENT) {
-            beside.read(&mut source, &header, element, &mut splats, labels.as_deref_mut())?;
+            beside.read(&mut source, &header, element, &mut splats, &mut labels)?;
         } else {
             rows::skip(&mut source, &header, element)?;
         }
     }
 
+    let ours = header.comments.iter().any(|comment| comment.trim_start().starts_with("vgs."));
+    let labels = labels.taken(ours || beside_has_label)?;
     let by_reference = layout.source == Source::Reference;
     let mut rows = by_reference.then(|| reference::Rows {
         intensity_01: std::mem::take(&mut beyond),
@@ -222,9 +242,9 @@ pub(super) fn load(
         rows.check(&set.splats)?;
     }
     set.label_names = stated.label_names;
-    let ours = header.comments.iter().any(|comment| comment.trim_start().starts_with("vgs."));
     let layout = match (by_reference, ours) {
-        (true, _) => PLY_LAYOUTS[1].name,
+        (true, _) => reference::NAME,
+        (false, true) if layout.source == Source::Element && fixed => INRIA,
         (false, true) => PLY_LAYOUTS[0].name,
         (false, false) => ORDINARY,
     };
@@ -291,8 +311,10 @@ enum Source {
 
 /// The vertex properties that are read, and the slots that they go to.
 struct Layout {
-    /// Columns for the slots of a row: the 12 floats of a splat, then the harmonics.
+    /// Columns for the slots of a row: the 12 floats of a splat, its label, then the harmonics.
     columns: Vec<Column>,
+    /// True if one of them is the label.
+    has_label: bool,
     source: Source,
     /// Degree of the harmonics, if the file has colours instead of an intensity.
     degree: Option<u8>,
@@ -311,9 +333,11 @@ impl Layout {
         };
         let mut wanted: Vec<(&str, usize)> = SPLAT_PROPERTIES.into_iter().zip(0..).collect();
         if source == Source::Colour {
-            wanted.extend(COLOUR_PROPERTIES.into_iter().zip(SPLAT_SLOTS..));
+            wanted.extend(COLOUR_PROPERTIES.into_iter().zip(BEYOND_SLOT..));
         }
         let mut columns = columns(vertex, &wanted)?;
+        let label = position(LABEL_PROPERTY);
+        columns.extend(label.map(|property| Column { property, slot: LABEL_SLOT }));
         let mut degree = None;
         match source {
             Source::Element => {}
@@ -324,17 +348,23 @@ impl Layout {
             // This layout is handled by `of_reference` below.
             Source::Reference => {}
         }
-        Ok(Layout { columns, source, degree, has_hu: false })
+        Ok(Layout { columns, has_label: label.is_some(), source, degree, has_hu: false })
     }
 
     /// Creates the layout of the paper's authors, in which `intensity_01` follows the floats of a splat.
     fn of_reference(vertex: &ElementDef) -> Result<Layout> {
         let mut wanted: Vec<(&str, usize)> = SPLAT_PROPERTIES.into_iter().zip(0..).collect();
-        wanted.push((reference::INTENSITY_01, SPLAT_SLOTS));
+        wanted.push((reference::INTENSITY_01, BEYOND_SLOT));
         let mut columns = columns(vertex, &wanted)?;
         let hu = vertex.properties.get_index_of("hu");
         columns.extend(hu.map(|property| Column { property, slot: INTENSITY_SLOT }));
-        Ok(Layout { columns, source: Source::Reference, degree: None, has_hu: hu.is_some() })
+        Ok(Layout {
+            columns,
+            has_label: false,
+            source: Source::Reference,
+            degree: None,
+            has_hu: hu.is_some(),
+        })
     }
 
     /// Returns the number of floats of a row beyond those of the splat.
@@ -352,13 +382,13 @@ impl Layout {
             Source::Element => splat.intensity,
             Source::Property | Source::Reference => row[INTENSITY_SLOT],
             Source::Colour => {
-                LUMINANCE.iter().zip(&row[SPLAT_SLOTS..]).map(|(weight, dc)| weight * (0.5 + SH0 * dc)).sum()
+                LUMINANCE.iter().zip(&row[BEYOND_SLOT..]).map(|(weight, dc)| weight * (0.5 + SH0 * dc)).sum()
             }
         };
         let values: [f32; SPLAT_SLOTS] = std::array::from_fn(|slot| row[slot]);
         *splat = Splat { intensity, ..bytemuck::cast(values) };
         let count = self.beyond();
-        beyond[index * count..][..count].copy_from_slice(&row[SPLAT_SLOTS..][..count]);
+        beyond[index * count..][..count].copy_from_slice(&row[BEYOND_SLOT..][..count]);
     }
 }
 
@@ -396,7 +426,7 @@ fn rest_columns(vertex: &ElementDef, columns: &mut Vec<Column>) -> Result<u8> {
                 .help("they count from 0 without gaps")
         })?;
         let (channel, k) = (index / per_channel, 1 + index % per_channel);
-        columns.push(Column { property, slot: SPLAT_SLOTS + 3 * k + channel });
+        columns.push(Column { property, slot: BEYOND_SLOT + 3 * k + channel });
     }
     Ok(degree)
 }
@@ -442,30 +472,53 @@ impl Beside {
         header: &Header,
         element: &ElementDef,
         splats: &mut [Splat],
-        mut labels: Option<&mut [u8]>,
+        labels: &mut Labels,
     ) -> Result<()> {
         let column = |property: Option<usize>, slot| property.map(|property| Column { property, slot });
         let columns: Vec<_> = column(self.intensity, 0).into_iter().chain(column(self.label, 1)).collect();
-        let mut wrong = None;
         rows::read(source, header, element, &columns, |i, &[intensity, label]: &[f32; 2]| {
             if self.has_intensity() {
                 splats[i].intensity = intensity;
             }
-            if let Some(labels) = &mut labels {
-                labels[i] = label as u8;
-                if f32::from(labels[i]) != label {
-                    wrong.get_or_insert((i, label));
-                }
+            if self.label.is_some() {
+                labels.set(i, label);
             }
-        })?;
-        match wrong {
-            Some((index, label)) => {
-                let message =
-                    format!("splat {index} has the label {label}, whole numbers to 255 are allowed");
-                Err(bad("VGS-PLY-025", message).help("number the labels from 1 to 255; 0 is none"))
-            }
-            None => Ok(()),
+        })
+    }
+}
+
+/// The labels of a file while it is read.
+#[derive(Default)]
+struct Labels {
+    /// The labels, `None` if the file has none.
+    all: Option<Vec<u8>>,
+    /// The first splat whose label is no whole number to 255, and that label.
+    wrong: Option<(usize, f32)>,
+}
+
+impl Labels {
+    fn of(all: Vec<u8>) -> Self {
+        Labels { all: Some(all), wrong: None }
+    }
+
+    fn set(&mut self, index: usize, value: f32) {
+        let Some(all) = &mut self.all else { return };
+        all[index] = value as u8;
+        if f32::from(all[index]) != value {
+            self.wrong.get_or_insert((index, value));
         }
+    }
+
+    /// Returns the labels. If one is wrong, this fails for a file of this program (`ours`); in a file of
+    /// others the property means something else, and there are no labels.
+    fn taken(self, ours: bool) -> Result<Option<Vec<u8>>> {
+        let Some((index, label)) = self.wrong else { return Ok(self.all) };
+        let message = format!("splat {index} has the label {label}, whole numbers to 255 are allowed");
+        if ours {
+            return Err(bad("VGS-PLY-025", message).help("number the labels from 1 to 255; 0 is none"));
+        }
+        tracing::warn!("{message}: the property `{LABEL_PROPERTY}` was ignored");
+        Ok(None)
     }
 }
 

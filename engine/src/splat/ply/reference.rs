@@ -31,6 +31,9 @@ use crate::splat::harmonics::SH0;
 use crate::splat::space::{centre, reshaped};
 use crate::splat::{Activations, Field, Grid, Kernel, Place, Splat, SplatSet};
 
+/// Name of the layout.
+pub(super) const NAME: &str = "reference";
+
 /// The kernel of files that name none.
 pub const KERNEL: Kernel = Kernel::Gated;
 
@@ -143,16 +146,20 @@ impl Rows {
                 place.world_from_voxel.transform_point3(DVec3::from_array(s.mean.map(f64::from)) / spacing)
             })
             .collect();
-        set.origin_mm = centre(means.iter().copied());
         set.grid = Some(Grid::of_voxels(place.size, place.world_from_voxel));
-        let origin = set.origin_mm;
         set.splats.par_iter_mut().zip(&means).for_each(|(splat, mean)| {
             let probability = splat.opacity_logit;
             let log_scale = std::array::from_fn(|k| (f64::from(splat.log_scale[k]) - ln_extent[k]) as f32);
             *splat = reshaped(&Splat { log_scale, ..*splat }, &linear);
             splat.set_opacity(probability);
-            splat.mean = (*mean - origin).to_array().map(|v| v as f32);
+            splat.mean = mean.to_array().map(|v| v as f32);
         });
+        if !set.is_exact() {
+            set.origin_mm = centre(means.iter().copied());
+            for (splat, mean) in set.splats.iter_mut().zip(&means) {
+                splat.mean = (*mean - set.origin_mm).to_array().map(|v| v as f32);
+            }
+        }
         Ok(set)
     }
 

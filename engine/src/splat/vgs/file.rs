@@ -7,15 +7,15 @@ use flate2::Crc;
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
-use super::lattice::{Lattice, Steps};
-use super::layers::{self, COLUMNS, Cells, Models, Row};
-use super::rounding::Rounding;
+use super::exceptions;
+use super::lattice::Lattice;
+use super::layers::{self, COLUMNS, Models, Row};
+use super::rounding::{Cells, Rounding, Steps};
 use crate::error::{Error, Kind, Result};
 use crate::memory;
 use crate::splat::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
 use crate::splat::{
-    Exception, Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unplaced, WriteOptions,
-    by_importance, defect,
+    Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unplaced, WriteOptions, by_importance, defect,
 };
 
 /// The first bytes of a file; they tell when it went through a program that changes line ends.
@@ -149,8 +149,7 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
         payload.extend(layer);
         begin = end;
     }
-    let mut exceptions =
-        set.grid.as_ref().map_or_else(Vec::new, |grid| encoded_exceptions(&set.exceptions, grid));
+    let mut exceptions = exceptions::encode(&set.exceptions);
     let exceptions_part = Part::of(set.exceptions.len(), &mut exceptions);
     payload.extend(exceptions);
     let header = Header {
@@ -181,41 +180,6 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
     out.extend(header);
     out.extend(payload);
     Ok(out)
-}
-
-/// Returns exceptions as numbers of seven bits a byte: twice the gap to the one before, plus 1 if inside.
-fn encoded_exceptions(exceptions: &[Exception], grid: &Grid) -> Vec<u8> {
-    let (mut out, mut next) = (Vec::new(), 0);
-    for exception in exceptions {
-        let index = exception.index(grid);
-        let mut number = (index - next) << 1 | u64::from(exception.inside);
-        next = index + 1;
-        while number >= 128 {
-            out.push(number as u8 | 128);
-            number >>= 7;
-        }
-        out.push(number as u8);
-    }
-    out
-}
-
-fn decoded_exceptions(bytes: &[u8], count: u64, grid: &Grid) -> Option<Vec<Exception>> {
-    let (mut bytes, mut next, mut found) = (bytes.iter(), 0u64, Vec::new());
-    for _ in 0..count {
-        let (mut number, mut shift) = (0u64, 0);
-        loop {
-            let byte = *bytes.next()?;
-            number |= u64::from(byte & 127).checked_shl(shift).filter(|_| shift < 63)?;
-            shift += 7;
-            if byte < 128 {
-                break;
-            }
-        }
-        let index = next.checked_add(number >> 1)?;
-        found.push(Exception::at(index, number & 1 == 1, grid)?);
-        next = index + 1;
-    }
-    Some(found)
 }
 
 /// Reads a set.
@@ -360,7 +324,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     }
     let exceptions = match (take(&header.exceptions).filter(|_| missing == 0), &grid) {
         (Some(bytes), Some(grid)) if crc32(bytes) == header.exceptions.crc32 => {
-            decoded_exceptions(bytes, header.exceptions.count, grid)
+            exceptions::decode(bytes, header.exceptions.count as usize, grid)
                 .ok_or_else(|| damaged("the exceptions are not as they were written"))?
         }
         (Some(_), None) if header.exceptions.count == 0 => Vec::new(),
@@ -431,6 +395,7 @@ fn stated(header: &Header) -> Result<(Field, Form, DAffine3, Option<Grid>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::splat::Exception;
     use crate::splat::Splat;
     use crate::splat::ply;
 

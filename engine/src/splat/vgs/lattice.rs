@@ -9,8 +9,8 @@
 //! Numbers that decide how many steps there are come from +, −, ×, ÷ and √ alone: every machine finds the same.
 
 use glam::{DMat3, DVec3};
-use serde::{Deserialize, Serialize};
 
+use super::rounding::Steps;
 use crate::splat::space::reshaped;
 use crate::splat::{Activations, Splat};
 
@@ -24,20 +24,6 @@ const FAINTEST: f64 = 20.0;
 const MOST_STEPS: f64 = 65536.0;
 /// Number of codes of a splat without its place: six of the shape, opacity, intensity.
 pub const CODES: usize = 8;
-
-/// Sizes of the steps.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Steps {
-    /// Step of a coordinate of the mean, in widths of the splat along that axis.
-    pub mean: f64,
-    /// Ratio of neighbouring widths.
-    pub ratio: f64,
-    /// Step of ln α.
-    pub opacity: f64,
-    /// Step of the intensity (HU if it is physical).
-    pub intensity: f64,
-}
 
 /// The lattice of some steps.
 pub struct Lattice {

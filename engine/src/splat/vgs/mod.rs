@@ -6,13 +6,16 @@
 //! | 4, 4, 4 | version 1, length of the header, CRC-32 of the header; little endian, as all numbers |
 //! | header | JSON: field, grid, labels, steps of the lattice, and length and CRC-32 of each part that follows |
 //! | layers | the splats, the most important layer first: an eighth, a quarter, the rest |
-//! | exceptions | gaps between voxels where the rounded occupancy is wrong, seven bits a byte |
+//! | exceptions | the voxels where the rounded occupancy is wrong, along a Morton curve |
 //!
 //! | file | what it is |
 //! |---|---|
 //! | `lattice` | the steps that a splat's parameters are rounded to |
-//! | `rounding` | rounding splats before they are written: [`Rounding`] |
+//! | `rounding` | what a set was rounded to: [`Rounding`] |
+//! | `rounds` | rounding splats before they are written |
 //! | `layers` | rows of rounded splats as bytes |
+//! | `exceptions` | exceptions as bytes |
+//! | `morton` | codes of places along a Morton curve, and gaps between them |
 //! | `coder` | the range coder |
 //! | `file` | header, reading, writing |
 //!
@@ -20,10 +23,14 @@
 //! from such a file states its rounding, and is the same when it is written again.
 
 mod coder;
+mod exceptions;
 mod file;
 mod lattice;
 mod layers;
+mod morton;
 mod rounding;
+mod rounds;
 
 pub use file::{bytes, describe, read, sniff, write};
-pub use rounding::{Group, Rounding};
+pub use rounding::Rounding;
+pub use rounds::Group;

@@ -1,8 +1,8 @@
-//! Rounding of splats to a lattice, all of a splat or a group of its parameters.
+//! The rounding of a set: the sizes of the steps, and the cells that means are counted from.
 
-use super::lattice::{CODE_LIMIT, Lattice, Steps};
-use super::layers::{Cells, Row};
-use crate::splat::Splat;
+use serde::{Deserialize, Serialize};
+
+use super::morton::{self, AXIS_BITS};
 
 /// The lattice that splats are rounded to, in the space of the grid that they were fitted on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,77 +11,81 @@ pub struct Rounding {
     pub(super) cells: Cells,
 }
 
-/// A group of parameters that are rounded together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Group {
-    /// Rotation and scales.
-    Shape,
-    /// The mean, whose steps follow from the rounded shape.
-    Mean,
-    /// The opacity.
-    Opacity,
-    /// The intensity.
-    Intensity,
+/// Sizes of the steps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Steps {
+    /// Step of a coordinate of the mean, in widths of the splat along that axis.
+    pub mean: f64,
+    /// Ratio of neighbouring widths.
+    pub ratio: f64,
+    /// Step of ln α.
+    pub opacity: f64,
+    /// Step of the intensity (HU if it is physical).
+    pub intensity: f64,
 }
 
-impl Rounding {
-    /// Chooses fine steps, for splats that are rounded as they are: they cost a fit of 49 dB 0.2 dB, one of
-    /// 60 dB 0.9.
-    pub fn fine(splats: &[Splat]) -> Self {
-        Rounding::with(splats, 0.02, 1.015, 0.03, 500.0)
+/// The cells that means are counted from, in the space of the lattice.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Cells {
+    /// Indices of the first cell along x, y, z.
+    pub first: [i64; 3],
+    /// The side of a cell is 2 to this power.
+    pub side_log2: i32,
+}
+
+impl Cells {
+    /// Chooses cells for `means`: as wide as they can be with a cell of its own for nine splats in ten.
+    pub fn of(means: &[[f32; 3]]) -> Self {
+        let low: [f64; 3] = std::array::from_fn(|k| {
+            means.iter().map(|mean| f64::from(mean[k])).fold(f64::INFINITY, f64::min)
+        });
+        // A cell is never finer than f32 tells places apart.
+        let extent = (0..3)
+            .map(|k| means.iter().map(|mean| f64::from(mean[k]) - low[k]).fold(low[k].abs() / 2.0, f64::max))
+            .fold(1e-30, f64::max);
+        // With one bit in reserve every index fits.
+        let least = extent.log2().ceil() as i32 - AXIS_BITS as i32 + 1;
+        let at = |side_log2: i32| {
+            let side = side_of(side_log2);
+            Cells { first: low.map(|v| (v / side).floor() as i64), side_log2 }
+        };
+        let most = least + AXIS_BITS as i32 - 1;
+        let parted = |cells: &Cells| {
+            let mut keys: Vec<u64> = means.iter().filter_map(|mean| Some(cells.of_mean(*mean)?.0)).collect();
+            keys.sort_unstable();
+            keys.dedup();
+            keys.len() * 10 >= means.len() * 9
+        };
+        (least..=most).rev().map(at).find(parted).unwrap_or_else(|| at(least))
     }
 
-    /// Chooses coarse steps, for splats that are fitted again after they are rounded: they cost a fit of 49 dB
-    /// 0.35 dB.
-    pub fn coarse(splats: &[Splat]) -> Self {
-        Rounding::with(splats, 0.03, 1.05, 0.12, 400.0)
+    /// Returns the side of a cell.
+    pub fn side(&self) -> f64 {
+        side_of(self.side_log2)
     }
 
-    fn with(splats: &[Splat], mean: f64, ratio: f64, opacity: f64, intensities: f64) -> Self {
-        let intensity = intensity_step(splats, intensities);
-        Rounding { steps: Steps { mean, ratio, opacity, intensity }, cells: cells_of(splats) }
-    }
-
-    /// Rounds one group of parameters of each splat; means are counted from the cells that suit them as they
-    /// are now. Splats that are rounded stay as they are, and so do those that no lattice holds.
-    pub fn round(&mut self, splats: &mut [Splat], group: Group) {
-        let Some(lattice) = Lattice::new(self.steps) else { return };
-        if group == Group::Mean {
-            self.cells = cells_of(splats);
+    /// Returns the Morton code of the cell of `mean`, and the place in the cell, 0 to 1; `None` beyond the
+    /// cells.
+    pub fn of_mean(&self, mean: [f32; 3]) -> Option<(u64, [f64; 3])> {
+        let (mut cell, mut within) = ([0u64; 3], [0.0; 3]);
+        for k in 0..3 {
+            let at = f64::from(mean[k]) / self.side();
+            let index = at.floor() as i64 - self.first[k];
+            cell[k] = u64::try_from(index).ok().filter(|&i| i < 1 << AXIS_BITS)?;
+            within[k] = at - at.floor();
         }
-        for splat in splats {
-            let row = Row::of(splat, 0, &lattice, &self.cells);
-            let Some((rounded, _)) = row.and_then(|row| row.splat(&lattice, &self.cells)) else { continue };
-            group.copy(&rounded, splat);
-        }
+        Some((morton::code(cell), within))
+    }
+
+    /// Returns the mean at `within` (0 to 1) of the cell with this Morton code.
+    pub fn mean(&self, code: u64, within: [f64; 3]) -> [f32; 3] {
+        let cell = morton::place(code);
+        std::array::from_fn(|k| ((self.first[k] as f64 + cell[k] as f64 + within[k]) * self.side()) as f32)
     }
 }
 
-impl Group {
-    /// Copies this group of parameters from one splat to another.
-    pub fn copy(self, from: &Splat, to: &mut Splat) {
-        match self {
-            Group::Shape => (to.rotation, to.log_scale) = (from.rotation, from.log_scale),
-            Group::Mean => to.mean = from.mean,
-            Group::Opacity => to.opacity_logit = from.opacity_logit,
-            Group::Intensity => to.intensity = from.intensity,
-        }
-    }
-}
-
-fn cells_of(splats: &[Splat]) -> Cells {
-    Cells::of(&splats.iter().map(|splat| splat.mean).collect::<Vec<_>>())
-}
-
-/// Returns the step that divides the span of the intensities into this many.
-fn intensity_step(splats: &[Splat], count: f64) -> f64 {
-    let mut intensities: Vec<f32> = splats.iter().map(|splat| splat.intensity).collect();
-    intensities.sort_unstable_by(f32::total_cmp);
-    let at = |share: usize| intensities.get(intensities.len() * share / 100).copied().unwrap_or(0.0);
-    // A few far intensities do not make the steps coarse.
-    let span = f64::from(at(98)) - f64::from(at(2));
-    let step = if span > 0.0 { (span / count).clamp(1e-20, 1e20) } else { 1.0 };
-    // An intensity far beyond the span still has a code.
-    let greatest = splats.iter().map(|splat| f64::from(splat.intensity.abs())).fold(0.0, f64::max);
-    step.max(greatest / f64::from(CODE_LIMIT))
+fn side_of(side_log2: i32) -> f64 {
+    f64::from(side_log2).exp2()
 }

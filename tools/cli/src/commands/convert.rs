@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use engine::fit::{FitConfig, FitForm, Problem, rounded_as_it_is};
-use engine::splat::{self, Form, Grid, ReadOptions, SplatSet};
+use engine::splat::{self, Form, Grid, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind};
 
 use crate::shared::console::Console;
@@ -13,6 +13,7 @@ use crate::shared::figures::bytes;
 use crate::shared::flags::{DeviceArguments, pair};
 use crate::shared::inputs::{Case, CleaningArguments, ReadArguments, RoiArguments};
 use crate::shared::outputs;
+use crate::shared::splat_files::worldly_layout;
 use crate::shared::waiting::Waiting;
 
 /// Writes splats in another format; the extension of the output names it
@@ -22,9 +23,17 @@ pub struct ConvertArguments {
     /// The splats
     #[arg(value_name = "SPLATS")]
     splats: PathBuf,
+    /// The splats as vgs wrote them, where SPLATS are what another program has made of these without the
+    /// comments of vgs: kernel, background, grid and names of labels are taken from there
+    #[arg(long, value_name = "ORIGINAL")]
+    like: Option<PathBuf>,
     /// The file: .vgs, which is small and rounded, or .ply for other programs
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     output: PathBuf,
+    /// How a PLY is laid out: vgs (HU as one more property, what most programs read), or inria (rows of 62
+    /// floats, for programs that know no others)
+    #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = worldly_layout, help_heading = "Output")]
+    ply_layout: &'static PlyLayout,
     /// The volume that the splats were fitted to: a .vgs is then rounded more and fitted again to make up for
     /// it
     #[arg(long, value_name = "VOLUME", requires = "region", help_heading = "Fitting again")]
@@ -52,22 +61,29 @@ const EXAMPLES: &str = "\
 Examples:
   vgs convert bones.ply -o bones.vgs
   vgs convert bones.vgs -o bones.ply
+  vgs convert bones.ply -o for-sibr.ply --ply-layout inria
+  vgs convert edited.ply --like bones.ply -o edited-bones.ply
   vgs convert bones.ply -o bones.vgs --volume ct.nii.gz --roi bones.nii.gz      a fifth smaller";
 
 /// Runs the command.
 pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> {
     let mut inputs = vec![arguments.splats.as_path()];
+    inputs.extend(arguments.like.as_deref());
     inputs.extend(arguments.volume.as_deref());
     inputs.extend(arguments.roi.as_deref());
     outputs::check(&[&arguments.output], &inputs, arguments.force)?;
     let mut set = splat::read(&arguments.splats, &ReadOptions::default())?;
+    if let Some(original) = &arguments.like {
+        set = given_back(arguments, set, original)?;
+    }
     let small = arguments.output.extension().is_some_and(|name| name.eq_ignore_ascii_case("vgs"));
     if let Some(volume) = &arguments.volume {
         set = fitted_again(arguments, &set, volume)?;
     } else if small && set.form == (Form::Grid { binary: true }) && set.rounding.is_none() {
         set = rounded_as_it_is(&arguments.device.boot()?, set)?;
     }
-    splat::write(&arguments.output, &set, arguments.force)?;
+    let options = WriteOptions { layout: arguments.ply_layout, place: None, force: arguments.force };
+    splat::write_as(&arguments.output, &set, &options)?;
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |found| found.len());
     let (before, after) = (size(&arguments.splats), size(&arguments.output));
     let count = set.splats.len();
@@ -85,6 +101,33 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
         ));
     }
     Ok(0)
+}
+
+/// Returns `set` with what another program has dropped with the comments of vgs, from the original.
+fn given_back(arguments: &ConvertArguments, set: SplatSet, original: &Path) -> Result<SplatSet, Stop> {
+    let ConvertArguments { splats, output, .. } = arguments;
+    let summary = splat::describe(splats, &ReadOptions::default())?;
+    if summary.layout != splat::ply::ORDINARY {
+        let message = "the file states itself what --like would take from another";
+        return Err(Error::new(Kind::Usage, "VGS-CLI-129", message)
+            .file(splats)
+            .help("leave out --like")
+            .into());
+    }
+    let original = splat::read(original, &ReadOptions::default())?;
+    if original.has_intensity && !set.has_intensity {
+        tracing::warn!("{}: the other program has left no intensities but their grey", splats.display());
+    }
+    let exceptions = original.exceptions.len();
+    let set = set.with_statements_of(&original);
+    if set.exceptions.len() < exceptions {
+        tracing::warn!(
+            "{}: without the {exceptions} voxels that are exceptions of the occupancy, since the splats are no \
+             longer as many",
+            output.display()
+        );
+    }
+    Ok(set)
 }
 
 /// Returns `set` rounded to a coarse lattice and fitted again to the volume and region of the flags.

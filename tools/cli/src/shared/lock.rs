@@ -15,8 +15,8 @@ use super::signals::Signals;
 /// Held lock; dropping it removes the file and with it the lock.
 pub struct Lock {
     path: PathBuf,
-    // The file is held for the lock on it.
-    _file: File,
+    // Held for the lock on it.
+    file: File,
     signals: Signals,
 }
 
@@ -49,14 +49,19 @@ impl Lock {
             if !is_ours(&mut file).map_err(|e| failed(&e))? {
                 return Err(foreign(&path));
             }
-            let note = format!("{} {}\n", std::process::id(), clock::now());
-            file.set_len(0)
-                .and_then(|()| file.rewind())
-                .and_then(|()| file.write_all(note.as_bytes()))
-                .map_err(|e| failed(&e))?;
             signals.remove_on_exit(Some(path.clone()));
-            return Ok(Lock { path, _file: file, signals: signals.clone() });
+            // From here on `Drop` removes the file, also if the disk has no room for the note.
+            let mut lock = Lock { path: path.clone(), file, signals: signals.clone() };
+            lock.note().map_err(|e| failed(&e))?;
+            return Ok(lock);
         }
+    }
+
+    /// Writes whose lock it is, since when.
+    fn note(&mut self) -> std::io::Result<()> {
+        self.file.set_len(0)?;
+        self.file.rewind()?;
+        writeln!(self.file, "{} {}", std::process::id(), clock::now())
     }
 }
 

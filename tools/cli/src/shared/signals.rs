@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicI32, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use engine::{Error, Kind, Result};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGABRT, SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator;
 
 /// State that the signal thread and the command share.
@@ -30,6 +30,15 @@ fn failed(e: std::io::Error) -> Error {
 /// in the middle of its work.
 pub fn survive_file_limits() -> Result<()> {
     signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false))).map_err(failed)?;
+    Ok(())
+}
+
+/// Makes an allocation of memory that fails end the program with the exit code for it. Rust has told by then how
+/// many bytes were wanted, and aborts.
+pub fn end_without_memory() -> Result<()> {
+    let always = Arc::new(AtomicBool::new(true));
+    let code = i32::from(Kind::HostMemory.exit_code());
+    signal_hook::flag::register_conditional_shutdown(SIGABRT, code, always).map_err(failed)?;
     Ok(())
 }
 

@@ -12,8 +12,9 @@ use engine::{Error, Kind, Result};
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Output")]
 pub struct LayoutArguments {
-    /// What the numbers of the PLY stand for: vgs (mm RAS and HU, what every command reads), or reference,
-    /// that of the paper's authors for their viewer; commands then need the volume beside it
+    /// What the numbers of the PLY stand for: vgs (mm RAS and HU, what every command reads), inria (the same in
+    /// rows of 62 floats, for programs that know no others), or reference, that of the paper's authors for their
+    /// viewer; commands then need the volume beside it
     #[arg(long, value_name = "LAYOUT", default_value = PLY_LAYOUTS[0].name, value_parser = layout)]
     ply_layout: &'static PlyLayout,
 }
@@ -31,6 +32,16 @@ fn layout(text: &str) -> std::result::Result<&'static PlyLayout, String> {
             PLY_LAYOUTS.iter().map(|layout| format!("{} ({})", layout.name, layout.about)).collect();
         format!("known: {}", names.join("; "))
     })
+}
+
+/// Parses the name of a layout that needs no volume.
+pub fn worldly_layout(text: &str) -> std::result::Result<&'static PlyLayout, String> {
+    match layout(text)? {
+        found if found.needs_volume => {
+            Err(format!("{text} needs the volume of the splats: vgs fit --ply-layout {text}"))
+        }
+        found => Ok(found),
+    }
 }
 
 /// Reads splats; an error if they have no intensity in HU.
@@ -65,5 +76,8 @@ mod tests {
         }
         let error = layout("authors").expect_err("no such layout");
         assert!(error.contains("vgs (") && error.contains("reference ("), "{error}");
+        let usable: Vec<_> =
+            PLY_LAYOUTS.iter().filter_map(|row| worldly_layout(row.name).ok()).map(|row| row.name).collect();
+        assert_eq!(usable, ["vgs", "inria"]);
     }
 }

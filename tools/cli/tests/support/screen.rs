@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
-use std::thread::sleep;
+use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use crate::support::{Ended, Folder, finish};
@@ -140,6 +140,8 @@ pub struct Viewer<'a> {
     screen: &'a Screen,
     child: Option<Child>,
     log: Arc<Mutex<String>>,
+    /// The thread that reads what it says.
+    reader: Option<JoinHandle<()>>,
 }
 
 impl<'a> Viewer<'a> {
@@ -165,14 +167,14 @@ impl<'a> Viewer<'a> {
             .expect("the viewer starts");
         let log = Arc::new(Mutex::new(String::new()));
         let (lines, kept) = (BufReader::new(child.stderr.take().expect("stderr")).lines(), Arc::clone(&log));
-        std::thread::spawn(move || {
+        let reader = std::thread::spawn(move || {
             for line in lines.map_while(Result::ok) {
                 let mut kept = kept.lock().expect("the log");
                 kept.push_str(&line);
                 kept.push('\n');
             }
         });
-        Viewer { screen, child: Some(child), log }
+        Viewer { screen, child: Some(child), log, reader: Some(reader) }
     }
 
     /// What it has said.
@@ -253,6 +255,11 @@ impl<'a> Viewer<'a> {
         self.wait_for_end()
     }
 
+    /// Waits until it has ended by itself, and gives how.
+    pub fn end(mut self) -> Ended {
+        self.wait_for_end()
+    }
+
     fn wait_for_end(&mut self) -> Ended {
         let begin = Instant::now();
         let mut child = self.child.take().expect("it runs");
@@ -264,6 +271,7 @@ impl<'a> Viewer<'a> {
             sleep(Duration::from_millis(20));
         }
         let mut ended = finish(child);
+        self.reader.take().expect("it runs").join().expect("text");
         ended.err = self.log();
         ended
     }

@@ -48,9 +48,19 @@ fn harmonics_are_kept_whole() {
             let set = SplatSet { labels, ..set.clone() };
             let again = loaded(&encoded(&set), &STRICT).expect("our own file");
             assert_eq!(again.set, set);
-            let elements = 1 + usize::from(set.labels.is_some());
-            assert_eq!(again.header.elements.len(), elements, "no element for the luminance");
-            assert_eq!(again.header.elements[0].properties.len(), 17 + rest);
+            assert_eq!(again.header.elements.len(), 1, "no element for the luminance");
+            let labels = usize::from(set.labels.is_some());
+            assert_eq!(again.header.elements[0].properties.len(), 17 + rest + labels, "nor a property");
+            // In rows of 62 floats the degree is the highest, with zeros.
+            let fixed = loaded(&encoded_as(&set, Row::Fixed), &STRICT).expect("our own file").set;
+            let colours = fixed.colours.as_ref().expect("colours");
+            assert_eq!((colours.degree, &fixed.labels), (3, &set.labels));
+            let given = set.colours.as_ref().expect("colours");
+            for i in 0..3 {
+                let (kept, zeros) = colours.of(i).split_at(given.stride());
+                assert_eq!(kept, given.of(i));
+                assert!(zeros.iter().all(|&c| c == 0.0));
+            }
         }
     }
 }

@@ -12,26 +12,25 @@ fn labelled() -> SplatSet {
 }
 
 #[test]
-fn labels_survive_in_the_second_element() {
+fn labels_survive_among_the_properties_of_the_vertices() {
     let set = labelled();
     let file = encoded(&set);
     let read = loaded(&file, &STRICT).expect("our own file");
     assert_eq!(read.set, set);
-    let end = file.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
-    assert_eq!(file.len(), end + 10_000 * (17 * 4 + 4 + 1));
-    let header = std::str::from_utf8(&file[..end]).expect("UTF-8");
+    let header = header_of(&file);
+    assert_eq!(file.len(), header.len() + 10_000 * (17 + 1 + 1) * 4);
     let lines: Vec<&str> = header.lines().collect();
     assert_eq!(lines[2], "element vertex 10000", "other readers take the third line for the count");
-    let beside = lines.iter().position(|l| *l == "element splat_intensity 10000").expect("the element");
-    assert_eq!(lines[beside + 1..], ["property float intensity", "property uchar label", "end_header"]);
-    assert!(lines[..beside].contains(&"comment vgs.label 40 left lung upper lobe"));
+    // All are floats: a program that counts only these would take another type for no property at all.
+    assert_eq!(lines[20..22], ["property float intensity", "property float label"]);
+    assert!(lines.contains(&"comment vgs.label 40 left lung upper lobe"));
 
     // An independent reader agrees.
     let ply = ply_rs::parser::Parser::<ply_rs::ply::DefaultElement>::new()
         .read_ply(&mut file.as_slice())
         .expect("the PLY crate reads it");
     for (index, &label) in set.labels.iter().flatten().enumerate().step_by(777) {
-        let got = ply.payload["splat_intensity"][index]["label"].to_f32_lossy();
+        let got = ply.payload["vertex"][index]["label"].to_f32_lossy();
         assert_eq!(got, Some(f32::from(label)));
     }
 }
@@ -77,6 +76,16 @@ fn labels_of_others_and_wrong_ones() {
         assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-PLY-025"), "{error}");
         assert!(error.message.contains(word) && error.help.contains("1 to 255"), "{error}");
     }
+    // A property of that name in a file of others may be anything; in one of ours it is wrong.
+    let named = |comment: &str, label: f32| {
+        let header = format!("{}property float label\n{comment}", plain_header("1"));
+        file(le, &header, &[little(&PLAIN_ROW), little(&[label])].concat())
+    };
+    assert_eq!(loaded(&named("", 200.0), &STRICT).expect("a label").set.labels, Some(vec![200]));
+    assert_eq!(loaded(&named("", -1.0), &STRICT).expect("something else").set.labels, None);
+    let error = loaded(&named("comment vgs.axes ras\n", -1.0), &STRICT).err().expect("a wrong label");
+    assert_eq!(error.code, "VGS-PLY-025");
+
     // The label of a splat goes with it.
     let mut rows = rows;
     rows[..4].copy_from_slice(&f32::NAN.to_le_bytes());

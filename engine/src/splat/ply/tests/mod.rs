@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
 
 use super::describe;
-use super::encode::encode;
+use super::encode::{Row, encode};
 use super::read::{Loaded, load};
 use super::write::check;
 use crate::error::{Kind, Result};
@@ -17,6 +17,7 @@ use crate::splat::{Exception, Field, Form, Grid, Kernel, ReadOptions, Splat, Spl
 
 mod colours;
 mod labels;
+mod layouts;
 mod reference;
 
 const STRICT: ReadOptions = ReadOptions { strict: true, max_splats: 1_000_000 };
@@ -27,10 +28,20 @@ fn loaded(file: &[u8], options: &ReadOptions) -> Result<Loaded> {
 }
 
 fn encoded(set: &SplatSet) -> Vec<u8> {
+    encoded_as(set, Row::Named)
+}
+
+fn encoded_as(set: &SplatSet, row: Row) -> Vec<u8> {
     check(set).expect("a set that can be written");
     let mut file = Vec::new();
-    encode(set, &mut file).expect("writing to memory");
+    encode(set, row, &mut file).expect("writing to memory");
     file
+}
+
+/// Returns the header of a file, `end_header` and its line feed included.
+fn header_of(file: &[u8]) -> &str {
+    let end = file.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
+    std::str::from_utf8(&file[..end]).expect("UTF-8")
 }
 
 fn sample(count: usize) -> SplatSet {
@@ -148,19 +159,21 @@ fn a_set_survives_bit_for_bit() {
 #[test]
 fn our_files_have_the_layout_that_every_reader_accepts() {
     let file = encoded(&sample(3));
-    let end = file.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
-    let header = std::str::from_utf8(&file[..end]).expect("ASCII");
+    let header = header_of(&file);
+    let end = header.len();
     let lines: Vec<&str> = header.lines().collect();
     assert_eq!(lines[..3], ["ply", "format binary_little_endian 1.0", "element vertex 3"]);
-    let names = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
-    for (line, name) in lines[3..20].iter().zip(names.split(' ')) {
+    let names = "x y z nx ny nz f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 \
+                 intensity";
+    for (line, name) in lines[3..21].iter().zip(names.split(' ')) {
         assert_eq!(*line, format!("property float {name}"));
     }
-    assert!(lines[20..].contains(&"comment not for diagnosis"));
-    assert_eq!(file.len(), end + 3 * 17 * 4 + 3 * 4);
+    assert!(lines[21..].contains(&"comment not for diagnosis"));
+    assert!(!lines[21..].iter().any(|line| line.starts_with("property") || line.starts_with("element")));
+    assert_eq!(file.len(), end + 3 * 18 * 4);
     // The ramp: black for the least intensity, white for the greatest.
     let grey = |row: usize| {
-        let at = end + row * 68 + 24;
+        let at = end + row * 72 + 24;
         0.5 + SH0 * f32::from_le_bytes(file[at..at + 4].try_into().expect("four bytes"))
     };
     for (row, expected) in [(0, 0.0), (1, 0.5), (2, 1.0)] {
@@ -174,7 +187,7 @@ fn our_files_have_the_layout_that_every_reader_accepts() {
     let set = sample(3);
     for (index, splat) in set.splats.iter().enumerate() {
         let number = |element: &str, name: &str| ply.payload[element][index][name].to_f32_lossy();
-        assert_eq!(number("splat_intensity", "intensity"), Some(splat.intensity));
+        assert_eq!(number("vertex", "intensity"), Some(splat.intensity));
         assert_eq!(number("vertex", "rot_1"), Some(splat.rotation[1]));
         assert_eq!(number("vertex", "opacity"), Some(splat.opacity_logit));
     }
@@ -567,8 +580,8 @@ fn files_are_described_and_never_replaced_by_accident() {
     let summary = describe(&path, &STRICT).expect("our own file");
     assert_eq!((summary.format, summary.splats, summary.dropped), ("ply", 11, 0));
     assert_eq!(summary.encoding, "binary_little_endian");
-    assert_eq!(summary.elements, [("vertex".to_owned(), 11), ("splat_intensity".to_owned(), 11)]);
-    assert_eq!(summary.properties.len(), 17);
+    assert_eq!(summary.elements, [("vertex".to_owned(), 11)]);
+    assert_eq!(summary.properties.len(), 18);
     assert_eq!((summary.kernel, summary.has_intensity), ("compact", true));
     assert_eq!(summary.intensity_range, Some([-1000.0, -600.0]));
     let [low, high] = summary.bounding_box_mm.expect("there are splats");
@@ -607,6 +620,7 @@ proptest! {
         kernel in prop::sample::select(KERNELS.map(|row| row.kernel).to_vec()),
         has_intensity: bool,
         labelled: bool,
+        fixed: bool,
         names in prop::collection::btree_map(1..=u8::MAX, "[!-~]{1,20}( [à-ü(]{1,9})?", 0..9),
     ) {
         let field = Field { kernel, background, epsilon, occupancy_w0 };
@@ -615,7 +629,8 @@ proptest! {
         let origin_mm = DVec3::from_array(origin);
         let set =
             SplatSet { splats, origin_mm, field, has_intensity, labels, label_names, ..SplatSet::default() };
-        let read = loaded(&encoded(&set), &STRICT).expect("our own file").set;
+        let row = if fixed { Row::Fixed } else { Row::Named };
+        let read = loaded(&encoded_as(&set, row), &STRICT).expect("our own file").set;
         prop_assert_eq!(bytemuck::cast_slice::<_, u32>(&read.splats), bytemuck::cast_slice::<_, u32>(&set.splats));
         prop_assert_eq!(SplatSet { splats: Vec::new(), ..read }, SplatSet { splats: Vec::new(), ..set });
     }

@@ -351,7 +351,7 @@ fn what_cannot_be_written_so_is_refused_and_what_is_lost_is_told() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.ply");
     let (_, place) = places().swap_remove(1);
-    let layout = &PLY_LAYOUTS[1];
+    let layout = PlyLayout::named("reference").expect("a layout");
     let try_with = |set: &SplatSet, place: Option<Place>| {
         write_as(&path, set, &WriteOptions { layout, place, force: false }).map_err(|e| e.code)
     };
@@ -392,7 +392,11 @@ fn they_are_described_without_a_volume() {
     assert_eq!(describe(&path, &STRICT).expect("a description").intensity_range, None);
 
     let set = SplatSet { splats: sample(40).splats[24..].to_vec(), ..sample(1) };
-    let options = WriteOptions { layout: &PLY_LAYOUTS[1], place: Some(place), force: true };
+    let options = WriteOptions {
+        layout: PlyLayout::named("reference").expect("a layout"),
+        place: Some(place),
+        force: true,
+    };
     write_as(&path, &set, &options).expect("writing");
     let summary = describe(&path, &STRICT).expect("a description");
     assert_eq!((summary.layout, summary.intensity_01_range), ("reference", Some([-80.0, 720.0])));

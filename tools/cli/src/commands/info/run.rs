@@ -109,7 +109,7 @@ fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
     let mut start = Vec::new();
     // A file that cannot be read is reported by the reader below.
     let _ = File::open(path).and_then(|file| file.take(splat::SNIFF_BYTES).read_to_end(&mut start));
-    if splat::FORMATS.iter().any(|format| (format.sniff)(&start)) {
+    if splat::is_splats(path, &start) {
         let summary = splat::describe(path, &splat::ReadOptions::default())?;
         return Ok(FileContent::Splats(Box::new(summary)));
     }
@@ -369,8 +369,9 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
 }
 
 /// Explanation of each layout of splats.
-const LAYOUTS: [(&str, &str); 3] = [
+const LAYOUTS: [(&str, &str); 4] = [
     ("vgs", "places in mm RAS, an intensity for each splat"),
+    ("inria", "rows of 62 floats, places in mm RAS, an intensity for each splat in a second element"),
     (
         "reference",
         "that of the paper's authors; opacities are probabilities, and only the volume can place the splats: give it to \
