@@ -1,0 +1,170 @@
+#!/usr/bin/env python3
+"""Measures rate and distortion: splats in .vgs and PLY beside volume codecs, of the voxels in a mask.
+
+usage: rate-distortion.py DATA OUT.csv [CASE...]     adds rows; VGS is the command that runs vgs (tools/vgs)
+       rate-distortion.py --plot OUT.csv OUT.svg     needs numpy scipy nibabel h5py hdf5plugin matplotlib
+
+All count the mask: splats show its shape by themselves, codecs get it as packed bits, compressed by xz. Codecs see the box
+around the mask, in which what is outside is filled smoothly, or ("inside") the voxels of the mask alone, row by row. PSNR
+is over the range of the whole volume, at the voxels of the mask.
+"""
+import csv, json, lzma, os, subprocess, sys, tempfile
+import h5py, hdf5plugin, nibabel, numpy as np
+from scipy.fft import dctn, idctn
+from scipy.ndimage import map_coordinates
+
+VGS = os.environ.get("VGS", "tools/vgs").split()
+# Folder, mask, densities of splats.
+CASES = {
+    "torso bones": ("ct-torso-3mm", "mask_bones", [0.0125, 0.025, 0.05, 0.1, 0.2]),
+    "torso liver": ("ct-torso-3mm", "mask_liver", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
+    "heart": ("ct-thorax-1p5mm", "mask_heart", [0.0125, 0.025, 0.05, 0.1]),
+    "skull": ("ct-skull", "mask_skull", [0.00625, 0.0125, 0.025, 0.05]),
+}
+
+
+LINES = {
+    "lossless": ("black", "--"),
+    "splats, .vgs": ("tab:red", "o-"),
+    "splats, PLY": ("tab:red", "o:"),
+    "SZ3": ("tab:blue", "s-"),
+    "SZ3, inside": ("tab:blue", "s--"),
+    "zfp": ("tab:green", "^-"),
+    "SPERR": ("tab:purple", "v-"),
+    "DCT": ("tab:orange", "x-"),
+}
+
+
+def xz(data):
+    return len(lzma.compress(data, preset=9 | lzma.PRESET_EXTREME))
+
+
+def through_hdf5(box, options):
+    """Compresses and decompresses a box; returns its bytes in the file and what comes back."""
+    with tempfile.NamedTemporaryFile(suffix=".h5") as file:
+        with h5py.File(file.name, "w") as h5:
+            h5.create_dataset("v", data=box, chunks=box.shape, **options)
+        with h5py.File(file.name, "r") as h5:
+            return h5["v"].id.get_storage_size(), h5["v"][...]
+
+
+def through_dct(box, step):
+    """Blocks of 8 voxels along each axis, their DCT in even steps, coefficients of one frequency together, xz."""
+    padded = np.pad(box, [(0, -n % 8) for n in box.shape], mode="edge")
+    x, y, z = (n // 8 for n in padded.shape)
+    blocks = padded.reshape(x, 8, y, 8, z, 8).transpose(0, 2, 4, 1, 3, 5)
+    codes = np.rint(dctn(blocks, axes=(3, 4, 5), norm="ortho") / step).astype(np.int32)
+    frequency = np.add.outer(np.add.outer(np.arange(8), np.arange(8)), np.arange(8)).ravel()
+    ordered = codes.reshape(-1, 512)[:, np.argsort(frequency, kind="stable")].T
+    small = ordered.astype(np.int16)
+    assert (small == ordered).all()
+    # Low and high bytes apart.
+    size = xz(small.astype("<i2").tobytes()) if abs(small).max() > 127 else xz(small.astype(np.int8).tobytes())
+    back = idctn(codes * step, axes=(3, 4, 5), norm="ortho").transpose(0, 3, 1, 4, 2, 5).reshape(padded.shape)
+    return size, back[tuple(slice(n) for n in box.shape)]
+
+
+def lossless(box, inside):
+    """Differences along the fastest axis, the voxels inside alone, low and high bytes apart, xz."""
+    values = np.rint(box[inside]).astype(np.int64)
+    steps = np.diff(values, prepend=0)
+    folded = ((steps << 1) ^ (steps >> 63)).astype(np.uint16)
+    return xz((folded & 255).astype(np.uint8).tobytes() + (folded >> 8).astype(np.uint8).tobytes())
+
+
+def filled(box, inside):
+    """Returns the box with what is outside filled from coarser and coarser means of what is inside."""
+    weight = inside.astype(np.float64)
+    if inside.all() or max(box.shape) == 1:
+        return np.where(inside, box, np.sum(box * weight) / np.sum(weight))
+    padded = [np.pad(a, [(0, n % 2) for n in box.shape]) for a in (box * weight, weight)]
+    halves = tuple(n for size in padded[0].shape for n in (size // 2, 2))
+    sums, weights = (a.reshape(halves).sum(axis=(1, 3, 5)) for a in padded)
+    coarse = filled(sums / np.maximum(weights, 1e-9), weights > 0)
+    places = np.meshgrid(*[(np.arange(n) - 0.5) / 2 for n in box.shape], indexing="ij", sparse=False)
+    return np.where(inside, box, map_coordinates(coarse, places, order=1, mode="nearest"))
+
+
+def run(*arguments):
+    return subprocess.run([*VGS, *map(str, arguments)], check=True, capture_output=True, text=True).stdout
+
+
+def measure(name, data, write):
+    folder, mask_name, densities = CASES[name]
+    ct, roi = (f"{data}/{folder}/{file}.nii.gz" for file in ("ct", mask_name))
+    volume = np.asarray(nibabel.load(ct).dataobj, dtype=np.float32)
+    mask = np.asarray(nibabel.load(roi).dataobj) > 0.5
+    span = float(volume.max() - volume.min())
+    where = np.nonzero(mask)
+    corner = tuple(slice(int(axis.min()), int(axis.max()) + 1) for axis in where)
+    inside = mask[corner]
+    box = np.ascontiguousarray(filled(volume[corner].astype(np.float64), inside).astype(np.float32))
+    alone = np.ascontiguousarray(volume[corner][inside])
+    voxels = int(mask.sum())
+    of_mask = xz(np.packbits(inside).tobytes())
+
+    def row(method, setting, size, psnr):
+        write(dict(case=name, voxels=voxels, method=method, setting=setting, bytes=size, bytes_a_voxel=size / voxels,
+                   psnr_db=psnr, mask_bytes=of_mask))
+
+    def codec(method, setting, result):
+        size, back = result
+        error = (back[inside] if back.ndim == 3 else back).astype(np.float64) - alone
+        row(method, setting, size + of_mask, 10 * np.log10(span**2 / np.mean(error**2)))
+
+    row("lossless", "xz", lossless(box, inside) + of_mask, "")
+    for bound in (400, 250, 160, 100, 60, 40, 25, 16, 10, 6, 4):
+        codec("SZ3", bound, through_hdf5(box, dict(hdf5plugin.SZ3(absolute=float(bound)))))
+        codec("zfp", 4 * bound, through_hdf5(box, dict(hdf5plugin.Zfp(accuracy=4.0 * bound))))
+        codec("SZ3, inside", bound, through_hdf5(alone, dict(hdf5plugin.SZ3(absolute=float(bound)))))
+        codec("SPERR", bound, through_hdf5(box, dict(hdf5plugin.Sperr(absolute=float(bound)))))
+    for step in (1200, 800, 500, 320, 200, 120, 80, 50, 30, 20):
+        codec("DCT", step, through_dct(box, float(step)))
+    with tempfile.TemporaryDirectory() as scratch:
+        for density in densities:
+            ply, small = f"{scratch}/a.ply", f"{scratch}/a.vgs"
+            run("fit", ct, "--roi", roi, "--density", density, "-o", ply, "--no-eval", "-q", "--force")
+            run("convert", ply, "-o", small, "--volume", ct, "--roi", roi, "--force", "-q")
+            for method, path in (("splats, PLY", ply), ("splats, .vgs", small)):
+                found = json.loads(run("eval", path, ct, "--roi", roi, "--offsets", 0, "--json"))
+                row(method, found["splats"], os.path.getsize(path), found["psnr_db"])
+
+
+def plot(table, out):
+    import matplotlib.pyplot as plt
+
+    plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "vgs"})
+    with open(table, newline="") as file:
+        rows = list(csv.DictReader(file))
+    cases = list(dict.fromkeys(row["case"] for row in rows))
+    figure, axes = plt.subplots(1, len(cases), figsize=(3.6 * len(cases), 3.8), squeeze=False, sharey=True)
+    for axis, case in zip(axes[0], cases):
+        for method, (colour, line) in LINES.items():
+            of_method = [row for row in rows if row["case"] == case and row["method"] == method]
+            points = sorted((float(row["bytes_a_voxel"]), float(row["psnr_db"] or 0)) for row in of_method)
+            if method == "lossless":
+                axis.axvline(points[0][0], color=colour, linestyle=line, linewidth=0.8, label="lossless (xz)")
+            else:
+                axis.plot(*zip(*points), line, color=colour, markersize=3, label=method)
+        axis.set(title=case, xscale="log", xlim=(0.02, 8), ylim=(28, 62), xlabel="bytes a voxel, mask included")
+        axis.grid(True, which="both", linewidth=0.3)
+    axes[0][0].set_ylabel("PSNR at the voxels, dB")
+    axes[0][0].legend(fontsize=7, loc="lower right")
+    figure.tight_layout()
+    figure.savefig(out, metadata={"Date": None})
+
+
+def main():
+    if sys.argv[1:2] == ["--plot"]:
+        return plot(*sys.argv[2:])
+    data, out, *names = sys.argv[1:]
+    with open(out, "a", newline="") as file:
+        fields = "case voxels method setting bytes bytes_a_voxel psnr_db mask_bytes".split()
+        table = csv.DictWriter(file, fields)
+        if file.tell() == 0:
+            table.writeheader()
+        for name in names or CASES:
+            measure(name, data, lambda row: (table.writerow(row), file.flush()))
+
+
+main()
