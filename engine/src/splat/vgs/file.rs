@@ -15,8 +15,7 @@ use crate::error::{Error, Kind, Result};
 use crate::memory;
 use crate::splat::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
 use crate::splat::{
-    Exception, Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unplaced, WriteOptions,
-    by_importance, defect,
+    Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unplaced, WriteOptions, by_importance, defect,
 };
 
 /// The first bytes of a file; they tell when it went through a program that changes line ends.
@@ -396,6 +395,7 @@ fn stated(header: &Header) -> Result<(Field, Form, DAffine3, Option<Grid>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::splat::Exception;
     use crate::splat::Splat;
     use crate::splat::ply;
 

@@ -2,7 +2,7 @@
 
 use super::coder::{Decoder, Encoder, Tree};
 use super::lattice::{CODE_LIMIT, CODES, Lattice};
-use super::morton::{AXIS_BITS, Gaps};
+use super::morton::Gaps;
 use super::rounding::Cells;
 use crate::splat::Splat;
 
