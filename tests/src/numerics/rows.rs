@@ -48,7 +48,7 @@ pub const ROWS: &[ExtremeRow] = &[
     row("N11c", "targets of -1024 to 3071 HU in 16 bits", "error, HU: half a step of 0.125", 0.0626, "storage::n11_intensities"),
     row("N11d", "packed intensities of -1024 to 32767 HU in 16 bits", "error in steps of the range", 0.51, "storage::n11_intensities"),
     row("N12a", "origin at ±1e5 and ±1e7 mm", "fitted splats that differ, in voxels, to the bit", 0.0, "places::n12_and_n13_places_and_units"),
-    row("N12b", "the same", "mm between the means in the local frame, over their distance · 1e-9 + 1e-6", 1.0, "places::n12_and_n13_places_and_units"),
+    row("N12b", "the same", "mm between the means once they are moved back, over the distance · 1e-9 + 1e-6", 1.0, "places::n12_and_n13_places_and_units"),
     row("N12c", "the same splats and camera moved by 1e5 and 1e7 mm, all modes of splats", "difference of the pictures", 2e-3, "pictures::n12_far_from_the_origin"),
     row("N13", "voxels of 0.01, 1, 10 and 0.3 × 0.3 × 10 mm", "relative change of the loss curve", 1e-5, "places::n12_and_n13_places_and_units"),
     row("N14a", "oblique by 37°, LAS, sheared by 15°", "relative error of Σ in the world", 1e-6, "places::n14_oblique_left_handed_and_sheared"),

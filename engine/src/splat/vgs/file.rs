@@ -118,12 +118,16 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
     let affine = set.grid.map_or(DAffine3::from_translation(set.origin_mm), |grid| grid.world_from_voxel);
     let splats = set.to_voxel(&affine);
     let unusable = || Error::new(Kind::Internal, "VGS-FILE-002", "these splats cannot be rounded");
-    let order = by_importance(&splats, &set.field);
     let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
     let rows = |rounding: &Rounding| {
         let lattice = Lattice::new(rounding.steps)?;
-        let row = |&i: &u32| Row::of(&splats[i as usize], label(i as usize), &lattice, &rounding.cells);
-        order.iter().map(row).collect::<Option<Vec<_>>>()
+        let row = |(i, splat)| Row::of(splat, label(i), &lattice, &rounding.cells);
+        let mut rows = splats.iter().enumerate().map(row).collect::<Option<Vec<_>>>()?;
+        // What is rounded decides the order, so that it does not depend on how the set came here.
+        rows.sort_unstable();
+        let rounded = rows.iter().map(|row| Some(row.splat(&lattice, &rounding.cells)?.0));
+        let order = by_importance(&rounded.collect::<Option<Vec<_>>>()?, &set.field);
+        Some(order.into_iter().map(|i| rows[i as usize]).collect::<Vec<_>>())
     };
     // Splats that were moved since may lie beyond the cells.
     let as_they_are = set.rounding.and_then(|rounding| Some((rounding, rows(&rounding)?)));

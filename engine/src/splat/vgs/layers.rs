@@ -39,7 +39,7 @@ impl Models {
 }
 
 /// A splat as the file has it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Row {
     /// Codes and label.
     pub columns: [i32; COLUMNS],

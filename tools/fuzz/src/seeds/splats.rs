@@ -73,7 +73,7 @@ pub fn ply_colours() -> Vec<Vec<u8>> {
 
 /// PLY in the layout of the paper's authors, as this project writes it and as they do: without comments.
 pub fn ply_reference() -> Vec<Vec<u8>> {
-    let layout = &PLY_LAYOUTS[1];
+    let layout = PlyLayout::named("reference").expect("a layout of that name");
     let kernel = layout.kernel.expect("a layout of one kernel");
     let ours = in_layout(layout, &SplatSet { field: Field { kernel, ..Field::default() }, ..set() });
     let bare = ours.iter().map(|file| without_comments(file)).collect();
