@@ -149,7 +149,7 @@ def plot(table, out):
         axis.set(title=case, xscale="log", xlim=(0.02, 8), ylim=(28, 62), xlabel="bytes a voxel, mask included")
         axis.grid(True, which="both", linewidth=0.3)
     axes[0][0].set_ylabel("PSNR at the voxels, dB")
-    axes[0][0].legend(fontsize=7, loc="lower right")
+    axes[0][-1].legend(fontsize=7, loc="lower right")
     figure.tight_layout()
     figure.savefig(out, metadata={"Date": None})
 

@@ -76,7 +76,7 @@ Examples:
   vgs fit skull.inv3 --roi-threshold 226,3071 -o skull.ply --time-budget 5m
   vgs fit scans/ --series 3 --roi bones.nii.gz -o bones.ply     a DICOM series; vgs info scans/ lists them
   vgs fit ct.nii.gz --roi-threshold 200,3000 --roi-largest --roi-close 2 --roi-fill -o bone.ply
-  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.vgs     an eighth of the bytes, for another half of the time
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.vgs     an eighth of the bytes, in 1.8 times the time
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --kernel gaussian --ply-layout reference
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --checkpoint-every 100
