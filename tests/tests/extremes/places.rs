@@ -43,9 +43,8 @@ fn n12_and_n13_places_and_units() {
         let (splats, ..) = moved(there);
         differ += splats.iter().zip(&expected).filter(|(a, b)| a != b).count();
         let set = SplatSet::from_voxel(&splats, &there, field);
-        let mean = |set: &SplatSet, i: usize| {
-            DVec3::from_array(set.splats[i].mean.map(f64::from)) + set.origin_mm
-        };
+        let mean =
+            |set: &SplatSet, i: usize| DVec3::from_array(set.splats[i].mean.map(f64::from)) + set.origin_mm;
         for i in 0..splats.len() {
             let error = (mean(&set, i) - shift - mean(&here, i)).abs().max_element();
             apart = apart.max(error / (1e-9 * shift.length() + 1e-6));
