@@ -3,6 +3,7 @@
 
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::memory;
 use crate::passes;
 use crate::splat::{Exception, Form, SplatSet};
 use crate::volume::Roi;
@@ -44,6 +45,9 @@ pub fn misclassified(gpu: &Gpu, set: &SplatSet, roi: &Roi) -> Result<Misclassifi
 /// `set` has.
 pub(super) fn with_same_mask(gpu: &Gpu, set: &SplatSet, mut changed: SplatSet) -> Result<SplatSet> {
     let (Form::Grid { binary: true }, Some(grid)) = (set.form, set.grid) else { return Ok(changed) };
+    // The size is a claim of a file.
+    let voxels = grid.size.iter().fold(1u64, |voxels, &n| voxels.saturating_mul(n.into()));
+    memory::require(voxels.saturating_mul(4), "the voxels of the splats' grid")?;
     let size = grid.size.map(|n| n as usize);
     let mut weight = vec![0.0; size.iter().product()];
     passes::visit(gpu, &set.to_voxel(&grid.world_from_voxel), &set.field, size, |i, sample| {

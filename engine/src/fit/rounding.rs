@@ -26,8 +26,8 @@ pub const ROUNDING_ITERATIONS: u32 = (ORDER.len() as u32 - 1) * ITERATIONS;
 
 impl Problem<'_> {
     /// Returns fitted splats (voxel space of the working grid, HU) as [`Problem::finished_set`] does, rounded
-    /// to a coarse lattice and fitted again to make up for it. `stopped` is asked a few times a second; once
-    /// it returns true, what is left is rounded at once. Waits for the device.
+    /// to a coarse lattice and fitted again to make up for it. `stopped` is asked every ten iterations; once it
+    /// returns true, what is left is rounded at once. Waits for the device.
     ///
     /// # Errors
     /// Fails if the device fails.
@@ -66,7 +66,7 @@ impl Problem<'_> {
 /// others need none, and are rounded when they are written. Waits for the device.
 ///
 /// # Errors
-/// Fails if the device fails.
+/// Fails if the device fails, and with [`Kind::HostMemory`](crate::Kind) for a grid that memory does not hold.
 pub fn rounded_as_it_is(gpu: &Gpu, set: SplatSet) -> Result<SplatSet> {
     let (Form::Grid { binary: true }, Some(grid), None) = (set.form, set.grid, set.rounding) else {
         return Ok(set);

@@ -75,7 +75,8 @@ impl Fault {
         self.0.calls.store(0, Ordering::Relaxed);
     }
 
-    /// Returns the number of calls of its kind since its creation or [`Self::begin_anew`]. If it is less than the `nth`, nothing has failed.
+    /// Returns the number of calls of its kind since its creation or [`Self::begin_anew`]. If it is less than
+    /// the `nth`, nothing has failed.
     pub fn calls(&self) -> u64 {
         self.0.calls.load(Ordering::Relaxed)
     }

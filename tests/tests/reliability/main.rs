@@ -1,13 +1,18 @@
-//! The tables of docs/results/reliability.md are those of `rows`, and each test that a row names is there.
+//! The tables of docs/results/reliability.md are those of `inputs` and `found`, and each test that a row names is
+//! there.
 //! `VGS_WRITE_RELIABILITY=1` writes them anew.
 #![forbid(unsafe_code)]
 
-mod rows;
+mod found;
+mod inputs;
+mod named;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use rows::{ALL_READERS, FOUND, INPUTS};
+use found::FOUND;
+use inputs::INPUTS;
+use named::ALL_READERS;
 
 /// A test that shows what a row claims.
 #[derive(Clone, Copy)]
