@@ -65,3 +65,17 @@ fn another_scan_than_that_of_the_fit_is_refused() {
     assert!(regionless.code == 2 && regionless.err.contains("--roi"), "{}", regionless.err);
     assert!(!folder.path("a.vgs").exists());
 }
+
+#[test]
+fn a_grid_that_no_memory_holds_is_refused() {
+    let folder = Folder::new(20);
+    let fit = ["fit", "ct.nii.gz", "-o", "a.ply", "--splats", "20", "--iterations", "2", "--no-eval"];
+    assert_eq!(folder.run(&[&fit[..], &REGION].concat()).code, 0);
+    let (stated, claimed) = (b"vgs.grid.size 20 20 20", b"vgs.grid.size 4000000000 4000000000 4000000000");
+    let file = folder.read("a.ply");
+    let at = file.windows(stated.len()).position(|window| window == stated).expect("the grid");
+    let file = [&file[..at], claimed, &file[at + stated.len()..]].concat();
+    folder.write("a.ply", file);
+    let ended = folder.run(&["convert", "a.ply", "-o", "a.vgs"]);
+    assert!(ended.code == 71 && ended.err.contains("VGS-MEM-001"), "{} {}", ended.code, ended.err);
+}
