@@ -80,6 +80,14 @@ config! {
         density: f64 = 0.1,
         /// Number of splats; 0 takes it from the density.
         splats: usize = 0,
+        /// PSNR at the voxels of the region that is to be reached, dB: the number of splats is then what that
+        /// takes; 0: no such goal.
+        target_psnr: f32 = 0.0,
+        /// Error that 99 % of the region's voxels are to stay within, HU: the number of splats is then what
+        /// that takes; 0: no such goal.
+        target_hu: f32 = 0.0,
+        /// The most splats, whatever else says how many; 0: no limit but one for each voxel with a target.
+        max_splats: usize = 0,
         /// Seed of everything random; the same seed gives the same bits on the same device.
         seed: u64 = 0,
         /// Fits to volume and mask averaged over blocks of this many voxels along each axis; 1: to the voxels
@@ -296,6 +304,8 @@ impl FitConfig {
             ("init_footprint", self.init_footprint),
             ("dice_smoothing", self.dice_smoothing),
             ("rim_weight", self.rim_weight),
+            ("target_psnr", self.target_psnr),
+            ("target_hu", self.target_hu),
             ("scale_weight", self.scale_weight),
             ("scale_growth", self.scale_growth),
             ("topology_hole_weight", self.topology_hole_weight),
@@ -345,12 +355,27 @@ impl FitConfig {
                 return wrong(key, value.to_string(), &format!("{least} to {most}"));
             }
         }
+        if self.has_goal() && self.working_grid > 1 {
+            return wrong(
+                "working_grid",
+                self.working_grid.to_string(),
+                "1 with a target, which counts voxels",
+            );
+        }
+        if self.has_goal() && self.topology()?.change.is_some() {
+            return wrong("topology", self.topology.clone(), "\"none\" with a target, which sets the number");
+        }
         self.mask_loss()?;
         self.intensity_loss()?;
         self.initialiser()?;
         self.orientation()?;
         self.topology()?;
         self.init().check()
+    }
+
+    /// Returns true if the number of splats follows from an error that is to be reached.
+    pub fn has_goal(&self) -> bool {
+        self.target_psnr > 0.0 || self.target_hu > 0.0
     }
 
     /// Returns the row of the table that `initialiser` names.
@@ -419,7 +444,14 @@ impl FitConfig {
 
     /// Returns the number of splats for a region of interest of `roi_voxels` voxels; at least one.
     pub fn splat_count(&self, roi_voxels: f64) -> usize {
-        if self.splats > 0 { self.splats } else { ((roi_voxels * self.density).round() as usize).max(1) }
+        let asked = if self.splats > 0 { self.splats } else { (roi_voxels * self.density).round() as usize };
+        let most = if self.max_splats > 0 { self.max_splats } else { usize::MAX };
+        asked.clamp(1, most)
+    }
+
+    /// Returns the most splats that a goal may take in a region of `roi_voxels` voxels.
+    pub fn most_splats(&self, roi_voxels: f64) -> usize {
+        if self.max_splats > 0 { self.max_splats } else { (roi_voxels.ceil() as usize).max(1) }
     }
 
     /// Returns the constants of the fitted field over `background`, the intensity where no splat reaches.

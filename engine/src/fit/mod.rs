@@ -7,6 +7,7 @@
 //! | `run`, `schedule` | the entry point: [`Problem`], [`Schedule`], and the observer of a fit ([`Watch`]) |
 //! | `config`, `unit` | every hyper-parameter, with its unit |
 //! | `profiles`, `qualities` | configurations with a name |
+//! | `goal`, `count`, `adjust` | an error to reach, the number of splats that it takes, and more or fewer of them |
 //! | `init` | the first splats |
 //! | `fitter` | the iterations on the device |
 //! | `subset` | mini-batches |
@@ -18,11 +19,14 @@
 //! | `exceptions` | the voxels where splats are on the wrong side of a binary mask, for the file |
 //! | `labels`, `place` | which structure a splat belongs to; the voxel grid of splats from other programs |
 
+mod adjust;
 mod config;
+mod count;
 pub mod errors;
 pub mod evaluate;
 mod exceptions;
 mod fitter;
+mod goal;
 pub mod init;
 pub mod labels;
 mod pause;
@@ -40,12 +44,16 @@ pub mod topology;
 mod unit;
 
 pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, Storage};
+pub use count::Trial;
 pub use exceptions::Misclassified;
 pub use fitter::{Fitter, Progress};
+pub use goal::Goal;
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{EARLY, QUALITIES, QualityPreset};
 pub use rounding::{ROUNDING_ITERATIONS, rounded_as_it_is};
-pub use run::{Beginning, CurvePoint, End, Interrupted, Milestone, Outcome, Problem, Start, Watch, run};
+pub use run::{
+    Beginning, CurvePoint, End, GOAL_MARGIN_DB, Interrupted, Milestone, Outcome, Problem, Start, Watch, run,
+};
 pub use schedule::Schedule;
 pub use state::FitState;
 pub use targets::{Scaling, offsets, sample};

@@ -82,8 +82,8 @@ pub fn rounded_as_it_is(gpu: &Gpu, set: SplatSet) -> Result<SplatSet> {
     with_same_mask(gpu, &set, rounded)
 }
 
-/// Returns the configuration of iterations that leave the groups `rounded` alone.
-fn config_after(config: &FitConfig, rounded: &[Group], splats: &[Splat]) -> FitConfig {
+/// Returns the configuration of iterations after a fit that leave the groups `rounded` alone.
+pub(super) fn config_after(config: &FitConfig, rounded: &[Group], splats: &[Splat]) -> FitConfig {
     let usual = FitConfig::default();
     let rate = |rate: f32, group| if rounded.contains(&group) { 0.0 } else { RATES * rate };
     let scales = || splats.iter().flat_map(|splat| splat.log_scale).map(f32::exp);

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::exceptions::{Misclassified, misclassified};
 use super::init::InitConfig;
-use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
+use super::{FitConfig, FitState, Fitter, Goal, Progress, Scaling, Schedule};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::memory;
@@ -34,6 +34,8 @@ const FIGURES_SHARE: u32 = 10;
 const MOST_A_VOXEL: f64 = 100.0;
 /// ... and a number of splats that is allowed for any region.
 const LEAST_LIMIT: f64 = 10_000.0;
+/// How much better than a goal the number of splats should make a fit, dB: trials are not exact.
+pub const GOAL_MARGIN_DB: f64 = 0.3;
 /// Least host memory of a splat, bytes, while a fit is prepared and written: itself in two spaces, its set,
 /// its row.
 const HOST_BYTES_A_SPLAT: u64 = 300;
@@ -72,10 +74,22 @@ pub fn run(
     config: &FitConfig,
     watch: impl FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<SplatSet> {
-    let problem = Problem::new(volume, roi, config)?;
+    let mut problem = Problem::new(volume, roi, config)?;
+    let mut never = || false;
+    let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
+    let goal = Goal::of(config, range, config.region_threshold);
+    if let Some(goal) = &goal {
+        let count = problem.count_for(gpu, goal, GOAL_MARGIN_DB, &mut |_| {}, &mut never)?;
+        problem = problem.of_count(count);
+    }
     let start = Start::First(problem.first_splats()?);
     let mut watch = OnFigures { watch, stop: false };
-    let outcome = problem.run(gpu, start, problem.schedule(), &mut watch)?;
+    let mut outcome = problem.run(gpu, start, problem.schedule(), &mut watch)?;
+    if let (Some(goal), End::Finished) = (&goal, &outcome.end) {
+        let mut surplus = |splats: &[Splat]| Ok(goal.surplus_of(&problem.at_voxels(gpu, goal, splats)?));
+        outcome.splats =
+            problem.brought_to_goal(gpu, outcome.splats, &mut surplus, &mut |_| {}, &mut never)?;
+    }
     match outcome.end {
         End::Failed(error) => Err(error),
         End::Finished | End::Stopped => problem.finished_set(gpu, &outcome.splats, outcome.iterations),
@@ -112,6 +126,38 @@ impl<'a> Problem<'a> {
         })
     }
 
+    /// Returns the same problem with another configuration, which has the same working grid.
+    pub(super) fn with_config(&self, config: FitConfig) -> Problem<'_> {
+        let (volume, roi) = (Cow::Borrowed(&*self.volume), Cow::Borrowed(&*self.roi));
+        Problem { volume, roi, config, native_voxels: self.native_voxels }
+    }
+
+    /// Returns the part of the problem in the box of `size` voxels from `first` on.
+    pub(super) fn part(&self, first: [usize; 3], size: [usize; 3]) -> Problem<'static> {
+        let roi = self.roi.cropped(first, size);
+        Problem {
+            volume: Cow::Owned(self.volume.cropped(first, size)),
+            native_voxels: roi.weight_sum(),
+            roi: Cow::Owned(roi),
+            config: self.config.clone(),
+        }
+    }
+
+    /// Returns the same problem for this number of splats.
+    pub fn of_count(self, splats: usize) -> Self {
+        Problem { config: FitConfig { splats, ..self.config }, ..self }
+    }
+
+    /// Returns the sum of the mask on the volume's own grid, voxels.
+    pub(super) fn native_voxels(&self) -> f64 {
+        self.native_voxels
+    }
+
+    /// Returns the ranges of the fit.
+    pub(super) fn scaling(&self) -> Scaling {
+        Scaling::new(&self.volume, &self.roi, &self.config)
+    }
+
     /// Returns the volume on the working grid.
     pub fn volume(&self) -> &Volume {
         &self.volume
@@ -134,7 +180,7 @@ impl<'a> Problem<'a> {
 
     /// Returns the constants of the field that is fitted.
     pub fn field(&self) -> Field {
-        self.config.field(Scaling::new(&self.volume, &self.roi, &self.config).background)
+        self.config.field(self.scaling().background)
     }
 
     /// Returns the schedule of the configuration: its iterations, without a clock.

@@ -12,6 +12,7 @@ use crate::error::{Error, Kind, Result};
 pub const FORMATS: &[Format] = &[
     Format {
         name: "ply",
+        rounds: false,
         sniff: ply::sniff,
         read: ply::read,
         write: ply::write,
@@ -20,6 +21,7 @@ pub const FORMATS: &[Format] = &[
     },
     Format {
         name: "vgs",
+        rounds: true,
         sniff: vgs::sniff,
         read: vgs::read,
         write: vgs::write,
@@ -127,6 +129,11 @@ pub fn write_as(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<(
 /// Returns the size in bytes of the file that [`write_as()`] makes of `set`.
 pub fn file_bytes(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<u64> {
     (named(path)?.bytes)(set, options)
+}
+
+/// Returns true if the format that the extension of `path` names rounds the splats.
+pub fn rounds(path: &Path) -> bool {
+    named(path).is_ok_and(|format| format.rounds)
 }
 
 /// Returns the format that the extension of `path` names.

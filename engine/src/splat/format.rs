@@ -104,6 +104,8 @@ pub struct Summary {
 pub struct Format {
     /// Short name, also the usual extension.
     pub name: &'static str,
+    /// True if the file rounds the splats, so that a fit should round them first.
+    pub rounds: bool,
     /// Returns true if the first bytes of a file (up to [`SNIFF_BYTES`]) are of this format.
     pub sniff: fn(&[u8]) -> bool,
     /// Reads a file.

@@ -42,7 +42,8 @@ pub use activation::Activations;
 pub use defect::defect;
 pub use field::Field;
 pub use file::{
-    FORMATS, describe, file_bytes, is_splats, read, read_all, read_some, read_unplaced, write, write_as,
+    FORMATS, describe, file_bytes, is_splats, read, read_all, read_some, read_unplaced, rounds, write,
+    write_as,
 };
 pub use format::{Format, ReadOptions, SNIFF_BYTES, Summary, WriteOptions};
 pub use grid::{Exception, Form, Grid};

@@ -14,12 +14,14 @@
 //! | `roi`, `labels` | [`Roi`]: the voxels that are fitted; [`Labels`]: the label of each voxel |
 //! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold; pieces, closing and holes of masks |
 //! | `bricks`, `distance` | [`Bricks`]: the blocks of 8³ voxels that a region touches; distances to a mask |
-//! | `resample`, `compare`, `phantom` | coarser grids, differences of two volumes, a synthetic CT |
+//! | `resample`, `crop` | coarser grids, and parts of a volume |
+//! | `compare`, `phantom` | differences of two volumes, a synthetic CT |
 
 mod affine;
 pub mod bricks;
 mod cleaning;
 pub mod compare;
+mod crop;
 pub mod dicom;
 pub mod distance;
 mod elements;

@@ -76,10 +76,12 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
     if let Some(original) = &arguments.like {
         set = given_back(arguments, set, original)?;
     }
-    let small = arguments.output.extension().is_some_and(|name| name.eq_ignore_ascii_case("vgs"));
     if let Some(volume) = &arguments.volume {
         set = fitted_again(arguments, &set, volume)?;
-    } else if small && set.form == (Form::Grid { binary: true }) && set.rounding.is_none() {
+    } else if splat::rounds(&arguments.output)
+        && set.form == (Form::Grid { binary: true })
+        && set.rounding.is_none()
+    {
         set = rounded_as_it_is(&arguments.device.boot()?, set)?;
     }
     let options = WriteOptions { layout: arguments.ply_layout, place: None, force: arguments.force };

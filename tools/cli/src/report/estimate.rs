@@ -35,6 +35,8 @@ pub struct Estimate {
     /// Expected errors; known only for an unchanged quality, for which they were measured.
     #[serde(flatten)]
     pub expected: Option<VoxelErrors>,
+    /// Error that the fit is to reach, in words, if there is one.
+    pub target: Option<String>,
     /// Time that the estimate took, seconds.
     pub calibration_seconds: f64,
 }
@@ -56,11 +58,12 @@ pub fn text(estimate: &Estimate) -> String {
         bytes(e.device_peak_bytes),
         bytes(e.file_bytes)
     );
-    match e.expected {
-        Some(VoxelErrors { rmse_hu, p99_hu }) => out.push_str(&format!(
+    match (e.expected, &e.target) {
+        (_, Some(target)) => out.push_str(&format!("  error: {target}, if that many splats are allowed\n")),
+        (Some(VoxelErrors { rmse_hu, p99_hu }), None) => out.push_str(&format!(
             "  error at the voxels: about {rmse_hu:.0} HU (root mean square), 99 % within {p99_hu:.0} HU\n"
         )),
-        None => out.push_str("  error: not known of settings other than a --quality as it is\n"),
+        (None, None) => out.push_str("  error: not known of settings other than a --quality as it is\n"),
     }
     out.push_str(&format!("(found out in {})", seconds(e.calibration_seconds)));
     out
@@ -124,6 +127,7 @@ mod tests {
             file_bytes: 1234,
             early: VoxelErrors { rmse_hu: 60.0, p99_hu: 240.0 },
             expected: None,
+            target: None,
             calibration_seconds: 3.0,
         };
         let plain = text(&estimate);
@@ -133,6 +137,8 @@ mod tests {
         estimate.expected = Some(VoxelErrors { rmse_hu: 31.4, p99_hu: 120.0 });
         estimate.may_grow = true;
         let told = text(&estimate);
+        let aimed = text(&Estimate { target: Some("a PSNR of 45 dB".into()), ..estimate });
+        assert!(aimed.contains("a PSNR of 45 dB") && !aimed.contains("not known"), "{aimed}");
         assert!(
             told.contains("31 HU") && told.contains("120 HU") && told.contains("more may come"),
             "{told}"

@@ -11,6 +11,8 @@ pub struct FitResults {
     pub splats: usize,
     #[serde(flatten)]
     pub quality: Option<Quality>,
+    /// Whether the target is reached; `None` without a target or an evaluation.
+    pub target_reached: Option<bool>,
     /// Seconds from the start of the command to its end.
     pub seconds: f64,
     pub fit_seconds: f64,

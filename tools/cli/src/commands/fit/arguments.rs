@@ -10,7 +10,7 @@ use engine::fit::Schedule;
 
 use super::checkpoint::CheckpointArguments;
 use super::settings::{Settings, SettingsArguments};
-use crate::shared::flags::{DeviceArguments, Range, duration, range_or_roi};
+use crate::shared::flags::{DeviceArguments, Range, bytes, duration, range_or_roi};
 use crate::shared::inputs::{InputRecord, ReadArguments, RoiArguments};
 use crate::shared::splat_files::LayoutArguments;
 
@@ -51,6 +51,10 @@ pub struct FitArguments {
     /// Says it and does not fit; nothing is written
     #[arg(long, help_heading = "Output", conflicts_with_all = ["resume", "explain"])]
     pub dry_run: bool,
+    /// Most bytes that the file of the splats may have; K, M, G stand for powers of 1024. As many splats are
+    /// fitted as it holds, or fewer if something else says so
+    #[arg(long, value_name = "BYTES", value_parser = bytes, help_heading = "Output")]
+    pub max_size: Option<u64>,
     #[command(flatten)]
     pub layout: LayoutArguments,
     #[command(flatten)]
@@ -77,6 +81,8 @@ Examples:
   vgs fit scans/ --series 3 --roi bones.nii.gz -o bones.ply     a DICOM series; vgs info scans/ lists them
   vgs fit ct.nii.gz --roi-threshold 200,3000 --roi-largest --roi-close 2 --roi-fill -o bone.ply
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.vgs     an eighth of the bytes, in 1.8 times the time
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --target-psnr 45     as few splats as that takes
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.vgs --max-size 500K      as good as that can be
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --config best.toml --json
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --kernel gaussian --ply-layout reference
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --profile paper --subset 4000 --checkpoint-every 100

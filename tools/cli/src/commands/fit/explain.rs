@@ -88,6 +88,8 @@ pub struct Plan<'a> {
     pub write: &'a splat::WriteOptions,
     /// Quality, if none of its settings was changed.
     pub quality: Option<&'static QualityPreset>,
+    /// Error that the fit is to reach, in words, if there is one.
+    pub target: Option<String>,
     /// Time since the command began.
     pub before: Duration,
 }
@@ -122,6 +124,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
         file_bytes: splat::file_bytes(plan.output, plan.set, plan.write)?,
         early,
         expected: plan.quality.map(|quality| expected(quality, early)),
+        target: plan.target.clone(),
         calibration_seconds: begin.elapsed().as_secs_f64(),
     })
 }

@@ -6,6 +6,7 @@
 //! | `run` | the command, stage by stage: prepare, estimate, fit, evaluate, report |
 //! | `stages` | estimate, fit, evaluate |
 //! | `prepare` | the first stage: reads, chooses and checks |
+//! | `count` | how many splats there are: what a target takes, and what a file of limited size holds |
 //! | `doubts` | what is probably not meant, told or asked about first |
 //! | `explain` | estimates what the fit will cost, by its first iterations |
 //! | `watch` | watches the fit: progress, signals; `checkpoint`: files written on the way |
@@ -14,6 +15,7 @@
 
 mod arguments;
 mod checkpoint;
+mod count;
 mod doubts;
 mod explain;
 mod output_files;

@@ -5,19 +5,20 @@ use std::time::{Duration, Instant};
 use engine::Result;
 use engine::fit::evaluate::{self, Protocol};
 use engine::fit::labels::label;
-use engine::fit::{FitConfig, IntensityRange, Problem, Schedule, Start};
+use engine::fit::{FitConfig, Goal, IntensityRange, Problem, Schedule, Start};
 use engine::gpu::Gpu;
 use engine::splat::{Field, Rounding, Splat, SplatSet, WriteOptions};
 use engine::volume::Labels;
 
 use super::arguments::FitArguments;
 use super::checkpoint::Checkpoints;
+use super::count;
 use super::output_files::OutputFiles;
 use super::settings::Settings;
+use crate::shared::console::Console;
 use crate::shared::evaluation::{EVAL_SEED, unweighted};
 use crate::shared::flags::Range;
 use crate::shared::inputs::Case;
-use crate::shared::waiting::Waiting;
 
 /// Inputs of a fit.
 pub struct Inputs {
@@ -61,6 +62,10 @@ pub struct Prepared<'a> {
     pub write: WriteOptions,
     /// Protocol of the closing evaluation, if there is one.
     pub protocol: Option<Protocol>,
+    /// Protocol of measuring at the voxels alone.
+    pub at_voxels: Protocol,
+    /// Error that the fit is to reach, if there is one.
+    pub goal: Option<Goal>,
     /// Schedule of the fit.
     pub schedule: Schedule,
     /// Time when the command began.
@@ -79,6 +84,7 @@ pub fn prepare<'a>(
     settings: &'a Settings,
     files: &'a OutputFiles,
     inputs: &'a Inputs,
+    console: &Console,
     start: Instant,
 ) -> Result<(Prepared<'a>, Start)> {
     let case = &inputs.case;
@@ -97,19 +103,23 @@ pub fn prepare<'a>(
 
     let initialising = Instant::now();
     let config = &settings.config;
+    let protocol = protocol(arguments, config, case)?;
+    let goal = Goal::of(config, protocol.range, protocol.threshold);
     let problem = Problem::new(&case.volume, &case.roi, config)?;
-    let begin = match interrupted {
-        Some(interrupted) => Start::Interrupted(interrupted),
-        // Reading and placing get half of the time, the fit the rest.
-        None => Start::First({
-            let _waiting = Waiting::on("placing the first splats");
-            problem.first_splats_by(arguments.time_budget.map(|time| start + time / 2))?
-        }),
+    let (problem, begin) = match interrupted {
+        Some(interrupted) => (problem, Start::Interrupted(interrupted)),
+        None => {
+            let problem = match &goal {
+                Some(goal) => count::for_goal(problem, &gpu, goal, arguments, console, start)?,
+                None => problem,
+            };
+            let (problem, first) = count::placed(problem, settings, arguments, &write, start)?;
+            (problem, Start::First(first))
+        }
     };
     let initialise_seconds = initialising.elapsed().as_secs_f64();
 
     warn_of_kernel(&write, config);
-    let protocol = protocol(arguments, config, case)?;
     let before = start.elapsed();
     let prepared = Prepared {
         arguments,
@@ -122,7 +132,9 @@ pub fn prepare<'a>(
         checkpoints,
         gpu,
         write,
+        at_voxels: Protocol { offsets: Vec::new(), ..protocol.clone() },
         protocol: (!arguments.no_eval).then_some(protocol),
+        goal,
         schedule: arguments.schedule(settings, before),
         start,
         read_seconds,
@@ -133,11 +145,9 @@ pub fn prepare<'a>(
 }
 
 impl Prepared<'_> {
-    /// Returns true if the splats are rounded for a small file and fitted again. A clock leaves no time for
-    /// that, and a fit of mini-batches no memory; their splats are rounded as they are.
+    /// Returns true if the splats are rounded for a small file and fitted again.
     pub fn is_rounded(&self) -> bool {
-        let small = self.files.splats.extension().is_some_and(|name| name.eq_ignore_ascii_case("vgs"));
-        small && self.schedule.time.is_none() && self.settings.config.subset == 0
+        count::is_rounded(&self.problem, self.arguments)
     }
 
     /// Returns first splats of the fit, given in its voxel space, as a file stores them.

@@ -6,9 +6,9 @@ use engine::fit::evaluate::Evaluation;
 use engine::fit::{End, Outcome};
 use engine::{Result, splat};
 
-use super::checkpoint;
 use super::prepare::Prepared;
 use super::stages::{Evaluated, Fitted};
+use super::{checkpoint, count};
 use crate::report::estimate::{CheckedEstimate, Estimate};
 use crate::report::quality::Quality;
 use crate::report::record::{MemoryRecord, RoiRecord, RunRecord, Timings, VolumeRecord, WorkingRecord};
@@ -30,6 +30,7 @@ pub fn report(
     let (arguments, files) = (prepared.arguments, &fitted.files);
     let timings = timings(prepared, fitted, evaluated, estimate.as_ref());
     let results = results(prepared, fitted, evaluated, &timings);
+    warn_of_target(prepared, evaluated);
     let checked = match estimate {
         Some(estimate) => {
             let file_bytes = splat::file_bytes(&files.splats, &fitted.set, &prepared.write)?;
@@ -78,6 +79,7 @@ fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timi
     FitResults {
         splats: outcome.splats.len(),
         quality: evaluated.evaluation.as_ref().map(Quality::of),
+        target_reached: surplus(prepared, evaluated).map(|db| db >= 0.0),
         seconds: timings.total,
         fit_seconds: outcome.seconds,
         seconds_per_iteration: outcome.seconds / f64::from(outcome.iterations.max(1)),
@@ -89,6 +91,20 @@ fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timi
         driver: device.driver.clone(),
         roi_voxels: case.roi.voxel_count(),
         outputs: fitted.files.list().iter().map(|p| p.display().to_string()).collect(),
+    }
+}
+
+/// Returns by how much the fit is better than its target, dB, if it has one and was measured.
+fn surplus(prepared: &Prepared<'_>, evaluated: &Evaluated) -> Option<f64> {
+    let evaluation = evaluated.evaluation.as_ref()?;
+    Some(prepared.goal?.surplus_of(&evaluation.on_grid))
+}
+
+/// Warns of a target that the fit has missed.
+fn warn_of_target(prepared: &Prepared<'_>, evaluated: &Evaluated) {
+    if let (Some(goal), Some(db)) = (&prepared.goal, surplus(prepared, evaluated).filter(|&db| db < 0.0)) {
+        let target = count::text(goal, prepared.case.volume.unit());
+        tracing::warn!("{target} is missed by {:.2} dB: the limits of the fit leave no more splats", -db);
     }
 }
 
@@ -163,9 +179,10 @@ fn summary(
         let ([low, high], unit) = (quality.range, evaluation.unit);
         out.push_str(&format!(
             "quality in the region, PSNR over {low} to {high}{unit}:\n  at the voxels: {}, an error of {:.1}{unit} (root \
-             mean square)\n",
+             mean square), 99 % within {:.1}{unit}\n",
             psnr(quality.psnr_db, quality.range),
-            quality.rmse_hu
+            quality.rmse_hu,
+            quality.p99_hu
         ));
         if !evaluation.between.is_empty() {
             out.push_str(&format!(

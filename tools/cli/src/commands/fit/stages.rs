@@ -3,14 +3,14 @@
 use std::time::Instant;
 
 use engine::Result;
-use engine::fit::evaluate::{self, Evaluation};
+use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::{End, Outcome, ROUNDING_ITERATIONS, Start};
-use engine::splat::{Form, SplatSet};
+use engine::splat::{Form, Splat, SplatSet};
 
-use super::explain;
 use super::output_files::OutputFiles;
 use super::prepare::Prepared;
 use super::watch::FitWatch;
+use super::{count, explain};
 use crate::picture;
 use crate::report::estimate::{self, Estimate};
 use crate::report::record::PassRecord;
@@ -40,6 +40,7 @@ pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Re
         output: &prepared.files.splats,
         write: &prepared.write,
         quality: settings.plain_quality(),
+        target: prepared.goal.as_ref().map(|goal| count::text(goal, prepared.case.volume.unit())),
         before: prepared.before,
     })?;
     if !arguments.dry_run {
@@ -69,7 +70,7 @@ const OVERRUN: f64 = 0.1;
 
 /// Fits the splats and writes them.
 pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &Console) -> Result<Fitted> {
-    let outcome = {
+    let mut outcome = {
         let mut watch = FitWatch::new(prepared, signals, console);
         prepared.problem.run(&prepared.gpu, begin, prepared.schedule, &mut watch)?
     };
@@ -78,13 +79,11 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
         tracing::warn!("{} updates of splats were left out: a gradient was not finite", outcome.frozen);
     }
     let finished = matches!(outcome.end, End::Finished);
-    let rounded = if finished && prepared.is_rounded() {
-        let _waiting = Waiting::on("rounding the splats, and fitting them again");
-        prepared.rounded_set(&outcome.splats, outcome.iterations, &mut || signals.exit_code().is_some())
+    let set = if finished {
+        count::settled(prepared, &mut outcome, signals, console)?
     } else {
-        None
+        prepared.set(&outcome.splats, outcome.iterations)
     };
-    let set = rounded.unwrap_or_else(|| prepared.set(&outcome.splats, outcome.iterations));
     let files = prepared.files.after(&outcome.end);
     splat_files::write(&files.splats, &set, &prepared.write)?;
     if finished {
@@ -92,6 +91,17 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
     }
     warn_of_time(prepared, outcome.iterations);
     Ok(Fitted { outcome, set, passes, files })
+}
+
+/// Returns the set of a finished fit as its file has it: rounded where the file rounds.
+pub fn made(prepared: &Prepared<'_>, splats: &[Splat], iterations: u32, signals: &Signals) -> SplatSet {
+    let rounded = if prepared.is_rounded() {
+        let _waiting = Waiting::on("rounding the splats, and fitting them again");
+        prepared.rounded_set(splats, iterations, &mut || signals.exit_code().is_some())
+    } else {
+        None
+    };
+    rounded.unwrap_or_else(|| prepared.set(splats, iterations))
 }
 
 /// Warns if the time budget was too short for what cannot be left out: reading, placing splats, an iteration.
@@ -124,7 +134,8 @@ pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> 
     let evaluating = Instant::now();
     let finished = matches!(fitted.outcome.end, End::Finished) && signals.exit_code().is_none();
     let waiting = Waiting::on("measuring the splats");
-    let evaluation = if finished { measure(prepared, fitted)? } else { None };
+    let measured = |protocol| measure(prepared, &fitted.set, &fitted.outcome.splats, protocol);
+    let evaluation = prepared.protocol.as_ref().filter(|_| finished).map(measured).transpose()?;
     drop(waiting);
     if let (Some(path), Some(evaluation)) = (&prepared.files.picture, &evaluation) {
         let _waiting = Waiting::on(format!("drawing {}", path.display()));
@@ -142,17 +153,22 @@ pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> 
     Ok(Evaluated { evaluation, seconds: evaluating.elapsed().as_secs_f64() })
 }
 
-/// Measures the field that is shown: the decoded field if the splats were fitted for the voxels alone.
-fn measure(prepared: &Prepared<'_>, fitted: &Fitted) -> Result<Option<Evaluation>> {
+/// Measures the field of a set that is shown, by `protocol`: the decoded field if the splats were fitted for the
+/// voxels alone. `splats` are those of the fit (voxel space of the working grid, HU).
+pub fn measure(
+    prepared: &Prepared<'_>,
+    set: &SplatSet,
+    splats: &[Splat],
+    protocol: &Protocol,
+) -> Result<Evaluation> {
     let Prepared { gpu, case, .. } = prepared;
-    let Some(protocol) = &prepared.protocol else { return Ok(None) };
-    if fitted.set.form != Form::Field {
-        return evaluate_decoded(gpu, &fitted.set, case, protocol).map(Some);
+    if set.form != Form::Field {
+        return evaluate_decoded(gpu, set, case, protocol);
     }
     // Splats of a working grid are converted to the native one, and those of a small file are not those of the
     // fit. Others are there already, and need no conversion, which is not exact.
-    let converted = prepared.problem.is_coarser() || fitted.set.rounding.is_some();
-    let native = converted.then(|| fitted.set.to_voxel(&case.volume.world_from_voxel));
-    let splats = native.as_deref().unwrap_or(&fitted.outcome.splats);
-    evaluate::evaluate(gpu, splats, &prepared.field, &case.volume, &case.roi, protocol).map(Some)
+    let converted = prepared.problem.is_coarser() || set.rounding.is_some();
+    let native = converted.then(|| set.to_voxel(&case.volume.world_from_voxel));
+    let splats = native.as_deref().unwrap_or(splats);
+    evaluate::evaluate(gpu, splats, &prepared.field, &case.volume, &case.roi, protocol)
 }

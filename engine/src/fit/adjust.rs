@@ -1,0 +1,90 @@
+//! A fit brought to another number of splats: some are added where the error is largest, or the least important
+//! go, and all are fitted again.
+
+use std::ops::RangeInclusive;
+
+use super::rounding::config_after;
+use super::run::Problem;
+use super::{FitConfig, Fitter, Schedule};
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::splat::{Splat, by_importance};
+
+/// Iterations after a change of the number.
+const ITERATIONS: u32 = 100;
+/// Iterations between two questions whether to stop.
+const BATCH: u32 = 10;
+/// Most changes on the way to a goal.
+const ROUNDS: usize = 4;
+/// What a doubling of the number by added splats is worth, dB: less than of splats that were there from the
+/// beginning.
+const SLOPE: f64 = 2.5;
+/// Splats after such a change, in parts of those before.
+const TIMES: RangeInclusive<f64> = 1.05..=1.9;
+
+impl Problem<'_> {
+    /// Brings fitted splats (voxel space, HU) to `count`, and fits them again. `stopped` is asked every ten
+    /// iterations. Waits for the device.
+    ///
+    /// # Errors
+    /// Fails if the device fails.
+    pub fn with_count(
+        &self,
+        gpu: &Gpu,
+        splats: &[Splat],
+        count: usize,
+        stopped: &mut dyn FnMut() -> bool,
+    ) -> Result<Vec<Splat>> {
+        let mut kept: Vec<u32> = by_importance(splats, &self.field());
+        kept.truncate(count);
+        // The order of the file stays.
+        kept.sort_unstable();
+        let kept: Vec<Splat> = kept.into_iter().map(|i| splats[i as usize]).collect();
+        let config = FitConfig {
+            iterations: ITERATIONS,
+            topology: "growth".to_owned(),
+            topology_from: 1,
+            topology_until: 1,
+            topology_every: 1,
+            topology_share: 1.0,
+            topology_limit: (count as f64 / kept.len().max(1) as f64).max(1.0) as f32,
+            ..config_after(self.config(), &[], &kept)
+        };
+        let mut fitter = Fitter::new(gpu, self.volume(), self.roi(), &kept, &config)?;
+        let schedule = Schedule { iterations: ITERATIONS, time: None };
+        while fitter.iteration() < ITERATIONS && !stopped() {
+            fitter.run_to(fitter.iteration() + BATCH, schedule)?;
+        }
+        fitter.splats()
+    }
+
+    /// Adds splats to fitted ones (voxel space, HU) where the error is largest until a goal is reached, or the
+    /// most splats that the configuration allows, or four rounds have been; splats that are good enough stay
+    /// as they are. `surplus` measures splats as [`Goal::surplus_db`](super::Goal::surplus_db) does; `told` hears
+    /// of each new number. Waits for the device.
+    ///
+    /// # Errors
+    /// Fails if the device or `surplus` fails.
+    pub fn brought_to_goal(
+        &self,
+        gpu: &Gpu,
+        splats: Vec<Splat>,
+        surplus: &mut dyn FnMut(&[Splat]) -> Result<f64>,
+        told: &mut dyn FnMut(usize),
+        stopped: &mut dyn FnMut() -> bool,
+    ) -> Result<Vec<Splat>> {
+        let mut splats = splats;
+        let most = self.config().most_splats(self.native_voxels());
+        for _ in 0..ROUNDS {
+            let missed_db = -surplus(&splats)?;
+            let times = (missed_db / SLOPE).exp2().clamp(*TIMES.start(), *TIMES.end());
+            let count = ((splats.len() as f64 * times).ceil() as usize).min(most.max(splats.len()));
+            if missed_db <= 0.0 || count == splats.len() || stopped() {
+                break;
+            }
+            told(count);
+            splats = self.with_count(gpu, &splats, count, stopped)?;
+        }
+        Ok(splats)
+    }
+}
