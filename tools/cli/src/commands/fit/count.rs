@@ -1,19 +1,15 @@
-//! How many splats a fit gets: what a goal takes, and what a file of limited size holds.
+//! How many splats a fit begins with: what a goal takes, and what a file of limited size holds.
 
 use std::time::Instant;
 
-use engine::fit::{GOAL_MARGIN_DB, Goal, Outcome, Problem, Trial};
+use engine::fit::{GOAL_MARGIN_DB, Goal, Problem, Trial};
 use engine::gpu::Gpu;
 use engine::splat::{self, Form, Rounding, Splat, SplatSet};
 use engine::{Error, Kind, Result};
 
 use super::arguments::FitArguments;
-use super::prepare::Prepared;
 use super::settings::Settings;
-use super::stages;
 use crate::shared::console::Console;
-use crate::shared::figures::bytes;
-use crate::shared::signals::Signals;
 use crate::shared::waiting::Waiting;
 
 /// What rounding for a small file costs, dB: the fit before it should be better by as much.
@@ -29,9 +25,7 @@ const FILLED: f64 = 0.99;
 const FILLED_IF_ROUNDED: f64 = 0.8;
 /// A file that is filled to this part of what the first splats may fill is full.
 const NEARLY: f64 = 0.97;
-/// Part of a limited file that is aimed at when splats are taken away.
-const AIMED: f64 = 0.98;
-/// Most times that splats are taken away.
+/// Most times that first splats are placed for a limited file.
 const ROUNDS: usize = 5;
 
 /// Refuses two answers to the question how many splats there are.
@@ -118,81 +112,6 @@ pub fn placed<'a>(
 /// a fit of mini-batches no memory; their splats are rounded as they are.
 pub fn is_rounded(problem: &Problem<'_>, arguments: &FitArguments) -> bool {
     splat::rounds(&arguments.output) && arguments.time_budget.is_none() && problem.config().subset == 0
-}
-
-/// Makes the set of a fit, and fits again with another number of splats where the set has missed its goal or is
-/// too large for its file; the size counts most. If the device fails, the splats stay as they are.
-///
-/// # Errors
-/// Fails if the set cannot be written as its file's name says.
-pub fn settled(
-    prepared: &Prepared<'_>,
-    outcome: &mut Outcome,
-    signals: &Signals,
-    console: &Console,
-) -> Result<SplatSet> {
-    let iterations = outcome.iterations;
-    let make = |splats: &[Splat]| stages::made(prepared, splats, iterations, signals);
-    // The last splats that were measured, and their set.
-    let mut last: Option<(Vec<Splat>, SplatSet)> = None;
-    if let Some(goal) = &prepared.goal {
-        let target = text(goal, prepared.case.volume.unit());
-        let mut surplus = |splats: &[Splat]| {
-            let (_, set) = last.insert((splats.to_vec(), make(splats)));
-            Ok(goal.surplus_of(&stages::measure(prepared, set, splats, &prepared.at_voxels)?.on_grid))
-        };
-        let mut told = |count| console.say(&format!("not yet {target}: fitting again with {count} splats"));
-        let mut stopped = || signals.exit_code().is_some();
-        let (gpu, splats) = (&prepared.gpu, outcome.splats.clone());
-        match prepared.problem.brought_to_goal(gpu, splats, &mut surplus, &mut told, &mut stopped) {
-            Ok(splats) => outcome.splats = splats,
-            Err(error) => tracing::warn!("the fit could not be brought to its target: {error}"),
-        }
-    }
-    let set = match last {
-        Some((splats, set)) if splats == outcome.splats => set,
-        _ => make(&outcome.splats),
-    };
-    within_size(prepared, outcome, set, signals, console)
-}
-
-/// Takes splats away from a fit until the file of its set is small enough.
-fn within_size(
-    prepared: &Prepared<'_>,
-    outcome: &mut Outcome,
-    set: SplatSet,
-    signals: &Signals,
-    console: &Console,
-) -> Result<SplatSet> {
-    let mut set = set;
-    let Some(most) = prepared.arguments.max_size else { return Ok(set) };
-    for round in 0..=ROUNDS {
-        let size = splat::file_bytes(&prepared.files.splats, &set, &prepared.write)?;
-        let count = (outcome.splats.len() as f64 * AIMED * most as f64 / size as f64) as usize;
-        if size <= most || signals.exit_code().is_some() {
-            break;
-        }
-        if round == ROUNDS || count == 0 {
-            let (size, most) = (bytes(size), bytes(most));
-            tracing::warn!("the file has {size}, more than {most}: its grid and its mask need the rest");
-            break;
-        }
-        console.say(&format!(
-            "{} are more than {}: fitting again with {count} splats",
-            bytes(size),
-            bytes(most)
-        ));
-        let mut stopped = || signals.exit_code().is_some();
-        match prepared.problem.with_count(&prepared.gpu, &outcome.splats, count, &mut stopped) {
-            Ok(splats) => outcome.splats = splats,
-            Err(error) => {
-                tracing::warn!("the file could not be made smaller than {}: {error}", bytes(size));
-                break;
-            }
-        }
-        set = stages::made(prepared, &outcome.splats, outcome.iterations, signals);
-    }
-    Ok(set)
 }
 
 /// Describes a goal in a few words.

@@ -3,19 +3,18 @@
 use std::time::Instant;
 
 use engine::Result;
-use engine::fit::evaluate::{self, Evaluation, Protocol};
+use engine::fit::evaluate::Evaluation;
 use engine::fit::{End, Outcome, ROUNDING_ITERATIONS, Start};
-use engine::splat::{Form, Splat, SplatSet};
+use engine::splat::SplatSet;
 
 use super::output_files::OutputFiles;
 use super::prepare::Prepared;
 use super::watch::FitWatch;
-use super::{count, explain};
+use super::{count, explain, settle};
 use crate::picture;
 use crate::report::estimate::{self, Estimate};
 use crate::report::record::PassRecord;
 use crate::shared::console::Console;
-use crate::shared::evaluation::evaluate_decoded;
 use crate::shared::signals::Signals;
 use crate::shared::splat_files;
 use crate::shared::waiting::Waiting;
@@ -80,7 +79,7 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
     }
     let finished = matches!(outcome.end, End::Finished);
     let set = if finished {
-        count::settled(prepared, &mut outcome, signals, console)?
+        settle::settled(prepared, &mut outcome, signals, console)?
     } else {
         prepared.set(&outcome.splats, outcome.iterations)
     };
@@ -91,17 +90,6 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
     }
     warn_of_time(prepared, outcome.iterations);
     Ok(Fitted { outcome, set, passes, files })
-}
-
-/// Returns the set of a finished fit as its file has it: rounded where the file rounds.
-pub fn made(prepared: &Prepared<'_>, splats: &[Splat], iterations: u32, signals: &Signals) -> SplatSet {
-    let rounded = if prepared.is_rounded() {
-        let _waiting = Waiting::on("rounding the splats, and fitting them again");
-        prepared.rounded_set(splats, iterations, &mut || signals.exit_code().is_some())
-    } else {
-        None
-    };
-    rounded.unwrap_or_else(|| prepared.set(splats, iterations))
 }
 
 /// Warns if the time budget was too short for what cannot be left out: reading, placing splats, an iteration.
@@ -134,7 +122,7 @@ pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> 
     let evaluating = Instant::now();
     let finished = matches!(fitted.outcome.end, End::Finished) && signals.exit_code().is_none();
     let waiting = Waiting::on("measuring the splats");
-    let measured = |protocol| measure(prepared, &fitted.set, &fitted.outcome.splats, protocol);
+    let measured = |protocol| settle::measure(prepared, &fitted.set, &fitted.outcome.splats, protocol);
     let evaluation = prepared.protocol.as_ref().filter(|_| finished).map(measured).transpose()?;
     drop(waiting);
     if let (Some(path), Some(evaluation)) = (&prepared.files.picture, &evaluation) {
@@ -151,24 +139,4 @@ pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> 
         )?;
     }
     Ok(Evaluated { evaluation, seconds: evaluating.elapsed().as_secs_f64() })
-}
-
-/// Measures the field of a set that is shown, by `protocol`: the decoded field if the splats were fitted for the
-/// voxels alone. `splats` are those of the fit (voxel space of the working grid, HU).
-pub fn measure(
-    prepared: &Prepared<'_>,
-    set: &SplatSet,
-    splats: &[Splat],
-    protocol: &Protocol,
-) -> Result<Evaluation> {
-    let Prepared { gpu, case, .. } = prepared;
-    if set.form != Form::Field {
-        return evaluate_decoded(gpu, set, case, protocol);
-    }
-    // Splats of a working grid are converted to the native one, and those of a small file are not those of the
-    // fit. Others are there already, and need no conversion, which is not exact.
-    let converted = prepared.problem.is_coarser() || set.rounding.is_some();
-    let native = converted.then(|| set.to_voxel(&case.volume.world_from_voxel));
-    let splats = native.as_deref().unwrap_or(splats);
-    evaluate::evaluate(gpu, splats, &prepared.field, &case.volume, &case.roi, protocol)
 }
