@@ -1,8 +1,6 @@
 //! A fit brought to another number of splats: some are added where the error is largest, or the least important
 //! go, and all are fitted again.
 
-use std::ops::RangeInclusive;
-
 use super::rounding::config_after;
 use super::run::Problem;
 use super::{FitConfig, Fitter, Schedule};
@@ -15,12 +13,14 @@ const ITERATIONS: u32 = 100;
 /// Iterations between two questions whether to stop.
 const BATCH: u32 = 10;
 /// Most changes on the way to a goal.
-const ROUNDS: usize = 4;
+const ROUNDS: i32 = 5;
 /// What a doubling of the number by added splats is worth, dB: less than of splats that were there from the
 /// beginning.
 const SLOPE: f64 = 2.5;
-/// Splats after such a change, in parts of those before.
-const TIMES: RangeInclusive<f64> = 1.05..=1.9;
+/// Least part of the splats that a first change adds; each further one adds at least twice that part.
+const LEAST_ADDED: f64 = 0.05;
+/// Most splats after a change, in parts of those before.
+const MOST_TIMES: f64 = 1.9;
 
 impl Problem<'_> {
     /// Brings fitted splats (voxel space, HU) to `count`, and fits them again. `stopped` is asked every ten
@@ -59,7 +59,7 @@ impl Problem<'_> {
     }
 
     /// Adds splats to fitted ones (voxel space, HU) where the error is largest until a goal is reached, or the
-    /// most splats that the configuration allows, or four rounds have been; splats that are good enough stay
+    /// most splats that the configuration allows, or five rounds have been; splats that are good enough stay
     /// as they are. `surplus` measures splats as [`Goal::surplus_db`](super::Goal::surplus_db) does; `told` hears
     /// of each new number. Waits for the device.
     ///
@@ -75,9 +75,10 @@ impl Problem<'_> {
     ) -> Result<Vec<Splat>> {
         let mut splats = splats;
         let most = self.config().most_splats(self.native_voxels());
-        for _ in 0..ROUNDS {
+        for round in 0..ROUNDS {
             let missed_db = -surplus(&splats)?;
-            let times = (missed_db / SLOPE).exp2().clamp(*TIMES.start(), *TIMES.end());
+            let least = 1.0 + LEAST_ADDED * 2f64.powi(round);
+            let times = (missed_db / SLOPE).exp2().clamp(least, MOST_TIMES);
             let count = ((splats.len() as f64 * times).ceil() as usize).min(most.max(splats.len()));
             if missed_db <= 0.0 || count == splats.len() || stopped() {
                 break;

@@ -14,6 +14,7 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::flags::{Range, bytes, pair, spacing};
+use super::padding::Padding;
 use super::waiting::Waiting;
 
 /// Returns true if a path has the name of a volume, or is a folder, as of DICOM slices.
@@ -171,6 +172,9 @@ impl Case {
         );
         let mask_within =
             mask.as_ref().map(|(mask, labels)| roi.share_of(mask, labels, &volume)).transpose()?;
+        if let Some(padding) = Padding::of(&volume) {
+            padding.warn_of_region(&volume, &roi);
+        }
         Ok((Case { volume, roi, mask_within }, mask))
     }
 
@@ -185,7 +189,13 @@ impl Case {
         match chosen {
             Some(Range::Given(range)) => Ok(range),
             Some(Range::Roi) => region_range(&self.volume, &self.roi),
-            Some(Range::Own) | None => Ok(self.full_range()),
+            Some(Range::Own) | None => {
+                let range = self.full_range();
+                if let Some(padding) = Padding::of(&self.volume) {
+                    padding.warn_of_range(range);
+                }
+                Ok(range)
+            }
         }
     }
 }

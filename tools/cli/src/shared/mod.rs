@@ -3,7 +3,7 @@
 //! | file | subject |
 //! |---|---|
 //! | `flags` | flags that several commands have, and how their texts are parsed |
-//! | `inputs` | the volume and the region of interest, and the records of their files; `texts`: small files of text |
+//! | `inputs` | the volume and the region of interest, and the records of their files; `padding`: voxels without a value; `texts`: small files of text |
 //! | `splat_files` | reading and writing splats, whatever their layout |
 //! | `outputs` | checks before anything is written; `lock`: one run per output |
 //! | `sampling` | the field of splats at the voxels of a grid |
@@ -26,6 +26,7 @@ pub mod inputs;
 pub mod lock;
 pub mod memory;
 pub mod outputs;
+pub mod padding;
 pub mod progress;
 pub mod sampling;
 pub mod signals;
