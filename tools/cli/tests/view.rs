@@ -344,3 +344,34 @@ fn what_cannot_be_shown_is_refused_before_a_window_opens() {
         assert!(ended.err.contains(what), "{arguments:?}: {}", ended.err);
     }
 }
+
+#[test]
+fn slices_stand_beside_the_picture_and_follow_a_click_in_it() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let arguments = ["s.ply", "--volume", "ct.nii.gz", "--tf", "CT-Soft-Tissue"];
+    let mut viewer = Viewer::start(&screen, &folder, &arguments);
+    viewer.wait("the first picture", |v| v.frames()[1] > 0);
+    viewer.settle();
+    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
+    screen.hand(&["mousemove", "450", "380"]);
+    viewer.settle();
+    let without = screen.look();
+    let with = viewer.act(&["key", "v"]);
+    with.keep("slices");
+    // Where the slices are now, with grey of the volume.
+    let left = [10, 60, 230, 640];
+    assert!(with.differences(&without, left) > 5000, "slices are shown");
+    let grey = |[r, g, b]: [u8; 3]| r == g && g == b && (60..240).contains(&r);
+    assert!(with.count(left, grey) > 3000, "grey of the volume: {}", with.count(left, grey));
+    // A click on the scene moves the lines in the slices, and so does one in a slice.
+    let clicked = viewer.act(&["mousemove", "560", "330", "click", "1"]);
+    clicked.keep("slices-clicked");
+    assert!(clicked.differences(&with, left) > 200, "lines and slices have moved");
+    let again = viewer.act(&["mousemove", "110", "120", "click", "1"]);
+    assert!(again.differences(&clicked, left) > 200, "by a click in a slice");
+    let closed = viewer.act(&["key", "v"]);
+    assert!(closed.differences(&with, left) > 5000, "closed again");
+    assert_eq!(viewer.quit().code, 0);
+}

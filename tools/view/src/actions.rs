@@ -70,6 +70,8 @@ pub enum Action {
     Flip,
     /// Shows both side by side, or one alone again.
     Split,
+    /// Shows or hides the slices beside the picture.
+    ToggleSlices,
     /// Chooses the next mode of splats.
     NextMode,
     /// Chooses the next preset of the transfer function.
@@ -149,6 +151,7 @@ pub static KEYS: &[Binding] = &[
     row(COMMAND, Key::Y, "Redo", "one step forward again", Action::Redo),
     row(NONE, Key::Space, "Flip", "from splats to the volume and back", Action::Flip),
     row(NONE, Key::B, "Both", "splats and volume side by side", Action::Split),
+    row(NONE, Key::V, "Slices", "axial, coronal and sagittal slices on or off", Action::ToggleSlices),
     row(NONE, Key::M, "Next mode", "the next way to render splats", Action::NextMode),
     row(NONE, Key::PageDown, "Next preset", "the next transfer function", Action::NextPreset),
     row(NONE, Key::PageUp, "Previous preset", "the transfer function before", Action::PreviousPreset),

@@ -200,6 +200,11 @@ impl PictureOverlay<'_> {
         self.text(at, align, &format!("{:.1} mm", distance.mm()), 13.0, colour);
     }
 
+    /// Paints the point in which the slices meet (mm RAS).
+    pub fn crosshair(&self, at_mm: DVec3) {
+        self.cross(at_mm, ACCENT);
+    }
+
     fn cross(&self, x: DVec3, colour: Color32) {
         let Some(at) = self.at(x) else { return };
         for (width, colour) in [(3.0, Color32::BLACK), (1.4, colour)] {

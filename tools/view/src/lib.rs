@@ -11,13 +11,14 @@
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
+//! panels -> slices
 //! app, handles, annotations, panels -> state -> orbit, transfer          app -> settings, editor, transfer
 //! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
 //! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit
 //! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function
 //! actions   what a user may ask for, with its keys; `settings` what is remembered from start to start
 //! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts; `cube` of the
-//!           patient's sides
+//!           patient's sides; `slices`: planes through the data
 //! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `annotations` are over the picture
 //! panel_info     what panels are told anew for each frame
 //! app       the viewer without its window: puts the panels together
@@ -52,6 +53,7 @@ pub mod prompt;
 pub mod rendered_scene;
 pub mod report;
 pub mod settings;
+pub mod slices;
 pub mod state;
 pub mod theme;
 pub mod transfer;

@@ -106,7 +106,7 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         // A folder is taken for one of DICOM slices.
         let is_volume = path.is_dir() || volume_endings().any(|end| name.ends_with(end));
-        if name.ends_with(".ply") {
+        if splat_endings().any(|end| name.ends_with(&end)) {
             if !sorted.files.splats.contains(path) {
                 sorted.files.splats.push(path.clone());
             }
@@ -119,10 +119,15 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
             // Series are those of one folder.
             sorted.files.series = None;
         } else {
-            let volumes: Vec<_> = volume_endings().collect();
+            let (splats, volumes) =
+                (splat_endings().collect::<Vec<_>>(), volume_endings().collect::<Vec<_>>());
             return Err(Error::new(Kind::Usage, "VGS-VIEW-020", "not a file that can be shown")
                 .file(path)
-                .help(format!("splats are .ply; volumes and masks {}; sessions .toml", volumes.join(", "))));
+                .help(format!(
+                    "splats are {}; volumes and masks {}; sessions .toml",
+                    splats.join(", "),
+                    volumes.join(", ")
+                )));
         }
     }
     if sorted.files.roi.is_some() && sorted.files.volume.is_none() {
@@ -131,6 +136,11 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
         sorted.files.series = None;
     }
     Ok(sorted)
+}
+
+/// Returns the extensions of splats, in lower case.
+pub fn splat_endings() -> impl Iterator<Item = String> {
+    splat::FORMATS.iter().map(|format| format!(".{}", format.name))
 }
 
 /// Returns the extensions of volumes, in lower case.

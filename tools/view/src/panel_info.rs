@@ -32,6 +32,8 @@ pub struct PanelInfo<'a> {
     pub splat_histogram: Option<&'a Histogram>,
     /// Histogram of the volume's intensities within its region, as soon as it is computed.
     pub volume_histogram: Option<&'a Histogram>,
+    /// Number of the data: another one whenever something was read or closed.
+    pub data: u64,
     /// True if the picture has a lower quality than it will have at rest.
     pub draft: bool,
     /// Frame times, passes, memory.
@@ -61,6 +63,7 @@ impl Default for PanelInfo<'_> {
             object_intensities: &[],
             splat_histogram: None,
             volume_histogram: None,
+            data: 0,
             draft: false,
             statistics: &NO_STATISTICS,
             progress: None,

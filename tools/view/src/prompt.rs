@@ -36,7 +36,7 @@ impl Purpose {
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
         static DATA: LazyLock<Vec<&str>> = LazyLock::new(|| {
             let volumes = engine::volume::FORMATS.iter().flat_map(|format| format.extensions);
-            [".ply", ".toml"].iter().chain(volumes).copied().collect()
+            [".ply", ".vgs", ".toml"].iter().chain(volumes).copied().collect()
         });
         match self {
             Purpose::Open => ("Open splats, a volume, a mask or a session", "Open", DATA.as_slice()),

@@ -66,6 +66,8 @@ pub struct Next {
 pub struct Viewer {
     app: App,
     data: LoadedData,
+    /// Number of the data, another one whenever they change.
+    data_number: u64,
     loader: Loader,
     statistics: Statistics,
     /// Measurements of the session.
@@ -114,6 +116,7 @@ impl Viewer {
         Viewer {
             app: App::new(state, settings),
             data: LoadedData::default(),
+            data_number: 0,
             loader,
             statistics: Statistics::new(),
             report,
@@ -162,6 +165,7 @@ impl Viewer {
     pub fn take_loaded(&mut self, canvas: &mut Canvas) -> Result<()> {
         let mut new = Vec::new();
         for loaded in self.loader.take() {
+            self.data_number += 1;
             if let Loaded::Written(path) = &loaded {
                 self.app.done(format!("Written: {}", path.display()));
             }
@@ -242,7 +246,7 @@ impl Viewer {
         let input = active.input.take_egui_input(&active.window);
         let context = active.input.egui_ctx().clone();
         let mut actions = Vec::new();
-        let Viewer { app, data, loader, statistics, object_splats, range, draft, .. } = self;
+        let Viewer { app, data, data_number, loader, statistics, object_splats, range, draft, .. } = self;
         let split = app.state.split;
         let canvas = &active.canvas;
         let depth = |place: DVec2| canvas.depth_at(place, split);
@@ -258,6 +262,7 @@ impl Viewer {
             object_intensities: data.splats.as_ref().map_or(&[], |splats| &splats.intensities),
             splat_histogram: data.splat_histogram.as_ref(),
             volume_histogram: data.volume_histogram.as_ref(),
+            data: *data_number,
             draft: *draft,
             statistics,
             progress: loader.doing(),
@@ -450,6 +455,7 @@ impl Viewer {
                 Ok(gone) => {
                     for subject in gone {
                         self.data.forget(subject);
+                        self.data_number += 1;
                         self.open_files.forget(subject);
                         self.set_scene(canvas, subject)?;
                     }

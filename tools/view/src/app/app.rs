@@ -18,7 +18,7 @@ use crate::history::History;
 use crate::panel_info::PanelInfo;
 use crate::panels::notice::Message;
 use crate::panels::status::Reading;
-use crate::panels::{self, menu::Menus};
+use crate::panels::{self, menu::Menus, slices::SliceImages};
 use crate::prompt::{Answer, Prompt, Purpose};
 use crate::settings::Settings;
 use crate::state::{Edited, SplatMode, Subject, ViewState};
@@ -26,6 +26,9 @@ use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
 const PANEL: [f32; 2] = [384.0, 640.0];
+
+/// Least and greatest width of the slices, points of the screen.
+const SLICES: [f32; 2] = [240.0, 720.0];
 
 /// Parts of the state that have changed since the last call of [`App::take_changes`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -52,6 +55,7 @@ pub struct App {
     /// Settings that are kept from start to start.
     pub settings: Settings,
     pub(super) editor: Editor,
+    pub(super) slice_images: SliceImages,
     pub(super) history: History<Edited>,
     /// State when the changes were last taken.
     pub(super) taken: ViewState,
@@ -78,6 +82,7 @@ impl App {
     pub fn new(state: ViewState, settings: Settings) -> Self {
         App {
             editor: Editor::default(),
+            slice_images: SliceImages::default(),
             history: History::new(state.edited()),
             taken: state.clone(),
             fit: false,
@@ -223,6 +228,7 @@ impl App {
                 let both = info.volume && info.splats.is_some();
                 state.split = if state.split.is_none() && both { Some(0.5) } else { None };
             }
+            Action::ToggleSlices => state.slices.shown = !state.slices.shown,
             Action::NextMode => {
                 let at = SplatMode::ALL.iter().position(|m| *m == state.mode).unwrap_or(0);
                 state.mode = SplatMode::ALL[(at + 1) % SplatMode::ALL.len()];
@@ -329,6 +335,13 @@ impl App {
                     },
                 );
             }
+        }
+        if self.state.slices.shown && ui.available_width() >= 1.5 * SLICES[0] {
+            let (slices, images) = (&mut self.state.slices, &mut self.slice_images);
+            Panel::left("slices")
+                .default_size(SLICES[0])
+                .size_range(SLICES[0]..=SLICES[1])
+                .show(ui, |ui| panels::slices::show(ui, slices, images, info));
         }
         CentralPanel::no_frame().show(ui, |ui| self.central(ui, info, actions));
     }

@@ -158,6 +158,9 @@ impl App {
         {
             paint.colour_bar(&function, info.range, info.unit);
         }
+        if let (true, Some(at_mm)) = (state.slices.shown, state.slices.at_mm) {
+            paint.crosshair(at_mm);
+        }
         let begun = self.measuring.flatten().map(|from| (from, self.reading.map(|r| r.at_mm)));
         paint.distances(&state.distances, begun);
         if let (Some(_), Some(reading), Some(cursor)) = (self.measuring, &self.reading, response.hover_pos())
@@ -223,6 +226,8 @@ impl App {
             }
         } else if response.double_clicked() {
             self.state.orbit.pivot_mm = at_mm;
+        } else if self.state.slices.shown && response.clicked() {
+            self.state.slices.at_mm = Some(at_mm);
         }
     }
 }

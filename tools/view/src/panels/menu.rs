@@ -58,7 +58,7 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
             }
             item(ui, true, Action::Fit, actions);
             ui.separator();
-            for action in [Action::Flip, Action::Split, Action::NextMode] {
+            for action in [Action::Flip, Action::Split, Action::ToggleSlices, Action::NextMode] {
                 item(ui, true, action, actions);
             }
             ui.separator();

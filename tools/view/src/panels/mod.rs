@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `menu`, `status` | the menus above, the line below |
 //! | `objects`, `transfer`, `quality`, `camera`, `clip`, `measure` | the sections at the side |
+//! | `slices` | the slices beside the picture |
 //! | `welcome`, `notice`, `keys`, `overlay` | over the picture: nothing open, a message, keys, frame times |
 //! | `widgets` | parts of the panels |
 
@@ -17,6 +18,7 @@ pub mod notice;
 pub mod objects;
 pub mod overlay;
 pub mod quality;
+pub mod slices;
 pub mod status;
 pub mod transfer;
 pub mod welcome;

@@ -5,7 +5,7 @@
 mod state;
 
 pub use state::{
-    Bookmark, Clip, CropBox, Distance, Edited, Files, MOST_PLANES, Object, Plane, Quality, Show, SplatMode,
-    Subject, VERSION, ViewState, mode_row,
+    Bookmark, Clip, CropBox, Distance, Edited, Files, MOST_PLANES, Object, Plane, Quality, Show, Slices,
+    SplatMode, Subject, VERSION, ViewState, mode_row,
 };
 pub(crate) use state::{text_of, toml_text};

@@ -55,6 +55,9 @@ pub struct ViewState {
     /// Annotations and panels that are shown.
     #[serde(default)]
     pub show: Show,
+    /// Slices beside the picture.
+    #[serde(default, skip_serializing_if = "Slices::is_default")]
+    pub slices: Slices,
     /// Clip planes and crop box.
     #[serde(default)]
     pub clip: Clip,
@@ -214,6 +217,26 @@ pub struct Show {
     pub handles: bool,
 }
 
+/// Slices beside the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Slices {
+    /// True if they are shown.
+    pub shown: bool,
+    /// Crosshair in which they meet, mm RAS; `None` for the middle of the scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_mm: Option<DVec3>,
+    /// Intensities that are black and white; `None` until they are shown for the first time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub window: Option<[f64; 2]>,
+}
+
+impl Slices {
+    fn is_default(&self) -> bool {
+        *self == Slices::default()
+    }
+}
+
 /// Measured distance: two points and the line between them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -327,6 +350,7 @@ impl ViewState {
             bookmarks: Vec::new(),
             quality: Quality::default(),
             show: Show::default(),
+            slices: Slices::default(),
             clip: Clip::default(),
             transfer: Transfer::new(transfer),
             objects: Vec::new(),

@@ -1,0 +1,185 @@
+//! Panel of the slices: three planes with a crosshair, and the window in which they are grey.
+
+use egui::{
+    Align2, Color32, ColorImage, DragValue, FontId, PointerButton, Rect, Response, Sense, Stroke,
+    TextureHandle, TextureOptions, Ui, pos2, vec2,
+};
+use glam::{DVec2, DVec3};
+
+use crate::panel_info::PanelInfo;
+use crate::slices::{SlicePlane, first_window, grey};
+use crate::state::Slices;
+
+/// Pixels of the longer side of a slice through a volume, and through splats alone, which take longer.
+const PIXELS: [usize; 2] = [320, 128];
+/// Length of a drag that changes the window by a factor of e, points of the screen.
+const POINTS_PER_E: f32 = 250.0;
+/// Length of scrolling that moves a slice by a hundredth of the scene, points of the screen.
+const POINTS_PER_STEP: f32 = 25.0;
+/// Height of what stands under the slices, points of the screen.
+const FOOT: f32 = 64.0;
+
+/// What the pixels of a slice depend on.
+#[derive(Clone, PartialEq)]
+struct Key {
+    data: u64,
+    volume: bool,
+    bounds: [DVec3; 2],
+    depth_mm: f64,
+    window: [f64; 2],
+}
+
+/// Pictures of the slices, made anew where they have to be.
+#[derive(Default)]
+pub struct SliceImages {
+    shown: [Option<(Key, TextureHandle)>; 3],
+}
+
+/// Returns the colour of a plane, by which its line is known in the others.
+fn colour(plane: SlicePlane) -> Color32 {
+    match plane {
+        SlicePlane::Axial => Color32::from_rgb(235, 90, 80),
+        SlicePlane::Coronal => Color32::from_rgb(110, 200, 110),
+        SlicePlane::Sagittal => Color32::from_rgb(235, 200, 90),
+    }
+}
+
+/// Shows the slices through the crosshair, which they move.
+pub fn show(ui: &mut Ui, slices: &mut Slices, images: &mut SliceImages, info: &PanelInfo<'_>) {
+    let Some(bounds) = info.bounds else {
+        _ = ui.weak("nothing is open");
+        return;
+    };
+    let at_mm = slices.at_mm.get_or_insert((bounds[0] + bounds[1]) * 0.5);
+    *at_mm = at_mm.clamp(bounds[0], bounds[1]);
+    let window = slices.window.get_or_insert_with(|| first_window(info.range, !info.unit.is_empty()));
+    let width = ui.available_width();
+    let height = (ui.available_height() - FOOT) / 3.0 - ui.spacing().item_spacing.y;
+    for (plane, image) in SlicePlane::ALL.into_iter().zip(&mut images.shown) {
+        let extent = plane.extent_mm(bounds).max(DVec2::splat(1e-9));
+        let scale = (width / extent.x as f32).min(height.max(40.0) / extent.y as f32);
+        let size = vec2(extent.x as f32, extent.y as f32) * scale;
+        let (place, _) = ui.allocate_exact_size(vec2(width, size.y), Sense::hover());
+        let rect = Rect::from_center_size(place.center(), size);
+        let response = ui.interact(rect, ui.id().with(plane.name()), Sense::click_and_drag());
+        lead(ui, &response, rect, plane, bounds, at_mm, window);
+        let key = Key {
+            data: info.data,
+            volume: info.volume,
+            bounds,
+            depth_mm: at_mm[plane.axes()[2]],
+            window: *window,
+        };
+        paint(ui, image, key, rect, plane, *at_mm, info);
+    }
+    foot(ui, *at_mm, window, info);
+}
+
+/// Moves the crosshair and changes the window, as the mouse says.
+fn lead(
+    ui: &Ui,
+    response: &Response,
+    rect: Rect,
+    plane: SlicePlane,
+    bounds: [DVec3; 2],
+    at_mm: &mut DVec3,
+    window: &mut [f64; 2],
+) {
+    let primary = response.clicked() || response.dragged_by(PointerButton::Primary);
+    if let (true, Some(at)) = (primary, response.interact_pointer_pos()) {
+        let from = (at - rect.min) / rect.size();
+        let place = DVec2::new(f64::from(from.x), f64::from(from.y)).clamp(DVec2::ZERO, DVec2::ONE);
+        *at_mm = plane.point(place, *at_mm, bounds);
+    }
+    let by = response.drag_delta();
+    if response.dragged_by(PointerButton::Secondary) && by != egui::Vec2::ZERO {
+        let [low, high] = *window;
+        let (width, level) = (high - low, (low + high) * 0.5);
+        let half = 0.5 * width * f64::from(by.x / POINTS_PER_E).exp();
+        let level = level - width * f64::from(by.y / POINTS_PER_E);
+        *window = [level - half, level + half];
+    }
+    if response.hovered() {
+        let scroll = ui.input(|i| i.smooth_scroll_delta().y);
+        let axis = plane.axes()[2];
+        let step = (bounds[1][axis] - bounds[0][axis]) / 100.0;
+        let moved = at_mm[axis] + step * f64::from(scroll / POINTS_PER_STEP);
+        at_mm[axis] = moved.clamp(bounds[0][axis], bounds[1][axis]);
+    }
+}
+
+/// Paints a slice with the lines of the others, the patient's sides and its name.
+fn paint(
+    ui: &Ui,
+    image: &mut Option<(Key, TextureHandle)>,
+    key: Key,
+    rect: Rect,
+    plane: SlicePlane,
+    at_mm: DVec3,
+    info: &PanelInfo<'_>,
+) {
+    let Key { bounds, window, .. } = key;
+    if image.as_ref().is_none_or(|(shown, _)| *shown != key) {
+        let size = plane.pixels(bounds, if info.volume { PIXELS[0] } else { PIXELS[1] });
+        let intensities = plane.intensities(at_mm, bounds, size, info.sample);
+        let greys: Vec<u8> = intensities.into_iter().map(|v| grey(v, window)).collect();
+        let pixels = ColorImage::from_gray(size, &greys);
+        match image {
+            Some((shown, texture)) => {
+                texture.set(pixels, TextureOptions::LINEAR);
+                *shown = key;
+            }
+            None => {
+                let texture = ui.ctx().load_texture(plane.name(), pixels, TextureOptions::LINEAR);
+                *image = Some((key, texture));
+            }
+        }
+    }
+    let Some((_, texture)) = image else { return };
+    let painter = ui.painter_at(rect.expand(1.0));
+    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    painter.image(texture.id(), rect, whole, Color32::WHITE);
+    painter.rect_stroke(rect, 0.0, Stroke::new(1.0, colour(plane)), egui::StrokeKind::Inside);
+    let place = plane.place(at_mm, bounds);
+    let cross = rect.min + vec2(place.x as f32, place.y as f32) * rect.size();
+    // The line across the axis u of a slice is the plane that is seen along u.
+    let seen_along =
+        |axis: usize| SlicePlane::ALL.into_iter().find(|p| p.axes()[2] == axis).unwrap_or(SlicePlane::Axial);
+    let [u, v, _] = plane.axes();
+    painter.vline(cross.x, rect.y_range(), Stroke::new(1.0, colour(seen_along(u)).gamma_multiply(0.7)));
+    painter.hline(rect.x_range(), cross.y, Stroke::new(1.0, colour(seen_along(v)).gamma_multiply(0.7)));
+    let font = FontId::proportional(12.0);
+    let inner = rect.shrink(3.0);
+    painter.text(inner.left_top(), Align2::LEFT_TOP, plane.name(), font.clone(), colour(plane));
+    if info.oriented {
+        let places = [
+            (inner.left_center(), Align2::LEFT_CENTER),
+            (inner.right_center(), Align2::RIGHT_CENTER),
+            (inner.center_top(), Align2::CENTER_TOP),
+            (inner.center_bottom(), Align2::CENTER_BOTTOM),
+        ];
+        for (text, (at, align)) in plane.letters().into_iter().zip(places) {
+            painter.text(at, align, text, font.clone(), Color32::WHITE);
+        }
+    }
+}
+
+/// Shows what is at the crosshair, and the window.
+fn foot(ui: &mut Ui, at_mm: DVec3, window: &mut [f64; 2], info: &PanelInfo<'_>) {
+    ui.horizontal(|ui| {
+        match (info.sample)(at_mm) {
+            Some(v) => ui.monospace(format!("{v:.1}{}", info.unit)),
+            None => ui.weak("nothing here"),
+        };
+        ui.monospace(format!("({:.1}, {:.1}, {:.1}) mm", at_mm.x, at_mm.y, at_mm.z))
+            .on_hover_text("the crosshair: right, anterior, superior of the scanner's zero");
+    });
+    ui.horizontal(|ui| {
+        ui.label("Window").on_hover_text("black and white of the slices; drag with the right button, too");
+        let [low, high] = window;
+        let speed = (*high - *low).abs() * 0.005;
+        ui.add(DragValue::new(low).speed(speed).max_decimals(0));
+        ui.label("to");
+        ui.add(DragValue::new(high).speed(speed).max_decimals(0).suffix(info.unit));
+    });
+}
