@@ -107,6 +107,7 @@ fn what_does_not_go_with_a_goal_is_refused() {
     for config in [
         FitConfig { working_grid: 2, ..FitConfig::default() },
         FitConfig { topology: "densify".into(), ..FitConfig::default() },
+        FitConfig { rate_mean: 1e-4, ..FitConfig::default() },
         FitConfig { target_hu: f32::NAN, ..FitConfig::default() },
         FitConfig { target_psnr: -1.0, ..FitConfig::default() },
     ] {

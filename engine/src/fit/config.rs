@@ -50,6 +50,10 @@ pub enum IntensityRange {
     Roi,
 }
 
+/// Least rate of the means with which the trials of a goal, of a hundred iterations, say anything of a whole fit;
+/// those of the paper have a two-thousandth of the default one.
+const LEAST_RATE_WITH_GOAL: f32 = 0.05;
+
 macro_rules! config {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[doc = $doc:literal])+ $field:ident: $ty:ty = $default:expr,)* }) => {
         $(#[$meta])*
@@ -364,6 +368,10 @@ impl FitConfig {
         }
         if self.has_goal() && self.topology()?.change.is_some() {
             return wrong("topology", self.topology.clone(), "\"none\" with a target, which sets the number");
+        }
+        if self.has_goal() && self.rate_mean < LEAST_RATE_WITH_GOAL {
+            let needed = format!("at least {LEAST_RATE_WITH_GOAL} with a target, whose trials are short");
+            return wrong("rate_mean", self.rate_mean.to_string(), &needed);
         }
         self.mask_loss()?;
         self.intensity_loss()?;

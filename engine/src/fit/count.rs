@@ -99,7 +99,6 @@ impl Problem<'_> {
     /// Returns the configuration of a trial.
     fn trial_config(&self, density: f64) -> FitConfig {
         let usual = self.config();
-        let whole = self.native_voxels() * density;
         let short = usual.iterations > ITERATIONS;
         let (low, high) = self.scaling().range;
         FitConfig {
@@ -107,7 +106,7 @@ impl Problem<'_> {
             occupancy_weight: if short { OCCUPANCY } else { 1.0 } * usual.occupancy_weight,
             density,
             splats: 0,
-            subset: usual.subset.min((whole * 0.5) as usize),
+            subset: 0,
             // Nothing is known of what lies beyond a part, so it ends where its samples end.
             shell_beyond: false,
             hu_range: [low, high],
