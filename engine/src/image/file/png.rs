@@ -15,6 +15,9 @@ use crate::{Error, Kind, Result};
 pub(super) const FORMAT: Format =
     Format { name: "png", depth: false, magic: b"\x89PNG\r\n\x1a\n", read, write };
 
+/// Most bytes of a palette, of 256 colours.
+const MOST_PALETTE: usize = 3 * 256;
+
 /// Size and timing of an animation.
 #[derive(Clone, Copy, Debug)]
 pub struct Animation {
@@ -132,6 +135,14 @@ fn read(source: &mut Source) -> Result<Picture> {
     check_size(size)?;
     expect(size, info.raw_bytes() as u64, stored)?;
     let mut reader = decoder.read_info().map_err(failed)?;
+    // The decoder takes whole colours for granted.
+    if let Some(palette) = reader.info().palette.as_deref()
+        && (!palette.len().is_multiple_of(3) || palette.len() > MOST_PALETTE)
+    {
+        let message =
+            format!("a damaged PNG: its palette has {} bytes, three for each colour", palette.len());
+        return Err(Error::new(Kind::BadData, "VGS-IMG-022", message));
+    }
     let length = reader.output_buffer_size().ok_or_else(|| failed(DecodingError::LimitsExceeded))?;
     let mut bytes = room(length)?;
     bytes.resize(length, 0);

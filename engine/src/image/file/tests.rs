@@ -198,6 +198,27 @@ fn damaged_files_are_no_panic() {
     }
 }
 
+/// A decoder that takes whole colours for granted panics at such a palette.
+#[test]
+fn a_palette_of_parts_of_colours_is_damage() {
+    use ::png::{BitDepth, ColorType};
+    let folder = Folder::new();
+    let path = folder.at("a.png");
+    static PALETTE: [u8; 3 * 257] = [90; 3 * 257];
+    for bytes in [1, 2, 3, 4, 11, 13, 767, 768, 769, 771] {
+        let palette = &PALETTE[..bytes];
+        let file = foreign_png([5, 4], ColorType::Indexed, BitDepth::Eight, Some(palette), &[0; 20]);
+        fs::write(&path, file).unwrap();
+        match read(&path) {
+            Ok(picture) => assert!(bytes % 3 == 0 && bytes <= 768 && picture.image.size == [5, 4], "{bytes}"),
+            Err(error) => {
+                assert!(bytes % 3 != 0 || bytes > 768, "{bytes}: {error}");
+                assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-IMG-022"), "{bytes}");
+            }
+        }
+    }
+}
+
 #[test]
 fn an_animation_holds_its_frames() {
     let folder = Folder::new();
