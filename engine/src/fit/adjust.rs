@@ -80,7 +80,7 @@ impl Problem<'_> {
             let least = 1.0 + LEAST_ADDED * 2f64.powi(round);
             let times = (missed_db / SLOPE).exp2().clamp(least, MOST_TIMES);
             let count = ((splats.len() as f64 * times).ceil() as usize).min(most.max(splats.len()));
-            if missed_db <= 0.0 || count == splats.len() || stopped() {
+            if missed_db.is_nan() || missed_db <= 0.0 || count == splats.len() || stopped() {
                 break;
             }
             told(count);

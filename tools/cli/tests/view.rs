@@ -89,6 +89,18 @@ fn without_notice(folder: &Folder) {
     std::fs::write(folder.path("config/vgs/view.toml"), "notice_seen = true\n").expect("settings");
 }
 
+/// Starts the viewer, waits for its first picture in full, and gives it the keys.
+fn begin<'a>(screen: &'a Screen, folder: &Folder, arguments: &[&str]) -> Viewer<'a> {
+    let mut viewer = Viewer::start(screen, folder, arguments);
+    viewer.wait("the first picture", |v| v.frames()[1] > 0);
+    viewer.settle();
+    // There is no window manager to give it the keys.
+    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
+    screen.hand(&["mousemove", "450", "380"]);
+    viewer.settle();
+    viewer
+}
+
 /// What a session file says.
 fn toml(folder: &Folder, name: &str) -> toml::Table {
     folder.text(name).parse().expect("a session")
@@ -100,12 +112,7 @@ fn what_is_edited_measured_and_written_is_there_again() {
     let folder = folder();
     without_notice(&folder);
     let arguments = ["s.ply", "--tf", "CT-Soft-Tissue", "--report", "r.json"];
-    let mut viewer = Viewer::start(&screen, &folder, &arguments);
-    viewer.wait("the first picture", |v| v.frames()[1] > 0);
-    viewer.settle();
-    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
-    screen.hand(&["mousemove", "450", "380"]);
-    viewer.settle();
+    let mut viewer = begin(&screen, &folder, &arguments);
     let first = screen.look();
     first.keep("edit-first");
     let seen = first.count(PICTURE, bright);
@@ -351,12 +358,7 @@ fn slices_stand_beside_the_picture_and_follow_a_click_in_it() {
     let folder = folder();
     without_notice(&folder);
     let arguments = ["s.ply", "--volume", "ct.nii.gz", "--tf", "CT-Soft-Tissue"];
-    let mut viewer = Viewer::start(&screen, &folder, &arguments);
-    viewer.wait("the first picture", |v| v.frames()[1] > 0);
-    viewer.settle();
-    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
-    screen.hand(&["mousemove", "450", "380"]);
-    viewer.settle();
+    let mut viewer = begin(&screen, &folder, &arguments);
     let without = screen.look();
     let with = viewer.act(&["key", "v"]);
     with.keep("slices");

@@ -394,6 +394,8 @@ mod tests {
                 (Some(name.into()), Some("bones.seg.nrrd".into()))
             );
         }
+        let small = sort(&Files::default(), &paths(&["small.vgs"])).unwrap();
+        assert_eq!(small.files.splats, paths(&["small.vgs"]), "every format of splats");
         let alone = sort(&Files::default(), &paths(&["mask.nii"])).unwrap();
         assert_eq!((alone.files.volume, alone.files.roi), (Some("mask.nii".into()), None));
         assert_eq!(sort(&more.files, &paths(&["s.toml"])).unwrap().session, Some("s.toml".into()));

@@ -50,6 +50,9 @@ pub fn show(ui: &mut Ui, slices: &mut Slices, images: &mut SliceImages, info: &P
         _ = ui.weak("nothing is open");
         return;
     };
+    // A session file may hold any numbers.
+    slices.at_mm = slices.at_mm.filter(|at| at.is_finite());
+    slices.window = slices.window.filter(|window| window.iter().all(|v| v.is_finite()));
     let at_mm = slices.at_mm.get_or_insert((bounds[0] + bounds[1]) * 0.5);
     *at_mm = at_mm.clamp(bounds[0], bounds[1]);
     let window = slices.window.get_or_insert_with(|| first_window(info.range, !info.unit.is_empty()));
