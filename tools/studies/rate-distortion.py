@@ -20,6 +20,7 @@ CASES = {
     "torso liver": ("ct-torso-3mm", "mask_liver", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
     "heart": ("ct-thorax-1p5mm", "mask_heart", [0.0125, 0.025, 0.05, 0.1]),
     "skull": ("ct-skull", "mask_skull", [0.00625, 0.0125, 0.025, 0.05]),
+    "abdomen bones": ("ct-abdomen-full", "mask_bones", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
 }
 
 

@@ -12,8 +12,8 @@ use crate::splat::{Splat, by_importance};
 const ITERATIONS: u32 = 100;
 /// Iterations between two questions whether to stop.
 const BATCH: u32 = 10;
-/// Most changes on the way to a goal.
-const ROUNDS: i32 = 5;
+/// Rounds after which no goal comes nearer.
+const MOST_ROUNDS: u32 = 20;
 /// What a doubling of the number by added splats is worth, dB: less than of splats that were there from the
 /// beginning.
 const SLOPE: f64 = 2.5;
@@ -59,7 +59,7 @@ impl Problem<'_> {
     }
 
     /// Adds splats to fitted ones (voxel space, HU) where the error is largest until a goal is reached, or the
-    /// most splats that the configuration allows, or five rounds have been; splats that are good enough stay
+    /// configuration allows no more splats or no further round; splats that are good enough stay
     /// as they are. `surplus` measures splats as [`Goal::surplus_db`](super::Goal::surplus_db) does; `told` hears
     /// of each new number. Waits for the device.
     ///
@@ -75,9 +75,9 @@ impl Problem<'_> {
     ) -> Result<Vec<Splat>> {
         let mut splats = splats;
         let most = self.config().most_splats(self.native_voxels());
-        for round in 0..ROUNDS {
+        for round in 0..self.config().target_rounds.min(MOST_ROUNDS) {
             let missed_db = -surplus(&splats)?;
-            let least = 1.0 + LEAST_ADDED * 2f64.powi(round);
+            let least = 1.0 + LEAST_ADDED * 2f64.powi(round as i32);
             let times = (missed_db / SLOPE).exp2().clamp(least, MOST_TIMES);
             let count = ((splats.len() as f64 * times).ceil() as usize).min(most.max(splats.len()));
             if missed_db.is_nan() || missed_db <= 0.0 || count == splats.len() || stopped() {

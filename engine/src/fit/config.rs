@@ -90,6 +90,9 @@ config! {
         /// Error that 99 % of the region's voxels are to stay within, HU: the number of splats is then what
         /// that takes; 0: no such goal.
         target_hu: f32 = 0.0,
+        /// Most times that splats are added where a finished fit misses its goal; 0: the number that short
+        /// trials have found is final.
+        target_rounds: u32 = 5,
         /// The most splats, whatever else says how many; 0: no limit but one for each voxel with a target.
         max_splats: usize = 0,
         /// Seed of everything random; the same seed gives the same bits on the same device.
@@ -384,6 +387,12 @@ impl FitConfig {
     /// Returns true if the number of splats follows from an error that is to be reached.
     pub fn has_goal(&self) -> bool {
         self.target_psnr > 0.0 || self.target_hu > 0.0
+    }
+
+    /// Returns the configuration without an error that is to be reached.
+    pub fn without_goal(self) -> FitConfig {
+        let FitConfig { target_psnr, target_hu, target_rounds, .. } = FitConfig::default();
+        FitConfig { target_psnr, target_hu, target_rounds, ..self }
     }
 
     /// Returns the row of the table that `initialiser` names.

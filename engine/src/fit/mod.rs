@@ -49,7 +49,7 @@ pub use exceptions::Misclassified;
 pub use fitter::{Fitter, Progress};
 pub use goal::Goal;
 pub use profiles::{PROFILES, Profile};
-pub use qualities::{EARLY, QUALITIES, QualityPreset};
+pub use qualities::{DEFAULT_QUALITY, EARLY, QUALITIES, QualityPreset};
 pub use rounding::{ROUNDING_ITERATIONS, rounded_as_it_is};
 pub use run::{
     Beginning, CurvePoint, End, GOAL_MARGIN_DB, Interrupted, Milestone, Outcome, Problem, Start, Watch, run,

@@ -102,6 +102,11 @@ impl FitArguments {
         self.force || self.checkpoint.resume || self.dry_run
     }
 
+    /// Returns true if a flag that is none of the settings limits what the fit may cost.
+    pub fn is_limited(&self) -> bool {
+        self.time_budget.is_some() || self.max_size.is_some()
+    }
+
     /// Returns the schedule of the fit, when `spent` has passed since the command began.
     pub fn schedule(&self, settings: &Settings, spent: Duration) -> Schedule {
         // The default number of iterations is meant for fits without a clock.

@@ -114,6 +114,11 @@ pub fn is_rounded(problem: &Problem<'_>, arguments: &FitArguments) -> bool {
     splat::rounds(&arguments.output) && arguments.time_budget.is_none() && problem.config().subset == 0
 }
 
+/// Returns true if the target is only aimed at: trials find the number of splats, and that is final.
+pub fn is_aim(settings: &Settings) -> bool {
+    settings.config.target_rounds == 0
+}
+
 /// Describes a goal in a few words.
 pub fn text(goal: &Goal, unit: &str) -> String {
     let psnr = goal.psnr_db.map(|db| format!("a PSNR of {db} dB"));

@@ -100,10 +100,18 @@ fn surplus(prepared: &Prepared<'_>, evaluated: &Evaluated) -> Option<f64> {
     Some(prepared.goal?.surplus_of(&evaluation.on_grid))
 }
 
+/// What a fit may miss of a target that it only aims at without a warning, dB: half as much again.
+const AIM_DB: f64 = 3.5;
+
 /// Warns of a target that the fit has missed.
 fn warn_of_target(prepared: &Prepared<'_>, evaluated: &Evaluated) {
-    if let (Some(goal), Some(db)) = (&prepared.goal, surplus(prepared, evaluated).filter(|&db| db < 0.0)) {
-        let target = count::text(goal, prepared.case.volume.unit());
+    let Some((goal, db)) = prepared.goal.as_ref().zip(surplus(prepared, evaluated)) else { return };
+    let target = count::text(goal, prepared.case.volume.unit());
+    if count::is_aim(prepared.settings) {
+        if db < -AIM_DB {
+            tracing::warn!("{target} was aimed at, and is missed by {:.1} dB: --target-hu reaches it", -db);
+        }
+    } else if db < 0.0 {
         tracing::warn!("{target} is missed by {:.2} dB: the limits of the fit leave no more splats", -db);
     }
 }

@@ -17,12 +17,13 @@ use crate::shared::signals::Signals;
 /// Runs the command.
 pub fn run(arguments: &FitArguments, console: &Console) -> Result<u8, Stop> {
     let start = Instant::now();
-    let settings = arguments.settings.resolve()?;
+    let settings = arguments.settings.resolve(arguments.is_limited())?;
     count::check(&settings)?;
     let files = OutputFiles::checked(arguments)?;
     let signals = Signals::install()?;
     let _lock = files.lock(arguments, &signals)?;
     let inputs = Inputs::read(arguments)?;
+    let settings = settings.for_volume(inputs.case().volume.is_ct());
     doubts::tell(arguments, &settings, inputs.case(), console)?;
     let (prepared, begin) = prepare(arguments, &settings, &files, &inputs, console, start)?;
     let estimate = estimate(&prepared, &begin, console)?;

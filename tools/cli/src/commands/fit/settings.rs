@@ -9,7 +9,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
-use engine::fit::{FitConfig, PROFILES, Profile, QUALITIES, QualityPreset};
+use engine::fit::{DEFAULT_QUALITY, FitConfig, PROFILES, Profile, QUALITIES, QualityPreset};
 use engine::{Error, Kind, Result};
 use serde_json::{Map, Value};
 
@@ -32,17 +32,39 @@ pub struct Settings {
     pub config: FitConfig,
     /// Name of the profile they start from.
     pub profile: String,
-    /// Name of the chosen quality, if there is one.
+    /// Name of the quality, if there is one.
     pub quality: Option<String>,
     /// Keys that were set by a file, a variable or a flag.
     pub explicit: Vec<String>,
 }
 
+/// Keys that say how many splats there are.
+const NUMBERS: [&str; 2] = ["splats", "density"];
+/// Keys that say what error is to be reached.
+const TARGETS: [&str; 2] = ["target_psnr", "target_hu"];
+
 impl SettingsArguments {
-    /// Merges the values of all places and checks the result.
-    pub fn resolve(&self) -> Result<Settings> {
+    /// Merges the values of all places and checks the result. Where nothing has to do with the cost of the fit,
+    /// neither among them nor beside them (`limited`), the default quality counts. A number of splats replaces the
+    /// target of a quality.
+    pub fn resolve(&self, limited: bool) -> Result<Settings> {
+        let asked = self.merged(self.quality.as_deref())?;
+        let costs = NUMBERS.iter().chain(&TARGETS).chain(&["iterations"]);
+        let silent = self.quality.is_none()
+            && self.profile == PROFILES[0].name
+            && !limited
+            && !costs.into_iter().any(|key| asked.is_explicit(key));
+        if !silent {
+            return Ok(asked);
+        }
+        // Settings that no target goes with need no quality.
+        Ok(self.merged(Some(DEFAULT_QUALITY)).unwrap_or(asked))
+    }
+
+    /// Merges the values of all places with a quality.
+    fn merged(&self, quality: Option<&str>) -> Result<Settings> {
         let profile = Profile::named(&self.profile)?.config()?;
-        let mut values = values_of(&match &self.quality {
+        let mut values = values_of(&match quality {
             Some(name) => QualityPreset::named(name)?.of(&profile)?,
             None => profile,
         });
@@ -60,10 +82,19 @@ impl SettingsArguments {
             set(&mut values, key, value)?;
             explicit.push(key.to_owned());
         }
-        let config: FitConfig = serde_json::from_value(Value::Object(values))
+        let mut config: FitConfig = serde_json::from_value(Value::Object(values))
             .map_err(|e| wrong_value("the configuration", &e.to_string()))?;
+        let is_given = |keys: [&str; 2]| explicit.iter().any(|key| keys.contains(&key.as_str()));
+        if is_given(NUMBERS) && !is_given(TARGETS) {
+            config = config.without_goal();
+        }
+        if is_given(TARGETS) && !explicit.iter().any(|key| key == "target_rounds") {
+            // What somebody asks for is to be reached, not only to be aimed at.
+            config.target_rounds = FitConfig::default().target_rounds;
+        }
         config.check()?;
-        Ok(Settings { config, profile: self.profile.clone(), quality: self.quality.clone(), explicit })
+        let quality = quality.map(str::to_owned);
+        Ok(Settings { config, profile: self.profile.clone(), quality, explicit })
     }
 }
 
@@ -71,6 +102,15 @@ impl Settings {
     /// Returns true if a file, a variable or a flag has set this key.
     pub fn is_explicit(&self, key: &str) -> bool {
         self.explicit.iter().any(|k| k == key)
+    }
+
+    /// Returns the settings for a volume: the target of a quality is in HU, so where there are none a multiple of the
+    /// profile's density counts instead.
+    pub fn for_volume(self, is_ct: bool) -> Settings {
+        if is_ct || TARGETS.iter().any(|key| self.is_explicit(key)) {
+            return self;
+        }
+        Settings { config: self.config.without_goal(), ..self }
     }
 
     /// Returns the quality if it was chosen with the default profile and nothing else was changed: its errors
@@ -210,7 +250,8 @@ impl Args for SettingsArguments {
         let quality =
             Arg::new("quality").long("quality").value_name("NAME").env("VGS_QUALITY").hide_env(true).help(
                 format!(
-                    "Error against cost, on whatever profile: {}; the profile as it is where nothing is said",
+                    "Error against cost, on whatever profile: {} [default: {DEFAULT_QUALITY}, where neither a profile nor a \
+                     number of splats or iterations, an error, a size or a time is given]",
                     qualities.collect::<Vec<_>>().join("; ")
                 ),
             );
@@ -256,12 +297,62 @@ mod tests {
 
     fn resolve(given: &[(&'static str, &str)]) -> Result<Settings> {
         let given = given.iter().map(|&(k, v)| (k, v.to_owned())).collect();
-        SettingsArguments { profile: "default".into(), quality: None, config: None, given }.resolve()
+        SettingsArguments { profile: "default".into(), quality: None, config: None, given }.resolve(false)
     }
 
     #[test]
-    fn nothing_given_is_the_default() {
-        assert_eq!(resolve(&[]).unwrap().config, FitConfig::default());
+    fn nothing_given_is_the_default_quality_and_a_word_about_the_cost_is_the_profile() {
+        let silent = resolve(&[("seed", "3")]).unwrap();
+        let standard = QualityPreset::named(DEFAULT_QUALITY).unwrap().of(&FitConfig::default()).unwrap();
+        assert_eq!(silent.config, FitConfig { seed: 3, ..standard.clone() });
+        assert_eq!((silent.quality.as_deref(), silent.config.has_goal()), (Some(DEFAULT_QUALITY), true));
+        let of_mr = silent.clone().for_volume(false).config;
+        assert_eq!((of_mr.has_goal(), of_mr.density, of_mr.iterations), (false, 0.1, standard.iterations));
+        assert_eq!(silent.clone().for_volume(true).config, silent.config);
+        for (key, value) in [
+            ("splats", "7"),
+            ("density", "0.2"),
+            ("iterations", "9"),
+            ("working_grid", "2"),
+            ("topology", "growth"),
+        ] {
+            let settings = resolve(&[(key, value)]).unwrap();
+            assert!(!settings.config.has_goal() && settings.quality.is_none(), "{key}");
+            assert_eq!(settings.config.storage, FitConfig::default().storage, "{key}");
+        }
+        let arguments =
+            |given: &[(&'static str, &str)], profile: &str, quality: Option<&str>| SettingsArguments {
+                profile: profile.into(),
+                quality: quality.map(str::to_owned),
+                config: None,
+                given: given.iter().map(|&(k, v)| (k, v.to_owned())).collect(),
+            };
+        let limited = arguments(&[], "default", None).resolve(true).unwrap();
+        assert_eq!((limited.config, limited.quality), (FitConfig::default(), None), "by time or by bytes");
+        assert!(
+            !arguments(&[], "bones", None).resolve(false).unwrap().config.has_goal(),
+            "a profile's own density"
+        );
+    }
+
+    #[test]
+    fn what_is_asked_for_replaces_the_target_of_a_quality() {
+        let fine = |given: &[(&'static str, &str)]| {
+            let given = given.iter().map(|&(k, v)| (k, v.to_owned())).collect();
+            SettingsArguments { profile: "default".into(), quality: Some("fine".into()), config: None, given }
+                .resolve(false)
+                .unwrap()
+                .config
+        };
+        assert_eq!((fine(&[]).target_hu, fine(&[]).target_rounds), (15.0, 0));
+        let number = fine(&[("density", "0.3")]);
+        assert_eq!(
+            (number.has_goal(), number.density, number.iterations),
+            (false, 0.3, fine(&[]).iterations)
+        );
+        let target = fine(&[("target_hu", "12")]);
+        assert_eq!((target.target_hu, target.target_rounds), (12.0, 5), "to be reached, not only aimed at");
+        assert_eq!(fine(&[("target_hu", "12"), ("target_rounds", "1")]).target_rounds, 1);
     }
 
     #[test]
@@ -269,7 +360,7 @@ mod tests {
         let resolve = |profile: &str, quality: &str, given: &[(&'static str, &str)]| {
             let given = given.iter().map(|&(k, v)| (k, v.to_owned())).collect();
             let quality = Some(quality.to_owned());
-            SettingsArguments { profile: profile.into(), quality, config: None, given }.resolve()
+            SettingsArguments { profile: profile.into(), quality, config: None, given }.resolve(false)
         };
         let bones = Profile::named("bones").unwrap().config().unwrap();
         let fine = resolve("bones", "fine", &[]).unwrap();

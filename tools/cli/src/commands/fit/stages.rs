@@ -39,7 +39,10 @@ pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Re
         output: &prepared.files.splats,
         write: &prepared.write,
         quality: settings.plain_quality(),
-        target: prepared.goal.as_ref().map(|goal| count::text(goal, prepared.case.volume.unit())),
+        target: prepared.goal.as_ref().map(|goal| {
+            let about = if count::is_aim(settings) { "about " } else { "" };
+            format!("{about}{}", count::text(goal, prepared.case.volume.unit()))
+        }),
         before: prepared.before,
     })?;
     if !arguments.dry_run {

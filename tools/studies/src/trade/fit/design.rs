@@ -83,6 +83,8 @@ pub struct FitPlace<'a> {
     pub mask: &'a str,
     /// Sum of the mask.
     pub voxels: f64,
+    /// Tells how many splats a configuration with a target takes.
+    pub needed: &'a dyn Fn(&FitConfig) -> Result<usize>,
     /// Name of the device.
     pub device: &'a str,
 }
@@ -91,12 +93,21 @@ pub struct FitPlace<'a> {
 pub fn rows(place: &FitPlace<'_>, profile: &Profile, extent: &Extent, parts: &[Part]) -> Result<Vec<FitRow>> {
     let plain = profile.config()?;
     let row = |part: Part, name: String, density_times: f64, config: FitConfig| {
-        let splats = config.splat_count(place.voxels);
+        let splats = match config.has_goal() {
+            true => (place.needed)(&config)?,
+            false => config.splat_count(place.voxels),
+        };
+        let density_times = if config.has_goal() {
+            // Of what was found out, in place of what was asked.
+            splats as f64 / plain.splat_count(place.voxels) as f64
+        } else {
+            density_times
+        };
         let job = Job {
             folder: place.case.into(),
             mask: place.mask.into(),
             profile: profile.name.into(),
-            config: FitConfig { splats, ..config },
+            config: FitConfig { splats, ..config.without_goal() },
             range: Range::MinMax,
             held_out: HELD_OUT,
             measure_every: u32::MAX,
@@ -144,7 +155,8 @@ mod tests {
 
     #[test]
     fn the_design_has_every_fit_once_and_the_qualities_by_name() {
-        let place = FitPlace { case: "c", mask: "m", voxels: 1000.0, device: "none" };
+        let needed = |config: &FitConfig| Ok((6000.0 / config.target_hu) as usize);
+        let place = FitPlace { case: "c", mask: "m", voxels: 1000.0, needed: &needed, device: "none" };
         let extent = Extent { densities: vec![0.5, 1.0, 2.0], iterations: vec![50, 100] };
         let profile = Profile::named("bones").expect("a profile");
         let all = [Part::Grid, Part::Spokes, Part::Qualities];
@@ -153,6 +165,8 @@ mod tests {
         assert_eq!(of(Part::Qualities).len(), QUALITIES.len());
         assert_eq!(of(Part::Spokes).len(), 4, "those of a fit for the grid");
         assert!(rows.iter().all(|r| r.job.config.splats == (150.0 * r.density_times).round() as usize));
+        let counts: Vec<usize> = of(Part::Qualities).iter().map(|r| r.job.config.splats).collect();
+        assert_eq!(counts, [150, 200, 400, 1000], "as many as targets take");
         let keys: std::collections::BTreeSet<String> = rows.iter().map(|r| r.job.key()).collect();
         assert_eq!(keys.len(), rows.len());
         // Each spoke differs from the middle in one key.

@@ -7,7 +7,7 @@ mod report;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::fit::{PROFILES, Profile};
+use engine::fit::{FitConfig, GOAL_MARGIN_DB, Goal, PROFILES, Problem, Profile};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::{Error, Kind, Result};
 
@@ -68,7 +68,13 @@ pub fn run(options: &GpuOptions, a: &FitTradeArguments) -> Result<()> {
     let device = judge.description();
     let store = Store::open(&a.out)?;
     let (case, mask) = (case_name(&a.volume), stem(&a.roi));
-    let at = FitPlace { case: &case, mask: &mask, voxels: place.voxels, device: &device.name };
+    let needed = |config: &FitConfig| {
+        let Some(goal) = Goal::of(config, place.range, config.region_threshold) else { return Ok(0) };
+        let problem = Problem::new(&place.scene.volume, &place.scene.roi, config)?;
+        problem.count_for(&judge, &goal, GOAL_MARGIN_DB, &mut |_| {}, &mut || false)
+    };
+    let at =
+        FitPlace { case: &case, mask: &mask, voxels: place.voxels, needed: &needed, device: &device.name };
     let wanted = if a.only.is_empty() { &ALL[..] } else { &a.only };
     let mut report = FitTradeReport {
         title: format!("{case} {mask}, {} voxels, --profile {}", place.voxels.round(), profile.name),
