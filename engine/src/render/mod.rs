@@ -16,6 +16,7 @@
 //! | `gpu_volume`, `scale` | [`GpuVolume`]: a volume or a decoded field on the device; its 16-bit fractions |
 //! | `decoded`, `atlas`, `least_squares`, `halving` | [`decode`]: the field of splats on the voxels of a grid |
 //! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and the parts no eye sees |
+//! | `object_change` | [`ObjectChange`]: of the appearance of objects, as a flag has it |
 //! | `intensities` | [`Intensities`]: of an object, and whether a transfer function shows them |
 //! | `settings`, `quality`, `target` | settings of a mode, quality of a frame, pictures of a frame |
 //! | `mode`, `modes` | [`Mode`]: a way to render; [`MODES`]: all of them |
@@ -38,6 +39,7 @@ mod least_squares;
 mod look;
 mod mode;
 mod modes;
+mod object_change;
 mod quality;
 mod quality_levels;
 mod raymarch;
@@ -60,6 +62,7 @@ pub use intensities::Intensities;
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use mode::Mode;
 pub use modes::{MODES, ModeRow, mode};
+pub use object_change::{ObjectChange, hex_colour};
 pub use quality::Quality;
 pub use quality_levels::{QualityLevel, SplatKind, level_costs, quality_levels};
 pub use renderer::Renderer;

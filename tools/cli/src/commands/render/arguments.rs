@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 use engine::image::file;
-use engine::render::{FOV_DEGREES, Precision, mode};
+use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
 use engine::{Error, Kind, Result};
 
-use super::values::{self, Background, Clip, ObjectChange, View};
+use super::values::{self, Background, Clip, View};
 use crate::shared::flags::{DeviceArguments, Size, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 

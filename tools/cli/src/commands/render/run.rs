@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use engine::gpu::Gpu;
 use engine::render::{
-    Appearance, Camera, ClipPlane, Intensities, Look, ModeRow, Renderer, Scene, Settings, SplatKind,
-    VolumeSource, mode,
+    Appearance, Camera, ClipPlane, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings,
+    SplatKind, VolumeSource, mode,
 };
 use engine::splat::{self, SplatSet, usual_colour};
 use engine::volume::{Roi, Volume};
@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use super::arguments::{RenderArguments, VolumeRegion};
 use super::frames;
-use super::values::{ObjectChange, View};
+use super::values::View;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::inputs::{is_volume, region_of, volume_of};

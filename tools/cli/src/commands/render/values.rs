@@ -1,12 +1,9 @@
 //! Values of the flags of `vgs render`.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
 
-use engine::render::{Appearance, CameraFile, Classification, ClipPlane, Precision};
-use engine::splat::Object;
-use engine::{Error, Kind};
+use engine::render::{CameraFile, Classification, ClipPlane, Precision, hex_colour};
 use glam::DVec3;
 
 use crate::shared::texts::text_of;
@@ -28,85 +25,6 @@ impl FromStr for Background {
         };
         let colour = named.or_else(|| hex_colour(text));
         colour.map(|c| Background(Some(c))).ok_or_else(|| "black, white, grey, #rrggbb or transparent".into())
-    }
-}
-
-/// Parses the colour #rrggbb.
-fn hex_colour(text: &str) -> Option<[f32; 3]> {
-    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.is_ascii())?;
-    let byte = |i: usize| u8::from_str_radix(&digits[i..i + 2], 16).ok().map(|b| f32::from(b) / 255.0);
-    Some([byte(0)?, byte(2)?, byte(4)?])
-}
-
-/// Change of the appearance of all objects with a name.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ObjectChange {
-    name: String,
-    hidden: bool,
-    colour: Option<[f32; 3]>,
-    opacity: Option<f32>,
-}
-
-impl FromStr for ObjectChange {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong =
-            || "NAME:colour=#rrggbb,opacity=0.4 or NAME:hidden; NAME is a name or a number".to_owned();
-        let (name, words) = text.rsplit_once(':').ok_or_else(wrong)?;
-        let mut change = ObjectChange::hiding(name);
-        change.hidden = false;
-        for word in words.split(',').map(str::trim) {
-            match word.split_once('=') {
-                None if word == "hidden" => change.hidden = true,
-                Some(("colour" | "color", colour)) => {
-                    change.colour = Some(hex_colour(colour).ok_or("a colour is #rrggbb")?);
-                }
-                Some(("opacity", opacity)) => change.opacity = Some(number(opacity, 0.0..=1.0)? as f32),
-                _ => return Err(wrong()),
-            }
-        }
-        Ok(change)
-    }
-}
-
-impl ObjectChange {
-    /// Returns the change that hides the objects of a name.
-    pub fn hiding(name: &str) -> Self {
-        ObjectChange { name: name.trim().to_owned(), hidden: true, colour: None, opacity: None }
-    }
-
-    /// Changes the appearances of all objects that it names: by number, by name, or by the part of the name
-    /// before or after its slash.
-    pub fn apply(
-        &self,
-        objects: &[Object],
-        appearances: &mut BTreeMap<u8, Appearance>,
-    ) -> engine::Result<()> {
-        let mut found = false;
-        for object in objects.iter().filter(|object| self.matches(object)) {
-            found = true;
-            let appearance = appearances.entry(object.number).or_default();
-            appearance.visible &= !self.hidden;
-            appearance.tint = self.colour.or(appearance.tint);
-            appearance.opacity = self.opacity.unwrap_or(appearance.opacity);
-        }
-        if found {
-            return Ok(());
-        }
-        let known: Vec<_> = objects.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
-        let help = match known.as_slice() {
-            [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
-            known => format!("objects are labels and files; here there are {}", known.join(", ")),
-        };
-        Err(Error::new(Kind::Usage, "VGS-CLI-092", format!("no object is called {:?}", self.name)).help(help))
-    }
-
-    /// Returns true if the change is for this object.
-    fn matches(&self, object: &Object) -> bool {
-        let same = |other: &str| other.eq_ignore_ascii_case(&self.name);
-        let part = object.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
-        same(&object.name) || part || self.name.parse() == Ok(object.number)
     }
 }
 
@@ -227,41 +145,6 @@ pub fn on_off(text: &str) -> Result<bool, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn objects_are_changed_by_number_name_and_part_of_a_name() {
-        let names = ["bones", "organs/liver", "organs/label 5"];
-        let object = |(number, name): (u8, &&str)| Object { number, name: (*name).to_owned(), splats: 1 };
-        let objects: Vec<_> = (1..).zip(&names).map(object).collect();
-        let changed = |texts: &[&str]| {
-            let mut appearances = BTreeMap::new();
-            for text in texts {
-                let change: ObjectChange = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
-                change.apply(&objects, &mut appearances).unwrap_or_else(|e| panic!("{text}: {e}"));
-            }
-            appearances
-        };
-        let red = Appearance { tint: Some([1.0, 0.0, 0.0]), opacity: 0.5, visible: true };
-        for text in ["1:colour=#ff0000,opacity=0.5", " Bones : opacity=0.5, color=#FF0000"] {
-            assert_eq!(changed(&[text]), BTreeMap::from([(1, red)]), "{text}");
-        }
-        let hidden = Appearance { visible: false, ..Appearance::default() };
-        assert_eq!(changed(&["organs:hidden"]), BTreeMap::from([(2, hidden), (3, hidden)]));
-        assert_eq!(changed(&["label 5:hidden"]), BTreeMap::from([(3, hidden)]));
-        // Changes are made one after the other; the later ones win.
-        let both = Appearance { opacity: 0.25, visible: false, ..red };
-        assert_eq!(
-            changed(&["liver:colour=#ff0000,opacity=0.5", "organs/liver:opacity=0.25,hidden"]),
-            BTreeMap::from([(2, both)])
-        );
-        for text in ["", "1", "1:", "1:red", "1:colour=red", "1:opacity=2", "1:opacity=nan", "1:hidden=yes"] {
-            assert!(text.parse::<ObjectChange>().is_err(), "{text}");
-        }
-        for name in ["5", "heart", ""] {
-            let error = ObjectChange::hiding(name).apply(&objects, &mut BTreeMap::new()).expect_err(name);
-            assert!(error.code == "VGS-CLI-092" && error.help.contains("organs/liver (2)"), "{}", error.help);
-        }
-    }
 
     #[test]
     fn backgrounds_and_clips() {
