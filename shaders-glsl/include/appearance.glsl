@@ -9,6 +9,7 @@ struct Appearance {
     vec4 tint;
     float opacity;
     uint visible;
+    uint function;
 };
 
 // A colour of the transfer function with so much of a tint in place of it.

@@ -18,6 +18,7 @@ struct Look {
     float specular;
     float power;
     uint plane_count;
+    uint offset;
     vec4 planes[CLIP_PLANES];
 };
 

@@ -39,6 +39,7 @@ struct Gathered {
 };
 
 const float FAR = 1e30;
+const uint NO_FUNCTION = ~0u;
 const float MOST = 8388608.0;       // cells from the eye on; beyond, floats do not count any more
 const float FAINT = 1.0 / 4096.0;   // a cell that adds less than this finds no light of its own,
 const float STRONG = 1.0 / 64.0;    // one that adds more than this always does, others do if their index is even
@@ -47,6 +48,26 @@ const float STRONG = 1.0 / 64.0;    // one that adds more than this always does,
 vec2 field_at(vec3 at, out vec4 tint) {
     vec2 found = medium_at(p.grid, at, tint);
     return vec2(p.first + p.span * found.x, found.y);
+}
+
+// Colour, and opacity per mm, of what the functions of the objects around a place make of the way from one intensity
+// to another: the mean of what each makes of it, weighted by its part of O.
+vec4 objects_shown(vec3 at, vec2 way) {
+    vec3 place = atlas_place(p.grid, at);
+    ivec3 low = ivec3(place);
+    vec3 part = place - vec3(low);
+    vec4 sum = vec4(0.0), got = vec4(0.0); // colour times opacity, and opacity; what the last function made of it
+    uint last = NO_FUNCTION;
+    for (uint corner = 0; corner < 8; ++corner) {
+        Voxel voxel = voxel_at(low, part, corner);
+        if (voxel.object.function != last) {
+            last = voxel.object.function;
+            got = SEGMENTS == 1 ? look_segment(last, way.x, way.y) : look_point(last, way.y);
+            got.a = 1.0 - exp(-got.a);
+        }
+        sum += voxel.shown * got.a * vec4(tinted(got.rgb, voxel.object.tint), 1.0);
+    }
+    return sum.a > 0.0 ? vec4(sum.rgb / sum.a, sum.a) : vec4(0.0);
 }
 
 // O (V - dark)
@@ -161,19 +182,25 @@ Gathered march(vec2 place, uint view, bool wanted) {
             float occupancy = here.y;
             if (SEGMENTS == 1) {
                 if (before.y < 0.0) before = here;
-                got = look_segment(before.x, here.x);
+                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, vec2(before.x, here.x));
+                else got = look_segment(0u, before.x, here.x);
                 occupancy = 0.5 * (before.y + here.y);
                 before = here;
                 // What comes from a brick that is leapt over where the ray is alone does not count; else long
                 // steps would bring something from there.
                 if (!shown) before.y = -1.0;
             } else {
-                got = look_point(here.x);
+                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, here.xx);
+                else got = look_point(0u, here.x);
             }
-            float share = clear * look_opacity(got.a, occupancy, (to - from) * len);
+            float path = (to - from) * len;
+            float opacity = OBJECTS == OWN_FUNCTIONS
+                ? 1.0 - exp(path * log(1.0 - got.a))
+                : look_opacity(got.a, occupancy, path);
+            float share = clear * opacity;
             if (!there || SEGMENTS == 1 && !shown) share = 0.0;
             vec3 base = got.rgb;
-            if (OBJECTS == 1) base = tinted(base, tint);
+            if (OBJECTS == TINTS) base = tinted(base, tint);
             if (SHADED == 1) {
                 bool anew = share > STRONG || share > FAINT && mod(k, 2.0) == 0.0;
                 if (subgroupAny(anew)) {

@@ -13,12 +13,15 @@
 
 layout(constant_id = 1) const uint MASKED = 0;  // 1: the image holds an occupancy, too; else all of the volume is there
 layout(constant_id = 6) const uint ATLAS = 0;   // 1: the image is an atlas, with an occupancy
-layout(constant_id = 7) const uint OBJECTS = 0; // 1: objects have tints and opacities, or are hidden; of an atlas only
+layout(constant_id = 7) const uint OBJECTS = 0; // TINTS: objects have tints and opacities, or are hidden; OWN_FUNCTIONS:
+                                                // or transfer functions of their own; of an atlas only
 layout(binding = 4) uniform sampler3D medium;
 layout(scalar, binding = 6) readonly buffer Places { uint places[]; };
 layout(binding = 7) uniform sampler3D labels;
 layout(scalar, binding = 8) readonly buffer Appearances { Appearance appearances[]; };
 
+const uint TINTS = 1;
+const uint OWN_FUNCTIONS = 2;
 // Texels of a brick along each axis.
 const uint APRONED = 9;
 // Bits of a place of the atlas along each axis.
@@ -34,6 +37,24 @@ vec3 atlas_place(BrickGrid g, vec3 at) {
     uvec3 corner =
         uvec3(place & PLACE_MASK, (place >> PLACE_BITS) & PLACE_MASK, place >> (2u * PLACE_BITS)) * APRONED;
     return vec3(corner) + (from_first - vec3(brick * 8u));
+}
+
+// One of the eight voxels around a place of the atlas.
+struct Voxel {
+    Appearance object;
+    float o;     // its O, weighted trilinearly
+    float shown; // what its object's opacity leaves of that
+};
+
+// The voxel at a corner, 0 to 7, of the cell from `low` on; `part` is how far the place is in the cell.
+Voxel voxel_at(ivec3 low, vec3 part, uint corner) {
+    ivec3 far = ivec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);
+    vec3 shares = mix(1.0 - part, part, equal(far, ivec3(1)));
+    ivec3 texel = min(low + far, textureSize(medium, 0) - 1);
+    float o = shares.x * shares.y * shares.z * texelFetch(medium, texel, 0).y;
+    uint label = uint(texelFetch(labels, min(texel, textureSize(labels, 0) - 1), 0).x * 255.0 + 0.5);
+    Appearance object = appearances[label];
+    return Voxel(object, o, object.visible == 0u ? 0.0 : o * object.opacity);
 }
 
 // V and O at a place, V as a fraction. Outside a dense image V is that of its face, and O is 0 from one voxel
@@ -54,21 +75,15 @@ vec2 medium_at(BrickGrid g, vec3 at, out vec4 tint) {
     vec3 place = atlas_place(g, at);
     vec3 inverse_size = 1.0 / vec3(textureSize(medium, 0));
     vec2 found = textureLod(medium, (place + 0.5) * inverse_size, 0.0).xy;
-    if (OBJECTS == 1) {
+    if (OBJECTS != 0) {
         ivec3 low = ivec3(place);
-        ivec3 last = textureSize(medium, 0) - 1, last_label = textureSize(labels, 0) - 1;
         vec3 part = place - vec3(low);
         float whole = 0.0, left = 0.0;
         for (uint corner = 0; corner < 8; ++corner) {
-            ivec3 far = ivec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);
-            vec3 shares = mix(1.0 - part, part, equal(far, ivec3(1)));
-            ivec3 texel = min(low + far, last);
-            float o = shares.x * shares.y * shares.z * texelFetch(medium, texel, 0).y;
-            uint label = uint(texelFetch(labels, min(texel, last_label), 0).x * 255.0 + 0.5);
-            Appearance object = appearances[label];
-            whole += o;
-            left += object.visible == 0u ? 0.0 : o * object.opacity;
-            tint += o * object.tint;
+            Voxel voxel = voxel_at(low, part, corner);
+            whole += voxel.o;
+            left += voxel.shown;
+            tint += voxel.o * voxel.object.tint;
         }
         found.y = left;
         tint = whole > 0.0 ? tint / whole : vec4(0.0);

@@ -21,7 +21,7 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.count) return;
     vec2 value = point_values[i];
-    vec4 look = look_point(value.x);
+    vec4 look = look_point(0u, value.x);
     float extinction = min(-log(1.0 - value.y * (1.0 - exp(-look.a))), MOST_EXTINCTION);
     vec4 ratio = vec4(look.rgb, 1.0) * extinction;
     // What is to be nothing is nothing whatever is drawn, and its list need not be read.

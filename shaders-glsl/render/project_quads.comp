@@ -150,7 +150,7 @@ void main() {
         vec4 plane = look_rows[0].planes[k];
         if (dot(plane.xyz, s.mean) + plane.w < 0.0) kept = false;
     }
-    Appearance object = Appearance(vec4(0.0), 1.0, 1);
+    Appearance object = Appearance(vec4(0.0), 1.0, 1, 0);
     if (OBJECTS == 1) object = appearances[active_objects[i]];
     vec4 look = vec4(0.0);
     if (STANDARD == 0) {

@@ -178,7 +178,7 @@ void main() {
                 }
                 if ((pair >> (ROW_BITS + part) & 1u) == 0) continue;
                 Projected s = projected[pair & ((1u << ROW_BITS) - 1u)];
-                Appearance object = Appearance(vec4(0.0), 1.0, 1);
+                Appearance object = Appearance(vec4(0.0), 1.0, 1, 0);
                 if (OBJECTS == 1) object = appearances[active_objects[(pair & ((1u << ROW_BITS) - 1u)) - row]];
                 float near = s.depth - s.reach, far = s.depth + s.reach;
                 if (far >= depths[0] && near <= depths[3]) add(s, object, ray, depths, 0);
@@ -212,10 +212,10 @@ void main() {
                     vec4 got;
                     float occupancy = here.y;
                     if (SEGMENTS == 1) {
-                        got = look_segment(before[n].y > 0.0 ? before[n].x : here.x, here.x);
+                        got = look_segment(0u, before[n].y > 0.0 ? before[n].x : here.x, here.x);
                         occupancy = 0.5 * (before[n].y + here.y);
                     } else {
-                        got = look_point(here.x);
+                        got = look_point(0u, here.x);
                     }
                     before[n] = there ? here : vec2(0.0);
                     float opacity = look_opacity(got.a, occupancy, path[n]);

@@ -287,7 +287,8 @@ shared! {
         /// x/z of the left and the right edge of the picture, y/z of the upper and the lower one.
         tangents: [f32; 4],
     }
-    /// A look: the transfer function's table, the light and the clip planes.
+    /// A look: a transfer function's table, the light and the clip planes. The first row is that of the scene, the
+    /// others are of functions of objects, and only their tables count.
     Look {
         /// Intensity of the first entry of the table.
         first: f32,
@@ -309,6 +310,8 @@ shared! {
         power: f32,
         /// Number of planes in use.
         plane_count: u32,
+        /// Index of the table's first entry among those of all functions.
+        offset: u32,
         /// Clip planes: points with n · x + d < 0 are cut away; x in mm in the space of the scene.
         planes: [[f32; 4]; crate::look_row::CLIP_PLANES as usize],
     }
@@ -321,6 +324,8 @@ shared! {
         opacity: f32,
         /// 0 if its splats are left out.
         visible: u32,
+        /// Row of its transfer function.
+        function: u32,
     }
     /// The tiles of a picture and the slabs along the depth of a scene; see `include/tiles.glsl`.
     TileGrid {

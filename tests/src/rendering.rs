@@ -116,6 +116,7 @@ pub fn reference_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &
     let [visible, _] = look.transfer.visible().expect("something to see");
     let reference_look = reference::Look {
         table: &table,
+        functions: &[],
         material: &look.transfer.material,
         dark: if visible.is_finite() { visible } else { gpu_splats.range[0] },
         planes: &[],

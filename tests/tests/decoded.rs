@@ -312,14 +312,23 @@ fn reference_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decod
             opacity: if shown.visible { f64::from(shown.opacity) } else { 0.0 },
         }
     };
+    let numbers: Vec<u8> = look.functions.keys().copied().collect();
+    let function = |v: &reference::decoded::Voxel| {
+        numbers.iter().position(|number| usize::from(*number) == v.object).map_or(0, |k| k + 1)
+    };
     let medium = raymarch::Medium::new(size, decoded.scene_from_voxel, &values, Some(&mask))
         .with_objects(voxels.iter().map(shown).collect());
+    let medium = match numbers.as_slice() {
+        [] => medium,
+        _ => medium.with_functions(voxels.iter().map(function).collect()),
+    };
     let range = scene.splats.as_ref().expect("splats").range;
-    let [visible, _] = look.transfer.visible().expect("something to see");
+    let functions: Vec<Table> = look.functions.values().map(|f| Table::new(f, range)).collect();
     let reference_look = ReferenceLook {
         table: &Table::new(&look.transfer, range),
+        functions: &functions,
         material: &look.transfer.material,
-        dark: if visible.is_finite() { visible } else { range[0] },
+        dark: look.dark(range),
         planes: &[],
         segments: false,
         least_light: 1e-4,
@@ -347,6 +356,11 @@ fn pictures_are_those_of_the_reference() {
             "decoded-objects",
             samples(objects(150)),
             Look { objects: tints.into(), ..look("CT-Soft-Tissue", true) },
+        ),
+        (
+            "decoded-functions",
+            samples(objects(150)),
+            Look { functions: [(7, look("CT-Bone", true).transfer)].into(), ..look("CT-Soft-Tissue", true) },
         ),
         ("decoded-hidden", samples(objects(150)), Look { objects: hidden.into(), ..look("CT-Bone", true) }),
     ] {

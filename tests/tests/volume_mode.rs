@@ -115,6 +115,7 @@ fn pictures_are_those_of_the_reference() {
             let [visible, _] = look.transfer.visible().expect("something to see");
             let reference_look = ReferenceLook {
                 table: &Table::new(&look.transfer, [-1000.0, 700.0]),
+                functions: &[],
                 material: &look.transfer.material,
                 dark: visible,
                 planes: &[],

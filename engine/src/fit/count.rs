@@ -44,8 +44,8 @@ const TRIALS: usize = 3;
 const STEP: f64 = 2.0;
 /// ... and a step that needs no further trial.
 const NEAR: f64 = 0.4;
-/// What a doubling of the density is worth, dB: at first, and within which bounds what two trials say of it is
-/// believed.
+/// What a doubling of the density is worth, dB: at first, and within which bounds what two trials on one side of the
+/// goal say of it is believed.
 const SLOPE: f64 = 3.5;
 const SLOPES: [f64; 2] = [0.8, 8.0];
 /// What a trial still lacks of a fit of 300 iterations, dB, by density; medians of bones, liver and vessels of a
@@ -167,9 +167,16 @@ fn surplus_of_all(goal: &Goal, parts: &[Metrics]) -> f64 {
 fn answer(tried: &[(f64, f64)]) -> f64 {
     let Some(&(x, surplus)) = tried.last() else { return FIRST.log2() };
     let before = tried.iter().rev().skip(1).find(|(other, _)| (other - x).abs() > NEAR);
-    let slope = before.map_or(SLOPE, |&(other, there)| (surplus - there) / (x - other));
+    // Between two trials the answer is where a line meets it, however steep; beyond them no slope is believed that
+    // is far from the usual.
+    let slope = before.map_or(SLOPE, |&(other, there)| {
+        let slope = (surplus - there) / (x - other);
+        let between =
+            surplus.is_finite() && there.is_finite() && (surplus > 0.0) != (there > 0.0) && slope > 0.0;
+        if between { slope } else { slope.clamp(SLOPES[0], SLOPES[1]) }
+    });
     // Where the surplus is infinite, the fit is exact; NaN would be a trial that failed.
-    let step = -surplus / slope.clamp(SLOPES[0], SLOPES[1]);
+    let step = -surplus / slope;
     let step = if step.is_nan() { 0.0 } else { step.clamp(-STEP, STEP) };
     (x + step).clamp(DENSITIES.start.log2(), DENSITIES.end.log2())
 }
@@ -226,6 +233,12 @@ mod tests {
         assert!(near(answer(&[(-4.0, f64::INFINITY)]), -6.0) && near(answer(&[(-4.0, f64::NAN)]), -4.0));
         assert!(near(answer(&[(-4.0, 4.0), (-5.0, 2.0)]), -6.0), "2 dB a doubling");
         assert!(near(answer(&[(-4.0, 4.0), (-5.0, 4.0)]), -7.0), "a slope of 0 is not believed");
+        assert!(near(answer(&[(-3.0, -10.0), (-2.0, 10.0)]), -2.5), "between two trials, however steep");
+        assert!(near(answer(&[(-3.0, -0.1), (-2.0, 0.1)]), -2.5), "or flat");
+        assert!(
+            near(answer(&[(-4.0, -20.0), (-3.0, -10.0)]), -1.75),
+            "beyond them 10 dB a doubling are not believed"
+        );
         assert!(near(answer(&[(-0.5, -9.0)]), 0.0), "no more than one a voxel");
     }
 

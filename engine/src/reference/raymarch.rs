@@ -30,6 +30,8 @@ pub struct Medium {
     mask: Option<Vec<f32>>,
     /// Appearance of each voxel.
     objects: Option<Vec<Appearance>>,
+    /// Transfer function of each voxel: 0 is that of the look, k + 1 its k-th own function of an object.
+    functions: Option<Vec<usize>>,
     /// True if a point whose low corner is in this block of 4³ voxels may see an occupancy; blocks start at
     /// voxel -1.
     blocks: Vec<bool>,
@@ -50,6 +52,7 @@ impl Medium {
             values: values.to_vec(),
             mask: mask.map(<[f32]>::to_vec),
             objects: None,
+            functions: None,
             blocks: Vec::new(),
         };
         medium.blocks = medium.occupied_blocks();
@@ -63,6 +66,17 @@ impl Medium {
     pub fn with_objects(mut self, objects: Vec<Appearance>) -> Self {
         assert!(self.mask.is_some() && objects.len() == self.values.len(), "one appearance for every voxel");
         self.objects = Some(objects);
+        self
+    }
+
+    /// Adds a transfer function for each voxel, after the appearances: 0 is that of the look, k + 1 number k of
+    /// [`Look::functions`].
+    ///
+    /// # Panics
+    /// If there is not one for each voxel.
+    pub fn with_functions(mut self, functions: Vec<usize>) -> Self {
+        assert!(self.objects.is_some() && functions.len() == self.values.len(), "one for every voxel");
+        self.functions = Some(functions);
         self
     }
 
@@ -112,32 +126,61 @@ impl Medium {
             let inside = (voxel + 1.0).min(size - voxel).clamp(DVec3::ZERO, DVec3::ONE);
             return (value, inside.element_product(), DVec4::ZERO);
         };
+        let (mut whole, mut shown, mut tint) = (0.0, 0.0, DVec4::ZERO);
+        for (index, share) in self.around(voxel) {
+            let o = share * f64::from(mask[index]);
+            let object = self.objects.as_ref().map_or_else(Appearance::default, |all| all[index]);
+            whole += o;
+            shown += o * object.opacity;
+            tint += object.tint * o;
+        }
+        (value, shown, if whole > 0.0 { tint / whole } else { DVec4::ZERO })
+    }
+
+    /// Returns the voxels around a point of voxel space that are in the grid, with their trilinear weights.
+    fn around(&self, voxel: DVec3) -> impl Iterator<Item = (usize, f64)> {
         let low = voxel.floor();
         let part = voxel - low;
         let low = low.as_i64vec3();
-        let (mut whole, mut shown, mut tint) = (0.0, 0.0, DVec4::ZERO);
-        for corner in 0..8 {
+        let size = self.size;
+        (0..8).filter_map(move |corner| {
             let mut share = 1.0;
             let mut index = 0;
             for axis in (0..3).rev() {
                 let far = corner >> axis & 1;
                 let at = low[axis] + far;
-                if at < 0 || at >= self.size[axis] as i64 {
-                    share = 0.0;
-                    break;
+                if at < 0 || at >= size[axis] as i64 {
+                    return None;
                 }
                 share *= if far == 1 { part[axis] } else { 1.0 - part[axis] };
-                index = index * self.size[axis] + at as usize;
+                index = index * size[axis] + at as usize;
             }
-            if share > 0.0 {
-                let o = share * f64::from(mask[index]);
-                let object = self.objects.as_ref().map_or_else(Appearance::default, |all| all[index]);
-                whole += o;
-                shown += o * object.opacity;
-                tint += object.tint * o;
-            }
+            (share > 0.0).then_some((index, share))
+        })
+    }
+
+    /// Returns colour, tinted, and opacity per mm that the functions of the voxels around a point of voxel space
+    /// make of the way from one intensity to another, each by its part of O.
+    fn shown(
+        &self,
+        voxel: DVec3,
+        [from, to]: [f64; 2],
+        functions: &[usize],
+        look: &Look<'_>,
+    ) -> (DVec3, f64) {
+        let (Some(mask), Some(objects)) = (&self.mask, &self.objects) else { return (DVec3::ZERO, 0.0) };
+        let (mut colour, mut opacity) = (DVec3::ZERO, 0.0);
+        for (index, share) in self.around(voxel) {
+            let table = match functions[index] {
+                0 => look.table,
+                k => &look.functions[k - 1],
+            };
+            let (own, extinction) = if look.segments { table.segment(from, to) } else { table.point(to) };
+            let part = share * f64::from(mask[index]) * objects[index].opacity * -(-extinction).exp_m1();
+            colour += part * tinted(own, objects[index].tint);
+            opacity += part;
         }
-        (value, shown, if whole > 0.0 { tint / whole } else { DVec4::ZERO })
+        if opacity > 0.0 { (colour / opacity, opacity) } else { (DVec3::ZERO, 0.0) }
     }
 
     /// Returns the gradient of O (V - dark) in the scene, by central differences over a voxel on each side.
@@ -208,15 +251,20 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
             continue;
         }
         let (v, o, tint) = medium.seen(at);
-        let ((colour, extinction), occupancy) = if look.segments {
-            let (vb, ob) = before.replace((v, o)).unwrap_or((v, o));
-            (look.table.segment(vb, v), 0.5 * (ob + o))
-        } else {
-            (look.table.point(v), o)
+        let path = (to - from) * ray.length();
+        let (vb, ob) = if look.segments { before.replace((v, o)).unwrap_or((v, o)) } else { (v, o) };
+        let (mut base, opacity) = match &medium.functions {
+            Some(functions) => {
+                let (colour, per_mm) = medium.shown(at, [vb, v], functions, look);
+                (colour, -(path * (-per_mm).ln_1p()).exp_m1())
+            }
+            None => {
+                let (colour, extinction) =
+                    if look.segments { look.table.segment(vb, v) } else { look.table.point(v) };
+                (tinted(colour, tint), opacity(extinction, 0.5 * (ob + o), path))
+            }
         };
-        let opacity = opacity(extinction, occupancy, (to - from) * ray.length());
         let share = gathered.clear * opacity;
-        let mut base = tinted(colour, tint);
         if look.material.shade {
             if share > STRONG || share > FAINT && even {
                 gradient = eye.turn * medium.gradient(at, look.dark);
@@ -258,7 +306,7 @@ mod tests {
     }
 
     fn look<'a>(table: &'a Table, material: &'a Material) -> Look<'a> {
-        Look { table, material, dark: 0.0, planes: &[], segments: false, least_light: 1e-4 }
+        Look { table, functions: &[], material, dark: 0.0, planes: &[], segments: false, least_light: 1e-4 }
     }
 
     /// Creates an eye at +y, so far away that rays are nearly parallel.

@@ -62,6 +62,8 @@ pub struct Planes {
 pub struct Look<'a> {
     /// The transfer function.
     pub table: &'a Table,
+    /// Transfer functions of objects of their own, which ray marches alone know.
+    pub functions: &'a [Table],
     /// Material of what is shaded.
     pub material: &'a Material,
     /// v0 of the shaded gradient.

@@ -75,11 +75,12 @@ impl Appearance {
         !self.visible || self.tint.is_none() && self.opacity >= 1.0
     }
 
-    /// Returns the row of the device's table. Numbers out of range are clamped; NaN becomes 0.
-    fn row(&self) -> types::Appearance {
+    /// Returns the row of the device's table, with a number of its transfer function. Numbers out of range are
+    /// clamped; NaN becomes 0.
+    fn row(&self, function: u32) -> types::Appearance {
         let unit = |v: f32| if v > 0.0 { v.min(1.0) } else { 0.0 };
         let tint = self.tint.map_or([0.0; 4], |[r, g, b]| [unit(r), unit(g), unit(b), 1.0]);
-        types::Appearance { tint, opacity: unit(self.opacity), visible: u32::from(self.visible) }
+        types::Appearance { tint, opacity: unit(self.opacity), visible: u32::from(self.visible), function }
     }
 }
 
@@ -93,23 +94,42 @@ pub struct Look {
     /// Appearances of objects, by their number; an object that is not listed has the default one. They apply
     /// to splats only: modes of a volume show all of it.
     pub objects: BTreeMap<u8, Appearance>,
+    /// Transfer functions of objects of their own, by their number, in place of that of the scene; their material
+    /// does not count. Mode decoded alone shows them ([`super::ModeRow::own_functions`]).
+    pub functions: BTreeMap<u8, TransferFunction>,
 }
 
 impl Look {
     /// Creates a look with a transfer function, no clip planes and default appearances.
     pub fn new(transfer: TransferFunction) -> Self {
-        Look { transfer, clip: Vec::new(), objects: BTreeMap::new() }
+        Look { transfer, clip: Vec::new(), objects: BTreeMap::new(), functions: BTreeMap::new() }
     }
 
     /// Returns how the transfer function should be applied. Point sampling is enough if opacity changes by
     /// little over the distance that the intensity moves between samples; a ramp over less than 60 HU needs
     /// integration.
     pub fn classification(&self) -> Classification {
-        let points = self.transfer.opacities();
-        let narrow = points
-            .windows(2)
-            .any(|p| (p[1].opacity - p[0].opacity).abs() > 0.02 && p[1].intensity - p[0].intensity < NARROW);
+        let narrow = std::iter::once(&self.transfer).chain(self.functions.values()).any(|function| {
+            let mut ramps = function.opacities().windows(2);
+            ramps.any(|p| {
+                (p[1].opacity - p[0].opacity).abs() > 0.02 && p[1].intensity - p[0].intensity < NARROW
+            })
+        });
         if narrow { Classification::PreIntegrated } else { Classification::Point }
+    }
+
+    /// Returns the transfer function of an object.
+    pub fn function_of(&self, number: u8) -> &TransferFunction {
+        self.functions.get(&number).unwrap_or(&self.transfer)
+    }
+
+    /// Returns v₀ of the shaded gradient: the lower end of what some function shows of intensities in `range`.
+    pub fn dark(&self, range: [f64; 2]) -> f64 {
+        let of = |function: &TransferFunction| {
+            let [low, high] = function.visible().unwrap_or(range);
+            if low.is_finite() { low } else { range[0].min(high) }
+        };
+        self.functions.values().map(of).fold(of(&self.transfer), f64::min)
     }
 }
 
@@ -139,6 +159,8 @@ pub struct LookBuffers {
     pub objects_differ: bool,
     /// True if some object is hidden.
     pub hides: bool,
+    /// True if some object has a transfer function of its own.
+    pub own_functions: bool,
 }
 
 impl LookBuffers {
@@ -153,25 +175,36 @@ impl LookBuffers {
             )
             .help("a box takes six planes"));
         }
-        let table = Table::new(&look.transfer, range);
-        let points: Vec<[u32; 2]> = table.points.iter().map(|&p| packed(p)).collect();
-        let mut visible = vec![0];
-        for point in &table.points {
-            visible.push(visible[visible.len() - 1] + u32::from(point[3] > 0.0));
+        // That of the scene, then each other one once.
+        let mut functions = vec![&look.transfer];
+        let mut function_of = [0; OBJECTS];
+        for (&number, function) in &look.functions {
+            let known = functions.iter().position(|other| *other == function);
+            let at = known.unwrap_or(functions.len());
+            if known.is_none() {
+                functions.push(function);
+            }
+            function_of[usize::from(number)] = at as u32;
         }
+        let tables: Vec<Table> = functions.iter().map(|function| Table::new(function, range)).collect();
+        let points: Vec<[u32; 2]> = tables.iter().flat_map(|t| t.points.iter().map(|&p| packed(p))).collect();
+        let integrals: Vec<[u32; 4]> = tables.iter().flat_map(|t| t.integrals.iter().copied()).collect();
+        let visible = visible_before(&tables);
         let mut planes = [[0.0; 4]; PLANES];
         for (to, plane) in planes.iter_mut().zip(&look.clip) {
             let row: DVec4 = plane.normal.extend(plane.normal.dot(origin) - plane.offset);
             *to = row.as_vec4().to_array();
         }
-        let mut appearances = [Appearance::default().row(); OBJECTS];
-        for (&number, appearance) in &look.objects {
-            appearances[usize::from(number)] = appearance.row();
-        }
+        let appearances: Vec<types::Appearance> = (0..OBJECTS)
+            .map(|number| {
+                let appearance = look.objects.get(&(number as u8)).copied().unwrap_or_default();
+                appearance.row(function_of[number])
+            })
+            .collect();
         let material = look.transfer.material;
-        let [low, high] = look.transfer.visible().unwrap_or(range);
-        let dark = if low.is_finite() { low } else { range[0].min(high) };
-        let row = types::Look {
+        let dark = look.dark(range);
+        let mut offset = 0;
+        let row = |table: &Table| types::Look {
             first: table.first as f32,
             inverse_step: (1.0 / table.step) as f32,
             last: (table.len() - 1) as f32,
@@ -182,24 +215,56 @@ impl LookBuffers {
             specular: material.specular as f32,
             power: material.power as f32,
             plane_count: look.clip.len() as u32,
+            offset: 0,
             planes,
         };
+        let rows: Vec<types::Look> = tables
+            .iter()
+            .map(|table| {
+                let row = types::Look { offset, ..row(table) };
+                offset += table.len() as u32;
+                row
+            })
+            .collect();
         Ok(LookBuffers {
             number: LOOKS.fetch_add(1, Ordering::Relaxed),
-            rows: gpu.upload("look", "transfer function", &[row])?,
+            rows: gpu.upload("look", "transfer function", &rows)?,
             points: gpu.upload("transfer function", "transfer function", &points)?,
-            integrals: gpu.upload(
-                "integrals of the transfer function",
-                "transfer function",
-                &table.integrals,
-            )?,
+            integrals: gpu.upload("integrals of the transfer function", "transfer function", &integrals)?,
             visible: gpu.upload("visible entries", "transfer function", &visible)?,
             appearances: gpu.upload("appearances of objects", "transfer function", &appearances)?,
             shaded: material.shade,
             objects_differ: !look.objects.values().all(Appearance::is_plain),
+            own_functions: tables.len() > 1,
             hides: look.objects.values().any(|object| !object.visible),
         })
     }
+}
+
+/// Returns for each entry of the first table the number of entries before it at which a function shows something,
+/// and at last the number of all. Another function counts as visible at an entry if it is within two entries of it.
+fn visible_before(tables: &[Table]) -> Vec<u32> {
+    let first = &tables[0];
+    let mut visible: Vec<bool> = first.points.iter().map(|point| point[3] > 0.0).collect();
+    let last = visible.len() as i64 - 1;
+    for table in &tables[1..] {
+        let shown = (0..table.len()).filter(|&i| table.points[i][3] > 0.0);
+        for i in shown {
+            // The entry holds half a step on both sides; the ends hold all that is beyond.
+            let (low, high) = (i as f64 - 1.0, i as f64 + 1.0);
+            let low = if i == 0 { f64::NEG_INFINITY } else { low };
+            let high = if i + 1 == table.len() { f64::INFINITY } else { high };
+            let entry = |i: f64| (table.first + i * table.step - first.first) / first.step;
+            let from = (entry(low).floor() as i64).saturating_sub(1).clamp(0, last);
+            let to = (entry(high).ceil() as i64).saturating_add(1).clamp(0, last);
+            visible[from as usize..=to as usize].fill(true);
+        }
+    }
+    let mut before = vec![0];
+    for is_visible in visible {
+        before.push(before[before.len() - 1] + u32::from(is_visible));
+    }
+    before
 }
 
 /// Returns the colour in three 16-bit fractions and the extinction as a half: 8 bytes a lookup.

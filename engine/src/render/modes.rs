@@ -18,6 +18,8 @@ pub struct ModeRow {
     pub about: &'static str,
     /// True if it renders splats rather than the volume.
     pub of_splats: bool,
+    /// True if objects may have transfer functions of their own there; in other modes that of the scene is theirs.
+    pub own_functions: bool,
     make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
 }
 
@@ -44,30 +46,35 @@ pub static MODES: [ModeRow; 5] = [
         name: "volume",
         about: "the CT itself, ray-marched with trilinear sampling: the reference",
         of_splats: false,
+        own_functions: false,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::new(gpu, scene, settings)?)),
     },
     ModeRow {
         name: "exact",
         about: "the splats' field in steps of a tenth of a standard deviation",
         of_splats: true,
+        own_functions: false,
         make: |gpu, scene, settings| Ok(Box::new(Slab::exact(gpu, scene, settings)?)),
     },
     ModeRow {
         name: "slab",
         about: "the splats' field in slabs, classified after it is added up",
         of_splats: true,
+        own_functions: false,
         make: |gpu, scene, settings| Ok(Box::new(Slab::new(gpu, scene, settings)?)),
     },
     ModeRow {
         name: "decoded",
         about: "the splats' field on the CT's own voxels, put there once, and ray-marched as those",
         of_splats: true,
+        own_functions: true,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
     },
     ModeRow {
         name: "alpha",
         about: "sorted splats, each of one colour, blended: the fastest",
         of_splats: true,
+        own_functions: false,
         make: |gpu, scene, settings| Ok(Box::new(Alpha::new(gpu, scene, settings)?)),
     },
 ];

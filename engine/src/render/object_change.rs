@@ -1,11 +1,11 @@
 //! Changes of how objects appear, as flags of programs have them.
 
-use std::collections::BTreeMap;
 use std::str::FromStr;
 
-use super::Appearance;
+use super::Look;
 use crate::error::{Error, Kind, Result};
 use crate::splat::Object;
+use crate::transfer;
 
 /// Parses the colour #rrggbb: red, green, blue from 0 to 1; `None` for any other text.
 pub fn hex_colour(text: &str) -> Option<[f32; 3]> {
@@ -21,21 +21,25 @@ fn opacity_of(text: &str) -> std::result::Result<f32, String> {
 }
 
 /// A change of the appearance of all objects with a name, as a flag has it: NAME:colour=#rrggbb,opacity=0.4,
-/// or NAME:hidden.
+/// NAME:tf=CT-Bone, or NAME:hidden.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjectChange {
     name: String,
     hidden: bool,
     colour: Option<[f32; 3]>,
     opacity: Option<f32>,
+    /// A preset or a file.
+    function: Option<String>,
 }
 
 impl FromStr for ObjectChange {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let wrong =
-            || "NAME:colour=#rrggbb,opacity=0.4 or NAME:hidden; NAME is a name or a number".to_owned();
+        let wrong = || {
+            "NAME:colour=#rrggbb,opacity=0.4, NAME:tf=CT-Bone or NAME:hidden; NAME is a name or a number"
+                .to_owned()
+        };
         let (name, words) = text.rsplit_once(':').ok_or_else(wrong)?;
         let mut change = ObjectChange::hiding(name);
         change.hidden = false;
@@ -45,6 +49,7 @@ impl FromStr for ObjectChange {
                 Some(("colour" | "color", colour)) => {
                     change.colour = Some(hex_colour(colour).ok_or("a colour is #rrggbb")?);
                 }
+                Some(("tf", function)) => change.function = Some(function.trim().to_owned()),
                 Some(("opacity", opacity)) => change.opacity = Some(opacity_of(opacity)?),
                 _ => return Err(wrong()),
             }
@@ -56,19 +61,31 @@ impl FromStr for ObjectChange {
 impl ObjectChange {
     /// Returns the change that hides the objects of a name.
     pub fn hiding(name: &str) -> Self {
-        ObjectChange { name: name.trim().to_owned(), hidden: true, colour: None, opacity: None }
+        ObjectChange {
+            name: name.trim().to_owned(),
+            hidden: true,
+            colour: None,
+            opacity: None,
+            function: None,
+        }
     }
 
-    /// Changes the appearances of all objects that it names: by number, by name, or by the part of the name
-    /// before or after its slash.
+    /// Changes the appearances and the transfer functions in a look of all objects that it names: by number, by name,
+    /// or by the part of the name before or after its slash. `range` is that of the intensities that are shown, for
+    /// presets that are stretched over it.
     ///
     /// # Errors
-    /// [`Kind::Usage`] if no object is called so; the help names those that there are.
-    pub fn apply(&self, objects: &[Object], appearances: &mut BTreeMap<u8, Appearance>) -> Result<()> {
+    /// [`Kind::Usage`] if no object is called so; the help names those that there are. Returns the errors of
+    /// [`transfer::load`].
+    pub fn apply(&self, objects: &[Object], look: &mut Look, range: [f64; 2]) -> Result<()> {
         let mut found = false;
+        let function = self.function.as_deref().map(|name| transfer::load(name, range)).transpose()?;
         for object in objects.iter().filter(|object| self.matches(object)) {
             found = true;
-            let appearance = appearances.entry(object.number).or_default();
+            if let Some(function) = &function {
+                look.functions.insert(object.number, function.clone());
+            }
+            let appearance = look.objects.entry(object.number).or_default();
             appearance.visible &= !self.hidden;
             appearance.tint = self.colour.or(appearance.tint);
             appearance.opacity = self.opacity.unwrap_or(appearance.opacity);
@@ -95,7 +112,16 @@ impl ObjectChange {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
+    use crate::render::Appearance;
+
+    const RANGE: [f64; 2] = [-1000.0, 2000.0];
+
+    fn plain() -> Look {
+        Look::new(transfer::load("CT-Skin", RANGE).expect("a preset"))
+    }
 
     #[test]
     fn objects_are_changed_by_number_name_and_part_of_a_name() {
@@ -103,12 +129,12 @@ mod tests {
         let object = |(number, name): (u8, &&str)| Object { number, name: (*name).to_owned(), splats: 1 };
         let objects: Vec<_> = (1..).zip(&names).map(object).collect();
         let changed = |texts: &[&str]| {
-            let mut appearances = BTreeMap::new();
+            let mut look = plain();
             for text in texts {
                 let change: ObjectChange = text.parse().unwrap_or_else(|e| panic!("{text}: {e}"));
-                change.apply(&objects, &mut appearances).unwrap_or_else(|e| panic!("{text}: {e}"));
+                change.apply(&objects, &mut look, RANGE).unwrap_or_else(|e| panic!("{text}: {e}"));
             }
-            appearances
+            look.objects
         };
         let red = Appearance { tint: Some([1.0, 0.0, 0.0]), opacity: 0.5, visible: true };
         for text in ["1:colour=#ff0000,opacity=0.5", " Bones : opacity=0.5, color=#FF0000"] {
@@ -126,8 +152,15 @@ mod tests {
         for text in ["", "1", "1:", "1:red", "1:colour=red", "1:opacity=2", "1:opacity=nan", "1:hidden=yes"] {
             assert!(text.parse::<ObjectChange>().is_err(), "{text}");
         }
+        let change: ObjectChange = "organs:tf=CT-Bone".parse().expect("a change");
+        let mut look = plain();
+        change.apply(&objects, &mut look, RANGE).expect("two objects");
+        assert_eq!(look.functions.keys().copied().collect::<Vec<_>>(), [2, 3]);
+        assert_eq!(look.functions[&3].name, "CT-Bone");
+        let unknown: ObjectChange = "bones:tf=CT-Boat".parse().expect("a change");
+        assert!(unknown.apply(&objects, &mut look, RANGE).is_err() && look.functions.len() == 2);
         for name in ["5", "heart", ""] {
-            let error = ObjectChange::hiding(name).apply(&objects, &mut BTreeMap::new()).expect_err(name);
+            let error = ObjectChange::hiding(name).apply(&objects, &mut plain(), RANGE).expect_err(name);
             assert!(
                 error.code == "VGS-RENDER-028" && error.help.contains("organs/liver (2)"),
                 "{}",

@@ -23,9 +23,9 @@ use crate::passes::{Faces, Views, Work, WorkgroupShape};
 /// Least distance of samples, in voxels. Nearer ones would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
 
-/// What kernels and drawings are created for: the way to classify, whether there is light, and whether objects
-/// have appearances.
-type Variant = (Classification, bool, bool);
+/// What kernels and drawings are created for: the way to classify, whether there is light, and what objects have
+/// of their own (see the shaders' medium.glsl).
+type Variant = (Classification, bool, u32);
 
 /// What starts the rays.
 enum Start {
@@ -97,7 +97,11 @@ impl Raymarch {
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
         let (classification, shaded) = settings.variant(scene);
         // Splats of a hidden object are still in the decoded field.
-        let objects = volume.is_atlas() && (look.objects_differ || look.hides);
+        let objects = match volume.is_atlas() {
+            true if look.own_functions => glsl::medium::OWN_FUNCTIONS,
+            true if look.objects_differ || look.hides => glsl::medium::TINTS,
+            _ => 0,
+        };
         let constants = [
             settings.counting,
             volume.image().format() == Format::Rg16,
@@ -106,9 +110,9 @@ impl Raymarch {
             settings.masked,
             settings.jitter,
             volume.is_atlas(),
-            objects,
         ]
         .map(u32::from);
+        let constants = [&constants[..], &[objects]].concat();
         let variant = (classification, shaded, objects);
         match &mut self.start {
             Start::Computed(kernels) => kernels.find(variant, |_| {

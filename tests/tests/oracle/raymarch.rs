@@ -303,10 +303,16 @@ impl Stage {
             reference::Medium::new(self.size, self.scene_from_voxel, &self.intensities(), mask.as_deref());
         let labels = match atlas {
             Source::Image | Source::Atlas => return medium,
-            Source::Objects => self.labels(),
+            Source::Objects | Source::Functions => self.labels(),
             Source::OneObject => vec![3; self.values.len()],
         };
-        medium.with_objects(labels.iter().map(|&label| shown[usize::from(label)]).collect())
+        let medium = medium.with_objects(labels.iter().map(|&label| shown[usize::from(label)]).collect());
+        match atlas {
+            Source::Functions => {
+                medium.with_functions(labels.iter().map(|&label| FUNCTION_OF[usize::from(label)]).collect())
+            }
+            _ => medium,
+        }
     }
 
     /// Bricks of 4 × 4 × 2 voxels with the intervals of all that their places and those a voxel away look up.
@@ -351,9 +357,16 @@ enum Source {
     Atlas,
     /// The same with objects that are shown apart.
     Objects,
+    /// The same, some of which have transfer functions of their own.
+    Functions,
     /// The same where all voxels belong to one.
     OneObject,
 }
+
+/// Presets of objects' own transfer functions ...
+const FUNCTIONS: [&str; 2] = ["CT-Bone", "CT-Skin"];
+/// ... and which of them each object has, counted from 1; 0 is the function of the scene.
+const FUNCTION_OF: [usize; 5] = [0, 2, 1, 1, 0];
 
 /// A row of what the kernel is compared in.
 struct RaymarchRow {
@@ -389,6 +402,9 @@ pub fn raymarch() {
         row(Source::Atlas, "CT-Skin", true, false, false, true, 8),
         row(Source::Objects, "CT-Soft-Tissue", true, true, true, false, 64),
         row(Source::Objects, "CT-Bone", true, false, true, true, 8),
+        row(Source::Functions, "CT-Soft-Tissue", true, true, true, false, 64),
+        row(Source::Functions, "CT-Bones-Steep", true, false, true, true, 8),
+        row(Source::Functions, "CT-Skin", true, false, false, false, 64),
         row(Source::OneObject, "CT-Skin", true, false, false, false, 64),
     ]
     .iter()
@@ -416,6 +432,11 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     .enumerate()
     .map(|(number, object)| (number as u8, object))
     .collect();
+    let own = FUNCTIONS.map(|name| preset(name).unwrap().over(RANGE));
+    if row.source == Source::Functions {
+        let chosen = FUNCTION_OF.iter().enumerate().filter(|(_, function)| **function > 0);
+        look.functions = chosen.map(|(number, k)| (number as u8, own[k - 1].clone())).collect();
+    }
     let shown: Vec<Appearance> = look
         .objects
         .values()
@@ -428,10 +449,12 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     let table = Table::new(&look.transfer, range);
     let mut buffers = LookBuffers::new(gpu, &look, range, DVec3::ZERO).unwrap();
     let cut = [[0.6f32, 0.0, 0.8, 9.0], [0.0, -1.0, 0.0, 14.0]];
-    let mut row_on_device = buffers.rows.read().unwrap()[0];
+    let mut rows_on_device = buffers.rows.read().unwrap();
+    let row_on_device = &mut rows_on_device[0];
     row_on_device.plane_count = 2;
     row_on_device.planes[..2].copy_from_slice(&cut);
-    buffers.rows.write_range(0, &[row_on_device]).unwrap();
+    let gradient_from = f64::from(row_on_device.dark);
+    buffers.rows.write_range(0, &rows_on_device).unwrap();
 
     let Atlas { image, places, labels } = match row.source {
         Source::Image => Atlas {
@@ -439,7 +462,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
             places: gpu.upload("no places", "test", &[0]).unwrap(),
             labels: gpu.volume("no labels", "test", Format::R8, [1; 3]).unwrap(),
         },
-        source => stage.atlas(gpu, source == Source::Objects, seed),
+        source => stage.atlas(gpu, matches!(source, Source::Objects | Source::Functions), seed),
     };
     let views = gpu.upload("views", "test", &stage.views).unwrap();
     let (grid, intervals) = stage.bricks();
@@ -468,10 +491,14 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         step,
         dark,
     };
-    let (atlas, objects) =
-        (row.source != Source::Image, matches!(row.source, Source::Objects | Source::OneObject));
-    let constants = [false, row.masked, row.segments, row.shade, false, row.jitter, atlas, objects, true];
-    let constants: Vec<u32> = constants.map(u32::from).into_iter().chain([row.group]).collect();
+    let atlas = row.source != Source::Image;
+    let objects = match row.source {
+        Source::Image | Source::Atlas => 0,
+        Source::Objects | Source::OneObject => shaders_glsl::medium::TINTS,
+        Source::Functions => shaders_glsl::medium::OWN_FUNCTIONS,
+    };
+    let constants = [false, row.masked, row.segments, row.shade, false, row.jitter, atlas].map(u32::from);
+    let constants: Vec<u32> = constants.into_iter().chain([objects, 1, row.group]).collect();
     let kernel = Kernel::new(gpu, &shaders_glsl::RAYMARCH, &constants).unwrap();
     let tile = if row.group == 8 { [4, 2] } else { [8, 8] };
     let patches = gpu.upload("patches", "test", &[0u32]).unwrap();
@@ -499,10 +526,12 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     let target = render(&occupancy.distances);
     let whole = render(&nothing_skipped);
 
+    let functions = own.map(|function| Table::new(&function, range));
     let reference_look = ReferenceLook {
         table: &table,
+        functions: &functions,
         material: &look.transfer.material,
-        dark: f64::from(row_on_device.dark),
+        dark: gradient_from,
         planes: &cut.map(|p| p.map(f64::from)),
         segments: row.segments,
         least_light: f64::from(dark),

@@ -334,6 +334,7 @@ pub fn slab() {
             });
             let reference_look = reference::Look {
                 table: &table,
+                functions: &[],
                 material: &look.transfer.material,
                 dark: f64::from(row_on_device.dark),
                 planes: &cut.map(|p| p.map(f64::from)),

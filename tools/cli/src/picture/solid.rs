@@ -93,6 +93,7 @@ impl Solids {
     pub fn draw(&self, canvas: &mut Canvas, which: usize, at: [usize; 2], background: Colour) {
         let look = Look {
             table: &Table::new(&self.transfer, self.range),
+            functions: &[],
             material: &MATERIAL,
             // The whole region is visible: its surface is where the occupancy falls, whatever the intensity.
             dark: 2.0 * self.range[0] - self.range[1],

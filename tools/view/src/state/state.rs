@@ -3,6 +3,7 @@
 //! Renderers ask for the parts in the engine's terms ([`ViewState::look`], [`Orbit::camera`],
 //! [`Clip::planes`]). Nothing here knows windows, panels or the device.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use engine::error::{Error, Kind, Result};
@@ -374,7 +375,12 @@ impl ViewState {
     pub fn look(&self, numbers: &[u8]) -> Result<Look> {
         let objects = numbers.iter().zip(&self.objects).map(|(number, row)| (*number, row.appearance()));
         let objects = objects.collect();
-        Ok(Look { transfer: self.transfer.function()?, clip: self.clip.planes(), objects })
+        Ok(Look {
+            transfer: self.transfer.function()?,
+            clip: self.clip.planes(),
+            objects,
+            functions: BTreeMap::new(),
+        })
     }
 
     /// Replaces the list of objects by those found in the files. Rows that are there already, from a session

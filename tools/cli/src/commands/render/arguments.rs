@@ -67,7 +67,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "PLANE|BOX", allow_hyphen_values = true, help_heading = "Picture")]
     pub clip: Vec<Clip>,
     /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per
-    /// mm), hidden. Each file is an object, or each of its labels; may be repeated
+    /// mm), tf=CT-Bone (a transfer function of its own), hidden. Each file is an object, or each of its labels; may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
     pub object: Vec<ObjectChange>,
     /// Gives each object a colour of its own: the one that is usual for its name, as kidney_left or aorta, or
@@ -188,6 +188,7 @@ Examples:
   vgs render body.ply -o soft.exr --tf CT-Soft-Tissue --clip 'y>20'
   vgs render bones.ply vessels.ply -o both.png --object vessels:colour=#c03020 --object bones:opacity=0.2
   vgs render organs.ply -o organs.png --tf CT-Soft-Tissue --object-colours
+  vgs render body.ply -o body.png --tf CT-Soft-Tissue --object bones:tf=CT-Bone
   vgs render ct.nii.gz --roi bones.nii.gz -o ct.png --tf CT-Bone
   vgs render bones.ply -o turn.png --turntable 60
   vgs render bones.ply -o frame.png --turntable 60 --sequence

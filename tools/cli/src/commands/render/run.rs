@@ -1,6 +1,5 @@
 //! Runs `vgs render`: what is shown, how, and from where.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -81,6 +80,12 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
     let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
     let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()))?;
+    if !look.functions.is_empty() && !row.own_functions {
+        tracing::warn!(
+            "mode {} shows all objects by one transfer function; --mode decoded knows tf=",
+            row.name
+        );
+    }
     // A frame as it is rendered, and as it is written: over a background, in bytes, with a depth.
     let pixels: u64 = arguments.size.0.iter().map(|&n| u64::from(n)).product();
     memory::require(pixels.saturating_mul(BYTES_A_PIXEL), "a picture of this --size")?;
@@ -182,9 +187,9 @@ impl RenderArguments {
         }
         let clip: Vec<ClipPlane> = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
         let there = splats.map(SplatSet::objects).unwrap_or_default();
-        let mut objects = BTreeMap::new();
+        let mut look = Look { clip, ..Look::new(transfer) };
         if self.object_colours {
-            objects.extend(there.iter().enumerate().map(|(turn, object)| {
+            look.objects.extend(there.iter().enumerate().map(|(turn, object)| {
                 let tint = Some(usual_colour(&object.name, turn));
                 (object.number, Appearance { tint, ..Appearance::default() })
             }));
@@ -192,9 +197,8 @@ impl RenderArguments {
         for change in
             self.object.iter().cloned().chain(self.hide_label.iter().map(|l| ObjectChange::hiding(l)))
         {
-            change.apply(&there, &mut objects)?;
+            change.apply(&there, &mut look, range)?;
         }
-        let look = Look { transfer, clip, objects };
         if let Some(set) = splats {
             warn_of_unseen(set, &look);
         }
@@ -278,12 +282,13 @@ fn warn_of_unseen(set: &SplatSet, look: &Look) {
     for (object, intensities) in set.objects().iter().zip(Intensities::of_objects(set)) {
         let shown = look.objects.get(&object.number).is_none_or(|a| a.visible && a.opacity > 0.0);
         let Some([low, high]) = intensities.middle_half().filter(|_| shown) else { continue };
-        if !intensities.are_seen(&look.transfer) {
+        let function = look.function_of(object.number);
+        if !intensities.are_seen(function) {
             tracing::warn!(
                 "{} is here and can hardly be seen: half of its splats have {low:.0} to {high:.0} HU, and {} is \
                  transparent for most; choose another --tf, or --tf-shift",
                 object.name,
-                look.transfer.name
+                function.name
             );
         }
     }
