@@ -26,6 +26,16 @@ pub struct Object {
     pub splats: usize,
 }
 
+impl Object {
+    /// Returns true if a user means this object by `name`: by its number, by its name in either case, or by the
+    /// part of it before or after its slash.
+    pub fn is_called(&self, name: &str) -> bool {
+        let same = |own: &str| own.eq_ignore_ascii_case(name);
+        let part = self.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
+        same(&self.name) || part || name.parse() == Ok(self.number)
+    }
+}
+
 impl SplatSet {
     /// Returns the objects in ascending order of their numbers. All splats of a set without labels are one
     /// object.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 use engine::fit::place::place;
-use engine::splat::{self, PLY_LAYOUTS, PlyLayout, SplatSet, Unplaced, WriteOptions};
+use engine::splat::{self, Object, PLY_LAYOUTS, PlyLayout, SplatSet, Unplaced, WriteOptions};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result};
 
@@ -54,6 +54,20 @@ pub fn read_with_intensity(path: &Path) -> Result<Unplaced> {
             .help("use splats from `vgs fit`, or a PLY with a property `intensity` or `hu`"));
     }
     Ok(splats)
+}
+
+/// Returns the objects that a user means by `name`; an error with the names that are known if there are none.
+pub fn called<'a>(objects: &'a [Object], name: &str) -> Result<Vec<&'a Object>> {
+    let found: Vec<_> = objects.iter().filter(|object| object.is_called(name)).collect();
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    let known: Vec<_> = objects.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
+    let help = match known.as_slice() {
+        [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
+        known => format!("objects are labels and files; here there are {}", known.join(", ")),
+    };
+    Err(Error::new(Kind::Usage, "VGS-CLI-092", format!("no object is called {name:?}")).help(help))
 }
 
 /// Writes the splats of a fit, and warns of what the layout does not store.

@@ -6,9 +6,10 @@ use std::str::FromStr;
 
 use engine::render::{Appearance, CameraFile, Classification, ClipPlane, Precision};
 use engine::splat::Object;
-use engine::{Error, Kind};
 use glam::DVec3;
 
+use crate::shared::flags::Corners;
+use crate::shared::splat_files::called;
 use crate::shared::texts::text_of;
 
 /// Background colour; `None` keeps the opacity.
@@ -83,30 +84,13 @@ impl ObjectChange {
         objects: &[Object],
         appearances: &mut BTreeMap<u8, Appearance>,
     ) -> engine::Result<()> {
-        let mut found = false;
-        for object in objects.iter().filter(|object| self.matches(object)) {
-            found = true;
+        for object in called(objects, &self.name)? {
             let appearance = appearances.entry(object.number).or_default();
             appearance.visible &= !self.hidden;
             appearance.tint = self.colour.or(appearance.tint);
             appearance.opacity = self.opacity.unwrap_or(appearance.opacity);
         }
-        if found {
-            return Ok(());
-        }
-        let known: Vec<_> = objects.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
-        let help = match known.as_slice() {
-            [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
-            known => format!("objects are labels and files; here there are {}", known.join(", ")),
-        };
-        Err(Error::new(Kind::Usage, "VGS-CLI-092", format!("no object is called {:?}", self.name)).help(help))
-    }
-
-    /// Returns true if the change is for this object.
-    fn matches(&self, object: &Object) -> bool {
-        let same = |other: &str| other.eq_ignore_ascii_case(&self.name);
-        let part = object.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
-        same(&object.name) || part || self.name.parse() == Ok(object.number)
+        Ok(())
     }
 }
 
@@ -120,11 +104,8 @@ impl FromStr for Clip {
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || "x<MM, y>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 (mm, patient RAS)".to_owned();
         if let Some(corners) = text.strip_prefix("box:") {
-            let numbers: Result<Vec<f64>, _> = corners.split(',').map(|t| t.trim().parse::<f64>()).collect();
-            let numbers =
-                numbers.ok().filter(|n| n.len() == 6 && n.iter().all(|v| v.is_finite())).ok_or_else(wrong)?;
-            let (a, b) = (DVec3::from_slice(&numbers[..3]), DVec3::from_slice(&numbers[3..]));
-            return Ok(Clip(ClipPlane::around(a.min(b), a.max(b)).to_vec()));
+            let Corners([low, high]) = corners.parse().map_err(|_| wrong())?;
+            return Ok(Clip(ClipPlane::around(low, high).to_vec()));
         }
         let mut letters = text.trim().chars();
         let axis = match letters.next().map(|c| c.to_ascii_lowercase()) {
