@@ -49,6 +49,28 @@ pub fn write_atomic(
     sync_folder(&folder_of(path)).map_err(|e| failed(&e))
 }
 
+/// Returns the number of bytes that `write` writes.
+pub fn counted(write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> u64 {
+    let mut count = Count(0);
+    // Counting cannot fail.
+    let _ = write(&mut count);
+    count.0
+}
+
+/// A sink that counts bytes and drops them.
+struct Count(u64);
+
+impl Write for Count {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0 += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// Checks that [`write_atomic`] could write `path`, so that a program can ask before it computes anything.
 /// Also removes temporary files that killed runs left in the folder.
 ///

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 use engine::gpu::Gpu;
-use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, mode};
+use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, baked, mode};
 use engine::splat::{Harmonics, Splat, SplatSet};
 use engine::transfer::preset;
 use glam::{DVec3, Vec3};
@@ -228,4 +228,52 @@ fn one_order_for_both_eyes_and_the_likeness_to_exact() {
         println!("{name}: alpha against exact {db:.2} dB");
         assert!(db >= nearness, "{name}: {db} dB");
     }
+}
+
+/// What programs draw that know only colours and Gaussians is near to what this mode draws.
+#[test]
+fn baked_splats_look_alike_without_the_transfer_function() {
+    let gpu = Device::boot();
+    let set = bones(&gpu);
+    let mut labelled = set.clone();
+    labelled.labels = Some((0..set.splats.len()).map(|i| (i % 3) as u8).collect());
+    let settings = Settings::new([96, 96]);
+    for (name, least_db) in [("CT-Bone", 25.0), ("CT-Soft-Tissue", 25.0), ("CT-X-Ray", 34.0)] {
+        let look = look(name);
+        let made = baked(&gpu, &labelled, &look.transfer).expect("colours");
+        assert_eq!(made.set.splats.len() + made.hidden, set.splats.len());
+        let colours = made.set.colours.as_ref().expect("colours");
+        assert_eq!(colours.degree, if look.transfer.material.shade { 2 } else { 0 }, "{name}");
+        assert_eq!(made.set.labels.as_ref().map(Vec::len), Some(made.set.splats.len()));
+        let [low, high] = Scene::new(&gpu, Some(&set), None, &look).expect("a scene").bounds();
+        let (centre, radius) = ((low + high) * 0.5, (high - low).length() * 0.4);
+        for side in ["anterior-left", "posterior", "right"] {
+            let camera = Camera::from_side(side, centre, radius, 35.0, 1.0).expect("a camera");
+            let [ours, theirs] = [&set, &made.set]
+                .map(|set| render(&gpu, "alpha", set, &look, &settings, &[camera]).remove(0));
+            let db = psnr(&ours, &theirs);
+            println!("{name} from {side}: {db:.1} dB, {} hidden", made.hidden);
+            assert!(db > least_db, "{name} from {side}: {db:.1} dB");
+        }
+        let again = baked(&gpu, &made.set, &look.transfer);
+        assert_eq!(again.err().map(|error| error.code), Some("VGS-RENDER-028"));
+    }
+}
+
+#[test]
+fn baking_leaves_out_what_the_transfer_function_hides() {
+    let gpu = Device::boot();
+    let mut set = SplatSet::default();
+    for (x, intensity) in [(-30.0, 1200.0), (0.0, -500.0), (30.0, 1200.0)] {
+        set.splats.push(Splat {
+            mean: [x, 0.0, 0.0],
+            log_scale: [1.0, 0.8, 1.2],
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            opacity_logit: 3.0,
+            intensity,
+        });
+    }
+    let made = baked(&gpu, &set, &look("CT-Bone").transfer).expect("colours");
+    assert_eq!((made.hidden, made.set.splats.len()), (1, 2));
+    assert_eq!(made.set.splats.iter().map(|s| s.mean[0]).collect::<Vec<_>>(), [-30.0, 30.0]);
 }

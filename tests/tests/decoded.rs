@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 use engine::error::Kind;
+use engine::fit::with_part_of_mask;
 use engine::gpu::Gpu;
 use engine::image::{Image, psnr};
 use engine::reference::eye::{self, Eye};
@@ -262,6 +263,42 @@ fn a_fit_for_a_binary_mask_shows_the_mask() {
     assert!(before > 10 && set.exceptions.len() >= before - after, "{before}, {after}");
     // What is left is reached by no splat.
     assert!(after <= before / 10, "{after} of {before} voxels are wrong");
+}
+
+/// Parts of a set share its mask: each voxel belongs to the part that has most of W there, and to no other.
+#[test]
+fn parts_of_a_set_share_its_mask() {
+    let gpu = Device::boot();
+    let phantom = Phantom::new([40, 36, 30], DVec3::new(1.0, 1.0, 1.5), 3);
+    let config = engine::fit::FitConfig { density: 0.1, iterations: 12, ..Default::default() };
+    let (volume, roi) = (&phantom.volume(), &phantom.roi().expect("bone and vessels"));
+    let whole =
+        engine::fit::run(&gpu, volume, roi, &config, |_| std::ops::ControlFlow::Continue(())).expect("a fit");
+    let mut places: Vec<f32> = whole.splats.iter().map(|splat| splat.mean[0]).collect();
+    places.sort_by(f32::total_cmp);
+    let middle = whole.origin_mm.x + f64::from(places[places.len() / 2]);
+    let bare = [true, false].map(|left| whole.selected(|_, mean| (mean.x < middle) == left));
+    assert!(bare.iter().all(|part| part.splats.len() > 10 && part.exceptions.is_empty()));
+    let parts = bare.clone().map(|part| with_part_of_mask(&gpu, &whole, part).expect("its mask"));
+    let inside = |set: &SplatSet| {
+        let decoded = decode(&gpu, set, 1.0).expect("a field");
+        let field = decoded.in_voxels_of(volume, set.origin_mm);
+        let [nx, ny, _] = volume.size;
+        let at = |i: usize| DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64);
+        (0..volume.len()).map(|i| field(at(i)).1 > 0.5).collect::<Vec<_>>()
+    };
+    let all = inside(&whole);
+    let wrong = |parts: &[SplatSet; 2]| {
+        let [left, right] = [&parts[0], &parts[1]].map(inside);
+        let is = |i: &usize| usize::from(left[*i]) + usize::from(right[*i]) != usize::from(all[*i]);
+        (0..volume.len()).filter(is).count()
+    };
+    let (before, after) = (wrong(&bare), wrong(&parts));
+    println!("{before} voxels wrong without exceptions, {after} with them");
+    assert!(before > 20 && after == 0, "{before}, {after}");
+    // All splats are a part, too.
+    let same = with_part_of_mask(&gpu, &whole, whole.selected(|_, _| true)).expect("its mask");
+    assert!(inside(&same) == all);
 }
 
 /// An atlas of bricks is a way to keep voxels, and nothing else.

@@ -45,7 +45,7 @@ mod unit;
 
 pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, Storage};
 pub use count::Trial;
-pub use exceptions::Misclassified;
+pub use exceptions::{Misclassified, with_part_of_mask};
 pub use fitter::{Fitter, Progress};
 pub use goal::Goal;
 pub use profiles::{PROFILES, Profile};

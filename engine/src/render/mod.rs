@@ -13,6 +13,7 @@
 //! | `scene` | [`Scene`]: the splats and the volume that are rendered, and how they are seen |
 //! | `gpu_splats`, `extents` | [`GpuSplats`]: splats on the device; their reach |
 //! | `splat_points`, `bumps` | the field at points in the splats, for mode alpha |
+//! | `baked` | [`baked()`]: splats with the colours of a transfer function, for programs that know none |
 //! | `gpu_volume`, `scale` | [`GpuVolume`]: a volume or a decoded field on the device; its 16-bit fractions |
 //! | `decoded`, `atlas`, `least_squares`, `halving` | [`decode`]: the field of splats on the voxels of a grid |
 //! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and the parts no eye sees |
@@ -26,6 +27,7 @@
 
 mod alpha;
 mod atlas;
+mod baked;
 mod bumps;
 mod camera;
 mod decoded;
@@ -53,6 +55,7 @@ mod target;
 mod variants;
 mod visibility_mask;
 
+pub use baked::{Baked, baked};
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use decoded::{Decoded, decode};
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use super::Look;
-use crate::error::{Error, Kind, Result};
+use crate::error::Result;
 use crate::splat::Object;
 use crate::transfer;
 
@@ -78,10 +78,8 @@ impl ObjectChange {
     /// [`Kind::Usage`] if no object is called so; the help names those that there are. Returns the errors of
     /// [`transfer::load`].
     pub fn apply(&self, objects: &[Object], look: &mut Look, range: [f64; 2]) -> Result<()> {
-        let mut found = false;
         let function = self.function.as_deref().map(|name| transfer::load(name, range)).transpose()?;
-        for object in objects.iter().filter(|object| self.matches(object)) {
-            found = true;
+        for object in Object::called(objects, &self.name)? {
             if let Some(function) = &function {
                 look.functions.insert(object.number, function.clone());
             }
@@ -90,23 +88,7 @@ impl ObjectChange {
             appearance.tint = self.colour.or(appearance.tint);
             appearance.opacity = self.opacity.unwrap_or(appearance.opacity);
         }
-        if found {
-            return Ok(());
-        }
-        let known: Vec<_> = objects.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
-        let help = match known.as_slice() {
-            [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
-            known => format!("objects are labels and files; here there are {}", known.join(", ")),
-        };
-        Err(Error::new(Kind::Usage, "VGS-RENDER-028", format!("no object is called {:?}", self.name))
-            .help(help))
-    }
-
-    /// Returns true if the change is for this object.
-    fn matches(&self, object: &Object) -> bool {
-        let same = |other: &str| other.eq_ignore_ascii_case(&self.name);
-        let part = object.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
-        same(&object.name) || part || self.name.parse() == Ok(object.number)
+        Ok(())
     }
 }
 
@@ -162,7 +144,7 @@ mod tests {
         for name in ["5", "heart", ""] {
             let error = ObjectChange::hiding(name).apply(&objects, &mut plain(), RANGE).expect_err(name);
             assert!(
-                error.code == "VGS-RENDER-028" && error.help.contains("organs/liver (2)"),
+                error.code == "VGS-SPLAT-010" && error.help.contains("organs/liver (2)"),
                 "{}",
                 error.help
             );

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::format::{Format, ReadOptions, SNIFF_BYTES, Summary, WriteOptions};
-use super::{Place, SplatSet, Unplaced, join, ply, vgs};
+use super::format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
+use super::{Place, SplatSet, Unplaced, glb, join, ply, spz, vgs};
 use crate::error::{Error, Kind, Result};
 
 /// Every format of splat sets.
@@ -13,24 +13,24 @@ pub const FORMATS: &[Format] = &[
     Format {
         name: "ply",
         rounds: false,
-        sniff: ply::sniff,
-        read: ply::read,
+        coloured: false,
+        reader: Some(Reader { sniff: ply::sniff, read: ply::read, describe: ply::describe }),
         write: ply::write,
         bytes: ply::bytes,
-        describe: ply::describe,
     },
     Format {
         name: "vgs",
         rounds: true,
-        sniff: vgs::sniff,
-        read: vgs::read,
+        coloured: false,
+        reader: Some(Reader { sniff: vgs::sniff, read: vgs::read, describe: vgs::describe }),
         write: vgs::write,
         bytes: vgs::bytes,
-        describe: vgs::describe,
     },
+    Format { name: "spz", rounds: false, coloured: true, reader: None, write: spz::write, bytes: spz::bytes },
+    Format { name: "glb", rounds: false, coloured: true, reader: None, write: glb::write, bytes: glb::bytes },
 ];
 
-/// A format of other programs that is told apart, and not read.
+/// A format of other programs that is told apart, and not read; some are written.
 struct Foreign {
     name: &'static str,
     extension: &'static str,
@@ -61,10 +61,10 @@ impl Foreign {
     }
 }
 
-/// Returns true if a file that begins with `start` holds splats: in one of the [`FORMATS`], or in a format of
-/// other programs that the readers refuse by its name.
+/// Returns true if a file that begins with `start` holds splats: in one of the [`FORMATS`] that are read, or in
+/// a format of other programs that the readers refuse by its name.
 pub fn is_splats(path: &Path, start: &[u8]) -> bool {
-    FORMATS.iter().any(|format| (format.sniff)(start)) || Foreign::of(path, start).is_some()
+    readers().any(|(_, reader)| (reader.sniff)(start)) || Foreign::of(path, start).is_some()
 }
 
 /// Reads a splat set; the content of the file decides on the format, not its name. Refuses a file whose
@@ -136,22 +136,36 @@ pub fn rounds(path: &Path) -> bool {
     named(path).is_ok_and(|format| format.rounds)
 }
 
+/// Returns true if the format that the extension of `path` names holds colours and never intensities.
+pub fn is_coloured(path: &Path) -> bool {
+    named(path).is_ok_and(|format| format.coloured)
+}
+
+/// Returns the formats that are read, by name.
+pub fn readers() -> impl Iterator<Item = (&'static str, &'static Reader)> {
+    FORMATS.iter().filter_map(|format| Some((format.name, format.reader.as_ref()?)))
+}
+
 /// Returns the format that the extension of `path` names.
 fn named(path: &Path) -> Result<&'static Format> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
     FORMATS.iter().find(|format| format.name.eq_ignore_ascii_case(extension)).ok_or_else(|| {
         Error::new(Kind::Usage, "VGS-SPLAT-002", format!("no splat format is called {extension:?}"))
             .file(path)
-            .help(format!("use one of these extensions: {}", format_names()))
+            .help(format!(
+                "use one of these extensions: {}",
+                listed(FORMATS.iter().map(|format| format.name))
+            ))
     })
 }
 
-fn sniffed(path: &Path) -> Result<&'static Format> {
+fn sniffed(path: &Path) -> Result<&'static Reader> {
     let mut start = Vec::new();
     File::open(path)
         .and_then(|file| file.take(SNIFF_BYTES).read_to_end(&mut start))
         .map_err(|error| Error::io(path, "reading a splat file", &error))?;
-    FORMATS.iter().find(|format| (format.sniff)(&start)).ok_or_else(|| {
+    let found = readers().map(|(_, reader)| reader).find(|reader| (reader.sniff)(&start));
+    found.ok_or_else(|| {
         if let Some(Foreign { name, extension, converted, .. }) = Foreign::of(path, &start) {
             let help = if *converted {
                 ply::convert_help(extension)
@@ -164,12 +178,12 @@ fn sniffed(path: &Path) -> Result<&'static Format> {
         let found = if start.is_empty() { "the file is empty" } else { "not a splat file" };
         Error::new(Kind::BadData, "VGS-SPLAT-001", found)
             .file(path)
-            .help(format!("known splat formats: {}", format_names()))
+            .help(format!("known splat formats: {}", listed(readers().map(|(name, _)| name))))
     })
 }
 
-fn format_names() -> String {
-    FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ")
+fn listed(names: impl Iterator<Item = &'static str>) -> String {
+    names.collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -106,17 +106,25 @@ pub struct Format {
     pub name: &'static str,
     /// True if the file rounds the splats, so that a fit should round them first.
     pub rounds: bool,
-    /// Returns true if the first bytes of a file (up to [`SNIFF_BYTES`]) are of this format.
-    pub sniff: fn(&[u8]) -> bool,
-    /// Reads a file.
-    pub read: fn(&Path, &ReadOptions) -> Result<Unplaced>,
+    /// True if the file holds colours and never intensities: it is for programs that draw splats as they are.
+    pub coloured: bool,
+    /// How a file is read; `None` for a format that is only written.
+    pub reader: Option<Reader>,
     /// Writes a file atomically; replaces an existing one only if the options say so.
     pub write: fn(&Path, &SplatSet, &WriteOptions) -> Result<()>,
     /// Returns the size in bytes of the file that `write` makes.
     pub bytes: fn(&SplatSet, &WriteOptions) -> Result<u64>,
+}
+
+/// How files of a format are read.
+pub struct Reader {
+    /// Returns true if the first bytes of a file (up to [`SNIFF_BYTES`]) are of this format.
+    pub sniff: fn(&[u8]) -> bool,
+    /// Reads a file.
+    pub read: fn(&Path, &ReadOptions) -> Result<Unplaced>,
     /// Reads a file and describes what it holds.
     pub describe: fn(&Path, &ReadOptions) -> Result<Summary>,
 }
 
-/// Number of leading bytes that [`Format::sniff`] receives.
+/// Number of leading bytes that [`Reader::sniff`] receives.
 pub const SNIFF_BYTES: u64 = 16;

@@ -7,6 +7,8 @@
 //! (Condon-Shortley phase) and k = l² + l + m; its constants are those of Kerbl et al., "3D Gaussian
 //! Splatting", 2023.
 
+use glam::{DMat3, DVec3};
+
 /// Y₀₀ = 1 / (2√π).
 pub const SH0: f32 = 0.282_094_8;
 /// Highest degree that is supported.
@@ -54,6 +56,25 @@ pub fn basis(direction: [f64; 3]) -> [f64; MAX_BASIS] {
     ]
 }
 
+/// Returns directions and weights that integrate a product of two functions up to [`MAX_DEGREE`] over the
+/// sphere exactly: four nodes of Gauss and Legendre in z, eight angles.
+fn directions() -> impl Iterator<Item = (DVec3, f64)> {
+    const NODES: [(f64, f64); 4] = [
+        (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+        (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+        (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+        (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+    ];
+    NODES.into_iter().flat_map(|(z, weight)| {
+        (0..8).map(move |step| {
+            let angle = std::f64::consts::TAU * f64::from(step) / 8.0;
+            let radius = (1.0 - z * z).sqrt();
+            let direction = DVec3::new(radius * angle.cos(), radius * angle.sin(), z);
+            (direction, weight * std::f64::consts::TAU / 8.0)
+        })
+    })
+}
+
 impl Harmonics {
     /// Returns the number of floats that belong to one splat.
     pub fn stride(&self) -> usize {
@@ -81,6 +102,29 @@ impl Harmonics {
             }
         }
         colour.map(|v| v.max(0.0))
+    }
+
+    /// Returns the same colours in a frame in which a direction d of this one is `rotation` · d.
+    pub fn turned(&self, rotation: &DMat3) -> Harmonics {
+        // Y'ⱼ = Σₖ ⟨Y'ⱼ, Yₖ⟩ Yₖ, since a rotation takes the functions of a degree to themselves.
+        let mut products = [[0.0; MAX_BASIS]; MAX_BASIS];
+        for (direction, weight) in directions() {
+            let (before, after) = (basis(direction.to_array()), basis((*rotation * direction).to_array()));
+            for (row, y) in products.iter_mut().zip(after) {
+                for (product, z) in row.iter_mut().zip(before) {
+                    *product += weight * y * z;
+                }
+            }
+        }
+        let count = basis_count(self.degree);
+        let turned = |of: &[f32]| -> Vec<f32> {
+            let sum = |j: usize, channel: usize| {
+                (0..count).map(|k| products[j][k] * f64::from(of[3 * k + channel])).sum::<f64>() as f32
+            };
+            (0..3 * count).map(|at| sum(at / 3, at % 3)).collect()
+        };
+        let coefficients = self.coefficients.chunks_exact(self.stride()).flat_map(turned).collect();
+        Harmonics { degree: self.degree, coefficients }
     }
 }
 
@@ -182,6 +226,27 @@ mod tests {
         assert!((diagonal[7] + c2 / 3.0).abs() < 1e-12 && diagonal[6].abs() < 1e-12);
         assert!((diagonal[10] - (105.0 / PI).sqrt() / 2.0 / 27f64.sqrt()).abs() < 1e-12);
         assert!(diagonal[14].abs() < 1e-12);
+    }
+
+    #[test]
+    fn turned_colours_are_the_same_in_the_turned_direction() {
+        let coefficients: Vec<f32> = (0..96).map(|i| ((i * 37 % 101) as f32 - 50.0) * 0.01).collect();
+        let rotation = DMat3::from_euler(glam::EulerRot::XYZ, 0.7, -1.1, 2.3);
+        for degree in 0..=MAX_DEGREE {
+            let stride = 3 * basis_count(degree);
+            let two = [&coefficients[..stride], &coefficients[48..][..stride]].concat();
+            let before = Harmonics { degree, coefficients: two };
+            let after = before.turned(&rotation);
+            for direction in [DVec3::X, DVec3::new(0.6, -0.8, 0.0), DVec3::ONE.normalize()] {
+                for splat in 0..2 {
+                    let [a, b] = [
+                        before.colour(splat, direction.to_array()),
+                        after.colour(splat, (rotation * direction).to_array()),
+                    ];
+                    assert!((0..3).all(|c| (a[c] - b[c]).abs() < 1e-5), "degree {degree}: {a:?} {b:?}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -14,7 +14,9 @@
 //! | `grid` | the grid that a set was fitted on, what it is right for, and where it is not |
 //! | `harmonics` | colours of splats that have no intensity |
 //! | `packed` | a set in 16 bytes a splat |
+//! | `select` | some splats of a set: [`SplatSet::selected`] |
 //! | `file`, `format`, `ply`, `vgs` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
+//! | `spz`, `glb`, `ordinary` | files for programs that draw splats with colours, in metres; only written |
 //! | `place`, `unplaced` | sets without a known place: [`Unplaced`], until a volume gives the [`Place`] |
 //! | `defect` | which splats a file must not hold |
 
@@ -23,17 +25,21 @@ mod defect;
 mod field;
 mod file;
 mod format;
+mod glb;
 mod grid;
 pub mod harmonics;
 mod importance;
 pub mod kernel;
 mod labels;
 mod objects;
+mod ordinary;
 pub mod packed;
 mod place;
 pub mod ply;
+mod select;
 mod set;
 pub mod space;
+mod spz;
 mod structures;
 mod unplaced;
 mod vgs;
@@ -42,10 +48,10 @@ pub use activation::Activations;
 pub use defect::defect;
 pub use field::Field;
 pub use file::{
-    FORMATS, describe, file_bytes, is_splats, read, read_all, read_some, read_unplaced, rounds, write,
-    write_as,
+    FORMATS, describe, file_bytes, is_coloured, is_splats, read, read_all, read_some, read_unplaced, readers,
+    rounds, write, write_as,
 };
-pub use format::{Format, ReadOptions, SNIFF_BYTES, Summary, WriteOptions};
+pub use format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
 pub use grid::{Exception, Form, Grid};
 pub use harmonics::Harmonics;
 pub use importance::by_importance;

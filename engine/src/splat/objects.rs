@@ -26,6 +26,33 @@ pub struct Object {
     pub splats: usize,
 }
 
+impl Object {
+    /// Returns true if a user means this object by `name`: by its number, by its name in either case, or by the
+    /// part of it before or after its slash.
+    pub fn is_called(&self, name: &str) -> bool {
+        let same = |own: &str| own.eq_ignore_ascii_case(name);
+        let part = self.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
+        same(&self.name) || part || name.parse() == Ok(self.number)
+    }
+
+    /// Returns those of `objects` that a user means by `name` ([`Object::is_called`]).
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] if there are none; the help names those that there are.
+    pub fn called<'a>(objects: &'a [Object], name: &str) -> Result<Vec<&'a Object>> {
+        let found: Vec<_> = objects.iter().filter(|object| object.is_called(name)).collect();
+        if !found.is_empty() {
+            return Ok(found);
+        }
+        let known: Vec<_> = objects.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
+        let help = match known.as_slice() {
+            [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
+            known => format!("objects are labels and files; here there are {}", known.join(", ")),
+        };
+        Err(Error::new(Kind::Usage, "VGS-SPLAT-010", format!("no object is called {name:?}")).help(help))
+    }
+}
+
 impl SplatSet {
     /// Returns the objects in ascending order of their numbers. All splats of a set without labels are one
     /// object.

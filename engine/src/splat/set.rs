@@ -96,7 +96,7 @@ impl SplatSet {
     }
 
     /// Keeps the splats of these `rows`, in this order.
-    fn take(&mut self, rows: &[usize]) {
+    pub(super) fn take(&mut self, rows: &[usize]) {
         self.splats = rows.iter().map(|&i| self.splats[i]).collect();
         if let Some(labels) = &mut self.labels {
             *labels = rows.iter().map(|&i| labels[i]).collect();

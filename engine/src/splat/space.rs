@@ -81,7 +81,7 @@ pub fn reshaped(splat: &Splat, linear: &DMat3) -> Splat {
 
 /// Returns `splat` with its mean mapped by `place` and its covariance by `linear`; opacity and intensity
 /// stay.
-fn transformed(splat: &Splat, linear: &DMat3, place: impl Fn(DVec3) -> DVec3) -> Splat {
+pub(super) fn transformed(splat: &Splat, linear: &DMat3, place: impl Fn(DVec3) -> DVec3) -> Splat {
     let limit = f64::from(LOG_SCALE_LIMIT);
     let before = rotation_matrix(splat.rotation);
     let scale = DVec3::from_array(splat.log_scale.map(|log| f64::from(log).clamp(-limit, limit).exp()));

@@ -1,8 +1,10 @@
-//! `vgs convert`: layouts of the PLY, and what another program has dropped.
+//! `vgs convert`: layouts of the PLY, what another program has dropped, some of the splats, and files for programs
+//! that know only colours.
 #![forbid(unsafe_code)]
 
 mod support;
 
+use engine::splat::{self, ReadOptions, SplatSet};
 use support::{Folder, fit};
 
 /// Returns a PLY of ours as splat-transform writes it: without comments and without a second element.
@@ -65,4 +67,117 @@ fn splats_in_formats_of_others_are_told_by_name() {
             assert!(ended.err.contains(word) && ended.err.contains("splat-transform"), "{}", ended.err);
         }
     }
+}
+
+fn set(folder: &Folder, name: &str) -> SplatSet {
+    splat::read(&folder.path(name), &ReadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// A fit whose splats above the middle are a liver, and the others a spleen of the label 7.
+fn labelled(folder: &Folder) -> SplatSet {
+    assert_eq!(folder.run(&fit("plain.ply", &["--no-eval"])).code, 0);
+    let mut labelled = set(folder, "plain.ply");
+    let middle = {
+        let mut heights: Vec<f32> = labelled.splats.iter().map(|splat| splat.mean[2]).collect();
+        heights.sort_by(f32::total_cmp);
+        heights[heights.len() / 2]
+    };
+    labelled.labels =
+        Some(labelled.splats.iter().map(|splat| if splat.mean[2] >= middle { 2 } else { 7 }).collect());
+    labelled.label_names = vec![(2, "liver".to_owned()), (7, "spleen".to_owned())];
+    splat::write(&folder.path("ours.ply"), &labelled, false).expect("a file");
+    labelled
+}
+
+#[test]
+fn splats_are_selected_by_object_and_by_box() {
+    let folder = Folder::new(16);
+    let ours = labelled(&folder);
+    let count = ours.splats.len();
+    let with = |label: u8| ours.labels.iter().flatten().filter(|&&own| own == label).count();
+    for (flags, wanted) in [
+        (&["--object", "Liver"][..], with(2)),
+        (&["--object", "7"], with(7)),
+        (&["--object", "liver", "--object", "spleen"], count),
+    ] {
+        let arguments = [&["convert", "ours.ply", "-o", "part.ply", "--force", "--json"], flags].concat();
+        let told = folder.run(&arguments).json();
+        assert_eq!((&told["splats"], &told["left_out"]), (&wanted.into(), &(count - wanted).into()));
+        let part = set(&folder, "part.ply");
+        assert_eq!((part.splats.len(), part.grid, part.form), (wanted, ours.grid, ours.form));
+        assert_eq!(part.labels.map(|labels| labels.len()), Some(wanted));
+    }
+    // All of it is the whole again, with the exceptions that it had.
+    assert_eq!(set(&folder, "part.ply").exceptions, ours.exceptions);
+
+    let place = |i: usize| ours.splats[i].mean.map(f64::from);
+    let [x, y, z] = place(0);
+    let corners = format!("--box={},{},{},{},{},{}", x - 4.0, y - 4.0, z - 4.0, x + 4.0, y + 4.0, z + 4.0);
+    let inside = (0..count).filter(|&i| (0..3).all(|k| (place(i)[k] - [x, y, z][k]).abs() <= 4.0)).count();
+    assert!(inside < count, "some are outside");
+    let told = folder.run(&["convert", "ours.ply", &corners, "-o", "box.vgs", "--json"]).json();
+    assert_eq!(told["splats"], inside);
+    assert_eq!(set(&folder, "box.vgs").splats.len(), inside);
+    let outside = corners.replace("--box", "--outside-box");
+    let told = folder.run(&["convert", "ours.ply", &outside, "-o", "rest.ply", "--json"]).json();
+    assert_eq!(told["splats"], count - inside);
+    assert_eq!(folder.run(&["stats", "box.vgs"]).code, 0, "a part is a set like any other");
+
+    for (flags, code, exit, word) in [
+        (&["--object", "kidney"][..], "VGS-SPLAT-010", 2, "liver (2), spleen (7)"),
+        (&["--box", "900,900,900,901,901,901"], "VGS-CLI-131", 3, "mm RAS"),
+        (&["--box", "1,2,3"], "", 2, "X0,Y0,Z0,X1,Y1,Z1"),
+        (&["--object", "liver", "--volume", "ct.nii.gz", "--roi", "mask.nii.gz"], "", 2, "--volume"),
+    ] {
+        let ended = folder.run(&[&["convert", "ours.ply", "-o", "no.ply"], flags].concat());
+        assert_eq!(ended.code, exit, "{}", ended.err);
+        assert!(ended.err.contains(code) && ended.err.contains(word), "{}", ended.err);
+    }
+    assert!(!folder.path("no.ply").exists());
+}
+
+#[test]
+fn programs_that_know_only_colours_get_those_of_a_transfer_function() {
+    let folder = Folder::new(16);
+    let ours = labelled(&folder);
+    let ended = folder.run(&["convert", "ours.ply", "-o", "a.spz"]);
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    for word in ["CT-Bone", "without HU, kernel, grid and labels"] {
+        assert!(ended.err.contains(word), "{word}: {}", ended.err);
+    }
+    assert!(folder.read("a.spz").starts_with(b"\x1f\x8b") && folder.path("a.spz").is_file());
+
+    let told = folder.run(&["convert", "ours.ply", "-o", "a.glb", "--tf", "ct-bones-steep", "--json"]).json();
+    assert_eq!(told["transfer_function"], "CT-Bones-Steep");
+    let shown = ours.splats.len() as u64 - told["hidden"].as_u64().expect("a number");
+    assert_eq!(told["splats"], shown);
+    let file = folder.read("a.glb");
+    assert!(file.starts_with(b"glTF\x02\0\0\0"));
+    let json = u32::from_le_bytes(file[12..16].try_into().expect("four bytes")) as usize;
+    let document: serde_json::Value = serde_json::from_slice(&file[20..20 + json]).expect("JSON");
+    assert_eq!(document["accessors"][0]["count"], shown);
+
+    // A PLY of colours is what an ordinary viewer needs; its labels stay, and nothing else acts on it.
+    let ended = folder.run(&["convert", "ours.ply", "-o", "a.ply", "--tf", "CT-Bone"]);
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    let colours = set(&folder, "a.ply");
+    assert!(!colours.has_intensity && colours.labels.is_some());
+    assert_eq!(colours.colours.as_ref().map(|colours| colours.degree), Some(2), "with the light");
+    assert_eq!(folder.run(&["convert", "a.ply", "-o", "b.spz"]).code, 0, "colours stay as they are");
+
+    for (arguments, code, exit, word) in [
+        (&["convert", "a.ply", "-o", "no.glb", "--tf", "CT-Bone"][..], "VGS-RENDER-028", 2, "--tf"),
+        (&["convert", "ours.ply", "-o", "no.glb", "--tf", "CT-Lung"], "VGS-CLI-132", 3, "another --tf"),
+        (&["convert", "ours.ply", "-o", "no.glb", "--tf", "CT-Bon"], "VGS-TF-006", 2, "CT-Bone"),
+        (&["convert", "ours.ply", "-o", "no.vgs", "--tf", "CT-Bone"], "VGS-FILE-001", 2, ".ply"),
+        (&["convert", "ours.ply", "-o", "no.nii.gz"], "VGS-CLI-130", 2, "vgs rasterize ours.ply"),
+        (&["convert", "ours.ply", "-o", "no.splat"], "VGS-SPLAT-002", 2, "ply, vgs, spz, glb"),
+        (&["convert", "a.spz", "-o", "no.ply"], "VGS-SPLAT-006", 65, "an SPZ file"),
+        (&fit("no.spz", &["--no-eval"]), "VGS-CLI-133", 2, "vgs convert SPLATS -o OUT.spz"),
+    ] {
+        let ended = folder.run(arguments);
+        assert_eq!(ended.code, exit, "{arguments:?}: {}", ended.err);
+        assert!(ended.err.contains(code) && ended.err.contains(word), "{arguments:?}: {}", ended.err);
+    }
+    assert!(["no.glb", "no.vgs", "no.nii.gz"].iter().all(|name| !folder.path(name).exists()));
 }

@@ -140,7 +140,7 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
 
 /// Returns the extensions of splats, in lower case.
 pub fn splat_endings() -> impl Iterator<Item = String> {
-    splat::FORMATS.iter().map(|format| format!(".{}", format.name))
+    splat::readers().map(|(name, _)| format!(".{name}"))
 }
 
 /// Returns the extensions of volumes, in lower case.

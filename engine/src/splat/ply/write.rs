@@ -1,10 +1,10 @@
 //! The PLY writer.
 
-use std::io::Write;
 use std::path::Path;
 
 use super::comments;
 use crate::error::{Error, Kind, Result};
+use crate::output::counted;
 use crate::splat::harmonics::MAX_DEGREE;
 use crate::splat::{Exception, Harmonics, SplatSet, WriteOptions, defect};
 
@@ -20,24 +20,7 @@ pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> 
 pub fn bytes(set: &SplatSet, options: &WriteOptions) -> Result<u64> {
     let WriteOptions { layout, place, .. } = options;
     (layout.check)(set, place.as_ref())?;
-    let mut count = Count(0);
-    // Counting cannot fail.
-    let _ = (layout.encode)(set, place.as_ref(), &mut count);
-    Ok(count.0)
-}
-
-/// A sink that counts bytes and drops them.
-struct Count(u64);
-
-impl Write for Count {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0 += bytes.len() as u64;
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
+    Ok(counted(|out| (layout.encode)(set, place.as_ref(), out)))
 }
 
 /// Refuses a set that no file may hold.

@@ -3,15 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::fit::{FitConfig, FitForm, Problem, rounded_as_it_is};
-use engine::splat::{self, Form, Grid, PlyLayout, ReadOptions, SplatSet, WriteOptions};
-use engine::{Error, Kind};
+use engine::fit::{FitConfig, FitForm, Problem, rounded_as_it_is, with_part_of_mask};
+use engine::render::baked;
+use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, WriteOptions};
+use engine::{Error, Kind, transfer};
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::bytes;
-use crate::shared::flags::{DeviceArguments, pair};
-use crate::shared::inputs::{Case, CleaningArguments, ReadArguments, RoiArguments};
+use crate::shared::flags::{Corners, DEFAULT_TF, DeviceArguments, pair};
+use crate::shared::inputs::{Case, CleaningArguments, ReadArguments, RoiArguments, is_volume};
 use crate::shared::outputs;
 use crate::shared::splat_files::worldly_layout;
 use crate::shared::waiting::Waiting;
@@ -27,16 +28,36 @@ pub struct ConvertArguments {
     /// comments of vgs: kernel, background, grid and names of labels are taken from there
     #[arg(long, value_name = "ORIGINAL")]
     like: Option<PathBuf>,
-    /// The file: .vgs, which is small and rounded, or .ply for other programs
+    /// The file: .vgs, which is small and rounded, or .ply. For programs that draw splats and know no
+    /// intensities: .spz, which is small, or .glb (glTF with KHR_gaussian_splatting)
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     output: PathBuf,
     /// How a PLY is laid out: vgs (HU as one more property, what most programs read), or inria (rows of 62
     /// floats, for programs that know no others)
     #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = worldly_layout, help_heading = "Output")]
     ply_layout: &'static PlyLayout,
+    /// Gives the splats the colours and opacities of a transfer function in place of their HU, as .spz and .glb
+    /// need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these: CT-Bone]
+    #[arg(long, value_name = "PRESET|FILE", help_heading = "Output")]
+    tf: Option<String>,
+    /// Only splats whose middle lies in this box, mm RAS
+    #[arg(
+        long = "box",
+        value_name = "X0,Y0,Z0,X1,Y1,Z1",
+        allow_hyphen_values = true,
+        help_heading = "Selection"
+    )]
+    inside: Option<Corners>,
+    /// Only splats whose middle lies outside of this box
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, help_heading = "Selection")]
+    outside_box: Option<Corners>,
+    /// Only the splats of this object, by name or number, as `vgs info` lists them; may be repeated
+    #[arg(long, value_name = "NAME|N", help_heading = "Selection")]
+    object: Vec<String>,
     /// The volume that the splats were fitted to: a .vgs is then rounded more and fitted again to make up for
     /// it
-    #[arg(long, value_name = "VOLUME", requires = "region", help_heading = "Fitting again")]
+    #[arg(long, value_name = "VOLUME", requires = "region", help_heading = "Fitting again",
+          conflicts_with_all = ["inside", "outside_box", "object", "tf"])]
     volume: Option<PathBuf>,
     /// The mask of their fit
     #[arg(long, value_name = "MASK", requires = "volume", group = "region", help_heading = "Fitting again")]
@@ -62,47 +83,153 @@ Examples:
   vgs convert bones.ply -o bones.vgs
   vgs convert bones.vgs -o bones.ply
   vgs convert bones.ply -o for-sibr.ply --ply-layout inria
+  vgs convert body.ply -o kidney.vgs --object kidney_left --object kidney_right
+  vgs convert bones.ply -o hip.ply --box=-150,-40,-900,0,80,-700
+  vgs convert bones.ply -o bones.spz --tf CT-Bones-Steep
+  vgs convert bones.ply -o bones.glb
   vgs convert edited.ply --like bones.ply -o edited-bones.ply
   vgs convert bones.ply -o bones.vgs --volume ct.nii.gz --roi bones.nii.gz      a fifth smaller";
 
+/// What is told of a conversion.
+#[derive(Default)]
+struct Report {
+    /// Number of splats that the selection has left out.
+    left_out: usize,
+    /// The transfer function whose colours the splats have.
+    transfer_function: Option<String>,
+    /// Number of splats of which that function shows nothing; they are left out.
+    hidden: usize,
+}
+
 /// Runs the command.
 pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> {
-    let mut inputs = vec![arguments.splats.as_path()];
+    let ConvertArguments { splats, output, .. } = arguments;
+    refuse_volume(splats, output)?;
+    let mut inputs = vec![splats.as_path()];
     inputs.extend(arguments.like.as_deref());
     inputs.extend(arguments.volume.as_deref());
     inputs.extend(arguments.roi.as_deref());
-    outputs::check(&[&arguments.output], &inputs, arguments.force)?;
-    let mut set = splat::read(&arguments.splats, &ReadOptions::default())?;
+    outputs::check(&[output], &inputs, arguments.force)?;
+    let mut report = Report::default();
+    let mut set = splat::read(splats, &ReadOptions::default())?;
     if let Some(original) = &arguments.like {
         set = given_back(arguments, set, original)?;
     }
-    if let Some(volume) = &arguments.volume {
+    let whole = set.splats.len();
+    set = selected(arguments, set)?;
+    report.left_out = whole - set.splats.len();
+    let coloured = splat::is_coloured(output);
+    if arguments.tf.is_some() || coloured && set.colours.is_none() {
+        set = with_colours(arguments, &set, &mut report)?;
+    } else if let Some(volume) = &arguments.volume {
         set = fitted_again(arguments, &set, volume)?;
-    } else if splat::rounds(&arguments.output)
-        && set.form == (Form::Grid { binary: true })
-        && set.rounding.is_none()
-    {
+    } else if splat::rounds(output) && set.form == (Form::Grid { binary: true }) && set.rounding.is_none() {
         set = rounded_as_it_is(&arguments.device.boot()?, set)?;
     }
     let options = WriteOptions { layout: arguments.ply_layout, place: None, force: arguments.force };
-    splat::write_as(&arguments.output, &set, &options)?;
+    splat::write_as(output, &set, &options)?;
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |found| found.len());
-    let (before, after) = (size(&arguments.splats), size(&arguments.output));
+    let (before, after) = (size(splats), size(output));
     let count = set.splats.len();
     if console.json {
         console.json_data(&serde_json::json!({
-            "output": arguments.output, "splats": count, "bytes_before": before, "bytes": after,
+            "output": output, "splats": count, "bytes_before": before, "bytes": after,
+            "left_out": report.left_out, "transfer_function": report.transfer_function, "hidden": report.hidden,
         }))?;
-    } else {
-        console.say(&format!(
-            "{}: {count} splats, {} ({:.1} bytes a splat); it was {}",
-            arguments.output.display(),
-            bytes(after),
-            after as f64 / count.max(1) as f64,
-            bytes(before),
-        ));
+        return Ok(0);
+    }
+    if report.left_out > 0 {
+        console.say(&format!("{} of {whole} splats are not selected", report.left_out));
+    }
+    if let Some(name) = &report.transfer_function {
+        let hidden = match report.hidden {
+            0 => String::new(),
+            hidden => format!("; {hidden} splats of which it shows nothing are left out"),
+        };
+        console.say(&format!("colours and opacities are those of {name}{hidden}"));
+    }
+    console.say(&format!(
+        "{}: {count} splats, {} ({:.1} bytes a splat); it was {}",
+        output.display(),
+        bytes(after),
+        after as f64 / count.max(1) as f64,
+        bytes(before),
+    ));
+    if coloured {
+        console.say("it is without HU, kernel, grid and labels, so keep the splats that it is made of");
     }
     Ok(0)
+}
+
+/// Refuses an output with the name of a volume, and tells which command makes one.
+fn refuse_volume(splats: &Path, output: &Path) -> engine::Result<()> {
+    let named = |name: &str| output.extension().is_some_and(|e| e.eq_ignore_ascii_case(name));
+    if !is_volume(output) || splat::FORMATS.iter().any(|format| named(format.name)) {
+        return Ok(());
+    }
+    let message = "convert writes splats, and this is the name of a volume";
+    Err(Error::new(Kind::Usage, "VGS-CLI-130", message).file(output).help(format!(
+        "a volume of splats: vgs rasterize {} --like VOLUME -o {}",
+        splats.display(),
+        output.display()
+    )))
+}
+
+/// Returns the splats of `set` that the flags select; all if they say nothing.
+fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Stop> {
+    let ConvertArguments { inside, outside_box, object, .. } = arguments;
+    if inside.is_none() && outside_box.is_none() && object.is_empty() {
+        return Ok(set);
+    }
+    let objects = set.objects();
+    let mut numbers = Vec::new();
+    for name in object {
+        numbers.extend(Object::called(&objects, name)?.iter().map(|object| object.number));
+    }
+    let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
+    let part = set.selected(|i, mean| {
+        inside.is_none_or(|corners| corners.contains(mean))
+            && outside_box.is_none_or(|corners| !corners.contains(mean))
+            && (object.is_empty() || numbers.contains(&label(i)))
+    });
+    if part.splats.is_empty() {
+        let message = format!("none of the {} splats is selected", set.splats.len());
+        let summary = splat::describe(&arguments.splats, &ReadOptions::default())?;
+        let help = match summary.bounding_box_mm {
+            Some([low, high]) => format!("they lie between {low:.1?} and {high:.1?} mm RAS"),
+            None => "give another --box or --object".to_owned(),
+        };
+        return Err(Error::new(Kind::NothingToDo, "VGS-CLI-131", message)
+            .file(&arguments.splats)
+            .help(help)
+            .into());
+    }
+    if part.form != (Form::Grid { binary: true }) || part.grid.is_none() {
+        return Ok(part);
+    }
+    let gpu = arguments.device.boot()?;
+    let _waiting = Waiting::on("finding the mask of the selection");
+    Ok(with_part_of_mask(&gpu, &set, part)?)
+}
+
+/// Returns `set` with the colours of the transfer function of the flags.
+fn with_colours(arguments: &ConvertArguments, set: &SplatSet, report: &mut Report) -> Result<SplatSet, Stop> {
+    let name = arguments.tf.as_deref().unwrap_or(DEFAULT_TF);
+    let transfer = transfer::load(name, set.intensity_range().unwrap_or([0.0, 1.0]))?;
+    let gpu = arguments.device.boot()?;
+    let _waiting = Waiting::on("finding the colours of the splats");
+    let baked = baked(&gpu, set, &transfer).map_err(|error| error.file(&arguments.splats))?;
+    if baked.set.splats.is_empty() && baked.hidden > 0 {
+        let [low, high] = set.intensity_range().unwrap_or_default();
+        let message =
+            format!("{} shows none of these splats, which have {low:.0} to {high:.0} HU", transfer.name);
+        return Err(Error::new(Kind::NothingToDo, "VGS-CLI-132", message)
+            .file(&arguments.splats)
+            .help("choose another --tf")
+            .into());
+    }
+    (report.transfer_function, report.hidden) = (Some(transfer.name), baked.hidden);
+    Ok(baked.set)
 }
 
 /// Returns `set` with what another program has dropped with the comments of vgs, from the original.

@@ -11,7 +11,7 @@ use view::state::{Files, ViewState};
 use view::window::{self, Start};
 
 use crate::shared::failure::Stop;
-use crate::shared::flags::DeviceArguments;
+use crate::shared::flags::{DEFAULT_TF, DeviceArguments};
 use crate::shared::outputs;
 
 /// Shows splats, the volume they were fitted to, or both, in a window
@@ -54,9 +54,6 @@ Examples:
 Left button turns, middle moves, wheel zooms, right sets window and level; ? lists the keys.
 For looking, not for diagnosis.";
 
-/// Transfer function if none is given.
-const FIRST: &str = "CT-Bone";
-
 /// Runs the command.
 pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8, Stop> {
     if let Some(report) = &arguments.report {
@@ -86,7 +83,9 @@ impl ViewArguments {
         let mut state = match session {
             Some(state) => state,
             // A function that is stretched over the intensities is stretched once they are read.
-            None => ViewState::new(&transfer::load(self.tf.as_deref().unwrap_or(FIRST), [-1000.0, 3000.0])?),
+            None => {
+                ViewState::new(&transfer::load(self.tf.as_deref().unwrap_or(DEFAULT_TF), [-1000.0, 3000.0])?)
+            }
         };
         if let (true, Some(tf)) = (keeps_camera, &self.tf) {
             state.transfer = view::transfer::Transfer::new(&transfer::load(tf, [-1000.0, 3000.0])?);

@@ -7,6 +7,9 @@ use glam::DVec3;
 
 use super::waiting::Waiting;
 
+/// The transfer function of commands that are given none.
+pub const DEFAULT_TF: &str = "CT-Bone";
+
 /// Flags for the device.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Device")]
@@ -62,6 +65,32 @@ impl FromStr for Size {
             Ok(Size(size))
         } else {
             Err("1 to 16384 pixels".into())
+        }
+    }
+}
+
+/// A box between two corners, the lower one first, mm RAS.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corners(pub [DVec3; 2]);
+
+impl Corners {
+    /// Returns true if the box has this place, its borders included.
+    pub fn contains(&self, place: DVec3) -> bool {
+        place.cmpge(self.0[0]).all() && place.cmple(self.0[1]).all()
+    }
+}
+
+impl FromStr for Corners {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse::<f64>()).collect();
+        match numbers.as_deref() {
+            Ok(n) if n.len() == 6 && n.iter().all(|v| v.is_finite()) => {
+                let (a, b) = (DVec3::from_slice(&n[..3]), DVec3::from_slice(&n[3..]));
+                Ok(Corners([a.min(b), a.max(b)]))
+            }
+            _ => Err("two corners are needed, X0,Y0,Z0,X1,Y1,Z1 (mm, patient RAS)".into()),
         }
     }
 }
@@ -200,6 +229,17 @@ mod tests {
         assert_eq!("64".parse::<Size>().unwrap().0, [64, 64]);
         for text in ["", "0x5", "5x", "1x2x3", "99999x1", "-1x4"] {
             assert!(text.parse::<Size>().is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn boxes() {
+        let corners = [DVec3::new(-1.0, -2.0, 3.0), DVec3::new(4.0, 5.0, 6.5)];
+        for text in ["-1,-2,3,4,5,6.5", "4, 5, 6.5, -1, -2, 3", "4,-2,6.5,-1,5,3"] {
+            assert_eq!(text.parse(), Ok(Corners(corners)), "{text}");
+        }
+        for text in ["", "1,2,3", "1,2,3,4,5,nan", "1,2,3,4,5,6,7"] {
+            assert!(text.parse::<Corners>().is_err(), "{text}");
         }
     }
 

@@ -106,14 +106,23 @@ impl OutputFiles {
     }
 }
 
-/// Returns an error if the extension names no splat format, so that this is not found out after the fit.
+/// Returns an error if the extension names no format of splats with intensities, so that this is not found out
+/// after the fit.
 fn check_extension(path: &Path) -> Result<()> {
     let extension = path.extension().unwrap_or_default().to_string_lossy();
-    if splat::FORMATS.iter().any(|format| format.name.eq_ignore_ascii_case(&extension)) {
+    let formats = || splat::FORMATS.iter().filter(|format| !format.coloured);
+    if formats().any(|format| format.name.eq_ignore_ascii_case(&extension)) {
         return Ok(());
     }
-    let names: Vec<_> = splat::FORMATS.iter().map(|format| format!(".{}", format.name)).collect();
+    let names: Vec<_> = formats().map(|format| format!(".{}", format.name)).collect();
+    let names = names.join(", ");
+    if splat::is_coloured(path) {
+        let message = format!("a .{extension} file holds colours, and a fit makes splats with intensities");
+        return Err(Error::new(Kind::Usage, "VGS-CLI-133", message)
+            .file(path)
+            .help(format!("fit to one of {names}, then: vgs convert SPLATS -o OUT.{extension}")));
+    }
     Err(Error::new(Kind::Usage, "VGS-CLI-022", "the extension names no splat format")
         .file(path)
-        .help(format!("known: {}", names.join(", "))))
+        .help(format!("known: {names}")))
 }

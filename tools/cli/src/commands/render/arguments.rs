@@ -8,7 +8,7 @@ use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
 use engine::{Error, Kind, Result};
 
 use super::values::{self, Background, Clip, View};
-use crate::shared::flags::{DeviceArguments, Size, pair};
+use crate::shared::flags::{DEFAULT_TF, DeviceArguments, Size, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 
 /// Renders splats or a volume through a transfer function
@@ -32,7 +32,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "MODE", help_heading = "Picture", value_parser = mode_name)]
     pub mode: Option<&'static str>,
     /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL
-    #[arg(long, value_name = "PRESET|FILE", default_value = "CT-Bone", help_heading = "Picture")]
+    #[arg(long, value_name = "PRESET|FILE", default_value = DEFAULT_TF, help_heading = "Picture")]
     pub tf: String,
     /// Moves the transfer function along the intensities, HU
     #[arg(

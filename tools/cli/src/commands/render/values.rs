@@ -6,6 +6,7 @@ use std::str::FromStr;
 use engine::render::{CameraFile, Classification, ClipPlane, Precision, hex_colour};
 use glam::DVec3;
 
+use crate::shared::flags::Corners;
 use crate::shared::texts::text_of;
 
 /// Background colour; `None` keeps the opacity.
@@ -38,11 +39,8 @@ impl FromStr for Clip {
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || "x<MM, y>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 (mm, patient RAS)".to_owned();
         if let Some(corners) = text.strip_prefix("box:") {
-            let numbers: Result<Vec<f64>, _> = corners.split(',').map(|t| t.trim().parse::<f64>()).collect();
-            let numbers =
-                numbers.ok().filter(|n| n.len() == 6 && n.iter().all(|v| v.is_finite())).ok_or_else(wrong)?;
-            let (a, b) = (DVec3::from_slice(&numbers[..3]), DVec3::from_slice(&numbers[3..]));
-            return Ok(Clip(ClipPlane::around(a.min(b), a.max(b)).to_vec()));
+            let Corners([low, high]) = corners.parse().map_err(|_| wrong())?;
+            return Ok(Clip(ClipPlane::around(low, high).to_vec()));
         }
         let mut letters = text.trim().chars();
         let axis = match letters.next().map(|c| c.to_ascii_lowercase()) {

@@ -1,0 +1,116 @@
+#!/usr/bin/env python3
+"""Measures what other programs read in the files that `vgs convert` writes for programs that know only colours:
+the figures of docs/design/method.md, "Files of colours".
+
+usage: tests/files-of-colours.py VGS SPLATS [SPLAT-TRANSFORM]
+       VGS is the program, by its path (tools/vgs, say), SPLATS a fit; SPLAT-TRANSFORM the program of
+       @playcanvas/splat-transform
+Needs numpy; gsply and pygltflib where they are installed.
+"""
+
+import importlib.util
+import importlib.metadata
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+
+SH0 = 0.2820948
+# From RAS to the axes of each file. splat-transform turns those of an .spz to right, down, front for a PLY.
+AXES = {"spz": [[1, 0, 0], [0, 0, 1], [0, -1, 0]], "glb": [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
+        "ply": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}
+
+
+def by_ply(path):
+    """Returns places, ln of scales, rotations (w, x, y, z), opacities and harmonics (n, k, 3) of a binary PLY of floats."""
+    data = path.read_bytes()
+    end = data.index(b"end_header\n") + 11
+    lines = [line.split() for line in data[:end].decode().splitlines()]
+    names = [words[2] for words in lines if words[:2] == ["property", "float"]]
+    count = next(int(words[2]) for words in lines if words[:2] == ["element", "vertex"])
+    table = np.frombuffer(data, "f4", count * len(names), end).reshape(count, len(names)).astype("f8")
+    columns = lambda *wanted: np.stack([table[:, names.index(name)] for name in wanted], 1)
+    beyond = sum(name.startswith("f_rest_") for name in names)
+    dc = columns("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
+    rest = columns(*(f"f_rest_{k}" for k in range(beyond))).reshape(count, 3, -1).swapaxes(1, 2)
+    return (columns("x", "y", "z"), columns("scale_0", "scale_1", "scale_2"),
+            columns("rot_0", "rot_1", "rot_2", "rot_3"), 1 / (1 + np.exp(-columns("opacity")[:, 0])),
+            np.concatenate([dc, rest], 1))
+
+
+def by_gsply(path):
+    import gsply
+    data = gsply.read_spz(str(path))
+    opacity = 1 / (1 + np.exp(-np.ravel(data.opacities).astype("f8")))
+    return data.means, data.scales, data.quats, opacity, np.concatenate([data.sh0[:, None], data.shN], 1)
+
+
+def by_pygltflib(path):
+    import pygltflib
+    file = pygltflib.GLTF2().load(str(path))
+    document, data = json.loads(file.gltf_to_json()), file.binary_blob()
+    attributes = document["meshes"][0]["primitives"][0]["attributes"]
+
+    def of(name):
+        accessor = document["accessors"][attributes["KHR_gaussian_splatting:" + name if name != "POSITION" else name]]
+        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
+        start = document["bufferViews"][accessor["bufferView"]]["byteOffset"]
+        return np.frombuffer(data, "f4", accessor["count"] * width, start).reshape(-1, width).astype("f8")
+
+    harmonics = [of(f"SH_DEGREE_{l}_COEF_{k}") for l in range(3) for k in range(2 * l + 1)]
+    origin = np.array(document["nodes"][0].get("translation", [0, 0, 0]))
+    return of("POSITION") + origin, np.log(of("SCALE")), of("ROTATION")[:, [3, 0, 1, 2]], of("OPACITY")[:, 0], np.stack(harmonics, 1)
+
+
+def covariance(rotation, log_scale):
+    w, x, y, z = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
+    axes = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+                     2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+                     2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], 1).reshape(-1, 3, 3)
+    spans = axes * np.exp(log_scale)[:, None]
+    return spans @ spans.swapaxes(1, 2)
+
+
+def colour(harmonics, d):
+    x, y, z = d
+    basis = np.array([SH0, -.48860251 * y, .48860251 * z, -.48860251 * x, 1.0925484 * x * y, -1.0925484 * y * z,
+                      .31539157 * (2 * z * z - x * x - y * y), -1.0925484 * x * z, .54627421 * (x * x - y * y)])
+    return .5 + np.einsum("k,nkc->nc", basis[:harmonics.shape[1]], harmonics)
+
+
+def compare(title, truth, found, axes):
+    axes = np.array(axes)
+    place, shape, turn, opacity, harmonics = map(np.asarray, found)
+    wanted = axes @ covariance(truth[2], truth[1]) @ axes.T * 1e-6
+    norm = lambda m: np.linalg.norm(m, axis=(1, 2))
+    off = norm(covariance(turn, shape) - wanted) / norm(wanted)
+    sides = np.array([[1, 0, 0], [0, .6, .8], [-.48, .6, .64]])
+    colours = max(np.abs(colour(truth[4], d) - colour(harmonics, axes @ d)).max() for d in sides)
+    print(f"{title}: {len(place)} of {len(truth[0])} splats; at most {np.abs(place * 1e3 - truth[0] @ axes.T).max():.2g} mm, "
+          f"covariance {off.max():.2g}, opacity {np.abs(opacity - truth[3]).max():.2g}, colour {colours:.2g}")
+
+
+def main(vgs, splats, transform=None):
+    run = lambda *command: subprocess.run([str(word) for word in command], check=True, capture_output=True)
+    with tempfile.TemporaryDirectory() as name:
+        out = lambda ending: pathlib.Path(name) / ("a." + ending)
+        for ending in ("ply", "spz", "glb"):
+            run(vgs, "convert", splats, "--tf", "CT-Bone", "-o", out(ending))
+        truth = by_ply(out("ply"))
+        for module, reader, ending in [("gsply", by_gsply, "spz"), ("pygltflib", by_pygltflib, "glb")]:
+            if importlib.util.find_spec(module):
+                title = f".{ending} by {module} {importlib.metadata.version(module)}"
+                compare(title, truth, reader(out(ending)), AXES[ending])
+        if transform:
+            run(transform, "-w", out("spz"), out("spz.ply"))
+            compare(".spz by splat-transform", truth, by_ply(out("spz.ply")), AXES["ply"])
+
+
+if __name__ == "__main__":
+    if len(sys.argv) in (3, 4):
+        main(*sys.argv[1:])
+    else:
+        print(__doc__.strip())
