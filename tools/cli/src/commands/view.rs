@@ -5,7 +5,8 @@ use std::time::Instant;
 
 use clap::Args;
 use engine::{Error, Kind, Result, transfer};
-use view::loader;
+use view::sorting;
+use view::region::Region;
 use view::settings::Settings;
 use view::state::{Files, ViewState};
 use view::window::{self, Start};
@@ -80,7 +81,7 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
 impl ViewArguments {
     /// Returns the state that is shown at first, and true if its camera is to be kept.
     fn state(&self) -> Result<(ViewState, bool)> {
-        let mut sorted = loader::sort(&Files::default(), &self.files)?;
+        let mut sorted = sorting::sort(&Files::default(), &self.files)?;
         let session = sorted.state().transpose()?;
         let keeps_camera = session.is_some();
         let mut state = match session {
@@ -97,8 +98,8 @@ impl ViewArguments {
         if self.volume.is_some() {
             state.files.volume.clone_from(&self.volume);
         }
-        if self.roi.is_some() {
-            state.files.roi.clone_from(&self.roi);
+        if let Some(mask) = &self.roi {
+            state.files.set_region(Some(Region::Mask { path: mask.clone(), labels: None }));
         }
         if self.series.is_some() {
             if state.files.volume.is_none() {
@@ -111,7 +112,7 @@ impl ViewArguments {
             return Err(Error::new(Kind::Usage, "VGS-CLI-096", "--roi is the region of a volume")
                 .help("give the volume with --volume"));
         }
-        let Files { splats, volume, roi, series: _ } = &state.files;
+        let Files { splats, volume, roi, .. } = &state.files;
         for file in splats.iter().chain(volume).chain(roi) {
             exists(file)?;
         }
