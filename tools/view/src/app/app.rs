@@ -441,5 +441,5 @@ impl App {
 }
 
 #[cfg(test)]
-#[path = "tests.rs"]
+#[path = "tests/app.rs"]
 mod tests;

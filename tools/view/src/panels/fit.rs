@@ -234,7 +234,7 @@ fn plan(ui: &mut Ui, form: &mut FitForm, files: &Files, info: &PanelInfo<'_>, ac
             "a .vgs has about an eighth of that; the first iterations tell how long it takes on this device",
         );
     }
-    let button = ui.add_enabled(found.is_some(), Button::new("Fit"));
+    let button = ui.add_enabled(found.is_some(), Button::new("Fit splats"));
     if button.clicked() {
         actions.push(Action::StartFit { profile, quality: form.quality });
     }

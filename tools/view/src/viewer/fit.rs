@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use engine::render::Scene;
-use engine::{Error, Kind, Result};
+use engine::Result;
 
 use super::viewer::{PITCH, Viewer, is_lost};
 use crate::actions::Action;
@@ -34,7 +34,7 @@ pub(super) struct ShownFit {
 }
 
 impl Viewer {
-    /// Carries out an action of the panel of fits. Returns the subjects that have nothing to show any more.
+    /// Carries out an action of the panel of fits.
     pub(super) fn act_on_fit(&mut self, action: Action, canvas: &mut Canvas) -> Result<()> {
         match (action, &mut self.fit) {
             (Action::StartFit { profile, quality }, None) => {
@@ -51,10 +51,7 @@ impl Viewer {
     }
 
     fn start_fit(&mut self, profile: &str, quality: &str) -> Result<()> {
-        let volume = self.data.volume.clone().filter(|volume| volume.roi.is_some()).ok_or_else(|| {
-            Error::new(Kind::NothingToDo, "VGS-VIEW-040", "the volume has no region to fit")
-                .help("open a mask, or find the voxels of a threshold")
-        })?;
+        let Some(volume) = self.data.volume.clone() else { return Ok(()) };
         let order = FitOrder { volume, config: config(profile, quality)?, gpu: self.gpu.clone() };
         let fitting = Fitting::start(order, self.loader.waker());
         self.fit =

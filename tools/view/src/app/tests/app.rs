@@ -4,9 +4,14 @@ use engine::splat::{Splat, SplatSet};
 use glam::DVec2;
 
 use super::*;
+use crate::fit_plan::FitStatus;
 use crate::orbit::{Orbit, Side};
+use crate::region::RegionSize;
 use crate::state::Object;
 use crate::transfer::Transfer;
+
+#[path = "fit.rs"]
+mod fit;
 
 const SCREEN: Rect = Rect { min: Pos2::ZERO, max: pos2(1200.0, 800.0) };
 
@@ -18,6 +23,11 @@ struct Bench {
     /// True if the picture has a lower quality than it will have.
     draft: bool,
     intensities: Vec<Intensities>,
+    /// The fit beside the window.
+    fit: Option<FitStatus>,
+    /// The region of the volume.
+    region: Option<RegionSize>,
+    dropped: Vec<egui::DroppedFileHandle>,
     shapes: Vec<egui::epaint::ClippedShape>,
 }
 
@@ -34,6 +44,9 @@ impl Bench {
             time: 0.0,
             draft: false,
             intensities: Vec::new(),
+            fit: None,
+            region: None,
+            dropped: Vec::new(),
             shapes: Vec::new(),
         };
         // Panels know their size after the first frame.
@@ -45,8 +58,14 @@ impl Bench {
     fn frame(&mut self, events: Vec<Event>, modifiers: Modifiers) -> Vec<Action> {
         self.time += 0.05;
         let events = [vec![Event::ModifiersChanged(modifiers)], events].concat();
-        let input =
-            RawInput { screen_rect: Some(SCREEN), time: Some(self.time), events, ..RawInput::default() };
+        let dropped_files = std::mem::take(&mut self.dropped);
+        let input = RawInput {
+            screen_rect: Some(SCREEN),
+            time: Some(self.time),
+            events,
+            dropped_files,
+            ..RawInput::default()
+        };
         let distance = self.app.state.orbit.distance_mm;
         let depth = move |_: DVec2| Some(distance - 100.0);
         let info = PanelInfo {
@@ -60,6 +79,10 @@ impl Bench {
             draft: self.draft,
             depth: &depth,
             sample: &|x| Some(x.y),
+            fit: self.fit.as_ref(),
+            region: self.region,
+            volume_bounds: Some([DVec3::splat(-150.0), DVec3::splat(150.0)]),
+            sample_whole: &|x| Some((x.y, f64::from(u8::from(x.x > 0.0)))),
             ..PanelInfo::default()
         };
         let mut actions = Vec::new();
@@ -570,6 +593,7 @@ fn opening_files_is_no_step_of_undo() {
 fn all_letters_can_be_drawn() {
     let mut bench = Bench::new();
     bench.app.state.objects[1].visible = false;
+    bench.app.act(Action::ToggleFit, &PanelInfo::default());
     for action in [Action::ToggleKeys, Action::ToggleOverlay, Action::Clip, Action::Crop, Action::AskRecord] {
         bench.app.act(action, &PanelInfo::default());
     }
