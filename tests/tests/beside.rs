@@ -53,7 +53,9 @@ impl Beside {
         let begin = Instant::now();
         while !holds(self) {
             let left = PATIENCE.checked_sub(begin.elapsed()).unwrap_or_else(|| panic!("no {what}"));
-            self.woken.recv_timeout(left).unwrap_or_else(|_| panic!("no {what}: {:?}", self.status()));
+            self.woken
+                .recv_timeout(left)
+                .unwrap_or_else(|_| panic!("no {what}: {:?} {:?}", self.status(), self.failed));
             for news in self.fitting.take() {
                 match news {
                     News::Splats(splats) => self.pictures.push(splats),
@@ -183,7 +185,8 @@ fn what_fails_is_told_and_the_last_good_splats_stay() {
     assert_eq!(fit.failed[0].code, "VGS-VIEW-040");
     fit.end();
     // The device is lost before the iterations, and within them.
-    for (at, ends_with_splats) in [(1, false), (40, true)] {
+    let case = Case::phantom([20, 20, 16], 1_000_000);
+    for (at, ends_with_splats) in [(1, false), (500, true)] {
         let fault = format!("submit:{at}:lost").parse().expect("a fault");
         let options = GpuOptions { fault: Some(fault), ..GpuOptions::default() };
         let mut fit = Beside::start(&case, Some(case.roi.clone()), None, options);

@@ -117,7 +117,8 @@ mod tests {
         assert!([true, false].into_iter().all(|is_ct| Profile::named(usual_profile(is_ct)).is_ok()));
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("x.ply");
-        let set = SplatSet { splats: vec![Splat::default(); 2345], ..SplatSet::default() };
+        let splat = Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        let set = SplatSet { splats: vec![splat; 2345], ..SplatSet::default() };
         splat::write(&path, &set, false).expect("written");
         let bytes = std::fs::metadata(&path).expect("a file").len();
         // The header has the number of splats.

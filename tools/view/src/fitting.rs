@@ -11,9 +11,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use engine::fit::labels::label;
-use engine::fit::{
-    Beginning, End, FitConfig, Milestone, Outcome, Problem, Progress, Start, Watch,
-};
+use engine::fit::{Beginning, End, FitConfig, Milestone, Outcome, Problem, Progress, Start, Watch};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::splat::{self, SplatSet};
 use engine::{Error, Kind, Result};

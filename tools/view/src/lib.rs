@@ -7,14 +7,14 @@
 //! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
 //!
 //! ```text
-//! window -> viewer -> app, canvas, export, fitting, loaded_data, loader, open_files, report, settings, sorting, panel_info,
-//! window -> viewer -> actions -> state, region
+//! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, report, settings, panel_info, actions -> state
+//! viewer -> fitting, sorting, fit_plan          app -> fit_plan, figures, region
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
 //! panels -> slices, figures
 //! app, handles, annotations, panels -> state -> orbit, region, transfer          app -> settings, editor, transfer
-//! viewer, fitting, panels, panel_info -> fit_plan -> figures          panels, panel_info -> region
+//! fitting, panels, panel_info -> fit_plan -> figures          actions, panels, panel_info -> region
 //! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
 //! loader -> sorting -> state, region          fitting -> loader -> region
 //! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit

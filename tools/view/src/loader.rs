@@ -326,8 +326,8 @@ fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Result
             (Some(threshold.find(&volume).map_err(|e| named(e, path))?), None)
         }
         Some(Region::Mask { path: mask, labels }) => {
-            let (roi, labels) = read_mask(&mask, labels.as_deref(), &options, &volume)
-                .map_err(|e| named(e, &mask))?;
+            let (roi, labels) =
+                read_mask(&mask, labels.as_deref(), &options, &volume).map_err(|e| named(e, &mask))?;
             (Some(roi), labels)
         }
     };

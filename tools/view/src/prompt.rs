@@ -38,9 +38,8 @@ pub enum Purpose {
 impl Purpose {
     /// Returns the title, the name of the button that confirms, and the extensions that are listed.
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
-        static DATA: LazyLock<Vec<&str>> = LazyLock::new(|| {
-            [".ply", ".vgs", ".toml"].iter().chain(VOLUMES.iter()).copied().collect()
-        });
+        static DATA: LazyLock<Vec<&str>> =
+            LazyLock::new(|| [".ply", ".vgs", ".toml"].iter().chain(VOLUMES.iter()).copied().collect());
         static VOLUMES: LazyLock<Vec<&str>> = LazyLock::new(|| {
             engine::volume::FORMATS.iter().flat_map(|format| format.extensions).copied().collect()
         });

@@ -62,7 +62,11 @@ impl Threshold {
     /// Returns the bones of a CT, with the threshold that is usual for them, and the upper half of the range
     /// of anything else.
     pub fn first(range: [f64; 2], is_ct: bool) -> Self {
-        if is_ct { Threshold::new(226.0, 3071.0) } else { Threshold::new((range[0] + range[1]) * 0.5, range[1]) }
+        if is_ct {
+            Threshold::new(226.0, 3071.0)
+        } else {
+            Threshold::new((range[0] + range[1]) * 0.5, range[1])
+        }
     }
 
     /// Finds the voxels of a volume.

@@ -226,7 +226,6 @@ mod tests {
         assert_eq!((error.kind, error.file), (Kind::Usage, Some("x.docx".into())));
     }
 
-
     #[test]
     fn a_volume_brings_no_region_of_another_one() {
         let open = Files { volume: Some("ct.nii".into()), series: Some("3".into()), ..Files::default() };

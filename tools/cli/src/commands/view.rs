@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use clap::Args;
 use engine::{Error, Kind, Result, transfer};
-use view::sorting;
 use view::region::Region;
 use view::settings::Settings;
+use view::sorting;
 use view::state::{Files, ViewState};
 use view::window::{self, Start};
 

@@ -179,7 +179,7 @@ fn between(ui: &mut Ui, threshold: &mut Threshold, info: &PanelInfo<'_>) {
         DragValue::new(ml).speed(0.05).range(0.0..=1e6).max_decimals(3).suffix(" ml")
     });
     optional(ui, "Largest", "keeps the largest connected pieces", largest, 1, |count| {
-        DragValue::new(count).speed(0.05).range(1..=1000).suffix(" pieces")
+        DragValue::new(count).speed(0.05).range(1..=1000).suffix(" kept")
     });
     optional(ui, "Close gaps", "with a ball of this radius", close_mm, 2.0, |mm| {
         DragValue::new(mm).speed(0.05).range(0.0..=MAX_CLOSE_MM).max_decimals(2).suffix(" mm")
@@ -228,8 +228,11 @@ fn plan(ui: &mut Ui, form: &mut FitForm, files: &Files, info: &PanelInfo<'_>, ac
     let found = info.region.filter(|_| form.is_found(files, info));
     if let (Some(size), Ok(config)) = (found, config(profile, form.quality)) {
         let splats = config.splat_count(size.weight);
-        let cost =
-            format!("{splats} splats, {} iterations, {} as .ply", config.iterations, bytes(ply_bytes(splats)));
+        let cost = format!(
+            "{splats} splats, {} iterations, {} as .ply",
+            config.iterations,
+            bytes(ply_bytes(splats))
+        );
         ui.label(cost).on_hover_text(
             "a .vgs has about an eighth of that; the first iterations tell how long it takes on this device",
         );

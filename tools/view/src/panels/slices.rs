@@ -139,13 +139,7 @@ fn lead(
 }
 
 /// Returns the pixels of a slice.
-fn pixels(
-    key: &Key,
-    size: [usize; 2],
-    plane: SlicePlane,
-    at_mm: DVec3,
-    info: &PanelInfo<'_>,
-) -> ColorImage {
+fn pixels(key: &Key, size: [usize; 2], plane: SlicePlane, at_mm: DVec3, info: &PanelInfo<'_>) -> ColorImage {
     let slice = |sample: &dyn Fn(DVec3) -> Option<f64>| plane.intensities(at_mm, key.bounds, size, sample);
     let Some(shade) = key.shade else {
         let greys: Vec<u8> = slice(info.sample).into_iter().map(|v| grey(v, key.window)).collect();

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use engine::render::Scene;
 use engine::Result;
+use engine::render::Scene;
 
+use super::shown_fit::ShownFit;
 use super::viewer::{PITCH, Viewer, is_lost};
 use crate::actions::Action;
 use crate::canvas::Canvas;
@@ -21,17 +22,6 @@ const DECODING: &str = "decoding the fit";
 const PICTURE_EVERY: Duration = Duration::from_secs(2);
 /// ... which is also this many times that of rendering it: the window stays free, and the fit keeps the device.
 const PICTURE_SHARE: f64 = 10.0;
-
-/// A fit and the splats of it that wait to be shown.
-pub(super) struct ShownFit {
-    pub(super) fitting: Fitting,
-    /// Splats that have come, while the picture moves or others are being prepared.
-    arrived: Option<Arc<LoadedSplats>>,
-    /// Splats whose scene the canvas prepares.
-    preparing: Option<Arc<LoadedSplats>>,
-    /// Mode in which splats were shown before.
-    mode: SplatMode,
-}
 
 impl Viewer {
     /// Carries out an action of the panel of fits.
@@ -54,8 +44,7 @@ impl Viewer {
         let Some(volume) = self.data.volume.clone() else { return Ok(()) };
         let order = FitOrder { volume, config: config(profile, quality)?, gpu: self.gpu.clone() };
         let fitting = Fitting::start(order, self.loader.waker());
-        self.fit =
-            Some(ShownFit { fitting, arrived: None, preparing: None, mode: self.app.state.mode });
+        self.fit = Some(ShownFit { fitting, arrived: None, preparing: None, mode: self.app.state.mode });
         Ok(())
     }
 
@@ -80,9 +69,12 @@ impl Viewer {
     fn keep_fit(&mut self, path: &PathBuf) {
         self.fit = None;
         self.app.done(format!("Written: {}", path.display()));
-        match self.open(std::slice::from_ref(path)) {
-            Ok(_) => {}
-            Err(error) => self.app.report(&error),
+        if self.app.state.files.splats.contains(path) {
+            // It is open, but what was read of it is no longer what it holds.
+            self.open_files.forget(Subject::Splats);
+        }
+        if let Err(error) = self.open(std::slice::from_ref(path)) {
+            self.app.report(&error);
         }
     }
 
@@ -177,7 +169,8 @@ impl Viewer {
     }
 
     fn want_more(&self) {
-        let Some(shown) = self.fit.as_ref().filter(|shown| shown.fitting.status().stage == Stage::Running) else {
+        let Some(shown) = self.fit.as_ref().filter(|shown| shown.fitting.status().stage == Stage::Running)
+        else {
             return;
         };
         let picture = self.statistics.frames_ms().last().unwrap_or_default();

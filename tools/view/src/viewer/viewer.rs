@@ -12,7 +12,7 @@ use engine::{Error, Result};
 use glam::DVec2;
 use winit::window::Window;
 
-use super::fit::ShownFit;
+use super::shown_fit::ShownFit;
 use crate::actions::Action;
 use crate::app::App;
 use crate::canvas::{self, Canvas, Overlay, render_setups};
@@ -77,7 +77,7 @@ pub struct Viewer {
     /// Measurements of the session.
     pub report: WindowReport,
     /// Files that were read.
-    open_files: OpenFiles,
+    pub(super) open_files: OpenFiles,
     /// Number of splats of each row of the list of objects.
     object_splats: Vec<usize>,
     pub(super) range: [f64; 2],
@@ -281,9 +281,9 @@ impl Viewer {
         let mut actions = Vec::new();
         let Viewer { app, data, data_number, loader, statistics, object_splats, range, draft, .. } = self;
         let fit = self.fit.as_ref().map(|shown| shown.fitting.status());
-        let of_fit = fit.filter(|fit| fit.stage != Stage::Ended).map(|fit| {
-            ("fitting", (fit.stage == Stage::Running).then(|| fit.share()))
-        });
+        let of_fit = fit
+            .filter(|fit| fit.stage != Stage::Ended)
+            .map(|fit| ("fitting", (fit.stage == Stage::Running).then(|| fit.share())));
         let read = self.open_files.read();
         let files = &app.state.files;
         // While another region is being found, the volume still has the one before.

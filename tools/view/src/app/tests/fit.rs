@@ -65,15 +65,12 @@ fn a_region_is_chosen_and_fitted_from_the_panel() {
     bench.find(&estimate(100, 200));
     click(&mut bench, "fine");
     bench.find(&estimate(200, 200));
-    assert_eq!(
-        click(&mut bench, "Fit splats"),
-        [Action::StartFit { profile: "default", quality: "fine" }]
-    );
+    assert_eq!(click(&mut bench, "Fit splats"), [Action::StartFit { profile: "default", quality: "fine" }]);
 
     // Another cleaning is another region, which must be found first.
     let box_beside = bench.find("Largest") + vec2(80.0, 0.0);
     bench.click(box_beside);
-    bench.find("1 pieces");
+    bench.find(" kept");
     assert_eq!(shade(&bench), Some(Shade::Between([226.0, 3071.0])));
     assert_eq!(click(&mut bench, "Fit splats"), []);
     wanted.largest = Some(1);
@@ -117,7 +114,7 @@ fn a_mask_is_opened_or_dropped() {
         fn path(&self) -> &Path {
             &self.0
         }
-        fn bytes(&self) -> Result<Vec<u8>, String> {
+        fn bytes(&self) -> std::result::Result<Vec<u8>, String> {
             Err("nobody reads it here".into())
         }
     }
@@ -175,7 +172,10 @@ fn a_fit_is_not_lost_unasked() {
         assert_eq!(click(&mut bench, "Stay"), []);
         assert!(bench.place_of("The fit is in no file").is_none());
     }
-    assert!(!bench.app.ask_to_leave() && bench.app.ask_to_leave(), "the window's own button closes at the second time");
+    assert!(
+        !bench.app.ask_to_leave() && bench.app.ask_to_leave(),
+        "the window's own button closes at the second time"
+    );
     bench.rest();
     assert_eq!(click(&mut bench, "Close"), [Action::Quit]);
 }
