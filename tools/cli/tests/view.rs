@@ -447,3 +447,29 @@ fn splats_are_fitted_in_the_window_and_kept() {
     let told = folder.run(&["info", "fit.ply", "--json"]).json();
     assert!(told["splats"].as_u64().is_some_and(|n| (50..1000).contains(&n)), "{told}");
 }
+
+#[test]
+fn a_mask_without_a_telling_name_is_known_by_its_values() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    std::fs::copy(folder.path("mask.nii.gz"), folder.path("bones.nii.gz")).expect("a copy");
+    let mut viewer = begin(&screen, &folder, &["bones.nii.gz", "ct.nii.gz", "--tf", "CT-Soft-Tissue"]);
+    let taken = "bones.nii.gz is taken for the region of ct.nii.gz, since it has the values of a mask";
+    assert!(viewer.log().contains(taken), "{}", viewer.log());
+    let region = screen.look().count(PICTURE, bright);
+    // The session has it.
+    screen.hand(&["key", "ctrl+s"]);
+    viewer.settle();
+    screen.hand(&["key", "Return"]);
+    viewer.settle();
+    assert_eq!(viewer.quit().code, 0);
+    let files = &toml(&folder, "session.toml")["files"];
+    assert!(files["volume"].as_str().is_some_and(|path| path.ends_with("ct.nii.gz")), "{files}");
+    assert!(files["roi"].as_str().is_some_and(|path| path.ends_with("bones.nii.gz")), "{files}");
+    let mut viewer = begin(&screen, &folder, &["ct.nii.gz", "--tf", "CT-Soft-Tissue"]);
+    let whole = screen.look().count(PICTURE, bright);
+    assert!(region > 0 && 2 * region < whole, "{region} of {whole} pixels show the region");
+    viewer.settle();
+    assert_eq!(viewer.quit().code, 0);
+}

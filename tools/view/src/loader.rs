@@ -86,7 +86,7 @@ pub enum Loaded {
     /// Histogram of the volume's intensities within its region.
     VolumeHistogram(Option<Histogram>),
     /// Files that had to be looked into to be sorted, and those that were asked for.
-    Sorted(Sorted, Vec<PathBuf>),
+    Sorted(Box<Sorted>, Vec<PathBuf>),
     /// File that was written.
     Written(PathBuf),
     /// Error of something that could not be done; the rest goes on. The subject is given if its files could
@@ -149,7 +149,7 @@ impl Loader {
         self.spawn(ALWAYS, move |tell| {
             let what = "looking whether it is a volume or a mask".to_owned();
             if let Some(sorted) = tell.during(what, || sort_looking(&open, &added, volume.as_deref())) {
-                tell.say(Message::Loaded(Loaded::Sorted(sorted, added)));
+                tell.say(Message::Loaded(Loaded::Sorted(Box::new(sorted), added)));
             }
         });
     }

@@ -50,6 +50,7 @@ Examples:
   vgs view bones.ply --volume ct.nii.gz --roi bones.nii.gz
   vgs view bones.ply vessels.ply --tf CT-Angio
   vgs view scans/ --series 3       a folder of DICOM slices; `vgs info scans/` lists its series
+  vgs view ct.nii.gz               G chooses a region and fits splats to it
   vgs view session.toml
 
 Left button turns, middle moves, wheel zooms, right sets window and level; ? lists the keys.
@@ -81,7 +82,12 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
 impl ViewArguments {
     /// Returns the state that is shown at first, and true if its camera is to be kept.
     fn state(&self) -> Result<(ViewState, bool)> {
-        let mut sorted = sorting::sort(&Files::default(), &self.files)?;
+        let nothing = Files::default();
+        let mut sorted = match sorting::needs_look(&nothing, &self.files) {
+            true => sorting::sort_looking(&nothing, &self.files, None)?,
+            false => sorting::sort(&nothing, &self.files)?,
+        };
+        sorted.notes.iter().for_each(|note| tracing::warn!("{note}"));
         let session = sorted.state().transpose()?;
         let keeps_camera = session.is_some();
         let mut state = match session {

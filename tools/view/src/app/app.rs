@@ -5,7 +5,7 @@
 //! [`App::camera`] and the state's look.
 
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
-use engine::error::{Error, Result};
+use engine::error::{Error, Kind, Result};
 use engine::render::Camera;
 use engine::transfer::PRESETS;
 use glam::DVec3;
@@ -214,6 +214,10 @@ impl App {
             Action::AskMask => self.ask(Purpose::Mask),
             Action::AskKeep => self.ask(Purpose::Keep),
             Action::Mask(path) => return Some(Action::Region(Some(self.fit_form.take_mask(path)))),
+            Action::ToggleFit if !info.volume && info.fit.is_none() => self.report(
+                &Error::new(Kind::NothingToDo, "VGS-VIEW-041", "there is no volume to fit splats to")
+                    .help("open a CT or an MR, or drop one on the window"),
+            ),
             Action::ToggleFit => {
                 let open = &mut self.fit_form.open;
                 *open = !*open;

@@ -156,7 +156,7 @@ fn pixels(key: &Key, size: [usize; 2], plane: SlicePlane, at_mm: DVec3, info: &P
     let mixed = intensities.iter().zip(&weights).map(|(&intensity, &weight)| {
         let grey = f32::from(grey(intensity, key.window));
         // Outside of the volume the weight is NaN, too, and nothing is shaded.
-        let part = SHADE.1 * weight.max(0.0).min(1.0);
+        let part = SHADE.1 * weight.max(0.0);
         let [r, g, b] = SHADE.0.map(|shade| (grey + part * (shade - grey)).round() as u8);
         Color32::from_rgb(r, g, b)
     });

@@ -21,7 +21,7 @@ const DECODING: &str = "decoding the fit";
 /// Least time from one picture of the fit to the next ...
 const PICTURE_EVERY: Duration = Duration::from_secs(2);
 /// ... which is also this many times that of rendering it: the window stays free, and the fit keeps the device.
-const PICTURE_SHARE: f64 = 10.0;
+const PICTURE_SHARE: f64 = 4.0;
 
 impl Viewer {
     /// Carries out an action of the panel of fits.

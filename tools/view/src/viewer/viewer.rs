@@ -195,7 +195,7 @@ impl Viewer {
                 }
             }
             if let Loaded::Sorted(sorted, paths) = &loaded {
-                match self.open_sorted(sorted.clone(), paths) {
+                match self.open_sorted((**sorted).clone(), paths) {
                     Ok(subjects) => gone.extend(subjects),
                     Err(error) => self.app.report(&error),
                 }
@@ -370,7 +370,7 @@ impl Viewer {
         let waits = chosen != wanted && (!self.decoding || self.loader.is_doing(DECODING));
         self.stale |= std::mem::replace(&mut self.waits, waits) && !waits;
         // Something is shown at once; the rest follows.
-        let first = quality.adaptive && canvas.is_blank() && !self.data.fitted.is_some() || waits;
+        let first = quality.adaptive && canvas.is_blank() && self.data.fitted.is_none() || waits;
         let rested = self.moved.is_some_and(|at| at.elapsed() >= REST || !quality.adaptive);
         let (Some(pixels), true) = (size, self.stale || changes.any() || size != self.size || rested) else {
             return Ok(changes.look);

@@ -595,7 +595,7 @@ fn opening_files_is_no_step_of_undo() {
 fn all_letters_can_be_drawn() {
     let mut bench = Bench::new();
     bench.app.state.objects[1].visible = false;
-    bench.app.act(Action::ToggleFit, &PanelInfo::default());
+    bench.app.act(Action::ToggleFit, &PanelInfo { volume: true, ..PanelInfo::default() });
     for action in [Action::ToggleKeys, Action::ToggleOverlay, Action::Clip, Action::Crop, Action::AskRecord] {
         bench.app.act(action, &PanelInfo::default());
     }
