@@ -119,7 +119,7 @@ fn splats_come_while_they_are_fitted_and_are_kept_at_the_end() {
     let path = folder.path().join("kept.ply");
     fit.fitting.keep(path.clone(), false);
     fit.wait("file", |fit| !fit.kept.is_empty());
-    assert_eq!(fit.kept, [path.clone()]);
+    assert_eq!(fit.kept, std::slice::from_ref(&path));
     let kept = read(&path);
     assert_eq!((kept.splats.len(), kept.iterations), (count, Some(60)));
     assert!(kept.form == fit.pictures.last().expect("pictures").set.form);
