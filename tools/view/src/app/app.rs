@@ -113,6 +113,11 @@ impl App {
         self.fit = false;
     }
 
+    /// Forgets the textures of a device that is gone; they are made anew for the next one.
+    pub fn forget_textures(&mut self) {
+        self.slice_images = SliceImages::default();
+    }
+
     /// Moves the camera to see the whole scene in the next frame that knows its bounds.
     pub fn fit_soon(&mut self) {
         self.fit = true;

@@ -165,6 +165,7 @@ impl Viewer {
     /// Creates the scenes on a new device.
     pub fn set_device(&mut self, canvas: &mut Canvas) -> Result<()> {
         let chosen = canvas.gpu().description();
+        self.app.forget_textures();
         self.forget_device_of_fit();
         self.statistics.device = format!("{} ({})", chosen.name, chosen.driver);
         for subject in [Subject::Splats, Subject::Volume] {

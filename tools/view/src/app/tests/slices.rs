@@ -86,6 +86,10 @@ fn slices_are_made_anew_where_something_has_changed() {
     assert!(at_rest < 10, "{at_rest} samples of a picture that is there");
     let all = frame(&mut bench, 2);
     let one = all / 3;
+    // Another device has none of their textures.
+    bench.app.forget_textures();
+    let again = frame(&mut bench, 2);
+    assert_eq!(again, all);
     assert!(all > 3 * 100 * 100, "other data: {all}");
     bench.app.state.slices.at_mm = Some(DVec3::new(0.0, 0.0, 5.0));
     let moved = frame(&mut bench, 2);
