@@ -4,13 +4,15 @@
 //! The shape comes first, because the steps of a mean follow from the shape; the intensity comes last, because
 //! the field is linear in it.
 
+use std::path::Path;
+
 use super::exceptions::with_same_mask;
 use super::run::Problem;
 use super::unit::ScaleUnit;
 use super::{FitConfig, Fitter, Schedule};
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::splat::{Form, Group, Rounding, Splat, SplatSet};
+use crate::splat::{self, Form, Group, Rounding, Splat, SplatSet};
 
 /// The order of the groups.
 const ORDER: [Group; 4] = [Group::Shape, Group::Mean, Group::Opacity, Group::Intensity];
@@ -25,6 +27,12 @@ const RATES: f32 = 0.35;
 pub const ROUNDING_ITERATIONS: u32 = (ORDER.len() as u32 - 1) * ITERATIONS;
 
 impl Problem<'_> {
+    /// Returns true if splats of this fit are rounded and fitted again for the format that the extension of
+    /// `path` names. A fit of mini-batches has no memory for that; its splats are rounded as they are.
+    pub fn is_rounded_in(&self, path: &Path) -> bool {
+        splat::rounds(path) && self.config().subset == 0
+    }
+
     /// Returns fitted splats (voxel space of the working grid, HU) as [`Problem::finished_set`] does, rounded
     /// to a coarse lattice and fitted again to make up for it. `stopped` is asked every ten iterations; once it
     /// returns true, what is left is rounded at once. Waits for the device.

@@ -22,6 +22,8 @@ const OVERSHOOT: f32 = 1e-3;
 const MEMBER: f32 = 0.01;
 /// More labels than any atlas has; a file with more is an image.
 const MAX_LABELS: usize = 1000;
+/// Distinct values up to which whole numbers are taken for labels, unasked; an image of bytes has more.
+const FEW_LABELS: usize = 150;
 
 /// A region of interest on the grid of its volume.
 #[derive(Clone, Debug)]
@@ -141,6 +143,29 @@ impl Roi {
             Grids::Differ => resample(&on_mask_grid, mask, volume)?,
         };
         Roi::new(weight, volume)
+    }
+
+    /// Returns true if a file that may be either is rather a mask than an image, by its values: all from 0 to 1,
+    /// or few whole numbers from 0 on.
+    pub fn has_values_of_mask(file: &Volume) -> bool {
+        match file.min_max() {
+            Some((low, high)) if low >= 0.0 && low < high => {
+                let whole = || file.samples.iter().all(|v| v.fract() == 0.0);
+                high <= 1.0 || whole() && distinct_up_to(&file.samples, FEW_LABELS + 1).is_some()
+            }
+            _ => false,
+        }
+    }
+
+    /// Returns true if a mask can be taken as it is for a region of `volume`: their grids agree to a thousandth
+    /// of a voxel, or their sizes do and one of them has no orientation. The samples of both are not looked at.
+    pub fn is_on_grid_of(mask: &Volume, volume: &Volume) -> bool {
+        matches!(relate(mask, volume), Ok(Grids::Same | Grids::Assumed))
+    }
+
+    /// Returns the volume of the region in ml, on the grid of `volume`: a voxel counts by its weight.
+    pub fn ml(&self, volume: &Volume) -> f64 {
+        self.weight_sum() * volume.world_from_voxel.matrix3.determinant().abs() / 1000.0
     }
 
     /// Returns the part of a mask that this region, which was made from it on the grid of `volume`, holds, by

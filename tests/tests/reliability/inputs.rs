@@ -463,10 +463,12 @@ pub const INPUTS: &[Row] = &[
     Row {
         number: 49,
         input: "the device is lost",
-        must: "a fit keeps its checkpoint, 75; the viewer makes the device again",
+        must: "a fit keeps its checkpoint, 75; the viewer makes the device again, and a fit beside its window keeps the last \
+               good splats",
         tests: &[
             t("tests/tests/nth_failure.rs", "a_device_is_lost", &[]),
             t("tools/cli/tests/view.rs", "a_lost_device_is_made_again", &[]),
+            t("tests/tests/beside.rs", "what_fails_is_told_and_the_last_good_splats_stay", &[]),
         ],
         verdict: Holds,
     },

@@ -384,3 +384,91 @@ fn slices_stand_beside_the_picture_and_follow_a_click_in_it() {
     assert!(closed.differences(&with, left) > 5000, "closed again");
     assert_eq!(viewer.quit().code, 0);
 }
+
+/// A region by a threshold, a fit, a file: without a command line.
+#[test]
+fn splats_are_fitted_in_the_window_and_kept() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let mut viewer = begin(&screen, &folder, &["ct.nii.gz", "--tf", "CT-Soft-Tissue"]);
+    let closed = screen.look();
+    let press = |viewer: &mut Viewer<'_>, hand: &[&str]| {
+        screen.hand(hand);
+        viewer.settle();
+        // The panel unfolds by the clock.
+        viewer.settle();
+        screen.look()
+    };
+    let click = |x: &'static str, y: &'static str| ["mousemove", x, y, "click", "1"];
+    let opened = press(&mut viewer, &["key", "g"]);
+    opened.keep("fit-open");
+    let slices = [10, 60, 230, 640];
+    let shaded = |[r, _, b]: [u8; 3]| b > r.saturating_add(25);
+    assert_eq!(closed.count(slices, shaded), 0);
+    assert!(opened.count(slices, shaded) > 300, "bones are shaded: {}", opened.count(slices, shaded));
+
+    // Find, then the cheapest quality, then the button that has come below its estimate.
+    press(&mut viewer, &click("924", "215"));
+    viewer.wait("the region", |v| v.log().contains("finding the region of ct.nii.gz:"));
+    viewer.settle();
+    let found = press(&mut viewer, &click("1033", "298"));
+    found.keep("fit-found");
+    let picture = [250, 100, 880, 640];
+    assert!(found.differences(&opened, picture) > 1000, "the picture shows the region alone");
+    screen.hand(&click("930", "345"));
+    viewer.wait("the splats", |v| v.log().matches("decoding the fit:").count() > 1);
+    viewer.settle();
+    let fitted = screen.look();
+    fitted.keep("fit-ended");
+    assert!(fitted.differences(&found, [900, 30, 1270, 700]) > 1000, "the panel tells of the fit");
+    let differing = fitted.differences(&found, picture);
+    assert!((20..100_000).contains(&differing), "splats like the volume, and not the same: {differing}");
+
+    // Nothing happens while nobody decides.
+    let frames = viewer.frames()[0];
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    assert_eq!(viewer.frames()[0], frames, "frames while nothing happens");
+
+    // The window is not closed unasked.
+    press(&mut viewer, &["key", "ctrl+q"]).keep("fit-asked");
+    press(&mut viewer, &["key", "Escape"]);
+
+    // Keep: the question has the name fit.ply in the folder of the volume, and the focus.
+    press(&mut viewer, &click("932", "124"));
+    screen.look().keep("fit-keep");
+    let before = viewer.frames()[1];
+    screen.hand(&["key", "Return"]);
+    viewer
+        .wait("the file", |v| v.log().contains("counting intensities of splats:") && v.frames()[1] > before);
+    viewer.settle();
+    screen.look().keep("fit-kept");
+    assert_eq!(viewer.quit().code, 0, "the splats are in a file");
+    let told = folder.run(&["info", "fit.ply", "--json"]).json();
+    assert!(told["splats"].as_u64().is_some_and(|n| (50..1000).contains(&n)), "{told}");
+}
+
+#[test]
+fn a_mask_without_a_telling_name_is_known_by_its_values() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    std::fs::copy(folder.path("mask.nii.gz"), folder.path("bones.nii.gz")).expect("a copy");
+    let mut viewer = begin(&screen, &folder, &["bones.nii.gz", "ct.nii.gz", "--tf", "CT-Soft-Tissue"]);
+    let taken = "bones.nii.gz is taken for the region of ct.nii.gz, since it has the values of a mask";
+    assert!(viewer.log().contains(taken), "{}", viewer.log());
+    let region = screen.look();
+    // The session has it.
+    screen.hand(&["key", "ctrl+s"]);
+    viewer.settle();
+    screen.hand(&["key", "Return"]);
+    viewer.settle();
+    assert_eq!(viewer.quit().code, 0);
+    let files = &toml(&folder, "session.toml")["files"];
+    assert!(files["volume"].as_str().is_some_and(|path| path.ends_with("ct.nii.gz")), "{files}");
+    assert!(files["roi"].as_str().is_some_and(|path| path.ends_with("bones.nii.gz")), "{files}");
+    let viewer = begin(&screen, &folder, &["ct.nii.gz", "--tf", "CT-Soft-Tissue"]);
+    let differing = screen.look().differences(&region, PICTURE);
+    assert!(differing > 10_000, "without it all of the volume is seen: {differing} pixels differ");
+    assert_eq!(viewer.quit().code, 0);
+}

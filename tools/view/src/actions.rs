@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use egui::{Key, KeyboardShortcut, Modifiers};
 
 use crate::orbit::Side;
+use crate::region::Region;
 
 /// One action. [`crate::App::act`] carries out what concerns the state, and hands on what concerns files and
 /// the window.
@@ -60,7 +61,35 @@ pub enum Action {
         /// True if an existing file is replaced.
         force: bool,
     },
-    /// Ends the program; carried out by the window.
+    /// Opens or closes the panel of fits.
+    ToggleFit,
+    /// Asks for the mask of the region.
+    AskMask,
+    /// Takes a mask for the region in the panel of fits.
+    Mask(PathBuf),
+    /// Replaces the region of the volume; carried out by the window.
+    Region(Option<Region>),
+    /// Begins a fit of the volume's region; carried out by the window.
+    StartFit {
+        /// Name of the profile.
+        profile: &'static str,
+        /// Name of the quality.
+        quality: &'static str,
+    },
+    /// Stops the fit, and keeps the splats so far; carried out by the window.
+    StopFit,
+    /// Asks for the file of the fitted splats.
+    AskKeep,
+    /// Writes the fitted splats and opens their file; carried out by the window.
+    Keep {
+        /// Path, whose extension chooses the format.
+        path: PathBuf,
+        /// True if an existing file is replaced.
+        force: bool,
+    },
+    /// Drops the fitted splats; carried out by the window.
+    DiscardFit,
+    /// Ends the program, unless a fit would be lost, which is asked about first; carried out by the window.
     Quit,
     /// Goes one step back.
     Undo,
@@ -79,7 +108,7 @@ pub enum Action {
     /// Chooses the previous preset of the transfer function.
     PreviousPreset,
     /// Moves the camera so that it sees all of the scene.
-    Fit,
+    SeeAll,
     /// Turns the camera to look from a side.
     View(Side),
     /// Turns the camera by azimuth and elevation, degrees.
@@ -146,6 +175,7 @@ pub static KEYS: &[Binding] = &[
         Action::AskTransfer,
     ),
     row(COMMAND, Key::Q, "Quit", "end the program", Action::Quit),
+    row(NONE, Key::G, "Fit splats", "choose a region of the volume and fit splats to it", Action::ToggleFit),
     row(COMMAND_SHIFT, Key::Z, "Redo", "one step forward again", Action::Redo),
     row(COMMAND, Key::Z, "Undo", "one step back", Action::Undo),
     row(COMMAND, Key::Y, "Redo", "one step forward again", Action::Redo),
@@ -155,7 +185,7 @@ pub static KEYS: &[Binding] = &[
     row(NONE, Key::M, "Next mode", "the next way to render splats", Action::NextMode),
     row(NONE, Key::PageDown, "Next preset", "the next transfer function", Action::NextPreset),
     row(NONE, Key::PageUp, "Previous preset", "the transfer function before", Action::PreviousPreset),
-    row(NONE, Key::F, "Fit", "show all of the scene", Action::Fit),
+    row(NONE, Key::F, "Whole scene", "show all of the scene", Action::SeeAll),
     row(NONE, Key::A, "Anterior", "look from the front", Action::View(Side::Anterior)),
     row(NONE, Key::P, "Posterior", "look from the back", Action::View(Side::Posterior)),
     row(NONE, Key::L, "Left", "look from the patient's left", Action::View(Side::Left)),
@@ -242,7 +272,7 @@ mod tests {
             "as on most keyboards"
         );
         assert_eq!(press(NONE, Key::Space, true), []);
-        assert_eq!(press(NONE, Key::F, true), [Action::Fit]);
+        assert_eq!(press(NONE, Key::F, true), [Action::SeeAll]);
         let both = [(NONE, Key::Escape), (COMMAND, Key::S)];
         assert_eq!(press_all(&both, false), [Action::Cancel, Action::AskSave], "in their order");
     }

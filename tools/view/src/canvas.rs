@@ -21,6 +21,8 @@ pub struct Canvas {
     // The order matters: what draws on the surface is dropped before it.
     splats: Option<RenderedScene>,
     volume: Option<RenderedScene>,
+    /// Splats that are being prepared to be shown in place of the others.
+    next: Option<Scene>,
     composer: Composer,
     painter: Painter,
     /// Changes of textures that no frame has applied yet.
@@ -76,6 +78,7 @@ impl Canvas {
         Ok(Canvas {
             splats: None,
             volume: None,
+            next: None,
             composer: Composer::new(gpu, format)?,
             painter: Painter::new(gpu, format)?,
             textures: TexturesDelta::default(),
@@ -111,6 +114,22 @@ impl Canvas {
             Subject::Volume => self.volume = shown_scene,
         }
         self.shown.clear();
+    }
+
+    /// Keeps splats that will be shown in place of the others once they are prepared, so that no picture lacks
+    /// anything meanwhile; or drops them.
+    pub fn set_next(&mut self, scene: Option<Scene>) {
+        self.next = scene;
+    }
+
+    /// Returns the splats that are being prepared.
+    pub fn next(&self) -> Option<&Scene> {
+        self.next.as_ref()
+    }
+
+    /// Takes the splats that were being prepared.
+    pub fn take_next(&mut self) -> Option<Scene> {
+        self.next.take()
     }
 
     /// Changes the look of a subject.

@@ -8,21 +8,27 @@
 //!
 //! ```text
 //! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, report, settings, panel_info, actions -> state
+//! viewer -> fitting, sorting, fit_plan          app -> fit_plan, figures, region
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
-//! panels -> slices
-//! app, handles, annotations, panels -> state -> orbit, transfer          app -> settings, editor, transfer
+//! panels -> slices, figures
+//! app, handles, annotations, panels -> state -> orbit, region, transfer          app -> settings, editor, transfer
+//! fitting, panels, panel_info -> fit_plan -> figures          actions, panels, panel_info -> region
 //! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
+//! loader -> sorting -> state, region          fitting -> loader -> region
 //! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit
-//! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function
+//! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function, `region` that of
+//!           the volume
 //! actions   what a user may ask for, with its keys; `settings` what is remembered from start to start
 //! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts; `cube` of the
 //!           patient's sides; `slices`: planes through the data
 //! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `annotations` are over the picture
 //! panel_info     what panels are told anew for each frame
 //! app       the viewer without its window: puts the panels together
-//! loader, export   read and write beside the window; `loaded_data` is what was read, `open_files` from where
+//! loader, export   read and write beside the window; `loaded_data` is what was read, `open_files` from where;
+//!           `sorting` tells volumes and masks apart
+//! fitting   fits splats beside the window; `fit_plan` is what a fit is asked for and how far it is, `figures` words for it
 //! canvas    the picture in the window: `rendered_scene` renders it, `composer` and `painter` put it and the panels on the screen
 //! viewer    frame after frame, within the frame budget; `report` is what was measured
 //! window    the events of winit
@@ -38,6 +44,9 @@ pub mod composer;
 pub mod cube;
 pub mod editor;
 pub mod export;
+pub mod figures;
+pub mod fit_plan;
+pub mod fitting;
 pub mod handles;
 pub mod histogram;
 pub mod history;
@@ -50,10 +59,12 @@ pub mod panel_info;
 pub mod panels;
 pub mod pick;
 pub mod prompt;
+pub mod region;
 pub mod rendered_scene;
 pub mod report;
 pub mod settings;
 pub mod slices;
+pub mod sorting;
 pub mod state;
 pub mod theme;
 pub mod transfer;

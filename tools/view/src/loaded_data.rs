@@ -18,6 +18,8 @@ use crate::state::{Subject, ViewState};
 pub struct LoadedData {
     /// Splats of all files.
     pub splats: Option<Arc<LoadedSplats>>,
+    /// Splats of a fit that no file has yet; they are shown in place of those of the files.
+    pub fitted: Option<Arc<LoadedSplats>>,
     /// Volume.
     pub volume: Option<Arc<LoadedVolume>>,
     /// Histogram of the splats' intensities.
@@ -46,7 +48,7 @@ impl LoadedData {
             Loaded::SplatHistogram(histogram) => self.splat_histogram = histogram,
             Loaded::VolumeHistogram(histogram) => self.volume_histogram = histogram,
             Loaded::Probe(probe) => self.probe = Some(probe),
-            Loaded::Written(_) => {}
+            Loaded::Written(_) | Loaded::Sorted(..) => {}
             Loaded::Failed(_, error) => return Err(error),
         }
         Ok(None)
@@ -62,19 +64,29 @@ impl LoadedData {
 
     /// Returns the same splats and volume, shared and not copied, without histograms and probe.
     pub fn sources(&self) -> Self {
-        LoadedData { splats: self.splats.clone(), volume: self.volume.clone(), ..LoadedData::default() }
+        LoadedData {
+            splats: self.splats.clone(),
+            fitted: self.fitted.clone(),
+            volume: self.volume.clone(),
+            ..LoadedData::default()
+        }
     }
 
     /// Returns true if there are data of a subject.
     pub fn has(&self, subject: Subject) -> bool {
         match subject {
-            Subject::Splats => self.splats.is_some(),
+            Subject::Splats => self.shown_splats().is_some(),
             Subject::Volume => self.volume.is_some(),
         }
     }
 
+    /// Returns the splats that are shown: those of the fit, or of the files.
+    pub fn shown_splats(&self) -> Option<&Arc<LoadedSplats>> {
+        self.fitted.as_ref().or(self.splats.as_ref())
+    }
+
     fn set(&self) -> Option<&SplatSet> {
-        self.splats.as_ref().map(|splats| &splats.set)
+        self.shown_splats().map(|splats| &splats.set)
     }
 
     /// Returns the least and greatest intensity of splats and volume.
@@ -104,14 +116,28 @@ impl LoadedData {
     /// Returns the intensity at a point (mm RAS) of the volume, or of the splats' field if there is no
     /// volume; `None` outside.
     pub fn sample(&self, at_mm: DVec3) -> Option<f64> {
-        let Some(LoadedVolume { volume, roi }) = self.volume.as_deref() else {
+        if self.volume.is_none() {
             return self.probe.as_ref()?.at(at_mm).map(|reading| reading.intensity);
-        };
+        }
+        self.sample_whole(at_mm).filter(|(_, weight)| *weight > 0.0).map(|(intensity, _)| intensity)
+    }
+
+    /// Returns the intensity at a point (mm RAS) of the whole volume, and the weight of its region there (1 without
+    /// a region); `None` outside, or without a volume.
+    pub fn sample_whole(&self, at_mm: DVec3) -> Option<(f64, f64)> {
+        let LoadedVolume { volume, roi, .. } = self.volume.as_deref()?;
         let voxel = volume.voxel_from_world().transform_point3(at_mm);
         let last = DVec3::from_array(volume.size.map(|n| n as f64 - 0.5));
         let inside = voxel.cmpge(DVec3::splat(-0.5)).all() && voxel.cmple(last).all();
-        let seen = inside && roi.as_ref().is_none_or(|roi| roi.trilinear(voxel) > 0.0);
-        seen.then(|| volume.trilinear(voxel))
+        inside.then(|| (volume.trilinear(voxel), roi.as_ref().map_or(1.0, |roi| roi.trilinear(voxel))))
+    }
+
+    /// Returns two corners of the box around all voxels of the volume, mm RAS.
+    pub fn volume_bounds(&self) -> Option<[DVec3; 2]> {
+        let corners = self.volume.as_ref()?.volume.world_corners();
+        Some(corners.into_iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], corner| {
+            [low.min(corner), high.max(corner)]
+        }))
     }
 
     /// Returns the look of a subject.
@@ -119,9 +145,18 @@ impl LoadedData {
     /// # Errors
     /// Returns the errors of [`ViewState::look`].
     pub fn look(&self, subject: Subject, state: &ViewState) -> Result<Look> {
-        let splats = self.splats.as_ref().filter(|_| subject == Subject::Splats);
+        // The rows of the list of objects are those of files.
+        let of_files = subject == Subject::Splats && self.fitted.is_none();
+        let splats = self.splats.as_ref().filter(|_| of_files);
         let numbers: Vec<u8> = splats.iter().flat_map(|s| &s.objects).map(|(_, number, _)| *number).collect();
         state.look(&numbers)
+    }
+
+    /// Creates the scene of splats of a fit, with the look that they have in place of those of the files.
+    pub fn scene_of_fit(&self, gpu: &Gpu, splats: &LoadedSplats, state: &ViewState) -> Result<Scene> {
+        let mut scene = Scene::new(gpu, Some(&splats.set), None, &state.look(&[])?)?;
+        set_budget(&mut scene, state)?;
+        Ok(scene)
     }
 
     /// Creates the scene of a subject; `None` if there are no data of it.
@@ -133,9 +168,14 @@ impl LoadedData {
             return Ok(None);
         }
         let mut scene = Scene::new(gpu, splats, volume.as_ref(), &look)?;
-        if let Some(budget) = state.quality.splat_budget {
-            scene.set_splat_budget(Some(budget as usize))?;
-        }
+        set_budget(&mut scene, state)?;
         Ok(Some(scene))
+    }
+}
+
+fn set_budget(scene: &mut Scene, state: &ViewState) -> Result<()> {
+    match state.quality.splat_budget {
+        Some(budget) => scene.set_splat_budget(Some(budget as usize)),
+        None => Ok(()),
     }
 }

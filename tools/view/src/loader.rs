@@ -9,19 +9,25 @@ use std::time::Instant;
 use engine::fit::place::place;
 use engine::render::{Intensities, VolumeSource};
 use engine::splat::{self, SplatSet};
-use engine::volume::{FORMATS, LabelChoice, ReadOptions, Roi, Volume};
-use engine::{Error, Kind, Result};
+use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
+use engine::{Error, Result};
 
 use crate::histogram::Histogram;
 use crate::pick::Probe;
-use crate::state::{Files, Object, Subject, ViewState};
+use crate::region::{Region, RegionSize};
+use crate::sorting::{Sorted, sort_looking};
+use crate::state::{Files, Object, Subject};
 
 /// Volume and the part of it that is shown.
 pub struct LoadedVolume {
     /// Volume.
-    pub volume: Volume,
+    pub volume: Arc<Volume>,
     /// Region that is shown; `None` for all of it.
     pub roi: Option<Roi>,
+    /// Size of the region.
+    pub size: Option<RegionSize>,
+    /// Labels of the region, if it was made of those of a label map.
+    pub labels: Option<Labels>,
 }
 
 impl LoadedVolume {
@@ -79,80 +85,13 @@ pub enum Loaded {
     SplatHistogram(Option<Histogram>),
     /// Histogram of the volume's intensities within its region.
     VolumeHistogram(Option<Histogram>),
+    /// Files that had to be looked into to be sorted, and those that were asked for.
+    Sorted(Box<Sorted>, Vec<PathBuf>),
     /// File that was written.
     Written(PathBuf),
     /// Error of something that could not be done; the rest goes on. The subject is given if its files could
     /// not be read.
     Failed(Option<Subject>, Error),
-}
-
-/// Files sorted by their names and by what is open already.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sorted {
-    /// Session file, which replaces everything.
-    pub session: Option<PathBuf>,
-    /// Files that are open once these are.
-    pub files: Files,
-}
-
-/// Adds files to those that are open: splats to splats; a volume replaces the volume. A volume whose name
-/// says mask, label, roi or seg is the region, or the volume if there is none.
-///
-/// # Errors
-/// Returns [`Kind::Usage`] for a file that is none of these.
-pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
-    let mut sorted = Sorted { session: None, files: open.clone() };
-    for path in added {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        // A folder is taken for one of DICOM slices.
-        let is_volume = path.is_dir() || volume_endings().any(|end| name.ends_with(end));
-        if splat_endings().any(|end| name.ends_with(&end)) {
-            if !sorted.files.splats.contains(path) {
-                sorted.files.splats.push(path.clone());
-            }
-        } else if name.ends_with(".toml") {
-            sorted.session = Some(path.clone());
-        } else if is_volume && ["mask", "label", "roi", "seg"].iter().any(|word| name.contains(word)) {
-            sorted.files.roi = Some(path.clone());
-        } else if is_volume {
-            sorted.files.volume = Some(path.clone());
-            // Series are those of one folder.
-            sorted.files.series = None;
-        } else {
-            let (splats, volumes) =
-                (splat_endings().collect::<Vec<_>>(), volume_endings().collect::<Vec<_>>());
-            return Err(Error::new(Kind::Usage, "VGS-VIEW-020", "not a file that can be shown")
-                .file(path)
-                .help(format!(
-                    "splats are {}; volumes and masks {}; sessions .toml",
-                    splats.join(", "),
-                    volumes.join(", ")
-                )));
-        }
-    }
-    if sorted.files.roi.is_some() && sorted.files.volume.is_none() {
-        // A mask alone is shown as a volume.
-        sorted.files.volume = sorted.files.roi.take();
-        sorted.files.series = None;
-    }
-    Ok(sorted)
-}
-
-/// Returns the extensions of splats, in lower case.
-pub fn splat_endings() -> impl Iterator<Item = String> {
-    splat::readers().map(|(name, _)| format!(".{name}"))
-}
-
-/// Returns the extensions of volumes, in lower case.
-fn volume_endings() -> impl Iterator<Item = &'static str> {
-    FORMATS.iter().flat_map(|format| format.extensions).copied()
-}
-
-impl Sorted {
-    /// Reads the session; `None` if there is no session file.
-    pub fn state(&self) -> Option<Result<ViewState>> {
-        self.session.as_deref().map(ViewState::read)
-    }
 }
 
 /// Reads and writes files in threads of its own, and wakes the window for each result.
@@ -186,8 +125,8 @@ impl Loader {
     }
 
     /// Begins to read files; results of what was being read before are dropped. Files that are also in `had`
-    /// are not read again.
-    pub fn open(&mut self, files: &Files, had: &Files) {
+    /// are not read again; neither is `volume`, that of `had`, where only its region is another one.
+    pub fn open(&mut self, files: &Files, had: &Files, volume: Option<&Arc<Volume>>) {
         self.turn += 1;
         self.doing.clear();
         let turn = self.turn;
@@ -195,13 +134,29 @@ impl Loader {
             let files = files.clone();
             self.spawn(turn, move |tell| tell.splats(&files));
         }
-        let of_volume = |files: &Files| (files.volume.clone(), files.series.clone(), files.roi.clone());
-        if let Some(volume) = files.volume.clone()
-            && of_volume(files) != of_volume(had)
+        if let Some(path) = files.volume.clone()
+            && !(files.has_volume_of(had) && files.region() == had.region())
         {
             let files = files.clone();
-            self.spawn(turn, move |tell| tell.volume(&volume, &files));
+            let there = volume.filter(|_| files.has_volume_of(had)).map(Arc::clone);
+            self.spawn(turn, move |tell| tell.volume(&path, there, &files));
         }
+    }
+
+    /// Begins to sort files that have to be looked into.
+    pub fn sort(&self, open: &Files, added: Vec<PathBuf>, volume: Option<&Arc<Volume>>) {
+        let (open, volume) = (open.clone(), volume.map(Arc::clone));
+        self.spawn(ALWAYS, move |tell| {
+            let what = "looking whether it is a volume or a mask".to_owned();
+            if let Some(sorted) = tell.during(what, || sort_looking(&open, &added, volume.as_deref())) {
+                tell.say(Message::Loaded(Loaded::Sorted(Box::new(sorted), added)));
+            }
+        });
+    }
+
+    /// Returns a function that wakes the window, from any thread.
+    pub fn waker(&self) -> Arc<dyn Fn() + Send + Sync> {
+        Arc::clone(&self.wake)
     }
 
     fn spawn(&self, turn: u64, job: impl FnOnce(&Teller) + Send + 'static) -> JoinHandle<()> {
@@ -333,10 +288,14 @@ impl Teller {
         self.say(Message::Loaded(Loaded::Probe(probe)));
     }
 
-    fn volume(&self, path: &Path, files: &Files) {
+    fn volume(&self, path: &Path, there: Option<Arc<Volume>>, files: &Files) {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let read = || read_volume(path, files).map(Arc::new);
-        let shown = self.reading(format!("reading {name}"), Subject::Volume, read);
+        let what = match &there {
+            Some(_) => format!("finding the region of {name}"),
+            None => format!("reading {name}"),
+        };
+        let read = || read_volume(path, there, files).map(Arc::new);
+        let shown = self.reading(what, Subject::Volume, read);
         let Some(shown) = shown else { return };
         self.say(Message::Loaded(Loaded::Volume(Arc::clone(&shown))));
         let histogram = self.during(format!("counting intensities of {name}"), || {
@@ -350,58 +309,52 @@ impl Teller {
 fn read_splats(path: &Path, files: &Files) -> Result<SplatSet> {
     let splats = splat::read_some(path)?;
     let volume = files.volume.as_ref().filter(|_| splats.needs_volume());
-    let shown = volume.map(|volume| read_volume(volume, files)).transpose()?;
+    let shown = volume.map(|volume| read_volume(volume, None, files)).transpose()?;
     splats.placed(shown.map(|shown| place(&shown.volume, shown.roi.as_ref())).as_ref())
 }
 
-fn read_volume(path: &Path, files: &Files) -> Result<LoadedVolume> {
+/// Reads a volume, unless it is `there` already, and its region.
+fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Result<LoadedVolume> {
     let options = ReadOptions { series: files.series.clone(), ..ReadOptions::default() };
-    let volume = Volume::read(path, &options)?;
-    let roi = files
-        .roi
-        .as_deref()
-        .map(|mask| {
-            let named = |e: Error| if e.file.is_some() { e } else { e.file(mask) };
-            Volume::read_mask(mask, &options, &LabelChoice::Whole, &volume)
-                .and_then(|mask| Roi::from_mask(&mask, &LabelChoice::Whole, &volume))
-                .map_err(named)
-        })
-        .transpose()?;
-    Ok(LoadedVolume { volume, roi })
+    let volume = match there {
+        Some(volume) => volume,
+        None => Arc::new(Volume::read(path, &options)?),
+    };
+    let (roi, labels) = match files.region() {
+        None => (None, None),
+        Some(Region::Threshold(threshold)) => {
+            (Some(threshold.find(&volume).map_err(|e| named(e, path))?), None)
+        }
+        Some(Region::Mask { path: mask, labels }) => {
+            let (roi, labels) =
+                read_mask(&mask, labels.as_deref(), &options, &volume).map_err(|e| named(e, &mask))?;
+            (Some(roi), labels)
+        }
+    };
+    let size = roi.as_ref().map(|roi| RegionSize::of(roi, &volume));
+    Ok(LoadedVolume { volume, roi, size, labels })
+}
+
+fn read_mask(
+    path: &Path,
+    labels: Option<&str>,
+    options: &ReadOptions,
+    volume: &Volume,
+) -> Result<(Roi, Option<Labels>)> {
+    let choice = labels.map_or(Ok(LabelChoice::Whole), str::parse)?;
+    let mask = Volume::read_mask(path, options, &choice, volume)?;
+    Ok((Roi::from_mask(&mask, &choice, volume)?, Labels::chosen(&mask, &choice, volume)?))
+}
+
+fn named(error: Error, path: &Path) -> Error {
+    if error.file.is_some() { error } else { error.file(path) }
 }
 
 #[cfg(test)]
 mod tests {
+    use engine::Kind;
+
     use super::*;
-
-    fn paths(names: &[&str]) -> Vec<PathBuf> {
-        names.iter().map(PathBuf::from).collect()
-    }
-
-    #[test]
-    fn files_are_known_by_their_names() {
-        let sorted = sort(&Files::default(), &paths(&["b.ply", "ct.nii.gz", "mask_bones.nii.gz"])).unwrap();
-        assert_eq!(sorted.files.splats, paths(&["b.ply"]));
-        assert_eq!(sorted.files.volume, Some("ct.nii.gz".into()));
-        assert_eq!(sorted.files.roi, Some("mask_bones.nii.gz".into()));
-        let more = sort(&sorted.files, &paths(&["a.PLY", "b.ply"])).unwrap();
-        assert_eq!(more.files.splats, paths(&["b.ply", "a.PLY"]), "none is open twice");
-        assert_eq!(more.files.volume, sorted.files.volume, "what is open stays");
-        for name in ["ct.nrrd", "ct.nhdr", "ct.mha", "CT.MHD", "ct.npy"] {
-            let sorted = sort(&Files::default(), &paths(&[name, "bones.seg.nrrd"])).unwrap();
-            assert_eq!(
-                (sorted.files.volume, sorted.files.roi),
-                (Some(name.into()), Some("bones.seg.nrrd".into()))
-            );
-        }
-        let small = sort(&Files::default(), &paths(&["small.vgs"])).unwrap();
-        assert_eq!(small.files.splats, paths(&["small.vgs"]), "every format of splats");
-        let alone = sort(&Files::default(), &paths(&["mask.nii"])).unwrap();
-        assert_eq!((alone.files.volume, alone.files.roi), (Some("mask.nii".into()), None));
-        assert_eq!(sort(&more.files, &paths(&["s.toml"])).unwrap().session, Some("s.toml".into()));
-        let error = sort(&Files::default(), &paths(&["x.docx"])).unwrap_err();
-        assert_eq!((error.kind, error.file), (Kind::Usage, Some("x.docx".into())));
-    }
 
     #[test]
     fn what_is_missing_is_said_and_the_rest_is_read() {
@@ -410,7 +363,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let nothing = folder.path().join("none.ply");
         let files = Files { splats: vec![nothing.clone()], ..Files::default() };
-        loader.open(&files, &Files::default());
+        loader.open(&files, &Files::default(), None);
         let mut loaded = Vec::new();
         while loaded.is_empty() {
             woken.recv_timeout(std::time::Duration::from_secs(20)).expect("an answer");

@@ -48,7 +48,7 @@ fn copy(subject: Subject, from: &Files, to: &mut Files) {
         Subject::Volume => {
             to.volume.clone_from(&from.volume);
             to.series.clone_from(&from.series);
-            to.roi.clone_from(&from.roi);
+            to.set_region(from.region());
         }
     }
 }

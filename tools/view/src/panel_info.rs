@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, VecDeque};
 use engine::render::Intensities;
 use glam::{DVec2, DVec3};
 
+use crate::fit_plan::FitStatus;
 use crate::histogram::Histogram;
+use crate::region::RegionSize;
 
 /// Number of frames in the statistics.
 pub const FRAMES: usize = 120;
@@ -32,6 +34,14 @@ pub struct PanelInfo<'a> {
     pub splat_histogram: Option<&'a Histogram>,
     /// Histogram of the volume's intensities within its region, as soon as it is computed.
     pub volume_histogram: Option<&'a Histogram>,
+    /// True if the splats are those of a fit that no file has yet.
+    pub fitted: bool,
+    /// The fit beside the window, if there is one.
+    pub fit: Option<&'a FitStatus>,
+    /// Size of the volume's region; `None` without a region.
+    pub region: Option<RegionSize>,
+    /// Corners of the box around the whole volume, mm RAS; `None` without a volume.
+    pub volume_bounds: Option<[DVec3; 2]>,
     /// Number of the data: another one whenever something was read or closed.
     pub data: u64,
     /// True if the picture has a lower quality than it will have at rest.
@@ -45,6 +55,9 @@ pub struct PanelInfo<'a> {
     pub depth: &'a dyn Fn(DVec2) -> Option<f64>,
     /// Returns the intensity at a point, mm RAS; `None` outside of the data.
     pub sample: &'a dyn Fn(DVec3) -> Option<f64>,
+    /// Returns the intensity at a point, mm RAS, of the whole volume, and the weight of its region there, 0 to 1;
+    /// `None` outside of the volume.
+    pub sample_whole: &'a dyn Fn(DVec3) -> Option<(f64, f64)>,
 }
 
 static NO_STATISTICS: Statistics = Statistics::new();
@@ -63,12 +76,17 @@ impl Default for PanelInfo<'_> {
             object_intensities: &[],
             splat_histogram: None,
             volume_histogram: None,
+            fitted: false,
+            fit: None,
+            region: None,
+            volume_bounds: None,
             data: 0,
             draft: false,
             statistics: &NO_STATISTICS,
             progress: None,
             depth: &|_| None,
             sample: &|_| None,
+            sample_whole: &|_| None,
         }
     }
 }

@@ -29,14 +29,19 @@ pub enum Purpose {
     Transfer,
     /// The transfer function is written to it.
     SaveTransfer,
+    /// The mask of the region is read from it.
+    Mask,
+    /// The fitted splats are written to it.
+    Keep,
 }
 
 impl Purpose {
     /// Returns the title, the name of the button that confirms, and the extensions that are listed.
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
-        static DATA: LazyLock<Vec<&str>> = LazyLock::new(|| {
-            let volumes = engine::volume::FORMATS.iter().flat_map(|format| format.extensions);
-            [".ply", ".vgs", ".toml"].iter().chain(volumes).copied().collect()
+        static DATA: LazyLock<Vec<&str>> =
+            LazyLock::new(|| [".ply", ".vgs", ".toml"].iter().chain(VOLUMES.iter()).copied().collect());
+        static VOLUMES: LazyLock<Vec<&str>> = LazyLock::new(|| {
+            engine::volume::FORMATS.iter().flat_map(|format| format.extensions).copied().collect()
         });
         match self {
             Purpose::Open => ("Open splats, a volume, a mask or a session", "Open", DATA.as_slice()),
@@ -47,22 +52,25 @@ impl Purpose {
                 ("Open a transfer function", "Open", &[".vp.json", ".json", ".xml", ".mrml", ".vp"])
             }
             Purpose::SaveTransfer => ("Save the transfer function", "Save", &[".vp.json"]),
+            Purpose::Mask => ("Open a mask or a label map", "Open", VOLUMES.as_slice()),
+            Purpose::Keep => ("Keep the splats: .ply, or .vgs for a small file", "Keep", &[".ply", ".vgs"]),
         }
     }
 
     /// Returns true if the file is written.
     fn writes(self) -> bool {
-        !matches!(self, Purpose::Open | Purpose::Transfer)
+        !matches!(self, Purpose::Open | Purpose::Transfer | Purpose::Mask)
     }
 
     /// Returns the suggested name of a new file.
     fn suggestion(self) -> &'static str {
         match self {
-            Purpose::Open | Purpose::Transfer => "",
+            Purpose::Open | Purpose::Transfer | Purpose::Mask => "",
             Purpose::Save => "session.toml",
             Purpose::Screenshot => "picture.png",
             Purpose::Record => "turntable.png",
             Purpose::SaveTransfer => "transfer.vp.json",
+            Purpose::Keep => "fit.ply",
         }
     }
 }
@@ -213,6 +221,8 @@ impl Prompt {
             Purpose::Record => Action::Record { path, size, frames, force },
             Purpose::Transfer => Action::Transfer(path.to_string_lossy().into_owned()),
             Purpose::SaveTransfer => Action::SaveTransfer { path, force },
+            Purpose::Mask => Action::Mask(path),
+            Purpose::Keep => Action::Keep { path, force },
         }
     }
 }
@@ -264,6 +274,8 @@ mod tests {
             (Purpose::Record, Action::Record { path: path.clone(), size, frames: 120, force: true }),
             (Purpose::Transfer, Action::Transfer("x".into())),
             (Purpose::SaveTransfer, Action::SaveTransfer { path: path.clone(), force: true }),
+            (Purpose::Mask, Action::Mask(path.clone())),
+            (Purpose::Keep, Action::Keep { path: path.clone(), force: true }),
         ] {
             assert_eq!(prompt(purpose).action(path.clone(), true), expected);
         }

@@ -51,7 +51,8 @@ pub fn run(start: Start) -> Result<WindowReport> {
         let _ = proxy.send_event(Woken);
     });
     let Start { state, keeps_camera, settings, gpu, since } = start;
-    let viewer = Viewer::new(state, keeps_camera, settings, loader, WindowReport::new(since));
+    let report = WindowReport::new(since);
+    let viewer = Viewer::new(state, keeps_camera, settings, gpu.clone(), loader, report);
     let mut program =
         Program { viewer, options: gpu, active: None, wake_at: None, lost: false, failure: None };
     events.run_app(&mut program).map_err(|e| no_window(&e))?;
@@ -187,7 +188,8 @@ impl ApplicationHandler<Woken> for Program {
         let Some(active) = &mut self.active else { return };
         match &event {
             WindowEvent::RedrawRequested => return self.draw(event_loop),
-            WindowEvent::CloseRequested => return event_loop.exit(),
+            WindowEvent::CloseRequested if self.viewer.may_close() => return event_loop.exit(),
+            WindowEvent::CloseRequested => active.window.request_redraw(),
             WindowEvent::Resized(size) => {
                 active.canvas.resize(pixels(*size));
                 active.window.request_redraw();

@@ -5,8 +5,9 @@ use std::time::Instant;
 
 use clap::Args;
 use engine::{Error, Kind, Result, transfer};
-use view::loader;
+use view::region::Region;
 use view::settings::Settings;
+use view::sorting;
 use view::state::{Files, ViewState};
 use view::window::{self, Start};
 
@@ -49,6 +50,7 @@ Examples:
   vgs view bones.ply --volume ct.nii.gz --roi bones.nii.gz
   vgs view bones.ply vessels.ply --tf CT-Angio
   vgs view scans/ --series 3       a folder of DICOM slices; `vgs info scans/` lists its series
+  vgs view ct.nii.gz               G chooses a region and fits splats to it
   vgs view session.toml
 
 Left button turns, middle moves, wheel zooms, right sets window and level; ? lists the keys.
@@ -77,7 +79,12 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
 impl ViewArguments {
     /// Returns the state that is shown at first, and true if its camera is to be kept.
     fn state(&self) -> Result<(ViewState, bool)> {
-        let mut sorted = loader::sort(&Files::default(), &self.files)?;
+        let nothing = Files::default();
+        let mut sorted = match sorting::needs_look(&nothing, &self.files) {
+            true => sorting::sort_looking(&nothing, &self.files, None)?,
+            false => sorting::sort(&nothing, &self.files)?,
+        };
+        sorted.notes.iter().for_each(|note| tracing::warn!("{note}"));
         let session = sorted.state().transpose()?;
         let keeps_camera = session.is_some();
         let mut state = match session {
@@ -96,8 +103,8 @@ impl ViewArguments {
         if self.volume.is_some() {
             state.files.volume.clone_from(&self.volume);
         }
-        if self.roi.is_some() {
-            state.files.roi.clone_from(&self.roi);
+        if let Some(mask) = &self.roi {
+            state.files.set_region(Some(Region::Mask { path: mask.clone(), labels: None }));
         }
         if self.series.is_some() {
             if state.files.volume.is_none() {
@@ -110,7 +117,7 @@ impl ViewArguments {
             return Err(Error::new(Kind::Usage, "VGS-CLI-096", "--roi is the region of a volume")
                 .help("give the volume with --volume"));
         }
-        let Files { splats, volume, roi, series: _ } = &state.files;
+        let Files { splats, volume, roi, .. } = &state.files;
         for file in splats.iter().chain(volume).chain(roi) {
             exists(file)?;
         }

@@ -5,7 +5,7 @@
 //! [`App::camera`] and the state's look.
 
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
-use engine::error::{Error, Result};
+use engine::error::{Error, Kind, Result};
 use engine::render::Camera;
 use engine::transfer::PRESETS;
 use glam::DVec3;
@@ -18,7 +18,7 @@ use crate::history::History;
 use crate::panel_info::PanelInfo;
 use crate::panels::notice::Message;
 use crate::panels::status::Reading;
-use crate::panels::{self, menu::Menus, slices::SliceImages};
+use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
 use crate::prompt::{Answer, Prompt, Purpose};
 use crate::settings::Settings;
 use crate::state::{Edited, SplatMode, Subject, ViewState};
@@ -56,6 +56,7 @@ pub struct App {
     pub settings: Settings,
     pub(super) editor: Editor,
     pub(super) slice_images: SliceImages,
+    pub(super) fit_form: FitForm,
     pub(super) history: History<Edited>,
     /// State when the changes were last taken.
     pub(super) taken: ViewState,
@@ -65,6 +66,8 @@ pub struct App {
     /// clicked.
     pub(super) measuring: Option<Option<DVec3>>,
     pub(super) keys: bool,
+    /// True while the user is asked whether to end although a fit would be lost.
+    pub(super) leaving: bool,
     pub(super) message: Option<Message>,
     pub(super) prompt: Option<Prompt>,
     /// Target that is dragged while a button is down.
@@ -83,6 +86,7 @@ impl App {
         App {
             editor: Editor::default(),
             slice_images: SliceImages::default(),
+            fit_form: FitForm::default(),
             history: History::new(state.edited()),
             taken: state.clone(),
             fit: false,
@@ -90,6 +94,7 @@ impl App {
             settings,
             measuring: None,
             keys: false,
+            leaving: false,
             message: None,
             prompt: None,
             grip: None,
@@ -106,6 +111,11 @@ impl App {
         self.history.restart(state.edited());
         self.state = state;
         self.fit = false;
+    }
+
+    /// Forgets the textures of a device that is gone; they are made anew for the next one.
+    pub fn forget_textures(&mut self) {
+        self.slice_images = SliceImages::default();
     }
 
     /// Moves the camera to see the whole scene in the next frame that knows its bounds.
@@ -150,6 +160,11 @@ impl App {
         changes
     }
 
+    /// Asks whether to end although a fit would be lost. Returns true if that question is open already.
+    pub fn ask_to_leave(&mut self) -> bool {
+        std::mem::replace(&mut self.leaving, true)
+    }
+
     /// Reports an error to the user.
     pub fn report(&mut self, error: &Error) {
         tracing::warn!("{error} [{}]", error.code);
@@ -172,7 +187,7 @@ impl App {
         let context = ui.ctx().clone();
         self.windows(&context, info, &mut actions);
         // By now widgets have taken their input. An open question has to be answered first.
-        let asks = self.prompt.is_some() || !self.settings.notice_seen;
+        let asks = self.prompt.is_some() || self.leaving || !self.settings.notice_seen;
         if !asks && !context.text_edit_focused() {
             let focus = context.egui_wants_keyboard_input();
             actions.extend(context.input_mut(|i| pressed(i, focus)));
@@ -190,8 +205,31 @@ impl App {
     pub fn act(&mut self, action: Action, info: &PanelInfo<'_>) -> Option<Action> {
         let state = &mut self.state;
         match action {
-            Action::Open(_) | Action::Screenshot { .. } | Action::Record { .. } | Action::Quit => {
-                return Some(action);
+            // A fit is lost only if the user says so.
+            Action::Quit if info.fit.is_some() && !self.leaving => self.leaving = true,
+            Action::Open(_)
+            | Action::Screenshot { .. }
+            | Action::Record { .. }
+            | Action::Region(_)
+            | Action::StartFit { .. }
+            | Action::StopFit
+            | Action::Keep { .. }
+            | Action::DiscardFit
+            | Action::Quit => return Some(action),
+            Action::AskMask => self.ask(Purpose::Mask),
+            Action::AskKeep => self.ask(Purpose::Keep),
+            Action::Mask(path) => return Some(Action::Region(Some(self.fit_form.take_mask(path)))),
+            Action::ToggleFit if !info.volume && info.fit.is_none() => self.report(
+                &Error::new(Kind::NothingToDo, "VGS-VIEW-041", "there is no volume to fit splats to")
+                    .help("open a CT or an MR, or drop one on the window"),
+            ),
+            Action::ToggleFit => {
+                let open = &mut self.fit_form.open;
+                *open = !*open;
+                if *open {
+                    // The region is judged in the slices.
+                    (state.slices.shown, state.show.panels) = (true, true);
+                }
             }
             Action::AskOpen => self.ask(Purpose::Open),
             Action::AskSave => self.ask(Purpose::Save),
@@ -235,7 +273,7 @@ impl App {
             }
             Action::NextPreset => self.step_preset(1, info),
             Action::PreviousPreset => self.step_preset(PRESETS.len() - 1, info),
-            Action::Fit => self.fit = true,
+            Action::SeeAll => self.fit = true,
             Action::View(side) => state.orbit.look_from(side),
             Action::Turn([azimuth, elevation]) => state.orbit.turn(azimuth, elevation),
             Action::Measure => {
@@ -256,6 +294,7 @@ impl App {
                 self.measuring = None;
                 self.prompt = None;
                 self.keys = false;
+                self.leaving = false;
                 self.message = None;
             }
             Action::TogglePanels => state.show.panels = !state.show.panels,
@@ -316,6 +355,7 @@ impl App {
                     recent: &self.settings.recent,
                     can_undo: self.history.can_undo(),
                     can_redo: self.history.can_redo(),
+                    can_fit: info.volume,
                 };
                 panels::menu::show(ui, &menus, actions);
             });
@@ -337,11 +377,12 @@ impl App {
             }
         }
         if self.state.slices.shown && ui.available_width() >= 1.5 * SLICES[0] {
+            let shade = self.fit_form.shade(&self.state.files, info);
             let (slices, images) = (&mut self.state.slices, &mut self.slice_images);
             Panel::left("slices")
                 .default_size(SLICES[0])
                 .size_range(SLICES[0]..=SLICES[1])
-                .show(ui, |ui| panels::slices::show(ui, slices, images, info));
+                .show(ui, |ui| panels::slices::show(ui, slices, images, info, shade));
         }
         CentralPanel::no_frame().show(ui, |ui| self.central(ui, info, actions));
     }
@@ -349,6 +390,16 @@ impl App {
     fn sections(&mut self, ui: &mut Ui, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
         let state = &mut self.state;
         let section = |name: &str, open: bool| CollapsingHeader::new(name).default_open(open);
+        let form = &mut self.fit_form;
+        form.follow(&state.files);
+        if info.volume || info.fit.is_some() {
+            let header = CollapsingHeader::new("Fit")
+                .open(Some(form.open))
+                .show_unindented(ui, |ui| panels::fit::show(ui, form, &state.files, info, actions));
+            if header.header_response.clicked() {
+                actions.push(Action::ToggleFit);
+            }
+        }
         section("Objects", true).show_unindented(ui, |ui| panels::objects::show(ui, state, info));
         section("Transfer function", true)
             .show_unindented(ui, |ui| panels::transfer::show(ui, state, &mut self.editor, info, actions));
@@ -381,6 +432,11 @@ impl App {
         if self.keys {
             panels::keys::show(context, &mut self.keys);
         }
+        if let Some(close) = self.leaving.then(|| panels::notice::leave(context)).flatten() {
+            // The action ends the program, since the question was asked.
+            actions.extend(close.then_some(Action::Quit));
+            self.leaving = close;
+        }
         if self.message.as_ref().is_some_and(|m| panels::notice::message(context, m)) {
             self.message = None;
         }
@@ -394,5 +450,5 @@ impl App {
 }
 
 #[cfg(test)]
-#[path = "tests.rs"]
+#[path = "tests/app.rs"]
 mod tests;

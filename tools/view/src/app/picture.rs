@@ -150,6 +150,7 @@ impl App {
         paint.annotations(state, info.oriented);
         let own_colours = |object: &Object| object.tint.is_some() || !object.visible;
         let all_own = state.shown == Subject::Splats
+            && !info.fitted
             && !state.objects.is_empty()
             && state.objects.iter().all(own_colours);
         if state.show.colour_bar

@@ -21,7 +21,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, actions: &mut Vec<Action>) {
             }
         });
     }
-    ui.horizontal(|ui| ask(ui, "Fit", Action::Fit, actions));
+    ui.horizontal(|ui| ask(ui, "Whole scene", Action::SeeAll, actions));
     let orbit = &mut state.orbit;
     row(ui, "Azimuth", "about the body's axis: 0 in front, 90 at the patient's left", |ui| {
         let mut azimuth = orbit.azimuth_deg;

@@ -16,6 +16,8 @@ pub struct Menus<'a> {
     pub can_undo: bool,
     /// True if there is a step to redo.
     pub can_redo: bool,
+    /// True if there is a volume to fit.
+    pub can_fit: bool,
 }
 
 /// Shows the menus.
@@ -51,12 +53,14 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
             for action in [Action::Measure, Action::Clip, Action::Crop] {
                 item(ui, true, action, actions);
             }
+            ui.separator();
+            item(ui, menus.can_fit, Action::ToggleFit, actions);
         });
         ui.menu_button("View", |ui| {
             for side in Side::ALL {
                 item(ui, true, Action::View(side), actions);
             }
-            item(ui, true, Action::Fit, actions);
+            item(ui, true, Action::SeeAll, actions);
             ui.separator();
             for action in [Action::Flip, Action::Split, Action::ToggleSlices, Action::NextMode] {
                 item(ui, true, action, actions);

@@ -5,12 +5,14 @@
 //! |---|---|
 //! | `menu`, `status` | the menus above, the line below |
 //! | `objects`, `transfer`, `quality`, `camera`, `clip`, `measure` | the sections at the side |
+//! | `fit` | the section that fits splats to a region of the volume |
 //! | `slices` | the slices beside the picture |
 //! | `welcome`, `notice`, `keys`, `overlay` | over the picture: nothing open, a message, keys, frame times |
 //! | `widgets` | parts of the panels |
 
 pub mod camera;
 pub mod clip;
+pub mod fit;
 pub mod keys;
 pub mod measure;
 pub mod menu;

@@ -20,6 +20,23 @@ pub fn show(context: &Context) -> bool {
     modal.inner
 }
 
+/// Asks whether to end although a fit would be lost. Returns the answer once there is one.
+pub fn leave(context: &Context) -> Option<bool> {
+    let modal = Modal::new(Id::new("leave")).show(context, |ui| {
+        ui.set_max_width(380.0);
+        ui.heading("The fit is in no file");
+        ui.label("Its splats are lost if the window is closed now.");
+        ui.add_space(6.0);
+        ui.horizontal(|ui| {
+            let close = ui.button("Close").on_hover_text("stops the fit and ends the program").clicked();
+            let stay = ui.button("Stay").on_hover_text("the fit goes on").clicked();
+            if close || stay { Some(close) } else { None }
+        })
+        .inner
+    });
+    if modal.inner.is_none() && modal.should_close() { Some(false) } else { modal.inner }
+}
+
 /// Message to the user.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {

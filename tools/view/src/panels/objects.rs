@@ -16,6 +16,10 @@ fn first_tint(name: &str, index: usize) -> DVec3 {
 
 /// Shows the list.
 pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
+    if info.fitted {
+        ui.weak("The splats of the fit, which are in no file yet.");
+        return;
+    }
     if state.objects.is_empty() {
         ui.weak("Open splats, or drop a file here.");
         return;

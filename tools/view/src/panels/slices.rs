@@ -19,9 +19,24 @@ const POINTS_PER_STEP: f32 = 25.0;
 /// Height of what stands under the slices, points of the screen.
 const FOOT: f32 = 64.0;
 
+/// Colour of a region over the grey of the slices, and its part of the mixture.
+const SHADE: ([f32; 3], f32) = ([64.0, 200.0, 255.0], 0.4);
+
+/// What is shaded in the slices, which show the whole volume then.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shade {
+    /// Nothing.
+    Nothing,
+    /// The region of the volume.
+    Region,
+    /// What lies between two intensities.
+    Between([f64; 2]),
+}
+
 /// What the pixels of a slice depend on.
 #[derive(Clone, PartialEq)]
 struct Key {
+    shade: Option<Shade>,
     data: u64,
     volume: bool,
     bounds: [DVec3; 2],
@@ -44,9 +59,16 @@ fn colour(plane: SlicePlane) -> Color32 {
     }
 }
 
-/// Shows the slices through the crosshair, which they move.
-pub fn show(ui: &mut Ui, slices: &mut Slices, images: &mut SliceImages, info: &PanelInfo<'_>) {
-    let Some(bounds) = info.bounds else {
+/// Shows the slices through the crosshair, which they move. With a `shade` they show all of the volume and shade a
+/// part of it.
+pub fn show(
+    ui: &mut Ui,
+    slices: &mut Slices,
+    images: &mut SliceImages,
+    info: &PanelInfo<'_>,
+    shade: Option<Shade>,
+) {
+    let Some(bounds) = info.volume_bounds.filter(|_| shade.is_some()).or(info.bounds) else {
         _ = ui.weak("nothing is open");
         return;
     };
@@ -67,6 +89,7 @@ pub fn show(ui: &mut Ui, slices: &mut Slices, images: &mut SliceImages, info: &P
         let response = ui.interact(rect, ui.id().with(plane.name()), Sense::click_and_drag());
         lead(ui, &response, rect, plane, bounds, at_mm, window);
         let key = Key {
+            shade,
             data: info.data,
             volume: info.volume,
             bounds,
@@ -75,7 +98,11 @@ pub fn show(ui: &mut Ui, slices: &mut Slices, images: &mut SliceImages, info: &P
         };
         paint(ui, image, key, rect, plane, *at_mm, info);
     }
-    foot(ui, *at_mm, window, info);
+    let intensity = match shade {
+        Some(_) => (info.sample_whole)(*at_mm).map(|(intensity, _)| intensity),
+        None => (info.sample)(*at_mm),
+    };
+    foot(ui, *at_mm, intensity, window, info.unit);
 }
 
 /// Moves the crosshair and changes the window, as the mouse says.
@@ -111,6 +138,31 @@ fn lead(
     }
 }
 
+/// Returns the pixels of a slice.
+fn pixels(key: &Key, size: [usize; 2], plane: SlicePlane, at_mm: DVec3, info: &PanelInfo<'_>) -> ColorImage {
+    let slice = |sample: &dyn Fn(DVec3) -> Option<f64>| plane.intensities(at_mm, key.bounds, size, sample);
+    let Some(shade) = key.shade else {
+        let greys: Vec<u8> = slice(info.sample).into_iter().map(|v| grey(v, key.window)).collect();
+        return ColorImage::from_gray(size, &greys);
+    };
+    let intensities = slice(&|at| (info.sample_whole)(at).map(|(intensity, _)| intensity));
+    let weights = match shade {
+        Shade::Region => slice(&|at| (info.sample_whole)(at).map(|(_, weight)| weight)),
+        Shade::Between([low, high]) => {
+            intensities.iter().map(|v| f32::from((low..=high).contains(&f64::from(*v)))).collect()
+        }
+        Shade::Nothing => vec![0.0; intensities.len()],
+    };
+    let mixed = intensities.iter().zip(&weights).map(|(&intensity, &weight)| {
+        let grey = f32::from(grey(intensity, key.window));
+        // Outside of the volume the weight is NaN, too, and nothing is shaded.
+        let part = SHADE.1 * weight.max(0.0);
+        let [r, g, b] = SHADE.0.map(|shade| (grey + part * (shade - grey)).round() as u8);
+        Color32::from_rgb(r, g, b)
+    });
+    ColorImage::new(size, mixed.collect())
+}
+
 /// Paints a slice with the lines of the others, the patient's sides and its name.
 fn paint(
     ui: &Ui,
@@ -121,12 +173,10 @@ fn paint(
     at_mm: DVec3,
     info: &PanelInfo<'_>,
 ) {
-    let Key { bounds, window, .. } = key;
+    let bounds = key.bounds;
     if image.as_ref().is_none_or(|(shown, _)| *shown != key) {
         let size = plane.pixels(bounds, if info.volume { PIXELS[0] } else { PIXELS[1] });
-        let intensities = plane.intensities(at_mm, bounds, size, info.sample);
-        let greys: Vec<u8> = intensities.into_iter().map(|v| grey(v, window)).collect();
-        let pixels = ColorImage::from_gray(size, &greys);
+        let pixels = pixels(&key, size, plane, at_mm, info);
         match image {
             Some((shown, texture)) => {
                 texture.set(pixels, TextureOptions::LINEAR);
@@ -168,10 +218,10 @@ fn paint(
 }
 
 /// Shows what is at the crosshair, and the window.
-fn foot(ui: &mut Ui, at_mm: DVec3, window: &mut [f64; 2], info: &PanelInfo<'_>) {
+fn foot(ui: &mut Ui, at_mm: DVec3, intensity: Option<f64>, window: &mut [f64; 2], unit: &str) {
     ui.horizontal(|ui| {
-        match (info.sample)(at_mm) {
-            Some(v) => ui.monospace(format!("{v:.1}{}", info.unit)),
+        match intensity {
+            Some(v) => ui.monospace(format!("{v:.1}{unit}")),
             None => ui.weak("nothing here"),
         };
         ui.monospace(format!("({:.1}, {:.1}, {:.1}) mm", at_mm.x, at_mm.y, at_mm.z))
@@ -183,6 +233,6 @@ fn foot(ui: &mut Ui, at_mm: DVec3, window: &mut [f64; 2], info: &PanelInfo<'_>) 
         let speed = (*high - *low).abs() * 0.005;
         ui.add(DragValue::new(low).speed(speed).max_decimals(0));
         ui.label("to");
-        ui.add(DragValue::new(high).speed(speed).max_decimals(0).suffix(info.unit));
+        ui.add(DragValue::new(high).speed(speed).max_decimals(0).suffix(unit));
     });
 }

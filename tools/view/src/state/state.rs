@@ -13,6 +13,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::orbit::Orbit;
+use crate::region::{Region, Threshold};
 use crate::transfer::Transfer;
 
 /// Version of the session file; later versions are refused.
@@ -88,6 +89,34 @@ pub struct Files {
     /// The mask or label map of its region.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub roi: Option<PathBuf>,
+    /// The labels of a label map that make up the region, by number or name, with commas between them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub labels: Option<String>,
+    /// The threshold that makes up the region where there is no mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub threshold: Option<Threshold>,
+}
+
+impl Files {
+    /// Returns what makes up the region of the volume; `None` if all of it is shown.
+    pub fn region(&self) -> Option<Region> {
+        let mask = || Some(Region::Mask { path: self.roi.clone()?, labels: self.labels.clone() });
+        mask().or_else(|| self.threshold.clone().map(Region::Threshold))
+    }
+
+    /// Replaces the region of the volume.
+    pub fn set_region(&mut self, region: Option<Region>) {
+        (self.roi, self.labels, self.threshold) = match region {
+            None => (None, None, None),
+            Some(Region::Mask { path, labels }) => (Some(path), labels, None),
+            Some(Region::Threshold(threshold)) => (None, None, Some(threshold)),
+        };
+    }
+
+    /// Returns true if both name the same volume.
+    pub fn has_volume_of(&self, other: &Files) -> bool {
+        (&self.volume, &self.series) == (&other.volume, &other.series)
+    }
 }
 
 /// A camera that was kept.
@@ -420,7 +449,7 @@ impl ViewState {
         let path = path.as_ref();
         let mut state = ViewState::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let Files { splats, volume, roi, series: _ } = &mut state.files;
+        let Files { splats, volume, roi, .. } = &mut state.files;
         for file in splats.iter_mut().chain(volume).chain(roi) {
             // An absolute path replaces the folder.
             *file = folder.join(&file);

@@ -13,6 +13,8 @@ fn full() -> ViewState {
         volume: Some("/data/ct.nii.gz".into()),
         series: Some("3".into()),
         roi: Some("/data/mask.nii.gz".into()),
+        labels: Some("5,aorta".into()),
+        threshold: None,
     };
     state.orbit = Orbit { azimuth_deg: 33.3, elevation_deg: -12.25, distance_mm: 1e3 / 3.0, ..state.orbit };
     state.bookmarks = vec![Bookmark { name: "hilum".into(), orbit: Orbit { fov_deg: 12.5, ..state.orbit } }];
@@ -36,7 +38,10 @@ fn full() -> ViewState {
 
 #[test]
 fn what_is_written_is_read_back_equal() {
-    for state in [full(), ViewState::new(&PRESETS[1].over([0.0, 1.0]))] {
+    let mut threshold = full();
+    let cleaned = Threshold { largest: Some(2), close_mm: Some(1.5), ..Threshold::new(226.0, 3071.0) };
+    threshold.files.set_region(Some(Region::Threshold(cleaned)));
+    for state in [full(), threshold, ViewState::new(&PRESETS[1].over([0.0, 1.0]))] {
         let text = state.text().expect("UTF-8");
         assert_eq!(ViewState::parse(&text).unwrap_or_else(|e| panic!("{e}\n{text}")), state);
     }

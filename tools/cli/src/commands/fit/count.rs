@@ -108,10 +108,9 @@ pub fn placed<'a>(
     Ok((problem, first))
 }
 
-/// Returns true if the splats are rounded for a small file and fitted again. A clock leaves no time for that, and
-/// a fit of mini-batches no memory; their splats are rounded as they are.
+/// Returns true if the splats are rounded for a small file and fitted again. A clock leaves no time for that.
 pub fn is_rounded(problem: &Problem<'_>, arguments: &FitArguments) -> bool {
-    splat::rounds(&arguments.output) && arguments.time_budget.is_none() && problem.config().subset == 0
+    problem.is_rounded_in(&arguments.output) && arguments.time_budget.is_none()
 }
 
 /// Returns true if the target is only aimed at: trials find the number of splats, and that is final.

@@ -4,9 +4,16 @@ use engine::splat::{Splat, SplatSet};
 use glam::DVec2;
 
 use super::*;
+use crate::fit_plan::FitStatus;
 use crate::orbit::{Orbit, Side};
+use crate::region::RegionSize;
 use crate::state::Object;
 use crate::transfer::Transfer;
+
+#[path = "fit.rs"]
+mod fit;
+#[path = "slices.rs"]
+mod slices;
 
 const SCREEN: Rect = Rect { min: Pos2::ZERO, max: pos2(1200.0, 800.0) };
 
@@ -18,6 +25,11 @@ struct Bench {
     /// True if the picture has a lower quality than it will have.
     draft: bool,
     intensities: Vec<Intensities>,
+    /// The fit beside the window.
+    fit: Option<FitStatus>,
+    /// The region of the volume.
+    region: Option<RegionSize>,
+    dropped: Vec<egui::DroppedFileHandle>,
     shapes: Vec<egui::epaint::ClippedShape>,
 }
 
@@ -34,6 +46,9 @@ impl Bench {
             time: 0.0,
             draft: false,
             intensities: Vec::new(),
+            fit: None,
+            region: None,
+            dropped: Vec::new(),
             shapes: Vec::new(),
         };
         // Panels know their size after the first frame.
@@ -45,8 +60,14 @@ impl Bench {
     fn frame(&mut self, events: Vec<Event>, modifiers: Modifiers) -> Vec<Action> {
         self.time += 0.05;
         let events = [vec![Event::ModifiersChanged(modifiers)], events].concat();
-        let input =
-            RawInput { screen_rect: Some(SCREEN), time: Some(self.time), events, ..RawInput::default() };
+        let dropped_files = std::mem::take(&mut self.dropped);
+        let input = RawInput {
+            screen_rect: Some(SCREEN),
+            time: Some(self.time),
+            events,
+            dropped_files,
+            ..RawInput::default()
+        };
         let distance = self.app.state.orbit.distance_mm;
         let depth = move |_: DVec2| Some(distance - 100.0);
         let info = PanelInfo {
@@ -60,6 +81,10 @@ impl Bench {
             draft: self.draft,
             depth: &depth,
             sample: &|x| Some(x.y),
+            fit: self.fit.as_ref(),
+            region: self.region,
+            volume_bounds: Some([DVec3::splat(-150.0), DVec3::splat(150.0)]),
+            sample_whole: &|x| Some((x.y, f64::from(u8::from(x.x > 0.0)))),
             ..PanelInfo::default()
         };
         let mut actions = Vec::new();
@@ -570,6 +595,7 @@ fn opening_files_is_no_step_of_undo() {
 fn all_letters_can_be_drawn() {
     let mut bench = Bench::new();
     bench.app.state.objects[1].visible = false;
+    bench.app.act(Action::ToggleFit, &PanelInfo { volume: true, ..PanelInfo::default() });
     for action in [Action::ToggleKeys, Action::ToggleOverlay, Action::Clip, Action::Crop, Action::AskRecord] {
         bench.app.act(action, &PanelInfo::default());
     }
@@ -591,96 +617,4 @@ fn all_letters_can_be_drawn() {
             bench.context.fonts_mut(|fonts| drawn.filter(|c| !fonts.has_glyph(&font, *c)).collect());
         assert!(missing.is_empty(), "{missing:?} of {:?}", job.text);
     }
-}
-
-#[test]
-fn slices_share_a_crosshair_with_the_picture() {
-    let mut bench = Bench::new();
-    let wide = bench.app.picture();
-    bench.press(Key::V, Modifiers::NONE);
-    let narrow = bench.app.picture();
-    assert!(narrow.left() > wide.left() + 200.0, "the slices are beside the picture: {narrow}");
-    let [axial, coronal, sagittal] = ["Axial", "Coronal", "Sagittal"].map(|name| bench.find(name));
-    assert!(axial.y < coronal.y && coronal.y < sagittal.y);
-    assert_eq!(bench.app.state.slices.at_mm, Some(DVec3::ZERO), "the middle of the scene");
-    assert_eq!(bench.app.state.slices.window, Some([-200.0, 800.0]));
-    bench.find("0.0 HU");
-
-    // A click in the axial slice moves the crosshair in its plane: to the left is the patient's right.
-    let middle = axial + vec2(100.0, 90.0);
-    bench.click(middle);
-    let first = bench.app.state.slices.at_mm.expect("a crosshair");
-    bench.click(middle - vec2(40.0, 30.0));
-    let at = bench.app.state.slices.at_mm.expect("a crosshair");
-    let moved = at - first;
-    assert!(moved.x > 10.0 && moved.y > 10.0 && moved.z == 0.0, "{moved}");
-    assert!((moved.x / moved.y - 4.0 / 3.0).abs() < 1e-3, "as many mm a point along both");
-    // The intensity of this scene is its y.
-    bench.find(&format!("{:.1} HU", at.y));
-
-    let wheel = Event::MouseWheel {
-        unit: egui::MouseWheelUnit::Line,
-        delta: vec2(0.0, 3.0),
-        phase: egui::TouchPhase::Move,
-        modifiers: Modifiers::NONE,
-    };
-    let distance = bench.app.state.orbit.distance_mm;
-    bench.frame(vec![Event::PointerMoved(middle), wheel], Modifiers::NONE);
-    bench.rest();
-    let scrolled = bench.app.state.slices.at_mm.expect("a crosshair") - at;
-    assert!(scrolled.z > 0.0 && scrolled.x == 0.0 && scrolled.y == 0.0, "{scrolled}");
-    assert_eq!(bench.app.state.orbit.distance_mm, distance, "the picture does not move");
-
-    bench.drag(middle, vec2(100.0, 0.0), PointerButton::Secondary, Modifiers::NONE);
-    let [low, high] = bench.app.state.slices.window.expect("a window");
-    assert!(high - low > 1300.0 && (low + high - 600.0).abs() < 1e-6, "{low} {high}");
-
-    // A click on the scene brings the slices there.
-    let on_scene = bench.middle();
-    bench.click(on_scene);
-    let at = bench.app.state.slices.at_mm.expect("a crosshair");
-    assert!(at.distance(DVec3::new(0.0, 100.0, 0.0)) < 1.0, "the nearest point of the ball: {at}");
-
-    let text = toml::to_string(&bench.app.state).expect("a session");
-    assert!(text.contains("[slices]") && text.contains("shown = true"), "{text}");
-    let read: ViewState = toml::from_str(&text).expect("a session");
-    assert_eq!(read.slices, bench.app.state.slices);
-    bench.press(Key::V, Modifiers::NONE);
-    assert_eq!(bench.app.picture(), wide);
-}
-
-#[test]
-fn slices_are_made_anew_where_something_has_changed() {
-    let mut bench = Bench::new();
-    bench.press(Key::V, Modifiers::NONE);
-    let asked = std::cell::Cell::new(0);
-    let sample = |x: DVec3| {
-        asked.set(asked.get() + 1);
-        Some(x.z)
-    };
-    let frame = |bench: &mut Bench, data| {
-        asked.set(0);
-        let info = PanelInfo {
-            bounds: Some([DVec3::splat(-100.0), DVec3::splat(100.0)]),
-            range: [-1000.0, 2000.0],
-            unit: " HU",
-            volume: true,
-            data,
-            sample: &sample,
-            ..PanelInfo::default()
-        };
-        let input = RawInput { screen_rect: Some(SCREEN), time: Some(bench.time), ..RawInput::default() };
-        let output = bench.context.run_ui(input, |ui| _ = bench.app.ui(ui, &info));
-        output.drop_without_applying_deltas();
-        asked.get()
-    };
-    frame(&mut bench, 1);
-    let at_rest = frame(&mut bench, 1);
-    assert!(at_rest < 10, "{at_rest} samples of a picture that is there");
-    let all = frame(&mut bench, 2);
-    let one = all / 3;
-    assert!(all > 3 * 100 * 100, "other data: {all}");
-    bench.app.state.slices.at_mm = Some(DVec3::new(0.0, 0.0, 5.0));
-    let moved = frame(&mut bench, 2);
-    assert!(moved > one / 2 && moved < 2 * one, "one of three planes: {moved} of {all}");
 }

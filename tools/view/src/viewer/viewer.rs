@@ -1,26 +1,30 @@
-//! The viewer: the data, the user's wishes, and the frames that show them.
+//! The frames, what is loaded, and what the user asks for.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use engine::budget::Controller;
+use engine::gpu::GpuOptions;
 use engine::render::{GpuSplats, Quality, SplatKind, level_costs, quality_levels};
 use engine::splat::SplatSet;
 use engine::{Error, Result};
 use glam::DVec2;
 use winit::window::Window;
 
+use super::shown_fit::ShownFit;
 use crate::actions::Action;
 use crate::app::App;
 use crate::canvas::{self, Canvas, Overlay, render_setups};
 use crate::export::Export;
+use crate::fit_plan::Stage;
 use crate::loaded_data::LoadedData;
-use crate::loader::{Loaded, Loader, sort};
+use crate::loader::{Loaded, Loader};
 use crate::open_files::OpenFiles;
 use crate::panel_info::{PanelInfo, Statistics};
 use crate::report::WindowReport;
 use crate::settings::Settings;
+use crate::sorting::{Sorted, needs_look, sort};
 use crate::state::{Files, SplatMode, Subject, ViewState};
 
 /// Quality of the first picture, low so that something is shown at once.
@@ -32,7 +36,7 @@ const DECODING: &str = "decoding the field";
 const REST: Duration = Duration::from_millis(150);
 
 /// Distance of the voxels of mode decoded, in those of the CT, as in the settings of a picture.
-const PITCH: f64 = 1.0;
+pub(super) const PITCH: f64 = 1.0;
 
 /// Error code of a lost device.
 const LOST: &str = "VGS-GPU-012";
@@ -64,19 +68,19 @@ pub struct Next {
 
 /// The viewer.
 pub struct Viewer {
-    app: App,
-    data: LoadedData,
+    pub(super) app: App,
+    pub(super) data: LoadedData,
     /// Number of the data, another one whenever they change.
-    data_number: u64,
-    loader: Loader,
-    statistics: Statistics,
+    pub(super) data_number: u64,
+    pub(super) loader: Loader,
+    pub(super) statistics: Statistics,
     /// Measurements of the session.
     pub report: WindowReport,
     /// Files that were read.
-    open_files: OpenFiles,
+    pub(super) open_files: OpenFiles,
     /// Number of splats of each row of the list of objects.
     object_splats: Vec<usize>,
-    range: [f64; 2],
+    pub(super) range: [f64; 2],
     controller: Controller,
     /// Kind of splats whose quality levels the controller chooses from.
     kind: SplatKind,
@@ -87,19 +91,23 @@ pub struct Viewer {
     /// Size for which the pictures on the device were rendered.
     size: Option<[u32; 2]>,
     /// True if pictures have to be rendered whatever the user does.
-    stale: bool,
+    pub(super) stale: bool,
     /// Time of the first event that no frame has answered yet.
     happened: Option<Instant>,
     /// Splat budget of the scene.
-    budget: Option<u64>,
+    pub(super) budget: Option<u64>,
     /// True if the data with which splats move faster are there or being made.
-    prepared: bool,
+    pub(super) prepared: bool,
     /// True if the field for mode decoded is being decoded.
-    decoding: bool,
+    pub(super) decoding: bool,
     /// True while there is nothing better than a draft in slabs, because the field is still being decoded.
     waits: bool,
     /// True if the camera is to see everything once something is there.
     fits: bool,
+    /// Options of the device of a fit.
+    pub(super) gpu: GpuOptions,
+    /// The fit beside the window.
+    pub(super) fit: Option<ShownFit>,
 }
 
 impl Viewer {
@@ -108,10 +116,11 @@ impl Viewer {
         state: ViewState,
         keeps_camera: bool,
         settings: Settings,
+        gpu: GpuOptions,
         mut loader: Loader,
         report: WindowReport,
     ) -> Self {
-        loader.open(&state.files, &Files::default());
+        loader.open(&state.files, &Files::default(), None);
         let budget_ms = state.quality.target_frame_ms;
         Viewer {
             app: App::new(state, settings),
@@ -135,6 +144,8 @@ impl Viewer {
             decoding: false,
             waits: false,
             fits: !keeps_camera,
+            gpu,
+            fit: None,
         }
     }
 
@@ -154,6 +165,8 @@ impl Viewer {
     /// Creates the scenes on a new device.
     pub fn set_device(&mut self, canvas: &mut Canvas) -> Result<()> {
         let chosen = canvas.gpu().description();
+        self.app.forget_textures();
+        self.forget_device_of_fit();
         self.statistics.device = format!("{} ({})", chosen.name, chosen.driver);
         for subject in [Subject::Splats, Subject::Volume] {
             self.set_scene(canvas, subject)?;
@@ -163,17 +176,30 @@ impl Viewer {
 
     /// Takes what was loaded and puts it on the device.
     pub fn take_loaded(&mut self, canvas: &mut Canvas) -> Result<()> {
-        let mut new = Vec::new();
+        let (mut new, mut gone) = (Vec::new(), Vec::new());
         for loaded in self.loader.take() {
             self.data_number += 1;
             if let Loaded::Written(path) = &loaded {
                 self.app.done(format!("Written: {}", path.display()));
             }
-            if let Loaded::Splats(splats) = &loaded {
+            if let Loaded::Splats(splats) = &loaded
+                && self.fit.is_none()
+            {
                 self.choose_mode(&splats.set);
+                // Those of the fit that was kept.
+                self.data.fitted = None;
             }
             if let Loaded::Failed(Some(subject), _) = &loaded {
                 self.open_files.could_not_be_read(*subject, &mut self.app.state.files);
+                if *subject == Subject::Splats && self.fit.is_none() && self.data.fitted.take().is_some() {
+                    new.push(Subject::Splats);
+                }
+            }
+            if let Loaded::Sorted(sorted, paths) = &loaded {
+                match self.open_sorted((**sorted).clone(), paths) {
+                    Ok(subjects) => gone.extend(subjects),
+                    Err(error) => self.app.report(&error),
+                }
             }
             match self.data.take(loaded) {
                 Ok(Some(subject)) => {
@@ -188,11 +214,18 @@ impl Viewer {
             }
         }
         // What was loaded is kept whatever happens to the device.
-        new.into_iter().try_for_each(|subject| self.set_scene(canvas, subject))
+        new.into_iter().try_for_each(|subject| self.set_scene(canvas, subject))?;
+        self.forget(canvas, gone)?;
+        self.take_fit(canvas)
+    }
+
+    /// Returns true if the window may be closed at once. Otherwise the user is asked, since a fit would be lost.
+    pub fn may_close(&mut self) -> bool {
+        self.fit.is_none() || self.app.ask_to_leave()
     }
 
     /// Chooses the only mode that shows these splats, if there is one.
-    fn choose_mode(&mut self, set: &SplatSet) {
+    pub(super) fn choose_mode(&mut self, set: &SplatSet) {
         let own = SplatKind::of(set).own_mode();
         let Some(own) = SplatMode::ALL.into_iter().find(|mode| Some(mode.name()) == own) else { return };
         if std::mem::replace(&mut self.app.state.mode, own) != own && own == SplatMode::Alpha {
@@ -211,7 +244,7 @@ impl Viewer {
         }
     }
 
-    fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
+    pub(super) fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         self.range = self.data.range();
         self.prepared &= subject != Subject::Splats;
         self.decoding &= subject != Subject::Splats;
@@ -243,31 +276,46 @@ impl Viewer {
     /// Draws a frame: panels, and the picture if it has changed.
     pub fn draw(&mut self, active: &mut ActiveWindow) -> Result<Next> {
         let happened = self.happened.take();
+        self.show_fit(&mut active.canvas)?;
         let input = active.input.take_egui_input(&active.window);
         let context = active.input.egui_ctx().clone();
         let mut actions = Vec::new();
         let Viewer { app, data, data_number, loader, statistics, object_splats, range, draft, .. } = self;
+        let fit = self.fit.as_ref().map(|shown| shown.fitting.status());
+        let of_fit = fit
+            .filter(|fit| fit.stage != Stage::Ended)
+            .map(|fit| ("fitting", (fit.stage == Stage::Running).then(|| fit.share())));
+        let read = self.open_files.read();
+        let files = &app.state.files;
+        // While another region is being found, the volume still has the one before.
+        let is_read = read.has_volume_of(files) && read.region() == files.region();
         let split = app.state.split;
         let canvas = &active.canvas;
         let depth = |place: DVec2| canvas.depth_at(place, split);
         let sample = |at_mm| data.sample(at_mm);
+        let sample_whole = |at_mm| data.sample_whole(at_mm);
         let info = PanelInfo {
             bounds: canvas.bounds(),
             range: *range,
             unit: data.unit(),
             oriented: data.oriented(),
-            splats: data.has(Subject::Splats).then(|| object_splats.iter().sum()),
+            splats: data.shown_splats().map(|splats| splats.set.splats.len()),
             volume: data.has(Subject::Volume),
             object_splats,
             object_intensities: data.splats.as_ref().map_or(&[], |splats| &splats.intensities),
-            splat_histogram: data.splat_histogram.as_ref(),
+            splat_histogram: data.splat_histogram.as_ref().filter(|_| data.fitted.is_none()),
             volume_histogram: data.volume_histogram.as_ref(),
+            fitted: data.fitted.is_some(),
+            fit,
+            region: data.volume.as_ref().filter(|_| is_read).and_then(|volume| volume.size),
+            volume_bounds: data.volume_bounds(),
             data: *data_number,
             draft: *draft,
             statistics,
-            progress: loader.doing(),
+            progress: loader.doing().or(of_fit),
             depth: &depth,
             sample: &sample,
+            sample_whole: &sample_whole,
         };
         let mut output = context.run_ui(input, |ui| actions = app.ui(ui, &info));
         active.canvas.take_textures(std::mem::take(&mut output.textures_delta));
@@ -323,7 +371,7 @@ impl Viewer {
         let waits = chosen != wanted && (!self.decoding || self.loader.is_doing(DECODING));
         self.stale |= std::mem::replace(&mut self.waits, waits) && !waits;
         // Something is shown at once; the rest follows.
-        let first = quality.adaptive && canvas.is_blank() || waits;
+        let first = quality.adaptive && canvas.is_blank() && self.data.fitted.is_none() || waits;
         let rested = self.moved.is_some_and(|at| at.elapsed() >= REST || !quality.adaptive);
         let (Some(pixels), true) = (size, self.stale || changes.any() || size != self.size || rested) else {
             return Ok(changes.look);
@@ -452,16 +500,13 @@ impl Viewer {
         match action {
             Action::Quit => return Ok(true),
             Action::Open(paths) => match self.open(&paths) {
-                Ok(gone) => {
-                    for subject in gone {
-                        self.data.forget(subject);
-                        self.data_number += 1;
-                        self.open_files.forget(subject);
-                        self.set_scene(canvas, subject)?;
-                    }
-                }
+                Ok(gone) => self.forget(canvas, gone)?,
                 Err(error) => self.app.report(&error),
             },
+            Action::Region(region) => {
+                self.app.state.files.set_region(region);
+                self.read_files();
+            }
             Action::Screenshot { path, size, force } => {
                 self.export(canvas, path, size, move |export, path, _| export.still(path, force));
             }
@@ -470,9 +515,26 @@ impl Viewer {
                     export.turntable(path, frames, force, progress)
                 });
             }
-            _ => {}
+            other => self.act_on_fit(other, canvas)?,
         }
         Ok(false)
+    }
+
+    /// Drops what is not open any more.
+    fn forget(&mut self, canvas: &mut Canvas, gone: Vec<Subject>) -> Result<()> {
+        for subject in gone {
+            self.data.forget(subject);
+            self.data_number += 1;
+            self.open_files.forget(subject);
+            self.set_scene(canvas, subject)?;
+        }
+        Ok(())
+    }
+
+    /// Begins to read the files of the state that are not open yet.
+    fn read_files(&mut self) {
+        let volume = self.data.volume.as_ref().map(|loaded| &loaded.volume);
+        self.loader.open(&self.app.state.files, self.open_files.read(), volume);
     }
 
     /// Writes a file beside the window.
@@ -487,11 +549,22 @@ impl Viewer {
         self.loader.write(path.clone(), move |progress| write(&export, &path, progress));
     }
 
-    /// Begins to read files. Returns the subjects of which a session has no files.
-    fn open(&mut self, paths: &[PathBuf]) -> Result<Vec<Subject>> {
-        let sorted = sort(&self.app.state.files, paths)?;
+    /// Begins to read files, or to look into them where names do not tell what they are. Returns the subjects of
+    /// which a session has no files.
+    pub(super) fn open(&mut self, paths: &[PathBuf]) -> Result<Vec<Subject>> {
+        let files = &self.app.state.files;
+        if needs_look(files, paths) {
+            let volume = self.data.volume.as_ref().map(|loaded| &loaded.volume);
+            self.loader.sort(files, paths.to_vec(), volume);
+            return Ok(Vec::new());
+        }
+        self.open_sorted(sort(files, paths)?, paths)
+    }
+
+    fn open_sorted(&mut self, sorted: Sorted, paths: &[PathBuf]) -> Result<Vec<Subject>> {
         // What is still being read is read again, together with the new files.
-        let had = self.open_files.read().clone();
+        let had = self.open_files.read();
+        let fresh = *had == Files::default();
         if let Some(state) = sorted.state().transpose()? {
             self.app.begin(state);
             self.fits = false;
@@ -501,7 +574,10 @@ impl Viewer {
             }
         } else {
             self.app.state.files = sorted.files;
-            self.fits |= had == Files::default();
+            self.fits |= fresh;
+            if !sorted.notes.is_empty() {
+                self.app.done(sorted.notes.join(" "));
+            }
         }
         self.open_files.ask(paths);
         let files = &self.app.state.files;
@@ -512,7 +588,7 @@ impl Viewer {
         if files.volume.is_none() {
             gone.push(Subject::Volume);
         }
-        self.loader.open(files, &had);
+        self.read_files();
         Ok(gone)
     }
 }

@@ -1,0 +1,13 @@
+//! The viewer: the data, the user's wishes, and the frames that show them.
+//!
+//! | file | what is there |
+//! |---|---|
+//! | `viewer` | [`Viewer`]: frames, what is loaded, and what the user asks for |
+//! | `fit` | a fit beside the window: it is begun, its splats are shown as they come, kept or dropped |
+//! | `shown_fit` | what of the fit waits to be shown |
+
+mod fit;
+mod shown_fit;
+mod viewer;
+
+pub use viewer::{ActiveWindow, Next, Viewer, is_lost};
