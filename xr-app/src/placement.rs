@@ -59,12 +59,17 @@ impl Placement {
 
     /// Returns an offset in the room, metres, as one in the patient, mm.
     pub fn patient_offset(&self, room: DVec3) -> DVec3 {
-        self.patient_direction(room) * (MM / self.scale)
+        self.patient_direction(room) * self.patient_length(1.0)
+    }
+
+    /// Returns a length in the room, metres, as one in the patient, mm.
+    pub fn patient_length(&self, metres: f64) -> f64 {
+        metres * (MM / self.scale)
     }
 
     /// Returns the range of depths in the patient, mm.
     pub fn depth_range(&self) -> [f32; 2] {
-        DEPTH_RANGE.map(|metres| (metres * MM / self.scale) as f32)
+        DEPTH_RANGE.map(|metres| self.patient_length(metres) as f32)
     }
 
     /// Returns an eye of the room as a camera in the patient.

@@ -18,6 +18,7 @@ use crate::controls::{Button, Controls};
 use crate::headset::{Description, FrameImages, Hand, Hands, Pose};
 use crate::palm::Palms;
 use crate::panel::{LENGTH, Mark, Panel, PanelContent, Pointer, SIZE, scrolled};
+use crate::placement::Placement;
 use crate::sheets::{Plane, Sheets};
 
 /// Metres per point of the panel.
@@ -301,16 +302,15 @@ impl Pointing {
     }
 
     /// Records the panel and the marks over the pictures of the eyes. `turn` is the frame's turn with its
-    /// views; `origin` is the scene's origin, mm RAS.
+    /// views; `room` is the placement of the patient, with the scene's origin, mm RAS.
     pub fn draw(
         &mut self,
         recorder: &mut Recorder,
         turn: (usize, &Buffer<View>),
-        controls: &Controls,
-        origin: DVec3,
+        room: (&Placement, DVec3),
         eyes: &mut FrameImages<'_>,
     ) -> Result<()> {
-        self.sheets.draw(recorder, turn, (&controls.placement, origin), &self.planes, eyes)
+        self.sheets.draw(recorder, turn, room, &self.planes, eyes)
     }
 }
 

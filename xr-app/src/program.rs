@@ -14,7 +14,7 @@ use engine::{Error, Kind, Result, output, transfer};
 
 use crate::arguments::HeadsetArguments;
 use crate::headset::openxr::{OpenXr, OpenXrOptions};
-use crate::headset::simulated::{Script, Simulated};
+use crate::headset::simulated::{Script, Simulated, rest};
 use crate::headset::{Description, Headset};
 use crate::memory;
 #[cfg(not(target_os = "android"))]
@@ -78,6 +78,7 @@ pub(crate) fn session(
             eye_size: script.eye_size.map(|n| ((f64::from(n) * arguments.resolution).round() as u32).max(1)),
             rate_hz: arguments.rate.unwrap_or(script.rate_hz),
             blend: arguments.blend.map_or(script.blend, Into::into),
+            hands: rest,
             ..script
         };
         let mut headset = Simulated::new(&gpu, script)?;

@@ -9,12 +9,14 @@ use engine::gpu::{Format, Gpu, Hitches, Image};
 use engine::render::{Fov, Frames, QualityLevel, Scene, Settings, Triangle, level_costs};
 use glam::DVec3;
 
+use crate::bodies;
 use crate::composer::Composer;
 use crate::controls::Controls;
 use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
 use crate::pointing::{PickData, Pointing};
+use crate::rods::{Rod, Rods};
 use crate::sight::Sight;
 use crate::statistics::{SessionReport, Statistics};
 
@@ -54,6 +56,9 @@ pub struct Viewer {
     options: Options,
     controls: Controls,
     pointing: Pointing,
+    rods: Rods,
+    /// Bodies of the hands in the last frame.
+    bodies: Vec<Rod>,
     sight: Sight,
     onlooker: Option<Box<dyn Onlooker>>,
     /// Pose of the head in the last frame.
@@ -96,6 +101,8 @@ impl Viewer {
             options,
             controls,
             pointing,
+            rods: Rods::new(gpu, about.format, about.depth)?,
+            bodies: Vec::new(),
             sight,
             onlooker: None,
             head: Pose::IDENTITY,
@@ -190,6 +197,7 @@ impl Viewer {
             self.place_patient(headset, &timing)?;
         }
         let hands = headset.hands(&timing)?;
+        self.bodies = bodies::rods(&hands);
         let [seconds, period] = [timing.display_ns, timing.period_ns].map(|ns| ns as f64 * 1e-9);
         let (look, time) = (self.scene.look(), (seconds, period));
         let hands = self.pointing.update(&hands, &self.head, &mut self.controls, look, time)?;
@@ -207,7 +215,10 @@ impl Viewer {
         let target = &self.frames.target;
         self.composer.compose(&mut frame.recorder, target, frame.size, range, insets, marks, &mut eyes);
         let turn = (frame.slot, self.frames.views(frame.slot));
-        self.pointing.draw(&mut frame.recorder, turn, &self.controls, self.scene.origin, &mut eyes)?;
+        let room = (&self.controls.placement, self.scene.origin);
+        self.pointing.draw(&mut frame.recorder, turn, room, &mut eyes)?;
+        let bodies = (&self.bodies[..], self.head.position);
+        self.rods.draw(&mut frame.recorder, turn, room, bodies, &mut eyes)?;
         if let Some(onlooker) = &mut self.onlooker {
             onlooker.take(&mut frame.recorder, eyes.colour)?;
         }
@@ -281,7 +292,7 @@ impl Viewer {
         &mut self.pointing
     }
 
-    /// Renders what both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the
+    /// Renders what both eyes saw last, a layer each, with hands, panel and marks, 8 bits a channel. Waits for the
     /// device.
     pub fn picture(&mut self) -> Result<Image> {
         let format = Format::Rgba8;
@@ -303,7 +314,10 @@ impl Viewer {
             &mut images,
         );
         let turn = (self.slot, self.frames.views(self.slot));
-        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut images)?;
+        let room = (&self.controls.placement, self.scene.origin);
+        self.pointing.draw(&mut recorder, turn, room, &mut images)?;
+        let bodies = (&self.bodies[..], self.head.position);
+        self.rods.draw(&mut recorder, turn, room, bodies, &mut images)?;
         let ticket = recorder.submit()?;
         self.gpu.wait(ticket)?;
         Ok(eyes)

@@ -4,9 +4,9 @@ use engine::Result;
 use glam::DVec2;
 use openxr as xr;
 
-use super::convert::pose_of;
+use super::convert::{place_of, pose_of};
 use super::error::runtime_error;
-use super::hands::{Hand, Hands};
+use super::hands::{Hand, Hands, JOINTS, Joint};
 
 /// Paths of the two hands.
 const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
@@ -100,16 +100,20 @@ pub(super) struct Actions {
     next: xr::Action<bool>,
     other: xr::Action<bool>,
     panel: xr::Action<bool>,
+    /// Trackers of the joints of hands without controllers, where the headset has them.
+    trackers: Option<[xr::HandTracker; 2]>,
 }
 
 impl Actions {
-    /// Creates and binds the actions, for good: a session takes them once.
+    /// Creates and binds the actions, for good: a session takes them once. `hand_interaction` says that the
+    /// runtime knows hands without controllers, `hand_tracking` that it tells their joints.
     pub(super) fn new(
         instance: &xr::Instance,
         session: &xr::Session<xr::Vulkan>,
         hand_interaction: bool,
+        hand_tracking: bool,
     ) -> Result<Self> {
-        Self::make(instance, session, hand_interaction)
+        Self::make(instance, session, hand_interaction, hand_tracking)
             .map_err(|e| runtime_error("binding the controllers", e))
     }
 
@@ -117,6 +121,7 @@ impl Actions {
         instance: &xr::Instance,
         session: &xr::Session<xr::Vulkan>,
         hand_interaction: bool,
+        hand_tracking: bool,
     ) -> xr::Result<Self> {
         let set = instance.create_action_set("hands", "Hands", 0)?;
         let hands = [instance.string_to_path(HANDS[0])?, instance.string_to_path(HANDS[1])?];
@@ -159,6 +164,11 @@ impl Actions {
         }
         session.attach_action_sets(&[&set])?;
         let bare = hand_interaction.then(|| instance.string_to_path(BARE)).transpose()?;
+        let tracker = |hand| session.create_hand_tracker(hand);
+        let trackers = match hand_tracking {
+            true => Some([tracker(xr::Hand::LEFT)?, tracker(xr::Hand::RIGHT)?]),
+            false => None,
+        };
         let space =
             |action: &xr::Action<xr::Posef>, hand| action.create_space(session, hand, xr::Posef::IDENTITY);
         Ok(Actions {
@@ -173,6 +183,7 @@ impl Actions {
             next,
             other,
             panel,
+            trackers,
         })
     }
 
@@ -201,9 +212,14 @@ impl Actions {
                 Some(bare) => session.current_interaction_profile(at)? == bare,
                 None => false,
             };
+            let grip = pose(&self.grip[side])?;
+            // With a controller in it, the joints of a hand are a guess.
+            let tracker = self.trackers.as_ref().filter(|_| bare || grip.is_none());
+            let joints = tracker.map(|trackers| joints(&trackers[side], room, time)).transpose()?.flatten();
             let stick = self.stick.state(session, at)?.current_state;
             *hand = Hand {
-                grip: pose(&self.grip[side])?,
+                grip,
+                joints,
                 aim: pose(&self.aim[side])?,
                 squeeze: f64::from(self.squeeze.state(session, at)?.current_state),
                 select: self.select.state(session, at)?.current_state,
@@ -216,4 +232,20 @@ impl Actions {
         }
         Ok(out)
     }
+}
+
+/// Returns the joints of a hand, if all of them are known.
+fn joints(
+    tracker: &xr::HandTracker,
+    room: &xr::Space,
+    time: xr::Time,
+) -> xr::Result<Option<[Joint; JOINTS]>> {
+    let Some(found) = room.locate_hand_joints(tracker, time)? else { return Ok(None) };
+    let is_known =
+        |joint: &xr::HandJointLocation| joint.location_flags.contains(xr::SpaceLocationFlags::POSITION_VALID);
+    let joint = |joint: &xr::HandJointLocation| Joint {
+        place: place_of(&joint.pose.position),
+        radius: f64::from(joint.radius),
+    };
+    Ok(found.iter().all(is_known).then(|| found.each_ref().map(joint)))
 }

@@ -117,6 +117,7 @@ impl Runtime {
         extensions.khr_convert_timespec_time = offered.khr_convert_timespec_time;
         extensions.fb_display_refresh_rate = offered.fb_display_refresh_rate;
         extensions.ext_hand_interaction = offered.ext_hand_interaction;
+        extensions.ext_hand_tracking = offered.ext_hand_tracking;
         extensions.khr_composition_layer_depth = offered.khr_composition_layer_depth;
         extensions.khr_visibility_mask = offered.khr_visibility_mask;
         #[cfg(target_os = "android")]
@@ -150,6 +151,7 @@ impl Runtime {
             (self.extensions.khr_convert_timespec_time, "XR_KHR_convert_timespec_time"),
             (self.extensions.fb_display_refresh_rate, "XR_FB_display_refresh_rate"),
             (self.extensions.ext_hand_interaction, "XR_EXT_hand_interaction"),
+            (self.extensions.ext_hand_tracking, "XR_EXT_hand_tracking"),
             (self.extensions.khr_composition_layer_depth, "XR_KHR_composition_layer_depth"),
             (self.extensions.khr_visibility_mask, "XR_KHR_visibility_mask"),
         ]
@@ -335,7 +337,9 @@ impl OpenXr {
         let room = session
             .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
             .map_err(|e| runtime_error("asking for the room", e))?;
-        let actions = Actions::new(instance, &session, runtime.extensions.ext_hand_interaction)?;
+        let tracking =
+            runtime.extensions.ext_hand_tracking && instance.supports_hand_tracking(system).unwrap_or(false);
+        let actions = Actions::new(instance, &session, runtime.extensions.ext_hand_interaction, tracking)?;
         let lenses = match description.lenses {
             true => [0, 1].map(|eye| hidden(&session, eye)),
             false => Default::default(),

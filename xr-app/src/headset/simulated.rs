@@ -7,7 +7,7 @@ use engine::gpu::{Format, Gpu, Image, Recorder};
 use engine::render::{Fov, Triangle};
 use glam::{DQuat, DVec2, DVec3};
 
-use super::hands::Hands;
+use super::hands::{Hand, Hands};
 use super::headset::{FrameImages, Headset};
 use super::pose::{Eye, Eyes, Pose};
 use super::session::{Blend, Description, Event, SessionState, Timing};
@@ -72,6 +72,17 @@ pub fn sway(seconds: f64) -> Pose {
     let target = DVec3::new(0.0, 0.0, -0.6);
     let position = target + 0.6 * DVec3::new(angle.sin(), height, angle.cos());
     Pose { position, orientation: DQuat::from_rotation_y(angle) * DQuat::from_rotation_x(-height) }
+}
+
+/// Returns hands that rest before the viewer with their controllers, and point ahead.
+pub fn rest(_: f64) -> Hands {
+    [-1.0, 1.0].map(|side| {
+        let turned = |up: f64| DQuat::from_rotation_y(0.3 * side) * DQuat::from_rotation_x(up);
+        let position = DVec3::new(0.17 * side, -0.24, -0.4);
+        let grip = Pose { position, orientation: turned(0.9) };
+        let aim = Pose { position: grip.place(DVec3::NEG_Z * 0.05), orientation: turned(0.2) };
+        Hand { grip: Some(grip), aim: Some(aim), ..Hand::default() }
+    })
 }
 
 /// Returns the part of a field of view that a round lens hides: everything outside of the ellipse that
