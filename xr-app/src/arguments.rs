@@ -84,8 +84,9 @@ Examples:
 
 Hands: grab with one to move, with both to scale and turn. Right thumbstick: up and down the level, sideways the
 width of the window. First button: next preset (right), last preset (left). Second button: a cutting plane in the
-hand (right), everything back (left). Thumbstick pressed: the panel, on which the trigger clicks; with its button
-Measure the trigger places ends of distances where the ray meets the patient.
+hand, then standing, then gone (right); undo, and held for a second everything back (left). Thumbstick pressed: the
+panel, on which the trigger clicks; with its button Measure the trigger places ends of distances where the ray meets
+the patient.
 
 For looking, not for diagnosis.";
 

@@ -4,11 +4,9 @@
 use glam::{DQuat, DVec3};
 use view::theme::{ACCENT, SIGNAL};
 
-use crate::headset::{Hand, Hands, JOINTS, Joint, Pose};
+use crate::headset::{HOLDS, Hand, Hands, JOINTS, Joint, Pose};
 use crate::rods::Rod;
 
-/// Squeeze from which a hand is drawn as one that holds.
-const HOLDS: f64 = 0.6;
 /// Colour of a hand at rest, and of its pointing finger.
 const REST: [u8; 3] = [176, 180, 186];
 const TIP: [u8; 3] = [232, 234, 238];

@@ -6,7 +6,8 @@
 //! android -> program -> arguments -> mirror -> onlooker          arguments, android -> headset
 //! program -> viewer -> placement -> headset          program -> memory, pointing, statistics
 //! viewer -> bodies, controls, pointing, sight, composer, statistics, onlooker          viewer, bodies -> rods
-//! pointing -> controls -> placement -> headset          pointing -> panel, sheets, palm
+//! pointing -> controls -> placement -> headset          pointing -> outline, palm          pointing -> marks -> panel, sheets
+//! viewer, pointing, controls -> feedback -> headset          panel -> card
 //! composer -> sight, sheets, rods -> placement -> headset          sheets, rods -> eye_drawing -> headset          statistics -> placement -> headset          palm -> headset
 //! program    reads the splats, starts a headset, shows them until the session ends
 //! android    the same as an activity of a standalone headset
@@ -14,6 +15,8 @@
 //! headset    a clock, eyes, hands and pictures, of OpenXR or simulated
 //! controls   what hands do to the patient, who is where `placement` says
 //! pointing   what hands point at: egui's panel, readings, distances; `palm` is how bare hands call the panel
+//! feedback   what the user is told beside the picture: pulses, words
+//! panel, marks   what egui draws in the room; `card` says what hands do, `outline` where a plane cuts
 //! bodies     what the hands look like: `rods` of controllers and gloves
 //! sight      which views are rendered, and what of them no eye sees
 //! composer   what was rendered, into the pictures of the eyes
@@ -30,14 +33,18 @@
 mod android;
 pub mod arguments;
 pub mod bodies;
+pub mod card;
 pub mod composer;
 pub mod controls;
 pub mod eye_drawing;
+pub mod feedback;
 pub mod headset;
+pub mod marks;
 pub mod memory;
 #[cfg(not(target_os = "android"))]
 pub mod mirror;
 pub mod onlooker;
+pub mod outline;
 pub mod palm;
 pub mod panel;
 pub mod placement;

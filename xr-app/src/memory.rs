@@ -20,6 +20,8 @@ pub struct Kept<'a> {
     pub precision: Precision,
     /// [`engine::render::Settings::pitch`].
     pub pitch: f64,
+    /// What was given up, in words.
+    pub given_up: Option<String>,
 }
 
 /// Creates something from a set, with `make`, that takes at most `budget_mib` MiB of device memory, and
@@ -34,19 +36,24 @@ pub fn within<T>(
     let (all, kind) = (set.splats.len(), SplatKind::of(&set));
     let (mut precision, mut pitch) = (Precision::Full, 1.0);
     loop {
-        let made = make(&Kept { set: &set, precision, pitch })?;
+        let count = set.splats.len();
+        let given_up = if count < all {
+            Some(format!(
+                "{count} of {all} splats fit into the memory budget; the least important are left out"
+            ))
+        } else if pitch > 1.0 {
+            Some(format!("to keep to the memory budget, {pitch}³ voxels are shown as one"))
+        } else if precision == Precision::Packed {
+            Some("splats are packed, to keep to the memory budget".to_owned())
+        } else {
+            None
+        };
+        let made = make(&Kept { set: &set, precision, pitch, given_up: given_up.clone() })?;
         let Some(budget) = budget_mib.map(|mib| mib * f64::from(1 << 20)) else { return Ok(made) };
         let used = gpu.memory_by_purpose().values().sum::<u64>() as f64;
         if used <= budget {
-            let count = set.splats.len();
-            if count < all {
-                eprintln!(
-                    "note: {count} of {all} splats fit into the memory budget; the least important are left out"
-                );
-            } else if pitch > 1.0 {
-                eprintln!("note: to keep to the memory budget, {pitch}³ voxels are shown as one");
-            } else if precision == Precision::Packed {
-                eprintln!("note: splats are packed, to keep to the memory budget");
+            if let Some(given_up) = given_up {
+                eprintln!("note: {given_up}");
             }
             return Ok(made);
         }

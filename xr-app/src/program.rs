@@ -128,10 +128,13 @@ fn show(
         panel: arguments.panel,
         foveation: arguments.foveation,
         pitch: 1.0,
+        given_up: None,
+        card: false,
+        view: None,
     };
     let mut viewer = memory::within(gpu, arguments.memory_budget, set, |kept| {
         let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
-        let options = Options { pitch: kept.pitch, ..options.clone() };
+        let options = Options { pitch: kept.pitch, given_up: kept.given_up.clone(), ..options.clone() };
         let mut viewer = Viewer::new(gpu, scene, headset, options)?;
         viewer.set_pick_data(PickData::of(kept.set));
         Ok(viewer)

@@ -8,10 +8,12 @@ use engine::budget::{Controller, budget_ms};
 use engine::gpu::{Format, Gpu, Hitches, Image};
 use engine::render::{Fov, Frames, QualityLevel, Scene, Settings, Triangle, level_costs};
 use glam::DVec3;
+use view::state::ViewState;
 
 use crate::bodies;
 use crate::composer::Composer;
-use crate::controls::Controls;
+use crate::controls::{Controls, view_of};
+use crate::feedback::Feedback;
 use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
@@ -40,6 +42,13 @@ pub struct Options {
     pub foveation: Option<f64>,
     /// [`Settings::pitch`].
     pub pitch: f64,
+    /// What was given up to save memory, in words.
+    pub given_up: Option<String>,
+    /// True if the card of what hands do is shown at the start.
+    pub card: bool,
+    /// The view to begin with, and the scene's numbers of the rows of its objects; `None` for the look that
+    /// the scene has.
+    pub view: Option<(ViewState, Vec<u8>)>,
 }
 
 /// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones
@@ -89,10 +98,10 @@ impl Viewer {
             Composer::new(gpu, about.format, about.depth, about.blend, options.background, foveated)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
         let range = scene.splats.as_ref().map_or([0.0, 1.0], |splats| splats.range);
-        let mut controls =
-            Controls::new(placed(&scene, &Pose::IDENTITY), scene.look(), scene.objects(), range);
+        let (state, numbers) = options.view.clone().unwrap_or_else(|| view_of(scene.look(), scene.objects()));
+        let mut controls = Controls::new(placed(&scene, &Pose::IDENTITY), state, numbers, range);
         let object_splats = scene.objects().iter().map(|object| object.splats).collect();
-        let pointing = Pointing::new(gpu, about, &mut controls, object_splats)?;
+        let pointing = Pointing::new(gpu, about, &mut controls, object_splats, scene.bounds())?;
         let mut viewer = Viewer {
             gpu: gpu.clone(),
             frames,
@@ -200,12 +209,16 @@ impl Viewer {
         self.bodies = bodies::rods(&hands);
         let [seconds, period] = [timing.display_ns, timing.period_ns].map(|ns| ns as f64 * 1e-9);
         let (look, time) = (self.scene.look(), (seconds, period));
-        let hands = self.pointing.update(&hands, &self.head, &mut self.controls, look, time)?;
-        if let Some(look) = self.controls.update(&hands, period)? {
+        let level = self.options.level.unwrap_or_else(|| self.controller.level());
+        let hands = self.pointing.point(&hands, &self.head, &mut self.controls, look, time);
+        self.controls.act(&hands, period)?;
+        let quality = self.quality(level);
+        self.pointing.lay_out(seconds, &self.head, &mut self.controls, &quality)?;
+        if let Some(look) = self.controls.new_look()? {
             self.scene.set_look(&look)?;
         }
+        self.give_feedback(headset, seconds)?;
         self.sight.aim();
-        let level = self.options.level.unwrap_or_else(|| self.controller.level());
         let mut frame = self.frames.begin(&self.scene, level)?;
         let mut eyes = headset.acquire_images(&mut frame.recorder)?;
         let range = self.controls.placement.depth_range();
@@ -233,6 +246,28 @@ impl Viewer {
         self.frames.submit(frame, &self.scene, &cameras)?;
         headset.end(&timing, Some(&seen.eyes))?;
         self.onlooker.as_mut().map_or(Ok(()), |onlooker| onlooker.show())
+    }
+
+    /// Says what a level shows at less than full quality; nothing if it is the best one and nothing was given
+    /// up to save memory.
+    fn quality(&self, level: usize) -> String {
+        let draft = (level > 0).then(|| {
+            let last = self.options.levels.len().saturating_sub(1);
+            format!("Draft: quality level {level}, of 0 (best) to {last}")
+        });
+        [draft, self.options.given_up.clone()].into_iter().flatten().collect::<Vec<_>>().join("\n")
+    }
+
+    /// Tells the user what the frame has done: in the hands, and in words.
+    fn give_feedback(&mut self, headset: &mut dyn Headset, seconds: f64) -> Result<()> {
+        let Feedback { pulses, notice } = std::mem::take(&mut self.controls.feedback);
+        for (side, pulse) in pulses {
+            headset.pulse(side, &pulse)?;
+        }
+        if let Some(text) = notice {
+            self.pointing.notify(text, seconds, &self.head);
+        }
+        Ok(())
     }
 
     /// Updates the visibility masks of the pictures of these eyes.
@@ -266,7 +301,10 @@ impl Viewer {
             self.controls.place(placed(&self.scene, &self.head));
             self.place = false;
             if self.options.panel && self.pointing.panel().is_none() {
-                self.pointing.toggle(&self.head);
+                self.pointing.toggle(&self.head, &self.controls.placement);
+            }
+            if std::mem::take(&mut self.options.card) {
+                self.pointing.show_card(&self.head);
             }
         }
         Ok(())

@@ -6,7 +6,7 @@ use openxr as xr;
 
 use super::convert::{place_of, pose_of};
 use super::error::runtime_error;
-use super::hands::{Hand, Hands, JOINTS, Joint};
+use super::hands::{Hand, Hands, JOINTS, Joint, Pulse};
 
 /// Paths of the two hands.
 const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
@@ -23,6 +23,8 @@ struct Profile {
     next: [Option<&'static str>; 2],
     other: [Option<&'static str>; 2],
     panel: [Option<&'static str>; 2],
+    /// True if it can vibrate.
+    haptic: bool,
 }
 
 const NONE: [Option<&str>; 2] = [None; 2];
@@ -43,6 +45,7 @@ const PROFILES: [Profile; 5] = [
         next: [None, Some("input/menu/click")],
         other: NONE,
         panel: [Some("input/menu/click"), None],
+        haptic: true,
     },
     Profile {
         path: "/interaction_profiles/oculus/touch_controller",
@@ -53,6 +56,7 @@ const PROFILES: [Profile; 5] = [
         next: [Some("input/x/click"), Some("input/a/click")],
         other: [Some("input/y/click"), Some("input/b/click")],
         panel: STICK,
+        haptic: true,
     },
     Profile {
         path: "/interaction_profiles/valve/index_controller",
@@ -63,6 +67,7 @@ const PROFILES: [Profile; 5] = [
         next: [Some("input/a/click"); 2],
         other: [Some("input/b/click"); 2],
         panel: STICK,
+        haptic: true,
     },
     Profile {
         path: "/interaction_profiles/microsoft/motion_controller",
@@ -73,6 +78,7 @@ const PROFILES: [Profile; 5] = [
         next: [Some("input/trackpad/click"); 2],
         other: [Some("input/menu/click"); 2],
         panel: STICK,
+        haptic: true,
     },
     Profile {
         path: BARE,
@@ -83,6 +89,7 @@ const PROFILES: [Profile; 5] = [
         next: NONE,
         other: NONE,
         panel: NONE,
+        haptic: false,
     },
 ];
 
@@ -100,6 +107,7 @@ pub(super) struct Actions {
     next: xr::Action<bool>,
     other: xr::Action<bool>,
     panel: xr::Action<bool>,
+    haptic: xr::Action<xr::Haptic>,
     /// Trackers of the joints of hands without controllers, where the headset has them.
     trackers: Option<[xr::HandTracker; 2]>,
 }
@@ -131,8 +139,9 @@ impl Actions {
         let select = set.create_action::<bool>("select", "Select", &hands)?;
         let stick = set.create_action::<xr::Vector2f>("window", "Window and level", &hands)?;
         let next = set.create_action::<bool>("preset", "Last and next preset", &hands)?;
-        let other = set.create_action::<bool>("cut", "Reset, and cut", &hands)?;
+        let other = set.create_action::<bool>("cut", "Undo and reset, and cut", &hands)?;
         let panel = set.create_action::<bool>("panel", "Show and hide the panel", &hands)?;
+        let haptic = set.create_action::<xr::Haptic>("haptic", "What a hand feels", &hands)?;
         for profile in PROFILES.iter().filter(|p| !p.hands || hand_interaction) {
             let mut bindings = Vec::new();
             for (side, hand) in HANDS.iter().enumerate() {
@@ -140,6 +149,9 @@ impl Actions {
                 bindings.push(xr::Binding::new(&grip, path("input/grip/pose")?));
                 bindings.push(xr::Binding::new(&aim, path("input/aim/pose")?));
                 bindings.push(xr::Binding::new(&squeeze, path(profile.squeeze)?));
+                if profile.haptic {
+                    bindings.push(xr::Binding::new(&haptic, path("output/haptic")?));
+                }
                 if let Some(end) = profile.select {
                     bindings.push(xr::Binding::new(&select, path(end)?));
                 }
@@ -183,6 +195,7 @@ impl Actions {
             next,
             other,
             panel,
+            haptic,
             trackers,
         })
     }
@@ -195,6 +208,17 @@ impl Actions {
         time: xr::Time,
     ) -> Result<Hands> {
         self.read(session, room, time).map_err(|e| runtime_error("asking the controllers", e))
+    }
+
+    /// Lets the controller in a hand vibrate, if it can.
+    pub(super) fn pulse(&self, session: &xr::Session<xr::Vulkan>, side: usize, pulse: &Pulse) -> Result<()> {
+        let vibration = xr::HapticVibration::new()
+            .amplitude(pulse.strength as f32)
+            .frequency(xr::FREQUENCY_UNSPECIFIED)
+            .duration(xr::Duration::from_nanos((pulse.seconds * 1e9) as i64));
+        self.haptic
+            .apply_feedback(session, self.hands[side], &vibration)
+            .map_err(|e| runtime_error("letting a controller vibrate", e))
     }
 
     fn read(&self, session: &xr::Session<xr::Vulkan>, room: &xr::Space, time: xr::Time) -> xr::Result<Hands> {

@@ -16,6 +16,18 @@ pub struct Joint {
     pub radius: f64,
 }
 
+/// Squeeze from which a hand holds; it lets go below half of it.
+pub const HOLDS: f64 = 0.6;
+
+/// A vibration of the controller in a hand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// Duration, seconds.
+    pub seconds: f64,
+    /// Strength, 0 to 1.
+    pub strength: f64,
+}
+
 /// State of a hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Hand {
@@ -34,7 +46,7 @@ pub struct Hand {
     pub stick: DVec2,
     /// The first button: the next preset with the right hand, the last one with the left.
     pub next: bool,
-    /// The second button: clip plane on and off with the right hand, reset with the left.
+    /// The second button: the cutting plane with the right hand, undo and reset with the left.
     pub other: bool,
     /// The button that shows and hides the panel.
     pub panel: bool,

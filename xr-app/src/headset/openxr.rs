@@ -18,7 +18,7 @@ use openxr as xr;
 use super::actions::Actions;
 use super::convert::{fov_of, fov_to, pose_of, pose_to, time};
 use super::error::runtime_error;
-use super::hands::Hands;
+use super::hands::{Hands, Pulse};
 use super::headset::{DEPTH_RANGE, FrameImages, Headset};
 use super::pose::{Eye, Eyes};
 use super::session::{Blend, Description, Event, SessionState, Timing};
@@ -543,6 +543,10 @@ impl Headset for OpenXr {
 
     fn hands(&mut self, timing: &Timing) -> Result<Hands> {
         self.actions.hands(&self.session, &self.room, time(timing.display_ns))
+    }
+
+    fn pulse(&mut self, side: usize, pulse: &Pulse) -> Result<()> {
+        self.actions.pulse(&self.session, side, pulse)
     }
 
     fn acquire_images(&mut self, recorder: &mut Recorder) -> Result<FrameImages<'_>> {

@@ -7,7 +7,7 @@ use engine::gpu::{Format, Gpu, Image, Recorder};
 use engine::render::{Fov, Triangle};
 use glam::{DQuat, DVec2, DVec3};
 
-use super::hands::{Hand, Hands};
+use super::hands::{Hand, Hands, Pulse};
 use super::headset::{FrameImages, Headset};
 use super::pose::{Eye, Eyes, Pose};
 use super::session::{Blend, Description, Event, SessionState, Timing};
@@ -116,6 +116,8 @@ pub struct Simulated {
     over: bool,
     /// Eyes of the picture that was shown last.
     pub shown: Option<[Eye; 2]>,
+    /// Pulses of the hands: the number of the frame, the hand, the pulse.
+    pub pulses: Vec<(u64, usize, Pulse)>,
 }
 
 impl Simulated {
@@ -151,6 +153,7 @@ impl Simulated {
             leaving: false,
             over: false,
             shown: None,
+            pulses: Vec::new(),
         })
     }
 
@@ -230,6 +233,11 @@ impl Headset for Simulated {
 
     fn hands(&mut self, timing: &Timing) -> Result<Hands> {
         Ok((self.script.hands)(timing.display_ns as f64 * 1e-9))
+    }
+
+    fn pulse(&mut self, side: usize, pulse: &Pulse) -> Result<()> {
+        self.pulses.push((self.frame, side, *pulse));
+        Ok(())
     }
 
     fn acquire_images(&mut self, _: &mut Recorder) -> Result<FrameImages<'_>> {

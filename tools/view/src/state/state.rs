@@ -399,6 +399,13 @@ impl ViewState {
         }
     }
 
+    /// Returns true if undo would restore nothing from this to `edited`.
+    pub fn is_edited_as(&self, edited: &Edited) -> bool {
+        let Edited { transfer, background, objects, clip, distances } = edited;
+        (&self.transfer, &self.background, &self.objects, &self.clip, &self.distances)
+            == (transfer, background, objects, clip, distances)
+    }
+
     /// Restores what undo brings back.
     pub fn restore(&mut self, edited: Edited) {
         let Edited { transfer, background, objects, clip, distances } = edited;
