@@ -96,9 +96,19 @@ pub struct Controls {
     shown: Shown,
 }
 
-/// Returns the view that a scene of these objects has with a look: the state to begin with, and the scene's
-/// numbers of the rows of its objects.
-pub fn view_of(look: &Look, objects: &[Object]) -> (ViewState, Vec<u8>) {
+/// The view of a scene to begin with.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// What is shown of the scene, and how.
+    pub state: ViewState,
+    /// The scene's numbers of the rows of [`ViewState::objects`].
+    pub numbers: Vec<u8>,
+    /// Least and greatest intensity of the scene.
+    pub range: [f64; 2],
+}
+
+/// Returns the view that a scene of these objects, with intensities in `range`, has with a look.
+pub fn view_of(look: &Look, objects: &[Object], range: [f64; 2]) -> Start {
     let mut state = ViewState::new(&look.transfer);
     let row = |object: &Object| {
         let row = state::Object::new(0, Some(object.number), &object.name);
@@ -114,7 +124,7 @@ pub fn view_of(look: &Look, objects: &[Object]) -> (ViewState, Vec<u8>) {
     };
     state.objects = objects.iter().map(row).collect();
     state.clip.planes = look.clip.iter().map(standing).collect();
-    (state, objects.iter().map(|object| object.number).collect())
+    Start { state, numbers: objects.iter().map(|object| object.number).collect(), range }
 }
 
 /// Returns a plane that stands in the patient.
@@ -123,9 +133,9 @@ fn standing(plane: &ClipPlane) -> state::Plane {
 }
 
 impl Controls {
-    /// Creates the controls of a scene with intensities in `range`, of which a state is to be shown; `numbers`
-    /// are the scene's numbers of the rows of its objects.
-    pub fn new(placement: Placement, state: ViewState, numbers: Vec<u8>, range: [f64; 2]) -> Self {
+    /// Creates the controls of a scene, with the view to begin with.
+    pub fn new(placement: Placement, start: Start) -> Self {
+        let Start { state, numbers, range } = start;
         let (base, resets) = (state.transfer.clone(), 0);
         Controls {
             placement,
@@ -409,8 +419,8 @@ mod tests {
         let head = Pose { position: DVec3::new(0.0, 1.6, 0.0), ..Pose::IDENTITY };
         let look = Look::new(preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]));
         let objects = [3, 7].map(|number| Object { number, name: format!("label {number}"), splats: 1 });
-        let (state, numbers) = view_of(&look, &objects);
-        Controls::new(Placement::before(&head, DVec3::ZERO, 100.0), state, numbers, [-1000.0, 2000.0])
+        let start = view_of(&look, &objects, [-1000.0, 2000.0]);
+        Controls::new(Placement::before(&head, DVec3::ZERO, 100.0), start)
     }
 
     /// Returns the new look after a frame, if there is one.

@@ -5,11 +5,14 @@
 //! ```text
 //! android -> program -> arguments -> mirror -> onlooker          arguments, android -> headset
 //! program -> viewer -> placement -> headset          program -> memory, pointing, statistics
-//! viewer -> bodies, controls, pointing, sight, composer, statistics, onlooker          viewer, bodies -> rods
+//! program, arguments -> inputs -> controls
+//! viewer -> bodies, controls, pointing, sight, composer, statistics, onlooker          viewer, bodies -> rods          bodies -> headset
 //! pointing -> controls -> placement -> headset          pointing -> outline, palm          pointing -> marks -> panel, sheets
 //! viewer, pointing, controls -> feedback -> headset          panel -> card
-//! composer -> sight, sheets, rods -> placement -> headset          sheets, rods -> eye_drawing -> headset          statistics -> placement -> headset          palm -> headset
-//! program    reads the splats, starts a headset, shows them until the session ends
+//! composer -> sight, sheets, rods -> placement -> headset          sheets, rods -> eye_drawing -> headset
+//! statistics -> placement -> headset          palm -> headset
+//! program    reads what is shown, starts a headset, shows it until the session ends
+//! inputs     what is shown: splats, a volume or a session
 //! android    the same as an activity of a standalone headset
 //! viewer     the loop: a frame of the headset, from its hands to its pictures
 //! headset    a clock, eyes, hands and pictures, of OpenXR or simulated
@@ -39,6 +42,7 @@ pub mod controls;
 pub mod eye_drawing;
 pub mod feedback;
 pub mod headset;
+pub mod inputs;
 pub mod marks;
 pub mod memory;
 #[cfg(not(target_os = "android"))]

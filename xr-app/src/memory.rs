@@ -49,8 +49,8 @@ pub fn within<T>(
             None
         };
         let made = make(&Kept { set: &set, precision, pitch, given_up: given_up.clone() })?;
-        let Some(budget) = budget_mib.map(|mib| mib * f64::from(1 << 20)) else { return Ok(made) };
-        let used = gpu.memory_by_purpose().values().sum::<u64>() as f64;
+        let Some(budget) = budget_mib.map(bytes) else { return Ok(made) };
+        let used = used(gpu);
         if used <= budget {
             if let Some(given_up) = given_up {
                 eprintln!("note: {given_up}");
@@ -68,17 +68,33 @@ pub fn within<T>(
                 set.truncate(fewer)
             }
             _ => {
-                return Err(Error::new(
-                    Kind::Unavailable,
-                    "VGS-XR-024",
-                    format!(
-                        "{:.0} MiB are needed at the least; the budget is {:.0}",
-                        used / 1048576.0,
-                        budget / 1048576.0
-                    ),
-                )
-                .help("choose a larger --memory-budget, or a smaller --resolution"));
+                return Err(too_much(used, budget));
             }
         }
     }
+}
+
+/// Checks that what there is on the device is within a budget, MiB, where nothing can be given up.
+///
+/// # Errors
+/// [`Kind::Unavailable`] if it is not.
+pub fn check(gpu: &Gpu, budget_mib: Option<f64>) -> Result<()> {
+    let Some(budget) = budget_mib.map(bytes) else { return Ok(()) };
+    let used = used(gpu);
+    if used <= budget { Ok(()) } else { Err(too_much(used, budget)) }
+}
+
+fn bytes(mib: f64) -> f64 {
+    mib * f64::from(1 << 20)
+}
+
+fn used(gpu: &Gpu) -> f64 {
+    gpu.memory_by_purpose().values().sum::<u64>() as f64
+}
+
+fn too_much(used: f64, budget: f64) -> Error {
+    let [used, budget] = [used, budget].map(|of| of / bytes(1.0));
+    let message = format!("{used:.0} MiB are needed at the least; the budget is {budget:.0}");
+    Error::new(Kind::Unavailable, "VGS-XR-024", message)
+        .help("choose a larger --memory-budget, or a smaller --resolution")
 }

@@ -8,11 +8,10 @@ use engine::budget::{Controller, budget_ms};
 use engine::gpu::{Format, Gpu, Hitches, Image};
 use engine::render::{Fov, Frames, QualityLevel, Scene, Settings, Triangle, level_costs};
 use glam::DVec3;
-use view::state::ViewState;
 
 use crate::bodies;
 use crate::composer::Composer;
-use crate::controls::{Controls, view_of};
+use crate::controls::{Controls, Start, view_of};
 use crate::feedback::Feedback;
 use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
 use crate::onlooker::Onlooker;
@@ -46,9 +45,8 @@ pub struct Options {
     pub given_up: Option<String>,
     /// True if the card of what hands do is shown at the start.
     pub card: bool,
-    /// The view to begin with, and the scene's numbers of the rows of its objects; `None` for the look that
-    /// the scene has.
-    pub view: Option<(ViewState, Vec<u8>)>,
+    /// The view to begin with; `None` for the look that the scene has.
+    pub start: Option<Start>,
 }
 
 /// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones
@@ -77,6 +75,8 @@ pub struct Viewer {
     statistics: Statistics,
     /// True if the patient is to be placed before the viewer again.
     place: bool,
+    /// What is behind the picture.
+    blend: Blend,
     over: bool,
     shown_size: [u32; 2],
     /// True if what was rendered last is below the best quality level.
@@ -97,9 +97,11 @@ impl Viewer {
         let composer =
             Composer::new(gpu, about.format, about.depth, about.blend, options.background, foveated)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
-        let range = scene.splats.as_ref().map_or([0.0, 1.0], |splats| splats.range);
-        let (state, numbers) = options.view.clone().unwrap_or_else(|| view_of(scene.look(), scene.objects()));
-        let mut controls = Controls::new(placed(&scene, &Pose::IDENTITY), state, numbers, range);
+        let start = options.start.clone().unwrap_or_else(|| {
+            let range = scene.splats.as_ref().map_or([0.0, 1.0], |splats| splats.range);
+            view_of(scene.look(), scene.objects(), range)
+        });
+        let mut controls = Controls::new(placed(&scene, &Pose::IDENTITY), start);
         let object_splats = scene.objects().iter().map(|object| object.splats).collect();
         let pointing = Pointing::new(gpu, about, &mut controls, object_splats, scene.bounds())?;
         let mut viewer = Viewer {
@@ -118,6 +120,7 @@ impl Viewer {
             slot: 0,
             statistics: Statistics::default(),
             place: true,
+            blend: about.blend,
             over: false,
             shown_size: about.eye_size,
             is_draft: false,
@@ -330,13 +333,19 @@ impl Viewer {
         &mut self.pointing
     }
 
-    /// Renders what both eyes saw last, a layer each, with hands, panel and marks, 8 bits a channel. Waits for the
-    /// device.
+    /// Returns true if the headset shows the room where the picture is transparent.
+    pub fn is_transparent(&self) -> bool {
+        self.blend == Blend::Alpha
+    }
+
+    /// Renders what both eyes saw last, a layer each, with hands, panel and marks, 8 bits a channel,
+    /// premultiplied where it is transparent. Waits for the device.
     pub fn picture(&mut self) -> Result<Image> {
         let format = Format::Rgba8;
         let insets = self.sight.insets();
         let background = self.options.background;
-        let composer = Composer::new(&self.gpu, format, false, Blend::Opaque, background, insets.is_some())?;
+        let blend = if self.is_transparent() { Blend::Alpha } else { Blend::Opaque };
+        let composer = Composer::new(&self.gpu, format, false, blend, background, insets.is_some())?;
         let mut eyes = self.gpu.picture("both eyes", "pictures", format, self.sight.eye_size(), 2)?;
         let mut recorder = self.gpu.record()?;
         let range = self.controls.placement.depth_range();

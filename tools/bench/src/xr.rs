@@ -118,7 +118,7 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &XrArguments) -> R
         pitch: 1.0,
         given_up: None,
         card: false,
-        view: None,
+        start: None,
     };
     let mut viewer = Viewer::new(gpu, scene, &headset, options)?;
     viewer.run(&mut headset, &AtomicBool::new(false))?;

@@ -19,6 +19,9 @@ const EYES_APART: f64 = 0.063;
 /// Number of straight pieces of a quarter of a lens's rim.
 const RIM: usize = 12;
 
+/// What a simulated headset offers behind the picture, its first choice first.
+pub const OFFERED: [Blend; 3] = [Blend::Opaque, Blend::Additive, Blend::Alpha];
+
 /// Script of a simulated headset.
 pub struct Script {
     /// Width and height of the pictures of an eye, pixels.

@@ -85,7 +85,7 @@ pub fn options() -> Options {
         pitch: 1.0,
         given_up: None,
         card: false,
-        view: None,
+        start: None,
     }
 }
 
