@@ -3,8 +3,8 @@
 // plane of its row. Behind an eye, and nearer than the range of depths, nothing is drawn.
 #extension GL_EXT_multiview : require
 #include "panels.glsl"
+#include "projection.glsl"
 #include "sheets.glsl"
-#include "view.glsl"
 layout(push_constant, scalar) uniform SheetsParams {
     vec2 range; // as in eyes.glsl
 } p;
@@ -26,10 +26,5 @@ void main() {
     colour = unpackUnorm4x8(vertex.colour);
     clip = sheet.clip;
     vec3 at = sheet.zero + place.x * sheet.right + place.y * sheet.down;
-    vec3 seen = turned(view, at - view.eye);
-    // From tangents to the picture, whose y runs down; z is the distance along the viewing direction.
-    vec2 low = vec2(view.tangents.x, view.tangents.z), high = vec2(view.tangents.y, view.tangents.w);
-    vec2 part = (2.0 * seen.xy - (low + high) * seen.z) / (high - low);
-    float depth = p.range.y * (seen.z - p.range.x) / (p.range.y - p.range.x);
-    gl_Position = vec4(part, min(depth, seen.z), seen.z);
+    gl_Position = projected_place(view, at, p.range);
 }

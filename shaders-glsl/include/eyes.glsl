@@ -34,11 +34,35 @@ float inset_share(vec2 place, vec4 inset) {
     return smoothstep(0.0, 1.0, min(min(low.x, low.y), min(high.x, high.y)));
 }
 
+// The word beside the mark of a draft, a bit a texel: a row of it from the left, the highest first.
+const uint WORD_WIDTH = 29;
+const uint WORD_HEIGHT = 7;
+const uint WORD[7] =
+    uint[7](0x1E78E7DFu, 0x11451404u, 0x11451404u, 0x1179F784u, 0x11511404u, 0x11491404u, 0x1E451404u);
+// Edge of a texel of the word, and where the word begins, in radii of the mark from its middle.
+const float WORD_TEXEL = 0.3;
+const float WORD_START = 2.0;
+
+// True where the word covers a place, in radii from the middle of the mark; `plate` tells whether the dark
+// plate behind it does.
+bool word_covers(vec2 from_middle, out bool plate) {
+    vec2 size = vec2(WORD_WIDTH, WORD_HEIGHT);
+    vec2 at = (from_middle - vec2(WORD_START, 0.0)) / WORD_TEXEL + vec2(0.0, 0.5 * size.y);
+    plate = all(greaterThan(at, vec2(-2.0))) && all(lessThan(at, size + 2.0));
+    if (any(lessThan(at, vec2(0.0))) || any(greaterThanEqual(at, size))) return false;
+    return (WORD[uint(at.y)] >> (WORD_WIDTH - 1u - uint(at.x)) & 1u) == 1u;
+}
+
 // The mark of a draft over what is seen at a place: a disc of amber with a dark rim, so that it is seen
-// before anything.
+// before anything, and the word beside it.
 vec4 marked(vec2 place, vec4 colour) {
     vec4 mark = p.marks[gl_ViewIndex];
-    float from_middle = mark.z > 0.0 ? length((place - mark.xy) / mark.zw) : 2.0;
-    vec4 mark_colour = from_middle < 0.7 ? vec4(1.0, 0.75, 0.1, 1.0) : vec4(0.1, 0.1, 0.1, 1.0);
-    return from_middle < 1.0 ? mark_colour : colour;
+    if (mark.z <= 0.0) return colour;
+    const vec4 AMBER = vec4(1.0, 0.75, 0.1, 1.0), DARK = vec4(0.1, 0.1, 0.1, 1.0);
+    vec2 from_middle = (place - mark.xy) / mark.zw;
+    float radius = length(from_middle);
+    if (radius < 1.0) return radius < 0.7 ? AMBER : DARK;
+    bool plate;
+    if (word_covers(from_middle, plate)) return AMBER;
+    return plate ? DARK : colour;
 }

@@ -576,6 +576,22 @@ shared! {
         /// Distances along the viewing direction of depths 0 and 1, mm.
         range: [f32; 2],
     }
+    /// Push constants of `rods`.
+    RodsParams {
+        /// Distances along the viewing direction of depths 0 and 1, mm.
+        range: [f32; 2],
+    }
+    /// A round body between two places, with a half sphere at each end.
+    Rod {
+        /// Middle of the first end, mm in the space of the scene.
+        from: [f32; 3],
+        /// Middle of the other end, likewise.
+        to: [f32; 3],
+        /// Radius of either end, mm.
+        radii: [f32; 2],
+        /// Colour, sRGB, a byte each, red lowest.
+        colour: u32,
+    }
     /// Push constants of `panels`.
     PanelParams {
         /// Width and height of the window, points.

@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{Parser, ValueEnum};
 use engine::gpu::Fault;
+use engine::render::ObjectChange;
 use engine::{Error, Kind, Result};
 
-use crate::headset::Blend;
+use crate::headset::{Background, Blend};
+use crate::inputs::Wanted;
 #[cfg(not(target_os = "android"))]
 use crate::mirror::Shown;
 
@@ -14,12 +16,25 @@ use crate::mirror::Shown;
 #[derive(Parser, Debug)]
 #[command(name = "vgs-xr", version, after_help = EXAMPLES)]
 pub struct HeadsetArguments {
-    /// The splats (PLY); several files become one scene
-    #[arg(required = true)]
-    pub splats: Vec<PathBuf>,
-    /// Transfer function: a preset, a file, or window:WIDTH,LEVEL
-    #[arg(long, value_name = "PRESET|FILE", default_value = "CT-Bone")]
-    pub tf: String,
+    /// What is shown: splats (PLY), several of which become one scene, a volume, or a session (TOML)
+    #[arg(required_unless_present = "volume")]
+    pub files: Vec<PathBuf>,
+    /// The volume that the splats were fitted to; without splats it is shown itself
+    #[arg(long, value_name = "VOLUME")]
+    pub volume: Option<PathBuf>,
+    /// Which series of a DICOM folder: its number in `vgs info`, its UID, or a part of its description
+    #[arg(long, value_name = "N|TEXT")]
+    pub series: Option<String>,
+    /// Shows nothing of the volume outside this mask
+    #[arg(long, value_name = "MASK")]
+    pub roi: Option<PathBuf>,
+    /// Transfer function: a preset, a file, or window:WIDTH,LEVEL [default: the session's, or CT-Bone]
+    #[arg(long, value_name = "PRESET|FILE")]
+    pub tf: Option<String>,
+    /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per
+    /// mm), hidden. Each file is an object, or each of its labels; may be repeated
+    #[arg(long, value_name = "NAME|N:HOW,...")]
+    pub object: Vec<ObjectChange>,
     /// The same without a headset: poses and clock follow a script
     #[arg(long)]
     pub simulated: bool,
@@ -29,6 +44,10 @@ pub struct HeadsetArguments {
     /// What is behind the picture: the headset's first choice by default
     #[arg(long, value_enum)]
     pub blend: Option<Behind>,
+    /// Shows the room behind the picture, however the headset can: where the picture is transparent, as a layer
+    /// of its own (XR_FB_passthrough), or added to it
+    #[arg(long, conflicts_with = "blend")]
+    pub passthrough: bool,
     /// Frames a second, where the headset leaves the choice
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
@@ -51,6 +70,9 @@ pub struct HeadsetArguments {
     /// Shows the panel from the start
     #[arg(long)]
     pub panel: bool,
+    /// Shows the card of what hands do at the start, as the first time
+    #[arg(long)]
+    pub card: bool,
     /// Shows what the eyes see in a window, too
     #[cfg(not(target_os = "android"))]
     #[arg(long, value_name = "EYES", value_enum, num_args = 0..=1, require_equals = true, default_missing_value = "both")]
@@ -78,14 +100,18 @@ pub struct HeadsetArguments {
 const EXAMPLES: &str = "\
 Examples:
   vgs-xr bones.ply
-  vgs-xr body.ply --tf CT-Soft-Tissue --blend alpha
+  vgs-xr body.ply --tf CT-Soft-Tissue --passthrough
+  vgs-xr bones.ply vessels.ply --object vessels:colour=#c03020
+  vgs-xr session.toml
+  vgs-xr --volume ct.nii.gz --roi bones.nii.gz
   vgs-xr bones.ply --simulated --frames 300 --report session.json --picture eyes.png
   tools/monado cargo run -p vgs-xr -- bones.ply --frames 200
 
 Hands: grab with one to move, with both to scale and turn. Right thumbstick: up and down the level, sideways the
 width of the window. First button: next preset (right), last preset (left). Second button: a cutting plane in the
-hand (right), everything back (left). Thumbstick pressed: the panel, on which the trigger clicks; with its button
-Measure the trigger places ends of distances where the ray meets the patient.
+hand, then standing, then gone (right); undo, and held for a second everything back (left). Thumbstick pressed: the
+panel, on which the trigger clicks; with its button Measure the trigger places ends of distances where the ray meets
+the patient.
 
 For looking, not for diagnosis.";
 
@@ -126,6 +152,27 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl HeadsetArguments {
+    /// Returns what is wanted behind the picture.
+    pub fn background(&self) -> Background {
+        match self.blend {
+            Some(blend) => Background::This(blend.into()),
+            None if self.passthrough => Background::Room,
+            None => Background::Any,
+        }
+    }
+
+    /// Returns what is to be shown.
+    pub fn wanted(&self) -> Wanted {
+        Wanted {
+            files: self.files.clone(),
+            volume: self.volume.clone(),
+            series: self.series.clone(),
+            roi: self.roi.clone(),
+            tf: self.tf.clone(),
+            objects: self.object.clone(),
+        }
+    }
+
     /// Creates the arguments of a program without a command line: all splats (PLY) of a folder, in the order
     /// of their names, and the defaults.
     ///
@@ -166,8 +213,8 @@ mod tests {
             std::fs::write(folder.path().join(name), "").expect("a file");
         }
         let found = HeadsetArguments::of_folder(folder.path()).expect("splats");
-        assert_eq!(found.splats, ["-a.PLY", "b.ply"].map(|name| folder.path().join(name)));
-        assert_eq!((found.tf.as_str(), found.simulated, found.frames), ("CT-Bone", false, None));
+        assert_eq!(found.files, ["-a.PLY", "b.ply"].map(|name| folder.path().join(name)));
+        assert_eq!((found.tf.as_deref(), found.simulated, found.frames), (None, false, None));
         assert!(
             HeadsetArguments::of_folder(&folder.path().join("none")).is_err(),
             "a folder that is not there"

@@ -1,25 +1,33 @@
 //! What hands do to the scene: one hand carries it, two stretch and turn it, the thumbstick moves window and
-//! level, buttons change presets, hold a cutting plane, and reset everything.
+//! level, buttons change presets, hold a cutting plane, undo, and reset everything.
+
+use std::cmp::Ordering;
 
 use engine::Result;
-use engine::render::{ClipPlane, Look};
+use engine::render::{ClipPlane, Look, PLANES};
 use engine::splat::Object;
 use engine::transfer::{PRESETS, load};
 use glam::DVec3;
-use view::state::{self, ViewState};
+use view::history::History;
+use view::state::{self, Clip, Edited, MOST_PLANES, ViewState};
 use view::transfer::Transfer;
 
-use crate::headset::{Hand, Hands, Pose};
+use crate::feedback::{Feedback, GRAB, SNAP};
+use crate::headset::{HOLDS, Hand, Hands, Pose};
 use crate::placement::Placement;
 
-/// Squeeze from which a hand holds; it lets go below half of it.
-const HOLDS: f64 = 0.6;
 /// Largest deflection of a thumbstick that counts as rest.
 const RESTS: f64 = 0.15;
 /// Part of the data's range by which a thumbstick at its end moves level or width in a second.
 const PER_SECOND: f64 = 0.25;
 /// Narrowest window, as a part of the preset's window.
 const NARROWEST: f64 = 0.05;
+/// Time that the left second button is held until it resets instead of undoing, seconds.
+const RESETS: f64 = 1.0;
+/// Time after which a button that is still held is told to reset soon, seconds.
+const SOON: f64 = 0.4;
+/// Distance from real size, as a part of it, within which a patient between two hands has real size.
+const SNAPS: f64 = 0.04;
 
 /// A button, with its state at the last call: true if it was down.
 #[derive(Clone, Copy, Default)]
@@ -37,7 +45,17 @@ impl Button {
 struct Shown {
     transfer: Transfer,
     objects: Vec<state::Object>,
+    clip: Clip,
     cut: Option<ClipPlane>,
+}
+
+/// A step of the history.
+#[derive(Clone, PartialEq)]
+struct Step {
+    edited: Edited,
+    base: Transfer,
+    /// Number of resets that led here.
+    resets: usize,
 }
 
 /// The state that hands have changed so far.
@@ -48,55 +66,103 @@ pub struct Controls {
     pub state: ViewState,
     /// Least and greatest intensity of the scene.
     pub range: [f64; 2],
+    /// What the user is to be told of this frame.
+    pub feedback: Feedback,
+    /// True while something on the panel is dragged: all that it changes is one step of the history.
+    pub dragging: bool,
     home: Placement,
     /// Pose, in the frame before, of each hand that holds.
     held: [Option<Pose>; 2],
+    /// Magnification between two hands, as if nothing snapped; `None` while there are not two.
+    stretched: Option<f64>,
     next: [Button; 2],
-    other: [Button; 2],
-    /// The transfer function before it was moved, and the objects as they were at the start.
+    other: Button,
+    /// Time that the left second button has been down, seconds.
+    held_for: Option<f64>,
+    /// The transfer function before it was moved.
     base: Transfer,
-    base_objects: Vec<state::Object>,
+    /// Objects and clip planes as they were at the start.
+    first: (Vec<state::Object>, Clip),
+    history: History<Step>,
+    resets: usize,
+    /// Placements before each of these resets.
+    before: Vec<Placement>,
     /// True if the right hand holds a plane.
     cutting: bool,
-    clip: Vec<ClipPlane>,
+    /// The plane in the hand, and where the hand is, mm RAS.
+    cut: Option<(ClipPlane, DVec3)>,
     /// Numbers by which the scene knows the rows of the objects.
     numbers: Vec<u8>,
     shown: Shown,
 }
 
+/// The view of a scene to begin with.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// What is shown of the scene, and how.
+    pub state: ViewState,
+    /// The scene's numbers of the rows of [`ViewState::objects`].
+    pub numbers: Vec<u8>,
+    /// Least and greatest intensity of the scene.
+    pub range: [f64; 2],
+}
+
+/// Returns the view that a scene of these objects, with intensities in `range`, has with a look.
+pub fn view_of(look: &Look, objects: &[Object], range: [f64; 2]) -> Start {
+    let mut state = ViewState::new(&look.transfer);
+    let row = |object: &Object| {
+        let row = state::Object::new(0, Some(object.number), &object.name);
+        match look.objects.get(&object.number) {
+            None => row,
+            Some(seen) => state::Object {
+                visible: seen.visible,
+                tint: seen.tint.map(|colour| DVec3::from_array(colour.map(f64::from))),
+                opacity: f64::from(seen.opacity),
+                ..row
+            },
+        }
+    };
+    state.objects = objects.iter().map(row).collect();
+    state.clip.planes = look.clip.iter().map(standing).collect();
+    Start { state, numbers: objects.iter().map(|object| object.number).collect(), range }
+}
+
+/// Returns a plane that stands in the patient.
+fn standing(plane: &ClipPlane) -> state::Plane {
+    state::Plane { on: true, normal: plane.normal, offset_mm: plane.offset }
+}
+
 impl Controls {
-    /// Creates the controls of a scene with these objects and with intensities in `range`; nothing is changed
-    /// yet.
-    pub fn new(placement: Placement, look: &Look, objects: &[Object], range: [f64; 2]) -> Self {
-        let mut state = ViewState::new(&look.transfer);
-        let row = |object: &Object| {
-            let row = state::Object::new(0, Some(object.number), &object.name);
-            match look.objects.get(&object.number) {
-                None => row,
-                Some(seen) => state::Object {
-                    visible: seen.visible,
-                    tint: seen.tint.map(|colour| DVec3::from_array(colour.map(f64::from))),
-                    opacity: f64::from(seen.opacity),
-                    ..row
-                },
-            }
-        };
-        state.objects = objects.iter().map(row).collect();
-        let shown = Shown { transfer: state.transfer.clone(), objects: state.objects.clone(), cut: None };
+    /// Creates the controls of a scene, with the view to begin with.
+    pub fn new(placement: Placement, start: Start) -> Self {
+        let Start { state, numbers, range } = start;
+        let (base, resets) = (state.transfer.clone(), 0);
         Controls {
             placement,
-            base: state.transfer.clone(),
-            base_objects: state.objects.clone(),
-            state,
             range,
+            feedback: Feedback::default(),
+            dragging: false,
             home: placement,
             held: [None; 2],
+            stretched: None,
             next: Default::default(),
             other: Default::default(),
+            held_for: None,
+            first: (state.objects.clone(), state.clip.clone()),
+            history: History::new(Step { edited: state.edited(), base: base.clone(), resets }),
+            resets,
+            before: Vec::new(),
             cutting: false,
-            clip: look.clip.clone(),
-            numbers: objects.iter().map(|object| object.number).collect(),
-            shown,
+            cut: None,
+            numbers,
+            shown: Shown {
+                transfer: base.clone(),
+                objects: state.objects.clone(),
+                clip: state.clip.clone(),
+                cut: None,
+            },
+            base,
+            state,
         }
     }
 
@@ -111,9 +177,35 @@ impl Controls {
         self.held[side].is_some()
     }
 
-    /// Applies what the hands do in a frame that lasts `seconds`. Returns the scene's look if it has changed
-    /// since the last call, by a hand or by the panel.
-    pub fn update(&mut self, hands: &Hands, seconds: f64) -> Result<Option<Look>> {
+    /// Returns the look of the state.
+    ///
+    /// # Errors
+    /// Returns the errors of [`ViewState::look`].
+    pub fn look(&self) -> Result<Look> {
+        let mut look = self.state.look(&self.numbers)?;
+        // There is no room for more.
+        look.clip.extend(self.cut.map(|(plane, _)| plane).filter(|_| look.clip.len() < PLANES));
+        Ok(look)
+    }
+
+    /// Returns the scene's look if it has changed since the last call, by a hand or by the panel.
+    ///
+    /// # Errors
+    /// Returns the errors of [`ViewState::look`].
+    pub fn new_look(&mut self) -> Result<Option<Look>> {
+        let ViewState { transfer, objects, clip, .. } = &self.state;
+        let Shown { transfer: old_transfer, objects: old_objects, clip: old_clip, cut } = &self.shown;
+        let in_hand = self.cut.map(|(plane, _)| plane);
+        if (transfer, objects, clip, &in_hand) == (old_transfer, old_objects, old_clip, cut) {
+            return Ok(None);
+        }
+        self.shown =
+            Shown { transfer: transfer.clone(), objects: objects.clone(), clip: clip.clone(), cut: in_hand };
+        self.look().map(Some)
+    }
+
+    /// Applies what the hands do in a frame that lasts `seconds`.
+    pub fn act(&mut self, hands: &Hands, seconds: f64) -> Result<()> {
         self.carry(hands);
         for (side, step) in [(0, PRESETS.len() - 1), (1, 1)] {
             if self.next[side].pressed(hands[side].next) {
@@ -121,61 +213,173 @@ impl Controls {
                 self.choose(PRESETS[(now + step) % PRESETS.len()].name)?;
             }
         }
-        if self.other[0].pressed(hands[0].other) {
-            self.placement = self.home;
-            (self.state.transfer, self.state.objects) = (self.base.clone(), self.base_objects.clone());
-            self.cutting = false;
+        self.left_button(hands[0].other, seconds);
+        if self.other.pressed(hands[1].other) {
+            self.right_button(&hands[1]);
         }
-        self.cutting ^= self.other[1].pressed(hands[1].other);
-        self.window(&hands[1], seconds);
-        let cut = hands[1].grip.filter(|_| self.cutting).map(|grip| self.plane(&grip));
-        let ViewState { transfer, objects, .. } = &self.state;
-        if (transfer, objects, cut) == (&self.shown.transfer, &self.shown.objects, self.shown.cut) {
-            return Ok(None);
-        }
-        self.shown = Shown { transfer: transfer.clone(), objects: objects.clone(), cut };
-        let mut look = self.state.look(&self.numbers)?;
-        look.clip = self.clip.iter().copied().chain(cut).collect();
-        Ok(Some(look))
+        let grip = hands[1].grip.filter(|_| self.cutting);
+        self.cut = grip.map(|grip| (self.plane(&grip), self.placement.patient(grip.position)));
+        let moving = self.window(&hands[1], seconds);
+        self.remember(moving || self.dragging);
+        Ok(())
     }
 
     /// Moves the patient: one hand carries it, two stretch it.
     fn carry(&mut self, hands: &Hands) {
         let before = self.held;
-        for (held, hand) in self.held.iter_mut().zip(hands) {
-            let needed = if held.is_some() { HOLDS * 0.5 } else { HOLDS };
-            *held = hand.grip.filter(|_| hand.squeeze >= needed);
+        for (side, hand) in hands.iter().enumerate() {
+            let needed = if before[side].is_some() { HOLDS * 0.5 } else { HOLDS };
+            self.held[side] = hand.grip.filter(|_| hand.squeeze >= needed);
+            if before[side].is_none() && self.held[side].is_some() {
+                self.feedback.pulse(side, GRAB);
+            }
         }
-        self.placement = match (before, self.held) {
+        match (before, self.held) {
             ([Some(a), Some(b)], [Some(c), Some(d)]) => {
-                self.placement.stretched([a.position, b.position], [c.position, d.position])
+                self.stretch([a.position, b.position], [c.position, d.position]);
+                return;
             }
             ([Some(from), None], [Some(to), None]) | ([None, Some(from)], [None, Some(to)]) => {
-                self.placement.carried(&from, &to)
+                self.placement = self.placement.carried(&from, &to);
             }
             // A hand has just taken hold or let go.
-            _ => self.placement,
-        };
+            _ => {}
+        }
+        self.stretched = None;
     }
 
-    /// Moves the window with the thumbstick: sideways its width, up and down its level.
-    fn window(&mut self, hand: &Hand, seconds: f64) {
+    /// Stretches the patient between two hands; close to real size it snaps to that.
+    fn stretch(&mut self, from: [DVec3; 2], to: [DVec3; 2]) {
+        let before = self.placement.scale;
+        let wanted = Placement::stretched_scale(self.stretched.unwrap_or(before), from, to);
+        self.stretched = Some(wanted);
+        let scale = if (wanted - 1.0).abs() <= SNAPS { 1.0 } else { wanted };
+        if scale == 1.0 && before != 1.0 {
+            [0, 1].into_iter().for_each(|side| self.feedback.pulse(side, SNAP));
+            self.feedback.say("Real size");
+        }
+        self.placement = self.placement.stretched(from, to, scale);
+    }
+
+    /// Undoes when the left second button is let go, or resets once when it was held long enough.
+    fn left_button(&mut self, down: bool, seconds: f64) {
+        let before = self.held_for;
+        self.held_for = down.then(|| before.map_or(0.0, |before| before + seconds));
+        match (before, self.held_for) {
+            (Some(before), None) if before < RESETS => self.undo(),
+            (Some(before), Some(now)) if before < RESETS && now >= RESETS => {
+                self.feedback.pulse(0, SNAP);
+                self.reset();
+            }
+            (Some(before), Some(now)) if before < SOON && now >= SOON => {
+                self.feedback.say("Hold on to put everything back");
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes a plane into the right hand, leaves it where it is, and takes it away, in turn.
+    fn right_button(&mut self, hand: &Hand) {
+        let planes = &self.state.clip.planes;
+        if self.cutting {
+            self.cutting = false;
+            if let Some(grip) = hand.grip.filter(|_| planes.len() < MOST_PLANES) {
+                let plane = self.plane(&grip);
+                self.state.clip.planes.push(standing(&plane));
+                self.feedback.say("The cutting plane stays");
+            }
+        } else if self.state.clip.planes.pop().is_some() {
+            self.feedback.say("No cutting plane");
+        } else if self.state.clip.planes().len() < PLANES {
+            self.cutting = true;
+            self.feedback.say("Cutting plane in the hand");
+        }
+    }
+
+    /// Puts everything back: the patient where it stood, the last preset as it was chosen, objects and planes
+    /// as at the start. It can be undone.
+    pub fn reset(&mut self) {
+        let (objects, clip) = self.first.clone();
+        let there = (&self.placement, &self.state.transfer, &self.state.objects, &self.state.clip);
+        if there == (&self.home, &self.base, &objects, &clip) && !self.cutting {
+            self.feedback.say("Everything is as at the start");
+            return;
+        }
+        self.before.truncate(self.resets);
+        self.before.push(self.placement);
+        self.resets += 1;
+        self.placement = self.home;
+        (self.state.transfer, self.state.objects, self.state.clip) = (self.base.clone(), objects, clip);
+        self.cutting = false;
+        self.feedback.say("Everything is put back; undo brings it again");
+    }
+
+    /// Goes one step back.
+    pub fn undo(&mut self) {
+        let step = self.history.undo(&self.step());
+        self.go_to(step, "Undone", "Nothing to undo");
+    }
+
+    /// Goes one step forward again.
+    pub fn redo(&mut self) {
+        let step = self.history.redo(&self.step());
+        self.go_to(step, "Done again", "Nothing to do again");
+    }
+
+    /// Returns true if there is a step to undo, and one to redo.
+    pub fn can_go(&self) -> [bool; 2] {
+        [self.history.can_undo(), self.history.can_redo()]
+    }
+
+    fn step(&self) -> Step {
+        Step { edited: self.state.edited(), base: self.base.clone(), resets: self.resets }
+    }
+
+    /// Takes over a step of the history. The patient moves only if it passes a reset.
+    fn go_to(&mut self, step: Option<Step>, done: &str, nothing: &str) {
+        let Some(Step { edited, base, resets }) = step else {
+            self.feedback.say(nothing);
+            return;
+        };
+        match resets.cmp(&self.resets) {
+            Ordering::Less => self.placement = self.before[resets],
+            Ordering::Greater => self.placement = self.home,
+            Ordering::Equal => {}
+        }
+        (self.base, self.resets) = (base, resets);
+        self.state.restore(edited);
+        self.feedback.say(done);
+    }
+
+    /// Notes what has changed as a step of the history, unless it is still changing.
+    fn remember(&mut self, changing: bool) {
+        let Step { edited, resets, .. } = self.history.now();
+        if !changing && (self.resets != *resets || !self.state.is_edited_as(edited)) {
+            self.history.observe(&self.step(), false);
+        }
+    }
+
+    /// Moves the window with the thumbstick: sideways its width, up and down its level. Returns true if it
+    /// moves.
+    fn window(&mut self, hand: &Hand, seconds: f64) -> bool {
         let beyond = |v: f64| v.signum() * (v.abs() - RESTS).max(0.0) / (1.0 - RESTS);
         let (x, y) = (beyond(hand.stick.x), beyond(hand.stick.y));
         if (x, y) == (0.0, 0.0) {
-            return;
+            return false;
         }
         let [low, high] = self.state.transfer.window();
         let least = NARROWEST * (self.base.window()[1] - self.base.window()[0]);
         let half = 0.5 * ((high - low) * (x * 4.0 * PER_SECOND * seconds).exp()).max(least);
         let level = (low + high) * 0.5 + y * PER_SECOND * seconds * (self.range[1] - self.range[0]);
         self.state.transfer.set_window([level - half, level + half]);
+        true
     }
 
     /// Takes a transfer function: a preset, a window or a file.
     pub fn choose(&mut self, name: &str) -> Result<()> {
         self.state.transfer = Transfer::new(&load(name, self.range)?);
         self.base = self.state.transfer.clone();
+        self.feedback.say(self.state.transfer.name.clone());
         Ok(())
     }
 
@@ -184,6 +388,14 @@ impl Controls {
     fn plane(&self, grip: &Pose) -> ClipPlane {
         let normal = self.placement.patient_direction(grip.orientation * DVec3::X);
         ClipPlane { normal, offset: normal.dot(self.placement.patient(grip.position)) }
+    }
+
+    /// Returns the cutting planes: those that stand, and the one in the hand with the place of the hand, mm RAS.
+    pub fn planes(&self) -> Vec<(ClipPlane, Option<DVec3>)> {
+        // The faces of a crop box are not among them.
+        let standing = Clip { crop: None, ..self.state.clip.clone() };
+        let standing = standing.planes().into_iter().map(|plane| (plane, None));
+        standing.chain(self.cut.map(|(plane, at)| (plane, Some(at)))).collect()
     }
 
     /// Returns the name of the transfer function.
@@ -197,6 +409,8 @@ mod tests {
     use engine::transfer::preset;
     use glam::{DQuat, DVec2};
 
+    use crate::headset::Pulse;
+
     use super::*;
 
     const FRAME: f64 = 1.0 / 72.0;
@@ -205,8 +419,27 @@ mod tests {
         let head = Pose { position: DVec3::new(0.0, 1.6, 0.0), ..Pose::IDENTITY };
         let look = Look::new(preset("CT-Bone").expect("a preset").over([-1000.0, 2000.0]));
         let objects = [3, 7].map(|number| Object { number, name: format!("label {number}"), splats: 1 });
-        Controls::new(Placement::before(&head, DVec3::ZERO, 100.0), &look, &objects, [-1000.0, 2000.0])
+        let start = view_of(&look, &objects, [-1000.0, 2000.0]);
+        Controls::new(Placement::before(&head, DVec3::ZERO, 100.0), start)
     }
+
+    /// Returns the new look after a frame, if there is one.
+    fn update(c: &mut Controls, hands: &Hands) -> Option<Look> {
+        c.act(hands, FRAME).expect("no error");
+        c.new_look().expect("no error")
+    }
+
+    /// Presses the left second button for some frames and lets go.
+    fn press_left(c: &mut Controls, frames: usize) -> Option<Look> {
+        let down = [Hand { other: true, ..Hand::default() }, Hand::default()];
+        let looks: Vec<_> = (0..frames).map(|_| update(c, &down)).collect();
+        let last = update(c, &[Hand::default(); 2]);
+        looks.into_iter().chain([last]).flatten().last()
+    }
+
+    /// Frames of a press that undoes, and of one that resets.
+    const SHORT: usize = 5;
+    const LONG: usize = 90;
 
     fn at(x: f64, squeeze: f64) -> Hand {
         let grip = Pose { position: DVec3::new(x, 1.5, -0.5), orientation: DQuat::IDENTITY };
@@ -226,7 +459,7 @@ mod tests {
             (0.4, 0.3, 0.2),
             (0.1, 0.9, 0.2),
         ] {
-            assert!(c.update(&[idle, at(x, squeeze)], FRAME).expect("no error").is_none());
+            assert!(update(&mut c, &[idle, at(x, squeeze)]).is_none());
             let moved = c.placement.position - start.position;
             assert!((moved - DVec3::X * expect).length() < 1e-9, "{squeeze} at {x}: {moved}");
         }
@@ -235,12 +468,12 @@ mod tests {
     #[test]
     fn two_hands_stretch_and_nothing_jumps_when_one_lets_go() {
         let mut c = controls();
-        c.update(&[at(-0.1, 1.0), at(0.1, 1.0)], FRAME).expect("no error");
+        update(&mut c, &[at(-0.1, 1.0), at(0.1, 1.0)]);
         assert_eq!(c.placement.scale, 1.0);
-        c.update(&[at(-0.2, 1.0), at(0.2, 1.0)], FRAME).expect("no error");
+        update(&mut c, &[at(-0.2, 1.0), at(0.2, 1.0)]);
         assert!((c.placement.scale - 2.0).abs() < 1e-9);
         let before = c.placement;
-        c.update(&[at(-0.2, 0.0), at(0.5, 1.0)], FRAME).expect("no error");
+        update(&mut c, &[at(-0.2, 0.0), at(0.5, 1.0)]);
         assert_eq!(c.placement, before);
     }
 
@@ -250,12 +483,12 @@ mod tests {
         let first = c.preset().to_owned();
         let down = Hand { next: true, ..Hand::default() };
         let up = Hand::default();
-        assert!(c.update(&[up, down], FRAME).expect("no error").is_some());
+        assert!(update(&mut c, &[up, down]).is_some());
         let second = c.preset().to_owned();
         assert_ne!(first, second);
-        assert!(c.update(&[up, down], FRAME).expect("no error").is_none());
-        c.update(&[up, up], FRAME).expect("no error");
-        c.update(&[down, up], FRAME).expect("no error");
+        assert!(update(&mut c, &[up, down]).is_none());
+        update(&mut c, &[up, up]);
+        update(&mut c, &[down, up]);
         assert_eq!(c.preset(), first, "the left hand goes back");
     }
 
@@ -264,7 +497,7 @@ mod tests {
         let mut c = controls();
         let start = (c.placement, c.state.transfer.window());
         let stick = Hand { stick: DVec2::new(0.1, 1.0), ..Hand::default() };
-        let look = (0..72).map(|_| c.update(&[Hand::default(), stick], FRAME).expect("no error")).last();
+        let look = (0..72).map(|_| update(&mut c, &[Hand::default(), stick])).last();
         let moved = look.flatten().expect("it changed").transfer.extent();
         for side in 0..2 {
             assert!(
@@ -272,11 +505,10 @@ mod tests {
                 "a quarter of 3000 HU in a second: {moved:?}"
             );
         }
-        c.update(&[Hand::default(), at(0.0, 1.0)], FRAME).expect("no error");
-        c.update(&[Hand::default(), at(0.4, 1.0)], FRAME).expect("no error");
+        update(&mut c, &[Hand::default(), at(0.0, 1.0)]);
+        update(&mut c, &[Hand::default(), at(0.4, 1.0)]);
         assert_ne!(c.placement, start.0);
-        let reset = Hand { other: true, ..Hand::default() };
-        let look = c.update(&[reset, Hand::default()], FRAME).expect("no error").expect("it changed");
+        let look = press_left(&mut c, LONG).expect("it changed");
         assert_eq!((c.placement, look.transfer.extent()), start);
     }
 
@@ -284,28 +516,98 @@ mod tests {
     fn what_is_edited_elsewhere_is_shown_and_put_back() {
         let mut c = controls();
         let idle = [Hand::default(); 2];
-        assert!(c.update(&idle, FRAME).expect("no error").is_none());
+        assert!(update(&mut c, &idle).is_none());
         c.state.objects[1].visible = false;
-        let look = c.update(&idle, FRAME).expect("no error").expect("it changed");
+        let look = update(&mut c, &idle).expect("it changed");
         assert!(look.objects[&3].visible && !look.objects[&7].visible);
-        assert!(c.update(&idle, FRAME).expect("no error").is_none(), "once");
-        let reset = Hand { other: true, ..Hand::default() };
-        let look = c.update(&[reset, Hand::default()], FRAME).expect("no error").expect("it changed");
+        assert!(update(&mut c, &idle).is_none(), "once");
+        let look = press_left(&mut c, LONG).expect("it changed");
         assert!(look.objects[&7].visible);
+    }
+
+    #[test]
+    fn a_short_press_undoes_and_a_long_one_resets_and_both_can_be_undone() {
+        let mut c = controls();
+        assert!(
+            press_left(&mut c, SHORT).is_none() && c.feedback.notice.as_deref() == Some("Nothing to undo")
+        );
+        let home = c.placement;
+        c.choose("CT-Lung").expect("a preset");
+        update(&mut c, &[Hand::default(); 2]);
+        // A window that the stick moves for half a second is one step.
+        let stick = Hand { stick: DVec2::new(0.0, 1.0), ..Hand::default() };
+        (0..36).for_each(|_| _ = update(&mut c, &[Hand::default(), stick]));
+        update(&mut c, &[Hand::default(); 2]);
+        let moved = c.state.transfer.window();
+        update(&mut c, &[Hand::default(), at(0.0, 1.0)]);
+        update(&mut c, &[Hand::default(), at(0.4, 1.0)]);
+        update(&mut c, &[Hand::default(); 2]);
+        let carried = c.placement;
+        assert_ne!(carried, home);
+        press_left(&mut c, LONG);
+        assert_eq!((c.placement, c.preset()), (home, "CT-Lung"));
+        assert_ne!(c.state.transfer.window(), moved);
+        press_left(&mut c, SHORT);
+        assert_eq!((c.placement, c.state.transfer.window()), (carried, moved), "the reset is undone");
+        c.redo();
+        assert_eq!(c.placement, home, "and done again");
+        c.undo();
+        press_left(&mut c, SHORT);
+        assert_ne!(c.state.transfer.window(), moved);
+        assert_eq!((c.placement, c.preset()), (carried, "CT-Lung"), "undo does not move the patient");
+        press_left(&mut c, SHORT);
+        assert_eq!((c.preset(), c.can_go()), ("CT-Bone", [false, true]));
+    }
+
+    #[test]
+    fn two_hands_snap_to_real_size_and_go_on_from_there() {
+        let mut c = controls();
+        let held = |half: f64| [at(-half, 1.0), at(half, 1.0)];
+        update(&mut c, &held(0.1));
+        assert_eq!(c.feedback.pulses, [(0, GRAB), (1, GRAB)]);
+        update(&mut c, &held(0.05));
+        assert!((c.placement.scale - 0.5).abs() < 1e-9);
+        c.feedback = Feedback::default();
+        update(&mut c, &held(0.097));
+        assert_eq!(c.placement.scale, 1.0, "0.97 is near enough");
+        assert_eq!(c.feedback.pulses, [(0, SNAP), (1, SNAP)]);
+        update(&mut c, &held(0.098));
+        assert_eq!((c.placement.scale, c.feedback.pulses.len()), (1.0, 2), "it is told once");
+        update(&mut c, &held(0.12));
+        assert!((c.placement.scale - 1.2).abs() < 1e-9, "nothing is lost: {}", c.placement.scale);
+        let is_sound = |p: &Pulse| (0.0..=1.0).contains(&p.strength) && p.seconds < 0.2;
+        assert!([GRAB, SNAP].iter().all(is_sound));
+    }
+
+    #[test]
+    fn a_plane_is_taken_left_and_taken_away() {
+        let mut c = controls();
+        let right = |x: f64, other: bool| [Hand::default(), Hand { other, ..at(x, 0.0) }];
+        update(&mut c, &right(0.05, true));
+        update(&mut c, &right(0.05, false));
+        let look = update(&mut c, &right(0.1, true)).expect("it stays there");
+        assert!(look.clip.len() == 1 && (look.clip[0].offset - 100.0).abs() < 1e-9);
+        assert!(update(&mut c, &right(0.3, false)).is_none(), "the hand goes without it");
+        assert_eq!(c.planes(), [(look.clip[0], None)]);
+        let look = update(&mut c, &right(0.3, true)).expect("it is taken away");
+        assert!(look.clip.is_empty() && c.planes().is_empty());
+        update(&mut c, &right(0.3, false));
+        let look = press_left(&mut c, SHORT).expect("it is back");
+        assert_eq!(look.clip.len(), 1);
     }
 
     #[test]
     fn the_hand_cuts_where_it_is() {
         let mut c = controls();
         let hand = Hand { other: true, ..at(0.05, 0.0) };
-        let look = c.update(&[Hand::default(), hand], FRAME).expect("no error").expect("it changed");
+        let look = update(&mut c, &[Hand::default(), hand]).expect("it changed");
         let plane = look.clip[0];
         // Room x is the patient's -x: 5 cm to the viewer's right are 50 mm to the patient's left.
         assert!(
             (plane.normal - DVec3::NEG_X).length() < 1e-9 && (plane.offset - 50.0).abs() < 1e-9,
             "{plane:?}"
         );
-        let moved = c.update(&[Hand::default(), at(0.1, 0.0)], FRAME).expect("no error").expect("it follows");
+        let moved = update(&mut c, &[Hand::default(), at(0.1, 0.0)]).expect("it follows");
         assert!((moved.clip[0].offset - 100.0).abs() < 1e-9);
     }
 }

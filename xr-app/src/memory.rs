@@ -20,6 +20,8 @@ pub struct Kept<'a> {
     pub precision: Precision,
     /// [`engine::render::Settings::pitch`].
     pub pitch: f64,
+    /// What was given up, in words.
+    pub given_up: Option<String>,
 }
 
 /// Creates something from a set, with `make`, that takes at most `budget_mib` MiB of device memory, and
@@ -34,19 +36,24 @@ pub fn within<T>(
     let (all, kind) = (set.splats.len(), SplatKind::of(&set));
     let (mut precision, mut pitch) = (Precision::Full, 1.0);
     loop {
-        let made = make(&Kept { set: &set, precision, pitch })?;
-        let Some(budget) = budget_mib.map(|mib| mib * f64::from(1 << 20)) else { return Ok(made) };
-        let used = gpu.memory_by_purpose().values().sum::<u64>() as f64;
+        let count = set.splats.len();
+        let given_up = if count < all {
+            Some(format!(
+                "{count} of {all} splats fit into the memory budget; the least important are left out"
+            ))
+        } else if pitch > 1.0 {
+            Some(format!("to keep to the memory budget, {pitch}³ voxels are shown as one"))
+        } else if precision == Precision::Packed {
+            Some("splats are packed, to keep to the memory budget".to_owned())
+        } else {
+            None
+        };
+        let made = make(&Kept { set: &set, precision, pitch, given_up: given_up.clone() })?;
+        let Some(budget) = budget_mib.map(bytes) else { return Ok(made) };
+        let used = used(gpu);
         if used <= budget {
-            let count = set.splats.len();
-            if count < all {
-                eprintln!(
-                    "note: {count} of {all} splats fit into the memory budget; the least important are left out"
-                );
-            } else if pitch > 1.0 {
-                eprintln!("note: to keep to the memory budget, {pitch}³ voxels are shown as one");
-            } else if precision == Precision::Packed {
-                eprintln!("note: splats are packed, to keep to the memory budget");
+            if let Some(given_up) = given_up {
+                eprintln!("note: {given_up}");
             }
             return Ok(made);
         }
@@ -61,17 +68,33 @@ pub fn within<T>(
                 set.truncate(fewer)
             }
             _ => {
-                return Err(Error::new(
-                    Kind::Unavailable,
-                    "VGS-XR-024",
-                    format!(
-                        "{:.0} MiB are needed at the least; the budget is {:.0}",
-                        used / 1048576.0,
-                        budget / 1048576.0
-                    ),
-                )
-                .help("choose a larger --memory-budget, or a smaller --resolution"));
+                return Err(too_much(used, budget));
             }
         }
     }
+}
+
+/// Checks that what there is on the device is within a budget, MiB, where nothing can be given up.
+///
+/// # Errors
+/// [`Kind::Unavailable`] if it is not.
+pub fn check(gpu: &Gpu, budget_mib: Option<f64>) -> Result<()> {
+    let Some(budget) = budget_mib.map(bytes) else { return Ok(()) };
+    let used = used(gpu);
+    if used <= budget { Ok(()) } else { Err(too_much(used, budget)) }
+}
+
+fn bytes(mib: f64) -> f64 {
+    mib * f64::from(1 << 20)
+}
+
+fn used(gpu: &Gpu) -> f64 {
+    gpu.memory_by_purpose().values().sum::<u64>() as f64
+}
+
+fn too_much(used: f64, budget: f64) -> Error {
+    let [used, budget] = [used, budget].map(|of| of / bytes(1.0));
+    let message = format!("{used:.0} MiB are needed at the least; the budget is {budget:.0}");
+    Error::new(Kind::Unavailable, "VGS-XR-024", message)
+        .help("choose a larger --memory-budget, or a smaller --resolution")
 }

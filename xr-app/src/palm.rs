@@ -83,7 +83,11 @@ mod tests {
             assert!(shown(side, held, 0.6) && !shown(side, held, 0.4), "hand {side}");
             assert!(shown(side, hand(side, 0.5), 0.6), "it need not be exact");
             let grip = held.grip.expect("a pose");
-            let at = |position| Hand { grip: Some(Pose { position, ..grip }), ..held };
+            let at = |position| {
+                let mut moved = held;
+                moved.grip = Some(Pose { position, ..grip });
+                moved
+            };
             for (what, hand) in [
                 ("the back of the hand", hand(side, 3.1)),
                 ("the edge of the hand", hand(side, 1.2)),

@@ -8,9 +8,9 @@ use std::time::Duration;
 
 use egui::epaint::ClippedPrimitive;
 use egui::{
-    Align2, CentralPanel, Color32, Context, CornerRadius, Event, FontId, Id, LayerId, Modifiers,
-    MouseWheelUnit, Order, Painter, PointerButton, Pos2, RawInput, Rect, ScrollArea, TexturesDelta,
-    TouchPhase, Ui, Vec2, ViewportId, ViewportInfo, pos2, vec2,
+    Align2, Button, CentralPanel, Color32, Context, CornerRadius, Event, FontId, Id, LayerId, Modifiers,
+    MouseWheelUnit, Order, Painter, PointerButton, Pos2, RawInput, Rect, ScrollArea, Stroke, StrokeKind,
+    TexturesDelta, TouchPhase, Ui, Vec2, ViewportId, ViewportInfo, pos2, vec2,
 };
 use view::actions::Action;
 use view::editor::Editor;
@@ -18,6 +18,8 @@ use view::panel_info::PanelInfo;
 use view::panels;
 use view::state::ViewState;
 use view::theme::{self, ACCENT, SIGNAL};
+
+use crate::card;
 
 /// Width and height of the panel, points; in the room a point is a millimetre.
 pub const SIZE: Vec2 = Vec2::new(400.0, 560.0);
@@ -36,6 +38,13 @@ const CLICK: f32 = 16.0;
 /// Points a second that a thumbstick at its end scrolls.
 const SCROLL: f32 = 600.0;
 
+/// Width of the frame around the panel, by which it is carried, points.
+pub const FRAME: f32 = 34.0;
+/// Width and height of the card of what hands do, points.
+pub const CARD: Vec2 = Vec2::new(430.0, 372.0);
+/// Width of the card's first column, points.
+const COLUMN: f32 = 160.0;
+
 /// Something that is drawn in the room.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
@@ -49,6 +58,26 @@ pub enum Mark {
     Text(String),
     /// A length, below the middle of its line.
     Length(String),
+    /// An edge of a cutting plane's outline.
+    Edge,
+    /// A few large words around a place.
+    Notice(String),
+    /// The frame around the panel, whose upper left corner is the place; brighter while a hand points at it
+    /// or carries it.
+    Frame(bool),
+    /// The card of what hands do; its upper left corner is the place.
+    Card,
+}
+
+/// What a user asks for on the panel.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// Something that the desktop viewer knows, too.
+    Action(Action),
+    /// Puts everything back.
+    Reset,
+    /// Shows the card of what hands do.
+    Card,
 }
 
 /// A pointer on the panel.
@@ -68,8 +97,8 @@ pub struct PanelOutput {
     pub primitives: Vec<ClippedPrimitive>,
     /// New and freed textures.
     pub textures: TexturesDelta,
-    /// Actions that the user asks for.
-    pub actions: Vec<Action>,
+    /// What the user asks for.
+    pub requests: Vec<Request>,
 }
 
 /// The panel.
@@ -79,6 +108,8 @@ pub struct Panel {
     shown: bool,
     pointer: Option<Pointer>,
     marks: Vec<Mark>,
+    /// What was said about the quality, and which steps of the history there were.
+    said: (String, [bool; 2]),
     /// Time at which egui wants to run again by itself, seconds.
     again: f64,
 }
@@ -93,6 +124,10 @@ pub struct PanelContent<'a> {
     pub measuring: bool,
     /// Magnification; 1 is real size.
     pub scale: f64,
+    /// What is shown at less than full quality; empty if nothing is.
+    pub quality: &'a str,
+    /// True if there is a step to undo, and one to redo.
+    pub can_go: [bool; 2],
 }
 
 impl Panel {
@@ -100,7 +135,11 @@ impl Panel {
     pub fn new() -> Self {
         let context = Context::default();
         theme::apply(&context);
-        context.all_styles_mut(|style| style.spacing.interact_size.y = 26.0);
+        context.all_styles_mut(|style| {
+            style.spacing.interact_size.y = 26.0;
+            // A glyph has one picture, wherever it is, so that all of them can be made before the first frame.
+            style.visuals.text_options.subpixel_binning = false;
+        });
         context.options_mut(|options| options.input_options.max_click_dist = CLICK);
         Panel {
             context,
@@ -108,6 +147,7 @@ impl Panel {
             shown: false,
             pointer: None,
             marks: Vec::new(),
+            said: Default::default(),
             again: f64::NEG_INFINITY,
         }
     }
@@ -137,9 +177,13 @@ impl Panel {
         content: &mut PanelContent<'_>,
     ) -> Option<PanelOutput> {
         let events = self.events(pointer);
-        let same = shown == self.shown && marks == self.marks && events.is_empty();
+        let said = (content.quality, content.can_go) == (self.said.0.as_str(), self.said.1);
+        let same = shown == self.shown && marks == self.marks && events.is_empty() && (said || !shown);
         if same && seconds < self.again {
             return None;
+        }
+        if !said {
+            self.said = (content.quality.to_owned(), content.can_go);
         }
         (self.shown, self.marks) = (shown, marks);
         let info = ViewportInfo { native_pixels_per_point: Some(PIXELS_PER_POINT), ..Default::default() };
@@ -150,11 +194,11 @@ impl Panel {
             events,
             ..RawInput::default()
         };
-        let mut actions = Vec::new();
+        let mut requests = Vec::new();
         let Panel { context, editor, marks, .. } = self;
         let mut output = context.run_ui(input, |ui| {
             if shown {
-                CentralPanel::default().show(ui, |ui| sections(ui, editor, content, &mut actions));
+                CentralPanel::default().show(ui, |ui| sections(ui, editor, content, &mut requests));
             }
             for (number, mark) in marks.iter().enumerate() {
                 paint(ui.ctx(), number, mark);
@@ -165,7 +209,7 @@ impl Panel {
         let shapes = std::mem::take(&mut output.shapes);
         let primitives = self.context.tessellate(shapes, output.pixels_per_point);
         let textures = std::mem::take(&mut output.textures_delta);
-        Some(PanelOutput { primitives, textures, actions })
+        Some(PanelOutput { primitives, textures, requests })
     }
 
     /// Returns the pointer's changes as egui's events.
@@ -218,28 +262,46 @@ pub fn scrolled(stick: f64, seconds: f64) -> f32 {
     SCROLL * (stick * seconds) as f32
 }
 
-fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, actions: &mut Vec<Action>) {
-    let PanelContent { state, info, measuring, scale } = content;
+fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, requests: &mut Vec<Request>) {
+    let PanelContent { state, info, measuring, scale, quality, can_go } = content;
+    let mut actions = Vec::new();
     ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
         let size = if (*scale - 1.0).abs() < 5e-3 { " (real size)" } else { "" };
         ui.weak(format!("Scale {scale:.2}{size}. For looking, not for diagnosis."));
+        if !quality.is_empty() {
+            ui.colored_label(SIGNAL, *quality);
+        }
+        ui.horizontal(|ui| {
+            let [undo, redo] = *can_go;
+            for (text, enabled, request) in [
+                ("Undo", undo, Request::Action(Action::Undo)),
+                ("Redo", redo, Request::Action(Action::Redo)),
+                ("Reset", true, Request::Reset),
+                ("What hands do", true, Request::Card),
+            ] {
+                if ui.add_enabled(enabled, Button::new(text)).clicked() {
+                    requests.push(request);
+                }
+            }
+        });
         ui.separator();
-        ui.horizontal_wrapped(|ui| panels::transfer::presets(ui, state, actions));
+        ui.horizontal_wrapped(|ui| panels::transfer::presets(ui, state, &mut actions));
         ui.separator();
         panels::transfer::curve(ui, state, editor, info);
         ui.separator();
-        panels::measure::show(ui, state, *measuring, actions);
+        panels::measure::show(ui, state, *measuring, &mut actions);
         ui.separator();
         panels::objects::show(ui, state, info);
         ui.separator();
         panels::transfer::light(ui, state);
     });
+    requests.extend(actions.into_iter().map(Request::Action));
 }
 
 /// Paints a mark into its rectangle.
 fn paint(context: &Context, number: usize, mark: &Mark) {
     let anchor = Panel::anchor(number);
-    let whole = Rect::from_min_size(anchor - ANCHOR.to_vec2(), vec2(APART - 1.0, 2.0 * ANCHOR.y));
+    let whole = Rect::from_min_size(anchor - ANCHOR.to_vec2(), vec2(APART - 1.0, APART));
     let layer = LayerId::new(Order::Tooltip, Id::new("marks"));
     let painter = Painter::new(context.clone(), layer, whole);
     let line = |width: f32| {
@@ -256,16 +318,75 @@ fn paint(context: &Context, number: usize, mark: &Mark) {
             painter.rect_filled(line(3.0), 0.0, Color32::from_black_alpha(180));
             painter.rect_filled(line(1.4), 0.0, SIGNAL);
         }
-        Mark::Text(text) => words(&painter, anchor + vec2(12.0, -12.0), Align2::LEFT_BOTTOM, text),
-        Mark::Length(text) => words(&painter, anchor + vec2(0.0, 12.0), Align2::CENTER_TOP, text),
+        Mark::Text(text) => {
+            words(&painter, anchor + vec2(12.0, -12.0), Align2::LEFT_BOTTOM, (13.0, SIGNAL), text)
+        }
+        Mark::Length(text) => {
+            words(&painter, anchor + vec2(0.0, 12.0), Align2::CENTER_TOP, (13.0, SIGNAL), text)
+        }
+        Mark::Edge => {
+            painter.rect_filled(line(5.0), 0.0, Color32::from_black_alpha(150));
+            painter.rect_filled(line(2.6), 0.0, ACCENT);
+        }
+        // Far enough to the right that half of the words are within the rectangle.
+        Mark::Notice(text) => {
+            words(&painter, notice_middle(number), Align2::CENTER_CENTER, (22.0, Color32::WHITE), text);
+        }
+        Mark::Frame(bright) => frame(&painter, anchor, *bright),
+        Mark::Card => card(&painter, anchor),
     }
 }
 
-fn words(painter: &Painter, at: Pos2, align: Align2, text: &str) {
-    let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(13.0), SIGNAL);
+/// Returns the place of a notice's middle on the screen, by the number of its mark.
+pub fn notice_middle(mark: usize) -> Pos2 {
+    Panel::anchor(mark) + vec2(0.5 * LENGTH - ANCHOR.x, 0.0)
+}
+
+fn words(painter: &Painter, at: Pos2, align: Align2, (size, colour): (f32, Color32), text: &str) {
+    let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(size), colour);
     let place = align.anchor_size(at, galley.size());
-    painter.rect_filled(place.expand(5.0), CornerRadius::same(4), Color32::from_black_alpha(190));
-    painter.galley(place.min, galley, SIGNAL);
+    painter.rect_filled(place.expand(0.4 * size), CornerRadius::same(4), Color32::from_black_alpha(190));
+    painter.galley(place.min, galley, colour);
+}
+
+/// Paints the frame around the panel, with a bar below, as of a thing that can be carried.
+fn frame(painter: &Painter, corner: Pos2, bright: bool) {
+    let panel = Rect::from_min_size(corner, SIZE);
+    let colour = if bright { ACCENT } else { Color32::from_gray(96) };
+    let middle = panel.expand(0.5 * FRAME);
+    painter.rect_stroke(middle, CornerRadius::same(12), Stroke::new(3.0, colour), StrokeKind::Middle);
+    let bar = Rect::from_center_size(middle.center_bottom(), vec2(120.0, 12.0));
+    painter.rect_filled(bar, CornerRadius::same(6), colour);
+}
+
+/// Paints the card: what to do at the left, what it does at the right.
+fn card(painter: &Painter, corner: Pos2) {
+    let whole = Rect::from_min_size(corner, CARD);
+    painter.rect_filled(whole, CornerRadius::same(10), Color32::from_gray(28));
+    painter.rect_stroke(whole, CornerRadius::same(10), Stroke::new(1.5, ACCENT), StrokeKind::Inside);
+    let inner = whole.shrink(18.0);
+    let mut y = inner.top();
+    // Paints a text at a column and returns its height.
+    let text = |x: f32, y: f32, size: f32, colour: Color32, text: &str| {
+        let font = FontId::proportional(size);
+        let galley = painter.layout(text.to_owned(), font, colour, inner.right() - x);
+        let height = galley.size().y;
+        painter.galley(pos2(x, y), galley, colour);
+        height
+    };
+    let (grey, white) = (Color32::from_gray(190), Color32::WHITE);
+    y += text(inner.left(), y, 19.0, white, card::HEADING) + 8.0;
+    for rows in [&card::CONTROLLERS[..], &card::BARE[..]] {
+        for [what, does] in rows {
+            let heights = [
+                text(inner.left(), y, 13.0, ACCENT, what),
+                text(inner.left() + COLUMN, y, 13.0, white, does),
+            ];
+            y += heights[0].max(heights[1]) + 4.0;
+        }
+        y += 6.0;
+    }
+    text(inner.left(), y, 13.0, grey, card::CLOSING);
 }
 
 #[cfg(test)]
@@ -286,8 +407,11 @@ mod tests {
         pointer: Option<Pointer>,
     ) -> Option<PanelOutput> {
         let info = PanelInfo { range: [-1000.0, 2000.0], ..PanelInfo::default() };
-        let mut content = PanelContent { state, info: &info, measuring: false, scale: 1.0 };
-        let marks = vec![Mark::Text("7 HU".into()), Mark::Cursor];
+        let can_go = [false; 2];
+        let mut content =
+            PanelContent { state, info: &info, measuring: false, scale: 1.0, quality: "", can_go };
+        let notice = Mark::Notice("Hold on to put everything back".into());
+        let marks = vec![Mark::Text("7 HU".into()), Mark::Cursor, notice, Mark::Frame(true), Mark::Card];
         let mut made = panel.update(seconds, true, pointer, marks, &mut content);
         made.iter_mut().for_each(|made| made.textures.clear());
         made
@@ -322,7 +446,7 @@ mod tests {
         let mut sheets: Vec<usize> = made.primitives.iter().map(|p| Panel::sheet(p.clip_rect)).collect();
         sheets.sort_unstable();
         sheets.dedup();
-        assert_eq!(sheets, [0, 1, 2]);
+        assert_eq!(sheets, [0, 1, 2, 3, 4, 5]);
         for primitive in &made.primitives {
             let egui::epaint::Primitive::Mesh(mesh) = &primitive.primitive else { continue };
             let sheet = Panel::sheet(primitive.clip_rect);

@@ -59,12 +59,17 @@ impl Placement {
 
     /// Returns an offset in the room, metres, as one in the patient, mm.
     pub fn patient_offset(&self, room: DVec3) -> DVec3 {
-        self.patient_direction(room) * (MM / self.scale)
+        self.patient_direction(room) * self.patient_length(1.0)
+    }
+
+    /// Returns a length in the room, metres, as one in the patient, mm.
+    pub fn patient_length(&self, metres: f64) -> f64 {
+        metres * (MM / self.scale)
     }
 
     /// Returns the range of depths in the patient, mm.
     pub fn depth_range(&self) -> [f32; 2] {
-        DEPTH_RANGE.map(|metres| (metres * MM / self.scale) as f32)
+        DEPTH_RANGE.map(|metres| self.patient_length(metres) as f32)
     }
 
     /// Returns an eye of the room as a camera in the patient.
@@ -89,15 +94,20 @@ impl Placement {
         }
     }
 
+    /// Returns the magnification after two hands have stretched the patient that had `scale` before.
+    pub fn stretched_scale(scale: f64, from: [DVec3; 2], to: [DVec3; 2]) -> f64 {
+        let factor = (to[1] - to[0]).length() / (from[1] - from[0]).length();
+        let wanted = scale * factor;
+        if wanted > 0.0 && wanted.is_finite() { wanted.clamp(SCALES[0], SCALES[1]) } else { scale }
+    }
+
     /// Returns the placement after two hands have stretched the patient: turned with the line between them,
-    /// scaled with its length, moved with its middle. There is no turn about that line, since two points do
-    /// not determine it.
+    /// scaled to this magnification, moved with their middle. There is no turn about that line, since two
+    /// points do not determine it.
     #[must_use]
-    pub fn stretched(&self, from: [DVec3; 2], to: [DVec3; 2]) -> Self {
+    pub fn stretched(&self, from: [DVec3; 2], to: [DVec3; 2], scale: f64) -> Self {
         let (before, after) = (from[1] - from[0], to[1] - to[0]);
         let (Some(a), Some(b)) = (before.try_normalize(), after.try_normalize()) else { return *self };
-        let wanted = self.scale * after.length() / before.length();
-        let scale = wanted.clamp(SCALES[0], SCALES[1]);
         let turn = DQuat::from_rotation_arc(a, b);
         let (old, new) = ((from[0] + from[1]) * 0.5, (to[0] + to[1]) * 0.5);
         Placement {
@@ -168,12 +178,14 @@ mod tests {
         let from = [DVec3::new(-0.1, 1.5, -0.5), DVec3::new(0.1, 1.5, -0.5)];
         let to = [DVec3::new(-0.3, 1.4, -0.4), DVec3::new(0.1, 1.7, -0.6)];
         let held = from.map(|room| p.patient(room));
-        let stretched = p.stretched(from, to);
+        let stretched = p.stretched(from, to, Placement::stretched_scale(p.scale, from, to));
         for (point, hand) in held.into_iter().zip(to) {
             assert!(near(stretched.room(point), hand));
         }
         let wide = to.map(|room| room * 1e6);
-        assert_eq!(p.stretched(from, wide).scale, 50.0, "there is a limit");
-        assert_eq!(p.stretched([from[0]; 2], to), p, "hands in one place say nothing");
+        assert_eq!(Placement::stretched_scale(p.scale, from, wide), 50.0, "there is a limit");
+        let nowhere = [from[0]; 2];
+        assert_eq!(Placement::stretched_scale(p.scale, nowhere, to), 1.0, "hands in one place say nothing");
+        assert_eq!(p.stretched(nowhere, to, 1.0), p);
     }
 }

@@ -1,5 +1,6 @@
-//! Pointing with the hands: at the panel, on which they click, or at the patient, whose intensity they read
-//! and on whom they measure. Rays, cursors, readings and distances are marks in the room.
+//! Pointing with the hands: at the panel, on which they click and whose frame they carry, or at the patient,
+//! whose intensity they read and on whom they measure. Rays, cursors, readings, distances, outlines and notices
+//! are marks in the room.
 
 use egui::{Rect, pos2};
 use engine::Result;
@@ -15,23 +16,32 @@ use view::pick::{Hit, Probe};
 use view::state::Distance;
 
 use crate::controls::{Button, Controls};
-use crate::headset::{Description, FrameImages, Hand, Hands, Pose};
+use crate::feedback::{CLICK, GRAB};
+use crate::headset::{Description, FrameImages, HOLDS, Hand, Hands, Pose};
+use crate::marks::{Marks, POINT};
+use crate::outline::outline;
 use crate::palm::Palms;
-use crate::panel::{LENGTH, Mark, Panel, PanelContent, Pointer, SIZE, scrolled};
+use crate::panel::{CARD, FRAME, Mark, Panel, PanelContent, Pointer, Request, SIZE, notice_middle, scrolled};
+use crate::placement::Placement;
 use crate::sheets::{Plane, Sheets};
 
-/// Metres per point of the panel.
-const POINT: f64 = 0.001;
-/// Place of the panel's middle before a head: distance, metres, angle to the left, radians, and offset
-/// downwards, metres.
-const BEFORE: (f64, f64, f64) = (0.65, 0.45, 0.08);
-/// Distance from the eye, metres, at which texts are as large as on the panel; elsewhere they look equally
-/// large.
-const TEXTS: f64 = 0.65;
+/// Distance of the panel's middle from a head, and how far it is below its eyes, metres.
+const PANEL: (f64, f64) = (0.65, 0.08);
+/// Least and greatest angle from straight ahead to the panel's middle, radians.
+const ASIDE: [f64; 2] = [0.45, 1.1];
+/// Angle between the patient and the panel, radians.
+const GAP: f64 = 0.06;
 /// Length of a ray that meets nothing, metres.
 const BEAM: f64 = 1.5;
 /// Greatest number of distances that are drawn; the list on the panel has all.
 const DISTANCES: usize = 8;
+/// Time for which a notice is shown, seconds.
+const NOTICE: f64 = 2.0;
+/// Places of a notice and of the card before a head: distance, and how far below its eyes, metres.
+const NOTICE_AT: (f64, f64) = (0.6, 0.13);
+const CARD_AT: (f64, f64) = (0.55, 0.03);
+/// All letters that anything shows, so that they are drawn before the first frame.
+const LETTERS: std::ops::RangeInclusive<char> = ' '..='~';
 
 /// Data of the splats on the host that tell what a ray hits, and their histogram.
 pub struct PickData {
@@ -54,12 +64,36 @@ impl PickData {
     }
 }
 
+/// What the hands aim at in a frame.
+#[derive(Clone, Copy, Default)]
+struct Aim {
+    /// Ray of the active hand.
+    ray: Option<Pose>,
+    /// Distance along it to the panel or its frame, metres.
+    panel: Option<f64>,
+    /// Pointer on the panel.
+    pointer: Option<Pointer>,
+    /// True if a hand points at the frame.
+    frame: bool,
+}
+
+/// Words that are shown for a while.
+struct Notice {
+    text: String,
+    /// Time at which they go, seconds.
+    until: f64,
+    /// Where they are in the room, metres.
+    at: DVec3,
+}
+
 /// State of pointing.
 pub struct Pointing {
     panel: Panel,
     sheets: Sheets,
     pick: Option<PickData>,
     object_splats: Vec<usize>,
+    /// Box around the patient, mm RAS.
+    bounds: [DVec3; 2],
     /// Plane of the panel, while it is shown.
     place: Option<Plane>,
     /// Planes of the panel and the marks.
@@ -67,6 +101,11 @@ pub struct Pointing {
     toggle: [Button; 2],
     palms: Palms,
     select: [Button; 2],
+    /// True while a pull of the trigger has done what it was for.
+    spent: [bool; 2],
+    grasp: [Button; 2],
+    /// The hand that carries the panel, and its ray in the frame before.
+    carrying: Option<(usize, Pose)>,
     /// The hand that points: the one that clicked last.
     active: usize,
     /// The first end of a distance, mm RAS, if there is one yet; the outer option is set while the measuring
@@ -74,35 +113,50 @@ pub struct Pointing {
     measuring: Option<Option<DVec3>>,
     /// The hit of the active hand's ray.
     hit: Option<Hit>,
+    aim: Aim,
+    notice: Option<Notice>,
+    /// Place of the card of what hands do, while it is shown.
+    card: Option<DVec3>,
+    card_seen: bool,
 }
 
 impl Pointing {
     /// Creates the state for a headset, pointing at nothing. `object_splats` are the numbers of splats of the
-    /// objects.
+    /// objects; `bounds` is the box around the patient, mm RAS.
     pub fn new(
         gpu: &Gpu,
         about: &Description,
         controls: &mut Controls,
         object_splats: Vec<usize>,
+        bounds: [DVec3; 2],
     ) -> Result<Self> {
         let mut pointing = Pointing {
             panel: Panel::new(),
             sheets: Sheets::new(gpu, about.format, about.depth)?,
             pick: None,
             object_splats,
+            bounds,
             place: None,
             planes: Vec::new(),
             toggle: Default::default(),
             palms: Palms::default(),
             select: Default::default(),
+            spent: [false; 2],
+            grasp: Default::default(),
+            carrying: None,
             active: 1,
             measuring: None,
             hit: None,
+            aim: Aim::default(),
+            notice: None,
+            card: None,
+            card_seen: false,
         };
         // Glyphs and textures are created once, before the first frame.
-        let letters = Mark::Text("0123456789 -.,()mHU".to_owned());
-        pointing.lay_out(0.0, true, None, vec![letters], controls)?;
-        pointing.lay_out(0.0, false, None, Vec::new(), controls)?;
+        let letters: String = LETTERS.collect();
+        let marks = vec![Mark::Text(letters.clone()), Mark::Notice(letters), Mark::Card];
+        pointing.paint(0.0, (true, marks), "", &Pose::IDENTITY, controls)?;
+        pointing.paint(0.0, (false, Vec::new()), "", &Pose::IDENTITY, controls)?;
         let mut recorder = gpu.record()?;
         pointing.sheets.update(&mut recorder)?;
         recorder.submit()?;
@@ -115,12 +169,13 @@ impl Pointing {
         self.panel.refresh();
     }
 
-    /// Shows the panel before a head, or hides it.
-    pub fn toggle(&mut self, head: &Pose) {
+    /// Shows the panel before a head, beside the patient; or hides it.
+    pub fn toggle(&mut self, head: &Pose, placement: &Placement) {
         self.place = match self.place {
             Some(_) => None,
-            None => Some(panel_before(head)),
+            None => Some(panel_beside(head, &corners(self.bounds).map(|mm| placement.room(mm)))),
         };
+        self.carrying = None;
     }
 
     /// Returns the plane of the panel, if it is shown.
@@ -139,38 +194,71 @@ impl Pointing {
         self.hit.as_ref()
     }
 
-    /// Carries out what pointing hands mean, given the time and the frame's duration, seconds. Returns the
-    /// hands as everything else should see them.
-    pub fn update(
+    /// Shows a few words before a head, from a time on, seconds.
+    pub fn notify(&mut self, text: String, seconds: f64, head: &Pose) {
+        self.notice = Some(Notice { text, until: seconds + NOTICE, at: before(head, NOTICE_AT) });
+    }
+
+    /// Returns the words that are shown.
+    pub fn notice(&self) -> Option<&str> {
+        self.notice.as_ref().map(|notice| notice.text.as_str())
+    }
+
+    /// Shows the card of what hands do before a head, until a trigger is pulled.
+    pub fn show_card(&mut self, head: &Pose) {
+        self.card = Some(before(head, CARD_AT));
+    }
+
+    /// Returns true if the card is shown, and true if it was shown and closed.
+    pub fn card(&self) -> [bool; 2] {
+        [self.card.is_some(), self.card_seen]
+    }
+
+    /// Finds what hands point at, and carries out what they mean there, given the time and the frame's
+    /// duration, seconds. Returns the hands as everything else should see them.
+    pub fn point(
         &mut self,
         hands: &Hands,
         head: &Pose,
         controls: &mut Controls,
         look: &Look,
         (seconds, period): (f64, f64),
-    ) -> Result<Hands> {
+    ) -> Hands {
         let palms = self.palms.shown(hands, head, seconds);
         for (side, hand) in hands.iter().enumerate() {
             if self.toggle[side].pressed(hand.panel || palms[side]) {
-                self.toggle(head);
+                self.toggle(head, &controls.placement);
             }
         }
-        let clicked = [0, 1].map(|side| self.select[side].pressed(hands[side].select));
+        let mut hands = *hands;
+        let clicked = self.clicked(&mut hands);
         if let Some(side) = clicked.iter().position(|&clicked| clicked) {
             self.active = side;
         }
-        let on_panel = [0, 1].map(|side| self.on_panel(&hands[side]));
+        let mut met = [0, 1].map(|side| self.met(&hands[side]));
+        self.carry(&hands, &met, head, controls);
+        if let Some((side, _)) = self.carrying {
+            met[side] = self.met(&hands[side]);
+        }
         // A hand on the panel points, whichever hand it is.
-        if on_panel[self.active].is_none() && on_panel[1 - self.active].is_some() {
+        if met[self.active].is_none() && met[1 - self.active].is_some() {
             self.active = 1 - self.active;
         }
-        let ray = hands[self.active].ray();
-        let pointed = on_panel[self.active];
-        let pointer = pointed.map(|(at, _)| Pointer {
-            at,
-            down: hands[self.active].select,
-            scroll: scrolled(hands[self.active].stick.y, period),
-        });
+        let hand = hands[self.active];
+        let ray = hand.ray();
+        let pointed = met[self.active];
+        let inside = pointed.filter(|met| !met.on_frame && self.carrying.is_none());
+        self.aim = Aim {
+            ray,
+            panel: pointed.map(|met| met.distance),
+            pointer: inside.map(|met| Pointer {
+                at: met.at,
+                down: hand.select,
+                scroll: scrolled(hand.stick.y, period),
+            }),
+            frame: self.carrying.is_some() || met.iter().flatten().any(|met| met.on_frame),
+        };
+        controls.dragging = self.aim.pointer.is_some_and(|pointer| pointer.down);
         self.hit = match (&self.pick, self.measuring, ray, pointed) {
             (Some(pick), Some(_), Some(ray), None) => {
                 let (from, to) = (
@@ -181,13 +269,49 @@ impl Pointing {
             }
             _ => None,
         };
-        if clicked[self.active] && pointed.is_none() {
-            self.place_end(controls);
+        if clicked[self.active] {
+            if pointed.is_none() {
+                self.place_end(controls);
+            } else if inside.is_some() {
+                controls.feedback.pulse(self.active, CLICK);
+            }
         }
-        let (marks, planes) = self.marks(ray, pointed.map(|(_, distance)| distance), head, controls);
-        self.planes = planes;
-        self.lay_out(seconds, self.place.is_some(), pointer, marks, controls)?;
-        Ok(self.freed(hands, controls, pointed.is_some()))
+        self.freed(&hands, controls, pointed.is_some())
+    }
+
+    /// Returns which hands have just pulled the trigger. Such a pull closes the card, and is for nothing else
+    /// then: the hands are without it.
+    fn clicked(&mut self, hands: &mut Hands) -> [bool; 2] {
+        let mut clicked = [0, 1].map(|side| self.select[side].pressed(hands[side].select));
+        if clicked.contains(&true) && self.card.take().is_some() {
+            self.card_seen = true;
+            self.spent = clicked;
+            clicked = [false; 2];
+        }
+        for (hand, spent) in hands.iter_mut().zip(&mut self.spent) {
+            *spent &= hand.select;
+            hand.select &= !*spent;
+        }
+        clicked
+    }
+
+    /// Carries the panel with a hand that took hold of its frame.
+    fn carry(&mut self, hands: &Hands, met: &[Option<Met>; 2], head: &Pose, controls: &mut Controls) {
+        let began = [0, 1].map(|side| self.grasp[side].pressed(hands[side].squeeze >= HOLDS));
+        let takes = |&side: &usize| began[side] && met[side].is_some_and(|met| met.on_frame);
+        if let (None, Some(side)) = (self.carrying, [0, 1].into_iter().find(takes)) {
+            self.carrying = hands[side].ray().map(|ray| (side, ray));
+            self.active = side;
+            controls.feedback.pulse(side, GRAB);
+            return;
+        }
+        let (Some((side, from)), Some(panel)) = (self.carrying, self.place) else { return };
+        self.carrying = hands[side].ray().filter(|_| hands[side].squeeze >= HOLDS * 0.5).map(|to| (side, to));
+        if let Some((_, to)) = self.carrying {
+            let turn = to.orientation * from.orientation.inverse();
+            let middle = panel.place((SIZE * 0.5).to_pos2());
+            self.place = Some(upright(to.position + turn * (middle - from.position), head));
+        }
     }
 
     /// Returns the hands without what was meant for the panel or the tool: a hand there grabs nothing, unless
@@ -202,18 +326,25 @@ impl Pointing {
         if on_panel {
             hand.stick = Default::default();
         }
+        if let Some((side, _)) = self.carrying {
+            freed[side].squeeze = 0.0;
+        }
         freed
     }
 
-    /// Returns the point of the panel that a hand points at, and its distance, metres.
-    fn on_panel(&self, hand: &Hand) -> Option<(egui::Pos2, f64)> {
+    /// Returns the point of the panel or its frame that a hand points at.
+    fn met(&self, hand: &Hand) -> Option<Met> {
         let (plane, ray) = (self.place?, hand.ray()?);
-        plane.met(&ray).filter(|(at, _)| Rect::from_min_size(pos2(0.0, 0.0), SIZE).contains(*at))
+        let (at, distance) = plane.met(&ray)?;
+        let panel = Rect::from_min_size(pos2(0.0, 0.0), SIZE);
+        let met = Met { at, distance, on_frame: !panel.contains(at) };
+        panel.expand(FRAME).contains(at).then_some(met)
     }
 
     /// Puts an end of a distance where the ray meets something.
     fn place_end(&mut self, controls: &mut Controls) {
         let (Some(first), Some(hit)) = (self.measuring, self.hit) else { return };
+        controls.feedback.pulse(self.active, CLICK);
         self.measuring = Some(match first {
             None => Some(hit.at_mm),
             Some(from_mm) => {
@@ -224,24 +355,42 @@ impl Pointing {
         });
     }
 
-    /// Returns everything that is drawn beside the panel, and the planes: the panel's plane comes first.
-    fn marks(
-        &self,
-        ray: Option<Pose>,
-        panel: Option<f64>,
+    /// Lays out the panel and the marks for a head at a time, seconds, and carries out what the user asks for
+    /// on the panel. `quality` says what is shown at less than full quality, if anything is.
+    pub fn lay_out(
+        &mut self,
+        seconds: f64,
         head: &Pose,
-        controls: &Controls,
-    ) -> (Vec<Mark>, Vec<Plane>) {
-        let mut marks =
-            Marks { head: head.position, list: Vec::new(), planes: vec![self.place.unwrap_or_default()] };
+        controls: &mut Controls,
+        quality: &str,
+    ) -> Result<()> {
+        self.notice.take_if(|notice| notice.until <= seconds);
+        let Marks { list, planes, .. } = self.marks(head, controls);
+        self.planes = planes;
+        self.paint(seconds, (self.place.is_some(), list), quality, head, controls)
+    }
+
+    /// Returns everything that is drawn beside the panel.
+    fn marks(&self, head: &Pose, controls: &Controls) -> Marks {
+        let mut marks = Marks::new(head.position, self.place.unwrap_or_default());
         let room = |mm: DVec3| controls.placement.room(mm);
         let end = self.hit.map(|hit| room(hit.at_mm));
-        if let (Some(ray), true) = (ray, self.place.is_some() || self.measuring.is_some()) {
-            let length = panel.or(end.map(|end| end.distance(ray.position))).unwrap_or(BEAM);
+        if let Some(panel) = &self.place {
+            marks.on(Mark::Frame(self.aim.frame), panel, panel.place(pos2(0.0, 0.0)));
+        }
+        if let (Some(ray), true) = (self.aim.ray, self.place.is_some() || self.measuring.is_some()) {
+            let length = self.aim.panel.or(end.map(|end| end.distance(ray.position))).unwrap_or(BEAM);
             let tip = ray.place(DVec3::NEG_Z * length);
             marks.line(Mark::Beam, ray.position, tip);
-            if panel.is_some() || end.is_some() {
+            if self.aim.panel.is_some() || end.is_some() {
                 marks.at(Mark::Cursor, tip);
+            }
+        }
+        let [low, high] = self.bounds;
+        for (plane, hand) in controls.planes() {
+            let corners = outline(&plane, self.bounds, hand.unwrap_or((low + high) * 0.5));
+            for (from, to) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+                marks.line(Mark::Edge, room(*from), room(*to));
             }
         }
         let begun = self.measuring.flatten().zip(self.hit).map(|(from_mm, hit)| (from_mm, hit.at_mm));
@@ -257,15 +406,23 @@ impl Pointing {
             let text = format!("{:.0}{}\n({x:.1}, {y:.1}, {z:.1}) mm", hit.intensity, pick.unit);
             marks.at(Mark::Text(text), end);
         }
-        (marks.list, marks.planes)
+        if let Some(Notice { text, at, .. }) = &self.notice {
+            marks.centred(Mark::Notice(text.clone()), *at, notice_middle(marks.list.len()));
+        }
+        if let Some(at) = self.card {
+            let middle = Panel::anchor(marks.list.len()) + CARD * 0.5;
+            marks.centred(Mark::Card, at, middle);
+        }
+        marks
     }
 
-    fn lay_out(
+    /// Paints the panel, if it is shown, and marks.
+    fn paint(
         &mut self,
         seconds: f64,
-        shown: bool,
-        pointer: Option<Pointer>,
-        marks: Vec<Mark>,
+        (shown, marks): (bool, Vec<Mark>),
+        quality: &str,
+        head: &Pose,
         controls: &mut Controls,
     ) -> Result<()> {
         let pick = self.pick.as_ref();
@@ -275,22 +432,30 @@ impl Pointing {
             object_splats: &self.object_splats,
             object_intensities: pick.map_or(&[], |pick| &pick.intensities),
             splat_histogram: pick.and_then(|pick| pick.histogram.as_ref()),
+            draft: !quality.is_empty(),
             ..PanelInfo::default()
         };
-        let scale = controls.placement.scale;
+        let (scale, can_go) = (controls.placement.scale, controls.can_go());
         let measuring = self.measuring.is_some();
-        let mut content = PanelContent { state: &mut controls.state, info: &info, measuring, scale };
+        let mut content =
+            PanelContent { state: &mut controls.state, info: &info, measuring, scale, quality, can_go };
+        let pointer = self.aim.pointer;
         let Some(made) = self.panel.update(seconds, shown, pointer, marks, &mut content) else {
             return Ok(());
         };
         self.sheets.take(&made.primitives, made.textures, Panel::sheet);
-        for action in made.actions {
-            match action {
-                Action::Transfer(name) => controls.choose(&name)?,
-                Action::Measure => self.measure(),
+        for request in made.requests {
+            match request {
+                Request::Action(Action::Transfer(name)) => controls.choose(&name)?,
+                Request::Action(Action::Measure) => self.measure(),
+                Request::Action(Action::Undo) => controls.undo(),
+                Request::Action(Action::Redo) => controls.redo(),
                 // The sections of this panel ask for no other actions.
-                _ => {}
+                Request::Action(_) => {}
+                Request::Reset => controls.reset(),
+                Request::Card => self.show_card(head),
             }
+            self.panel.refresh();
         }
         Ok(())
     }
@@ -301,66 +466,83 @@ impl Pointing {
     }
 
     /// Records the panel and the marks over the pictures of the eyes. `turn` is the frame's turn with its
-    /// views; `origin` is the scene's origin, mm RAS.
+    /// views; `room` is the placement of the patient, with the scene's origin, mm RAS.
     pub fn draw(
         &mut self,
         recorder: &mut Recorder,
         turn: (usize, &Buffer<View>),
-        controls: &Controls,
-        origin: DVec3,
+        room: (&Placement, DVec3),
         eyes: &mut FrameImages<'_>,
     ) -> Result<()> {
-        self.sheets.draw(recorder, turn, (&controls.placement, origin), &self.planes, eyes)
+        self.sheets.draw(recorder, turn, room, &self.planes, eyes)
     }
 }
 
-/// Returns a plane for the panel before a head: upright, to the left of the viewing direction.
-pub fn panel_before(head: &Pose) -> Plane {
-    let (distance, left, below) = BEFORE;
-    let level = (head.forward() * DVec3::new(1.0, 0.0, 1.0)).try_normalize().unwrap_or(DVec3::NEG_Z);
-    let ahead = DQuat::from_rotation_y(left) * level;
-    let middle = head.position + ahead * distance - DVec3::Y * below;
+/// Where a ray meets the panel or its frame.
+#[derive(Clone, Copy)]
+struct Met {
+    /// Point of the screen.
+    at: egui::Pos2,
+    /// Distance from the hand, metres.
+    distance: f64,
+    /// True on the frame.
+    on_frame: bool,
+}
+
+/// Returns the corners of a box.
+fn corners([low, high]: [DVec3; 2]) -> [DVec3; 8] {
+    std::array::from_fn(|n| DVec3::select(glam::BVec3::new(n & 1 > 0, n & 2 > 0, n & 4 > 0), high, low))
+}
+
+/// Returns a direction without its part up or down; -z if nothing is left.
+fn level(direction: DVec3) -> DVec3 {
+    (direction * DVec3::new(1.0, 0.0, 1.0)).try_normalize().unwrap_or(DVec3::NEG_Z)
+}
+
+/// Returns the place so far before a head, and so far below its eyes, metres.
+fn before(head: &Pose, (distance, below): (f64, f64)) -> DVec3 {
+    head.position + level(head.forward()) * distance - DVec3::Y * below
+}
+
+/// Returns a plane for the panel with its middle at a place: upright, towards a head.
+fn upright(middle: DVec3, head: &Pose) -> Plane {
     let eye = DVec3::new(head.position.x, middle.y, head.position.z);
     Plane::facing((SIZE * 0.5).to_pos2(), middle, eye, POINT)
 }
 
-/// Marks being listed, with their planes.
-struct Marks {
-    head: DVec3,
-    list: Vec<Mark>,
-    planes: Vec<Plane>,
-}
-
-impl Marks {
-    /// Adds a mark at a place. It faces the viewer, who sees it in one size however far it is.
-    fn at(&mut self, mark: Mark, at: DVec3) {
-        let anchor = Panel::anchor(self.list.len());
-        let metres = POINT * at.distance(self.head) / TEXTS;
-        self.planes.push(Plane::facing(anchor, at, self.head, metres));
-        self.list.push(mark);
-    }
-
-    /// Adds a mark from one place to another. Its broad side faces the viewer.
-    fn line(&mut self, mark: Mark, from: DVec3, to: DVec3) {
-        let anchor = Panel::anchor(self.list.len());
-        let along = to - from;
-        let towards = self.head - (from + to) * 0.5;
-        let across = along.cross(towards).try_normalize().unwrap_or(DVec3::Y);
-        let metres = POINT * towards.length() / TEXTS;
-        self.planes.push(Plane::anchored(anchor, from, along / f64::from(LENGTH), across * metres));
-        self.list.push(mark);
-    }
+/// Returns a plane for the panel: upright before a head, at the left of the patient, who is within these
+/// corners in the room, metres. Of a patient who is wider than the eyes see, some may be behind the panel.
+pub fn panel_beside(head: &Pose, patient: &[DVec3]) -> Plane {
+    let (distance, below) = PANEL;
+    let ahead = level(head.forward());
+    let left = DVec3::Y.cross(ahead);
+    let edge = patient
+        .iter()
+        .map(|place| *place - head.position)
+        .filter(|to| to.dot(ahead) > 0.0)
+        .map(|to| to.dot(left).atan2(to.dot(ahead)))
+        .fold(f64::NEG_INFINITY, f64::max);
+    let half = (0.5 * f64::from(SIZE.x) * POINT / distance).atan();
+    let aside = (edge + GAP + half).clamp(ASIDE[0], ASIDE[1]);
+    let direction = DQuat::from_rotation_y(aside) * ahead;
+    upright(head.position + direction * distance - DVec3::Y * below, head)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::panel::ANCHOR;
+
+    const HEAD: DVec3 = DVec3::new(1.0, 1.7, 2.0);
+
+    fn patient(head: &Pose, half: f64) -> [DVec3; 8] {
+        let middle = head.position + level(head.forward()) * 0.7;
+        corners([middle - half, middle + half])
+    }
 
     #[test]
     fn the_panel_stands_before_the_head_in_real_size() {
-        let head = Pose { position: DVec3::new(1.0, 1.7, 2.0), orientation: DQuat::from_rotation_y(0.8) };
-        let plane = panel_before(&head);
+        let head = Pose { position: HEAD, orientation: DQuat::from_rotation_y(0.8) };
+        let plane = panel_beside(&head, &patient(&head, 0.02));
         let corner = |x: f32, y: f32| plane.place(pos2(x * SIZE.x, y * SIZE.y));
         let (width, height) =
             (corner(0.0, 0.0).distance(corner(1.0, 0.0)), corner(0.0, 0.0).distance(corner(0.0, 1.0)));
@@ -374,14 +556,26 @@ mod tests {
     }
 
     #[test]
-    fn lines_go_from_end_to_end() {
-        let mut marks = Marks { head: DVec3::new(0.0, 1.6, 0.0), list: Vec::new(), planes: Vec::new() };
-        let (from, to) = (DVec3::new(0.2, 1.2, -0.3), DVec3::new(-0.1, 1.5, -0.9));
-        marks.line(Mark::Line, from, to);
-        let plane = marks.planes[0];
-        let anchor = Panel::anchor(0);
-        assert!(plane.place(anchor).distance(from) < 1e-9);
-        assert!(plane.place(pos2(anchor.x + LENGTH, ANCHOR.y)).distance(to) < 1e-9);
-        assert!(plane.down.dot(to - from).abs() < 1e-12, "across");
+    fn the_panel_hides_nothing_of_the_patient() {
+        for (turn, half) in [(0.0, 0.05), (0.8, 0.12), (-2.0, 0.2)] {
+            let head = Pose { position: HEAD, orientation: DQuat::from_rotation_y(turn) };
+            let patient = patient(&head, half);
+            let plane = panel_beside(&head, &patient);
+            let angle = |place: DVec3| {
+                let to = head.orientation.inverse() * (place - head.position);
+                to.x.atan2(-to.z)
+            };
+            let rightmost = angle(plane.place(pos2(SIZE.x, 0.0)));
+            let leftmost = patient.iter().map(|place| angle(*place)).fold(f64::INFINITY, f64::min);
+            assert!(
+                rightmost < leftmost,
+                "{half} m: the panel up to {rightmost}, the patient from {leftmost}"
+            );
+        }
+        let head = Pose { position: HEAD, ..Pose::IDENTITY };
+        let behind = panel_beside(&head, &[HEAD + DVec3::Z]);
+        assert!(behind.place((SIZE * 0.5).to_pos2()).z < HEAD.z - 0.5, "ahead, wherever the patient is");
+        let around = panel_beside(&head, &corners([HEAD - 2.0, HEAD + 2.0]));
+        assert!(around.place((SIZE * 0.5).to_pos2()).z < HEAD.z - 0.25, "never beside the head");
     }
 }

@@ -8,14 +8,16 @@ use std::sync::atomic::AtomicBool;
 
 use engine::gpu::{Gpu, GpuOptions, Windows};
 use engine::image::{self, Image, WriteOptions};
-use engine::render::{self, Look, QualityLevel, Scene, SplatKind};
-use engine::splat::{self, SplatSet};
-use engine::{Error, Kind, Result, output, transfer};
+use engine::render::{self, QualityLevel, Scene, SplatKind};
+use engine::{Error, Kind, Result, output};
+use view::settings::Settings;
 
 use crate::arguments::HeadsetArguments;
+use crate::controls::Start;
 use crate::headset::openxr::{OpenXr, OpenXrOptions};
-use crate::headset::simulated::{Script, Simulated};
+use crate::headset::simulated::{OFFERED, Script, Simulated, rest};
 use crate::headset::{Description, Headset};
+use crate::inputs::{self, Content};
 use crate::memory;
 #[cfg(not(target_os = "android"))]
 use crate::mirror::Opened;
@@ -43,15 +45,21 @@ pub fn run(arguments: &HeadsetArguments) -> Result<()> {
     })
 }
 
-/// Returns the splats and their quality levels. Checks everything that can be checked before there is a
-/// device.
-pub(crate) fn prepare(arguments: &HeadsetArguments) -> Result<(SplatSet, Vec<QualityLevel>)> {
+/// What a session shows, with its first view and its quality levels.
+pub(crate) struct Prepared {
+    content: Content,
+    start: Start,
+    levels: Vec<QualityLevel>,
+}
+
+/// Reads what is shown. Checks everything that can be checked before there is a device.
+pub(crate) fn prepare(arguments: &HeadsetArguments) -> Result<Prepared> {
     for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
         output::check_writable(path, arguments.force)?;
     }
-    let set = splat::read_all(&arguments.splats, || Ok(None))?;
-    let levels = levels(arguments, &set)?;
-    Ok((set, levels))
+    let (content, start) = inputs::read(&arguments.wanted())?;
+    let levels = levels(arguments, &content)?;
+    Ok(Prepared { content, start, levels })
 }
 
 /// Runs a session until it ends or `stop` is set. `windows` are those with which the device must be booted so
@@ -59,7 +67,7 @@ pub(crate) fn prepare(arguments: &HeadsetArguments) -> Result<(SplatSet, Vec<Qua
 /// one.
 pub(crate) fn session(
     arguments: &HeadsetArguments,
-    (set, levels): (SplatSet, Vec<QualityLevel>),
+    prepared: Prepared,
     windows: Option<Windows>,
     stop: &AtomicBool,
     onlooker: impl FnOnce(&Gpu, &Description) -> Result<Option<Box<dyn Onlooker>>>,
@@ -77,64 +85,80 @@ pub(crate) fn session(
         let script = Script {
             eye_size: script.eye_size.map(|n| ((f64::from(n) * arguments.resolution).round() as u32).max(1)),
             rate_hz: arguments.rate.unwrap_or(script.rate_hz),
-            blend: arguments.blend.map_or(script.blend, Into::into),
+            blend: arguments.background().choose(&OFFERED, false)?.blend,
+            hands: rest,
             ..script
         };
         let mut headset = Simulated::new(&gpu, script)?;
-        show(arguments, &gpu, set, levels, &mut headset, onlooker, stop)
+        show(arguments, &gpu, prepared, &mut headset, onlooker, stop)
     } else {
         let options = OpenXrOptions {
-            blend: arguments.blend.map(Into::into),
+            background: arguments.background(),
             rate_hz: arguments.rate,
             resolution: Some(arguments.resolution),
         };
         let (gpu, mut headset) = OpenXr::start(&gpu_options, &options)?;
-        show(arguments, &gpu, set, levels, &mut headset, onlooker, stop)
+        show(arguments, &gpu, prepared, &mut headset, onlooker, stop)
     }
 }
 
-/// Returns the quality levels of a set's splats.
-fn levels(arguments: &HeadsetArguments, set: &SplatSet) -> Result<Vec<QualityLevel>> {
-    let levels = render::quality_levels(SplatKind::of(set));
+/// Returns the quality levels of what is shown.
+fn levels(arguments: &HeadsetArguments, content: &Content) -> Result<Vec<QualityLevel>> {
+    let levels = match content {
+        Content::Splats(splats) => render::quality_levels(SplatKind::of(&splats.set)).to_vec(),
+        // A volume is marched as the decoded field of splats for a grid is.
+        Content::Volume(_) => render::quality_levels(SplatKind::Grid)
+            .iter()
+            .map(|level| QualityLevel { mode: "volume", ..*level })
+            .collect(),
+    };
     match arguments.level {
         Some(level) if level >= levels.len() => {
             Err(Error::new(Kind::Usage, "VGS-XR-022", format!("--level {level}"))
-                .help(format!("quality levels of these splats are 0 to {}", levels.len() - 1)))
+                .help(format!("quality levels of what is shown are 0 to {}", levels.len() - 1)))
         }
-        _ => Ok(levels.to_vec()),
+        _ => Ok(levels),
     }
 }
 
 fn show(
     arguments: &HeadsetArguments,
     gpu: &Gpu,
-    mut set: SplatSet,
-    levels: Vec<QualityLevel>,
+    Prepared { content, start, levels }: Prepared,
     headset: &mut dyn Headset,
     onlooker: impl FnOnce(&Gpu, &Description) -> Result<Option<Box<dyn Onlooker>>>,
     stop: &AtomicBool,
 ) -> Result<()> {
-    let range = set.intensity_range().unwrap_or_default();
-    let look = Look::new(transfer::load(&arguments.tf, range)?);
-    // Memory budgets keep the first splats.
-    set.order_by_importance();
+    let look = start.state.look(&start.numbers)?;
     let options = Options {
         level: arguments.level,
         levels,
         budget_ms: arguments.budget,
-        background: [0.0; 3],
+        background: start.state.background.as_vec3().to_array(),
         frames: arguments.frames,
         panel: arguments.panel,
         foveation: arguments.foveation,
         pitch: 1.0,
+        given_up: None,
+        card: arguments.card || !arguments.simulated && !settings().headset_card_seen,
+        start: Some(start),
     };
-    let mut viewer = memory::within(gpu, arguments.memory_budget, set, |kept| {
-        let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
-        let options = Options { pitch: kept.pitch, ..options.clone() };
-        let mut viewer = Viewer::new(gpu, scene, headset, options)?;
-        viewer.set_pick_data(PickData::of(kept.set));
-        Ok(viewer)
-    })?;
+    let mut viewer = match content {
+        // Memory budgets keep the first splats, which are the most important ones.
+        Content::Splats(splats) => memory::within(gpu, arguments.memory_budget, splats.set, |kept| {
+            let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
+            let options = Options { pitch: kept.pitch, given_up: kept.given_up.clone(), ..options.clone() };
+            let mut viewer = Viewer::new(gpu, scene, headset, options)?;
+            viewer.set_pick_data(PickData::of(kept.set));
+            Ok(viewer)
+        })?,
+        Content::Volume(volume) => {
+            let scene = Scene::new(gpu, None, Some(&volume.source()), &look)?;
+            let viewer = Viewer::new(gpu, scene, headset, options)?;
+            memory::check(gpu, arguments.memory_budget)?;
+            viewer
+        }
+    };
     if let Some(onlooker) = onlooker(gpu, headset.description())? {
         viewer.add_onlooker(onlooker);
     }
@@ -154,6 +178,10 @@ fn show(
     if let Some(path) = &arguments.picture {
         write_picture(path, &mut viewer, arguments.force)?;
     }
+    let [_, card_seen] = viewer.pointing().card();
+    if card_seen {
+        remember_card(Settings::place().as_deref());
+    }
     ended?;
     let messages = gpu.validation_messages();
     if messages.is_empty() {
@@ -164,6 +192,22 @@ fn show(
         "VGS-XR-023",
         format!("the validation layers have {} messages:\n{}", messages.len(), messages.join("\n")),
     ))
+}
+
+/// Returns the user's settings; those of the first start if they cannot be read.
+fn settings() -> Settings {
+    Settings::read(Settings::place()).unwrap_or_default()
+}
+
+/// Remembers in the settings at a place that the card was seen. If that fails, it is shown once more.
+fn remember_card(place: Option<&Path>) {
+    let written = Settings::read(place.map(Path::to_owned)).and_then(|mut settings| {
+        let seen = std::mem::replace(&mut settings.headset_card_seen, true);
+        if seen { Ok(()) } else { settings.write() }
+    });
+    if let Err(e) = written {
+        eprintln!("note: the card of what hands do will be shown again: {e}");
+    }
 }
 
 fn announce(headset: &dyn Headset) {
@@ -194,7 +238,7 @@ fn print(report: &SessionReport) {
     }
 }
 
-/// Writes what both eyes saw last, side by side, over black.
+/// Writes what both eyes saw last, side by side, over black, or transparent where the room is seen.
 fn write_picture(path: &Path, viewer: &mut Viewer, force: bool) -> Result<()> {
     let eyes = viewer.picture()?;
     let [width, height, _] = eyes.size().map(|n| n as usize);
@@ -203,5 +247,27 @@ fn write_picture(path: &Path, viewer: &mut Viewer, force: bool) -> Result<()> {
     let rows = eye(0).zip(eye(1)).flat_map(|(left, right)| left.iter().chain(right));
     let pixels = rows.map(|texel| texel.map(|byte| f32::from(byte) / 255.0)).collect();
     let both = Image { size: [2 * width, height], pixels };
-    image::write(path, &both, None, &WriteOptions { background: Some([0.0; 3]), force })
+    let background = (!viewer.is_transparent()).then_some([0.0; 3]);
+    image::write(path, &both, None, &WriteOptions { background, force })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_card_is_remembered_beside_what_else_is() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let place = folder.path().join("vgs").join("view.toml");
+        let settings = || Settings::read(Some(place.clone())).expect("settings");
+        let mut viewers = settings();
+        viewers.notice_seen = true;
+        viewers.write().expect("the viewer's");
+        remember_card(Some(&place));
+        assert!(settings().headset_card_seen && settings().notice_seen);
+        std::fs::write(&place, "colour = 3").expect("written");
+        remember_card(Some(&place));
+        assert_eq!(std::fs::read_to_string(&place).expect("text"), "colour = 3", "what is no settings stays");
+        remember_card(None);
+    }
 }

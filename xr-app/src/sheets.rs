@@ -9,18 +9,21 @@ use egui::TexturesDelta;
 use egui::epaint::ClippedPrimitive;
 use egui::{Pos2, pos2};
 use engine::Result;
-use engine::gpu::{Buffer, Drawing, Format, Gpu, Recorder};
+use engine::gpu::{Buffer, Format, Gpu, Overlap, Recorder};
 use engine::render::IN_FLIGHT;
 use glam::DVec3;
-use shaders_glsl as glsl;
 use shaders_glsl::types::{PanelVertex, Sheet, SheetsParams, View};
+use shaders_glsl::{PANELS_FRAG, SHEETS_VERT, Shader};
 use view::painter::{Mesh, Textures, fill};
 
+use crate::eye_drawing::EyeDrawing;
 use crate::headset::{FrameImages, Pose};
 use crate::placement::Placement;
 
 /// Initial capacity for corners, indices and rectangles; a panel with labels takes a third of it.
 const ROOM: [usize; 3] = [1 << 15, 1 << 16, 1 << 9];
+
+const SHADERS: [&Shader; 2] = [&SHEETS_VERT, &PANELS_FRAG];
 
 /// A plane in the room with the screen's points on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -77,11 +80,7 @@ struct Slot {
 /// Draws sheets.
 pub struct Sheets {
     gpu: Gpu,
-    drawing: Drawing,
-    /// Format of the pictures; true if they have depth.
-    kind: (Format, bool),
-    /// Drawing for pictures of another kind, kept because recorded commands need it until they have run.
-    other: Option<((Format, bool), Drawing)>,
+    drawing: EyeDrawing,
     textures: Textures,
     changes: TexturesDelta,
     mesh: Mesh,
@@ -105,9 +104,7 @@ impl Sheets {
         };
         Ok(Sheets {
             gpu: gpu.clone(),
-            drawing: drawing(gpu, (format, depth))?,
-            kind: (format, depth),
-            other: None,
+            drawing: EyeDrawing::new(gpu, SHADERS, Overlap::Blended, format, depth)?,
             textures: Textures::new(gpu),
             changes: TexturesDelta::default(),
             mesh: Mesh::default(),
@@ -170,14 +167,7 @@ impl Sheets {
         };
         let rows: Vec<Sheet> = self.mesh.clips.iter().zip(&self.plane_of).map(row).collect();
         fill(&self.gpu, sheets, &rows)?;
-        let kind = (eyes.colour.format(), eyes.depth.is_some());
-        if kind != self.kind && self.other.as_ref().is_none_or(|(made, _)| *made != kind) {
-            self.other = Some((kind, drawing(&self.gpu, kind)?));
-        }
-        let drawing = match &self.other {
-            Some((made, other)) if *made == kind => other,
-            _ => &self.drawing,
-        };
+        let drawing = self.drawing.over(eyes)?;
         for (id, range) in &self.mesh.runs {
             let Some(texture) = self.textures.get(*id) else { continue };
             recorder
@@ -199,13 +189,6 @@ impl Drop for Sheets {
         // egui must be told that changes no longer matter.
         self.changes.clear();
     }
-}
-
-fn drawing(gpu: &Gpu, (format, depth): (Format, bool)) -> Result<Drawing> {
-    let linear = [u32::from(format.is_srgb())];
-    let formats = [format, Format::D32f];
-    let formats = if depth { &formats[..] } else { &formats[..1] };
-    Drawing::new(gpu, &glsl::SHEETS_VERT, &glsl::PANELS_FRAG, &linear, formats, 2)
 }
 
 #[cfg(test)]

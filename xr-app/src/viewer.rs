@@ -9,12 +9,15 @@ use engine::gpu::{Format, Gpu, Hitches, Image};
 use engine::render::{Fov, Frames, QualityLevel, Scene, Settings, Triangle, level_costs};
 use glam::DVec3;
 
+use crate::bodies;
 use crate::composer::Composer;
-use crate::controls::Controls;
+use crate::controls::{Controls, Start, view_of};
+use crate::feedback::Feedback;
 use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
 use crate::pointing::{PickData, Pointing};
+use crate::rods::{Rod, Rods};
 use crate::sight::Sight;
 use crate::statistics::{SessionReport, Statistics};
 
@@ -38,6 +41,12 @@ pub struct Options {
     pub foveation: Option<f64>,
     /// [`Settings::pitch`].
     pub pitch: f64,
+    /// What was given up to save memory, in words.
+    pub given_up: Option<String>,
+    /// True if the card of what hands do is shown at the start.
+    pub card: bool,
+    /// The view to begin with; `None` for the look that the scene has.
+    pub start: Option<Start>,
 }
 
 /// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones
@@ -54,6 +63,9 @@ pub struct Viewer {
     options: Options,
     controls: Controls,
     pointing: Pointing,
+    rods: Rods,
+    /// Bodies of the hands in the last frame.
+    bodies: Vec<Rod>,
     sight: Sight,
     onlooker: Option<Box<dyn Onlooker>>,
     /// Pose of the head in the last frame.
@@ -63,6 +75,8 @@ pub struct Viewer {
     statistics: Statistics,
     /// True if the patient is to be placed before the viewer again.
     place: bool,
+    /// What is behind the picture.
+    blend: Blend,
     over: bool,
     shown_size: [u32; 2],
     /// True if what was rendered last is below the best quality level.
@@ -83,11 +97,13 @@ impl Viewer {
         let composer =
             Composer::new(gpu, about.format, about.depth, about.blend, options.background, foveated)?;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
-        let range = scene.splats.as_ref().map_or([0.0, 1.0], |splats| splats.range);
-        let mut controls =
-            Controls::new(placed(&scene, &Pose::IDENTITY), scene.look(), scene.objects(), range);
+        let start = options.start.clone().unwrap_or_else(|| {
+            let range = scene.splats.as_ref().map_or([0.0, 1.0], |splats| splats.range);
+            view_of(scene.look(), scene.objects(), range)
+        });
+        let mut controls = Controls::new(placed(&scene, &Pose::IDENTITY), start);
         let object_splats = scene.objects().iter().map(|object| object.splats).collect();
-        let pointing = Pointing::new(gpu, about, &mut controls, object_splats)?;
+        let pointing = Pointing::new(gpu, about, &mut controls, object_splats, scene.bounds())?;
         let mut viewer = Viewer {
             gpu: gpu.clone(),
             frames,
@@ -96,12 +112,15 @@ impl Viewer {
             options,
             controls,
             pointing,
+            rods: Rods::new(gpu, about.format, about.depth)?,
+            bodies: Vec::new(),
             sight,
             onlooker: None,
             head: Pose::IDENTITY,
             slot: 0,
             statistics: Statistics::default(),
             place: true,
+            blend: about.blend,
             over: false,
             shown_size: about.eye_size,
             is_draft: false,
@@ -190,14 +209,19 @@ impl Viewer {
             self.place_patient(headset, &timing)?;
         }
         let hands = headset.hands(&timing)?;
+        self.bodies = bodies::rods(&hands);
         let [seconds, period] = [timing.display_ns, timing.period_ns].map(|ns| ns as f64 * 1e-9);
         let (look, time) = (self.scene.look(), (seconds, period));
-        let hands = self.pointing.update(&hands, &self.head, &mut self.controls, look, time)?;
-        if let Some(look) = self.controls.update(&hands, period)? {
+        let level = self.options.level.unwrap_or_else(|| self.controller.level());
+        let hands = self.pointing.point(&hands, &self.head, &mut self.controls, look, time);
+        self.controls.act(&hands, period)?;
+        let quality = self.quality(level);
+        self.pointing.lay_out(seconds, &self.head, &mut self.controls, &quality)?;
+        if let Some(look) = self.controls.new_look()? {
             self.scene.set_look(&look)?;
         }
+        self.give_feedback(headset, seconds)?;
         self.sight.aim();
-        let level = self.options.level.unwrap_or_else(|| self.controller.level());
         let mut frame = self.frames.begin(&self.scene, level)?;
         let mut eyes = headset.acquire_images(&mut frame.recorder)?;
         let range = self.controls.placement.depth_range();
@@ -207,7 +231,10 @@ impl Viewer {
         let target = &self.frames.target;
         self.composer.compose(&mut frame.recorder, target, frame.size, range, insets, marks, &mut eyes);
         let turn = (frame.slot, self.frames.views(frame.slot));
-        self.pointing.draw(&mut frame.recorder, turn, &self.controls, self.scene.origin, &mut eyes)?;
+        let room = (&self.controls.placement, self.scene.origin);
+        self.pointing.draw(&mut frame.recorder, turn, room, &mut eyes)?;
+        let bodies = (&self.bodies[..], self.head.position);
+        self.rods.draw(&mut frame.recorder, turn, room, bodies, &mut eyes)?;
         if let Some(onlooker) = &mut self.onlooker {
             onlooker.take(&mut frame.recorder, eyes.colour)?;
         }
@@ -222,6 +249,28 @@ impl Viewer {
         self.frames.submit(frame, &self.scene, &cameras)?;
         headset.end(&timing, Some(&seen.eyes))?;
         self.onlooker.as_mut().map_or(Ok(()), |onlooker| onlooker.show())
+    }
+
+    /// Says what a level shows at less than full quality; nothing if it is the best one and nothing was given
+    /// up to save memory.
+    fn quality(&self, level: usize) -> String {
+        let draft = (level > 0).then(|| {
+            let last = self.options.levels.len().saturating_sub(1);
+            format!("Draft: quality level {level}, of 0 (best) to {last}")
+        });
+        [draft, self.options.given_up.clone()].into_iter().flatten().collect::<Vec<_>>().join("\n")
+    }
+
+    /// Tells the user what the frame has done: in the hands, and in words.
+    fn give_feedback(&mut self, headset: &mut dyn Headset, seconds: f64) -> Result<()> {
+        let Feedback { pulses, notice } = std::mem::take(&mut self.controls.feedback);
+        for (side, pulse) in pulses {
+            headset.pulse(side, &pulse)?;
+        }
+        if let Some(text) = notice {
+            self.pointing.notify(text, seconds, &self.head);
+        }
+        Ok(())
     }
 
     /// Updates the visibility masks of the pictures of these eyes.
@@ -255,7 +304,10 @@ impl Viewer {
             self.controls.place(placed(&self.scene, &self.head));
             self.place = false;
             if self.options.panel && self.pointing.panel().is_none() {
-                self.pointing.toggle(&self.head);
+                self.pointing.toggle(&self.head, &self.controls.placement);
+            }
+            if std::mem::take(&mut self.options.card) {
+                self.pointing.show_card(&self.head);
             }
         }
         Ok(())
@@ -281,13 +333,19 @@ impl Viewer {
         &mut self.pointing
     }
 
-    /// Renders what both eyes saw last, a layer each, with panel and marks, 8 bits a channel. Waits for the
-    /// device.
+    /// Returns true if the headset shows the room where the picture is transparent.
+    pub fn is_transparent(&self) -> bool {
+        self.blend == Blend::Alpha
+    }
+
+    /// Renders what both eyes saw last, a layer each, with hands, panel and marks, 8 bits a channel,
+    /// premultiplied where it is transparent. Waits for the device.
     pub fn picture(&mut self) -> Result<Image> {
         let format = Format::Rgba8;
         let insets = self.sight.insets();
         let background = self.options.background;
-        let composer = Composer::new(&self.gpu, format, false, Blend::Opaque, background, insets.is_some())?;
+        let blend = if self.is_transparent() { Blend::Alpha } else { Blend::Opaque };
+        let composer = Composer::new(&self.gpu, format, false, blend, background, insets.is_some())?;
         let mut eyes = self.gpu.picture("both eyes", "pictures", format, self.sight.eye_size(), 2)?;
         let mut recorder = self.gpu.record()?;
         let range = self.controls.placement.depth_range();
@@ -303,7 +361,10 @@ impl Viewer {
             &mut images,
         );
         let turn = (self.slot, self.frames.views(self.slot));
-        self.pointing.draw(&mut recorder, turn, &self.controls, self.scene.origin, &mut images)?;
+        let room = (&self.controls.placement, self.scene.origin);
+        self.pointing.draw(&mut recorder, turn, room, &mut images)?;
+        let bodies = (&self.bodies[..], self.head.position);
+        self.rods.draw(&mut recorder, turn, room, bodies, &mut images)?;
         let ticket = recorder.submit()?;
         self.gpu.wait(ticket)?;
         Ok(eyes)

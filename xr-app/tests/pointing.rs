@@ -3,6 +3,7 @@
 
 mod support;
 
+use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
 use egui::pos2;
@@ -17,7 +18,8 @@ use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Hand, Hands, Headset as _, Pose};
 use xr_app::panel::SIZE;
 use xr_app::placement::Placement;
-use xr_app::pointing::{PickData, panel_before};
+use xr_app::pointing::PickData;
+use xr_app::sheets::Plane;
 use xr_app::viewer::{Options, Viewer};
 
 /// Returns a hand at the right of the head that points at a place in the room.
@@ -41,12 +43,22 @@ fn with_panel() -> Options {
     Options { panel: true, level: Some(0), ..options() }
 }
 
+/// Returns where the panel stands: beside the cross, for a head in the middle of the room.
+fn panel() -> Plane {
+    static PANEL: OnceLock<Plane> = OnceLock::new();
+    *PANEL.get_or_init(|| {
+        let small = Script { eye_size: [32, 32], ..still(3, |_| Hands::default()) };
+        let (viewer, _) = session(&device(), small, with_panel());
+        *viewer.pointing().panel().expect("it is shown")
+    })
+}
+
 /// In the first row of presets, the second one: points of the panel.
-const SECOND_PRESET: egui::Pos2 = pos2(130.0, 48.0);
+const SECOND_PRESET: egui::Pos2 = pos2(130.0, 79.0);
 
 /// Points at a preset, pulls the trigger, and lets go.
 fn clicks(seconds: f64) -> Hands {
-    let at = panel_before(&Pose::IDENTITY).place(SECOND_PRESET);
+    let at = panel().place(SECOND_PRESET);
     let select = (8..11).contains(&frame(seconds));
     [Hand::default(), Hand { select, squeeze: 1.0, ..aims(at) }]
 }
@@ -86,7 +98,7 @@ fn an_open_palm_calls_the_panel_and_sends_it_away() {
     };
     assert!(shown(60, |s| shows_palm(s, 5..35)).is_none(), "a glance");
     let called = shown(60, |s| shows_palm(s, 5..50)).expect("half a second");
-    assert_eq!(called, panel_before(&Pose::IDENTITY));
+    assert_eq!(called, panel());
     assert!(shown(110, |s| shows_palm(s, 5..110)).is_some(), "however long");
     let twice = |s| if frame(s) < 60 { shows_palm(s, 5..50) } else { shows_palm(s, 60..110) };
     assert!(shown(110, twice).is_none(), "the second time it goes");
@@ -145,7 +157,7 @@ fn the_panel_stands_in_the_room() {
 fn a_panel_that_rests_costs_no_memory() {
     let gpu = device();
     fn rests(_: f64) -> Hands {
-        [Hand::default(), aims(panel_before(&Pose::IDENTITY).place(pos2(200.0, 500.0)))]
+        [Hand::default(), aims(panel().place(pos2(200.0, 500.0)))]
     }
     let (viewer, headset) = session(&gpu, still(60, rests), with_panel());
     let report = viewer.report(&headset);
@@ -186,7 +198,7 @@ const HELD: [[DVec3; 2]; 2] = [
 fn stretched(bounds: [DVec3; 2]) -> Placement {
     let [low, high] = bounds;
     Placement::before(&Pose::IDENTITY, (low + high) * 0.5, (high - low).length() * 0.5)
-        .stretched(HELD[0], HELD[1])
+        .stretched(HELD[0], HELD[1], 2.0)
 }
 
 /// The balls have this middle, mm RAS.

@@ -1,12 +1,16 @@
-//! The program itself, with a simulated headset: its memory budget, and its window on the desktop.
+//! The program itself, with a simulated headset: what it shows, over what, its memory budget, and its window on
+//! the desktop.
 #![forbid(unsafe_code)]
 
 use std::path::Path;
 use std::process::{Command, Output};
 
+use engine::image::{self, Image};
 use engine::splat::{self, Activations as _, Form, Grid, Splat, SplatSet};
-use glam::DAffine3;
+use engine::volume::{Volume, nifti};
+use glam::{DAffine3, DVec3};
 use serde_json::Value;
+use view::state::ViewState;
 
 /// Returns a folder with a scene of so many splats in a cube of 12 cm, fitted for its 121³ voxels if so.
 fn folder(count: usize, for_grid: bool) -> tempfile::TempDir {
@@ -99,6 +103,78 @@ fn a_memory_budget_makes_a_decoded_field_coarser() {
     let refused = run(folder, &[&frames[..], &["--memory-budget", "0.1"]].concat());
     let said = String::from_utf8_lossy(&refused.stderr);
     assert!(!refused.status.success() && said.contains("VGS-XR-024"), "{said}");
+}
+
+/// Returns the picture of both eyes that a run writes which ends well.
+fn picture(folder: &Path, arguments: &[&str]) -> Image {
+    let all =
+        [&["--frames", "4", "--level", "0", "--validation", "--picture", "eyes.png"], arguments].concat();
+    let output = run(folder, &all);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    image::read(folder.join("eyes.png")).expect("a picture").image
+}
+
+/// Returns the number of pixels with as much red, green and blue as this.
+fn count(image: &Image, is_so: fn([f32; 4]) -> bool) -> usize {
+    image.pixels.iter().filter(|&&pixel| is_so(pixel)).count()
+}
+
+/// With the room behind it, the picture is opaque where the patient is and transparent elsewhere.
+#[test]
+fn the_room_is_seen_behind_the_patient() {
+    let folder = folder(3000, false);
+    let room = picture(folder.path(), &["--passthrough"]);
+    assert_eq!(room.pixels[0], [0.0; 4], "nothing in the corner");
+    let (solid, clear) = (count(&room, |p| p[3] > 0.95 && p[0] > 0.3), count(&room, |p| p[3] == 0.0));
+    assert!(solid > 200 && clear > room.pixels.len() / 2, "{solid} solid and {clear} clear pixels");
+    let black = picture(folder.path(), &[]);
+    assert!(black.pixels.iter().all(|pixel| pixel[3] == 1.0), "without it there is a background");
+    let both = run(folder.path(), &["--passthrough", "--blend", "alpha"]);
+    assert_eq!(both.status.code(), Some(2), "one or the other");
+}
+
+/// Objects have colours by flags, and a session shows what it was saved with.
+#[test]
+fn objects_sessions_and_volumes_are_shown() {
+    let folder = folder(3000, false);
+    let folder = folder.path();
+    let green = |p: [f32; 4]| p[1] > 0.2 && p[1] > 3.0 * p[0] && p[1] > 3.0 * p[2];
+    assert_eq!(count(&picture(folder, &[]), green), 0);
+    let changed = picture(folder, &["--object", "scene:colour=#00ff00"]);
+    assert!(count(&changed, green) > 200, "{} green pixels", count(&changed, green));
+    let unknown = run(folder, &["--frames", "1", "--object", "heart:hidden"]);
+    let said = String::from_utf8_lossy(&unknown.stderr);
+    assert!(unknown.status.code() == Some(2) && said.contains("VGS-RENDER-028"), "{said}");
+
+    let function = engine::transfer::load("CT-Bone", [0.0, 1000.0]).expect("a preset");
+    let mut state = ViewState::new(&function);
+    state.files.splats = vec!["scene.ply".into()];
+    state.objects = vec![view::state::Object::new(0, None, "scene")];
+    state.objects[0].tint = Some(DVec3::Y);
+    state.write(folder.join("session.toml"), false).expect("a session");
+    // The session is beside the files, not one more of them.
+    let alone = |file: &str| {
+        let output = Command::new(tool("run"))
+            .arg(env!("CARGO_BIN_EXE_vgs-xr"))
+            .args([file, "--simulated", "--resolution", "0.2", "--frames", "4", "--level", "0"])
+            .args(["--picture", "eyes.png", "--force", "--validation"])
+            .current_dir(folder)
+            .output()
+            .expect("tools/run starts");
+        assert!(output.status.success(), "{file}: {}", String::from_utf8_lossy(&output.stderr));
+        image::read(folder.join("eyes.png")).expect("a picture").image
+    };
+    let session = alone("session.toml");
+    assert!(count(&session, green) > 200, "{} green pixels", count(&session, green));
+
+    // A cube of bone in the middle of nothing.
+    let inside = |i: usize| [i % 40, i / 40 % 40, i / 1600].iter().all(|n| (12..28).contains(n));
+    let samples = (0..40usize.pow(3)).map(|i| if inside(i) { 900.0 } else { -1000.0 }).collect();
+    let volume = Volume::new([40; 3], DAffine3::from_scale(DVec3::splat(3.0)), samples);
+    nifti::write(folder.join("ct.nii"), &volume, false).expect("a volume");
+    let shown = alone("ct.nii");
+    let bone = count(&shown, |p| p[0] > 0.3);
+    assert!(bone > 200, "{bone} pixels of bone");
 }
 
 /// Returns the bright pixels of the screen in the left and in the right half of the window, after a file of

@@ -192,7 +192,7 @@ fn the_swaying_head_looks_ahead() {
     assert!(fov.left.abs() > fov.right && fov != Fov::symmetric(90.0, 1.0), "an eye sees more outwards");
 }
 
-/// On every level but the first a dot tells both eyes, in one direction, that this is a draft.
+/// On every level but the first a dot and a word tell both eyes, in one direction, that this is a draft.
 #[test]
 fn a_draft_is_marked_for_both_eyes() {
     let gpu = device();
@@ -214,6 +214,16 @@ fn a_draft_is_marked_for_both_eyes() {
                     (0..9).map(|i| picture[(eye * height + y + i / 3 - 1) * width + x + i % 3 - 1]);
                 let is_amber = |p: [u8; 4]| p[0] > 250 && p[1].abs_diff(191) < 4 && p[2].abs_diff(26) < 6;
                 assert_eq!(around.any(is_amber), level > 0, "level {level}, eye {eye}");
+                // The word is 2 to 10.7 radii of 0.009 to the right of it, and as high as 2.1 of them.
+                let radius = 0.009 / (right - left) * width as f64;
+                let columns = x + (2.0 * radius) as usize..x + (10.7 * radius) as usize;
+                let rows = y - radius as usize..=y + radius as usize;
+                let word = rows.flat_map(|y| columns.clone().map(move |x| (eye * height + y) * width + x));
+                let (amber, dark) = word.fold((0, 0), |(amber, dark), at| {
+                    let is_dark = picture[at][..3].iter().all(|c| c.abs_diff(26) < 3);
+                    (amber + usize::from(is_amber(picture[at])), dark + usize::from(is_dark))
+                });
+                assert_eq!(amber > 8 && dark > 8, level > 0, "level {level}: {amber} and {dark} pixels");
             }
         }
     }

@@ -116,6 +116,9 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &XrArguments) -> R
         panel: false,
         foveation: None,
         pitch: 1.0,
+        given_up: None,
+        card: false,
+        start: None,
     };
     let mut viewer = Viewer::new(gpu, scene, &headset, options)?;
     viewer.run(&mut headset, &AtomicBool::new(false))?;

@@ -16,12 +16,14 @@ pub fn usual_profile(is_ct: bool) -> &'static str {
     if is_ct { "default" } else { "mr" }
 }
 
-/// Returns the hyper-parameters of a profile at a quality.
+/// Returns the hyper-parameters of a profile at a quality. The target of a quality is in HU, so a volume that is no
+/// CT has none.
 ///
 /// # Errors
 /// Returns [`Kind::Usage`](engine::Kind::Usage) if there is no such profile or quality.
-pub fn config(profile: &str, quality: &str) -> Result<FitConfig> {
-    QualityPreset::named(quality)?.of(&Profile::named(profile)?.config()?)
+pub fn config(profile: &str, quality: &str, is_ct: bool) -> Result<FitConfig> {
+    let config = QualityPreset::named(quality)?.of(&Profile::named(profile)?.config()?)?;
+    Ok(if is_ct { config } else { config.without_goal() })
 }
 
 /// Returns the size of the PLY file of this many splats, without the exceptions that a fit may add, bytes.
@@ -37,7 +39,7 @@ pub fn ply_bytes(splats: usize) -> u64 {
 /// What a fit is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stage {
-    /// It places the first splats and prepares the device.
+    /// It finds out how many splats there are to be, places the first ones and prepares the device.
     #[default]
     Preparing,
     /// Its iterations are running.
@@ -110,10 +112,11 @@ mod tests {
     #[test]
     fn every_choice_can_be_fitted_and_its_file_is_counted() {
         for (profile, quality) in PROFILES.iter().flat_map(|p| QUALITIES.iter().map(move |q| (p, q))) {
-            let config = config(profile.name, quality.name).expect("a configuration");
-            config.check().expect("it can work");
+            let config = |is_ct| config(profile.name, quality.name, is_ct).expect("a configuration");
+            config(true).check().expect("it can work");
+            assert!(!config(false).has_goal());
         }
-        assert_eq!(config("default", "best").expect_err("no quality").code, "VGS-CFG-015");
+        assert_eq!(config("default", "best", true).expect_err("no quality").code, "VGS-CFG-015");
         assert!([true, false].into_iter().all(|is_ct| Profile::named(usual_profile(is_ct)).is_ok()));
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("x.ply");

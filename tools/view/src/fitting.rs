@@ -11,7 +11,9 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use engine::fit::labels::label;
-use engine::fit::{Beginning, End, FitConfig, Milestone, Outcome, Problem, Progress, Start, Watch};
+use engine::fit::{
+    Beginning, End, FitConfig, GOAL_MARGIN_DB, Goal, Milestone, Outcome, Problem, Progress, Start, Watch,
+};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::splat::{self, SplatSet};
 use engine::{Error, Kind, Result};
@@ -205,13 +207,19 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
         }
         set
     };
-    let problem = Problem::new(volume, roi, &order.config)?;
+    let mut problem = Problem::new(volume, roi, &order.config)?;
+    let gpu = Gpu::new(&order.gpu)?;
+    let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
+    if let Some(goal) = Goal::of(&order.config, range, order.config.region_threshold) {
+        let mut stops = || tell.shared.stops();
+        let count = problem.count_for(&gpu, &goal, GOAL_MARGIN_DB, &mut |_| {}, &mut stops)?;
+        problem = problem.of_count(count);
+    }
     let first = problem.first_splats()?;
     if tell.shared.stops() {
         tell.news(News::Nothing);
         return Ok(());
     }
-    let gpu = Gpu::new(&order.gpu)?;
     let mut watch = Watching {
         tell,
         problem: &problem,

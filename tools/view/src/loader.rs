@@ -305,16 +305,22 @@ impl Teller {
     }
 }
 
-/// Reads a splat set; volume and region are read only if it needs them to be placed.
-fn read_splats(path: &Path, files: &Files) -> Result<SplatSet> {
+/// Reads the splat set of a file; volume and region of `files` are read only if it needs them to be placed.
+///
+/// # Errors
+/// Returns the errors of the readers, and [`Kind::BadData`] if the set needs a volume and there is none.
+pub fn read_splats(path: &Path, files: &Files) -> Result<SplatSet> {
     let splats = splat::read_some(path)?;
     let volume = files.volume.as_ref().filter(|_| splats.needs_volume());
     let shown = volume.map(|volume| read_volume(volume, None, files)).transpose()?;
     splats.placed(shown.map(|shown| place(&shown.volume, shown.roi.as_ref())).as_ref())
 }
 
-/// Reads a volume, unless it is `there` already, and its region.
-fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Result<LoadedVolume> {
+/// Reads a volume, unless it is `there` already, with the series and the region that `files` name.
+///
+/// # Errors
+/// Returns the errors of the readers, with the file.
+pub fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Result<LoadedVolume> {
     let options = ReadOptions { series: files.series.clone(), ..ReadOptions::default() };
     let volume = match there {
         Some(volume) => volume,

@@ -18,6 +18,8 @@ const MAX_BYTES: u64 = 1 << 20;
 pub struct Settings {
     /// True if the notice that this is not for diagnosis was seen.
     pub notice_seen: bool,
+    /// True if the card of what buttons do in a headset was seen.
+    pub headset_card_seen: bool,
     /// Files that were opened, the latest first.
     pub recent: Vec<PathBuf>,
     /// Path that the settings are written to; `None` without a home folder.

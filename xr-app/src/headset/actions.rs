@@ -4,9 +4,9 @@ use engine::Result;
 use glam::DVec2;
 use openxr as xr;
 
-use super::convert::pose_of;
+use super::convert::{place_of, pose_of};
 use super::error::runtime_error;
-use super::hands::{Hand, Hands};
+use super::hands::{Hand, Hands, JOINTS, Joint, Pulse};
 
 /// Paths of the two hands.
 const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
@@ -23,6 +23,8 @@ struct Profile {
     next: [Option<&'static str>; 2],
     other: [Option<&'static str>; 2],
     panel: [Option<&'static str>; 2],
+    /// True if it can vibrate.
+    haptic: bool,
 }
 
 const NONE: [Option<&str>; 2] = [None; 2];
@@ -43,6 +45,7 @@ const PROFILES: [Profile; 5] = [
         next: [None, Some("input/menu/click")],
         other: NONE,
         panel: [Some("input/menu/click"), None],
+        haptic: true,
     },
     Profile {
         path: "/interaction_profiles/oculus/touch_controller",
@@ -53,6 +56,7 @@ const PROFILES: [Profile; 5] = [
         next: [Some("input/x/click"), Some("input/a/click")],
         other: [Some("input/y/click"), Some("input/b/click")],
         panel: STICK,
+        haptic: true,
     },
     Profile {
         path: "/interaction_profiles/valve/index_controller",
@@ -63,6 +67,7 @@ const PROFILES: [Profile; 5] = [
         next: [Some("input/a/click"); 2],
         other: [Some("input/b/click"); 2],
         panel: STICK,
+        haptic: true,
     },
     Profile {
         path: "/interaction_profiles/microsoft/motion_controller",
@@ -73,6 +78,7 @@ const PROFILES: [Profile; 5] = [
         next: [Some("input/trackpad/click"); 2],
         other: [Some("input/menu/click"); 2],
         panel: STICK,
+        haptic: true,
     },
     Profile {
         path: BARE,
@@ -83,6 +89,7 @@ const PROFILES: [Profile; 5] = [
         next: NONE,
         other: NONE,
         panel: NONE,
+        haptic: false,
     },
 ];
 
@@ -100,16 +107,21 @@ pub(super) struct Actions {
     next: xr::Action<bool>,
     other: xr::Action<bool>,
     panel: xr::Action<bool>,
+    haptic: xr::Action<xr::Haptic>,
+    /// Trackers of the joints of hands without controllers, where the headset has them.
+    trackers: Option<[xr::HandTracker; 2]>,
 }
 
 impl Actions {
-    /// Creates and binds the actions, for good: a session takes them once.
+    /// Creates and binds the actions, for good: a session takes them once. `hand_interaction` says that the
+    /// runtime knows hands without controllers, `hand_tracking` that it tells their joints.
     pub(super) fn new(
         instance: &xr::Instance,
         session: &xr::Session<xr::Vulkan>,
         hand_interaction: bool,
+        hand_tracking: bool,
     ) -> Result<Self> {
-        Self::make(instance, session, hand_interaction)
+        Self::make(instance, session, hand_interaction, hand_tracking)
             .map_err(|e| runtime_error("binding the controllers", e))
     }
 
@@ -117,6 +129,7 @@ impl Actions {
         instance: &xr::Instance,
         session: &xr::Session<xr::Vulkan>,
         hand_interaction: bool,
+        hand_tracking: bool,
     ) -> xr::Result<Self> {
         let set = instance.create_action_set("hands", "Hands", 0)?;
         let hands = [instance.string_to_path(HANDS[0])?, instance.string_to_path(HANDS[1])?];
@@ -126,8 +139,9 @@ impl Actions {
         let select = set.create_action::<bool>("select", "Select", &hands)?;
         let stick = set.create_action::<xr::Vector2f>("window", "Window and level", &hands)?;
         let next = set.create_action::<bool>("preset", "Last and next preset", &hands)?;
-        let other = set.create_action::<bool>("cut", "Reset, and cut", &hands)?;
+        let other = set.create_action::<bool>("cut", "Undo and reset, and cut", &hands)?;
         let panel = set.create_action::<bool>("panel", "Show and hide the panel", &hands)?;
+        let haptic = set.create_action::<xr::Haptic>("haptic", "What a hand feels", &hands)?;
         for profile in PROFILES.iter().filter(|p| !p.hands || hand_interaction) {
             let mut bindings = Vec::new();
             for (side, hand) in HANDS.iter().enumerate() {
@@ -135,6 +149,9 @@ impl Actions {
                 bindings.push(xr::Binding::new(&grip, path("input/grip/pose")?));
                 bindings.push(xr::Binding::new(&aim, path("input/aim/pose")?));
                 bindings.push(xr::Binding::new(&squeeze, path(profile.squeeze)?));
+                if profile.haptic {
+                    bindings.push(xr::Binding::new(&haptic, path("output/haptic")?));
+                }
                 if let Some(end) = profile.select {
                     bindings.push(xr::Binding::new(&select, path(end)?));
                 }
@@ -159,6 +176,11 @@ impl Actions {
         }
         session.attach_action_sets(&[&set])?;
         let bare = hand_interaction.then(|| instance.string_to_path(BARE)).transpose()?;
+        let tracker = |hand| session.create_hand_tracker(hand);
+        let trackers = match hand_tracking {
+            true => Some([tracker(xr::Hand::LEFT)?, tracker(xr::Hand::RIGHT)?]),
+            false => None,
+        };
         let space =
             |action: &xr::Action<xr::Posef>, hand| action.create_space(session, hand, xr::Posef::IDENTITY);
         Ok(Actions {
@@ -173,6 +195,8 @@ impl Actions {
             next,
             other,
             panel,
+            haptic,
+            trackers,
         })
     }
 
@@ -184,6 +208,17 @@ impl Actions {
         time: xr::Time,
     ) -> Result<Hands> {
         self.read(session, room, time).map_err(|e| runtime_error("asking the controllers", e))
+    }
+
+    /// Lets the controller in a hand vibrate, if it can.
+    pub(super) fn pulse(&self, session: &xr::Session<xr::Vulkan>, side: usize, pulse: &Pulse) -> Result<()> {
+        let vibration = xr::HapticVibration::new()
+            .amplitude(pulse.strength as f32)
+            .frequency(xr::FREQUENCY_UNSPECIFIED)
+            .duration(xr::Duration::from_nanos((pulse.seconds * 1e9) as i64));
+        self.haptic
+            .apply_feedback(session, self.hands[side], &vibration)
+            .map_err(|e| runtime_error("letting a controller vibrate", e))
     }
 
     fn read(&self, session: &xr::Session<xr::Vulkan>, room: &xr::Space, time: xr::Time) -> xr::Result<Hands> {
@@ -201,9 +236,14 @@ impl Actions {
                 Some(bare) => session.current_interaction_profile(at)? == bare,
                 None => false,
             };
+            let grip = pose(&self.grip[side])?;
+            // With a controller in it, the joints of a hand are a guess.
+            let tracker = self.trackers.as_ref().filter(|_| bare || grip.is_none());
+            let joints = tracker.map(|trackers| joints(&trackers[side], room, time)).transpose()?.flatten();
             let stick = self.stick.state(session, at)?.current_state;
             *hand = Hand {
-                grip: pose(&self.grip[side])?,
+                grip,
+                joints,
                 aim: pose(&self.aim[side])?,
                 squeeze: f64::from(self.squeeze.state(session, at)?.current_state),
                 select: self.select.state(session, at)?.current_state,
@@ -216,4 +256,20 @@ impl Actions {
         }
         Ok(out)
     }
+}
+
+/// Returns the joints of a hand, if all of them are known.
+fn joints(
+    tracker: &xr::HandTracker,
+    room: &xr::Space,
+    time: xr::Time,
+) -> xr::Result<Option<[Joint; JOINTS]>> {
+    let Some(found) = room.locate_hand_joints(tracker, time)? else { return Ok(None) };
+    let is_known =
+        |joint: &xr::HandJointLocation| joint.location_flags.contains(xr::SpaceLocationFlags::POSITION_VALID);
+    let joint = |joint: &xr::HandJointLocation| Joint {
+        place: place_of(&joint.pose.position),
+        radius: f64::from(joint.radius),
+    };
+    Ok(found.iter().all(is_known).then(|| found.each_ref().map(joint)))
 }

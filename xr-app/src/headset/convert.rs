@@ -6,13 +6,14 @@ use openxr as xr;
 
 use super::pose::Pose;
 
+pub(super) fn place_of(p: &xr::Vector3f) -> DVec3 {
+    DVec3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z))
+}
+
 pub(super) fn pose_of(pose: &xr::Posef) -> Pose {
-    let (p, q) = (pose.position, pose.orientation);
+    let q = pose.orientation;
     let orientation = DQuat::from_xyzw(f64::from(q.x), f64::from(q.y), f64::from(q.z), f64::from(q.w));
-    Pose {
-        position: DVec3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z)),
-        orientation: orientation.normalize(),
-    }
+    Pose { position: place_of(&pose.position), orientation: orientation.normalize() }
 }
 
 pub(super) fn pose_to(pose: &Pose) -> xr::Posef {

@@ -4,7 +4,7 @@ use engine::Result;
 use engine::gpu::{Image, Recorder};
 use engine::render::Triangle;
 
-use super::hands::Hands;
+use super::hands::{Hands, Pulse};
 use super::pose::{Eye, Eyes};
 use super::session::{Description, Event, Timing};
 
@@ -45,6 +45,8 @@ pub trait Headset {
     fn wait(&mut self) -> Result<Timing>;
     /// Returns what the hands will do when the frame is seen.
     fn hands(&mut self, timing: &Timing) -> Result<Hands>;
+    /// Lets the controller in the left (0) or the right (1) hand vibrate, if it can.
+    fn pulse(&mut self, side: usize, pulse: &Pulse) -> Result<()>;
     /// Acquires the images of the frame. Their content is undefined.
     fn acquire_images(&mut self, recorder: &mut Recorder) -> Result<FrameImages<'_>>;
     /// Records the release of the images, and waits until the device may draw into them.

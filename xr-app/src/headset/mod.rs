@@ -20,7 +20,7 @@ mod pose;
 mod session;
 pub mod simulated;
 
-pub use hands::{Hand, Hands};
+pub use hands::{HOLDS, Hand, Hands, JOINTS, Joint, Pulse};
 pub use headset::{DEPTH_RANGE, FrameImages, Headset};
 pub use pose::{Eye, Eyes, Pose};
-pub use session::{Blend, Description, Event, SessionState, Timing};
+pub use session::{Backdrop, Background, Blend, Description, Event, SessionState, Timing};

@@ -14,22 +14,23 @@ use engine::render::Triangle;
 use engine::{Error, Kind, Result};
 use glam::DVec2;
 use openxr as xr;
+use openxr::sys::Handle as _;
 
 use super::actions::Actions;
 use super::convert::{fov_of, fov_to, pose_of, pose_to, time};
 use super::error::runtime_error;
-use super::hands::Hands;
+use super::hands::{Hands, Pulse};
 use super::headset::{DEPTH_RANGE, FrameImages, Headset};
 use super::pose::{Eye, Eyes};
-use super::session::{Blend, Description, Event, SessionState, Timing};
+use super::session::{Backdrop, Background, Blend, Description, Event, SessionState, Timing};
 
 const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 
 /// Choices of the user about a headset.
 #[derive(Clone, Debug, Default)]
 pub struct OpenXrOptions {
-    /// Background behind the picture; `None` takes the runtime's first choice.
-    pub blend: Option<Blend>,
+    /// What is behind the picture.
+    pub background: Background,
     /// Frames a second, if the runtime lets programs choose.
     pub rate_hz: Option<f64>,
     /// Edges of the pictures as a part of the recommended ones.
@@ -45,6 +46,8 @@ pub struct OpenXr {
     lenses: [Vec<Triangle>; 2],
     actions: Actions,
     room: xr::Space,
+    /// The room as a layer, where it is one.
+    passthrough: Option<Passthrough>,
     frames: xr::FrameStream<xr::Vulkan>,
     waiter: xr::FrameWaiter,
     session: xr::Session<xr::Vulkan>,
@@ -54,6 +57,32 @@ pub struct OpenXr {
     /// The last poses that were known.
     last: Option<[Eye; 2]>,
     gpu: Gpu,
+}
+
+/// The room that cameras see (XR_FB_passthrough), as a layer below the picture.
+struct Passthrough {
+    layer: xr::PassthroughLayerFB,
+    /// Kept as long as its layer.
+    _feature: xr::Passthrough,
+}
+
+impl Passthrough {
+    /// Starts to show the room; `None` if the headset does not have it.
+    fn start(session: &xr::Session<xr::Vulkan>) -> Result<Option<Self>> {
+        // Both run from the start: `xr::Passthrough::start` of openxr 0.22 pauses instead.
+        let running = xr::PassthroughFlagsFB::IS_RUNNING_AT_CREATION;
+        let start = || {
+            let feature = session.create_passthrough(running)?;
+            let purpose = xr::PassthroughLayerPurposeFB::RECONSTRUCTION;
+            let layer = session.create_passthrough_layer(&feature, running, purpose)?;
+            Ok(Passthrough { layer, _feature: feature })
+        };
+        match start() {
+            Ok(started) => Ok(Some(started)),
+            Err(xr::sys::Result::ERROR_FEATURE_UNSUPPORTED) => Ok(None),
+            Err(e) => Err(runtime_error("asking for the room behind the picture", e)),
+        }
+    }
 }
 
 fn unavailable(code: &'static str, what: String) -> Error {
@@ -98,7 +127,8 @@ struct Runtime {
 }
 
 impl Runtime {
-    fn new() -> Result<Self> {
+    /// Asks for the runtime; with `room`, for the room behind the picture, too.
+    fn new(room: bool) -> Result<Self> {
         let platform = platform()?;
         // SAFETY: loading the OpenXR loader runs its initialisers; it is the system's own library.
         let entry = unsafe { xr::Entry::load(&platform) }
@@ -117,6 +147,8 @@ impl Runtime {
         extensions.khr_convert_timespec_time = offered.khr_convert_timespec_time;
         extensions.fb_display_refresh_rate = offered.fb_display_refresh_rate;
         extensions.ext_hand_interaction = offered.ext_hand_interaction;
+        extensions.ext_hand_tracking = offered.ext_hand_tracking;
+        extensions.fb_passthrough = room && offered.fb_passthrough;
         extensions.khr_composition_layer_depth = offered.khr_composition_layer_depth;
         extensions.khr_visibility_mask = offered.khr_visibility_mask;
         #[cfg(target_os = "android")]
@@ -150,6 +182,8 @@ impl Runtime {
             (self.extensions.khr_convert_timespec_time, "XR_KHR_convert_timespec_time"),
             (self.extensions.fb_display_refresh_rate, "XR_FB_display_refresh_rate"),
             (self.extensions.ext_hand_interaction, "XR_EXT_hand_interaction"),
+            (self.extensions.ext_hand_tracking, "XR_EXT_hand_tracking"),
+            (self.extensions.fb_passthrough, "XR_FB_passthrough"),
             (self.extensions.khr_composition_layer_depth, "XR_KHR_composition_layer_depth"),
             (self.extensions.khr_visibility_mask, "XR_KHR_visibility_mask"),
         ]
@@ -316,7 +350,7 @@ impl Chain {
 impl OpenXr {
     /// Boots Vulkan through the runtime and opens a session on its headset.
     pub fn start(gpu_options: &GpuOptions, options: &OpenXrOptions) -> Result<(Gpu, Self)> {
-        let runtime = Runtime::new()?;
+        let runtime = Runtime::new(options.background == Background::Room)?;
         let gpu = Gpu::with_boot(&runtime, gpu_options)?;
         let Runtime { ref instance, system, .. } = runtime;
         let Some(binding) = runtime.binding.take() else {
@@ -328,14 +362,20 @@ impl OpenXr {
             instance.create_session_with_guard::<xr::Vulkan>(system, &binding, Box::new(gpu.clone()))
         };
         let (session, waiter, frames) = opened.map_err(|e| runtime_error("opening a session", e))?;
-        let description = describe(&runtime, &session, options)?;
+        let offered = blends(&runtime)?;
+        let wants_layer = runtime.extensions.fb_passthrough && !offered.contains(&Blend::Alpha);
+        let passthrough = if wants_layer { Passthrough::start(&session)? } else { None };
+        let behind = options.background.choose(&offered, passthrough.is_some())?;
+        let description = describe(&runtime, &session, options, behind)?;
         let chain = |format| Chain::new(&gpu, &session, format, description.eye_size);
         let colour = chain(description.format)?;
         let depth = description.depth.then(|| chain(Format::D32f)).transpose()?;
         let room = session
             .create_reference_space(xr::ReferenceSpaceType::LOCAL, xr::Posef::IDENTITY)
             .map_err(|e| runtime_error("asking for the room", e))?;
-        let actions = Actions::new(instance, &session, runtime.extensions.ext_hand_interaction)?;
+        let tracking =
+            runtime.extensions.ext_hand_tracking && instance.supports_hand_tracking(system).unwrap_or(false);
+        let actions = Actions::new(instance, &session, runtime.extensions.ext_hand_interaction, tracking)?;
         let lenses = match description.lenses {
             true => [0, 1].map(|eye| hidden(&session, eye)),
             false => Default::default(),
@@ -347,6 +387,7 @@ impl OpenXr {
             lenses,
             actions,
             room,
+            passthrough: passthrough.filter(|_| behind.layer),
             frames,
             waiter,
             session,
@@ -366,11 +407,19 @@ impl OpenXr {
     }
 }
 
-/// Asks the runtime about itself and its headset, and chooses format, blending and rate.
+/// Returns what the runtime offers behind the picture, its first choice first.
+fn blends(runtime: &Runtime) -> Result<Vec<Blend>> {
+    let modes = runtime.instance.enumerate_environment_blend_modes(runtime.system, STEREO);
+    let modes = modes.map_err(|e| runtime_error("asking about the headset", e))?;
+    Ok(modes.into_iter().map(blend_from).collect())
+}
+
+/// Asks the runtime about itself and its headset, and chooses format and rate.
 fn describe(
     runtime: &Runtime,
     session: &xr::Session<xr::Vulkan>,
     options: &OpenXrOptions,
+    behind: Backdrop,
 ) -> Result<Description> {
     let Runtime { instance, system, .. } = runtime;
     let asked = |e| runtime_error("asking about the headset", e);
@@ -386,21 +435,6 @@ fn describe(
     let wanted = [Format::Srgba8, Format::Sbgra8, Format::Rgba8, Format::Bgra8];
     let Some(format) = wanted.into_iter().find(|&f| offered.contains(&vulkan_format(f))) else {
         return Err(unavailable("VGS-XR-008", "the runtime takes no pictures of 8 bits a channel".into()));
-    };
-    let blends = instance.enumerate_environment_blend_modes(*system, STEREO).map_err(asked)?;
-    let blend = match options.blend {
-        None => blends.first().map_or(Blend::Opaque, |&b| blend_from(b)),
-        Some(wanted) if blends.contains(&blend_mode(wanted)) => wanted,
-        Some(wanted) => {
-            let names: Vec<_> =
-                blends.iter().map(|&b| format!("{:?}", blend_from(b)).to_lowercase()).collect();
-            return Err(Error::new(
-                Kind::Usage,
-                "VGS-XR-009",
-                format!("this headset has no {} background", format!("{wanted:?}").to_lowercase()),
-            )
-            .help(format!("it has {}", names.join(", "))));
-        }
     };
     let mut rate_hz = None;
     if runtime.extensions.fb_display_refresh_rate {
@@ -423,7 +457,7 @@ fn describe(
             edge(view.recommended_image_rect_height, view.max_image_rect_height),
         ],
         format,
-        blend,
+        blend: behind.blend,
         rate_hz,
         depth: runtime.extensions.khr_composition_layer_depth
             && offered.contains(&vulkan_format(Format::D32f)),
@@ -541,6 +575,10 @@ impl Headset for OpenXr {
         self.actions.hands(&self.session, &self.room, time(timing.display_ns))
     }
 
+    fn pulse(&mut self, side: usize, pulse: &Pulse) -> Result<()> {
+        self.actions.pulse(&self.session, side, pulse)
+    }
+
     fn acquire_images(&mut self, recorder: &mut Recorder) -> Result<FrameImages<'_>> {
         let colour = self.colour.acquire_images(recorder)?;
         let depth = self.depth.as_mut().map(|depth| depth.acquire_images(recorder)).transpose()?;
@@ -572,7 +610,11 @@ impl Headset for OpenXr {
         let ended = |e| runtime_error("showing a frame", e);
         self.colour.release()?;
         self.depth.as_mut().map_or(Ok(()), Chain::release)?;
-        let blend = blend_mode(self.description.blend);
+        // Over a layer of the room the runtime needs to mix nothing in by itself.
+        let blend = match self.passthrough {
+            Some(_) => xr::EnvironmentBlendMode::OPAQUE,
+            None => blend_mode(self.description.blend),
+        };
         let Some(eyes) = seen else {
             return self.frames.end(time(timing.display_ns), blend, &[]).map_err(ended);
         };
@@ -608,7 +650,22 @@ impl Headset for OpenXr {
         if self.description.blend == Blend::Alpha {
             layer = layer.layer_flags(xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA);
         }
-        self.frames.end(time(timing.display_ns), blend, &[&layer]).map_err(ended)
+        let below = self.passthrough.as_ref().map(|room| xr::sys::CompositionLayerPassthroughFB {
+            ty: xr::sys::CompositionLayerPassthroughFB::TYPE,
+            next: std::ptr::null(),
+            flags: xr::CompositionLayerFlags::BLEND_TEXTURE_SOURCE_ALPHA,
+            // The room is everywhere.
+            space: xr::sys::Space::from_raw(0),
+            layer_handle: room.layer.as_raw(),
+        });
+        let mut layers: Vec<&xr::CompositionLayerBase<'_, xr::Vulkan>> = Vec::with_capacity(2);
+        if let Some(below) = &below {
+            // SAFETY: every layer begins with the fields of its base, and the runtime knows by its type what
+            // follows; it lives until the frame has ended.
+            layers.push(unsafe { &*std::ptr::from_ref(below).cast() });
+        }
+        layers.push(&layer);
+        self.frames.end(time(timing.display_ns), blend, &layers).map_err(ended)
     }
 
     fn request_exit(&mut self) -> Result<()> {

@@ -1,6 +1,7 @@
 //! The session of a headset: its state, its events, its frames, and its description.
 
 use engine::gpu::Format;
+use engine::{Error, Kind, Result};
 
 /// A frame to come.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +57,60 @@ pub enum Blend {
     Alpha,
 }
 
+/// What a user wants behind the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Background {
+    /// The first choice of the headset.
+    #[default]
+    Any,
+    /// This one.
+    This(Blend),
+    /// The room, however the headset shows it.
+    Room,
+}
+
+/// What is behind the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Backdrop {
+    /// How the picture is drawn over it.
+    pub blend: Blend,
+    /// True if the room is a layer of its own below the picture.
+    pub layer: bool,
+}
+
+impl Background {
+    /// Chooses among what a headset offers, its first choice first; `layer` says that it has a layer of the
+    /// room. A room is best seen where the picture is transparent; what is added to it looks like a ghost.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] if it does not have what is wanted, [`Kind::Unavailable`] if it shows no room.
+    pub fn choose(self, offered: &[Blend], layer: bool) -> Result<Backdrop> {
+        let of = |blend| Backdrop { blend, layer: false };
+        let has = |blend| offered.contains(&blend);
+        let names: Vec<_> = offered.iter().map(|blend| format!("{blend:?}").to_lowercase()).collect();
+        let names = names.join(", ");
+        match self {
+            Background::Any => Ok(of(offered.first().copied().unwrap_or(Blend::Opaque))),
+            Background::This(blend) if has(blend) => Ok(of(blend)),
+            Background::This(blend) => {
+                let wanted = format!("{blend:?}").to_lowercase();
+                let message = format!("this headset has no {wanted} background");
+                Err(Error::new(Kind::Usage, "VGS-XR-009", message).help(format!("it has {names}")))
+            }
+            Background::Room if has(Blend::Alpha) => Ok(of(Blend::Alpha)),
+            Background::Room if layer => Ok(Backdrop { blend: Blend::Alpha, layer }),
+            Background::Room if has(Blend::Additive) => Ok(of(Blend::Additive)),
+            Background::Room => {
+                let message = "this headset's runtime shows no room behind the picture";
+                Err(Error::new(Kind::Unavailable, "VGS-XR-028", message).help(format!(
+                    "it has {names}, and no XR_FB_passthrough; allow passthrough in its settings, or leave \
+                     --passthrough out"
+                )))
+            }
+        }
+    }
+}
+
 /// Properties that do not change as long as a session lasts.
 #[derive(Clone, Debug)]
 pub struct Description {
@@ -77,4 +132,34 @@ pub struct Description {
     pub lenses: bool,
     /// Extensions in use.
     pub extensions: Vec<&'static str>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_room_is_shown_however_the_headset_can() {
+        use Blend::{Additive, Alpha, Opaque};
+        let room = |offered: &[Blend], layer| Background::Room.choose(offered, layer).map_err(|e| e.code);
+        let of = |blend, layer| Ok(Backdrop { blend, layer });
+        assert_eq!(room(&[Opaque, Additive, Alpha], true), of(Alpha, false));
+        assert_eq!(room(&[Opaque, Additive], true), of(Alpha, true));
+        assert_eq!(room(&[Additive], false), of(Additive, false));
+        assert_eq!(room(&[Opaque], true), of(Alpha, true));
+        assert_eq!(room(&[Opaque], false), Err("VGS-XR-028"));
+        let error = Background::Room.choose(&[Opaque], false).expect_err("no room");
+        assert!(error.help.contains("opaque") && error.help.contains("--passthrough"), "{}", error.help);
+    }
+
+    #[test]
+    fn a_background_is_the_first_one_or_the_one_that_is_wanted() {
+        use Blend::{Additive, Alpha, Opaque};
+        let blend = |wanted: Background| {
+            wanted.choose(&[Additive, Opaque], true).map(|behind| behind.blend).map_err(|e| e.code)
+        };
+        assert_eq!(blend(Background::Any), Ok(Additive));
+        assert_eq!(blend(Background::This(Opaque)), Ok(Opaque));
+        assert_eq!(blend(Background::This(Alpha)), Err("VGS-XR-009"));
+    }
 }

@@ -7,7 +7,7 @@ use engine::gpu::{Format, Gpu, Image, Recorder};
 use engine::render::{Fov, Triangle};
 use glam::{DQuat, DVec2, DVec3};
 
-use super::hands::Hands;
+use super::hands::{Hand, Hands, Pulse};
 use super::headset::{FrameImages, Headset};
 use super::pose::{Eye, Eyes, Pose};
 use super::session::{Blend, Description, Event, SessionState, Timing};
@@ -18,6 +18,9 @@ const PICTURES: usize = 3;
 const EYES_APART: f64 = 0.063;
 /// Number of straight pieces of a quarter of a lens's rim.
 const RIM: usize = 12;
+
+/// What a simulated headset offers behind the picture, its first choice first.
+pub const OFFERED: [Blend; 3] = [Blend::Opaque, Blend::Additive, Blend::Alpha];
 
 /// Script of a simulated headset.
 pub struct Script {
@@ -74,6 +77,17 @@ pub fn sway(seconds: f64) -> Pose {
     Pose { position, orientation: DQuat::from_rotation_y(angle) * DQuat::from_rotation_x(-height) }
 }
 
+/// Returns hands that rest before the viewer with their controllers, and point ahead.
+pub fn rest(_: f64) -> Hands {
+    [-1.0, 1.0].map(|side| {
+        let turned = |up: f64| DQuat::from_rotation_y(0.3 * side) * DQuat::from_rotation_x(up);
+        let position = DVec3::new(0.17 * side, -0.24, -0.4);
+        let grip = Pose { position, orientation: turned(0.9) };
+        let aim = Pose { position: grip.place(DVec3::NEG_Z * 0.05), orientation: turned(0.2) };
+        Hand { grip: Some(grip), aim: Some(aim), ..Hand::default() }
+    })
+}
+
 /// Returns the part of a field of view that a round lens hides: everything outside of the ellipse that
 /// touches its edges.
 fn corners(fov: &Fov) -> Vec<Triangle> {
@@ -105,6 +119,8 @@ pub struct Simulated {
     over: bool,
     /// Eyes of the picture that was shown last.
     pub shown: Option<[Eye; 2]>,
+    /// Pulses of the hands: the number of the frame, the hand, the pulse.
+    pub pulses: Vec<(u64, usize, Pulse)>,
 }
 
 impl Simulated {
@@ -140,6 +156,7 @@ impl Simulated {
             leaving: false,
             over: false,
             shown: None,
+            pulses: Vec::new(),
         })
     }
 
@@ -219,6 +236,11 @@ impl Headset for Simulated {
 
     fn hands(&mut self, timing: &Timing) -> Result<Hands> {
         Ok((self.script.hands)(timing.display_ns as f64 * 1e-9))
+    }
+
+    fn pulse(&mut self, side: usize, pulse: &Pulse) -> Result<()> {
+        self.pulses.push((self.frame, side, *pulse));
+        Ok(())
     }
 
     fn acquire_images(&mut self, _: &mut Recorder) -> Result<FrameImages<'_>> {

@@ -83,6 +83,9 @@ pub fn options() -> Options {
         panel: false,
         foveation: None,
         pitch: 1.0,
+        given_up: None,
+        card: false,
+        start: None,
     }
 }
 

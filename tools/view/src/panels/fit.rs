@@ -226,13 +226,17 @@ fn plan(ui: &mut Ui, form: &mut FitForm, files: &Files, info: &PanelInfo<'_>, ac
         }
     });
     let found = info.region.filter(|_| form.is_found(files, info));
-    if let (Some(size), Ok(config)) = (found, config(profile, form.quality)) {
+    if let (Some(size), Ok(config)) = (found, config(profile, form.quality, !info.unit.is_empty())) {
         let splats = config.splat_count(size.weight);
-        let cost = format!(
-            "{splats} splats, {} iterations, {} as .ply",
-            config.iterations,
-            bytes(ply_bytes(splats))
-        );
+        let cost = if config.has_goal() {
+            format!(
+                "as many splats as 99 % within {}{} take, {} iterations",
+                config.target_hu, info.unit, config.iterations
+            )
+        } else {
+            let size = bytes(ply_bytes(splats));
+            format!("{splats} splats, {} iterations, {size} as .ply", config.iterations)
+        };
         ui.label(cost).on_hover_text(
             "a .vgs has about an eighth of that; the first iterations tell how long it takes on this device",
         );

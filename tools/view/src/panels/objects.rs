@@ -2,12 +2,14 @@
 
 use egui::{Button, Slider, Ui};
 use engine::splat::usual_colour;
+use engine::transfer::PRESETS;
 use glam::{DVec3, Vec3};
 
 use super::widgets::colour_button;
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
 use crate::theme::SIGNAL;
+use crate::transfer::Transfer;
 
 /// Returns the colour of its own that an object gets first.
 fn first_tint(name: &str, index: usize) -> DVec3 {
@@ -62,6 +64,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                 });
                 ui.spacing_mut().slider_width = 56.0;
                 ui.add(percent.suffix(" %").fixed_decimals(0)).on_hover_text("factor of the opacity per mm");
+                own_function(ui, &mut object.transfer, info);
                 let count = info.object_splats.get(i).copied();
                 let name = ui.add(egui::Label::new(&object.name).truncate());
                 if let Some(count) = count {
@@ -69,7 +72,9 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                 }
             });
             let shown = object.visible && object.opacity > 0.0;
-            if let (true, Some(transfer), Some(own)) = (shown, &transfer, info.object_intensities.get(i))
+            let function = object.transfer.as_ref().map(Transfer::function).transpose().ok().flatten();
+            let function = function.as_ref().or(transfer.as_ref());
+            if let (true, Some(transfer), Some(own)) = (shown, function, info.object_intensities.get(i))
                 && !own.are_seen(transfer)
                 && let Some([low, high]) = own.middle_half()
             {
@@ -82,6 +87,23 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     if let Some(alone) = alone {
         state.objects.iter_mut().enumerate().for_each(|(i, o)| o.visible = i == alone);
     }
+}
+
+/// Shows the choice between the transfer function of the scene and presets of the object's own.
+fn own_function(ui: &mut Ui, own: &mut Option<Transfer>, info: &PanelInfo<'_>) {
+    let text = own.as_ref().map_or("tf".to_owned(), |function| function.name.clone());
+    let menu = ui.menu_button(text, |ui| {
+        if ui.selectable_label(own.is_none(), "as the scene").clicked() {
+            *own = None;
+        }
+        for preset in PRESETS {
+            let chosen = own.as_ref().is_some_and(|function| function.name == preset.name);
+            if ui.selectable_label(chosen, preset.name).on_hover_text(preset.about).clicked() {
+                *own = Some(Transfer::new(&preset.over(info.range)));
+            }
+        }
+    });
+    menu.response.on_hover_text("a transfer function of its own, in mode decoded");
 }
 
 /// Shows the choice between a colour of the object's own, at first `first`, and that of the transfer function.

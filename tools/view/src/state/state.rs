@@ -3,7 +3,6 @@
 //! Renderers ask for the parts in the engine's terms ([`ViewState::look`], [`Orbit::camera`],
 //! [`Clip::planes`]). Nothing here knows windows, panels or the device.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use engine::error::{Error, Kind, Result};
@@ -173,6 +172,9 @@ pub struct Object {
     pub tint: Option<DVec3>,
     /// Factor on the opacity per mm, 0 to 1.
     pub opacity: f64,
+    /// Transfer function of its own, which mode decoded shows; `None` for that of the scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transfer: Option<Transfer>,
 }
 
 /// Clip planes and crop box.
@@ -340,7 +342,7 @@ impl Distance {
 impl Object {
     /// Creates a row for a fit or one of its labels, visible and with the colours of the transfer function.
     pub fn new(file: usize, label: Option<u8>, name: impl Into<String>) -> Self {
-        Object { file, label, name: name.into(), visible: true, tint: None, opacity: 1.0 }
+        Object { file, label, name: name.into(), visible: true, tint: None, opacity: 1.0, transfer: None }
     }
 
     /// Returns its appearance for the renderer.
@@ -404,12 +406,10 @@ impl ViewState {
     pub fn look(&self, numbers: &[u8]) -> Result<Look> {
         let objects = numbers.iter().zip(&self.objects).map(|(number, row)| (*number, row.appearance()));
         let objects = objects.collect();
-        Ok(Look {
-            transfer: self.transfer.function()?,
-            clip: self.clip.planes(),
-            objects,
-            functions: BTreeMap::new(),
-        })
+        let own = numbers.iter().zip(&self.objects);
+        let own = own.filter_map(|(number, row)| Some((*number, row.transfer.as_ref()?.function())));
+        let functions = own.map(|(number, function)| Ok((number, function?))).collect::<Result<_>>()?;
+        Ok(Look { transfer: self.transfer.function()?, clip: self.clip.planes(), objects, functions })
     }
 
     /// Replaces the list of objects by those found in the files. Rows that are there already, from a session
@@ -432,6 +432,13 @@ impl ViewState {
             clip: self.clip.clone(),
             distances: self.distances.clone(),
         }
+    }
+
+    /// Returns true if undo would restore nothing from this to `edited`.
+    pub fn is_edited_as(&self, edited: &Edited) -> bool {
+        let Edited { transfer, background, objects, clip, distances } = edited;
+        (&self.transfer, &self.background, &self.objects, &self.clip, &self.distances)
+            == (transfer, background, objects, clip, distances)
     }
 
     /// Restores what undo brings back.

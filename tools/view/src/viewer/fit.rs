@@ -42,7 +42,8 @@ impl Viewer {
 
     fn start_fit(&mut self, profile: &str, quality: &str) -> Result<()> {
         let Some(volume) = self.data.volume.clone() else { return Ok(()) };
-        let order = FitOrder { volume, config: config(profile, quality)?, gpu: self.gpu.clone() };
+        let config = config(profile, quality, volume.volume.is_ct())?;
+        let order = FitOrder { volume, config, gpu: self.gpu.clone() };
         let fitting = Fitting::start(order, self.loader.waker());
         self.fit = Some(ShownFit { fitting, arrived: None, preparing: None, mode: self.app.state.mode });
         Ok(())

@@ -1,0 +1,213 @@
+//! What is shown: splats, a volume or a session, as the desktop viewer reads them.
+
+use std::path::PathBuf;
+
+use engine::render::{Appearance, ObjectChange};
+use engine::{Error, Kind, Result, transfer};
+use glam::DVec3;
+use view::loader::{self, LoadedSplats, LoadedVolume};
+use view::sorting;
+use view::state::{Files, Subject, ViewState};
+use view::transfer::Transfer;
+
+use crate::controls::Start;
+
+/// Transfer function of what is no session.
+const FIRST: &str = "CT-Bone";
+
+/// What the user wants to see.
+#[derive(Clone, Debug, Default)]
+pub struct Wanted {
+    /// Splats, a volume, or a session.
+    pub files: Vec<PathBuf>,
+    /// The volume that the splats were fitted to, or that is shown.
+    pub volume: Option<PathBuf>,
+    /// The series of a DICOM folder.
+    pub series: Option<String>,
+    /// The mask outside of which nothing of the volume is shown.
+    pub roi: Option<PathBuf>,
+    /// Transfer function; `None` for that of the session, or the first one.
+    pub tf: Option<String>,
+    /// Changes of objects, one after the other.
+    pub objects: Vec<ObjectChange>,
+}
+
+/// What was read.
+pub enum Content {
+    /// Splats of all files.
+    Splats(LoadedSplats),
+    /// A volume with its region.
+    Volume(LoadedVolume),
+}
+
+/// Reads what the user wants to see; returns it with the view to begin with. Splats are shown where there are
+/// any, unless a session shows the volume.
+///
+/// # Errors
+/// [`Kind::Usage`] for flags that do not fit together, and the errors of the readers, with the file.
+pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
+    let sorted = sorting::sort(&Files::default(), &wanted.files)?;
+    let session = sorted.state().transpose()?;
+    let has_session = session.is_some();
+    let mut state = match session {
+        Some(state) => state,
+        // A function that is stretched over the intensities is stretched once they are read.
+        None => {
+            let first = transfer::load(wanted.tf.as_deref().unwrap_or(FIRST), [-1000.0, 3000.0])?;
+            ViewState { files: sorted.files, ..ViewState::new(&first) }
+        }
+    };
+    let files = &mut state.files;
+    for (file, named) in [(&mut files.volume, &wanted.volume), (&mut files.roi, &wanted.roi)] {
+        if named.is_some() {
+            file.clone_from(named);
+        }
+    }
+    if wanted.series.is_some() {
+        files.series.clone_from(&wanted.series);
+    }
+    if files.volume.is_none() && (files.roi.is_some() || wanted.series.is_some()) {
+        return Err(Error::new(Kind::Usage, "VGS-XR-029", "--roi and --series are those of a volume")
+            .help("give the volume with --volume"));
+    }
+    let files = state.files.clone();
+    let shows_volume = files.splats.is_empty() || has_session && state.shown == Subject::Volume;
+    let (content, numbers, range) = match files.volume.as_ref().filter(|_| shows_volume) {
+        Some(path) => {
+            let volume = loader::read_volume(path, None, &files)?;
+            let range = volume.volume.min_max().map_or([0.0, 1.0], |(low, high)| [low, high].map(f64::from));
+            state.set_objects(Vec::new());
+            (Content::Volume(volume), Vec::new(), range)
+        }
+        None if files.splats.is_empty() => {
+            return Err(Error::new(Kind::Usage, "VGS-XR-030", "there is nothing to show")
+                .help("give splats (PLY, .vgs), a volume, or a session that names some"));
+        }
+        None => {
+            let sets = files.splats.iter();
+            let sets = sets.map(|path| Ok((path.clone(), loader::read_splats(path, &files)?)));
+            let splats = LoadedSplats::join(sets.collect::<Result<_>>()?)?;
+            state.set_objects(splats.objects.iter().map(|(row, ..)| row.clone()).collect());
+            let range = splats.set.intensity_range().unwrap_or_default();
+            let numbers = splats.objects.iter().map(|(_, number, _)| *number).collect();
+            (Content::Splats(splats), numbers, range)
+        }
+    };
+    if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(FIRST)) {
+        state.transfer = Transfer::new(&transfer::load(tf, range)?);
+    }
+    change_objects(&mut state, &content, &numbers, range, &wanted.objects)?;
+    Ok((content, Start { state, numbers, range }))
+}
+
+/// Changes the rows of objects as flags say. `numbers` are those of the rows in the set, `range` that of the
+/// intensities.
+fn change_objects(
+    state: &mut ViewState,
+    content: &Content,
+    numbers: &[u8],
+    range: [f64; 2],
+    changes: &[ObjectChange],
+) -> Result<()> {
+    let there = match content {
+        Content::Splats(splats) => splats.set.objects(),
+        Content::Volume(_) => Vec::new(),
+    };
+    let mut look = state.look(numbers)?;
+    for change in changes {
+        change.apply(&there, &mut look, range)?;
+    }
+    for (row, number) in state.objects.iter_mut().zip(numbers) {
+        let Some(Appearance { visible, tint, opacity }) = look.objects.get(number) else { continue };
+        row.transfer = look.functions.get(number).map(Transfer::new);
+        (row.visible, row.opacity) = (*visible, f64::from(*opacity));
+        row.tint = tint.map(|colour| DVec3::from_array(colour.map(f64::from)));
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::splat::{self, Splat, SplatSet};
+    use engine::volume::{Volume, nifti};
+    use glam::DAffine3;
+
+    use super::*;
+
+    /// Returns a folder with two sets, a volume and a mask of a half of it.
+    fn folder() -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (name, x) in [("bones", 0.0), ("liver", 9.0)] {
+            let splat = Splat {
+                mean: [x, 0.0, 0.0],
+                rotation: [1.0, 0.0, 0.0, 0.0],
+                intensity: 500.0 + x,
+                ..Splat::default()
+            };
+            let set = SplatSet { splats: vec![splat; 3], ..SplatSet::default() };
+            splat::write(&folder.path().join(format!("{name}.ply")), &set, false).expect("a file");
+        }
+        let volume = |value: fn(usize) -> f32| {
+            Volume::new([4, 5, 6], DAffine3::IDENTITY, (0..120).map(value).collect())
+        };
+        for (name, volume) in
+            [("ct", volume(|i| i as f32 - 20.0)), ("mask", volume(|i| if i < 60 { 1.0 } else { 0.0 }))]
+        {
+            nifti::write(folder.path().join(format!("{name}.nii")), &volume, false).expect("a file");
+        }
+        folder
+    }
+
+    fn wanted(folder: &tempfile::TempDir, files: &[&str]) -> Wanted {
+        Wanted { files: files.iter().map(|name| folder.path().join(name)).collect(), ..Wanted::default() }
+    }
+
+    #[test]
+    fn objects_are_changed_by_flags() {
+        let folder = folder();
+        let objects = ["liver:hidden", "bones:colour=#ff0000,opacity=0.5"];
+        let objects = objects.map(|text| text.parse().expect("a change")).to_vec();
+        let both = wanted(&folder, &["bones.ply", "liver.ply"]);
+        let (content, start) = read(&Wanted { objects, ..both.clone() }).expect("splats");
+        assert!(matches!(content, Content::Splats(splats) if splats.set.splats.len() == 6));
+        let [bones, liver] = &start.state.objects[..] else { panic!("two objects") };
+        assert_eq!((bones.tint, bones.opacity, bones.visible), (Some(DVec3::X), 0.5, true));
+        assert!(!liver.visible && liver.tint.is_none());
+        assert_eq!((start.numbers, start.range), (vec![1, 2], [500.0, 509.0]));
+        let unknown = vec!["heart:hidden".parse().expect("a change")];
+        let error = read(&Wanted { objects: unknown, ..both }).err().expect("no heart");
+        assert!(error.code == "VGS-SPLAT-010" && error.help.contains("liver"), "{error}");
+    }
+
+    #[test]
+    fn a_session_is_shown_as_it_was_left() {
+        let folder = folder();
+        let (_, start) = read(&wanted(&folder, &["bones.ply", "liver.ply"])).expect("splats");
+        let mut state = start.state;
+        state.files.splats = ["bones.ply", "liver.ply"].map(PathBuf::from).to_vec();
+        state.transfer = Transfer::new(&transfer::load("CT-Lung", [-1000.0, 2000.0]).expect("a preset"));
+        state.objects[1].visible = false;
+        state.clip.planes.push(view::state::Plane { on: true, normal: DVec3::X, offset_mm: 4.0 });
+        state.write(folder.path().join("s.toml"), false).expect("a session");
+        let session = wanted(&folder, &["s.toml"]);
+        let (_, start) = read(&session).expect("a session");
+        assert_eq!((start.state.transfer.name.as_str(), start.state.clip.planes.len()), ("CT-Lung", 1));
+        assert!(start.state.objects[0].visible && !start.state.objects[1].visible);
+        let other = Wanted { tf: Some("CT-Bone".into()), ..session };
+        assert_eq!(read(&other).expect("a session").1.state.transfer.name, "CT-Bone");
+    }
+
+    #[test]
+    fn a_volume_is_shown_where_there_are_no_splats() {
+        let folder = folder();
+        let (content, start) = read(&wanted(&folder, &["ct.nii", "mask.nii"])).expect("a volume");
+        assert!(matches!(content, Content::Volume(volume) if volume.roi.is_some()));
+        assert!(start.state.objects.is_empty() && start.range == [-20.0, 99.0]);
+        let ct = Some(folder.path().join("ct.nii"));
+        let beside = Wanted { volume: ct, ..wanted(&folder, &["bones.ply"]) };
+        assert!(matches!(read(&beside).expect("splats").0, Content::Splats(_)));
+        let roi = Wanted { roi: Some(folder.path().join("mask.nii")), ..wanted(&folder, &["bones.ply"]) };
+        assert_eq!(read(&roi).err().map(|e| e.code), Some("VGS-XR-029"));
+        assert_eq!(read(&Wanted::default()).err().map(|e| e.code), Some("VGS-XR-030"));
+    }
+}
