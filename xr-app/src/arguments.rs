@@ -70,9 +70,9 @@ pub struct HeadsetArguments {
     /// Shows the panel from the start
     #[arg(long)]
     pub panel: bool,
-    /// Shows the card of what hands do at the start, as the first time
-    #[arg(long)]
-    pub card: bool,
+    /// Shows the card of what hands do at the start; without this, the first time that there is a headset
+    #[arg(long, value_name = "WHEN", value_enum, num_args = 0..=1, require_equals = true, default_missing_value = "always")]
+    pub card: Option<Card>,
     /// Shows what the eyes see in a window, too
     #[cfg(not(target_os = "android"))]
     #[arg(long, value_name = "EYES", value_enum, num_args = 0..=1, require_equals = true, default_missing_value = "both")]
@@ -114,6 +114,15 @@ panel, on which the trigger clicks; with its button Measure the trigger places e
 the patient.
 
 For looking, not for diagnosis.";
+
+/// Whether the card of what hands do is shown at the start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Card {
+    /// Whether it was seen before or not
+    Always,
+    /// Nor the first time
+    Never,
+}
 
 /// What is behind the picture.
 #[derive(Clone, Copy, Debug, ValueEnum)]

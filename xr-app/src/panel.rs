@@ -43,7 +43,7 @@ pub const FRAME: f32 = 34.0;
 /// Width and height of the card of what hands do, points.
 pub const CARD: Vec2 = Vec2::new(430.0, 372.0);
 /// Width of the card's first column, points.
-const COLUMN: f32 = 160.0;
+const COLUMN: f32 = 174.0;
 
 /// Something that is drawn in the room.
 #[derive(Clone, Debug, PartialEq)]

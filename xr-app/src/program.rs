@@ -12,7 +12,7 @@ use engine::render::{self, QualityLevel, Scene, SplatKind};
 use engine::{Error, Kind, Result, output};
 use view::settings::Settings;
 
-use crate::arguments::HeadsetArguments;
+use crate::arguments::{Card, HeadsetArguments};
 use crate::controls::Start;
 use crate::headset::openxr::{OpenXr, OpenXrOptions};
 use crate::headset::simulated::{OFFERED, Script, Simulated, rest};
@@ -140,7 +140,10 @@ fn show(
         foveation: arguments.foveation,
         pitch: 1.0,
         given_up: None,
-        card: arguments.card || !arguments.simulated && !settings().headset_card_seen,
+        card: match arguments.card {
+            Some(when) => when == Card::Always,
+            None => !arguments.simulated && !settings().headset_card_seen,
+        },
         start: Some(start),
     };
     let mut viewer = match content {

@@ -265,7 +265,7 @@ impl Session {
         std::fs::write(folder.path().join("show"), "").expect("a file");
         let script = format!(
             "echo $VGS_SCREEN > screen; echo $MONADO_PORT > port
-             {run} {program} scene.ply --tf balls.vp.json --level 0 --validation --report report.json & app=$!
+             {run} {program} scene.ply --tf balls.vp.json --level 0 --card=never --validation --report report.json & app=$!
              while [ -e show ] && kill -0 $app 2>/dev/null; do sleep 0.1; done
              kill $app; wait $app",
             run = tools.join("run").display(),
