@@ -361,6 +361,7 @@ mod tests {
     use engine::Kind;
 
     use super::*;
+    use crate::region::Threshold;
 
     #[test]
     fn what_is_missing_is_said_and_the_rest_is_read() {
@@ -406,5 +407,36 @@ mod tests {
         assert!(apart.length() < 1e-4 && read.splats[0].intensity == 40.0, "{read:?}");
         let error = read_splats(&ply, &Files::default()).unwrap_err();
         assert!(error.code == "VGS-PLY-026" && error.help.contains("vgs view"), "{error}");
+    }
+
+    #[test]
+    fn a_region_is_a_threshold_or_labels_of_a_volume_that_is_read_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let [ct, map] = ["ct.nii", "map.nii"].map(|name| folder.path().join(name));
+        let volume = |value: fn(usize) -> f32| {
+            Volume::new([8, 9, 10], glam::DAffine3::IDENTITY, (0..720).map(value).collect())
+        };
+        engine::volume::nifti::write(&ct, &volume(|i| i as f32), false).unwrap();
+        engine::volume::nifti::write(&map, &volume(|i| (i % 4) as f32), false).unwrap();
+        let mut files = Files { volume: Some(ct.clone()), ..Files::default() };
+        let whole = read_volume(&ct, None, &files).unwrap();
+        assert!(whole.roi.is_none() && whole.size.is_none());
+        // From here on nothing can be read from the file.
+        std::fs::remove_file(&ct).unwrap();
+        let mut with = |region| {
+            files.set_region(Some(region));
+            read_volume(&ct, Some(Arc::clone(&whole.volume)), &files)
+        };
+        let found = with(Region::Threshold(Threshold::new(100.0, 109.0))).unwrap();
+        assert!(Arc::ptr_eq(&found.volume, &whole.volume) && found.labels.is_none());
+        assert_eq!(found.size.map(|size| size.voxels), Some(10));
+        let mask =
+            |labels: Option<&str>| Region::Mask { path: map.clone(), labels: labels.map(str::to_owned) };
+        let found = with(mask(Some("1,3"))).unwrap();
+        assert_eq!((found.size.map(|size| size.voxels), found.labels.is_some()), (Some(360), true));
+        let error = with(mask(None)).err().expect("labels must be chosen");
+        assert_eq!((error.code, error.file.as_ref()), ("VGS-ROI-008", Some(&map)));
+        let error = with(Region::Threshold(Threshold::new(9e3, 9e4))).err().expect("nothing is so bright");
+        assert_eq!((error.code, error.file.as_ref()), ("VGS-ROI-003", Some(&ct)));
     }
 }
