@@ -12,9 +12,6 @@ use view::transfer::Transfer;
 
 use crate::controls::Start;
 
-/// Transfer function of what is no session.
-const FIRST: &str = "CT-Bone";
-
 /// What the user wants to see.
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
@@ -53,7 +50,7 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
         Some(state) => state,
         // A function that is stretched over the intensities is stretched once they are read.
         None => {
-            let first = transfer::load(wanted.tf.as_deref().unwrap_or(FIRST), [-1000.0, 3000.0])?;
+            let first = transfer::load(wanted.tf.as_deref().unwrap_or(transfer::FIRST), [-1000.0, 3000.0])?;
             ViewState { files: sorted.files, ..ViewState::new(&first) }
         }
     };
@@ -93,7 +90,7 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
             (Content::Splats(splats), numbers, range)
         }
     };
-    if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(FIRST)) {
+    if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(transfer::FIRST)) {
         state.transfer = Transfer::new(&transfer::load(tf, range)?);
     }
     change_objects(&mut state, &content, &numbers, range, &wanted.objects)?;

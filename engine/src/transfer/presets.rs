@@ -45,6 +45,11 @@ const SOFT: Material = shaded(0.25, 0.8, 0.1, 8.0);
 /// Colours without shading.
 const FLAT: Material = Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0 };
 
+/// Name of the preset with which programs begin.
+pub const FIRST: &str = "CT-Bone";
+/// Name of the preset for volumes without HU.
+pub const FIRST_WITHOUT_HU: &str = "MR-Default";
+
 /// All presets, in the order in which they are shown to people.
 pub const PRESETS: &[Preset] = &[
     Preset {
@@ -275,6 +280,11 @@ pub(super) fn known_names(asked: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_ones_are_there() {
+        assert!(preset(FIRST).is_ok() && preset(FIRST_WITHOUT_HU).is_ok());
+    }
 
     #[test]
     fn every_preset_is_a_function_that_shows_something() {

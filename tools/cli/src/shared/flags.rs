@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::waiting::Waiting;
 
 /// The transfer function of commands that are given none.
-pub const DEFAULT_TF: &str = "CT-Bone";
+pub const DEFAULT_TF: &str = engine::transfer::FIRST;
 
 /// Flags for the device.
 #[derive(Args, Clone, Debug)]

@@ -21,17 +21,18 @@ const STEPS: u64 = 1000;
 pub struct Display {
     bar: Option<ProgressBar>,
     lines: bool,
-    start: Instant,
+    /// Time and share when progress was first shown: a fit that goes on begins in the middle.
+    first: Option<(Instant, f64)>,
     last_line: Instant,
     last_line_share: f64,
     /// Time and iteration when the rate was last measured.
-    last: (Instant, u32),
+    last: Option<(Instant, u32)>,
     rate: Option<f64>,
     figures: String,
 }
 
 impl Display {
-    /// Starts the display and the clock for the time that is left.
+    /// Starts the display.
     pub fn new(console: &Console) -> Self {
         let now = Instant::now();
         let shown = !console.json && !console.quiet;
@@ -43,10 +44,10 @@ impl Display {
         Display {
             lines: shown && bar.is_none(),
             bar,
-            start: now,
+            first: None,
             last_line: now,
             last_line_share: 0.0,
-            last: (now, 0),
+            last: None,
             rate: None,
             figures: String::new(),
         }
@@ -61,12 +62,12 @@ impl Display {
 
     /// Shows the progress of the fit; `share` is the part of the schedule that is done, 0 to 1.
     pub fn show(&mut self, iteration: u32, share: f64) {
-        let spent = self.start.elapsed().as_secs_f64();
-        let left = if share > 0.0 { seconds(spent * (1.0 - share) / share) } else { "?".to_owned() };
-        let (time, from) = self.last;
+        let (begun, from) = *self.first.get_or_insert_with(|| (Instant::now(), share));
+        let left = seconds_left(begun.elapsed().as_secs_f64(), from, share).map_or("?".to_owned(), seconds);
+        let (time, from) = *self.last.get_or_insert_with(|| (Instant::now(), iteration));
         if time.elapsed() >= RATE_EVERY && iteration > from {
             self.rate = Some(f64::from(iteration - from) / time.elapsed().as_secs_f64());
-            self.last = (Instant::now(), iteration);
+            self.last = Some((Instant::now(), iteration));
         }
         let rate = self.rate.map(|r| format!(", {r:.1} it/s")).unwrap_or_default();
         let text = || format!("{iteration} iterations{}{rate}, {left} left", self.figures);
@@ -82,6 +83,12 @@ impl Display {
             self.last_line_share = share;
         }
     }
+}
+
+/// Returns the time that work still takes which in `spent` seconds went from one share of all of it to another;
+/// `None` if that tells nothing.
+fn seconds_left(spent: f64, from: f64, share: f64) -> Option<f64> {
+    (share > from).then(|| spent * (1.0 - share) / (share - from))
 }
 
 /// Display of work that consists of equal steps.
@@ -135,5 +142,17 @@ impl Drop for Display {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_counts_from_where_the_work_went_on() {
+        assert_eq!(seconds_left(10.0, 0.0, 0.25), Some(30.0));
+        assert_eq!(seconds_left(10.0, 0.5, 0.75), Some(10.0), "half of it was done before");
+        assert_eq!(seconds_left(10.0, 0.5, 0.5), None);
     }
 }

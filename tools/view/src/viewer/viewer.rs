@@ -8,7 +8,7 @@ use engine::budget::Controller;
 use engine::gpu::GpuOptions;
 use engine::render::{GpuSplats, Quality, SplatKind, level_costs, quality_levels};
 use engine::splat::SplatSet;
-use engine::{Error, Result};
+use engine::{Error, Result, transfer};
 use glam::DVec2;
 use winit::window::Window;
 
@@ -26,6 +26,7 @@ use crate::report::WindowReport;
 use crate::settings::Settings;
 use crate::sorting::{Sorted, needs_look, sort};
 use crate::state::{Files, SplatMode, Subject, ViewState};
+use crate::transfer::Transfer;
 
 /// Quality of the first picture, low so that something is shown at once.
 const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0 };
@@ -233,6 +234,18 @@ impl Viewer {
         }
     }
 
+    /// Gives a volume without HU, as an MR, a function for such ones, where the first function for CT stands untouched.
+    fn choose_function(&mut self) {
+        let first = |name| Some(Transfer::new(&transfer::load(name, self.range).ok()?));
+        if self.data.unit().is_empty()
+            && first(transfer::FIRST).as_ref() == Some(&self.app.state.transfer)
+            && let Some(function) = first(transfer::FIRST_WITHOUT_HU)
+        {
+            self.app.state.transfer = function;
+            self.app.done(format!("This volume has no HU: {} shows it", transfer::FIRST_WITHOUT_HU));
+        }
+    }
+
     /// Notes that the files of a subject are open, and puts them among the recent ones.
     fn remember_files(&mut self, subject: Subject) {
         let opened = self.open_files.was_read(subject, &self.app.state.files);
@@ -255,6 +268,7 @@ impl Viewer {
             self.object_splats = counts;
         } else if !self.data.has(Subject::Splats) && self.data.has(Subject::Volume) {
             self.app.state.shown = Subject::Volume;
+            self.choose_function();
         }
         let start = Instant::now();
         match self.data.scene(canvas.gpu(), subject, &self.app.state) {
