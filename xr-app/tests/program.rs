@@ -144,7 +144,7 @@ fn objects_sessions_and_volumes_are_shown() {
     assert!(count(&changed, green) > 200, "{} green pixels", count(&changed, green));
     let unknown = run(folder, &["--frames", "1", "--object", "heart:hidden"]);
     let said = String::from_utf8_lossy(&unknown.stderr);
-    assert!(unknown.status.code() == Some(2) && said.contains("VGS-RENDER-028"), "{said}");
+    assert!(unknown.status.code() == Some(2) && said.contains("VGS-SPLAT-010"), "{said}");
 
     let function = engine::transfer::load("CT-Bone", [0.0, 1000.0]).expect("a preset");
     let mut state = ViewState::new(&function);

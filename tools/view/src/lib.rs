@@ -8,7 +8,7 @@
 //!
 //! ```text
 //! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, report, settings, panel_info, actions -> state
-//! viewer -> fitting, sorting, fit_plan          app -> fit_plan, figures, region
+//! viewer -> fitting, sorting, fit_plan, transfer       app -> fit_plan, figures, region
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme

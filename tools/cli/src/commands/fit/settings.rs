@@ -247,14 +247,19 @@ impl Args for SettingsArguments {
             .hide_env(true)
             .help(format!("Hyper-parameters to start from: {}", profiles.collect::<Vec<_>>().join("; ")));
         let qualities = QUALITIES.iter().map(|row| format!("{} ({})", row.name, row.about));
-        let quality =
-            Arg::new("quality").long("quality").value_name("NAME").env("VGS_QUALITY").hide_env(true).help(
-                format!(
-                    "Error against cost, on whatever profile: {} [default: {DEFAULT_QUALITY}, where neither a profile nor a \
-                     number of splats or iterations, an error, a size or a time is given]",
-                    qualities.collect::<Vec<_>>().join("; ")
-                ),
-            );
+        let named: Vec<_> = QUALITIES.iter().map(|row| row.name).collect();
+        let short = format!("Error against cost: {} [default: {DEFAULT_QUALITY}]", named.join(", "));
+        let quality = Arg::new("quality")
+            .long("quality")
+            .value_name("NAME")
+            .env("VGS_QUALITY")
+            .hide_env(true)
+            .help(short.clone())
+            .long_help(format!(
+                "{short}: {}. The default counts where neither a profile nor a number of splats or iterations, an error, a \
+                 size or a time is given",
+                qualities.collect::<Vec<_>>().join("; ")
+            ));
         let config = Arg::new("config")
             .long("config")
             .value_name("FILE.toml")

@@ -65,9 +65,11 @@ fn a_region_is_chosen_and_fitted_from_the_panel() {
         let size = crate::figures::bytes(crate::fit_plan::ply_bytes(splats));
         format!("{splats} splats, {iterations} iterations, {size} as .ply")
     };
-    bench.find(&estimate(100, 200));
+    bench.find("as many splats as 99 % within 30 HU take, 200 iterations");
+    click(&mut bench, "preview");
+    bench.find(&estimate(100, 50));
     click(&mut bench, "fine");
-    bench.find(&estimate(200, 200));
+    bench.find("as many splats as 99 % within 15 HU take, 200 iterations");
     assert_eq!(click(&mut bench, "Fit splats"), [Action::StartFit { profile: "default", quality: "fine" }]);
 
     // Another cleaning is another region, which must be found first.
