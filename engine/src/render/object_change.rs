@@ -75,7 +75,7 @@ impl ObjectChange {
     /// presets that are stretched over it.
     ///
     /// # Errors
-    /// [`Kind::Usage`] if no object is called so; the help names those that there are. Returns the errors of
+    /// [`Kind::Usage`](crate::Kind::Usage) if no object is called so; the help names those that there are. Returns the errors of
     /// [`transfer::load`].
     pub fn apply(&self, objects: &[Object], look: &mut Look, range: [f64; 2]) -> Result<()> {
         let function = self.function.as_deref().map(|name| transfer::load(name, range)).transpose()?;

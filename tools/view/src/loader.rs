@@ -308,7 +308,7 @@ impl Teller {
 /// Reads the splat set of a file; volume and region of `files` are read only if it needs them to be placed.
 ///
 /// # Errors
-/// Returns the errors of the readers, and [`Kind::BadData`] if the set needs a volume and there is none.
+/// Returns the errors of the readers, and [`Kind::BadData`](engine::Kind::BadData) if the set needs a volume and there is none.
 pub fn read_splats(path: &Path, files: &Files) -> Result<SplatSet> {
     let splats = splat::read_some(path)?;
     let volume = files.volume.as_ref().filter(|_| splats.needs_volume());

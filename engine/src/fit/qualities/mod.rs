@@ -3,8 +3,8 @@
 //! Each is a plain TOML file in `qualities/` with keys of [`FitConfig`] that replace those of the profile. All but the
 //! first have an error for a target, so that a scene gets the splats that it needs. Where there can be no such target
 //! (a fit whose trials say nothing, a volume without HU), `density_times` counts instead, by which the profile's
-//! splats per voxel (or its number of splats) are multiplied. The values were chosen from the measurements of `studies trade fit`; `docs/results/tradeoffs.md`
-//! lists the cost and the error of each.
+//! splats per voxel (or its number of splats) are multiplied. `docs/results/tradeoffs.md` lists the cost and the error
+//! of each.
 
 use serde::Deserialize;
 
@@ -25,8 +25,8 @@ pub struct QualityPreset {
     /// Contents of the file.
     pub toml: &'static str,
     /// Ratio of the final root mean square error at the voxels to that after the first [`EARLY`] iterations
-    /// where `density_times` counts, for the default profile (`mr` for an MR) at this quality. It is the geometric mean over the cases of
-    /// `docs/results/tradeoffs.md`, which says how far they scatter.
+    /// where `density_times` counts, for the default profile (`mr` for an MR) at this quality. It is the
+    /// geometric mean over the cases of `docs/results/tradeoffs.md`, which says how far they scatter.
     pub rmse_of_early: f64,
     /// The same ratio for the 99th percentile of the error.
     pub p99_of_early: f64,
