@@ -11,7 +11,7 @@ use engine::{Error, Kind, transfer};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::bytes;
-use crate::shared::flags::{Corners, DEFAULT_TF, DeviceArguments, pair};
+use crate::shared::flags::{Corners, DeviceArguments, pair};
 use crate::shared::inputs::{Case, CleaningArguments, ReadArguments, RoiArguments, is_volume};
 use crate::shared::outputs;
 use crate::shared::splat_files::worldly_layout;
@@ -214,7 +214,7 @@ fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Sto
 
 /// Returns `set` with the colours of the transfer function of the flags.
 fn with_colours(arguments: &ConvertArguments, set: &SplatSet, report: &mut Report) -> Result<SplatSet, Stop> {
-    let name = arguments.tf.as_deref().unwrap_or(DEFAULT_TF);
+    let name = arguments.tf.as_deref().unwrap_or(transfer::FIRST);
     let transfer = transfer::load(name, set.intensity_range().unwrap_or([0.0, 1.0]))?;
     let gpu = arguments.device.boot()?;
     let _waiting = Waiting::on("finding the colours of the splats");

@@ -12,7 +12,7 @@ use view::state::{Files, ViewState};
 use view::window::{self, Start};
 
 use crate::shared::failure::Stop;
-use crate::shared::flags::{DEFAULT_TF, DeviceArguments};
+use crate::shared::flags::DeviceArguments;
 use crate::shared::outputs;
 
 /// Shows splats, the volume they were fitted to, or both, in a window
@@ -90,9 +90,10 @@ impl ViewArguments {
         let mut state = match session {
             Some(state) => state,
             // A function that is stretched over the intensities is stretched once they are read.
-            None => {
-                ViewState::new(&transfer::load(self.tf.as_deref().unwrap_or(DEFAULT_TF), [-1000.0, 3000.0])?)
-            }
+            None => ViewState::new(&transfer::load(
+                self.tf.as_deref().unwrap_or(transfer::FIRST),
+                [-1000.0, 3000.0],
+            )?),
         };
         if let (true, Some(tf)) = (keeps_camera, &self.tf) {
             state.transfer = view::transfer::Transfer::new(&transfer::load(tf, [-1000.0, 3000.0])?);

@@ -7,9 +7,6 @@ use glam::DVec3;
 
 use super::waiting::Waiting;
 
-/// The transfer function of commands that are given none.
-pub const DEFAULT_TF: &str = engine::transfer::FIRST;
-
 /// Flags for the device.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Device")]

@@ -77,6 +77,8 @@ struct Sample {
     occupancy: f64,
     /// Occupancy times the opacities of the objects there.
     share: f64,
+    /// Object of the splat with most weight there, whose transfer function counts.
+    object: u8,
 }
 
 /// Cells over the box of a set, x fastest.
@@ -188,12 +190,15 @@ impl Shown {
     }
 }
 
-/// Sums over the splats at a point: of w, of w (c − b), and of w times the object's opacity.
+/// Sums over the splats at a point: of w, of w (c − b), and of w times the object's opacity; and the greatest w,
+/// with its object.
 #[derive(Default)]
 struct Sums {
     weight: f64,
     intensity: f64,
     opacity: f64,
+    greatest: f64,
+    object: u8,
 }
 
 impl Probe {
@@ -268,8 +273,8 @@ impl Probe {
             let from = range[0] + k as f64 * self.step;
             let path = self.step.min(range[1] - from);
             let at = from_mm + direction * (from + 0.5 * path) - self.origin;
-            let Some(Sample { intensity, share, .. }) = self.sample(at, &shown) else { continue };
-            let share = share * look.transfer.at(intensity).1;
+            let Some(Sample { intensity, share, object, .. }) = self.sample(at, &shown) else { continue };
+            let share = share * look.function_of(object).at(intensity).1;
             // This is the optical depth of the stretch.
             let depth = -path * (1.0 - share).max(f64::MIN_POSITIVE).ln();
             if depth < left {
@@ -287,7 +292,7 @@ impl Probe {
         let Some(voxels) = &self.voxels else { return self.sample_field(&self.sums(x, shown, false)) };
         let at = voxels.voxel_from_set.transform_point3(x);
         let (low, part) = (at.floor(), at - at.floor());
-        let (mut mean, mut there) = (Sample::default(), 0.0);
+        let (mut mean, mut there, mut most) = (Sample::default(), 0.0, 0.0);
         for corner in 0..8u32 {
             let far = DVec3::from_array([0, 1, 2].map(|axis| f64::from(corner >> axis & 1)));
             let weight = (far * part + (1.0 - far) * (1.0 - part)).element_product();
@@ -301,6 +306,9 @@ impl Probe {
             mean.intensity += weight * found.intensity;
             mean.occupancy += weight * occupancy;
             mean.share += weight * occupancy * (found.share / found.occupancy);
+            if weight * occupancy > most {
+                (most, mean.object) = (weight * occupancy, found.object);
+            }
         }
         // If no splat reaches a voxel, its neighbours' intensity is taken.
         (there > 0.0).then(|| Sample { intensity: mean.intensity / there, ..mean })
@@ -313,6 +321,7 @@ impl Probe {
             intensity: background + sums.intensity / (sums.weight + f64::from(self.field.epsilon)),
             occupancy: sums.weight / all,
             share: sums.opacity / all,
+            object: sums.object,
         })
     }
 
@@ -338,6 +347,9 @@ impl Probe {
                 sums.weight += w;
                 sums.intensity += w * splat.intensity;
                 sums.opacity += w * opacity.unwrap_or(0.0);
+                if w > sums.greatest {
+                    (sums.greatest, sums.object) = (w, splat.object);
+                }
             }
         }
         sums

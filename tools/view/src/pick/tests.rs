@@ -143,6 +143,20 @@ fn met_by_reference(
 }
 
 #[test]
+fn a_ray_goes_through_what_its_own_function_does_not_show() {
+    let set = wall();
+    let probe = Probe::new(&set);
+    let from = set.origin_mm + DVec3::new(0.0, 10.3, 9.1);
+    let nothing = bone().transfer.stretched([-505.0, -495.0], [5000.0, 5010.0]).expect("a range");
+    let through = Look { functions: [(1, nothing)].into(), ..bone() };
+    let [first, second] = [bone(), through].map(|look| probe.along(from, DVec3::X, &look).expect("a wall"));
+    let hidden = met_by_reference(&set, from, DVec3::X, &bone(), Some(1)).expect("the second wall");
+    assert!(second.distance_mm > first.distance_mm + 2.0, "{first:?} {second:?}");
+    // Where both overlap the one with more weight counts, so the end of the first is not sharp.
+    assert!((second.distance_mm - hidden).abs() < 2.0, "{} {hidden}", second.distance_mm);
+}
+
+#[test]
 fn a_ray_meets_what_is_seen_first() {
     let set = wall();
     let probe = Probe::new(&set);

@@ -8,7 +8,7 @@ use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
 use engine::{Error, Kind, Result};
 
 use super::values::{self, Background, Clip, View};
-use crate::shared::flags::{DEFAULT_TF, DeviceArguments, Size, pair};
+use crate::shared::flags::{DeviceArguments, Size, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 
 /// Renders splats or a volume through a transfer function
@@ -32,7 +32,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "MODE", help_heading = "Picture", value_parser = mode_name)]
     pub mode: Option<&'static str>,
     /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL
-    #[arg(long, value_name = "PRESET|FILE", default_value = DEFAULT_TF, help_heading = "Picture")]
+    #[arg(long, value_name = "PRESET|FILE", default_value = engine::transfer::FIRST, help_heading = "Picture")]
     pub tf: String,
     /// Moves the transfer function along the intensities, HU
     #[arg(
@@ -67,7 +67,8 @@ pub struct RenderArguments {
     #[arg(long, value_name = "PLANE|BOX", allow_hyphen_values = true, help_heading = "Picture")]
     pub clip: Vec<Clip>,
     /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per
-    /// mm), tf=CT-Bone (a transfer function of its own), hidden. Each file is an object, or each of its labels; may be repeated
+    /// mm), tf=CT-Bone (a transfer function of its own), hidden. Each file is an object, or each of its labels;
+    /// may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
     pub object: Vec<ObjectChange>,
     /// Gives each object a colour of its own: the one that is usual for its name, as kidney_left or aorta, or
