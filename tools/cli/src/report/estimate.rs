@@ -41,8 +41,8 @@ pub struct Estimate {
     pub calibration_seconds: f64,
 }
 
-/// Describes an estimate in plain words.
-pub fn text(estimate: &Estimate) -> String {
+/// Describes an estimate in plain words; `unit` is the text behind an intensity.
+pub fn text(estimate: &Estimate, unit: &str) -> String {
     let e = estimate;
     let grows = if e.may_grow { "; more may come on the way, and all of it grows with them" } else { "" };
     let mut out = format!(
@@ -61,12 +61,19 @@ pub fn text(estimate: &Estimate) -> String {
     match (e.expected, &e.target) {
         (_, Some(target)) => out.push_str(&format!("  error: {target}, if that many splats are allowed\n")),
         (Some(VoxelErrors { rmse_hu, p99_hu }), None) => out.push_str(&format!(
-            "  error at the voxels: about {rmse_hu:.0} HU (root mean square), 99 % within {p99_hu:.0} HU\n"
+            "  error at the voxels: about {}{unit} (root mean square), 99 % within {}{unit}\n",
+            two_digits(rmse_hu),
+            two_digits(p99_hu)
         )),
         (None, None) => out.push_str("  error: not known of settings other than a --quality as it is\n"),
     }
     out.push_str(&format!("(found out in {})", seconds(e.calibration_seconds)));
     out
+}
+
+/// Returns a number with a decimal where it is small.
+fn two_digits(value: f64) -> String {
+    if value < 10.0 { format!("{value:.1}") } else { format!("{value:.0}") }
 }
 
 /// Estimate beside the outcome, for the record.
@@ -130,14 +137,17 @@ mod tests {
             target: None,
             calibration_seconds: 3.0,
         };
-        let plain = text(&estimate);
+        let plain = text(&estimate, " HU");
         for says in ["90 s", "80 s are 400 iterations of 0.2 s", "2.5 MB", "1.2 kB", "not known"] {
             assert!(plain.contains(says), "{says} in {plain}");
         }
         estimate.expected = Some(VoxelErrors { rmse_hu: 31.4, p99_hu: 120.0 });
         estimate.may_grow = true;
-        let told = text(&estimate);
-        let aimed = text(&Estimate { target: Some("a PSNR of 45 dB".into()), ..estimate });
+        let told = text(&estimate, " HU");
+        let small = Some(VoxelErrors { rmse_hu: 0.31, p99_hu: 1.04 });
+        let of_mr = text(&Estimate { expected: small, ..estimate.clone() }, "");
+        assert!(of_mr.contains("about 0.3 (root") && of_mr.contains("within 1.0\n"), "{of_mr}");
+        let aimed = text(&Estimate { target: Some("a PSNR of 45 dB".into()), ..estimate }, " HU");
         assert!(aimed.contains("a PSNR of 45 dB") && !aimed.contains("not known"), "{aimed}");
         assert!(
             told.contains("31 HU") && told.contains("120 HU") && told.contains("more may come"),

@@ -45,12 +45,13 @@ pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Re
         }),
         before: prepared.before,
     })?;
+    let unit = prepared.case.volume.unit();
     if !arguments.dry_run {
-        console.say(&estimate::text(&estimate));
+        console.say(&estimate::text(&estimate, unit));
     } else if console.json {
         console.json_data(&estimate)?;
     } else {
-        console.data(&(estimate::text(&estimate) + "\n"))?;
+        console.data(&(estimate::text(&estimate, unit) + "\n"))?;
     }
     Ok(Some(estimate))
 }
