@@ -2,7 +2,10 @@
 """Measures rate and distortion: splats in .vgs and PLY beside volume codecs, of the voxels in a mask.
 
 usage: rate-distortion.py DATA OUT.csv [CASE...]     adds rows; VGS is the command that runs vgs (tools/vgs)
-       rate-distortion.py --plot OUT.csv OUT.svg     needs numpy scipy nibabel h5py hdf5plugin matplotlib
+       rate-distortion.py --plot OUT.csv OUT.svg
+       rate-distortion.py --pictures DATA OUT.png    pictures at equal bytes
+
+It needs numpy scipy nibabel h5py hdf5plugin matplotlib
 
 All count the mask: splats show its shape by themselves, codecs get it as packed bits, compressed by xz. Codecs see the box
 around the mask, in which what is outside is filled smoothly, or ("inside") the voxels of the mask alone, row by row. PSNR
@@ -14,15 +17,21 @@ from scipy.fft import dctn, idctn
 from scipy.ndimage import map_coordinates
 
 VGS = os.environ.get("VGS", "tools/vgs").split()
-# Folder, mask, densities of splats.
+# Volume, mask (none: all of it), densities of splats.
 CASES = {
-    "torso bones": ("ct-torso-3mm", "mask_bones", [0.0125, 0.025, 0.05, 0.1, 0.2]),
-    "torso liver": ("ct-torso-3mm", "mask_liver", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
-    "heart": ("ct-thorax-1p5mm", "mask_heart", [0.0125, 0.025, 0.05, 0.1]),
-    "skull": ("ct-skull", "mask_skull", [0.00625, 0.0125, 0.025, 0.05]),
-    "abdomen bones": ("ct-abdomen-full", "mask_bones", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
+    "torso bones": ("ct-torso-3mm/ct", "ct-torso-3mm/mask_bones", [0.0125, 0.025, 0.05, 0.1, 0.2]),
+    "torso liver": ("ct-torso-3mm/ct", "ct-torso-3mm/mask_liver", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
+    "heart": ("ct-thorax-1p5mm/ct", "ct-thorax-1p5mm/mask_heart", [0.0125, 0.025, 0.05, 0.1]),
+    "skull": ("ct-skull/ct", "ct-skull/mask_skull", [0.00625, 0.0125, 0.025, 0.05]),
+    "abdomen bones": ("ct-abdomen-full/ct", "ct-abdomen-full/mask_bones", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
+    "engine": ("engine/volume", None, [0.003125, 0.00625, 0.0125]),
 }
 
+# Case, density, preset and side of a row of pictures.
+PICTURES = [
+    ("abdomen bones", 0.0125, "CT-Bone", "posterior"),
+    ("heart", 0.05, "CT-Cardiac", "anterior"),
+]
 
 LINES = {
     "lossless": ("black", "--"),
@@ -91,18 +100,13 @@ def run(*arguments):
 
 
 def measure(name, data, write):
-    folder, mask_name, densities = CASES[name]
-    ct, roi = (f"{data}/{folder}/{file}.nii.gz" for file in ("ct", mask_name))
-    volume = np.asarray(nibabel.load(ct).dataobj, dtype=np.float32)
-    mask = np.asarray(nibabel.load(roi).dataobj) > 0.5
+    ct, region, volume, mask, corner, box = read_case(name, data)
+    densities = CASES[name][2]
     span = float(volume.max() - volume.min())
-    where = np.nonzero(mask)
-    corner = tuple(slice(int(axis.min()), int(axis.max()) + 1) for axis in where)
     inside = mask[corner]
-    box = np.ascontiguousarray(filled(volume[corner].astype(np.float64), inside).astype(np.float32))
     alone = np.ascontiguousarray(volume[corner][inside])
     voxels = int(mask.sum())
-    of_mask = xz(np.packbits(inside).tobytes())
+    of_mask = 0 if inside.all() else xz(np.packbits(inside).tobytes())
 
     def row(method, setting, size, psnr):
         write(dict(case=name, voxels=voxels, method=method, setting=setting, bytes=size, bytes_a_voxel=size / voxels,
@@ -124,11 +128,98 @@ def measure(name, data, write):
     with tempfile.TemporaryDirectory() as scratch:
         for density in densities:
             ply, small = f"{scratch}/a.ply", f"{scratch}/a.vgs"
-            run("fit", ct, "--roi", roi, "--density", density, "-o", ply, "--no-eval", "-q", "--force")
-            run("convert", ply, "-o", small, "--volume", ct, "--roi", roi, "--force", "-q")
+            run("fit", ct, *region, "--density", density, "-o", ply, "--no-eval", "-q", "--force")
+            run("convert", ply, "-o", small, "--volume", ct, *region, "--force", "-q")
             for method, path in (("splats, PLY", ply), ("splats, .vgs", small)):
-                found = json.loads(run("eval", path, ct, "--roi", roi, "--offsets", 0, "--json"))
+                found = json.loads(run("eval", path, ct, *region, "--offsets", 0, "--json"))
                 row(method, found["splats"], os.path.getsize(path), found["psnr_db"])
+
+
+def read_case(name, data):
+    """Returns the path of the volume, the flags of the region, the volume, the mask, its box, and what is in that."""
+    volume_name, mask_name, _ = CASES[name]
+    ct, roi = (f"{data}/{file}.nii.gz" for file in (volume_name, mask_name))
+    volume = np.asarray(nibabel.load(ct).dataobj, dtype=np.float32)
+    if mask_name is None:
+        region, mask = ["--roi-threshold", f"{volume.min()},{volume.max()}"], np.ones(volume.shape, dtype=bool)
+    else:
+        region, mask = ["--roi", roi], np.asarray(nibabel.load(roi).dataobj) > 0.5
+    corner = tuple(slice(int(axis.min()), int(axis.max()) + 1) for axis in np.nonzero(mask))
+    box = np.ascontiguousarray(filled(volume[corner].astype(np.float64), mask[corner]).astype(np.float32))
+    return ct, region, volume, mask, corner, box
+
+
+def finest(compress, bytes_left):
+    """Returns what comes back at the finest setting that takes at most this many bytes."""
+    low, high = 0.5, 4000.0
+    while high / low > 1.02:
+        middle = (low * high) ** 0.5
+        low, high = (low, middle) if compress(middle)[0] <= bytes_left else (middle, high)
+    return compress(high)
+
+
+def picture_row(name, density, preset, side, data):
+    """Returns pictures with titles: the CT, the splats in a .vgs, and two codecs at no more bytes."""
+    ct, region, volume, mask, corner, box = read_case(name, data)
+    of_mask = xz(np.packbits(mask[corner]).tobytes())
+    affine = nibabel.load(ct).affine
+    ends = np.array([[s.start, s.stop - 1] for s in corner])
+    ends = np.array([affine @ [*(ends[k, i >> k & 1] for k in range(3)), 1] for i in range(8)])[:, :3]
+    centre, extent = (ends.min(0) + ends.max(0)) / 2, np.ptp(ends, axis=0)
+    far = max(extent[0], extent[2]) / 2 / np.tan(np.radians(15)) + extent[1] / 2
+    with tempfile.TemporaryDirectory() as scratch:
+        camera = f"{scratch}/camera.json"
+        with open(camera, "w") as file:
+            eye = centre + [0, far, 0] if side == "anterior" else centre - [0, far, 0]
+            json.dump(dict(eye_mm=list(eye), target_mm=list(centre), up=[0, 0, 1], fov_deg=30), file)
+
+        def render(*scene):
+            out = f"{scratch}/a.png"
+            run("render", *scene, "--tf", preset, "--camera", camera, "--size", "640x640", "-o", out, "--force", "-q")
+            import matplotlib.pyplot as plt
+
+            return plt.imread(out)[..., :3]
+
+        def render_volume(back):
+            whole = volume.copy()
+            whole[corner] = np.where(mask[corner], back, volume[corner])
+            path = f"{scratch}/v.nii.gz"
+            nibabel.save(nibabel.Nifti1Image(whole.astype(np.float32), affine), path)
+            return render(path, *region)
+
+        ply, small = f"{scratch}/a.ply", f"{scratch}/a.vgs"
+        run("fit", ct, *region, "--density", density, "-o", ply, "--no-eval", "-q")
+        run("convert", ply, "-o", small, "--volume", ct, *region, "-q")
+        size = os.path.getsize(small)
+        left = size - of_mask
+        truth = render_volume(box)
+        codecs = {
+            "SZ3": lambda bound: through_hdf5(box, dict(hdf5plugin.SZ3(absolute=bound))),
+            "DCT": lambda step: through_dct(box, step),
+        }
+        shown = [(f"{name}, the CT", truth, None), (f".vgs, {size / 1000:.0f} kB", render(small), size)]
+        for method, compress in codecs.items():
+            taken, back = finest(compress, left)
+            shown.append((f"{method}, {(taken + of_mask) / 1000:.0f} kB", render_volume(back), taken))
+    titled = []
+    for title, picture, size in shown:
+        error = np.mean((picture.astype(np.float64) - truth) ** 2)
+        titled.append((title if size is None else f"{title}: {-10 * np.log10(error):.1f} dB", picture))
+    return titled
+
+
+def pictures(data, out):
+    import matplotlib.pyplot as plt
+
+    rows = [picture_row(*of, data) for of in PICTURES]
+    figure, axes = plt.subplots(len(rows), 4, figsize=(16, 4.3 * len(rows)))
+    for line, row in zip(axes, rows):
+        for axis, (title, picture) in zip(line, row):
+            axis.imshow(picture, interpolation="nearest")
+            axis.set_title(title, fontsize=10)
+            axis.axis("off")
+    figure.tight_layout(pad=0.4)
+    figure.savefig(out, dpi=80, metadata={"Software": None})
 
 
 def plot(table, out):
@@ -158,6 +249,8 @@ def plot(table, out):
 def main():
     if sys.argv[1:2] == ["--plot"]:
         return plot(*sys.argv[2:])
+    if sys.argv[1:2] == ["--pictures"]:
+        return pictures(*sys.argv[2:])
     data, out, *names = sys.argv[1:]
     with open(out, "a", newline="") as file:
         fields = "case voxels method setting bytes bytes_a_voxel psnr_db mask_bytes".split()

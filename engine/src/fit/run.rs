@@ -7,6 +7,7 @@
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
@@ -103,6 +104,8 @@ pub struct Problem<'a> {
     config: FitConfig,
     /// Sum of the mask on the volume's own grid, voxels: what a density is multiplied by.
     native_voxels: f64,
+    /// Checksum of the volume on its own grid, once it was asked for.
+    volume_crc32: OnceLock<u32>,
 }
 
 impl<'a> Problem<'a> {
@@ -113,7 +116,8 @@ impl<'a> Problem<'a> {
         let native_voxels = roi.weight_sum();
         if config.working_grid <= 1 {
             let (volume, roi) = (Cow::Borrowed(volume), Cow::Borrowed(roi));
-            return Ok(Problem { volume, roi, config: config.clone(), native_voxels });
+            let volume_crc32 = OnceLock::new();
+            return Ok(Problem { volume, roi, config: config.clone(), native_voxels, volume_crc32 });
         }
         // The range is that of the native volume: the means of its blocks reach less far.
         let (low, high) = Scaling::new(volume, roi, config).range;
@@ -123,13 +127,15 @@ impl<'a> Problem<'a> {
             roi: Cow::Owned(roi.coarsened(factor)),
             config: FitConfig { hu_range: [low, high], ..config.clone() },
             native_voxels,
+            volume_crc32: OnceLock::from(volume.crc32()),
         })
     }
 
     /// Returns the same problem with another configuration, which has the same working grid.
     pub(super) fn with_config(&self, config: FitConfig) -> Problem<'_> {
         let (volume, roi) = (Cow::Borrowed(&*self.volume), Cow::Borrowed(&*self.roi));
-        Problem { volume, roi, config, native_voxels: self.native_voxels }
+        let volume_crc32 = self.volume_crc32.clone();
+        Problem { volume, roi, config, native_voxels: self.native_voxels, volume_crc32 }
     }
 
     /// Returns the part of the problem in the box of `size` voxels from `first` on.
@@ -140,6 +146,7 @@ impl<'a> Problem<'a> {
             native_voxels: roi.weight_sum(),
             roi: Cow::Owned(roi),
             config: self.config.clone(),
+            volume_crc32: OnceLock::new(),
         }
     }
 
@@ -233,6 +240,7 @@ impl<'a> Problem<'a> {
         SplatSet {
             iterations: Some(iterations),
             grid: Some(Grid::of_voxels(self.volume.size, self.volume.world_from_voxel)),
+            volume_crc32: Some(*self.volume_crc32.get_or_init(|| self.volume.crc32())),
             form: self.config.fitted_form(&self.roi),
             ..SplatSet::from_voxel(splats, &self.volume.world_from_voxel, self.field())
         }

@@ -94,6 +94,8 @@ pub struct Summary {
     pub iterations: Option<u32>,
     /// Voxels along x, y, z of the grid that the set was fitted on, if the file gives them.
     pub grid_size: Option<[u32; 3]>,
+    /// Checksum of the samples of the volume that the set was fitted to, if the file gives it.
+    pub volume_crc32: Option<u32>,
     /// Number of voxels whose occupancy is not the rounded one.
     pub exceptions: usize,
     /// What the set was fitted for: the name of a [`Form`](super::Form).

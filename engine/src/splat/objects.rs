@@ -78,7 +78,7 @@ impl SplatSet {
 /// backgrounds of all splats: it weighs ε against Σ w in V̂, so where anything is visible it moves V̂ by a
 /// small part of the difference of the backgrounds.
 ///
-/// The grid is kept if all sets have the same one. Of the exceptions only voxels inside are kept if there are
+/// The grid and the volume's checksum are kept if all sets have the same one. Of the exceptions only voxels inside are kept if there are
 /// several sets: what is outside the mask of one may be inside that of another.
 ///
 /// # Errors
@@ -106,6 +106,8 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let iterations =
         first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
     let grid = first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid));
+    let volume_crc32 =
+        first.volume_crc32.filter(|_| others.iter().all(|(_, s)| s.volume_crc32 == first.volume_crc32));
     let form = others.iter().fold(first.form, |form, (_, s)| form.joined(s.form));
     let exceptions = joined_exceptions(&sets, grid.as_ref());
     let mut splats = Vec::with_capacity(labels.len());
@@ -128,6 +130,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         label_names,
         iterations,
         grid,
+        volume_crc32,
         form,
         exceptions,
         rounding: None,

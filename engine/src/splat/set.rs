@@ -29,6 +29,8 @@ pub struct SplatSet {
     pub iterations: Option<u32>,
     /// The grid of the volume that the set was fitted to; `None` if unknown.
     pub grid: Option<Grid>,
+    /// [Checksum](crate::volume::Volume::crc32) of that volume's samples; `None` if unknown.
+    pub volume_crc32: Option<u32>,
     /// What the set was fitted for.
     pub form: Form,
     /// Voxels of the grid whose occupancy is not the rounded one, in ascending order of z, y, x.
@@ -50,6 +52,7 @@ impl Default for SplatSet {
             label_names: Vec::new(),
             iterations: None,
             grid: None,
+            volume_crc32: None,
             form: Form::default(),
             exceptions: Vec::new(),
             rounding: None,
@@ -77,6 +80,7 @@ impl SplatSet {
             label_names: original.label_names.clone(),
             iterations: original.iterations,
             grid: original.grid,
+            volume_crc32: original.volume_crc32,
             form: original.form,
             exceptions: if same { original.exceptions.clone() } else { Vec::new() },
             ..self

@@ -2,10 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use flate2::Crc;
 use glam::{DAffine3, DVec3};
 
 use super::affine::{axis_codes_of, spacing_of};
 use super::interpolation::trilinear;
+
+/// Samples that a checksum takes at once.
+const CRC_SAMPLES: usize = 1 << 14;
+/// Bits of the NaN that stands for what is not finite.
+const NOT_FINITE: u32 = 0x7fc0_0000;
 
 /// A scalar volume on a regular grid.
 #[derive(Clone, Debug)]
@@ -71,6 +77,22 @@ impl Volume {
     /// Returns the map from the world (mm RAS) to voxel space.
     pub fn voxel_from_world(&self) -> DAffine3 {
         self.world_from_voxel.inverse()
+    }
+
+    /// Returns the CRC-32 of the samples, x fastest, as little-endian 32-bit floats; -0 counts as 0, and what is not
+    /// finite as NaN. It is the same whatever format the volume came in.
+    pub fn crc32(&self) -> u32 {
+        let mut crc = Crc::new();
+        let mut bytes = Vec::with_capacity(4 * CRC_SAMPLES);
+        for samples in self.samples.chunks(CRC_SAMPLES) {
+            bytes.clear();
+            // Adding 0 makes 0 of -0.
+            let plain =
+                samples.iter().map(|v| if v.is_finite() { v + 0.0 } else { f32::from_bits(NOT_FINITE) });
+            bytes.extend(plain.flat_map(f32::to_le_bytes));
+            crc.update(&bytes);
+        }
+        crc.sum()
     }
 
     /// Returns the distance between neighbouring voxel centres along each voxel axis, mm.
@@ -141,5 +163,22 @@ impl Volume {
                 if i >> a & 1 == 1 { self.size[a] as f64 - 0.5 } else { -0.5 }
             }))
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_checksum_is_that_of_the_samples_alone() {
+        let volume = |samples: Vec<f32>| Volume::new([samples.len(), 1, 1], DAffine3::IDENTITY, samples);
+        // The check value of CRC-32: "123456789", and here "12345678".
+        let letters = [*b"1234", *b"5678"].map(f32::from_le_bytes);
+        assert_eq!(volume(letters.to_vec()).crc32(), 0x9ae0_daaf);
+        assert_eq!(volume(vec![0.0, f32::NAN]).crc32(), volume(vec![-0.0, f32::INFINITY]).crc32());
+        let long = |last| volume((0..40_000).map(|i| if i == 39_999 { last } else { i as f32 }).collect());
+        assert_ne!(long(1.0).crc32(), long(2.0).crc32());
+        assert_eq!(long(1.0).crc32(), long(1.0).crc32());
     }
 }

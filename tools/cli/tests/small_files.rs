@@ -2,6 +2,7 @@
 
 mod support;
 
+use engine::volume::{ReadOptions, nifti};
 use support::Folder;
 
 const REGION: [&str; 2] = ["--roi", "mask.nii.gz"];
@@ -64,6 +65,25 @@ fn another_scan_than_that_of_the_fit_is_refused() {
     let regionless = folder.run(&[&convert[..], &["ct.nii.gz"]].concat());
     assert!(regionless.code == 2 && regionless.err.contains("--roi"), "{}", regionless.err);
     assert!(!folder.path("a.vgs").exists());
+}
+
+#[test]
+fn splats_know_the_volume_that_they_were_fitted_to() {
+    let folder = Folder::new(20);
+    let fit = ["fit", "ct.nii.gz", "-o", "a.ply", "--splats", "20", "--iterations", "2", "--no-eval"];
+    assert_eq!(folder.run(&[&fit[..], &REGION].concat()).code, 0);
+    assert_eq!(folder.run(&["convert", "a.ply", "-o", "a.vgs"]).code, 0);
+    let mut ct = nifti::read(&folder.path("ct.nii.gz"), &ReadOptions::default()).expect("the CT");
+    let crc32 = format!("{:08x}", ct.crc32());
+    ct.samples[7] += 1.0;
+    nifti::write(&folder.path("other.nii.gz"), &ct, false).expect("another CT");
+    for splats in ["a.ply", "a.vgs"] {
+        assert!(folder.run(&["info", splats]).out.contains(&crc32), "{splats}");
+        let eval = |ct| folder.run(&[&["eval", splats, ct, "--offsets", "0"], &REGION[..]].concat());
+        let (own, other) = (eval("ct.nii.gz"), eval("other.nii.gz"));
+        assert!(own.code == 0 && !own.err.contains("another volume"), "{}", own.err);
+        assert!(other.code == 0 && other.err.contains("another volume"), "{}", other.err);
+    }
 }
 
 #[test]

@@ -89,6 +89,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         occupancy_w0: set.field.occupancy_w0,
         iterations: set.iterations,
         grid_size: set.grid.map(|grid| grid.size),
+        volume_crc32: set.volume_crc32,
         exceptions: set.exceptions.len(),
         form: set.form.name(),
     })
@@ -224,6 +225,7 @@ pub(super) fn load(
         has_intensity: layout.source != Source::Colour && stated.physical.unwrap_or(true),
         iterations: stated.iterations,
         grid,
+        volume_crc32: stated.volume_crc32,
         form: stated.form.unwrap_or_default(),
         exceptions,
         colours: layout.degree.map(|degree| Harmonics { degree, coefficients: beyond }),

@@ -45,6 +45,8 @@ struct Header {
     intensity: String,
     iterations: Option<u32>,
     grid: Option<GridHeader>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    volume_crc32: Option<u32>,
     form: String,
     labels: bool,
     label_names: Vec<(u8, String)>,
@@ -166,6 +168,7 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
         intensity: if set.has_intensity { "hu" } else { "luminance" }.to_owned(),
         iterations: set.iterations,
         grid: set.grid.map(|grid| GridHeader { size: grid.size, affine: grid.rows() }),
+        volume_crc32: set.volume_crc32,
         form: set.form.name().to_owned(),
         labels: set.labels.is_some(),
         label_names: set.label_names.clone(),
@@ -240,6 +243,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         occupancy_w0: set.field.occupancy_w0,
         iterations: set.iterations,
         grid_size: set.grid.map(|grid| grid.size),
+        volume_crc32: set.volume_crc32,
         exceptions: set.exceptions.len(),
         form: set.form.name(),
     })
@@ -365,6 +369,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     set.label_names.clone_from(&header.label_names);
     set.iterations = header.iterations;
     set.grid = grid;
+    set.volume_crc32 = header.volume_crc32;
     set.form = form;
     set.exceptions = exceptions;
     set.rounding = Some(Rounding { steps: header.steps, cells: header.cells });

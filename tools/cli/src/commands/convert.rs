@@ -14,7 +14,7 @@ use crate::shared::figures::bytes;
 use crate::shared::flags::{Corners, DeviceArguments, pair};
 use crate::shared::inputs::{Case, CleaningArguments, ReadArguments, RoiArguments, is_volume};
 use crate::shared::outputs;
-use crate::shared::splat_files::worldly_layout;
+use crate::shared::splat_files::{warn_of_another_volume, worldly_layout};
 use crate::shared::waiting::Waiting;
 
 /// Writes splats in another format; the extension of the output names it
@@ -276,6 +276,7 @@ fn fitted_again(arguments: &ConvertArguments, set: &SplatSet, volume: &Path) -> 
             .help("give the volume of their fit, or no --volume")
             .into());
     }
+    warn_of_another_volume(set, &case.volume, volume);
     let config = FitConfig {
         kernel: set.field.kernel,
         epsilon: set.field.epsilon,

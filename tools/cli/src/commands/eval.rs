@@ -137,6 +137,7 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
     let read = splat_files::read_with_intensity(&arguments.splats)?;
     let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
     let set = read.placed(Some(&place(&case.volume, Some(&case.roi))))?;
+    splat_files::warn_of_another_volume(&set, &case.volume, &arguments.volume);
     let splats = in_volume(&set, &case, &arguments.splats)?;
     let gpu = arguments.device.boot()?;
     let protocol = arguments.protocol(&case)?;

@@ -353,6 +353,9 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     if let Some(iterations) = s.iterations {
         out.add("fit", format!("{iterations} iterations"));
     }
+    if let Some(crc32) = s.volume_crc32 {
+        out.add("volume", format!("CRC-32 of its samples {crc32:08x}"));
+    }
     if let Some(size) = s.grid_size {
         let right = match s.form {
             "field" => "the splats are right between them, too",
