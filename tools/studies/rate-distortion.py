@@ -30,7 +30,7 @@ CASES = {
 # Case, density, preset and side of a row of pictures.
 PICTURES = [
     ("abdomen bones", 0.0125, "CT-Bone", "posterior"),
-    ("heart", 0.05, "CT-Cardiac", "anterior"),
+    ("heart", 0.05, "CT-Muscle", "anterior"),
 ]
 
 LINES = {

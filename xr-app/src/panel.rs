@@ -285,7 +285,7 @@ fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, re
             }
         });
         ui.separator();
-        ui.horizontal_wrapped(|ui| panels::transfer::presets(ui, state, &mut actions));
+        ui.horizontal_wrapped(|ui| panels::transfer::presets(ui, state, info, &mut actions));
         ui.separator();
         panels::transfer::curve(ui, state, editor, info);
         ui.separator();

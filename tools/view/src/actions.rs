@@ -52,6 +52,8 @@ pub enum Action {
     AskTransfer,
     /// Takes a transfer function: a preset, a window or a file, as `--tf` takes it.
     Transfer(String),
+    /// Asks for the thumbnails of presets, of which a list is open; carried out by the window, one a frame.
+    WantThumbnails,
     /// Asks for the path of the transfer function's file.
     AskSaveTransfer,
     /// Writes the transfer function.

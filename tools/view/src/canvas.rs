@@ -7,6 +7,7 @@ use egui::epaint::ClippedPrimitive;
 use egui::{Rect, TexturesDelta};
 use engine::Result;
 use engine::gpu::{Gpu, Surface};
+use engine::image::Image;
 use engine::render::{Camera, Look, Quality, Scene, Settings};
 use glam::{DVec2, DVec3};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
@@ -174,6 +175,28 @@ impl Canvas {
         }
         self.shown = setups;
         Ok(ms)
+    }
+
+    /// Renders a scene with the first of two looks, and gives it the second one again. Returns the picture, in
+    /// premultiplied colours.
+    pub fn picture_by(
+        &mut self,
+        subject: Subject,
+        setup: &RenderSetup,
+        camera: Camera,
+        [look, own]: [&Look; 2],
+    ) -> Result<Image> {
+        let size = setup.settings.size.map(|n| n as usize);
+        let nothing = Image { size, pixels: vec![[0.0; 4]; size[0] * size[1]] };
+        let shown_scene = match subject {
+            Subject::Splats => &mut self.splats,
+            Subject::Volume => &mut self.volume,
+        };
+        let Some(shown_scene) = shown_scene else { return Ok(nothing) };
+        shown_scene.set_look(look)?;
+        let pixels = shown_scene.picture_of(setup, camera);
+        shown_scene.set_look(own)?;
+        Ok(Image { pixels: pixels?, ..nothing })
     }
 
     /// Returns the depth at a place of the picture (fractions from its upper left corner), mm along the

@@ -8,10 +8,10 @@
 //!
 //! ```text
 //! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, report, settings, panel_info, actions -> state
-//! viewer -> fitting, sorting, fit_plan, transfer       app -> fit_plan, figures, region
+//! viewer -> fitting, sorting, fit_plan, transfer, thumbnails, rendered_scene       app -> fit_plan, figures, region
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
-//! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
+//! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram, thumbnails -> state, orbit          app, panels -> theme
 //! panels -> slices, figures
 //! app, handles, annotations, panels -> state -> orbit, region, transfer          app -> settings, editor, transfer
 //! fitting, panels, panel_info -> fit_plan -> figures          actions, panels, panel_info -> region
@@ -67,6 +67,7 @@ pub mod slices;
 pub mod sorting;
 pub mod state;
 pub mod theme;
+pub mod thumbnails;
 pub mod transfer;
 #[cfg(feature = "window")]
 pub mod viewer;

@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::fit_plan::FitStatus;
 use crate::histogram::Histogram;
 use crate::region::RegionSize;
+use crate::thumbnails::Thumbnails;
 
 /// Number of frames in the statistics.
 pub const FRAMES: usize = 120;
@@ -46,6 +47,8 @@ pub struct PanelInfo<'a> {
     pub data: u64,
     /// True if the picture has a lower quality than it will have at rest.
     pub draft: bool,
+    /// Small pictures of the scene by presets, where a window makes them.
+    pub thumbnails: Option<&'a Thumbnails>,
     /// Frame times, passes, memory.
     pub statistics: &'a Statistics,
     /// Name of what is being loaded or written, and the part of it that is done (0 to 1), if known.
@@ -82,6 +85,7 @@ impl Default for PanelInfo<'_> {
             volume_bounds: None,
             data: 0,
             draft: false,
+            thumbnails: None,
             statistics: &NO_STATISTICS,
             progress: None,
             depth: &|_| None,

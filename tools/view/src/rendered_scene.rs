@@ -79,6 +79,12 @@ impl RenderedScene {
         Ok(ms)
     }
 
+    /// Renders with a setup and returns the picture, premultiplied colours in rows from the top.
+    pub fn picture_of(&mut self, setup: &RenderSetup, camera: Camera) -> Result<Vec<[f32; 4]>> {
+        self.render(setup, camera)?;
+        self.picture(setup).map_or_else(|| Ok(Vec::new()), |picture| picture.renderer.target.read_colour(0))
+    }
+
     fn picture(&self, setup: &RenderSetup) -> Option<&Picture> {
         self.made.iter().find(|(made, _)| made.shares_renderer(setup)).map(|(_, picture)| picture)
     }

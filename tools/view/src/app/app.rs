@@ -215,6 +215,7 @@ impl App {
             | Action::StopFit
             | Action::Keep { .. }
             | Action::DiscardFit
+            | Action::WantThumbnails
             | Action::Quit => return Some(action),
             Action::AskMask => self.ask(Purpose::Mask),
             Action::AskKeep => self.ask(Purpose::Keep),

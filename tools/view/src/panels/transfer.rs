@@ -1,6 +1,6 @@
 //! Panel of the transfer function: presets, windows, the editor, shift and light.
 
-use egui::{ComboBox, DragValue, Slider, Ui};
+use egui::{Button, ComboBox, DragValue, Image, Slider, Ui, Vec2};
 use engine::transfer::{PRESETS, WINDOWS};
 
 use super::widgets::{ask, colour_button, row};
@@ -12,6 +12,10 @@ use crate::state::ViewState;
 
 /// Height of the editor, points of the screen.
 const TALL: f32 = 190.0;
+/// Height to which the list of presets may grow, points of the screen.
+const TALLEST_LIST: f32 = 560.0;
+/// Size of a preset's thumbnail, points of the screen.
+const THUMBNAIL: Vec2 = Vec2::new(64.0, 48.0);
 
 /// Shows the transfer function and changes it.
 pub fn show(
@@ -36,11 +40,23 @@ pub fn curve(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &Pan
     shift_row(ui, state, info);
 }
 
-/// Shows the names of all presets; a click chooses one of them.
-pub fn presets(ui: &mut Ui, state: &ViewState, actions: &mut Vec<Action>) {
+/// Shows all presets, with what the scene looks like by each where there are pictures of it; a click chooses one of
+/// them.
+pub fn presets(ui: &mut Ui, state: &ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
+    if info.thumbnails.is_some() {
+        actions.push(Action::WantThumbnails);
+    }
     for preset in PRESETS {
         let chosen = state.transfer.name == preset.name;
-        if ui.selectable_label(chosen, preset.name).on_hover_text(preset.about).clicked() {
+        let button = match info.thumbnails.map(|thumbnails| thumbnails.of(preset.name)) {
+            None => Button::selectable(chosen, preset.name),
+            Some(None) => Button::selectable(chosen, preset.name).min_size(THUMBNAIL),
+            Some(Some(picture)) => {
+                let picture = Image::from_texture(picture).fit_to_exact_size(THUMBNAIL);
+                Button::selectable(chosen, (picture, preset.name))
+            }
+        };
+        if ui.add(button).on_hover_text(preset.about).clicked() {
             actions.push(Action::Transfer(preset.name.to_owned()));
         }
     }
@@ -49,9 +65,13 @@ pub fn presets(ui: &mut Ui, state: &ViewState, actions: &mut Vec<Action>) {
 /// Shows presets, windows and files to choose from.
 fn choices(ui: &mut Ui, state: &ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
-        ComboBox::from_id_salt("preset").selected_text(&state.transfer.name).width(150.0).show_ui(ui, |ui| {
-            presets(ui, state, actions);
-        });
+        ComboBox::from_id_salt("preset")
+            .selected_text(&state.transfer.name)
+            .width(150.0)
+            .height(TALLEST_LIST)
+            .show_ui(ui, |ui| {
+                presets(ui, state, info, actions);
+            });
         ComboBox::from_id_salt("window").selected_text("Window").width(70.0).show_ui(ui, |ui| {
             for window in WINDOWS {
                 let help = format!("W {} L {}{}", window.width, window.level, info.unit);

@@ -4,10 +4,12 @@
 //! |---|---|
 //! | `viewer` | [`Viewer`]: frames, what is loaded, and what the user asks for |
 //! | `fit` | a fit beside the window: it is begun, its splats are shown as they come, kept or dropped |
+//! | `thumbnails` | pictures of the scene by each preset |
 //! | `shown_fit` | what of the fit waits to be shown |
 
 mod fit;
 mod shown_fit;
+mod thumbnails;
 mod viewer;
 
 pub use viewer::{ActiveWindow, Next, Viewer, is_lost};

@@ -26,6 +26,7 @@ use crate::report::WindowReport;
 use crate::settings::Settings;
 use crate::sorting::{Sorted, needs_look, sort};
 use crate::state::{Files, SplatMode, Subject, ViewState};
+use crate::thumbnails::Thumbnails;
 use crate::transfer::Transfer;
 
 /// Quality of the first picture, low so that something is shown at once.
@@ -82,6 +83,7 @@ pub struct Viewer {
     /// Number of splats of each row of the list of objects.
     object_splats: Vec<usize>,
     pub(super) range: [f64; 2],
+    pub(super) thumbnails: Thumbnails,
     controller: Controller,
     /// Kind of splats whose quality levels the controller chooses from.
     kind: SplatKind,
@@ -133,6 +135,7 @@ impl Viewer {
             open_files: OpenFiles::default(),
             object_splats: Vec::new(),
             range: [0.0, 1.0],
+            thumbnails: Thumbnails::default(),
             controller: Controller::new(level_costs(quality_levels(SplatKind::Field)), budget_ms),
             kind: SplatKind::Field,
             draft: false,
@@ -167,6 +170,7 @@ impl Viewer {
     pub fn set_device(&mut self, canvas: &mut Canvas) -> Result<()> {
         let chosen = canvas.gpu().description();
         self.app.forget_textures();
+        self.thumbnails = Thumbnails::default();
         self.forget_device_of_fit();
         self.statistics.device = format!("{} ({})", chosen.name, chosen.driver);
         for subject in [Subject::Splats, Subject::Volume] {
@@ -294,7 +298,18 @@ impl Viewer {
         let input = active.input.take_egui_input(&active.window);
         let context = active.input.egui_ctx().clone();
         let mut actions = Vec::new();
-        let Viewer { app, data, data_number, loader, statistics, object_splats, range, draft, .. } = self;
+        let Viewer {
+            app,
+            data,
+            data_number,
+            loader,
+            statistics,
+            object_splats,
+            range,
+            draft,
+            thumbnails,
+            ..
+        } = self;
         let fit = self.fit.as_ref().map(|shown| shown.fitting.status());
         let of_fit = fit
             .filter(|fit| fit.stage != Stage::Ended)
@@ -325,6 +340,7 @@ impl Viewer {
             volume_bounds: data.volume_bounds(),
             data: *data_number,
             draft: *draft,
+            thumbnails: Some(thumbnails),
             statistics,
             progress: loader.doing().or(of_fit),
             depth: &depth,
@@ -346,6 +362,9 @@ impl Viewer {
         let was_draft = self.draft;
         let edited = self.render(&mut active.canvas, &overlay)?;
         let window = &active.window;
+        if !self.draft && self.make_thumbnail(&mut active.canvas, &context)? {
+            window.request_redraw();
+        }
         if self.draft != was_draft {
             // The panels of this frame describe the previous picture.
             window.request_redraw();
@@ -513,6 +532,7 @@ impl Viewer {
     fn act(&mut self, action: Action, canvas: &mut Canvas) -> Result<bool> {
         match action {
             Action::Quit => return Ok(true),
+            Action::WantThumbnails => self.thumbnails.wanted = true,
             Action::Open(paths) => match self.open(&paths) {
                 Ok(gone) => self.forget(canvas, gone)?,
                 Err(error) => self.app.report(&error),

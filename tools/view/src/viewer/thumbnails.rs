@@ -1,0 +1,39 @@
+//! Makes the thumbnails of presets, one a frame, so that the window answers meanwhile.
+
+use egui::Context;
+use engine::Result;
+use engine::render::{Quality, Settings};
+use engine::transfer::preset;
+
+use super::viewer::{PITCH, Viewer};
+use crate::canvas::Canvas;
+use crate::rendered_scene::RenderSetup;
+use crate::state::{SplatMode, Subject, mode_row};
+use crate::thumbnails::{SIZE, Seen};
+use crate::transfer::Transfer;
+
+impl Viewer {
+    /// Makes the next thumbnail, if a list of presets is open that lacks one. Returns true if it was made.
+    pub(super) fn make_thumbnail(&mut self, canvas: &mut Canvas, context: &Context) -> Result<bool> {
+        let state = &self.app.state;
+        let subject = state.shown;
+        // Colours of other programs know no transfer function.
+        let coloured = subject == Subject::Splats && state.mode == SplatMode::Alpha;
+        let Some(scene) = canvas.scene_of(subject).filter(|_| !coloured) else { return Ok(false) };
+        let mode = match subject {
+            Subject::Volume => state.mode_of(subject),
+            Subject::Splats if scene.scene.splats.as_ref().is_some_and(|s| s.has_decoded(PITCH)) => "decoded",
+            Subject::Splats => SplatMode::Slab.name(),
+        };
+        let Some(name) = self.thumbnails.next(Seen::of(state, self.data_number)) else { return Ok(false) };
+        let mut by_preset = state.clone();
+        by_preset.transfer = Transfer::new(&preset(name)?.over(self.range));
+        let (own, look) = (self.data.look(subject, state)?, self.data.look(subject, &by_preset)?);
+        let setup =
+            RenderSetup { mode: mode_row(mode), settings: Settings::new(SIZE), quality: Quality::FULL };
+        let camera = state.orbit.camera(f64::from(SIZE[0]) / f64::from(SIZE[1]));
+        let picture = canvas.picture_by(subject, &setup, camera, [&look, &own])?;
+        self.thumbnails.add(context, name, &picture.over(state.background.as_vec3().into()));
+        Ok(true)
+    }
+}
