@@ -8,10 +8,12 @@ use std::time::{Duration, Instant};
 
 use engine::Error;
 use engine::gpu::{GpuOptions, MessageLog};
-use engine::splat::{self, ReadOptions, SplatSet, label_name};
+use engine::splat::{self, ReadOptions, Splat, SplatSet, label_name};
 use engine::volume::{LabelChoice, Labels, Roi};
-use vgs_tests::device::{assert_silent, with_validation};
+use glam::DVec3;
+use vgs_tests::device::{Device, assert_silent, with_validation};
 use vgs_tests::fitting::Case;
+use view::deletions::{Bounds, Deletion, Target};
 use view::fit_plan::{FitStatus, Stage};
 use view::fitting::{FitOrder, Fitting, News};
 use view::loader::{LoadedSplats, LoadedVolume};
@@ -124,6 +126,61 @@ fn splats_come_while_they_are_fitted_and_are_kept_at_the_end() {
     assert_eq!((kept.splats.len(), kept.iterations), (count, Some(60)));
     assert!(kept.form == fit.pictures.last().expect("pictures").set.form);
     fit.end();
+
+    // A half of it is deleted, and the rest written with its part of the mask.
+    let gpu = Device::boot();
+    let whole = LoadedSplats::join(vec![(path, kept)]).expect("one set");
+    let middle = whole.set.splats.iter().map(|splat| f64::from(splat.mean[0])).sum::<f64>() / count as f64;
+    let high_mm = DVec3::new(whole.set.origin_mm.x + middle, 1e4, 1e4);
+    let lower = Deletion::Inside(Bounds { low_mm: DVec3::splat(-1e4), high_mm, files: 1 });
+    let left = whole.without(&gpu, &[lower]).expect("a part");
+    let share = left.set.splats.len() as f64 / count as f64;
+    assert!((0.2..0.8).contains(&share), "{share}");
+    assert!(left.set.exceptions != whole.set.exceptions, "it has those of its part");
+    let transfer = engine::transfer::load("CT-Bone", [0.0, 1.0]).expect("a preset");
+    for name in ["left.ply", "left.vgs", "left.glb"] {
+        let path = folder.path().join(name);
+        left.write(&gpu, &transfer, &path, false).expect("written");
+        let again = left.write(&gpu, &transfer, &path, false).expect_err("it exists");
+        assert_eq!(again.code, "VGS-OUT-001", "{name}");
+        if name != "left.glb" {
+            let read = read(&path);
+            assert_eq!((read.splats.len(), read.labels), (left.set.splats.len(), None), "{name}");
+            assert_eq!((read.grid, read.form), (left.set.grid, left.set.form), "{name}");
+        }
+    }
+}
+
+#[test]
+fn deletions_leave_the_rows_of_objects() {
+    let gpu = Device::boot();
+    let set = |xs: &[f32], labels: Option<Vec<u8>>| {
+        let splat = |&x| Splat { mean: [x, 0.0, 0.0], rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        SplatSet { splats: xs.iter().map(splat).collect(), labels, ..SplatSet::default() }
+    };
+    let files = vec![
+        ("a.ply".into(), set(&[1.0, 2.0, 3.0], None)),
+        ("b.ply".into(), set(&[1.0, 2.0, 3.0, 4.0], Some(vec![4, 9, 9, 4]))),
+    ];
+    let whole = LoadedSplats::join(files).expect("one scene");
+    let counts = |deleted: &[Deletion]| {
+        let left = whole.without(&gpu, deleted).expect("the rest");
+        let rows = whole.objects.iter().map(|(row, number, _)| (row.clone(), *number));
+        assert!(rows.eq(left.objects.iter().map(|(row, number, _)| (row.clone(), *number))));
+        assert_eq!(left.intensities.len(), 3);
+        left.objects.iter().map(|(.., count)| *count).collect::<Vec<_>>()
+    };
+    let bounds = |low: f64, high: f64, files| Bounds {
+        low_mm: DVec3::new(low, -1.0, -1.0),
+        high_mm: DVec3::new(high, 1.0, 1.0),
+        files,
+    };
+    let object = |file, label| Deletion::Object(Target { file, label });
+    assert_eq!(counts(&[]), [3, 2, 2]);
+    assert_eq!(counts(&[Deletion::Inside(bounds(1.5, 2.5, 2))]), [2, 2, 1]);
+    assert_eq!(counts(&[Deletion::Inside(bounds(1.5, 2.5, 1))]), [2, 2, 2], "the second came later");
+    assert_eq!(counts(&[Deletion::Outside(bounds(1.5, 3.5, 2)), object(1, Some(9))]), [2, 0, 0]);
+    assert_eq!(counts(&[object(0, None), object(1, Some(4)), object(1, Some(9))]), [0, 0, 0]);
 }
 
 #[test]

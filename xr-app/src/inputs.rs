@@ -2,9 +2,11 @@
 
 use std::path::PathBuf;
 
+use engine::gpu::Gpu;
 use engine::render::{Appearance, ObjectChange};
 use engine::{Error, Kind, Result, transfer};
 use glam::DVec3;
+use view::deletions::Deletion;
 use view::loader::{self, LoadedSplats, LoadedVolume};
 use view::sorting;
 use view::state::{Files, Subject, ViewState};
@@ -77,8 +79,7 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
             (Content::Volume(volume), Vec::new(), range)
         }
         None if files.splats.is_empty() => {
-            return Err(Error::new(Kind::Usage, "VGS-XR-030", "there is nothing to show")
-                .help("give splats (PLY, .vgs), a volume, or a session that names some"));
+            return Err(nothing("give splats (PLY, .vgs), a volume, or a session that names some"));
         }
         None => {
             let sets = files.splats.iter();
@@ -95,6 +96,25 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
     }
     change_objects(&mut state, &content, &numbers, range, &wanted.objects)?;
     Ok((content, Start { state, numbers, range }))
+}
+
+fn nothing(help: &str) -> Error {
+    Error::new(Kind::Usage, "VGS-XR-030", "there is nothing to show").help(help)
+}
+
+/// Returns the splats that the deletions of a session leave. Waits for the device if they have a binary mask.
+///
+/// # Errors
+/// [`Kind::Usage`] if none are left, and the errors of [`LoadedSplats::without`].
+pub fn left(gpu: &Gpu, splats: LoadedSplats, deleted: &[Deletion]) -> Result<LoadedSplats> {
+    if deleted.is_empty() {
+        return Ok(splats);
+    }
+    let left = splats.without(gpu, deleted)?;
+    match left.set.splats.len() {
+        0 => Err(nothing("all splats of the session are deleted: restore some in `vgs view`")),
+        _ => Ok(left),
+    }
 }
 
 /// Changes the rows of objects as flags say. `numbers` are those of the rows in the set, `range` that of the
@@ -192,6 +212,26 @@ mod tests {
         assert!(start.state.objects[0].visible && !start.state.objects[1].visible);
         let other = Wanted { tf: Some("CT-Bone".into()), ..session };
         assert_eq!(read(&other).expect("a session").1.state.transfer.name, "CT-Bone");
+    }
+
+    #[test]
+    fn what_a_session_has_deleted_is_left_out() {
+        let folder = folder();
+        let (_, start) = read(&wanted(&folder, &["bones.ply", "liver.ply"])).expect("splats");
+        let mut state = start.state;
+        state.files.splats = ["bones.ply", "liver.ply"].map(PathBuf::from).to_vec();
+        let object = |file| Deletion::Object(view::deletions::Target { file, label: None });
+        state.deleted = vec![object(0)];
+        state.write(folder.path().join("s.toml"), false).expect("a session");
+        let (content, mut start) = read(&wanted(&folder, &["s.toml"])).expect("a session");
+        let Content::Splats(splats) = content else { panic!("splats") };
+        let gpu = Gpu::new(&engine::gpu::GpuOptions::default()).expect("a device");
+        let rest = left(&gpu, splats, &start.state.deleted).expect("the liver");
+        assert_eq!(rest.set.splats.len(), 3);
+        assert!(rest.set.splats.iter().all(|splat| splat.intensity == 509.0));
+        start.state.deleted.push(object(1));
+        let error = left(&gpu, rest, &start.state.deleted).err().expect("nothing is left");
+        assert!(error.code == "VGS-XR-030" && error.help.contains("restore"), "{error}");
     }
 
     #[test]

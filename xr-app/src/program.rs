@@ -130,6 +130,10 @@ fn show(
     stop: &AtomicBool,
 ) -> Result<()> {
     let look = start.state.look(&start.numbers)?;
+    let content = match content {
+        Content::Splats(splats) => Content::Splats(inputs::left(gpu, splats, &start.state.deleted)?),
+        volume => volume,
+    };
     let options = Options {
         level: arguments.level,
         levels,

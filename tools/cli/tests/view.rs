@@ -196,6 +196,75 @@ fn what_is_edited_measured_and_written_is_there_again() {
 }
 
 #[test]
+fn what_is_deleted_is_gone_and_comes_back() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let mut viewer = begin(&screen, &folder, &["s.ply", "--tf", "CT-Soft-Tissue"]);
+    let first = viewer.act(&["key", "l"]);
+    first.keep("delete-first");
+    let seen = first.count(PICTURE, bright);
+
+    // The box is around everything, so nothing is left.
+    viewer.act(&["key", "x"]);
+    screen.hand(&["key", "Delete"]);
+    viewer.wait("the rest", |v| v.log().contains("deleting splats:"));
+    viewer.settle();
+    let gone = screen.look();
+    gone.keep("delete-all");
+    assert!(gone.count(PICTURE, bright) < seen / 4, "{} pixels are left", gone.count(PICTURE, bright));
+    // It is not lost unasked.
+    screen.hand(&["key", "ctrl+q"]);
+    viewer.settle();
+    screen.look().keep("delete-asked");
+    screen.hand(&["key", "Escape"]);
+    viewer.settle();
+    viewer.act(&["key", "ctrl+z"]);
+    let undone = viewer.act(&["key", "ctrl+z"]);
+    undone.keep("delete-undone");
+    assert!(undone.differences(&first, PICTURE) < 50, "{} differ", undone.differences(&first, PICTURE));
+    let write = |viewer: &mut Viewer<'_>, key: &str, name: &str| {
+        let path = folder.path(name).to_string_lossy().into_owned();
+        for step in [&["key", key][..], &["key", "ctrl+a"], &["type", "--delay", "20", &path]] {
+            screen.hand(step);
+            viewer.settle();
+        }
+        screen.hand(&["key", "Return"]);
+        viewer.wait(name, |_| folder.path(name).is_file());
+        viewer.settle();
+    };
+    write(&mut viewer, "ctrl+s", "whole.toml");
+    assert_eq!(viewer.quit().code, 0, "nothing has changed since");
+
+    // A session brings a deletion back; what is left is what `vgs convert` would leave.
+    let told = folder.run(&["info", "s.ply", "--json"]).json();
+    let corner = |at: usize| -> Vec<f64> {
+        let values = told["bounding_box_mm"][at].as_array().expect("a corner");
+        values.iter().map(|v| v.as_f64().expect("mm")).collect()
+    };
+    let (low, mut high) = (corner(0), corner(1));
+    high[0] = 0.5 * (low[0] + high[0]);
+    let deletion =
+        format!("[[deleted]]\n[deleted.outside]\nlow_mm = {low:?}\nhigh_mm = {high:?}\nfiles = 1\n");
+    std::fs::write(folder.path("half.toml"), folder.text("whole.toml") + "\n" + &deletion)
+        .expect("a session");
+    let mut viewer = begin(&screen, &folder, &["half.toml"]);
+    let half = viewer.act(&["key", "a"]);
+    half.keep("delete-half");
+    let left = half.count(PICTURE, bright);
+    assert!((seen / 5..seen * 4 / 5).contains(&left), "{left} of {seen} pixels are left");
+    write(&mut viewer, "ctrl+e", "half.ply");
+    assert_eq!(viewer.quit().code, 0, "the session has not changed");
+    let corners = low.iter().chain(&high).map(f64::to_string).collect::<Vec<_>>().join(",");
+    let converted = folder.run(&["convert", "s.ply", "-o", "same.ply", &format!("--box={corners}")]);
+    assert_eq!(converted.code, 0, "{}", converted.err);
+    let count =
+        |name: &str| folder.run(&["info", name, "--json"]).json()["splats"].as_u64().expect("a number");
+    assert_eq!(count("half.ply"), count("same.ply"));
+    assert!((1..count("s.ply")).contains(&count("half.ply")));
+}
+
+#[test]
 fn a_window_of_other_sizes_and_scales() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();

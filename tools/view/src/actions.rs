@@ -24,6 +24,15 @@ pub enum Action {
         /// True if an existing file is replaced.
         force: bool,
     },
+    /// Asks for the file of the splats that are left.
+    AskSaveSplats,
+    /// Writes the splats that are left; carried out by the window.
+    SaveSplats {
+        /// Path, whose extension chooses the format.
+        path: PathBuf,
+        /// True if an existing file is replaced.
+        force: bool,
+    },
     /// Asks for size and name of a picture.
     AskScreenshot,
     /// Renders and writes a picture; carried out by the window.
@@ -91,7 +100,8 @@ pub enum Action {
     },
     /// Drops the fitted splats; carried out by the window.
     DiscardFit,
-    /// Ends the program, unless a fit would be lost, which is asked about first; carried out by the window.
+    /// Ends the program, unless a fit or changes of the session would be lost, which is asked about first;
+    /// carried out by the window.
     Quit,
     /// Goes one step back.
     Undo,
@@ -121,6 +131,10 @@ pub enum Action {
     Clip,
     /// Switches the crop box on or off; the first time adds the box around the scene.
     Crop,
+    /// Deletes the splats inside of the crop box.
+    DeleteInside,
+    /// Deletes the splats outside of the crop box.
+    DeleteOutside,
     /// Ends the tool and closes what is open.
     Cancel,
     /// Shows or hides the panels.
@@ -167,6 +181,7 @@ const TURN: f64 = 5.0;
 pub static KEYS: &[Binding] = &[
     row(COMMAND, Key::O, "Open…", "open splats, a volume, a mask or a session", Action::AskOpen),
     row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
+    row(COMMAND, Key::E, "Save splats…", "write the splats that are left to a file", Action::AskSaveSplats),
     row(COMMAND, Key::P, "Screenshot…", "write a picture of any size", Action::AskScreenshot),
     row(COMMAND, Key::R, "Record turntable…", "write a full turn as an animation", Action::AskRecord),
     row(
@@ -201,6 +216,14 @@ pub static KEYS: &[Binding] = &[
     row(NONE, Key::D, "Measure", "distance between two points", Action::Measure),
     row(NONE, Key::C, "Clip plane", "clip plane on or off", Action::Clip),
     row(NONE, Key::X, "Crop box", "crop box on or off", Action::Crop),
+    row(
+        COMMAND,
+        Key::Delete,
+        "Delete outside",
+        "delete the splats outside of the crop box",
+        Action::DeleteOutside,
+    ),
+    row(NONE, Key::Delete, "Delete inside", "delete the splats inside of the crop box", Action::DeleteInside),
     row(NONE, Key::H, "Handles", "handles of plane and box on or off", Action::ToggleHandles),
     row(
         NONE,
@@ -222,9 +245,9 @@ pub fn binding(action: &Action) -> Option<&'static Binding> {
 }
 
 /// Takes the keys in [`KEYS`] that were pressed out of the input and returns their actions in order. If a
-/// widget has the `focus`, arrows and the space bar are left to it.
+/// widget has the `focus`, arrows, the space bar and Delete are left to it.
 pub fn pressed(input: &mut egui::InputState, focus: bool) -> Vec<Action> {
-    let own = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown, Key::Space];
+    let own = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown, Key::Space, Key::Delete];
     let mut actions = Vec::new();
     input.events.retain(|event| {
         let egui::Event::Key { key, modifiers, pressed: true, .. } = event else { return true };
@@ -274,6 +297,7 @@ mod tests {
             "as on most keyboards"
         );
         assert_eq!(press(NONE, Key::Space, true), []);
+        assert_eq!(press(NONE, Key::Delete, true), [], "a point of the editor may be meant");
         assert_eq!(press(NONE, Key::F, true), [Action::SeeAll]);
         let both = [(NONE, Key::Escape), (COMMAND, Key::S)];
         assert_eq!(press_all(&both, false), [Action::Cancel, Action::AskSave], "in their order");

@@ -13,21 +13,22 @@
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram, thumbnails -> state, orbit          app, panels -> theme
 //! panels -> slices, figures
-//! app, handles, annotations, panels -> state -> orbit, region, transfer          app -> settings, editor, transfer
+//! app, handles, annotations, panels -> state -> orbit, region, transfer, deletions          app -> settings, editor, transfer
+//! loader, loaded_data -> loaded_splats -> state          app, panels, loader, loaded_data, loaded_splats -> deletions
 //! fitting, panels, panel_info -> fit_plan -> figures          actions, panels, panel_info -> region
 //! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
 //! loader -> sorting -> state, region          fitting -> loader -> region
 //! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit
 //! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function, `region` that of
-//!           the volume
+//!           the volume, `deletions` are what is deleted of the splats
 //! actions   what a user may ask for, with its keys; `settings` what is remembered from start to start
 //! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts; `cube` of the
 //!           patient's sides; `slices`: planes through the data
 //! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `annotations` are over the picture
 //! panel_info     what panels are told anew for each frame
 //! app       the viewer without its window: puts the panels together
-//! loader, export   read and write beside the window; `loaded_data` is what was read, `open_files` from where;
-//!           `sorting` tells volumes and masks apart
+//! loader, export   read and write beside the window; `loaded_data` is what was read, `loaded_splats` what is left of
+//!           the splats and how it is written, `open_files` where they are from; `sorting` tells volumes and masks apart
 //! fitting   fits splats beside the window; `fit_plan` is what a fit is asked for and how far it is, `figures` words for it
 //! canvas    the picture in the window: `rendered_scene` renders it, `composer` and `painter` put it and the panels on the screen
 //! viewer    frame after frame, within the frame budget; `report` is what was measured
@@ -42,6 +43,7 @@ pub mod app;
 pub mod canvas;
 pub mod composer;
 pub mod cube;
+pub mod deletions;
 pub mod editor;
 pub mod export;
 pub mod figures;
@@ -51,6 +53,7 @@ pub mod handles;
 pub mod histogram;
 pub mod history;
 pub mod loaded_data;
+pub mod loaded_splats;
 pub mod loader;
 pub mod open_files;
 pub mod orbit;

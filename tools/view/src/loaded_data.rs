@@ -8,16 +8,21 @@ use engine::render::{Look, Scene};
 use engine::splat::SplatSet;
 use glam::DVec3;
 
+use crate::deletions::Deletion;
 use crate::histogram::Histogram;
-use crate::loader::{Loaded, LoadedSplats, LoadedVolume};
+use crate::loader::{Left, Loaded, LoadedSplats, LoadedVolume};
 use crate::pick::Probe;
 use crate::state::{Subject, ViewState};
 
 /// Data that were read.
 #[derive(Default)]
 pub struct LoadedData {
-    /// Splats of all files.
+    /// Splats of all files, also those that are deleted.
     pub splats: Option<Arc<LoadedSplats>>,
+    /// Splats of all files that deletions have left, and these; `None` while nothing was deleted.
+    left: Option<(Vec<Deletion>, Arc<LoadedSplats>)>,
+    /// True while splats of files are not shown because those that are deleted are still being found.
+    pub waits: bool,
     /// Splats of a fit that no file has yet; they are shown in place of those of the files.
     pub fitted: Option<Arc<LoadedSplats>>,
     /// Volume.
@@ -36,7 +41,7 @@ impl LoadedData {
     pub fn take(&mut self, loaded: Loaded) -> Result<Option<Subject>> {
         match loaded {
             Loaded::Splats(splats) => {
-                self.splats = Some(splats);
+                (self.splats, self.left) = (Some(splats), None);
                 (self.splat_histogram, self.probe) = (None, None);
                 return Ok(Some(Subject::Splats));
             }
@@ -45,9 +50,21 @@ impl LoadedData {
                 self.volume_histogram = None;
                 return Ok(Some(Subject::Volume));
             }
-            Loaded::SplatHistogram(histogram) => self.splat_histogram = histogram,
+            Loaded::Left(left) => {
+                // Other files may have been read meanwhile.
+                if self.splats.as_ref().is_some_and(|splats| Arc::ptr_eq(splats, &left.whole)) {
+                    let Left { deleted, splats, .. } = left;
+                    self.left = Some((deleted, splats?));
+                    (self.splat_histogram, self.probe, self.waits) = (None, None, false);
+                    return Ok(Some(Subject::Splats));
+                }
+            }
+            Loaded::Counted(splats, histogram, probe) => {
+                if self.left_splats().is_some_and(|left| Arc::ptr_eq(left, &splats)) {
+                    (self.splat_histogram, self.probe) = (histogram, Some(*probe));
+                }
+            }
             Loaded::VolumeHistogram(histogram) => self.volume_histogram = histogram,
-            Loaded::Probe(probe) => self.probe = Some(probe),
             Loaded::Written(_) | Loaded::Sorted(..) => {}
             Loaded::Failed(_, error) => return Err(error),
         }
@@ -57,7 +74,10 @@ impl LoadedData {
     /// Drops the data of a subject.
     pub fn forget(&mut self, subject: Subject) {
         match subject {
-            Subject::Splats => (self.splats, self.splat_histogram, self.probe) = (None, None, None),
+            Subject::Splats => {
+                (self.splats, self.left, self.waits) = (None, None, false);
+                (self.splat_histogram, self.probe) = (None, None);
+            }
             Subject::Volume => (self.volume, self.volume_histogram) = (None, None),
         }
     }
@@ -66,6 +86,8 @@ impl LoadedData {
     pub fn sources(&self) -> Self {
         LoadedData {
             splats: self.splats.clone(),
+            left: self.left.clone(),
+            waits: self.waits,
             fitted: self.fitted.clone(),
             volume: self.volume.clone(),
             ..LoadedData::default()
@@ -75,14 +97,30 @@ impl LoadedData {
     /// Returns true if there are data of a subject.
     pub fn has(&self, subject: Subject) -> bool {
         match subject {
-            Subject::Splats => self.shown_splats().is_some(),
+            Subject::Splats => self.shown_splats().is_some_and(|splats| !splats.set.splats.is_empty()),
             Subject::Volume => self.volume.is_some(),
         }
     }
 
-    /// Returns the splats that are shown: those of the fit, or of the files.
+    /// Returns the splats that are shown: those of the fit, or what is left of those of the files.
     pub fn shown_splats(&self) -> Option<&Arc<LoadedSplats>> {
-        self.fitted.as_ref().or(self.splats.as_ref())
+        self.fitted.as_ref().or(self.left_splats().filter(|_| !self.waits))
+    }
+
+    /// Returns the splats of all files that deletions have left.
+    pub fn left_splats(&self) -> Option<&Arc<LoadedSplats>> {
+        self.left.as_ref().map(|(_, splats)| splats).or(self.splats.as_ref())
+    }
+
+    /// Returns the deletions that [`LoadedData::left_splats`] are left by.
+    pub fn deleted(&self) -> &[Deletion] {
+        self.left.as_ref().map_or(&[], |(deleted, _)| deleted)
+    }
+
+    /// Returns the number of splats that are deleted.
+    pub fn deleted_count(&self) -> usize {
+        let count = |splats: Option<&Arc<LoadedSplats>>| splats.map_or(0, |splats| splats.set.splats.len());
+        count(self.splats.as_ref()) - count(self.left_splats())
     }
 
     fn set(&self) -> Option<&SplatSet> {
@@ -162,7 +200,7 @@ impl LoadedData {
     /// Creates the scene of a subject; `None` if there are no data of it.
     pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &ViewState) -> Result<Option<Scene>> {
         let look = self.look(subject, state)?;
-        let splats = self.set().filter(|_| subject == Subject::Splats);
+        let splats = self.set().filter(|set| subject == Subject::Splats && !set.splats.is_empty());
         let volume = self.volume.as_ref().filter(|_| subject == Subject::Volume).map(|shown| shown.source());
         if splats.is_none() && volume.is_none() {
             return Ok(None);

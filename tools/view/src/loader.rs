@@ -7,16 +7,19 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use engine::fit::place::place;
-use engine::render::{Intensities, VolumeSource};
+use engine::gpu::Gpu;
+use engine::render::VolumeSource;
 use engine::splat::{self, SplatSet};
 use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
 use engine::{Error, Result};
 
+use crate::deletions::Deletion;
 use crate::histogram::Histogram;
+pub use crate::loaded_splats::LoadedSplats;
 use crate::pick::Probe;
 use crate::region::{Region, RegionSize};
 use crate::sorting::{Sorted, sort_looking};
-use crate::state::{Files, Object, Subject};
+use crate::state::{Files, Subject};
 
 /// Volume and the part of it that is shown.
 pub struct LoadedVolume {
@@ -37,52 +40,16 @@ impl LoadedVolume {
     }
 }
 
-/// Splats of all files, as one field.
-pub struct LoadedSplats {
-    /// All splats.
-    pub set: SplatSet,
-    /// Rows of the list of objects, each with its number in the set and its number of splats.
-    pub objects: Vec<(Object, u8, usize)>,
-    /// Intensities of each row.
-    pub intensities: Vec<Intensities>,
-}
-
-impl LoadedSplats {
-    /// Joins the splats of files.
-    ///
-    /// # Errors
-    /// Returns the errors of [`splat::join`].
-    pub fn join(files: Vec<(PathBuf, SplatSet)>) -> Result<Self> {
-        let mut rows = Vec::new();
-        let mut named = Vec::new();
-        for (file, (path, set)) in files.into_iter().enumerate() {
-            let has_labels = set.labels.is_some();
-            let own =
-                set.objects().into_iter().map(|o| Object::new(file, has_labels.then_some(o.number), ""));
-            rows.extend(own);
-            named.push((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set));
-        }
-        let mut set = splat::join(named)?;
-        // The first splats stand for all while the picture moves.
-        set.order_by_importance();
-        // Joining numbers the objects in the order of files and labels.
-        let objects = rows.into_iter().zip(set.objects());
-        let objects = objects.map(|(row, o)| (Object { name: o.name, ..row }, o.number, o.splats)).collect();
-        let intensities = Intensities::of_objects(&set);
-        Ok(LoadedSplats { set, objects, intensities })
-    }
-}
-
 /// Result of a thread of the loader.
 pub enum Loaded {
     /// Splats of all files.
     Splats(Arc<LoadedSplats>),
-    /// Probe that evaluates the splats' field at points.
-    Probe(Probe),
+    /// Splats that deletions have left.
+    Left(Left),
+    /// Histogram of the intensities of these splats, and the probe that evaluates their field at points.
+    Counted(Arc<LoadedSplats>, Option<Histogram>, Box<Probe>),
     /// Volume.
     Volume(Arc<LoadedVolume>),
-    /// Histogram of the splats' intensities.
-    SplatHistogram(Option<Histogram>),
     /// Histogram of the volume's intensities within its region.
     VolumeHistogram(Option<Histogram>),
     /// Files that had to be looked into to be sorted, and those that were asked for.
@@ -92,6 +59,16 @@ pub enum Loaded {
     /// Error of something that could not be done; the rest goes on. The subject is given if its files could
     /// not be read.
     Failed(Option<Subject>, Error),
+}
+
+/// Splats that deletions have left.
+pub struct Left {
+    /// All splats.
+    pub whole: Arc<LoadedSplats>,
+    /// Deletions.
+    pub deleted: Vec<Deletion>,
+    /// Splats that are left, or why they could not be found.
+    pub splats: Result<Arc<LoadedSplats>>,
 }
 
 /// Reads and writes files in threads of its own, and wakes the window for each result.
@@ -201,11 +178,35 @@ impl Loader {
         job: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
     ) {
         self.doing.push((what.to_owned(), None));
-        self.preparing.retain(|thread| !thread.is_finished());
-        self.preparing.push(self.spawn(self.turn, move |tell| {
+        let thread = self.spawn(self.turn, move |tell| {
             let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
             tell.during(what.to_owned(), || job(&mut progress));
-        }));
+        });
+        self.wait_at_end_for(thread);
+    }
+
+    /// Begins to find the splats that deletions leave, and what is counted of them.
+    pub fn delete(&mut self, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>, gpu: &Gpu) {
+        let gpu = gpu.clone();
+        let what = if deleted.is_empty() { "restoring splats" } else { "deleting splats" };
+        self.doing.push((what.to_owned(), None));
+        let thread = self.spawn(ALWAYS, move |tell| tell.left(what, whole, deleted, &gpu));
+        self.wait_at_end_for(thread);
+    }
+
+    fn wait_at_end_for(&mut self, thread: JoinHandle<()>) {
+        self.preparing.retain(|thread| !thread.is_finished());
+        self.preparing.push(thread);
+    }
+
+    /// Writes a file as [`Loader::write`] does. The program does not end before the file is written.
+    pub fn write_to_the_end(
+        &mut self,
+        path: PathBuf,
+        write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
+    ) {
+        let thread = self.write(path, write);
+        self.wait_at_end_for(thread);
     }
 
     /// Writes a file beside the window. `write` is given a function that takes its progress, from 0 to 1.
@@ -213,14 +214,14 @@ impl Loader {
         &self,
         path: PathBuf,
         write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
-    ) {
+    ) -> JoinHandle<()> {
         self.spawn(ALWAYS, move |tell| {
             let what = format!("writing {}", path.file_name().unwrap_or_default().to_string_lossy());
             let mut progress = |part| tell.say(Message::Doing(what.clone(), Some(part)));
             if tell.during(what.clone(), || write(&mut progress)).is_some() {
                 tell.say(Message::Loaded(Loaded::Written(path)));
             }
-        });
+        })
     }
 }
 
@@ -280,12 +281,29 @@ impl Teller {
         });
         let Some(splats) = sets else { return };
         self.say(Message::Loaded(Loaded::Splats(Arc::clone(&splats))));
+        self.count(splats);
+    }
+
+    fn count(&self, splats: Arc<LoadedSplats>) {
         let counted = self.during("counting intensities of splats".to_owned(), || {
-            Ok((Histogram::of_splats(&splats.set), Probe::new(&splats.set)))
+            Ok((Histogram::of_splats(&splats.set), Box::new(Probe::new(&splats.set))))
         });
         let Some((histogram, probe)) = counted else { return };
-        self.say(Message::Loaded(Loaded::SplatHistogram(histogram)));
-        self.say(Message::Loaded(Loaded::Probe(probe)));
+        self.say(Message::Loaded(Loaded::Counted(splats, histogram, probe)));
+    }
+
+    fn left(&self, what: &str, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>, gpu: &Gpu) {
+        let splats = self.during(what.to_owned(), || {
+            // Whoever takes the result has to know of a failure, so that it is not tried again.
+            Ok(match deleted.is_empty() {
+                true => Ok(Arc::clone(&whole)),
+                false => whole.without(gpu, &deleted).map(Arc::new),
+            })
+        });
+        let Some(splats) = splats else { return };
+        let found = splats.as_ref().ok().cloned();
+        self.say(Message::Loaded(Loaded::Left(Left { whole, deleted, splats })));
+        found.into_iter().for_each(|splats| self.count(splats));
     }
 
     fn volume(&self, path: &Path, there: Option<Arc<Volume>>, files: &Files) {

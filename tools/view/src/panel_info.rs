@@ -25,6 +25,8 @@ pub struct PanelInfo<'a> {
     pub oriented: bool,
     /// Number of splats; `None` without splats.
     pub splats: Option<usize>,
+    /// Number of splats that are deleted.
+    pub deleted: usize,
     /// True if there is a volume.
     pub volume: bool,
     /// Number of splats of each row of [`crate::ViewState::objects`].
@@ -74,6 +76,7 @@ impl Default for PanelInfo<'_> {
             unit: "",
             oriented: true,
             splats: None,
+            deleted: 0,
             volume: false,
             object_splats: &[],
             object_intensities: &[],

@@ -33,6 +33,8 @@ pub enum Purpose {
     Mask,
     /// The fitted splats are written to it.
     Keep,
+    /// The splats that are left are written to it.
+    SaveSplats,
 }
 
 impl Purpose {
@@ -54,6 +56,11 @@ impl Purpose {
             Purpose::SaveTransfer => ("Save the transfer function", "Save", &[".vp.json"]),
             Purpose::Mask => ("Open a mask or a label map", "Open", VOLUMES.as_slice()),
             Purpose::Keep => ("Keep the splats: .ply, or .vgs for a small file", "Keep", &[".ply", ".vgs"]),
+            Purpose::SaveSplats => (
+                "Save the splats: .ply, .vgs for a small file, .spz or .glb for their colours alone",
+                "Save",
+                &[".ply", ".vgs", ".spz", ".glb"],
+            ),
         }
     }
 
@@ -71,6 +78,7 @@ impl Purpose {
             Purpose::Record => "turntable.png",
             Purpose::SaveTransfer => "transfer.vp.json",
             Purpose::Keep => "fit.ply",
+            Purpose::SaveSplats => "splats.ply",
         }
     }
 }
@@ -223,6 +231,7 @@ impl Prompt {
             Purpose::SaveTransfer => Action::SaveTransfer { path, force },
             Purpose::Mask => Action::Mask(path),
             Purpose::Keep => Action::Keep { path, force },
+            Purpose::SaveSplats => Action::SaveSplats { path, force },
         }
     }
 }
@@ -276,9 +285,16 @@ mod tests {
             (Purpose::SaveTransfer, Action::SaveTransfer { path: path.clone(), force: true }),
             (Purpose::Mask, Action::Mask(path.clone())),
             (Purpose::Keep, Action::Keep { path: path.clone(), force: true }),
+            (Purpose::SaveSplats, Action::SaveSplats { path: path.clone(), force: true }),
         ] {
             assert_eq!(prompt(purpose).action(path.clone(), true), expected);
         }
         assert!(prompt(Purpose::Save).path.ends_with("session.toml"));
+    }
+
+    #[test]
+    fn splats_are_saved_in_every_format_that_is_written() {
+        let formats = engine::splat::FORMATS.iter().map(|format| format!(".{}", format.name));
+        assert!(formats.eq(Purpose::SaveSplats.words().2.iter().copied()));
     }
 }

@@ -16,12 +16,12 @@ use crate::actions::{Action, pressed};
 use crate::editor::Editor;
 use crate::history::History;
 use crate::panel_info::PanelInfo;
-use crate::panels::notice::Message;
+use crate::panels::notice::{Leaving, Loss, Message};
 use crate::panels::status::Reading;
 use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
 use crate::prompt::{Answer, Prompt, Purpose};
 use crate::settings::Settings;
-use crate::state::{Edited, SplatMode, Subject, ViewState};
+use crate::state::{Bookmark, Edited, SplatMode, Subject, ViewState};
 use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
@@ -66,8 +66,12 @@ pub struct App {
     /// clicked.
     pub(super) measuring: Option<Option<DVec3>>,
     pub(super) keys: bool,
-    /// True while the user is asked whether to end although a fit would be lost.
+    /// True while the user is asked whether to end although something would be lost.
     pub(super) leaving: bool,
+    /// True while the user is asked for the file of the session so that the program can end.
+    pub(super) saves_to_leave: bool,
+    /// What the session file has of what the user changes, as it was last opened or saved.
+    pub(super) saved: (Edited, Vec<Bookmark>),
     pub(super) message: Option<Message>,
     pub(super) prompt: Option<Prompt>,
     /// Target that is dragged while a button is down.
@@ -90,11 +94,13 @@ impl App {
             history: History::new(state.edited()),
             taken: state.clone(),
             fit: false,
+            saved: (state.edited(), state.bookmarks.clone()),
             state,
             settings,
             measuring: None,
             keys: false,
             leaving: false,
+            saves_to_leave: false,
             message: None,
             prompt: None,
             grip: None,
@@ -111,6 +117,26 @@ impl App {
         self.history.restart(state.edited());
         self.state = state;
         self.fit = false;
+        self.note_saved();
+    }
+
+    fn note_saved(&mut self) {
+        self.saved = (self.state.edited(), self.state.bookmarks.clone());
+    }
+
+    /// Returns true if the user has changed the session since it was opened or saved; the camera does not count.
+    pub fn is_changed(&self) -> bool {
+        let (edited, bookmarks) = &self.saved;
+        !self.state.is_edited_as(edited) || self.state.bookmarks != *bookmarks
+    }
+
+    /// Changes the state without the user, as when files were read: that alone need not be saved.
+    pub fn change_unasked(&mut self, change: impl FnOnce(&mut ViewState)) {
+        let was_changed = self.is_changed();
+        change(&mut self.state);
+        if !was_changed {
+            self.note_saved();
+        }
     }
 
     /// Forgets the textures of a device that is gone; they are made anew for the next one.
@@ -160,8 +186,9 @@ impl App {
         changes
     }
 
-    /// Asks whether to end although a fit would be lost. Returns true if that question is open already.
+    /// Asks whether to end although something would be lost. Returns true if that question is open already.
     pub fn ask_to_leave(&mut self) -> bool {
+        (self.prompt, self.saves_to_leave) = (None, false);
         std::mem::replace(&mut self.leaving, true)
     }
 
@@ -203,10 +230,19 @@ impl App {
 
     /// Carries out an action, or returns it if only the window can do it.
     pub fn act(&mut self, action: Action, info: &PanelInfo<'_>) -> Option<Action> {
+        let loss = self.loss(info);
         let state = &mut self.state;
         match action {
-            // A fit is lost only if the user says so.
-            Action::Quit if info.fit.is_some() && !self.leaving => self.leaving = true,
+            // Something is lost only if the user says so.
+            Action::Quit if loss.any() && !self.leaving => self.leaving = true,
+            Action::SaveSplats { ref path, .. } => {
+                return self.may_write_splats(path, info).then_some(action);
+            }
+            Action::AskSaveSplats => {
+                if self.has_splats_to_write(info) {
+                    self.ask(Purpose::SaveSplats);
+                }
+            }
             Action::Open(_)
             | Action::Screenshot { .. }
             | Action::Record { .. }
@@ -240,7 +276,14 @@ impl App {
             Action::AskSaveTransfer => self.ask(Purpose::SaveTransfer),
             Action::Save { path, force } => {
                 let written = state.write(&path, force);
+                if written.is_ok() {
+                    self.note_saved();
+                }
+                let leaves = std::mem::take(&mut self.saves_to_leave) && written.is_ok();
                 self.report_outcome(written, || format!("The session is in {}.", path.display()));
+                if leaves {
+                    return self.act(Action::Quit, info);
+                }
             }
             Action::SaveTransfer { path, force } => {
                 let written =
@@ -291,9 +334,11 @@ impl App {
                 Some(crop) => crop.on = !crop.on,
                 None => state.clip.crop = Some(panels::clip::around(state, info)),
             },
+            Action::DeleteInside => self.delete(true, info),
+            Action::DeleteOutside => self.delete(false, info),
             Action::Cancel => {
                 self.measuring = None;
-                self.prompt = None;
+                (self.prompt, self.saves_to_leave) = (None, false);
                 self.keys = false;
                 self.leaving = false;
                 self.message = None;
@@ -320,6 +365,10 @@ impl App {
         } else {
             self.history.restart(edited);
         }
+    }
+
+    fn loss(&self, info: &PanelInfo<'_>) -> Loss {
+        Loss { fit: info.fit.is_some(), session: self.is_changed() }
     }
 
     fn ask(&mut self, purpose: Purpose) {
@@ -357,6 +406,7 @@ impl App {
                     can_undo: self.history.can_undo(),
                     can_redo: self.history.can_redo(),
                     can_fit: info.volume,
+                    has_splats: info.splats.is_some_and(|count| count > 0) && !info.fitted,
                 };
                 panels::menu::show(ui, &menus, actions);
             });
@@ -417,7 +467,7 @@ impl App {
         if let Some(prompt) = &mut self.prompt {
             match prompt.show(context) {
                 Answer::Open => {}
-                Answer::Cancelled => self.prompt = None,
+                Answer::Cancelled => (self.prompt, self.saves_to_leave) = (None, false),
                 Answer::Do(action) => {
                     self.prompt = None;
                     actions.push(action);
@@ -433,10 +483,18 @@ impl App {
         if self.keys {
             panels::keys::show(context, &mut self.keys);
         }
-        if let Some(close) = self.leaving.then(|| panels::notice::leave(context)).flatten() {
+        let loss = self.loss(info);
+        self.leaving &= loss.any();
+        match self.leaving.then(|| panels::notice::leave(context, loss)).flatten() {
+            None => {}
             // The action ends the program, since the question was asked.
-            actions.extend(close.then_some(Action::Quit));
-            self.leaving = close;
+            Some(Leaving::Quit) => actions.push(Action::Quit),
+            Some(Leaving::Stay) => self.leaving = false,
+            Some(Leaving::Save) => {
+                self.leaving = false;
+                self.ask(Purpose::Save);
+                self.saves_to_leave = true;
+            }
         }
         if self.message.as_ref().is_some_and(|m| panels::notice::message(context, m)) {
             self.message = None;

@@ -4,10 +4,12 @@
 //! |---|---|
 //! | `app` | [`App`]: the state with its panels; what actions do, and what has to be rendered anew |
 //! | `picture` | the picture between the panels: what the mouse does in it, and what is painted over it |
+//! | `deleting` | splats are deleted by the crop box |
 //! | `drag` | what the mouse drags |
 //! | `held_keys` | which keys are down |
 
 mod app;
+mod deleting;
 mod drag;
 mod held_keys;
 mod picture;

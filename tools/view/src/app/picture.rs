@@ -37,8 +37,10 @@ impl App {
         }
         if info.bounds.is_none() {
             self.reading = None;
-            if info.progress.is_none() {
-                panels::welcome::show(ui, rect, &self.settings.recent, actions);
+            match (info.progress, info.deleted) {
+                (Some(_), _) => {}
+                (None, 0) => panels::welcome::show(ui, rect, &self.settings.recent, actions),
+                (None, _) => panels::welcome::all_deleted(ui, rect, &mut self.state.deleted, info),
             }
             return;
         }

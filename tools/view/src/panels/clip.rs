@@ -1,4 +1,5 @@
-//! Panel of the clip planes and the crop box, in numbers; their handles are in the picture.
+//! Panel of the clip planes and the crop box, in numbers; their handles are in the picture. What the box
+//! encloses, or leaves, can be deleted.
 
 use egui::{DragValue, Ui};
 use glam::DVec3;
@@ -31,7 +32,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &
     });
     if let Some(crop) = &mut state.clip.crop {
         ui.separator();
-        crop_rows(ui, crop, info);
+        crop_rows(ui, crop, info, actions);
     }
     ui.checkbox(&mut state.show.handles, "Handles in the picture")
         .on_hover_text("drag planes and faces with the mouse");
@@ -86,7 +87,7 @@ fn plane_rows(ui: &mut Ui, index: usize, plane: &mut Plane, gone: &mut Option<us
     });
 }
 
-fn crop_rows(ui: &mut Ui, crop: &mut CropBox, info: &PanelInfo<'_>) {
+fn crop_rows(ui: &mut Ui, crop: &mut CropBox, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         ui.checkbox(&mut crop.on, "Crop box").on_hover_text("whether it cuts");
         if ui.button("Reset").on_hover_text("the box around the scene").clicked()
@@ -104,4 +105,11 @@ fn crop_rows(ui: &mut Ui, crop: &mut CropBox, info: &PanelInfo<'_>) {
             ui.label("mm");
         });
     }
+    let can_delete = crop.on && !info.fitted && info.splats.is_some_and(|count| count > 0);
+    ui.add_enabled_ui(can_delete, |ui| {
+        ui.horizontal(|ui| {
+            ask(ui, "Delete inside", Action::DeleteInside, actions);
+            ask(ui, "Delete outside", Action::DeleteOutside, actions);
+        });
+    });
 }

@@ -13,7 +13,7 @@ const MOUSE: [(&str, &str); 8] = [
     ("Double click", "turn about this point from now on"),
     ("In the editor: drag", "move a point; with Shift finer"),
     ("Double click, Insert", "add a point"),
-    ("Delete", "remove the point"),
+    ("In the editor: Delete", "remove the point"),
 ];
 
 /// Shows the list in a window that can be closed.

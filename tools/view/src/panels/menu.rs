@@ -18,6 +18,8 @@ pub struct Menus<'a> {
     pub can_redo: bool,
     /// True if there is a volume to fit.
     pub can_fit: bool,
+    /// True if there are splats of files, which can be deleted and written.
+    pub has_splats: bool,
 }
 
 /// Shows the menus.
@@ -36,7 +38,9 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
                 });
             });
             ui.separator();
-            for action in [Action::AskSave, Action::AskScreenshot, Action::AskRecord] {
+            item(ui, true, Action::AskSave, actions);
+            item(ui, menus.has_splats, Action::AskSaveSplats, actions);
+            for action in [Action::AskScreenshot, Action::AskRecord] {
                 item(ui, true, action, actions);
             }
             ui.separator();
@@ -52,6 +56,9 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
             ui.separator();
             for action in [Action::Measure, Action::Clip, Action::Crop] {
                 item(ui, true, action, actions);
+            }
+            for action in [Action::DeleteInside, Action::DeleteOutside] {
+                item(ui, menus.has_splats, action, actions);
             }
             ui.separator();
             item(ui, menus.can_fit, Action::ToggleFit, actions);

@@ -20,21 +20,62 @@ pub fn show(context: &Context) -> bool {
     modal.inner
 }
 
-/// Asks whether to end although a fit would be lost. Returns the answer once there is one.
-pub fn leave(context: &Context) -> Option<bool> {
+/// What would be lost if the program ended now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Loss {
+    /// True if there are splats of a fit that no file has.
+    pub fit: bool,
+    /// True if the session has changed since it was opened or saved.
+    pub session: bool,
+}
+
+impl Loss {
+    /// Returns true if something would be lost.
+    pub fn any(self) -> bool {
+        self.fit || self.session
+    }
+}
+
+/// Answer of a user who is asked whether to end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leaving {
+    /// The session is saved first.
+    Save,
+    /// The program ends, whatever is lost.
+    Quit,
+    /// The program does not end.
+    Stay,
+}
+
+/// Asks whether to end although something would be lost. Returns the answer once there is one.
+pub fn leave(context: &Context, loss: Loss) -> Option<Leaving> {
     let modal = Modal::new(Id::new("leave")).show(context, |ui| {
         ui.set_max_width(380.0);
-        ui.heading("The fit is in no file");
-        ui.label("Its splats are lost if the window is closed now.");
+        ui.heading(if loss.fit { "The fit is in no file" } else { "The session has changed" });
+        if loss.fit {
+            ui.label("Its splats are lost if the window is closed now.");
+        }
+        if loss.session {
+            ui.label("No session file has what was set, deleted or measured since it was last saved.");
+        }
         ui.add_space(6.0);
         ui.horizontal(|ui| {
-            let close = ui.button("Close").on_hover_text("stops the fit and ends the program").clicked();
-            let stay = ui.button("Stay").on_hover_text("the fit goes on").clicked();
-            if close || stay { Some(close) } else { None }
+            let mut answer = None;
+            let mut button = |text: &str, help: &str, what| {
+                if ui.button(text).on_hover_text(help).clicked() {
+                    answer = Some(what);
+                }
+            };
+            if loss.session {
+                button("Save session", "asks for its file, and then ends the program", Leaving::Save);
+            }
+            button("Quit without saving", "ends the program, and a fit that runs", Leaving::Quit);
+            button("Cancel", "everything goes on", Leaving::Stay);
+            answer
         })
         .inner
     });
-    if modal.inner.is_none() && modal.should_close() { Some(false) } else { modal.inner }
+    if modal.inner.is_none() && modal.should_close() { Some(Leaving::Stay) } else { modal.inner }
 }
 
 /// Message to the user.

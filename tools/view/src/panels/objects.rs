@@ -1,11 +1,12 @@
-//! Panel of the objects (fits and labels), each with its visibility, colour and opacity.
+//! Panel of the objects (fits and labels), each with its visibility, colour and opacity; they can be deleted.
 
-use egui::{Button, Slider, Ui};
+use egui::{Button, RichText, Slider, Ui};
 use engine::splat::usual_colour;
 use engine::transfer::PRESETS;
 use glam::{DVec3, Vec3};
 
 use super::widgets::colour_button;
+use crate::deletions::{Deletion, Target};
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
 use crate::theme::SIGNAL;
@@ -65,8 +66,12 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                 ui.spacing_mut().slider_width = 56.0;
                 ui.add(percent.suffix(" %").fixed_decimals(0)).on_hover_text("factor of the opacity per mm");
                 own_function(ui, &mut object.transfer, info);
+                let target = Target { file: object.file, label: object.label };
+                let is_deleted = delete(ui, &mut state.deleted, target);
                 let count = info.object_splats.get(i).copied();
-                let name = ui.add(egui::Label::new(&object.name).truncate());
+                let name = RichText::new(&object.name);
+                let name = if is_deleted { name.weak().strikethrough() } else { name };
+                let name = ui.add(egui::Label::new(name).truncate());
                 if let Some(count) = count {
                     name.on_hover_text(format!("{}: {count} splats", object.name));
                 }
@@ -87,6 +92,39 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     if let Some(alone) = alone {
         state.objects.iter_mut().enumerate().for_each(|(i, o)| o.visible = i == alone);
     }
+    restore(ui, &mut state.deleted, info);
+}
+
+/// Shows the menu that deletes an object or restores it. Returns true if it is deleted.
+fn delete(ui: &mut Ui, deleted: &mut Vec<Deletion>, target: Target) -> bool {
+    let own = Deletion::Object(target);
+    let is_deleted = deleted.contains(&own);
+    let menu = ui.menu_button("…", |ui| {
+        if is_deleted {
+            if ui.button("Restore").on_hover_text("takes back that it was deleted").clicked() {
+                deleted.retain(|deletion| *deletion != own);
+            }
+        } else if ui.button("Delete").on_hover_text("its splats; their file stays as it is").clicked() {
+            deleted.push(own);
+        }
+    });
+    menu.response.on_hover_text("delete or restore its splats");
+    is_deleted
+}
+
+/// Shows how many splats are deleted, if any are, and restores all of them.
+pub(crate) fn restore(ui: &mut Ui, deleted: &mut Vec<Deletion>, info: &PanelInfo<'_>) {
+    if deleted.is_empty() {
+        return;
+    }
+    ui.horizontal(|ui| {
+        let all = info.splats.unwrap_or(0) + info.deleted;
+        ui.label(format!("{} of {all} splats are deleted", info.deleted))
+            .on_hover_text("their files stay as they are");
+        if ui.small_button("Restore all").on_hover_text("takes back everything that was deleted").clicked() {
+            deleted.clear();
+        }
+    });
 }
 
 /// Shows the choice between the transfer function of the scene and presets of the object's own.

@@ -5,8 +5,11 @@ use std::path::PathBuf;
 
 use egui::{Align2, Color32, Context, FontId, Id, LayerId, Order, Rect, Ui, UiBuilder, vec2};
 
+use super::objects;
 use super::widgets::ask;
 use crate::actions::Action;
+use crate::deletions::Deletion;
+use crate::panel_info::PanelInfo;
 
 /// Number of recent files that are offered.
 const MOST: usize = 8;
@@ -31,6 +34,17 @@ pub fn show(ui: &mut Ui, rect: Rect, recent: &[PathBuf], actions: &mut Vec<Actio
                     actions.push(Action::Open(vec![path.clone()]));
                 }
             }
+        });
+    });
+}
+
+/// Offers to restore splats, in the middle of `rect`, where none are left.
+pub fn all_deleted(ui: &mut Ui, rect: Rect, deleted: &mut Vec<Deletion>, info: &PanelInfo<'_>) {
+    let place = Rect::from_center_size(rect.center(), vec2(250.0, 80.0)).intersect(rect);
+    ui.scope_builder(UiBuilder::new().max_rect(place), |ui| {
+        ui.vertical_centered(|ui| {
+            ui.heading("No splats are left");
+            objects::restore(ui, deleted, info);
         });
     });
 }

@@ -11,6 +11,7 @@ use engine::transfer::TransferFunction;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::deletions::Deletion;
 use crate::orbit::Orbit;
 use crate::region::{Region, Threshold};
 use crate::transfer::Transfer;
@@ -70,6 +71,9 @@ pub struct ViewState {
     /// Distances that were measured.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub distances: Vec<Distance>,
+    /// Splats that are deleted, in the order in which they were.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub deleted: Vec<Deletion>,
 }
 
 /// Files of the data.
@@ -287,6 +291,7 @@ pub struct Edited {
     objects: Vec<Object>,
     clip: Clip,
     distances: Vec<Distance>,
+    deleted: Vec<Deletion>,
 }
 
 impl Edited {
@@ -387,6 +392,7 @@ impl ViewState {
             transfer: Transfer::new(transfer),
             objects: Vec::new(),
             distances: Vec::new(),
+            deleted: Vec::new(),
         }
     }
 
@@ -431,21 +437,29 @@ impl ViewState {
             objects: self.objects.clone(),
             clip: self.clip.clone(),
             distances: self.distances.clone(),
+            deleted: self.deleted.clone(),
         }
     }
 
     /// Returns true if undo would restore nothing from this to `edited`.
     pub fn is_edited_as(&self, edited: &Edited) -> bool {
-        let Edited { transfer, background, objects, clip, distances } = edited;
-        (&self.transfer, &self.background, &self.objects, &self.clip, &self.distances)
-            == (transfer, background, objects, clip, distances)
+        let Edited { transfer, background, objects, clip, distances, deleted } = edited;
+        (&self.transfer, &self.background, &self.objects, &self.clip, &self.distances, &self.deleted)
+            == (transfer, background, objects, clip, distances, deleted)
     }
 
     /// Restores what undo brings back.
     pub fn restore(&mut self, edited: Edited) {
-        let Edited { transfer, background, objects, clip, distances } = edited;
+        let Edited { transfer, background, objects, clip, distances, deleted } = edited;
         (self.transfer, self.background, self.objects) = (transfer, background, objects);
-        (self.clip, self.distances) = (clip, distances);
+        (self.clip, self.distances, self.deleted) = (clip, distances, deleted);
+    }
+
+    /// Drops rows and deletions of files that are not open, as after files that could not be read.
+    pub fn forget_missing_files(&mut self) {
+        let files = self.files.splats.len();
+        self.objects.retain(|object| object.file < files);
+        self.deleted.retain(|deletion| deletion.is_sound(files));
     }
 
     /// Reads a session file. Relative paths in it begin at its folder.
@@ -527,6 +541,10 @@ impl ViewState {
                 "[quality] target_frame_ms is not between 1 and 1000",
             ),
             (self.distances.iter().all(ends), "an end of [[distances]] is not finite"),
+            (
+                self.deleted.iter().all(|d| d.is_sound(self.files.splats.len())),
+                "a row of [[deleted]] has no such files, or a box without low_mm below high_mm, both finite",
+            ),
         ];
         match rows.iter().find(|(good, _)| !good) {
             None => Ok(()),

@@ -1,6 +1,7 @@
 use engine::transfer::PRESETS;
 
 use super::*;
+use crate::deletions::{Bounds, Target};
 
 fn full() -> ViewState {
     let mut state = ViewState::new(&PRESETS[0].over([-1000.0, 2000.0]));
@@ -33,6 +34,13 @@ fn full() -> ViewState {
         Object::new(1, None, "b"),
     ];
     state.distances = vec![Distance { from_mm: DVec3::ZERO, to_mm: DVec3::new(3.0, 4.0, 0.0) }];
+    let bounds = Bounds { low_mm: DVec3::splat(-8.5), high_mm: DVec3::splat(9.5), files: 2 };
+    state.deleted = vec![
+        Deletion::Outside(bounds),
+        Deletion::Object(Target { file: 0, label: Some(7) }),
+        Deletion::Inside(Bounds { files: 1, ..bounds }),
+        Deletion::Object(Target { file: 1, label: None }),
+    ];
     state
 }
 
@@ -88,6 +96,12 @@ fn what_is_wrong_is_named() {
         ("offset_mm = -7.5", "offset_mm = inf", "VGS-VIEW-003", "planes"),
         ("file = 1", "file = 2", "VGS-VIEW-003", "objects"),
         ("opacity = 0.4", "opacity = 1.4", "VGS-VIEW-003", "objects"),
+        ("files = 2", "files = 3", "VGS-VIEW-003", "deleted"),
+        ("files = 2", "files = 0", "VGS-VIEW-003", "deleted"),
+        ("low_mm = [-8.5, ", "low_mm = [nan, ", "VGS-VIEW-003", "deleted"),
+        ("low_mm = [-8.5, ", "low_mm = [80.5, ", "VGS-VIEW-003", "deleted"),
+        ("[deleted.outside]", "[deleted.beside]", "VGS-VIEW-002", "beside"),
+        ("files = 1", "faces = 1", "VGS-VIEW-002", "faces"),
     ] {
         assert!(text.contains(from), "{from}\n{text}");
         let error = ViewState::parse(&text.replace(from, to)).expect_err(to);
@@ -139,6 +153,16 @@ fn undo_brings_back_what_was_edited_and_not_the_camera() {
     state.restore(before.clone());
     assert_eq!((state.transfer.shift, state.objects[0].visible), (-40.0, true));
     assert_eq!(state.orbit.distance_mm, 77.0);
+    let deleted = std::mem::take(&mut state.deleted);
+    assert!(!state.is_edited_as(&before));
+    state.restore(before.clone());
+    assert_eq!(state.deleted, deleted);
+    // A file that could not be read is not left behind in what names it.
+    state.files.splats.pop();
+    state.forget_missing_files();
+    assert_eq!((state.deleted.len(), state.objects.len()), (2, 2), "{:?}", state.deleted);
+    assert!(ViewState::parse(&state.text().expect("UTF-8")).is_ok());
+    state.restore(before.clone());
     state.set_objects(vec![Object::new(0, None, "other")]);
     assert!(!before.has_objects_of(&state.edited()));
 }

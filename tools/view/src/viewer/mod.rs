@@ -3,10 +3,14 @@
 //! | file | what is there |
 //! |---|---|
 //! | `viewer` | [`Viewer`]: frames, what is loaded, and what the user asks for |
+//! | `files` | what is opened, and what is written beside the window |
+//! | `deleting` | splats that are deleted, beside the window |
 //! | `fit` | a fit beside the window: it is begun, its splats are shown as they come, kept or dropped |
 //! | `thumbnails` | pictures of the scene by each preset |
 //! | `shown_fit` | what of the fit waits to be shown |
 
+mod deleting;
+mod files;
 mod fit;
 mod shown_fit;
 mod thumbnails;

@@ -1,6 +1,5 @@
 //! The frames, what is loaded, and what the user asks for.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -16,7 +15,6 @@ use super::shown_fit::ShownFit;
 use crate::actions::Action;
 use crate::app::App;
 use crate::canvas::{self, Canvas, Overlay, render_setups};
-use crate::export::Export;
 use crate::fit_plan::Stage;
 use crate::loaded_data::LoadedData;
 use crate::loader::{Loaded, Loader};
@@ -24,7 +22,6 @@ use crate::open_files::OpenFiles;
 use crate::panel_info::{PanelInfo, Statistics};
 use crate::report::WindowReport;
 use crate::settings::Settings;
-use crate::sorting::{Sorted, needs_look, sort};
 use crate::state::{Files, SplatMode, Subject, ViewState};
 use crate::thumbnails::Thumbnails;
 use crate::transfer::Transfer;
@@ -106,11 +103,13 @@ pub struct Viewer {
     /// True while there is nothing better than a draft in slabs, because the field is still being decoded.
     waits: bool,
     /// True if the camera is to see everything once something is there.
-    fits: bool,
+    pub(super) fits: bool,
     /// Options of the device of a fit.
     pub(super) gpu: GpuOptions,
     /// The fit beside the window.
     pub(super) fit: Option<ShownFit>,
+    /// True while the splats that deletions leave are being found.
+    pub(super) deleting: bool,
 }
 
 impl Viewer {
@@ -150,6 +149,7 @@ impl Viewer {
             fits: !keeps_camera,
             gpu,
             fit: None,
+            deleting: false,
         }
     }
 
@@ -187,6 +187,14 @@ impl Viewer {
             if let Loaded::Written(path) = &loaded {
                 self.app.done(format!("Written: {}", path.display()));
             }
+            if let Loaded::Left(left) = loaded {
+                new.extend(self.take_left(left));
+                continue;
+            }
+            if let Loaded::Splats(_) = &loaded {
+                // What is deleted is not shown until the rest is there.
+                self.data.waits = !self.app.state.deleted.is_empty();
+            }
             if let Loaded::Splats(splats) = &loaded
                 && self.fit.is_none()
             {
@@ -195,7 +203,11 @@ impl Viewer {
                 self.data.fitted = None;
             }
             if let Loaded::Failed(Some(subject), _) = &loaded {
-                self.open_files.could_not_be_read(*subject, &mut self.app.state.files);
+                let open_files = &mut self.open_files;
+                self.app.change_unasked(|state| {
+                    open_files.could_not_be_read(*subject, &mut state.files);
+                    state.forget_missing_files();
+                });
                 if *subject == Subject::Splats && self.fit.is_none() && self.data.fitted.take().is_some() {
                     new.push(Subject::Splats);
                 }
@@ -224,9 +236,10 @@ impl Viewer {
         self.take_fit(canvas)
     }
 
-    /// Returns true if the window may be closed at once. Otherwise the user is asked, since a fit would be lost.
+    /// Returns true if the window may be closed at once. Otherwise the user is asked, since a fit or changes of
+    /// the session would be lost.
     pub fn may_close(&mut self) -> bool {
-        self.fit.is_none() || self.app.ask_to_leave()
+        self.fit.is_none() && !self.app.is_changed() || self.app.ask_to_leave()
     }
 
     /// Chooses the only mode that shows these splats, if there is one.
@@ -250,29 +263,21 @@ impl Viewer {
         }
     }
 
-    /// Notes that the files of a subject are open, and puts them among the recent ones.
-    fn remember_files(&mut self, subject: Subject) {
-        let opened = self.open_files.was_read(subject, &self.app.state.files);
-        opened.iter().for_each(|path| self.app.settings.opened(path));
-        if !opened.is_empty()
-            && let Err(error) = self.app.settings.write()
-        {
-            self.app.report(&error);
-        }
-    }
-
     pub(super) fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         self.range = self.data.range();
         self.prepared &= subject != Subject::Splats;
         self.decoding &= subject != Subject::Splats;
-        if let (Subject::Splats, Some(splats)) = (subject, &self.data.splats) {
+        if let (Subject::Splats, Some(splats)) = (subject, self.data.left_splats()) {
             let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
             let (rows, counts) = rows.unzip();
-            self.app.state.set_objects(rows);
+            self.app.change_unasked(|state| state.set_objects(rows));
             self.object_splats = counts;
-        } else if !self.data.has(Subject::Splats) && self.data.has(Subject::Volume) {
+        } else if self.data.splats.is_none() && self.data.fitted.is_none() && self.data.has(Subject::Volume) {
             self.app.state.shown = Subject::Volume;
             self.choose_function();
+        }
+        if subject == Subject::Splats && self.data.waits && self.data.fitted.is_none() {
+            return Ok(());
         }
         let start = Instant::now();
         match self.data.scene(canvas.gpu(), subject, &self.app.state) {
@@ -329,9 +334,10 @@ impl Viewer {
             unit: data.unit(),
             oriented: data.oriented(),
             splats: data.shown_splats().map(|splats| splats.set.splats.len()),
+            deleted: data.deleted_count(),
             volume: data.has(Subject::Volume),
             object_splats,
-            object_intensities: data.splats.as_ref().map_or(&[], |splats| &splats.intensities),
+            object_intensities: data.left_splats().map_or(&[], |splats| &splats.intensities),
             splat_histogram: data.splat_histogram.as_ref().filter(|_| data.fitted.is_none()),
             volume_histogram: data.volume_histogram.as_ref(),
             fitted: data.fitted.is_some(),
@@ -354,6 +360,7 @@ impl Viewer {
         for action in actions {
             quit |= self.act(action, &mut active.canvas)?;
         }
+        self.follow_deletions(&active.canvas);
         let overlay = Overlay {
             primitives: context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point),
             pixels_per_point: output.pixels_per_point,
@@ -424,7 +431,9 @@ impl Viewer {
         let mode = if other { faster } else { chosen };
         let setups = render_setups(&self.app.state, pixels, mode, given_up, |subject| self.data.has(subject));
         if setups.is_empty() {
-            return Ok(false);
+            // Nothing will be refined.
+            self.moved = None;
+            return Ok(changes.look);
         }
         let ms = canvas.render(setups, self.app.camera())?;
         if waits && !std::mem::replace(&mut self.decoding, true) {
@@ -549,81 +558,10 @@ impl Viewer {
                     export.turntable(path, frames, force, progress)
                 });
             }
+            Action::SaveSplats { path, force } => self.save_splats(canvas, path, force),
             other => self.act_on_fit(other, canvas)?,
         }
         Ok(false)
-    }
-
-    /// Drops what is not open any more.
-    fn forget(&mut self, canvas: &mut Canvas, gone: Vec<Subject>) -> Result<()> {
-        for subject in gone {
-            self.data.forget(subject);
-            self.data_number += 1;
-            self.open_files.forget(subject);
-            self.set_scene(canvas, subject)?;
-        }
-        Ok(())
-    }
-
-    /// Begins to read the files of the state that are not open yet.
-    fn read_files(&mut self) {
-        let volume = self.data.volume.as_ref().map(|loaded| &loaded.volume);
-        self.loader.open(&self.app.state.files, self.open_files.read(), volume);
-    }
-
-    /// Writes a file beside the window.
-    fn export(
-        &mut self,
-        canvas: &Canvas,
-        path: PathBuf,
-        size: [u32; 2],
-        write: impl FnOnce(&Export, &Path, &mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
-    ) {
-        let export = Export::new(canvas.gpu(), &self.app.state, &self.data, size);
-        self.loader.write(path.clone(), move |progress| write(&export, &path, progress));
-    }
-
-    /// Begins to read files, or to look into them where names do not tell what they are. Returns the subjects of
-    /// which a session has no files.
-    pub(super) fn open(&mut self, paths: &[PathBuf]) -> Result<Vec<Subject>> {
-        let files = &self.app.state.files;
-        if needs_look(files, paths) {
-            let volume = self.data.volume.as_ref().map(|loaded| &loaded.volume);
-            self.loader.sort(files, paths.to_vec(), volume);
-            return Ok(Vec::new());
-        }
-        self.open_sorted(sort(files, paths)?, paths)
-    }
-
-    fn open_sorted(&mut self, sorted: Sorted, paths: &[PathBuf]) -> Result<Vec<Subject>> {
-        // What is still being read is read again, together with the new files.
-        let had = self.open_files.read();
-        let fresh = *had == Files::default();
-        if let Some(state) = sorted.state().transpose()? {
-            self.app.begin(state);
-            self.fits = false;
-            sorted.session.iter().for_each(|path| self.app.settings.opened(path));
-            if let Err(error) = self.app.settings.write() {
-                self.app.report(&error);
-            }
-        } else {
-            self.app.state.files = sorted.files;
-            self.fits |= fresh;
-            if !sorted.notes.is_empty() {
-                self.app.done(sorted.notes.join(" "));
-            }
-        }
-        self.open_files.ask(paths);
-        let files = &self.app.state.files;
-        let mut gone = Vec::new();
-        if files.splats.is_empty() {
-            gone.push(Subject::Splats);
-        }
-        if files.volume.is_none() {
-            gone.push(Subject::Volume);
-        }
-        self.read_files();
-        Ok(gone)
     }
 }
 

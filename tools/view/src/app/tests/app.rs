@@ -10,6 +10,8 @@ use crate::region::RegionSize;
 use crate::state::Object;
 use crate::transfer::Transfer;
 
+#[path = "deletions.rs"]
+mod deletions;
 #[path = "fit.rs"]
 mod fit;
 #[path = "slices.rs"]
@@ -29,6 +31,10 @@ struct Bench {
     fit: Option<FitStatus>,
     /// The region of the volume.
     region: Option<RegionSize>,
+    /// Number of splats that are deleted.
+    deleted: usize,
+    /// True if there is nothing to see.
+    nothing: bool,
     dropped: Vec<egui::DroppedFileHandle>,
     shapes: Vec<egui::epaint::ClippedShape>,
 }
@@ -48,6 +54,8 @@ impl Bench {
             intensities: Vec::new(),
             fit: None,
             region: None,
+            deleted: 0,
+            nothing: false,
             dropped: Vec::new(),
             shapes: Vec::new(),
         };
@@ -71,7 +79,7 @@ impl Bench {
         let distance = self.app.state.orbit.distance_mm;
         let depth = move |_: DVec2| Some(distance - 100.0);
         let info = PanelInfo {
-            bounds: Some([DVec3::splat(-100.0), DVec3::splat(100.0)]),
+            bounds: (!self.nothing).then_some([DVec3::splat(-100.0), DVec3::splat(100.0)]),
             range: [-1000.0, 2000.0],
             unit: " HU",
             splats: Some(1000),
@@ -83,6 +91,7 @@ impl Bench {
             sample: &|x| Some(x.y),
             fit: self.fit.as_ref(),
             region: self.region,
+            deleted: self.deleted,
             volume_bounds: Some([DVec3::splat(-150.0), DVec3::splat(150.0)]),
             sample_whole: &|x| Some((x.y, f64::from(u8::from(x.x > 0.0)))),
             ..PanelInfo::default()
@@ -145,10 +154,15 @@ impl Bench {
     }
 
     fn place_of(&self, text: &str) -> Option<Pos2> {
-        self.shapes.iter().find_map(|clipped| match &clipped.shape {
+        self.places_of(text).first().copied()
+    }
+
+    fn places_of(&self, text: &str) -> Vec<Pos2> {
+        let of = |clipped: &egui::epaint::ClippedShape| match &clipped.shape {
             Shape::Text(shape) if shape.galley.text() == text => Some(shape.visual_bounding_rect().center()),
             _ => None,
-        })
+        };
+        self.shapes.iter().filter_map(of).collect()
     }
 
     fn middle(&self) -> Pos2 {
@@ -284,6 +298,7 @@ fn keys_do_what_the_table_says() {
     bench.press(Key::PageUp, Modifiers::NONE);
     bench.press(Key::PageUp, Modifiers::NONE);
     assert_eq!(bench.app.state.transfer.name, PRESETS[PRESETS.len() - 1].name);
+    bench.press(Key::PageDown, Modifiers::NONE);
     assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), [Action::Quit]);
     bench.press(Key::Questionmark, Modifiers::NONE);
     bench.find("show all of the scene");

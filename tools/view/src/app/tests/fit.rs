@@ -174,7 +174,8 @@ fn a_fit_is_not_lost_unasked() {
         bench.fit = Some(status(stage));
         assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), []);
         bench.find("The fit is in no file");
-        assert_eq!(click(&mut bench, "Stay"), []);
+        assert!(bench.place_of("Save session").is_none(), "the session has not changed");
+        assert_eq!(click(&mut bench, "Cancel"), []);
         assert!(bench.place_of("The fit is in no file").is_none());
     }
     assert!(
@@ -182,5 +183,5 @@ fn a_fit_is_not_lost_unasked() {
         "the window's own button closes at the second time"
     );
     bench.rest();
-    assert_eq!(click(&mut bench, "Close"), [Action::Quit]);
+    assert_eq!(click(&mut bench, "Quit without saving"), [Action::Quit]);
 }

@@ -1,0 +1,115 @@
+//! Files that are opened, and those that are written beside the window.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use engine::Result;
+
+use super::viewer::Viewer;
+use crate::canvas::Canvas;
+use crate::export::Export;
+use crate::sorting::{Sorted, needs_look, sort};
+use crate::state::{Files, Subject};
+
+impl Viewer {
+    /// Notes that the files of a subject are open, and puts them among the recent ones.
+    pub(super) fn remember_files(&mut self, subject: Subject) {
+        let opened = self.open_files.was_read(subject, &self.app.state.files);
+        opened.iter().for_each(|path| self.app.settings.opened(path));
+        if !opened.is_empty()
+            && let Err(error) = self.app.settings.write()
+        {
+            self.app.report(&error);
+        }
+    }
+
+    /// Drops what is not open any more.
+    pub(super) fn forget(&mut self, canvas: &mut Canvas, gone: Vec<Subject>) -> Result<()> {
+        for subject in gone {
+            self.data.forget(subject);
+            self.data_number += 1;
+            self.open_files.forget(subject);
+            self.set_scene(canvas, subject)?;
+        }
+        Ok(())
+    }
+
+    /// Begins to read the files of the state that are not open yet.
+    pub(super) fn read_files(&mut self) {
+        let volume = self.data.volume.as_ref().map(|loaded| &loaded.volume);
+        self.loader.open(&self.app.state.files, self.open_files.read(), volume);
+    }
+
+    /// Writes a file beside the window.
+    pub(super) fn export(
+        &mut self,
+        canvas: &Canvas,
+        path: PathBuf,
+        size: [u32; 2],
+        write: impl FnOnce(&Export, &Path, &mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
+    ) {
+        let export = Export::new(canvas.gpu(), &self.app.state, &self.data, size);
+        // Nobody waits for a long turntable at the end.
+        drop(self.loader.write(path.clone(), move |progress| write(&export, &path, progress)));
+    }
+
+    /// Begins to read files, or to look into them where names do not tell what they are. Returns the subjects of
+    /// which a session has no files.
+    pub(super) fn open(&mut self, paths: &[PathBuf]) -> Result<Vec<Subject>> {
+        let files = &self.app.state.files;
+        if needs_look(files, paths) {
+            let volume = self.data.volume.as_ref().map(|loaded| &loaded.volume);
+            self.loader.sort(files, paths.to_vec(), volume);
+            return Ok(Vec::new());
+        }
+        self.open_sorted(sort(files, paths)?, paths)
+    }
+
+    pub(super) fn open_sorted(&mut self, sorted: Sorted, paths: &[PathBuf]) -> Result<Vec<Subject>> {
+        // What is still being read is read again, together with the new files.
+        let had = self.open_files.read();
+        let fresh = *had == Files::default();
+        if let Some(state) = sorted.state().transpose()? {
+            self.app.begin(state);
+            self.fits = false;
+            sorted.session.iter().for_each(|path| self.app.settings.opened(path));
+            if let Err(error) = self.app.settings.write() {
+                self.app.report(&error);
+            }
+        } else {
+            self.app.state.files = sorted.files;
+            self.fits |= fresh;
+            if !sorted.notes.is_empty() {
+                self.app.done(sorted.notes.join(" "));
+            }
+        }
+        self.open_files.ask(paths);
+        let files = &self.app.state.files;
+        let mut gone = Vec::new();
+        if files.splats.is_empty() {
+            gone.push(Subject::Splats);
+        }
+        if files.volume.is_none() {
+            gone.push(Subject::Volume);
+        }
+        self.read_files();
+        Ok(gone)
+    }
+
+    /// Begins to write the splats that are left.
+    pub(super) fn save_splats(&mut self, canvas: &Canvas, path: PathBuf, force: bool) {
+        let state = &self.app.state;
+        let (Some(whole), deleted) = (self.data.splats.clone(), state.deleted.clone()) else { return };
+        let transfer = match state.transfer.function() {
+            Ok(transfer) => transfer,
+            Err(error) => return self.app.report(&error),
+        };
+        // What was deleted last may still be being found.
+        let left = self.data.left_splats().filter(|_| *self.data.deleted() == deleted[..]).cloned();
+        let gpu = canvas.gpu().clone();
+        self.loader.write_to_the_end(path.clone(), move |_| {
+            let left = left.map_or_else(|| whole.without(&gpu, &deleted).map(Arc::new), Ok)?;
+            left.write(&gpu, &transfer, &path, force)
+        });
+    }
+}
