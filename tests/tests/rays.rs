@@ -113,7 +113,7 @@ fn around(scene: &Scene, name: &str, part: f64) -> Camera {
 fn check_variants(gpu: &Gpu, name: &str, scenes: &[(&str, Scene)]) {
     let coarse = Quality { resolution: 0.61, ..Quality::FULL };
     // Longer than a voxel, so that a step may come from a brick that another ray leaps over.
-    let coarser = Quality { resolution: 0.8, coarseness: 3.0 };
+    let coarser = Quality { resolution: 0.8, coarseness: 3.0, occlusion: true };
     for (k, (label, scene)) in scenes.iter().enumerate() {
         let eyes = around(scene, "anterior-left", 0.4).eyes(30.0);
         // A corner beyond the lens.
