@@ -46,9 +46,13 @@ const float FAINT = 1.0 / 4096.0;   // a cell that adds less than this finds no 
 const float STRONG = 1.0 / 64.0;    // one that adds more than this always does, others do if their index is even
 // Balls of the ambient occlusion: their radii in voxels, and where along each axis the corners of a tetrahedron lie
 // whose mean is that of a ball of radius 1 for functions up to the second degree: sqrt(1/5).
-const float SMALL_BALL = 2.5;
-const float LARGE_BALL = 7.0;
+const float SMALL_BALL = 4.0;
+const float LARGE_BALL = 12.0;
 const float BALL_CORNER = 0.4472136;
+// Mean opacities of the balls up to which nothing is occluded, so that light which comes from a little below a plain
+// surface stays, and from which on all is: that of the inner edge of a box.
+const float OPEN = 0.125;
+const float CLOSED = 0.5;
 
 // V and O at a place, and the tint there.
 vec2 field_at(vec3 at, out vec4 tint) {
@@ -113,10 +117,10 @@ float blocked_at(vec3 at, vec3 in_scene, float path) {
 }
 
 // How much around a place of a surface is opaque, 0 to 1: volumetric ambient occlusion (Szirmay-Kalos et al. 2010).
-// Of two balls that touch the surface from outside, where O (V - dark) falls to, it is the mean opacity, at the
-// corners of a tetrahedron in each, over the ball's radius. A plain or bulging surface leaves both balls empty. The
-// radii are in the shortest edge of a voxel, and none is less than that of the small ball in the edges of its own
-// axis: what is nearer is within the surface's own blur.
+// It follows from the mean opacity over the radius, at the corners of a tetrahedron in each, of two balls that touch
+// the surface from outside, where O (V - dark) falls to. A plain or bulging surface leaves both empty. The radii are in
+// shortest edges of a voxel, but along no axis less than that of the small ball in voxels: what is nearer is within the
+// surface's own blur.
 float occlusion_at(vec3 at, vec3 in_scene, vec3 gradient, mat3 scene_from_voxel) {
     vec3 per_mm = vec3(
         length(p.voxel_from_scene[0].xyz), length(p.voxel_from_scene[1].xyz), length(p.voxel_from_scene[2].xyz));
@@ -138,7 +142,7 @@ float occlusion_at(vec3 at, vec3 in_scene, vec3 gradient, mat3 scene_from_voxel)
             sum += blocked_at(at + away, in_scene + scene_from_voxel * away, radius / most);
         }
     }
-    return 0.125 * sum;
+    return clamp((0.125 * sum - OPEN) / (CLOSED - OPEN), 0.0, 1.0);
 }
 
 vec3 to_voxel(vec4 x) {

@@ -8,7 +8,7 @@ use engine::reference::eye::Eye;
 use engine::reference::raymarch as reference;
 use engine::reference::slab::Look as ReferenceLook;
 use engine::render::{
-    Camera, Classification, ClipPlane, Fov, Look, Renderer, Scene, Settings, VolumeSource, mode,
+    Camera, Classification, ClipPlane, Fov, Look, Quality, Renderer, Scene, Settings, VolumeSource, mode,
 };
 use engine::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction, preset};
 use engine::volume::{Roi, Volume};
@@ -129,6 +129,36 @@ fn pictures_are_those_of_the_reference() {
             }
         });
     }
+}
+
+/// Ambient occlusion takes light away, the more the stronger it is, and no opacity; at strength 0, in lower qualities
+/// and where nothing is lit, pictures have the bits that they have without it.
+#[test]
+fn occlusion_takes_light_away_and_nothing_else() {
+    let gpu = Device::boot();
+    let volume = volume();
+    let picture = |occlusion: f64, shade: bool, quality: &Quality| {
+        let mut look = look("CT-Bone", shade);
+        look.transfer.material.occlusion = occlusion;
+        let scene = scene(&gpu, &volume, None, &look);
+        let mut renderer =
+            Renderer::new(&gpu, mode("volume").expect("the mode"), &scene, &settings()).expect("a renderer");
+        renderer.render_at(&scene, &[camera(&scene)], quality).expect("a frame");
+        renderer.target.read_colour(0).expect("a picture")
+    };
+    let lower = Quality { occlusion: false, ..Quality::FULL };
+    let pictures = [0.0, 0.3, 0.6, 1.0].map(|strength| picture(strength, true, &Quality::FULL));
+    let mut darker = 0;
+    for pair in pictures.windows(2) {
+        for (before, after) in pair[0].iter().zip(&pair[1]) {
+            assert_eq!(before[3], after[3], "the opacity");
+            assert!((0..3).all(|k| after[k] <= before[k] + 1e-6), "{before:?} {after:?}");
+            darker += usize::from(after[0] < before[0] - 0.01);
+        }
+    }
+    assert!(darker > 100, "{darker}");
+    assert!(picture(1.0, true, &lower) == pictures[0], "a lower quality");
+    assert!(picture(1.0, false, &Quality::FULL) == picture(0.0, false, &Quality::FULL), "nothing is lit");
 }
 
 /// What is the same everywhere absorbs by its thickness alone, at any step, with clip planes or without.

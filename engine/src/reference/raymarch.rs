@@ -9,7 +9,7 @@
 
 use glam::{DAffine3, DVec3, DVec4};
 use rayon::prelude::*;
-use shaders_glsl::march::{LARGE_BALL, SMALL_BALL};
+use shaders_glsl::march::{CLOSED, LARGE_BALL, OPEN, SMALL_BALL};
 
 use super::eye::{Appearance, Eye, Gathered, lit, opacity, tinted};
 use super::slab::{Look, NEAREST};
@@ -218,8 +218,8 @@ impl Medium {
     }
 
     /// Returns how much around a point of a surface is opaque, 0 to 1; point and gradient are those of voxel space.
-    /// It is the mean opacity in two balls that touch the surface from outside, over their radii, at the corners of
-    /// a tetrahedron in each (Szirmay-Kalos et al., "Volumetric ambient occlusion for real-time rendering and
+    /// It follows from the mean opacity over the radius, at the corners of a tetrahedron in each, of two balls that
+    /// touch the surface from outside (Szirmay-Kalos et al., "Volumetric ambient occlusion for real-time rendering and
     /// games", 2010).
     pub fn occlusion(&self, voxel: DVec3, gradient: DVec3, look: &Look<'_>) -> f64 {
         let rows = self.voxel_from_scene.matrix3.transpose();
@@ -237,7 +237,8 @@ impl Medium {
                 sum += self.blocked(voxel + radii * (corner - inward), radius * edge, look);
             }
         }
-        sum / 8.0
+        let [open, closed] = [OPEN, CLOSED].map(f64::from);
+        ((sum / 8.0 - open) / (closed - open)).clamp(0.0, 1.0)
     }
 
     /// Returns the parameters between which a ray in voxel space is inside the grid with its border of one
@@ -405,7 +406,14 @@ mod tests {
 
     #[test]
     fn surfaces_are_lit() {
-        let material = Material { shade: true, ambient: 0.25, diffuse: 0.75, specular: 0.1, power: 30.0, ..Material::default() };
+        let material = Material {
+            shade: true,
+            ambient: 0.25,
+            diffuse: 0.75,
+            specular: 0.1,
+            power: 30.0,
+            ..Material::default()
+        };
         let tf = flat(7.0, material);
         let table = Table::new(&tf, [0.0, 200.0]);
         let image = render(&slab(), &eye(), [5, 5], &look(&table, &material), 0.1);
@@ -433,6 +441,51 @@ mod tests {
             }
             assert!(skipped > 32_000, "most of the grid is skipped: {skipped}");
         }
+    }
+
+    /// Creates bone where `is_bone` returns true for a voxel, in air, with voxels of 1 × 1 × 2 mm.
+    fn carved(is_bone: impl Fn([i64; 3]) -> bool) -> Medium {
+        let size = [40, 40, 40];
+        let place = |i: usize| [i % 40, i / 40 % 40, i / 1600].map(|v| v as i64);
+        let values: Vec<f32> =
+            (0..64_000).map(|i| if is_bone(place(i)) { 1000.0 } else { -1000.0 }).collect();
+        Medium::new(size, DAffine3::from_scale(DVec3::new(1.0, 1.0, 2.0)), &values, None)
+    }
+
+    /// Returns the occlusion at a point of voxel space, with clip planes.
+    fn occlusion(medium: &Medium, at: [f64; 3], planes: &[[f64; 4]]) -> f64 {
+        let tf = crate::transfer::preset("CT-Bones-Steep").expect("a preset").over([-1000.0, 1000.0]);
+        let table = Table::new(&tf, [-1000.0, 1000.0]);
+        let look = Look { planes, ..look(&table, &tf.material) };
+        let at = DVec3::from_array(at);
+        medium.occlusion(at, medium.gradient(at, look.dark), &look)
+    }
+
+    #[test]
+    fn crevices_are_occluded_and_plain_and_bulging_surfaces_are_not() {
+        let plain = carved(|[_, _, z]| z < 20);
+        let plain_along_x = carved(|[x, _, _]| x < 20);
+        let ball = carved(|p| p.map(|v| (v - 20).pow(2)).iter().sum::<i64>() < 100);
+        for (name, medium, at) in [
+            ("plain", &plain, [20.0, 20.0, 19.6]),
+            ("plain, across thin slices", &plain_along_x, [19.6, 20.0, 20.0]),
+            ("ball", &ball, [20.0, 20.0, 29.4]),
+            ("ball, aside", &ball, [26.8, 26.8, 20.0]),
+        ] {
+            let found = occlusion(medium, at, &[]);
+            assert!(found < 0.03, "{name}: {found}");
+        }
+        // Three voxels wide and twelve deep.
+        let pit = carved(|[x, y, z]| z < 20 && !(z >= 8 && (x - 20).abs() < 2 && (y - 20).abs() < 2));
+        let bottom = [20.0, 20.0, 7.6];
+        let deep = occlusion(&pit, bottom, &[]);
+        assert!(deep > 0.6, "{deep}");
+        // Corners lie between; a plane that cuts everything around away leaves nothing to occlude.
+        let corner = carved(|[x, _, z]| z < 20 || x < 20);
+        let half = occlusion(&corner, [20.3, 20.0, 19.6], &[]);
+        assert!(half > 0.05 && half < deep, "{half} {deep}");
+        let cut = occlusion(&pit, bottom, &[[0.0, 0.0, -1.0, 2.0 * 7.7]]);
+        assert!(cut < 0.03, "{cut}");
     }
 
     #[test]

@@ -208,8 +208,9 @@ impl TransferFunction {
         }
         if !(0.0..=1.0).contains(&material.occlusion) {
             let message = format!("the ambient occlusion of the material is {}", material.occlusion);
-            return Err(Error::new(Kind::BadData, "VGS-TF-003", message)
-                .help("it is a share of the light: 0 is none, 1 leaves no light where all around is opaque"));
+            return Err(Error::new(Kind::BadData, "VGS-TF-003", message).help(
+                "it is a share of the light: 0 is none, 1 leaves no light where all around is opaque",
+            ));
         }
         Ok(TransferFunction {
             name: name.into(),

@@ -64,7 +64,8 @@ fn near(a: DVec3, b: [f64; 3]) -> bool {
 fn slicer_presets() {
     let first = one(XML, None).unwrap();
     assert_eq!(first.name, "Vessels & bone");
-    let material = Material { shade: true, ambient: 0.15, diffuse: 0.8, specular: 0.3, power: 12.0, occlusion: 0.0 };
+    let material =
+        Material { shade: true, ambient: 0.15, diffuse: 0.8, specular: 0.3, power: 12.0, occlusion: 0.0 };
     assert_eq!(first.material, material);
     assert!(near(first.at(3071.0).0, [1.0, 0.5, 0.25]) && first.at(150.0).1 == 0.25);
     assert!(!first.depends_on_gradient() && first.gradient_opacities().len() == 2);
@@ -87,7 +88,10 @@ fn slicer_presets() {
 #[test]
 fn slicer_volume_property() {
     let tf = one(VP, None).unwrap();
-    assert_eq!(tf.material, Material { shade: true, ambient: 0.1, diffuse: 0.9, specular: 0.2, power: 10.0, occlusion: 0.0 });
+    assert_eq!(
+        tf.material,
+        Material { shade: true, ambient: 0.1, diffuse: 0.9, specular: 0.2, power: 10.0, occlusion: 0.0 }
+    );
     assert_eq!((tf.at(641.5).1, tf.at(312.5).1), (0.75, 0.375));
     assert!(near(tf.at(9999.0).0, [1.0, 0.5, 0.25]));
     // With the explanations of Slicer's manual, lines from Windows, and nothing where Slicer has a default.
@@ -101,7 +105,10 @@ fn slicer_volume_property() {
 #[test]
 fn slicer_volume_property_json() {
     let tf = one(VP_JSON, None).unwrap();
-    assert_eq!(tf.material, Material { shade: true, ambient: 0.2, diffuse: 1.0, specular: 0.0, power: 1.0, occlusion: 0.0 });
+    assert_eq!(
+        tf.material,
+        Material { shade: true, ambient: 0.2, diffuse: 1.0, specular: 0.0, power: 1.0, occlusion: 0.0 }
+    );
     assert!(near(tf.at(110.0).0, [0.5, 0.25, 0.125]));
     assert!((tf.at(20.0).1 - 0.095).abs() < 1e-12 && tf.at(40.0).1 == 0.36 && tf.at(39.999).1 < 0.191);
     // The same opacities per 2 mm: 1 − √(1 − α), between control points too.

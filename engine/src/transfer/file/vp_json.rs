@@ -222,7 +222,13 @@ pub fn write(tf: &TransferFunction) -> String {
     let gradient = (!tf.gradient_opacities().is_empty()).then(|| piecewise(tf.gradient_opacities()));
     let component = Component {
         shade,
-        lighting: Lighting { ambient, diffuse, specular, specular_power: power, ambient_occlusion: occlusion },
+        lighting: Lighting {
+            ambient,
+            diffuse,
+            specular,
+            specular_power: power,
+            ambient_occlusion: occlusion,
+        },
         disable_gradient_opacity: false,
         scalar_opacity_unit_distance: one(),
         rgb_transfer_function: Some(ColourFunction {

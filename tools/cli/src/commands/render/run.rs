@@ -91,7 +91,9 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         if !row.occlusion {
             tracing::warn!("mode {} shows no ambient occlusion; modes volume and decoded do", row.name);
         } else if !material.shade {
-            tracing::warn!("--occlusion takes light away, and this transfer function has none; add --shade on");
+            tracing::warn!(
+                "--occlusion takes light away, and this transfer function has none; add --shade on"
+            );
         }
     }
     // A frame as it is rendered, and as it is written: over a background, in bytes, with a depth.
