@@ -275,8 +275,7 @@ Gathered march(vec2 place, uint view, bool wanted) {
                         if (anew) light = 1.0 - look_rows[0].occlusion * occlusion;
                     }
                 }
-                base = look_lit(base, gradient, vec3(tangents, 1.0));
-                if (OCCLUDED == 1) base *= light;
+                base = look_lit(base, gradient, vec3(tangents, 1.0), light);
             }
             colour += share * base;
             depth += share * z;

@@ -320,7 +320,7 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
                     light = 1.0 - look.material.occlusion * medium.occlusion(at, slopes, look);
                 }
             }
-            base = light * lit(base, gradient, ray, look.material);
+            base = lit(base, gradient, ray, look.material, light);
         }
         gathered.add(base, opacity, z);
     }
@@ -417,7 +417,7 @@ mod tests {
         let tf = flat(7.0, material);
         let table = Table::new(&tf, [0.0, 200.0]);
         let image = render(&slab(), &eye(), [5, 5], &look(&table, &material), 0.1);
-        let facing = lit(DVec3::new(1.0, 0.5, 0.0), DVec3::NEG_Z, DVec3::Z, &material);
+        let facing = lit(DVec3::new(1.0, 0.5, 0.0), DVec3::NEG_Z, DVec3::Z, &material, 1.0);
         assert!((f64::from(image[12][0]) - facing.x).abs() < 0.02, "{:?} {facing}", image[12]);
         assert!(facing.x < 0.95, "light comes from the side: {facing}");
     }

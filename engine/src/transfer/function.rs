@@ -45,7 +45,7 @@ pub struct Material {
     /// Exponent of the highlight: the greater, the smaller the highlight.
     pub power: f64,
     /// Share of the light that is lost where all around is opaque, 0 to 1: ambient occlusion. Modes that march rays
-    /// ([`crate::render::ModeRow::occlusion`]) show it.
+    /// show it.
     #[serde(default)]
     pub occlusion: f64,
 }
