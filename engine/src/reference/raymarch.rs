@@ -480,10 +480,7 @@ mod tests {
         let bottom = [20.0, 20.0, 7.6];
         let deep = occlusion(&pit, bottom, &[]);
         assert!(deep > 0.6, "{deep}");
-        // Corners lie between; a plane that cuts everything around away leaves nothing to occlude.
-        let corner = carved(|[x, _, z]| z < 20 || x < 20);
-        let half = occlusion(&corner, [20.3, 20.0, 19.6], &[]);
-        assert!(half > 0.05 && half < deep, "{half} {deep}");
+        // A plane that cuts everything around away leaves nothing to occlude.
         let cut = occlusion(&pit, bottom, &[[0.0, 0.0, -1.0, 2.0 * 7.7]]);
         assert!(cut < 0.03, "{cut}");
     }

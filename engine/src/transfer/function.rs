@@ -208,7 +208,7 @@ impl TransferFunction {
         }
         if !(0.0..=1.0).contains(&material.occlusion) {
             let message = format!("the ambient occlusion of the material is {}", material.occlusion);
-            return Err(Error::new(Kind::BadData, "VGS-TF-003", message).help(
+            return Err(Error::new(Kind::BadData, "VGS-TF-012", message).help(
                 "it is a share of the light: 0 is none, 1 leaves no light where all around is opaque",
             ));
         }
@@ -419,12 +419,12 @@ mod tests {
             ),
             (
                 new("", ok(), opacity(&[(0.0, 0.0)]), Material { occlusion: 1.5, ..material }),
-                "VGS-TF-003",
+                "VGS-TF-012",
                 "ambient occlusion of the material is 1.5",
             ),
             (
                 new("", ok(), opacity(&[(0.0, 0.0)]), Material { occlusion: f64::NAN, ..material }),
-                "VGS-TF-003",
+                "VGS-TF-012",
                 "NaN",
             ),
         ] {

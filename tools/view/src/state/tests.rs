@@ -93,7 +93,7 @@ fn what_is_wrong_is_named() {
         ("fov_deg = 30.0", "fov_deg = 300.0", "VGS-VIEW-003", "fov_deg"),
         ("offset_mm = -7.5", "offset_mm = inf", "VGS-VIEW-003", "planes"),
         ("file = 1", "file = 2", "VGS-VIEW-003", "objects"),
-        ("occlusion = 0.35", "occlusion = 1.35", "VGS-TF-003", "occlusion"),
+        ("occlusion = 0.35", "occlusion = 1.35", "VGS-TF-012", "occlusion"),
         ("opacity = 0.4", "opacity = 1.4", "VGS-VIEW-003", "objects"),
     ] {
         assert!(text.contains(from), "{from}\n{text}");
