@@ -9,16 +9,18 @@
 layout(scalar, binding = 0) readonly buffer Views { View views[]; };
 
 // Blinn and Phong, one light above the viewer's left shoulder; both sides of a surface are lit alike.
-// `gradient` is that of O (V - dark), `ray` goes from the eye; both in eye space.
-vec3 look_lit(vec3 base, vec3 gradient, vec3 ray) {
+// `gradient` is that of O (V - dark), `ray` goes from the eye; both in eye space. `light` is the share of the light that
+// arrives: what ambient occlusion leaves of it.
+vec3 look_lit(vec3 base, vec3 gradient, vec3 ray, float light) {
     float steepness = dot(gradient, gradient);
     if (steepness <= 0.0) return base;
     vec3 normal = gradient * inversesqrt(steepness);
-    vec3 light = normalize(vec3(-0.4, 0.5, -1.0));
-    vec3 halfway = normalize(light - normalize(ray));
-    float diffuse = abs(dot(normal, light));
+    vec3 source = normalize(vec3(-0.4, 0.5, -1.0));
+    vec3 halfway = normalize(source - normalize(ray));
+    float diffuse = abs(dot(normal, source));
     float shine = pow(max(abs(dot(normal, halfway)), 1e-6), look_rows[0].power);
-    return min(base * (look_rows[0].ambient + look_rows[0].diffuse * diffuse) + look_rows[0].specular * shine, 1.0);
+    vec3 lit = base * (look_rows[0].ambient + look_rows[0].diffuse * diffuse) + look_rows[0].specular * shine;
+    return min(lit * light, 1.0);
 }
 
 // Depths between which a ray is inside all clip planes: eye + z * direction, z from range.x to range.y.

@@ -17,6 +17,7 @@ struct Look {
     float diffuse;
     float specular;
     float power;
+    float occlusion;
     uint plane_count;
     uint offset;
     vec4 planes[CLIP_PLANES];

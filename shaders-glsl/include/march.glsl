@@ -21,6 +21,7 @@ layout(constant_id = 2) const uint SEGMENTS = 0; // 1: the transfer function is 
 layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 4) const uint HIDDEN = 0;   // 1: what no eye sees stays transparent
 layout(constant_id = 5) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
+layout(constant_id = 8) const uint OCCLUDED = 0; // 1: less light where much around is opaque; with SHADED
 layout(push_constant, scalar) uniform RaymarchParams {
     BrickGrid grid;
     vec4 voxel_from_scene[3];
@@ -43,6 +44,15 @@ const uint NO_FUNCTION = ~0u;
 const float MOST = 8388608.0;       // cells from the eye on; beyond, floats do not count any more
 const float FAINT = 1.0 / 4096.0;   // a cell that adds less than this finds no light of its own,
 const float STRONG = 1.0 / 64.0;    // one that adds more than this always does, others do if their index is even
+// Balls of the ambient occlusion: their radii in voxels, and where along each axis the corners of a tetrahedron lie
+// whose mean is that of a ball of radius 1 for functions up to the second degree: sqrt(1/5).
+const float SMALL_BALL = 4.0;
+const float LARGE_BALL = 12.0;
+const float BALL_CORNER = 0.4472136;
+// Mean opacities of the balls up to which nothing is occluded, so that light which comes from a little below a plain
+// surface stays, and from which on all is: that of the inner edge of a box.
+const float OPEN = 0.125;
+const float CLOSED = 0.5;
 
 // V and O at a place, and the tint there.
 vec2 field_at(vec3 at, out vec4 tint) {
@@ -77,13 +87,62 @@ float excess(vec3 at) {
     return here.y * (here.x - look_rows[0].dark);
 }
 
-// Gradient of O (V - dark) in the scene, by central differences over a voxel on each side.
+// Twice the gradient of O (V - dark) in voxel space, by central differences over a voxel on each side.
 vec3 gradient_at(vec3 at) {
-    vec3 g = vec3(
+    return vec3(
         excess(at + vec3(1.0, 0.0, 0.0)) - excess(at - vec3(1.0, 0.0, 0.0)),
         excess(at + vec3(0.0, 1.0, 0.0)) - excess(at - vec3(0.0, 1.0, 0.0)),
         excess(at + vec3(0.0, 0.0, 1.0)) - excess(at - vec3(0.0, 0.0, 1.0)));
+}
+
+// A gradient in the scene, of twice that in voxel space.
+vec3 gradient_in_scene(vec3 g) {
     return 0.5 * (g.x * p.voxel_from_scene[0].xyz + g.y * p.voxel_from_scene[1].xyz + g.z * p.voxel_from_scene[2].xyz);
+}
+
+// The linear part of the affine from voxels to the scene.
+mat3 scene_from_voxel() {
+    return inverse(transpose(mat3(p.voxel_from_scene[0].xyz, p.voxel_from_scene[1].xyz, p.voxel_from_scene[2].xyz)));
+}
+
+// Opacity over `path` mm at a place, voxels and scene; nothing is there that is cut away.
+float blocked_at(vec3 at, vec3 in_scene, float path) {
+    uint function;
+    vec2 here = medium_near(p.grid, at, function);
+    for (uint i = 0; i < look_rows[0].plane_count; ++i) {
+        vec4 plane = look_rows[0].planes[i];
+        if (dot(plane.xyz, in_scene) + plane.w < 0.0) here.y = 0.0;
+    }
+    return look_opacity(look_point(function, p.first + p.span * here.x).a, here.y, path);
+}
+
+// How much around a place of a surface is opaque, 0 to 1: volumetric ambient occlusion (Szirmay-Kalos et al. 2010).
+// It follows from the mean opacity over the radius, at the corners of a tetrahedron in each, of two balls that touch
+// the surface from outside, where O (V - dark) falls to. A plain or bulging surface leaves both empty. The radii are in
+// shortest edges of a voxel, but along no axis less than that of the small ball in voxels: what is nearer is within the
+// surface's own blur.
+float occlusion_at(vec3 at, vec3 in_scene, vec3 gradient, mat3 scene_from_voxel) {
+    vec3 per_mm = vec3(
+        length(p.voxel_from_scene[0].xyz), length(p.voxel_from_scene[1].xyz), length(p.voxel_from_scene[2].xyz));
+    float most = max(per_mm.x, max(per_mm.y, per_mm.z));
+    float sum = 0.0;
+    for (uint ball = 0; ball < 2; ++ball) {
+        float radius = ball == 0 ? SMALL_BALL : LARGE_BALL;
+        vec3 radii = max(radius / most * per_mm, SMALL_BALL);
+        vec3 inward = radii * gradient;
+        float steepness = dot(inward, inward);
+        if (steepness <= 0.0) return 0.0;
+        inward *= inversesqrt(steepness);
+        // The second tetrahedron points the other way.
+        float corner = ball == 0 ? BALL_CORNER : -BALL_CORNER;
+        for (uint i = 0; i < 4; ++i) {
+            vec3 signs = i == 0 ? vec3(1.0) : i == 1 ? vec3(1.0, -1.0, -1.0)
+                : i == 2 ? vec3(-1.0, 1.0, -1.0) : vec3(-1.0, -1.0, 1.0);
+            vec3 away = radii * (corner * signs - inward);
+            sum += blocked_at(at + away, in_scene + scene_from_voxel * away, radius / most);
+        }
+    }
+    return clamp((0.125 * sum - OPEN) / (CLOSED - OPEN), 0.0, 1.0);
 }
 
 vec3 to_voxel(vec4 x) {
@@ -143,7 +202,10 @@ Gathered march(vec2 place, uint view, bool wanted) {
     vec3 colour = vec3(0.0);
     float clear = 1.0;
     float depth = 0.0;
-    vec3 gradient = vec3(0.0);     // in eye space, as last found
+    vec3 gradient = vec3(0.0);     // in eye space, as last found,
+    float light = 1.0;             // with what ambient occlusion leaves of the light
+    mat3 from_voxel = mat3(0.0);
+    if (OCCLUDED == 1) from_voxel = scene_from_voxel();
     vec2 before = vec2(0.0, -1.0); // V and O at the end of the cell before; O < 0: not known
     while (k <= last && subgroupAny(open)) {
         if (COUNTING == 1) work.x += 1;
@@ -205,10 +267,15 @@ Gathered march(vec2 place, uint view, bool wanted) {
                 bool anew = share > STRONG || share > FAINT && mod(k, 2.0) == 0.0;
                 if (subgroupAny(anew)) {
                     if (COUNTING == 1) work.z += 1;
-                    vec3 found = turned(v, gradient_at(at));
+                    vec3 slopes = gradient_at(at);
+                    vec3 found = turned(v, gradient_in_scene(slopes));
                     if (anew) gradient = found;
+                    if (OCCLUDED == 1) {
+                        float occlusion = occlusion_at(at, v.eye + z * toward, slopes, from_voxel);
+                        if (anew) light = 1.0 - look_rows[0].occlusion * occlusion;
+                    }
                 }
-                base = look_lit(base, gradient, vec3(tangents, 1.0));
+                base = look_lit(base, gradient, vec3(tangents, 1.0), light);
             }
             colour += share * base;
             depth += share * z;

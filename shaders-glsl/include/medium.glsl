@@ -46,14 +46,19 @@ struct Voxel {
     float shown; // what its object's opacity leaves of that
 };
 
+// The object that a texel of the atlas belongs to.
+Appearance object_of(ivec3 texel) {
+    uint label = uint(texelFetch(labels, min(texel, textureSize(labels, 0) - 1), 0).x * 255.0 + 0.5);
+    return appearances[label];
+}
+
 // The voxel at a corner, 0 to 7, of the cell from `low` on; `part` is how far the place is in the cell.
 Voxel voxel_at(ivec3 low, vec3 part, uint corner) {
     ivec3 far = ivec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);
     vec3 shares = mix(1.0 - part, part, equal(far, ivec3(1)));
     ivec3 texel = min(low + far, textureSize(medium, 0) - 1);
     float o = shares.x * shares.y * shares.z * texelFetch(medium, texel, 0).y;
-    uint label = uint(texelFetch(labels, min(texel, textureSize(labels, 0) - 1), 0).x * 255.0 + 0.5);
-    Appearance object = appearances[label];
+    Appearance object = object_of(texel);
     return Voxel(object, o, object.visible == 0u ? 0.0 : o * object.opacity);
 }
 
@@ -89,6 +94,20 @@ vec2 medium_at(BrickGrid g, vec3 at, out vec4 tint) {
         tint = whole > 0.0 ? tint / whole : vec4(0.0);
     }
     return found;
+}
+
+// V and O at a place as in medium_at, and the transfer function there; cheaper, since of objects only that of the
+// nearest voxel counts.
+vec2 medium_near(BrickGrid g, vec3 at, out uint function) {
+    function = 0u;
+    vec4 tint;
+    if (OBJECTS == 0) return medium_at(g, at, tint);
+    vec3 place = atlas_place(g, at);
+    vec3 inverse_size = 1.0 / vec3(textureSize(medium, 0));
+    vec2 found = textureLod(medium, (place + 0.5) * inverse_size, 0.0).xy;
+    Appearance object = object_of(ivec3(place + 0.5));
+    function = object.function;
+    return vec2(found.x, object.visible == 0u ? 0.0 : found.y * object.opacity);
 }
 
 #endif

@@ -226,7 +226,7 @@ void main() {
                         vec3 slope = (value_slope[at] - relative * weight_slope[at]) * inverse;
                         float fall = p.occupancy_w0 / ((w + p.occupancy_w0) * (w + p.occupancy_w0));
                         vec3 gradient = full * slope + (here.x - look_rows[0].dark) * fall * weight_slope[at];
-                        base = look_lit(base, gradient, vec3(ray[n], 1.0));
+                        base = look_lit(base, gradient, vec3(ray[n], 1.0), 1.0);
                     }
                     float share = clear[n] * opacity;
                     colour[n] += share * base;

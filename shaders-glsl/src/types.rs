@@ -308,6 +308,8 @@ shared! {
         specular: f32,
         /// Exponent of the highlight.
         power: f32,
+        /// Share of the light that is lost where all around is opaque.
+        occlusion: f32,
         /// Number of planes in use.
         plane_count: u32,
         /// Index of the table's first entry among those of all functions.

@@ -21,7 +21,7 @@ const SIZE: [u32; 2] = [80, 64];
 fn all_levels() -> Vec<QualityLevel> {
     let level = |mode, resolution, coarseness| QualityLevel {
         mode,
-        quality: Quality { resolution, coarseness },
+        quality: Quality { resolution, coarseness, occlusion: true },
         cost: 1.0,
     };
     vec![

@@ -104,6 +104,11 @@ fn started((gpu, name, scene): (&Gpu, &str, &Scene), cameras: &[Camera]) -> [usi
     [counts.iter().filter(|c| c[3] == 1.0).count(), counts.len()]
 }
 
+fn occluded(mut look: Look) -> Look {
+    look.transfer.material.occlusion = 0.8;
+    look
+}
+
 fn around(scene: &Scene, name: &str, part: f64) -> Camera {
     let [low, high] = scene.bounds();
     Camera::from_side(name, (low + high) * 0.5, (high - low).length() * part, 40.0, 1.3).expect("a camera")
@@ -113,7 +118,7 @@ fn around(scene: &Scene, name: &str, part: f64) -> Camera {
 fn check_variants(gpu: &Gpu, name: &str, scenes: &[(&str, Scene)]) {
     let coarse = Quality { resolution: 0.61, ..Quality::FULL };
     // Longer than a voxel, so that a step may come from a brick that another ray leaps over.
-    let coarser = Quality { resolution: 0.8, coarseness: 3.0 };
+    let coarser = Quality { resolution: 0.8, coarseness: 3.0, occlusion: true };
     for (k, (label, scene)) in scenes.iter().enumerate() {
         let eyes = around(scene, "anterior-left", 0.4).eyes(30.0);
         // A corner beyond the lens.
@@ -157,8 +162,15 @@ fn volumes_gather_the_same_bits() {
     let [low, high] = plain.bounds();
     let normal = DVec3::new(0.6, 0.0, 0.8);
     let clip = vec![ClipPlane { normal, offset: normal.dot((low + high) * 0.5) - 4.0 }];
-    let clipped = of_volume(&gpu, &volume, None, &Look { clip, ..look("CT-Bone", true) });
-    check_variants(&gpu, "volume", &[("plain", plain), ("a region, lit", lit), ("clipped, lit", clipped)]);
+    let clipped = of_volume(&gpu, &volume, None, &Look { clip: clip.clone(), ..look("CT-Bone", true) });
+    let occluded = of_volume(&gpu, &volume, None, &Look { clip, ..occluded(look("CT-Bone", true)) });
+    let scenes = [
+        ("plain", plain),
+        ("a region, lit", lit),
+        ("clipped, lit", clipped),
+        ("clipped, occluded", occluded),
+    ];
+    check_variants(&gpu, "volume", &scenes);
 }
 
 #[test]
@@ -175,6 +187,7 @@ fn decoded_fields_gather_the_same_bits() {
     let scenes = [
         ("soft", scene(&splats, look("CT-Soft-Tissue", false))),
         ("bone, lit", scene(&splats, look("CT-Bone", true))),
+        ("tints, occluded", scene(&objects, occluded(tinted.clone()))),
         ("tints, lit", scene(&objects, tinted)),
         ("hidden", scene(&objects, hidden)),
     ];

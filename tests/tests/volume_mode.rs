@@ -8,7 +8,7 @@ use engine::reference::eye::Eye;
 use engine::reference::raymarch as reference;
 use engine::reference::slab::Look as ReferenceLook;
 use engine::render::{
-    Camera, Classification, ClipPlane, Fov, Look, Renderer, Scene, Settings, VolumeSource, mode,
+    Camera, Classification, ClipPlane, Fov, Look, Quality, Renderer, Scene, Settings, VolumeSource, mode,
 };
 use engine::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction, preset};
 use engine::volume::{Roi, Volume};
@@ -129,6 +129,53 @@ fn pictures_are_those_of_the_reference() {
             }
         });
     }
+}
+
+/// Bone with a groove towards the front, three voxels wide, that a view from the front left looks into.
+fn groove() -> Volume {
+    let round = volume();
+    let samples = places(round.size)
+        .map(|[x, y, _]| if y < 24 && !(y > 10 && (18..21).contains(&x)) { 700.0 } else { -1000.0 })
+        .collect();
+    Volume::new(round.size, round.world_from_voxel, samples)
+}
+
+/// Ambient occlusion takes light away from crevices, the more the stronger it is, and no opacity; hardly any from what
+/// bulges. At strength 0, in lower qualities and where nothing is lit, pictures have the bits that they have without
+/// it.
+#[test]
+fn occlusion_takes_light_from_crevices_and_nothing_else() {
+    let gpu = Device::boot();
+    let (groove, ball) = (groove(), volume());
+    let picture = |volume: &Volume, occlusion: f64, shade: bool, quality: &Quality| {
+        let mut look = look("CT-Bone", shade);
+        look.transfer.material.occlusion = occlusion;
+        let scene = scene(&gpu, volume, None, &look);
+        let mut renderer =
+            Renderer::new(&gpu, mode("volume").expect("the mode"), &scene, &settings()).expect("a renderer");
+        renderer.render_at(&scene, &[camera(&scene)], quality).expect("a frame");
+        renderer.target.read_colour(0).expect("a picture")
+    };
+    let lower = Quality { occlusion: false, ..Quality::FULL };
+    let of = |volume: &Volume| {
+        [0.0, 0.3, 0.6, 1.0].map(|strength| picture(volume, strength, true, &Quality::FULL))
+    };
+    let pictures = of(&groove);
+    for pair in pictures.windows(2) {
+        for (before, after) in pair[0].iter().zip(&pair[1]) {
+            assert_eq!(before[3], after[3], "the opacity");
+            assert!((0..3).all(|k| after[k] <= before[k] + 1e-6), "{before:?} {after:?}");
+        }
+    }
+    let darker = |pictures: &[Vec<[f32; 4]>; 4]| {
+        pictures[0].iter().zip(&pictures[3]).filter(|(before, after)| after[0] < before[0] - 0.02).count()
+    };
+    let [crevices, bulges] = [darker(&pictures), darker(&of(&ball))];
+    println!("{crevices} pixels of a groove are darker, {bulges} of a ball");
+    assert!(crevices > 50 && bulges == 0, "{crevices} {bulges}");
+    assert!(picture(&groove, 1.0, true, &lower) == pictures[0], "a lower quality");
+    let [unlit, plain] = [1.0, 0.0].map(|strength| picture(&groove, strength, false, &Quality::FULL));
+    assert!(unlit == plain, "nothing is lit");
 }
 
 /// What is the same everywhere absorbs by its thickness alone, at any step, with clip planes or without.

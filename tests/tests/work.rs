@@ -226,7 +226,8 @@ fn fragments_are_those_of_the_quads_ellipses() {
     let work = renderer.work().expect("counts");
 
     let eye = Eye::from(&camera.view(scene.origin));
-    let material = Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0 };
+    let material =
+        Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0, occlusion: 0.0 };
     let quad_look = quads::Look { material: &material, dark: 0.0, planes: &[] };
     let face = Face::Own(DVec3::ONE);
     let object = eye::Appearance::default();

@@ -64,14 +64,16 @@ impl Eye {
 }
 
 /// Shades a colour after Blinn and Phong with one light above the viewer's left shoulder; both sides of a
-/// surface are lit alike. Gradient and ray are in eye space.
-pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material) -> DVec3 {
+/// surface are lit alike. Gradient and ray are in eye space; `light` is the share of the light that arrives, 1 without
+/// ambient occlusion.
+pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material, light: f64) -> DVec3 {
     let Some(normal) = gradient.try_normalize() else { return base };
-    let light = DVec3::new(-0.4, 0.5, -1.0).normalize();
-    let halfway = (light - ray.normalize()).normalize();
-    let diffuse = normal.dot(light).abs();
+    let source = DVec3::new(-0.4, 0.5, -1.0).normalize();
+    let halfway = (source - ray.normalize()).normalize();
+    let diffuse = normal.dot(source).abs();
     let shine = normal.dot(halfway).abs().powf(material.power);
-    (base * (material.ambient + material.diffuse * diffuse) + material.specular * shine).min(DVec3::ONE)
+    let lit = base * (material.ambient + material.diffuse * diffuse) + material.specular * shine;
+    (lit * light).min(DVec3::ONE)
 }
 
 /// Appearance of a splat's object.

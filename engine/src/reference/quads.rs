@@ -129,7 +129,8 @@ pub fn quad(
             // ∫ (1 - A l²/6)^(3/2) dl with A per mm of ray.
             let path = ray.length() * (DRAWN_Q / along).sqrt() * std::f64::consts::PI * 0.375;
             let gradient = eye.turn * (vec3(field.slope) - vec3(field.occupancy_slope) * look.dark);
-            let colour = if look.material.shade { lit(base, gradient, ray, look.material) } else { base };
+            let colour =
+                if look.material.shade { lit(base, gradient, ray, look.material, 1.0) } else { base };
             (extinction * path, false, colour)
         }
     };

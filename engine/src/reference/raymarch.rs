@@ -9,6 +9,7 @@
 
 use glam::{DAffine3, DVec3, DVec4};
 use rayon::prelude::*;
+use shaders_glsl::march::{CLOSED, LARGE_BALL, OPEN, SMALL_BALL};
 
 use super::eye::{Appearance, Eye, Gathered, lit, opacity, tinted};
 use super::slab::{Look, NEAREST};
@@ -183,15 +184,61 @@ impl Medium {
         if opacity > 0.0 { (colour / opacity, opacity) } else { (DVec3::ZERO, 0.0) }
     }
 
-    /// Returns the gradient of O (V - dark) in the scene, by central differences over a voxel on each side.
+    /// Returns the gradient of O (V - dark) in voxel space, by central differences over a voxel on each side.
     fn gradient(&self, voxel: DVec3, dark: f64) -> DVec3 {
         let excess = |p: DVec3| {
             let (v, o) = self.sample(p);
             o * (v - dark)
         };
         let along = |axis: DVec3| 0.5 * (excess(voxel + axis) - excess(voxel - axis));
-        self.voxel_from_scene.matrix3.transpose()
-            * DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
+        DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
+    }
+
+    /// Returns the opacity over `path` mm at a point of voxel space: 0 where clip planes cut. Of objects that of the
+    /// nearest voxel counts.
+    fn blocked(&self, voxel: DVec3, path: f64, look: &Look<'_>) -> f64 {
+        let place = self.voxel_from_scene.inverse().transform_point3(voxel);
+        if look.planes.iter().any(|&[x, y, z, d]| place.dot(DVec3::new(x, y, z)) + d < 0.0) {
+            return 0.0;
+        }
+        let value = trilinear(self.size, voxel, |i| f64::from(self.values[i]));
+        let last = DVec3::from_array(self.size.map(|n| n as f64 - 1.0));
+        let [x, y, z] = (voxel + 0.5).floor().clamp(DVec3::ZERO, last).to_array().map(|v| v as usize);
+        let nearest = (z * self.size[1] + y) * self.size[0] + x;
+        let (occupancy, table) = match (&self.mask, &self.objects) {
+            (Some(mask), Some(objects)) => {
+                let whole: f64 = self.around(voxel).map(|(i, share)| share * f64::from(mask[i])).sum();
+                let function = self.functions.as_ref().map_or(0, |functions| functions[nearest]);
+                let table = if function == 0 { look.table } else { &look.functions[function - 1] };
+                (whole * objects[nearest].opacity, table)
+            }
+            _ => (self.sample(voxel).1, look.table),
+        };
+        opacity(table.point(value).1, occupancy, path)
+    }
+
+    /// Returns how much around a point of a surface is opaque, 0 to 1; point and gradient are those of voxel space.
+    /// It follows from the mean opacity over the radius, at the corners of a tetrahedron in each, of two balls that
+    /// touch the surface from outside (Szirmay-Kalos et al., "Volumetric ambient occlusion for real-time rendering and
+    /// games", 2010).
+    pub fn occlusion(&self, voxel: DVec3, gradient: DVec3, look: &Look<'_>) -> f64 {
+        let rows = self.voxel_from_scene.matrix3.transpose();
+        let per_mm = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
+        let edge = 1.0 / per_mm.max_element();
+        let [small, large] = [SMALL_BALL, LARGE_BALL].map(f64::from);
+        let mut sum = 0.0;
+        for (radius, side) in [(small, 1.0), (large, -1.0)] {
+            // In voxels along each axis.
+            let radii = (radius * edge * per_mm).max(DVec3::splat(small));
+            // Towards the surface, for a ball of radius 1.
+            let Some(inward) = (radii * gradient).try_normalize() else { return 0.0 };
+            for signs in [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]] {
+                let corner = side * 0.2f64.sqrt() * DVec3::from_array(signs);
+                sum += self.blocked(voxel + radii * (corner - inward), radius * edge, look);
+            }
+        }
+        let [open, closed] = [OPEN, CLOSED].map(f64::from);
+        ((sum / 8.0 - open) / (closed - open)).clamp(0.0, 1.0)
     }
 
     /// Returns the parameters between which a ray in voxel space is inside the grid with its border of one
@@ -238,7 +285,7 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
     }
     let dz = step / ray.length();
     let mut before = None;
-    let mut gradient = DVec3::ZERO;
+    let (mut gradient, mut light) = (DVec3::ZERO, 1.0);
     let mut k = (range[0] / dz - shift).floor();
     while (k + shift) * dz < range[1] && gathered.clear > look.least_light {
         let from = ((k + shift) * dz).max(range[0]);
@@ -267,9 +314,13 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
         let share = gathered.clear * opacity;
         if look.material.shade {
             if share > STRONG || share > FAINT && even {
-                gradient = eye.turn * medium.gradient(at, look.dark);
+                let slopes = medium.gradient(at, look.dark);
+                gradient = eye.turn * (medium.voxel_from_scene.matrix3.transpose() * slopes);
+                if look.material.occlusion > 0.0 {
+                    light = 1.0 - look.material.occlusion * medium.occlusion(at, slopes, look);
+                }
             }
-            base = lit(base, gradient, ray, look.material);
+            base = lit(base, gradient, ray, look.material, light);
         }
         gathered.add(base, opacity, z);
     }
@@ -355,11 +406,18 @@ mod tests {
 
     #[test]
     fn surfaces_are_lit() {
-        let material = Material { shade: true, ambient: 0.25, diffuse: 0.75, specular: 0.1, power: 30.0 };
+        let material = Material {
+            shade: true,
+            ambient: 0.25,
+            diffuse: 0.75,
+            specular: 0.1,
+            power: 30.0,
+            ..Material::default()
+        };
         let tf = flat(7.0, material);
         let table = Table::new(&tf, [0.0, 200.0]);
         let image = render(&slab(), &eye(), [5, 5], &look(&table, &material), 0.1);
-        let facing = lit(DVec3::new(1.0, 0.5, 0.0), DVec3::NEG_Z, DVec3::Z, &material);
+        let facing = lit(DVec3::new(1.0, 0.5, 0.0), DVec3::NEG_Z, DVec3::Z, &material, 1.0);
         assert!((f64::from(image[12][0]) - facing.x).abs() < 0.02, "{:?} {facing}", image[12]);
         assert!(facing.x < 0.95, "light comes from the side: {facing}");
     }
@@ -383,6 +441,48 @@ mod tests {
             }
             assert!(skipped > 32_000, "most of the grid is skipped: {skipped}");
         }
+    }
+
+    /// Creates bone where `is_bone` returns true for a voxel, in air, with voxels of 1 × 1 × 2 mm.
+    fn carved(is_bone: impl Fn([i64; 3]) -> bool) -> Medium {
+        let size = [40, 40, 40];
+        let place = |i: usize| [i % 40, i / 40 % 40, i / 1600].map(|v| v as i64);
+        let values: Vec<f32> =
+            (0..64_000).map(|i| if is_bone(place(i)) { 1000.0 } else { -1000.0 }).collect();
+        Medium::new(size, DAffine3::from_scale(DVec3::new(1.0, 1.0, 2.0)), &values, None)
+    }
+
+    /// Returns the occlusion at a point of voxel space, with clip planes.
+    fn occlusion(medium: &Medium, at: [f64; 3], planes: &[[f64; 4]]) -> f64 {
+        let tf = crate::transfer::preset("CT-Bones-Steep").expect("a preset").over([-1000.0, 1000.0]);
+        let table = Table::new(&tf, [-1000.0, 1000.0]);
+        let look = Look { planes, ..look(&table, &tf.material) };
+        let at = DVec3::from_array(at);
+        medium.occlusion(at, medium.gradient(at, look.dark), &look)
+    }
+
+    #[test]
+    fn crevices_are_occluded_and_plain_and_bulging_surfaces_are_not() {
+        let plain = carved(|[_, _, z]| z < 20);
+        let plain_along_x = carved(|[x, _, _]| x < 20);
+        let ball = carved(|p| p.map(|v| (v - 20).pow(2)).iter().sum::<i64>() < 100);
+        for (name, medium, at) in [
+            ("plain", &plain, [20.0, 20.0, 19.6]),
+            ("plain, across thin slices", &plain_along_x, [19.6, 20.0, 20.0]),
+            ("ball", &ball, [20.0, 20.0, 29.4]),
+            ("ball, aside", &ball, [26.8, 26.8, 20.0]),
+        ] {
+            let found = occlusion(medium, at, &[]);
+            assert!(found < 0.03, "{name}: {found}");
+        }
+        // Three voxels wide and twelve deep.
+        let pit = carved(|[x, y, z]| z < 20 && !(z >= 8 && (x - 20).abs() < 2 && (y - 20).abs() < 2));
+        let bottom = [20.0, 20.0, 7.6];
+        let deep = occlusion(&pit, bottom, &[]);
+        assert!(deep > 0.6, "{deep}");
+        // A plane that cuts everything around away leaves nothing to occlude.
+        let cut = occlusion(&pit, bottom, &[[0.0, 0.0, -1.0, 2.0 * 7.7]]);
+        assert!(cut < 0.03, "{cut}");
     }
 
     #[test]

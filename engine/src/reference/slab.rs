@@ -153,7 +153,7 @@ pub fn ray(
         let base = if look.material.shade {
             let slope = (gs - gw * relative) / (w + epsilon);
             let gradient = slope * full + gw * ((v - look.dark) * w0 / (w + w0).powi(2));
-            lit(colour, gradient, ray, look.material)
+            lit(colour, gradient, ray, look.material, 1.0)
         } else {
             colour
         };

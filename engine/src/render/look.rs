@@ -155,6 +155,8 @@ pub struct LookBuffers {
     pub appearances: Buffer<types::Appearance>,
     /// True if surfaces are lit.
     pub shaded: bool,
+    /// True if their light knows what is around them: if there is ambient occlusion.
+    pub occluded: bool,
     /// True if some object has a tint or an opacity; otherwise kernels need not look for them.
     pub objects_differ: bool,
     /// True if some object is hidden.
@@ -214,6 +216,7 @@ impl LookBuffers {
             diffuse: material.diffuse as f32,
             specular: material.specular as f32,
             power: material.power as f32,
+            occlusion: material.occlusion as f32,
             plane_count: look.clip.len() as u32,
             offset: 0,
             planes,
@@ -234,6 +237,7 @@ impl LookBuffers {
             visible: gpu.upload("visible entries", "transfer function", &visible)?,
             appearances: gpu.upload("appearances of objects", "transfer function", &appearances)?,
             shaded: material.shade,
+            occluded: material.shade && material.occlusion > 0.0,
             objects_differ: !look.objects.values().all(Appearance::is_plain),
             own_functions: tables.len() > 1,
             hides: look.objects.values().any(|object| !object.visible),

@@ -20,6 +20,8 @@ pub struct ModeRow {
     pub of_splats: bool,
     /// True if objects may have transfer functions of their own there; in other modes that of the scene is theirs.
     pub own_functions: bool,
+    /// True if its light knows ambient occlusion ([`crate::transfer::Material::occlusion`]).
+    pub occlusion: bool,
     make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
 }
 
@@ -47,6 +49,7 @@ pub static MODES: [ModeRow; 5] = [
         about: "the CT itself, ray-marched with trilinear sampling: the reference",
         of_splats: false,
         own_functions: false,
+        occlusion: true,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -54,6 +57,7 @@ pub static MODES: [ModeRow; 5] = [
         about: "the splats' field in steps of a tenth of a standard deviation",
         of_splats: true,
         own_functions: false,
+        occlusion: false,
         make: |gpu, scene, settings| Ok(Box::new(Slab::exact(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -61,6 +65,7 @@ pub static MODES: [ModeRow; 5] = [
         about: "the splats' field in slabs, classified after it is added up",
         of_splats: true,
         own_functions: false,
+        occlusion: false,
         make: |gpu, scene, settings| Ok(Box::new(Slab::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -68,6 +73,7 @@ pub static MODES: [ModeRow; 5] = [
         about: "the splats' field on the CT's own voxels, put there once, and ray-marched as those",
         of_splats: true,
         own_functions: true,
+        occlusion: true,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -75,6 +81,7 @@ pub static MODES: [ModeRow; 5] = [
         about: "sorted splats, each of one colour, blended: the fastest",
         of_splats: true,
         own_functions: false,
+        occlusion: false,
         make: |gpu, scene, settings| Ok(Box::new(Alpha::new(gpu, scene, settings)?)),
     },
 ];

@@ -10,11 +10,13 @@ pub struct Quality {
     pub resolution: f64,
     /// Distance of slabs or samples in units of [`Settings::step`], more than 0.
     pub coarseness: f64,
+    /// True if ambient occlusion is shown, where a look has it and a mode knows it.
+    pub occlusion: bool,
 }
 
 impl Quality {
     /// Full quality of the settings.
-    pub const FULL: Self = Quality { resolution: 1.0, coarseness: 1.0 };
+    pub const FULL: Self = Quality { resolution: 1.0, coarseness: 1.0, occlusion: true };
 
     /// Returns the quality at [`Settings::step`] `step` in which slabs or samples lie as far apart as in this
     /// one at a step of 1, but no nearer than the step.
@@ -38,7 +40,7 @@ mod tests {
 
     #[test]
     fn a_level_keeps_its_distances_at_every_step_but_is_never_finer_than_the_step() {
-        let level = |coarseness| Quality { resolution: 0.7, coarseness };
+        let level = |coarseness| Quality { resolution: 0.7, coarseness, occlusion: false };
         assert_eq!(level(2.0).at_step(0.5), level(4.0));
         assert_eq!(level(0.5).at_step(0.5), level(1.0));
         assert_eq!(level(0.5).at_step(3.0), level(1.0));

@@ -67,7 +67,7 @@ impl SplatKind {
 
 /// Returns the quality levels for such splats, the best first: those on the front of PSNR against cost that
 /// `studies trade render --levels` measures. No level leaves out a splat: what a transfer function shows is
-/// there on all of them, in a coarser picture. `quality_levels.toml` says on what they were measured.
+/// there on all of them, in a coarser picture. The first one alone has ambient occlusion. `quality_levels.toml` says on what they were measured.
 pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
     match kind {
         SplatKind::Field => &ALL_LEVELS.field,
@@ -83,7 +83,7 @@ pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
 static ALL_LEVELS: LazyLock<LevelLists> = LazyLock::new(|| {
     let file: File =
         toml::from_str(include_str!("quality_levels.toml")).expect("quality_levels.toml is of this form");
-    let all = |rows: &[LevelRow]| rows.iter().map(LevelRow::level).collect();
+    let all = |rows: &[LevelRow]| rows.iter().enumerate().map(|(i, row)| row.level(i == 0)).collect();
     LevelLists { field: all(&file.field), grid: all(&file.grid), coloured: all(&file.coloured) }
 });
 
@@ -115,10 +115,10 @@ struct LevelRow {
 }
 
 impl LevelRow {
-    fn level(&self) -> QualityLevel {
+    fn level(&self, occlusion: bool) -> QualityLevel {
         QualityLevel {
             mode: mode(&self.mode).expect("quality_levels.toml names modes that there are").name,
-            quality: Quality { resolution: self.resolution, coarseness: self.coarseness },
+            quality: Quality { resolution: self.resolution, coarseness: self.coarseness, occlusion },
             cost: self.cost,
         }
     }
@@ -147,6 +147,8 @@ mod tests {
             // Refuses costs that do not fall.
             assert_eq!(level_costs(levels).len(), levels.len());
             assert!(levels.len() > 1, "{kind:?}");
+            let occluded = levels.iter().filter(|level| level.quality.occlusion).count();
+            assert_eq!(occluded, 1, "{kind:?}: only the first level pays for ambient occlusion");
         }
     }
 

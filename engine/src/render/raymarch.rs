@@ -23,9 +23,9 @@ use crate::passes::{Faces, Views, Work, WorkgroupShape};
 /// Least distance of samples, in voxels. Nearer ones would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
 
-/// What kernels and drawings are created for: the way to classify, whether there is light, and what objects have
-/// of their own (see the shaders' medium.glsl).
-type Variant = (Classification, bool, u32);
+/// What kernels and drawings are created for: the way to classify, whether there is light, what objects have of
+/// their own (see the shaders' medium.glsl), and whether there is ambient occlusion.
+type Variant = (Classification, bool, u32, bool);
 
 /// What starts the rays.
 enum Start {
@@ -86,12 +86,12 @@ impl Raymarch {
         };
         let settings = settings.clone();
         let mut mode = Raymarch { gpu: gpu.clone(), start, settings, image_bytes: 0, decoded };
-        mode.pipeline(scene)?;
+        mode.pipeline(scene, &Quality::FULL)?;
         Ok(mode)
     }
 
-    /// Returns the index of the kernel or drawing for a way to classify; creates it if necessary.
-    fn pipeline(&mut self, scene: &Scene) -> Result<usize> {
+    /// Returns the index of the kernel or drawing for the look of the scene at a quality; creates it if necessary.
+    fn pipeline(&mut self, scene: &Scene, quality: &Quality) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (volume, look) =
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
@@ -112,8 +112,9 @@ impl Raymarch {
             volume.is_atlas(),
         ]
         .map(u32::from);
-        let constants = [&constants[..], &[objects]].concat();
-        let variant = (classification, shaded, objects);
+        let occluded = look.occluded && quality.occlusion;
+        let constants = [&constants[..], &[objects, u32::from(occluded)]].concat();
+        let variant = (classification, shaded, objects, occluded);
         match &mut self.start {
             Start::Computed(kernels) => kernels.find(variant, |_| {
                 let own = [u32::from(settings.depth), WorkgroupShape::of(gpu) as u32];
@@ -158,7 +159,7 @@ impl Mode for Raymarch {
         target: &mut Target,
         quality: &Quality,
     ) -> Result<()> {
-        let pipeline = self.pipeline(scene)?;
+        let pipeline = self.pipeline(scene, quality)?;
         let volume = self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume());
         self.image_bytes = volume.image_bytes();
         let look = scene.look_buffers();

@@ -44,12 +44,16 @@ pub struct Material {
     pub specular: f64,
     /// Exponent of the highlight: the greater, the smaller the highlight.
     pub power: f64,
+    /// Share of the light that is lost where all around is opaque, 0 to 1: ambient occlusion. Modes that march rays
+    /// show it.
+    #[serde(default)]
+    pub occlusion: f64,
 }
 
 impl Default for Material {
     /// Returns the material that VTK starts with: no shading.
     fn default() -> Self {
-        Material { shade: false, ambient: 0.1, diffuse: 0.7, specular: 0.2, power: 10.0 }
+        Material { shade: false, ambient: 0.1, diffuse: 0.7, specular: 0.2, power: 10.0, occlusion: 0.0 }
     }
 }
 
@@ -177,7 +181,8 @@ impl TransferFunction {
     ///
     /// # Errors
     /// [`Kind::BadData`] if there is no colour or no opacity, if a number is not finite or too large, if a
-    /// colour or an opacity is not between 0 and 1, or if a coefficient of the material is negative.
+    /// colour or an opacity is not between 0 and 1, if a coefficient of the material is negative, or if its
+    /// ambient occlusion is not between 0 and 1.
     pub fn new(
         name: impl Into<String>,
         colours: Vec<ColourPoint>,
@@ -200,6 +205,12 @@ impl TransferFunction {
                 return Err(Error::new(Kind::BadData, "VGS-TF-003", message)
                     .help("coefficients of a material are 0 or more"));
             }
+        }
+        if !(0.0..=1.0).contains(&material.occlusion) {
+            let message = format!("the ambient occlusion of the material is {}", material.occlusion);
+            return Err(Error::new(Kind::BadData, "VGS-TF-012", message).help(
+                "it is a share of the light: 0 is none, 1 leaves no light where all around is opaque",
+            ));
         }
         Ok(TransferFunction {
             name: name.into(),
@@ -405,6 +416,16 @@ mod tests {
                 new("", ok(), opacity(&[(0.0, 0.0)]), Material { power: -1.0, ..material }),
                 "VGS-TF-003",
                 "specular power",
+            ),
+            (
+                new("", ok(), opacity(&[(0.0, 0.0)]), Material { occlusion: 1.5, ..material }),
+                "VGS-TF-012",
+                "ambient occlusion of the material is 1.5",
+            ),
+            (
+                new("", ok(), opacity(&[(0.0, 0.0)]), Material { occlusion: f64::NAN, ..material }),
+                "VGS-TF-012",
+                "NaN",
             ),
         ] {
             let error = result.unwrap_err();

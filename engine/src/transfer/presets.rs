@@ -35,7 +35,7 @@ pub struct Preset {
 }
 
 const fn shaded(ambient: f64, diffuse: f64, specular: f64, power: f64) -> Material {
-    Material { shade: true, ambient, diffuse, specular, power }
+    Material { shade: true, ambient, diffuse, specular, power, occlusion: 0.0 }
 }
 
 /// Surfaces that shine like wet bone.
@@ -43,7 +43,7 @@ const GLOSSY: Material = shaded(0.15, 0.85, 0.25, 20.0);
 /// Surfaces with a weak highlight.
 const SOFT: Material = shaded(0.25, 0.8, 0.1, 8.0);
 /// Colours without shading.
-const FLAT: Material = Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0 };
+const FLAT: Material = Material { shade: false, ..shaded(1.0, 0.0, 0.0, 1.0) };
 
 /// Name of the preset with which programs begin.
 pub const FIRST: &str = "CT-Bone";

@@ -101,8 +101,14 @@ fn stage(seed: u64, count: usize, kind: Kind) -> Stage {
     views[0].tangents[0] *= 0.6;
     views[0].tangents[3] *= 1.2;
     let mut transfer = preset("CT-Bone").unwrap().over([-1000.0, 2000.0]);
-    transfer.material =
-        Material { shade: kind.shaded, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0 };
+    transfer.material = Material {
+        shade: kind.shaded,
+        ambient: 0.2,
+        diffuse: 0.7,
+        specular: 0.3,
+        power: 12.0,
+        occlusion: 0.0,
+    };
     Stage {
         splats,
         media,

@@ -375,6 +375,8 @@ struct RaymarchRow {
     masked: bool,
     segments: bool,
     shade: bool,
+    /// Strength of the ambient occlusion.
+    occlusion: f64,
     jitter: bool,
     group: u32,
 }
@@ -387,9 +389,11 @@ pub fn raymarch() {
         masked,
         segments,
         shade,
+        occlusion: 0.0,
         jitter,
         group,
     };
+    let occluded = |occlusion, row| RaymarchRow { occlusion, ..row };
     for (i, row) in [
         row(Source::Image, "CT-Soft-Tissue", false, false, false, false, 8),
         row(Source::Image, "CT-Soft-Tissue", true, true, true, true, 64),
@@ -406,6 +410,14 @@ pub fn raymarch() {
         row(Source::Functions, "CT-Bones-Steep", true, false, true, true, 8),
         row(Source::Functions, "CT-Skin", true, false, false, false, 64),
         row(Source::OneObject, "CT-Skin", true, false, false, false, 64),
+        occluded(1.0, row(Source::Image, "CT-Bone", true, false, true, false, 64)),
+        occluded(0.7, row(Source::Image, "CT-Soft-Tissue", false, true, true, true, 8)),
+        occluded(0.8, row(Source::Atlas, "CT-Skin", true, false, true, false, 8)),
+        occluded(0.9, row(Source::Objects, "CT-Bone", true, true, true, false, 64)),
+        occluded(1.0, row(Source::Functions, "CT-Soft-Tissue", true, false, true, true, 8)),
+        occluded(0.5, row(Source::OneObject, "CT-Bone", true, false, true, false, 64)),
+        // Not lit, so that there is no light to take away.
+        occluded(0.5, row(Source::Atlas, "CT-Bone", true, false, false, false, 64)),
     ]
     .iter()
     .enumerate()
@@ -418,7 +430,8 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     let stage = stage(seed, row.masked);
     let stage = if row.source == Source::Image { stage } else { stage.emptied() };
     let mut transfer = preset(row.preset).unwrap().over(RANGE);
-    transfer.material = Material { shade: row.shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0 };
+    let RaymarchRow { shade, occlusion, .. } = *row;
+    transfer.material = Material { shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0, occlusion };
     let mut look = Look::new(transfer);
     let appearance = |visible, tint, opacity| render::Appearance { visible, tint, opacity };
     look.objects = [
@@ -498,7 +511,8 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         Source::Functions => shaders_glsl::medium::OWN_FUNCTIONS,
     };
     let constants = [false, row.masked, row.segments, row.shade, false, row.jitter, atlas].map(u32::from);
-    let constants: Vec<u32> = constants.into_iter().chain([objects, 1, row.group]).collect();
+    let constants: Vec<u32> =
+        constants.into_iter().chain([objects, u32::from(buffers.occluded), 1, row.group]).collect();
     let kernel = Kernel::new(gpu, &shaders_glsl::RAYMARCH, &constants).unwrap();
     let tile = if row.group == 8 { [4, 2] } else { [8, 8] };
     let patches = gpu.upload("patches", "test", &[0u32]).unwrap();
@@ -555,8 +569,8 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         }
     }
     let label = format!(
-        "raymarch: {:?} {} masked {} segments {} shade {} group {}",
-        row.source, row.preset, row.masked, row.segments, row.shade, row.group
+        "raymarch: {:?} {} masked {} segments {} shade {} occlusion {} group {}",
+        row.source, row.preset, row.masked, row.segments, row.shade, row.occlusion, row.group
     );
     assert!(opaque.iter().all(|&n| n > 40), "{label}: both eyes see something: {opaque:?}");
     // An intensity at the border between two entries of the table may take either, a cell at a clip plane may be there or

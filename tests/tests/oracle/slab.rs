@@ -285,7 +285,8 @@ pub fn slab() {
             if hidden {
                 stage.patches = hidden::lens_and_inset();
             }
-            transfer.material = Material { shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0 };
+            transfer.material =
+                Material { shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0, occlusion: 0.0 };
             let look = Look { objects: appearances(), ..Look::new(transfer.clone()) };
             let table = Table::new(&look.transfer, [-300.0, 1300.0]);
             let mut buffers = LookBuffers::new(&gpu, &look, [-300.0, 1300.0], DVec3::ZERO).unwrap();

@@ -91,6 +91,30 @@ fn outputs_are_what_was_asked_for() {
 }
 
 #[test]
+fn occlusion_darkens_where_a_mode_shows_it() {
+    let folder = folder();
+    let run = |output: &str, more: &[&str]| {
+        let shared = ["render", "s.ply", "--tf", "CT-Bone", "--size", "64x64", "-o", output];
+        folder.run(&[&shared, more].concat())
+    };
+    let sum = |name: &str| picture(&folder, name).image.pixels.iter().map(|p| p[0]).sum::<f32>();
+    for (output, more) in [("off.png", ["--occlusion", "0"]), ("on.png", ["--occlusion", "1"])] {
+        let ended = run(output, &[&["--mode", "decoded"], more.as_slice()].concat());
+        assert!(ended.code == 0 && !ended.err.contains("occlusion"), "{}", ended.err);
+    }
+    assert!(sum("on.png") < sum("off.png"));
+    for (output, more, word) in [
+        ("slab.png", ["--mode", "slab"].as_slice(), "mode slab shows no ambient occlusion"),
+        ("dark.png", &["--mode", "decoded", "--shade", "off"], "--shade on"),
+    ] {
+        let ended = run(output, &[&["--occlusion", "0.5"], more].concat());
+        assert!(ended.code == 0 && ended.err.contains(word), "{output}: {}", ended.err);
+    }
+    let ended = run("none.png", &["--occlusion", "1.5"]);
+    assert!(ended.code == 2 && ended.err.contains("from 0 to 1"), "{}", ended.err);
+}
+
+#[test]
 fn files_are_objects_of_one_picture() {
     let folder = folder();
     std::fs::copy(folder.path("s.ply"), folder.path("t.ply")).expect("a second file");

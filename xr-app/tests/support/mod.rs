@@ -68,7 +68,7 @@ pub fn script(frames: u64) -> Script {
 pub fn all_levels() -> Vec<QualityLevel> {
     let mut all = quality_levels(SplatKind::Field).to_vec();
     let last = all.last().expect("levels").cost;
-    let quality = Quality { resolution: 0.7, coarseness: 1.0 };
+    let quality = Quality { resolution: 0.7, coarseness: 1.0, occlusion: false };
     all.push(QualityLevel { mode: "alpha", quality, cost: 0.5 * last });
     all
 }

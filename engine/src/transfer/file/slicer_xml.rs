@@ -79,6 +79,7 @@ fn function(name: &str, attributes: &Attributes) -> Result<TransferFunction> {
         diffuse: coefficient("diffuse", default.diffuse)?,
         specular: coefficient("specular", default.specular)?,
         power: coefficient("specularPower", default.power)?,
+        occlusion: default.occlusion,
     };
     let gradient = match attributes.get("gradientOpacity") {
         Some(text) if !matches!(text.trim(), "" | "0") => list::opacities("gradientOpacity", text)?,

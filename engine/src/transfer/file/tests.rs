@@ -64,7 +64,8 @@ fn near(a: DVec3, b: [f64; 3]) -> bool {
 fn slicer_presets() {
     let first = one(XML, None).unwrap();
     assert_eq!(first.name, "Vessels & bone");
-    let material = Material { shade: true, ambient: 0.15, diffuse: 0.8, specular: 0.3, power: 12.0 };
+    let material =
+        Material { shade: true, ambient: 0.15, diffuse: 0.8, specular: 0.3, power: 12.0, occlusion: 0.0 };
     assert_eq!(first.material, material);
     assert!(near(first.at(3071.0).0, [1.0, 0.5, 0.25]) && first.at(150.0).1 == 0.25);
     assert!(!first.depends_on_gradient() && first.gradient_opacities().len() == 2);
@@ -87,7 +88,10 @@ fn slicer_presets() {
 #[test]
 fn slicer_volume_property() {
     let tf = one(VP, None).unwrap();
-    assert_eq!(tf.material, Material { shade: true, ambient: 0.1, diffuse: 0.9, specular: 0.2, power: 10.0 });
+    assert_eq!(
+        tf.material,
+        Material { shade: true, ambient: 0.1, diffuse: 0.9, specular: 0.2, power: 10.0, occlusion: 0.0 }
+    );
     assert_eq!((tf.at(641.5).1, tf.at(312.5).1), (0.75, 0.375));
     assert!(near(tf.at(9999.0).0, [1.0, 0.5, 0.25]));
     // With the explanations of Slicer's manual, lines from Windows, and nothing where Slicer has a default.
@@ -101,7 +105,10 @@ fn slicer_volume_property() {
 #[test]
 fn slicer_volume_property_json() {
     let tf = one(VP_JSON, None).unwrap();
-    assert_eq!(tf.material, Material { shade: true, ambient: 0.2, diffuse: 1.0, specular: 0.0, power: 1.0 });
+    assert_eq!(
+        tf.material,
+        Material { shade: true, ambient: 0.2, diffuse: 1.0, specular: 0.0, power: 1.0, occlusion: 0.0 }
+    );
     assert!(near(tf.at(110.0).0, [0.5, 0.25, 0.125]));
     assert!((tf.at(20.0).1 - 0.095).abs() < 1e-12 && tf.at(40.0).1 == 0.36 && tf.at(39.999).1 < 0.191);
     // The same opacities per 2 mm: 1 − √(1 − α), between control points too.
@@ -272,6 +279,8 @@ fn what_is_written_follows_slicers_schema() {
     for key in ["ambient", "diffuse", "specular", "specularPower"] {
         assert!(component["lighting"][key].is_number(), "{key}");
     }
+    // A key of ours, which is there only where it says something.
+    assert!(component["lighting"].get("ambientOcclusion").is_none());
     assert_eq!(component["rgbTransferFunction"]["type"], "colorTransferFunction");
     assert_eq!(component["scalarOpacity"]["type"], "piecewiseLinearFunction");
     assert!(component.get("gradientOpacity").is_none());
@@ -287,7 +296,7 @@ fn function() -> impl Strategy<Value = TransferFunction> {
     let opacities = prop::collection::vec((x.clone(), 0.0..=1.0), 1..12);
     let gradients = prop::collection::vec((x.clone(), 0.0..=1.0), 0..4);
     let colours = prop::collection::vec((x, prop::array::uniform3(0.0..=1.0)), 1..12);
-    let material = (any::<bool>(), prop::array::uniform4(0.0..50.0));
+    let material = (any::<bool>(), prop::array::uniform4(0.0..50.0), prop_oneof![Just(0.0), 0.0..=1.0]);
     (".{0,20}", colours, opacities, gradients, material).prop_map(
         |(name, colours, opacities, gradients, m)| {
             let colours = colours
@@ -295,7 +304,7 @@ fn function() -> impl Strategy<Value = TransferFunction> {
                 .map(|(intensity, c)| ColourPoint { intensity, colour: DVec3::from(c) })
                 .collect();
             let [ambient, diffuse, specular, power] = m.1;
-            let material = Material { shade: m.0, ambient, diffuse, specular, power };
+            let material = Material { shade: m.0, ambient, diffuse, specular, power, occlusion: m.2 };
             TransferFunction::new(name, colours, opacity_points(&opacities), material)
                 .and_then(|tf| tf.with_gradient_opacity(opacity_points(&gradients)))
                 .unwrap()

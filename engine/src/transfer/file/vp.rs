@@ -55,6 +55,7 @@ fn function(text: &str) -> Result<TransferFunction> {
         ambient: coefficient(3, default.ambient)?,
         specular: coefficient(4, default.specular)?,
         power: coefficient(5, default.power)?,
+        occlusion: default.occlusion,
     };
     let opacities = list::opacities(&what(6), needed(6)?)?;
     let gradient = match line(7) {

@@ -1,7 +1,7 @@
 //! Slicer's `.vp.json`, after its `volume-property-schema-v1.0.0.json`; the format that is also written.
 //!
-//! α is per `scalarOpacityUnitDistance` in mm. The name of a function is ours: the schema has none, and lets
-//! other keys be.
+//! α is per `scalarOpacityUnitDistance` in mm. The name of a function and `ambientOcclusion` of its lighting are
+//! ours: the schema has neither, and lets other keys be. The latter is written only where it is more than 0.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -65,12 +65,14 @@ struct Lighting {
     diffuse: f64,
     specular: f64,
     specular_power: f64,
+    #[serde(skip_serializing_if = "is_zero")]
+    ambient_occlusion: f64,
 }
 
 impl Default for Lighting {
     fn default() -> Self {
-        let Material { ambient, diffuse, specular, power, .. } = Material::default();
-        Lighting { ambient, diffuse, specular, specular_power: power }
+        let Material { ambient, diffuse, specular, power, occlusion, .. } = Material::default();
+        Lighting { ambient, diffuse, specular, specular_power: power, ambient_occlusion: occlusion }
     }
 }
 
@@ -114,6 +116,10 @@ fn one() -> f64 {
 
 fn half() -> f64 {
     0.5
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 pub fn sniff(text: &str) -> bool {
@@ -172,8 +178,9 @@ fn function(property: Property) -> Result<TransferFunction> {
         _ => Vec::new(),
     };
     let colours = colours.into_iter().map(|(intensity, colour)| ColourPoint { intensity, colour });
-    let Lighting { ambient, diffuse, specular, specular_power } = component.lighting;
-    let material = Material { shade: component.shade, ambient, diffuse, specular, power: specular_power };
+    let Lighting { ambient, diffuse, specular, specular_power: power, ambient_occlusion: occlusion } =
+        component.lighting;
+    let material = Material { shade: component.shade, ambient, diffuse, specular, power, occlusion };
     TransferFunction::new(property.name, colours.collect(), opacity_points(&opacities), material)?
         .with_gradient_opacity(opacity_points(&gradient))
 }
@@ -211,11 +218,17 @@ pub fn write(tf: &TransferFunction) -> String {
         midpoint: half(),
         sharpness: 0.0,
     });
-    let Material { shade, ambient, diffuse, specular, power } = tf.material;
+    let Material { shade, ambient, diffuse, specular, power, occlusion } = tf.material;
     let gradient = (!tf.gradient_opacities().is_empty()).then(|| piecewise(tf.gradient_opacities()));
     let component = Component {
         shade,
-        lighting: Lighting { ambient, diffuse, specular, specular_power: power },
+        lighting: Lighting {
+            ambient,
+            diffuse,
+            specular,
+            specular_power: power,
+            ambient_occlusion: occlusion,
+        },
         disable_gradient_opacity: false,
         scalar_opacity_unit_distance: one(),
         rgb_transfer_function: Some(ColourFunction {

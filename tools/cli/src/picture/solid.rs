@@ -24,7 +24,7 @@ const EXTINCTION: [f64; 2] = [0.9, 2.5];
 
 /// Material of the surfaces.
 const MATERIAL: Material =
-    Material { shade: true, ambient: 0.25, diffuse: 0.75, specular: 0.12, power: 30.0 };
+    Material { shade: true, ambient: 0.25, diffuse: 0.75, specular: 0.12, power: 30.0, occlusion: 0.0 };
 /// Distance of the eye in extents of the picture, so large that rays are nearly parallel.
 const DISTANCE: f64 = 1e4;
 

@@ -100,7 +100,7 @@ impl Shot {
 
     /// Returns the quality of the pictures.
     pub fn quality(&self) -> Quality {
-        Quality { resolution: self.resolution, coarseness: self.coarseness }
+        Quality { resolution: self.resolution, coarseness: self.coarseness, ..Quality::FULL }
     }
 
     /// Returns the settings of a renderer for this shot and `sight`.

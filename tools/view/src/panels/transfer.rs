@@ -170,6 +170,12 @@ pub fn light(ui: &mut Ui, state: &mut ViewState) {
             ),
             ("Specular", "strength of the highlight", &mut material.specular, 1.0),
             ("Power", "exponent of the highlight: greater is smaller", &mut material.power, 100.0),
+            (
+                "Occlusion",
+                "share of the light that crevices lose, in modes volume and decoded",
+                &mut material.occlusion,
+                1.0,
+            ),
         ] {
             row(ui, name, help, |ui| ui.add(Slider::new(value, 0.0..=most).max_decimals(2)));
         }

@@ -27,6 +27,7 @@ fn full() -> ViewState {
         crop: Some(CropBox { on: true, low_mm: DVec3::splat(-50.0), high_mm: DVec3::splat(60.0) }),
     };
     state.transfer.shift = -40.0;
+    state.transfer.material.occlusion = 0.35;
     state.transfer.gradient_opacities = vec![[0.0, 0.5], [100.0, 1.0]];
     state.objects = vec![
         Object { tint: Some(DVec3::X), opacity: 0.4, ..Object::new(0, Some(5), "liver") },
@@ -79,6 +80,11 @@ fn a_short_file_takes_defaults() {
     let state = ViewState::parse(&format!("version = 1\n{transfer}")).expect("the rest has defaults");
     assert_eq!(state.quality, Quality::default());
     assert_eq!(state.orbit, Orbit::default());
+    // Files from before there was ambient occlusion.
+    let older = transfer.replace("occlusion = 0.35\n", "");
+    assert_ne!(older, transfer);
+    let state = ViewState::parse(&format!("version = 1\n{older}")).expect("occlusion has a default");
+    assert_eq!(state.transfer.material.occlusion, 0.0);
 }
 
 #[test]
@@ -95,6 +101,7 @@ fn what_is_wrong_is_named() {
         ("fov_deg = 30.0", "fov_deg = 300.0", "VGS-VIEW-003", "fov_deg"),
         ("offset_mm = -7.5", "offset_mm = inf", "VGS-VIEW-003", "planes"),
         ("file = 1", "file = 2", "VGS-VIEW-003", "objects"),
+        ("occlusion = 0.35", "occlusion = 1.35", "VGS-TF-012", "occlusion"),
         ("opacity = 0.4", "opacity = 1.4", "VGS-VIEW-003", "objects"),
         ("files = 2", "files = 3", "VGS-VIEW-003", "deleted"),
         ("files = 2", "files = 0", "VGS-VIEW-003", "deleted"),

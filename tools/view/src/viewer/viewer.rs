@@ -27,7 +27,7 @@ use crate::thumbnails::Thumbnails;
 use crate::transfer::Transfer;
 
 /// Quality of the first picture, low so that something is shown at once.
-const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0 };
+const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0, occlusion: false };
 /// The work without which splats cannot be shown decoded.
 const DECODING: &str = "decoding the field";
 

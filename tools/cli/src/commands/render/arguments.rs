@@ -46,6 +46,10 @@ pub struct RenderArguments {
     /// Lights surfaces, or not; as the transfer function says by default
     #[arg(long, value_name = "on|off", help_heading = "Picture", value_parser = values::on_off)]
     pub shade: Option<bool>,
+    /// Darkens crevices, in modes volume and decoded: the share of the light that is lost where all around is opaque
+    /// (ambient occlusion), 0 to 1; as the transfer function says by default, which is none
+    #[arg(long, value_name = "SHARE", help_heading = "Picture", value_parser = values::share)]
+    pub occlusion: Option<f64>,
     /// From where: a side (anterior, left, superior ..., or several as anterior-left), or a file with eye_mm,
     /// target_mm, up, fov_deg
     #[arg(long, value_name = "SIDE|FILE.json", default_value = "anterior", help_heading = "Picture")]

@@ -86,6 +86,16 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
             row.name
         );
     }
+    let material = look.transfer.material;
+    if arguments.occlusion.is_some_and(|occlusion| occlusion > 0.0) {
+        if !row.occlusion {
+            tracing::warn!("mode {} shows no ambient occlusion; modes volume and decoded do", row.name);
+        } else if !material.shade {
+            tracing::warn!(
+                "--occlusion takes light away, and this transfer function has none; add --shade on"
+            );
+        }
+    }
     // A frame as it is rendered, and as it is written: over a background, in bytes, with a depth.
     let pixels: u64 = arguments.size.0.iter().map(|&n| u64::from(n)).product();
     memory::require(pixels.saturating_mul(BYTES_A_PIXEL), "a picture of this --size")?;
@@ -184,6 +194,9 @@ impl RenderArguments {
         }
         if let Some(shade) = self.shade {
             transfer.material.shade = shade;
+        }
+        if let Some(occlusion) = self.occlusion {
+            transfer.material.occlusion = occlusion;
         }
         let clip: Vec<ClipPlane> = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
         let there = splats.map(SplatSet::objects).unwrap_or_default();

@@ -122,6 +122,11 @@ pub fn pitch(text: &str) -> Result<f64, String> {
     number(text, 0.25..=16.0)
 }
 
+/// Parses a share.
+pub fn share(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1.0)
+}
+
 /// Parses a precision.
 pub fn precision(text: &str) -> Result<Precision, String> {
     match text {

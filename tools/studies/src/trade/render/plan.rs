@@ -71,7 +71,7 @@ impl Choice {
 
     /// Returns what is given up within the mode.
     pub fn quality(&self) -> Quality {
-        Quality { resolution: self.resolution, coarseness: self.step.max(self.finest()) }
+        Quality { resolution: self.resolution, coarseness: self.step.max(self.finest()), ..Quality::FULL }
     }
 
     /// Returns [`engine::render::Settings::step`], of which [`Choice::quality`] has multiples: 1 for all that
