@@ -5,7 +5,7 @@ mod support;
 #[path = "support/screen.rs"]
 mod screen;
 
-use screen::{Screen, Viewer};
+use screen::{Screen, Viewer, begin, without_notice};
 use support::{Folder, fit};
 
 /// Where the picture is, well within its edges: the panels are at the right.
@@ -81,24 +81,6 @@ fn a_session_with_mouse_and_keys() {
     let report: serde_json::Value = serde_json::from_str(&folder.text("r.json")).expect("JSON");
     assert!(report["first_picture_ms"].as_f64() > Some(0.0), "{report}");
     assert!(report["frames"].as_u64() >= report["pictures"].as_u64(), "{report}");
-}
-
-/// The notice has been read, so that it is not in the way.
-fn without_notice(folder: &Folder) {
-    std::fs::create_dir_all(folder.path("config/vgs")).expect("a folder");
-    std::fs::write(folder.path("config/vgs/view.toml"), "notice_seen = true\n").expect("settings");
-}
-
-/// Starts the viewer, waits for its first picture in full, and gives it the keys.
-fn begin<'a>(screen: &'a Screen, folder: &Folder, arguments: &[&str]) -> Viewer<'a> {
-    let mut viewer = Viewer::start(screen, folder, arguments);
-    viewer.wait("the first picture", |v| v.frames()[1] > 0);
-    viewer.settle();
-    // There is no window manager to give it the keys.
-    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
-    screen.hand(&["mousemove", "450", "380"]);
-    viewer.settle();
-    viewer
 }
 
 /// What a session file says.

@@ -277,6 +277,24 @@ impl<'a> Viewer<'a> {
     }
 }
 
+/// The notice has been read, so that it is not in the way.
+pub fn without_notice(folder: &Folder) {
+    fs::create_dir_all(folder.path("config/vgs")).expect("a folder");
+    fs::write(folder.path("config/vgs/view.toml"), "notice_seen = true\n").expect("settings");
+}
+
+/// Starts the viewer, waits for its first picture in full, and gives it the keys.
+pub fn begin<'a>(screen: &'a Screen, folder: &Folder, arguments: &[&str]) -> Viewer<'a> {
+    let mut viewer = Viewer::start(screen, folder, arguments);
+    viewer.wait("the first picture", |v| v.frames()[1] > 0);
+    viewer.settle();
+    // There is no window manager to give it the keys.
+    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
+    screen.hand(&["mousemove", "450", "380"]);
+    viewer.settle();
+    viewer
+}
+
 impl Drop for Viewer<'_> {
     fn drop(&mut self) {
         if let Some(mut child) = self.child.take() {
