@@ -67,7 +67,8 @@ impl SplatKind {
 
 /// Returns the quality levels for such splats, the best first: those on the front of PSNR against cost that
 /// `studies trade render --levels` measures. No level leaves out a splat: what a transfer function shows is
-/// there on all of them, in a coarser picture. The first one alone has ambient occlusion. `quality_levels.toml` says on what they were measured.
+/// there on all of them, in a coarser picture. The first one alone has ambient occlusion. `quality_levels.toml`
+/// says on what they were measured.
 pub fn quality_levels(kind: SplatKind) -> &'static [QualityLevel] {
     match kind {
         SplatKind::Field => &ALL_LEVELS.field,
