@@ -76,7 +76,7 @@ fn splats_know_the_volume_that_they_were_fitted_to() {
     let mut ct = nifti::read(&folder.path("ct.nii.gz"), &ReadOptions::default()).expect("the CT");
     let crc32 = format!("{:08x}", ct.crc32());
     ct.samples[7] += 1.0;
-    nifti::write(&folder.path("other.nii.gz"), &ct, false).expect("another CT");
+    nifti::write(folder.path("other.nii.gz"), &ct, false).expect("another CT");
     for splats in ["a.ply", "a.vgs"] {
         assert!(folder.run(&["info", splats]).out.contains(&crc32), "{splats}");
         let eval = |ct| folder.run(&[&["eval", splats, ct, "--offsets", "0"], &REGION[..]].concat());

@@ -29,7 +29,7 @@ impl Seen {
         Seen {
             data,
             shown: state.shown,
-            orbit: state.orbit.clone(),
+            orbit: state.orbit,
             clip: state.clip.clone(),
             objects: state.objects.clone(),
             background: state.background,
