@@ -79,6 +79,16 @@ fn a_dicom_folder_becomes_a_scene() {
         .wait("the file", |v| v.log().contains("counting intensities of splats:") && v.frames()[1] > before);
     viewer.settle();
 
+    // The list of presets, with the scene by each of them.
+    let closed = screen.look();
+    let list = step(&mut viewer, &click("973", "448"));
+    let thumbnails = |[r, g, b]: [u8; 3]| r > g.saturating_add(20) && g > b.saturating_add(10);
+    let pictures = [915, 45, 985, 435];
+    let (before, with) = (closed.count(pictures, thumbnails), list.count(pictures, thumbnails));
+    list.keep("film-presets");
+    assert!(with > before + 100, "bones in the list: {with} pixels, and {before} without it");
+    step(&mut viewer, &["key", "Escape"]);
+
     // Another look, a cut, a distance.
     let coloured = viewer.act(&["mousemove", "560", "700", "key", "Next"]);
     assert!(coloured.differences(&fitted, PICTURE) > 1000, "another transfer function");
