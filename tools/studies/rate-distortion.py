@@ -24,7 +24,7 @@ CASES = {
     "heart": ("ct-thorax-1p5mm/ct", "ct-thorax-1p5mm/mask_heart", [0.0125, 0.025, 0.05, 0.1]),
     "skull": ("ct-skull/ct", "ct-skull/mask_skull", [0.00625, 0.0125, 0.025, 0.05]),
     "abdomen bones": ("ct-abdomen-full/ct", "ct-abdomen-full/mask_bones", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
-    "engine": ("engine/volume", None, [0.003125, 0.00625, 0.0125]),
+    "engine": ("engine/volume", None, [0.003125]),
 }
 
 # Case, density, preset and side of a row of pictures.
