@@ -107,13 +107,17 @@ impl Canvas {
         }
     }
 
+    fn scene_mut(&mut self, subject: Subject) -> &mut Option<RenderedScene> {
+        match subject {
+            Subject::Splats => &mut self.splats,
+            Subject::Volume => &mut self.volume,
+        }
+    }
+
     /// Sets or removes the scene of a subject.
     pub fn set_scene(&mut self, subject: Subject, scene: Option<Scene>) {
         let shown_scene = scene.map(|scene| RenderedScene::new(&self.gpu, scene));
-        match subject {
-            Subject::Splats => self.splats = shown_scene,
-            Subject::Volume => self.volume = shown_scene,
-        }
+        *self.scene_mut(subject) = shown_scene;
         self.shown.clear();
     }
 
@@ -135,11 +139,7 @@ impl Canvas {
 
     /// Changes the look of a subject.
     pub fn set_look(&mut self, subject: Subject, look: &Look) -> Result<()> {
-        let shown_scene = match subject {
-            Subject::Splats => &mut self.splats,
-            Subject::Volume => &mut self.volume,
-        };
-        shown_scene.as_mut().map_or(Ok(()), |shown_scene| shown_scene.set_look(look))
+        self.scene_mut(subject).as_mut().map_or(Ok(()), |shown_scene| shown_scene.set_look(look))
     }
 
     /// Limits the number of splats that are rendered; `None` renders all.
@@ -165,11 +165,7 @@ impl Canvas {
     pub fn render(&mut self, setups: Vec<(Subject, RenderSetup)>, camera: Camera) -> Result<f64> {
         let mut ms = 0.0;
         for (subject, setup) in &setups {
-            let shown_scene = match subject {
-                Subject::Splats => &mut self.splats,
-                Subject::Volume => &mut self.volume,
-            };
-            if let Some(shown_scene) = shown_scene {
+            if let Some(shown_scene) = self.scene_mut(*subject) {
                 ms += shown_scene.render(setup, camera)?;
             }
         }
@@ -188,11 +184,7 @@ impl Canvas {
     ) -> Result<Image> {
         let size = setup.settings.size.map(|n| n as usize);
         let nothing = Image { size, pixels: vec![[0.0; 4]; size[0] * size[1]] };
-        let shown_scene = match subject {
-            Subject::Splats => &mut self.splats,
-            Subject::Volume => &mut self.volume,
-        };
-        let Some(shown_scene) = shown_scene else { return Ok(nothing) };
+        let Some(shown_scene) = self.scene_mut(subject) else { return Ok(nothing) };
         shown_scene.set_look(look)?;
         let pixels = shown_scene.picture_of(setup, camera);
         shown_scene.set_look(own)?;

@@ -11,8 +11,8 @@
 //! viewer -> fitting, sorting, fit_plan, transfer, thumbnails, rendered_scene       app -> fit_plan, figures, region
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
-//! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram, thumbnails -> state, orbit          app, panels -> theme
-//! panels -> slices, figures
+//! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
+//! panels -> slices, figures          panel_info -> thumbnails -> state, orbit
 //! app, handles, annotations, panels -> state -> orbit, region, transfer, deletions          app -> settings, editor, transfer
 //! loader, loaded_data -> loaded_splats -> state          app, panels, loader, loaded_data, loaded_splats -> deletions
 //! fitting, panels, panel_info -> fit_plan -> figures          actions, panels, panel_info -> region

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use egui::{ColorImage, Context, TextureHandle, TextureOptions};
 use engine::image::Image;
 use engine::transfer::PRESETS;
+use glam::DVec3;
 
 use crate::orbit::Orbit;
 use crate::state::{Clip, Object, Subject, ViewState};
@@ -20,7 +21,7 @@ pub struct Seen {
     orbit: Orbit,
     clip: Clip,
     objects: Vec<Object>,
-    background: glam::DVec3,
+    background: DVec3,
 }
 
 impl Seen {

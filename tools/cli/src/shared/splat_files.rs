@@ -58,8 +58,9 @@ pub fn read_with_intensity(path: &Path) -> Result<Unplaced> {
 
 /// Warns if the volume read from `path` is not the one that splats were fitted to.
 pub fn warn_of_another_volume(set: &SplatSet, volume: &Volume, path: &Path) {
+    let Some(fitted) = set.volume_crc32 else { return };
     let found = volume.crc32();
-    if let Some(fitted) = set.volume_crc32.filter(|fitted| *fitted != found) {
+    if fitted != found {
         tracing::warn!(
             "the splats were fitted to another volume than {} is, or it is read with other options: the CRC-32 of \
              its samples is {found:08x}, and the splats name {fitted:08x}",

@@ -18,7 +18,8 @@ impl Viewer {
         let state = &self.app.state;
         let subject = state.shown;
         // Colours of other programs know no transfer function.
-        let coloured = subject == Subject::Splats && state.mode == SplatMode::Alpha;
+        let splats = self.data.shown_splats().filter(|_| subject == Subject::Splats);
+        let coloured = splats.is_some_and(|splats| splats.set.colours.is_some());
         let Some(scene) = canvas.scene_of(subject).filter(|_| !coloured) else { return Ok(false) };
         let mode = match subject {
             Subject::Volume => state.mode_of(subject),
@@ -28,7 +29,9 @@ impl Viewer {
         let Some(name) = self.thumbnails.next(Seen::of(state, self.data_number)) else { return Ok(false) };
         let mut by_preset = state.clone();
         by_preset.transfer = Transfer::new(&preset(name)?.over(self.range));
-        let (own, look) = (self.data.look(subject, state)?, self.data.look(subject, &by_preset)?);
+        // What is wrong with the state, the picture in the window tells.
+        let looks = (self.data.look(subject, &by_preset), self.data.look(subject, state));
+        let (Ok(look), Ok(own)) = looks else { return Ok(false) };
         let setup =
             RenderSetup { mode: mode_row(mode), settings: Settings::new(SIZE), quality: Quality::FULL };
         let camera = state.orbit.camera(f64::from(SIZE[0]) / f64::from(SIZE[1]));
