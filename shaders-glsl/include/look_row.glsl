@@ -6,6 +6,9 @@
 // Most clip planes at a time; a box takes six.
 const uint CLIP_PLANES = 8;
 
+// Entries of a table of factors of the opacity over the gradient magnitude.
+const uint GRADIENT_ENTRIES = 256;
+
 // See types.rs.
 struct Look {
     float first;
@@ -18,6 +21,7 @@ struct Look {
     float specular;
     float power;
     float occlusion;
+    float inverse_gradient_step;
     uint plane_count;
     uint offset;
     vec4 planes[CLIP_PLANES];

@@ -22,6 +22,7 @@ layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
 layout(constant_id = 4) const uint HIDDEN = 0;   // 1: what no eye sees stays transparent
 layout(constant_id = 5) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
 layout(constant_id = 8) const uint OCCLUDED = 0; // 1: less light where much around is opaque; with SHADED
+layout(constant_id = 9) const uint GRADED = 0;   // 1: the opacity depends on the gradient magnitude, too
 layout(push_constant, scalar) uniform RaymarchParams {
     BrickGrid grid;
     vec4 voxel_from_scene[3];
@@ -30,8 +31,11 @@ layout(push_constant, scalar) uniform RaymarchParams {
     uvec2 size;
     float step;
     float dark;
+    float edge;
 } p;
 layout(scalar, binding = 5) readonly buffer Distances { uint distances[]; };
+// Factors of the opacity over the gradient magnitude, GRADIENT_ENTRIES for each transfer function.
+layout(scalar, binding = 10) readonly buffer GradientFactors { float gradient_factors[]; };
 
 // What a ray brings back.
 struct Gathered {
@@ -60,9 +64,17 @@ vec2 field_at(vec3 at, out vec4 tint) {
     return vec2(p.first + p.span * found.x, found.y);
 }
 
+// The factor of the opacity that a function makes of a gradient magnitude, straight from entry to entry of its table.
+float gradient_factor(uint function, float magnitude) {
+    float at = min(magnitude * look_rows[function].inverse_gradient_step, float(GRADIENT_ENTRIES - 1));
+    uint low = min(uint(at), GRADIENT_ENTRIES - 2);
+    uint entry = function * GRADIENT_ENTRIES + low;
+    return mix(gradient_factors[entry], gradient_factors[entry + 1], at - float(low));
+}
+
 // Colour, and opacity per mm, of what the functions of the objects around a place make of the way from one intensity
-// to another: the mean of what each makes of it, weighted by its part of O.
-vec4 objects_shown(vec3 at, vec2 way) {
+// to another and of the gradient magnitude there: the mean of what each makes of it, weighted by its part of O.
+vec4 objects_shown(vec3 at, vec2 way, float magnitude) {
     vec3 place = atlas_place(p.grid, at);
     ivec3 low = ivec3(place);
     vec3 part = place - vec3(low);
@@ -74,6 +86,7 @@ vec4 objects_shown(vec3 at, vec2 way) {
             last = voxel.object.function;
             got = SEGMENTS == 1 ? look_segment(last, way.x, way.y) : look_point(last, way.y);
             got.a = 1.0 - exp(-got.a);
+            if (GRADED == 1) got.a *= gradient_factor(last, magnitude);
         }
         sum += voxel.shown * got.a * vec4(tinted(got.rgb, voxel.object.tint), 1.0);
     }
@@ -98,6 +111,11 @@ vec3 gradient_at(vec3 at) {
 // A gradient in the scene, of twice that in voxel space.
 vec3 gradient_in_scene(vec3 g) {
     return 0.5 * (g.x * p.voxel_from_scene[0].xyz + g.y * p.voxel_from_scene[1].xyz + g.z * p.voxel_from_scene[2].xyz);
+}
+
+// The magnitude of the gradient of O (V - dark), per mean edge of the CT's voxels, of twice that in voxel space.
+float magnitude_of(vec3 slopes) {
+    return p.edge * length(gradient_in_scene(slopes));
 }
 
 // The linear part of the affine from voxels to the scene.
@@ -242,9 +260,20 @@ Gathered march(vec2 place, uint view, bool wanted) {
             vec2 here = field_at(at, tint);
             vec4 got;
             float occupancy = here.y;
+            vec3 slopes = vec3(0.0);
+            float magnitude = 0.0;
+            // Functions of objects are asked together with the gradient, that of the scene before it.
+            bool asks = there && OBJECTS == OWN_FUNCTIONS && here.y > 0.0;
+            if (GRADED == 1) {
+                if (subgroupAny(asks)) {
+                    if (COUNTING == 1) work.z += 1;
+                    slopes = gradient_at(at);
+                    magnitude = magnitude_of(slopes);
+                }
+            }
             if (SEGMENTS == 1) {
                 if (before.y < 0.0) before = here;
-                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, vec2(before.x, here.x));
+                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, vec2(before.x, here.x), magnitude);
                 else got = look_segment(0u, before.x, here.x);
                 occupancy = 0.5 * (before.y + here.y);
                 before = here;
@@ -252,8 +281,16 @@ Gathered march(vec2 place, uint view, bool wanted) {
                 // steps would bring something from there.
                 if (!shown) before.y = -1.0;
             } else {
-                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, here.xx);
+                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, here.xx, magnitude);
                 else got = look_point(0u, here.x);
+            }
+            asks = there && OBJECTS != OWN_FUNCTIONS && got.a * occupancy > 0.0;
+            if (GRADED == 1) {
+                if (subgroupAny(asks)) {
+                    if (COUNTING == 1) work.z += 1;
+                    slopes = gradient_at(at);
+                    occupancy *= gradient_factor(0u, magnitude_of(slopes));
+                }
             }
             float path = (to - from) * len;
             float opacity = OBJECTS == OWN_FUNCTIONS
@@ -266,8 +303,10 @@ Gathered march(vec2 place, uint view, bool wanted) {
             if (SHADED == 1) {
                 bool anew = share > STRONG || share > FAINT && mod(k, 2.0) == 0.0;
                 if (subgroupAny(anew)) {
-                    if (COUNTING == 1) work.z += 1;
-                    vec3 slopes = gradient_at(at);
+                    if (GRADED == 0) {
+                        if (COUNTING == 1) work.z += 1;
+                        slopes = gradient_at(at);
+                    }
                     vec3 found = turned(v, gradient_in_scene(slopes));
                     if (anew) gradient = found;
                     if (OCCLUDED == 1) {

@@ -310,6 +310,8 @@ shared! {
         power: f32,
         /// Share of the light that is lost where all around is opaque.
         occlusion: f32,
+        /// Entries of the table over the gradient magnitude, per unit of intensity over a mean edge of a voxel.
+        inverse_gradient_step: f32,
         /// Number of planes in use.
         plane_count: u32,
         /// Index of the table's first entry among those of all functions.
@@ -440,6 +442,8 @@ shared! {
         step: f32,
         /// Least light: rays end when less than this would pass.
         dark: f32,
+        /// Mean edge of the voxels of the CT, mm, over which gradient magnitudes are.
+        edge: f32,
     }
     /// Push constants of `mark_faces`.
     MarkParams {

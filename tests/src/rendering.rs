@@ -121,6 +121,7 @@ pub fn reference_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &
         dark: if visible.is_finite() { visible } else { gpu_splats.range[0] },
         planes: &[],
         segments: false,
+        gradient_edge: None,
         least_light: 1e-4,
     };
     let size = SIZE.map(|n| n as usize);

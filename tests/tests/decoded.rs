@@ -14,7 +14,7 @@ use engine::render::{
     mode,
 };
 use engine::splat::{Exception, Form, Grid, Kernel, Splat, SplatSet};
-use engine::transfer::Table;
+use engine::transfer::{OpacityPoint, Table};
 use engine::volume::phantom::Phantom;
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4, Vec3};
 use vgs_tests::rendering::{SIZE, camera, look, render, set, settings};
@@ -368,6 +368,7 @@ fn reference_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decod
         dark: look.dark(range),
         planes: &[],
         segments: false,
+        gradient_edge: look.transfer.depends_on_gradient().then_some(decoded.edge_mm),
         least_light: 1e-4,
     };
     let eye = Eye::from(&camera(scene).view(scene.origin));
@@ -377,6 +378,13 @@ fn reference_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decod
         size: SIZE.map(|n| n as usize),
         pixels: raymarch::render(&medium, &eye, SIZE, &reference_look, step),
     }
+}
+
+/// A function that shows edges alone.
+fn graded(look: &Look) -> Look {
+    let points = [(30.0, 0.0), (200.0, 1.0)].map(|(intensity, opacity)| OpacityPoint { intensity, opacity });
+    let transfer = look.transfer.clone().with_gradient_opacity(points.into()).expect("gradient opacities");
+    Look { transfer, ..look.clone() }
 }
 
 #[test]
@@ -399,6 +407,7 @@ fn pictures_are_those_of_the_reference() {
             samples(objects(150)),
             Look { functions: [(7, look("CT-Bone", true).transfer)].into(), ..look("CT-Soft-Tissue", true) },
         ),
+        ("decoded-graded", samples(fitted(150, Kernel::Compact)), graded(&look("CT-Soft-Tissue", true))),
         ("decoded-hidden", samples(objects(150)), Look { objects: hidden.into(), ..look("CT-Bone", true) }),
     ] {
         let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
@@ -452,6 +461,24 @@ fn a_finer_pitch_is_nearer_to_the_field() {
         .map(|pitch| psnr(&exact, &of("decoded", pitch, 0.5)).expect("pictures of one size"));
     println!("{found:.1?} dB");
     assert!(found.windows(2).all(|p| p[0] < p[1]) && found[3] > 35.0, "{found:?}");
+}
+
+/// Gradients are over the edge of a voxel of the grid, however fine the decoded voxels are.
+#[test]
+fn gradients_do_not_depend_on_the_pitch() {
+    let gpu = Device::boot();
+    let set = fitted(150, Kernel::Compact);
+    let opacity = |look: &Look, pitch: f64| {
+        let scene = Scene::new(&gpu, Some(&set), None, look).expect("a scene");
+        let settings = Settings { pitch, step: 0.25 / pitch, ..settings() };
+        let image =
+            render(&gpu, mode("decoded").expect("a mode"), &scene, &settings, &[camera(&scene)]).remove(0);
+        image.pixels.iter().map(|p| f64::from(p[3])).sum::<f64>()
+    };
+    let plain = look("CT-Soft-Tissue", false);
+    let shares = [0.5, 0.25].map(|pitch| opacity(&graded(&plain), pitch) / opacity(&plain, pitch));
+    println!("{shares:?} of the opacity stays");
+    assert!(0.1 < shares[0] && shares[0] < 0.95 && (shares[0] / shares[1] - 1.0).abs() < 0.05, "{shares:?}");
 }
 
 /// A field is decoded once: looks change, modes come and go, and its bytes are accounted for.

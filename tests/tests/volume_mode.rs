@@ -120,6 +120,7 @@ fn pictures_are_those_of_the_reference() {
                 dark: visible,
                 planes: &[],
                 segments: false,
+                gradient_edge: None,
                 least_light: 1e-4,
             };
             let eye = Eye::from(&camera.view(scene.origin));
@@ -176,6 +177,70 @@ fn occlusion_takes_light_from_crevices_and_nothing_else() {
     assert!(picture(&groove, 1.0, true, &lower) == pictures[0], "a lower quality");
     let [unlit, plain] = [1.0, 0.0].map(|strength| picture(&groove, strength, false, &Quality::FULL));
     assert!(unlit == plain, "nothing is lit");
+}
+
+/// A function whose opacity has factors over the gradient.
+fn graded(look: &Look, points: &[[f64; 2]]) -> Look {
+    let points = points.iter().map(|&[intensity, opacity]| OpacityPoint { intensity, opacity }).collect();
+    let transfer = look.transfer.clone().with_gradient_opacity(points).expect("gradient opacities");
+    Look { transfer, ..look.clone() }
+}
+
+/// Factors of 1 give the bits of a function without any; a factor that is the same everywhere is one of the opacity per
+/// mm; and where nothing changes, the opacity is that of no gradient.
+#[test]
+fn gradient_opacity_is_a_factor_of_the_opacity() {
+    let gpu = Device::boot();
+    let (ball, settings) = (volume(), Settings { dark: 1e-5, ..settings() });
+    let of = |volume: &Volume, look: &Look, settings: &Settings| {
+        let scene = scene(&gpu, volume, None, look);
+        render(&gpu, &scene, settings, &[camera(&scene)]).remove(0)
+    };
+    for (name, shade) in [("CT-Bone", true), ("CT-Soft-Tissue", false)] {
+        let look = look(name, shade);
+        let plain = of(&ball, &look, &settings);
+        let ones = of(&ball, &graded(&look, &[[0.0, 1.0], [10.0, 1.0], [900.0, 1.0]]), &settings);
+        assert!(plain == ones, "{name}: factors of 1");
+        for classification in [Classification::Point, Classification::PreIntegrated] {
+            let settings = Settings { classification: Some(classification), ..settings.clone() };
+            let fog = fog(0.1);
+            let thinner = 1.0 - (1.0 - (-0.1f64).exp()) * 0.25;
+            let expected = of(&ball, &self::fog(-thinner.ln()), &settings);
+            let found = of(&ball, &graded(&fog, &[[0.0, 0.25]]), &settings);
+            let worst = expected.pixels.iter().zip(&found.pixels).map(|(a, b)| (a[3] - b[3]).abs());
+            let worst = worst.fold(0.0, f32::max);
+            // Extinctions are halves on the device.
+            assert!(worst < 3e-4, "{classification:?}: {worst}");
+        }
+    }
+    // The middle of a volume that is the same everywhere; its faces are an edge.
+    let mut even = constant([24; 3], 40.0);
+    // What the gradient is against: the least intensity.
+    even.samples[0] = -960.0;
+    let shell = of(&even, &graded(&fog(0.1), &[[0.0, 0.0], [1.0, 1.0]]), &settings);
+    let whole = of(&even, &fog(0.1), &settings);
+    let middle = SIZE[1] as usize / 2 * SIZE[0] as usize + SIZE[0] as usize / 2;
+    let [shell, whole] = [&shell, &whole].map(|image| image.pixels[middle][3]);
+    assert!(0.05 < shell && shell < 0.5 * whole, "{shell} of {whole}");
+}
+
+/// Gradients are over the edge of a voxel, so that the same samples show the same parts however large they are.
+#[test]
+fn gradients_do_not_depend_on_the_size_of_voxels() {
+    let gpu = Device::boot();
+    let ball = volume();
+    let shares = [1.0, 4.0].map(|size| {
+        let affine = DAffine3::from_scale(DVec3::splat(size)) * ball.world_from_voxel;
+        let volume = Volume::new(ball.size, affine, ball.samples.clone());
+        let of = |points: &[[f64; 2]]| {
+            let scene = scene(&gpu, &volume, None, &graded(&fog(1e-3 / size), points));
+            let image = render(&gpu, &scene, &settings(), &[camera(&scene)]).remove(0);
+            image.pixels.iter().map(|p| f64::from(p[3])).sum::<f64>()
+        };
+        of(&[[20.0, 0.0], [300.0, 1.0]]) / of(&[])
+    });
+    println!("{shares:?} of the opacity stays");
+    assert!(0.05 < shares[0] && shares[0] < 0.9 && (shares[0] / shares[1] - 1.0).abs() < 0.01, "{shares:?}");
 }
 
 /// What is the same everywhere absorbs by its thickness alone, at any step, with clip planes or without.

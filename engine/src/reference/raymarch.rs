@@ -161,12 +161,13 @@ impl Medium {
     }
 
     /// Returns colour, tinted, and opacity per mm that the functions of the voxels around a point of voxel space
-    /// make of the way from one intensity to another, each by its part of O.
+    /// make of the way from one intensity to another, each by its part of O, and of the gradient's magnitude.
     fn shown(
         &self,
         voxel: DVec3,
         [from, to]: [f64; 2],
         functions: &[usize],
+        magnitude: f64,
         look: &Look<'_>,
     ) -> (DVec3, f64) {
         let (Some(mask), Some(objects)) = (&self.mask, &self.objects) else { return (DVec3::ZERO, 0.0) };
@@ -177,7 +178,9 @@ impl Medium {
                 k => &look.functions[k - 1],
             };
             let (own, extinction) = if look.segments { table.segment(from, to) } else { table.point(to) };
-            let part = share * f64::from(mask[index]) * objects[index].opacity * -(-extinction).exp_m1();
+            let occupancy =
+                f64::from(mask[index]) * objects[index].opacity * table.gradient_factor(magnitude);
+            let part = share * occupancy * -(-extinction).exp_m1();
             colour += part * tinted(own, objects[index].tint);
             opacity += part;
         }
@@ -300,22 +303,26 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
         let (v, o, tint) = medium.seen(at);
         let path = (to - from) * ray.length();
         let (vb, ob) = if look.segments { before.replace((v, o)).unwrap_or((v, o)) } else { (v, o) };
+        let in_scene = |slopes: DVec3| medium.voxel_from_scene.matrix3.transpose() * slopes;
+        let magnitude =
+            look.gradient_edge.map_or(0.0, |edge| edge * in_scene(medium.gradient(at, look.dark)).length());
         let (mut base, opacity) = match &medium.functions {
             Some(functions) => {
-                let (colour, per_mm) = medium.shown(at, [vb, v], functions, look);
+                let (colour, per_mm) = medium.shown(at, [vb, v], functions, magnitude, look);
                 (colour, -(path * (-per_mm).ln_1p()).exp_m1())
             }
             None => {
                 let (colour, extinction) =
                     if look.segments { look.table.segment(vb, v) } else { look.table.point(v) };
-                (tinted(colour, tint), opacity(extinction, 0.5 * (ob + o), path))
+                let occupancy = look.table.gradient_factor(magnitude) * 0.5 * (ob + o);
+                (tinted(colour, tint), opacity(extinction, occupancy, path))
             }
         };
         let share = gathered.clear * opacity;
         if look.material.shade {
             if share > STRONG || share > FAINT && even {
                 let slopes = medium.gradient(at, look.dark);
-                gradient = eye.turn * (medium.voxel_from_scene.matrix3.transpose() * slopes);
+                gradient = eye.turn * in_scene(slopes);
                 if look.material.occlusion > 0.0 {
                     light = 1.0 - look.material.occlusion * medium.occlusion(at, slopes, look);
                 }
@@ -357,7 +364,17 @@ mod tests {
     }
 
     fn look<'a>(table: &'a Table, material: &'a Material) -> Look<'a> {
-        Look { table, functions: &[], material, dark: 0.0, planes: &[], segments: false, least_light: 1e-4 }
+        let (planes, gradient_edge) = (&[], None);
+        Look {
+            table,
+            functions: &[],
+            material,
+            dark: 0.0,
+            planes,
+            gradient_edge,
+            segments: false,
+            least_light: 1e-4,
+        }
     }
 
     /// Creates an eye at +y, so far away that rays are nearly parallel.

@@ -70,6 +70,8 @@ pub struct Look<'a> {
     pub dark: f64,
     /// Clip planes: n · x + d < 0 is cut away.
     pub planes: &'a [[f64; 4]],
+    /// Mean edge of the CT's voxels, mm, if the opacity depends on the gradient, which ray marches alone know.
+    pub gradient_edge: Option<f64>,
     /// True if the transfer function is integrated between planes.
     pub segments: bool,
     /// Rays end where less light than this would pass.

@@ -33,7 +33,7 @@ use crate::gpu::Gpu;
 use crate::passes::Sampler;
 use crate::splat::{Exception, Field, Form, Grid, Splat, SplatSet};
 use crate::volume::bricks::{BRICK, NO_SLOT, SAMPLES, brick_morton, brick_voxel};
-use crate::volume::{Bricks, Roi, Volume};
+use crate::volume::{Bricks, Roi, Volume, spacing_of};
 
 /// Greatest number of bricks that are sampled: 67 million voxels, some 400 MB in the atlas.
 const MOST_BRICKS: usize = 1 << 17;
@@ -67,6 +67,8 @@ pub struct Decoded {
     pub size: [u32; 3],
     /// Affine from voxels of the box to mm in the space of the scene.
     pub scene_from_voxel: DAffine3,
+    /// Mean edge of a voxel of the CT's grid, mm, whatever the pitch.
+    pub edge_mm: f64,
     pub(super) scale: Scale,
     /// V and O, as fractions, of voxels that no splat reaches.
     pub(super) empty: [u16; 2],
@@ -152,6 +154,7 @@ impl Source {
         let mut decoded = Decoded {
             size: (extent.high - extent.low + 1).as_uvec3().to_array(),
             scene_from_voxel,
+            edge_mm: spacing_of(&self.lattice().world_from_voxel).element_sum() / 3.0,
             scale: Scale::of([f64::from(background); 2], false),
             empty: [0; 2],
             bricks: extent.bricks,

@@ -53,6 +53,8 @@ pub struct GpuVolume {
     pub bounds: [DVec3; 2],
     /// The shortest edge of a voxel, mm.
     pub spacing_mm: f64,
+    /// The mean edge of a voxel of the CT, mm; of a decoded field, too, whatever its pitch.
+    pub mean_edge_mm: f64,
     image: Image,
     /// Places of the bricks of the grid in an atlas; a single number for a volume.
     places: Buffer<u32>,
@@ -288,6 +290,7 @@ impl GpuVolume {
             range: [cut.scale.value(least), cut.scale.value(greatest)],
             bounds,
             spacing_mm: spacing.min_element(),
+            mean_edge_mm: spacing.element_sum() / 3.0,
             image,
             places: gpu.upload("no places of bricks", "volume", &[0])?,
             labels: gpu.volume("no labels", "volume", Format::R8, [1; 3])?,
@@ -318,6 +321,7 @@ impl GpuVolume {
             range: [scale.first, scale.first + scale.span],
             bounds: bounds(size, 0.5, &field.scene_from_voxel),
             spacing_mm: spacing.min_element(),
+            mean_edge_mm: field.edge_mm,
             image,
             places: gpu.upload("places of bricks", "decoded field", &atlas.places)?,
             labels: label_image,

@@ -151,12 +151,16 @@ pub struct LookBuffers {
     pub integrals: Buffer<[u32; 4]>,
     /// For each entry of the table the number of visible entries before it; one more than there are entries.
     pub visible: Buffer<u32>,
+    /// Factors of the opacity over the gradient magnitude, a table for each function.
+    pub gradient_factors: Buffer<f32>,
     /// Appearance of each object, by its number.
     pub appearances: Buffer<types::Appearance>,
     /// True if surfaces are lit.
     pub shaded: bool,
     /// True if their light knows what is around them: if there is ambient occlusion.
     pub occluded: bool,
+    /// True if the opacity of some function depends on the gradient.
+    pub graded: bool,
     /// True if some object has a tint or an opacity; otherwise kernels need not look for them.
     pub objects_differ: bool,
     /// True if some object is hidden.
@@ -191,6 +195,7 @@ impl LookBuffers {
         let tables: Vec<Table> = functions.iter().map(|function| Table::new(function, range)).collect();
         let points: Vec<[u32; 2]> = tables.iter().flat_map(|t| t.points.iter().map(|&p| packed(p))).collect();
         let integrals: Vec<[u32; 4]> = tables.iter().flat_map(|t| t.integrals.iter().copied()).collect();
+        let factors: Vec<f32> = tables.iter().flat_map(|t| t.gradient_factors.iter().copied()).collect();
         let visible = visible_before(&tables);
         let mut planes = [[0.0; 4]; PLANES];
         for (to, plane) in planes.iter_mut().zip(&look.clip) {
@@ -217,6 +222,7 @@ impl LookBuffers {
             specular: material.specular as f32,
             power: material.power as f32,
             occlusion: material.occlusion as f32,
+            inverse_gradient_step: (1.0 / table.gradient_step) as f32,
             plane_count: look.clip.len() as u32,
             offset: 0,
             planes,
@@ -235,9 +241,11 @@ impl LookBuffers {
             points: gpu.upload("transfer function", "transfer function", &points)?,
             integrals: gpu.upload("integrals of the transfer function", "transfer function", &integrals)?,
             visible: gpu.upload("visible entries", "transfer function", &visible)?,
+            gradient_factors: gpu.upload("gradient opacities", "transfer function", &factors)?,
             appearances: gpu.upload("appearances of objects", "transfer function", &appearances)?,
             shaded: material.shade,
             occluded: material.shade && material.occlusion > 0.0,
+            graded: functions.iter().any(|function| function.depends_on_gradient()),
             objects_differ: !look.objects.values().all(Appearance::is_plain),
             own_functions: tables.len() > 1,
             hides: look.objects.values().any(|object| !object.visible),

@@ -22,6 +22,8 @@ pub struct ModeRow {
     pub own_functions: bool,
     /// True if its light knows ambient occlusion ([`crate::transfer::Material::occlusion`]).
     pub occlusion: bool,
+    /// True if the opacity may depend on the gradient ([`crate::transfer::TransferFunction::gradient_opacities`]).
+    pub gradient_opacity: bool,
     make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
 }
 
@@ -50,6 +52,7 @@ pub static MODES: [ModeRow; 5] = [
         of_splats: false,
         own_functions: false,
         occlusion: true,
+        gradient_opacity: true,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -58,6 +61,7 @@ pub static MODES: [ModeRow; 5] = [
         of_splats: true,
         own_functions: false,
         occlusion: false,
+        gradient_opacity: false,
         make: |gpu, scene, settings| Ok(Box::new(Slab::exact(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -66,6 +70,7 @@ pub static MODES: [ModeRow; 5] = [
         of_splats: true,
         own_functions: false,
         occlusion: false,
+        gradient_opacity: false,
         make: |gpu, scene, settings| Ok(Box::new(Slab::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -74,6 +79,7 @@ pub static MODES: [ModeRow; 5] = [
         of_splats: true,
         own_functions: true,
         occlusion: true,
+        gradient_opacity: true,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -82,6 +88,7 @@ pub static MODES: [ModeRow; 5] = [
         of_splats: true,
         own_functions: false,
         occlusion: false,
+        gradient_opacity: false,
         make: |gpu, scene, settings| Ok(Box::new(Alpha::new(gpu, scene, settings)?)),
     },
 ];

@@ -24,8 +24,9 @@ use crate::passes::{Faces, Views, Work, WorkgroupShape};
 const LEAST_STEP: f64 = 0.01;
 
 /// What kernels and drawings are created for: the way to classify, whether there is light, what objects have of
-/// their own (see the shaders' medium.glsl), and whether there is ambient occlusion.
-type Variant = (Classification, bool, u32, bool);
+/// their own (see the shaders' medium.glsl), whether there is ambient occlusion, and whether the opacity depends on the
+/// gradient.
+type Variant = (Classification, bool, u32, bool, bool);
 
 /// What starts the rays.
 enum Start {
@@ -113,8 +114,8 @@ impl Raymarch {
         ]
         .map(u32::from);
         let occluded = look.occluded && quality.occlusion;
-        let constants = [&constants[..], &[objects, u32::from(occluded)]].concat();
-        let variant = (classification, shaded, objects, occluded);
+        let constants = [&constants[..], &[objects, u32::from(occluded), u32::from(look.graded)]].concat();
+        let variant = (classification, shaded, objects, occluded, look.graded);
         match &mut self.start {
             Start::Computed(kernels) => kernels.find(variant, |_| {
                 let own = [u32::from(settings.depth), WorkgroupShape::of(gpu) as u32];
@@ -147,6 +148,7 @@ macro_rules! marched {
             .sample("labels", $volume.labels())
             .read("appearances", &$look.appearances)
             .read("patches", &$views.patches)
+            .read("gradient_factors", &$look.gradient_factors)
     };
 }
 
@@ -173,6 +175,7 @@ impl Mode for Raymarch {
             size,
             step: (self.settings.step * quality.coarseness * volume.spacing_mm) as f32,
             dark: self.settings.dark,
+            edge: volume.mean_edge_mm as f32,
         };
         match &mut self.start {
             Start::Computed(kernels) => {

@@ -9,7 +9,7 @@ use engine::reference::occupancy;
 use engine::reference::raymarch as reference;
 use engine::reference::slab::Look as ReferenceLook;
 use engine::render::{self, Camera, Look, LookBuffers, Target};
-use engine::transfer::{Material, Table, preset};
+use engine::transfer::{Material, OpacityPoint, Table, TransferFunction, preset};
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
 use rand::RngExt;
 use shaders_glsl::types::{BrickGrid, OccupancyParams, RaymarchParams, SpreadParams, View};
@@ -19,6 +19,8 @@ use vgs_tests::{Bound, Device, assert_close};
 use super::run;
 
 const RANGE: [f64; 2] = [-1000.0, 2000.0];
+/// Mean edge of a voxel of the CT, mm, over which gradient magnitudes are.
+const EDGE: f32 = 1.4;
 
 pub fn occupancy_mark() {
     let gpu = Device::boot();
@@ -377,6 +379,8 @@ struct RaymarchRow {
     shade: bool,
     /// Strength of the ambient occlusion.
     occlusion: f64,
+    /// True if the opacity depends on the gradient.
+    graded: bool,
     jitter: bool,
     group: u32,
 }
@@ -390,10 +394,12 @@ pub fn raymarch() {
         segments,
         shade,
         occlusion: 0.0,
+        graded: false,
         jitter,
         group,
     };
     let occluded = |occlusion, row| RaymarchRow { occlusion, ..row };
+    let graded = |row| RaymarchRow { graded: true, ..row };
     for (i, row) in [
         row(Source::Image, "CT-Soft-Tissue", false, false, false, false, 8),
         row(Source::Image, "CT-Soft-Tissue", true, true, true, true, 64),
@@ -418,6 +424,15 @@ pub fn raymarch() {
         occluded(0.5, row(Source::OneObject, "CT-Bone", true, false, true, false, 64)),
         // Not lit, so that there is no light to take away.
         occluded(0.5, row(Source::Atlas, "CT-Bone", true, false, false, false, 64)),
+        graded(row(Source::Image, "CT-Bone", true, false, true, false, 64)),
+        graded(row(Source::Image, "CT-Soft-Tissue", false, true, false, true, 8)),
+        graded(row(Source::Image, "CT-Skin", true, true, true, false, 64)),
+        graded(row(Source::Atlas, "CT-Skin", true, false, true, true, 8)),
+        graded(row(Source::Objects, "CT-Soft-Tissue", true, true, true, false, 64)),
+        graded(row(Source::Functions, "CT-Bone", true, true, true, false, 8)),
+        graded(row(Source::Functions, "CT-Skin", true, false, false, true, 64)),
+        graded(row(Source::OneObject, "CT-Bone", true, false, false, false, 64)),
+        graded(occluded(0.8, row(Source::Functions, "CT-Soft-Tissue", true, false, true, false, 8))),
     ]
     .iter()
     .enumerate()
@@ -432,6 +447,12 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     let mut transfer = preset(row.preset).unwrap().over(RANGE);
     let RaymarchRow { shade, occlusion, .. } = *row;
     transfer.material = Material { shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0, occlusion };
+    let graded = |function: TransferFunction, points: &[[f64; 2]]| {
+        let points = points.iter().map(|&[intensity, opacity]| OpacityPoint { intensity, opacity });
+        let points = if row.graded { points.collect() } else { Vec::new() };
+        function.with_gradient_opacity(points).expect("gradient opacities")
+    };
+    let transfer = graded(transfer, &[[0.0, 0.1], [150.0, 0.4], [400.0, 1.0]]);
     let mut look = Look::new(transfer);
     let appearance = |visible, tint, opacity| render::Appearance { visible, tint, opacity };
     look.objects = [
@@ -445,7 +466,9 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     .enumerate()
     .map(|(number, object)| (number as u8, object))
     .collect();
-    let own = FUNCTIONS.map(|name| preset(name).unwrap().over(RANGE));
+    // Those of objects are steeper, and lighter at the end.
+    let own = FUNCTIONS
+        .map(|name| graded(preset(name).unwrap().over(RANGE), &[[50.0, 0.0], [250.0, 1.0], [300.0, 0.7]]));
     if row.source == Source::Functions {
         let chosen = FUNCTION_OF.iter().enumerate().filter(|(_, function)| **function > 0);
         look.functions = chosen.map(|(number, k)| (number as u8, own[k - 1].clone())).collect();
@@ -503,6 +526,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         size: SIZE,
         step,
         dark,
+        edge: EDGE,
     };
     let atlas = row.source != Source::Image;
     let objects = match row.source {
@@ -511,8 +535,10 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         Source::Functions => shaders_glsl::medium::OWN_FUNCTIONS,
     };
     let constants = [false, row.masked, row.segments, row.shade, false, row.jitter, atlas].map(u32::from);
-    let constants: Vec<u32> =
-        constants.into_iter().chain([objects, u32::from(buffers.occluded), 1, row.group]).collect();
+    let constants: Vec<u32> = constants
+        .into_iter()
+        .chain([objects, u32::from(buffers.occluded), u32::from(buffers.graded), 1, row.group])
+        .collect();
     let kernel = Kernel::new(gpu, &shaders_glsl::RAYMARCH, &constants).unwrap();
     let tile = if row.group == 8 { [4, 2] } else { [8, 8] };
     let patches = gpu.upload("patches", "test", &[0u32]).unwrap();
@@ -530,6 +556,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
                 .sample("labels", &labels)
                 .read("appearances", &buffers.appearances)
                 .read("patches", &patches)
+                .read("gradient_factors", &buffers.gradient_factors)
                 .write_image("colour_image", &mut target.colour)
                 .write_image("depth_image", &mut target.depth)
                 .push(&params)
@@ -548,6 +575,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         dark: gradient_from,
         planes: &cut.map(|p| p.map(f64::from)),
         segments: row.segments,
+        gradient_edge: row.graded.then_some(f64::from(EDGE)),
         least_light: f64::from(dark),
     };
     let medium = stage.medium(row.source, &shown);
@@ -569,8 +597,8 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         }
     }
     let label = format!(
-        "raymarch: {:?} {} masked {} segments {} shade {} occlusion {} group {}",
-        row.source, row.preset, row.masked, row.segments, row.shade, row.occlusion, row.group
+        "raymarch: {:?} {} masked {} segments {} shade {} occlusion {} graded {} group {}",
+        row.source, row.preset, row.masked, row.segments, row.shade, row.occlusion, row.graded, row.group
     );
     assert!(opaque.iter().all(|&n| n > 40), "{label}: both eyes see something: {opaque:?}");
     // An intensity at the border between two entries of the table may take either, a cell at a clip plane may be there or

@@ -340,6 +340,7 @@ pub fn slab() {
                 dark: f64::from(row_on_device.dark),
                 planes: &cut.map(|p| p.map(f64::from)),
                 segments,
+                gradient_edge: None,
                 least_light: 1e-3,
             };
             let depths: Vec<f32> = target.depth.read().unwrap();

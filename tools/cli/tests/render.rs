@@ -114,6 +114,39 @@ fn occlusion_darkens_where_a_mode_shows_it() {
     assert!(ended.code == 2 && ended.err.contains("from 0 to 1"), "{}", ended.err);
 }
 
+/// Of what is everywhere the same nothing is left, and of what has an edge the edge.
+#[test]
+fn gradient_opacity_leaves_edges() {
+    let folder = folder();
+    let run = |output: &str, more: &[&str]| {
+        let shared =
+            ["render", "s.ply", "--tf", "CT-Bone", "--size", "64x64", "--background", "none", "-o", output];
+        folder.run(&[&shared, more].concat())
+    };
+    let sum = |name: &str| picture(&folder, name).image.pixels.iter().map(|p| p[3]).sum::<f32>();
+    let opacity = |value: &str| {
+        let ended = run("out.png", &["--mode", "decoded", "--force", "--gradient-opacity", value]);
+        assert!(ended.code == 0 && !ended.err.contains("gradient"), "{}", ended.err);
+        sum("out.png")
+    };
+    let [whole, all, some, none] = ["none", "0,0", "50,400", "1e6,1e6"].map(opacity);
+    assert!(whole == all && some < whole && some > 0.0 && none == 0.0, "{whole} {all} {some} {none}");
+    // A file with such opacities, drawn where a mode can.
+    folder.write("steep.vp", "1\n0\n\n\n\n\n4 0 0 3000 1\n4 1e6 0 2e6 1\n8 0 1 1 1 3000 1 1 1\n");
+    for (mode, warns) in [("decoded", false), ("slab", true)] {
+        let told =
+            ["render", "s.ply", "--tf", "steep.vp", "--size", "64x64", "--background", "none", "--force"];
+        let ended = folder.run(&[&told[..], &["-o", "steep.png", "--mode", mode]].concat());
+        assert!(ended.code == 0, "{}", ended.err);
+        assert_eq!(ended.err.contains("mode slab shows no gradient opacity"), warns, "{}", ended.err);
+        assert_eq!(sum("steep.png") > 0.0, warns, "{mode}");
+    }
+    for value in ["80,20", "-5,10", "7", "nan,nan"] {
+        let ended = run("bad.png", &[&format!("--gradient-opacity={value}")]);
+        assert!(ended.code == 2 && ended.err.contains("two gradients"), "{value}: {}", ended.err);
+    }
+}
+
 #[test]
 fn files_are_objects_of_one_picture() {
     let folder = folder();

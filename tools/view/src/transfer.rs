@@ -37,7 +37,7 @@ pub struct Transfer {
     pub material: Material,
     /// The control points.
     pub points: Vec<Point>,
-    /// Opacity factors over the magnitude of the gradient; nothing draws them, they are kept for saving.
+    /// Factors of the opacity over the magnitude of the gradient, intensity over a mean edge of the CT's voxels.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub gradient_opacities: Vec<[f64; 2]>,
 }
@@ -54,6 +54,20 @@ impl Transfer {
             points: joint(function),
             gradient_opacities,
         }
+    }
+
+    /// Returns the gradients below which there is nothing and above which there is all, if the opacity follows such a
+    /// ramp.
+    pub fn gradient_ramp(&self) -> Option<[f64; 2]> {
+        match self.gradient_opacities[..] {
+            [[low, 0.0], [high, 1.0]] => Some([low, high]),
+            _ => None,
+        }
+    }
+
+    /// Lets the opacity follow a ramp over the gradient, or the intensity alone.
+    pub fn set_gradient_ramp(&mut self, ramp: Option<[f64; 2]>) {
+        self.gradient_opacities = ramp.map_or_else(Vec::new, |[low, high]| vec![[low, 0.0], [high, 1.0]]);
     }
 
     /// Returns the window that the function spans, from the first to the last point, shift included.

@@ -117,9 +117,6 @@ pub fn read(path: impl AsRef<Path>, name: Option<&str>, data: [f64; 2]) -> Resul
         tracing::warn!("{}: from 0 to 1, so stretched over {} to {}", path.display(), data[0], data[1]);
         tf = tf.stretched([0.0, 1.0], data).map_err(|e| e.file(path))?;
     }
-    if tf.depends_on_gradient() {
-        tracing::warn!("{}: its gradient opacity is kept but not drawn", path.display());
-    }
     Ok(tf)
 }
 

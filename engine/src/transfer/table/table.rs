@@ -1,7 +1,7 @@
 //! A transfer function as a table, for a renderer to upload.
 //!
 //! Entry `i` stands at the intensity `first + i · step`; `step` is a power of two and every entry is a number
-//! of `f32`. There are two rows. `points` has rgb and τ (1/mm) at the entries. `integrals` has ∫τ·rgb and ∫τ
+//! of `f32`. There are two rows of them, and a third one over the magnitude of the gradient. `points` has rgb and τ (1/mm) at the entries. `integrals` has ∫τ·rgb and ∫τ
 //! from the first entry on, for pre-integrated classification (Engel, Kraus, Ertl 2001): along a segment on
 //! which the intensity goes evenly from v_a to v_b the mean extinction is (K(v_b) − K(v_a)) / (v_b − v_a).
 //!
@@ -12,8 +12,9 @@
 //! ([`Table::segment`]).
 
 use glam::DVec3;
+use shaders_glsl::look_row::GRADIENT_ENTRIES;
 
-use crate::transfer::function::{From, MAX_OPACITY, extinction_of};
+use crate::transfer::function::{From, MAX_OPACITY, extinction_of, interpolate};
 use crate::transfer::{MAX_INTENSITY, TransferFunction};
 
 /// Fewest entries of a table.
@@ -40,6 +41,11 @@ pub struct Table {
     pub integrals: Vec<[u32; 4]>,
     /// Unit of `integrals`, in 1/mm times entries: a power of two.
     pub integral_unit: f64,
+    /// Factors of the opacity, entry `i` for a gradient magnitude of `i · gradient_step`; straight between entries, so
+    /// that a step of the function is as wide as one of them.
+    pub gradient_factors: Vec<f32>,
+    /// Distance between entries of `gradient_factors`: intensity over a mean edge of the CT's voxels.
+    pub gradient_step: f64,
 }
 
 impl Table {
@@ -67,7 +73,8 @@ impl Table {
         }
         let integral_unit = unit_of(sums[len - 1][3]);
         let integrals = sums.iter().map(|s| s.map(|x| (x / integral_unit).round() as u32)).collect();
-        Table { first, step, points, integrals, integral_unit }
+        let (gradient_factors, gradient_step) = gradient_table(tf);
+        Table { first, step, points, integrals, integral_unit, gradient_factors, gradient_step }
     }
 
     /// Returns the number of entries.
@@ -123,12 +130,32 @@ impl Table {
         (DVec3::new(sum[0], sum[1], sum[2]).min(DVec3::splat(sum[3])) / sum[3], sum[3] / width)
     }
 
+    /// Returns the factor of the opacity for a gradient of this magnitude.
+    pub fn gradient_factor(&self, magnitude: f64) -> f64 {
+        let last = self.gradient_factors.len() - 1;
+        let at = (magnitude / self.gradient_step).min(last as f64);
+        let low = (at as usize).min(last - 1);
+        let [a, b] = [low, low + 1].map(|i| f64::from(self.gradient_factors[i]));
+        a + (b - a) * (at - low as f64)
+    }
+
     /// Returns the cell between two entries in which a place lies, and how far in it is, 0 to 1.
     fn cell(&self, entry: f64) -> (usize, f64) {
         let inside = entry.clamp(0.0, self.len() as f64 - 1.0);
         let cell = inside.floor().min(self.len() as f64 - 2.0);
         (cell as usize, inside - cell)
     }
+}
+
+/// Returns the factors of the opacity from no gradient to the last control point, and the distance of entries.
+fn gradient_table(tf: &TransferFunction) -> (Vec<f32>, f64) {
+    let points = tf.gradient_opacities();
+    let Some(last) = points.last() else { return (vec![1.0; GRADIENT_ENTRIES as usize], 1.0) };
+    let steps = f64::from(GRADIENT_ENTRIES - 1);
+    let step =
+        if last.intensity > 0.0 { (last.intensity / steps).max(f64::from(f32::MIN_POSITIVE)) } else { 1.0 };
+    let factor = |i: u32| interpolate(points, f64::from(i) * step, From::Above) as f32;
+    ((0..GRADIENT_ENTRIES).map(factor).collect(), step)
 }
 
 /// Returns the range of intensities over which the function changes and is visible.

@@ -99,6 +99,7 @@ impl Solids {
             dark: 2.0 * self.range[0] - self.range[1],
             planes: &[],
             segments: false,
+            gradient_edge: None,
             least_light: 1e-3,
         };
         let image = render(&self.media[which], &self.eye, self.size, &look, self.step);

@@ -1,7 +1,7 @@
 //! Panel of the transfer function: presets, windows, the editor, shift and light.
 
 use egui::{Button, ComboBox, DragValue, Image, Slider, Ui, Vec2};
-use engine::transfer::{PRESETS, WINDOWS};
+use engine::transfer::{PRESETS, Preset, Scale, WINDOWS};
 
 use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
@@ -10,6 +10,8 @@ use crate::editor::{Editor, full_range};
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
 
+/// Gradients that a new ramp goes from and to, as shares of the range of the data.
+const STEEP: [f64; 2] = [0.01, 0.05];
 /// Height of the editor, points of the screen.
 const TALL: f32 = 190.0;
 /// Height to which the list of presets may grow, points of the screen.
@@ -27,6 +29,7 @@ pub fn show(
 ) {
     choices(ui, state, info, actions);
     curve(ui, state, editor, info);
+    gradient_row(ui, state, info);
     light(ui, state);
 }
 
@@ -40,13 +43,21 @@ pub fn curve(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &Pan
     shift_row(ui, state, info);
 }
 
-/// Shows all presets, with what the scene looks like by each where there are pictures of it; a click chooses one of
+/// Shows all presets, those for such data first, with what the scene looks like by each where there are pictures of it; a click chooses one of
 /// them.
 pub fn presets(ui: &mut Ui, state: &ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
     if info.thumbnails.is_some() {
         actions.push(Action::WantThumbnails);
     }
-    for preset in PRESETS {
+    let own = if info.unit.is_empty() { Scale::Data } else { Scale::Hu };
+    let (first, others): (Vec<&Preset>, Vec<&Preset>) =
+        PRESETS.iter().partition(|preset| preset.scale == own);
+    let heading =
+        if info.unit.is_empty() { "For CT, in HU" } else { "Over the range of the data, as for MR" };
+    for (i, preset) in first.iter().chain(&others).copied().enumerate() {
+        if i == first.len() {
+            ui.weak(heading);
+        }
         let chosen = state.transfer.name == preset.name;
         let button = match info.thumbnails.map(|thumbnails| thumbnails.of(preset.name)) {
             None => Button::selectable(chosen, preset.name),
@@ -138,6 +149,42 @@ fn shift_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
             state.transfer.shift = 0.0;
         }
     });
+}
+
+/// Shows over which gradients opacity grows, and changes them.
+fn gradient_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
+    let transfer = &mut state.transfer;
+    let span = (info.range[1] - info.range[0]).max(1e-6);
+    let help = "shows edges alone, in modes volume and decoded: nothing up to the first gradient, all from the second on";
+    ui.horizontal(|ui| {
+        let mut on = !transfer.gradient_opacities.is_empty();
+        if ui.checkbox(&mut on, "Gradient").on_hover_text(help).changed() {
+            transfer.set_gradient_ramp(on.then_some(STEEP.map(|share| share * span)));
+        }
+        match transfer.gradient_ramp() {
+            Some([mut from, mut to]) => {
+                let changed = ui.add(slope(&mut from, span).range(0.0..=to)).changed();
+                let unit = format!("{}/voxel", info.unit);
+                let change = ui.add(slope(&mut to, span).range(from..=f64::MAX).suffix(unit));
+                if change
+                    .on_hover_text("change of the intensity over a mean edge of the CT's voxels")
+                    .changed()
+                    || changed
+                {
+                    transfer.set_gradient_ramp(Some([from, to]));
+                }
+            }
+            None if on => {
+                ui.weak("as in the file");
+            }
+            None => {}
+        }
+    });
+}
+
+/// Makes the box of a gradient of data that span `span`.
+fn slope(value: &mut f64, span: f64) -> DragValue<'_> {
+    DragValue::new(value).speed(span / 2000.0).max_decimals(1)
 }
 
 /// Shows width and level of the window that the points span, and changes them.

@@ -7,7 +7,7 @@ use engine::image::file;
 use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
 use engine::{Error, Kind, Result};
 
-use super::values::{self, Background, Clip, View};
+use super::values::{self, Background, Clip, GradientOpacity, View};
 use crate::shared::flags::{DeviceArguments, Size, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 
@@ -50,6 +50,10 @@ pub struct RenderArguments {
     /// (ambient occlusion), 0 to 1; as the transfer function says by default, which is none
     #[arg(long, value_name = "SHARE", help_heading = "Picture", value_parser = values::share)]
     pub occlusion: Option<f64>,
+    /// Shows what changes, in modes volume and decoded: nothing where the gradient is below LOW, all from HIGH on, in HU
+    /// over a mean voxel edge; or none, for the transfer function without the gradient opacity that its file has
+    #[arg(long, value_name = "LOW,HIGH|none", help_heading = "Picture", value_parser = values::gradient_opacity)]
+    pub gradient_opacity: Option<GradientOpacity>,
     /// From where: a side (anterior, left, superior ..., or several as anterior-left), or a file with eye_mm,
     /// target_mm, up, fov_deg
     #[arg(long, value_name = "SIDE|FILE.json", default_value = "anterior", help_heading = "Picture")]

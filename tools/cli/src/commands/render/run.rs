@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::arguments::{RenderArguments, VolumeRegion};
 use super::frames;
-use super::values::View;
+use super::values::{GradientOpacity, View};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::inputs::{is_volume, region_of, volume_of};
@@ -85,6 +85,11 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
             "mode {} shows all objects by one transfer function; --mode decoded knows tf=",
             row.name
         );
+    }
+    let graded =
+        std::iter::once(&look.transfer).chain(look.functions.values()).any(|f| f.depends_on_gradient());
+    if graded && !row.gradient_opacity {
+        tracing::warn!("mode {} shows no gradient opacity; modes volume and decoded do", row.name);
     }
     let material = look.transfer.material;
     if arguments.occlusion.is_some_and(|occlusion| occlusion > 0.0) {
@@ -197,6 +202,9 @@ impl RenderArguments {
         }
         if let Some(occlusion) = self.occlusion {
             transfer.material.occlusion = occlusion;
+        }
+        if let Some(GradientOpacity(points)) = &self.gradient_opacity {
+            transfer = transfer.with_gradient_opacity(points.clone())?;
         }
         let clip: Vec<ClipPlane> = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
         let there = splats.map(SplatSet::objects).unwrap_or_default();

@@ -4,9 +4,10 @@ use std::path::Path;
 use std::str::FromStr;
 
 use engine::render::{CameraFile, Classification, ClipPlane, Precision, hex_colour};
+use engine::transfer::OpacityPoint;
 use glam::DVec3;
 
-use crate::shared::flags::Corners;
+use crate::shared::flags::{Corners, pair};
 use crate::shared::texts::text_of;
 
 /// Background colour; `None` keeps the opacity.
@@ -125,6 +126,24 @@ pub fn pitch(text: &str) -> Result<f64, String> {
 /// Parses a share.
 pub fn share(text: &str) -> Result<f64, String> {
     number(text, 0.0..=1.0)
+}
+
+/// Control points of an opacity over the gradient.
+#[derive(Clone, Debug)]
+pub struct GradientOpacity(pub Vec<OpacityPoint>);
+
+/// Parses `LOW,HIGH`, gradients from which on there is something and all, or `none`.
+pub fn gradient_opacity(text: &str) -> Result<GradientOpacity, String> {
+    if text.trim() == "none" {
+        return Ok(GradientOpacity(Vec::new()));
+    }
+    match pair(text).map(|ends| ends.map(f64::from)) {
+        Ok([low, high]) if 0.0 <= low && low <= high => {
+            let point = |intensity, opacity| OpacityPoint { intensity, opacity };
+            Ok(GradientOpacity(vec![point(low, 0.0), point(high, 1.0)]))
+        }
+        _ => Err("two gradients from 0 on are needed, the lower one first, as 20,80; or none".into()),
+    }
 }
 
 /// Parses a precision.
