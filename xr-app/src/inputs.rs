@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use engine::gpu::Gpu;
-use engine::render::{Appearance, ObjectChange};
+use engine::render::ObjectChange;
 use engine::{Error, Kind, Result, transfer};
-use glam::DVec3;
 use view::deletions::Deletion;
 use view::loader::{self, LoadedSplats, LoadedVolume};
 use view::sorting;
@@ -94,7 +93,11 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
     if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(transfer::FIRST)) {
         state.transfer = Transfer::new(&transfer::load(tf, range)?);
     }
-    change_objects(&mut state, &content, &numbers, range, &wanted.objects)?;
+    let there = match &content {
+        Content::Splats(splats) => splats.set.objects(),
+        Content::Volume(_) => Vec::new(),
+    };
+    state.change_objects(&there, &numbers, range, &wanted.objects)?;
     Ok((content, Start { state, numbers, range }))
 }
 
@@ -117,37 +120,11 @@ pub fn left(gpu: &Gpu, splats: LoadedSplats, deleted: &[Deletion]) -> Result<Loa
     }
 }
 
-/// Changes the rows of objects as flags say. `numbers` are those of the rows in the set, `range` that of the
-/// intensities.
-fn change_objects(
-    state: &mut ViewState,
-    content: &Content,
-    numbers: &[u8],
-    range: [f64; 2],
-    changes: &[ObjectChange],
-) -> Result<()> {
-    let there = match content {
-        Content::Splats(splats) => splats.set.objects(),
-        Content::Volume(_) => Vec::new(),
-    };
-    let mut look = state.look(numbers)?;
-    for change in changes {
-        change.apply(&there, &mut look, range)?;
-    }
-    for (row, number) in state.objects.iter_mut().zip(numbers) {
-        let Some(Appearance { visible, tint, opacity }) = look.objects.get(number) else { continue };
-        row.transfer = look.functions.get(number).map(Transfer::new);
-        (row.visible, row.opacity) = (*visible, f64::from(*opacity));
-        row.tint = tint.map(|colour| DVec3::from_array(colour.map(f64::from)));
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use engine::splat::{self, Splat, SplatSet};
     use engine::volume::{Volume, nifti};
-    use glam::DAffine3;
+    use glam::{DAffine3, DVec3};
 
     use super::*;
 

@@ -109,12 +109,13 @@ pub enum Answer {
 }
 
 impl Prompt {
-    /// Asks for a file, first in the folder of the files that are open. `size` is the suggested size of a
-    /// picture, pixels.
-    pub fn new(purpose: Purpose, files: &Files, size: [u32; 2]) -> Self {
+    /// Asks for a file, first in the folder of the files that are open; or for the file `known`, which it may be again.
+    /// `size` is the suggested size of a picture, pixels.
+    pub fn new(purpose: Purpose, files: &Files, known: Option<&Path>, size: [u32; 2]) -> Self {
         let near = files.splats.first().or(files.volume.as_ref()).and_then(|p| p.parent());
         let folder = near.filter(|p| p.is_dir()).map_or_else(std::env::current_dir, |p| Ok(p.to_owned()));
-        let path = folder.unwrap_or_default().join(purpose.suggestion()).to_string_lossy().into_owned();
+        let new = || folder.unwrap_or_default().join(purpose.suggestion());
+        let path = known.map_or_else(new, Path::to_owned).to_string_lossy().into_owned();
         Prompt { purpose, path, size, frames: 120, listed: None, fresh: true }
     }
 
@@ -273,7 +274,7 @@ mod tests {
 
     #[test]
     fn an_answer_is_the_action_of_its_purpose() {
-        let prompt = |purpose| Prompt::new(purpose, &Files::default(), [640, 480]);
+        let prompt = |purpose| Prompt::new(purpose, &Files::default(), None, [640, 480]);
         let path = PathBuf::from("x");
         let size = [640, 480];
         for (purpose, expected) in [

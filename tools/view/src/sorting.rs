@@ -10,7 +10,7 @@ use engine::volume::{FORMATS, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 
 use crate::region::Region;
-use crate::state::{Files, ViewState};
+use crate::state::{Files, ViewState, is_session};
 
 /// Words in the name of a volume that say that it is a mask.
 const MASK_WORDS: [&str; 4] = ["mask", "label", "roi", "seg"];
@@ -120,7 +120,7 @@ fn by_name(added: &[PathBuf]) -> Result<Named> {
         let is_volume = path.is_dir() || volume_endings().any(|end| name.ends_with(end));
         if splat_endings().any(|end| name.ends_with(&end)) {
             named.splats.push(path.clone());
-        } else if name.ends_with(".toml") {
+        } else if is_session(path) {
             named.session = Some(path.clone());
         } else if is_volume && MASK_WORDS.iter().any(|word| name.contains(word)) {
             named.masks.push(path.clone());

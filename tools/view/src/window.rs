@@ -15,24 +15,8 @@ use winit::window::{Window, WindowId};
 use crate::canvas::Canvas;
 use crate::loader::Loader;
 use crate::report::WindowReport;
-use crate::settings::Settings;
-use crate::state::ViewState;
 use crate::theme;
-use crate::viewer::{ActiveWindow, Viewer, is_lost};
-
-/// Initial state of the viewer.
-pub struct Start {
-    /// State to show; its files are read.
-    pub state: ViewState,
-    /// True if the camera of the state is kept; otherwise it is moved to see everything.
-    pub keeps_camera: bool,
-    /// Settings of the user.
-    pub settings: Settings,
-    /// Options of the device; `windows` is filled in.
-    pub gpu: GpuOptions,
-    /// Time when the program was started.
-    pub since: Instant,
-}
+use crate::viewer::{ActiveWindow, Start, Viewer, is_lost};
 
 /// Event that wakes the loop: something was read or written.
 #[derive(Debug)]
@@ -50,9 +34,9 @@ pub fn run(start: Start) -> Result<WindowReport> {
         // The loop may have ended; then nobody needs the event.
         let _ = proxy.send_event(Woken);
     });
-    let Start { state, keeps_camera, settings, gpu, since } = start;
-    let report = WindowReport::new(since);
-    let viewer = Viewer::new(state, keeps_camera, settings, gpu.clone(), loader, report);
+    let report = WindowReport::new(start.since);
+    let gpu = start.gpu.clone();
+    let viewer = Viewer::new(start, loader, report);
     let mut program =
         Program { viewer, options: gpu, active: None, wake_at: None, lost: false, failure: None };
     events.run_app(&mut program).map_err(|e| no_window(&e))?;

@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use engine::render::ObjectChange;
 use engine::{Error, Kind, Result, transfer};
 use view::region::Region;
 use view::settings::Settings;
 use view::sorting;
 use view::state::{Files, ViewState};
-use view::window::{self, Start};
+use view::viewer::Start;
+use view::window;
 
 use crate::shared::failure::Stop;
 use crate::shared::flags::DeviceArguments;
@@ -33,6 +35,11 @@ pub struct ViewArguments {
     /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL
     #[arg(long, value_name = "PRESET|FILE")]
     tf: Option<String>,
+    /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per
+    /// mm), tf=CT-Bone (a transfer function of its own, in mode decoded), hidden. Each file is an object, or each of its
+    /// labels; may be repeated
+    #[arg(long, value_name = "NAME|N:HOW,...")]
+    object: Vec<ObjectChange>,
     /// At the end writes what was measured (JSON): times to the first picture, from edits to frames, of
     /// pictures
     #[arg(long, value_name = "FILE.json")]
@@ -48,7 +55,7 @@ const EXAMPLES: &str = "\
 Examples:
   vgs view bones.ply
   vgs view bones.ply --volume ct.nii.gz --roi bones.nii.gz
-  vgs view bones.ply vessels.ply --tf CT-Angio
+  vgs view bones.ply vessels.ply --tf CT-Angio --object bones:opacity=0.2
   vgs view scans/ --series 3       a folder of DICOM slices; `vgs info scans/` lists its series
   vgs view ct.nii.gz               G chooses a region and fits splats to it
   vgs view session.toml
@@ -61,13 +68,14 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
     if let Some(report) = &arguments.report {
         outputs::check(&[report], &[], arguments.force)?;
     }
-    let (state, keeps_camera) = arguments.state()?;
+    let (state, session) = arguments.state()?;
     let settings = Settings::read(Settings::place()).unwrap_or_else(|error| {
         tracing::warn!("{error}; going on without");
         Settings::default()
     });
     let gpu = arguments.device.options();
-    let report = window::run(Start { state, keeps_camera, settings, gpu, since })?;
+    let objects = arguments.object.clone();
+    let report = window::run(Start { state, session, objects, settings, gpu, since })?;
     if let Some(path) = &arguments.report {
         let text = serde_json::to_string_pretty(&report)
             .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-095", format!("writing JSON failed: {e}")))?;
@@ -77,17 +85,17 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
 }
 
 impl ViewArguments {
-    /// Returns the state that is shown at first, and true if its camera is to be kept.
-    fn state(&self) -> Result<(ViewState, bool)> {
+    /// Returns the state that is shown at first, and the file of the session that it is.
+    fn state(&self) -> Result<(ViewState, Option<PathBuf>)> {
         let nothing = Files::default();
         let mut sorted = match sorting::needs_look(&nothing, &self.files) {
             true => sorting::sort_looking(&nothing, &self.files, None)?,
             false => sorting::sort(&nothing, &self.files)?,
         };
         sorted.notes.iter().for_each(|note| tracing::warn!("{note}"));
-        let session = sorted.state().transpose()?;
-        let keeps_camera = session.is_some();
-        let mut state = match session {
+        let from_session = sorted.state().transpose()?;
+        let is_session = from_session.is_some();
+        let mut state = match from_session {
             Some(state) => state,
             // A function that is stretched over the intensities is stretched once they are read.
             None => ViewState::new(&transfer::load(
@@ -95,10 +103,10 @@ impl ViewArguments {
                 [-1000.0, 3000.0],
             )?),
         };
-        if let (true, Some(tf)) = (keeps_camera, &self.tf) {
+        if let (true, Some(tf)) = (is_session, &self.tf) {
             state.transfer = view::transfer::Transfer::new(&transfer::load(tf, [-1000.0, 3000.0])?);
         }
-        if !keeps_camera {
+        if !is_session {
             state.files = std::mem::take(&mut sorted.files);
         }
         if self.volume.is_some() {
@@ -122,7 +130,7 @@ impl ViewArguments {
         for file in splats.iter().chain(volume).chain(roi) {
             exists(file)?;
         }
-        Ok((state, keeps_camera))
+        Ok((state, sorted.session))
     }
 }
 

@@ -4,6 +4,8 @@
 //! Then it asks [`App::take_changes`] what has to be rendered anew, for [`App::picture`], with
 //! [`App::camera`] and the state's look.
 
+use std::path::PathBuf;
+
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
 use engine::error::{Error, Kind, Result};
 use engine::render::Camera;
@@ -21,7 +23,7 @@ use crate::panels::status::Reading;
 use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
 use crate::prompt::{Answer, Prompt, Purpose};
 use crate::settings::Settings;
-use crate::state::{Bookmark, Edited, SplatMode, Subject, ViewState};
+use crate::state::{Bookmark, Edited, SplatMode, Subject, ViewState, is_session};
 use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
@@ -66,10 +68,12 @@ pub struct App {
     /// clicked.
     pub(super) measuring: Option<Option<DVec3>>,
     pub(super) keys: bool,
-    /// True while the user is asked whether to end although something would be lost.
-    pub(super) leaving: bool,
-    /// True while the user is asked for the file of the session so that the program can end.
-    pub(super) saves_to_leave: bool,
+    /// What would lose something, while the user is asked whether to do it.
+    pub(super) leaving: Option<Action>,
+    /// What is done once the session is saved, while the user is asked for its file.
+    pub(super) saves_to_leave: Option<Action>,
+    /// File of the session that was opened or saved last.
+    pub(super) session: Option<PathBuf>,
     /// What the session file has of what the user changes, as it was last opened or saved.
     pub(super) saved: (Edited, Vec<Bookmark>),
     pub(super) message: Option<Message>,
@@ -84,9 +88,9 @@ pub struct App {
 }
 
 impl App {
-    /// Creates a viewer of this state. The camera of a session stays; without a session the scene is fitted
+    /// Creates a viewer of this state, which may be that of the file `session`. The camera of a session stays; without a session the scene is fitted
     /// once it is there.
-    pub fn new(state: ViewState, settings: Settings) -> Self {
+    pub fn new(state: ViewState, session: Option<PathBuf>, settings: Settings) -> Self {
         App {
             editor: Editor::default(),
             slice_images: SliceImages::default(),
@@ -99,8 +103,9 @@ impl App {
             settings,
             measuring: None,
             keys: false,
-            leaving: false,
-            saves_to_leave: false,
+            leaving: None,
+            saves_to_leave: None,
+            session,
             message: None,
             prompt: None,
             grip: None,
@@ -112,8 +117,9 @@ impl App {
         }
     }
 
-    /// Replaces the state, as by a session file. Undo does not lead back.
-    pub fn begin(&mut self, state: ViewState) {
+    /// Replaces the state by that of a session file. Undo does not lead back.
+    pub fn begin(&mut self, state: ViewState, session: Option<PathBuf>) {
+        self.session = session;
         self.history.restart(state.edited());
         self.state = state;
         self.fit = false;
@@ -188,8 +194,8 @@ impl App {
 
     /// Asks whether to end although something would be lost. Returns true if that question is open already.
     pub fn ask_to_leave(&mut self) -> bool {
-        (self.prompt, self.saves_to_leave) = (None, false);
-        std::mem::replace(&mut self.leaving, true)
+        (self.prompt, self.saves_to_leave) = (None, None);
+        self.leaving.replace(Action::Quit) == Some(Action::Quit)
     }
 
     /// Reports an error to the user.
@@ -214,7 +220,7 @@ impl App {
         let context = ui.ctx().clone();
         self.windows(&context, info, &mut actions);
         // By now widgets have taken their input. An open question has to be answered first.
-        let asks = self.prompt.is_some() || self.leaving || !self.settings.notice_seen;
+        let asks = self.prompt.is_some() || self.leaving.is_some() || !self.settings.notice_seen;
         if !asks && !context.text_edit_focused() {
             let focus = context.egui_wants_keyboard_input();
             actions.extend(context.input_mut(|i| pressed(i, focus)));
@@ -230,11 +236,17 @@ impl App {
 
     /// Carries out an action, or returns it if only the window can do it.
     pub fn act(&mut self, action: Action, info: &PanelInfo<'_>) -> Option<Action> {
-        let loss = self.loss(info);
+        // Something is lost only if the user says so.
+        if self.loss(&action, info).any() && self.leaving.as_ref() != Some(&action) {
+            self.leaving = Some(action);
+            return None;
+        }
         let state = &mut self.state;
         match action {
-            // Something is lost only if the user says so.
-            Action::Quit if loss.any() && !self.leaving => self.leaving = true,
+            Action::Open(_) => {
+                self.leaving = None;
+                return Some(action);
+            }
             Action::SaveSplats { ref path, .. } => {
                 return self.may_write_splats(path, info).then_some(action);
             }
@@ -243,8 +255,7 @@ impl App {
                     self.ask(Purpose::SaveSplats);
                 }
             }
-            Action::Open(_)
-            | Action::Screenshot { .. }
+            Action::Screenshot { .. }
             | Action::Record { .. }
             | Action::Region(_)
             | Action::StartFit { .. }
@@ -278,11 +289,12 @@ impl App {
                 let written = state.write(&path, force);
                 if written.is_ok() {
                     self.note_saved();
+                    self.session = Some(path.clone());
                 }
-                let leaves = std::mem::take(&mut self.saves_to_leave) && written.is_ok();
+                let next = self.saves_to_leave.take().filter(|_| written.is_ok());
                 self.report_outcome(written, || format!("The session is in {}.", path.display()));
-                if leaves {
-                    return self.act(Action::Quit, info);
+                if let Some(next) = next {
+                    return self.act(next, info);
                 }
             }
             Action::SaveTransfer { path, force } => {
@@ -338,9 +350,9 @@ impl App {
             Action::DeleteOutside => self.delete(false, info),
             Action::Cancel => {
                 self.measuring = None;
-                (self.prompt, self.saves_to_leave) = (None, false);
+                (self.prompt, self.saves_to_leave) = (None, None);
                 self.keys = false;
-                self.leaving = false;
+                self.leaving = None;
                 self.message = None;
             }
             Action::TogglePanels => state.show.panels = !state.show.panels,
@@ -367,14 +379,18 @@ impl App {
         }
     }
 
-    fn loss(&self, info: &PanelInfo<'_>) -> Loss {
-        Loss { fit: info.fit.is_some(), session: self.is_changed() }
+    /// Returns what would be lost by an action.
+    fn loss(&self, action: &Action, info: &PanelInfo<'_>) -> Loss {
+        let ends = *action == Action::Quit;
+        let begins = matches!(action, Action::Open(paths) if paths.iter().any(|path| is_session(path)));
+        Loss { fit: ends && info.fit.is_some(), session: (ends || begins) && self.is_changed() }
     }
 
     fn ask(&mut self, purpose: Purpose) {
         let size = self.picture.size() * self.pixels_per_point;
         let size = [size.x, size.y].map(|n| (n.round() as u32).max(16));
-        self.prompt = Some(Prompt::new(purpose, &self.state.files, size));
+        let session = self.session.as_deref().filter(|_| purpose == Purpose::Save);
+        self.prompt = Some(Prompt::new(purpose, &self.state.files, session, size));
     }
 
     fn report_outcome(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
@@ -467,7 +483,7 @@ impl App {
         if let Some(prompt) = &mut self.prompt {
             match prompt.show(context) {
                 Answer::Open => {}
-                Answer::Cancelled => (self.prompt, self.saves_to_leave) = (None, false),
+                Answer::Cancelled => (self.prompt, self.saves_to_leave) = (None, None),
                 Answer::Do(action) => {
                     self.prompt = None;
                     actions.push(action);
@@ -483,17 +499,25 @@ impl App {
         if self.keys {
             panels::keys::show(context, &mut self.keys);
         }
-        let loss = self.loss(info);
-        self.leaving &= loss.any();
-        match self.leaving.then(|| panels::notice::leave(context, loss)).flatten() {
-            None => {}
-            // The action ends the program, since the question was asked.
-            Some(Leaving::Quit) => actions.push(Action::Quit),
-            Some(Leaving::Stay) => self.leaving = false,
-            Some(Leaving::Save) => {
-                self.leaving = false;
-                self.ask(Purpose::Save);
-                self.saves_to_leave = true;
+        if let Some(action) = self.leaving.take() {
+            let loss = self.loss(&action, info);
+            match if loss.any() {
+                panels::notice::leave(context, loss, action == Action::Quit)
+            } else {
+                Some(Leaving::Stay)
+            } {
+                Some(Leaving::Stay) => {}
+                Some(Leaving::Save) => {
+                    self.ask(Purpose::Save);
+                    self.saves_to_leave = Some(action);
+                }
+                answer => {
+                    // The question was asked, so that the action is carried out.
+                    if answer == Some(Leaving::Go) {
+                        actions.push(action.clone());
+                    }
+                    self.leaving = Some(action);
+                }
             }
         }
         if self.message.as_ref().is_some_and(|m| panels::notice::message(context, m)) {

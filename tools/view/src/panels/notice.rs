@@ -20,7 +20,7 @@ pub fn show(context: &Context) -> bool {
     modal.inner
 }
 
-/// What would be lost if the program ended now.
+/// What would be lost if the program ended now, or another session took the place of this one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Loss {
     /// True if there are splats of a fit that no file has.
@@ -36,19 +36,32 @@ impl Loss {
     }
 }
 
-/// Answer of a user who is asked whether to end.
+/// Answer of a user who is asked whether to go on although something would be lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Leaving {
     /// The session is saved first.
     Save,
-    /// The program ends, whatever is lost.
-    Quit,
-    /// The program does not end.
+    /// It goes on, whatever is lost.
+    Go,
+    /// Everything stays as it is.
     Stay,
 }
 
-/// Asks whether to end although something would be lost. Returns the answer once there is one.
-pub fn leave(context: &Context, loss: Loss) -> Option<Leaving> {
+/// Asks whether to end, or to open another session, although something would be lost. Returns the answer once there is
+/// one.
+pub fn leave(context: &Context, loss: Loss, ends: bool) -> Option<Leaving> {
+    let [go, help, after] = match ends {
+        true => [
+            "Quit without saving",
+            "ends the program, and a fit that runs",
+            "asks for its file, and then ends the program",
+        ],
+        false => [
+            "Open without saving",
+            "drops what has changed",
+            "asks for its file, and then opens the other session",
+        ],
+    };
     let modal = Modal::new(Id::new("leave")).show(context, |ui| {
         ui.set_max_width(380.0);
         ui.heading(if loss.fit { "The fit is in no file" } else { "The session has changed" });
@@ -67,10 +80,10 @@ pub fn leave(context: &Context, loss: Loss) -> Option<Leaving> {
                 }
             };
             if loss.session {
-                button("Save session", "asks for its file, and then ends the program", Leaving::Save);
+                button("Save session", after, Leaving::Save);
             }
-            button("Quit without saving", "ends the program, and a fit that runs", Leaving::Quit);
-            button("Cancel", "everything goes on", Leaving::Stay);
+            button(go, help, Leaving::Go);
+            button("Cancel", "everything stays as it is", Leaving::Stay);
             answer
         })
         .inner

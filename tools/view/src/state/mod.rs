@@ -6,6 +6,6 @@ mod state;
 
 pub use state::{
     Bookmark, Clip, CropBox, Distance, Edited, Files, MOST_PLANES, Object, Plane, Quality, Show, Slices,
-    SplatMode, Subject, VERSION, ViewState, mode_row,
+    SplatMode, Subject, VERSION, ViewState, is_session, mode_row,
 };
 pub(crate) use state::{text_of, toml_text};

@@ -6,7 +6,8 @@
 use std::path::{Path, PathBuf};
 
 use engine::error::{Error, Kind, Result};
-use engine::render::{self, Appearance, ClipPlane, Look, PLANES};
+use engine::render::{self, Appearance, ClipPlane, Look, ObjectChange, PLANES};
+use engine::splat;
 use engine::transfer::TransferFunction;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,11 @@ pub const VERSION: u32 = 1;
 pub const MOST_PLANES: usize = PLANES - 6;
 /// Size of the largest session file that is read, bytes.
 const MAX_BYTES: u64 = 4 << 20;
+
+/// Returns true if a file is a session by its name.
+pub fn is_session(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("toml"))
+}
 
 /// Everything that a session file restores.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -427,6 +433,31 @@ impl ViewState {
             old.cloned().unwrap_or(new)
         };
         self.objects = found.into_iter().map(row).collect();
+    }
+
+    /// Changes the rows of objects as flags say. `there` are the objects of the splats, `numbers` those of the rows,
+    /// `range` that of the intensities, for presets that are stretched over it.
+    ///
+    /// # Errors
+    /// Returns the errors of [`ObjectChange::apply`].
+    pub fn change_objects(
+        &mut self,
+        there: &[splat::Object],
+        numbers: &[u8],
+        range: [f64; 2],
+        changes: &[ObjectChange],
+    ) -> Result<()> {
+        let mut look = self.look(numbers)?;
+        for change in changes {
+            change.apply(there, &mut look, range)?;
+        }
+        for (row, number) in self.objects.iter_mut().zip(numbers) {
+            let Some(Appearance { visible, tint, opacity }) = look.objects.get(number) else { continue };
+            row.transfer = look.functions.get(number).map(Transfer::new);
+            (row.visible, row.opacity) = (*visible, f64::from(*opacity));
+            row.tint = tint.map(|colour| DVec3::from_array(colour.map(f64::from)));
+        }
+        Ok(())
     }
 
     /// Returns the part of the state that undo restores.

@@ -70,7 +70,7 @@ impl Viewer {
         let had = self.open_files.read();
         let fresh = *had == Files::default();
         if let Some(state) = sorted.state().transpose()? {
-            self.app.begin(state);
+            self.app.begin(state, sorted.session.clone());
             self.fits = false;
             sorted.session.iter().for_each(|path| self.app.settings.opened(path));
             if let Err(error) = self.app.settings.write() {

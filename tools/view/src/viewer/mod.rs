@@ -16,4 +16,4 @@ mod shown_fit;
 mod thumbnails;
 mod viewer;
 
-pub use viewer::{ActiveWindow, Next, Viewer, is_lost};
+pub use viewer::{ActiveWindow, Next, Start, Viewer, is_lost};

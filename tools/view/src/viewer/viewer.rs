@@ -1,11 +1,12 @@
 //! The frames, what is loaded, and what the user asks for.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use engine::budget::Controller;
 use engine::gpu::GpuOptions;
-use engine::render::{GpuSplats, Quality, SplatKind, level_costs, quality_levels};
+use engine::render::{GpuSplats, ObjectChange, Quality, SplatKind, level_costs, quality_levels};
 use engine::splat::SplatSet;
 use engine::{Error, Result, transfer};
 use glam::DVec2;
@@ -57,6 +58,22 @@ pub struct ActiveWindow {
     pub window: Arc<Window>,
 }
 
+/// Initial state of the viewer.
+pub struct Start {
+    /// State to show; its files are read.
+    pub state: ViewState,
+    /// File of the state, if it is a session; its camera is kept. Otherwise the camera is moved to see everything.
+    pub session: Option<PathBuf>,
+    /// Changes of how objects are shown, for the first splats that are read.
+    pub objects: Vec<ObjectChange>,
+    /// Settings of the user.
+    pub settings: Settings,
+    /// Options of the device; `windows` is filled in.
+    pub gpu: GpuOptions,
+    /// Time when the program was started.
+    pub since: Instant,
+}
+
 /// Instructions to the event loop after a frame.
 pub struct Next {
     /// Time after which to draw again, even if nothing happens.
@@ -79,6 +96,8 @@ pub struct Viewer {
     pub(super) open_files: OpenFiles,
     /// Number of splats of each row of the list of objects.
     object_splats: Vec<usize>,
+    /// Changes of how objects are shown, until the first splats are read.
+    object_changes: Vec<ObjectChange>,
     pub(super) range: [f64; 2],
     pub(super) thumbnails: Thumbnails,
     controller: Controller,
@@ -114,18 +133,13 @@ pub struct Viewer {
 
 impl Viewer {
     /// Creates a viewer and begins to read the files of the state.
-    pub fn new(
-        state: ViewState,
-        keeps_camera: bool,
-        settings: Settings,
-        gpu: GpuOptions,
-        mut loader: Loader,
-        report: WindowReport,
-    ) -> Self {
+    pub fn new(start: Start, mut loader: Loader, report: WindowReport) -> Self {
+        let Start { state, session, objects, settings, gpu, .. } = start;
         loader.open(&state.files, &Files::default(), None);
+        let fits = session.is_none();
         let budget_ms = state.quality.target_frame_ms;
         Viewer {
-            app: App::new(state, settings),
+            app: App::new(state, session, settings),
             data: LoadedData::default(),
             data_number: 0,
             loader,
@@ -146,7 +160,8 @@ impl Viewer {
             prepared: false,
             decoding: false,
             waits: false,
-            fits: !keeps_camera,
+            object_changes: objects,
+            fits,
             gpu,
             fit: None,
             deleting: false,
@@ -270,7 +285,17 @@ impl Viewer {
         if let (Subject::Splats, Some(splats)) = (subject, self.data.left_splats()) {
             let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
             let (rows, counts) = rows.unzip();
-            self.app.change_unasked(|state| state.set_objects(rows));
+            let changes = std::mem::take(&mut self.object_changes);
+            let numbers: Vec<u8> = splats.objects.iter().map(|(_, number, _)| *number).collect();
+            let (there, range) = (splats.set.objects(), self.range);
+            let mut changed = Ok(());
+            self.app.change_unasked(|state| {
+                state.set_objects(rows);
+                changed = state.change_objects(&there, &numbers, range, &changes);
+            });
+            if let Err(error) = changed {
+                self.app.report(&error);
+            }
             self.object_splats = counts;
         } else if self.data.splats.is_none() && self.data.fitted.is_none() && self.data.has(Subject::Volume) {
             self.app.state.shown = Subject::Volume;

@@ -48,7 +48,7 @@ impl Bench {
         settings.notice_seen = true;
         let mut bench = Bench {
             context: Context::default(),
-            app: App::new(state, settings),
+            app: App::new(state, None, settings),
             time: 0.0,
             draft: false,
             intensities: Vec::new(),

@@ -1,3 +1,5 @@
+use std::path::PathBuf;
+
 use super::*;
 use crate::deletions::{Bounds, Deletion, Target};
 
@@ -150,7 +152,7 @@ fn a_session_that_has_changed_is_not_lost_unasked() {
 
     // Cancelled, the question for the file does not end the program when the session is saved later.
     let leave = |bench: &mut Bench| {
-        bench.app.leaving = false;
+        bench.app.leaving = None;
         assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), []);
         click(bench, "Save session")
     };
@@ -166,6 +168,25 @@ fn a_session_that_has_changed_is_not_lost_unasked() {
     let path = folder.path().join("session.toml");
     assert_eq!(ViewState::read(path).expect("a session").deleted.len(), 1);
 
+    // Another session takes the place of this one only when it is saved, or need not be.
+    let [other, splats] = ["other.toml", "b.ply"].map(|name| folder.path().join(name));
+    let open = |bench: &mut Bench, path: &PathBuf| {
+        let left = bench.app.act(Action::Open(vec![path.clone()]), &PanelInfo::default());
+        bench.rest();
+        left
+    };
+    let opened = Action::Open(vec![other.clone()]);
+    assert_eq!(open(&mut bench, &other), Some(opened.clone()), "nothing has changed");
+    bench.app.state.transfer.shift = 5.0;
+    assert!(open(&mut bench, &splats).is_some(), "more files take nothing away");
+    assert_eq!(open(&mut bench, &other), None);
+    assert_eq!(click(&mut bench, "Cancel"), []);
+    assert_eq!(open(&mut bench, &other), None);
+    assert_eq!(click(&mut bench, "Open without saving"), [opened.clone()]);
+    assert_eq!(open(&mut bench, &other), None);
+    assert_eq!(click(&mut bench, "Save session"), []);
+    assert_eq!(click(&mut bench, "Replace"), [opened], "the file that it was saved to before");
+
     // A fit is still asked about once the session is saved.
     bench.app.state.transfer.shift = 7.0;
     bench.fit = Some(FitStatus::default());
@@ -177,5 +198,5 @@ fn a_session_that_has_changed_is_not_lost_unasked() {
     // What is no longer lost is no longer asked about.
     bench.fit = None;
     bench.rest();
-    assert!(bench.place_of("The fit is in no file").is_none() && !bench.app.leaving);
+    assert!(bench.place_of("The fit is in no file").is_none() && bench.app.leaving.is_none());
 }
