@@ -40,10 +40,11 @@ const SCROLL: f32 = 600.0;
 
 /// Width of the frame around the panel, by which it is carried, points.
 pub const FRAME: f32 = 34.0;
-/// Width and height of the card of what hands do, points.
-pub const CARD: Vec2 = Vec2::new(430.0, 372.0);
-/// Width of the card's first column, points.
-const COLUMN: f32 = 174.0;
+/// Width and height of the card of what hands do, points; it is narrow, so that it has room beside the patient.
+pub const CARD: Vec2 = Vec2::new(300.0, 510.0);
+/// Width of the card's first column, points, and the space to the second.
+const COLUMN: f32 = 104.0;
+const SPACE: f32 = 10.0;
 
 /// Something that is drawn in the room.
 #[derive(Clone, Debug, PartialEq)]
@@ -366,27 +367,26 @@ fn card(painter: &Painter, corner: Pos2) {
     painter.rect_stroke(whole, CornerRadius::same(10), Stroke::new(1.5, ACCENT), StrokeKind::Inside);
     let inner = whole.shrink(18.0);
     let mut y = inner.top();
-    // Paints a text at a column and returns its height.
-    let text = |x: f32, y: f32, size: f32, colour: Color32, text: &str| {
-        let font = FontId::proportional(size);
-        let galley = painter.layout(text.to_owned(), font, colour, inner.right() - x);
+    // Paints a text from one edge to another and returns its height.
+    let text = |[from, to]: [f32; 2], y: f32, size: f32, colour: Color32, text: &str| {
+        let galley = painter.layout(text.to_owned(), FontId::proportional(size), colour, to - from);
         let height = galley.size().y;
-        painter.galley(pos2(x, y), galley, colour);
+        painter.galley(pos2(from, y), galley, colour);
         height
     };
+    let both = [inner.left(), inner.right()];
+    let first = [inner.left(), inner.left() + COLUMN];
+    let second = [first[1] + SPACE, inner.right()];
     let (grey, white) = (Color32::from_gray(190), Color32::WHITE);
-    y += text(inner.left(), y, 19.0, white, card::HEADING) + 8.0;
+    y += text(both, y, 19.0, white, card::HEADING) + 8.0;
     for rows in [&card::CONTROLLERS[..], &card::BARE[..]] {
         for [what, does] in rows {
-            let heights = [
-                text(inner.left(), y, 13.0, ACCENT, what),
-                text(inner.left() + COLUMN, y, 13.0, white, does),
-            ];
+            let heights = [text(first, y, 13.0, ACCENT, what), text(second, y, 13.0, white, does)];
             y += heights[0].max(heights[1]) + 4.0;
         }
         y += 6.0;
     }
-    text(inner.left(), y, 13.0, grey, card::CLOSING);
+    text(both, y, 13.0, grey, card::CLOSING);
 }
 
 #[cfg(test)]
@@ -452,6 +452,11 @@ mod tests {
             let sheet = Panel::sheet(primitive.clip_rect);
             let bounds = mesh.calc_bounds();
             assert!(sheet == 0 || primitive.clip_rect.contains_rect(bounds), "{sheet}: {bounds:?}");
+            // The card has room for its words, and little more; its edge is softened over a point.
+            if sheet == 5 {
+                let card = Rect::from_min_size(Panel::anchor(4), CARD);
+                assert!(card.expand(1.0).contains_rect(bounds), "{card:?}: {bounds:?}");
+            }
         }
     }
 }

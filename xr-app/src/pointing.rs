@@ -25,11 +25,13 @@ use crate::panel::{CARD, FRAME, Mark, Panel, PanelContent, Pointer, Request, SIZ
 use crate::placement::Placement;
 use crate::sheets::{Plane, Sheets};
 
-/// Distance of the panel's middle from a head, and how far it is below its eyes, metres.
-const PANEL: (f64, f64) = (0.65, 0.08);
+/// Distance of the middle of the panel and of the card from a head, and how far it is below its eyes, metres.
+const BESIDE: (f64, f64) = (0.65, 0.08);
 /// Least and greatest angle from straight ahead to the panel's middle, radians.
 const ASIDE: [f64; 2] = [0.45, 1.1];
-/// Angle between the patient and the panel, radians.
+/// The same for the card, which is read at once: at most of headsets half of it is seen without turning the head.
+const CARD_ASIDE: [f64; 2] = [0.35, 0.8];
+/// Angle between the patient and the panel or the card, radians.
 const GAP: f64 = 0.06;
 /// Length of a ray that meets nothing, metres.
 const BEAM: f64 = 1.5;
@@ -37,9 +39,8 @@ const BEAM: f64 = 1.5;
 const DISTANCES: usize = 8;
 /// Time for which a notice is shown, seconds.
 const NOTICE: f64 = 2.0;
-/// Places of a notice and of the card before a head: distance, and how far below its eyes, metres.
+/// Place of a notice before a head: distance, and how far below its eyes, metres.
 const NOTICE_AT: (f64, f64) = (0.6, 0.13);
-const CARD_AT: (f64, f64) = (0.55, 0.03);
 /// All letters that anything shows, so that they are drawn before the first frame.
 const LETTERS: std::ops::RangeInclusive<char> = ' '..='~';
 
@@ -204,9 +205,10 @@ impl Pointing {
         self.notice.as_ref().map(|notice| notice.text.as_str())
     }
 
-    /// Shows the card of what hands do before a head, until a trigger is pulled.
-    pub fn show_card(&mut self, head: &Pose) {
-        self.card = Some(before(head, CARD_AT));
+    /// Shows the card of what hands do before a head, beside patient and panel, until a trigger is pulled.
+    pub fn show_card(&mut self, head: &Pose, placement: &Placement) {
+        let patient = corners(self.bounds).map(|mm| placement.room(mm));
+        self.card = Some(card_beside(head, &patient, self.place.as_ref()));
     }
 
     /// Returns true if the card is shown, and true if it was shown and closed.
@@ -453,7 +455,7 @@ impl Pointing {
                 // The sections of this panel ask for no other actions.
                 Request::Action(_) => {}
                 Request::Reset => controls.reset(),
-                Request::Card => self.show_card(head),
+                Request::Card => self.show_card(head, &controls.placement),
             }
             self.panel.refresh();
         }
@@ -510,22 +512,50 @@ fn upright(middle: DVec3, head: &Pose) -> Plane {
     Plane::facing((SIZE * 0.5).to_pos2(), middle, eye, POINT)
 }
 
+/// Returns the angles from straight ahead to the rightmost and to the leftmost of the places that are before a
+/// head, radians, positive to the left; the first is above the second if there are none.
+fn span(head: &Pose, places: &[DVec3]) -> [f64; 2] {
+    let ahead = level(head.forward());
+    let left = DVec3::Y.cross(ahead);
+    let to = places.iter().map(|place| *place - head.position).filter(|to| to.dot(ahead) > 0.0);
+    to.map(|to| to.dot(left).atan2(to.dot(ahead)))
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], angle| [low.min(angle), high.max(angle)])
+}
+
+/// Returns half of the angle that so many points take up for an eye that they face, radians.
+fn half_angle(points: f32) -> f64 {
+    (0.5 * f64::from(points) * POINT / BESIDE.0).atan()
+}
+
+/// Returns the place of the panel's or the card's middle before a head, at an angle to the left, radians.
+fn aside(head: &Pose, angle: f64) -> DVec3 {
+    let (distance, below) = BESIDE;
+    let direction = DQuat::from_rotation_y(angle) * level(head.forward());
+    head.position + direction * distance - DVec3::Y * below
+}
+
 /// Returns a plane for the panel: upright before a head, at the left of the patient, who is within these
 /// corners in the room, metres. Of a patient who is wider than the eyes see, some may be behind the panel.
 pub fn panel_beside(head: &Pose, patient: &[DVec3]) -> Plane {
-    let (distance, below) = PANEL;
-    let ahead = level(head.forward());
-    let left = DVec3::Y.cross(ahead);
-    let edge = patient
-        .iter()
-        .map(|place| *place - head.position)
-        .filter(|to| to.dot(ahead) > 0.0)
-        .map(|to| to.dot(left).atan2(to.dot(ahead)))
-        .fold(f64::NEG_INFINITY, f64::max);
-    let half = (0.5 * f64::from(SIZE.x) * POINT / distance).atan();
-    let aside = (edge + GAP + half).clamp(ASIDE[0], ASIDE[1]);
-    let direction = DQuat::from_rotation_y(aside) * ahead;
-    upright(head.position + direction * distance - DVec3::Y * below, head)
+    let [_, edge] = span(head, patient);
+    let angle = (edge + GAP + half_angle(SIZE.x)).clamp(ASIDE[0], ASIDE[1]);
+    upright(aside(head, angle), head)
+}
+
+/// Returns a place for the card's middle: before a head, beside the patient, who is within these corners in the
+/// room, metres, and beside the panel, if it is shown. It is at the right of both, or at the left where a head
+/// turns less to see it. Of what fills the view, some is behind the card.
+fn card_beside(head: &Pose, patient: &[DVec3; 8], panel: Option<&Plane>) -> DVec3 {
+    let frame = Rect::from_min_size(pos2(0.0, 0.0), SIZE).expand(FRAME);
+    let ends = [frame.left_top(), frame.right_top()];
+    let panel = panel.iter().flat_map(|panel| ends.map(|end| panel.place(end)));
+    let others: Vec<DVec3> = patient.iter().copied().chain(panel).collect();
+    let [right, left] = span(head, &others);
+    let away = |edge: f64| (edge + GAP + half_angle(CARD.x)).max(CARD_ASIDE[0]);
+    let (right, left) = (away(-right), away(left));
+    // A patient in the middle has the card at the right: the panel comes at the left.
+    let angle = if left + GAP < right { left } else { -right };
+    aside(head, angle.clamp(-CARD_ASIDE[1], CARD_ASIDE[1]))
 }
 
 #[cfg(test)]
@@ -577,5 +607,75 @@ mod tests {
         assert!(behind.place((SIZE * 0.5).to_pos2()).z < HEAD.z - 0.5, "ahead, wherever the patient is");
         let around = panel_beside(&head, &corners([HEAD - 2.0, HEAD + 2.0]));
         assert!(around.place((SIZE * 0.5).to_pos2()).z < HEAD.z - 0.25, "never beside the head");
+    }
+    /// Returns the angles to the right and to the left edge of the card at a place, as a head sees them, radians,
+    /// positive to the right, and the angle of a letter's height.
+    fn seen(head: &Pose, at: DVec3) -> ([f64; 2], f64) {
+        let mut marks = Marks::new(head.position, Plane::default());
+        marks.centred(Mark::Card, at, Panel::anchor(0) + CARD * 0.5);
+        let plane = marks.planes[1];
+        let corner = |x: f32, y: f32| plane.place(Panel::anchor(0) + CARD * egui::vec2(x, y));
+        let towards = (at - head.position).normalize();
+        let normal = plane.right.cross(plane.down).normalize();
+        assert!(normal.dot(towards) > 1.0 - 1e-9, "it is turned towards the eyes");
+        let point = (corner(0.5, 1.0) - corner(0.5, 0.0)).length() / f64::from(CARD.y);
+        let letter = (13.0 * point / at.distance(head.position)).atan();
+        ([0.0, 1.0].map(|x| angle(head, corner(x, 0.5))), letter)
+    }
+
+    fn angle(head: &Pose, place: DVec3) -> f64 {
+        let to = head.orientation.inverse() * (place - head.position);
+        to.x.atan2(-to.z)
+    }
+
+    #[test]
+    fn the_card_stands_beside_the_patient_and_the_panel() {
+        for (turn, half) in [(0.0, 0.02), (0.8, 0.12), (-2.0, 0.18)] {
+            let head = Pose { position: HEAD, orientation: DQuat::from_rotation_y(turn) };
+            let ahead = DVec3::NEG_Z * 0.7;
+            let patient = corners([ahead - half, ahead + half]).map(|place| head.place(place));
+            let left = panel_beside(&head, &patient);
+            // The same panel, carried to the other side of the patient.
+            let mirrored = |place: DVec3| {
+                let to = head.orientation.inverse() * (place - head.position);
+                head.place(DVec3::new(-to.x, to.y, to.z))
+            };
+            let right = upright(mirrored(left.place((SIZE * 0.5).to_pos2())), &head);
+            // Who looks at the panel clicks there, and sees the card beside it.
+            let at_panel =
+                Pose { orientation: DQuat::from_rotation_y(turn + 0.5 * (ASIDE[0] + ASIDE[1])), ..head };
+            for (name, head, panel, side) in [
+                ("no panel", head, None, 1.0),
+                ("a panel at the left", head, Some(&left), 1.0),
+                ("a panel at the right", head, Some(&right), -1.0),
+                ("looking at the panel", at_panel, Some(&left), -1.0),
+            ] {
+                let place = card_beside(&head, &patient, panel);
+                let ([from, to], letter) = seen(&head, place);
+                let what = format!("{name}, {half} m: the card from {from} to {to}");
+                assert!(side * (from + to) > 0.0, "{what}");
+                assert!((0.5 * (from + to)).abs() <= CARD_ASIDE[1] + 1e-3, "{what}");
+                assert!(letter.to_degrees() > 1.1, "{letter}: as large as on the panel");
+                let panel = panel
+                    .iter()
+                    .flat_map(|panel| [-FRAME, SIZE.x + FRAME].map(|x| panel.place(pos2(x, 0.0))));
+                for other in patient.iter().copied().chain(panel).map(|place| angle(&head, place)) {
+                    assert!(other < from || other > to, "{what} hides what is at {other}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_card_is_in_view_wherever_the_patient_is() {
+        let head = Pose { position: HEAD, ..Pose::IDENTITY };
+        for (what, patient) in [
+            ("behind", [HEAD + DVec3::Z; 8]),
+            ("around the head", corners([HEAD - 2.0, HEAD + 2.0])),
+            ("nowhere", [DVec3::NAN; 8]),
+        ] {
+            let ([from, to], _) = seen(&head, card_beside(&head, &patient, None));
+            assert!(from > 0.1 && from + to < 2.0 * CARD_ASIDE[1] + 1e-2, "{what}: from {from} to {to}");
+        }
     }
 }

@@ -306,8 +306,9 @@ impl Viewer {
             if self.options.panel && self.pointing.panel().is_none() {
                 self.pointing.toggle(&self.head, &self.controls.placement);
             }
-            if std::mem::take(&mut self.options.card) {
-                self.pointing.show_card(&self.head);
+            let [card_shown, _] = self.pointing.card();
+            if std::mem::take(&mut self.options.card) || card_shown {
+                self.pointing.show_card(&self.head, &self.controls.placement);
             }
         }
         Ok(())

@@ -4,15 +4,12 @@
 
 mod support;
 
-use std::io::Write as _;
-use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use engine::splat::{self, Field, Splat, SplatSet};
 use glam::{DQuat, DVec3};
-use support::monado::{Sent, degrees, report, said, tools, validation};
+use support::monado::{Sent, degrees, report, run_remote, said, tools, validation};
 use xr_app::headset::{Eye, Pose};
 
 /// Returns a folder with a small scene.
@@ -148,37 +145,7 @@ fn carrying(seconds: f64) -> Sent {
 fn views_from_a_remote_driver() {
     let Some(tools) = tools(&["xr"]) else { return };
     let folder = folder();
-    // The port is the service's own; a shell writes it down for us.
-    let child = format!(
-        "echo $MONADO_PORT > port; exec {run} {program} scene.ply --validation --frames 120 --report report.json --picture eyes.png",
-        run = tools.join("run").display(),
-        program = env!("CARGO_BIN_EXE_vgs-xr")
-    );
-    let mut command = Command::new(tools.join("monado"));
-    let mut running = command
-        .args(["bash", "-c", &child])
-        .current_dir(folder.path())
-        .env("MONADO_HEAD", "remote")
-        .envs(validation(folder.path()))
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("tools");
-    let start = Instant::now();
-    let mut connection: Option<TcpStream> = None;
-    while running.try_wait().expect("a child").is_none() && start.elapsed() < Duration::from_secs(200) {
-        if connection.is_none() {
-            let port =
-                std::fs::read_to_string(folder.path().join("port")).ok().and_then(|p| p.trim().parse().ok());
-            connection = port.and_then(|port: u16| TcpStream::connect(("127.0.0.1", port)).ok());
-        }
-        if let Some(stream) = &mut connection {
-            // The service goes before us in the end.
-            let _ = stream.write_all(&carrying(start.elapsed().as_secs_f64()).packet());
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    let output = running.wait_with_output().expect("a child");
+    let output = run_remote(&tools, folder.path(), &["scene.ply", "--frames", "120"], carrying);
     let report = report(folder.path(), &output);
     // The head is at the middle from left to right, and the patient stood before it until the hand carried it
     // along.

@@ -9,10 +9,10 @@ use std::sync::OnceLock;
 use egui::{Pos2, pos2};
 use engine::render::Fov;
 use glam::{DQuat, DVec3};
-use support::{device, options, script, session, silent};
+use support::{device, keep, options, script, session, silent};
 use xr_app::feedback::{CLICK, GRAB};
 use xr_app::headset::simulated::{Script, Simulated};
-use xr_app::headset::{Eye, Hand, Hands, Headset as _, Pose, Pulse};
+use xr_app::headset::{Event, Eye, Hand, Hands, Headset as _, Pose, Pulse};
 use xr_app::panel::SIZE;
 use xr_app::sheets::Plane;
 use xr_app::viewer::Options;
@@ -158,6 +158,43 @@ fn the_card_is_closed_by_a_click_that_does_nothing_else() {
     assert_eq!((viewer.pointing().card(), viewer.controls().preset()), ([false, true], "CT-Bone"));
     let (viewer, _) = session(&gpu, still(26, clicks_twice), with_card());
     assert_eq!(viewer.controls().preset(), "CT-Bones-Steep", "the next one clicks");
+    silent(&gpu);
+}
+
+/// Returns a head that turns round before it recentres.
+fn turns(seconds: f64) -> (Pose, bool) {
+    let turn = if frame(seconds) < 3 { 0.0 } else { 2.0 };
+    (Pose { orientation: DQuat::from_rotation_y(turn), ..Pose::IDENTITY }, true)
+}
+
+/// With the card, both eyes see everything of patient and panel that they see without it; after recentring, too.
+#[test]
+fn the_card_hides_neither_the_patient_nor_the_panel() {
+    let gpu = device();
+    let size = [640, 720];
+    for (name, head) in [("card", still(0, |_| Hands::default()).head), ("card-recentred", turns)] {
+        let [without, with] = [false, true].map(|card| {
+            let events = |frame| (frame == 5).then_some(Event::Recentred);
+            let script = Script { eye_size: size, head, events, ..still(9, |_| Hands::default()) };
+            let (viewer, headset) = session(&gpu, script, Options { card, ..with_panel() });
+            assert_eq!(viewer.pointing().card(), [card, false]);
+            headset.picture().read::<[u8; 4]>().expect("the picture")
+        });
+        keep(name, size, &with);
+        let texels = (size[0] * size[1]) as usize;
+        let background = without[0];
+        for eye in 0..2 {
+            let eye = eye * texels..(eye + 1) * texels;
+            let (mut shown, mut kept) = (0, 0);
+            for (without, with) in without[eye.clone()].iter().zip(&with[eye.clone()]) {
+                assert!(*without == background || with == without, "{name}: {with:?} hides {without:?}");
+                kept += usize::from(*without != background);
+                shown += usize::from(with != without);
+            }
+            // The whole card has 26 by 43 degrees.
+            assert!(kept > 1000 && shown > texels / 12, "{name}: {shown} pixels of it, {kept} of the rest");
+        }
+    }
     silent(&gpu);
 }
 

@@ -117,7 +117,7 @@ fn a_dicom_folder_becomes_a_scene() {
     screen.hand(&["key", "Return"]);
     viewer.wait("the session", |_| folder.path("scene.toml").is_file());
     assert_eq!(viewer.quit().code, 0);
-    let session: toml::Table = folder.text("scene.toml").parse().expect("a session");
+    let mut session: toml::Table = folder.text("scene.toml").parse().expect("a session");
     let count = |name: &str| session[name].as_array().map_or(0, Vec::len);
     assert_eq!(count("distances"), 1, "{session}");
     assert_eq!(session["clip"]["planes"].as_array().map_or(0, Vec::len), 1, "{session}");
@@ -126,9 +126,12 @@ fn a_dicom_folder_becomes_a_scene() {
 
     let film = [opened, region, fitted, coloured, cut, measured];
     strip(&film).keep("film");
-    if let Some(shots) = std::env::var_os("VGS_SHOTS") {
-        for name in ["fit.ply", "scene.toml"] {
-            std::fs::copy(folder.path(name), std::path::Path::new(&shots).join(name)).expect("a copy");
-        }
+    if let Some(shots) = std::env::var_os("VGS_SHOTS").map(std::path::PathBuf::from) {
+        std::fs::copy(folder.path("fit.ply"), shots.join("fit.ply")).expect("a copy");
+        // The session is kept beside its splats, without the slices, which are not.
+        let mut files = toml::Table::new();
+        files.insert("splats".into(), vec!["fit.ply"].into());
+        session.insert("files".into(), files.into());
+        std::fs::write(shots.join("scene.toml"), session.to_string()).expect("a session");
     }
 }

@@ -4,9 +4,11 @@
 pub mod monado;
 pub mod screen;
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use engine::gpu::{Gpu, GpuOptions};
+use engine::image::{self, Image, WriteOptions};
 use engine::render::{Look, Quality, QualityLevel, Scene, SplatKind, quality_levels};
 use engine::splat::{Field, Splat, SplatSet};
 use engine::transfer::preset;
@@ -87,6 +89,18 @@ pub fn options() -> Options {
         card: false,
         start: None,
     }
+}
+
+/// Writes a picture of both eyes side by side into the folder that `VGS_SHOTS` names, if it does, to be looked at.
+pub fn keep(name: &str, [width, height]: [u32; 2], eyes: &[[u8; 4]]) {
+    let Some(folder) = std::env::var_os("VGS_SHOTS") else { return };
+    let [width, height] = [width, height].map(|n| n as usize);
+    let eye = |at: usize| eyes[at * width * height..][..width * height].chunks(width);
+    let rows = eye(0).zip(eye(1)).flat_map(|(left, right)| left.iter().chain(right));
+    let pixels = rows.map(|texel| texel.map(|byte| f32::from(byte) / 255.0)).collect();
+    let both = Image { size: [2 * width, height], pixels };
+    let options = WriteOptions { background: Some([0.0; 3]), force: true };
+    image::write(Path::new(&folder).join(format!("{name}.png")), &both, None, &options).expect("a picture");
 }
 
 pub fn session(gpu: &Gpu, script: Script, options: Options) -> (Viewer, Simulated) {

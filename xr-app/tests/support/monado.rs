@@ -1,8 +1,11 @@
 //! Monado: whether it is there, what its remote driver is sent, and what a program leaves behind that ran
 //! under it.
 
+use std::io::Write as _;
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use engine::render::Fov;
 use serde_json::Value;
@@ -102,4 +105,42 @@ impl Sent {
         assert_eq!(out.len(), 376);
         out
     }
+}
+
+/// Runs the program in a folder, under a Monado of its own and with the layers on, and sends head, views and hands
+/// by the seconds since the start. Returns what it said in the end.
+pub fn run_remote(tools: &Path, folder: &Path, arguments: &[&str], sent: impl Fn(f64) -> Sent) -> Output {
+    // The port is the service's own; a shell writes it down for us.
+    let child = format!(
+        "echo $MONADO_PORT > port; exec {run} {program} \"$@\"",
+        run = tools.join("run").display(),
+        program = env!("CARGO_BIN_EXE_vgs-xr")
+    );
+    let _ = std::fs::remove_file(folder.join("port"));
+    let mut running = Command::new(tools.join("monado"))
+        .args(["bash", "-c", &child, "vgs-xr", "--validation", "--report", "report.json", "--force"])
+        .args(arguments)
+        .current_dir(folder)
+        .env("MONADO_HEAD", "remote")
+        .env("MONADO_LOG", folder.join("monado.log"))
+        .envs(validation(folder))
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("tools");
+    let start = Instant::now();
+    let mut connection: Option<TcpStream> = None;
+    while running.try_wait().expect("a child").is_none() && start.elapsed() < Duration::from_secs(200) {
+        if connection.is_none() {
+            let port = std::fs::read_to_string(folder.join("port")).ok().and_then(|p| p.trim().parse().ok());
+            connection = port.and_then(|port: u16| TcpStream::connect(("127.0.0.1", port)).ok());
+        }
+        if let Some(stream) = &mut connection {
+            // The service goes before us in the end.
+            let _ = stream.write_all(&sent(start.elapsed().as_secs_f64()).packet());
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    running.wait_with_output().expect("a child")
 }
