@@ -4,8 +4,12 @@ mod support;
 
 #[path = "support/screen.rs"]
 mod screen;
+#[path = "support/series.rs"]
+mod series;
 
+use engine::volume::{ReadOptions, Volume};
 use screen::{Screen, Viewer, begin, without_notice};
+use series::write_series;
 use support::{Folder, fit};
 
 /// Where the picture is, well within its edges: the panels are at the right.
@@ -522,4 +526,68 @@ fn a_mask_without_a_telling_name_is_known_by_its_values() {
     let differing = screen.look().differences(&region, PICTURE);
     assert!(differing > 10_000, "without it all of the volume is seen: {differing} pixels differ");
     assert_eq!(viewer.quit().code, 0);
+}
+
+/// A folder of several series is asked about, at the start and later.
+#[test]
+fn a_series_of_a_folder_is_chosen_in_the_window() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = Folder::new(24);
+    without_notice(&folder);
+    let volume = Volume::read(folder.path("ct.nii.gz"), &ReadOptions::default()).expect("a volume");
+    write_series(&folder, "scan", &volume, |_, _| ());
+    write_series(&folder, "scan/sharp", &volume, |z, file| {
+        file.text((0x0020, 0x000e), b"UI", "1.2.9");
+        file.text((0x0020, 0x0011), b"IS", "7");
+        file.text((0x0008, 0x0018), b"UI", &format!("1.2.9.{z}"));
+        file.text((0x0008, 0x103e), b"LO", "Bone kernel");
+    });
+    let mut viewer = Viewer::start(&screen, &folder, &["scan"]);
+    viewer.wait("the question", |v| v.log().contains("reading scan:"));
+    viewer.settle();
+    // There is no window manager to give it the keys.
+    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
+    viewer.settle();
+    screen.look().keep("series");
+    let choose = |viewer: &mut Viewer<'_>, row: &'static str, count: usize| {
+        screen.hand(&["mousemove", "560", row, "click", "1"]);
+        viewer.wait("the series", |v| v.log().matches("counting intensities of scan:").count() >= count);
+        viewer.settle();
+        screen.look()
+    };
+    let opened = choose(&mut viewer, "421", 1);
+    assert!(opened.count(PICTURE, bright) > 1000, "the volume is shown");
+    screen.hand(&["key", "ctrl+d"]);
+    viewer.wait("the list", |v| v.log().contains("listing the series:"));
+    viewer.settle();
+    choose(&mut viewer, "395", 2);
+    let path = folder.path("scene.toml").to_string_lossy().into_owned();
+    for hand in [&["key", "ctrl+s"][..], &["key", "ctrl+a"], &["type", "--delay", "20", &path]] {
+        screen.hand(hand);
+        viewer.settle();
+    }
+    screen.hand(&["key", "Return"]);
+    viewer.wait("the session", |_| folder.path("scene.toml").is_file());
+    assert_eq!(viewer.quit().code, 0);
+    assert_eq!(toml(&folder, "scene.toml")["files"]["series"].as_str(), Some("1"));
+}
+
+#[test]
+fn objects_look_as_flags_say() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let green = |[r, g, b]: [u8; 3]| g > 60 && r < g / 2 && b < g / 2;
+    let seen = |flags: &[&str]| {
+        let viewer = begin(&screen, &folder, &[&["s.ply"], flags].concat());
+        let shot = screen.look();
+        let log = viewer.log();
+        assert_eq!(viewer.quit().code, 0);
+        ([shot.count(PICTURE, green), shot.count(PICTURE, bright)], log)
+    };
+    let ([tinted, _], _) = seen(&["--object", "s:colour=#00ff00"]);
+    assert!(tinted > 10_000, "{tinted} green pixels");
+    let ([none, bones], log) = seen(&["--object", "liver:hidden"]);
+    assert!(none == 0 && bones > 10_000, "nothing is called so: {none} {bones}");
+    assert!(log.contains("VGS-"), "which is told: {log}");
 }

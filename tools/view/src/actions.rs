@@ -15,6 +15,12 @@ pub enum Action {
     AskOpen,
     /// Opens splats, a volume, a mask or a session; carried out by the window.
     Open(Vec<PathBuf>),
+    /// Asks which series of the volume's folder is meant; carried out by the window, which lists them first.
+    AskSeries,
+    /// Takes a series of those that were listed, by its number.
+    Series(usize),
+    /// Reads the files of the state that are not open yet; carried out by the window.
+    ReadFiles,
     /// Asks for the path of the session file.
     AskSave,
     /// Writes the session file.
@@ -180,6 +186,7 @@ const TURN: f64 = 5.0;
 /// All keys. Of two rows with the same key the one with more modifiers comes first.
 pub static KEYS: &[Binding] = &[
     row(COMMAND, Key::O, "Open…", "open splats, a volume, a mask or a session", Action::AskOpen),
+    row(COMMAND, Key::D, "Choose series…", "another series of the volume's DICOM folder", Action::AskSeries),
     row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
     row(COMMAND, Key::E, "Save splats…", "write the splats that are left to a file", Action::AskSaveSplats),
     row(COMMAND, Key::P, "Screenshot…", "write a picture of any size", Action::AskScreenshot),

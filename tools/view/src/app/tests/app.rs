@@ -1,6 +1,7 @@
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
 use engine::render::Intensities;
 use engine::splat::{Splat, SplatSet};
+use engine::volume::dicom::StackSummary;
 use glam::DVec2;
 
 use super::*;
@@ -631,5 +632,41 @@ fn all_letters_can_be_drawn() {
         let missing: String =
             bench.context.fonts_mut(|fonts| drawn.filter(|c| !fonts.has_glyph(&font, *c)).collect());
         assert!(missing.is_empty(), "{missing:?} of {:?}", job.text);
+    }
+}
+
+#[test]
+fn one_of_several_series_is_chosen() {
+    let mut bench = Bench::new();
+    let row = |number: usize, description: &str| StackSummary {
+        number,
+        series_uid: format!("1.2.{number}"),
+        modality: "CT".into(),
+        description: description.into(),
+        size: [512, 512, 90],
+        localizer: false,
+    };
+    let asked = Files { volume: Some("scan".into()), roi: Some("mask.nii".into()), ..Files::default() };
+    let rows = vec![row(1, "Soft tissue"), row(2, "Bone kernel")];
+    let before = bench.app.state.files.clone();
+    let ask = |bench: &mut Bench| {
+        bench.app.ask_series(Series { files: asked.clone(), rows: rows.clone() });
+        bench.rest();
+        bench.find("Which series?");
+        assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), [], "the question has to be answered first");
+    };
+    ask(&mut bench);
+    let cancel = bench.find("Cancel");
+    assert_eq!(bench.click(cancel), []);
+    assert!(bench.app.state.files == before && bench.place_of("Which series?").is_none());
+    ask(&mut bench);
+    let second = bench.find("2: CT Bone kernel, 90 slices of 512 x 512");
+    assert_eq!(bench.click(second), [Action::ReadFiles]);
+    assert_eq!(bench.app.state.files, Files { series: Some("2".into()), ..asked });
+    assert!(bench.place_of("Which series?").is_none());
+    // Another one may be chosen of a folder, and of a slice without an ending.
+    for (volume, may) in [(".", true), ("IM0001", true), ("a.zip", true), ("ct.nii.gz", false)] {
+        let files = Files { volume: Some(volume.into()), ..Files::default() };
+        assert_eq!(files.may_have_series(), may, "{volume}");
     }
 }
