@@ -670,3 +670,25 @@ fn one_of_several_series_is_chosen() {
         assert_eq!(files.may_have_series(), may, "{volume}");
     }
 }
+
+#[test]
+fn the_opacity_follows_the_gradient_if_it_is_ticked() {
+    let mut bench = Bench::new();
+    let tick = |bench: &mut Bench| {
+        let at = bench.find("Gradient");
+        bench.click(at);
+    };
+    tick(&mut bench);
+    let [low, high] = bench.app.state.transfer.gradient_ramp().expect("a ramp");
+    assert!(0.0 < low && low < high);
+    assert!(bench.app.state.transfer.function().expect("a function").depends_on_gradient());
+    assert!(bench.app.take_changes().look, "the picture is rendered anew");
+    bench.press(Key::Z, Modifiers::COMMAND);
+    assert_eq!(bench.app.state.transfer.gradient_ramp(), None, "undone");
+    // Another curve is kept as it is until it is switched off.
+    bench.app.state.transfer.gradient_opacities = vec![[0.0, 0.2], [50.0, 0.8], [90.0, 1.0]];
+    bench.rest();
+    bench.find("as in the file");
+    tick(&mut bench);
+    assert!(bench.app.state.transfer.gradient_opacities.is_empty());
+}
