@@ -499,6 +499,8 @@ fn splats_are_fitted_in_the_window_and_kept() {
     viewer.settle();
     screen.look().keep("fit-kept");
     assert_eq!(viewer.quit().code, 0, "the splats are in a file");
+    let took = toml(&folder, "config/vgs/view.toml")["fit_seconds"]["default preview"].as_float();
+    assert!(took.is_some_and(|seconds| seconds > 0.0), "the time of the next one can be told");
     let told = folder.run(&["info", "fit.ply", "--json"]).json();
     assert!(told["splats"].as_u64().is_some_and(|n| (50..1000).contains(&n)), "{told}");
 }

@@ -481,9 +481,12 @@ impl App {
         let form = &mut self.fit_form;
         form.follow(&state.files);
         if info.volume || info.fit.is_some() {
+            let settings = &self.settings;
+            let times =
+                |profile: &str, quality: &str, voxels| settings.seconds_of_fit(profile, quality, voxels);
             let header = CollapsingHeader::new("Fit")
                 .open(Some(form.open))
-                .show_unindented(ui, |ui| panels::fit::show(ui, form, &state.files, info, actions));
+                .show_unindented(ui, |ui| panels::fit::show(ui, form, &state.files, info, &times, actions));
             if header.header_response.clicked() {
                 actions.push(Action::ToggleFit);
             }
