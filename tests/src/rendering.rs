@@ -6,7 +6,7 @@ use engine::image::Image;
 use engine::reference::eye::{self, Eye};
 use engine::reference::slab as reference;
 use engine::render::{Camera, Look, MODES, ModeRow, Renderer, Scene, Settings};
-use engine::splat::{Field, Kernel, Splat, SplatSet};
+use engine::splat::{Field, Kernel, Splat, SplatSet, Unit};
 use engine::transfer::{Table, TransferFunction, preset};
 use glam::{DVec3, DVec4, Vec3};
 use rand::RngExt;
@@ -37,14 +37,14 @@ pub fn set(count: usize, kernel: Kernel) -> SplatSet {
         splats,
         origin_mm: DVec3::new(-120.0, 340.0, 1000.0),
         field: Field { kernel, background: 200.0, ..Field::default() },
-        has_intensity: true,
+        unit: Unit::Hu,
         ..SplatSet::default()
     }
 }
 
 /// Creates a set without splats.
 pub fn empty() -> SplatSet {
-    SplatSet { has_intensity: true, ..SplatSet::default() }
+    SplatSet { unit: Unit::Hu, ..SplatSet::default() }
 }
 
 /// Creates the look of a preset over −100 to 900 HU, lit or not.

@@ -3,7 +3,7 @@
 
 use engine::gpu::Gpu;
 use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, baked, mode};
-use engine::splat::{Harmonics, Splat, SplatSet};
+use engine::splat::{Harmonics, Splat, SplatSet, Unit};
 use engine::transfer::preset;
 use glam::{DVec3, Vec3};
 use rand::RngExt;
@@ -113,7 +113,7 @@ fn nothing_is_out_of_range_wherever_the_eyes_are() {
     set.splats[0].log_scale = [3.0, -3.0, 0.0];
     let standard = SplatSet {
         colours: Some(Harmonics { degree: 0, coefficients: vec![1.0; 900] }),
-        has_intensity: false,
+        unit: Unit::Luminance,
         ..set.clone()
     };
     let narrow = Fov::symmetric(1.0, 1.0);
@@ -161,7 +161,7 @@ fn standard_splats_have_their_own_colours() {
     let set = SplatSet {
         splats: vec![one],
         colours: Some(Harmonics { degree: 1, coefficients }),
-        has_intensity: false,
+        unit: Unit::Luminance,
         ..SplatSet::default()
     };
     let settings = Settings { depth: true, ..Settings::new([65, 65]) };

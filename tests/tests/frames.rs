@@ -8,7 +8,7 @@ use engine::render::{
     Appearance, Camera, Fov, Frames, Look, Quality, QualityLevel, Renderer, Scene, Settings, SplatKind,
     VisibilityMask, mode, quality_levels,
 };
-use engine::splat::{Field, Form, Grid, Splat, SplatSet};
+use engine::splat::{Field, Form, Grid, Splat, SplatSet, Unit};
 use engine::transfer::preset;
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 use rand::RngExt;
@@ -52,7 +52,7 @@ fn scene(gpu: &Gpu) -> Scene {
         splats,
         origin_mm,
         field: Field::default(),
-        has_intensity: true,
+        unit: Unit::Hu,
         labels,
         ..SplatSet::default()
     };
@@ -263,7 +263,7 @@ fn bodies(form: Form) -> SplatSet {
     SplatSet {
         splats,
         labels: Some(labels),
-        has_intensity: true,
+        unit: Unit::Hu,
         form,
         grid: Some(Grid { size: [64; 3], world_from_voxel: affine }),
         ..SplatSet::default()

@@ -2,6 +2,7 @@
 //! asking every splat at every plane of every pixel.
 #![forbid(unsafe_code)]
 
+use engine::splat::Unit;
 use std::collections::{BTreeMap, BTreeSet};
 
 use engine::gpu::Gpu;
@@ -216,7 +217,7 @@ fn fragments_are_those_of_the_quads_ellipses() {
     let mut set = set(60, Kernel::Compact);
     let grey = [0.3f32; 3];
     let coefficients = set.splats.iter().flat_map(|_| grey).collect();
-    (set.has_intensity, set.colours) = (false, Some(Harmonics { degree: 0, coefficients }));
+    (set.unit, set.colours) = (Unit::Luminance, Some(Harmonics { degree: 0, coefficients }));
     let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", false)).expect("a scene");
     let camera = Camera { fov: engine::render::Fov::symmetric(70.0, 72.0 / 56.0), ..camera(&scene) };
     let mut renderer =

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use engine::gpu::Gpu;
 use engine::render::ObjectChange;
+use engine::splat::Unit;
 use engine::{Error, Kind, Result, transfer};
 use view::deletions::Deletion;
 use view::loader::{self, LoadedSplats, LoadedVolume};
@@ -90,7 +91,11 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
             (Content::Splats(splats), numbers, range)
         }
     };
-    if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(transfer::FIRST)) {
+    let has_hu = match &content {
+        Content::Splats(splats) => splats.set.unit != Unit::Arbitrary,
+        Content::Volume(volume) => volume.volume.is_ct(),
+    };
+    if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(transfer::first(has_hu))) {
         state.transfer = Transfer::new(&transfer::load(tf, range)?);
     }
     let there = match &content {

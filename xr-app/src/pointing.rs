@@ -55,7 +55,7 @@ pub struct PickData {
 impl PickData {
     /// Computes the data of the splats that are shown.
     pub fn of(set: &SplatSet) -> Self {
-        let unit = if set.has_intensity { " HU" } else { "" };
+        let unit = set.unit.text();
         PickData {
             probe: Probe::new(set),
             histogram: Histogram::of_splats(set),

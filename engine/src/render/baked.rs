@@ -25,7 +25,7 @@ use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::passes::Deconvolution;
 use crate::splat::harmonics::{MAX_BASIS, SH0, basis, basis_count};
-use crate::splat::{Activations, Field, Form, Harmonics, Kernel, Splat, SplatSet};
+use crate::splat::{Activations, Field, Form, Harmonics, Kernel, Splat, SplatSet, Unit};
 use crate::transfer::TransferFunction;
 
 /// Opacity below which no program draws a splat.
@@ -98,7 +98,7 @@ pub fn baked(gpu: &Gpu, set: &SplatSet, transfer: &TransferFunction) -> Result<B
     }
     let degree = if lamp.is_some() { LIT_DEGREE } else { 0 };
     out.colours = Some(Harmonics { degree, coefficients });
-    out.has_intensity = false;
+    out.unit = Unit::Luminance;
     out.field = Field { kernel: Kernel::Gaussian, ..Field::default() };
     (out.grid, out.form, out.iterations, out.rounding) = (None, Form::Field, None, None);
     Ok(Baked { set: out, hidden })

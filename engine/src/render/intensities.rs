@@ -21,7 +21,7 @@ impl Intensities {
     /// are empty.
     pub fn of_objects(set: &SplatSet) -> Vec<Self> {
         let objects = set.objects();
-        if !set.has_intensity {
+        if !set.unit.is_physical() {
             return vec![Intensities::default(); objects.len()];
         }
         let mut own = vec![Vec::new(); 256];
@@ -53,7 +53,7 @@ impl Intensities {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::splat::Splat;
+    use crate::splat::{Splat, Unit};
     use crate::transfer::PRESETS;
 
     #[test]
@@ -77,14 +77,14 @@ mod tests {
         let mut set = SplatSet {
             splats: [3.0, 1.0, 2.0].map(splat).into(),
             labels: Some(vec![9, 200, 9]),
-            has_intensity: true,
+            unit: Unit::Hu,
             ..SplatSet::default()
         };
         let of = |all: &[f32]| Intensities(all.to_vec());
         assert_eq!(Intensities::of_objects(&set), [of(&[2.0, 3.0]), of(&[1.0])]);
         set.labels = None;
         assert_eq!(Intensities::of_objects(&set), [of(&[1.0, 2.0, 3.0])]);
-        set.has_intensity = false;
+        set.unit = Unit::Luminance;
         assert_eq!(Intensities::of_objects(&set), [of(&[])]);
     }
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::labels::LabelCount;
 use super::ply::{PLY_LAYOUTS, PlyLayout};
-use super::{Place, SplatSet, Unplaced};
+use super::{Place, SplatSet, Unit, Unplaced};
 use crate::error::Result;
 
 /// How tolerant a reader is.
@@ -66,8 +66,8 @@ pub struct Summary {
     pub properties: Vec<String>,
     /// Name of the kernel; the Gaussian if the file names none.
     pub kernel: &'static str,
-    /// True if intensities are physical (HU) rather than the luminance of a colour.
-    pub has_intensity: bool,
+    /// What the intensities are numbers of.
+    pub unit: Unit,
     /// Degree of the spherical harmonics of the colours; absent if the splats have an intensity.
     pub harmonics_degree: Option<u8>,
     /// The labels of the splats, ascending; empty if the file gives none.

@@ -101,7 +101,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
     let origin_mm = if shared { first.origin_mm } else { common_origin(&sets) };
     let field = Field { background: mean_background(&sets), ..first.field };
-    let has_intensity = first.has_intensity;
+    let unit = others.iter().fold(first.unit, |unit, (_, s)| unit.joined(s.unit));
     let colours = first.colours.is_some().then(|| joined_colours(&sets));
     let iterations =
         first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
@@ -124,7 +124,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         splats,
         origin_mm,
         field,
-        has_intensity,
+        unit,
         colours,
         labels: Some(labels),
         label_names,
@@ -151,7 +151,7 @@ fn joined_exceptions(sets: &[(String, SplatSet)], common_grid: Option<&Grid>) ->
 /// Returns why two sets do not add up to one field and what to do about it, or `None` if they do.
 fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
     const FIT: &str = "fit both with the same --kernel, --epsilon and --occupancy-w0, or render them apart";
-    let kind = |set: &SplatSet| match (&set.colours, set.has_intensity) {
+    let kind = |set: &SplatSet| match (&set.colours, set.unit.is_physical()) {
         (Some(_), _) => "colours",
         (None, true) => "intensities",
         (None, false) => "luminances",
@@ -260,7 +260,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::splat::{Kernel, Splat};
+    use crate::splat::{Kernel, Splat, Unit};
 
     fn at(origin: DVec3, means: &[[f32; 3]]) -> SplatSet {
         let splat = |&mean: &[f32; 3]| Splat { mean, rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
@@ -312,7 +312,7 @@ mod tests {
     #[test]
     fn colours_are_joined_at_the_highest_degree() {
         let mut low = at(DVec3::ZERO, &[[0.0; 3]]);
-        low.has_intensity = false;
+        low.unit = Unit::Luminance;
         let mut high = low.clone();
         low.colours = Some(Harmonics { degree: 0, coefficients: vec![1.0, 2.0, 3.0] });
         high.colours = Some(Harmonics { degree: 1, coefficients: (0..12u8).map(f32::from).collect() });
@@ -370,7 +370,7 @@ mod tests {
             (with(&|s| s.form = Form::Grid { binary: true }), "VGS-SPLAT-003", "the field between"),
             (with(&|s| s.field.epsilon *= 2.0), "VGS-SPLAT-003", "ε"),
             (with(&|s| s.field.occupancy_w0 *= 2.0), "VGS-SPLAT-003", "w₀"),
-            (with(&|s| s.has_intensity = false), "VGS-SPLAT-003", "luminances"),
+            (with(&|s| s.unit = Unit::Luminance), "VGS-SPLAT-003", "luminances"),
             (
                 with(&|s| s.colours = Some(Harmonics { degree: 0, coefficients: vec![0.0; 3] })),
                 "VGS-SPLAT-003",

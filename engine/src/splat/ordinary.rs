@@ -43,7 +43,7 @@ pub(super) mod tests {
     use glam::DQuat;
 
     use super::*;
-    use crate::splat::{Activations, Field, Kernel};
+    use crate::splat::{Activations, Field, Kernel, Unit};
 
     /// A splat as a parser of a test finds it, in metres along the axes of the file.
     pub struct Row {
@@ -88,7 +88,7 @@ pub(super) mod tests {
             splats,
             origin_mm: DVec3::new(10.0, -20.0, 900.0),
             colours: Some(Harmonics { degree: 2, coefficients }),
-            has_intensity: false,
+            unit: Unit::Luminance,
             field: Field { kernel: Kernel::Gaussian, ..Field::default() },
             ..SplatSet::default()
         }
@@ -125,7 +125,7 @@ pub(super) mod tests {
 
     #[test]
     fn splats_with_intensities_have_no_colours_to_write() {
-        let set = SplatSet { colours: None, has_intensity: true, ..coloured() };
+        let set = SplatSet { colours: None, unit: Unit::Hu, ..coloured() };
         let error = Ordinary::new(&set, &DMat3::IDENTITY).err().expect("no colours");
         assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-SPLAT-007"));
         let none = coloured().selected(|_, _| false);

@@ -29,7 +29,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::splat::{Exception, Form, Grid, Harmonics, Splat, join};
+    use crate::splat::{Exception, Form, Grid, Harmonics, Splat, Unit, join};
 
     #[test]
     fn what_belongs_to_a_splat_comes_with_it() {
@@ -58,7 +58,7 @@ mod tests {
         assert!(set.selected(|_, _| false).splats.is_empty());
 
         let colours = Harmonics { degree: 0, coefficients: (0..9u8).map(f32::from).collect() };
-        let set = SplatSet { colours: Some(colours), has_intensity: false, ..set };
+        let set = SplatSet { colours: Some(colours), unit: Unit::Luminance, ..set };
         let last = set.selected(|i, _| i == 2).colours.expect("colours");
         assert_eq!(last.coefficients, [6.0, 7.0, 8.0]);
     }

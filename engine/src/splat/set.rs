@@ -3,20 +3,19 @@
 use glam::DVec3;
 
 use super::importance::by_importance;
-use super::{Exception, Field, Form, Grid, Harmonics, Rounding, Splat};
+use super::{Exception, Field, Form, Grid, Harmonics, Rounding, Splat, Unit};
 
 /// A fitted set of splats in world space, with all that is needed to evaluate its field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplatSet {
-    /// Means in mm, RAS, relative to `origin_mm`; ln σ in ln mm; intensity as `has_intensity` says.
+    /// Means in mm, RAS, relative to `origin_mm`; ln σ in ln mm; intensity as `unit` says.
     pub splats: Vec<Splat>,
     /// Origin of the means in the world, mm RAS.
     pub origin_mm: DVec3,
     /// The field that the splats add up to.
     pub field: Field,
-    /// True if intensities are physical (HU for CT). Otherwise they are the luminance of a colour, about 0 to
-    /// 1, and a transfer function over HU means nothing for them.
-    pub has_intensity: bool,
+    /// What the intensities are numbers of.
+    pub unit: Unit,
     /// The colours of a set of ordinary 3D Gaussian splatting; `None` if the splats have an intensity, which
     /// a transfer function colours.
     pub colours: Option<Harmonics>,
@@ -40,13 +39,13 @@ pub struct SplatSet {
 }
 
 impl Default for SplatSet {
-    /// Returns a set without splats whose intensities are physical.
+    /// Returns a set without splats whose intensities are HU.
     fn default() -> Self {
         SplatSet {
             splats: Vec::new(),
             origin_mm: DVec3::ZERO,
             field: Field::default(),
-            has_intensity: true,
+            unit: Unit::Hu,
             colours: None,
             labels: None,
             label_names: Vec::new(),
@@ -61,7 +60,7 @@ impl Default for SplatSet {
 }
 
 impl SplatSet {
-    /// Returns the least and the greatest intensity (HU if [`SplatSet::has_intensity`]); `None` for an empty
+    /// Returns the least and the greatest intensity; `None` for an empty
     /// set.
     pub fn intensity_range(&self) -> Option<[f64; 2]> {
         let intensities = || self.splats.iter().map(|splat| f64::from(splat.intensity));
@@ -76,7 +75,7 @@ impl SplatSet {
         SplatSet {
             origin_mm: original.origin_mm,
             field: original.field,
-            has_intensity: self.has_intensity && original.has_intensity,
+            unit: if self.unit.is_physical() { original.unit } else { self.unit },
             label_names: original.label_names.clone(),
             iterations: original.iterations,
             grid: original.grid,

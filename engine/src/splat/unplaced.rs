@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::ply::reference::Rows;
-use super::{Place, SplatSet};
+use super::{Place, SplatSet, Unit};
 use crate::error::{Error, Kind, Result};
 
 /// A set as its file has it, which a volume may still have to place.
@@ -32,9 +32,9 @@ impl Unplaced {
         self.set.splats.is_empty()
     }
 
-    /// Returns true if intensities are physical; see [`SplatSet::has_intensity`].
-    pub fn has_intensity(&self) -> bool {
-        self.set.has_intensity
+    /// Returns what the intensities are numbers of.
+    pub fn unit(&self) -> Unit {
+        self.set.unit
     }
 
     /// Returns the set in the world. Files that know their place need no `place` and ignore one.

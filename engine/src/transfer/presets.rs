@@ -50,6 +50,11 @@ pub const FIRST: &str = "CT-Bone";
 /// Name of the preset for volumes without HU.
 pub const FIRST_WITHOUT_HU: &str = "MR-Default";
 
+/// Returns the name of the preset with which intensities are shown at first, in HU or not.
+pub fn first(has_hu: bool) -> &'static str {
+    if has_hu { FIRST } else { FIRST_WITHOUT_HU }
+}
+
 /// All presets, in the order in which they are shown to people.
 pub const PRESETS: &[Preset] = &[
     Preset {

@@ -1,7 +1,7 @@
 //! Pictures: any camera, thin splats on one another, a million in one tile, steps of the transfer function.
 
 use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, VolumeSource, mode};
-use engine::splat::{Field, Harmonics, Kernel, Splat, SplatSet};
+use engine::splat::{Field, Harmonics, Kernel, Splat, SplatSet, Unit};
 use engine::transfer::{ColourPoint, OpacityPoint, TransferFunction};
 use engine::volume::Volume;
 use glam::{DAffine3, DVec3};
@@ -108,7 +108,7 @@ fn n23_thin_splats_on_one_another() {
         let set = SplatSet {
             splats: vec![wide; count],
             colours: Some(Harmonics { degree: 0, coefficients: vec![1.0; 3 * count] }),
-            has_intensity: false,
+            unit: Unit::Luminance,
             ..SplatSet::default()
         };
         let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", false)).expect("a scene");

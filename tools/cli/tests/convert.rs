@@ -161,7 +161,7 @@ fn programs_that_know_only_colours_get_those_of_a_transfer_function() {
     let ended = folder.run(&["convert", "ours.ply", "-o", "a.ply", "--tf", "CT-Bone"]);
     assert_eq!(ended.code, 0, "{}", ended.err);
     let colours = set(&folder, "a.ply");
-    assert!(!colours.has_intensity && colours.labels.is_some());
+    assert!(!colours.unit.is_physical() && colours.labels.is_some());
     assert_eq!(colours.colours.as_ref().map(|colours| colours.degree), Some(2), "with the light");
     assert_eq!(folder.run(&["convert", "a.ply", "-o", "b.spz"]).code, 0, "colours stay as they are");
 

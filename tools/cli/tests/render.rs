@@ -3,6 +3,7 @@
 mod support;
 
 use engine::image::{Picture, psnr, read};
+use engine::volume::{ReadOptions, Volume, nifti};
 use support::{Folder, fit};
 
 /// A folder with splats of a phantom that every mode can show.
@@ -145,6 +146,39 @@ fn gradient_opacity_leaves_edges() {
         let ended = run("bad.png", &[&format!("--gradient-opacity={value}")]);
         assert!(ended.code == 2 && ended.err.contains("two gradients"), "{value}: {}", ended.err);
     }
+}
+
+/// What has no HU is shown by a function over the range of the data, as a volume and as splats.
+#[test]
+fn what_has_no_hu_has_another_first_function() {
+    let folder = Folder::new(24);
+    let ct = Volume::read(folder.path("ct.nii.gz"), &ReadOptions::default()).expect("a volume");
+    let samples = ct.samples.iter().map(|v| (v + 1024.0) * 0.1).collect();
+    let mr = Volume::new(ct.size, ct.world_from_voxel, samples);
+    nifti::write(folder.path("mr.nii.gz"), &mr, false).expect("written");
+    let fitted =
+        ["fit", "mr.nii.gz", "--roi", "mask.nii.gz", "--no-eval", "--iterations", "4", "--splats", "200"];
+    for output in ["mr.ply", "small.vgs"] {
+        let ended = folder.run(&[&fitted[..], &["-o", output]].concat());
+        assert_eq!(ended.code, 0, "{}", ended.err);
+        assert_eq!(folder.run(&["info", output, "--json"]).json()["unit"], "arbitrary", "{output}");
+    }
+    assert!(folder.run(&["info", "mr.ply"]).out.contains("without a unit"));
+    for source in [&["mr.ply"][..], &["--volume", "mr.nii.gz"]] {
+        let render = |output: &str, more: &[&str]| {
+            let ended = folder
+                .run(&[&["render"], source, &["--size", "48x48", "--force", "-o", output], more].concat());
+            assert_eq!(ended.code, 0, "{}", ended.err);
+            picture(&folder, output).image
+        };
+        let [first, mr, ct] =
+            [&[][..], &["--tf", "MR-Default"], &["--tf", "CT-Bone"]].map(|tf| render("p.png", tf));
+        assert!(first == mr && first != ct, "{source:?}");
+    }
+    // Those of a CT say so, too.
+    let ended = folder.run(&fit("s.ply", &["--no-eval", "--iterations", "4", "--splats", "200"]));
+    assert_eq!(ended.code, 0, "{}", ended.err);
+    assert_eq!(folder.run(&["info", "s.ply", "--json"]).json()["unit"], "hu");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::Path;
 
 use engine::image::{self, Image};
-use engine::splat::{self, Harmonics, Splat, SplatSet};
+use engine::splat::{self, Harmonics, Splat, SplatSet, Unit};
 use engine::volume::{ReadOptions, Volume, nifti};
 use engine::{Kind, Result};
 use flate2::Compression;
@@ -131,7 +131,7 @@ fn splats(coloured: bool) -> SplatSet {
         splats: (0..SPLATS).map(splat).collect(),
         origin_mm: DVec3::ZERO,
         colours: coloured.then_some(colours),
-        has_intensity: !coloured,
+        unit: if coloured { Unit::Luminance } else { Unit::Hu },
         ..SplatSet::default()
     }
 }

@@ -26,7 +26,7 @@ impl Histogram {
             let weight = f64::from(splat.opacity()) * set.field.kernel.peak(log_scale) * volume;
             (f64::from(splat.intensity), weight)
         });
-        if set.has_intensity { Histogram::of(range_of(values())?, rows) } else { None }
+        if set.unit.is_physical() { Histogram::of(range_of(values())?, rows) } else { None }
     }
 
     /// Counts the voxels of a volume, each by its weight in the region, or all alike without a region.
@@ -70,7 +70,7 @@ fn range_of(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use engine::splat::Splat;
+    use engine::splat::{Splat, Unit};
     use glam::DAffine3;
 
     use super::*;
@@ -93,7 +93,7 @@ mod tests {
         let [first, last] = [histogram.bins[0], histogram.bins[BINS - 1]];
         assert!((first - 0.5).abs() < 1e-6 && (last - 2.0).abs() < 1e-5, "{first} {last}");
         assert!((histogram.bins.iter().sum::<f64>() - first - last).abs() < 1e-12);
-        set.has_intensity = false;
+        set.unit = Unit::Luminance;
         assert_eq!(Histogram::of_splats(&set), None);
         assert_eq!(Histogram::of_splats(&SplatSet::default()), None);
     }

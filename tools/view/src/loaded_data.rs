@@ -5,7 +5,7 @@ use std::sync::Arc;
 use engine::Result;
 use engine::gpu::Gpu;
 use engine::render::{Look, Scene};
-use engine::splat::SplatSet;
+use engine::splat::{SplatSet, Unit};
 use glam::DVec3;
 
 use crate::deletions::Deletion;
@@ -143,11 +143,19 @@ impl LoadedData {
         self.volume.as_ref().is_none_or(|v| v.volume.oriented)
     }
 
+    /// Returns true if intensities are HU, as far as is known.
+    pub fn has_hu(&self) -> bool {
+        match &self.volume {
+            Some(shown) => shown.volume.is_ct(),
+            None => self.set().is_none_or(|set| set.unit != Unit::Arbitrary),
+        }
+    }
+
     /// Returns the text behind an intensity: " HU" for CT, empty for what has no unit.
     pub fn unit(&self) -> &'static str {
         match &self.volume {
-            Some(shown) if !shown.volume.is_ct() => "",
-            _ => " HU",
+            Some(shown) => shown.volume.unit(),
+            None => self.set().map_or(Unit::Hu, |set| set.unit).text(),
         }
     }
 

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::header::{bad, quoted};
 use crate::error::Result;
-use crate::splat::{Field, Form, Grid, Kernel, SplatSet, label_name};
+use crate::splat::{Field, Form, Grid, Kernel, SplatSet, Unit, label_name};
 
 /// What the comments of a file state; `None` for what they do not mention.
 #[derive(Default)]
@@ -19,8 +19,7 @@ pub(super) struct Stated {
     pub background: Option<f32>,
     pub epsilon: Option<f32>,
     pub occupancy_w0: Option<f32>,
-    /// True if the intensities are physical.
-    pub physical: Option<bool>,
+    pub unit: Option<Unit>,
     /// True if the file is in the layout of the paper's authors, written by this program.
     pub reference: bool,
     /// The intensities that 0 and 1 of `intensity_01` stand for in that layout.
@@ -40,7 +39,7 @@ pub(super) struct Stated {
 pub(super) fn of_set(set: &SplatSet) -> String {
     let [x, y, z] = set.origin_mm.to_array();
     let place = format!("comment vgs.axes ras\ncomment vgs.origin_mm {x} {y} {z}\n");
-    let intensity = if set.has_intensity { "hu" } else { "luminance" };
+    let intensity = set.unit.name();
     let grid = set.grid.as_ref().map_or_else(String::new, |grid| {
         let text = |numbers: &[f64]| numbers.iter().map(|v| format!(" {v}")).collect::<String>();
         format!(
@@ -117,8 +116,7 @@ pub(super) fn read(comments: &[String]) -> Result<Stated> {
             ["vgs.volume_crc32", hex] => once(&mut stated.volume_crc32, u32::from_str_radix(hex, 16).ok()),
             ["vgs.form", name] => once(&mut stated.form, Form::from_name(name)),
             ["vgs.label", label, ref name @ ..] => named(&mut stated.label_names, number(label), name),
-            ["vgs.intensity", "hu"] => once(&mut stated.physical, Some(true)),
-            ["vgs.intensity", "luminance"] => once(&mut stated.physical, Some(false)),
+            ["vgs.intensity", name] => once(&mut stated.unit, Unit::from_name(name)),
             // A known key with the wrong number of values, or with a word that this version does not know.
             ["vgs.origin_mm" | "vgs.axes" | "vgs.kernel" | "vgs.background" | "vgs.epsilon", ..] => false,
             ["vgs.occupancy_w0" | "vgs.intensity" | "vgs.iterations" | "vgs.label" | "vgs.form", ..] => false,

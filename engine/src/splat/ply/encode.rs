@@ -109,7 +109,7 @@ fn push_channels(colours: &Harmonics, i: usize, basis: usize, row: &mut Vec<f32>
 /// Returns a function from intensity to grey in [0, 1]: a ramp over the intensities of the set, mid-grey if
 /// all are equal. Luminances, which are no physical intensities, are their own grey.
 fn grey_of_intensity(set: &SplatSet) -> impl Fn(f32) -> f32 + use<> {
-    let (low, high) = if set.has_intensity {
+    let (low, high) = if set.unit.is_physical() {
         let intensities = set.splats.iter().map(|splat| f64::from(splat.intensity));
         intensities.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)))
     } else {

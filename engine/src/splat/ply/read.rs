@@ -18,7 +18,7 @@ use super::{comments, exceptions, reference};
 use crate::error::{Error, Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, SH0, basis_count};
-use crate::splat::{Field, Harmonics, Kernel, ReadOptions, Splat, SplatSet, Summary, Unplaced, defect};
+use crate::splat::{Field, Harmonics, Kernel, ReadOptions, Splat, SplatSet, Summary, Unit, Unplaced, defect};
 
 /// Luminance of linear RGB (Rec. 709).
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
@@ -74,7 +74,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         elements: header.elements.iter().map(|e| (e.name.clone(), e.count as u64)).collect(),
         properties: vertex.map(|e| e.properties.keys().cloned().collect()).unwrap_or_default(),
         kernel: set.field.kernel.name(),
-        has_intensity: set.has_intensity,
+        unit: set.unit,
         harmonics_degree: set.colours.as_ref().map(|colours| colours.degree),
         labels: set.label_counts(),
         intensity_range: bounds(|splat| [splat.intensity; 3])
@@ -123,7 +123,7 @@ fn open(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     if loaded.set.splats.is_empty() {
         tracing::warn!(%file, "the file holds no usable splat");
     }
-    if !loaded.set.has_intensity {
+    if !loaded.set.unit.is_physical() {
         tracing::info!(%file, "no intensity: what acts on intensities acts on the luminance of the colour");
     } else if loaded.layout == ORDINARY {
         tracing::warn!(
@@ -222,7 +222,7 @@ pub(super) fn load(
     });
     let mut set = SplatSet {
         origin_mm: stated.origin_mm.unwrap_or_default(),
-        has_intensity: layout.source != Source::Colour && stated.physical.unwrap_or(true),
+        unit: if layout.source == Source::Colour { Unit::Luminance } else { stated.unit.unwrap_or_default() },
         iterations: stated.iterations,
         grid,
         volume_crc32: stated.volume_crc32,

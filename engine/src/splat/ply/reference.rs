@@ -219,7 +219,7 @@ fn place_of(place: Option<&Place>) -> Result<(&Place, [f32; 2])> {
 /// Fails if `set` cannot be written in this layout.
 pub(super) fn check(set: &SplatSet, place: Option<&Place>) -> Result<()> {
     let (place, _) = place_of(place)?;
-    if !set.has_intensity {
+    if !set.unit.is_physical() {
         let message = "splats without an intensity cannot be written in the layout of the paper's authors";
         return Err(Error::new(Kind::Usage, "VGS-PLY-030", message).help("write them with --ply-layout vgs"));
     }

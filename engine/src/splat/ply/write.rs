@@ -46,7 +46,7 @@ pub(in crate::splat) fn check(set: &SplatSet) -> Result<()> {
 /// Returns why these colours cannot be written, or `None` if they can.
 fn colour_defect(colours: &Harmonics, set: &SplatSet) -> Option<&'static str> {
     let conditions = [
-        (!set.has_intensity, "it has colours beside physical intensities"),
+        (!set.unit.is_physical(), "it has colours beside physical intensities"),
         (colours.degree <= MAX_DEGREE, "the degree of its harmonics is above 3"),
         (
             colours.coefficients.len() == colours.stride() * set.splats.len(),

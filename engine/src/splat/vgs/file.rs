@@ -15,7 +15,8 @@ use crate::error::{Error, Kind, Result};
 use crate::memory;
 use crate::splat::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
 use crate::splat::{
-    Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unplaced, WriteOptions, by_importance, defect,
+    Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unit, Unplaced, WriteOptions, by_importance,
+    defect,
 };
 
 /// The first bytes of a file; they tell when it went through a program that changes line ends.
@@ -41,7 +42,7 @@ struct Header {
     background: f32,
     epsilon: f32,
     occupancy_w0: f32,
-    /// "hu" or "luminance".
+    /// Name of the [`Unit`].
     intensity: String,
     iterations: Option<u32>,
     grid: Option<GridHeader>,
@@ -165,7 +166,7 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
         background: set.field.background,
         epsilon: set.field.epsilon,
         occupancy_w0: set.field.occupancy_w0,
-        intensity: if set.has_intensity { "hu" } else { "luminance" }.to_owned(),
+        intensity: set.unit.name().to_owned(),
         iterations: set.iterations,
         grid: set.grid.map(|grid| GridHeader { size: grid.size, affine: grid.rows() }),
         volume_crc32: set.volume_crc32,
@@ -230,7 +231,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
             .chain(header.labels.then(|| "label".to_owned()))
             .collect(),
         kernel: set.field.kernel.name(),
-        has_intensity: set.has_intensity,
+        unit: set.unit,
         harmonics_degree: None,
         labels: set.label_counts(),
         intensity_range: set.intensity_range().map(|range| range.map(|v| v as f32)),
@@ -364,7 +365,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     if widened > 0 {
         tracing::warn!(widened, "splats thinner than 1/{ANISOTROPY_LIMIT} of their length were widened");
     }
-    set.has_intensity = header.intensity == "hu";
+    set.unit = Unit::from_name(&header.intensity).unwrap_or_default();
     set.labels = labels;
     set.label_names.clone_from(&header.label_names);
     set.iterations = header.iterations;
@@ -393,7 +394,7 @@ fn stated(header: &Header) -> Result<(Field, Form, DAffine3, Option<Grid>)> {
     let frame = Grid::from_rows([1; 3], header.affine);
     let grid = header.grid.as_ref().map(|grid| Grid::from_rows(grid.size, grid.affine));
     let sound = [Some(frame), grid].iter().flatten().all(|grid| grid.defect().is_none());
-    let known = ["hu", "luminance"].contains(&header.intensity.as_str());
+    let known = Unit::from_name(&header.intensity).is_some();
     let reachable = header.affine.iter().all(|v| v.abs() < 1e12);
     (sound && known && reachable)
         .then_some(())
@@ -494,7 +495,7 @@ mod tests {
     #[test]
     fn what_the_format_does_not_hold_is_refused() {
         let colours = crate::splat::Harmonics { degree: 0, coefficients: vec![0.0; 9] };
-        let coloured = SplatSet { colours: Some(colours), has_intensity: false, ..set(3) };
+        let coloured = SplatSet { colours: Some(colours), unit: Unit::Luminance, ..set(3) };
         assert_eq!(encoded(&coloured).expect_err("colours").code, "VGS-FILE-001");
         let mut newer = encoded(&set(3)).expect("a set");
         newer[8] = 2;

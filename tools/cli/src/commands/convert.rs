@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use engine::fit::{FitConfig, FitForm, Problem, rounded_as_it_is, with_part_of_mask};
 use engine::render::baked;
-use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, WriteOptions};
+use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, Unit, WriteOptions};
 use engine::{Error, Kind, transfer};
 
 use crate::shared::console::Console;
@@ -214,15 +214,18 @@ fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Sto
 
 /// Returns `set` with the colours of the transfer function of the flags.
 fn with_colours(arguments: &ConvertArguments, set: &SplatSet, report: &mut Report) -> Result<SplatSet, Stop> {
-    let name = arguments.tf.as_deref().unwrap_or(transfer::FIRST);
+    let name = arguments.tf.as_deref().unwrap_or(transfer::first(set.unit != Unit::Arbitrary));
     let transfer = transfer::load(name, set.intensity_range().unwrap_or([0.0, 1.0]))?;
     let gpu = arguments.device.boot()?;
     let _waiting = Waiting::on("finding the colours of the splats");
     let baked = baked(&gpu, set, &transfer).map_err(|error| error.file(&arguments.splats))?;
     if baked.set.splats.is_empty() && baked.hidden > 0 {
         let [low, high] = set.intensity_range().unwrap_or_default();
-        let message =
-            format!("{} shows none of these splats, which have {low:.0} to {high:.0} HU", transfer.name);
+        let message = format!(
+            "{} shows none of these splats, which have {low:.0} to {high:.0}{}",
+            transfer.name,
+            set.unit.text()
+        );
         return Err(Error::new(Kind::NothingToDo, "VGS-CLI-132", message)
             .file(&arguments.splats)
             .help("choose another --tf")
@@ -244,7 +247,7 @@ fn given_back(arguments: &ConvertArguments, set: SplatSet, original: &Path) -> R
             .into());
     }
     let original = splat::read(original, &ReadOptions::default())?;
-    if original.has_intensity && !set.has_intensity {
+    if original.unit.is_physical() && !set.unit.is_physical() {
         tracing::warn!("{}: the other program has left no intensities but their grey", splats.display());
     }
     let exceptions = original.exceptions.len();

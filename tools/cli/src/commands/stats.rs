@@ -100,7 +100,7 @@ pub fn run(arguments: &StatsArguments, console: &Console) -> std::result::Result
     let set = splat::read_all(&arguments.splats, || {
         Ok(volume.as_ref().map(|volume| fit::place::place(volume, None)))
     })?;
-    if !set.has_intensity {
+    if !set.unit.is_physical() {
         let message = "these splats have a colour but no intensity: there is nothing to tell of";
         return Err(Error::new(Kind::BadData, "VGS-CLI-123", message)
             .file(&arguments.splats[0])

@@ -47,7 +47,7 @@ pub fn worldly_layout(text: &str) -> std::result::Result<&'static PlyLayout, Str
 /// Reads splats; an error if they have no intensity in HU.
 pub fn read_with_intensity(path: &Path) -> Result<Unplaced> {
     let splats = splat::read_some(path)?;
-    if !splats.has_intensity() {
+    if !splats.unit().is_physical() {
         let message = "these splats have a colour but no intensity: there is nothing to compare with HU";
         return Err(Error::new(Kind::BadData, "VGS-CLI-041", message)
             .file(path)

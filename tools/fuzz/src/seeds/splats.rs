@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use engine::splat::{
-    self, Exception, Field, Form, Grid, Harmonics, PLY_LAYOUTS, Place, PlyLayout, Splat, SplatSet,
+    self, Exception, Field, Form, Grid, Harmonics, PLY_LAYOUTS, Place, PlyLayout, Splat, SplatSet, Unit,
 };
 use flate2::Crc;
 use glam::{DAffine3, DVec3};
@@ -63,7 +63,7 @@ pub fn ply_colours() -> Vec<Vec<u8>> {
         let coefficients = (0..floats).map(|i| (i as f32 * 0.37).sin()).collect();
         SplatSet {
             colours: Some(Harmonics { degree, coefficients }),
-            has_intensity: false,
+            unit: Unit::Luminance,
             splats: set().splats,
             ..SplatSet::default()
         }

@@ -274,15 +274,15 @@ impl Viewer {
         }
     }
 
-    /// Gives a volume without HU, as an MR, a function for such ones, where the first function for CT stands untouched.
+    /// Gives what has no HU, as an MR, a function for such data, where the first function for CT stands untouched.
     fn choose_function(&mut self) {
         let first = |name| Some(Transfer::new(&transfer::load(name, self.range).ok()?));
-        if self.data.unit().is_empty()
+        if !self.data.has_hu()
             && first(transfer::FIRST).as_ref() == Some(&self.app.state.transfer)
             && let Some(function) = first(transfer::FIRST_WITHOUT_HU)
         {
             self.app.state.transfer = function;
-            self.app.done(format!("This volume has no HU: {} shows it", transfer::FIRST_WITHOUT_HU));
+            self.app.done(format!("What is shown has no HU: {} is its function", transfer::FIRST_WITHOUT_HU));
         }
     }
 
@@ -305,6 +305,7 @@ impl Viewer {
                 self.app.report(&error);
             }
             self.object_splats = counts;
+            self.choose_function();
         } else if self.data.splats.is_none() && self.data.fitted.is_none() && self.data.has(Subject::Volume) {
             self.app.state.shown = Subject::Volume;
             self.choose_function();

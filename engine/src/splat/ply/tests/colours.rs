@@ -1,7 +1,7 @@
 //! Sets with colours: spherical harmonics of ordinary 3D Gaussian splatting.
 
 use super::*;
-use crate::splat::Harmonics;
+use crate::splat::{Harmonics, Unit};
 
 /// Returns a file of the usual layout (normals, harmonics between f_dc and opacity) with `rest` properties
 /// `f_rest`, whose value in row `i` is `value(i, index)`.
@@ -33,7 +33,7 @@ fn harmonics_are_kept_whole() {
         let set = loaded(&usual(3, rest, value), &STRICT).expect("a usual file").set;
         let colours = set.colours.as_ref().expect("it has colours");
         assert_eq!((colours.degree, colours.stride()), (degree, rest + 3));
-        assert_eq!((set.has_intensity, set.field.kernel), (false, Kernel::Gaussian));
+        assert_eq!((set.unit.is_physical(), set.field.kernel), (false, Kernel::Gaussian));
         assert_eq!(set.splats[0].rotation, [1.0, 0.0, 0.0, 0.25], "the columns behind are not mixed up");
         for i in 0..3 {
             let of = colours.of(i);
@@ -87,7 +87,7 @@ fn beside_an_intensity_colours_are_ignored() {
     let header = format!("{}property float intensity\nproperty float f_rest_0\n", plain_header("1"));
     let payload = [little(&PLAIN_ROW), little(&[77.0, f32::NAN])].concat();
     let set = loaded(&file("binary_little_endian", &header, &payload), &STRICT).expect("with intensity").set;
-    assert!(set.has_intensity && set.colours.is_none());
+    assert!(set.unit.is_physical() && set.colours.is_none());
     assert!(loaded(&encoded(&sample(2)), &STRICT).expect("ours").set.colours.is_none());
 }
 
@@ -119,13 +119,13 @@ fn harmonics_that_are_incomplete_or_not_finite() {
 #[test]
 fn colours_that_cannot_be_written() {
     let grey = |degree, coefficients| SplatSet {
-        has_intensity: false,
+        unit: Unit::Luminance,
         colours: Some(Harmonics { degree, coefficients }),
         ..sample(2)
     };
     check(&grey(0, vec![0.0; 6])).expect("one colour for each");
     for (set, word) in [
-        (SplatSet { has_intensity: true, ..grey(0, vec![0.0; 6]) }, "physical"),
+        (SplatSet { unit: Unit::Hu, ..grey(0, vec![0.0; 6]) }, "physical"),
         (grey(4, vec![0.0; 150]), "degree"),
         (grey(1, vec![0.0; 6]), "every splat"),
         (grey(0, vec![f32::NAN; 6]), "finite"),

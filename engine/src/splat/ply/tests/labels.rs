@@ -63,7 +63,7 @@ fn labels_of_others_and_wrong_ones() {
         [with("ushort", &[7, 0, 255, 0]), with("float", &little(&[7.0, 255.0])), with("char", &[7, 127])]
     {
         let set = loaded(&good, &STRICT).expect("labels alone").set;
-        assert!(set.colours.is_some() && !set.has_intensity);
+        assert!(set.colours.is_some() && !set.unit.is_physical());
         assert_eq!(set.labels.expect("labels")[0], 7);
     }
     for (bad, word) in [

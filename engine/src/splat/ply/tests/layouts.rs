@@ -78,7 +78,7 @@ fn what_splat_transform_leaves_of_a_file_has_places_intensities_and_labels() {
     let bare = [kept.join("\n").as_bytes(), b"\nend_header\n", &file[header.len()..][..9 * 19 * 4]].concat();
     let Loaded { set: read, layout, .. } = loaded(&bare, &STRICT).expect("without comments");
     assert_eq!((&read.splats, &read.labels, read.origin_mm), (&set.splats, &set.labels, set.origin_mm));
-    assert!(read.has_intensity && layout == "3dgs");
+    assert!(read.unit.is_physical() && layout == "3dgs");
     assert_eq!((read.field.kernel, read.grid, read.exceptions.len()), (Kernel::Gaussian, None, 0));
     let given_back = read.with_statements_of(&set);
     assert_eq!(given_back, set);

@@ -13,7 +13,7 @@ use crate::error::{Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::SH0;
 use crate::splat::kernel::KERNELS;
-use crate::splat::{Exception, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, read, write};
+use crate::splat::{Exception, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, Unit, read, write};
 
 mod colours;
 mod labels;
@@ -144,8 +144,8 @@ fn exceptions_survive_behind_all_else() {
 
 #[test]
 fn a_set_survives_bit_for_bit() {
-    for has_intensity in [true, false] {
-        let set = SplatSet { has_intensity, ..sample(10_000) };
+    for unit in [Unit::Hu, Unit::Arbitrary, Unit::Luminance] {
+        let set = SplatSet { unit, ..sample(10_000) };
         let read = loaded(&encoded(&set), &STRICT).expect("our own file");
         assert_eq!(read.dropped, 0);
         assert_eq!(read.set, set);
@@ -347,7 +347,7 @@ fn files_of_others_are_read() {
         assert!(difference.abs() < 1e-6, "{name}: intensity {}", set.splats[0].intensity);
         expected.intensity = set.splats[0].intensity;
         assert_eq!(set.splats[0], expected, "{name}");
-        assert_eq!(set.has_intensity, physical, "{name}");
+        assert_eq!(set.unit.is_physical(), physical, "{name}");
         assert_eq!(set.field.kernel, Kernel::Gaussian, "{name}");
         assert_eq!(set.field.background, expected.intensity, "{name}: the mean");
         assert_eq!(set.origin_mm, DVec3::ZERO, "{name}");
@@ -582,7 +582,7 @@ fn files_are_described_and_never_replaced_by_accident() {
     assert_eq!(summary.encoding, "binary_little_endian");
     assert_eq!(summary.elements, [("vertex".to_owned(), 11)]);
     assert_eq!(summary.properties.len(), 18);
-    assert_eq!((summary.kernel, summary.has_intensity), ("compact", true));
+    assert_eq!((summary.kernel, summary.unit), ("compact", Unit::Hu));
     assert_eq!(summary.intensity_range, Some([-1000.0, -600.0]));
     let [low, high] = summary.bounding_box_mm.expect("there are splats");
     assert_eq!((low[0], high[0]), (-1e5, -1e5 + 10.0));
@@ -618,7 +618,7 @@ proptest! {
         epsilon in 0.0..1.0f32,
         occupancy_w0 in 1e-30..1.0f32,
         kernel in prop::sample::select(KERNELS.map(|row| row.kernel).to_vec()),
-        has_intensity: bool,
+        unit in prop::sample::select(vec![Unit::Hu, Unit::Arbitrary, Unit::Luminance]),
         labelled: bool,
         fixed: bool,
         names in prop::collection::btree_map(1..=u8::MAX, "[!-~]{1,20}( [à-ü(]{1,9})?", 0..9),
@@ -628,7 +628,7 @@ proptest! {
         let label_names = names.into_iter().collect();
         let origin_mm = DVec3::from_array(origin);
         let set =
-            SplatSet { splats, origin_mm, field, has_intensity, labels, label_names, ..SplatSet::default() };
+            SplatSet { splats, origin_mm, field, unit, labels, label_names, ..SplatSet::default() };
         let row = if fixed { Row::Fixed } else { Row::Named };
         let read = loaded(&encoded_as(&set, row), &STRICT).expect("our own file").set;
         prop_assert_eq!(bytemuck::cast_slice::<_, u32>(&read.splats), bytemuck::cast_slice::<_, u32>(&set.splats));

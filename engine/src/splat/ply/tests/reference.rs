@@ -5,7 +5,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use super::*;
 use crate::splat::ply::reference::KERNEL;
 use crate::splat::{Activations, Harmonics, PLY_LAYOUTS, PlyLayout, WriteOptions, read_unplaced, write_as};
-use crate::splat::{Place, Unplaced};
+use crate::splat::{Place, Unit, Unplaced};
 
 const THEIRS: [&str; 20] = [
     "x",
@@ -132,7 +132,7 @@ fn their_splats_lie_where_their_code_has_them() {
     for (name, place) in places() {
         let theirs = some(50);
         let read = unplaced(&their_file(&theirs, &place, &[])).expect(name);
-        assert!(read.needs_volume() && read.len() == 50 && read.has_intensity(), "{name}");
+        assert!(read.needs_volume() && read.len() == 50 && read.unit().is_physical(), "{name}");
         let set = read.placed(Some(&place)).expect(name);
         let steps = place.steps();
         for (i, splat) in theirs.iter().enumerate() {
@@ -149,7 +149,7 @@ fn their_splats_lie_where_their_code_has_them() {
             assert!((set.splats[i].opacity() - splat.opacity).abs() < 1e-6, "{name}: no logit");
         }
         let field = Field { kernel: KERNEL, background: -80.0, epsilon: 1e-6, ..Field::default() };
-        assert_eq!((set.field, set.has_intensity), (field, true), "{name}");
+        assert_eq!((set.field, set.unit.is_physical()), (field, true), "{name}");
     }
 }
 
@@ -356,7 +356,7 @@ fn what_cannot_be_written_so_is_refused_and_what_is_lost_is_told() {
         write_as(&path, set, &WriteOptions { layout, place, force: false }).map_err(|e| e.code)
     };
     let colours = Harmonics { degree: 0, coefficients: vec![0.0; 9] };
-    let coloured = SplatSet { has_intensity: false, colours: Some(colours), ..sample(3) };
+    let coloured = SplatSet { unit: Unit::Luminance, colours: Some(colours), ..sample(3) };
     assert_eq!(try_with(&coloured, Some(place)), Err("VGS-PLY-030"));
     assert_eq!(try_with(&sample(3), None), Err("VGS-PLY-029"));
     assert_eq!(try_with(&sample(3), Some(Place { region_range: None, ..place })), Err("VGS-PLY-029"));

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::splat::{self, LabelCount, Summary};
+use engine::splat::{self, LabelCount, Summary, Unit};
 use engine::volume::dicom::{self, StackSummary, Structure};
 use engine::volume::nifti::{self, Header};
 use engine::volume::{Format, ReadOptions, Stats, Volume, inv3};
@@ -327,8 +327,12 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     let meaning = LAYOUTS.iter().find(|(name, _)| *name == s.layout).map_or("", |(_, meaning)| meaning);
     out.add("layout", format!("{}: {meaning}", s.layout));
     if let Some([low, high]) = s.intensity_range {
-        let unit = if s.has_intensity { "HU" } else { "luminance of the colour; the file holds no HU" };
-        out.add("intensity", format!("{low} to {high} {unit}"));
+        let unit = match s.unit {
+            Unit::Hu => " HU",
+            Unit::Arbitrary => ", without a unit, as of an MR",
+            Unit::Luminance => " luminance of the colour; the file holds no HU",
+        };
+        out.add("intensity", format!("{low} to {high}{unit}"));
     }
     if let Some([low, high]) = s.intensity_01_range {
         out.add("intensity_01", format!("0 to 1 stand for {low} to {high} HU"));

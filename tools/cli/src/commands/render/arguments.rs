@@ -31,9 +31,10 @@ pub struct RenderArguments {
     /// How it is rendered; by default decoded for fits for a grid, slab for other splats, volume for a volume
     #[arg(long, value_name = "MODE", help_heading = "Picture", value_parser = mode_name)]
     pub mode: Option<&'static str>,
-    /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL
-    #[arg(long, value_name = "PRESET|FILE", default_value = engine::transfer::FIRST, help_heading = "Picture")]
-    pub tf: String,
+    /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL [default:
+    /// CT-Bone, or MR-Default without HU]
+    #[arg(long, value_name = "PRESET|FILE", help_heading = "Picture")]
+    pub tf: Option<String>,
     /// Moves the transfer function along the intensities, HU
     #[arg(
         long,

@@ -8,7 +8,7 @@ use engine::render::{
     Appearance, Camera, ClipPlane, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings,
     SplatKind, VolumeSource, mode,
 };
-use engine::splat::{self, SplatSet, usual_colour};
+use engine::splat::{self, SplatSet, Unit, usual_colour};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, memory, transfer};
 use serde::Serialize;
@@ -79,7 +79,12 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let wants_volume = set.is_none();
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
     let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
-    let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()))?;
+    let has_hu = match (&set, &volume) {
+        (Some(set), _) => set.unit != Unit::Arbitrary,
+        (None, volume) => volume.as_ref().is_none_or(Volume::is_ct),
+    };
+    let first = transfer::first(has_hu);
+    let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()), first)?;
     if !look.functions.is_empty() && !row.own_functions {
         tracing::warn!(
             "mode {} shows all objects by one transfer function; --mode decoded knows tf=",
@@ -191,9 +196,9 @@ impl RenderArguments {
     }
 
     /// Returns the look that the flags ask for. `range` is the range of the intensities that are shown; some
-    /// presets are stretched over it.
-    fn look(&self, splats: Option<&SplatSet>, range: [f64; 2]) -> Result<Look> {
-        let mut transfer = transfer::load(&self.tf, range)?;
+    /// presets are stretched over it. `first` is the transfer function where none is asked for.
+    fn look(&self, splats: Option<&SplatSet>, range: [f64; 2], first: &str) -> Result<Look> {
+        let mut transfer = transfer::load(self.tf.as_deref().unwrap_or(first), range)?;
         if self.tf_shift != 0.0 {
             transfer = transfer.shifted(self.tf_shift)?;
         }
@@ -303,10 +308,10 @@ fn warn_of_unseen(set: &SplatSet, look: &Look) {
     for (object, intensities) in set.objects().iter().zip(Intensities::of_objects(set)) {
         let shown = look.objects.get(&object.number).is_none_or(|a| a.visible && a.opacity > 0.0);
         let Some([low, high]) = intensities.middle_half().filter(|_| shown) else { continue };
-        let function = look.function_of(object.number);
+        let (function, unit) = (look.function_of(object.number), set.unit.text());
         if !intensities.are_seen(function) {
             tracing::warn!(
-                "{} is here and can hardly be seen: half of its splats have {low:.0} to {high:.0} HU, and {} is \
+                "{} is here and can hardly be seen: half of its splats have {low:.0} to {high:.0}{unit}, and {} is \
                  transparent for most; choose another --tf, or --tf-shift",
                 object.name,
                 function.name
