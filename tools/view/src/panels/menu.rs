@@ -20,6 +20,10 @@ pub struct Menus<'a> {
     pub can_fit: bool,
     /// True if there are splats of files, which can be deleted and written.
     pub has_splats: bool,
+    /// True if files of splats are open, which others can stand beside.
+    pub has_files: bool,
+    /// True if there are splats beside others.
+    pub has_beside: bool,
 }
 
 /// Shows the menus.
@@ -37,6 +41,8 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
                     }
                 });
             });
+            item(ui, menus.has_files, Action::AskBeside, actions);
+            item(ui, menus.has_beside, Action::CloseBeside, actions);
             ui.separator();
             item(ui, true, Action::AskSave, actions);
             item(ui, menus.has_splats, Action::AskSaveSplats, actions);
