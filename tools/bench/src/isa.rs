@@ -13,7 +13,7 @@ use clap::Args;
 use engine::fit::{self, Profile};
 use engine::gpu::{Compiler, Executable, Gpu, GpuOptions, Recipe};
 use engine::render::{Camera, Classification, Look, MODES, Renderer, Scene, Settings, VolumeSource};
-use engine::transfer::preset;
+use engine::transfer::{OpacityPoint, preset};
 use engine::{Error, Kind, Result, output};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -77,7 +77,7 @@ pub fn run(options: &GpuOptions, arguments: &IsaArguments) -> Result<()> {
 }
 
 /// Returns the pipelines that default runs create on a GPU: fits of both forms, and pictures in all modes on a
-/// desktop and in a headset, lit or not, classified in both ways.
+/// desktop and in a headset, classified in both ways, not lit, lit, and lit with ambient occlusion and gradient opacity.
 ///
 /// # Errors
 /// If the device at hand cannot run them.
@@ -93,12 +93,18 @@ pub fn recipes(options: &GpuOptions) -> Result<BTreeSet<Recipe>> {
     }
     let range = volume.min_max().map_or([0.0, 1.0], |(low, high)| [low, high].map(f64::from));
     let source = VolumeSource { volume: &volume, roi: Some(&roi) };
-    let mut function = preset("CT-Bone")?.over(range);
-    let mut scene = Scene::new(&gpu, set.as_ref(), Some(&source), &Look::new(function.clone()))?;
+    let lit = |shade, occlusion| {
+        let mut function = preset("CT-Bone")?.over(range);
+        (function.material.shade, function.material.occlusion) = (shade, occlusion);
+        Ok::<_, Error>(function)
+    };
+    let ramp = [(20.0, 0.0), (80.0, 1.0)].map(|(intensity, opacity)| OpacityPoint { intensity, opacity });
+    let whole = lit(true, 0.5)?.with_gradient_opacity(ramp.into())?;
+    let functions = [lit(false, 0.0)?, lit(true, 0.0)?, whole];
+    let mut scene = Scene::new(&gpu, set.as_ref(), Some(&source), &Look::new(functions[0].clone()))?;
     let camera = Camera::from_side("anterior", DVec3::ZERO, 24.0, 30.0, 1.0)?;
-    for shade in [false, true] {
-        function.material.shade = shade;
-        scene.set_look(&Look::new(function.clone()))?;
+    for function in functions {
+        scene.set_look(&Look::new(function))?;
         for (mode, headset, classification) in MODES.iter().flat_map(|mode| {
             [false, true].into_iter().flat_map(move |headset| {
                 [Classification::Point, Classification::PreIntegrated].map(|how| (mode, headset, how))

@@ -10,9 +10,13 @@ use engine::gpu::GpuOptions;
 fn no_kernel_spills_and_lit_slabs_have_eight_waves() {
     let recipes = recipes(&GpuOptions { validation: true, ..GpuOptions::default() }).expect("default runs");
     let names: Vec<String> = recipes.iter().map(|recipe| recipe.name()).collect();
-    for needed in
-        ["slab (GROUP = 64, SHADED)", "adam", "raymarch (MASKED, SHADED, ATLAS)", "alpha (CORNERS = 6)"]
-    {
+    for needed in [
+        "slab (GROUP = 64, SHADED)",
+        "adam",
+        "raymarch (MASKED, SHADED, ATLAS)",
+        "raymarch (MASKED, SHADED, ATLAS, OCCLUDED, GRADED)",
+        "alpha (CORNERS = 6)",
+    ] {
         assert!(names.iter().any(|name| name == needed), "{needed} is not among {names:?}");
     }
     for family in ["navi21", "navi31"] {

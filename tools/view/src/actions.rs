@@ -21,6 +21,12 @@ pub enum Action {
     Beside(PathBuf),
     /// Closes the splats beside the others; carried out by the window.
     CloseBeside,
+    /// Asks which series of the volume's folder is meant; carried out by the window, which lists them first.
+    AskSeries,
+    /// Takes a series of those that were listed, by its number.
+    Series(usize),
+    /// Reads the files of the state that are not open yet; carried out by the window.
+    ReadFiles,
     /// Asks for the path of the session file.
     AskSave,
     /// Writes the session file.
@@ -200,6 +206,7 @@ pub static KEYS: &[Binding] = &[
         "open splats to compare those that are open with",
         Action::AskBeside,
     ),
+    row(COMMAND, Key::D, "Choose series…", "another series of the volume's DICOM folder", Action::AskSeries),
     row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
     row(COMMAND, Key::E, "Save splats…", "write the splats that are left to a file", Action::AskSaveSplats),
     row(COMMAND, Key::P, "Screenshot…", "write a picture of any size", Action::AskScreenshot),

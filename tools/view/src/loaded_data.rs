@@ -75,7 +75,7 @@ impl LoadedData {
                 }
             }
             Loaded::VolumeHistogram(histogram) => self.volume_histogram = histogram,
-            Loaded::Written(_) | Loaded::Sorted(..) => {}
+            Loaded::Written(_) | Loaded::Sorted(..) | Loaded::Several(_) => {}
             Loaded::Failed(_, error) => return Err(error),
         }
         Ok(None)

@@ -10,7 +10,7 @@ use engine::fit::place::place;
 use engine::gpu::Gpu;
 use engine::render::VolumeSource;
 use engine::splat::{self, SplatSet};
-use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume};
+use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume, dicom};
 use engine::{Error, Result};
 
 use crate::deletions::Deletion;
@@ -18,6 +18,7 @@ use crate::histogram::Histogram;
 pub use crate::loaded_splats::LoadedSplats;
 use crate::pick::Probe;
 use crate::region::{Region, RegionSize};
+use crate::series::Series;
 use crate::sorting::{Sorted, sort_looking};
 use crate::state::{Files, Subject};
 
@@ -52,6 +53,8 @@ pub enum Loaded {
     Counted(Arc<LoadedSplats>, Option<Histogram>, Box<Probe>),
     /// Volume.
     Volume(Arc<LoadedVolume>),
+    /// Series of a folder, of which one is to be chosen before there is a volume.
+    Several(Series),
     /// Histogram of the volume's intensities within its region.
     VolumeHistogram(Option<Histogram>),
     /// Files that had to be looked into to be sorted, and those that were asked for.
@@ -86,6 +89,8 @@ pub struct Loader {
     preparing: Vec<JoinHandle<()>>,
 }
 
+/// Error code of a folder of several series, of which none was chosen.
+const SEVERAL_SERIES: &str = "VGS-DCM-006";
 /// Turn of work whose result is wanted whatever is opened meanwhile.
 const ALWAYS: u64 = 0;
 
@@ -135,6 +140,20 @@ impl Loader {
             let what = "looking whether it is a volume or a mask".to_owned();
             if let Some(sorted) = tell.during(what, || sort_looking(&open, &added, volume.as_deref())) {
                 tell.say(Message::Loaded(Loaded::Sorted(Box::new(sorted), added)));
+            }
+        });
+    }
+
+    /// Begins to list the series of the volume's folder.
+    pub fn list_series(&self, files: &Files) {
+        // The region is that of the series that is open.
+        let mut files = files.clone();
+        files.set_region(None);
+        let Some(path) = files.volume.clone() else { return };
+        self.spawn(ALWAYS, move |tell| {
+            let list = || dicom::list(&path, &ReadOptions::default()).map_err(|e| named(e, &path));
+            if let Some(rows) = tell.during("listing the series".to_owned(), list) {
+                tell.say(Message::Loaded(Loaded::Several(Series { files, rows })));
             }
         });
     }
@@ -330,9 +349,19 @@ impl Teller {
             Some(_) => format!("finding the region of {name}"),
             None => format!("reading {name}"),
         };
-        let read = || read_volume(path, there, files).map(Arc::new);
-        let shown = self.reading(what, Subject::Volume, read);
-        let Some(shown) = shown else { return };
+        let read = || match read_volume(path, there, files) {
+            Err(error) if error.code == SEVERAL_SERIES => {
+                Ok(Err(dicom::list(path, &ReadOptions::default())?))
+            }
+            read => Ok(Ok(Arc::new(read?))),
+        };
+        let shown = match self.reading(what, Subject::Volume, read) {
+            None => return,
+            Some(Err(rows)) => {
+                return self.say(Message::Loaded(Loaded::Several(Series { files: files.clone(), rows })));
+            }
+            Some(Ok(shown)) => shown,
+        };
         self.say(Message::Loaded(Loaded::Volume(Arc::clone(&shown))));
         let histogram = self.during(format!("counting intensities of {name}"), || {
             Ok(Histogram::of_volume(&shown.volume, shown.roi.as_ref()))

@@ -1,5 +1,6 @@
 //! Settings that the viewer keeps from one start to the next.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use engine::error::{Error, Kind, Result};
@@ -20,6 +21,8 @@ pub struct Settings {
     pub notice_seen: bool,
     /// True if the card of what buttons do in a headset was seen.
     pub headset_card_seen: bool,
+    /// Time that the last whole fit of each profile and quality took for a million voxels, seconds.
+    pub fit_seconds: BTreeMap<String, f64>,
     /// Files that were opened, the latest first.
     pub recent: Vec<PathBuf>,
     /// Path that the settings are written to; `None` without a home folder.
@@ -63,6 +66,19 @@ impl Settings {
         self.recent.truncate(MOST_RECENT);
     }
 
+    /// Returns the time that a fit of so many voxels will take, seconds, if one of this profile and quality has ended
+    /// before.
+    pub fn seconds_of_fit(&self, profile: &str, quality: &str, voxels: usize) -> Option<f64> {
+        let million = self.fit_seconds.get(&format!("{profile} {quality}"))?;
+        Some(million * voxels as f64 * 1e-6).filter(|seconds| *seconds >= 0.0 && seconds.is_finite())
+    }
+
+    /// Keeps how long a whole fit of so many voxels took, seconds.
+    pub fn fit_took(&mut self, profile: &str, quality: &str, voxels: usize, seconds: f64) {
+        let million = seconds * 1e6 / voxels.max(1) as f64;
+        self.fit_seconds.insert(format!("{profile} {quality}"), million);
+    }
+
     /// Writes the settings, if there is a place for them.
     ///
     /// # Errors
@@ -92,10 +108,13 @@ mod tests {
         for name in ["a", "b", "a"] {
             settings.opened(Path::new(name));
         }
+        assert_eq!(settings.seconds_of_fit("mr", "fine", 5), None);
+        settings.fit_took("mr", "fine", 2_000_000, 30.0);
         settings.write().expect("written, with its folder");
         settings.write().expect("and replaced");
         let back = Settings::read(Some(path.clone())).expect("read");
         assert_eq!(back, settings);
+        assert_eq!(back.seconds_of_fit("mr", "fine", 500_000), Some(7.5));
         assert_eq!(back.recent, [Path::new("a"), Path::new("b")]);
         std::fs::write(&path, "colour = 3").expect("written");
         let error = Settings::read(Some(path.clone())).expect_err("no settings");

@@ -19,11 +19,13 @@ use crate::editor::Editor;
 use crate::history::History;
 use crate::panel_info::PanelInfo;
 use crate::panels::notice::{Leaving, Loss, Message};
+use crate::panels::series::Choice;
 use crate::panels::status::Reading;
 use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
 use crate::prompt::{Answer, Prompt, Purpose};
+use crate::series::Series;
 use crate::settings::Settings;
-use crate::state::{Bookmark, Edited, SplatMode, Subject, ViewState, is_session};
+use crate::state::{Bookmark, Edited, Files, SplatMode, Subject, ViewState, is_session};
 use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
@@ -76,6 +78,8 @@ pub struct App {
     pub(super) session: Option<PathBuf>,
     /// What the session file has of what the user changes, as it was last opened or saved.
     pub(super) saved: (Edited, Vec<Bookmark>),
+    /// Series of which one is to be chosen.
+    pub(super) series: Option<Series>,
     pub(super) message: Option<Message>,
     pub(super) prompt: Option<Prompt>,
     /// Target that is dragged while a button is down.
@@ -106,6 +110,7 @@ impl App {
             leaving: None,
             saves_to_leave: None,
             session,
+            series: None,
             message: None,
             prompt: None,
             grip: None,
@@ -198,6 +203,11 @@ impl App {
         self.leaving.replace(Action::Quit) == Some(Action::Quit)
     }
 
+    /// Asks which of several series is meant.
+    pub fn ask_series(&mut self, series: Series) {
+        (self.prompt, self.series) = (None, Some(series));
+    }
+
     /// Reports an error to the user.
     pub fn report(&mut self, error: &Error) {
         tracing::warn!("{error} [{}]", error.code);
@@ -220,7 +230,10 @@ impl App {
         let context = ui.ctx().clone();
         self.windows(&context, info, &mut actions);
         // By now widgets have taken their input. An open question has to be answered first.
-        let asks = self.prompt.is_some() || self.leaving.is_some() || !self.settings.notice_seen;
+        let asks = self.prompt.is_some()
+            || self.series.is_some()
+            || self.leaving.is_some()
+            || !self.settings.notice_seen;
         if !asks && !context.text_edit_focused() {
             let focus = context.egui_wants_keyboard_input();
             actions.extend(context.input_mut(|i| pressed(i, focus)));
@@ -264,6 +277,8 @@ impl App {
             | Action::Keep { .. }
             | Action::DiscardFit
             | Action::WantThumbnails
+            | Action::AskSeries
+            | Action::ReadFiles
             | Action::Quit => return Some(action),
             Action::AskBeside if state.files.splats.is_empty() => {
                 self.refuse("There are no splats for others to stand beside", "open some");
@@ -275,6 +290,11 @@ impl App {
                 state.forget_missing_files();
                 state.split.take_if(|_| !info.volume);
                 return Some(action);
+            }
+            Action::Series(number) => {
+                let Series { files, .. } = self.series.take()?;
+                state.files = Files { series: Some(number.to_string()), ..files };
+                return Some(Action::ReadFiles);
             }
             Action::AskMask => self.ask(Purpose::Mask),
             Action::AskKeep => self.ask(Purpose::Keep),
@@ -435,6 +455,7 @@ impl App {
                     can_fit: info.volume,
                     has_files: !self.state.files.splats.is_empty(),
                     has_beside: self.state.files.beside.is_some(),
+                    has_series: self.state.files.may_have_series(),
                     has_splats: info.splats.is_some_and(|count| count > 0) && !info.fitted,
                 };
                 panels::menu::show(ui, &menus, actions);
@@ -473,9 +494,12 @@ impl App {
         let form = &mut self.fit_form;
         form.follow(&state.files);
         if info.volume || info.fit.is_some() {
+            let settings = &self.settings;
+            let times =
+                |profile: &str, quality: &str, voxels| settings.seconds_of_fit(profile, quality, voxels);
             let header = CollapsingHeader::new("Fit")
                 .open(Some(form.open))
-                .show_unindented(ui, |ui| panels::fit::show(ui, form, &state.files, info, actions));
+                .show_unindented(ui, |ui| panels::fit::show(ui, form, &state.files, info, &times, actions));
             if header.header_response.clicked() {
                 actions.push(Action::ToggleFit);
             }
@@ -502,6 +526,11 @@ impl App {
                     actions.push(action);
                 }
             }
+        }
+        match self.series.as_ref().and_then(|series| panels::series::show(context, series)) {
+            None => {}
+            Some(Choice::Number(number)) => actions.push(Action::Series(number)),
+            Some(Choice::Cancel) => self.series = None,
         }
         if context.input(|i| !i.raw.hovered_files.is_empty()) {
             panels::welcome::hovered(context, self.picture);

@@ -8,7 +8,7 @@ use engine::fit::{PROFILES, QUALITIES};
 use super::slices::Shade;
 use super::widgets::{ask, row};
 use crate::actions::Action;
-use crate::figures::bytes;
+use crate::figures::{bytes, seconds};
 use crate::fit_plan::{FitStatus, Stage, config, ply_bytes, usual_profile};
 use crate::panel_info::PanelInfo;
 use crate::region::{Region, Threshold};
@@ -104,13 +104,23 @@ impl FitForm {
     }
 }
 
+/// Time that a fit of a profile and a quality will take for a number of voxels, seconds, if that is known.
+pub type Times<'a> = dyn Fn(&str, &str, usize) -> Option<f64> + 'a;
+
 /// Shows the panel.
-pub fn show(ui: &mut Ui, form: &mut FitForm, files: &Files, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
+pub fn show(
+    ui: &mut Ui,
+    form: &mut FitForm,
+    files: &Files,
+    info: &PanelInfo<'_>,
+    times: &Times<'_>,
+    actions: &mut Vec<Action>,
+) {
     match info.fit {
         Some(status) => progress(ui, status, info, actions),
         None => {
             region(ui, form, files, info, actions);
-            plan(ui, form, files, info, actions);
+            plan(ui, form, files, info, times, actions);
         }
     }
 }
@@ -208,7 +218,14 @@ fn optional<T>(
 }
 
 /// Shows profile and quality, what the fit will cost, and the button that begins it.
-fn plan(ui: &mut Ui, form: &mut FitForm, files: &Files, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
+fn plan(
+    ui: &mut Ui,
+    form: &mut FitForm,
+    files: &Files,
+    info: &PanelInfo<'_>,
+    times: &Times<'_>,
+    actions: &mut Vec<Action>,
+) {
     ui.separator();
     let usual = usual_profile(!info.unit.is_empty());
     let mut profile = form.profile.unwrap_or(usual);
@@ -234,12 +251,16 @@ fn plan(ui: &mut Ui, form: &mut FitForm, files: &Files, info: &PanelInfo<'_>, ac
                 config.target_hu, info.unit, config.iterations
             )
         } else {
-            let size = bytes(ply_bytes(splats));
-            format!("{splats} splats, {} iterations, {size} as .ply", config.iterations)
+            let bytes = bytes(ply_bytes(splats));
+            format!("{splats} splats, {} iterations, {bytes} as .ply", config.iterations)
         };
-        ui.label(cost).on_hover_text(
-            "a .vgs has about an eighth of that; the first iterations tell how long it takes on this device",
-        );
+        let (time, known) = match times(profile, form.quality, size.voxels) {
+            Some(time) => {
+                (format!(", about {}", seconds(time)), "the time is that of the last such fit, by voxels")
+            }
+            None => (String::new(), "the first iterations tell how long it takes on this device"),
+        };
+        ui.label(cost + &time).on_hover_text(format!("a .vgs has about an eighth of that; {known}"));
     }
     let button = ui.add_enabled(found.is_some(), Button::new("Fit splats"));
     if button.clicked() {

@@ -18,6 +18,8 @@ pub struct Menus<'a> {
     pub can_redo: bool,
     /// True if there is a volume to fit.
     pub can_fit: bool,
+    /// True if the volume's folder may hold other series.
+    pub has_series: bool,
     /// True if there are splats of files, which can be deleted and written.
     pub has_splats: bool,
     /// True if files of splats are open, which others can stand beside.
@@ -43,6 +45,7 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
             });
             item(ui, menus.has_files, Action::AskBeside, actions);
             item(ui, menus.has_beside, Action::CloseBeside, actions);
+            item(ui, menus.has_series, Action::AskSeries, actions);
             ui.separator();
             item(ui, true, Action::AskSave, actions);
             item(ui, menus.has_splats, Action::AskSaveSplats, actions);

@@ -8,6 +8,7 @@
 //! | `fit` | the section that fits splats to a region of the volume |
 //! | `slices` | the slices beside the picture |
 //! | `welcome`, `notice`, `keys`, `overlay` | over the picture: nothing open, a message, keys, frame times |
+//! | `series` | which of several series is meant |
 //! | `widgets` | parts of the panels |
 
 pub mod camera;
@@ -20,6 +21,7 @@ pub mod notice;
 pub mod objects;
 pub mod overlay;
 pub mod quality;
+pub mod series;
 pub mod slices;
 pub mod status;
 pub mod transfer;

@@ -125,6 +125,14 @@ impl Files {
         };
     }
 
+    /// Returns true if the volume may be one of several DICOM series, by its name.
+    pub fn may_have_series(&self) -> bool {
+        self.volume.as_ref().is_some_and(|path| match path.extension() {
+            Some(end) => [".dcm", ".ima", ".zip"].iter().any(|known| end.eq_ignore_ascii_case(&known[1..])),
+            None => true,
+        } || path.is_dir())
+    }
+
     /// Returns true if both name the same volume.
     pub fn has_volume_of(&self, other: &Files) -> bool {
         (&self.volume, &self.series) == (&other.volume, &other.series)

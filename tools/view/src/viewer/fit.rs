@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use engine::Result;
 use engine::render::Scene;
 
-use super::shown_fit::ShownFit;
+use super::shown_fit::{AskedFit, ShownFit};
 use super::viewer::{PITCH, Viewer, is_lost};
 use crate::actions::Action;
 use crate::canvas::Canvas;
@@ -40,17 +40,21 @@ impl Viewer {
         Ok(())
     }
 
-    fn start_fit(&mut self, profile: &str, quality: &str) -> Result<()> {
+    fn start_fit(&mut self, profile: &'static str, quality: &'static str) -> Result<()> {
         let Some(volume) = self.data.volume.clone() else { return Ok(()) };
         let config = config(profile, quality, volume.volume.is_ct())?;
+        let voxels = volume.size.map_or(volume.volume.samples.len(), |size| size.voxels);
+        let asked = AskedFit { profile, quality, voxels, begun: Some(Instant::now()) };
         let order = FitOrder { volume, config, gpu: self.gpu.clone() };
         let fitting = Fitting::start(order, self.loader.waker());
-        self.fit = Some(ShownFit { fitting, arrived: None, preparing: None, mode: self.app.state.mode });
+        self.fit =
+            Some(ShownFit { fitting, asked, arrived: None, preparing: None, mode: self.app.state.mode });
         Ok(())
     }
 
     /// Takes what the fit has told.
     pub(super) fn take_fit(&mut self, canvas: &mut Canvas) -> Result<()> {
+        self.note_time();
         let Some(shown) = &mut self.fit else { return Ok(()) };
         for news in shown.fitting.take() {
             match news {
@@ -64,6 +68,22 @@ impl Viewer {
             }
         }
         Ok(())
+    }
+
+    /// Keeps how long the fit took, once it has ended by itself.
+    fn note_time(&mut self) {
+        let Some(ShownFit { fitting, asked, .. }) = &mut self.fit else { return };
+        let status = fitting.status();
+        if status.stage != Stage::Ended {
+            return;
+        }
+        if let Some(begun) = asked.begun.take().filter(|_| !status.stopping) {
+            let seconds = begun.elapsed().as_secs_f64();
+            self.app.settings.fit_took(asked.profile, asked.quality, asked.voxels, seconds);
+            if let Err(error) = self.app.settings.write() {
+                self.app.report(&error);
+            }
+        }
     }
 
     /// Opens the file of the fit. Its splats stay in the picture until those of the file are read.

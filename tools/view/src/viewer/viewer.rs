@@ -219,16 +219,24 @@ impl Viewer {
                 // They were closed meanwhile, or what they were to stand beside could not be read.
                 continue;
             }
-            if let Loaded::Failed(Some(subject), _) = &loaded {
+            let unread = match &loaded {
+                Loaded::Failed(subject, _) => *subject,
+                Loaded::Several(series) => {
+                    self.app.ask_series(series.clone());
+                    Some(Subject::Volume)
+                }
+                _ => None,
+            };
+            if let Some(subject) = unread {
                 let open_files = &mut self.open_files;
                 self.app.change_unasked(|state| {
-                    open_files.could_not_be_read(*subject, &mut state.files);
+                    open_files.could_not_be_read(subject, &mut state.files);
                     state.forget_missing_files();
                 });
                 if self.app.state.files.beside.is_none() && self.data.beside.is_some() {
                     gone.push(Subject::Beside);
                 }
-                if *subject == Subject::Splats && self.fit.is_none() && self.data.fitted.take().is_some() {
+                if subject == Subject::Splats && self.fit.is_none() && self.data.fitted.take().is_some() {
                     new.push(Subject::Splats);
                 }
             }
@@ -552,6 +560,11 @@ impl Viewer {
             Action::CloseBeside => self.forget(canvas, vec![Subject::Beside])?,
             Action::Region(region) => {
                 self.app.state.files.set_region(region);
+                self.read_files();
+            }
+            Action::AskSeries => self.loader.list_series(&self.app.state.files),
+            Action::ReadFiles => {
+                self.open_files.ask(self.app.state.files.volume.as_slice());
                 self.read_files();
             }
             Action::Screenshot { path, size, force } => {

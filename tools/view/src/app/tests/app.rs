@@ -1,6 +1,7 @@
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
 use engine::render::Intensities;
 use engine::splat::{Splat, SplatSet};
+use engine::volume::dicom::StackSummary;
 use glam::DVec2;
 
 use super::*;
@@ -477,18 +478,6 @@ fn a_face_of_the_crop_box_is_dragged_in_the_picture() {
 }
 
 #[test]
-fn the_line_of_the_split_follows_the_mouse() {
-    let mut bench = Bench::new();
-    bench.press(Key::B, Modifiers::NONE);
-    let picture = bench.app.picture();
-    let by = vec2(-0.25 * picture.width(), 0.0);
-    bench.drag(picture.center() + vec2(2.0, 80.0), by, PointerButton::Primary, Modifiers::NONE);
-    let split = bench.app.state.split.expect("both");
-    assert!((split - 0.25).abs() < 0.01, "{split}");
-    assert_eq!(bench.app.take_changes(), Changes { rendering: true, ..Changes::default() });
-}
-
-#[test]
 fn letters_and_scale_are_over_the_picture() {
     let mut bench = Bench::new();
     bench.app.fit_soon();
@@ -640,4 +629,62 @@ fn all_letters_can_be_drawn() {
             bench.context.fonts_mut(|fonts| drawn.filter(|c| !fonts.has_glyph(&font, *c)).collect());
         assert!(missing.is_empty(), "{missing:?} of {:?}", job.text);
     }
+}
+
+#[test]
+fn one_of_several_series_is_chosen() {
+    let mut bench = Bench::new();
+    let row = |number: usize, description: &str| StackSummary {
+        number,
+        series_uid: format!("1.2.{number}"),
+        modality: "CT".into(),
+        description: description.into(),
+        size: [512, 512, 90],
+        localizer: false,
+    };
+    let asked = Files { volume: Some("scan".into()), roi: Some("mask.nii".into()), ..Files::default() };
+    let rows = vec![row(1, "Soft tissue"), row(2, "Bone kernel")];
+    let before = bench.app.state.files.clone();
+    let ask = |bench: &mut Bench| {
+        bench.app.ask_series(Series { files: asked.clone(), rows: rows.clone() });
+        bench.rest();
+        bench.find("Which series?");
+        assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), [], "the question has to be answered first");
+    };
+    ask(&mut bench);
+    let cancel = bench.find("Cancel");
+    assert_eq!(bench.click(cancel), []);
+    assert!(bench.app.state.files == before && bench.place_of("Which series?").is_none());
+    ask(&mut bench);
+    let second = bench.find("2: CT Bone kernel, 90 slices of 512 x 512");
+    assert_eq!(bench.click(second), [Action::ReadFiles]);
+    assert_eq!(bench.app.state.files, Files { series: Some("2".into()), ..asked });
+    assert!(bench.place_of("Which series?").is_none());
+    // Another one may be chosen of a folder, and of a slice without an ending.
+    for (volume, may) in [(".", true), ("IM0001", true), ("a.zip", true), ("ct.nii.gz", false)] {
+        let files = Files { volume: Some(volume.into()), ..Files::default() };
+        assert_eq!(files.may_have_series(), may, "{volume}");
+    }
+}
+
+#[test]
+fn the_opacity_follows_the_gradient_if_it_is_ticked() {
+    let mut bench = Bench::new();
+    let tick = |bench: &mut Bench| {
+        let at = bench.find("Gradient");
+        bench.click(at);
+    };
+    tick(&mut bench);
+    let [low, high] = bench.app.state.transfer.gradient_ramp().expect("a ramp");
+    assert!(0.0 < low && low < high);
+    assert!(bench.app.state.transfer.function().expect("a function").depends_on_gradient());
+    assert!(bench.app.take_changes().look, "the picture is rendered anew");
+    bench.press(Key::Z, Modifiers::COMMAND);
+    assert_eq!(bench.app.state.transfer.gradient_ramp(), None, "undone");
+    // Another curve is kept as it is until it is switched off.
+    bench.app.state.transfer.gradient_opacities = vec![[0.0, 0.2], [50.0, 0.8], [90.0, 1.0]];
+    bench.rest();
+    bench.find("as in the file");
+    tick(&mut bench);
+    assert!(bench.app.state.transfer.gradient_opacities.is_empty());
 }

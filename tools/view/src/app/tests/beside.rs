@@ -3,6 +3,18 @@
 use super::*;
 
 #[test]
+fn the_line_of_the_split_follows_the_mouse() {
+    let mut bench = Bench::new();
+    bench.press(Key::B, Modifiers::NONE);
+    let picture = bench.app.picture();
+    let by = vec2(-0.25 * picture.width(), 0.0);
+    bench.drag(picture.center() + vec2(2.0, 80.0), by, PointerButton::Primary, Modifiers::NONE);
+    let split = bench.app.state.split.expect("both");
+    assert!((split - 0.25).abs() < 0.01, "{split}");
+    assert_eq!(bench.app.take_changes(), Changes { rendering: true, ..Changes::default() });
+}
+
+#[test]
 fn both_sides_of_the_split_are_named() {
     let mut bench = Bench::new();
     bench.app.state.files.volume = Some("scans/ct.nii.gz".into());

@@ -68,6 +68,9 @@ fn a_region_is_chosen_and_fitted_from_the_panel() {
     bench.find("as many splats as 99 % within 30 HU take, 200 iterations");
     click(&mut bench, "preview");
     bench.find(&estimate(100, 50));
+    bench.app.settings.fit_took("default", "preview", 101, 0.3);
+    bench.rest();
+    bench.find(&format!("{}, about 3.0 s", estimate(100, 50)));
     click(&mut bench, "fine");
     bench.find("as many splats as 99 % within 15 HU take, 200 iterations");
     assert_eq!(click(&mut bench, "Fit splats"), [Action::StartFit { profile: "default", quality: "fine" }]);
