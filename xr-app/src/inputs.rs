@@ -186,12 +186,15 @@ mod tests {
         state.files.splats = ["bones.ply", "liver.ply"].map(PathBuf::from).to_vec();
         state.transfer = Transfer::new(&transfer::load("CT-Lung", [-1000.0, 2000.0]).expect("a preset"));
         state.objects[1].visible = false;
+        // A headset shows nothing beside them, and does not even read it.
+        (state.files.beside, state.shown) = (Some("coarse.vgs".into()), Subject::Beside);
         state.clip.planes.push(view::state::Plane { on: true, normal: DVec3::X, offset_mm: 4.0 });
         state.write(folder.path().join("s.toml"), false).expect("a session");
         let session = wanted(&folder, &["s.toml"]);
-        let (_, start) = read(&session).expect("a session");
+        let (content, start) = read(&session).expect("a session");
         assert_eq!((start.state.transfer.name.as_str(), start.state.clip.planes.len()), ("CT-Lung", 1));
         assert!(start.state.objects[0].visible && !start.state.objects[1].visible);
+        assert!(matches!(content, Content::Splats(_)));
         let other = Wanted { tf: Some("CT-Bone".into()), ..session };
         assert_eq!(read(&other).expect("a session").1.state.transfer.name, "CT-Bone");
     }

@@ -2,6 +2,8 @@
 
 mod support;
 
+#[path = "window/beside.rs"]
+mod beside;
 #[path = "support/screen.rs"]
 mod screen;
 #[path = "support/series.rs"]
@@ -400,6 +402,9 @@ fn what_cannot_be_shown_is_refused_before_a_window_opens() {
         (vec!["view", "s.docx"], 2, "VGS-VIEW-020"),
         (vec!["view", "s.ply", "--tf", "CT-Nothing"], 2, "CT-Nothing"),
         (vec!["view", "s.ply", "--roi", "mask.nii.gz"], 2, "--volume"),
+        (vec!["view", "s.ply", "--beside", "none.vgs"], 66, "none.vgs"),
+        (vec!["view", "s.ply", "--beside", "ct.nii.gz"], 2, "VGS-VIEW-021"),
+        (vec!["view", "ct.nii.gz", "--beside", "s.ply"], 3, "VGS-VIEW-022"),
     ] {
         let ended = folder.run(&arguments);
         assert_eq!(ended.code, code, "{arguments:?}: {}", ended.err);

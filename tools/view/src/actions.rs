@@ -15,6 +15,12 @@ pub enum Action {
     AskOpen,
     /// Opens splats, a volume, a mask or a session; carried out by the window.
     Open(Vec<PathBuf>),
+    /// Asks for splats to open beside the others.
+    AskBeside,
+    /// Opens splats beside the others; carried out by the window.
+    Beside(PathBuf),
+    /// Closes the splats beside the others; carried out by the window.
+    CloseBeside,
     /// Asks which series of the volume's folder is meant; carried out by the window, which lists them first.
     AskSeries,
     /// Takes a series of those that were listed, by its number.
@@ -113,7 +119,7 @@ pub enum Action {
     Undo,
     /// Goes one step forward again.
     Redo,
-    /// Switches between splats and volume.
+    /// Shows the next of the subjects that are there: splats, those beside them, the volume.
     Flip,
     /// Shows both side by side, or one alone again.
     Split,
@@ -186,6 +192,20 @@ const TURN: f64 = 5.0;
 /// All keys. Of two rows with the same key the one with more modifiers comes first.
 pub static KEYS: &[Binding] = &[
     row(COMMAND, Key::O, "Open…", "open splats, a volume, a mask or a session", Action::AskOpen),
+    row(
+        COMMAND_SHIFT,
+        Key::B,
+        "Close beside",
+        "close the splats that stand beside the others",
+        Action::CloseBeside,
+    ),
+    row(
+        COMMAND,
+        Key::B,
+        "Open beside…",
+        "open splats to compare those that are open with",
+        Action::AskBeside,
+    ),
     row(COMMAND, Key::D, "Choose series…", "another series of the volume's DICOM folder", Action::AskSeries),
     row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
     row(COMMAND, Key::E, "Save splats…", "write the splats that are left to a file", Action::AskSaveSplats),
@@ -203,8 +223,14 @@ pub static KEYS: &[Binding] = &[
     row(COMMAND_SHIFT, Key::Z, "Redo", "one step forward again", Action::Redo),
     row(COMMAND, Key::Z, "Undo", "one step back", Action::Undo),
     row(COMMAND, Key::Y, "Redo", "one step forward again", Action::Redo),
-    row(NONE, Key::Space, "Flip", "from splats to the volume and back", Action::Flip),
-    row(NONE, Key::B, "Both", "splats and volume side by side", Action::Split),
+    row(NONE, Key::Space, "Flip", "from splats to those beside them and to the volume", Action::Flip),
+    row(
+        NONE,
+        Key::B,
+        "Both",
+        "splats side by side with those beside them, or with the volume",
+        Action::Split,
+    ),
     row(NONE, Key::V, "Slices", "axial, coronal and sagittal slices on or off", Action::ToggleSlices),
     row(NONE, Key::M, "Next mode", "the next way to render splats", Action::NextMode),
     row(NONE, Key::PageDown, "Next preset", "the next transfer function", Action::NextPreset),

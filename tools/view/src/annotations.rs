@@ -154,9 +154,8 @@ impl PictureOverlay<'_> {
         }
     }
 
-    /// Paints the line between splats and volume at `share` of the width, with its grip and the names of both
-    /// halves.
-    pub fn split(&self, share: f64) {
+    /// Paints the line between both halves at `share` of the width, with its grip and their names.
+    pub fn split(&self, share: f64, [left, right]: [&str; 2]) {
         let x = self.rect.left() + share as f32 * self.rect.width();
         self.painter.vline(x, self.rect.y_range(), Stroke::new(3.0, Color32::from_black_alpha(160)));
         self.painter.vline(x, self.rect.y_range(), Stroke::new(1.0, Color32::WHITE));
@@ -167,8 +166,8 @@ impl PictureOverlay<'_> {
             Stroke::new(1.5, Color32::BLACK),
         );
         let y = self.rect.top() + MARGIN + 22.0;
-        self.text(pos2(x - MARGIN, y), Align2::RIGHT_TOP, "splats", 13.0, Color32::WHITE);
-        self.text(pos2(x + MARGIN, y), Align2::LEFT_TOP, "volume", 13.0, Color32::WHITE);
+        self.text(pos2(x - MARGIN, y), Align2::RIGHT_TOP, left, 13.0, Color32::WHITE);
+        self.text(pos2(x + MARGIN, y), Align2::LEFT_TOP, right, 13.0, Color32::WHITE);
     }
 
     /// Paints measured lines with their lengths. `begun` is the first point of an unfinished line and the

@@ -8,7 +8,7 @@ use egui::{Rect, TexturesDelta};
 use engine::Result;
 use engine::gpu::{Gpu, Surface};
 use engine::image::Image;
-use engine::render::{Camera, Look, Quality, Scene, Settings};
+use engine::render::{Camera, GpuSplats, Look, Quality, Scene, Settings};
 use glam::{DVec2, DVec3};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
@@ -21,6 +21,7 @@ use crate::state::{Subject, ViewState, mode_row};
 pub struct Canvas {
     // The order matters: what draws on the surface is dropped before it.
     splats: Option<RenderedScene>,
+    beside: Option<RenderedScene>,
     volume: Option<RenderedScene>,
     /// Splats that are being prepared to be shown in place of the others.
     next: Option<Scene>,
@@ -44,28 +45,19 @@ pub struct Overlay {
     pub picture: Rect,
 }
 
-/// Returns the subjects that the picture shows and how each is rendered: splats in `mode`, a volume in its
-/// only mode, both with `quality`. `there` returns true if there are data of a subject.
+/// Returns the subjects that the picture shows and how each is rendered: in the mode that `mode_of` returns for
+/// it, all with `quality`. `there` returns true if there are data of a subject.
 pub fn render_setups(
     state: &ViewState,
     size: [u32; 2],
-    mode: &'static str,
+    mode_of: impl Fn(Subject) -> &'static str,
     quality: Quality,
     there: impl Fn(Subject) -> bool,
 ) -> Vec<(Subject, RenderSetup)> {
-    let subjects = match state.split {
-        Some(_) => vec![Subject::Splats, Subject::Volume],
-        None => vec![state.shown],
-    };
     let settings = Settings { depth: true, step: state.quality.step, ..Settings::new(size) };
-    let setup = |subject| {
-        let name = match subject {
-            Subject::Splats => mode,
-            Subject::Volume => state.mode_of(subject),
-        };
-        RenderSetup { mode: mode_row(name), settings: settings.clone(), quality }
-    };
-    subjects.into_iter().filter(|&s| there(s)).map(|subject| (subject, setup(subject))).collect()
+    let setup =
+        |subject| RenderSetup { mode: mode_row(mode_of(subject)), settings: settings.clone(), quality };
+    state.subjects(there).into_iter().map(|subject| (subject, setup(subject))).collect()
 }
 
 impl Canvas {
@@ -78,6 +70,7 @@ impl Canvas {
         let format = surface.format();
         Ok(Canvas {
             splats: None,
+            beside: None,
             volume: None,
             next: None,
             composer: Composer::new(gpu, format)?,
@@ -103,22 +96,31 @@ impl Canvas {
     pub fn scene_of(&self, subject: Subject) -> Option<&RenderedScene> {
         match subject {
             Subject::Splats => self.splats.as_ref(),
+            Subject::Beside => self.beside.as_ref(),
             Subject::Volume => self.volume.as_ref(),
         }
+    }
+
+    /// Returns the splats of a subject, if they are on the device.
+    pub fn splats_of(&self, subject: Subject) -> Option<&GpuSplats> {
+        self.scene_of(subject)?.scene.splats.as_ref()
     }
 
     fn scene_mut(&mut self, subject: Subject) -> &mut Option<RenderedScene> {
         match subject {
             Subject::Splats => &mut self.splats,
+            Subject::Beside => &mut self.beside,
             Subject::Volume => &mut self.volume,
         }
     }
 
-    /// Sets or removes the scene of a subject.
+    /// Sets or removes the scene of a subject. A picture of others stays.
     pub fn set_scene(&mut self, subject: Subject, scene: Option<Scene>) {
         let shown_scene = scene.map(|scene| RenderedScene::new(&self.gpu, scene));
         *self.scene_mut(subject) = shown_scene;
-        self.shown.clear();
+        if self.shown.iter().any(|(shown, _)| *shown == subject) {
+            self.shown.clear();
+        }
     }
 
     /// Keeps splats that will be shown in place of the others once they are prepared, so that no picture lacks
@@ -145,7 +147,8 @@ impl Canvas {
     /// Limits the number of splats that are rendered; `None` renders all.
     pub fn set_splat_budget(&mut self, budget: Option<u64>) -> Result<()> {
         let budget = budget.map(|n| usize::try_from(n).unwrap_or(usize::MAX));
-        self.splats.as_mut().map_or(Ok(()), |shown_scene| shown_scene.scene.set_splat_budget(budget))
+        let mut sets = [&mut self.splats, &mut self.beside].into_iter().flatten();
+        sets.try_for_each(|shown_scene| shown_scene.scene.set_splat_budget(budget))
     }
 
     /// Returns true if there is no picture to show.
@@ -155,7 +158,7 @@ impl Canvas {
 
     /// Returns two corners of the box around all scenes, mm RAS; `None` without a scene.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
-        let shown_scenes = [&self.splats, &self.volume].into_iter().flatten();
+        let shown_scenes = [&self.splats, &self.beside, &self.volume].into_iter().flatten();
         shown_scenes
             .map(|shown_scene| shown_scene.scene.bounds())
             .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
@@ -217,6 +220,7 @@ impl Canvas {
             let (subject, setup) = self.shown.get(at)?;
             let shown_scene = match subject {
                 Subject::Splats => self.splats.as_ref(),
+                Subject::Beside => self.beside.as_ref(),
                 Subject::Volume => self.volume.as_ref(),
             };
             shown_scene?.layer(setup)
@@ -275,18 +279,24 @@ mod tests {
         let names = |setups: &[(Subject, RenderSetup)]| {
             setups.iter().map(|(_, setup)| setup.mode.name).collect::<Vec<_>>()
         };
-        let full = render_setups(&state, [300, 200], "slab", Quality::FULL, |_| true);
+        let of_splats = |name| move |subject| if subject == Subject::Volume { "volume" } else { name };
+        let full = render_setups(&state, [300, 200], of_splats("slab"), Quality::FULL, |_| true);
         assert_eq!(names(&full), ["slab"]);
         assert_eq!((full[0].1.settings.size, full[0].1.quality), ([300, 200], Quality::FULL));
         state.split = Some(0.5);
         let coarse = Quality { resolution: 0.25, ..Quality::FULL };
-        let fast = render_setups(&state, [300, 200], "alpha", coarse, |_| true);
+        let no_others = |subject| subject != Subject::Beside;
+        let fast = render_setups(&state, [300, 200], of_splats("alpha"), coarse, no_others);
         assert_eq!(names(&fast), ["alpha", "volume"]);
         assert_eq!((fast[1].1.settings.size, fast[1].1.quality), ([300, 200], coarse));
-        assert_eq!(
-            names(&render_setups(&state, [9, 9], "slab", coarse, |s| s == Subject::Volume)),
-            ["volume"]
-        );
+        let only = |one| move |subject| subject == one;
+        let volume = render_setups(&state, [9, 9], of_splats("slab"), coarse, only(Subject::Volume));
+        assert_eq!(names(&volume), ["volume"]);
+        // Each set of splats in the mode that it is shown in.
+        let mode_of = |subject| if subject == Subject::Beside { "decoded" } else { "slab" };
+        let beside = render_setups(&state, [9, 9], mode_of, coarse, |_| true);
+        assert_eq!(beside.iter().map(|(s, _)| *s).collect::<Vec<_>>(), Subject::SETS);
+        assert_eq!(names(&beside), ["slab", "decoded"]);
     }
 
     #[test]

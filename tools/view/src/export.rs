@@ -11,7 +11,7 @@ use engine::render::{Camera, Renderer, Scene, Settings};
 use glam::DVec3;
 
 use crate::loaded_data::LoadedData;
-use crate::state::{Subject, ViewState, mode_row};
+use crate::state::{ViewState, mode_row};
 
 /// Frames per second of a turntable.
 const FRAMES_PER_SECOND: u16 = 15;
@@ -73,15 +73,12 @@ impl Export {
 
     /// Returns the scenes that are shown: one, or two with a split between them.
     fn sides(&self) -> Result<Vec<Side>> {
-        let subjects = match self.state.split {
-            Some(_) => vec![Subject::Splats, Subject::Volume],
-            None => vec![self.state.shown],
-        };
+        let subjects = self.state.subjects(|subject| self.data.has(subject));
         let settings = Settings { precise: true, step: self.state.quality.step, ..Settings::new(self.size) };
         let mut sides = Vec::new();
         for subject in subjects {
             if let Some(scene) = self.data.scene(&self.gpu, subject, &self.state)? {
-                let mode = mode_row(self.state.mode_of(subject));
+                let mode = mode_row(self.data.mode_of(subject, &self.state));
                 let renderer = Renderer::new(&self.gpu, mode, &scene, &settings)?;
                 sides.push(Side { scene, renderer });
             }

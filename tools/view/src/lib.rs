@@ -11,7 +11,7 @@
 //! viewer -> fitting, sorting, fit_plan, transfer, thumbnails, rendered_scene       app -> fit_plan, figures, region
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
-//! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram          app, panels -> theme
+//! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram, state          app, panels -> theme
 //! panels -> slices, figures          panel_info -> thumbnails -> state, orbit
 //! app, handles, annotations, panels -> state -> orbit, region, transfer, deletions          app -> settings, editor, transfer
 //! loader, loaded_data -> loaded_splats -> state          app, panels, loader, loaded_data, loaded_splats -> deletions

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use engine::Result;
 use engine::gpu::Gpu;
-use engine::render::{Look, Scene};
+use engine::render::{Look, Scene, SplatKind};
 use engine::splat::{SplatSet, Unit};
 use glam::DVec3;
 
@@ -25,6 +25,8 @@ pub struct LoadedData {
     pub waits: bool,
     /// Splats of a fit that no file has yet; they are shown in place of those of the files.
     pub fitted: Option<Arc<LoadedSplats>>,
+    /// Splats that are compared with those.
+    pub beside: Option<Arc<LoadedSplats>>,
     /// Volume.
     pub volume: Option<Arc<LoadedVolume>>,
     /// Histogram of the splats' intensities.
@@ -33,6 +35,8 @@ pub struct LoadedData {
     pub volume_histogram: Option<Histogram>,
     /// Probe that evaluates the splats' field at points.
     probe: Option<Probe>,
+    /// Probe of the splats beside them.
+    probe_beside: Option<Probe>,
 }
 
 impl LoadedData {
@@ -44,6 +48,10 @@ impl LoadedData {
                 (self.splats, self.left) = (Some(splats), None);
                 (self.splat_histogram, self.probe) = (None, None);
                 return Ok(Some(Subject::Splats));
+            }
+            Loaded::Beside(splats) => {
+                (self.beside, self.probe_beside) = (Some(splats), None);
+                return Ok(Some(Subject::Beside));
             }
             Loaded::Volume(shown) => {
                 self.volume = Some(shown);
@@ -62,6 +70,8 @@ impl LoadedData {
             Loaded::Counted(splats, histogram, probe) => {
                 if self.left_splats().is_some_and(|left| Arc::ptr_eq(left, &splats)) {
                     (self.splat_histogram, self.probe) = (histogram, Some(*probe));
+                } else if self.beside.as_ref().is_some_and(|beside| Arc::ptr_eq(beside, &splats)) {
+                    self.probe_beside = Some(*probe);
                 }
             }
             Loaded::VolumeHistogram(histogram) => self.volume_histogram = histogram,
@@ -78,17 +88,19 @@ impl LoadedData {
                 (self.splats, self.left, self.waits) = (None, None, false);
                 (self.splat_histogram, self.probe) = (None, None);
             }
+            Subject::Beside => (self.beside, self.probe_beside) = (None, None),
             Subject::Volume => (self.volume, self.volume_histogram) = (None, None),
         }
     }
 
-    /// Returns the same splats and volume, shared and not copied, without histograms and probe.
+    /// Returns the same splats and volume, shared and not copied, without histograms and probes.
     pub fn sources(&self) -> Self {
         LoadedData {
             splats: self.splats.clone(),
             left: self.left.clone(),
             waits: self.waits,
             fitted: self.fitted.clone(),
+            beside: self.beside.clone(),
             volume: self.volume.clone(),
             ..LoadedData::default()
         }
@@ -97,9 +109,31 @@ impl LoadedData {
     /// Returns true if there are data of a subject.
     pub fn has(&self, subject: Subject) -> bool {
         match subject {
-            Subject::Splats => self.shown_splats().is_some_and(|splats| !splats.set.splats.is_empty()),
+            Subject::Splats | Subject::Beside => self.set(subject).is_some(),
             Subject::Volume => self.volume.is_some(),
         }
+    }
+
+    /// Returns the splats of a subject; `None` if there are none.
+    pub fn set(&self, subject: Subject) -> Option<&SplatSet> {
+        let splats = match subject {
+            Subject::Splats => self.shown_splats(),
+            Subject::Beside => self.beside.as_ref(),
+            Subject::Volume => None,
+        };
+        splats.map(|splats| &splats.set).filter(|set| !set.splats.is_empty())
+    }
+
+    /// Returns the only mode that shows the splats beside the others; `None` if every mode does.
+    pub fn own_mode_beside(&self) -> Option<&'static str> {
+        SplatKind::of(self.set(Subject::Beside)?).own_mode()
+    }
+
+    /// Returns the mode in which a subject is shown at rest: the user's choice, unless splats beside the others
+    /// can be shown in one mode only.
+    pub fn mode_of(&self, subject: Subject, state: &ViewState) -> &'static str {
+        let own = self.own_mode_beside().filter(|_| subject == Subject::Beside);
+        own.unwrap_or(state.mode_of(subject))
     }
 
     /// Returns the splats that are shown: those of the fit, or what is left of those of the files.
@@ -123,13 +157,10 @@ impl LoadedData {
         count(self.splats.as_ref()) - count(self.left_splats())
     }
 
-    fn set(&self) -> Option<&SplatSet> {
-        self.shown_splats().map(|splats| &splats.set)
-    }
-
     /// Returns the least and greatest intensity of splats and volume.
     pub fn range(&self) -> [f64; 2] {
-        let splats = self.set().into_iter().flat_map(|set| &set.splats).map(|s| f64::from(s.intensity));
+        let sets = Subject::SETS.into_iter().filter_map(|subject| self.set(subject));
+        let splats = sets.flat_map(|set| &set.splats).map(|s| f64::from(s.intensity));
         let volume = self.volume.iter().filter_map(|v| v.volume.min_max());
         let ends = volume.flat_map(|(low, high)| [f64::from(low), f64::from(high)]);
         let all = splats.chain(ends).filter(|c| c.is_finite());
@@ -159,11 +190,12 @@ impl LoadedData {
         }
     }
 
-    /// Returns the intensity at a point (mm RAS) of the volume, or of the splats' field if there is no
+    /// Returns the intensity at a point (mm RAS) of the volume, or of the field of a subject's splats if there is no
     /// volume; `None` outside.
-    pub fn sample(&self, at_mm: DVec3) -> Option<f64> {
+    pub fn sample(&self, subject: Subject, at_mm: DVec3) -> Option<f64> {
         if self.volume.is_none() {
-            return self.probe.as_ref()?.at(at_mm).map(|reading| reading.intensity);
+            let probe = if subject == Subject::Beside { &self.probe_beside } else { &self.probe };
+            return probe.as_ref()?.at(at_mm).map(|reading| reading.intensity);
         }
         self.sample_whole(at_mm).filter(|(_, weight)| *weight > 0.0).map(|(intensity, _)| intensity)
     }
@@ -208,7 +240,7 @@ impl LoadedData {
     /// Creates the scene of a subject; `None` if there are no data of it.
     pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &ViewState) -> Result<Option<Scene>> {
         let look = self.look(subject, state)?;
-        let splats = self.set().filter(|set| subject == Subject::Splats && !set.splats.is_empty());
+        let splats = self.set(subject);
         let volume = self.volume.as_ref().filter(|_| subject == Subject::Volume).map(|shown| shown.source());
         if splats.is_none() && volume.is_none() {
             return Ok(None);
@@ -223,5 +255,43 @@ fn set_budget(scene: &mut Scene, state: &ViewState) -> Result<()> {
     match state.quality.splat_budget {
         Some(budget) => scene.set_splat_budget(Some(budget as usize)),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::splat::{Form, Splat};
+
+    use super::*;
+    use crate::state::SplatMode;
+
+    fn loaded(intensity: f32, form: Form) -> Loaded {
+        let splat = Splat { rotation: [1.0, 0.0, 0.0, 0.0], intensity, ..Splat::default() };
+        let set = SplatSet { splats: vec![splat], form, ..SplatSet::default() };
+        let splats = LoadedSplats::join(vec![("coarse.vgs".into(), set)]).expect("a set");
+        Loaded::Beside(Arc::new(splats))
+    }
+
+    #[test]
+    fn splats_beside_others_have_a_mode_of_their_own_where_they_need_one() {
+        let mut state =
+            ViewState::new(&engine::transfer::load("CT-Bone", [-1000.0, 2000.0]).expect("a preset"));
+        let mut data = LoadedData::default();
+        let modes = |data: &LoadedData, state: &ViewState| Subject::ALL.map(|s| data.mode_of(s, state));
+        assert!(!data.has(Subject::Beside));
+        assert_eq!(modes(&data, &state), ["slab", "slab", "volume"]);
+        assert_eq!(data.take(loaded(300.0, Form::Field)).expect("taken"), Some(Subject::Beside));
+        assert!(data.has(Subject::Beside) && !data.has(Subject::Splats));
+        state.mode = SplatMode::Exact;
+        assert_eq!(modes(&data, &state), ["exact", "exact", "volume"]);
+        assert_eq!(data.range(), [300.0, 300.0]);
+        data.take(loaded(300.0, Form::Grid { binary: false })).expect("taken");
+        assert_eq!(modes(&data, &state), ["exact", "decoded", "volume"]);
+        assert_eq!(modes(&data.sources(), &state), ["exact", "decoded", "volume"], "in pictures, too");
+        // They have no rows in the list of objects.
+        state.objects = vec![crate::state::Object::new(0, None, "fine")];
+        assert!(data.look(Subject::Beside, &state).expect("a look").objects.is_empty());
+        data.forget(Subject::Beside);
+        assert!(!data.has(Subject::Beside) && !data.sources().has(Subject::Beside));
     }
 }

@@ -45,6 +45,8 @@ impl LoadedVolume {
 pub enum Loaded {
     /// Splats of all files.
     Splats(Arc<LoadedSplats>),
+    /// Splats beside them.
+    Beside(Arc<LoadedSplats>),
     /// Splats that deletions have left.
     Left(Left),
     /// Histogram of the intensities of these splats, and the probe that evaluates their field at points.
@@ -115,6 +117,12 @@ impl Loader {
         if files.splats != had.splats && !files.splats.is_empty() {
             let files = files.clone();
             self.spawn(turn, move |tell| tell.splats(&files));
+        }
+        if let Some(path) = files.beside.clone()
+            && files.beside != had.beside
+        {
+            let files = files.clone();
+            self.spawn(turn, move |tell| tell.beside(path, &files));
         }
         if let Some(path) = files.volume.clone()
             && !(files.has_volume_of(had) && files.region() == had.region())
@@ -300,6 +308,16 @@ impl Teller {
         });
         let Some(splats) = sets else { return };
         self.say(Message::Loaded(Loaded::Splats(Arc::clone(&splats))));
+        self.count(splats);
+    }
+
+    fn beside(&self, path: PathBuf, files: &Files) {
+        let splats = self.reading("reading splats beside them".to_owned(), Subject::Beside, || {
+            let set = read_splats(&path, files)?;
+            LoadedSplats::join(vec![(path, set)]).map(Arc::new)
+        });
+        let Some(splats) = splats else { return };
+        self.say(Message::Loaded(Loaded::Beside(Arc::clone(&splats))));
         self.count(splats);
     }
 

@@ -45,6 +45,7 @@ impl OpenFiles {
 fn copy(subject: Subject, from: &Files, to: &mut Files) {
     match subject {
         Subject::Splats => to.splats.clone_from(&from.splats),
+        Subject::Beside => to.beside.clone_from(&from.beside),
         Subject::Volume => {
             to.volume.clone_from(&from.volume);
             to.series.clone_from(&from.series);
@@ -56,6 +57,7 @@ fn copy(subject: Subject, from: &Files, to: &mut Files) {
 fn has(subject: Subject, files: &Files, path: &PathBuf) -> bool {
     match subject {
         Subject::Splats => files.splats.contains(path),
+        Subject::Beside => files.beside.as_ref() == Some(path),
         Subject::Volume => files.volume.as_ref() == Some(path) || files.roi.as_ref() == Some(path),
     }
 }
@@ -92,6 +94,16 @@ mod tests {
         let mut state = files(&["a.ply", "b.ply"], Some("bad.nii"));
         open.could_not_be_read(Subject::Volume, &mut state);
         assert_eq!(state, more);
+        // Splats beside them come and go alone.
+        let with_beside = |name: &str| Files { beside: Some(name.into()), ..state.clone() };
+        open.ask(&["coarse.vgs".into()]);
+        let opened = open.was_read(Subject::Beside, &with_beside("coarse.vgs"));
+        assert_eq!((opened, open.read()), (vec!["coarse.vgs".into()], &with_beside("coarse.vgs")));
+        let mut other = with_beside("bad.vgs");
+        open.could_not_be_read(Subject::Beside, &mut other);
+        assert_eq!(other, with_beside("coarse.vgs"));
+        open.forget(Subject::Beside);
+        assert_eq!(open.read(), &more);
         open.forget(Subject::Splats);
         assert_eq!(open.read(), &files(&[], Some("ct.nii")));
     }

@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::fit_plan::FitStatus;
 use crate::histogram::Histogram;
 use crate::region::RegionSize;
+use crate::state::Subject;
 use crate::thumbnails::Thumbnails;
 
 /// Number of frames in the statistics.
@@ -27,6 +28,8 @@ pub struct PanelInfo<'a> {
     pub splats: Option<usize>,
     /// Number of splats that are deleted.
     pub deleted: usize,
+    /// True if there are splats beside them.
+    pub beside: bool,
     /// True if there is a volume.
     pub volume: bool,
     /// Number of splats of each row of [`crate::ViewState::objects`].
@@ -60,9 +63,27 @@ pub struct PanelInfo<'a> {
     pub depth: &'a dyn Fn(DVec2) -> Option<f64>,
     /// Returns the intensity at a point, mm RAS; `None` outside of the data.
     pub sample: &'a dyn Fn(DVec3) -> Option<f64>,
+    /// Returns the intensity at a point, mm RAS, where splats beside the others are seen; `None` outside of the data.
+    pub sample_beside: &'a dyn Fn(DVec3) -> Option<f64>,
     /// Returns the intensity at a point, mm RAS, of the whole volume, and the weight of its region there, 0 to 1;
     /// `None` outside of the volume.
     pub sample_whole: &'a dyn Fn(DVec3) -> Option<(f64, f64)>,
+}
+
+impl PanelInfo<'_> {
+    /// Returns true if there are data of a subject.
+    pub fn has(&self, subject: Subject) -> bool {
+        match subject {
+            Subject::Splats => self.splats.is_some_and(|count| count > 0),
+            Subject::Beside => self.beside,
+            Subject::Volume => self.volume,
+        }
+    }
+
+    /// Returns true if there is something to show side by side with the splats.
+    pub fn has_two(&self) -> bool {
+        self.has(Subject::Splats) && (self.beside || self.volume)
+    }
 }
 
 static NO_STATISTICS: Statistics = Statistics::new();
@@ -77,6 +98,7 @@ impl Default for PanelInfo<'_> {
             oriented: true,
             splats: None,
             deleted: 0,
+            beside: false,
             volume: false,
             object_splats: &[],
             object_intensities: &[],
@@ -93,6 +115,7 @@ impl Default for PanelInfo<'_> {
             progress: None,
             depth: &|_| None,
             sample: &|_| None,
+            sample_beside: &|_| None,
             sample_whole: &|_| None,
         }
     }

@@ -19,6 +19,8 @@ const WIDEST: u32 = 8192;
 pub enum Purpose {
     /// The file is opened.
     Open,
+    /// Splats are opened from it beside the others.
+    Beside,
     /// The session is written to it.
     Save,
     /// A picture is written to it.
@@ -40,13 +42,15 @@ pub enum Purpose {
 impl Purpose {
     /// Returns the title, the name of the button that confirms, and the extensions that are listed.
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
+        const SPLATS: [&str; 2] = [".ply", ".vgs"];
         static DATA: LazyLock<Vec<&str>> =
-            LazyLock::new(|| [".ply", ".vgs", ".toml"].iter().chain(VOLUMES.iter()).copied().collect());
+            LazyLock::new(|| SPLATS.iter().chain(&[".toml"]).chain(VOLUMES.iter()).copied().collect());
         static VOLUMES: LazyLock<Vec<&str>> = LazyLock::new(|| {
             engine::volume::FORMATS.iter().flat_map(|format| format.extensions).copied().collect()
         });
         match self {
             Purpose::Open => ("Open splats, a volume, a mask or a session", "Open", DATA.as_slice()),
+            Purpose::Beside => ("Open splats beside the others", "Open", SPLATS.as_slice()),
             Purpose::Save => ("Save the session", "Save", &[".toml"]),
             Purpose::Screenshot => ("Screenshot", "Write", &[".png", ".exr"]),
             Purpose::Record => ("Record a turntable", "Record", &[".png"]),
@@ -66,13 +70,13 @@ impl Purpose {
 
     /// Returns true if the file is written.
     fn writes(self) -> bool {
-        !matches!(self, Purpose::Open | Purpose::Transfer | Purpose::Mask)
+        !matches!(self, Purpose::Open | Purpose::Beside | Purpose::Transfer | Purpose::Mask)
     }
 
     /// Returns the suggested name of a new file.
     fn suggestion(self) -> &'static str {
         match self {
-            Purpose::Open | Purpose::Transfer | Purpose::Mask => "",
+            Purpose::Open | Purpose::Beside | Purpose::Transfer | Purpose::Mask => "",
             Purpose::Save => "session.toml",
             Purpose::Screenshot => "picture.png",
             Purpose::Record => "turntable.png",
@@ -225,6 +229,7 @@ impl Prompt {
         let Prompt { size, frames, .. } = *self;
         match self.purpose {
             Purpose::Open => Action::Open(vec![path]),
+            Purpose::Beside => Action::Beside(path),
             Purpose::Save => Action::Save { path, force },
             Purpose::Screenshot => Action::Screenshot { path, size, force },
             Purpose::Record => Action::Record { path, size, frames, force },
@@ -279,6 +284,7 @@ mod tests {
         let size = [640, 480];
         for (purpose, expected) in [
             (Purpose::Open, Action::Open(vec![path.clone()])),
+            (Purpose::Beside, Action::Beside(path.clone())),
             (Purpose::Save, Action::Save { path: path.clone(), force: true }),
             (Purpose::Screenshot, Action::Screenshot { path: path.clone(), size, force: true }),
             (Purpose::Record, Action::Record { path: path.clone(), size, frames: 120, force: true }),

@@ -59,6 +59,30 @@ pub fn needs_look(open: &Files, added: &[PathBuf]) -> bool {
     })
 }
 
+/// Puts a file of splats beside those that are open, and splits the picture between them.
+///
+/// # Errors
+/// Returns [`Kind::Usage`] if it is not one by its name, and [`Kind::NothingToDo`] if no splats are open.
+pub fn put_beside(state: &mut ViewState, path: PathBuf) -> Result<()> {
+    if by_name(std::slice::from_ref(&path))?.splats.is_empty() {
+        return Err(Error::new(Kind::Usage, "VGS-VIEW-021", "only splats can stand beside splats")
+            .file(&path)
+            .help(format!("give one of these: {}", splat_endings().collect::<Vec<_>>().join(", "))));
+    }
+    if state.files.splats.is_empty() {
+        return Err(Error::new(
+            Kind::NothingToDo,
+            "VGS-VIEW-022",
+            "there are no splats for others to stand beside",
+        )
+        .file(path)
+        .help("open it as it is, or open splats first"));
+    }
+    state.files.beside = Some(path);
+    state.split.get_or_insert(0.5);
+    Ok(())
+}
+
 /// Adds files as [`sort`] does, and looks into volumes whose names do not say that they are masks: one with the
 /// values of a mask ([`Roi::has_values_of_mask`]) on the grid of the others, or of `volume`, the one that is
 /// open, is its region.
@@ -162,7 +186,12 @@ fn combined(open: &Files, named: Named, left_out: Vec<PathBuf>, by: &str) -> Sor
             notes.push(format!("{} is the volume in place of {}.", name_of(&path), name_of(old)));
         }
         // Region and series were those of the volume before.
-        *files = Files { splats: std::mem::take(&mut files.splats), volume: Some(path), ..Files::default() };
+        *files = Files {
+            splats: std::mem::take(&mut files.splats),
+            beside: files.beside.take(),
+            volume: Some(path),
+            ..Files::default()
+        };
     }
     if let (Some(path), Some(volume)) = (masks.pop(), &files.volume) {
         notes.push(format!("{} is taken for the region of {}, {by}.", name_of(&path), name_of(volume)));
@@ -240,6 +269,28 @@ mod tests {
         let both = sort(&open, &paths(&["seg.nii", "roi.nii", "mr.nii"])).unwrap();
         assert_eq!((both.files.volume, both.files.roi), (Some("mr.nii".into()), Some("roi.nii".into())));
         assert!(both.notes[2].contains("Left out: seg.nii."), "{:?}", both.notes);
+    }
+
+    #[test]
+    fn splats_stand_beside_splats_alone() {
+        let mut state = ViewState::new(&engine::transfer::load("CT-Bone", [-1000.0, 2000.0]).unwrap());
+        let error = put_beside(&mut state, "coarse.vgs".into()).unwrap_err();
+        assert_eq!((error.code, error.kind), ("VGS-VIEW-022", Kind::NothingToDo));
+        state.files.splats = paths(&["fine.ply"]);
+        for (name, code) in
+            [("ct.nii.gz", "VGS-VIEW-021"), ("s.toml", "VGS-VIEW-021"), ("x.docx", "VGS-VIEW-020")]
+        {
+            let error = put_beside(&mut state, name.into()).unwrap_err();
+            assert_eq!((error.code, error.file), (code, Some(name.into())));
+        }
+        assert_eq!((&state.files.beside, state.split), (&None, None));
+        put_beside(&mut state, "coarse.vgs".into()).unwrap();
+        assert_eq!((state.files.beside.clone(), state.split), (Some("coarse.vgs".into()), Some(0.5)));
+        state.split = Some(0.2);
+        put_beside(&mut state, "middle.vgs".into()).unwrap();
+        assert_eq!((state.files.beside.clone(), state.split), (Some("middle.vgs".into()), Some(0.2)));
+        let other = sort(&state.files, &paths(&["mr.nii"])).unwrap().files;
+        assert_eq!((other.beside, other.splats), (Some("middle.vgs".into()), state.files.splats));
     }
 
     #[test]

@@ -26,6 +26,9 @@ pub struct ViewArguments {
     /// The volume that the splats were fitted to: the space bar flips between the two
     #[arg(long, value_name = "VOLUME")]
     volume: Option<PathBuf>,
+    /// Splats to compare with: side by side with the others, by the same camera and transfer function
+    #[arg(long, value_name = "SPLATS")]
+    beside: Option<PathBuf>,
     /// Which series of a DICOM folder: its number in `vgs info`, its UID, or a part of its description
     #[arg(long, value_name = "N|TEXT")]
     series: Option<String>,
@@ -56,6 +59,7 @@ Examples:
   vgs view bones.ply
   vgs view bones.ply --volume ct.nii.gz --roi bones.nii.gz
   vgs view bones.ply vessels.ply --tf CT-Angio --object bones:opacity=0.2
+  vgs view fine.ply --beside coarse.vgs
   vgs view scans/ --series 3       a folder of DICOM slices; `vgs info scans/` lists its series
   vgs view ct.nii.gz               G chooses a region and fits splats to it
   vgs view session.toml
@@ -122,12 +126,15 @@ impl ViewArguments {
             }
             state.files.series.clone_from(&self.series);
         }
+        if let Some(path) = &self.beside {
+            sorting::put_beside(&mut state, path.clone())?;
+        }
         if state.files.roi.is_some() && state.files.volume.is_none() {
             return Err(Error::new(Kind::Usage, "VGS-CLI-096", "--roi is the region of a volume")
                 .help("give the volume with --volume"));
         }
-        let Files { splats, volume, roi, .. } = &state.files;
-        for file in splats.iter().chain(volume).chain(roi) {
+        let Files { splats, beside, volume, roi, .. } = &state.files;
+        for file in splats.iter().chain(beside).chain(volume).chain(roi) {
             exists(file)?;
         }
         Ok((state, sorted.session))

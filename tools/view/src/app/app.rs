@@ -270,6 +270,7 @@ impl App {
             }
             Action::Screenshot { .. }
             | Action::Record { .. }
+            | Action::Beside(_)
             | Action::Region(_)
             | Action::StartFit { .. }
             | Action::StopFit
@@ -279,6 +280,17 @@ impl App {
             | Action::AskSeries
             | Action::ReadFiles
             | Action::Quit => return Some(action),
+            Action::AskBeside if state.files.splats.is_empty() => {
+                self.refuse("There are no splats for others to stand beside", "open some");
+            }
+            Action::AskBeside => self.ask(Purpose::Beside),
+            Action::CloseBeside if state.files.beside.is_none() => {}
+            Action::CloseBeside => {
+                state.files.beside = None;
+                state.forget_missing_files();
+                state.split.take_if(|_| !info.volume);
+                return Some(action);
+            }
             Action::Series(number) => {
                 let Series { files, .. } = self.series.take()?;
                 state.files = Files { series: Some(number.to_string()), ..files };
@@ -332,15 +344,14 @@ impl App {
                 step.into_iter().for_each(|edited| self.state.restore(edited));
             }
             Action::Flip => {
-                state.shown = match state.shown {
-                    Subject::Splats if info.volume => Subject::Volume,
-                    Subject::Volume if info.splats.is_some() => Subject::Splats,
-                    same => same,
-                };
+                let at = Subject::ALL.iter().position(|subject| *subject == state.shown).unwrap_or(0);
+                let (before, after) = Subject::ALL.split_at(at + 1);
+                let next = after.iter().chain(before).find(|subject| info.has(**subject));
+                next.into_iter().for_each(|subject| state.shown = *subject);
             }
             Action::Split => {
-                let both = info.volume && info.splats.is_some();
-                state.split = if state.split.is_none() && both { Some(0.5) } else { None };
+                let both = state.split.is_none() && info.has_two();
+                state.split = both.then_some(0.5);
             }
             Action::ToggleSlices => state.slices.shown = !state.slices.shown,
             Action::NextMode => {
@@ -442,6 +453,8 @@ impl App {
                     can_undo: self.history.can_undo(),
                     can_redo: self.history.can_redo(),
                     can_fit: info.volume,
+                    has_files: !self.state.files.splats.is_empty(),
+                    has_beside: self.state.files.beside.is_some(),
                     has_series: self.state.files.may_have_series(),
                     has_splats: info.splats.is_some_and(|count| count > 0) && !info.fitted,
                 };

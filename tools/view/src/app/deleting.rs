@@ -6,6 +6,7 @@ use super::app::App;
 use crate::deletions::{Bounds, Deletion};
 use crate::panel_info::PanelInfo;
 use crate::panels::notice::Message;
+use crate::state::Files;
 
 impl App {
     /// Deletes the splats inside or outside of the crop box. The box then goes off: it has done its work.
@@ -30,7 +31,8 @@ impl App {
     pub(super) fn may_write_splats(&mut self, path: &Path, info: &PanelInfo<'_>) -> bool {
         // Links and relative paths name the same file as others do.
         let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        if self.state.files.splats.iter().any(|open| real(open) == real(path)) {
+        let Files { splats, beside, .. } = &self.state.files;
+        if splats.iter().chain(beside).any(|open| real(open) == real(path)) {
             self.refuse("This file is open, and what is deleted stays in it", "choose another name");
             return false;
         }
@@ -52,7 +54,8 @@ impl App {
         false
     }
 
-    fn refuse(&mut self, text: &str, help: &str) {
+    /// Tells the user why something cannot be done, and what to do.
+    pub(super) fn refuse(&mut self, text: &str, help: &str) {
         self.message = Some(Message { text: text.to_owned(), help: help.to_owned(), bad: true });
     }
 }

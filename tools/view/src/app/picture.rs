@@ -1,5 +1,7 @@
 //! The picture between the panels: what the mouse does in it, and what is painted over it.
 
+use std::path::Path;
+
 use egui::{Align2, Color32, CursorIcon, PointerButton, Pos2, Response, Sense, TextStyle, Ui, vec2};
 use glam::DVec2;
 
@@ -11,7 +13,7 @@ use crate::cube;
 use crate::handles;
 use crate::panel_info::PanelInfo;
 use crate::panels::{self, status::Reading};
-use crate::state::{Distance, Object, Subject, ViewState};
+use crate::state::{Distance, Files, Object, Subject, ViewState};
 use crate::theme::SIGNAL;
 
 /// Length of a drag that turns by a degree, points of the screen.
@@ -127,7 +129,7 @@ impl App {
             }
         }
         let near = |split: f64| (place.x - split).abs() * f64::from(size.x) < f64::from(REACH);
-        split.is_some_and(near).then_some(Target::Split)
+        split.filter(|_| info.has_two()).is_some_and(near).then_some(Target::Split)
     }
 
     /// Paints annotations over the picture.
@@ -146,12 +148,14 @@ impl App {
                 over.and_then(|grip| if let Target::Handle(handle) = grip { Some(handle) } else { None });
             paint.handles(&state.clip, bounds, bright);
         }
-        if let Some(split) = state.split {
-            paint.split(split);
+        let subjects = state.subjects(|subject| info.has(subject));
+        if let (Some(split), [left, right]) = (state.split, &subjects[..]) {
+            let [left, right] = names(&state.files, [*left, *right], info.fitted);
+            paint.split(split, [&left, &right]);
         }
         paint.annotations(state, info.oriented);
         let own_colours = |object: &Object| object.tint.is_some() || !object.visible;
-        let all_own = state.shown == Subject::Splats
+        let all_own = subjects == [Subject::Splats]
             && !info.fitted
             && !state.objects.is_empty()
             && state.objects.iter().all(own_colours);
@@ -217,7 +221,13 @@ impl App {
             (info.depth)(place).map(|depth| self.state.orbit.at_depth(place, depth, aspect))
         };
         let under = response.hover_pos().and_then(hit);
-        self.reading = under.map(|at_mm| Reading { at_mm, intensity: (info.sample)(at_mm) });
+        let place = response.hover_pos().map(|at| self.place(at));
+        let sample = match place.and_then(|place| self.state.subject_at(place.x, |subject| info.has(subject)))
+        {
+            Some(Subject::Beside) => info.sample_beside,
+            _ => info.sample,
+        };
+        self.reading = under.map(|at_mm| Reading { at_mm, intensity: sample(at_mm) });
         let Some(at_mm) = under else { return };
         if let (Some(first), true) = (self.measuring, response.clicked()) {
             match first {
@@ -233,4 +243,24 @@ impl App {
             self.state.slices.at_mm = Some(at_mm);
         }
     }
+}
+
+/// Returns the names of both sides of a split picture: those of the files, with their folders where they would
+/// be the same.
+fn names(files: &Files, sides: [Subject; 2], fitted: bool) -> [String; 2] {
+    let name = |subject: Subject, with_folder: bool| {
+        let (first, more) = match subject {
+            Subject::Splats if fitted => return "the fit".to_owned(),
+            Subject::Splats => (files.splats.first(), files.splats.len().saturating_sub(1)),
+            Subject::Beside => (files.beside.as_ref(), 0),
+            Subject::Volume => (files.volume.as_ref(), 0),
+        };
+        let last = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let folder = first.and_then(|path| path.parent()).filter(|_| with_folder).map(last);
+        let name = first.map(|path| last(path)).unwrap_or_default();
+        let name = folder.map_or(name.clone(), |folder| format!("{folder}/{name}"));
+        if more > 0 { format!("{name} and {more} more") } else { name }
+    };
+    let [left, right] = sides.map(|side| name(side, false));
+    if left == right { sides.map(|side| name(side, true)) } else { [left, right] }
 }

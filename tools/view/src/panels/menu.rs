@@ -22,6 +22,10 @@ pub struct Menus<'a> {
     pub has_series: bool,
     /// True if there are splats of files, which can be deleted and written.
     pub has_splats: bool,
+    /// True if files of splats are open, which others can stand beside.
+    pub has_files: bool,
+    /// True if there are splats beside others.
+    pub has_beside: bool,
 }
 
 /// Shows the menus.
@@ -39,6 +43,8 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
                     }
                 });
             });
+            item(ui, menus.has_files, Action::AskBeside, actions);
+            item(ui, menus.has_beside, Action::CloseBeside, actions);
             item(ui, menus.has_series, Action::AskSeries, actions);
             ui.separator();
             item(ui, true, Action::AskSave, actions);

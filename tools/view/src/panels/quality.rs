@@ -9,19 +9,24 @@ use crate::state::{SplatMode, Subject, ViewState, mode_row};
 
 /// Shows the mode and the quality and changes them.
 pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
-    row(ui, "Shown", "splats, or the volume they were fitted to", |ui| {
-        for (text, subject, there) in
-            [("Splats", Subject::Splats, info.splats.is_some()), ("Volume", Subject::Volume, info.volume)]
+    row(ui, "Shown", "splats, those beside them, or the volume they were fitted to", |ui| {
+        for (text, subject) in
+            [("Splats", Subject::Splats), ("Beside", Subject::Beside), ("Volume", Subject::Volume)]
         {
-            ui.add_enabled_ui(there, |ui| ui.selectable_value(&mut state.shown, subject, text));
+            let there = info.has(subject);
+            // Few users compare splats.
+            if there || subject != Subject::Beside {
+                ui.add_enabled_ui(there, |ui| ui.selectable_value(&mut state.shown, subject, text));
+            }
         }
         let both = state.split.is_some();
-        let there = info.splats.is_some() && info.volume;
+        let there = info.has_two();
         let button = ui.add_enabled(there, egui::Button::new("Both").selected(both));
         if button.clicked() {
             actions.push(Action::Split);
         }
-        explained(ui, button, &Action::Split).on_disabled_hover_text("open splats and their volume");
+        explained(ui, button, &Action::Split)
+            .on_disabled_hover_text("open splats and their volume, or splats beside them");
     });
     row(ui, "Mode", "how splats are rendered", |ui| {
         for mode in SplatMode::ALL {

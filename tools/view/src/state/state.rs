@@ -41,8 +41,8 @@ pub struct ViewState {
     /// Mode in which splats are rendered.
     #[serde(default)]
     pub mode: SplatMode,
-    /// Place at which the picture is split, a fraction of its width: splats to the left of it, the volume to
-    /// the right. `None` if it is not split.
+    /// Place at which the picture is split, a fraction of its width ([`ViewState::subjects`] says what is at
+    /// either side of it). `None` if it is not split.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split: Option<f64>,
     /// Background: red, green, blue from 0 to 1.
@@ -88,6 +88,9 @@ pub struct ViewState {
 pub struct Files {
     /// Splat files, one for each fit.
     pub splats: Vec<PathBuf>,
+    /// Splats that are compared with those: they have no rows in the list of objects.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beside: Option<PathBuf>,
     /// The CT or MR that they were fitted to.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume: Option<PathBuf>,
@@ -147,14 +150,23 @@ pub struct Bookmark {
 }
 
 /// Subject of the picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Subject {
     /// The splats.
     #[default]
     Splats,
+    /// The splats that are compared with them.
+    Beside,
     /// The volume, ray-marched.
     Volume,
+}
+
+impl Subject {
+    /// All subjects, in the order in which one steps through them.
+    pub const ALL: [Subject; 3] = [Subject::Splats, Subject::Beside, Subject::Volume];
+    /// Those that are splats.
+    pub const SETS: [Subject; 2] = [Subject::Splats, Subject::Beside];
 }
 
 /// Render mode for splats.
@@ -410,10 +422,28 @@ impl ViewState {
         }
     }
 
-    /// Returns the name of the engine's mode for a subject.
+    /// Returns the subjects of the picture that are `there`: the one that is shown, or, if the picture is split,
+    /// the splats to the left and those beside them, or else the volume, to the right.
+    pub fn subjects(&self, there: impl Fn(Subject) -> bool) -> Vec<Subject> {
+        let right = if there(Subject::Beside) { Subject::Beside } else { Subject::Volume };
+        let wanted = match self.split {
+            Some(_) => vec![Subject::Splats, right],
+            None => vec![self.shown],
+        };
+        wanted.into_iter().filter(|subject| there(*subject)).collect()
+    }
+
+    /// Returns the one of the [subjects](ViewState::subjects) that is seen at `x`, a fraction of the picture's width.
+    pub fn subject_at(&self, x: f64, there: impl Fn(Subject) -> bool) -> Option<Subject> {
+        let subjects = self.subjects(there);
+        let right = self.split.is_some_and(|split| x >= split);
+        subjects.get(usize::from(right)).or(subjects.first()).copied()
+    }
+
+    /// Returns the name of the engine's mode that the user has chosen for a subject.
     pub fn mode_of(&self, subject: Subject) -> &'static str {
         match subject {
-            Subject::Splats => self.mode.name(),
+            Subject::Splats | Subject::Beside => self.mode.name(),
             Subject::Volume => "volume",
         }
     }
@@ -494,9 +524,16 @@ impl ViewState {
         (self.clip, self.distances, self.deleted) = (clip, distances, deleted);
     }
 
-    /// Drops rows and deletions of files that are not open, as after files that could not be read.
+    /// Drops what belongs to files that are not open, as after files that could not be read: rows, deletions,
+    /// and splats that would stand beside nothing.
     pub fn forget_missing_files(&mut self) {
         let files = self.files.splats.len();
+        if files == 0 {
+            self.files.beside = None;
+        }
+        if self.shown == Subject::Beside && self.files.beside.is_none() {
+            self.shown = Subject::Splats;
+        }
         self.objects.retain(|object| object.file < files);
         self.deleted.retain(|deletion| deletion.is_sound(files));
     }
@@ -509,8 +546,8 @@ impl ViewState {
         let path = path.as_ref();
         let mut state = ViewState::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        let Files { splats, volume, roi, .. } = &mut state.files;
-        for file in splats.iter_mut().chain(volume).chain(roi) {
+        let Files { splats, beside, volume, roi, .. } = &mut state.files;
+        for file in splats.iter_mut().chain(beside).chain(volume).chain(roi) {
             // An absolute path replaces the folder.
             *file = folder.join(&file);
         }
@@ -568,6 +605,14 @@ impl ViewState {
         let ends = |d: &Distance| d.from_mm.is_finite() && d.to_mm.is_finite();
         let rows = [
             (self.split.is_none_or(share), "split is not between 0 and 1"),
+            (
+                self.files.beside.is_none() || !self.files.splats.is_empty(),
+                "[files] beside stands beside splats, and there are none",
+            ),
+            (
+                self.shown != Subject::Beside || self.files.beside.is_some(),
+                "shown is \"beside\", and [files] has no such splats",
+            ),
             (colour(self.background), "background is no colour: three numbers from 0 to 1 are needed"),
             (self.clip.planes.len() <= MOST_PLANES, "there are too many [[clip.planes]]; there can be two"),
             (self.clip.planes.iter().all(plane), "a plane of [[clip.planes]] has no direction or offset"),
@@ -588,7 +633,7 @@ impl ViewState {
         match rows.iter().find(|(good, _)| !good) {
             None => Ok(()),
             Some((_, what)) => Err(Error::new(Kind::BadData, "VGS-VIEW-003", *what)
-                .help("mend the number in the session file, or begin without it")),
+                .help("mend the line in the session file, or begin without it")),
         }
     }
 }

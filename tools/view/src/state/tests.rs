@@ -11,6 +11,7 @@ fn full() -> ViewState {
     state.background = DVec3::new(0.1, 0.2, 0.3);
     state.files = Files {
         splats: vec!["/data/a.ply".into(), "/data/b.ply".into()],
+        beside: Some("/data/coarse.vgs".into()),
         volume: Some("/data/ct.nii.gz".into()),
         series: Some("3".into()),
         roi: Some("/data/mask.nii.gz".into()),
@@ -62,9 +63,11 @@ fn files_are_found_from_the_session_file() {
     let path = folder.path().join("session.toml");
     let mut state = full();
     state.files.splats[0] = "near.ply".into();
+    state.files.beside = Some("fits/coarse.vgs".into());
     state.write(&path, false).expect("written");
     let read = ViewState::read(&path).expect("read");
     assert_eq!(read.files.splats[0], folder.path().join("near.ply"));
+    assert_eq!(read.files.beside, Some(folder.path().join("fits/coarse.vgs")));
     assert_eq!(read.files.volume, state.files.volume);
     assert_eq!(state.write(&path, false).expect_err("it exists").code, "VGS-OUT-001");
     state.write(&path, true).expect("replaced");
@@ -85,6 +88,48 @@ fn a_short_file_takes_defaults() {
     assert_ne!(older, transfer);
     let state = ViewState::parse(&format!("version = 1\n{older}")).expect("occlusion has a default");
     assert_eq!(state.transfer.material.occlusion, 0.0);
+    // Files from before splats could stand beside others.
+    let text = full().text().expect("UTF-8");
+    let state = ViewState::parse(&text.replace("beside = \"/data/coarse.vgs\"\n", "")).expect("none beside");
+    assert_eq!(Files { beside: full().files.beside, ..state.files }, full().files);
+}
+
+#[test]
+fn a_split_picture_shows_splats_beside_splats_or_the_volume() {
+    let mut state = full();
+    let all = |_| true;
+    let none_beside = |subject| subject != Subject::Beside;
+    assert_eq!(state.subjects(all), [Subject::Splats, Subject::Beside]);
+    assert_eq!(state.subjects(none_beside), [Subject::Splats, Subject::Volume]);
+    assert_eq!(state.subjects(|subject| subject == Subject::Beside), [Subject::Beside]);
+    // The split is at a quarter.
+    for (x, left, right) in
+        [(0.2, Subject::Splats, Subject::Splats), (0.25, Subject::Beside, Subject::Volume)]
+    {
+        assert_eq!((state.subject_at(x, all), state.subject_at(x, none_beside)), (Some(left), Some(right)));
+    }
+    assert_eq!(state.subject_at(0.9, |subject| subject == Subject::Splats), Some(Subject::Splats));
+    state.split = None;
+    for subject in Subject::ALL {
+        state.shown = subject;
+        assert_eq!((state.subjects(all), state.subject_at(0.9, all)), (vec![subject], Some(subject)));
+    }
+    assert_eq!((state.subjects(|_| false), state.subject_at(0.5, |_| false)), (vec![], None));
+}
+
+#[test]
+fn splats_beside_go_with_those_that_they_are_beside_of() {
+    let mut state = full();
+    state.shown = Subject::Beside;
+    state.forget_missing_files();
+    assert_eq!((state.shown, state.files.beside.is_some()), (Subject::Beside, true));
+    state.files.splats.clear();
+    state.forget_missing_files();
+    assert_eq!((state.shown, &state.files.beside), (Subject::Splats, &None));
+    assert!(ViewState::parse(&state.text().expect("UTF-8")).is_ok());
+    state.shown = Subject::Beside;
+    let error = ViewState::parse(&state.text().expect("UTF-8")).expect_err("nothing is beside");
+    assert!(error.code == "VGS-VIEW-003" && error.message.contains("beside"), "{error}");
 }
 
 #[test]
@@ -93,6 +138,7 @@ fn what_is_wrong_is_named() {
     for (from, to, code, word) in [
         ("version = 1", "version = 2", "VGS-VIEW-001", "version 2"),
         ("version = 1", "version = 1\nflavour = 3", "VGS-VIEW-002", "flavour"),
+        ("splats = [\"/data/a.ply\", \"/data/b.ply\"]", "splats = []", "VGS-VIEW-003", "beside"),
         ("mode = \"exact\"", "mode = \"pretty\"", "VGS-VIEW-002", "pretty"),
         ("split = 0.25", "split = 1.25", "VGS-VIEW-003", "split"),
         ("split = 0.25", "split = nan", "VGS-VIEW-003", "split"),

@@ -8,7 +8,7 @@ use engine::Result;
 use super::viewer::Viewer;
 use crate::canvas::Canvas;
 use crate::export::Export;
-use crate::sorting::{Sorted, needs_look, sort};
+use crate::sorting::{Sorted, needs_look, put_beside, sort};
 use crate::state::{Files, Subject};
 
 impl Viewer {
@@ -89,11 +89,23 @@ impl Viewer {
         if files.splats.is_empty() {
             gone.push(Subject::Splats);
         }
+        if files.beside.is_none() {
+            gone.push(Subject::Beside);
+        }
         if files.volume.is_none() {
             gone.push(Subject::Volume);
         }
         self.read_files();
         Ok(gone)
+    }
+
+    /// Begins to read splats beside those that are open.
+    pub(super) fn open_beside(&mut self, path: PathBuf) {
+        if let Err(error) = put_beside(&mut self.app.state, path.clone()) {
+            return self.app.report(&error);
+        }
+        self.open_files.ask(&[path]);
+        self.read_files();
     }
 
     /// Begins to write the splats that are left.

@@ -94,6 +94,9 @@ impl Viewer {
             // It is open, but what was read of it is no longer what it holds.
             self.open_files.forget(Subject::Splats);
         }
+        if self.app.state.files.beside.as_ref() == Some(path) {
+            self.open_files.forget(Subject::Beside);
+        }
         if let Err(error) = self.open(std::slice::from_ref(path)) {
             self.app.report(&error);
         }
@@ -182,8 +185,12 @@ impl Viewer {
         self.data_number += 1;
         self.range = self.data.range();
         // Splats that are soon replaced are not worth preparing to be moved.
-        self.prepared = self.fit.as_ref().is_some_and(|shown| shown.fitting.status().stage == Stage::Running);
-        self.decoding = false;
+        if self.fit.as_ref().is_some_and(|shown| shown.fitting.status().stage == Stage::Running) {
+            self.prepared.insert(Subject::Splats);
+        } else {
+            self.prepared.remove(&Subject::Splats);
+        }
+        self.decoding.remove(&Subject::Splats);
         self.budget = self.app.state.quality.splat_budget;
         self.stale |= self.app.state.shown == Subject::Splats || self.app.state.split.is_some();
         Ok(())

@@ -5,6 +5,7 @@
 //! | `viewer` | [`Viewer`]: frames, what is loaded, and what the user asks for |
 //! | `files` | what is opened, and what is written beside the window |
 //! | `deleting` | splats that are deleted, beside the window |
+//! | `preparing` | in which mode splats are shown, and what is made beside the window for it |
 //! | `fit` | a fit beside the window: it is begun, its splats are shown as they come, kept or dropped |
 //! | `thumbnails` | pictures of the scene by each preset |
 //! | `shown_fit` | what of the fit waits to be shown |
@@ -12,6 +13,7 @@
 mod deleting;
 mod files;
 mod fit;
+mod preparing;
 mod shown_fit;
 mod thumbnails;
 mod viewer;

@@ -18,13 +18,12 @@ impl Viewer {
         let state = &self.app.state;
         let subject = state.shown;
         // Colours of other programs know no transfer function.
-        let splats = self.data.shown_splats().filter(|_| subject == Subject::Splats);
-        let coloured = splats.is_some_and(|splats| splats.set.colours.is_some());
+        let coloured = self.data.set(subject).is_some_and(|set| set.colours.is_some());
         let Some(scene) = canvas.scene_of(subject).filter(|_| !coloured) else { return Ok(false) };
         let mode = match subject {
             Subject::Volume => state.mode_of(subject),
-            Subject::Splats if scene.scene.splats.as_ref().is_some_and(|s| s.has_decoded(PITCH)) => "decoded",
-            Subject::Splats => SplatMode::Slab.name(),
+            _ if scene.scene.splats.as_ref().is_some_and(|s| s.has_decoded(PITCH)) => "decoded",
+            _ => SplatMode::Slab.name(),
         };
         let Some(name) = self.thumbnails.next(Seen::of(state, self.data_number)) else { return Ok(false) };
         let mut by_preset = state.clone();

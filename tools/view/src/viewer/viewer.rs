@@ -1,12 +1,13 @@
 //! The frames, what is loaded, and what the user asks for.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use engine::budget::Controller;
 use engine::gpu::GpuOptions;
-use engine::render::{GpuSplats, ObjectChange, Quality, SplatKind, level_costs, quality_levels};
+use engine::render::{ObjectChange, Quality, SplatKind, level_costs, quality_levels};
 use engine::splat::SplatSet;
 use engine::{Error, Result, transfer};
 use glam::DVec2;
@@ -21,6 +22,7 @@ use crate::loaded_data::LoadedData;
 use crate::loader::{Loaded, Loader};
 use crate::open_files::OpenFiles;
 use crate::panel_info::{PanelInfo, Statistics};
+use crate::rendered_scene::RenderSetup;
 use crate::report::WindowReport;
 use crate::settings::Settings;
 use crate::state::{Files, SplatMode, Subject, ViewState};
@@ -29,8 +31,6 @@ use crate::transfer::Transfer;
 
 /// Quality of the first picture, low so that something is shown at once.
 const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0, occlusion: false };
-/// The work without which splats cannot be shown decoded.
-const DECODING: &str = "decoding the field";
 
 /// Time after the last movement until the picture is rendered in full.
 const REST: Duration = Duration::from_millis(150);
@@ -102,7 +102,7 @@ pub struct Viewer {
     pub(super) thumbnails: Thumbnails,
     controller: Controller,
     /// Kind of splats whose quality levels the controller chooses from.
-    kind: SplatKind,
+    pub(super) kind: SplatKind,
     /// True if the last picture has a lower quality than it will have at rest.
     draft: bool,
     /// Time of the last movement; `None` once the picture was rendered in full.
@@ -113,12 +113,12 @@ pub struct Viewer {
     pub(super) stale: bool,
     /// Time of the first event that no frame has answered yet.
     happened: Option<Instant>,
-    /// Splat budget of the scene.
+    /// Splat budget of the scenes.
     pub(super) budget: Option<u64>,
-    /// True if the data with which splats move faster are there or being made.
-    pub(super) prepared: bool,
-    /// True if the field for mode decoded is being decoded.
-    pub(super) decoding: bool,
+    /// Splats for which the data with which they move faster are there or being made.
+    pub(super) prepared: BTreeSet<Subject>,
+    /// Splats whose field is being decoded for mode decoded.
+    pub(super) decoding: BTreeSet<Subject>,
     /// True while there is nothing better than a draft in slabs, because the field is still being decoded.
     waits: bool,
     /// True if the camera is to see everything once something is there.
@@ -157,8 +157,8 @@ impl Viewer {
             stale: true,
             happened: None,
             budget: None,
-            prepared: false,
-            decoding: false,
+            prepared: BTreeSet::new(),
+            decoding: BTreeSet::new(),
             waits: false,
             object_changes: objects,
             fits,
@@ -171,7 +171,8 @@ impl Viewer {
     /// Returns the title of the window.
     pub fn title(&self) -> String {
         let files = &self.app.state.files;
-        let names = files.splats.iter().chain(&files.volume).filter_map(|p| p.file_name());
+        let names =
+            files.splats.iter().chain(&files.beside).chain(&files.volume).filter_map(|p| p.file_name());
         let names: Vec<_> = names.map(|n| n.to_string_lossy()).collect();
         if names.is_empty() { "vgs".to_owned() } else { format!("{} - vgs", names.join(", ")) }
     }
@@ -188,10 +189,7 @@ impl Viewer {
         self.thumbnails = Thumbnails::default();
         self.forget_device_of_fit();
         self.statistics.device = format!("{} ({})", chosen.name, chosen.driver);
-        for subject in [Subject::Splats, Subject::Volume] {
-            self.set_scene(canvas, subject)?;
-        }
-        Ok(())
+        Subject::ALL.into_iter().try_for_each(|subject| self.set_scene(canvas, subject))
     }
 
     /// Takes what was loaded and puts it on the device.
@@ -217,6 +215,10 @@ impl Viewer {
                 // Those of the fit that was kept.
                 self.data.fitted = None;
             }
+            if matches!(loaded, Loaded::Beside(_)) && self.app.state.files.beside.is_none() {
+                // They were closed meanwhile, or what they were to stand beside could not be read.
+                continue;
+            }
             let unread = match &loaded {
                 Loaded::Failed(subject, _) => *subject,
                 Loaded::Several(series) => {
@@ -231,6 +233,9 @@ impl Viewer {
                     open_files.could_not_be_read(subject, &mut state.files);
                     state.forget_missing_files();
                 });
+                if self.app.state.files.beside.is_none() && self.data.beside.is_some() {
+                    gone.push(Subject::Beside);
+                }
                 if subject == Subject::Splats && self.fit.is_none() && self.data.fitted.take().is_some() {
                     new.push(Subject::Splats);
                 }
@@ -288,8 +293,8 @@ impl Viewer {
 
     pub(super) fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         self.range = self.data.range();
-        self.prepared &= subject != Subject::Splats;
-        self.decoding &= subject != Subject::Splats;
+        self.prepared.remove(&subject);
+        self.decoding.remove(&subject);
         if let (Subject::Splats, Some(splats)) = (subject, self.data.left_splats()) {
             let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
             let (rows, counts) = rows.unzip();
@@ -306,7 +311,11 @@ impl Viewer {
             }
             self.object_splats = counts;
             self.choose_function();
-        } else if self.data.splats.is_none() && self.data.fitted.is_none() && self.data.has(Subject::Volume) {
+        } else if subject != Subject::Beside
+            && self.data.splats.is_none()
+            && self.data.fitted.is_none()
+            && self.data.has(Subject::Volume)
+        {
             self.app.state.shown = Subject::Volume;
             self.choose_function();
         }
@@ -360,7 +369,8 @@ impl Viewer {
         let split = app.state.split;
         let canvas = &active.canvas;
         let depth = |place: DVec2| canvas.depth_at(place, split);
-        let sample = |at_mm| data.sample(at_mm);
+        let sample = |at_mm| data.sample(Subject::Splats, at_mm);
+        let sample_beside = |at_mm| data.sample(Subject::Beside, at_mm);
         let sample_whole = |at_mm| data.sample_whole(at_mm);
         let info = PanelInfo {
             bounds: canvas.bounds(),
@@ -369,6 +379,7 @@ impl Viewer {
             oriented: data.oriented(),
             splats: data.shown_splats().map(|splats| splats.set.splats.len()),
             deleted: data.deleted_count(),
+            beside: data.has(Subject::Beside),
             volume: data.has(Subject::Volume),
             object_splats,
             object_intensities: data.left_splats().map_or(&[], |splats| &splats.intensities),
@@ -385,6 +396,7 @@ impl Viewer {
             progress: loader.doing().or(of_fit),
             depth: &depth,
             sample: &sample,
+            sample_beside: &sample_beside,
             sample_whole: &sample_whole,
         };
         let mut output = context.run_ui(input, |ui| actions = app.ui(ui, &info));
@@ -427,7 +439,9 @@ impl Viewer {
 
     /// Renders the picture if needed. Returns true if the look was changed.
     fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
-        let chosen = self.chosen_mode(canvas);
+        let shown = self.app.state.subjects(|subject| self.data.has(subject));
+        let chosen: Vec<_> = shown.iter().map(|&subject| self.chosen_mode(canvas, subject)).collect();
+        let chosen: BTreeMap<_, _> = shown.into_iter().zip(chosen).collect();
         self.choose_levels();
         let changes = self.app.take_changes();
         let size = canvas::size(overlay.picture, overlay.pixels_per_point);
@@ -441,8 +455,7 @@ impl Viewer {
         }
         self.controller.set_budget_ms(quality.target_frame_ms);
         let moves = quality.adaptive && changes.any() && self.app.held() && size == self.size;
-        let wanted = self.app.state.mode_of(Subject::Splats);
-        let waits = chosen != wanted && (!self.decoding || self.loader.is_doing(DECODING));
+        let waits = chosen.iter().any(|(&subject, mode)| self.waits_for(subject, mode));
         self.stale |= std::mem::replace(&mut self.waits, waits) && !waits;
         // Something is shown at once; the rest follows.
         let first = quality.adaptive && canvas.is_blank() && self.data.fitted.is_none() || waits;
@@ -458,20 +471,27 @@ impl Viewer {
             (false, false) => Quality::FULL,
         };
         // The first level is the user's choice. So is every other level whose mode is not ready yet.
-        let splats =
-            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
         let faster = quality_levels(self.kind)[level].mode;
-        let other = moves && level > 0 && splats.is_some_and(|splats| is_prepared(splats, faster));
-        let mode = if other { faster } else { chosen };
-        let setups = render_setups(&self.app.state, pixels, mode, given_up, |subject| self.data.has(subject));
+        let mode_of = |subject| {
+            let other = moves && level > 0 && self.moves_in(canvas, subject, faster);
+            if other { faster } else { chosen[&subject] }
+        };
+        let has = |subject| self.data.has(subject);
+        let setups = render_setups(&self.app.state, pixels, mode_of, given_up, has);
+        let as_wanted = |(subject, setup): &(Subject, RenderSetup)| {
+            setup.mode.name == self.data.mode_of(*subject, &self.app.state)
+        };
+        let draft = given_up != Quality::FULL || !setups.iter().all(as_wanted);
         if setups.is_empty() {
             // Nothing will be refined.
             self.moved = None;
             return Ok(changes.look);
         }
         let ms = canvas.render(setups, self.app.camera())?;
-        if waits && !std::mem::replace(&mut self.decoding, true) {
-            self.decode(canvas)?;
+        for (&subject, mode) in &chosen {
+            if self.waits_for(subject, mode) {
+                self.decode(canvas, subject)?;
+            }
         }
         if moves {
             self.controller.finished(level, ms);
@@ -482,38 +502,14 @@ impl Viewer {
         tracing::debug!("picture rendered {}: {ms:.1} ms", if fast { "fast" } else { "in full" });
         // What waits is not refined by time.
         self.moved = (fast && !waits).then(Instant::now);
-        self.draft = mode != wanted || given_up != Quality::FULL;
-        if !fast && !self.prepared {
-            self.prepare(canvas)?;
+        self.draft = draft;
+        if !fast {
+            Subject::SETS.into_iter().try_for_each(|subject| self.prepare(canvas, subject))?;
         }
         self.size = size;
         self.stale = false;
         self.count(canvas, ms);
         Ok(changes.look)
-    }
-
-    /// Returns the mode in which splats are shown at rest: the user's choice, or slabs while the field is not
-    /// decoded that it needs.
-    fn chosen_mode(&mut self, canvas: &Canvas) -> &'static str {
-        let chosen = self.app.state.mode_of(Subject::Splats);
-        let splats =
-            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
-        let Some(splats) = splats.filter(|_| chosen == SplatMode::Decoded.name()) else { return chosen };
-        if splats.has_decoded(PITCH) {
-            self.stale |= std::mem::take(&mut self.decoding);
-            return chosen;
-        }
-        SplatMode::Slab.name()
-    }
-
-    /// Begins to decode the field, beside the window.
-    fn decode(&mut self, canvas: &Canvas) -> Result<()> {
-        let splats =
-            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
-        if let Some(splats) = splats {
-            self.loader.prepare(DECODING, splats.decoding(canvas.gpu(), PITCH)?);
-        }
-        Ok(())
     }
 
     /// Changes to the quality levels that belong to the mode that the user has chosen.
@@ -529,26 +525,8 @@ impl Viewer {
         }
     }
 
-    /// Begins to make, beside the window, the data with which the splats move faster.
-    fn prepare(&mut self, canvas: &Canvas) -> Result<()> {
-        let splats =
-            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
-        let wanted = |mode| quality_levels(self.kind).iter().any(|level| level.mode == mode);
-        if let Some(splats) = splats {
-            if wanted("alpha") && !splats.has_faces() {
-                let job = splats.preparation(canvas.gpu())?;
-                self.loader.prepare("making what moves fast", |_| job());
-            }
-            if wanted("decoded") && !splats.has_decoded(PITCH) && !self.decoding {
-                self.loader.prepare("decoding what moves fast", splats.decoding(canvas.gpu(), PITCH)?);
-            }
-        }
-        self.prepared = true;
-        Ok(())
-    }
-
     fn set_look(&mut self, canvas: &mut Canvas) -> Result<()> {
-        for subject in [Subject::Splats, Subject::Volume] {
+        for subject in Subject::ALL {
             match self.data.look(subject, &self.app.state) {
                 Ok(look) => canvas.set_look(subject, &look)?,
                 Err(error) => self.app.report(&error),
@@ -566,8 +544,7 @@ impl Viewer {
         statistics.passes = passes.into_iter().map(|(name, time)| (name, time.total_ms)).collect();
         statistics.memory = canvas.gpu().memory_by_purpose();
         statistics.step = Some(self.app.state.quality.step);
-        let splats =
-            canvas.scene_of(Subject::Splats).and_then(|shown_scene| shown_scene.scene.splats.as_ref());
+        let splats = canvas.splats_of(Subject::Splats);
         statistics.active_splats = splats.and_then(|splats| splats.active_count().ok());
     }
 
@@ -580,6 +557,8 @@ impl Viewer {
                 Ok(gone) => self.forget(canvas, gone)?,
                 Err(error) => self.app.report(&error),
             },
+            Action::Beside(path) => self.open_beside(path),
+            Action::CloseBeside => self.forget(canvas, vec![Subject::Beside])?,
             Action::Region(region) => {
                 self.app.state.files.set_region(region);
                 self.read_files();
@@ -601,14 +580,5 @@ impl Viewer {
             other => self.act_on_fit(other, canvas)?,
         }
         Ok(false)
-    }
-}
-
-/// Returns true if a mode can render these splats at once.
-fn is_prepared(splats: &GpuSplats, mode: &str) -> bool {
-    match mode {
-        "alpha" => splats.has_faces(),
-        "decoded" => splats.has_decoded(PITCH),
-        _ => true,
     }
 }

@@ -11,6 +11,8 @@ use crate::region::RegionSize;
 use crate::state::Object;
 use crate::transfer::Transfer;
 
+#[path = "beside.rs"]
+mod beside;
 #[path = "deletions.rs"]
 mod deletions;
 #[path = "fit.rs"]
@@ -34,6 +36,9 @@ struct Bench {
     region: Option<RegionSize>,
     /// Number of splats that are deleted.
     deleted: usize,
+    /// True if there are splats beside the others, and if there is a volume.
+    beside: bool,
+    volume: bool,
     /// True if there is nothing to see.
     nothing: bool,
     dropped: Vec<egui::DroppedFileHandle>,
@@ -56,6 +61,8 @@ impl Bench {
             fit: None,
             region: None,
             deleted: 0,
+            beside: false,
+            volume: true,
             nothing: false,
             dropped: Vec::new(),
             shapes: Vec::new(),
@@ -84,12 +91,14 @@ impl Bench {
             range: [-1000.0, 2000.0],
             unit: " HU",
             splats: Some(1000),
-            volume: true,
+            beside: self.beside,
+            volume: self.volume,
             object_splats: &[600, 400],
             object_intensities: &self.intensities,
             draft: self.draft,
             depth: &depth,
             sample: &|x| Some(x.y),
+            sample_beside: &|_| Some(77.0),
             fit: self.fit.as_ref(),
             region: self.region,
             deleted: self.deleted,
@@ -466,19 +475,6 @@ fn a_face_of_the_crop_box_is_dragged_in_the_picture() {
     bench.press(Key::H, Modifiers::NONE);
     bench.drag(to, from - to, PointerButton::Primary, Modifiers::NONE);
     assert_ne!(bench.app.state.orbit, orbit, "without handles a drag turns");
-}
-
-#[test]
-fn the_line_of_the_split_follows_the_mouse() {
-    let mut bench = Bench::new();
-    bench.press(Key::B, Modifiers::NONE);
-    let picture = bench.app.picture();
-    let by = vec2(-0.25 * picture.width(), 0.0);
-    bench.drag(picture.center() + vec2(2.0, 80.0), by, PointerButton::Primary, Modifiers::NONE);
-    let split = bench.app.state.split.expect("both");
-    assert!((split - 0.25).abs() < 0.01, "{split}");
-    assert_eq!(bench.app.take_changes(), Changes { rendering: true, ..Changes::default() });
-    bench.find("volume");
 }
 
 #[test]

@@ -1,0 +1,88 @@
+//! The modes in which splats are shown, and what is made beside the window for them: the field that mode decoded
+//! shows, and what moves fast.
+
+use engine::Result;
+use engine::render::{GpuSplats, quality_levels};
+
+use super::viewer::{PITCH, Viewer};
+use crate::canvas::Canvas;
+use crate::state::{SplatMode, Subject};
+
+/// Returns the name of the work without which splats cannot be shown decoded.
+fn decoding(subject: Subject) -> &'static str {
+    if subject == Subject::Beside { "decoding the field beside" } else { "decoding the field" }
+}
+
+impl Viewer {
+    /// Returns the mode in which a subject is shown at rest: the one that is wanted, or slabs while the field is not
+    /// decoded that it needs.
+    pub(super) fn chosen_mode(&mut self, canvas: &Canvas, subject: Subject) -> &'static str {
+        let wanted = self.data.mode_of(subject, &self.app.state);
+        let splats = canvas.splats_of(subject).filter(|_| wanted == SplatMode::Decoded.name());
+        let Some(splats) = splats else { return wanted };
+        if splats.has_decoded(PITCH) {
+            self.stale |= self.decoding.remove(&subject);
+            return wanted;
+        }
+        SplatMode::Slab.name()
+    }
+
+    /// Returns true if the mode in which a subject is wanted is still to come, and `chosen` is shown meanwhile.
+    pub(super) fn waits_for(&self, subject: Subject, chosen: &str) -> bool {
+        chosen != self.data.mode_of(subject, &self.app.state)
+            && (!self.decoding.contains(&subject) || self.loader.is_doing(decoding(subject)))
+    }
+
+    /// Returns true if a mode of the quality levels shows a subject rightly and can render it at once.
+    pub(super) fn moves_in(&self, canvas: &Canvas, subject: Subject, mode: &str) -> bool {
+        let is_right = self.own_mode(subject).is_none_or(|own| own == mode);
+        canvas.splats_of(subject).is_some_and(|splats| is_right && is_prepared(splats, mode))
+    }
+
+    /// Begins to decode the field of a subject, beside the window, unless that has begun before.
+    pub(super) fn decode(&mut self, canvas: &Canvas, subject: Subject) -> Result<()> {
+        let Some(splats) = canvas.splats_of(subject) else { return Ok(()) };
+        if self.decoding.insert(subject) {
+            self.loader.prepare(decoding(subject), splats.decoding(canvas.gpu(), PITCH)?);
+        }
+        Ok(())
+    }
+
+    /// Begins to make, beside the window, the data with which the splats of a subject move faster.
+    pub(super) fn prepare(&mut self, canvas: &Canvas, subject: Subject) -> Result<()> {
+        let Some(splats) = canvas.splats_of(subject) else { return Ok(()) };
+        if !self.prepared.insert(subject) {
+            return Ok(());
+        }
+        let own = self.own_mode(subject);
+        let levels = quality_levels(self.kind);
+        let needs =
+            |mode| own.map_or_else(|| levels.iter().any(|level| level.mode == mode), |own| own == mode);
+        if needs("alpha") && !splats.has_faces() {
+            let job = splats.preparation(canvas.gpu())?;
+            self.loader.prepare("making what moves fast", |_| job());
+        }
+        if needs("decoded") && !splats.has_decoded(PITCH) {
+            if self.data.mode_of(subject, &self.app.state) == SplatMode::Decoded.name() {
+                self.decode(canvas, subject)?;
+            } else if !self.decoding.contains(&subject) {
+                self.loader.prepare("decoding what moves fast", splats.decoding(canvas.gpu(), PITCH)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the only mode in which a subject may be shown. The user may show the first splats in every mode.
+    fn own_mode(&self, subject: Subject) -> Option<&'static str> {
+        self.data.own_mode_beside().filter(|_| subject == Subject::Beside)
+    }
+}
+
+/// Returns true if a mode can render these splats at once.
+fn is_prepared(splats: &GpuSplats, mode: &str) -> bool {
+    match mode {
+        "alpha" => splats.has_faces(),
+        "decoded" => splats.has_decoded(PITCH),
+        _ => true,
+    }
+}
