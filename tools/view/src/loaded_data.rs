@@ -178,7 +178,7 @@ impl LoadedData {
     pub fn has_hu(&self) -> bool {
         match &self.volume {
             Some(shown) => shown.volume.is_ct(),
-            None => self.set().is_none_or(|set| set.unit != Unit::Arbitrary),
+            None => self.set(Subject::Splats).is_none_or(|set| set.unit != Unit::Arbitrary),
         }
     }
 
@@ -186,7 +186,7 @@ impl LoadedData {
     pub fn unit(&self) -> &'static str {
         match &self.volume {
             Some(shown) => shown.volume.unit(),
-            None => self.set().map_or(Unit::Hu, |set| set.unit).text(),
+            None => self.set(Subject::Splats).map_or(Unit::Hu, |set| set.unit).text(),
         }
     }
 
