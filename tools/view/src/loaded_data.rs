@@ -74,7 +74,11 @@ impl LoadedData {
                     self.probe_beside = Some(*probe);
                 }
             }
-            Loaded::VolumeHistogram(histogram) => self.volume_histogram = histogram,
+            Loaded::VolumeHistogram(volume, histogram) => {
+                if self.volume.as_ref().is_some_and(|own| Arc::ptr_eq(own, &volume)) {
+                    self.volume_histogram = histogram;
+                }
+            }
             Loaded::Written(_) | Loaded::Sorted(..) | Loaded::Several(_) => {}
             Loaded::Failed(_, error) => return Err(error),
         }

@@ -55,8 +55,8 @@ pub enum Loaded {
     Volume(Arc<LoadedVolume>),
     /// Series of a folder, of which one is to be chosen before there is a volume.
     Several(Series),
-    /// Histogram of the volume's intensities within its region.
-    VolumeHistogram(Option<Histogram>),
+    /// Histogram of the intensities of this volume within its region.
+    VolumeHistogram(Arc<LoadedVolume>, Option<Histogram>),
     /// Files that had to be looked into to be sorted, and those that were asked for.
     Sorted(Box<Sorted>, Vec<PathBuf>),
     /// File that was written.
@@ -271,6 +271,11 @@ struct Teller {
 }
 
 impl Teller {
+    /// Returns a teller whose results are wanted whatever is opened meanwhile: they name what they belong to.
+    fn always(&self) -> Self {
+        Teller { wake: Arc::clone(&self.wake), sender: self.sender.clone(), turn: ALWAYS }
+    }
+
     fn say(&self, message: Message) {
         let _ = self.sender.send((self.turn, message));
         (self.wake)();
@@ -322,11 +327,12 @@ impl Teller {
     }
 
     fn count(&self, splats: Arc<LoadedSplats>) {
-        let counted = self.during("counting intensities of splats".to_owned(), || {
+        let always = self.always();
+        let counted = always.during("counting intensities of splats".to_owned(), || {
             Ok((Histogram::of_splats(&splats.set), Box::new(Probe::new(&splats.set))))
         });
         let Some((histogram, probe)) = counted else { return };
-        self.say(Message::Loaded(Loaded::Counted(splats, histogram, probe)));
+        always.say(Message::Loaded(Loaded::Counted(splats, histogram, probe)));
     }
 
     fn left(&self, what: &str, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>, gpu: &Gpu) {
@@ -363,10 +369,11 @@ impl Teller {
             Some(Ok(shown)) => shown,
         };
         self.say(Message::Loaded(Loaded::Volume(Arc::clone(&shown))));
-        let histogram = self.during(format!("counting intensities of {name}"), || {
+        let always = self.always();
+        let histogram = always.during(format!("counting intensities of {name}"), || {
             Ok(Histogram::of_volume(&shown.volume, shown.roi.as_ref()))
         });
-        self.say(Message::Loaded(Loaded::VolumeHistogram(histogram.flatten())));
+        always.say(Message::Loaded(Loaded::VolumeHistogram(shown, histogram.flatten())));
     }
 }
 
@@ -445,6 +452,43 @@ mod tests {
             panic!("one failure of splats")
         };
         assert_eq!((error.kind, error.file.as_ref()), (Kind::Missing, Some(&nothing)));
+    }
+
+    #[test]
+    fn what_is_opened_next_takes_no_histogram_away() {
+        let (sender, woken) = channel();
+        let mut loader = Loader::new(move || sender.send(()).expect("the test listens"));
+        let folder = tempfile::tempdir().unwrap();
+        let [ct, ply] = ["ct.nii", "a.ply"].map(|name| folder.path().join(name));
+        let volume = Volume::new([8, 9, 10], glam::DAffine3::IDENTITY, (0..720).map(|i| i as f32).collect());
+        engine::volume::nifti::write(&ct, &volume, false).unwrap();
+        let splat = splat::Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Default::default() };
+        splat::write(&ply, &SplatSet { splats: vec![splat], ..SplatSet::default() }, false).unwrap();
+        let mut files = Files { volume: Some(ct), ..Files::default() };
+        loader.open(&files, &Files::default(), None);
+        let (mut read, mut counted) = (None, 0);
+        while counted < 2 {
+            woken.recv_timeout(std::time::Duration::from_secs(20)).expect("both are counted");
+            for loaded in loader.take() {
+                match loaded {
+                    Loaded::Volume(volume) => {
+                        // Before its intensities are counted, as far as anybody knows.
+                        let had = files.clone();
+                        files.splats = vec![ply.clone()];
+                        loader.open(&files, &had, Some(&volume.volume));
+                        read = Some(volume);
+                    }
+                    Loaded::VolumeHistogram(volume, histogram) => {
+                        assert!(
+                            histogram.is_some() && read.as_ref().is_some_and(|r| Arc::ptr_eq(r, &volume))
+                        );
+                        counted += 1;
+                    }
+                    Loaded::Counted(..) => counted += 1,
+                    _ => {}
+                }
+            }
+        }
     }
 
     #[test]
