@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 
 use engine::Result;
 use engine::render::{ClipPlane, Look, PLANES};
-use engine::splat::Object;
+use engine::splat::{Object, Unit};
 use engine::transfer::{PRESETS, load};
 use glam::DVec3;
 use view::history::History;
@@ -66,6 +66,8 @@ pub struct Controls {
     pub state: ViewState,
     /// Least and greatest intensity of the scene.
     pub range: [f64; 2],
+    /// Text behind an intensity: " HU", or nothing.
+    pub unit: &'static str,
     /// What the user is to be told of this frame.
     pub feedback: Feedback,
     /// True while something on the panel is dragged: all that it changes is one step of the history.
@@ -105,9 +107,11 @@ pub struct Start {
     pub numbers: Vec<u8>,
     /// Least and greatest intensity of the scene.
     pub range: [f64; 2],
+    /// Text behind an intensity: " HU", or nothing.
+    pub unit: &'static str,
 }
 
-/// Returns the view that a scene of these objects, with intensities in `range`, has with a look.
+/// Returns the view that a scene of these objects, with intensities in `range`, HU, has with a look.
 pub fn view_of(look: &Look, objects: &[Object], range: [f64; 2]) -> Start {
     let mut state = ViewState::new(&look.transfer);
     let row = |object: &Object| {
@@ -124,7 +128,12 @@ pub fn view_of(look: &Look, objects: &[Object], range: [f64; 2]) -> Start {
     };
     state.objects = objects.iter().map(row).collect();
     state.clip.planes = look.clip.iter().map(standing).collect();
-    Start { state, numbers: objects.iter().map(|object| object.number).collect(), range }
+    Start {
+        state,
+        numbers: objects.iter().map(|object| object.number).collect(),
+        range,
+        unit: Unit::Hu.text(),
+    }
 }
 
 /// Returns a plane that stands in the patient.
@@ -135,11 +144,12 @@ fn standing(plane: &ClipPlane) -> state::Plane {
 impl Controls {
     /// Creates the controls of a scene, with the view to begin with.
     pub fn new(placement: Placement, start: Start) -> Self {
-        let Start { state, numbers, range } = start;
+        let Start { state, numbers, range, unit } = start;
         let (base, resets) = (state.transfer.clone(), 0);
         Controls {
             placement,
             range,
+            unit,
             feedback: Feedback::default(),
             dragging: false,
             home: placement,

@@ -91,9 +91,9 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
             (Content::Splats(splats), numbers, range)
         }
     };
-    let has_hu = match &content {
-        Content::Splats(splats) => splats.set.unit != Unit::Arbitrary,
-        Content::Volume(volume) => volume.volume.is_ct(),
+    let (has_hu, unit) = match &content {
+        Content::Splats(splats) => (splats.set.unit != Unit::Arbitrary, splats.set.unit.text()),
+        Content::Volume(volume) => (volume.volume.is_ct(), volume.volume.unit()),
     };
     if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(transfer::first(has_hu))) {
         state.transfer = Transfer::new(&transfer::load(tf, range)?);
@@ -103,7 +103,7 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
         Content::Volume(_) => Vec::new(),
     };
     state.change_objects(&there, &numbers, range, &wanted.objects)?;
-    Ok((content, Start { state, numbers, range }))
+    Ok((content, Start { state, numbers, range, unit }))
 }
 
 fn nothing(help: &str) -> Error {
@@ -159,6 +159,22 @@ mod tests {
 
     fn wanted(folder: &tempfile::TempDir, files: &[&str]) -> Wanted {
         Wanted { files: files.iter().map(|name| folder.path().join(name)).collect(), ..Wanted::default() }
+    }
+
+    #[test]
+    fn what_has_no_hu_has_another_first_function() {
+        let folder = folder();
+        let first = |name: &str| {
+            let (_, start) = read(&wanted(&folder, &[name])).expect("something to show");
+            (start.state.transfer.name, start.unit)
+        };
+        assert_eq!(first("bones.ply"), ("CT-Bone".into(), " HU"));
+        assert_eq!(first("ct.nii"), ("MR-Default".into(), ""), "without air it is no CT");
+        let path = folder.path().join("mr.ply");
+        let bones =
+            splat::read(&folder.path().join("bones.ply"), &splat::ReadOptions::default()).expect("splats");
+        splat::write(&path, &SplatSet { unit: Unit::Arbitrary, ..bones }, false).expect("a file");
+        assert_eq!(first("mr.ply"), ("MR-Default".into(), ""));
     }
 
     #[test]

@@ -49,18 +49,15 @@ pub struct PickData {
     probe: Probe,
     histogram: Option<Histogram>,
     intensities: Vec<Intensities>,
-    unit: &'static str,
 }
 
 impl PickData {
     /// Computes the data of the splats that are shown.
     pub fn of(set: &SplatSet) -> Self {
-        let unit = set.unit.text();
         PickData {
             probe: Probe::new(set),
             histogram: Histogram::of_splats(set),
             intensities: Intensities::of_objects(set),
-            unit,
         }
     }
 }
@@ -403,9 +400,9 @@ impl Pointing {
             marks.line(Mark::Line, from, to);
             marks.at(Mark::Length(format!("{:.1} mm", distance.mm())), (from + to) * 0.5);
         }
-        if let (Some(hit), Some(end), None, Some(pick)) = (self.hit, end, &begun, &self.pick) {
+        if let (Some(hit), Some(end), None) = (self.hit, end, &begun) {
             let DVec3 { x, y, z } = hit.at_mm;
-            let text = format!("{:.0}{}\n({x:.1}, {y:.1}, {z:.1}) mm", hit.intensity, pick.unit);
+            let text = format!("{:.0}{}\n({x:.1}, {y:.1}, {z:.1}) mm", hit.intensity, controls.unit);
             marks.at(Mark::Text(text), end);
         }
         if let Some(Notice { text, at, .. }) = &self.notice {
@@ -430,7 +427,7 @@ impl Pointing {
         let pick = self.pick.as_ref();
         let info = PanelInfo {
             range: controls.range,
-            unit: pick.map_or("", |pick| pick.unit),
+            unit: controls.unit,
             object_splats: &self.object_splats,
             object_intensities: pick.map_or(&[], |pick| &pick.intensities),
             splat_histogram: pick.and_then(|pick| pick.histogram.as_ref()),
