@@ -1,9 +1,10 @@
 //! A transfer function as a table, for a renderer to upload.
 //!
 //! Entry `i` stands at the intensity `first + i · step`; `step` is a power of two and every entry is a number
-//! of `f32`. There are two rows of them, and a third one over the magnitude of the gradient. `points` has rgb and τ (1/mm) at the entries. `integrals` has ∫τ·rgb and ∫τ
-//! from the first entry on, for pre-integrated classification (Engel, Kraus, Ertl 2001): along a segment on
-//! which the intensity goes evenly from v_a to v_b the mean extinction is (K(v_b) − K(v_a)) / (v_b − v_a).
+//! of `f32`. There are two rows of them, and `gradient_factors` over the magnitude of the gradient. `points` has
+//! rgb and τ (1/mm) at the entries. `integrals` has ∫τ·rgb and ∫τ from the first entry on, for pre-integrated
+//! classification (Engel, Kraus, Ertl 2001): along a segment on which the intensity goes evenly from v_a to v_b
+//! the mean extinction is (K(v_b) − K(v_a)) / (v_b − v_a).
 //!
 //! Differences of prefix sums cancel: in `f32` the rounding of a large K would drown what little a
 //! translucent tissue adds. So the sums are whole numbers, in units of `integral_unit`: their differences are
@@ -147,13 +148,15 @@ impl Table {
     }
 }
 
-/// Returns the factors of the opacity from no gradient to the last control point, and the distance of entries.
+/// Returns the factors of the opacity from no gradient to the one from which on they stay the same, and the distance
+/// of entries.
 fn gradient_table(tf: &TransferFunction) -> (Vec<f32>, f64) {
     let points = tf.gradient_opacities();
-    let Some(last) = points.last() else { return (vec![1.0; GRADIENT_ENTRIES as usize], 1.0) };
+    let Some(end) = points.last() else { return (vec![1.0; GRADIENT_ENTRIES as usize], 1.0) };
+    let changes = points.iter().rposition(|point| point.opacity != end.opacity);
+    let last = changes.map_or(0.0, |i| points[i + 1].intensity);
     let steps = f64::from(GRADIENT_ENTRIES - 1);
-    let step =
-        if last.intensity > 0.0 { (last.intensity / steps).max(f64::from(f32::MIN_POSITIVE)) } else { 1.0 };
+    let step = if last > 0.0 { (last / steps).max(f64::from(f32::MIN_POSITIVE)) } else { 1.0 };
     let factor = |i: u32| interpolate(points, f64::from(i) * step, From::Above) as f32;
     ((0..GRADIENT_ENTRIES).map(factor).collect(), step)
 }

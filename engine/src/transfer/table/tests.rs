@@ -97,6 +97,34 @@ fn entries_are_exact_and_the_middle_between_two_belongs_to_the_upper() {
     assert_eq!(table.segment(100.0, 900.0), table.segment(900.0, 100.0));
 }
 
+/// Factors over the gradient are those of the function to the width of an entry, however far its last point lies; and 1
+/// without any.
+#[test]
+fn gradient_factors_follow_the_function() {
+    let graded = |points: &[(f64, f64)]| {
+        let points = points.iter().map(|&(intensity, opacity)| OpacityPoint { intensity, opacity });
+        let tf = white(&[(0.0, 0.0), (100.0, 1.0)]).with_gradient_opacity(points.collect()).unwrap();
+        Table::new(&tf, CT)
+    };
+    assert!([0.0, 3.0, 1e30].iter().all(|&g| graded(&[]).gradient_factor(g) == 1.0));
+    let constant = graded(&[(-5.0, 0.25), (900.0, 0.25)]);
+    assert!([0.0, 899.0, 1e30].iter().all(|&g| constant.gradient_factor(g) == 0.25));
+    // A tail as far as Slicer's functions have it takes no entries from the ramp.
+    let ramp = graded(&[(0.0, 0.0), (30.0, 0.0), (120.0, 0.8), (4000.0, 0.8), (1e9, 0.8)]);
+    for i in 0..2000 {
+        let g = f64::from(i) * 0.1;
+        let wanted = ((g - 30.0) / 90.0).clamp(0.0, 1.0) * 0.8;
+        let error = (ramp.gradient_factor(g) - wanted).abs();
+        assert!(error < 0.8 / 90.0 * ramp.gradient_step, "{g}: {error}");
+    }
+    // A step is as wide as an entry; nothing is beyond a function that lies below 0.
+    let step = graded(&[(50.0, 0.0), (50.0, 1.0)]);
+    assert_eq!((step.gradient_factor(49.0), step.gradient_factor(50.0)), (0.0, 1.0));
+    assert_eq!(graded(&[(-20.0, 0.0), (-10.0, 0.5)]).gradient_factor(7.0), 0.5);
+    let tiny = graded(&[(0.0, 0.0), (1e-300, 1.0)]);
+    assert!(tiny.gradient_step > 0.0 && ((1.0 / tiny.gradient_step) as f32).is_finite());
+}
+
 #[test]
 fn beyond_its_ends_the_table_goes_on() {
     let tf = tf(&[(0.0, [1.0, 0.0, 0.0]), (100.0, [0.0, 0.0, 1.0])], &[(0.0, 0.2), (100.0, 0.6)]);
