@@ -102,9 +102,29 @@ pub struct Message {
     pub bad: bool,
 }
 
+/// Flags of the command line that errors name, and what is called so in the window.
+const IN_WINDOW: [(&str, &str); 8] = [
+    ("--roi-min-ml", "Pieces from"),
+    ("--roi-largest", "Largest"),
+    ("--roi-close", "Close gaps"),
+    ("--roi-fill", "Fill holes"),
+    ("--roi-threshold", "Threshold"),
+    ("--roi-label", "Labels"),
+    ("--roi", "Mask"),
+    ("--series", "Choose series…"),
+];
+
+/// Returns a text with the window's words for flags. Those that the window has none for stay, as flags.
+fn in_window(text: &str) -> String {
+    let words = IN_WINDOW.iter().fold(text.to_owned(), |text, (flag, word)| text.replace(flag, word));
+    if words.contains("--") { words + " (on the command line)" } else { words }
+}
+
 impl From<&Error> for Message {
     fn from(error: &Error) -> Self {
-        Message { text: format!("{error} [{}]", error.code), help: error.help.clone(), bad: true }
+        let file = error.file.as_ref().map(|file| format!("{}: ", file.display())).unwrap_or_default();
+        let text = format!("{file}{} [{}]", in_window(&error.message), error.code);
+        Message { text, help: in_window(&error.help), bad: true }
     }
 }
 
@@ -127,4 +147,28 @@ pub fn message(context: &Context, message: &Message) -> bool {
             }
         });
     !open
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::Kind;
+
+    use super::*;
+
+    #[test]
+    fn errors_speak_of_the_window() {
+        let message = |message: &str, help: &str| {
+            Message::from(&Error::new(Kind::Usage, "VGS-X-001", message.to_owned()).help(help))
+        };
+        let pieces =
+            message("--roi-min-ml 5 leaves nothing", "give a smaller --roi-min-ml, or other thresholds");
+        assert_eq!(pieces.text, "Pieces from 5 leaves nothing [VGS-X-001]");
+        assert_eq!(pieces.help, "give a smaller Pieces from, or other thresholds");
+        let labels = message("several", "choose --roi-label N|name,...: 1 bone; or another --roi");
+        assert_eq!(labels.help, "choose Labels N|name,...: 1 bone; or another Mask");
+        assert_eq!(message("a", "raise --max-bytes").help, "raise --max-bytes (on the command line)");
+        assert_eq!(message("a", "copy it again").help, "copy it again");
+        let named = Error::new(Kind::Usage, "VGS-X-001", "--series is none").file("a--roi.nii");
+        assert_eq!(Message::from(&named).text, "a--roi.nii: Choose series… is none [VGS-X-001]");
+    }
 }
