@@ -197,10 +197,10 @@ impl App {
         changes
     }
 
-    /// Asks whether to end although something would be lost. Returns true if that question is open already.
-    pub fn ask_to_leave(&mut self) -> bool {
+    /// Asks whether to end although something would be lost.
+    pub fn ask_to_leave(&mut self) {
         (self.prompt, self.saves_to_leave) = (None, None);
-        self.leaving.replace(Action::Quit) == Some(Action::Quit)
+        self.leaving = Some(Action::Quit);
     }
 
     /// Asks which of several series is meant.

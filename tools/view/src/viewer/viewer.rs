@@ -267,7 +267,11 @@ impl Viewer {
     /// Returns true if the window may be closed at once. Otherwise the user is asked, since a fit or changes of
     /// the session would be lost.
     pub fn may_close(&mut self) -> bool {
-        self.fit.is_none() && !self.app.is_changed() || self.app.ask_to_leave()
+        let loses = self.fit.is_some() || self.app.is_changed();
+        if loses {
+            self.app.ask_to_leave();
+        }
+        !loses
     }
 
     /// Chooses the only mode that shows these splats, if there is one.

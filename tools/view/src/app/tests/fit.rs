@@ -181,10 +181,11 @@ fn a_fit_is_not_lost_unasked() {
         assert_eq!(click(&mut bench, "Cancel"), []);
         assert!(bench.place_of("The fit is in no file").is_none());
     }
-    assert!(
-        !bench.app.ask_to_leave() && bench.app.ask_to_leave(),
-        "the window's own button closes at the second time"
-    );
-    bench.rest();
+    // The window's own button, however often it is clicked.
+    for _ in 0..3 {
+        bench.app.ask_to_leave();
+        bench.rest();
+        bench.find("The fit is in no file");
+    }
     assert_eq!(click(&mut bench, "Quit without saving"), [Action::Quit]);
 }
