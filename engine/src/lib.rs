@@ -17,6 +17,7 @@
 //! budget   which quality frames can afford, from the times of those that have finished; pure, uses nothing
 //! output   files that appear whole or not at all; used by all that write
 //! names    the name that a mistyped one stands for; used by all that have names
+//! unit     what intensities are numbers of; used by all that have some
 //! memory   how much of the host there is; asked before what a flag or a file sizes is taken
 //! ```
 //!
@@ -41,6 +42,7 @@ pub mod reference;
 pub mod render;
 pub mod splat;
 pub mod transfer;
+pub mod unit;
 pub mod volume;
 
 pub use error::{Error, Kind, Result};

@@ -6,8 +6,9 @@ use engine::image::Image;
 use engine::reference::eye::{self, Eye};
 use engine::reference::slab as reference;
 use engine::render::{Camera, Look, MODES, ModeRow, Renderer, Scene, Settings};
-use engine::splat::{Field, Kernel, Splat, SplatSet, Unit};
+use engine::splat::{Field, Kernel, Splat, SplatSet};
 use engine::transfer::{Table, TransferFunction, preset};
+use engine::unit::Unit;
 use glam::{DVec3, DVec4, Vec3};
 use rand::RngExt;
 

@@ -3,8 +3,9 @@
 
 use engine::gpu::Gpu;
 use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, baked, mode};
-use engine::splat::{Harmonics, Splat, SplatSet, Unit};
+use engine::splat::{Harmonics, Splat, SplatSet};
 use engine::transfer::preset;
+use engine::unit::Unit;
 use glam::{DVec3, Vec3};
 use rand::RngExt;
 use vgs_tests::Device;

@@ -8,8 +8,9 @@ use engine::render::{
     Appearance, Camera, Fov, Frames, Look, Quality, QualityLevel, Renderer, Scene, Settings, SplatKind,
     VisibilityMask, mode, quality_levels,
 };
-use engine::splat::{Field, Form, Grid, Splat, SplatSet, Unit};
+use engine::splat::{Field, Form, Grid, Splat, SplatSet};
 use engine::transfer::preset;
+use engine::unit::Unit;
 use glam::{DAffine3, DVec2, DVec3, Vec3};
 use rand::RngExt;
 use vgs_tests::Device;

@@ -2,7 +2,7 @@
 //! asking every splat at every plane of every pixel.
 #![forbid(unsafe_code)]
 
-use engine::splat::Unit;
+use engine::unit::Unit;
 use std::collections::{BTreeMap, BTreeSet};
 
 use engine::gpu::Gpu;

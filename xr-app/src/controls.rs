@@ -5,8 +5,9 @@ use std::cmp::Ordering;
 
 use engine::Result;
 use engine::render::{ClipPlane, Look, PLANES};
-use engine::splat::{Object, Unit};
+use engine::splat::Object;
 use engine::transfer::{PRESETS, load};
+use engine::unit::Unit;
 use glam::DVec3;
 use view::history::History;
 use view::state::{self, Clip, Edited, MOST_PLANES, ViewState};

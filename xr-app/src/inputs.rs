@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use engine::gpu::Gpu;
 use engine::render::ObjectChange;
-use engine::splat::Unit;
 use engine::{Error, Kind, Result, transfer};
 use view::deletions::Deletion;
 use view::loader::{self, LoadedSplats, LoadedVolume};
@@ -91,11 +90,11 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
             (Content::Splats(splats), numbers, range)
         }
     };
-    let (has_hu, unit) = match &content {
-        Content::Splats(splats) => (splats.set.unit != Unit::Arbitrary, splats.set.unit.text()),
-        Content::Volume(volume) => (volume.volume.is_ct(), volume.volume.unit()),
+    let unit = match &content {
+        Content::Splats(splats) => splats.set.unit,
+        Content::Volume(volume) => volume.volume.unit(),
     };
-    if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(transfer::first(has_hu))) {
+    if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(transfer::first(unit))) {
         state.transfer = Transfer::new(&transfer::load(tf, range)?);
     }
     let there = match &content {
@@ -103,7 +102,7 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
         Content::Volume(_) => Vec::new(),
     };
     state.change_objects(&there, &numbers, range, &wanted.objects)?;
-    Ok((content, Start { state, numbers, range, unit }))
+    Ok((content, Start { state, numbers, range, unit: unit.text() }))
 }
 
 fn nothing(help: &str) -> Error {
@@ -128,6 +127,7 @@ pub fn left(gpu: &Gpu, splats: LoadedSplats, deleted: &[Deletion]) -> Result<Loa
 #[cfg(test)]
 mod tests {
     use engine::splat::{self, Splat, SplatSet};
+    use engine::unit::Unit;
     use engine::volume::{Volume, nifti};
     use glam::{DAffine3, DVec3};
 

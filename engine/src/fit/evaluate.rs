@@ -121,7 +121,7 @@ pub fn evaluate(
         on_grid: at([0.0; 3])?,
         between: inside(offsets.iter().map(|&o| at(o)).collect::<Result<_>>()?),
         range: *range,
-        unit: volume.unit(),
+        unit: volume.unit().text(),
     })
 }
 
@@ -151,7 +151,7 @@ pub fn evaluate_field(
         on_grid: at([0.0; 3]),
         between: inside(offsets.iter().map(|&offset| at(offset)).collect()),
         range: *range,
-        unit: volume.unit(),
+        unit: volume.unit().text(),
     }
 }
 

@@ -18,7 +18,7 @@ use super::{FitConfig, FitState, Fitter, Goal, Progress, Scaling, Schedule};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::memory;
-use crate::splat::{self, Field, Grid, Splat, SplatSet, Unit};
+use crate::splat::{self, Field, Grid, Splat, SplatSet};
 use crate::volume::{Roi, Volume};
 
 /// Figures are fetched at least this many iterations apart ...
@@ -240,7 +240,7 @@ impl<'a> Problem<'a> {
         SplatSet {
             iterations: Some(iterations),
             grid: Some(Grid::of_voxels(self.volume.size, self.volume.world_from_voxel)),
-            unit: if self.volume.is_ct() { Unit::Hu } else { Unit::Arbitrary },
+            unit: self.volume.unit(),
             volume_crc32: Some(*self.volume_crc32.get_or_init(|| self.volume.crc32())),
             form: self.config.fitted_form(&self.roi),
             ..SplatSet::from_voxel(splats, &self.volume.world_from_voxel, self.field())

@@ -25,8 +25,9 @@ use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::passes::Deconvolution;
 use crate::splat::harmonics::{MAX_BASIS, SH0, basis, basis_count};
-use crate::splat::{Activations, Field, Form, Harmonics, Kernel, Splat, SplatSet, Unit};
+use crate::splat::{Activations, Field, Form, Harmonics, Kernel, Splat, SplatSet};
 use crate::transfer::TransferFunction;
+use crate::unit::Unit;
 
 /// Opacity below which no program draws a splat.
 const LEAST_OPACITY: f64 = 1.0 / 255.0;

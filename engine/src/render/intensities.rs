@@ -53,8 +53,9 @@ impl Intensities {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::splat::{Splat, Unit};
+    use crate::splat::Splat;
     use crate::transfer::PRESETS;
+    use crate::unit::Unit;
 
     #[test]
     fn an_object_is_seen_if_a_quarter_of_its_splats_is() {

@@ -109,13 +109,23 @@ impl Look {
     /// little over the distance that the intensity moves between samples; a ramp over less than 60 HU needs
     /// integration.
     pub fn classification(&self) -> Classification {
-        let narrow = std::iter::once(&self.transfer).chain(self.functions.values()).any(|function| {
+        let narrow = self.all_functions().any(|function| {
             let mut ramps = function.opacities().windows(2);
             ramps.any(|p| {
                 (p[1].opacity - p[0].opacity).abs() > 0.02 && p[1].intensity - p[0].intensity < NARROW
             })
         });
         if narrow { Classification::PreIntegrated } else { Classification::Point }
+    }
+
+    /// Returns true if the opacity of some function depends on the gradient.
+    pub fn depends_on_gradient(&self) -> bool {
+        self.all_functions().any(TransferFunction::depends_on_gradient)
+    }
+
+    /// Returns the function of the scene and those of objects.
+    fn all_functions(&self) -> impl Iterator<Item = &TransferFunction> {
+        std::iter::once(&self.transfer).chain(self.functions.values())
     }
 
     /// Returns the transfer function of an object.
@@ -245,7 +255,7 @@ impl LookBuffers {
             appearances: gpu.upload("appearances of objects", "transfer function", &appearances)?,
             shaded: material.shade,
             occluded: material.shade && material.occlusion > 0.0,
-            graded: functions.iter().any(|function| function.depends_on_gradient()),
+            graded: look.depends_on_gradient(),
             objects_differ: !look.objects.values().all(Appearance::is_plain),
             own_functions: tables.len() > 1,
             hides: look.objects.values().any(|object| !object.visible),

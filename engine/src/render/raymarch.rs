@@ -23,10 +23,8 @@ use crate::passes::{Faces, Views, Work, WorkgroupShape};
 /// Least distance of samples, in voxels. Nearer ones would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
 
-/// What kernels and drawings are created for: the way to classify, whether there is light, what objects have of
-/// their own (see the shaders' medium.glsl), whether there is ambient occlusion, and whether the opacity depends on the
-/// gradient.
-type Variant = (Classification, bool, u32, bool, bool);
+/// What kernels and drawings are created for: the constants of the shaders' march.glsl and medium.glsl.
+type Variant = Vec<u32>;
 
 /// What starts the rays.
 enum Start {
@@ -115,20 +113,19 @@ impl Raymarch {
         .map(u32::from);
         let occluded = look.occluded && quality.occlusion;
         let constants = [&constants[..], &[objects, u32::from(occluded), u32::from(look.graded)]].concat();
-        let variant = (classification, shaded, objects, occluded, look.graded);
         match &mut self.start {
-            Start::Computed(kernels) => kernels.find(variant, |_| {
+            Start::Computed(kernels) => kernels.find(constants, |constants| {
                 let own = [u32::from(settings.depth), WorkgroupShape::of(gpu) as u32];
                 Kernel::new(gpu, &glsl::RAYMARCH, &[&constants[..], &own].concat())
             }),
-            Start::Rasterized(rasterized) => rasterized.drawings.find(variant, |_| {
+            Start::Rasterized(rasterized) => rasterized.drawings.find(constants, |constants| {
                 let colour = if settings.precise { Format::Rgba32f } else { Format::Rgba16f };
                 let (fragment, formats) = match settings.depth {
                     false => (&glsl::RAYMARCH_FRAG, &[colour, Format::D32f][..]),
                     true => (&glsl::RAYMARCH_DEPTH_FRAG, &[colour, Format::R32f, Format::D32f][..]),
                 };
                 let shaders = [&glsl::RAYMARCH_VERT, fragment];
-                Drawing::overlapping(gpu, shaders, &constants, formats, settings.views, Overlap::Nearest)
+                Drawing::overlapping(gpu, shaders, constants, formats, settings.views, Overlap::Nearest)
             }),
         }
     }

@@ -6,8 +6,9 @@ use serde::Serialize;
 
 use super::labels::LabelCount;
 use super::ply::{PLY_LAYOUTS, PlyLayout};
-use super::{Place, SplatSet, Unit, Unplaced};
+use super::{Place, SplatSet, Unplaced};
 use crate::error::Result;
+use crate::unit::Unit;
 
 /// How tolerant a reader is.
 #[derive(Clone, Copy, Debug)]

@@ -11,7 +11,6 @@
 //! | `objects`, `labels` | several sets as one ([`join`]), the structures that splats belong to |
 //! | `structures` | the colours in which structures are usually drawn |
 //! | `importance` | an order in which the first n splats represent the set as well as n splats can |
-//! | `unit` | what the intensities are numbers of |
 //! | `grid` | the grid that a set was fitted on, what it is right for, and where it is not |
 //! | `harmonics` | colours of splats that have no intensity |
 //! | `packed` | a set in 16 bytes a splat |
@@ -42,7 +41,6 @@ mod set;
 pub mod space;
 mod spz;
 mod structures;
-mod unit;
 mod unplaced;
 mod vgs;
 
@@ -66,6 +64,5 @@ pub use ply::{PLY_LAYOUTS, PlyLayout};
 pub use set::SplatSet;
 pub use shaders_glsl::types::Splat;
 pub use structures::usual_colour;
-pub use unit::Unit;
 pub use unplaced::Unplaced;
 pub use vgs::{Group, Rounding};

@@ -260,7 +260,8 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::splat::{Kernel, Splat, Unit};
+    use crate::splat::{Kernel, Splat};
+    use crate::unit::Unit;
 
     fn at(origin: DVec3, means: &[[f32; 3]]) -> SplatSet {
         let splat = |&mean: &[f32; 3]| Splat { mean, rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };

@@ -43,7 +43,8 @@ pub(super) mod tests {
     use glam::DQuat;
 
     use super::*;
-    use crate::splat::{Activations, Field, Kernel, Unit};
+    use crate::splat::{Activations, Field, Kernel};
+    use crate::unit::Unit;
 
     /// A splat as a parser of a test finds it, in metres along the axes of the file.
     pub struct Row {

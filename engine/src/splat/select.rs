@@ -29,7 +29,8 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::splat::{Exception, Form, Grid, Harmonics, Splat, Unit, join};
+    use crate::splat::{Exception, Form, Grid, Harmonics, Splat, join};
+    use crate::unit::Unit;
 
     #[test]
     fn what_belongs_to_a_splat_comes_with_it() {

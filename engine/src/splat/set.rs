@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::importance::by_importance;
-use super::{Exception, Field, Form, Grid, Harmonics, Rounding, Splat, Unit};
+use super::{Exception, Field, Form, Grid, Harmonics, Rounding, Splat};
+use crate::unit::Unit;
 
 /// A fitted set of splats in world space, with all that is needed to evaluate its field.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,8 +61,7 @@ impl Default for SplatSet {
 }
 
 impl SplatSet {
-    /// Returns the least and the greatest intensity; `None` for an empty
-    /// set.
+    /// Returns the least and the greatest intensity; `None` for an empty set.
     pub fn intensity_range(&self) -> Option<[f64; 2]> {
         let intensities = || self.splats.iter().map(|splat| f64::from(splat.intensity));
         intensities().reduce(f64::min).zip(intensities().reduce(f64::max)).map(|(low, high)| [low, high])

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use super::ply::reference::Rows;
-use super::{Place, SplatSet, Unit};
+use super::{Place, SplatSet};
 use crate::error::{Error, Kind, Result};
+use crate::unit::Unit;
 
 /// A set as its file has it, which a volume may still have to place.
 #[derive(Clone, Debug)]

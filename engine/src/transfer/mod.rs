@@ -21,6 +21,6 @@ mod window;
 
 pub use file::{FORMATS, Format, load, read, save};
 pub use function::{ColourPoint, MAX_INTENSITY, MAX_OPACITY, Material, OpacityPoint, TransferFunction};
-pub use presets::{FIRST, FIRST_WITHOUT_HU, PRESETS, Preset, Scale, first, preset};
+pub use presets::{FIRST, FIRST_WITHOUT_HU, PRESETS, Preset, first, preset};
 pub use table::Table;
 pub use window::{WINDOW_OPACITY, WINDOWS, Window, window, window_level};

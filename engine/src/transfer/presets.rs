@@ -8,15 +8,7 @@ use glam::DVec3;
 use super::{ColourPoint, MAX_INTENSITY, Material, OpacityPoint, TransferFunction};
 use crate::error::{Error, Kind, Result};
 use crate::names;
-
-/// The unit of a preset's intensities.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Scale {
-    /// Hounsfield units: for CT.
-    Hu,
-    /// Shares of the range of the data, 0 to 1: for MR, and for anything else.
-    Data,
-}
+use crate::unit::Unit;
 
 /// A transfer function with a name, a row of [`PRESETS`].
 #[derive(Clone, Copy, Debug)]
@@ -25,8 +17,9 @@ pub struct Preset {
     pub name: &'static str,
     /// Description in one line.
     pub about: &'static str,
-    /// The unit of the intensities of its control points.
-    pub scale: Scale,
+    /// The unit of the intensities of its control points: HU, for CT; or none, and they are shares of the range of the
+    /// data, 0 to 1, for MR and for anything else.
+    pub unit: Unit,
     /// Intensity, and red, green, blue.
     colours: &'static [(f64, [f64; 3])],
     /// Intensity, and opacity per millimetre.
@@ -50,9 +43,9 @@ pub const FIRST: &str = "CT-Bone";
 /// Name of the preset for volumes without HU.
 pub const FIRST_WITHOUT_HU: &str = "MR-Default";
 
-/// Returns the name of the preset with which intensities are shown at first, in HU or not.
-pub fn first(has_hu: bool) -> &'static str {
-    if has_hu { FIRST } else { FIRST_WITHOUT_HU }
+/// Returns the name of the preset with which intensities of a unit are shown at first.
+pub fn first(unit: Unit) -> &'static str {
+    if unit == Unit::Arbitrary { FIRST_WITHOUT_HU } else { FIRST }
 }
 
 /// All presets, in the order in which they are shown to people.
@@ -60,7 +53,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Bone",
         about: "bone with its marrow, from translucent cancellous to opaque cortical",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[
             (120.0, [0.60, 0.24, 0.16]),
             (260.0, [0.83, 0.56, 0.36]),
@@ -73,7 +66,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Bones-Steep",
         about: "the surface of bone: transparent below 150 HU, opaque from 300 HU on",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[
             (150.0, [0.74, 0.46, 0.30]),
             (300.0, [0.91, 0.80, 0.62]),
@@ -86,7 +79,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Soft-Tissue",
         about: "translucent: a breath of fat, then organs, contrast medium and bone",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[
             (-100.0, [0.95, 0.82, 0.52]),
             (-10.0, [0.93, 0.72, 0.50]),
@@ -111,7 +104,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Angio",
         about: "vessels with contrast medium in red, bone in white",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[
             (130.0, [0.55, 0.10, 0.08]),
             (220.0, [0.86, 0.22, 0.14]),
@@ -125,7 +118,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Muscle",
         about: "muscle and tendons under transparent fat, over bone",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[
             (-40.0, [0.62, 0.26, 0.20]),
             (60.0, [0.74, 0.30, 0.24]),
@@ -139,7 +132,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Lung",
         about: "lung tissue, airways and their vessels; the body wall is left out",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[
             (-950.0, [0.25, 0.42, 0.62]),
             (-800.0, [0.55, 0.72, 0.86]),
@@ -159,7 +152,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Skin",
         about: "the skin alone: a band of 60 HU between air and fat",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[(-180.0, [0.88, 0.66, 0.54]), (-120.0, [0.96, 0.80, 0.69])],
         opacities: &[(-180.0, 0.0), (-150.0, 0.80), (-120.0, 0.0)],
         material: SOFT,
@@ -167,7 +160,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Liver-Vasculature",
         about: "vessels of a liver with contrast medium, in a haze of its tissue",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[
             (70.0, [0.45, 0.22, 0.16]),
             (120.0, [0.58, 0.28, 0.18]),
@@ -181,7 +174,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-Fat",
         about: "fat alone, -120 to -50 HU",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[(-120.0, [0.97, 0.90, 0.58]), (-85.0, [0.98, 0.80, 0.36]), (-50.0, [0.90, 0.58, 0.28])],
         opacities: &[(-125.0, 0.0), (-110.0, 0.12), (-60.0, 0.12), (-45.0, 0.0)],
         material: SOFT,
@@ -189,7 +182,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "CT-X-Ray",
         about: "grey and translucent throughout, as on a radiograph",
-        scale: Scale::Hu,
+        unit: Unit::Hu,
         colours: &[(-800.0, [0.0; 3]), (0.0, [0.45; 3]), (300.0, [0.80; 3]), (1200.0, [1.0; 3])],
         opacities: &[(-800.0, 0.0), (-100.0, 0.0006), (100.0, 0.002), (300.0, 0.008), (1500.0, 0.04)],
         material: FLAT,
@@ -197,7 +190,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "MR-Default",
         about: "brightness and opacity grow together, over the range of the data",
-        scale: Scale::Data,
+        unit: Unit::Arbitrary,
         colours: &[
             (0.05, [0.10, 0.04, 0.02]),
             (0.15, [0.45, 0.20, 0.12]),
@@ -211,7 +204,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "MR-T1-Brain",
         about: "grey and white matter of a T1-weighted head",
-        scale: Scale::Data,
+        unit: Unit::Arbitrary,
         colours: &[
             (0.15, [0.42, 0.26, 0.22]),
             (0.32, [0.72, 0.55, 0.50]),
@@ -224,7 +217,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "MR-Angio",
         about: "the brightest fifth of the data: flowing blood in time-of-flight MR",
-        scale: Scale::Data,
+        unit: Unit::Arbitrary,
         colours: &[(0.30, [0.50, 0.08, 0.06]), (0.50, [0.88, 0.30, 0.18]), (0.80, [1.0, 0.86, 0.70])],
         opacities: &[(0.35, 0.0), (0.45, 0.25), (0.60, 0.60), (1.0, 0.75)],
         material: GLOSSY,
@@ -232,7 +225,7 @@ pub const PRESETS: &[Preset] = &[
     Preset {
         name: "Grey",
         about: "a linear grey ramp over the range of the data",
-        scale: Scale::Data,
+        unit: Unit::Arbitrary,
         colours: &[(0.0, [0.0; 3]), (1.0, [1.0; 3])],
         opacities: &[(0.0, 0.0), (1.0, 0.10)],
         material: FLAT,
@@ -243,9 +236,9 @@ impl Preset {
     /// Returns the transfer function of the preset. `data` is the least and the greatest intensity of what is
     /// shown, for presets in shares of that range.
     pub fn over(&self, data: [f64; 2]) -> TransferFunction {
-        let (low, width) = match self.scale {
-            Scale::Hu => (0.0, 1.0),
-            Scale::Data => range_of(data),
+        let (low, width) = match self.unit {
+            Unit::Hu => (0.0, 1.0),
+            Unit::Arbitrary | Unit::Luminance => range_of(data),
         };
         let place = |v: f64| low + v * width;
         let colours = self
@@ -299,9 +292,9 @@ mod tests {
             let [low, high] = tf.visible().expect(preset.name);
             assert_eq!(tf.name, preset.name);
             assert!(low.is_finite(), "{}: air is transparent", preset.name);
-            match preset.scale {
-                Scale::Hu => assert!(low >= -1000.0, "{}", preset.name),
-                Scale::Data => {
+            match preset.unit {
+                Unit::Hu => assert!(low >= -1000.0, "{}", preset.name),
+                Unit::Arbitrary | Unit::Luminance => {
                     assert!(
                         low >= data[0] && tf.extent()[1] <= data[1] && high.is_infinite(),
                         "{}",

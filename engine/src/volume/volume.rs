@@ -7,6 +7,7 @@ use glam::{DAffine3, DVec3};
 
 use super::affine::{axis_codes_of, spacing_of};
 use super::interpolation::trilinear;
+use crate::unit::Unit;
 
 /// Samples that a checksum takes at once.
 const CRC_SAMPLES: usize = 1 << 14;
@@ -133,10 +134,9 @@ impl Volume {
         self.min_max().is_some_and(|(low, _)| low < -200.0)
     }
 
-    /// Returns the unit to write after an intensity: " HU" for a CT, nothing for a volume without a scale of
-    /// its own.
-    pub fn unit(&self) -> &'static str {
-        if self.is_ct() { " HU" } else { "" }
+    /// Returns what the intensities are numbers of: HU of a CT, nothing else of a volume without a scale of its own.
+    pub fn unit(&self) -> Unit {
+        if self.is_ct() { Unit::Hu } else { Unit::Arbitrary }
     }
 
     /// Returns the counts, range, mean and spread of the samples, in two passes of f64.

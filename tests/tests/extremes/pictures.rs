@@ -1,8 +1,9 @@
 //! Pictures: any camera, thin splats on one another, a million in one tile, steps of the transfer function.
 
 use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, VolumeSource, mode};
-use engine::splat::{Field, Harmonics, Kernel, Splat, SplatSet, Unit};
+use engine::splat::{Field, Harmonics, Kernel, Splat, SplatSet};
 use engine::transfer::{ColourPoint, OpacityPoint, TransferFunction};
+use engine::unit::Unit;
 use engine::volume::Volume;
 use glam::{DAffine3, DVec3};
 use rand::RngExt;

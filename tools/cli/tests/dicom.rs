@@ -7,7 +7,7 @@ mod series;
 
 use engine::splat::read;
 use engine::volume::{ReadOptions, Volume, nifti};
-use series::write_series;
+use series::{write_series, write_two_series};
 use support::{Folder, fit};
 
 /// A folder with a phantom of whole HU, as a scanner stores them.
@@ -58,13 +58,7 @@ fn a_series_is_fitted_like_the_same_scan_in_another_format() {
 #[test]
 fn several_series_are_listed_and_one_is_chosen() {
     let (folder, volume) = phantom();
-    write_series(&folder, "scan", &volume, |_, _| ());
-    write_series(&folder, "scan/sharp", &volume, |z, file| {
-        file.text((0x0020, 0x000e), b"UI", "1.2.9");
-        file.text((0x0020, 0x0011), b"IS", "7");
-        file.text((0x0008, 0x0018), b"UI", &format!("1.2.9.{z}"));
-        file.text((0x0008, 0x103e), b"LO", "Bone kernel");
-    });
+    write_two_series(&folder, "scan", &volume);
     let listed = folder.run(&["info", "scan"]);
     assert_eq!(listed.code, 0, "{}", listed.err);
     assert!(listed.out.contains("2: CT Bone kernel, 24 slices of 24 x 24"), "{}", listed.out);

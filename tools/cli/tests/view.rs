@@ -11,7 +11,7 @@ mod series;
 
 use engine::volume::{ReadOptions, Volume};
 use screen::{Screen, Viewer, begin, without_notice};
-use series::write_series;
+use series::write_two_series;
 use support::{Folder, fit};
 
 /// Where the picture is, well within its edges: the panels are at the right.
@@ -139,15 +139,7 @@ fn what_is_edited_measured_and_written_is_there_again() {
     screen.hand(&["key", "Escape", "key", "a", "key", "Right"]);
     viewer.settle();
     for (key, name) in [("ctrl+s", "kept.toml"), ("ctrl+p", "shot.png")] {
-        let path = folder.path(name).to_string_lossy().into_owned();
-        for step in [&["key", key][..], &["key", "ctrl+a"], &["type", "--delay", "20", &path]] {
-            screen.hand(step);
-            viewer.settle();
-        }
-        screen.look().keep(&format!("edit-{name}"));
-        screen.hand(&["key", "Return"]);
-        viewer.wait(name, |_| folder.path(name).is_file());
-        viewer.settle();
+        viewer.write(&folder, key, name);
     }
     screen.hand(&["mousemove", "450", "700"]);
     viewer.settle();
@@ -211,17 +203,7 @@ fn what_is_deleted_is_gone_and_comes_back() {
     let undone = viewer.act(&["key", "ctrl+z"]);
     undone.keep("delete-undone");
     assert!(undone.differences(&first, PICTURE) < 50, "{} differ", undone.differences(&first, PICTURE));
-    let write = |viewer: &mut Viewer<'_>, key: &str, name: &str| {
-        let path = folder.path(name).to_string_lossy().into_owned();
-        for step in [&["key", key][..], &["key", "ctrl+a"], &["type", "--delay", "20", &path]] {
-            screen.hand(step);
-            viewer.settle();
-        }
-        screen.hand(&["key", "Return"]);
-        viewer.wait(name, |_| folder.path(name).is_file());
-        viewer.settle();
-    };
-    write(&mut viewer, "ctrl+s", "whole.toml");
+    viewer.write(&folder, "ctrl+s", "whole.toml");
     assert_eq!(viewer.quit().code, 0, "nothing has changed since");
 
     // A session brings a deletion back; what is left is what `vgs convert` would leave.
@@ -241,7 +223,7 @@ fn what_is_deleted_is_gone_and_comes_back() {
     half.keep("delete-half");
     let left = half.count(PICTURE, bright);
     assert!((seen / 5..seen * 4 / 5).contains(&left), "{left} of {seen} pixels are left");
-    write(&mut viewer, "ctrl+e", "half.ply");
+    viewer.write(&folder, "ctrl+e", "half.ply");
     assert_eq!(viewer.quit().code, 0, "the session has not changed");
     let corners = low.iter().chain(&high).map(f64::to_string).collect::<Vec<_>>().join(",");
     let converted = folder.run(&["convert", "s.ply", "-o", "same.ply", &format!("--box={corners}")]);
@@ -542,13 +524,7 @@ fn a_series_of_a_folder_is_chosen_in_the_window() {
     let folder = Folder::new(24);
     without_notice(&folder);
     let volume = Volume::read(folder.path("ct.nii.gz"), &ReadOptions::default()).expect("a volume");
-    write_series(&folder, "scan", &volume, |_, _| ());
-    write_series(&folder, "scan/sharp", &volume, |z, file| {
-        file.text((0x0020, 0x000e), b"UI", "1.2.9");
-        file.text((0x0020, 0x0011), b"IS", "7");
-        file.text((0x0008, 0x0018), b"UI", &format!("1.2.9.{z}"));
-        file.text((0x0008, 0x103e), b"LO", "Bone kernel");
-    });
+    write_two_series(&folder, "scan", &volume);
     let mut viewer = Viewer::start(&screen, &folder, &["scan"]);
     viewer.wait("the question", |v| v.log().contains("reading scan:"));
     viewer.settle();
@@ -568,13 +544,7 @@ fn a_series_of_a_folder_is_chosen_in_the_window() {
     viewer.wait("the list", |v| v.log().contains("listing the series:"));
     viewer.settle();
     choose(&mut viewer, "395", 2);
-    let path = folder.path("scene.toml").to_string_lossy().into_owned();
-    for hand in [&["key", "ctrl+s"][..], &["key", "ctrl+a"], &["type", "--delay", "20", &path]] {
-        screen.hand(hand);
-        viewer.settle();
-    }
-    screen.hand(&["key", "Return"]);
-    viewer.wait("the session", |_| folder.path("scene.toml").is_file());
+    viewer.write(&folder, "ctrl+s", "scene.toml");
     assert_eq!(viewer.quit().code, 0);
     assert_eq!(toml(&folder, "scene.toml")["files"]["series"].as_str(), Some("1"));
 }

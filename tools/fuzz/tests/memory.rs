@@ -7,7 +7,8 @@ use std::io::Write;
 use std::path::Path;
 
 use engine::image::{self, Image};
-use engine::splat::{self, Harmonics, Splat, SplatSet, Unit};
+use engine::splat::{self, Harmonics, Splat, SplatSet};
+use engine::unit::Unit;
 use engine::volume::{ReadOptions, Volume, nifti};
 use engine::{Kind, Result};
 use flate2::Compression;

@@ -70,7 +70,8 @@ fn range_of(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
 
 #[cfg(test)]
 mod tests {
-    use engine::splat::{Splat, Unit};
+    use engine::splat::Splat;
+    use engine::unit::Unit;
     use glam::DAffine3;
 
     use super::*;

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use engine::Result;
 use engine::gpu::Gpu;
 use engine::render::{Look, Scene, SplatKind};
-use engine::splat::{SplatSet, Unit};
+use engine::splat::SplatSet;
+use engine::unit::Unit;
 use glam::DVec3;
 
 use crate::deletions::Deletion;
@@ -178,19 +179,11 @@ impl LoadedData {
         self.volume.as_ref().is_none_or(|v| v.volume.oriented)
     }
 
-    /// Returns true if intensities are HU, as far as is known.
-    pub fn has_hu(&self) -> bool {
-        match &self.volume {
-            Some(shown) => shown.volume.is_ct(),
-            None => self.set(Subject::Splats).is_none_or(|set| set.unit != Unit::Arbitrary),
-        }
-    }
-
-    /// Returns the text behind an intensity: " HU" for CT, empty for what has no unit.
-    pub fn unit(&self) -> &'static str {
+    /// Returns what intensities are numbers of, as far as is known.
+    pub fn unit(&self) -> Unit {
         match &self.volume {
             Some(shown) => shown.volume.unit(),
-            None => self.set(Subject::Splats).map_or(Unit::Hu, |set| set.unit).text(),
+            None => self.set(Subject::Splats).map(|set| set.unit).unwrap_or_default(),
         }
     }
 

@@ -9,7 +9,8 @@ use glam::DVec3;
 
 use super::header::{bad, quoted};
 use crate::error::Result;
-use crate::splat::{Field, Form, Grid, Kernel, SplatSet, Unit, label_name};
+use crate::splat::{Field, Form, Grid, Kernel, SplatSet, label_name};
+use crate::unit::Unit;
 
 /// What the comments of a file state; `None` for what they do not mention.
 #[derive(Default)]

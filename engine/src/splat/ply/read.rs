@@ -18,7 +18,8 @@ use super::{comments, exceptions, reference};
 use crate::error::{Error, Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, SH0, basis_count};
-use crate::splat::{Field, Harmonics, Kernel, ReadOptions, Splat, SplatSet, Summary, Unit, Unplaced, defect};
+use crate::splat::{Field, Harmonics, Kernel, ReadOptions, Splat, SplatSet, Summary, Unplaced, defect};
+use crate::unit::Unit;
 
 /// Luminance of linear RGB (Rec. 709).
 const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];

@@ -15,9 +15,9 @@ use crate::error::{Error, Kind, Result};
 use crate::memory;
 use crate::splat::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
 use crate::splat::{
-    Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unit, Unplaced, WriteOptions, by_importance,
-    defect,
+    Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unplaced, WriteOptions, by_importance, defect,
 };
+use crate::unit::Unit;
 
 /// The first bytes of a file; they tell when it went through a program that changes line ends.
 pub const MARK: [u8; 8] = *b"\x89VGS\r\n\x1a\n";

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use engine::fit::{FitConfig, FitForm, Problem, rounded_as_it_is, with_part_of_mask};
 use engine::render::baked;
-use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, Unit, WriteOptions};
+use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind, transfer};
 
 use crate::shared::console::Console;
@@ -37,7 +37,8 @@ pub struct ConvertArguments {
     #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = worldly_layout, help_heading = "Output")]
     ply_layout: &'static PlyLayout,
     /// Gives the splats the colours and opacities of a transfer function in place of their HU, as .spz and .glb
-    /// need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these: CT-Bone]
+    /// need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these:
+    /// CT-Bone, or MR-Default without HU]
     #[arg(long, value_name = "PRESET|FILE", help_heading = "Output")]
     tf: Option<String>,
     /// Only splats whose middle lies in this box, mm RAS
@@ -214,7 +215,7 @@ fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Sto
 
 /// Returns `set` with the colours of the transfer function of the flags.
 fn with_colours(arguments: &ConvertArguments, set: &SplatSet, report: &mut Report) -> Result<SplatSet, Stop> {
-    let name = arguments.tf.as_deref().unwrap_or(transfer::first(set.unit != Unit::Arbitrary));
+    let name = arguments.tf.as_deref().unwrap_or(transfer::first(set.unit));
     let transfer = transfer::load(name, set.intensity_range().unwrap_or([0.0, 1.0]))?;
     let gpu = arguments.device.boot()?;
     let _waiting = Waiting::on("finding the colours of the splats");

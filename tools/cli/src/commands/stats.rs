@@ -115,7 +115,7 @@ pub fn run(arguments: &StatsArguments, console: &Console) -> std::result::Result
     if console.json {
         console.json_data(&serde_json::json!({ "objects": objects }))?;
     } else {
-        let unit = volume.as_ref().map_or("", Volume::unit);
+        let unit = volume.as_ref().map_or(set.unit, Volume::unit).text();
         console.data(&text(&objects, volume.is_some(), unit))?;
     }
     Ok(0)

@@ -83,7 +83,7 @@ impl Subject {
         Ok(Subject {
             percentiles: [percentile(&mut inside, 0.03), percentile(&mut inside, 0.96)],
             name: if volume.is_ct() { "CT" } else { "volume" },
-            unit: volume.unit(),
+            unit: volume.unit().text(),
             difference: round_up(percentile(&mut errors, 0.98)),
             centre,
             marked: at.is_some(),

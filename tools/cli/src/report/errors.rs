@@ -53,7 +53,7 @@ impl ErrorsByPlace {
 
     /// Returns the figures as a table for people.
     pub fn table(&self, volume: &Volume) -> String {
-        let unit = volume.unit();
+        let unit = volume.unit().text();
         let [x, y, z] = self.worst_voxel;
         let [wx, wy, wz] = self.worst_mm;
         let mut out = format!(

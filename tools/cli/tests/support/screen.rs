@@ -240,6 +240,18 @@ impl<'a> Viewer<'a> {
         self.screen.look()
     }
 
+    /// Asks by a key for a file to be written, names it, and waits until it is there.
+    pub fn write(&mut self, folder: &Folder, key: &str, name: &str) {
+        let path = folder.path(name).to_string_lossy().into_owned();
+        for step in [&["key", key][..], &["key", "ctrl+a"], &["type", "--delay", "20", &path]] {
+            self.screen.hand(step);
+            self.settle();
+        }
+        self.screen.hand(&["key", "Return"]);
+        self.wait(name, |_| folder.path(name).is_file());
+        self.settle();
+    }
+
     /// CPU time of the process so far, s (Linux, 100 ticks a second).
     pub fn cpu_seconds(&self) -> f64 {
         let id = self.child.as_ref().expect("it runs").id();

@@ -1,4 +1,5 @@
 //! A volume as a folder of DICOM slices.
+#![allow(dead_code, reason = "every test file is a crate of its own and uses a part of this")]
 
 #[path = "../../../../engine/src/volume/dicom/tests/writer.rs"]
 mod writer;
@@ -9,6 +10,17 @@ pub use writer::Dicom;
 use writer::words;
 
 use crate::support::Folder;
+
+/// Writes a volume as two series of one folder, the second one described as "Bone kernel".
+pub fn write_two_series(folder: &Folder, name: &str, volume: &Volume) {
+    write_series(folder, name, volume, |_, _| ());
+    write_series(folder, &format!("{name}/sharp"), volume, |z, file| {
+        file.text((0x0020, 0x000e), b"UI", "1.2.9");
+        file.text((0x0020, 0x0011), b"IS", "7");
+        file.text((0x0008, 0x0018), b"UI", &format!("1.2.9.{z}"));
+        file.text((0x0008, 0x103e), b"LO", "Bone kernel");
+    });
+}
 
 /// Writes a volume whose axes are those of the world as slices, into a folder of the test's.
 pub fn write_series(folder: &Folder, name: &str, volume: &Volume, change: impl Fn(usize, &mut Dicom)) {

@@ -15,14 +15,8 @@ fn two_fits_stand_side_by_side_with_one_camera() {
     let whole = viewer.act(&["key", "l"]);
     whole.keep("beside");
     let write = |viewer: &mut Viewer<'_>, key: &str, name: &str| {
-        let path = folder.path(name).to_string_lossy().into_owned();
-        for step in [&["key", key][..], &["key", "ctrl+a"], &["type", "--delay", "20", &path]] {
-            screen.hand(step);
-            viewer.settle();
-        }
-        screen.hand(&["key", "Return"]);
-        viewer.wait(name, |_| folder.path(name).is_file());
-        viewer.settle();
+        viewer.write(&folder, key, name);
+        // The message that it is written.
         screen.hand(&["key", "Escape"]);
         viewer.settle();
     };

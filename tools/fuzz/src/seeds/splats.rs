@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use engine::splat::{
-    self, Exception, Field, Form, Grid, Harmonics, PLY_LAYOUTS, Place, PlyLayout, Splat, SplatSet, Unit,
+    self, Exception, Field, Form, Grid, Harmonics, PLY_LAYOUTS, Place, PlyLayout, Splat, SplatSet,
 };
+use engine::unit::Unit;
 use flate2::Crc;
 use glam::{DAffine3, DVec3};
 use serde::Deserialize;

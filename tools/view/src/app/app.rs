@@ -92,8 +92,8 @@ pub struct App {
 }
 
 impl App {
-    /// Creates a viewer of this state, which may be that of the file `session`. The camera of a session stays; without a session the scene is fitted
-    /// once it is there.
+    /// Creates a viewer of this state, which may be that of the file `session`. The camera of a session stays;
+    /// without a session the scene is fitted once it is there.
     pub fn new(state: ViewState, session: Option<PathBuf>, settings: Settings) -> Self {
         App {
             editor: Editor::default(),
@@ -543,11 +543,11 @@ impl App {
         }
         if let Some(action) = self.leaving.take() {
             let loss = self.loss(&action, info);
-            match if loss.any() {
-                panels::notice::leave(context, loss, action == Action::Quit)
-            } else {
-                Some(Leaving::Stay)
-            } {
+            let ends = action == Action::Quit;
+            // What is no longer lost is no longer asked about.
+            let answer =
+                if loss.any() { panels::notice::leave(context, loss, ends) } else { Some(Leaving::Stay) };
+            match answer {
                 Some(Leaving::Stay) => {}
                 Some(Leaving::Save) => {
                     self.ask(Purpose::Save);

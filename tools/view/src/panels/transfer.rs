@@ -1,7 +1,8 @@
 //! Panel of the transfer function: presets, windows, the editor, shift and light.
 
 use egui::{Button, ComboBox, DragValue, Image, Slider, Ui, Vec2};
-use engine::transfer::{PRESETS, Preset, Scale, WINDOWS};
+use engine::transfer::{PRESETS, Preset, WINDOWS};
+use engine::unit::Unit;
 
 use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
@@ -49,9 +50,8 @@ pub fn presets(ui: &mut Ui, state: &ViewState, info: &PanelInfo<'_>, actions: &m
     if info.thumbnails.is_some() {
         actions.push(Action::WantThumbnails);
     }
-    let own = if info.unit.is_empty() { Scale::Data } else { Scale::Hu };
-    let (first, others): (Vec<&Preset>, Vec<&Preset>) =
-        PRESETS.iter().partition(|preset| preset.scale == own);
+    let own = if info.unit.is_empty() { Unit::Arbitrary } else { Unit::Hu };
+    let (first, others): (Vec<&Preset>, Vec<&Preset>) = PRESETS.iter().partition(|preset| preset.unit == own);
     let heading =
         if info.unit.is_empty() { "For CT, in HU" } else { "Over the range of the data, as for MR" };
     for (i, preset) in first.iter().chain(&others).copied().enumerate() {

@@ -128,7 +128,7 @@ impl Files {
     /// Returns true if the volume may be one of several DICOM series, by its name.
     pub fn may_have_series(&self) -> bool {
         self.volume.as_ref().is_some_and(|path| match path.extension() {
-            Some(end) => [".dcm", ".ima", ".zip"].iter().any(|known| end.eq_ignore_ascii_case(&known[1..])),
+            Some(end) => ["dcm", "ima", "zip"].iter().any(|known| end.eq_ignore_ascii_case(known)),
             None => true,
         } || path.is_dir())
     }

@@ -9,6 +9,7 @@ use engine::budget::Controller;
 use engine::gpu::GpuOptions;
 use engine::render::{ObjectChange, Quality, SplatKind, level_costs, quality_levels};
 use engine::splat::SplatSet;
+use engine::unit::Unit;
 use engine::{Error, Result, transfer};
 use glam::DVec2;
 use winit::window::Window;
@@ -286,7 +287,7 @@ impl Viewer {
     /// Gives what has no HU, as an MR, a function for such data, where the first function for CT stands untouched.
     fn choose_function(&mut self) {
         let first = |name| Some(Transfer::new(&transfer::load(name, self.range).ok()?));
-        if !self.data.has_hu()
+        if self.data.unit() == Unit::Arbitrary
             && first(transfer::FIRST).as_ref() == Some(&self.app.state.transfer)
             && let Some(function) = first(transfer::FIRST_WITHOUT_HU)
         {
@@ -379,7 +380,7 @@ impl Viewer {
         let info = PanelInfo {
             bounds: canvas.bounds(),
             range: *range,
-            unit: data.unit(),
+            unit: data.unit().text(),
             oriented: data.oriented(),
             splats: data.shown_splats().map(|splats| splats.set.splats.len()),
             deleted: data.deleted_count(),

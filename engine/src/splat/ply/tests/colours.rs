@@ -1,7 +1,8 @@
 //! Sets with colours: spherical harmonics of ordinary 3D Gaussian splatting.
 
 use super::*;
-use crate::splat::{Harmonics, Unit};
+use crate::splat::Harmonics;
+use crate::unit::Unit;
 
 /// Returns a file of the usual layout (normals, harmonics between f_dc and opacity) with `rest` properties
 /// `f_rest`, whose value in row `i` is `value(i, index)`.

@@ -13,7 +13,8 @@ use crate::error::{Kind, Result};
 use crate::splat::activation::limit_anisotropy;
 use crate::splat::harmonics::SH0;
 use crate::splat::kernel::KERNELS;
-use crate::splat::{Exception, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, Unit, read, write};
+use crate::splat::{Exception, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, read, write};
+use crate::unit::Unit;
 
 mod colours;
 mod labels;

@@ -5,7 +5,8 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use super::*;
 use crate::splat::ply::reference::KERNEL;
 use crate::splat::{Activations, Harmonics, PLY_LAYOUTS, PlyLayout, WriteOptions, read_unplaced, write_as};
-use crate::splat::{Place, Unit, Unplaced};
+use crate::splat::{Place, Unplaced};
+use crate::unit::Unit;
 
 const THEIRS: [&str; 20] = [
     "x",

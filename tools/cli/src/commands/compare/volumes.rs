@@ -79,7 +79,7 @@ fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
 }
 
 fn text(o: &VolumeComparison, volume: &Volume, chosen: Option<Range>) -> String {
-    let (c, unit) = (&o.comparison, volume.unit());
+    let (c, unit) = (&o.comparison, volume.unit().text());
     let range = |[low, high]: [f32; 2]| format!("{low} to {high}{unit}");
     let ranges = match chosen {
         Some(Range::Own) => format!("{} and {}", range(c.range_a), range(c.range_b)),

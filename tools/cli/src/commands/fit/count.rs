@@ -66,7 +66,7 @@ pub fn for_goal<'a>(
     let trials = if trials == 1 { "a short trial".to_owned() } else { format!("{trials} short trials") };
     console.say(&format!(
         "for {}: about {count} splats, by {trials}{limited}",
-        text(goal, problem.volume().unit())
+        text(goal, problem.volume().unit().text())
     ));
     Ok(problem.of_count(count))
 }

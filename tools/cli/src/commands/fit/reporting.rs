@@ -42,7 +42,7 @@ pub fn report(
     files.write_reports(
         &record,
         &fitted.outcome,
-        (&arguments.volume, prepared.case.volume.unit()),
+        (&arguments.volume, prepared.case.volume.unit().text()),
         prepared.write.force,
     )?;
     if console.json {
@@ -106,7 +106,7 @@ const AIM_DB: f64 = 3.5;
 /// Warns of a target that the fit has missed.
 fn warn_of_target(prepared: &Prepared<'_>, evaluated: &Evaluated) {
     let Some((goal, db)) = prepared.goal.as_ref().zip(surplus(prepared, evaluated)) else { return };
-    let target = count::text(goal, prepared.case.volume.unit());
+    let target = count::text(goal, prepared.case.volume.unit().text());
     if count::is_aim(prepared.settings) {
         if db < -AIM_DB {
             tracing::warn!("{target} was aimed at, and is missed by {:.1} dB: --target-hu reaches it", -db);

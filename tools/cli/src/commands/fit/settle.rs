@@ -35,7 +35,7 @@ pub fn settled(
     // The last splats that were measured, and their set.
     let mut last: Option<(Vec<Splat>, SplatSet)> = None;
     if let Some(goal) = &prepared.goal {
-        let target = text(goal, prepared.case.volume.unit());
+        let target = text(goal, prepared.case.volume.unit().text());
         let mut surplus = |splats: &[Splat]| {
             let (_, set) = last.insert((splats.to_vec(), make(splats)));
             Ok(goal.surplus_of(&measure(prepared, set, splats, &prepared.at_voxels)?.on_grid))

@@ -41,11 +41,11 @@ pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Re
         quality: settings.plain_quality(),
         target: prepared.goal.as_ref().map(|goal| {
             let about = if count::is_aim(settings) { "about " } else { "" };
-            format!("{about}{}", count::text(goal, prepared.case.volume.unit()))
+            format!("{about}{}", count::text(goal, prepared.case.volume.unit().text()))
         }),
         before: prepared.before,
     })?;
-    let unit = prepared.case.volume.unit();
+    let unit = prepared.case.volume.unit().text();
     if !arguments.dry_run {
         console.say(&estimate::text(&estimate, unit));
     } else if console.json {

@@ -34,7 +34,7 @@ impl Watch for FitWatch<'_> {
             _ => format!("going on after {iterations} iterations: "),
         };
         let problem = &self.prepared.problem;
-        let (voxels, unit) = (problem.roi().voxel_count(), problem.volume().unit());
+        let (voxels, unit) = (problem.roi().voxel_count(), problem.volume().unit().text());
         self.console.say(&format!(
             "{before}fitting {splats} splats to {voxels} voxels; the PSNR on the way is over {low} to {high}{unit}"
         ));

@@ -28,9 +28,9 @@ pub struct BudgetArguments {
     /// leave out what the transfer function cannot show
     #[arg(long)]
     pub budget: bool,
-    /// Transfer function, as `vgs render` takes it
-    #[arg(long, value_name = "PRESET|FILE", default_value = "CT-Bone")]
-    tf: String,
+    /// Transfer function, as `vgs render` takes it [default: CT-Bone, or MR-Default without HU]
+    #[arg(long, value_name = "PRESET|FILE")]
+    tf: Option<String>,
     /// Mode of `vgs render`
     #[arg(long, default_value = "slab")]
     mode: String,
@@ -87,7 +87,8 @@ pub fn measure(path: &Path, arguments: &BudgetArguments) -> Result<FrameBudget> 
     let row = mode(&arguments.mode)?;
     let set = splat::read(path, &ReadOptions::default())?;
     let range = set.intensity_range().unwrap_or([0.0, 1.0]);
-    let look = Look::new(transfer::load(&arguments.tf, range)?);
+    let name = arguments.tf.as_deref().unwrap_or(transfer::first(set.unit));
+    let look = Look::new(transfer::load(name, range)?);
     let gpu = arguments.device.boot()?;
     let settings = Settings::new(arguments.size.0);
     let (mut stages, mut memory) = (Vec::new(), None);

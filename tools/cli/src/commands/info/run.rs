@@ -5,7 +5,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::splat::{self, LabelCount, Summary, Unit};
+use engine::splat::{self, LabelCount, Summary};
+use engine::unit::Unit;
 use engine::volume::dicom::{self, StackSummary, Structure};
 use engine::volume::nifti::{self, Header};
 use engine::volume::{Format, ReadOptions, Stats, Volume, inv3};

@@ -8,7 +8,7 @@ use engine::render::{
     Appearance, Camera, ClipPlane, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings,
     SplatKind, VolumeSource, mode,
 };
-use engine::splat::{self, SplatSet, Unit, usual_colour};
+use engine::splat::{self, SplatSet, usual_colour};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, memory, transfer};
 use serde::Serialize;
@@ -79,21 +79,16 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let wants_volume = set.is_none();
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
     let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
-    let has_hu = match (&set, &volume) {
-        (Some(set), _) => set.unit != Unit::Arbitrary,
-        (None, volume) => volume.as_ref().is_none_or(Volume::is_ct),
-    };
-    let first = transfer::first(has_hu);
-    let look = arguments.look(set.as_ref(), intensities(set.as_ref(), volume.as_ref()), first)?;
+    let unit = set.as_ref().map(|set| set.unit).or(volume.as_ref().map(Volume::unit)).unwrap_or_default();
+    let range = intensities(set.as_ref(), volume.as_ref());
+    let look = arguments.look(set.as_ref(), range, transfer::first(unit))?;
     if !look.functions.is_empty() && !row.own_functions {
         tracing::warn!(
             "mode {} shows all objects by one transfer function; --mode decoded knows tf=",
             row.name
         );
     }
-    let graded =
-        std::iter::once(&look.transfer).chain(look.functions.values()).any(|f| f.depends_on_gradient());
-    if graded && !row.gradient_opacity {
+    if look.depends_on_gradient() && !row.gradient_opacity {
         tracing::warn!("mode {} shows no gradient opacity; modes volume and decoded do", row.name);
     }
     let material = look.transfer.material;

@@ -1,6 +1,6 @@
-//! What the intensities of splats are numbers of.
+//! What intensities are numbers of.
 
-/// Unit of the intensities of a set.
+/// Unit of the intensities of a volume, of splats, or of the control points of a preset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Unit {
@@ -13,19 +13,19 @@ pub enum Unit {
     Luminance,
 }
 
-/// All units with their names in files.
-const UNITS: [(Unit, &str); 3] =
-    [(Unit::Hu, "hu"), (Unit::Arbitrary, "arbitrary"), (Unit::Luminance, "luminance")];
-
 impl Unit {
     /// Returns the unit that is called so in files; `None` if there is none.
     pub fn from_name(name: &str) -> Option<Self> {
-        UNITS.iter().find(|(_, own)| *own == name).map(|(unit, _)| *unit)
+        [Unit::Hu, Unit::Arbitrary, Unit::Luminance].into_iter().find(|unit| unit.name() == name)
     }
 
     /// Returns its name in files.
     pub fn name(self) -> &'static str {
-        UNITS.iter().find(|(unit, _)| *unit == self).map_or("", |(_, name)| name)
+        match self {
+            Unit::Hu => "hu",
+            Unit::Arbitrary => "arbitrary",
+            Unit::Luminance => "luminance",
+        }
     }
 
     /// Returns the unit to write after an intensity: " HU", or nothing.
@@ -39,7 +39,7 @@ impl Unit {
     }
 
     /// Returns the unit of this and another set together.
-    pub(super) fn joined(self, other: Unit) -> Unit {
+    pub(crate) fn joined(self, other: Unit) -> Unit {
         match (self, other) {
             (Unit::Luminance, _) | (_, Unit::Luminance) => Unit::Luminance,
             (a, b) if a == b => a,
