@@ -18,6 +18,7 @@ impl Volume {
             samples: cropped(&self.samples, self.size, first, size),
             oriented: self.oriented,
             labels: self.labels.clone(),
+            frame_of_reference: self.frame_of_reference.clone(),
         }
     }
 }

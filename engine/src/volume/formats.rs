@@ -146,6 +146,7 @@ impl Volume {
             series: None,
             labels: labels.clone(),
             grid: Some(Grid { size: volume.size, world_from_voxel: volume.world_from_voxel }),
+            frame_of_reference: volume.frame_of_reference.clone(),
             ..*options
         };
         Volume::read(path, &options)

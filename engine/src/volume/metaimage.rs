@@ -95,7 +95,14 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
     let layout = Layout::new(element, big_endian, size, (volumes, run), options)?;
     let payload = header.open_payload(source, path, is_text, layout.bytes(), options)?;
     let samples = payload.samples(&layout, is_text, options)?;
-    Ok(Volume { size, world_from_voxel: affine, samples, oriented, labels: BTreeMap::new() })
+    Ok(Volume {
+        size,
+        world_from_voxel: affine,
+        samples,
+        oriented,
+        labels: BTreeMap::new(),
+        frame_of_reference: None,
+    })
 }
 
 fn bad(code: &'static str, message: impl Into<String>) -> Error {

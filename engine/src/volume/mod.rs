@@ -10,6 +10,7 @@
 //! | `formats`, `read_options` | [`Volume::read`] with [`FORMATS`], a row per file format |
 //! | `dicom`, `nifti`, `inv3`, `nrrd`, `metaimage`, `npy` | the formats |
 //! | `source`, `payload` | opening of their files; unpacking and bounds of the voxels behind a header |
+//! | `element_table` | the elements of headers that readers use, and what their absence means |
 //! | `elements`, `text_header` | types of voxels; what the headers of NRRD and MetaImage have in common |
 //! | `roi`, `labels` | [`Roi`]: the voxels that are fitted; [`Labels`]: the label of each voxel |
 //! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold; pieces, closing and holes of masks |
@@ -24,6 +25,7 @@ pub mod compare;
 mod crop;
 pub mod dicom;
 pub mod distance;
+mod element_table;
 mod elements;
 mod formats;
 mod interpolation;
@@ -46,6 +48,7 @@ mod volume;
 pub(crate) use affine::spacing_of;
 pub use bricks::Bricks;
 pub use cleaning::Cleaning;
+pub use element_table::{ElementRow, element_table};
 pub use formats::{FORMATS, Format, SNIFF_BYTES, files_of};
 pub use interpolation::trilinear;
 pub use labels::Labels;

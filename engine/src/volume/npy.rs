@@ -6,7 +6,6 @@
 //! apart, with the orientation unknown.
 //! Format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
@@ -98,7 +97,7 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
         path.display()
     );
     let world_from_voxel = DAffine3::from_scale(options.spacing_mm.unwrap_or(DVec3::ONE));
-    Ok(Volume { size, world_from_voxel, samples, oriented: false, labels: BTreeMap::new() })
+    Ok(Volume { oriented: false, ..Volume::new(size, world_from_voxel, samples) })
 }
 
 fn bad(code: &'static str, message: impl Into<String>) -> Error {

@@ -26,6 +26,8 @@ pub struct ReadOptions {
     pub labels: LabelChoice,
     /// The grid of the volume that the file is a mask of, on which contours (RTSTRUCT) become voxels.
     pub grid: Option<Grid>,
+    /// [`super::Volume::frame_of_reference`] of the volume that the file is a mask of.
+    pub frame_of_reference: Option<String>,
 }
 
 /// A regular grid.
@@ -47,6 +49,7 @@ impl Default for ReadOptions {
             spacing_mm: None,
             labels: LabelChoice::Whole,
             grid: None,
+            frame_of_reference: None,
         }
     }
 }

@@ -56,6 +56,7 @@ impl Volume {
             samples,
             oriented: self.oriented,
             labels: self.labels.clone(),
+            frame_of_reference: self.frame_of_reference.clone(),
         }
     }
 

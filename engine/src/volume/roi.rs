@@ -42,19 +42,43 @@ pub enum LabelChoice {
     /// The mask as it is, which must be binary or soft.
     #[default]
     Whole,
-    /// The union of these labels; names are those of [`Volume::labels`], in either case.
+    /// The union of these labels; names are those of [`Volume::labels`], in either case if only one is meant so.
     Labels(Vec<String>),
 }
 
 impl LabelChoice {
-    /// Returns true if the label of this number and name is chosen by either; `false` for all if the mask is
-    /// used as a whole.
-    pub fn names(&self, number: i32, name: &str) -> bool {
-        let LabelChoice::Labels(names) = self else { return false };
-        names.iter().any(|asked| match asked.parse::<i32>() {
-            Ok(asked) => asked == number,
-            Err(_) => asked.eq_ignore_ascii_case(name),
-        })
+    /// Returns the numbers that are chosen of these labels, given by number and name; none if the mask is used as a
+    /// whole. What names none of them is left out.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] if a name may mean several.
+    pub fn numbers<'a>(&self, labels: impl Iterator<Item = (i32, &'a str)> + Clone) -> Result<Vec<i32>> {
+        let LabelChoice::Labels(names) = self else { return Ok(Vec::new()) };
+        let numbers: Result<Vec<_>> = names.iter().map(|asked| numbers_of(asked, labels.clone())).collect();
+        Ok(numbers?.into_iter().flatten().collect())
+    }
+}
+
+/// Returns the numbers that a name means among these labels: all labels of this very name, or else the one whose name
+/// differs in case only; a number means itself.
+fn numbers_of<'a>(asked: &str, labels: impl Iterator<Item = (i32, &'a str)> + Clone) -> Result<Vec<i32>> {
+    if let Ok(number) = asked.parse() {
+        return Ok(vec![number]);
+    }
+    let exact: Vec<i32> =
+        labels.clone().filter(|(_, name)| *name == asked).map(|(number, _)| number).collect();
+    if !exact.is_empty() {
+        return Ok(exact);
+    }
+    let alike: Vec<_> = labels.filter(|(_, name)| name.to_lowercase() == asked.to_lowercase()).collect();
+    match alike.as_slice() {
+        [first, rest @ ..] if rest.iter().any(|other| other.1 != first.1) => {
+            let list: Vec<_> = alike.iter().map(|(number, name)| format!("{number} {name}")).collect();
+            let message = format!("'{asked}' may mean {}", list.join(", "));
+            Err(Error::new(Kind::Usage, "VGS-ROI-018", message)
+                .help("give the number, or the name as it is written there"))
+        }
+        alike => Ok(alike.iter().map(|(number, _)| *number).collect()),
     }
 }
 
@@ -286,6 +310,9 @@ fn mask_weights(mask: &Volume, labels: &LabelChoice) -> Result<(Vec<f32>, bool)>
     match (labels, whole) {
         (LabelChoice::Labels(names), true) => {
             let chosen = resolve(names, mask)?;
+            if chosen.len() > names.len() {
+                tracing::warn!("several labels have one name, and all of them are taken: {chosen:?}");
+            }
             let weight =
                 mask.samples.iter().map(|&v| f32::from(u8::from(chosen.contains(&(v as i32))))).collect();
             Ok((weight, false))
@@ -353,17 +380,18 @@ pub(super) fn resolve(names: &[String], mask: &Volume) -> Result<Vec<i32>> {
         Error::new(Kind::Usage, "VGS-ROI-010", format!("the mask has no label '{name}'"))
             .help(format!("it has: {}", list(mask)))
     };
-    names
-        .iter()
-        .map(|name| {
-            let by_name = || mask.labels.iter().find(|(_, n)| n.eq_ignore_ascii_case(name)).map(|(&l, _)| l);
-            let label = name.parse().ok().or_else(by_name).ok_or_else(|| unknown(name))?;
-            match &present {
-                Some(p) if !p.contains_key(&label) => Err(unknown(name)),
-                _ => Ok(label),
-            }
-        })
-        .collect()
+    let labels = mask.labels.iter().map(|(&number, name)| (number, name.as_str()));
+    let mut chosen = Vec::new();
+    for name in names {
+        let numbers = numbers_of(name, labels.clone())?;
+        let there = |number: &i32| present.as_ref().is_none_or(|present| present.contains_key(number));
+        let before = chosen.len();
+        chosen.extend(numbers.into_iter().filter(there));
+        if chosen.len() == before {
+            return Err(unknown(name));
+        }
+    }
+    Ok(chosen)
 }
 
 /// Returns the number of distinct finite values, or `None` if there are more than `most`.

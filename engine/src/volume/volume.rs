@@ -30,6 +30,8 @@ pub struct Volume {
     pub oriented: bool,
     /// Names of label values, if the file has them.
     pub labels: BTreeMap<i32, String>,
+    /// UID of the space that the world is (DICOM's frame of reference), if the file names it.
+    pub frame_of_reference: Option<String>,
 }
 
 /// Summary of the samples of a volume.
@@ -56,7 +58,14 @@ impl Volume {
     /// If the number of samples is not the product of `size`.
     pub fn new(size: [usize; 3], world_from_voxel: DAffine3, samples: Vec<f32>) -> Self {
         assert_eq!(samples.len(), size.iter().product::<usize>(), "one sample for every voxel");
-        Volume { size, world_from_voxel, samples, oriented: true, labels: BTreeMap::new() }
+        Volume {
+            size,
+            world_from_voxel,
+            samples,
+            oriented: true,
+            labels: BTreeMap::new(),
+            frame_of_reference: None,
+        }
     }
 
     /// Returns the number of voxels.

@@ -5,8 +5,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::location::{self, Location, is_zip};
-use super::{MAGIC, MAGIC_AT, sniff};
-use crate::volume::ReadOptions;
+use super::sniff;
+use crate::volume::{ReadOptions, SNIFF_BYTES};
 use crate::{Error, Kind, Result};
 
 /// Levels of nested folders that are searched.
@@ -86,12 +86,11 @@ fn gather(folder: &Path, deeper: usize, files: &mut Vec<PathBuf>) -> Result<()> 
     Ok(())
 }
 
-/// Returns true if a file has DICOM's magic; false also if it cannot be read.
+/// Returns true if a file begins as DICOM does; false also if it cannot be read.
 fn is_dicom(path: &Path) -> bool {
     let mut head = Vec::new();
-    let length = (MAGIC_AT + MAGIC.len()) as u64;
     let regular = fs::metadata(path).is_ok_and(|meta| meta.is_file());
     regular
-        && File::open(path).and_then(|file| file.take(length).read_to_end(&mut head)).is_ok()
+        && File::open(path).and_then(|file| file.take(SNIFF_BYTES as u64).read_to_end(&mut head)).is_ok()
         && sniff(&head)
 }

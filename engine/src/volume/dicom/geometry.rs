@@ -3,16 +3,22 @@
 use glam::{DAffine3, DVec3};
 
 use super::header::Frame;
-use super::stacks::{along_normal, doubled, normal};
+use super::stacks::{along_normal, doubled, name, normal};
 use crate::volume::affine::{RAS_FROM_LPS, grid};
 use crate::{Error, Kind, Result};
 
 /// Part of the plane distance by which a slice may lie beside its plane: writers round positions.
 const BESIDE: f64 = 0.05;
+/// Part of the plane distance by which some slices may lie beside their planes, with a note.
+const OFF: f64 = 0.25;
+/// One in so many slices may, and one in any case.
+const ONE_OFF_IN: usize = 10;
 /// Most parts into which the usual slice distance is divided to find a plane distance for uneven slices.
 const PARTS: u32 = 8;
 /// Part of a pixel by which slices may shift against the line through the first and the last one.
 const SIDEWAYS: f64 = 0.1;
+/// Part of a pixel by which they may, with a note.
+const OFF_SIDEWAYS: f64 = 0.5;
 /// Angle between the line of slices and their normal above which a tilt is reported, degrees.
 const TILT_DEGREES: f64 = 0.05;
 
@@ -30,12 +36,12 @@ pub(super) struct Arrangement {
 }
 
 /// Finds the regular planes that all slices of a stack lie on; `frames` are parallel, in the order of their
-/// places, and at least one. Where `distance`, mm, is the distance of slices that the file gives, planes that
-/// far apart are tried first: a mask may leave out slices everywhere.
+/// places, and at least one. Planes as far apart as one of `distances`, mm, are tried first, in their order: a mask may
+/// leave out slices everywhere.
 ///
 /// # Errors
 /// [`Kind::BadData`] if two slices lie at one place, shift sideways, or lie on no regular planes.
-pub(super) fn arrange(frames: &[Frame], distance: Option<f64>) -> Result<Arrangement> {
+pub(super) fn arrange(frames: &[Frame], distances: &[f64]) -> Result<Arrangement> {
     let first = &frames[0];
     let normal = normal(first);
     let mut notes = Vec::new();
@@ -47,17 +53,21 @@ pub(super) fn arrange(frames: &[Frame], distance: Option<f64>) -> Result<Arrange
     }
     let positions: Vec<f64> =
         frames.iter().map(|frame| along_normal(frame, normal) - along_normal(first, normal)).collect();
-    let given = distance.filter(|_| frames.len() > 1).and_then(|mm| on_planes(&positions, mm));
+    let given =
+        distances.iter().filter(|_| frames.len() > 1).find_map(|&mm| on_planes(&positions, mm, BESIDE));
     let (planes, step) = match given {
         Some(found) => found,
-        None => planes(&positions, distance.unwrap_or(first.thickness), &mut notes)?,
+        None => planes(&positions, distances.first().copied().unwrap_or(first.thickness), &mut notes)?,
     };
     let last = planes.last().copied().unwrap_or(0);
-    let step = match frames.last() {
-        Some(end) if last > 0 => (end.position - first.position) / last as f64,
-        _ => normal * step,
+    // The line goes through slices that lie where they should: through the first and the last of these.
+    let [from, to] = ends(&positions, &planes);
+    let step = match planes[to] - planes[from] {
+        0 => normal * step,
+        count => (frames[to].position - frames[from].position) / count as f64,
     };
-    check_line(frames, &planes, step)?;
+    let origin = frames[from].position - step * planes[from] as f64;
+    check_line(frames, &planes, origin, step, &mut notes)?;
     let tilt = (step.dot(normal) / step.length()).clamp(-1.0, 1.0).acos().to_degrees();
     if tilt > TILT_DEGREES {
         notes.push(format!(
@@ -68,7 +78,7 @@ pub(super) fn arrange(frames: &[Frame], distance: Option<f64>) -> Result<Arrange
     let axes = [first.along[0] * first.spacing[0], first.along[1] * first.spacing[1], step];
     Ok(Arrangement {
         size: [columns, rows, last + 1],
-        world_from_voxel: grid(axes, first.position, RAS_FROM_LPS),
+        world_from_voxel: grid(axes, origin, RAS_FROM_LPS),
         planes,
         notes,
     })
@@ -76,11 +86,6 @@ pub(super) fn arrange(frames: &[Frame], distance: Option<f64>) -> Result<Arrange
 
 fn bad(code: &'static str, message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, code, message)
-}
-
-fn name(frame: &Frame) -> String {
-    let name = frame.file.location.path.file_name().unwrap_or_default().to_string_lossy();
-    if frame.number > 0 { format!("{name} (frame {})", frame.number) } else { name.into_owned() }
 }
 
 /// Returns the plane of each position (mm from the first, ascending), and the distance of planes, mm.
@@ -95,7 +100,9 @@ fn planes(positions: &[f64], thickness: f64, notes: &mut Vec<String>) -> Result<
     };
     let usual = distances[distances.len() / 2];
     for parts in 1..=PARTS {
-        let Some((planes, step)) = on_planes(positions, usual / f64::from(parts)) else { continue };
+        let strict = on_planes(positions, usual / f64::from(parts), BESIDE);
+        let loose = || on_planes(positions, usual, OFF).filter(|(planes, _)| few_are_off(positions, planes));
+        let Some((planes, step)) = strict.or_else(|| (parts == 1).then(loose).flatten()) else { continue };
         let empty = planes.last().copied().unwrap_or(0) + 1 - planes.len();
         if empty == 0 {
             return Ok((planes, step));
@@ -116,8 +123,8 @@ fn planes(positions: &[f64], thickness: f64, notes: &mut Vec<String>) -> Result<
 }
 
 /// Returns the plane of each position and the exact distance of planes, mm, if all positions lie on planes
-/// about `step` mm apart; `None` otherwise.
-fn on_planes(positions: &[f64], step: f64) -> Option<(Vec<usize>, f64)> {
+/// about `step` mm apart, but for this part of it; `None` otherwise.
+fn on_planes(positions: &[f64], step: f64, beside: f64) -> Option<(Vec<usize>, f64)> {
     // Counted from one to the next, since the error of an inexact step adds up.
     let mut planes = vec![0_usize];
     for pair in positions.windows(2) {
@@ -127,12 +134,44 @@ fn on_planes(positions: &[f64], step: f64) -> Option<(Vec<usize>, f64)> {
         }
         planes.push(planes.last()? + count as usize);
     }
-    let exact = positions.last()? / *planes.last()? as f64;
-    let fits = positions
-        .iter()
-        .zip(&planes)
-        .all(|(&at, &plane)| (at - plane as f64 * exact).abs() <= BESIDE * exact);
-    fits.then_some((planes, exact))
+    let (exact, off) = off_line(positions, &planes, ends(positions, &planes))?;
+    off.iter().all(|off| off.abs() <= beside * exact).then_some((planes, exact))
+}
+
+/// Returns the distance of planes, mm, where the line of planes goes through two of the positions, and how far each
+/// position lies beyond its plane, mm; `None` for one position.
+fn off_line(positions: &[f64], planes: &[usize], [from, to]: [usize; 2]) -> Option<(f64, Vec<f64>)> {
+    let count = planes[to].checked_sub(planes[from]).filter(|&count| count > 0)?;
+    let step = (positions[to] - positions[from]) / count as f64;
+    let off =
+        |(at, &plane): (&f64, &usize)| at - positions[from] - step * (plane as f64 - planes[from] as f64);
+    Some((step, positions.iter().zip(planes).map(off).collect()))
+}
+
+/// Returns the two positions that the line of planes goes through: those at the ends, or the next ones if one at an
+/// end alone lies off.
+fn ends(positions: &[f64], planes: &[usize]) -> [usize; 2] {
+    let last = positions.len() - 1;
+    let whole = [0, last];
+    if last < 3 {
+        return whole;
+    }
+    let second_most = |ends: &[usize; 2]| {
+        let (step, off) = off_line(positions, planes, *ends).unwrap_or((1.0, vec![f64::INFINITY; last + 1]));
+        let mut off: Vec<f64> = off.iter().map(|off| off.abs() / (BESIDE * step)).collect();
+        off.sort_by(f64::total_cmp);
+        // What rounding explains is no reason.
+        off[last - 1].max(1.0)
+    };
+    let by_fit = |a: &[usize; 2], b: &[usize; 2]| second_most(a).total_cmp(&second_most(b));
+    [whole, [1, last], [0, last - 1]].into_iter().min_by(by_fit).unwrap_or(whole)
+}
+
+/// Returns true if no more slices lie beside their planes than a slip explains.
+fn few_are_off(positions: &[f64], planes: &[usize]) -> bool {
+    let Some((step, off)) = off_line(positions, planes, ends(positions, planes)) else { return false };
+    let count = off.iter().filter(|off| off.abs() > BESIDE * step).count();
+    positions.len() > 3 && count <= (positions.len() / ONE_OFF_IN).max(1)
 }
 
 /// Returns a text that says where slices are missing.
@@ -152,18 +191,46 @@ fn gaps(planes: &[usize], step: f64, positions: &[f64]) -> String {
     format!("slices are missing, {}{more}, where {step:.2} mm is usual", told.join(", "))
 }
 
-/// Refuses slices that do not lie on one line; `step` leads from plane to plane, mm.
-fn check_line(frames: &[Frame], planes: &[usize], step: DVec3) -> Result<()> {
+/// Refuses slices that do not lie on one line, and notes those that lie off a little; `step` leads from plane to
+/// plane, mm.
+fn check_line(
+    frames: &[Frame],
+    planes: &[usize],
+    origin: DVec3,
+    step: DVec3,
+    notes: &mut Vec<String>,
+) -> Result<()> {
     let first = &frames[0];
-    let most = SIDEWAYS * first.spacing[0].min(first.spacing[1]) + BESIDE * step.length();
+    let normal = normal(first);
+    let pixel = first.spacing[0].min(first.spacing[1]);
+    let beside = BESIDE * step.length();
+    let mut worst: Option<(f64, &Frame)> = None;
+    let mut count = 0;
     for (frame, &plane) in frames.iter().zip(planes) {
-        let off = (frame.position - first.position - step * plane as f64).length();
-        if off > most {
-            let message = format!("{} lies {off:.2} mm beside the line of the other slices", name(frame));
+        let off = frame.position - origin - step * plane as f64;
+        let along = off.dot(normal).abs();
+        let sideways = (off - normal * off.dot(normal)).length();
+        if sideways > OFF_SIDEWAYS * pixel + beside {
+            let message =
+                format!("{} lies {:.2} mm beside the line of the other slices", name(frame), off.length());
             return Err(bad("VGS-DCM-009", message).help(
                 "the slices do not form one block; export the original series, not a reformatted one",
             ));
         }
+        if sideways > SIDEWAYS * pixel + beside || along > beside {
+            count += 1;
+            if worst.is_none_or(|(most, _)| off.length() > most) {
+                worst = Some((off.length(), frame));
+            }
+        }
+    }
+    if let Some((off, frame)) = worst {
+        notes.push(format!(
+            "{count} of {} slices lie beside their places, {} the farthest, {off:.2} mm: they are taken as if they lay \
+             there",
+            frames.len(),
+            name(frame)
+        ));
     }
     Ok(())
 }
@@ -209,6 +276,20 @@ mod tests {
         let mut notes = Vec::new();
         let error = planes_error(&[0.0, 1.0, 2.618, 5.236, 6.0, 9.47], &mut notes);
         assert_eq!(error.code, "VGS-DCM-008");
+    }
+
+    #[test]
+    fn a_slice_a_little_off_is_on_its_plane() {
+        let even: Vec<f64> = (0..8).map(|i| 2.5 * f64::from(i)).collect();
+        for off in 0..8 {
+            for slip in [-0.2, 0.2] {
+                let mut places = even.clone();
+                places[off] += slip;
+                let (planes, step, notes) = planes_of(&places);
+                assert_eq!(planes, [0, 1, 2, 3, 4, 5, 6, 7], "{places:?}");
+                assert!((step - 2.5).abs() < 1e-9 && notes.is_empty(), "{places:?}: {step} {notes:?}");
+            }
+        }
     }
 
     fn planes_error(positions: &[f64], notes: &mut Vec<String>) -> Error {

@@ -7,6 +7,7 @@ use std::fmt;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::rc::Rc;
 
+use dicom_core::VR;
 use dicom_encoding::{TransferSyntax, TransferSyntaxIndex};
 use dicom_object::Tag;
 use dicom_parser::dataset::{DataSetReader, DataToken};
@@ -30,17 +31,25 @@ const GROUP_LENGTH: Tag = Tag(2, 0);
 const SYNTAX: Tag = Tag(2, 0x10);
 const PIXELS: Tag = Tag(0x7fe0, 0x10);
 
-/// An element that claims more bytes than there are.
+/// An element that claims more bytes than there are, or a part of a number.
 #[derive(Debug, PartialEq)]
 pub(super) struct TooLong {
     tag: Tag,
     claimed: u32,
     left: u64,
+    /// Bytes of a number, of which only a part is there; 0 if that is not the fault.
+    unit: u32,
 }
 
 impl fmt::Display for TooLong {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let TooLong { tag: Tag(group, number), claimed, left } = self;
+        let TooLong { tag: Tag(group, number), claimed, left, unit } = self;
+        if *unit > 0 {
+            return write!(
+                f,
+                "element ({group:04x},{number:04x}) has {claimed} bytes, where a number takes {unit}"
+            );
+        }
         write!(f, "element ({group:04x},{number:04x}) claims {claimed} bytes where {left} are left")
     }
 }
@@ -112,7 +121,7 @@ fn first_group(source: &mut impl Read, mut at: u64, size: u64) -> io::Result<Fir
             return Ok(FirstGroup::Refused);
         }
         if u64::from(claimed) > left {
-            return Ok(FirstGroup::TooLong(TooLong { tag, claimed, left }));
+            return Ok(FirstGroup::TooLong(TooLong { tag, claimed, left, unit: 0 }));
         }
         at += u64::from(claimed);
         let mut value = source.take(claimed.into());
@@ -146,7 +155,7 @@ impl<R: Read> Read for Counted<R> {
 }
 
 /// Goes through the elements of `source`, `size` bytes, and returns the first one that is too long.
-fn too_long_element(
+pub(super) fn too_long_element(
     source: impl Read,
     syntax: &TransferSyntax,
     size: u64,
@@ -169,17 +178,34 @@ fn too_long_element(
         if before_pixels && depth == 0 && tag >= PIXELS {
             return None;
         }
-        match token {
+        match &token {
             DataToken::SequenceStart { .. } | DataToken::PixelSequenceStart => depth += 1,
             DataToken::SequenceEnd => depth = depth.saturating_sub(1),
             _ => {}
         }
         let left = size.saturating_sub(count.get());
         if claimed != UNTOLD && u64::from(claimed) > left {
-            return Some(TooLong { tag, claimed, left });
+            return Some(TooLong { tag, claimed, left, unit: 0 });
+        }
+        // The library would take the rest for the beginning of the next element.
+        if let DataToken::ElementHeader(header) = &token {
+            let unit = unit(header.vr);
+            if claimed % unit != 0 {
+                return Some(TooLong { tag, claimed, left, unit });
+            }
         }
     }
     None
+}
+
+/// Returns the number of bytes of one number of a representation; 1 if it is none of numbers.
+fn unit(vr: VR) -> u32 {
+    match vr {
+        VR::US | VR::SS => 2,
+        VR::UL | VR::SL | VR::FL | VR::AT => 4,
+        VR::FD => 8,
+        _ => 1,
+    }
 }
 
 #[cfg(test)]

@@ -11,9 +11,10 @@ use flate2::read::DeflateDecoder;
 use zip::ZipArchive;
 use zip::result::ZipError;
 
+use super::elements::{Oddity, by_dictionary};
 use super::lengths::{PACKED, too_long};
-use super::{MAGIC, MAGIC_AT, sniff};
-use crate::volume::ReadOptions;
+use super::{MAGIC_AT, has_magic, missing_start, sniff};
+use crate::volume::{ReadOptions, SNIFF_BYTES};
 use crate::{Error, Kind, Result};
 
 /// The most bytes before the pixels of a file in a zip; the header of an enhanced file of ten thousand frames
@@ -29,6 +30,14 @@ const ZIP_MAGIC: &[u8] = b"PK\x03\x04";
 /// Returns true if this is the beginning of a zip.
 pub(in crate::volume) fn is_zip(head: &[u8]) -> bool {
     head.starts_with(ZIP_MAGIC)
+}
+
+/// A file that was read, or its beginning.
+pub(super) struct Opened {
+    /// Its elements, by the representation of the dictionary.
+    pub object: DefaultDicomObject,
+    /// What was read although it is not as it should be.
+    pub oddities: Vec<Oddity>,
 }
 
 /// A DICOM file on disk or in a zip. Nothing of a zip is written to disk.
@@ -81,7 +90,13 @@ impl Location {
     ///
     /// # Errors
     /// [`Kind::BadData`] for a damaged file, [`Kind::HostMemory`].
-    pub fn open(&self, until: Option<Tag>) -> Result<DefaultDicomObject> {
+    pub fn open(&self, until: Option<Tag>) -> Result<Opened> {
+        let mut object = self.read(until)?;
+        let oddities = by_dictionary(&mut object);
+        Ok(Opened { object, oddities })
+    }
+
+    fn read(&self, until: Option<Tag>) -> Result<DefaultDicomObject> {
         let options = OpenFileOptions::new();
         let options = match until {
             Some(tag) => options.read_until(tag),
@@ -89,45 +104,66 @@ impl Location {
         };
         let Some((archive, index)) = &self.member else {
             let failed = |e: io::Error| Error::io(&self.path, "reading", &e);
-            let file = File::open(&self.path).map_err(failed)?;
+            let mut file = File::open(&self.path).map_err(failed)?;
             let size = file.metadata().map_err(failed)?.len();
+            let mut head = Vec::new();
+            (&mut file).take(SNIFF_BYTES as u64).read_to_end(&mut head).map_err(failed)?;
+            if !has_magic(&head) {
+                let mut bytes = self.reserve(size)?;
+                bytes.extend(head);
+                file.take(size).read_to_end(&mut bytes).map_err(failed)?;
+                let size = bytes.len() as u64;
+                return self.read_bytes(bytes, size, options, until.is_some());
+            }
+            file.rewind().map_err(failed)?;
             self.check_lengths(BufReader::new(file), size, until.is_some())?;
             return options.open_file(&self.path).map_err(|e| damaged(&self.path, &e));
         };
         let mut zip = archive.lock();
         let mut member = zip.by_index(*index).map_err(|e| archive.failed(&self.path, e))?;
         let size = member.size();
-        if until.is_some() {
-            let mut start = Vec::new();
-            member
-                .take(size.min(MOST_HEADER_BYTES))
-                .read_to_end(&mut start)
-                .map_err(|e| damaged(&self.path, &e))?;
-            // What ends sooner than it should has no more than there is.
-            let there = start.len() as u64;
-            let size = if there < MOST_HEADER_BYTES { there } else { size };
-            self.check_lengths(Cursor::new(&start), size, true)?;
-            return options.from_reader(start.as_slice()).map_err(|e| damaged(&self.path, &e));
-        }
-        let mut bytes = Vec::new();
-        bytes.try_reserve_exact(size as usize).map_err(|_| {
-            let message = format!("no memory for a file of {size} bytes");
-            Error::new(Kind::HostMemory, "VGS-VOL-010", message).file(&self.path)
-        })?;
-        member.by_ref().take(size).read_to_end(&mut bytes).map_err(|e| damaged(&self.path, &e))?;
+        let most = if until.is_some() { size.min(MOST_HEADER_BYTES) } else { size };
+        let mut bytes = self.reserve(if until.is_some() { 0 } else { size })?;
+        member.by_ref().take(most).read_to_end(&mut bytes).map_err(|e| damaged(&self.path, &e))?;
         // Decoding takes longer than unpacking, and other threads may unpack meanwhile.
         drop(member);
         drop(zip);
-        self.check_lengths(Cursor::new(&bytes), bytes.len() as u64, false)?;
+        // What ends sooner than it should has no more than there is.
+        let there = bytes.len() as u64;
+        let size = if there < most || until.is_none() { there } else { size };
+        self.read_bytes(bytes, size, options, until.is_some())
+    }
+
+    /// Reads the file from its bytes, or from the first ones of `size`.
+    fn read_bytes(
+        &self,
+        mut bytes: Vec<u8>,
+        mut size: u64,
+        options: OpenFileOptions,
+        before_pixels: bool,
+    ) -> Result<DefaultDicomObject> {
+        if let Some(start) = missing_start(&bytes) {
+            size += start.len() as u64;
+            bytes.splice(..0, start);
+        }
+        self.check_lengths(Cursor::new(&bytes), size, before_pixels)?;
         options.from_reader(bytes.as_slice()).map_err(|e| damaged(&self.path, &e))
     }
-}
 
-impl Location {
+    fn reserve(&self, size: u64) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let enough = usize::try_from(size).is_ok_and(|size| bytes.try_reserve_exact(size).is_ok());
+        if !enough {
+            let message = format!("no memory for a file of {size} bytes");
+            return Err(Error::new(Kind::HostMemory, "VGS-VOL-010", message).file(&self.path));
+        }
+        Ok(bytes)
+    }
+
     /// Checks that no element of the file claims more than there is.
     fn check_lengths(&self, mut source: impl Read + Seek, size: u64, before_pixels: bool) -> Result<()> {
         let mut head = [0; MAGIC_AT + 4];
-        let is_dicom = source.read_exact(&mut head).is_ok() && sniff(&head);
+        let is_dicom = source.read_exact(&mut head).is_ok() && has_magic(&head);
         // Files without the magic are the library's to refuse.
         let found = match is_dicom {
             true => too_long(&mut source, head.len() as u64, size, before_pixels),
@@ -149,7 +185,7 @@ fn unpacked_size(mut file: impl Read, most: u64) -> io::Result<u64> {
     file.read_exact(&mut head)?;
     let (tag, length) = head[MAGIC_AT + 4..].split_at(8);
     let length = u64::from(u32::from_le_bytes([length[0], length[1], length[2], length[3]]));
-    if !sniff(&head) || tag != GROUP_LENGTH || length > MOST_META_BYTES {
+    if !has_magic(&head) || tag != GROUP_LENGTH || length > MOST_META_BYTES {
         return Ok(0);
     }
     let mut meta = Vec::new();
@@ -238,8 +274,7 @@ pub(super) fn members(path: &Path, most: usize, options: &ReadOptions) -> Result
             continue;
         }
         let mut head = Vec::new();
-        let length = (MAGIC_AT + MAGIC.len()) as u64;
-        let read = member.by_ref().take(length).read_to_end(&mut head);
+        let read = member.by_ref().take(SNIFF_BYTES as u64).read_to_end(&mut head);
         if read.is_err() || !sniff(&head) {
             continue;
         }

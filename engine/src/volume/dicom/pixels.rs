@@ -2,8 +2,9 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use dicom_dictionary_std::tags;
 use dicom_encoding::TransferSyntaxIndex;
-use dicom_object::DefaultDicomObject;
+use dicom_object::{DefaultDicomObject, Tag};
 use dicom_pixeldata::{DecodedPixelData, PixelDecoder};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
@@ -14,13 +15,29 @@ use crate::{Error, Kind, Result};
 /// The transfer syntax with the most significant byte first.
 pub(super) const BIG_ENDIAN: &str = "1.2.840.10008.1.2.2";
 
+/// Elements of the windows and tables that a viewer shows the pixels with, which the library reads as well.
+const WINDOWS: [Tag; 5] = [
+    tags::WINDOW_CENTER,
+    tags::WINDOW_WIDTH,
+    tags::VOILUT_FUNCTION,
+    tags::VOILUT_SEQUENCE,
+    tags::WINDOW_CENTER_WIDTH_EXPLANATION,
+];
+
 /// Refuses files whose pixels cannot be read as intensities, before any pixel is read.
 ///
 /// # Errors
 /// [`Kind::BadData`] for colours, [`Kind::Unavailable`] for an unknown compression.
 pub(super) fn check(file: &FileHeader) -> Result<()> {
-    if !file.photometric.starts_with("MONOCHROME") {
-        let message = format!("a colour picture ({})", file.photometric);
+    if file.mosaic {
+        let message = "a mosaic: all slices of a volume side by side in one image (Siemens)";
+        return Err(Error::new(Kind::BadData, "VGS-DCM-023", message)
+            .file(&file.location.path)
+            .help("make a volume of it first: `dcm2niix FOLDER`, and open the .nii that it writes"));
+    }
+    if !file.photometric.starts_with("MONOCHROME") || file.samples_per_pixel != 1 {
+        let message =
+            format!("a colour picture ({}, {} samples per pixel)", file.photometric, file.samples_per_pixel);
         return Err(Error::new(Kind::BadData, "VGS-DCM-010", message).file(&file.location.path).help(
             "intensities are needed: MONOCHROME1 or MONOCHROME2; choose the original series with --series",
         ));
@@ -43,7 +60,11 @@ pub(super) fn check(file: &FileHeader) -> Result<()> {
 /// # Errors
 /// [`Kind::BadData`] for damaged pixels, and [`Kind::Io`].
 pub(super) fn read_frames(file: &FileHeader, frames: Vec<(&Frame, &mut [f32])>) -> Result<()> {
-    let object = file.location.open(None)?;
+    let mut object = file.location.open(None)?.object;
+    // How a viewer shows the pixels is not asked here, and what is wrong with it does not matter.
+    for tag in WINDOWS {
+        object.remove_element(tag);
+    }
     let decoded = decode(&object, &file.location)?;
     frames.into_iter().try_for_each(|(frame, plane)| intensities(file, &decoded, frame, plane))
 }
@@ -87,12 +108,10 @@ fn intensities(
             .file(&file.location.path)
             .help("the file is damaged or cut short; copy it again"));
     };
-    let [slope, intercept] = frame.rescale;
     let value = Stored::of(file, bytes);
     for (intensity, word) in plane.iter_mut().zip(stored.chunks_exact(bytes)) {
         let stored = value.of_word(word.iter().rev().fold(0, |word, &byte| word << 8 | u32::from(byte)));
-        *intensity =
-            if value.is_padding(stored) { f32::NAN } else { (slope * stored as f64 + intercept) as f32 };
+        *intensity = if value.is_padding(stored) { f32::NAN } else { frame.scale.of(stored) as f32 };
     }
     Ok(())
 }
@@ -110,12 +129,7 @@ impl Stored {
         let most = 8 * bytes as u32;
         let bits = file.bits_stored.min(most);
         let shift = (file.high_bit + 1).saturating_sub(bits).min(most - bits);
-        Stored {
-            shift,
-            bits,
-            signed: file.signed,
-            padding: file.padding.map(|ends| ends.map(|v| signed(v, file))),
-        }
+        Stored { shift, bits, signed: file.signed, padding: file.padding }
     }
 
     fn of_word(&self, word: u32) -> i64 {
@@ -125,16 +139,6 @@ impl Stored {
 
     fn is_padding(&self, value: i64) -> bool {
         self.padding.is_some_and(|[from, to]| (from..=to).contains(&value))
-    }
-}
-
-/// Returns `value` of an element that is signed if the pixels are, although a file without types gives it
-/// unsigned.
-fn signed(value: i64, file: &FileHeader) -> i64 {
-    if file.signed && value > i64::from(i16::MAX) && value <= i64::from(u16::MAX) {
-        value - (1 << 16)
-    } else {
-        value
     }
 }
 
@@ -157,18 +161,5 @@ mod tests {
         assert_eq!(of(&file(16, 15, true), 0xfc18), -1000);
         assert_eq!(of(&file(16, 15, false), 0xfc18), 64536);
         assert_eq!(Stored::of(&file(16, 15, true), 1).of_word(0x80), -128, "no more bits than there are");
-    }
-
-    #[test]
-    fn padding_is_outside() {
-        let file = FileHeader {
-            bits_stored: 16,
-            high_bit: 15,
-            signed: true,
-            padding: Some([63536, 63536]),
-            ..Default::default()
-        };
-        let stored = Stored::of(&file, 2);
-        assert!(stored.is_padding(-2000) && !stored.is_padding(-1000));
     }
 }

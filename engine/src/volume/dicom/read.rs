@@ -1,17 +1,20 @@
 //! The DICOM reader: from a folder or a file to a volume.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::Arc;
 
+use dicom_object::Tag;
 use rayon::prelude::*;
 
 use super::find::{dicom_files, dicom_files_beside, is_zip_file, zipped_dicom_files};
 use super::geometry::{Arrangement, arrange};
-use super::header::{Content, Frame, Skipped, Structures, read_header};
+use super::header::{Content, FileHeader, Frame, Part, Skipped, Structures, read_header};
 use super::location::Location;
-use super::stacks::{Stack, StackSummary, choose, stacks};
+use super::scale::Scale;
+use super::stacks::{Stack, StackSummary, choose, name, stacks};
 use super::structures::Structure;
-use super::{contours, pixels, segmentation};
+use super::{contours, elements, pixels, segmentation};
 use crate::volume::source::reserve_samples;
 use crate::volume::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
@@ -69,8 +72,17 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
             stack.summary(number).line()
         );
     }
-    let arrangement = arrange(&stack.frames, None).map_err(named)?;
-    for note in left_out.into_iter().chain(arrangement.notes.iter().cloned()).chain(notes(stack)) {
+    let arrangement = arrange(&stack.frames, &[]).map_err(named)?;
+    check_scales(stack).map_err(named)?;
+    let missing = missing_parts(stack);
+    if let (Some(message), false) = (&missing, options.lenient) {
+        return Err(Error::new(Kind::BadData, "VGS-DCM-026", message.clone())
+            .file(path)
+            .help("put all parts into one folder and give that; --lenient reads what is there"));
+    }
+    let notes =
+        left_out.into_iter().chain(stack.notes.iter().cloned()).chain(arrangement.notes.iter().cloned());
+    for note in notes.chain(missing).chain(notes_on_values(stack)) {
         tracing::warn!("{}: {note}", path.display());
     }
     volume(stack, &arrangement, options).map_err(named)
@@ -100,13 +112,21 @@ fn find(path: &Path, options: &ReadOptions) -> Result<Found> {
         Err(Skipped::Directory) => found(folder, &dicom_files(folder)?, options),
         Err(Skipped::Structures(kind)) => Ok(Found::Structures(location, kind)),
         Err(skipped) => Err(nothing(path, &[skipped])),
-        Ok(frames) if frames.len() > 1 => Ok(Found::Frames(frames, Vec::new())),
+        // A part of a concatenation stands for all of it, as a slice does for its series.
+        Ok(frames) if frames.len() > 1 && frames[0].file.part.is_none() => {
+            Ok(Found::Frames(frames, Vec::new()))
+        }
         Ok(own) => {
             let Found::Frames(mut beside, _) = found(folder, &dicom_files_beside(folder)?, options)? else {
                 return Ok(Found::Frames(own, Vec::new()));
             };
-            let series = own.first().map(|frame| frame.file.series.clone()).unwrap_or_default();
-            beside.retain(|frame| frame.file.series == series);
+            let Some(of_own) = own.first().map(|frame| Arc::clone(&frame.file)) else {
+                return Ok(Found::Frames(own, Vec::new()));
+            };
+            let whole = |part: &Option<Part>| part.as_ref().map(|part| part.whole.clone());
+            beside.retain(|frame| {
+                frame.file.series == of_own.series && whole(&frame.file.part) == whole(&of_own.part)
+            });
             Ok(Found::Frames(beside, Vec::new()))
         }
     }
@@ -166,17 +186,86 @@ fn nothing(path: &Path, skipped: &[Skipped]) -> Error {
         .help("position, orientation and distance of the pixels are needed; export the original slices")
 }
 
+/// Refuses slices of which some have a scale and others none: what these hold is not known.
+fn check_scales(stack: &Stack) -> Result<()> {
+    let (with, without): (Vec<&Frame>, Vec<&Frame>) =
+        stack.frames.iter().partition(|frame| frame.scale != Scale::Stored);
+    let (Some(_), Some(bare)) = (with.first(), without.first()) else { return Ok(()) };
+    let message = format!(
+        "{} and {} are missing in {} of {} slices, as in {}",
+        elements::RESCALE_SLOPE,
+        elements::RESCALE_INTERCEPT,
+        without.len(),
+        stack.frames.len(),
+        name(bare)
+    );
+    Err(Error::new(Kind::BadData, "VGS-DCM-024", message)
+        .help("their values cannot be compared with those of the others; export the series again"))
+}
+
+/// Returns a text on the parts of a concatenation that are missing.
+fn missing_parts(stack: &Stack) -> Option<String> {
+    let mut wholes: BTreeMap<&str, (BTreeSet<i64>, i64)> = BTreeMap::new();
+    for part in stack.frames.iter().filter_map(|frame| frame.file.part.as_ref()) {
+        let (there, of) = wholes.entry(&part.whole).or_default();
+        there.insert(part.number);
+        *of = part.of.unwrap_or(0).max(*of).max(part.number);
+    }
+    wholes.into_values().find_map(|(there, of)| {
+        let missing: Vec<_> = (1..=of).filter(|number| !there.contains(number)).map(|n| n.to_string()).collect();
+        (!missing.is_empty()).then(|| {
+            format!(
+                "the file is one of several that make up a whole: of {of} parts {} are there, and missing is {}",
+                there.len(),
+                missing.join(", ")
+            )
+        })
+    })
+}
+
 /// Returns notes for the user about the values.
-fn notes(stack: &Stack) -> Vec<String> {
-    let file = &stack.first().file;
+fn notes_on_values(stack: &Stack) -> Vec<String> {
+    let first = stack.first();
+    let file = &first.file;
     let mut notes = Vec::new();
-    let slopes = stack.frames.iter().filter(|frame| frame.rescale != stack.first().rescale).count();
-    if slopes > 0 {
+    let count = |is: &dyn Fn(&Frame) -> bool| stack.frames.iter().filter(|frame| is(frame)).count();
+    let mut odd: BTreeMap<Tag, (&str, usize)> = BTreeMap::new();
+    let mut last: Option<&Arc<FileHeader>> = None;
+    for frame in &stack.frames {
+        if last.is_none_or(|last| !Arc::ptr_eq(last, &frame.file)) {
+            let mut own = BTreeSet::new();
+            for (tag, text) in frame.file.oddities.iter().filter(|(tag, _)| own.insert(*tag)) {
+                odd.entry(*tag).or_insert((text, 0)).1 += 1;
+            }
+        }
+        last = Some(&frame.file);
+    }
+    notes.extend(odd.into_values().map(|(text, files)| format!("{text}, in {files} files")));
+    if count(&|frame| frame.scale != first.scale) > 0 {
         notes.push("each slice is scaled by its own slope and intercept".to_owned());
     }
-    let units = file.units.to_uppercase();
+    if count(&|frame| frame.units != first.units) > 0 {
+        notes.push("the slices do not agree on the units of their values".to_owned());
+    }
+    let units = first.units.to_uppercase();
     if file.modality == "CT" && !["", "HU", "HU_MOD"].contains(&units.as_str()) {
-        notes.push(format!("the values are in {}, not in HU", file.units));
+        notes.push(format!("the values are in {}, not in HU", first.units));
+    }
+    match &first.scale {
+        Scale::Table(_) => notes.push("the values are those of the Modality LUT Sequence".to_owned()),
+        Scale::Stored if file.modality == "CT" => notes.push(
+            "the file has no slope and intercept: the values are as they are stored, which may not be HU"
+                .to_owned(),
+        ),
+        Scale::Stored if file.real_world => notes.push(
+            "the values are as they are stored; the Real World Value Mapping Sequence is not applied"
+                .to_owned(),
+        ),
+        _ => {}
+    }
+    if !["", "LIN"].contains(&file.relationship.to_uppercase().as_str()) {
+        let relationship = &file.relationship;
+        notes.push(format!("the values are not linear in what was measured ({relationship})"));
     }
     if file.photometric == "MONOCHROME1" {
         notes.push(
@@ -201,12 +290,6 @@ fn volume(stack: &Stack, arrangement: &Arrangement, options: &ReadOptions) -> Re
     };
     for frame in &stack.frames {
         pixels::check(&frame.file)?;
-        if !frame.rescale.iter().all(|v| v.is_finite()) {
-            let message = format!("rescale slope and intercept are {:?}", frame.rescale);
-            return Err(Error::new(Kind::BadData, "VGS-DCM-014", message)
-                .file(&frame.file.location.path)
-                .help("the file is damaged; copy it again"));
-        }
     }
     let count = (bytes / 4) as usize;
     let mut samples = reserve_samples(count)?;
@@ -221,10 +304,13 @@ fn volume(stack: &Stack, arrangement: &Arrangement, options: &ReadOptions) -> Re
     let files: Vec<_> = files.into_values().collect();
     files.into_par_iter().try_for_each(|frames| match frames.first() {
         Some((first, _)) => {
-            let file = std::sync::Arc::clone(&first.file);
+            let file = Arc::clone(&first.file);
             pixels::read_frames(&file, frames)
         }
         None => Ok(()),
     })?;
-    Ok(Volume::new(size, arrangement.world_from_voxel, samples))
+    let mut volume = Volume::new(size, arrangement.world_from_voxel, samples);
+    let space = &stack.first().file.frame_of_reference;
+    volume.frame_of_reference = Some(space.clone()).filter(|space| !space.is_empty());
+    Ok(volume)
 }

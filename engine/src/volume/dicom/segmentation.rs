@@ -8,17 +8,24 @@ use std::collections::BTreeMap;
 use dicom_dictionary_std::tags;
 use dicom_object::DefaultDicomObject;
 
+use super::elements as e;
 use super::geometry::{Arrangement, arrange};
-use super::header::{Frame, Skipped, frames, items, text, whole};
-use super::location::Location;
+use super::header::{Frame, Skipped, frames};
+use super::location::{Location, Opened};
 use super::pixels::{self, BIG_ENDIAN};
 use super::stacks::{SAME_PLACE_MM, along_normal, are_parallel, normal};
-use super::structures::{LabelMap, Structure, chosen, none};
+use super::structures::{LabelMap, Structure, chosen, none, other_space};
+use crate::volume::affine::RAS_FROM_LPS;
 use crate::volume::{Grid, LabelChoice, ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
 /// Part of the greatest fraction from which on a voxel belongs to a structure, where it must or must not.
 const HALF: f32 = 0.5;
+
+/// Cosine below which two directions count as at a right angle.
+const PARALLEL: f64 = 1e-3;
+/// Part of the distance of the scan's planes by which a slice may lie beside one of them.
+const BESIDE_PLANE: f64 = 0.05;
 
 /// How the voxels of a segmentation are stored.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +43,7 @@ enum Stored {
 /// # Errors
 /// [`Kind::BadData`] for a damaged file or one without structures.
 pub(super) fn structures(location: &Location) -> Result<Vec<Structure>> {
-    let object = location.open(Some(tags::PIXEL_DATA))?;
+    let Opened { object, .. } = location.open(Some(tags::PIXEL_DATA))?;
     segments(&object).map_err(|e| e.file(&location.path))
 }
 
@@ -47,20 +54,23 @@ pub(super) fn structures(location: &Location) -> Result<Vec<Structure>> {
 /// [`Kind::BadData`] for a damaged file, slices that do not form one block, or too large a mask;
 /// [`Kind::Unavailable`] for pixels that cannot be unpacked; [`Kind::HostMemory`].
 pub(super) fn read(location: &Location, options: &ReadOptions) -> Result<Volume> {
-    let object = location.open(None)?;
+    let opened = location.open(None)?;
+    let object = &opened.object;
     let named = |e: Error| if e.file.is_some() { e } else { e.file(&location.path) };
-    let all = segments(&object).map_err(named)?;
-    let wanted = chosen(&all, &options.labels);
-    let frames = match frames(location, &object)? {
+    let all = segments(object).map_err(named)?;
+    let wanted = chosen(&all, &options.labels).map_err(named)?;
+    let frames = match frames(location, &opened)? {
         Ok(frames) => frames,
         Err(reason) => return Err(named(placeless(&reason))),
     };
-    let stored = stored(&object, &frames).map_err(named)?;
-    let (arrangement, planes) = planes(&frames).map_err(named)?;
-    let pixels = bytes(&object, location, stored, &frames)?;
+    let stored = stored(object, &frames).map_err(named)?;
+    let (arrangement, planes) = planes(&frames, options.grid.as_ref()).map_err(named)?;
+    let pixels = bytes(object, location, stored, &frames)?;
     let mask = fill(&frames, &planes, &arrangement, stored, &pixels, &wanted, options).map_err(named)?;
     let (volume, note) = mask;
-    if let Some(note) = note {
+    let space = &frames[0].file.frame_of_reference;
+    let notes = opened.oddities.iter().map(|(_, text)| text.clone()).take(1).chain(note);
+    for note in notes.chain(other_space(space, options)) {
         tracing::warn!("{}: {note}", location.path.display());
     }
     Ok(volume)
@@ -80,32 +90,40 @@ fn placeless(reason: &Skipped) -> Error {
 }
 
 fn segments(object: &DefaultDicomObject) -> Result<Vec<Structure>> {
-    let items = items(object, tags::SEGMENT_SEQUENCE).unwrap_or_default();
-    let segments = items.iter().filter_map(|item| {
-        let number = whole(item, tags::SEGMENT_NUMBER)?;
+    let mut segments = Vec::new();
+    for item in e::SEGMENT_SEQUENCE.items(object)?.unwrap_or_default() {
+        let number = e::SEGMENT_NUMBER.needed(e::SEGMENT_NUMBER.whole(item)?)?;
+        let name = e::SEGMENT_LABEL.text(item)?.unwrap_or_default();
         // Number 0 of a map of labels is what is around the structures.
-        let number = i32::try_from(number).ok().filter(|n| (1..=i32::from(u16::MAX)).contains(n))?;
-        Some(Structure { number, name: text(item, tags::SEGMENT_LABEL) })
-    });
-    let segments: Vec<_> = segments.collect();
+        if (1..=i64::from(u16::MAX)).contains(&number) {
+            segments.push(Structure { number: number as i32, name });
+        }
+    }
     if segments.is_empty() { Err(none()) } else { Ok(segments) }
 }
 
 fn stored(object: &DefaultDicomObject, frames: &[Frame]) -> Result<Stored> {
-    let kind = text(object, tags::SEGMENTATION_TYPE);
+    let kind = e::SEGMENTATION_TYPE.needed(e::SEGMENTATION_TYPE.text(object)?)?;
     let bits = frames.first().map_or(0, |frame| frame.file.bits_allocated);
-    let most = whole(object, tags::MAXIMUM_FRACTIONAL_VALUE).unwrap_or(255);
     match (kind.as_str(), bits) {
         ("BINARY", 1) => Ok(Stored::Bits),
-        ("FRACTIONAL", 8) if most > 0 => Ok(Stored::Fractions(most as f32)),
+        ("FRACTIONAL", 8) => {
+            let most = e::MAXIMUM_FRACTIONAL_VALUE;
+            match most.needed(most.whole(object)?)? {
+                value @ 1..=255 => Ok(Stored::Fractions(value as f32)),
+                other => Err(most.wrong(&other.to_string(), "1 to 255")),
+            }
+        }
         ("LABELMAP", 8 | 16) => Ok(Stored::Labels(bits as usize / 8)),
         _ => Err(bad("VGS-DCM-017", format!("a segmentation of type '{kind}' with {bits} bits for a voxel"))
             .help("BINARY, FRACTIONAL and LABELMAP are read; export it again, or as NIfTI or NRRD")),
     }
 }
 
-/// Returns the grid of all slices, and the plane of each frame: frames of several structures share planes.
-fn planes(frames: &[Frame]) -> Result<(Arrangement, Vec<usize>)> {
+/// Returns the grid of all slices, and the plane of each frame: frames of several structures share planes. Slices
+/// that are empty are left out, so the distance of planes is the one that the file gives, or that of the scan's
+/// planes if all slices lie on these, or else their thickness.
+fn planes(frames: &[Frame], scan: Option<&Grid>) -> Result<(Arrangement, Vec<usize>)> {
     let first = &frames[0];
     if let Some(other) = frames.iter().find(|frame| !are_parallel(first, frame)) {
         let message = format!("frames 1 and {} of the segmentation are not parallel", other.number + 1);
@@ -125,10 +143,34 @@ fn planes(frames: &[Frame]) -> Result<(Arrangement, Vec<usize>)> {
         }
         place_of[i] = places.len() - 1;
     }
-    let distance = Some(first.slice_distance).filter(|&mm| mm > 0.0);
-    let arrangement = arrange(&places, distance)?;
+    let known = [
+        Some(first.slice_distance),
+        scan.and_then(|scan| distance_of_scan(&places, scan)),
+        Some(first.thickness),
+    ];
+    let distances: Vec<f64> = known.into_iter().flatten().filter(|&mm| mm > 0.0).collect();
+    let arrangement = arrange(&places, &distances)?;
     let planes = place_of.into_iter().map(|place| arrangement.planes[place]).collect();
     Ok((arrangement, planes))
+}
+
+/// Returns the distance of the planes of a scan along the normal of the frames, mm, if its slices are parallel to
+/// them and all of them lie on its planes.
+fn distance_of_scan(frames: &[Frame], scan: &Grid) -> Option<f64> {
+    let normal = normal(&frames[0]);
+    let voxel_from_world = scan.world_from_voxel.inverse();
+    let ras_normal = RAS_FROM_LPS * normal;
+    let across = (0..3).find(|&axis| {
+        let others = (0..3).filter(|&other| other != axis);
+        others.into_iter().all(|other| {
+            let along = scan.world_from_voxel.matrix3.col(other).normalize();
+            along.dot(ras_normal).abs() < PARALLEL
+        })
+    })?;
+    let place = |frame: &Frame| voxel_from_world.transform_point3(RAS_FROM_LPS * frame.position)[across];
+    let on_plane = |frame: &Frame| (place(frame) - place(frame).round()).abs() <= BESIDE_PLANE;
+    let step = scan.world_from_voxel.matrix3.col(across).dot(ras_normal).abs();
+    frames.iter().all(on_plane).then_some(step)
 }
 
 /// Returns the stored voxels of all frames, as many bytes as there must be.
@@ -194,10 +236,7 @@ fn fill(
                 Some(&number) => Some(number),
                 None => continue,
             },
-            (_, None) => {
-                return Err(bad("VGS-DCM-017", format!("frame {} names no segment", frame.number + 1))
-                    .help("the file is damaged; export it again"));
-            }
+            (_, None) => return Err(e::REFERENCED_SEGMENT_NUMBER.needed::<()>(None).unwrap_err()),
         };
         for pixel in 0..area {
             let at = start + pixel;

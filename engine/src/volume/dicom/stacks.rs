@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::header::Frame;
+use super::header::{Frame, PHASES, TIMES};
 use crate::{Error, Kind, Result};
 
 /// Cosine above which two directions count as the same: 0.26 degrees.
@@ -21,6 +21,8 @@ pub(super) struct Stack {
     /// Attribute that distinguishes the stack from others of its series, such as "echo 2"; empty if there is
     /// no other.
     pub phase: String,
+    /// Notes for the user on frames that were left out.
+    pub notes: Vec<String>,
 }
 
 /// A stack in the list of a folder's content.
@@ -128,36 +130,155 @@ fn by_phase(mut frames: Vec<Frame>) -> Vec<Stack> {
         by_place.then_with(|| a.file.location.path.cmp(&b.file.location.path)).then(a.number.cmp(&b.number))
     });
     let before = frames.len();
-    let mut known = std::collections::BTreeSet::new();
-    frames.retain(|f| f.file.instance.is_empty() || known.insert((f.file.instance.clone(), f.number)));
-    if frames.len() < before {
-        let count = before - frames.len();
-        tracing::warn!("{count} files are copies of others (the same SOP instance): left out");
-    }
-    if doubled(&frames).is_none() {
-        return vec![Stack { frames, phase: String::new() }];
-    }
-    let names: Vec<&'static str> = frames[0].file.phases.iter().map(|(name, _)| *name).collect();
-    for (i, name) in names.into_iter().enumerate() {
-        let mut groups: BTreeMap<String, Vec<Frame>> = BTreeMap::new();
-        for frame in &frames {
-            let value = frame.file.phases.get(i).map(|(_, value)| value.clone()).unwrap_or_default();
-            groups.entry(value).or_default().push(frame.clone());
-        }
-        if groups.len() > 1 && groups.values().all(|group| doubled(group).is_none()) {
-            let stack = |(value, frames)| Stack { frames, phase: format!("{name} {value}") };
-            return groups.into_iter().map(stack).collect();
+    // Anonymisers give one UID to all files: a copy lies at the same place, and says the same.
+    let mut kept: Vec<Frame> = Vec::with_capacity(before);
+    let is_copy = |a: &Frame, b: &Frame| {
+        !a.file.instance.is_empty()
+            && (&a.file.instance, a.number) == (&b.file.instance, b.number)
+            && (a.file.instance_number, a.file.times) == (b.file.instance_number, b.file.times)
+            && a.phases == b.phases
+    };
+    for frame in frames {
+        let at = along_normal(&frame, normal) - SAME_PLACE_MM;
+        let here = kept.iter().rev().take_while(|other| along_normal(other, normal) > at);
+        if !here.into_iter().any(|other| is_copy(other, &frame)) {
+            kept.push(frame);
         }
     }
-    vec![Stack { frames, phase: String::new() }]
+    let mut stacks = separate(kept.clone(), String::new());
+    if let (true, [stack, ..]) = (kept.len() < before, stacks.as_mut_slice()) {
+        let count = before - kept.len();
+        stack.notes.push(format!("{count} files are copies of others (the same SOP instance): left out"));
+    }
+    stacks
+}
+
+/// Separates frames, in the order of their places, into stacks without two frames at one place, as far as attributes
+/// distinguish them. `phase` is what distinguishes all of them from others.
+fn separate(frames: Vec<Frame>, phase: String) -> Vec<Stack> {
+    let most = most_at_one_place(&frames);
+    if most < 2 {
+        return vec![Stack { frames, phase, notes: Vec::new() }];
+    }
+    let splits: Vec<Vec<(String, Vec<Frame>)>> = (0..PHASES.len()).map(|i| by_value(&frames, i)).collect();
+    // One that leaves no two frames at one place is best, and else one that separates some.
+    let is_exact = |groups: &[(String, Vec<Frame>)]| {
+        let enough = groups.len() == most
+            || groups.len() <= 2 * most && groups.iter().all(|(_, group)| group.len() > 1);
+        enough && groups.iter().all(|(_, group)| most_at_one_place(group) == 1)
+    };
+    let is_partial = |groups: &[(String, Vec<Frame>)]| {
+        groups.len() <= most && groups.iter().all(|(_, group)| most_at_one_place(group) < most)
+    };
+    let several = || splits.iter().filter(|groups| groups.len() > 1);
+    let split =
+        several().find(|groups| is_exact(groups)).or_else(|| several().find(|groups| is_partial(groups)));
+    let split = split.cloned().or_else(|| in_order(&frames, most));
+    if let Some(groups) = split {
+        let join = |own: &str| if phase.is_empty() { own.to_owned() } else { format!("{phase}, {own}") };
+        return groups.into_iter().flat_map(|(own, group)| separate(group, join(&own))).collect();
+    }
+    once_each(frames, phase)
+}
+
+/// Groups frames by the value of a row of [`PHASES`], in the order of their numbers.
+fn by_value(frames: &[Frame], row: usize) -> Vec<(String, Vec<Frame>)> {
+    let mut groups: BTreeMap<&str, Vec<Frame>> = BTreeMap::new();
+    for frame in frames {
+        groups.entry(&frame.phases[row]).or_default().push(frame.clone());
+    }
+    let mut groups: Vec<_> =
+        groups.into_iter().map(|(value, frames)| (format!("{} {value}", PHASES[row].0), frames)).collect();
+    let number = |frames: &[Frame]| frames[0].phases[row].parse::<f64>().unwrap_or(f64::INFINITY);
+    groups.sort_by(|(_, a), (_, b)| number(a).total_cmp(&number(b)));
+    groups
+}
+
+/// Groups frames by their order in time at their place, if there are `most` at each place and a row of [`TIMES`]
+/// has different values for all of these: times are those of a phase and differ from slice to slice.
+fn in_order(frames: &[Frame], most: usize) -> Option<Vec<(String, Vec<Frame>)>> {
+    let places = places(frames);
+    if places.iter().any(|place| place.len() != most) {
+        return None;
+    }
+    (0..TIMES.len()).find_map(|row| {
+        let mut groups: Vec<Vec<Frame>> = vec![Vec::new(); most];
+        for place in &places {
+            let mut timed: Vec<(f64, &Frame)> =
+                place.iter().map(|frame| Some((frame.file.times[row]?, frame))).collect::<Option<_>>()?;
+            timed.sort_by(|a, b| a.0.total_cmp(&b.0));
+            if timed.windows(2).any(|pair| pair[0].0 == pair[1].0) {
+                return None;
+            }
+            for (group, (_, frame)) in groups.iter_mut().zip(timed) {
+                group.push(frame.clone());
+            }
+        }
+        let name = |i: usize| format!("{} {} of {most}", TIMES[row].0, i + 1);
+        Some(groups.into_iter().enumerate().map(|(i, group)| (name(i), group)).collect())
+    })
+}
+
+/// Returns one stack: of the frames at one place the last one, if that is the exception. A slice is scanned again
+/// where the patient has moved.
+fn once_each(frames: Vec<Frame>, phase: String) -> Vec<Stack> {
+    let places = places(&frames);
+    let doubled = places.iter().filter(|place| place.len() > 1).count();
+    let mut notes = Vec::new();
+    if 2 * doubled >= places.len() {
+        // Told where the planes are looked for.
+        return vec![Stack { frames, phase, notes }];
+    }
+    let mut kept = Vec::with_capacity(places.len());
+    for place in places {
+        let order = |frame: &&Frame| {
+            let [_, acquired, made] = frame.file.times;
+            [acquired, made, frame.file.instance_number.map(|n| n as f64)].map(|v| v.unwrap_or(0.0))
+        };
+        let later = |a: &&Frame, b: &&Frame| {
+            let pairs = order(a).into_iter().zip(order(b));
+            pairs
+                .map(|(a, b)| a.total_cmp(&b))
+                .find(|order| order.is_ne())
+                .unwrap_or(std::cmp::Ordering::Equal)
+        };
+        let Some(last) = place.iter().max_by(|a, b| later(a, b)) else { continue };
+        if place.len() > 1 {
+            let others = place.iter().filter(|frame| !std::ptr::eq(*frame, last)).map(name);
+            notes.push(format!(
+                "{} slices lie at one place: {} is taken, the last one, and {} is left out",
+                place.len(),
+                name(last),
+                others.collect::<Vec<_>>().join(", ")
+            ));
+        }
+        kept.push(last.clone());
+    }
+    vec![Stack { frames: kept, phase, notes }]
+}
+
+/// Returns the name of the file of a frame, and its number if it is not the first one.
+pub(super) fn name(frame: &Frame) -> String {
+    let name = frame.file.location.path.file_name().unwrap_or_default().to_string_lossy();
+    if frame.number > 0 { format!("{name} (frame {})", frame.number + 1) } else { name.into_owned() }
+}
+
+/// Returns the frames at each place; `frames` are in the order of their places.
+fn places(frames: &[Frame]) -> Vec<&[Frame]> {
+    let normal = normal(&frames[0]);
+    frames.chunk_by(|a, b| along_normal(b, normal) - along_normal(a, normal) < SAME_PLACE_MM).collect()
+}
+
+fn most_at_one_place(frames: &[Frame]) -> usize {
+    places(frames).into_iter().map(<[Frame]>::len).max().unwrap_or(0)
 }
 
 /// Returns two frames that lie at one place, if there are any; `frames` are in the order of their places.
 pub(super) fn doubled(frames: &[Frame]) -> Option<[&Frame; 2]> {
-    let normal = normal(&frames[0]);
-    let pairs = frames.iter().zip(frames.iter().skip(1));
-    let mut same = pairs.filter(|(a, b)| along_normal(b, normal) - along_normal(a, normal) < SAME_PLACE_MM);
-    same.next().map(|(a, b)| [a, b])
+    places(frames).into_iter().find_map(|place| match place {
+        [a, b, ..] => Some([a, b]),
+        _ => None,
+    })
 }
 
 /// Returns the stack that `asked` names: by its number in the list, the UID of its series, or a part of its
@@ -202,7 +323,7 @@ pub(super) fn choose<'a>(stacks: &'a [Stack], asked: Option<&str>) -> Result<&'a
             Err(usage(match scouts == stacks.len() {
                 true => "there are only localizers (scout views), which are no volume".to_owned(),
                 false => {
-                    format!("no two slices are parallel: there are {} in as many orientations", stacks.len())
+                    format!("there are {} single slices, and no two of them make a volume", stacks.len())
                 }
             }))
         }

@@ -17,10 +17,27 @@ pub struct Structure {
 
 /// Returns the structures that are to be read: those of the choice, or all of them if it names none of the
 /// file, which is then refused where labels are resolved, with a list of what there is.
-pub(super) fn chosen(all: &[Structure], choice: &LabelChoice) -> Vec<Structure> {
-    let named = |s: &&Structure| choice.names(s.number, &s.name);
-    let chosen: Vec<_> = all.iter().filter(named).cloned().collect();
-    if chosen.is_empty() { all.to_vec() } else { chosen }
+///
+/// # Errors
+/// [`Kind::Usage`] if a name may mean several.
+pub(super) fn chosen(all: &[Structure], choice: &LabelChoice) -> Result<Vec<Structure>> {
+    let names = all.iter().map(|structure| (structure.number, structure.name.as_str()));
+    let numbers = choice.numbers(names)?;
+    let chosen: Vec<_> =
+        all.iter().filter(|structure| numbers.contains(&structure.number)).cloned().collect();
+    Ok(if chosen.is_empty() { all.to_vec() } else { chosen })
+}
+
+/// Returns a note if a mask gives its places in another space than the volume that it is read for: `space` is the
+/// UID of its frame of reference.
+pub(super) fn other_space(space: &str, options: &ReadOptions) -> Option<String> {
+    let of_volume = options.frame_of_reference.as_deref().unwrap_or_default();
+    (!space.is_empty() && !of_volume.is_empty() && space != of_volume).then(|| {
+        format!(
+            "the structures belong to another scan by their Frame of Reference UID ({space}, that of the volume is \
+             {of_volume}): they lie where they should only if the scans were registered to each other"
+        )
+    })
 }
 
 /// Returns the error of a file without structures.

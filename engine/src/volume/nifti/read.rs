@@ -102,5 +102,6 @@ fn samples(opened: Opened, options: &ReadOptions) -> Result<Volume> {
         samples: out,
         oriented: header.affine_source != "pixdim",
         labels,
+        frame_of_reference: None,
     })
 }

@@ -65,7 +65,14 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
     }
     let payload = open_payload(&header, source, path, encoding, layout.bytes(), options)?;
     let samples = payload.samples(&layout, encoding == Encoding::Text, options)?;
-    Ok(Volume { size: axes.size, world_from_voxel: affine, samples, oriented, labels })
+    Ok(Volume {
+        size: axes.size,
+        world_from_voxel: affine,
+        samples,
+        oriented,
+        labels,
+        frame_of_reference: None,
+    })
 }
 
 /// Opens the voxels and skips the bytes before them.

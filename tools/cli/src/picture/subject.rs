@@ -61,6 +61,7 @@ impl Subject {
             samples: cut(&volume.samples),
             oriented: volume.oriented,
             labels: Default::default(),
+            frame_of_reference: volume.frame_of_reference.clone(),
         };
         let least = ct.min_max().map_or(0.0, |range| range.0);
         ct.samples.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = least);
