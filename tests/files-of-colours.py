@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Measures what other programs read in the files that `vgs convert` writes for programs that know only colours:
-the figures of docs/design/method.md, "Files of colours".
+"""Measures what other programs, and vgs itself, read in the files that `vgs convert` writes for programs that know only
+colours, and what vgs reads in those of others: the figures of docs/design/method.md, "Files of colours". Ends with 1 if
+the Khronos validator finds more in the `.glb` than names that it does not know.
 
-usage: tests/files-of-colours.py VGS SPLATS [SPLAT-TRANSFORM]
-       VGS is the program, by its path (tools/vgs, say), SPLATS a fit; SPLAT-TRANSFORM the program of
-       @playcanvas/splat-transform
+usage: tests/files-of-colours.py VGS SPLATS [NODE-MODULES]
+       VGS is the program, by its path (tools/vgs, say), SPLATS a fit with HU; NODE-MODULES a folder with
+       @playcanvas/splat-transform and gltf-validator: npm install @playcanvas/splat-transform gltf-validator
 Needs numpy; gsply and pygltflib where they are installed.
 """
 
@@ -21,7 +22,10 @@ import numpy as np
 SH0 = 0.2820948
 # From RAS to the axes of each file. splat-transform turns those of an .spz to right, down, front for a PLY.
 AXES = {"spz": [[1, 0, 0], [0, 0, 1], [0, -1, 0]], "glb": [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
-        "ply": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}
+        "ply": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "ras": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
+# What the validator says of an extension that it does not know, and of attributes with a colon in their names.
+UNKNOWN = {"UNSUPPORTED_EXTENSION", "MESH_PRIMITIVE_ATTRIBUTES_SEMANTIC_INVALID", "MESH_PRIMITIVE_INVALID_ATTRIBUTE",
+           "UNUSED_OBJECT"}
 
 
 def by_ply(path):
@@ -93,8 +97,33 @@ def compare(title, truth, found, axes):
           f"covariance {off.max():.2g}, opacity {np.abs(opacity - truth[3]).max():.2g}, colour {colours:.2g}")
 
 
-def main(vgs, splats, transform=None):
+def metres(found):
+    """Returns what a file of mm holds, in metres."""
+    place, shape, *rest = found
+    return place * 1e-3, shape - np.log(1e3), *rest
+
+
+def validate(modules, path):
+    """Prints what the Khronos validator finds, and returns whether it is nothing but what it does not know."""
+    script = ("const v = require('gltf-validator');"
+              "v.validateBytes(new Uint8Array(require('fs').readFileSync(process.argv[1])), {maxIssues: 0})"
+              ".then(r => console.log(JSON.stringify([v.version(), r.issues.messages])))")
+    done = subprocess.run(["node", "-e", script, str(path)], cwd=modules.parent, check=True, capture_output=True, text=True)
+    version, found = json.loads(done.stdout)
+    counts = {}
+    for issue in found:
+        counts[issue["code"]] = counts.get(issue["code"], 0) + 1
+    print(f".glb by gltf-validator {version}: {counts or 'nothing'}")
+    wrong = [issue for issue in found if issue["code"] not in UNKNOWN]
+    for issue in wrong:
+        print(f"  {issue['code']} at {issue.get('pointer')}: {issue['message']}")
+    return not wrong
+
+
+def main(vgs, splats, modules=None):
     run = lambda *command: subprocess.run([str(word) for word in command], check=True, capture_output=True)
+    modules = modules and pathlib.Path(modules).resolve()
+    good = True
     with tempfile.TemporaryDirectory() as name:
         out = lambda ending: pathlib.Path(name) / ("a." + ending)
         for ending in ("ply", "spz", "glb"):
@@ -104,13 +133,27 @@ def main(vgs, splats, transform=None):
             if importlib.util.find_spec(module):
                 title = f".{ending} by {module} {importlib.metadata.version(module)}"
                 compare(title, truth, reader(out(ending)), AXES[ending])
-        if transform:
+        run(vgs, "convert", out("spz"), "-o", out("back.ply"))
+        compare(".spz by vgs", truth, metres(by_ply(out("back.ply"))), AXES["ras"])
+        run(vgs, "convert", out("glb"), "-o", out("hu.ply"))
+        run(vgs, "convert", out("hu.ply"), "--tf", "CT-Bone", "-o", out("again.ply"))
+        again = by_ply(out("again.ply"))
+        print(f".glb by vgs, with its HU, coloured again: {len(again[0])} of {len(truth[0])} splats")
+        if modules:
+            transform = modules / ".bin" / "splat-transform"
             run(transform, "-w", out("spz"), out("spz.ply"))
             compare(".spz by splat-transform", truth, by_ply(out("spz.ply")), AXES["ply"])
+            for ending in ("spz", "glb"):
+                # Of a PLY splat-transform takes the axes for right, down, front, and the unit for metres.
+                run(transform, "-w", out("spz.ply"), out("theirs." + ending))
+                run(vgs, "convert", out("theirs." + ending), "-o", out("theirs.ply"), "--force")
+                compare(f".{ending} of splat-transform by vgs", truth, metres(by_ply(out("theirs.ply"))), AXES["ras"])
+            good = validate(modules, out("glb"))
+    return 0 if good else 1
 
 
 if __name__ == "__main__":
     if len(sys.argv) in (3, 4):
-        main(*sys.argv[1:])
+        sys.exit(main(*sys.argv[1:]))
     else:
         print(__doc__.strip())

@@ -241,7 +241,7 @@ fn baked_splats_look_alike_without_the_transfer_function() {
     let settings = Settings::new([96, 96]);
     for (name, least_db) in [("CT-Bone", 25.0), ("CT-Soft-Tissue", 25.0), ("CT-X-Ray", 34.0)] {
         let look = look(name);
-        let made = baked(&gpu, &labelled, &look.transfer).expect("colours");
+        let made = baked(&gpu, &labelled, &look).expect("colours");
         assert_eq!(made.set.splats.len() + made.hidden, set.splats.len());
         let colours = made.set.colours.as_ref().expect("colours");
         assert_eq!(colours.degree, if look.transfer.material.shade { 2 } else { 0 }, "{name}");
@@ -256,7 +256,7 @@ fn baked_splats_look_alike_without_the_transfer_function() {
             println!("{name} from {side}: {db:.1} dB, {} hidden", made.hidden);
             assert!(db > least_db, "{name} from {side}: {db:.1} dB");
         }
-        let again = baked(&gpu, &made.set, &look.transfer);
+        let again = baked(&gpu, &made.set, &look);
         assert_eq!(again.err().map(|error| error.code), Some("VGS-RENDER-028"));
     }
 }
@@ -274,7 +274,7 @@ fn baking_leaves_out_what_the_transfer_function_hides() {
             intensity,
         });
     }
-    let made = baked(&gpu, &set, &look("CT-Bone").transfer).expect("colours");
+    let made = baked(&gpu, &set, &look("CT-Bone")).expect("colours");
     assert_eq!((made.hidden, made.set.splats.len()), (1, 2));
     assert_eq!(made.set.splats.iter().map(|s| s.mean[0]).collect::<Vec<_>>(), [-30.0, 30.0]);
 }

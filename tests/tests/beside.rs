@@ -18,6 +18,7 @@ use view::fit_plan::{FitStatus, Stage};
 use view::fitting::{FitOrder, Fitting, News};
 use view::loader::{LoadedSplats, LoadedVolume};
 use view::region::RegionSize;
+use view::state::ViewState;
 
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -137,11 +138,11 @@ fn splats_come_while_they_are_fitted_and_are_kept_at_the_end() {
     let share = left.set.splats.len() as f64 / count as f64;
     assert!((0.2..0.8).contains(&share), "{share}");
     assert!(left.set.exceptions != whole.set.exceptions, "it has those of its part");
-    let transfer = engine::transfer::load("CT-Bone", [0.0, 1.0]).expect("a preset");
+    let state = ViewState::new(&engine::transfer::load("CT-Bone", [0.0, 1.0]).expect("a preset"));
     for name in ["left.ply", "left.vgs", "left.glb"] {
         let path = folder.path().join(name);
-        left.write(&gpu, &transfer, &path, false).expect("written");
-        let again = left.write(&gpu, &transfer, &path, false).expect_err("it exists");
+        left.write(&gpu, &state, None, &path, false).expect("written");
+        let again = left.write(&gpu, &state, None, &path, false).expect_err("it exists");
         assert_eq!(again.code, "VGS-OUT-001", "{name}");
         if name != "left.glb" {
             let read = read(&path);

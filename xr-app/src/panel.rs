@@ -292,7 +292,7 @@ fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, re
         ui.separator();
         panels::measure::show(ui, state, *measuring, &mut actions);
         ui.separator();
-        panels::objects::show(ui, state, info);
+        panels::objects::show(ui, state, info, None);
         ui.separator();
         panels::transfer::light(ui, state);
     });

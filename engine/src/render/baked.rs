@@ -1,4 +1,4 @@
-//! Splats with the colours and opacities of a transfer function, for programs that draw splats as they are.
+//! Splats with the colours and opacities of a look, for programs that draw splats as they are.
 //!
 //! Such a program draws α exp(−γ/2) of each splat in the picture, whatever the direction. What it is given is what
 //! mode alpha draws, as near as that allows:
@@ -24,7 +24,7 @@ use super::scene::Scene;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::passes::Deconvolution;
-use crate::splat::harmonics::{MAX_BASIS, SH0, basis, basis_count};
+use crate::splat::harmonics::{MAX_BASIS, SH0, basis, basis_count, luminance};
 use crate::splat::{Activations, Field, Form, Harmonics, Kernel, Splat, SplatSet};
 use crate::transfer::TransferFunction;
 use crate::unit::Unit;
@@ -35,31 +35,98 @@ const LEAST_OPACITY: f64 = 1.0 / 255.0;
 const LIT_DEGREE: u8 = 2;
 /// Directions from which a splat is lit to find its harmonics.
 const DIRECTIONS: usize = 128;
-/// Luminance of red, green and blue (Rec. 709).
-const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Splats with the colours of a transfer function.
+/// Splats with the colours of a look.
 pub struct Baked {
     /// The splats of those that can be seen, as of ordinary 3D Gaussian splatting.
     pub set: SplatSet,
-    /// Number of splats of which the transfer function shows nothing; they are left out.
+    /// Their rows in the set that they were made of.
+    pub rows: Vec<usize>,
+    /// Number of splats that the look shows, and of which its transfer function shows nothing; they are left out.
     pub hidden: usize,
 }
 
-/// Returns `set` with the colours and opacities that `transfer` gives it. Labels stay; grid, form, exceptions and
-/// intensities are lost. Waits for the device.
+/// Returns `set` with the colours and opacities that `look` gives it: each object with its own transfer function,
+/// colour and opacity. Hidden objects and splats whose means a clip plane cuts away are left out. Labels stay; grid,
+/// form, exceptions and intensities are lost. Waits for the device.
 ///
 /// # Errors
 /// [`Kind::Usage`] for splats that have colours of their own, and for more splats than mode alpha shows.
-pub fn baked(gpu: &Gpu, set: &SplatSet, transfer: &TransferFunction) -> Result<Baked> {
+pub fn baked(gpu: &Gpu, set: &SplatSet, look: &Look) -> Result<Baked> {
     if set.colours.is_some() {
         let message = "these splats have colours of their own, on which no transfer function acts";
         return Err(Error::new(Kind::Usage, "VGS-RENDER-028", message).help("leave out --tf"));
     }
+    let shown = look.shown(set);
+    let shown_set = match shown.len() {
+        all if all == set.splats.len() => set.clone(),
+        _ => set.of_rows(&shown),
+    };
+    let set = shown_set;
     if set.splats.is_empty() {
-        return Ok(Baked { set: set.clone(), hidden: 0 });
+        return Ok(Baked { set, rows: Vec::new(), hidden: 0 });
     }
-    let scene = Scene::new(gpu, Some(set), None, &Look::new(transfer.clone()))?;
+    let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
+    let mut scene = Scene::new(gpu, Some(&set), None, look)?;
+    let rows = scene.look_buffers().rows.read()?;
+    let lamp = scene.look_buffers().shaded.then(|| Lamp::new(&rows[0]));
+    let mut functions: Vec<&TransferFunction> = Vec::new();
+    for object in set.objects() {
+        let function = look.function_of(object.number);
+        if !functions.contains(&function) {
+            functions.push(function);
+        }
+    }
+    let gaussians = Gaussians::new();
+    let mut faces: Vec<Option<Face>> = Vec::new();
+    faces.resize_with(set.splats.len(), || None);
+    for function in functions {
+        let (media, centres) = media(gpu, &mut scene, function)?;
+        faces.par_iter_mut().enumerate().for_each(|(i, face)| {
+            let number = label(i);
+            if look.function_of(number) != function {
+                return;
+            }
+            let appearance = look.objects.get(&number).copied().unwrap_or_default();
+            let [r, g, b, extinction] = media[i].map(f64::from);
+            let thickness = extinction * path(&set.splats[i]) * f64::from(appearance.opacity.clamp(0.0, 1.0));
+            let Some([opacity, width]) = gaussians.of(thickness) else { return };
+            let own = (DVec3::new(r, g, b) / extinction).min(DVec3::ONE);
+            let tint = appearance.tint.map(|tint| DVec3::from_array(tint.map(f64::from)));
+            let colour = tint.unwrap_or(own).clamp(DVec3::ZERO, DVec3::ONE);
+            let coefficients = match &lamp {
+                Some(lamp) => lamp.coefficients(colour, &centres[i]),
+                None => own_colour(colour),
+            };
+            *face = Some(Face { opacity, width, coefficients });
+        });
+    }
+
+    let mut out = set.selected(|i, _| faces[i].is_some());
+    let hidden = set.splats.len() - out.splats.len();
+    let rows = shown.iter().zip(&faces).filter_map(|(&row, face)| face.as_ref().map(|_| row)).collect();
+    let mut coefficients = Vec::new();
+    for (splat, face) in out.splats.iter_mut().zip(faces.into_iter().flatten()) {
+        splat.set_opacity(face.opacity as f32);
+        splat.log_scale = splat.log_scale.map(|log| log + face.width.ln() as f32);
+        splat.intensity = luminance(&face.coefficients);
+        coefficients.extend(face.coefficients);
+    }
+    let degree = if lamp.is_some() { LIT_DEGREE } else { 0 };
+    out.colours = Some(Harmonics { degree, coefficients });
+    out.unit = Unit::Luminance;
+    out.field = Field { kernel: Kernel::Gaussian, ..Field::default() };
+    (out.grid, out.form, out.iterations, out.rounding) = (None, Form::Field, None, None);
+    Ok(Baked { set: out, rows, hidden })
+}
+
+/// Returns colour and extinction of each splat under a transfer function, and the centres of the splats.
+fn media(
+    gpu: &Gpu,
+    scene: &mut Scene,
+    function: &TransferFunction,
+) -> Result<(Vec<[f32; 4]>, Vec<types::Centre>)> {
+    scene.set_look(&Look::new(function.clone()))?;
     let look = scene.look_buffers();
     let (faces, _) = scene.expect_splats().faces(gpu)?;
     let Some(points) = &faces.points else {
@@ -70,39 +137,7 @@ pub fn baked(gpu: &Gpu, set: &SplatSet, transfer: &TransferFunction) -> Result<B
     let tables = (&look.rows, &look.points, &look.integrals);
     deconvolution.record(&mut recorder, points, (look.number, tables), u32::MAX);
     recorder.submit()?;
-    let (media, centres, rows) = (deconvolution.media.read()?, faces.centres.read()?, look.rows.read()?);
-
-    let gaussians = Gaussians::new();
-    let lamp = look.shaded.then(|| Lamp::new(&rows[0]));
-    let faces: Vec<Option<Face>> = (set.splats.par_iter().zip(&media).zip(&centres))
-        .map(|((splat, medium), centre)| {
-            let [r, g, b, extinction] = medium.map(f64::from);
-            let thickness = extinction * path(splat);
-            let [opacity, width] = gaussians.of(thickness)?;
-            let colour = (DVec3::new(r, g, b) / extinction).min(DVec3::ONE);
-            let coefficients = match &lamp {
-                Some(lamp) => lamp.coefficients(colour, centre),
-                None => own_colour(colour),
-            };
-            Some(Face { opacity, width, coefficients })
-        })
-        .collect();
-
-    let mut out = set.selected(|i, _| faces[i].is_some());
-    let hidden = set.splats.len() - out.splats.len();
-    let mut coefficients = Vec::new();
-    for (splat, face) in out.splats.iter_mut().zip(faces.into_iter().flatten()) {
-        splat.set_opacity(face.opacity as f32);
-        splat.log_scale = splat.log_scale.map(|log| log + face.width.ln() as f32);
-        splat.intensity = LUMINANCE.iter().zip(&face.coefficients).map(|(w, c)| w * (0.5 + SH0 * c)).sum();
-        coefficients.extend(face.coefficients);
-    }
-    let degree = if lamp.is_some() { LIT_DEGREE } else { 0 };
-    out.colours = Some(Harmonics { degree, coefficients });
-    out.unit = Unit::Luminance;
-    out.field = Field { kernel: Kernel::Gaussian, ..Field::default() };
-    (out.grid, out.form, out.iterations, out.rounding) = (None, Form::Field, None, None);
-    Ok(Baked { set: out, hidden })
+    Ok((deconvolution.media.read()?, faces.centres.read()?))
 }
 
 /// What is baked into a splat.

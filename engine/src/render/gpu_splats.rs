@@ -21,7 +21,9 @@ use crate::passes::activity::ActivitySources;
 use crate::passes::deconvolution::DevicePoints;
 use crate::passes::{Activity, Ranking, SplatRows};
 use crate::splat::harmonics::basis_count;
-use crate::splat::{Exception, Field, Form, Grid, Harmonics, Object, Packed, Splat, SplatSet, by_importance};
+use crate::splat::{
+    Exception, Field, Form, Grid, Harmonics, Object, Packed, Splat, SplatSet, by_importance, far_splats,
+};
 
 /// Precision of the splats on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,9 +70,11 @@ pub struct GpuSplats {
     pub range: [f64; 2],
     /// Corners of the box around all supports, mm in the space of the scene.
     pub bounds: [DVec3; 2],
-    /// Corners of the box around all cores, half a standard deviation from the means on, mm in the space of
-    /// the scene: where the mask is that they were fitted to.
+    /// Corners of the box around the cores, half a standard deviation from the means on, of all splats but those that
+    /// lie far from all others, mm in the space of the scene: where the mask is that they were fitted to.
     pub(super) cores: [DVec3; 2],
+    /// Number of splats that lie far from all others.
+    pub far: usize,
     /// Objects of the splats, by ascending number.
     pub objects: Vec<Object>,
     intervals: Buffer<[f32; 2]>,
@@ -103,6 +107,7 @@ impl GpuSplats {
         let splats = unpacked.as_ref().unwrap_or(&set.splats);
         let count = splats.len();
         let reach = reaches(splats, set.field.kernel.support_q());
+        let far = far_splats(splats);
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         for splat in splats {
             let c = f64::from(splat.intensity);
@@ -133,7 +138,8 @@ impl GpuSplats {
             sigma_mm: middle_sigma(splats),
             range,
             bounds: box_around(splats, &reach),
-            cores: box_around(splats, &reaches(splats, CORE_Q)),
+            cores: cores(splats, &far),
+            far: far.len(),
             intervals: gpu.upload("intervals of intensity", "splats", &intervals)?,
             objects: set.objects(),
             object_numbers: gpu.upload("objects of splats", "splats", &object_numbers)?,
@@ -340,6 +346,16 @@ impl GpuSplats {
     pub fn active_count(&self) -> Result<usize> {
         Ok(self.activity.count.read()?[0] as usize)
     }
+}
+
+/// Returns the corners of the box around the cores of all splats but the rows `far`.
+fn cores(splats: &[Splat], far: &[usize]) -> [DVec3; 2] {
+    if far.is_empty() {
+        return box_around(splats, &reaches(splats, CORE_Q));
+    }
+    let near: Vec<Splat> =
+        (0..splats.len()).filter(|i| far.binary_search(i).is_err()).map(|i| splats[i]).collect();
+    box_around(&near, &reaches(&near, CORE_Q))
 }
 
 /// Returns the corners of the box around all splats, each of which has this half size around its mean.

@@ -2,7 +2,8 @@
 //! seen has to be told.
 
 use crate::splat::SplatSet;
-use crate::transfer::TransferFunction;
+use crate::transfer::{self, PRESETS, TransferFunction};
+use crate::unit::Unit;
 
 /// Opacity per mm below which a structure cannot be told from nothing.
 const SEEN: f64 = 0.005;
@@ -37,6 +38,23 @@ impl Intensities {
         Intensities((0..kept).map(|k| all[k * (all.len() - 1) / (kept - 1).max(1)]).collect())
     }
 
+    /// Returns those of all splats of a set; none without intensities.
+    pub fn of_set(set: &SplatSet) -> Self {
+        let all = set.splats.iter().map(|splat| splat.intensity);
+        if set.unit.is_physical() { Self::of(all.collect()) } else { Intensities::default() }
+    }
+
+    /// Returns the name of the preset that suits them: the one with which programs begin, or, where that shows next to
+    /// nothing of them, the first of their unit that does show them.
+    pub fn suiting_preset(&self, unit: Unit) -> &'static str {
+        let first = transfer::first(unit);
+        let range =
+            self.0.first().zip(self.0.last()).map_or([0.0, 1.0], |(&low, &high)| [low.into(), high.into()]);
+        let begin = PRESETS.iter().filter(|preset| preset.name == first);
+        let mut all = begin.chain(PRESETS.iter().filter(|preset| preset.unit == unit));
+        all.find(|preset| self.are_seen(&preset.over(range))).map_or(first, |preset| preset.name)
+    }
+
     /// Returns the intensities between which the middle half of the splats lies; `None` without any.
     pub fn middle_half(&self) -> Option<[f32; 2]> {
         let last = self.0.len().checked_sub(1)?;
@@ -54,8 +72,6 @@ impl Intensities {
 mod tests {
     use super::*;
     use crate::splat::Splat;
-    use crate::transfer::PRESETS;
-    use crate::unit::Unit;
 
     #[test]
     fn an_object_is_seen_if_a_quarter_of_its_splats_is() {
@@ -70,6 +86,21 @@ mod tests {
         let none = Intensities::of(Vec::new());
         assert!(none.are_seen(&bone) && none.middle_half().is_none(), "nothing is missing");
         assert_eq!(Intensities::of(vec![7.0]).middle_half(), Some([7.0, 7.0]));
+    }
+
+    #[test]
+    fn a_preset_suits_what_it_shows() {
+        for (low, high, wanted) in [
+            (300.0, 1500.0, "CT-Bone"),
+            (30.0, 90.0, "CT-Soft-Tissue"),
+            (-900.0, -700.0, "CT-Lung"),
+            (-5000.0, -4000.0, "CT-Bone"),
+        ] {
+            let all = (0..200).map(|i| low + (high - low) * i as f32 / 199.0).collect();
+            assert_eq!(Intensities::of(all).suiting_preset(Unit::Hu), wanted, "{low} to {high}");
+        }
+        assert_eq!(Intensities::of(vec![0.0, 1.0, 2.0]).suiting_preset(Unit::Arbitrary), "MR-Default");
+        assert_eq!(Intensities::default().suiting_preset(Unit::Hu), "CT-Bone", "nothing is missing");
     }
 
     #[test]

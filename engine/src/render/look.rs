@@ -9,6 +9,7 @@ use shaders_glsl::types;
 
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu};
+use crate::splat::{Object, SplatSet, usual_colour};
 use crate::transfer::{Table, TransferFunction};
 
 /// Greatest number of clip planes; a box takes six.
@@ -131,6 +132,26 @@ impl Look {
     /// Returns the transfer function of an object.
     pub fn function_of(&self, number: u8) -> &TransferFunction {
         self.functions.get(&number).unwrap_or(&self.transfer)
+    }
+
+    /// Gives each object a colour of its own: the one that is usual for its name, or the next of a few that are easily
+    /// told apart.
+    pub fn tint_objects(&mut self, objects: &[Object]) {
+        for (turn, object) in objects.iter().enumerate() {
+            let appearance = self.objects.entry(object.number).or_default();
+            appearance.tint = Some(usual_colour(&object.name, turn));
+        }
+    }
+
+    /// Returns the rows of `set` whose objects are shown, and whose means no clip plane cuts away.
+    pub fn shown(&self, set: &SplatSet) -> Vec<usize> {
+        let visible = |i: &usize| {
+            let label = set.labels.as_ref().map_or(0, |labels| labels[*i]);
+            let mean = DVec3::from_array(set.splats[*i].mean.map(f64::from)) + set.origin_mm;
+            self.objects.get(&label).is_none_or(|own| own.visible)
+                && self.clip.iter().all(|plane| plane.normal.dot(mean) >= plane.offset)
+        };
+        (0..set.splats.len()).filter(visible).collect()
     }
 
     /// Returns v₀ of the shaded gradient: the lower end of what some function shows of intensities in `range`.

@@ -14,7 +14,8 @@ pub const FORMATS: &[Format] = &[
         name: "ply",
         rounds: false,
         coloured: false,
-        reader: Some(Reader { sniff: ply::sniff, read: ply::read, describe: ply::describe }),
+        physical: true,
+        reader: Reader { sniff: ply::sniff, read: ply::read, describe: ply::describe },
         write: ply::write,
         bytes: ply::bytes,
     },
@@ -22,15 +23,32 @@ pub const FORMATS: &[Format] = &[
         name: "vgs",
         rounds: true,
         coloured: false,
-        reader: Some(Reader { sniff: vgs::sniff, read: vgs::read, describe: vgs::describe }),
+        physical: true,
+        reader: Reader { sniff: vgs::sniff, read: vgs::read, describe: vgs::describe },
         write: vgs::write,
         bytes: vgs::bytes,
     },
-    Format { name: "spz", rounds: false, coloured: true, reader: None, write: spz::write, bytes: spz::bytes },
-    Format { name: "glb", rounds: false, coloured: true, reader: None, write: glb::write, bytes: glb::bytes },
+    Format {
+        name: "spz",
+        rounds: false,
+        coloured: true,
+        physical: false,
+        reader: Reader { sniff: spz::sniff, read: spz::read, describe: spz::describe },
+        write: spz::write,
+        bytes: spz::bytes,
+    },
+    Format {
+        name: "glb",
+        rounds: false,
+        coloured: true,
+        physical: true,
+        reader: Reader { sniff: glb::sniff, read: glb::read, describe: glb::describe },
+        write: glb::write,
+        bytes: glb::bytes,
+    },
 ];
 
-/// A format of other programs that is told apart, and not read; some are written.
+/// A format of other programs that is told apart, and not read.
 struct Foreign {
     name: &'static str,
     extension: &'static str,
@@ -40,13 +58,11 @@ struct Foreign {
     converted: bool,
 }
 
-const FOREIGN: [Foreign; 5] = [
-    // gzip to version 3, a mark of its own since.
-    Foreign { name: "an SPZ file", extension: "spz", begins: &[b"\x1f\x8b", b"NGSP"], converted: true },
+const FOREIGN: [Foreign; 4] = [
     Foreign { name: "a SOG bundle", extension: "sog", begins: &[b"PK"], converted: true },
     Foreign { name: "a SPLAT file", extension: "splat", begins: &[b""], converted: true },
     Foreign { name: "a KSPLAT file", extension: "ksplat", begins: &[b""], converted: true },
-    Foreign { name: "a glTF file", extension: "glb", begins: &[b"glTF"], converted: false },
+    Foreign { name: "glTF as text", extension: "gltf", begins: &[b"{", b"\xef\xbb\xbf{"], converted: false },
 ];
 
 impl Foreign {
@@ -64,7 +80,7 @@ impl Foreign {
 /// Returns true if a file that begins with `start` holds splats: in one of the [`FORMATS`] that are read, or in
 /// a format of other programs that the readers refuse by its name.
 pub fn is_splats(path: &Path, start: &[u8]) -> bool {
-    readers().any(|(_, reader)| (reader.sniff)(start)) || Foreign::of(path, start).is_some()
+    FORMATS.iter().any(|format| (format.reader.sniff)(start)) || Foreign::of(path, start).is_some()
 }
 
 /// Reads a splat set; the content of the file decides on the format, not its name. Refuses a file whose
@@ -136,14 +152,15 @@ pub fn rounds(path: &Path) -> bool {
     named(path).is_ok_and(|format| format.rounds)
 }
 
-/// Returns true if the format that the extension of `path` names holds colours and never intensities.
+/// Returns true if the format that the extension of `path` names holds colours, for programs that draw splats as
+/// they are.
 pub fn is_coloured(path: &Path) -> bool {
     named(path).is_ok_and(|format| format.coloured)
 }
 
-/// Returns the formats that are read, by name.
-pub fn readers() -> impl Iterator<Item = (&'static str, &'static Reader)> {
-    FORMATS.iter().filter_map(|format| Some((format.name, format.reader.as_ref()?)))
+/// Returns true if the format that the extension of `path` names holds intensities.
+pub fn is_physical(path: &Path) -> bool {
+    named(path).is_ok_and(|format| format.physical)
 }
 
 /// Returns the format that the extension of `path` names.
@@ -152,10 +169,7 @@ fn named(path: &Path) -> Result<&'static Format> {
     FORMATS.iter().find(|format| format.name.eq_ignore_ascii_case(extension)).ok_or_else(|| {
         Error::new(Kind::Usage, "VGS-SPLAT-002", format!("no splat format is called {extension:?}"))
             .file(path)
-            .help(format!(
-                "use one of these extensions: {}",
-                listed(FORMATS.iter().map(|format| format.name))
-            ))
+            .help(format!("use one of these extensions: {}", extensions()))
     })
 }
 
@@ -164,13 +178,13 @@ fn sniffed(path: &Path) -> Result<&'static Reader> {
     File::open(path)
         .and_then(|file| file.take(SNIFF_BYTES).read_to_end(&mut start))
         .map_err(|error| Error::io(path, "reading a splat file", &error))?;
-    let found = readers().map(|(_, reader)| reader).find(|reader| (reader.sniff)(&start));
+    let found = FORMATS.iter().map(|format| &format.reader).find(|reader| (reader.sniff)(&start));
     found.ok_or_else(|| {
         if let Some(Foreign { name, extension, converted, .. }) = Foreign::of(path, &start) {
             let help = if *converted {
                 ply::convert_help(extension)
             } else {
-                "write the splats as a PLY with the program that they are from".to_owned()
+                "write it as a .glb, which is one file, with the program that it is from".to_owned()
             };
             let message = format!("{name}, which vgs does not read");
             return Error::new(Kind::BadData, "VGS-SPLAT-006", message).file(path).help(help);
@@ -178,12 +192,12 @@ fn sniffed(path: &Path) -> Result<&'static Reader> {
         let found = if start.is_empty() { "the file is empty" } else { "not a splat file" };
         Error::new(Kind::BadData, "VGS-SPLAT-001", found)
             .file(path)
-            .help(format!("known splat formats: {}", listed(readers().map(|(name, _)| name))))
+            .help(format!("known splat formats: {}", extensions()))
     })
 }
 
-fn listed(names: impl Iterator<Item = &'static str>) -> String {
-    names.collect::<Vec<_>>().join(", ")
+fn extensions() -> String {
+    FORMATS.iter().map(|format| format.name).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -215,20 +229,14 @@ mod tests {
             let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-001"), "{name}");
         }
-        // As splat-transform writes them, SPZ also in its earlier version.
-        for (name, content) in [
-            ("a.spz", &b"NGSP\x04\0"[..]),
-            ("b.spz", b"\x1f\x8b\x08"),
-            ("a.sog", b"PK\x03\x04"),
-            ("a.GLB", b"glTF\x02"),
-            ("a.splat", b"1234"),
-        ] {
+        for (name, content) in
+            [("a.sog", &b"PK\x03\x04"[..]), ("a.GLTF", b"{\"asset\":"), ("a.splat", b"1234")]
+        {
             std::fs::write(at(name), content).expect("writing");
             assert!(is_splats(&at(name), content), "{name}");
             let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-006"), "{name}");
-            // It reads all of them but glTF.
-            assert_eq!(error.help.contains("splat-transform"), name != "a.GLB", "{}", error.help);
+            assert_eq!(error.help.contains("splat-transform"), name != "a.GLTF", "{}", error.help);
         }
         assert!(!is_splats(&at("a.zip"), b"PK\x03\x04") && !is_splats(&at("a.spz"), b"plain"));
         // A mean that is no number cannot be used.

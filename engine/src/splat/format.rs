@@ -28,18 +28,21 @@ impl Default for ReadOptions {
 
 /// How a set is written.
 #[derive(Clone, Copy, Debug)]
-pub struct WriteOptions {
+pub struct WriteOptions<'a> {
     /// The layout of a PLY, a row of [`PLY_LAYOUTS`]; the first by default.
     pub layout: &'static PlyLayout,
     /// The volume that the set was fitted to, for layouts in units of its voxels.
     pub place: Option<Place>,
+    /// The splats with intensities that the colours of the set were made of, row by row: a format of colours that
+    /// can hold them besides does, so that this program reads them again.
+    pub made_of: Option<&'a SplatSet>,
     /// True if an existing file is replaced.
     pub force: bool,
 }
 
-impl Default for WriteOptions {
+impl Default for WriteOptions<'_> {
     fn default() -> Self {
-        WriteOptions { layout: &PLY_LAYOUTS[0], place: None, force: false }
+        WriteOptions { layout: &PLY_LAYOUTS[0], place: None, made_of: None, force: false }
     }
 }
 
@@ -50,7 +53,8 @@ pub struct Summary {
     pub format: &'static str,
     /// How the numbers are stored, in the format's own words.
     pub encoding: String,
-    /// Layout of the numbers: a row of [`PLY_LAYOUTS`], or "3dgs" for ordinary 3D Gaussian splatting.
+    /// Layout of the numbers: a row of [`PLY_LAYOUTS`], or "3dgs" for ordinary 3D Gaussian splatting and "2dgs" for
+    /// its discs.
     pub layout: &'static str,
     /// Size of the file in bytes.
     pub file_bytes: u64,
@@ -103,16 +107,65 @@ pub struct Summary {
     pub form: &'static str,
 }
 
+impl Summary {
+    /// Creates the description of a set in a file; what only a reader knows is empty.
+    pub(super) fn of_set(
+        set: &SplatSet,
+        format: &'static str,
+        layout: &'static str,
+        file_bytes: u64,
+    ) -> Self {
+        let axis = |k: usize| {
+            let values = || set.splats.iter().map(|splat| f64::from(splat.mean[k]));
+            values().reduce(f64::min).zip(values().reduce(f64::max))
+        };
+        let origin_mm = set.origin_mm.to_array();
+        let corners = axis(0).zip(axis(1)).zip(axis(2)).map(|((x, y), z)| {
+            [[x.0, y.0, z.0], [x.1, y.1, z.1]].map(|corner| std::array::from_fn(|k| corner[k] + origin_mm[k]))
+        });
+        Summary {
+            format,
+            encoding: String::new(),
+            layout,
+            file_bytes,
+            splats: set.splats.len(),
+            dropped: 0,
+            widened: 0,
+            elements: Vec::new(),
+            properties: Vec::new(),
+            kernel: set.field.kernel.name(),
+            unit: set.unit,
+            harmonics_degree: set.colours.as_ref().map(|colours| colours.degree),
+            labels: set.label_counts(),
+            intensity_range: set.intensity_range().map(|range| range.map(|v| v as f32)),
+            intensity_01_range: None,
+            bounding_box_mm: corners,
+            index_box_mm: None,
+            origin_mm,
+            background: set.field.background,
+            epsilon: set.field.epsilon,
+            occupancy_w0: set.field.occupancy_w0,
+            iterations: set.iterations,
+            grid_size: set.grid.map(|grid| grid.size),
+            volume_crc32: set.volume_crc32,
+            exceptions: set.exceptions.len(),
+            form: set.form.name(),
+        }
+    }
+}
+
 /// One file format of splat sets.
 pub struct Format {
     /// Short name, also the usual extension.
     pub name: &'static str,
     /// True if the file rounds the splats, so that a fit should round them first.
     pub rounds: bool,
-    /// True if the file holds colours and never intensities: it is for programs that draw splats as they are.
+    /// True if the file holds colours: it is for programs that draw splats as they are.
     pub coloured: bool,
-    /// How a file is read; `None` for a format that is only written.
-    pub reader: Option<Reader>,
+    /// True if the file holds intensities, so that a transfer function can act on what is read of it.
+    pub physical: bool,
+    /// How a file is read.
+    pub reader: Reader,
     /// Writes a file atomically; replaces an existing one only if the options say so.
     pub write: fn(&Path, &SplatSet, &WriteOptions) -> Result<()>,
     /// Returns the size in bytes of the file that `write` makes.
@@ -129,5 +182,5 @@ pub struct Reader {
     pub describe: fn(&Path, &ReadOptions) -> Result<Summary>,
 }
 
-/// Number of leading bytes that [`Reader::sniff`] receives.
-pub const SNIFF_BYTES: u64 = 16;
+/// Number of leading bytes that [`Reader::sniff`] receives: enough to unpack the first of a gzip stream.
+pub const SNIFF_BYTES: u64 = 1024;

@@ -27,6 +27,14 @@ pub struct Harmonics {
     pub coefficients: Vec<f32>,
 }
 
+/// Luminance of red, green and blue (Rec. 709).
+const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Returns the luminance of the colour whose coefficients of degree 0 are the first three of `coefficients`.
+pub fn luminance(coefficients: &[f32]) -> f32 {
+    LUMINANCE.iter().zip(coefficients).map(|(weight, c)| weight * (0.5 + SH0 * c)).sum()
+}
+
 /// Returns the number of basis functions up to `degree`: (degree + 1)².
 pub fn basis_count(degree: u8) -> usize {
     (usize::from(degree) + 1).pow(2)

@@ -13,15 +13,17 @@
 //! | `importance` | an order in which the first n splats represent the set as well as n splats can |
 //! | `grid` | the grid that a set was fitted on, what it is right for, and where it is not |
 //! | `harmonics` | colours of splats that have no intensity |
+//! | `far` | which splats lie far from all others |
 //! | `packed` | a set in 16 bytes a splat |
 //! | `select` | some splats of a set: [`SplatSet::selected`] |
 //! | `file`, `format`, `ply`, `vgs` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
-//! | `spz`, `glb`, `ordinary` | files for programs that draw splats with colours, in metres; only written |
+//! | `spz`, `glb`, `ordinary` | files for programs that draw splats with colours, in metres |
 //! | `place`, `unplaced` | sets without a known place: [`Unplaced`], until a volume gives the [`Place`] |
-//! | `defect` | which splats a file must not hold |
+//! | `defect`, `mend` | which splats a file must not hold, and what is done to those of a file |
 
 pub mod activation;
 mod defect;
+mod far;
 mod field;
 mod file;
 mod format;
@@ -31,6 +33,7 @@ pub mod harmonics;
 mod importance;
 pub mod kernel;
 mod labels;
+mod mend;
 mod objects;
 mod ordinary;
 pub mod packed;
@@ -46,10 +49,11 @@ mod vgs;
 
 pub use activation::Activations;
 pub use defect::defect;
+pub use far::far_splats;
 pub use field::Field;
 pub use file::{
-    FORMATS, describe, file_bytes, is_coloured, is_splats, read, read_all, read_some, read_unplaced, readers,
-    rounds, write, write_as,
+    FORMATS, describe, file_bytes, is_coloured, is_physical, is_splats, read, read_all, read_some,
+    read_unplaced, rounds, write, write_as,
 };
 pub use format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
 pub use grid::{Exception, Form, Grid};

@@ -1,11 +1,15 @@
 //! What programs hold that draw splats of ordinary 3D Gaussian splatting: colours, and places in metres along
-//! axes of their own.
+//! axes of their own; how a set becomes that, and comes back.
 
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
+use super::harmonics::luminance;
+use super::mend::{Mended, ordinary_field};
 use super::space::transformed;
 use super::{Harmonics, Splat, SplatSet, ply};
 use crate::error::{Error, Kind, Result};
+use crate::unit::Unit;
 
 /// Metres of a millimetre.
 const METRES: f64 = 1e-3;
@@ -38,13 +42,36 @@ impl Ordinary {
     }
 }
 
+/// Takes a set whose means and σ are in metres along the axes of a program to mm RAS; `axes` is the rotation, or
+/// reflection, that takes these axes to RAS.
+pub(super) fn into_world(set: &mut SplatSet, axes: &DMat3) {
+    let linear = *axes * METRES.recip();
+    set.splats.par_iter_mut().for_each(|splat| *splat = transformed(splat, &linear, |x| linear * x));
+    set.colours = set.colours.take().map(|colours| colours.turned(axes));
+}
+
+/// Makes a set with colours what every such set is, after it was read: its splats can be used, their luminance is
+/// their intensity, and their field is that of ordinary splatting.
+pub(super) fn finished(set: &mut SplatSet, strict: bool) -> Result<Mended> {
+    if let Some(colours) = &set.colours {
+        for (splat, of) in set.splats.iter_mut().zip(colours.coefficients.chunks_exact(colours.stride())) {
+            splat.intensity = luminance(of);
+        }
+    }
+    let mut mended = Mended::of(set, |_| None, strict)?;
+    mended.widen(&mut set.splats);
+    set.unit = Unit::Luminance;
+    set.field = ordinary_field(&set.splats);
+    Ok(mended)
+}
+
 #[cfg(test)]
 pub(super) mod tests {
     use glam::DQuat;
 
     use super::*;
+    use crate::splat::activation::unit_quaternion;
     use crate::splat::{Activations, Field, Kernel};
-    use crate::unit::Unit;
 
     /// A splat as a parser of a test finds it, in metres along the axes of the file.
     pub struct Row {
@@ -63,6 +90,19 @@ pub(super) mod tests {
         pub opacity: f64,
         /// From any direction.
         pub colour: f64,
+    }
+
+    /// Returns the splats of a set that was read, along RAS.
+    pub fn rows(set: &SplatSet) -> Vec<Row> {
+        let colours = set.colours.as_ref().expect("colours");
+        let row = |(i, splat): (usize, &Splat)| Row {
+            place: (DVec3::from_array(splat.mean.map(f64::from)) + set.origin_mm) * METRES,
+            rotation: unit_quaternion(splat.rotation),
+            scale: DVec3::from_array(splat.scale().map(f64::from)) * METRES,
+            opacity: splat.opacity().into(),
+            coefficients: colours.of(i).to_vec(),
+        };
+        set.splats.iter().enumerate().map(row).collect()
     }
 
     /// Creates splats with colours of degree 2, some 900 mm above the origin of the world.

@@ -14,9 +14,14 @@ impl SplatSet {
     pub fn selected(&self, keep: impl Fn(usize, DVec3) -> bool) -> SplatSet {
         let mean = |i: usize| DVec3::from_array(self.splats[i].mean.map(f64::from)) + self.origin_mm;
         let rows: Vec<usize> = (0..self.splats.len()).filter(|&i| keep(i, mean(i))).collect();
+        self.of_rows(&rows)
+    }
+
+    /// Returns the splats of these rows, in this order, as [`SplatSet::selected`] does.
+    pub fn of_rows(&self, rows: &[usize]) -> SplatSet {
         let mut part = self.clone();
         part.exceptions = Vec::new();
-        part.take(&rows);
+        part.take(rows);
         if let Some(labels) = &part.labels {
             part.label_names.retain(|(label, _)| labels.contains(label));
         }

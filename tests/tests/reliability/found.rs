@@ -175,7 +175,7 @@ pub const FOUND: &[Row] = &[
             t(
                 "engine/src/splat/file.rs",
                 "a_file_is_known_by_its_content_and_written_by_its_extension",
-                &["a.spz"],
+                &["a.sog"],
             ),
         ],
         verdict: Partly("of foreign splat files; not every message is held to it"),

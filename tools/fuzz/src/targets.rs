@@ -58,6 +58,8 @@ pub const TARGETS: &[Target] = &[
     reader("ply-colours", "ply", splats::ply_colours, splat_set),
     reader("ply-reference", "ply", splats::ply_reference, splat_set),
     Target { mend: splats::vgs_sums, ..reader("vgs", "vgs", splats::vgs, splat_set) },
+    Target { mend: splats::spz_sums, ..reader("spz", "spz", splats::spz, splat_set) },
+    reader("glb", "glb", splats::glb, splat_set),
     reader("vp-json", "json", seeds::vp_json, transfer_function),
     reader("vp", "vp", seeds::vp, transfer_function),
     reader("slicer-xml", "xml", seeds::slicer_xml, transfer_function),

@@ -167,9 +167,14 @@ fn memory_follows_what_is_read() {
         });
     }
     let own = SPLATS * size_of::<Splat>();
-    for (name, coloured, need) in
-        [("a.ply", false, own), ("c.ply", true, own + 4 * 48 * SPLATS), ("a.vgs", false, own)]
-    {
+    let with_colours = own + 4 * 48 * SPLATS;
+    for (name, coloured, need) in [
+        ("a.ply", false, own),
+        ("c.ply", true, with_colours),
+        ("a.vgs", false, own),
+        ("c.spz", true, with_colours),
+        ("c.glb", true, with_colours),
+    ] {
         let path = folder.path().join(name);
         splat::write(&path, &splats(coloured), true).expect("writing");
         judge(name, need, &mut || {
@@ -226,7 +231,10 @@ fn bombs_are_refused_cheaply(folder: &Path) {
         ply += &format!("property float {name}\n");
     }
     ply += "end_header\n";
+    let spz = [&b"NGSP\x03\0\0\0"[..], &199_999_999u32.to_le_bytes(), &[3, 12, 0, 0]].concat();
     for (name, bytes) in [
+        ("claim.spz", gzipped(&[&spz])),
+        ("zeros.spz", gzipped(&[&spz, &[0; 1 << 22]])),
         ("wide.nii.gz", wide),
         ("narrow.nii.gz", narrow),
         ("claim.nii.gz", claim),
@@ -236,7 +244,9 @@ fn bombs_are_refused_cheaply(folder: &Path) {
         let path = folder.join(name);
         std::fs::write(&path, bytes).expect("writing");
         let read = || match name {
-            "a.ply" => splat::read(&path, &splat::ReadOptions::default()).map(drop),
+            "a.ply" | "claim.spz" | "zeros.spz" => {
+                splat::read(&path, &splat::ReadOptions::default()).map(drop)
+            }
             // So much is unpacked, and thrown away, before it is refused.
             _ => Volume::read(&path, &ReadOptions { max_bytes: 1 << 28, ..ReadOptions::default() }).map(drop),
         };

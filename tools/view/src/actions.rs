@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use egui::{Key, KeyboardShortcut, Modifiers};
 
+use crate::deletions::Target;
 use crate::orbit::Side;
 use crate::region::Region;
 
@@ -36,12 +37,16 @@ pub enum Action {
         /// True if an existing file is replaced.
         force: bool,
     },
-    /// Asks for the file of the splats that are left.
+    /// Asks for the file of the splats that are shown.
     AskSaveSplats,
-    /// Writes the splats that are left; carried out by the window.
+    /// Asks for the file of the splats of one object.
+    AskSaveObject(Target),
+    /// Writes the splats that are shown; carried out by the window.
     SaveSplats {
         /// Path, whose extension chooses the format.
         path: PathBuf,
+        /// The object that is written alone; `None` for all that are shown.
+        object: Option<Target>,
         /// True if an existing file is replaced.
         force: bool,
     },
@@ -208,7 +213,7 @@ pub static KEYS: &[Binding] = &[
     ),
     row(COMMAND, Key::D, "Choose series…", "another series of the volume's DICOM folder", Action::AskSeries),
     row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
-    row(COMMAND, Key::E, "Save splats…", "write the splats that are left to a file", Action::AskSaveSplats),
+    row(COMMAND, Key::E, "Save splats…", "write the splats that are shown to a file", Action::AskSaveSplats),
     row(COMMAND, Key::P, "Screenshot…", "write a picture of any size", Action::AskScreenshot),
     row(COMMAND, Key::R, "Record turntable…", "write a full turn as an animation", Action::AskRecord),
     row(

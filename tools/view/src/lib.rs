@@ -14,7 +14,7 @@
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram, state          app, panels -> theme
 //! panels -> slices, figures          panel_info -> thumbnails -> state, orbit
 //! app, handles, annotations, panels -> state -> orbit, region, transfer, deletions          app -> settings, editor, transfer
-//! loader, loaded_data -> loaded_splats -> state          app, panels, loader, loaded_data, loaded_splats -> deletions
+//! loader, loaded_data -> loaded_splats -> state, saving          app, panels, actions, prompt, viewer, loader, loaded_data, loaded_splats -> deletions
 //! fitting, panels, panel_info -> fit_plan -> figures          actions, panels, panel_info -> region
 //! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
 //! loader -> sorting -> state, region          fitting -> loader -> region          app, panels, loader -> series -> state
@@ -28,7 +28,7 @@
 //! panel_info     what panels are told anew for each frame
 //! app       the viewer without its window: puts the panels together
 //! loader, export   read and write beside the window; `loaded_data` is what was read, `loaded_splats` what is left of
-//!           the splats and how it is written, `open_files` where they are from; `sorting` tells volumes and masks apart,
+//!           the splats, `saving` how it is written, `open_files` where they are from; `sorting` tells volumes and masks apart,
 //!           `series` are those of a folder, of which one is meant
 //! fitting   fits splats beside the window; `fit_plan` is what a fit is asked for and how far it is, `figures` words for it
 //! canvas    the picture in the window: `rendered_scene` renders it, `composer` and `painter` put it and the panels on the screen
@@ -66,6 +66,7 @@ pub mod prompt;
 pub mod region;
 pub mod rendered_scene;
 pub mod report;
+pub mod saving;
 pub mod series;
 pub mod settings;
 pub mod slices;

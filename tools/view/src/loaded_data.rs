@@ -80,7 +80,7 @@ impl LoadedData {
                     self.volume_histogram = histogram;
                 }
             }
-            Loaded::Written(_) | Loaded::Sorted(..) | Loaded::Several(_) => {}
+            Loaded::Written(..) | Loaded::Sorted(..) | Loaded::Several(_) => {}
             Loaded::Failed(_, error) => return Err(error),
         }
         Ok(None)

@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use engine::Result;
-use engine::fit::{rounded_as_it_is, with_part_of_mask};
+use engine::fit::with_part_of_mask;
 use engine::gpu::Gpu;
-use engine::render::{Intensities, baked};
-use engine::splat::{self, SplatSet};
-use engine::transfer::TransferFunction;
+use engine::render::Intensities;
+use engine::splat::{self, SplatSet, WriteOptions, far_splats};
 
 use crate::deletions::{Deletion, Target};
-use crate::state::Object;
+use crate::saving;
+use crate::state::{Object, ViewState};
 
 /// Splats of all files, as one field.
 pub struct LoadedSplats {
@@ -20,6 +20,8 @@ pub struct LoadedSplats {
     pub objects: Vec<(Object, u8, usize)>,
     /// Intensities of each row.
     pub intensities: Vec<Intensities>,
+    /// Number of splats that lie far from all others.
+    pub far: usize,
 }
 
 impl LoadedSplats {
@@ -44,7 +46,8 @@ impl LoadedSplats {
         let objects = rows.into_iter().zip(set.objects());
         let objects = objects.map(|(row, o)| (Object { name: o.name, ..row }, o.number, o.splats)).collect();
         let intensities = Intensities::of_objects(&set);
-        Ok(LoadedSplats { set, objects, intensities })
+        let far = far_splats(&set.splats).len();
+        Ok(LoadedSplats { set, objects, intensities, far })
     }
 
     /// Returns the splats that deletions leave, with the part of a binary mask that is theirs. All rows of
@@ -74,27 +77,48 @@ impl LoadedSplats {
         let objects = self.objects.iter().map(|(row, number, _)| (row.clone(), *number, count(*number)));
         let of_row = |number: u8| at(number).and_then(|at| own.get(at).cloned()).unwrap_or_default();
         let intensities = self.objects.iter().map(|(_, number, _)| of_row(*number)).collect();
-        Ok(LoadedSplats { objects: objects.collect(), intensities, set })
+        let far = far_splats(&set.splats).len();
+        Ok(LoadedSplats { objects: objects.collect(), intensities, set, far })
     }
 
-    /// Writes the splats of all objects to a file, as `vgs convert` does: a format that holds colours alone
-    /// gets those of `transfer`. Waits for the device where colours or a mask have to be found.
-    ///
-    /// # Errors
-    /// Returns the errors of [`splat::write`](splat::write()), of [`baked`] and of [`rounded_as_it_is`].
-    pub fn write(&self, gpu: &Gpu, transfer: &TransferFunction, path: &Path, force: bool) -> Result<()> {
+    /// Returns the splats as files hold them, with the number in them of each row of the list of objects: joining has
+    /// made a label of the only file that has none.
+    pub fn of_files(&self) -> (SplatSet, Vec<u8>) {
         let mut set = self.set.clone();
         if let [(row, ..)] = &self.objects[..]
             && row.label.is_none()
         {
-            // Joining has made a label of the only file.
             (set.labels, set.label_names) = (None, Vec::new());
+            return (set, vec![0]);
         }
-        if splat::is_coloured(path) && set.colours.is_none() {
-            set = baked(gpu, &set, transfer)?.set;
-        } else if splat::rounds(path) && !set.splats.is_empty() {
-            set = rounded_as_it_is(gpu, set)?;
+        (set, self.objects.iter().map(|(_, number, _)| *number).collect())
+    }
+
+    /// Writes the splats that a state shows to a file, as `vgs convert` writes those of a session; or those of one
+    /// `object`, shown or not. Returns how many are not in the file: hidden, cut away by a clip plane, or in colours
+    /// that show nothing of them. Waits for the device where colours or a mask have to be found.
+    ///
+    /// # Errors
+    /// Returns the errors of [`ViewState::look`], of [`saving::ready`] and of [`splat::write`](engine::splat::write()).
+    pub fn write(
+        &self,
+        gpu: &Gpu,
+        state: &ViewState,
+        object: Option<Target>,
+        path: &Path,
+        force: bool,
+    ) -> Result<usize> {
+        let (set, numbers) = self.of_files();
+        let mut look = state.look(&numbers)?;
+        if let Some(object) = object {
+            for ((row, ..), number) in self.objects.iter().zip(numbers) {
+                let own = Target { file: row.file, label: row.label } == object;
+                look.objects.entry(number).or_default().visible = own;
+            }
         }
-        splat::write(path, &set, force)
+        let options = WriteOptions { force, ..WriteOptions::default() };
+        let ready = saving::ready(gpu, &set, &look, path, false)?;
+        ready.write(path, &options)?;
+        Ok(set.splats.len() - ready.set.splats.len())
     }
 }

@@ -59,8 +59,8 @@ pub enum Loaded {
     VolumeHistogram(Arc<LoadedVolume>, Option<Histogram>),
     /// Files that had to be looked into to be sorted, and those that were asked for.
     Sorted(Box<Sorted>, Vec<PathBuf>),
-    /// File that was written.
-    Written(PathBuf),
+    /// File that was written, and what else there is to tell of it.
+    Written(PathBuf, String),
     /// Error of something that could not be done; the rest goes on. The subject is given if its files could
     /// not be read.
     Failed(Option<Subject>, Error),
@@ -230,23 +230,24 @@ impl Loader {
     pub fn write_to_the_end(
         &mut self,
         path: PathBuf,
-        write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
+        write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<String> + Send + 'static,
     ) {
         let thread = self.write(path, write);
         self.wait_at_end_for(thread);
     }
 
-    /// Writes a file beside the window. `write` is given a function that takes its progress, from 0 to 1.
+    /// Writes a file beside the window. `write` is given a function that takes its progress, from 0 to 1, and returns
+    /// what else there is to tell of the file.
     pub fn write(
         &self,
         path: PathBuf,
-        write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
+        write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<String> + Send + 'static,
     ) -> JoinHandle<()> {
         self.spawn(ALWAYS, move |tell| {
             let what = format!("writing {}", path.file_name().unwrap_or_default().to_string_lossy());
             let mut progress = |part| tell.say(Message::Doing(what.clone(), Some(part)));
-            if tell.during(what.clone(), || write(&mut progress)).is_some() {
-                tell.say(Message::Loaded(Loaded::Written(path)));
+            if let Some(note) = tell.during(what.clone(), || write(&mut progress)) {
+                tell.say(Message::Loaded(Loaded::Written(path, note)));
             }
         })
     }
@@ -508,7 +509,8 @@ mod tests {
         let whole = Roi::new(vec![1.0; 720], &volume).unwrap();
         let layout = splat::PlyLayout::named("reference").expect("a layout");
         let place = Some(place(&volume, Some(&whole)));
-        splat::write_as(&ply, &set, &splat::WriteOptions { layout, place, force: false }).unwrap();
+        splat::write_as(&ply, &set, &splat::WriteOptions { layout, place, ..splat::WriteOptions::default() })
+            .unwrap();
         let with_volume = Files { volume: Some(ct), ..Files::default() };
         let read = read_splats(&ply, &with_volume).unwrap();
         let mean = read.splats[0].mean.map(f64::from);

@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use egui::{Context, DragValue, Id, Key, Modal, ScrollArea, TextEdit, Ui};
 
 use crate::actions::Action;
+use crate::deletions::Target;
 use crate::panels::widgets::row;
 use crate::state::Files;
 
@@ -35,14 +36,16 @@ pub enum Purpose {
     Mask,
     /// The fitted splats are written to it.
     Keep,
-    /// The splats that are left are written to it.
+    /// The splats that are shown are written to it.
     SaveSplats,
+    /// The splats of one object are written to it.
+    SaveObject(Target),
 }
 
 impl Purpose {
     /// Returns the title, the name of the button that confirms, and the extensions that are listed.
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
-        const SPLATS: [&str; 2] = [".ply", ".vgs"];
+        const SPLATS: [&str; 4] = [".ply", ".vgs", ".spz", ".glb"];
         static DATA: LazyLock<Vec<&str>> =
             LazyLock::new(|| SPLATS.iter().chain(&[".toml"]).chain(VOLUMES.iter()).copied().collect());
         static VOLUMES: LazyLock<Vec<&str>> = LazyLock::new(|| {
@@ -61,9 +64,14 @@ impl Purpose {
             Purpose::Mask => ("Open a mask or a label map", "Open", VOLUMES.as_slice()),
             Purpose::Keep => ("Keep the splats: .ply, or .vgs for a small file", "Keep", &[".ply", ".vgs"]),
             Purpose::SaveSplats => (
-                "Save the splats: .ply, .vgs for a small file, .spz or .glb for their colours alone",
+                "Save the splats that are shown: .ply, .vgs for a small file, .spz or .glb for viewers of colours",
                 "Save",
-                &[".ply", ".vgs", ".spz", ".glb"],
+                &SPLATS,
+            ),
+            Purpose::SaveObject(_) => (
+                "Save this object: .ply, .vgs for a small file, .spz or .glb for viewers of colours",
+                "Save",
+                &SPLATS,
             ),
         }
     }
@@ -83,6 +91,7 @@ impl Purpose {
             Purpose::SaveTransfer => "transfer.vp.json",
             Purpose::Keep => "fit.ply",
             Purpose::SaveSplats => "splats.ply",
+            Purpose::SaveObject(_) => "object.ply",
         }
     }
 }
@@ -237,7 +246,8 @@ impl Prompt {
             Purpose::SaveTransfer => Action::SaveTransfer { path, force },
             Purpose::Mask => Action::Mask(path),
             Purpose::Keep => Action::Keep { path, force },
-            Purpose::SaveSplats => Action::SaveSplats { path, force },
+            Purpose::SaveSplats => Action::SaveSplats { path, object: None, force },
+            Purpose::SaveObject(object) => Action::SaveSplats { path, object: Some(object), force },
         }
     }
 }
@@ -282,6 +292,7 @@ mod tests {
         let prompt = |purpose| Prompt::new(purpose, &Files::default(), None, [640, 480]);
         let path = PathBuf::from("x");
         let size = [640, 480];
+        let liver = Target { file: 0, label: Some(5) };
         for (purpose, expected) in [
             (Purpose::Open, Action::Open(vec![path.clone()])),
             (Purpose::Beside, Action::Beside(path.clone())),
@@ -292,7 +303,11 @@ mod tests {
             (Purpose::SaveTransfer, Action::SaveTransfer { path: path.clone(), force: true }),
             (Purpose::Mask, Action::Mask(path.clone())),
             (Purpose::Keep, Action::Keep { path: path.clone(), force: true }),
-            (Purpose::SaveSplats, Action::SaveSplats { path: path.clone(), force: true }),
+            (Purpose::SaveSplats, Action::SaveSplats { path: path.clone(), object: None, force: true }),
+            (
+                Purpose::SaveObject(liver),
+                Action::SaveSplats { path: path.clone(), object: Some(liver), force: true },
+            ),
         ] {
             assert_eq!(prompt(purpose).action(path.clone(), true), expected);
         }

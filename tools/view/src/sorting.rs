@@ -211,7 +211,7 @@ fn name_of(path: &Path) -> String {
 
 /// Returns the extensions of splats, in lower case.
 fn splat_endings() -> impl Iterator<Item = String> {
-    splat::readers().map(|(name, _)| format!(".{name}"))
+    splat::FORMATS.iter().map(|format| format!(".{}", format.name))
 }
 
 /// Returns the extensions of volumes, in lower case.

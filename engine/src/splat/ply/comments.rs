@@ -14,7 +14,7 @@ use crate::unit::Unit;
 
 /// What the comments of a file state; `None` for what they do not mention.
 #[derive(Default)]
-pub(super) struct Stated {
+pub(in crate::splat) struct Stated {
     pub origin_mm: Option<DVec3>,
     pub kernel: Option<Kernel>,
     pub background: Option<f32>,
@@ -37,7 +37,7 @@ pub(super) struct Stated {
 }
 
 /// Returns the comment lines of `set`.
-pub(super) fn of_set(set: &SplatSet) -> String {
+pub(in crate::splat) fn of_set(set: &SplatSet) -> String {
     let [x, y, z] = set.origin_mm.to_array();
     let place = format!("comment vgs.axes ras\ncomment vgs.origin_mm {x} {y} {z}\n");
     let intensity = set.unit.name();
@@ -89,7 +89,7 @@ fn common(set: &SplatSet, place: &str, intensity: &str) -> String {
 
 /// Parses our keys among `comments` and ignores all other text. A key that is given twice, or a value that
 /// does not parse, is an error: a guessed kernel or origin would give a wrong picture silently.
-pub(super) fn read(comments: &[String]) -> Result<Stated> {
+pub(in crate::splat) fn read(comments: &[String]) -> Result<Stated> {
     let mut stated = Stated::default();
     for comment in comments {
         let words: Vec<&str> = comment.split_ascii_whitespace().collect();

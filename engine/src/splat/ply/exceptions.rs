@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::splat::{Exception, Grid};
 
 /// Returns the exceptions, which are in order, as the bytes of a file.
-pub(super) fn bytes(exceptions: &[Exception], grid: Option<&Grid>) -> Vec<u8> {
+pub(in crate::splat) fn bytes(exceptions: &[Exception], grid: Option<&Grid>) -> Vec<u8> {
     let Some(grid) = grid else { return Vec::new() };
     let mut bytes = Vec::new();
     let mut next = 0;
@@ -54,15 +54,21 @@ pub(super) fn read(
         let message = format!("element `{EXCEPTION_ELEMENT}` has no property `{EXCEPTION_PROPERTY}`");
         bad("VGS-PLY-032", message).help(CHANGED)
     })?;
-    let mut reading = Reading { grid, exceptions: Vec::new(), next: 0, code: 0, bits: 0, wrong: None };
+    let mut reading = Reading::new(grid);
     rows::read(source, header, element, &[column], |_, &[byte]: &[f32; 1]| reading.take(byte))?;
     let broken =
         |what: &str| bad("VGS-PLY-033", format!("element `{EXCEPTION_ELEMENT}`: {what}")).help(CHANGED);
-    match reading.wrong {
-        Some(what) => Err(broken(what)),
-        None if reading.bits > 0 => Err(broken("the last number has no end")),
-        None => Ok(reading.exceptions),
-    }
+    reading.done().map_err(broken)
+}
+
+/// Returns the exceptions of these bytes, or what is wrong with them.
+pub(in crate::splat) fn of_bytes(
+    bytes: &[u8],
+    grid: &Grid,
+) -> std::result::Result<Vec<Exception>, &'static str> {
+    let mut reading = Reading::new(grid);
+    bytes.iter().for_each(|&byte| reading.take(f32::from(byte)));
+    reading.done()
 }
 
 const CHANGED: &str = "the file was changed by hand or written by a later version";
@@ -79,7 +85,19 @@ struct Reading<'a> {
     wrong: Option<&'static str>,
 }
 
-impl Reading<'_> {
+impl<'a> Reading<'a> {
+    fn new(grid: &'a Grid) -> Self {
+        Reading { grid, exceptions: Vec::new(), next: 0, code: 0, bits: 0, wrong: None }
+    }
+
+    fn done(self) -> std::result::Result<Vec<Exception>, &'static str> {
+        match self.wrong {
+            Some(what) => Err(what),
+            None if self.bits > 0 => Err("the last number has no end"),
+            None => Ok(self.exceptions),
+        }
+    }
+
     fn take(&mut self, value: f32) {
         let byte = value as u8;
         if f32::from(byte) != value {

@@ -30,9 +30,9 @@
 //!
 //! Every input ends as a set or as an error of class `BadData`, at a cost that the file's length bounds.
 
-mod comments;
+pub(super) mod comments;
 mod encode;
-mod exceptions;
+pub(super) mod exceptions;
 mod header;
 mod layout;
 mod names;

@@ -4,7 +4,6 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
-use glam::DVec3;
 use ply_rs::ply::{ElementDef, PropertyType};
 
 use super::header::{Header, bad, quoted};
@@ -15,14 +14,12 @@ use super::names::{
 };
 use super::rows::{self, Column};
 use super::{comments, exceptions, reference};
-use crate::error::{Error, Kind, Result};
-use crate::splat::activation::limit_anisotropy;
-use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, SH0, basis_count};
-use crate::splat::{Field, Harmonics, Kernel, ReadOptions, Splat, SplatSet, Summary, Unplaced, defect};
+use crate::error::{Error, Result};
+use crate::splat::activation::ANISOTROPY_LIMIT;
+use crate::splat::harmonics::{MAX_BASIS, MAX_DEGREE, basis_count, luminance};
+use crate::splat::mend::{Mended, bound_opacities, ordinary_field, zeros};
+use crate::splat::{Harmonics, ReadOptions, Splat, SplatSet, Summary, Unplaced};
 use crate::unit::Unit;
-
-/// Luminance of linear RGB (Rec. 709).
-const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Properties that hold a physical intensity; the first that an element has counts.
 const INTENSITY_PROPERTIES: [&str; 2] = ["hu", INTENSITY_PROPERTY];
@@ -31,8 +28,14 @@ const INTENSITY_PROPERTIES: [&str; 2] = ["hu", INTENSITY_PROPERTY];
 const SPLAT_PROPERTIES: [&str; INTENSITY_SLOT] =
     ["x", "y", "z", "opacity", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2"];
 
+/// The scales, of which 2D Gaussian splatting has the first two: its splats are discs across their third axis.
+const FLAT: [&str; 3] = ["scale_0", "scale_1", "scale_2"];
+
 /// The layout name of ordinary 3D Gaussian splatting.
 pub const ORDINARY: &str = "3dgs";
+
+/// That of 2D Gaussian splatting.
+const DISCS: &str = "2dgs";
 
 /// Position of the intensity among the floats of a [`Splat`].
 const INTENSITY_SLOT: usize = 11;
@@ -53,46 +56,21 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
 
 /// Reads a splat set and describes what the file holds.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, rows, header, dropped, widened, bytes, layout, intensity_01_range } =
-        open(path, options)?;
-    let bounds = |value: fn(&Splat) -> [f32; 3]| {
-        let first = value(set.splats.first()?);
-        Some(set.splats.iter().map(value).fold([first; 2], |[low, high], v| {
-            [std::array::from_fn(|k| low[k].min(v[k])), std::array::from_fn(|k| high[k].max(v[k]))]
-        }))
-    };
-    let world = |mean: [f32; 3]| (DVec3::from_array(mean.map(f64::from)) + set.origin_mm).to_array();
-    let box_mm = bounds(|splat| splat.mean).map(|corners| corners.map(world));
+    let Loaded { set, rows, header, mended, bytes, layout, intensity_01_range } = open(path, options)?;
     let vertex = header.element("vertex").map(|(_, element)| element);
+    let summary = Summary::of_set(&set, "ply", layout, bytes);
+    let (placed, known) = (rows.is_none(), rows.as_ref().is_none_or(|rows| rows.has_hu));
     Ok(Summary {
-        format: "ply",
         encoding: header.encoding.to_string(),
-        layout,
-        file_bytes: bytes,
-        splats: set.splats.len(),
-        dropped,
-        widened,
+        dropped: mended.dropped,
+        widened: mended.widened,
         elements: header.elements.iter().map(|e| (e.name.clone(), e.count as u64)).collect(),
         properties: vertex.map(|e| e.properties.keys().cloned().collect()).unwrap_or_default(),
-        kernel: set.field.kernel.name(),
-        unit: set.unit,
-        harmonics_degree: set.colours.as_ref().map(|colours| colours.degree),
-        labels: set.label_counts(),
-        intensity_range: bounds(|splat| [splat.intensity; 3])
-            .filter(|_| rows.as_ref().is_none_or(|rows| rows.has_hu))
-            .map(|range| range.map(|v| v[0])),
+        intensity_range: summary.intensity_range.filter(|_| known),
         intensity_01_range,
-        bounding_box_mm: box_mm.filter(|_| rows.is_none()),
-        index_box_mm: box_mm.filter(|_| rows.is_some()),
-        origin_mm: set.origin_mm.to_array(),
-        background: set.field.background,
-        epsilon: set.field.epsilon,
-        occupancy_w0: set.field.occupancy_w0,
-        iterations: set.iterations,
-        grid_size: set.grid.map(|grid| grid.size),
-        volume_crc32: set.volume_crc32,
-        exceptions: set.exceptions.len(),
-        form: set.form.name(),
+        bounding_box_mm: summary.bounding_box_mm.filter(|_| placed),
+        index_box_mm: summary.bounding_box_mm.filter(|_| !placed),
+        ..summary
     })
 }
 
@@ -102,8 +80,7 @@ pub(super) struct Loaded {
     /// Further values of the splats, if a volume must place them.
     pub rows: Option<reference::Rows>,
     pub header: Header,
-    pub dropped: usize,
-    pub widened: usize,
+    pub mended: Mended,
     pub bytes: u64,
     pub layout: &'static str,
     pub intensity_01_range: Option<[f32; 2]>,
@@ -114,19 +91,9 @@ fn open(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let file = File::open(path).map_err(failed)?;
     let bytes = file.metadata().map_err(failed)?.len();
     let loaded = load(BufReader::new(file), bytes, options).map_err(|error| error.file(path))?;
-    let file = path.display();
-    if loaded.dropped > 0 {
-        tracing::warn!(%file, dropped = loaded.dropped, "unusable splats were dropped");
-    }
-    if loaded.widened > 0 {
-        tracing::warn!(%file, widened = loaded.widened, "splats thinner than 1/10000 of their length were widened");
-    }
-    if loaded.set.splats.is_empty() {
-        tracing::warn!(%file, "the file holds no usable splat");
-    }
-    if !loaded.set.unit.is_physical() {
-        tracing::info!(%file, "no intensity: what acts on intensities acts on the luminance of the colour");
-    } else if loaded.layout == ORDINARY {
+    loaded.mended.tell(path, &loaded.set);
+    if loaded.set.unit.is_physical() && loaded.layout == ORDINARY {
+        let file = path.display();
         tracing::warn!(
             %file,
             "the file has intensities and no comments `vgs.`, so a Gaussian kernel, the mean as background and no grid \
@@ -234,9 +201,22 @@ pub(super) fn load(
         splats,
         ..SplatSet::default()
     };
-    let dropped = drop_unusable(&mut set, rows.as_mut(), options.strict)?;
+    if !by_reference {
+        // There it is no logit.
+        bound_opacities(&mut set.splats);
+    }
+    let part = |i: usize| {
+        let finite = rows.as_ref().is_none_or(|rows| rows.intensity_01[i].is_finite());
+        (!finite).then_some("a value is not finite")
+    };
+    let mut mended = Mended::of(&mut set, part, options.strict)?;
+    if let Some((rows, kept)) = rows.as_mut().zip(mended.kept.as_ref()) {
+        rows.intensity_01 = kept.iter().map(|&i| rows.intensity_01[i]).collect();
+    }
     // Lengths are in mm of the world only if the splats are placed.
-    let widened = if by_reference { 0 } else { widen(&mut set.splats) };
+    if !by_reference {
+        mended.widen(&mut set.splats);
+    }
     set.field = stated.field(&match &rows {
         Some(rows) => rows.field(&set.splats),
         None => ordinary_field(&set.splats),
@@ -249,10 +229,11 @@ pub(super) fn load(
         (true, _) => reference::NAME,
         (false, true) if layout.source == Source::Element && fixed => INRIA,
         (false, true) => PLY_LAYOUTS[0].name,
+        (false, false) if layout.flat => DISCS,
         (false, false) => ORDINARY,
     };
     let intensity_01_range = stated.intensity_01_range;
-    Ok(Loaded { set, rows, header, dropped, widened, bytes, layout, intensity_01_range })
+    Ok(Loaded { set, rows, header, mended, bytes, layout, intensity_01_range })
 }
 
 /// A property of the PLY into which SuperSplat packs splats.
@@ -279,26 +260,6 @@ fn check_vertex(vertex: &ElementDef, options: &ReadOptions) -> Result<()> {
     Ok(())
 }
 
-/// Returns the field of a file without comments: a Gaussian kernel and the mean intensity as background.
-fn ordinary_field(splats: &[Splat]) -> Field {
-    let sum: f64 = splats.iter().map(|splat| f64::from(splat.intensity)).sum();
-    let background = (sum / splats.len().max(1) as f64) as f32;
-    Field { kernel: Kernel::Gaussian, background, ..Field::default() }
-}
-
-/// Returns `count` zeros, or an error if there is no memory for them: the header's counts fit the length of
-/// the file, but a file may be larger than memory.
-fn zeros<T: bytemuck::Zeroable + Clone>(count: usize) -> Result<Vec<T>> {
-    let mut all = Vec::new();
-    all.try_reserve_exact(count).map_err(|_| {
-        let needed = count.saturating_mul(size_of::<T>());
-        let message = format!("no memory for the splats: {needed} bytes more are needed");
-        Error::new(Kind::HostMemory, "VGS-PLY-015", message)
-    })?;
-    all.resize(count, T::zeroed());
-    Ok(all)
-}
-
 /// Where the intensity of a splat comes from.
 #[derive(PartialEq)]
 enum Source {
@@ -323,6 +284,8 @@ struct Layout {
     degree: Option<u8>,
     /// True if a file of the paper's authors has their property `hu`.
     has_hu: bool,
+    /// True if the splats are the discs of 2D Gaussian splatting, which have no third scale.
+    flat: bool,
 }
 
 impl Layout {
@@ -334,7 +297,9 @@ impl Layout {
             Some(_) => Source::Property,
             None => Source::Colour,
         };
+        let flat = FLAT.map(|name| position(name).is_some()) == [true, true, false];
         let mut wanted: Vec<(&str, usize)> = SPLAT_PROPERTIES.into_iter().zip(0..).collect();
+        wanted.truncate(SPLAT_PROPERTIES.len() - usize::from(flat));
         if source == Source::Colour {
             wanted.extend(COLOUR_PROPERTIES.into_iter().zip(BEYOND_SLOT..));
         }
@@ -351,7 +316,7 @@ impl Layout {
             // This layout is handled by `of_reference` below.
             Source::Reference => {}
         }
-        Ok(Layout { columns, has_label: label.is_some(), source, degree, has_hu: false })
+        Ok(Layout { columns, has_label: label.is_some(), source, degree, has_hu: false, flat })
     }
 
     /// Creates the layout of the paper's authors, in which `intensity_01` follows the floats of a splat.
@@ -367,6 +332,7 @@ impl Layout {
             source: Source::Reference,
             degree: None,
             has_hu: hu.is_some(),
+            flat: false,
         })
     }
 
@@ -384,11 +350,14 @@ impl Layout {
         let intensity = match self.source {
             Source::Element => splat.intensity,
             Source::Property | Source::Reference => row[INTENSITY_SLOT],
-            Source::Colour => {
-                LUMINANCE.iter().zip(&row[BEYOND_SLOT..]).map(|(weight, dc)| weight * (0.5 + SH0 * dc)).sum()
-            }
+            Source::Colour => luminance(&row[BEYOND_SLOT..]),
         };
-        let values: [f32; SPLAT_SLOTS] = std::array::from_fn(|slot| row[slot]);
+        let mut values: [f32; SPLAT_SLOTS] = std::array::from_fn(|slot| row[slot]);
+        if self.flat {
+            // As thin as a splat may be.
+            let [a, b, thin] = &mut values[INTENSITY_SLOT - FLAT.len()..INTENSITY_SLOT] else { return };
+            *thin = a.max(*b) - ANISOTROPY_LIMIT.ln();
+        }
         *splat = Splat { intensity, ..bytemuck::cast(values) };
         let count = self.beyond();
         beyond[index * count..][..count].copy_from_slice(&row[BEYOND_SLOT..][..count]);
@@ -523,44 +492,4 @@ impl Labels {
         tracing::warn!("{message}: the property `{LABEL_PROPERTY}` was ignored");
         Ok(None)
     }
-}
-
-/// Widens the splats that are too thin for their length and returns their number.
-fn widen(splats: &mut [Splat]) -> usize {
-    let mut widened = 0;
-    for splat in splats {
-        let log_scale = limit_anisotropy(splat.log_scale);
-        widened += usize::from(log_scale != splat.log_scale);
-        splat.log_scale = log_scale;
-    }
-    widened
-}
-
-/// Removes the splats that cannot be used and returns their number; if `strict` is set, the first one is an
-/// error.
-fn drop_unusable(set: &mut SplatSet, rows: Option<&mut reference::Rows>, strict: bool) -> Result<usize> {
-    let SplatSet { splats, colours, labels, .. } = set;
-    let why = |i: usize| {
-        let colour = || colours.as_ref().is_some_and(|colours| !colours.of(i).iter().all(|c| c.is_finite()));
-        let part = || rows.as_ref().is_some_and(|rows| !rows.intensity_01[i].is_finite());
-        defect(&splats[i]).or_else(|| (colour() || part()).then_some("a value is not finite"))
-    };
-    let Some((first, reason)) = (0..splats.len()).find_map(|i| Some((i, why(i)?))) else { return Ok(0) };
-    if strict {
-        return Err(bad("VGS-PLY-022", format!("splat {first} is unusable: {reason}")));
-    }
-    let kept: Vec<usize> = (0..splats.len()).filter(|&i| why(i).is_none()).collect();
-    let dropped = splats.len() - kept.len();
-    if let Some(colours) = colours {
-        let of_kept = kept.iter().flat_map(|&i| colours.of(i)).copied().collect();
-        colours.coefficients = of_kept;
-    }
-    if let Some(labels) = labels {
-        *labels = kept.iter().map(|&i| labels[i]).collect();
-    }
-    if let Some(rows) = rows {
-        rows.intensity_01 = kept.iter().map(|&i| rows.intensity_01[i]).collect();
-    }
-    *splats = kept.into_iter().map(|i| splats[i]).collect();
-    Ok(dropped)
 }

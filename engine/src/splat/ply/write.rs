@@ -11,7 +11,7 @@ use crate::splat::{Exception, Harmonics, SplatSet, WriteOptions, defect};
 /// Writes `set` atomically. Refuses a set without splats, which other programs cannot open, and splats that a
 /// reader would drop.
 pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
-    let WriteOptions { layout, place, force } = options;
+    let WriteOptions { layout, place, force, .. } = options;
     check(set).and_then(|()| (layout.check)(set, place.as_ref())).map_err(|error| error.file(path))?;
     crate::output::write_atomic(path, *force, |out| (layout.encode)(set, place.as_ref(), out))
 }

@@ -199,26 +199,14 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
 /// Reads a set and describes what the file holds.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
     let Loaded { set, header, dropped, widened, bytes } = load(path, options)?;
-    let axis = |k: usize| {
-        let values = || set.splats.iter().map(|splat| f64::from(splat.mean[k]));
-        values().reduce(f64::min).zip(values().reduce(f64::max))
-    };
-    let origin = set.origin_mm.to_array();
-    let corners = axis(0).zip(axis(1)).zip(axis(2)).map(|((x, y), z)| {
-        [[x.0, y.0, z.0], [x.1, y.1, z.1]].map(|corner| std::array::from_fn(|k| corner[k] + origin[k]))
-    });
     let payload: u64 = header.layers.iter().map(|part| part.bytes).sum();
     let names = ["mean", "shape", "opacity", "intensity"];
     Ok(Summary {
-        format: "vgs",
         encoding: format!(
             "{} layers, {:.2} bytes a splat",
             header.layers.len(),
             payload as f64 / set.splats.len().max(1) as f64
         ),
-        layout: "vgs",
-        file_bytes: bytes,
-        splats: set.splats.len(),
         dropped,
         widened,
         elements: vec![
@@ -230,23 +218,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
             .map(|name| (*name).to_owned())
             .chain(header.labels.then(|| "label".to_owned()))
             .collect(),
-        kernel: set.field.kernel.name(),
-        unit: set.unit,
-        harmonics_degree: None,
-        labels: set.label_counts(),
-        intensity_range: set.intensity_range().map(|range| range.map(|v| v as f32)),
-        intensity_01_range: None,
-        bounding_box_mm: corners,
-        index_box_mm: None,
-        origin_mm: origin,
-        background: set.field.background,
-        epsilon: set.field.epsilon,
-        occupancy_w0: set.field.occupancy_w0,
-        iterations: set.iterations,
-        grid_size: set.grid.map(|grid| grid.size),
-        volume_crc32: set.volume_crc32,
-        exceptions: set.exceptions.len(),
-        form: set.form.name(),
+        ..Summary::of_set(&set, "vgs", "vgs", bytes)
     })
 }
 

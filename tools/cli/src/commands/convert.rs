@@ -1,17 +1,21 @@
 //! Writes splats in another format (`vgs convert`).
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::Args;
-use engine::fit::{FitConfig, FitForm, Problem, rounded_as_it_is, with_part_of_mask};
-use engine::render::baked;
+use engine::fit::{FitConfig, FitForm, Problem, with_part_of_mask};
+use engine::render::{ClipPlane, Intensities, Look, ObjectChange};
 use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind, transfer};
+use view::loaded_splats::LoadedSplats;
+use view::saving::{self, Ready};
+use view::state::{ViewState, is_session};
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::bytes;
-use crate::shared::flags::{Corners, DeviceArguments, pair};
+use crate::shared::flags::{Clip, Corners, DeviceArguments, pair};
 use crate::shared::inputs::{Case, CleaningArguments, ReadArguments, RoiArguments, is_volume};
 use crate::shared::outputs;
 use crate::shared::splat_files::{warn_of_another_volume, worldly_layout};
@@ -21,15 +25,16 @@ use crate::shared::waiting::Waiting;
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct ConvertArguments {
-    /// The splats
-    #[arg(value_name = "SPLATS")]
+    /// The splats; or a session of `vgs view` (.toml): what it shows of its splats, as it shows it
+    #[arg(value_name = "SPLATS|SESSION")]
     splats: PathBuf,
     /// The splats as vgs wrote them, where SPLATS are what another program has made of these without the
     /// comments of vgs: kernel, background, grid and names of labels are taken from there
     #[arg(long, value_name = "ORIGINAL")]
     like: Option<PathBuf>,
     /// The file: .vgs, which is small and rounded, or .ply. For programs that draw splats and know no
-    /// intensities: .spz, which is small, or .glb (glTF with KHR_gaussian_splatting)
+    /// intensities: .spz, which is small, or .glb (glTF with KHR_gaussian_splatting), from which vgs reads the HU
+    /// again
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     output: PathBuf,
     /// How a PLY is laid out: vgs (HU as one more property, what most programs read), or inria (rows of 62
@@ -37,10 +42,16 @@ pub struct ConvertArguments {
     #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = worldly_layout, help_heading = "Output")]
     ply_layout: &'static PlyLayout,
     /// Gives the splats the colours and opacities of a transfer function in place of their HU, as .spz and .glb
-    /// need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these:
-    /// CT-Bone, or MR-Default without HU]
-    #[arg(long, value_name = "PRESET|FILE", help_heading = "Output")]
+    /// need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these: CT-Bone, or
+    /// MR-Default without HU; where that shows nothing of the splats, a preset that does]
+    #[arg(long, value_name = "PRESET|FILE", help_heading = "Colours")]
     tf: Option<String>,
+    /// Gives each object a colour of its own, the one that is usual for its name, as in `vgs render`
+    #[arg(long, help_heading = "Colours")]
+    object_colours: bool,
+    /// Only what is on this side: x<MM, x>MM and the like are cut away, as in `vgs render`; may be repeated
+    #[arg(long, value_name = "PLANE|BOX", allow_hyphen_values = true, help_heading = "Selection")]
+    clip: Vec<Clip>,
     /// Only splats whose middle lies in this box, mm RAS
     #[arg(
         long = "box",
@@ -52,13 +63,14 @@ pub struct ConvertArguments {
     /// Only splats whose middle lies outside of this box
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, help_heading = "Selection")]
     outside_box: Option<Corners>,
-    /// Only the splats of this object, by name or number, as `vgs info` lists them; may be repeated
-    #[arg(long, value_name = "NAME|N", help_heading = "Selection")]
-    object: Vec<String>,
+    /// Only the splats of this object, by name or number, as `vgs info` lists them. NAME:HOW chooses nothing and says
+    /// how an object is shown, as in `vgs render`: colour=#rrggbb, opacity=0..1, tf=CT-Bone, hidden. May be repeated
+    #[arg(long, value_name = "NAME|N[:HOW,...]", help_heading = "Selection")]
+    object: Vec<ObjectFlag>,
     /// The volume that the splats were fitted to: a .vgs is then rounded more and fitted again to make up for
     /// it
     #[arg(long, value_name = "VOLUME", requires = "region", help_heading = "Fitting again",
-          conflicts_with_all = ["inside", "outside_box", "object", "tf"])]
+          conflicts_with_all = ["inside", "outside_box", "object", "tf", "clip"])]
     volume: Option<PathBuf>,
     /// The mask of their fit
     #[arg(long, value_name = "MASK", requires = "volume", group = "region", help_heading = "Fitting again")]
@@ -88,12 +100,35 @@ Examples:
   vgs convert bones.ply -o hip.ply --box=-150,-40,-900,0,80,-700
   vgs convert bones.ply -o bones.spz --tf CT-Bones-Steep
   vgs convert bones.ply -o bones.glb
+  vgs convert bones.glb -o again.ply
+  vgs convert organs.ply -o organs.glb --object-colours --object liver:opacity=0.3
+  vgs convert session.toml -o scene.glb                  what the window showed
   vgs convert edited.ply --like bones.ply -o edited-bones.ply
   vgs convert bones.ply -o bones.vgs --volume ct.nii.gz --roi bones.nii.gz      a fifth smaller";
+
+/// A value of `--object`: a choice of objects, or how they are shown.
+#[derive(Clone, Debug)]
+enum ObjectFlag {
+    Chosen(String),
+    Shown(ObjectChange),
+}
+
+impl FromStr for ObjectFlag {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.contains(':') {
+            true => text.parse().map(ObjectFlag::Shown),
+            false => Ok(ObjectFlag::Chosen(text.to_owned())),
+        }
+    }
+}
 
 /// What is told of a conversion.
 #[derive(Default)]
 struct Report {
+    /// Number of splats that were there.
+    whole: usize,
     /// Number of splats that the selection has left out.
     left_out: usize,
     /// The transfer function whose colours the splats have.
@@ -106,44 +141,72 @@ struct Report {
 pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> {
     let ConvertArguments { splats, output, .. } = arguments;
     refuse_volume(splats, output)?;
+    let session = is_session(splats).then(|| arguments.session()).transpose()?;
     let mut inputs = vec![splats.as_path()];
+    inputs.extend(session.iter().flat_map(|state| &state.files.splats).map(PathBuf::as_path));
     inputs.extend(arguments.like.as_deref());
     inputs.extend(arguments.volume.as_deref());
     inputs.extend(arguments.roi.as_deref());
     outputs::check(&[output], &inputs, arguments.force)?;
     let mut report = Report::default();
-    let mut set = splat::read(splats, &ReadOptions::default())?;
+    let (mut set, look) = match session {
+        Some(state) => arguments.of_session(state, &mut report)?,
+        None => {
+            let set = splat::read(splats, &ReadOptions::default())?;
+            report.whole = set.splats.len();
+            (set, None)
+        }
+    };
     if let Some(original) = &arguments.like {
         set = given_back(arguments, set, original)?;
     }
-    let whole = set.splats.len();
     set = selected(arguments, set)?;
-    report.left_out = whole - set.splats.len();
-    let coloured = splat::is_coloured(output);
-    if arguments.tf.is_some() || coloured && set.colours.is_none() {
-        set = with_colours(arguments, &set, &mut report)?;
-    } else if let Some(volume) = &arguments.volume {
-        set = fitted_again(arguments, &set, volume)?;
-    } else if splat::rounds(output) && set.form == (Form::Grid { binary: true }) && set.rounding.is_none() {
-        set = rounded_as_it_is(&arguments.device.boot()?, set)?;
+    let coloured = arguments.tf.is_some() || splat::is_coloured(output) && set.colours.is_none();
+    let look = arguments.look(&set, look)?;
+    let ready = match &arguments.volume {
+        Some(volume) if !coloured => {
+            let set = fitted_again(arguments, &set, volume)?;
+            Ready { set, made_of: None, hidden: 0 }
+        }
+        _ => prepared(arguments, &set, &look, coloured)?,
+    };
+    report.left_out = report.whole - ready.set.splats.len() - ready.hidden;
+    if coloured {
+        (report.transfer_function, report.hidden) = (Some(look.transfer.name.clone()), ready.hidden);
     }
-    let options = WriteOptions { layout: arguments.ply_layout, place: None, force: arguments.force };
-    splat::write_as(output, &set, &options)?;
+    let options =
+        WriteOptions { layout: arguments.ply_layout, force: arguments.force, ..WriteOptions::default() };
+    ready.write(output, &options)?;
+    tell(arguments, console, &report, &ready)
+}
+
+/// Says what was written.
+fn tell(arguments: &ConvertArguments, console: &Console, report: &Report, ready: &Ready) -> Result<u8, Stop> {
+    let ConvertArguments { splats, output, .. } = arguments;
+    let Report { whole, left_out, ref transfer_function, hidden } = *report;
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |found| found.len());
     let (before, after) = (size(splats), size(output));
-    let count = set.splats.len();
+    let count = ready.set.splats.len();
+    // A function that was asked for is not always one that suits.
+    if hidden > count {
+        tracing::warn!(
+            "{} shows nothing of {hidden} of {} splats; choose another --tf",
+            transfer_function.as_deref().unwrap_or_default(),
+            hidden + count
+        );
+    }
     if console.json {
         console.json_data(&serde_json::json!({
             "output": output, "splats": count, "bytes_before": before, "bytes": after,
-            "left_out": report.left_out, "transfer_function": report.transfer_function, "hidden": report.hidden,
+            "left_out": left_out, "transfer_function": transfer_function, "hidden": hidden,
         }))?;
         return Ok(0);
     }
-    if report.left_out > 0 {
-        console.say(&format!("{} of {whole} splats are not selected", report.left_out));
+    if left_out > 0 {
+        console.say(&format!("{left_out} of {whole} splats are not selected"));
     }
-    if let Some(name) = &report.transfer_function {
-        let hidden = match report.hidden {
+    if let Some(name) = transfer_function {
+        let hidden = match hidden {
             0 => String::new(),
             hidden => format!("; {hidden} splats of which it shows nothing are left out"),
         };
@@ -156,10 +219,113 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
         after as f64 / count.max(1) as f64,
         bytes(before),
     ));
-    if coloured {
+    if ready.made_of.is_some() {
+        console.say("vgs reads them from it with HU, kernel, grid and labels");
+    } else if splat::is_coloured(output) && transfer_function.is_some() {
         console.say("it is without HU, kernel, grid and labels, so keep the splats that it is made of");
     }
     Ok(0)
+}
+
+impl ConvertArguments {
+    /// Reads the session.
+    fn session(&self) -> engine::Result<ViewState> {
+        if self.like.is_some() || self.volume.is_some() {
+            let message = "--like and --volume are for splats, and this is a session";
+            return Err(Error::new(Kind::Usage, "VGS-CLI-134", message)
+                .file(&self.splats)
+                .help("give the splats in place of the session"));
+        }
+        ViewState::read(&self.splats)
+    }
+
+    /// Returns the splats that a session has left, and how it shows them.
+    fn of_session(
+        &self,
+        mut state: ViewState,
+        report: &mut Report,
+    ) -> Result<(SplatSet, Option<Look>), Stop> {
+        let read = |path: &PathBuf| Ok((path.clone(), splat::read_some(path)?.placed(None)?));
+        let files = state.files.splats.iter().map(read).collect::<engine::Result<Vec<_>>>()?;
+        if files.is_empty() {
+            return Err(Error::new(Kind::Usage, "VGS-CLI-135", "a session without splats")
+                .file(&self.splats)
+                .help("open splats in the window, and save the session again")
+                .into());
+        }
+        let mut loaded = LoadedSplats::join(files)?;
+        report.whole = loaded.set.splats.len();
+        if !state.deleted.is_empty() {
+            loaded = loaded.without(&self.device.boot()?, &state.deleted)?;
+        }
+        state.set_objects(loaded.objects.iter().map(|(row, ..)| row.clone()).collect());
+        let (set, numbers) = loaded.of_files();
+        let look = state.look(&numbers)?;
+        Ok((set, Some(look)))
+    }
+
+    /// Returns the look of `set` that the flags ask for: that of the session, if there is one, with changes.
+    fn look(&self, set: &SplatSet, session: Option<Look>) -> engine::Result<Look> {
+        let range = set.intensity_range().unwrap_or([0.0, 1.0]);
+        let given = self.tf.as_deref().map(|name| transfer::load(name, range)).transpose()?;
+        let mut look = match (session, given) {
+            (Some(look), given) => Look { transfer: given.unwrap_or_else(|| look.transfer.clone()), ..look },
+            (None, Some(given)) => Look::new(given),
+            (None, None) => {
+                let suiting = Intensities::of_set(set).suiting_preset(set.unit);
+                Look::new(transfer::load(suiting, range)?)
+            }
+        };
+        let there = set.objects();
+        if self.object_colours {
+            look.tint_objects(&there);
+        }
+        for flag in &self.object {
+            if let ObjectFlag::Shown(change) = flag {
+                change.apply(&there, &mut look, range)?;
+            }
+        }
+        look.clip
+            .extend(self.clip.iter().flat_map(|clip| clip.0.iter().copied()).collect::<Vec<ClipPlane>>());
+        Ok(look)
+    }
+}
+
+/// Returns the splats that a look shows, as the output holds them.
+fn prepared(
+    arguments: &ConvertArguments,
+    set: &SplatSet,
+    look: &Look,
+    coloured: bool,
+) -> Result<Ready, Stop> {
+    let ConvertArguments { splats, output, .. } = arguments;
+    let as_it_is = look.shown(set).len() == set.splats.len();
+    let rounds = splat::rounds(output) && set.form == (Form::Grid { binary: true }) && set.rounding.is_none();
+    if as_it_is && !coloured && !rounds {
+        return Ok(Ready { set: set.clone(), made_of: None, hidden: 0 });
+    }
+    let gpu = arguments.device.boot()?;
+    let _waiting =
+        Waiting::on(if coloured { "finding the colours of the splats" } else { "finding the mask" });
+    let ready =
+        saving::ready(&gpu, set, look, output, arguments.tf.is_some()).map_err(|error| error.file(splats))?;
+    if !ready.set.splats.is_empty() {
+        return Ok(ready);
+    }
+    if ready.hidden == 0 {
+        let message = format!("none of the {} splats is shown", set.splats.len());
+        return Err(Error::new(Kind::NothingToDo, "VGS-CLI-136", message)
+            .file(splats)
+            .help("show an object, or move the clip planes")
+            .into());
+    }
+    let [low, high] = set.intensity_range().unwrap_or_default();
+    let message = format!(
+        "{} shows none of these splats, which have {low:.0} to {high:.0}{}",
+        look.transfer.name,
+        set.unit.text()
+    );
+    Err(Error::new(Kind::NothingToDo, "VGS-CLI-132", message).file(splats).help("choose another --tf").into())
 }
 
 /// Refuses an output with the name of a volume, and tells which command makes one.
@@ -178,20 +344,25 @@ fn refuse_volume(splats: &Path, output: &Path) -> engine::Result<()> {
 
 /// Returns the splats of `set` that the flags select; all if they say nothing.
 fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Stop> {
-    let ConvertArguments { inside, outside_box, object, .. } = arguments;
-    if inside.is_none() && outside_box.is_none() && object.is_empty() {
+    let ConvertArguments { inside, outside_box, .. } = arguments;
+    let chosen = arguments.object.iter().filter_map(|flag| match flag {
+        ObjectFlag::Chosen(name) => Some(name),
+        ObjectFlag::Shown(_) => None,
+    });
+    let chosen: Vec<_> = chosen.collect();
+    if inside.is_none() && outside_box.is_none() && chosen.is_empty() {
         return Ok(set);
     }
     let objects = set.objects();
     let mut numbers = Vec::new();
-    for name in object {
+    for name in &chosen {
         numbers.extend(Object::called(&objects, name)?.iter().map(|object| object.number));
     }
     let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
     let part = set.selected(|i, mean| {
         inside.is_none_or(|corners| corners.contains(mean))
             && outside_box.is_none_or(|corners| !corners.contains(mean))
-            && (object.is_empty() || numbers.contains(&label(i)))
+            && (chosen.is_empty() || numbers.contains(&label(i)))
     });
     if part.splats.is_empty() {
         let message = format!("none of the {} splats is selected", set.splats.len());
@@ -211,29 +382,6 @@ fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Sto
     let gpu = arguments.device.boot()?;
     let _waiting = Waiting::on("finding the mask of the selection");
     Ok(with_part_of_mask(&gpu, &set, part)?)
-}
-
-/// Returns `set` with the colours of the transfer function of the flags.
-fn with_colours(arguments: &ConvertArguments, set: &SplatSet, report: &mut Report) -> Result<SplatSet, Stop> {
-    let name = arguments.tf.as_deref().unwrap_or(transfer::first(set.unit));
-    let transfer = transfer::load(name, set.intensity_range().unwrap_or([0.0, 1.0]))?;
-    let gpu = arguments.device.boot()?;
-    let _waiting = Waiting::on("finding the colours of the splats");
-    let baked = baked(&gpu, set, &transfer).map_err(|error| error.file(&arguments.splats))?;
-    if baked.set.splats.is_empty() && baked.hidden > 0 {
-        let [low, high] = set.intensity_range().unwrap_or_default();
-        let message = format!(
-            "{} shows none of these splats, which have {low:.0} to {high:.0}{}",
-            transfer.name,
-            set.unit.text()
-        );
-        return Err(Error::new(Kind::NothingToDo, "VGS-CLI-132", message)
-            .file(&arguments.splats)
-            .help("choose another --tf")
-            .into());
-    }
-    (report.transfer_function, report.hidden) = (Some(transfer.name), baked.hidden);
-    Ok(baked.set)
 }
 
 /// Returns `set` with what another program has dropped with the comments of vgs, from the original.

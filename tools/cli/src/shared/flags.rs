@@ -3,6 +3,7 @@
 use std::str::FromStr;
 
 use clap::Args;
+use engine::render::ClipPlane;
 use glam::DVec3;
 
 use super::waiting::Waiting;
@@ -184,6 +185,37 @@ pub fn spacing(text: &str) -> Result<DVec3, String> {
     if sensible { Ok(spacing) } else { Err("0.001 to 1000 mm".into()) }
 }
 
+/// Clip planes.
+#[derive(Clone, Debug)]
+pub struct Clip(pub Vec<ClipPlane>);
+
+impl FromStr for Clip {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || "x<MM, y>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 (mm, patient RAS)".to_owned();
+        if let Some(corners) = text.strip_prefix("box:") {
+            let Corners([low, high]) = corners.parse().map_err(|_| wrong())?;
+            return Ok(Clip(ClipPlane::around(low, high).to_vec()));
+        }
+        let mut letters = text.trim().chars();
+        let axis = match letters.next().map(|c| c.to_ascii_lowercase()) {
+            Some('x') => DVec3::X,
+            Some('y') => DVec3::Y,
+            Some('z') => DVec3::Z,
+            _ => return Err(wrong()),
+        };
+        let side = letters.next();
+        let at: f64 = letters.as_str().trim().parse().map_err(|_| wrong())?;
+        match side {
+            _ if !at.is_finite() => Err(wrong()),
+            Some('<') => Ok(Clip(vec![ClipPlane { normal: axis, offset: at }])),
+            Some('>') => Ok(Clip(vec![ClipPlane { normal: -axis, offset: -at }])),
+            _ => Err(wrong()),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -202,6 +234,20 @@ mod tests {
         assert_eq!(any_range("own"), Ok(Range::Own));
         assert!(range_or_roi("own").is_err_and(|e| e.contains("or roi")));
         assert!(any_range("mine").is_err_and(|e| e.contains("or roi or own")));
+    }
+
+    #[test]
+    fn clips_keep_one_side() {
+        let behind = "y>20".parse::<Clip>().unwrap().0[0];
+        // Everything with y > 20 is cut away.
+        assert!(behind.normal.dot(DVec3::new(0.0, 21.0, 0.0)) < behind.offset);
+        assert!(behind.normal.dot(DVec3::new(0.0, 19.0, 0.0)) > behind.offset);
+        let kept = "box:10,0,0,-10,5,5".parse::<Clip>().unwrap().0;
+        assert!(kept.iter().all(|p| p.normal.dot(DVec3::new(0.0, 1.0, 1.0)) > p.offset));
+        assert!(kept.iter().any(|p| p.normal.dot(DVec3::new(11.0, 1.0, 1.0)) < p.offset));
+        for text in ["", "x", "x<", "w<3", "x=3", "x<nan", "box:1,2,3", "é<3"] {
+            assert!(text.parse::<Clip>().is_err(), "{text}");
+        }
     }
 
     #[test]

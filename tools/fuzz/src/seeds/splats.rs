@@ -1,5 +1,6 @@
-//! Splats: PLY of this project, with colours, in the layout of the paper's authors, and `.vgs`.
+//! Splats: PLY of this project, with colours, in the layout of the paper's authors; `.vgs`, SPZ and glTF.
 
+use std::io::Read;
 use std::path::Path;
 
 use engine::splat::{
@@ -7,6 +8,7 @@ use engine::splat::{
 };
 use engine::unit::Unit;
 use flate2::Crc;
+use flate2::read::GzDecoder;
 use glam::{DAffine3, DVec3};
 use serde::Deserialize;
 
@@ -42,7 +44,7 @@ fn set() -> SplatSet {
 
 /// Returns a PLY of the set in a layout.
 fn in_layout(layout: &'static PlyLayout, set: &SplatSet) -> Vec<Vec<u8>> {
-    let options = splat::WriteOptions { layout, place: Some(place()), force: true };
+    let options = splat::WriteOptions { layout, place: Some(place()), force: true, made_of: None };
     written(&["a.ply"], |path| splat::write_as(path, set, &options))
 }
 
@@ -57,19 +59,21 @@ pub fn ply() -> Vec<Vec<u8>> {
     [in_layout(&PLY_LAYOUTS[0], &set()), vec![text.into_bytes()]].concat()
 }
 
+/// Returns a set with colours up to a degree.
+fn coloured(degree: u8) -> SplatSet {
+    let floats = 3 * (usize::from(degree) + 1).pow(2) * set().splats.len();
+    let coefficients = (0..floats).map(|i| (i as f32 * 0.37).sin()).collect();
+    SplatSet {
+        colours: Some(Harmonics { degree, coefficients }),
+        unit: Unit::Luminance,
+        splats: set().splats,
+        ..SplatSet::default()
+    }
+}
+
 /// PLY of ordinary 3D Gaussian splatting, with colours up to each degree.
 pub fn ply_colours() -> Vec<Vec<u8>> {
-    let colours = |degree: u8| {
-        let floats = 3 * (usize::from(degree) + 1).pow(2) * set().splats.len();
-        let coefficients = (0..floats).map(|i| (i as f32 * 0.37).sin()).collect();
-        SplatSet {
-            colours: Some(Harmonics { degree, coefficients }),
-            unit: Unit::Luminance,
-            splats: set().splats,
-            ..SplatSet::default()
-        }
-    };
-    (0..=3).flat_map(|degree| in_layout(&PLY_LAYOUTS[0], &colours(degree))).collect()
+    (0..=3).flat_map(|degree| in_layout(&PLY_LAYOUTS[0], &coloured(degree))).collect()
 }
 
 /// PLY in the layout of the paper's authors, as this project writes it and as they do: without comments.
@@ -97,6 +101,89 @@ pub fn vgs() -> Vec<Vec<u8>> {
     let many = SplatSet { splats: set().splats.repeat(60), origin_mm, ..SplatSet::default() };
     let write = |set: SplatSet| written(&["a.vgs"], move |path: &Path| splat::write(path, &set, true));
     [write(set()), write(bare), write(many)].concat()
+}
+
+/// SPZ of version 3, as it is written and so that its bytes can be changed, and of version 4.
+pub fn spz() -> Vec<Vec<u8>> {
+    let of = |degree| written(&["a.spz"], move |path: &Path| splat::write(path, &coloured(degree), true));
+    let written = [of(0), of(2)].concat();
+    let content = |file: &Vec<u8>| {
+        let mut content = Vec::new();
+        GzDecoder::new(&file[..]).read_to_end(&mut content).expect("gzip");
+        content
+    };
+    let contents: Vec<_> = written.iter().map(content).collect();
+    let stored = contents.iter().map(|content| stored_gzip(content)).collect();
+    [written, stored, contents.iter().map(|content| in_version_4(content)).collect()].concat()
+}
+
+/// Bytes before and behind the content of a file of [`stored_gzip`].
+const BEFORE_STORED: usize = 15;
+const BEHIND_STORED: usize = 8;
+
+/// Returns a gzip file of one block that holds its content as it is (RFC 1951, RFC 1952).
+fn stored_gzip(content: &[u8]) -> Vec<u8> {
+    let length = content.len() as u16;
+    let mut out = vec![0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 0xff, 1];
+    out.extend(length.to_le_bytes());
+    out.extend((!length).to_le_bytes());
+    out.extend(content);
+    out.extend(crc(content).to_le_bytes());
+    out.extend((content.len() as u32).to_le_bytes());
+    out
+}
+
+/// Writes length and checksum of a changed file of [`stored_gzip`] anew.
+pub fn spz_sums(bytes: &[u8]) -> Vec<u8> {
+    match bytes.len().checked_sub(BEHIND_STORED) {
+        Some(end) if end > BEFORE_STORED && bytes.starts_with(&[0x1f, 0x8b]) && bytes[10] == 1 => {
+            stored_gzip(&bytes[BEFORE_STORED..end])
+        }
+        _ => bytes.to_vec(),
+    }
+}
+
+/// Returns the content of a file of version 3 in version 4, with a record of an extension. Its zstd frames have raw
+/// blocks.
+fn in_version_4(content: &[u8]) -> Vec<u8> {
+    let (header, mut body) = content.split_at(16);
+    let count = set().splats.len();
+    let harmonics = (body.len() / count).saturating_sub(20);
+    let mut streams = Vec::new();
+    for width in [9, 1, 3, 3, 4, harmonics].into_iter().filter(|&width| width > 0) {
+        let (section, rest) = body.split_at(width * count);
+        body = rest;
+        streams.push((section.len(), zstd_frame(section)));
+    }
+    let mut out = [&header[..4], &4u32.to_le_bytes(), &header[8..14], &[2, streams.len() as u8]].concat();
+    let record = [0xadbe_0003u32, 4, 4].map(u32::to_le_bytes).concat();
+    out.extend((32 + record.len() as u32).to_le_bytes());
+    out.extend([0; 12]);
+    out.extend(record);
+    for (whole, packed) in &streams {
+        out.extend((packed.len() as u64).to_le_bytes());
+        out.extend((*whole as u64).to_le_bytes());
+    }
+    out.extend(streams.into_iter().flat_map(|(_, packed)| packed));
+    out
+}
+
+/// Returns a zstd frame of one raw block (RFC 8878): a single segment with a size of four bytes.
+fn zstd_frame(content: &[u8]) -> Vec<u8> {
+    let size = content.len() as u32;
+    let block = (size << 3 | 1).to_le_bytes();
+    [&0xfd2f_b528u32.to_le_bytes()[..], &[0xa0], &size.to_le_bytes(), &block[..3], content].concat()
+}
+
+/// Binary glTF: of colours, and of colours that were made of intensities.
+pub fn glb() -> Vec<Vec<u8>> {
+    let bare = written(&["a.glb"], |path: &Path| splat::write(path, &coloured(1), true));
+    let both = written(&["a.glb"], |path: &Path| {
+        let made_of = set();
+        let options = splat::WriteOptions { made_of: Some(&made_of), ..splat::WriteOptions::default() };
+        splat::write_as(path, &SplatSet { labels: made_of.labels.clone(), ..coloured(0) }, &options)
+    });
+    [bare, both].concat()
 }
 
 /// What of the header of a `.vgs` file says where its parts are.

@@ -268,6 +268,11 @@ impl App {
                     self.ask(Purpose::SaveSplats);
                 }
             }
+            Action::AskSaveObject(object) => {
+                if self.has_splats_to_write(info) {
+                    self.ask(Purpose::SaveObject(object));
+                }
+            }
             Action::Screenshot { .. }
             | Action::Record { .. }
             | Action::Beside(_)
@@ -504,7 +509,8 @@ impl App {
                 actions.push(Action::ToggleFit);
             }
         }
-        section("Objects", true).show_unindented(ui, |ui| panels::objects::show(ui, state, info));
+        section("Objects", true)
+            .show_unindented(ui, |ui| panels::objects::show(ui, state, info, Some(&mut *actions)));
         section("Transfer function", true)
             .show_unindented(ui, |ui| panels::transfer::show(ui, state, &mut self.editor, info, actions));
         section("Quality", true).show_unindented(ui, |ui| panels::quality::show(ui, state, info, actions));

@@ -6,6 +6,7 @@ use engine::transfer::PRESETS;
 use glam::{DVec3, Vec3};
 
 use super::widgets::colour_button;
+use crate::actions::Action;
 use crate::deletions::{Deletion, Target};
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
@@ -17,8 +18,8 @@ fn first_tint(name: &str, index: usize) -> DVec3 {
     Vec3::from_array(usual_colour(name, index)).as_dvec3()
 }
 
-/// Shows the list.
-pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
+/// Shows the list. Without `actions` objects cannot be saved.
+pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, mut actions: Option<&mut Vec<Action>>) {
     if info.fitted {
         ui.weak("The splats of the fit, which are in no file yet.");
         return;
@@ -67,7 +68,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                 ui.add(percent.suffix(" %").fixed_decimals(0)).on_hover_text("factor of the opacity per mm");
                 own_function(ui, &mut object.transfer, info);
                 let target = Target { file: object.file, label: object.label };
-                let is_deleted = delete(ui, &mut state.deleted, target);
+                let is_deleted = menu(ui, &mut state.deleted, target, actions.as_deref_mut());
                 let count = info.object_splats.get(i).copied();
                 let name = RichText::new(&object.name);
                 let name = if is_deleted { name.weak().strikethrough() } else { name };
@@ -95,8 +96,8 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     restore(ui, &mut state.deleted, info);
 }
 
-/// Shows the menu that deletes an object or restores it. Returns true if it is deleted.
-fn delete(ui: &mut Ui, deleted: &mut Vec<Deletion>, target: Target) -> bool {
+/// Shows the menu of an object, which deletes, restores or saves it. Returns true if it is deleted.
+fn menu(ui: &mut Ui, deleted: &mut Vec<Deletion>, target: Target, actions: Option<&mut Vec<Action>>) -> bool {
     let own = Deletion::Object(target);
     let is_deleted = deleted.contains(&own);
     let menu = ui.menu_button("…", |ui| {
@@ -107,8 +108,14 @@ fn delete(ui: &mut Ui, deleted: &mut Vec<Deletion>, target: Target) -> bool {
         } else if ui.button("Delete").on_hover_text("its splats; their file stays as it is").clicked() {
             deleted.push(own);
         }
+        let save = Button::new("Save this object…");
+        if let Some(actions) = actions
+            && ui.add_enabled(!is_deleted, save).on_hover_text("its splats, to a file of their own").clicked()
+        {
+            actions.push(Action::AskSaveObject(target));
+        }
     });
-    menu.response.on_hover_text("delete or restore its splats");
+    menu.response.on_hover_text("delete, restore or save its splats");
     is_deleted
 }
 

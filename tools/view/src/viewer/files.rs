@@ -7,6 +7,7 @@ use engine::Result;
 
 use super::viewer::Viewer;
 use crate::canvas::Canvas;
+use crate::deletions::Target;
 use crate::export::Export;
 use crate::sorting::{Sorted, needs_look, put_beside, sort};
 use crate::state::{Files, Subject};
@@ -50,7 +51,10 @@ impl Viewer {
     ) {
         let export = Export::new(canvas.gpu(), &self.app.state, &self.data, size);
         // Nobody waits for a long turntable at the end.
-        drop(self.loader.write(path.clone(), move |progress| write(&export, &path, progress)));
+        drop(
+            self.loader
+                .write(path.clone(), move |progress| write(&export, &path, progress).map(|()| String::new())),
+        );
     }
 
     /// Begins to read files, or to look into them where names do not tell what they are. Returns the subjects of
@@ -108,20 +112,28 @@ impl Viewer {
         self.read_files();
     }
 
-    /// Begins to write the splats that are left.
-    pub(super) fn save_splats(&mut self, canvas: &Canvas, path: PathBuf, force: bool) {
-        let state = &self.app.state;
+    /// Begins to write the splats that are shown, or those of one object.
+    pub(super) fn save_splats(
+        &mut self,
+        canvas: &Canvas,
+        path: PathBuf,
+        object: Option<Target>,
+        force: bool,
+    ) {
+        let state = self.app.state.clone();
         let (Some(whole), deleted) = (self.data.splats.clone(), state.deleted.clone()) else { return };
-        let transfer = match state.transfer.function() {
-            Ok(transfer) => transfer,
-            Err(error) => return self.app.report(&error),
-        };
         // What was deleted last may still be being found.
         let left = self.data.left_splats().filter(|_| *self.data.deleted() == deleted[..]).cloned();
         let gpu = canvas.gpu().clone();
         self.loader.write_to_the_end(path.clone(), move |_| {
             let left = left.map_or_else(|| whole.without(&gpu, &deleted).map(Arc::new), Ok)?;
-            left.write(&gpu, &transfer, &path, force)
+            let left_out = left.write(&gpu, &state, object, &path, force)?;
+            Ok(match (left_out, object) {
+                (0, _) | (_, Some(_)) => String::new(),
+                (count, None) => {
+                    format!("; {count} splats are not in it, which are hidden, cut away or transparent")
+                }
+            })
         });
     }
 }

@@ -198,8 +198,8 @@ impl Viewer {
         let (mut new, mut gone) = (Vec::new(), Vec::new());
         for loaded in self.loader.take() {
             self.data_number += 1;
-            if let Loaded::Written(path) = &loaded {
-                self.app.done(format!("Written: {}", path.display()));
+            if let Loaded::Written(path, note) = &loaded {
+                self.app.done(format!("Written: {}{note}", path.display()));
             }
             if let Loaded::Left(left) = loaded {
                 new.extend(self.take_left(left));
@@ -213,6 +213,14 @@ impl Viewer {
                 && self.fit.is_none()
             {
                 self.choose_mode(&splats.set);
+                if splats.far > 0 {
+                    self.app.done(format!(
+                        "{} of {} splats lie far from all others: the picture is framed without them. A crop box and \
+                         Delete outside remove them.",
+                        splats.far,
+                        splats.set.splats.len()
+                    ));
+                }
                 // Those of the fit that was kept.
                 self.data.fitted = None;
             }
@@ -581,7 +589,7 @@ impl Viewer {
                     export.turntable(path, frames, force, progress)
                 });
             }
-            Action::SaveSplats { path, force } => self.save_splats(canvas, path, force),
+            Action::SaveSplats { path, object, force } => self.save_splats(canvas, path, object, force),
             other => self.act_on_fit(other, canvas)?,
         }
         Ok(false)

@@ -110,7 +110,7 @@ fn harmonics_that_are_incomplete_or_not_finite() {
     // A splat with a coefficient that is no number goes, with its colours and its label.
     let poison = usual(4, 24, |i, index| if i == 1 && index == 20 { f32::NAN } else { i as f32 });
     let read = loaded(&poison, &LENIENT).expect("leniently");
-    assert_eq!((read.set.splats.len(), read.dropped), (3, 1));
+    assert_eq!((read.set.splats.len(), read.mended.dropped), (3, 1));
     let colours = read.set.colours.expect("colours");
     let last = |i: usize| colours.of(i)[26];
     assert_eq!((colours.coefficients.len(), [last(0), last(1), last(2)]), (3 * 27, [0.0, 2.0, 3.0]));

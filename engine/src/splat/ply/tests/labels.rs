@@ -90,7 +90,7 @@ fn labels_of_others_and_wrong_ones() {
     let mut rows = rows;
     rows[..4].copy_from_slice(&f32::NAN.to_le_bytes());
     let dropped = loaded(&file(le, &header("uchar"), &[&rows[..], &[7, 8]].concat()), &LENIENT).expect("one");
-    assert_eq!((dropped.set.labels, dropped.dropped), (Some(vec![8]), 1));
+    assert_eq!((dropped.set.labels, dropped.mended.dropped), (Some(vec![8]), 1));
 
     let plain = plain_header("0");
     for comment in

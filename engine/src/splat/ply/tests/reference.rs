@@ -177,7 +177,7 @@ fn what_is_written_comes_back() {
             ..SplatSet::from_voxel(&voxel, &place.world_from_voxel, field)
         };
         let layout = PlyLayout::named("reference").expect("a row");
-        let options = WriteOptions { layout, place: Some(place), force: true };
+        let options = WriteOptions { layout, place: Some(place), force: true, made_of: None };
         write_as(&path, &set, &options).expect(name);
         let bytes = crate::splat::file_bytes(&path, &set, &options).expect(name);
         assert_eq!(bytes, std::fs::metadata(&path).expect("a file").len());
@@ -338,7 +338,7 @@ fn splats_that_are_dropped_take_their_intensities_along() {
     theirs[2].opacity = f32::INFINITY;
     let file = their_file(&theirs, &place, &[]);
     let read = loaded(&file, &LENIENT).expect("leniently");
-    assert_eq!(read.dropped, 2);
+    assert_eq!(read.mended.dropped, 2);
     let read = Unplaced { path: "theirs.ply".into(), set: read.set, rows: read.rows };
     let set = read.placed(Some(&place)).expect("a set");
     for (splat, i) in set.splats.iter().zip([1, 3]) {
@@ -354,7 +354,7 @@ fn what_cannot_be_written_so_is_refused_and_what_is_lost_is_told() {
     let (_, place) = places().swap_remove(1);
     let layout = PlyLayout::named("reference").expect("a layout");
     let try_with = |set: &SplatSet, place: Option<Place>| {
-        write_as(&path, set, &WriteOptions { layout, place, force: false }).map_err(|e| e.code)
+        write_as(&path, set, &WriteOptions { layout, place, ..WriteOptions::default() }).map_err(|e| e.code)
     };
     let colours = Harmonics { degree: 0, coefficients: vec![0.0; 9] };
     let coloured = SplatSet { unit: Unit::Luminance, colours: Some(colours), ..sample(3) };
@@ -397,6 +397,7 @@ fn they_are_described_without_a_volume() {
         layout: PlyLayout::named("reference").expect("a layout"),
         place: Some(place),
         force: true,
+        made_of: None,
     };
     write_as(&path, &set, &options).expect("writing");
     let summary = describe(&path, &STRICT).expect("a description");

@@ -45,7 +45,7 @@ pub struct Checkpoints {
     every: Option<u32>,
     output: PathBuf,
     /// Options with which splats are written; with `force` existing files are replaced.
-    write: WriteOptions,
+    write: WriteOptions<'static>,
     inputs: BTreeMap<String, String>,
     region: String,
     config: FitConfig,
@@ -72,7 +72,7 @@ impl Checkpoints {
         inputs: &BTreeMap<&'static str, InputRecord>,
         region: &RoiArguments,
         config: &FitConfig,
-        write: WriteOptions,
+        write: WriteOptions<'static>,
     ) -> Result<Self> {
         let checkpoints = Checkpoints {
             every: arguments.checkpoint_every,

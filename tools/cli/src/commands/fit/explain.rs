@@ -85,7 +85,7 @@ pub struct Plan<'a> {
     pub rounding_iterations: u32,
     pub output: &'a std::path::Path,
     /// Options with which they will be written.
-    pub write: &'a splat::WriteOptions,
+    pub write: &'a splat::WriteOptions<'a>,
     /// Quality, if none of its settings was changed.
     pub quality: Option<&'static QualityPreset>,
     /// Error that the fit is to reach, in words, if there is one.

@@ -59,7 +59,7 @@ pub struct Prepared<'a> {
     /// Field that the splats add up to.
     pub field: Field,
     /// Options with which the splats are written.
-    pub write: WriteOptions,
+    pub write: WriteOptions<'static>,
     /// Protocol of the closing evaluation, if there is one.
     pub protocol: Option<Protocol>,
     /// Protocol of measuring at the voxels alone.

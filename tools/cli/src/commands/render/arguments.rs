@@ -7,8 +7,8 @@ use engine::image::file;
 use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
 use engine::{Error, Kind, Result};
 
-use super::values::{self, Background, Clip, GradientOpacity, View};
-use crate::shared::flags::{DeviceArguments, Size, pair};
+use super::values::{self, Background, GradientOpacity, View};
+use crate::shared::flags::{Clip, DeviceArguments, Size, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 
 /// Renders splats or a volume through a transfer function

@@ -5,10 +5,10 @@ use std::time::Instant;
 
 use engine::gpu::Gpu;
 use engine::render::{
-    Appearance, Camera, ClipPlane, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings,
-    SplatKind, VolumeSource, mode,
+    Camera, ClipPlane, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings, SplatKind,
+    VolumeSource, mode,
 };
-use engine::splat::{self, SplatSet, usual_colour};
+use engine::splat::{self, SplatSet};
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, memory, transfer};
 use serde::Serialize;
@@ -210,10 +210,7 @@ impl RenderArguments {
         let there = splats.map(SplatSet::objects).unwrap_or_default();
         let mut look = Look { clip, ..Look::new(transfer) };
         if self.object_colours {
-            look.objects.extend(there.iter().enumerate().map(|(turn, object)| {
-                let tint = Some(usual_colour(&object.name, turn));
-                (object.number, Appearance { tint, ..Appearance::default() })
-            }));
+            look.tint_objects(&there);
         }
         for change in
             self.object.iter().cloned().chain(self.hide_label.iter().map(|l| ObjectChange::hiding(l)))
@@ -272,6 +269,14 @@ impl RenderArguments {
             });
         }
         if let (Some(splats), Some(active)) = (splats, active) {
+            if splats.far > 0 && matches!(self.camera, View::Side(_)) {
+                tracing::warn!(
+                    "{} of {} splats lie far from all others, and the picture is framed without them; vgs convert \
+                     --box leaves them out",
+                    splats.far,
+                    splats.count
+                );
+            }
             let verb = if self.splat_budget.is_some() { "are rendered" } else { "can be seen" };
             console.say(&format!("{active} of {} splats {verb}", splats.count));
         }

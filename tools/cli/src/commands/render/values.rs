@@ -3,11 +3,10 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use engine::render::{CameraFile, Classification, ClipPlane, Precision, hex_colour};
+use engine::render::{CameraFile, Classification, Precision, hex_colour};
 use engine::transfer::OpacityPoint;
-use glam::DVec3;
 
-use crate::shared::flags::{Corners, pair};
+use crate::shared::flags::pair;
 use crate::shared::texts::text_of;
 
 /// Background colour; `None` keeps the opacity.
@@ -27,37 +26,6 @@ impl FromStr for Background {
         };
         let colour = named.or_else(|| hex_colour(text));
         colour.map(|c| Background(Some(c))).ok_or_else(|| "black, white, grey, #rrggbb or transparent".into())
-    }
-}
-
-/// Clip planes.
-#[derive(Clone, Debug)]
-pub struct Clip(pub Vec<ClipPlane>);
-
-impl FromStr for Clip {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || "x<MM, y>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 (mm, patient RAS)".to_owned();
-        if let Some(corners) = text.strip_prefix("box:") {
-            let Corners([low, high]) = corners.parse().map_err(|_| wrong())?;
-            return Ok(Clip(ClipPlane::around(low, high).to_vec()));
-        }
-        let mut letters = text.trim().chars();
-        let axis = match letters.next().map(|c| c.to_ascii_lowercase()) {
-            Some('x') => DVec3::X,
-            Some('y') => DVec3::Y,
-            Some('z') => DVec3::Z,
-            _ => return Err(wrong()),
-        };
-        let side = letters.next();
-        let at: f64 = letters.as_str().trim().parse().map_err(|_| wrong())?;
-        match side {
-            _ if !at.is_finite() => Err(wrong()),
-            Some('<') => Ok(Clip(vec![ClipPlane { normal: axis, offset: at }])),
-            Some('>') => Ok(Clip(vec![ClipPlane { normal: -axis, offset: -at }])),
-            _ => Err(wrong()),
-        }
     }
 }
 
@@ -169,21 +137,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn backgrounds_and_clips() {
+    fn backgrounds() {
         assert_eq!("#ff0080".parse::<Background>().unwrap().0.unwrap()[0], 1.0);
         assert!("transparent".parse::<Background>().unwrap().0.is_none());
         for text in ["", "#ff00", "#gg0000", "pink", "#é2345"] {
             assert!(text.parse::<Background>().is_err(), "{text}");
-        }
-        let behind = "y>20".parse::<Clip>().unwrap().0[0];
-        // Everything with y > 20 is cut away.
-        assert!(behind.normal.dot(DVec3::new(0.0, 21.0, 0.0)) < behind.offset);
-        assert!(behind.normal.dot(DVec3::new(0.0, 19.0, 0.0)) > behind.offset);
-        let kept = "box:10,0,0,-10,5,5".parse::<Clip>().unwrap().0;
-        assert!(kept.iter().all(|p| p.normal.dot(DVec3::new(0.0, 1.0, 1.0)) > p.offset));
-        assert!(kept.iter().any(|p| p.normal.dot(DVec3::new(11.0, 1.0, 1.0)) < p.offset));
-        for text in ["", "x", "x<", "w<3", "x=3", "x<nan", "box:1,2,3", "é<3"] {
-            assert!(text.parse::<Clip>().is_err(), "{text}");
         }
     }
 }

@@ -79,7 +79,7 @@ fn splats_are_opened_beside_others_seen_in_turn_and_closed() {
     }
     let path = bench.app.state.files.beside.clone().expect("beside");
     bench.app.act(
-        Action::SaveSplats { path, force: true },
+        Action::SaveSplats { path, object: None, force: true },
         &PanelInfo { splats: Some(9), ..PanelInfo::default() },
     );
     assert!(bench.app.message.take().is_some_and(|m| m.text.contains("is open")), "it is not written over");

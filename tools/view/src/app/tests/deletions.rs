@@ -79,6 +79,15 @@ fn an_object_is_deleted_and_restored() {
     bench.click(menu);
     click(&mut bench, "Restore");
     assert!(bench.app.state.deleted.is_empty());
+    bench.click(menu);
+    click(&mut bench, "Save this object…");
+    assert!(bench.app.prompt.is_some(), "where to");
+    let saved = click(&mut bench, "Save");
+    let object = Some(Target { file: 0, label: Some(2) });
+    assert!(
+        matches!(&saved[..], [Action::SaveSplats { object: found, .. }] if *found == object),
+        "{saved:?}"
+    );
 }
 
 #[test]
@@ -128,7 +137,7 @@ fn splats_are_saved_beside_those_that_are_open() {
     bench.app.state.files.splats = vec![folder.path().join("a.ply")];
     std::fs::remove_file(&open).expect("removed");
     bench.press(Key::E, Modifiers::COMMAND);
-    assert_eq!(click(&mut bench, "Save"), [Action::SaveSplats { path: open, force: false }]);
+    assert_eq!(click(&mut bench, "Save"), [Action::SaveSplats { path: open, object: None, force: false }]);
 }
 
 #[test]

@@ -1,33 +1,23 @@
-//! Binary glTF 2.0 with the extension KHR_gaussian_splatting (release candidate of 2026,
-//! <https://github.com/KhronosGroup/glTF/tree/main/extensions/2.0/Khronos/KHR_gaussian_splatting>). Only written.
-//!
-//! One mesh of points has, as floats: places, and of each splat rotation (x, y, z, w), scale, opacity and
-//! harmonics; and `COLOR_0`, from which programs without the extension colour the points. Places and shapes are
-//! stored in metres along the axes of glTF (x to the patient's left, y to the head, z to the front, where the
-//! patient looks); the origin of the means, where there is one, is the translation of the node.
+//! The writer of binary glTF.
 
 use std::io::{self, Write};
 use std::path::Path;
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use serde_json::{Map, Value, json};
 
-use super::activation::{Activations, normalised};
-use super::harmonics::{SH0, basis_count};
-use super::ordinary::Ordinary;
-use super::{SplatSet, WriteOptions};
+use super::{AXES, FLOAT, HU, INTENSITY, LABEL, LOGIT, NAME, POINTS, UNSIGNED_BYTE, WIDENING};
 use crate::error::{Error, Kind, Result};
 use crate::output::counted;
+use crate::splat::activation::{Activations, normalised};
+use crate::splat::harmonics::{SH0, basis_count};
+use crate::splat::ordinary::Ordinary;
+use crate::splat::ply::{comments, exceptions};
+use crate::splat::{SplatSet, WriteOptions};
+use crate::unit::Unit;
 
-/// From RAS to left, up, front.
-const AXES: DMat3 = DMat3::from_cols(DVec3::NEG_X, DVec3::Z, DVec3::Y);
-
-const NAME: &str = "KHR_gaussian_splatting";
-/// Numbers of glTF: types of components, what a buffer view is for, what a primitive is made of.
-const FLOAT: u32 = 5126;
-const UNSIGNED_BYTE: u32 = 5121;
+/// Number of glTF for a buffer view of attributes.
 const ARRAY_BUFFER: u32 = 34962;
-const POINTS: u32 = 0;
 /// Splats that are encoded at a time.
 const BLOCK: usize = 4096;
 
@@ -35,62 +25,88 @@ const BLOCK: usize = 4096;
 ///
 /// # Errors
 /// As [`Ordinary::new`]; also [`Kind::Usage`] for a set of more than 4 GiB, which no such file holds.
-pub(super) fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
-    let made = Encoder::new(set).map_err(|error| error.file(path))?;
+pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
+    let made = Encoder::new(set, options.made_of).map_err(|error| error.file(path))?;
     crate::output::write_atomic(path, options.force, |out| made.encode(out))
 }
 
 /// Returns the size in bytes of the file that [`write()`] makes of `set`.
-pub(super) fn bytes(set: &SplatSet, _options: &WriteOptions) -> Result<u64> {
-    let made = Encoder::new(set)?;
+pub fn bytes(set: &SplatSet, options: &WriteOptions) -> Result<u64> {
+    let made = Encoder::new(set, options.made_of)?;
     Ok(counted(|out| made.encode(out)))
 }
 
 /// Appends the bytes of an attribute of a splat.
-type Push = dyn Fn(&Ordinary, usize, &mut Vec<u8>);
+type Push<'a> = dyn Fn(&Ordinary, usize, &mut Vec<u8>) + 'a;
 
 /// An attribute of the points.
-struct Attribute {
+struct Attribute<'a> {
     name: String,
     /// `VEC3` and the like.
     shape: &'static str,
     component: u32,
+    /// True if the numbers stand for 0 to 1.
+    normalized: bool,
     /// Bytes of a splat, a multiple of 4.
     bytes: usize,
-    push: Box<Push>,
+    push: Box<Push<'a>>,
 }
 
-impl Attribute {
+impl<'a> Attribute<'a> {
     fn floats<const N: usize>(
         name: impl Into<String>,
         shape: &'static str,
-        of: impl Fn(&Ordinary, usize) -> [f32; N] + 'static,
+        of: impl Fn(&Ordinary, usize) -> [f32; N] + 'a,
     ) -> Self {
         let push = move |set: &Ordinary, i: usize, out: &mut Vec<u8>| {
             out.extend(of(set, i).into_iter().flat_map(f32::to_le_bytes));
         };
-        Attribute { name: name.into(), shape, component: FLOAT, bytes: 4 * N, push: Box::new(push) }
+        let (name, push) = (name.into(), Box::new(push));
+        Attribute { name, shape, component: FLOAT, normalized: false, bytes: 4 * N, push }
+    }
+
+    /// An attribute of four bytes of a splat.
+    fn bytes(
+        name: &str,
+        shape: &'static str,
+        normalized: bool,
+        of: impl Fn(&Ordinary, usize) -> [u8; 4] + 'a,
+    ) -> Self {
+        let push = move |set: &Ordinary, i: usize, out: &mut Vec<u8>| out.extend(of(set, i));
+        let (name, push) = (name.to_owned(), Box::new(push));
+        Attribute { name, shape, component: UNSIGNED_BYTE, normalized, bytes: 4, push }
     }
 }
 
-struct Encoder {
+struct Encoder<'a> {
     set: Ordinary,
-    attributes: Vec<Attribute>,
+    attributes: Vec<Attribute<'a>>,
+    /// Bytes after the attributes.
+    exceptions: Vec<u8>,
     json: String,
-    /// Bytes of the JSON and of the attributes.
+    /// Bytes of the JSON and of the rest.
     lengths: [u32; 2],
 }
 
-impl Encoder {
-    fn new(set: &SplatSet) -> Result<Self> {
-        let set = Ordinary::new(set, &AXES)?;
-        let attributes = attributes(set.colours.degree);
-        let mut json = document(&set, &attributes).to_string();
+impl<'a> Encoder<'a> {
+    /// Creates the file of `set`, whose colours are those of `made_of`, if that is given.
+    fn new(set: &'a SplatSet, made_of: Option<&'a SplatSet>) -> Result<Self> {
+        let ordinary = Ordinary::new(set, &AXES)?;
+        let stated = made_of.unwrap_or(set);
+        if stated.splats.len() != set.splats.len() {
+            let message = "the splats of these colours are others";
+            return Err(Error::new(Kind::Internal, "VGS-SPLAT-011", message));
+        }
+        let attributes = attributes(set, made_of);
+        let mut exceptions = exceptions::bytes(&stated.exceptions, stated.grid.as_ref());
+        let count = exceptions.len();
         // A chunk is a multiple of four bytes, and one of JSON ends with spaces.
+        exceptions.resize(count.next_multiple_of(4), 0);
+        let mut json = document(&ordinary, &attributes, stated, count).to_string();
         json.extend(std::iter::repeat_n(' ', json.len().wrapping_neg() % 4));
         let bytes: u64 = attributes.iter().map(|attribute| attribute.bytes as u64).sum();
-        let lengths = lengths(json.len(), bytes, set.splats.len())?;
-        Ok(Encoder { set, attributes, json, lengths })
+        let lengths = lengths(json.len(), bytes, set.splats.len(), exceptions.len())?;
+        Ok(Encoder { set: ordinary, attributes, exceptions, json, lengths })
     }
 
     fn encode(&self, out: &mut dyn Write) -> io::Result<()> {
@@ -114,13 +130,13 @@ impl Encoder {
                 out.write_all(&block)?;
             }
         }
-        Ok(())
+        out.write_all(&self.exceptions)
     }
 }
 
-/// Returns the bytes of the JSON and of `count` splats of so many bytes each.
-fn lengths(json: usize, bytes: u64, count: usize) -> Result<[u32; 2]> {
-    let binary = bytes.saturating_mul(count as u64);
+/// Returns the bytes of the JSON and of the rest: `count` splats of so many bytes each, and `more`.
+fn lengths(json: usize, bytes: u64, count: usize, more: usize) -> Result<[u32; 2]> {
+    let binary = bytes.saturating_mul(count as u64).saturating_add(more as u64);
     let fits = |length: u64| u32::try_from(length).ok();
     match (fits(json as u64), fits(binary), fits(binary.saturating_add(json as u64 + 28))) {
         (Some(json), Some(binary), Some(_)) => Ok([json, binary]),
@@ -132,8 +148,9 @@ fn lengths(json: usize, bytes: u64, count: usize) -> Result<[u32; 2]> {
     }
 }
 
-/// Returns the attributes of splats with harmonics of this degree.
-fn attributes(degree: u8) -> Vec<Attribute> {
+/// Returns the attributes of the splats of `set`, and of those that its colours were made of.
+fn attributes<'a>(set: &'a SplatSet, made_of: Option<&'a SplatSet>) -> Vec<Attribute<'a>> {
+    let degree = set.colours.as_ref().map_or(0, |colours| colours.degree);
     let mut all = vec![
         Attribute::floats("POSITION", "VEC3", |set, i| set.splats[i].mean),
         Attribute::floats(format!("{NAME}:ROTATION"), "VEC4", |set, i| {
@@ -153,14 +170,23 @@ fn attributes(degree: u8) -> Vec<Attribute> {
             }));
         }
     }
-    let colour = |set: &Ordinary, i: usize, out: &mut Vec<u8>| {
-        let own = &set.colours.of(i)[..3];
+    let colour = |set: &Ordinary, i: usize| {
         let byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
-        out.extend(own.iter().map(|c| byte(light_of(0.5 + SH0 * c))));
-        out.push(byte(set.splats[i].opacity()));
+        let [r, g, b] = [0, 1, 2].map(|c| byte(light_of(0.5 + SH0 * set.colours.of(i)[c])));
+        [r, g, b, byte(set.splats[i].opacity())]
     };
-    let (name, push) = ("COLOR_0".to_owned(), Box::new(colour));
-    all.push(Attribute { name, shape: "VEC4", component: UNSIGNED_BYTE, bytes: 4, push });
+    all.push(Attribute::bytes("COLOR_0", "VEC4", true, colour));
+    if let Some(labels) = &set.labels {
+        all.push(Attribute::bytes(LABEL, "SCALAR", false, |_, i| [labels[i], 0, 0, 0]));
+    }
+    if let Some(own) = made_of {
+        let name = if own.unit == Unit::Hu { HU } else { INTENSITY };
+        all.push(Attribute::floats(name, "SCALAR", |_, i| [own.splats[i].intensity]));
+        all.push(Attribute::floats(LOGIT, "SCALAR", |_, i| [own.splats[i].opacity_logit]));
+        all.push(Attribute::floats(WIDENING, "SCALAR", |_, i| {
+            [(set.splats[i].log_scale[0] - own.splats[i].log_scale[0]).exp()]
+        }));
+    }
     all
 }
 
@@ -170,17 +196,29 @@ fn light_of(srgb: f32) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Returns the JSON of a file.
-fn document(set: &Ordinary, attributes: &[Attribute]) -> Value {
+/// Returns the JSON of a file; `stated` says what else is known of its splats, and `exceptions` bytes follow the
+/// attributes.
+fn document(set: &Ordinary, attributes: &[Attribute], stated: &SplatSet, exceptions: usize) -> Value {
     let count = set.splats.len();
     let mut at = 0;
     let (mut views, mut accessors, mut names) = (Vec::new(), Vec::new(), Map::new());
     for (index, attribute) in attributes.iter().enumerate() {
         let bytes = attribute.bytes * count;
-        views.push(json!({ "buffer": 0, "byteOffset": at, "byteLength": bytes, "target": ARRAY_BUFFER }));
-        accessors.push(json!({
+        let mut view = json!({
+            "buffer": 0, "byteOffset": at, "byteLength": bytes, "target": ARRAY_BUFFER,
+        });
+        let mut accessor = json!({
             "bufferView": index, "componentType": attribute.component, "count": count, "type": attribute.shape,
-        }));
+        });
+        if attribute.component == UNSIGNED_BYTE && attribute.shape == "SCALAR" {
+            // A byte, and three that fill it up.
+            view["byteStride"] = json!(attribute.bytes);
+        }
+        if attribute.normalized {
+            accessor["normalized"] = json!(true);
+        }
+        views.push(view);
+        accessors.push(accessor);
         names.insert(attribute.name.clone(), json!(index));
         at += bytes;
     }
@@ -189,9 +227,6 @@ fn document(set: &Ordinary, attributes: &[Attribute]) -> Value {
     };
     accessors[0]["min"] = json!([0, 1, 2].map(|k| along(k, f32::min, f32::INFINITY)));
     accessors[0]["max"] = json!([0, 1, 2].map(|k| along(k, f32::max, f32::NEG_INFINITY)));
-    if let Some(colour) = accessors.last_mut() {
-        colour["normalized"] = json!(true);
-    }
     let mut node = json!({ "mesh": 0 });
     if set.origin != DVec3::ZERO {
         node["translation"] = json!(set.origin.to_array());
@@ -200,6 +235,14 @@ fn document(set: &Ordinary, attributes: &[Attribute]) -> Value {
         "kernel": "ellipse", "colorSpace": "srgb_rec709_display", "projection": "perspective",
         "sortingMethod": "cameraDistance",
     });
+    let comments = comments::of_set(stated);
+    let comments: Vec<_> = comments.lines().filter_map(|line| line.strip_prefix("comment ")).collect();
+    let mut own = json!({ "statements": comments });
+    if exceptions > 0 {
+        own["exceptions"] = json!(views.len());
+        views.push(json!({ "buffer": 0, "byteOffset": at, "byteLength": exceptions }));
+        at += exceptions;
+    }
     json!({
         "asset": { "version": "2.0", "generator": concat!("vgs ", env!("CARGO_PKG_VERSION")) },
         "extensionsUsed": [NAME],
@@ -207,7 +250,7 @@ fn document(set: &Ordinary, attributes: &[Attribute]) -> Value {
         "scenes": [{ "nodes": [0] }],
         "nodes": [node],
         "meshes": [{ "primitives": [{
-            "attributes": names, "mode": POINTS, "extensions": { NAME: extension },
+            "attributes": names, "mode": POINTS, "extensions": { NAME: extension }, "extras": { "vgs": own },
         }] }],
         "buffers": [{ "byteLength": at }],
         "bufferViews": views,
@@ -219,8 +262,8 @@ fn document(set: &Ordinary, attributes: &[Attribute]) -> Value {
 mod tests {
     use glam::DQuat;
 
-    use super::super::ordinary::tests::{Errors, Row, check, coloured};
     use super::*;
+    use crate::splat::ordinary::tests::{Errors, Row, check, coloured};
     use crate::splat::{self, Harmonics};
 
     /// Returns the JSON and the binary chunk of a file.
@@ -332,8 +375,8 @@ mod tests {
 
     #[test]
     fn a_file_ends_at_four_gibibytes() {
-        assert_eq!(lengths(1000, 56, 1_000_000).expect("it fits"), [1000, 56_000_000]);
-        let error = lengths(1000, 156, 30_000_000).expect_err("4.7 GB");
+        assert_eq!(lengths(1000, 56, 1_000_000, 0).expect("it fits"), [1000, 56_000_000]);
+        let error = lengths(1000, 156, 30_000_000, 0).expect_err("4.7 GB");
         assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-SPLAT-009"));
     }
 }

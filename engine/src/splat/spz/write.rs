@@ -1,44 +1,33 @@
-//! SPZ, the compressed format of Niantic (<https://github.com/nianticlabs/spz>): some 10 bytes a splat of one
-//! colour. Only written, in version 3, which is the last one in gzip and is read by nearly all programs.
-//!
-//! Axes are right, up, back (x to the patient's right, y to the head, z to the back), metres. One stream has, each
-//! for all splats: means of 3 × 24 bits in fixed point, opacity of 8 bits, colour of 3 × 8, ln σ of 3 × 8 in
-//! steps of 1/16, rotation of 32 bits (which of x, y, z, w is the greatest, and the three others with a sign and
-//! 9 bits), harmonics beyond degree 0 of 8 bits each.
+//! The SPZ writer.
 
 use std::io::{self, Write};
 use std::path::Path;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
-use super::activation::{Activations, normalised};
-use super::ordinary::Ordinary;
-use super::{SplatSet, WriteOptions};
+use super::{AXES, COLOUR_STEPS, MARK};
 use crate::error::{Error, Kind, Result};
 use crate::output::counted;
+use crate::splat::activation::{Activations, normalised};
+use crate::splat::ordinary::Ordinary;
+use crate::splat::{SplatSet, WriteOptions};
 
 const VERSION: u32 = 3;
 /// Most bits of a coordinate behind the point, where all fit: steps of a micrometre within 8 m.
 const MOST_FRACTION_BITS: i32 = 20;
-/// A colour's coefficient of degree 0 in steps of a byte, about the middle.
-const COLOUR_STEPS: f32 = 0.15 * 255.0;
-
-/// From RAS to right, up, back.
-const AXES: DMat3 = DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y);
-
-/// Writes `set` atomically.
+/// Writes `set` atomically, in version 3.
 ///
 /// # Errors
 /// As [`Ordinary::new`]; also [`Kind::Usage`] for places that 24 bits do not hold in metres.
-pub(super) fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
+pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
     let made = Encoder::new(set).map_err(|error| error.file(path))?;
     crate::output::write_atomic(path, options.force, |out| made.encode(out))
 }
 
 /// Returns the size in bytes of the file that [`write()`] makes of `set`.
-pub(super) fn bytes(set: &SplatSet, _options: &WriteOptions) -> Result<u64> {
+pub fn bytes(set: &SplatSet, _options: &WriteOptions) -> Result<u64> {
     let made = Encoder::new(set)?;
     Ok(counted(|out| made.encode(out)))
 }
@@ -67,7 +56,7 @@ impl Encoder {
         let Ordinary { splats, colours, origin } = &self.set;
         let mut out = GzEncoder::new(out, Compression::default());
         let count = u32::try_from(splats.len()).map_err(io::Error::other)?;
-        out.write_all(b"NGSP")?;
+        out.write_all(MARK)?;
         out.write_all(&VERSION.to_le_bytes())?;
         out.write_all(&count.to_le_bytes())?;
         // Degree of the harmonics, bits behind the point, no flags, a reserved byte.
@@ -124,9 +113,9 @@ mod tests {
     use flate2::read::GzDecoder;
     use glam::DQuat;
 
-    use super::super::ordinary::tests::{Errors, Row, check, coloured};
     use super::*;
     use crate::splat;
+    use crate::splat::ordinary::tests::{Errors, Row, check, coloured};
 
     /// Returns the splats of a file, and the bits behind the point of a coordinate.
     fn parsed(file: &[u8]) -> (Vec<Row>, u8) {
