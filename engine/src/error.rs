@@ -62,6 +62,12 @@ pub struct Error {
     pub help: String,
 }
 
+/// Why something with a name cannot be read as a file: it is a folder, a pipe, a socket or a device. The payload of the
+/// error that [`crate::input::open`] returns.
+#[derive(Debug, thiserror::Error)]
+#[error("is {0}, not a file")]
+pub(crate) struct NotAFile(pub &'static str);
+
 /// The result of everything in this crate that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -86,9 +92,15 @@ impl Error {
     }
 
     /// Creates the error of a failed read or write of `path`; `doing` says what was being done. A missing
-    /// file is [`Kind::Missing`], a lack of memory [`Kind::HostMemory`], everything else [`Kind::Io`].
+    /// file is [`Kind::Missing`], what is no file [`Kind::BadData`], a lack of memory [`Kind::HostMemory`], everything
+    /// else [`Kind::Io`].
     pub fn io(path: impl AsRef<Path>, doing: &str, error: &std::io::Error) -> Self {
         use std::io::ErrorKind as E;
+        if error.get_ref().is_some_and(|inner| inner.is::<NotAFile>()) {
+            return Error::new(Kind::BadData, "VGS-IO-002", error.to_string())
+                .file(path)
+                .help("give a regular file; what comes through a pipe must be written to a file first");
+        }
         let kind = match error.kind() {
             E::NotFound => Kind::Missing,
             E::OutOfMemory => Kind::HostMemory,

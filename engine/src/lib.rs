@@ -16,6 +16,7 @@
 //! reference  the f64 reference implementation of every kernel; never gpu
 //! budget   which quality frames can afford, from the times of those that have finished; pure, uses nothing
 //! output   files that appear whole or not at all; used by all that write
+//! input    opening of the files that a user names; used by all that read
 //! names    the name that a mistyped one stands for; used by all that have names
 //! unit     what intensities are numbers of; used by all that have some
 //! memory   how much of the host there is; asked before what a flag or a file sizes is taken
@@ -34,6 +35,7 @@ pub mod error;
 pub mod fit;
 pub mod gpu;
 pub mod image;
+pub mod input;
 pub mod memory;
 pub mod names;
 pub mod output;

@@ -77,7 +77,7 @@ impl FitState {
     /// Reads a state and the notes that were written with it.
     pub fn read(path: &Path) -> Result<(FitState, String)> {
         let mut bytes = Vec::new();
-        std::fs::File::open(path)
+        crate::input::open(path)
             .and_then(|mut file| file.read_to_end(&mut bytes))
             .map_err(|e| Error::io(path, "reading the state of a fit", &e))?;
         parse(&bytes).ok_or_else(|| {

@@ -35,6 +35,9 @@ use crate::splat::{Exception, Field, Form, Grid, Splat, SplatSet};
 use crate::volume::bricks::{BRICK, NO_SLOT, SAMPLES, brick_morton, brick_voxel};
 use crate::volume::{Bricks, Roi, Volume, spacing_of};
 
+/// Distance from the centre of a voxel, voxels, within which a place is that centre: two affines of one grid differ by
+/// rounding, and no voxel may have a share of its neighbour for that.
+const SAME_VOXEL: f64 = 1e-4;
 /// Greatest number of bricks that are sampled: 67 million voxels, some 400 MB in the atlas.
 const MOST_BRICKS: usize = 1 << 17;
 /// Greatest number of bricks of 4³ voxels in the whole box, by which empty space is skipped: all devices have
@@ -548,7 +551,12 @@ impl Decoded {
     pub fn in_voxels_of(&self, volume: &Volume, origin: DVec3) -> impl Fn(DVec3) -> (f64, f64) + Sync + '_ {
         let world_from_box = DAffine3::from_translation(origin) * self.scene_from_voxel;
         let box_from_voxel = world_from_box.inverse() * volume.world_from_voxel;
-        move |voxel| self.trilinear(box_from_voxel.transform_point3(voxel))
+        move |voxel| {
+            let at = box_from_voxel.transform_point3(voxel);
+            let whole = at.round();
+            let is_whole = (at - whole).abs().cmplt(DVec3::splat(SAME_VOXEL));
+            self.trilinear(DVec3::select(is_whole, whole, at))
+        }
     }
 
     /// Returns the whole box as a volume and a region; `origin` is the scene's origin in the world, mm RAS.

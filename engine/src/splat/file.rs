@@ -1,6 +1,5 @@
 //! Files of splat sets in any of the [`FORMATS`].
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -175,7 +174,7 @@ fn named(path: &Path) -> Result<&'static Format> {
 
 fn sniffed(path: &Path) -> Result<&'static Reader> {
     let mut start = Vec::new();
-    File::open(path)
+    crate::input::open(path)
         .and_then(|file| file.take(SNIFF_BYTES).read_to_end(&mut start))
         .map_err(|error| Error::io(path, "reading a splat file", &error))?;
     let found = FORMATS.iter().map(|format| &format.reader).find(|reader| (reader.sniff)(&start));

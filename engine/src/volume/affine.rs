@@ -20,6 +20,16 @@ pub(crate) fn spacing_of(affine: &DAffine3) -> DVec3 {
     DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length())
 }
 
+/// Cosine of two axes from which on they count as sheared.
+pub(super) const SHEARED: f64 = 1e-3;
+
+/// Returns the greatest cosine between two axes of an affine: 0 if they are at right angles.
+pub(super) fn shear_of(affine: &DAffine3) -> f64 {
+    let (m, spacing) = (affine.matrix3, spacing_of(affine));
+    let units = [m.x_axis / spacing.x, m.y_axis / spacing.y, m.z_axis / spacing.z];
+    [(0, 1), (0, 2), (1, 2)].map(|(i, j)| units[i].dot(units[j]).abs()).into_iter().fold(0.0, f64::max)
+}
+
 /// Returns for each voxel axis the letter of the anatomical direction that it is closest to. Every direction
 /// is used once; the axis closest to a direction chooses first.
 pub(super) fn axis_codes_of(affine: &DAffine3) -> String {

@@ -19,6 +19,8 @@ impl Volume {
             oriented: self.oriented,
             labels: self.labels.clone(),
             frame_of_reference: self.frame_of_reference.clone(),
+            // A part without air is of the same scan.
+            stated_unit: Some(self.unit()),
         }
     }
 }

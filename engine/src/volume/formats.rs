@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::fields::FieldRow;
 use super::read_options::ReadOptions;
 use super::source::Source;
 use super::volume::Volume;
@@ -17,6 +18,8 @@ pub struct Format {
     /// Returns true if the first [`SNIFF_BYTES`] decoded bytes (fewer in a shorter file) are of this format.
     sniff: fn(&[u8]) -> bool,
     read: fn(&Path, &ReadOptions) -> Result<Volume>,
+    /// What is done with the fields of the header.
+    pub fields: &'static [FieldRow],
     /// Returns the file beside a header that holds its voxels, if there is one.
     beside: fn(&Path) -> Option<PathBuf>,
 }
@@ -29,6 +32,7 @@ const DICOM: Format = Format {
     extensions: &[".dcm", ".ima"],
     sniff: dicom::sniff,
     read: dicom::read,
+    fields: &[],
     beside: nothing_beside,
 };
 
@@ -43,6 +47,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &[".nii", ".nii.gz", ".hdr", ".hdr.gz", ".img", ".img.gz"],
         sniff: nifti::sniff,
         read: nifti::read,
+        fields: nifti::FIELDS,
         beside: nifti::beside,
     },
     DICOM,
@@ -51,6 +56,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &[".inv3"],
         sniff: inv3::sniff,
         read: inv3::read,
+        fields: inv3::FIELDS,
         beside: nothing_beside,
     },
     Format {
@@ -58,6 +64,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &[".nrrd", ".nhdr"],
         sniff: nrrd::sniff,
         read: nrrd::read,
+        fields: nrrd::FIELDS,
         beside: nrrd::beside,
     },
     Format {
@@ -65,6 +72,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &[".mha", ".mhd"],
         sniff: metaimage::sniff,
         read: metaimage::read,
+        fields: metaimage::FIELDS,
         beside: metaimage::beside,
     },
     Format {
@@ -72,6 +80,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &[".npy"],
         sniff: npy::sniff,
         read: npy::read,
+        fields: npy::FIELDS,
         beside: nothing_beside,
     },
     Format {
@@ -79,6 +88,7 @@ pub const FORMATS: &[Format] = &[
         extensions: &[".zip"],
         sniff: dicom::is_zip,
         read: dicom::read,
+        fields: &[],
         beside: nothing_beside,
     },
 ];
@@ -126,7 +136,10 @@ impl Volume {
     /// [`Kind::HostMemory`] or [`Kind::Io`].
     pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Volume> {
         let path = path.as_ref();
-        (Format::of(path, options)?.read)(path, options)
+        let mut volume = (Format::of(path, options)?.read)(path, options)?;
+        volume.stated_unit = options.unit.or(volume.stated_unit);
+        volume.learn_unit_from(path);
+        Ok(volume)
     }
 
     /// Reads a mask of `volume`: any volume, and the structures of DICOM segmentations and structure sets. Of

@@ -11,8 +11,10 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DMat3, DVec3};
 use plist::Value;
 
+use super::fields::FieldRow;
 use super::source::{Source, reserve_samples};
 use super::{ReadOptions, Volume};
+use crate::unit::Unit;
 use crate::{Error, Kind, Result};
 
 /// Name of the format.
@@ -22,12 +24,37 @@ const MAX_PLIST: u64 = 1 << 20;
 /// Greatest length of a member's name: more than the longest path of any system.
 const MAX_NAME: u64 = 1 << 16;
 
+/// What is done with the keys of `main.plist`; the others are those of masks, surfaces and views.
+pub(super) const FIELDS: &[FieldRow] = &[
+    FieldRow::needed(
+        "dtype",
+        "type of the voxels, of matrix: int16",
+        &["<string>float32</string>", "<integer>2</integer>"],
+    ),
+    FieldRow::needed("filename", "file of the voxels, of matrix", &["<integer>2</integer>"]),
+    FieldRow::needed(
+        "shape",
+        "size of each axis, z first, of matrix",
+        &[
+            "<string>2 3 4</string>",
+            "<array><integer>2</integer><integer>-3</integer><integer>4</integer></array>",
+        ],
+    ),
+    FieldRow::needed(
+        "spacing",
+        "distance of voxels, mm, x first",
+        &["<real>1</real>", "<array><real>1</real><real>0</real><real>1</real></array>"],
+    ),
+    FieldRow::with_default("modality", "CT: values are HU; MRI: they are not", "the values tell", &[]),
+];
+
 /// Description of the volume in `main.plist`.
 #[derive(Debug)]
 struct Project {
     file_name: String,
     size: [usize; 3],
     spacing: DVec3,
+    unit: Option<Unit>,
 }
 
 /// Returns true if the decoded beginning of a file is a tar header.
@@ -91,7 +118,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
          head",
         path.display()
     );
-    Ok(Volume::new(project.size, assumed_affine(project.size, project.spacing), samples))
+    let affine = assumed_affine(project.size, project.spacing);
+    Ok(Volume { stated_unit: project.unit, ..Volume::new(project.size, affine, samples) })
 }
 
 fn bad(code: &'static str, message: impl Into<String>) -> Error {
@@ -167,7 +195,9 @@ fn read_name(entry: &mut tar::Entry<impl Read>) -> Result<Option<PathBuf>> {
 }
 
 fn project(plist: &[u8]) -> Result<Project> {
-    let wrong = |what: &str| bad("VGS-INV-005", format!("main.plist: {what}"));
+    let wrong = |what: &str| {
+        bad("VGS-INV-005", format!("main.plist: {what}")).help("save the project again with InVesalius")
+    };
     let root = Value::from_reader_xml(plist).map_err(|e| wrong(&format!("not a property list: {e}")))?;
     let root = root.as_dictionary().ok_or_else(|| wrong("not a dictionary"))?;
     let matrix = root
@@ -178,10 +208,12 @@ fn project(plist: &[u8]) -> Result<Project> {
     match text("dtype") {
         Some("int16") => {}
         other => {
-            return Err(wrong(&format!("matrix dtype is {}, int16 is needed", other.unwrap_or("missing"))));
+            let found = other.unwrap_or(if matrix.contains_key("dtype") { "no text" } else { "missing" });
+            return Err(wrong(&format!("matrix dtype is {found}, int16 is needed")));
         }
     }
-    let file_name = text("filename").ok_or_else(|| wrong("no matrix filename"))?.to_owned();
+    let file_name =
+        text("filename").ok_or_else(|| wrong("matrix filename is missing or no text"))?.to_owned();
     let shape: Option<Vec<usize>> = matrix.get("shape").and_then(Value::as_array).and_then(|a| {
         a.iter().map(|v| usize::try_from(v.as_unsigned_integer()?).ok().filter(|&n| n > 0)).collect()
     });
@@ -199,7 +231,12 @@ fn project(plist: &[u8]) -> Result<Project> {
     let Some(spacing) = spacing.and_then(|s| <[f64; 3]>::try_from(s).ok()) else {
         return Err(wrong("spacing is not three positive lengths in mm"));
     };
-    Ok(Project { file_name, size: [x, y, z], spacing: DVec3::from_array(spacing) })
+    let unit = match root.get("modality").and_then(Value::as_string) {
+        Some("CT") => Some(Unit::Hu),
+        Some("MRI" | "MR") => Some(Unit::Arbitrary),
+        _ => None,
+    };
+    Ok(Project { file_name, size: [x, y, z], spacing: DVec3::from_array(spacing), unit })
 }
 
 /// Returns the affine that is assumed: x to the left, y to the front, z up; the middle of the first slice at
@@ -304,6 +341,32 @@ mod tests {
         for kind in [tar::EntryType::GNULongName, tar::EntryType::XHeader] {
             let huge = gzip(&named(extension(kind, &vec![b'x'; 8 << 20])));
             assert_eq!(read_bytes(&huge).unwrap_err().code, "VGS-INV-007");
+        }
+    }
+
+    #[test]
+    fn no_field_that_cannot_be_read_counts_as_absent() {
+        let good = main_plist("int16", "2 3 4", "1 1 1");
+        for row in FIELDS {
+            for value in row.refused {
+                let (before, after) = good.split_once(&format!("<key>{}</key>", row.name)).expect("a key");
+                // The value ends where the next key or the dictionary does.
+                let end = after.find("<key>").into_iter().chain(after.find("</dict>")).min().expect("an end");
+                let plist = format!("{before}<key>{}</key>{value}{}", row.name, &after[end..]);
+                let error =
+                    read_bytes(&archive(&[("main.plist", plist.as_bytes()), ("matrix.dat", &[0; 48])]))
+                        .expect_err(row.name);
+                assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-INV-005"), "{error}");
+                assert!(error.message.contains(row.name), "{value}: {error}");
+            }
+        }
+        for (modality, unit) in [("CT", Some(Unit::Hu)), ("MRI", Some(Unit::Arbitrary)), ("UNKNOWN", None)] {
+            let plist = good.replace(
+                "<key>spacing",
+                &format!("<key>modality</key><string>{modality}</string><key>spacing"),
+            );
+            let bytes = archive(&[("main.plist", plist.as_bytes()), ("matrix.dat", &[0; 48])]);
+            assert_eq!(read_bytes(&bytes).unwrap().stated_unit, unit, "{modality}");
         }
     }
 

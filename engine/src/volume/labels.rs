@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
+use super::mask_values::label_of;
 use super::roi::{Grids, relate, resolve};
 use super::{LabelChoice, Volume};
 use crate::{Error, Kind, Result};
@@ -51,7 +52,7 @@ impl Labels {
         };
         let voxel_from_world = world_from_voxel.inverse();
         let inverse = voxel_from_world.matrix3.to_cols_array();
-        let value = |&v: &f32| byte_of.get(&(v as i32)).copied().unwrap_or(0);
+        let value = |&v: &f32| byte_of.get(&label_of(v)).copied().unwrap_or(0);
         Ok(Some(Labels {
             size: mask.size,
             voxel_from_world,

@@ -7,11 +7,14 @@
 //! |---|---|
 //! | `volume` | [`Volume`]: samples on a regular grid, and where it is in the patient |
 //! | `affine`, `interpolation` | what an affine says of a grid; values between voxels |
+//! | `kind_of_scan` | whether samples are HU |
 //! | `formats`, `read_options` | [`Volume::read`] with [`FORMATS`], a row per file format |
 //! | `dicom`, `nifti`, `inv3`, `nrrd`, `metaimage`, `npy` | the formats |
 //! | `source`, `payload` | opening of their files; unpacking and bounds of the voxels behind a header |
 //! | `element_table` | the elements of headers that readers use, and what their absence means |
 //! | `elements`, `text_header` | types of voxels; what the headers of NRRD and MetaImage have in common |
+//! | `fields` | [`FieldRow`]: what a reader does with a field of a header |
+//! | `mask_values` | what the values of a mask stand for |
 //! | `roi`, `labels` | [`Roi`]: the voxels that are fitted; [`Labels`]: the label of each voxel |
 //! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold; pieces, closing and holes of masks |
 //! | `bricks`, `distance` | [`Bricks`]: the blocks of 8³ voxels that a region touches; distances to a mask |
@@ -27,10 +30,13 @@ pub mod dicom;
 pub mod distance;
 mod element_table;
 mod elements;
+mod fields;
 mod formats;
 mod interpolation;
 pub mod inv3;
+mod kind_of_scan;
 mod labels;
+mod mask_values;
 pub mod metaimage;
 pub mod morphology;
 pub mod nifti;
@@ -49,6 +55,7 @@ pub(crate) use affine::spacing_of;
 pub use bricks::Bricks;
 pub use cleaning::Cleaning;
 pub use element_table::{ElementRow, element_table};
+pub use fields::FieldRow;
 pub use formats::{FORMATS, Format, SNIFF_BYTES, files_of};
 pub use interpolation::trilinear;
 pub use labels::Labels;

@@ -11,6 +11,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 
 use super::elements::{self, Element};
+use super::fields::FieldRow;
 use super::payload::{Layout, Packing, Payload};
 use super::source::{Source, reserve_samples};
 use super::text_header::excerpt;
@@ -37,6 +38,21 @@ const TYPES: [(&str, &Element); 12] = [
     ("f2", &elements::FLOAT16),
     ("f4", &elements::FLOAT32),
     ("f8", &elements::FLOAT64),
+];
+
+/// What is done with the keys of the dictionary.
+pub(super) const FIELDS: &[FieldRow] = &[
+    FieldRow::needed(
+        "descr",
+        "type of the voxels: one real number, or a truth value",
+        &["'<c8'", "'<U3'", "'<i3'", "[('a', '<i2')]", "7"],
+    ),
+    FieldRow::needed("fortran_order", "True if the first index is the fastest", &["1", "Maybe", "'False'"]),
+    FieldRow::needed(
+        "shape",
+        "[z, y, x], or [volume, z, y, x]",
+        &["(2, 2)", "(2, 0, 3)", "(2, -2, 3)", "(2, two, 3)", "12"],
+    ),
 ];
 
 /// Content of the dictionary.
@@ -169,29 +185,33 @@ fn read_header(source: &mut Source) -> Result<Header> {
         return Err(short(source.position as usize));
     }
     let text = String::from_utf8_lossy(&text);
-    parse(&text).ok_or_else(|| {
-        bad(
-            "VGS-NPY-004",
-            format!("the header is '{}'; descr, fortran_order and shape are needed", excerpt(&text)),
-        )
-        .help("the file is damaged: save the array again")
+    parse(&text).map_err(|key| {
+        let message = match key {
+            Some(key) => format!("{key} cannot be read in the header '{}'", excerpt(&text)),
+            None => format!("the header is '{}'; descr, fortran_order and shape are needed", excerpt(&text)),
+        };
+        bad("VGS-NPY-004", message).help("the file is damaged: save the array again")
     })
 }
 
-/// Parses a dictionary such as `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, 4), }`.
-fn parse(text: &str) -> Option<Header> {
-    let mut rest = text.trim().strip_prefix('{')?.strip_suffix('}')?.trim();
+/// Parses a dictionary such as `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3, 4), }`. The error is the key
+/// whose value cannot be read, if it is one of them.
+fn parse(text: &str) -> std::result::Result<Header, Option<&'static str>> {
+    let inside = text.trim().strip_prefix('{').and_then(|text| text.strip_suffix('}'));
+    let mut rest = inside.ok_or(None)?.trim();
     let (mut descr, mut fortran_order, mut shape) = (None, None, None);
     while !rest.is_empty() {
-        let (key, after) = quoted(rest)?;
-        let value = after.trim_start().strip_prefix(':')?.trim_start();
+        let (key, after) = quoted(rest).ok_or(None)?;
+        let row = FIELDS.iter().find(|row| row.name == key).ok_or(None)?;
+        let wrong = Some(row.name);
+        let value = after.trim_start().strip_prefix(':').ok_or(wrong)?.trim_start();
         let after = match key {
             "descr" if value.starts_with('[') => {
                 // A record of several fields, which is refused as a type; nothing after it matters then.
-                return Some(Header { descr: value.to_owned(), fortran_order: false, shape: Vec::new() });
+                return Ok(Header { descr: value.to_owned(), fortran_order: false, shape: Vec::new() });
             }
             "descr" => {
-                let (text, after) = quoted(value)?;
+                let (text, after) = quoted(value).ok_or(wrong)?;
                 descr = Some(text.to_owned());
                 after
             }
@@ -199,24 +219,28 @@ fn parse(text: &str) -> Option<Header> {
                 let (word, is_true) =
                     if value.starts_with("True") { ("True", true) } else { ("False", false) };
                 fortran_order = Some(is_true);
-                value.strip_prefix(word)?
+                value.strip_prefix(word).ok_or(wrong)?
             }
-            "shape" => {
-                let (inside, after) = value.strip_prefix('(')?.split_once(')')?;
+            _ => {
+                let (inside, after) =
+                    value.strip_prefix('(').and_then(|value| value.split_once(')')).ok_or(wrong)?;
                 // Python 2 wrote some numbers as 3L.
                 let words =
                     inside.split(',').map(|n| n.trim().trim_end_matches('L')).filter(|n| !n.is_empty());
-                shape = Some(words.map(|n| n.parse().ok()).collect::<Option<Vec<usize>>>()?);
+                shape = Some(words.map(|n| n.parse().ok()).collect::<Option<Vec<usize>>>().ok_or(wrong)?);
                 after
             }
-            _ => return None,
         };
         rest = match after.trim_start() {
             "" => "",
-            after => after.strip_prefix(',')?.trim_start(),
+            after => after.strip_prefix(',').ok_or(wrong)?.trim_start(),
         };
     }
-    Some(Header { descr: descr?, fortran_order: fortran_order?, shape: shape? })
+    Ok(Header {
+        descr: descr.ok_or(None)?,
+        fortran_order: fortran_order.ok_or(None)?,
+        shape: shape.ok_or(None)?,
+    })
 }
 
 /// Returns the text between the quotes that `text` begins with, and what follows.
@@ -235,8 +259,11 @@ fn element(descr: &str) -> Result<(&'static Element, bool)> {
         (Some(element), "|" | "=" | "") if element.bytes == 1 => Ok((element, false)),
         // This is the byte order of the machine that wrote the file, which is taken to be a PC.
         (Some(element), "=") => Ok((element, false)),
-        _ => Err(bad("VGS-NPY-006", format!("the type is {}, not a single real number", excerpt(descr)))
-            .help("save it as such: numpy.save(name, array.astype('float32'))")),
+        _ => Err(bad(
+            "VGS-NPY-006",
+            format!("the type (descr) is {}, not a single real number", excerpt(descr)),
+        )
+        .help("save it as such: numpy.save(name, array.astype('float32'))")),
     }
 }
 
@@ -354,6 +381,22 @@ mod tests {
         assert_eq!(read_in(folder.path(), &f, &second).unwrap().samples, count(24)[12..]);
         let error = read_bytes(&c).unwrap_err();
         assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-VOL-020"));
+    }
+
+    #[test]
+    fn no_field_that_cannot_be_read_counts_as_absent() {
+        let good = [("descr", "'<i2'"), ("fortran_order", "False"), ("shape", "(2, 2, 3)")];
+        for row in FIELDS {
+            for value in row.refused {
+                let entry = |(key, text): (&str, &str)| {
+                    format!("'{key}': {}, ", if key == row.name { *value } else { text })
+                };
+                let dictionary = format!("{{{}}}", good.map(entry).concat());
+                let error = read_bytes(&file(1, &dictionary, &shorts(0..12))).expect_err(row.name);
+                assert_eq!(error.kind, Kind::BadData, "{error}");
+                assert!(error.message.contains(row.name) && !error.help.is_empty(), "{dictionary}: {error}");
+            }
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use glam::{DAffine3, DVec3};
 
 use super::LabelChoice;
+use crate::unit::Unit;
 
 /// Options for reading a volume.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,6 +22,8 @@ pub struct ReadOptions {
     /// Distances of neighbouring voxels along x, y, z of a file that has none (a NumPy array), mm; 1 mm if not
     /// given.
     pub spacing_mm: Option<DVec3>,
+    /// What the samples are numbers of, if the user says it: [`Unit::Hu`] or [`Unit::Arbitrary`].
+    pub unit: Option<Unit>,
     /// The labels that will be chosen, if the file is a mask. The structures of a DICOM file may overlap, and
     /// a voxel has one label: of such a file only these are read.
     pub labels: LabelChoice,
@@ -47,6 +50,7 @@ impl Default for ReadOptions {
             series: None,
             lenient: false,
             spacing_mm: None,
+            unit: None,
             labels: LabelChoice::Whole,
             grid: None,
             frame_of_reference: None,

@@ -57,6 +57,7 @@ impl Volume {
             oriented: self.oriented,
             labels: self.labels.clone(),
             frame_of_reference: self.frame_of_reference.clone(),
+            stated_unit: Some(self.unit()),
         }
     }
 

@@ -11,6 +11,7 @@ use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
 use super::Volume;
+use super::mask_values::{ROUNDING, between_labels, is_whole, label_of, unquoted};
 use crate::{Error, Kind, Result};
 
 /// Greatest distance of corners, in voxels, of grids that count as the same: writers round affines to f32 and
@@ -85,9 +86,9 @@ fn numbers_of<'a>(asked: &str, labels: impl Iterator<Item = (i32, &'a str)> + Cl
 impl FromStr for LabelChoice {
     type Err = Error;
 
-    /// Parses `N|name,...`.
+    /// Parses `N|name,...`. A name with a comma stands in quotes: `"kidney, left",5`.
     fn from_str(text: &str) -> Result<Self> {
-        let labels: Vec<_> = text.split(',').map(|s| s.trim().to_owned()).collect();
+        let labels = unquoted(text);
         if labels.iter().any(String::is_empty) {
             let message = format!("'{text}' is no list of labels");
             return Err(
@@ -173,9 +174,10 @@ impl Roi {
     /// or few whole numbers from 0 on.
     pub fn has_values_of_mask(file: &Volume) -> bool {
         match file.min_max() {
-            Some((low, high)) if low >= 0.0 && low < high => {
-                let whole = || file.samples.iter().all(|v| v.fract() == 0.0);
-                high <= 1.0 || whole() && distinct_up_to(&file.samples, FEW_LABELS + 1).is_some()
+            Some((low, high)) if low >= -ROUNDING && low < high => {
+                let whole = || file.samples.iter().all(|&v| is_whole(v));
+                let few = || present_labels(file).is_some_and(|labels| labels.len() <= FEW_LABELS);
+                high <= 1.0 + ROUNDING || whole() && few()
             }
             _ => false,
         }
@@ -306,32 +308,42 @@ fn mask_weights(mask: &Volume, labels: &LabelChoice) -> Result<(Vec<f32>, bool)>
         return Err(Error::new(Kind::BadData, "VGS-ROI-006", message).help("repair the mask"));
     }
     let (min, max) = mask.min_max().unwrap_or_default();
-    let whole = mask.samples.iter().all(|v| v.fract() == 0.0);
-    match (labels, whole) {
+    let between = mask.samples.iter().filter(|&&v| !is_whole(v)).count();
+    match (labels, between == 0) {
         (LabelChoice::Labels(names), true) => {
             let chosen = resolve(names, mask)?;
             if chosen.len() > names.len() {
                 tracing::warn!("several labels have one name, and all of them are taken: {chosen:?}");
             }
             let weight =
-                mask.samples.iter().map(|&v| f32::from(u8::from(chosen.contains(&(v as i32))))).collect();
+                mask.samples.iter().map(|&v| f32::from(u8::from(chosen.contains(&label_of(v))))).collect();
             Ok((weight, false))
+        }
+        (LabelChoice::Labels(_), false) if min < -OVERSHOOT || max > 1.0 + OVERSHOOT => {
+            Err(between_labels(mask, between))
         }
         (LabelChoice::Labels(_), false) => {
             let message =
                 "the mask is soft (its values are not whole numbers), so it has no labels to choose from";
             Err(Error::new(Kind::Usage, "VGS-ROI-007", message).help("leave out --roi-label"))
         }
-        (LabelChoice::Whole, true) if min >= 0.0 && max <= 1.0 => Ok((mask.samples.clone(), false)),
+        (LabelChoice::Whole, true) if min > -0.5 && max < 1.5 => {
+            // Adding 0 makes 0 of -0.
+            Ok((mask.samples.iter().map(|v| v.round() + 0.0).collect(), false))
+        }
         (LabelChoice::Whole, true) => {
             let present = present_labels(mask);
-            if min < 0.0 || present.is_none() {
+            if min <= -0.5 || present.is_none() {
                 return Err(no_mask(min, max));
             }
             Err(Error::new(Kind::Usage, "VGS-ROI-008", "the mask holds labels, of which none was chosen")
                 .help(format!("choose --roi-label N|name,...: {}", list(mask))))
         }
         (LabelChoice::Whole, false) => {
+            // Mostly whole numbers are labels, and those between them come from an interpolation.
+            if min > -0.5 && max > 1.0 + OVERSHOOT && 2 * between < mask.len() {
+                return Err(between_labels(mask, between));
+            }
             if min < -OVERSHOOT || max > 1.0 + OVERSHOOT {
                 return Err(no_mask(min, max));
             }
@@ -354,8 +366,8 @@ fn no_mask(min: f32, max: f32) -> Error {
 /// too many to be labels.
 fn present_labels(mask: &Volume) -> Option<BTreeMap<i32, usize>> {
     let mut counts = BTreeMap::new();
-    for &v in mask.samples.iter().filter(|&&v| v != 0.0) {
-        *counts.entry(v as i32).or_insert(0) += 1;
+    for label in mask.samples.iter().map(|&v| label_of(v)).filter(|&label| label != 0) {
+        *counts.entry(label).or_insert(0) += 1;
         if counts.len() > MAX_LABELS {
             return None;
         }
@@ -518,7 +530,7 @@ mod tests {
         // (mask values, cyclic), choice, expected: weights of the first four voxels and softness, or kind and
         // code.
         type Expected = std::result::Result<([f32; 4], bool), (Kind, &'static str)>;
-        let cases: [(&[f32], &LabelChoice, Expected); 14] = [
+        let cases: [(&[f32], &LabelChoice, Expected); 22] = [
             (&[0.0, 1.0], &LabelChoice::Whole, Ok(([0.0, 1.0, 0.0, 1.0], false))),
             (&[1.0], &LabelChoice::Whole, Ok(([1.0; 4], false))),
             (&[0.0, 0.5, 1.0, 1.0], &LabelChoice::Whole, Ok(([0.0, 0.5, 1.0, 1.0], true))),
@@ -532,6 +544,16 @@ mod tests {
             (&[0.0, 2.0, 5.0, 3.0], &label, Ok(([0.0, 1.0, 1.0, 0.0], false))),
             (&[0.0, 2.0], &label, Err((Kind::Usage, "VGS-ROI-010"))),
             (&[0.0, 0.5], &label, Err((Kind::Usage, "VGS-ROI-007"))),
+            // A rounding away from whole numbers, as after scl_slope = 1/255 or a resampling.
+            (&[0.0, 0.999_999_9], &LabelChoice::Whole, Ok(([0.0, 1.0, 0.0, 1.0], false))),
+            (&[-1e-7, 1.000_000_1], &LabelChoice::Whole, Ok(([0.0, 1.0, 0.0, 1.0], false))),
+            (&[0.0, 1.999_999_9, 4.999_999_5, 3.0], &label, Ok(([0.0, 1.0, 1.0, 0.0], false))),
+            (&[0.0, 2.000_000_2, 5.0, 2.9999], &label, Ok(([0.0, 1.0, 1.0, 0.0], false))),
+            (&[0.0, 1.999_999_9], &LabelChoice::Whole, Err((Kind::Usage, "VGS-ROI-008"))),
+            // What an interpolation makes of labels.
+            (&[0.0, 2.0, 2.5, 5.0], &label, Err((Kind::BadData, "VGS-ROI-020"))),
+            (&[0.0, 2.0, 2.5, 5.0], &LabelChoice::Whole, Err((Kind::BadData, "VGS-ROI-020"))),
+            (&[0.0, 0.5, 0.999_999_9, 1.0], &LabelChoice::Whole, Ok(([0.0, 0.5, 0.999_999_9, 1.0], true))),
             (&[0.0], &LabelChoice::Whole, Err((Kind::NothingToDo, "VGS-ROI-003"))),
         ];
         for (values, labels, expected) in cases {
@@ -564,6 +586,17 @@ mod tests {
         assert_eq!(roi.voxel_count(), 16);
         for text in ["", "1,,2", "liver,"] {
             assert_eq!(text.parse::<LabelChoice>().unwrap_err().kind, Kind::Usage);
+        }
+    }
+
+    #[test]
+    fn names_with_commas_stand_in_quotes() {
+        let mut mask = volume([4, 3, 2], |i| (i % 3) as f32 * 5.0);
+        mask.labels = BTreeMap::from([(5, "kidney, left".into())]);
+        let roi = Roi::from_mask(&mask, &choice(r#""Kidney, left""#), &ct()).unwrap();
+        assert_eq!(roi.voxel_count(), 8);
+        for text in ["\"\"", "\"a\",", "a,\"\""] {
+            assert_eq!(text.parse::<LabelChoice>().unwrap_err().code, "VGS-ROI-001", "{text}");
         }
     }
 

@@ -5,13 +5,13 @@
 //! reading to the end, and the bytes after the last member are judged: zeros are padding, anything else is
 //! damage.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use flate2::bufread::GzDecoder;
 
-use crate::{Error, Kind, Result};
+use crate::{Error, Kind, Result, input};
 
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 
@@ -34,28 +34,19 @@ pub(super) struct Source {
 impl Source {
     /// Opens `path`; refuses a file that is missing, empty, not regular, or gzip inside gzip.
     pub fn open(path: &Path, lenient: bool) -> Result<Self> {
-        let meta = fs::metadata(path).map_err(|e| match e.kind() {
+        let file = input::open(path).map_err(|e| match e.kind() {
             io::ErrorKind::NotFound => Error::new(Kind::Missing, "VGS-VOL-001", "no such file").file(path),
             _ => Error::io(path, "opening", &e),
         })?;
-        if !meta.is_file() {
-            let message = "is a folder or a device, not a file";
-            return Err(Error::new(Kind::BadData, "VGS-VOL-002", message).file(path));
-        }
-        let mut file =
-            BufReader::with_capacity(1 << 18, File::open(path).map_err(|e| Error::io(path, "opening", &e))?);
+        let stored = file.metadata().map_err(|e| Error::io(path, "reading", &e))?.len();
+        let mut file = BufReader::with_capacity(1 << 18, file);
         let head = file.fill_buf().map_err(|e| Error::io(path, "reading", &e))?;
         if head.is_empty() {
             return Err(Error::new(Kind::BadData, "VGS-VOL-003", "the file is empty").file(path));
         }
         let gzip = head.starts_with(&GZIP_MAGIC);
-        let mut source = Source {
-            path: path.to_owned(),
-            reader: Box::new(io::empty()),
-            gzip,
-            stored: meta.len(),
-            position: 0,
-        };
+        let mut source =
+            Source { path: path.to_owned(), reader: Box::new(io::empty()), gzip, stored, position: 0 };
         if !gzip {
             source.reader = Box::new(file);
             return Ok(source);

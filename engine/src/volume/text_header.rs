@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DAffine3;
 
-use super::affine::{axis_codes_of, spacing_of};
+use super::affine::{SHEARED, axis_codes_of, shear_of, spacing_of};
 use super::source::Source;
 use crate::{Error, Kind, Result};
 
@@ -78,6 +78,28 @@ pub(super) fn reals(text: &str) -> Option<Vec<f64>> {
     text.split_whitespace().map(|word| word.parse().ok()).collect()
 }
 
+/// Returns true if the name of a file of voxels stands for several files: `LIST`, perhaps with a number, or a pattern of
+/// printf with its first number, its last one and the step, and perhaps one more. Any other name is that of one file, also
+/// with a % in it.
+pub(super) fn names_several(name: &str) -> bool {
+    let words: Vec<&str> = name.split_whitespace().collect();
+    let numbers = words.iter().rev().take_while(|word| word.parse::<i64>().is_ok()).count();
+    match words.as_slice() {
+        ["LIST"] => true,
+        ["LIST", _] => numbers == 1,
+        words => (3..=4).contains(&numbers) && has_conversion(&words[..words.len() - numbers].join(" ")),
+    }
+}
+
+/// Returns true if a text has a conversion of printf for whole numbers, such as %d or %03i.
+fn has_conversion(text: &str) -> bool {
+    text.split('%').skip(1).any(|after| {
+        after
+            .trim_start_matches(|c: char| c.is_ascii_digit() || "-+ #.".contains(c))
+            .starts_with(['d', 'i', 'u'])
+    })
+}
+
 /// Opens the file of voxels that a header names. It must be in the folder of the header or below it: a header
 /// from elsewhere must not lead to other files of this machine.
 pub(super) fn open_beside(header: &Path, name: &str, lenient: bool) -> Result<(Source, PathBuf)> {
@@ -106,26 +128,26 @@ pub(super) fn path_beside(header: &Path, name: &str) -> Result<PathBuf> {
     Ok(header.parent().unwrap_or(Path::new("")).join(name))
 }
 
-/// Refuses an affine that is not a grid; returns notes on its oddities, as sentences.
-pub(super) fn check_grid(affine: &DAffine3) -> Result<Vec<String>> {
-    let bad = |code, message: &str| {
-        Error::new(Kind::BadData, code, message).help("the header is damaged: export the volume again")
+/// Refuses an affine that is not a grid; returns notes on its oddities, as sentences. `directions` and `origin` are the
+/// fields that it comes from.
+pub(super) fn check_grid(affine: &DAffine3, directions: &str, origin: &str) -> Result<Vec<String>> {
+    let bad = |message: String| {
+        Error::new(Kind::BadData, "VGS-VOL-025", message)
+            .help("the header is damaged: export the volume again")
     };
     if !affine.is_finite() {
-        return Err(bad("VGS-VOL-025", "the directions or the origin hold NaN or infinity"));
+        let field = if affine.matrix3.is_finite() { origin } else { directions };
+        return Err(bad(format!("{field} holds NaN or infinity; finite numbers are needed")));
     }
     let mut notes = Vec::new();
     let spacing = spacing_of(affine);
     let det = affine.matrix3.determinant();
     // Compared with a box of the same voxel size, so that small voxels are not refused.
     if !det.is_normal() || det.abs() <= 1e-6 * spacing.element_product() {
-        return Err(bad("VGS-VOL-025", "the directions lie in a plane: voxels have no volume"));
+        return Err(bad(format!("the vectors of {directions} lie in a plane: voxels have no volume")));
     }
-    let m = affine.matrix3;
-    let units = [m.x_axis / spacing.x, m.y_axis / spacing.y, m.z_axis / spacing.z];
-    let shear = [(0, 1), (0, 2), (1, 2)].map(|(i, j)| units[i].dot(units[j]).abs());
-    let most = shear.iter().fold(0.0_f64, |a, &s| a.max(s));
-    if most > 1e-3 {
+    let most = shear_of(affine);
+    if most > SHEARED {
         let degrees = most.min(1.0).asin().to_degrees();
         notes.push(format!("the axes are sheared by {degrees:.1}° (gantry tilt?): they are kept exactly"));
     }
@@ -135,4 +157,37 @@ pub(super) fn check_grid(affine: &DAffine3) -> Result<Vec<String>> {
         notes.push(format!("voxels of {x:e} × {y:e} × {z:e} mm ({axes}): is the unit right?"));
     }
     Ok(notes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_and_lists_stand_for_several_files() {
+        for name in [
+            "LIST",
+            "LIST 2",
+            "%03d.raw 1 10 1",
+            "slice %d of a.raw 1 10 1",
+            "a%5i 0 -3 -1 2",
+            "100%%_%u 1 2 1",
+        ] {
+            assert!(names_several(name), "{name}");
+        }
+        for name in [
+            "a.raw",
+            "100%.raw",
+            "100 %.raw",
+            "50% of 3.raw",
+            "% 1 2 3",
+            "50% 1 2 3",
+            "LIST of a.raw",
+            "list",
+            "%d.raw",
+            "%d 1 2",
+        ] {
+            assert!(!names_several(name), "{name}");
+        }
+    }
 }

@@ -32,6 +32,8 @@ pub struct Volume {
     pub labels: BTreeMap<i32, String>,
     /// UID of the space that the world is (DICOM's frame of reference), if the file names it.
     pub frame_of_reference: Option<String>,
+    /// What the file, its name or the user says that the samples are numbers of; `None` if none of them says it.
+    pub stated_unit: Option<Unit>,
 }
 
 /// Summary of the samples of a volume.
@@ -65,6 +67,7 @@ impl Volume {
             oriented: true,
             labels: BTreeMap::new(),
             frame_of_reference: None,
+            stated_unit: None,
         }
     }
 
@@ -135,17 +138,6 @@ impl Volume {
     pub fn min_max(&self) -> Option<(f32, f32)> {
         let finite = || self.samples.iter().copied().filter(|v| v.is_finite());
         Some((finite().reduce(f32::min)?, finite().reduce(f32::max)?))
-    }
-
-    /// Returns true if intensities look like Hounsfield units: air at about -1000 distinguishes a CT from
-    /// everything else.
-    pub fn is_ct(&self) -> bool {
-        self.min_max().is_some_and(|(low, _)| low < -200.0)
-    }
-
-    /// Returns what the intensities are numbers of: HU of a CT, nothing else of a volume without a scale of its own.
-    pub fn unit(&self) -> Unit {
-        if self.is_ct() { Unit::Hu } else { Unit::Arbitrary }
     }
 
     /// Returns the counts, range, mean and spread of the samples, in two passes of f64.

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// Lines that a file may have without a `//! long:` reason.
 const LONG: usize = 700;
 /// Modules of the engine that all others may use.
-const COMMON: [&str; 5] = ["error", "memory", "names", "output", "unit"];
+const COMMON: [&str; 6] = ["error", "input", "memory", "names", "output", "unit"];
 /// Where unsafe code and ash may be: the Vulkan layer, the OpenXR half of the headset app, and its entry on
 /// Android.
 const UNSAFE: [&str; 3] = ["engine/src/gpu/", "xr-app/src/headset/openxr.rs", "xr-app/src/android.rs"];

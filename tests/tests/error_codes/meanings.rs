@@ -52,6 +52,7 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("VGS-IMG-023", "a damaged EXR"),
     ("VGS-IMG-024", "an EXR that holds no picture that is understood"),
     ("VGS-IO-001", "a file cannot be opened, read or written"),
+    ("VGS-IO-002", "what is named is a folder, a pipe, a socket or a device, not a file"),
     ("VGS-MHA-001", "a line of the header cannot be used"),
     ("VGS-NII-001", "the file is shorter than its header"),
     ("VGS-NII-003", "not what NIfTI calls itself"),

@@ -93,6 +93,58 @@ fn a_full_or_closed_stderr_is_no_panic() {
     assert_eq!(finish(closed).code, 66);
 }
 
+/// A pipe that nobody writes to, in place of any file that is read.
+#[test]
+fn a_pipe_as_input_is_refused_at_once() {
+    let folder = Folder::new(8);
+    assert_eq!(folder.run(&fit("a.ply", &["--no-eval"])).code, 0);
+    for name in ["pipe.nii", "pipe.ply", "pipe.vgs", "pipe.json", "pipe.toml", "pipe.png", "pipe.dcm"] {
+        assert!(Command::new("mkfifo").arg(folder.path(name)).status().expect("mkfifo").success());
+    }
+    for arguments in [
+        &["info", "pipe.nii"][..],
+        &["info", "pipe.ply"],
+        &["info", "pipe.dcm"],
+        &["fit", "pipe.nii", "--roi", "mask.nii.gz", "-o", "b.ply"],
+        &["fit", "ct.nii.gz", "--roi", "pipe.nii", "-o", "b.ply"],
+        &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "b.ply", "--config", "pipe.toml"],
+        &["convert", "pipe.vgs", "-o", "b.ply"],
+        &["convert", "a.ply", "-o", "b.spz", "--tf", "pipe.json"],
+        &["compare", "pipe.png", "pipe.png"],
+        &["view", "pipe.toml"],
+    ] {
+        let begin = Instant::now();
+        let ended = folder.run(arguments);
+        assert_eq!(ended.code, 65, "{arguments:?}: {}", ended.err);
+        assert!(ended.err.contains("is a pipe, not a file"), "{arguments:?}: {}", ended.err);
+        assert!(begin.elapsed() < Duration::from_secs(20), "{arguments:?}");
+    }
+}
+
+/// What is asked for on stdout has to arrive.
+#[test]
+fn a_full_stdout_is_told_by_help_and_version_too() {
+    let folder = Folder::new(8);
+    for arguments in [
+        &["--help"][..],
+        &["-h"],
+        &["fit", "--help"],
+        &["help", "info"],
+        &["--version"],
+        &["completions", "bash"],
+    ] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("/dev/full");
+        let mut command = folder.command(arguments);
+        let output = command.stdout(full).output().expect("the program starts");
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(74), "{arguments:?}: {told}");
+        assert!(told.contains("VGS-CLI-002"), "{arguments:?}: {told}");
+        let mut closed = folder.start(arguments);
+        drop(closed.stdout.take());
+        assert_eq!(finish(closed).code, 0, "{arguments:?}: a closed pipe is no error");
+    }
+}
+
 /// The first signal lets the fit save what it has; the second one does not wait for that.
 #[test]
 fn a_second_signal_ends_at_once_and_a_hangup_saves() {

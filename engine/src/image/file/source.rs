@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufReader};
 use std::path::Path;
 
-use crate::{Error, Kind, Result};
+use crate::{Error, Kind, Result, input};
 
 /// Largest ratio of compression. DEFLATE, the densest packing in these formats, cannot exceed it, so a larger
 /// claim is known to be false before anything is allocated.
@@ -21,13 +21,9 @@ impl Source {
     /// Opens a file and notes its length.
     pub(super) fn open(path: &Path) -> Result<Self> {
         let failed = |e: &io::Error| Error::io(path, "reading a picture", e);
-        let meta = std::fs::metadata(path).map_err(|e| failed(&e))?;
-        if !meta.is_file() {
-            let message = "is a folder or a device, not a file";
-            return Err(Error::new(Kind::BadData, "VGS-IMG-010", message).file(path));
-        }
-        let file = File::open(path).map_err(|e| failed(&e))?;
-        Ok(Source { reader: BufReader::with_capacity(1 << 18, file), stored: meta.len() })
+        let file = input::open(path).map_err(|e| failed(&e))?;
+        let stored = file.metadata().map_err(|e| failed(&e))?.len();
+        Ok(Source { reader: BufReader::with_capacity(1 << 18, file), stored })
     }
 }
 

@@ -284,7 +284,7 @@ fn what_is_no_picture_is_refused() {
         assert!(error.file.is_some(), "{name}");
     }
     assert_eq!(read(folder.at("none")).unwrap_err().kind, Kind::Missing);
-    assert_eq!(read(folder.0.path()).unwrap_err().code, "VGS-IMG-010");
+    assert_eq!(read(folder.0.path()).unwrap_err().code, "VGS-IO-002");
 }
 
 fn crc(bytes: &[u8]) -> u32 {

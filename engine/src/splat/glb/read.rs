@@ -1,6 +1,5 @@
 //! The reader of binary glTF.
 
-use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::Path;
@@ -66,7 +65,7 @@ struct Loaded {
 
 fn load(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let failed = |error| Error::io(path, "reading a splat file", &error);
-    let file = File::open(path).map_err(failed)?;
+    let file = crate::input::open(path).map_err(failed)?;
     let bytes = file.metadata().map_err(failed)?.len();
     let loaded = decoded(BufReader::new(file), bytes, options).map_err(|error| error.file(path))?;
     loaded.mended.tell(path, &loaded.set);

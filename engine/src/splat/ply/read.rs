@@ -1,6 +1,5 @@
 //! The PLY reader, for files of this program and of others.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
@@ -88,7 +87,7 @@ pub(super) struct Loaded {
 
 fn open(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let failed = |error| Error::io(path, "reading a splat file", &error);
-    let file = File::open(path).map_err(failed)?;
+    let file = crate::input::open(path).map_err(failed)?;
     let bytes = file.metadata().map_err(failed)?.len();
     let loaded = load(BufReader::new(file), bytes, options).map_err(|error| error.file(path))?;
     loaded.mended.tell(path, &loaded.set);

@@ -1,6 +1,5 @@
 //! The SPZ reader.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 use std::vec;
@@ -77,7 +76,7 @@ struct Loaded {
 
 fn load(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let failed = |error| Error::io(path, "reading a splat file", &error);
-    let file = File::open(path).map_err(failed)?;
+    let file = crate::input::open(path).map_err(failed)?;
     let bytes = file.metadata().map_err(failed)?.len();
     let mut source = BufReader::new(file);
     let zstd = source.fill_buf().map_err(failed)?.starts_with(MARK);

@@ -232,7 +232,7 @@ struct Loaded {
 
 fn load(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     let failed = |error| Error::io(path, "reading a splat file", &error);
-    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let mut file = crate::input::open(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
     memory::require(length, "the file")?;
     let mut bytes = Vec::new();

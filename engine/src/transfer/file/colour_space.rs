@@ -1,8 +1,9 @@
 //! Mixing of colours between two control points: the colour spaces of ParaView.
 //!
 //! Lab is CIE 1976 L*a*b* under D65, from sRGB. Diverging is Moreland's ("Diverging Color Maps for Scientific
-//! Visualization", 2009): a polar form of Lab, with white between two saturated colours of different hue. HSV
-//! takes the shorter way around the circle of hues.
+//! Visualization", 2009): a polar form of Lab, with white between two saturated colours of different hue. HSV goes
+//! from one hue to the other along the numbers, so blue to red passes green; only wrapped HSV takes the shorter way
+//! around the circle of hues.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,23 +14,32 @@ use glam::{DMat3, DVec3};
 pub enum ColourSpace {
     Rgb,
     Hsv,
+    /// HSV by the shorter way around the circle of hues.
+    HsvWrapped,
     Lab,
     Diverging,
     /// Colours are not mixed: the second colour holds from the first point on.
     Step,
 }
 
+/// ParaView's names of its colour spaces. Its path through Lab with even steps of CIEDE2000 is searched for on a coarse
+/// grid of colours; the straight line in Lab is close to it.
+pub const NAMES: [(&str, ColourSpace); 7] = [
+    ("RGB", ColourSpace::Rgb),
+    ("HSV", ColourSpace::Hsv),
+    ("Lab", ColourSpace::Lab),
+    ("CIELAB", ColourSpace::Lab),
+    (CIEDE2000, ColourSpace::Lab),
+    ("Diverging", ColourSpace::Diverging),
+    ("Step", ColourSpace::Step),
+];
+
+/// The one space of [`NAMES`] that is not mixed exactly as ParaView does.
+pub const CIEDE2000: &str = "Lab/CIEDE2000";
+
 /// Returns the colour space that ParaView calls by this name.
 pub fn find(name: &str) -> Option<ColourSpace> {
-    let known = [
-        ("rgb", ColourSpace::Rgb),
-        ("hsv", ColourSpace::Hsv),
-        ("lab", ColourSpace::Lab),
-        ("cielab", ColourSpace::Lab),
-        ("diverging", ColourSpace::Diverging),
-        ("step", ColourSpace::Step),
-    ];
-    known.iter().find(|(known, _)| name.eq_ignore_ascii_case(known)).map(|(_, space)| *space)
+    NAMES.iter().find(|(known, _)| name.eq_ignore_ascii_case(known)).map(|(_, space)| *space)
 }
 
 impl ColourSpace {
@@ -38,7 +48,8 @@ impl ColourSpace {
         let mixed = match self {
             ColourSpace::Rgb => a.lerp(b, share),
             ColourSpace::Step => b,
-            ColourSpace::Hsv => mix_hsv(a, b, share),
+            ColourSpace::Hsv => mix_hsv(a, b, share, false),
+            ColourSpace::HsvWrapped => mix_hsv(a, b, share, true),
             ColourSpace::Lab => rgb_from_lab(lab_from_rgb(a).lerp(lab_from_rgb(b), share)),
             ColourSpace::Diverging => mix_diverging(a, b, share),
         };
@@ -68,7 +79,9 @@ fn rgb_from_lab(lab: DVec3) -> DVec3 {
     let f = DVec3::new(y + lab.y / 500.0, y, y - lab.z / 200.0);
     let xyz = f.map(|v| if v.powi(3) > 0.008856 { v.powi(3) } else { (v - 16.0 / 116.0) / 7.787 }) * WHITE;
     let linear = XYZ_FROM_LINEAR.inverse() * xyz;
-    linear.map(|v| if v > 0.003_130_8 { 1.055 * v.powf(1.0 / 2.4) - 0.055 } else { 12.92 * v })
+    let rgb = linear.map(|v| if v > 0.003_130_8 { 1.055 * v.powf(1.0 / 2.4) - 0.055 } else { 12.92 * v });
+    // A colour that is too bright for the display keeps its hue, as in VTK.
+    rgb / rgb.max_element().max(1.0)
 }
 
 /// A colour in Moreland's polar Lab: magnitude, saturation, hue.
@@ -159,9 +172,9 @@ fn rgb_from_hsv(hsv: DVec3) -> DVec3 {
     DVec3::new(channel(5.0), channel(3.0), channel(1.0))
 }
 
-fn mix_hsv(a: DVec3, b: DVec3, share: f64) -> DVec3 {
+fn mix_hsv(a: DVec3, b: DVec3, share: f64, wraps: bool) -> DVec3 {
     let (mut a, b) = (hsv_from_rgb(a), hsv_from_rgb(b));
-    if (a.x - b.x).abs() > 0.5 {
+    if wraps && (a.x - b.x).abs() > 0.5 {
         a.x += if a.x < b.x { 1.0 } else { -1.0 };
     }
     rgb_from_hsv(a.lerp(b, share))
@@ -179,7 +192,14 @@ mod tests {
     fn every_space_has_the_colours_at_its_ends() {
         let colours =
             [[0.23, 0.30, 0.75], [0.70, 0.02, 0.15], [0.0; 3], [1.0; 3], [0.5, 0.5, 0.0], [0.2, 0.2, 0.2]];
-        for space in [ColourSpace::Rgb, ColourSpace::Hsv, ColourSpace::Lab, ColourSpace::Diverging] {
+        let spaces = [
+            ColourSpace::Rgb,
+            ColourSpace::Hsv,
+            ColourSpace::HsvWrapped,
+            ColourSpace::Lab,
+            ColourSpace::Diverging,
+        ];
+        for space in spaces {
             for a in colours.map(DVec3::from_array) {
                 for b in colours.map(DVec3::from_array) {
                     assert!(near(space.mix(a, b, 0.0), a, 2e-3), "{space:?} {a} {b}");
@@ -199,10 +219,36 @@ mod tests {
         // Moreland's cool to warm has a light grey in its middle: 221, 221, 221 of 255.
         let (cool, warm) = (DVec3::new(0.230, 0.299, 0.754), DVec3::new(0.706, 0.016, 0.150));
         assert!(near(ColourSpace::Diverging.mix(cool, warm, 0.5), DVec3::splat(0.865), 5e-3));
-        // From red over yellow to green, and from red over magenta to blue.
-        assert!(near(ColourSpace::Hsv.mix(DVec3::X, DVec3::Y, 0.5), DVec3::new(1.0, 1.0, 0.0), 1e-12));
-        assert!(near(ColourSpace::Hsv.mix(DVec3::X, DVec3::Z, 0.5), DVec3::new(1.0, 0.0, 1.0), 1e-12));
         assert_eq!(find("cielab"), Some(ColourSpace::Lab));
-        assert_eq!(find("Lab/CIEDE2000"), None);
+        assert_eq!(find("wrapped"), None);
+    }
+
+    /// Colours of vtkColorTransferFunction, VTK 9.7.2, at eighths of the way.
+    #[test]
+    fn every_space_mixes_as_vtk_does() {
+        let (blue, red, white) = (DVec3::Z, DVec3::X, DVec3::ONE);
+        let (cool, warm) = (DVec3::new(0.230, 0.299, 0.754), DVec3::new(0.706, 0.016, 0.150));
+        let (gold, plum) = (DVec3::new(0.9, 0.9, 0.2), DVec3::new(0.5, 0.0, 0.4));
+        let cases = [
+            (ColourSpace::Rgb, cool, warm, 3, [0.4085, 0.1929, 0.5275]),
+            (ColourSpace::Hsv, blue, red, 2, [0.0, 1.0, 1.0]),
+            (ColourSpace::Hsv, blue, red, 4, [0.0, 1.0, 0.0]),
+            (ColourSpace::Hsv, blue, red, 7, [1.0, 0.5, 0.0]),
+            (ColourSpace::Hsv, white, blue, 5, [0.375, 1.0, 0.6875]),
+            (ColourSpace::HsvWrapped, blue, red, 4, [1.0, 0.0, 1.0]),
+            (ColourSpace::HsvWrapped, blue, red, 1, [0.25, 0.0, 1.0]),
+            (ColourSpace::Lab, cool, warm, 4, [0.5806, 0.2032, 0.444]),
+            (ColourSpace::Lab, blue, red, 2, [0.6052, 0.0, 0.7629]),
+            (ColourSpace::Lab, blue, red, 7, [0.9572, 0.0, 0.192]),
+            (ColourSpace::Diverging, cool, warm, 2, [0.5532, 0.689, 0.9954]),
+            (ColourSpace::Diverging, cool, warm, 4, [0.8654, 0.8654, 0.8654]),
+            (ColourSpace::Diverging, cool, warm, 7, [0.8695, 0.3785, 0.3003]),
+            (ColourSpace::Diverging, blue, red, 6, [1.0, 0.6844, 0.443]),
+            (ColourSpace::Step, gold, plum, 1, [0.5, 0.0, 0.4]),
+        ];
+        for (space, a, b, eighths, expected) in cases {
+            let mixed = space.mix(a, b, f64::from(eighths) / 8.0);
+            assert!(near(mixed, DVec3::from(expected), 2e-3), "{space:?} {a} {b} {eighths}: {mixed}");
+        }
     }
 }

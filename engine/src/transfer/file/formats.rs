@@ -1,6 +1,5 @@
 //! The formats of transfer functions, and what a user may type to name a function.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -162,7 +161,7 @@ fn stem(path: &Path) -> String {
 
 fn text_of(path: &Path) -> Result<String> {
     let io = |e: &std::io::Error| Error::io(path, "reading the transfer function", e);
-    let file = File::open(path).map_err(|e| io(&e))?;
+    let file = crate::input::open(path).map_err(|e| io(&e))?;
     let mut bytes = Vec::new();
     file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|e| io(&e))?;
     if bytes.len() as u64 > MAX_BYTES {

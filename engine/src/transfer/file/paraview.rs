@@ -23,6 +23,9 @@ struct Map {
     name: String,
     #[serde(default)]
     color_space: Option<String>,
+    /// True if hues take the shorter way around their circle; ParaView writes 0 and 1.
+    #[serde(rename = "HSVWrap", default)]
+    hsv_wrap: Option<serde_json::Value>,
     /// Intensity, red, green and blue of each point in turn.
     #[serde(rename = "RGBPoints")]
     rgb_points: Vec<f64>,
@@ -67,16 +70,31 @@ fn rows(what: &str, numbers: &[f64]) -> Result<Vec<[f64; 4]>> {
 }
 
 fn function(map: Map) -> Result<TransferFunction> {
+    let wraps = match map.hsv_wrap.as_ref().map(|value| (value, value.as_bool(), value.as_u64())) {
+        None => false,
+        Some((_, Some(wraps), _)) => wraps,
+        Some((_, _, Some(number @ 0..=1))) => number == 1,
+        Some((value, ..)) => return Err(broken(format!("HSVWrap is {value}, 0 or 1 is needed"))),
+    };
     let space = match map.color_space.as_deref() {
         None => ColourSpace::Rgb,
-        Some(name) => colour_space::find(name).unwrap_or_else(|| {
-            tracing::warn!(
-                "{:?}: colours between control points are mixed as RGB, not as {name:?}",
-                map.name
-            );
-            ColourSpace::Rgb
-        }),
+        Some(name) => match colour_space::find(name) {
+            Some(ColourSpace::Hsv) if wraps => ColourSpace::HsvWrapped,
+            Some(space) => space,
+            None => {
+                let known: Vec<_> = colour_space::NAMES.iter().map(|(name, _)| *name).collect();
+                return Err(broken(format!("ColorSpace is {name:?}, which is not known"))
+                    .help(format!("known: {}", known.join(", "))));
+            }
+        },
     };
+    if map.color_space.as_deref().is_some_and(|name| name.eq_ignore_ascii_case(colour_space::CIEDE2000)) {
+        tracing::warn!(
+            "{:?}: colours between control points are mixed in Lab, which is close to {}",
+            map.name,
+            colour_space::CIEDE2000
+        );
+    }
     // As in VTK, the colour of a node holds from the node before it.
     let (midpoint, sharpness) = if space == ColourSpace::Step { (0.0, 1.0) } else { (0.5, 0.0) };
     let colours = rows("RGBPoints", &map.rgb_points)?;

@@ -149,6 +149,33 @@ fn paraview_colour_maps() {
 }
 
 #[test]
+fn hues_go_along_the_numbers_unless_the_map_wraps_them() {
+    let map = |more: &str| {
+        let text = format!(
+            r#"[{{"Name": "R", "ColorSpace": "HSV"{more}, "RGBPoints": [0, 0, 0, 1, 8, 1, 0, 0], "Points": [0, 1, 0.5, 0, 8, 1, 0.5, 0]}}]"#
+        );
+        one(&text, None)
+    };
+    for (more, expected) in [
+        ("", [0.0, 1.0, 0.0]),
+        (r#", "HSVWrap": 0"#, [0.0, 1.0, 0.0]),
+        (r#", "HSVWrap": 1"#, [1.0, 0.0, 1.0]),
+        (r#", "HSVWrap": true"#, [1.0, 0.0, 1.0]),
+    ] {
+        assert!(near(map(more).unwrap().at(4.0).0, expected), "{more}");
+    }
+    let error = map(r#", "HSVWrap": "yes""#).unwrap_err();
+    assert!(error.code == "VGS-TF-008" && error.message.contains("HSVWrap is \"yes\""), "{error}");
+    // The map that the splats of faults/paraview-hsv are to be shown with.
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/faults/paraview-hsv/map.json");
+    if !std::path::Path::new(path).exists() {
+        println!("SKIPPED: ../shared/faults/paraview-hsv is not there");
+        return;
+    }
+    assert!(near(load(path, CT).unwrap().at(150.0).0, [0.0, 1.0, 0.0]));
+}
+
+#[test]
 fn what_is_wrong_is_told() {
     let json = |from: &str, to: &str| VP_JSON.replace(from, to);
     for (text, code, says) in [
@@ -186,6 +213,7 @@ fn what_is_wrong_is_told() {
         (json("0.36 }", "1.36 }"), "VGS-TF-001", "point 3: 1.36"),
         (json("[0.0, 0.0, 0.0]", "[0.0, 0.0]"), "VGS-TF-008", "column"),
         (PARAVIEW.replace("1, 1, 0, 0]", "1, 2, 0, 0]"), "VGS-TF-008", "colour 2 is not between 0 and 1"),
+        (PARAVIEW.replace("\"RGB\"", "\"CMYK\""), "VGS-TF-008", "ColorSpace is \"CMYK\""),
         (format!("[\"RGBPoints\",{}", "[".repeat(100_000)), "VGS-TF-008", "recursion limit"),
     ] {
         let error = one(&text, None).unwrap_err();
@@ -235,7 +263,7 @@ fn files_and_names_that_users_type() {
         (&format!("{xml}:Nope"), Kind::Usage, "VGS-TF-009"),
         (&latin, Kind::BadData, "VGS-TF-008"),
         (&large, Kind::BadData, "VGS-TF-010"),
-        (dir.path().to_str().unwrap(), Kind::Io, "VGS-IO-001"),
+        (dir.path().to_str().unwrap(), Kind::BadData, "VGS-IO-002"),
     ] {
         let error = load(spec, CT).unwrap_err();
         assert_eq!((error.kind, error.code), (kind, code), "{spec}: {error}");

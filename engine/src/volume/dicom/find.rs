@@ -1,6 +1,6 @@
 //! The DICOM files of a folder or a zip.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -46,7 +46,7 @@ pub(super) fn zipped_dicom_files(path: &Path, options: &ReadOptions) -> Result<V
 /// Returns true if a file is a zip; false also if it cannot be read.
 pub(super) fn is_zip_file(path: &Path) -> bool {
     let mut head = Vec::new();
-    File::open(path).and_then(|file| file.take(4).read_to_end(&mut head)).is_ok() && is_zip(&head)
+    crate::input::open(path).and_then(|file| file.take(4).read_to_end(&mut head)).is_ok() && is_zip(&head)
 }
 
 fn files_within(folder: &Path, depth: usize) -> Result<Vec<Location>> {
@@ -91,6 +91,8 @@ fn is_dicom(path: &Path) -> bool {
     let mut head = Vec::new();
     let regular = fs::metadata(path).is_ok_and(|meta| meta.is_file());
     regular
-        && File::open(path).and_then(|file| file.take(SNIFF_BYTES as u64).read_to_end(&mut head)).is_ok()
+        && crate::input::open(path)
+            .and_then(|file| file.take(SNIFF_BYTES as u64).read_to_end(&mut head))
+            .is_ok()
         && sniff(&head)
 }

@@ -69,7 +69,7 @@ impl Location {
     pub fn check_packed(&self, max_bytes: u64) -> Result<()> {
         let failed = |e: io::Error| Error::io(&self.path, "reading", &e);
         let unpacked = match &self.member {
-            None => unpacked_size(File::open(&self.path).map_err(failed)?, max_bytes),
+            None => unpacked_size(crate::input::open(&self.path).map_err(failed)?, max_bytes),
             Some((archive, index)) => {
                 let mut zip = archive.lock();
                 unpacked_size(zip.by_index(*index).map_err(|e| archive.failed(&self.path, e))?, max_bytes)
@@ -104,7 +104,7 @@ impl Location {
         };
         let Some((archive, index)) = &self.member else {
             let failed = |e: io::Error| Error::io(&self.path, "reading", &e);
-            let mut file = File::open(&self.path).map_err(failed)?;
+            let mut file = crate::input::open(&self.path).map_err(failed)?;
             let size = file.metadata().map_err(failed)?.len();
             let mut head = Vec::new();
             (&mut file).take(SNIFF_BYTES as u64).read_to_end(&mut head).map_err(failed)?;
@@ -237,7 +237,7 @@ impl Archive {
 /// [`Kind::BadData`] if the zip is damaged, encrypted or too large, or has more than `most` entries;
 /// [`Kind::Io`].
 pub(super) fn members(path: &Path, most: usize, options: &ReadOptions) -> Result<(usize, Vec<Location>)> {
-    let file = File::open(path).map_err(|e| Error::io(path, "opening", &e))?;
+    let file = crate::input::open(path).map_err(|e| Error::io(path, "opening", &e))?;
     let unreadable = |e: ZipError| match e {
         ZipError::Io(e) if e.kind() != io::ErrorKind::UnexpectedEof => Error::io(path, "reading", &e),
         e => Error::new(Kind::BadData, "VGS-DCM-015", format!("not readable as a zip: {e}"))

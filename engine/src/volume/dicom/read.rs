@@ -15,6 +15,7 @@ use super::scale::Scale;
 use super::stacks::{Stack, StackSummary, choose, name, stacks};
 use super::structures::Structure;
 use super::{contours, elements, pixels, segmentation};
+use crate::unit::Unit;
 use crate::volume::source::reserve_samples;
 use crate::volume::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
@@ -275,6 +276,17 @@ fn notes_on_values(stack: &Stack) -> Vec<String> {
     notes
 }
 
+/// Returns what the values are numbers of; `None` if the modality does not say it.
+fn unit_of(stack: &Stack) -> Option<Unit> {
+    let file = &stack.first().file;
+    let is_hu = ["", "HU", "HU_MOD"].contains(&stack.first().units.to_uppercase().as_str());
+    match file.modality.as_str() {
+        "CT" if is_hu => Some(Unit::Hu),
+        "CT" | "MR" | "PT" | "NM" | "US" => Some(Unit::Arbitrary),
+        _ => None,
+    }
+}
+
 /// Reads the pixels of a stack into its planes; planes without a slice are NaN.
 fn volume(stack: &Stack, arrangement: &Arrangement, options: &ReadOptions) -> Result<Volume> {
     let size = arrangement.size;
@@ -312,5 +324,6 @@ fn volume(stack: &Stack, arrangement: &Arrangement, options: &ReadOptions) -> Re
     let mut volume = Volume::new(size, arrangement.world_from_voxel, samples);
     let space = &stack.first().file.frame_of_reference;
     volume.frame_of_reference = Some(space.clone()).filter(|space| !space.is_empty());
+    volume.stated_unit = unit_of(stack);
     Ok(volume)
 }

@@ -7,15 +7,88 @@ use glam::{DAffine3, DMat3, DVec3};
 use nifti::{Endianness, NiftiHeader};
 
 use super::datatype::{DATATYPES, Datatype};
-use crate::volume::affine::{axis_codes_of, spacing_of};
+use crate::volume::affine::{SHEARED, axis_codes_of, shear_of, spacing_of};
+use crate::volume::fields::FieldRow;
 use crate::{Error, Kind, Result};
 
 /// Bytes of a NIfTI-1 header, and of the older ANALYZE 7.5 header.
 pub(super) const SIZE_1: usize = 348;
 /// Bytes of a NIfTI-2 header.
 pub(super) const SIZE_2: usize = 540;
+/// Part by which lengths may differ that count as the same.
+const SAME_LENGTH: f64 = 0.01;
+/// Distance, in voxels, up to which corners by qform and sform count as the same: half a rotation of single precision.
+const SAME_PLACE: f64 = 0.5;
+/// What to do about a field that cannot be read.
+const CORRECT: &str = "correct the header, or export the volume again";
 const MAGIC_2_SINGLE: &[u8; 8] = b"n+2\0\r\n\x1a\n";
 const MAGIC_2_PAIR: &[u8; 8] = b"ni2\0\r\n\x1a\n";
+
+/// What is done with the fields of the header. It has all of them, so that absent means the value that says so.
+pub(in crate::volume) const FIELDS: &[FieldRow] = &[
+    FieldRow::needed("sizeof_hdr", "348 of NIfTI-1, 540 of NIfTI-2; tells the order of bytes", &["347"]),
+    FieldRow::needed("magic", "n+1, ni1 or their counterparts of NIfTI-2; ANALYZE 7.5 has none", &["0"]),
+    FieldRow::needed("dim[0]", "number of dimensions, 1 to 7", &["0", "8", "-1"]),
+    FieldRow::needed("dim[1]", "size of each axis; from the fourth on 0 counts as 1", &["0", "-3"]),
+    FieldRow::needed("datatype", "type of the voxels", &["3", "9999", "0", "128"]),
+    FieldRow::unused("bitpix", "not used: the datatype counts, and a note tells where they differ"),
+    FieldRow::with_default(
+        "pixdim[0]",
+        "-1 or 1, the handedness of the qform; another number counts by its sign: a note",
+        "0: as 1, a note",
+        &["nan", "inf"],
+    ),
+    FieldRow::needed(
+        "pixdim[1]",
+        "size of a voxel, unless there is an sform; below 0 its sign is ignored: a note",
+        &["0", "nan", "inf"],
+    ),
+    FieldRow::with_default(
+        "vox_offset",
+        "byte of the first voxel",
+        "0: after the header, a note",
+        &["nan", "-1", "7.5", "100", "1e30"],
+    ),
+    FieldRow::with_default(
+        "scl_slope",
+        "factor of the stored values",
+        "0 or NaN: they are the values; of NaN a note",
+        &["inf", "-inf"],
+    ),
+    FieldRow::needed("scl_inter", "number that is added after the factor", &["nan", "inf"]),
+    FieldRow::with_default(
+        "xyzt_units",
+        "unit of lengths; that of time is not used",
+        "0: mm",
+        &["4", "5", "7"],
+    ),
+    FieldRow::with_default(
+        "sform_code",
+        "more than 0: the sform says where the voxels are, and a note tells where the qform says something else",
+        "0: the qform counts",
+        &["-1"],
+    ),
+    FieldRow::with_default(
+        "qform_code",
+        "more than 0: the qform says it",
+        "0: orientation unknown, a note",
+        &["-1"],
+    ),
+    FieldRow::needed("srow_x", "first row of the sform, and so are srow_y and srow_z", &["nan", "inf"]),
+    FieldRow::needed("quatern_b", "rotation of the qform, and so are quatern_c and quatern_d", &["nan", "2"]),
+    FieldRow::needed(
+        "qoffset_x",
+        "place of the first voxel by the qform, and so are qoffset_y and qoffset_z",
+        &["nan", "inf"],
+    ),
+    FieldRow::unused(
+        "descrip",
+        "shown by `vgs info`; TE= and TR=, as converters of MR write, say that values are no HU",
+    ),
+    FieldRow::unused("intent_code", "not used: the values tell a mask from an image"),
+    FieldRow::unused("cal_min", "not used, and so is cal_max: for the display"),
+    FieldRow::unused("dim_info", "not used, and so are the slice fields, toffset and aux_file"),
+];
 
 /// The fields of either header that matter here, unchecked.
 struct Fields {
@@ -84,6 +157,11 @@ impl Parsed {
     /// Returns the size of one volume as stored, in bytes.
     pub fn volume_bytes(&self) -> u64 {
         self.voxels() as u64 * self.datatype.bytes as u64
+    }
+
+    /// Returns true if the description has the times of a sequence, as converters of DICOM write them: an MR.
+    pub fn is_mr(&self) -> bool {
+        self.description.split([';', ' ', ',']).any(|word| word.starts_with("TE=") || word.starts_with("TR="))
     }
 
     /// Returns the size of the header itself plus the four bytes that announce extensions.
@@ -272,11 +350,21 @@ fn check(f: Fields) -> Result<Parsed> {
         2 => ("mm", 1.0),
         3 => ("µm", 1e-3),
         n => {
-            notes.push(format!("unit code {n} is unknown: lengths are taken as mm"));
-            ("unknown, taken as mm", 1.0)
+            let message =
+                format!("xyzt_units has the unit of length {n}; 0 to 3 (unknown, m, mm, µm) is needed");
+            return Err(bad("VGS-NII-022", message).help(CORRECT));
         }
     };
-    let (affine_source, affine) = check_affine(&f, &mut notes)?;
+    let (affine_source, affine) = check_affine(&f, &dims, &mut notes)?;
+    if !affine.is_finite() {
+        let fields = if affine_source == "sform" {
+            "srow_x, srow_y, srow_z"
+        } else {
+            "qoffset_x, qoffset_y, qoffset_z"
+        };
+        return Err(bad("VGS-NII-012", format!("{fields} hold NaN or infinity; finite numbers are needed"))
+            .help(CORRECT));
+    }
     let affine =
         DAffine3 { matrix3: affine.matrix3 * millimetres, translation: affine.translation * millimetres };
     check_shape(&affine, &mut notes)?;
@@ -343,19 +431,26 @@ fn check_scaling(slope: f64, inter: f64, notes: &mut Vec<String>) -> Result<Opti
     if slope == 0.0 {
         return Ok(None);
     }
-    if slope.is_nan() || inter.is_nan() {
+    // Some programs write a slope of NaN where there is no scaling.
+    if slope.is_nan() {
         notes.push(format!("scl_slope is {slope} and scl_inter is {inter}: values are read without scaling"));
         return Ok(None);
     }
-    if slope.is_infinite() || inter.is_infinite() {
+    if slope.is_infinite() || !inter.is_finite() {
         let message = format!("scl_slope is {slope} and scl_inter is {inter}; finite numbers are needed");
-        return Err(bad("VGS-NII-009", message));
+        return Err(bad("VGS-NII-009", message).help(CORRECT));
     }
     Ok((slope != 1.0 || inter != 0.0).then_some((slope, inter)))
 }
 
 /// Returns the affine, in the file's unit, and its source: sform before qform before pixdim.
-fn check_affine(f: &Fields, notes: &mut Vec<String>) -> Result<(&'static str, DAffine3)> {
+fn check_affine(f: &Fields, dims: &[usize], notes: &mut Vec<String>) -> Result<(&'static str, DAffine3)> {
+    for (name, code) in [("qform_code", f.qform_code), ("sform_code", f.sform_code)] {
+        if code < 0 {
+            let message = format!("{name} is {code}; 0 (there is none) or more is needed");
+            return Err(bad("VGS-NII-023", message).help(CORRECT));
+        }
+    }
     if f.sform_code > 0 {
         let [x, y, z] = f.srow;
         let affine = DAffine3::from_cols(
@@ -364,6 +459,7 @@ fn check_affine(f: &Fields, notes: &mut Vec<String>) -> Result<(&'static str, DA
             DVec3::new(x[2], y[2], z[2]),
             DVec3::new(x[3], y[3], z[3]),
         );
+        compare_forms(f, &affine, dims, notes);
         return Ok(("sform", affine));
     }
     let rank = f.dim[0] as usize;
@@ -372,7 +468,7 @@ fn check_affine(f: &Fields, notes: &mut Vec<String>) -> Result<(&'static str, DA
         let p = f.pixdim[i];
         if p == 0.0 || !p.is_finite() {
             let message = format!("pixdim[{i}] is {p}; the voxel size is needed, since there is no sform");
-            return Err(bad("VGS-NII-010", message));
+            return Err(bad("VGS-NII-010", message).help(CORRECT));
         }
         if p < 0.0 {
             notes.push(format!("pixdim[{i}] is {p}: its sign is ignored"));
@@ -389,13 +485,45 @@ fn check_affine(f: &Fields, notes: &mut Vec<String>) -> Result<(&'static str, DA
     Ok(("pixdim", DAffine3::from_scale(spacing)))
 }
 
+/// Notes where the sform, which is used, says something else than the qform or the voxel size.
+fn compare_forms(f: &Fields, sform: &DAffine3, dims: &[usize], notes: &mut Vec<String>) {
+    let spacing = DVec3::from_array([1, 2, 3].map(|i| f.pixdim[i].abs()));
+    let own = spacing_of(sform);
+    let differs = |axis: usize| {
+        dims[axis] > 1 && spacing[axis] > 0.0 && (own[axis] / spacing[axis] - 1.0).abs() > SAME_LENGTH
+    };
+    let qform = if f.qform_code > 0 { qform(f, spacing, &mut Vec::new()).ok() } else { None };
+    if let Some(qform) = qform.filter(|form| form.is_finite()) {
+        let corner = |i: usize| {
+            DVec3::from_array(
+                [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { dims[axis] as f64 - 1.0 } else { 0.0 }),
+            )
+        };
+        let apart = |i: usize| qform.transform_point3(corner(i)).distance(sform.transform_point3(corner(i)));
+        let most = (0..8).map(apart).fold(0.0, f64::max);
+        if most > SAME_PLACE * own.min_element() {
+            notes.push(format!(
+                "qform (code {}) and sform (code {}) are up to {most:.4} units of length apart: the sform is used, as \
+                 nibabel and FSL do; ITK and 3D Slicer may use the other",
+                f.qform_code, f.sform_code
+            ));
+        }
+    } else if (0..3).any(differs) && shear_of(sform) <= SHEARED {
+        let [x, y, z] = spacing.to_array();
+        notes.push(format!(
+            "pixdim has voxels of {x} × {y} × {z}, and the sform of {:.4} × {:.4} × {:.4}: the sform is used",
+            own.x, own.y, own.z
+        ));
+    }
+}
+
 fn qform(f: &Fields, spacing: DVec3, notes: &mut Vec<String>) -> Result<DAffine3> {
     let [b, c, d] = f.quaternion;
     let offset = DVec3::from_array(f.q_offset);
     let norm2 = b * b + c * c + d * d;
     if !norm2.is_finite() || norm2.sqrt() > 1.0 + 1e-3 {
-        let message = format!("the qform quaternion ({b}, {c}, {d}) is not a rotation");
-        return Err(bad("VGS-NII-011", message));
+        let message = format!("quatern_b, quatern_c, quatern_d are {b}, {c}, {d}, which is not a rotation");
+        return Err(bad("VGS-NII-011", message).help(CORRECT));
     }
     // Rounding of the three stored components may make them just longer than a unit vector: then a = 0.
     let scale = if norm2 > 1.0 { norm2.sqrt().recip() } else { 1.0 };
@@ -407,6 +535,10 @@ fn qform(f: &Fields, spacing: DVec3, notes: &mut Vec<String>) -> Result<DAffine3
         DVec3::new(2.0 * (b * d + a * c), 2.0 * (c * d - a * b), a * a + d * d - b * b - c * c),
     );
     let qfac = f.pixdim[0];
+    if !qfac.is_finite() {
+        let message = format!("pixdim[0] is {qfac}; -1 or 1, the handedness of the axes, is needed");
+        return Err(bad("VGS-NII-024", message).help(CORRECT));
+    }
     if qfac != 1.0 && qfac != -1.0 {
         notes.push(format!("pixdim[0] is {qfac}: it is taken as {}", if qfac < 0.0 { -1 } else { 1 }));
     }
@@ -414,22 +546,17 @@ fn qform(f: &Fields, spacing: DVec3, notes: &mut Vec<String>) -> Result<DAffine3
     Ok(DAffine3::from_mat3_translation(rotation * DMat3::from_diagonal(handed), offset))
 }
 
-/// Checks that the affine is finite and invertible, and notes shear and odd voxel sizes.
+/// Checks that the affine is invertible, and notes shear and odd voxel sizes.
 fn check_shape(affine: &DAffine3, notes: &mut Vec<String>) -> Result<()> {
-    if !affine.is_finite() {
-        return Err(bad("VGS-NII-012", "the affine holds NaN or infinity"));
-    }
     let spacing = spacing_of(affine);
     let det = affine.matrix3.determinant();
     // Compared with a box of the same voxel size, so that small voxels are not refused.
     if det.abs() <= 1e-6 * spacing.element_product() || !det.is_normal() {
         return Err(bad("VGS-NII-012", "the affine is singular: voxels have no volume"));
     }
-    let m = affine.matrix3;
-    let units = [m.x_axis / spacing.x, m.y_axis / spacing.y, m.z_axis / spacing.z];
-    let shear = [(0, 1), (0, 2), (1, 2)].map(|(i, j)| units[i].dot(units[j]).abs());
-    if shear.iter().any(|&s| s > 1e-3) {
-        let degrees = shear.iter().fold(0.0_f64, |a, &s| a.max(s)).min(1.0).asin().to_degrees();
+    let shear = shear_of(affine);
+    if shear > SHEARED {
+        let degrees = shear.min(1.0).asin().to_degrees();
         notes.push(format!("the affine is sheared by {degrees:.1}° (gantry tilt?): it is kept exactly"));
     }
     if spacing.min_element() < 1e-3 || spacing.max_element() > 1e3 {

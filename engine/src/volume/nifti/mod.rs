@@ -22,7 +22,7 @@ mod read;
 mod write;
 
 pub use describe::{Header, describe};
-pub(super) use header::sniff;
+pub(super) use header::{FIELDS, sniff};
 pub(super) use open::beside;
 pub use read::read;
 pub use write::{check_name, write};

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::open::{Opened, open};
+use crate::unit::Unit;
 use crate::volume::source::reserve_samples;
 use crate::volume::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
@@ -26,7 +27,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
 fn samples(opened: Opened, options: &ReadOptions) -> Result<Volume> {
     let Opened { header, labels, mut voxels, voxel_path, .. } = opened;
     let Some(decode) = header.datatype.decode else {
-        let message = format!("{} ({}) is not a scalar volume", header.datatype.name, header.datatype.code);
+        let message = format!(
+            "the datatype {} ({}) is not a scalar volume",
+            header.datatype.name, header.datatype.code
+        );
         return Err(Error::new(Kind::BadData, "VGS-NII-015", message)
             .help("a volume of single integers or real numbers is needed, such as int16 or float32"));
     };
@@ -97,11 +101,9 @@ fn samples(opened: Opened, options: &ReadOptions) -> Result<Volume> {
         tracing::warn!("{}: {extra} bytes after the voxels are ignored", voxel_path.display());
     }
     Ok(Volume {
-        size: header.size(),
-        world_from_voxel: header.affine,
-        samples: out,
         oriented: header.affine_source != "pixdim",
         labels,
-        frame_of_reference: None,
+        stated_unit: header.is_mr().then_some(Unit::Arbitrary),
+        ..Volume::new(header.size(), header.affine, out)
     })
 }

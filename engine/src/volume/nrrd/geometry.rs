@@ -17,6 +17,46 @@ const SPACES: [(&str, &str, DVec3); 3] = [
 /// The spaces that do not refer to a patient.
 const OTHER_SPACES: [&str; 3] = ["scanner-xyz", "3d-right-handed", "3d-left-handed"];
 
+/// Part by which a spacing and the length of a direction may differ, by rounding.
+const SAME_LENGTH: f64 = 1e-3;
+
+/// The kinds of axes of the format, in lower case.
+const KINDS: [&str; 33] = [
+    "domain",
+    "space",
+    "time",
+    "list",
+    "point",
+    "vector",
+    "covariant-vector",
+    "normal",
+    "stub",
+    "scalar",
+    "complex",
+    "2-vector",
+    "3-color",
+    "rgb-color",
+    "hsv-color",
+    "xyz-color",
+    "4-color",
+    "rgba-color",
+    "3-vector",
+    "3-gradient",
+    "3-normal",
+    "4-vector",
+    "quaternion",
+    "2d-symmetric-matrix",
+    "2d-masked-symmetric-matrix",
+    "2d-matrix",
+    "2d-masked-matrix",
+    "3d-symmetric-matrix",
+    "3d-masked-symmetric-matrix",
+    "3d-matrix",
+    "3d-masked-matrix",
+    "???",
+    "none",
+];
+
 /// The axes of the voxels: three in space, and perhaps one of a series.
 #[derive(Debug)]
 pub(super) struct Axes {
@@ -31,7 +71,15 @@ pub(super) struct Axes {
 impl Header {
     /// Returns the `space directions`, one for each of `rank` axes; `None` if the header has none.
     pub fn directions(&self, rank: usize) -> Result<Option<Vec<Option<DVec3>>>> {
-        let Some(text) = self.field("spacedirections") else { return Ok(None) };
+        if let Some(text) = self.field("space dimension")
+            && !["3", "4"].contains(&text)
+        {
+            let message = format!("'space dimension' is '{}'; 3, or 4 with time, is needed", excerpt(text));
+            return Err(
+                bad("VGS-NRD-022", message).help("export the volume again, in the space of the patient")
+            );
+        }
+        let Some(text) = self.field("space directions") else { return Ok(None) };
         match vectors(text).filter(|found| found.len() == rank) {
             Some(found) => Ok(Some(found.into_iter().map(|v| v.and_then(in_space)).collect())),
             None => {
@@ -47,9 +95,9 @@ impl Header {
 
     /// Determines which axes are in space and which is that of a series.
     pub fn axes(&self, sizes: &[usize], directions: Option<&[Option<DVec3>]>) -> Result<Axes> {
-        let kinds: Vec<String> =
-            self.field("kinds").unwrap_or_default().split_whitespace().map(str::to_lowercase).collect();
-        let kind = |axis: usize| kinds.get(axis).map_or("none", String::as_str);
+        let kinds = self.words("kinds", sizes.len(), |word| KINDS.contains(&word))?;
+        let kind =
+            |axis: usize| kinds.as_ref().and_then(|kinds| kinds.get(axis)).map_or("none", String::as_str);
         let direction = |axis: usize| directions.and_then(|d| d.get(axis).copied().flatten());
         let (mut spatial, mut series) = (Vec::new(), Vec::new());
         for (axis, &size) in sizes.iter().enumerate() {
@@ -107,7 +155,8 @@ impl Header {
             return Ok((self.affine_of_spacings(axes, rank, notes)?, false));
         };
         let (signs, oriented) = self.signs(notes)?;
-        let origin = match self.field("spaceorigin") {
+        self.check_spacings(axes, rank, directions, notes)?;
+        let origin = match self.field("space origin") {
             None => {
                 notes.push("there is no space origin: the first voxel is taken to be at 0, 0, 0".into());
                 DVec3::ZERO
@@ -120,10 +169,39 @@ impl Header {
                 }
             },
         };
-        let units = DVec3::from_array(self.millimetres("spaceunits", [0, 1, 2], notes));
+        let units = DVec3::from_slice(&self.millimetres("space units", &[3, 4])?);
         let columns =
             axes.spatial.map(|a| units * directions.get(a).copied().flatten().unwrap_or(DVec3::ZERO));
         Ok((grid(columns, units * origin, signs), oriented))
+    }
+
+    /// Refuses spacings that say something else than the directions, and notes what is not used beside these.
+    fn check_spacings(
+        &self,
+        axes: &Axes,
+        rank: usize,
+        directions: &[Option<DVec3>],
+        notes: &mut Vec<String>,
+    ) -> Result<()> {
+        let spacings = self.per_axis("spacings", rank)?;
+        for axis in axes.spatial {
+            let length = directions.get(axis).copied().flatten().map_or(f64::NAN, DVec3::length);
+            let spacing = spacings.get(axis).map_or(f64::NAN, |spacing| spacing.abs());
+            if (spacing - length).abs() > SAME_LENGTH * length.max(spacing) {
+                let message = format!(
+                    "'spacings' of axis {axis} is {spacing}, and its vector in 'space directions' is {length} long; one \
+                     length is needed"
+                );
+                return Err(bad("VGS-NRD-023", message)
+                    .help("leave 'spacings' out of the header if the directions are right"));
+            }
+        }
+        for name in ["units", "axis mins", "axis maxs"] {
+            if self.field(name).is_some() {
+                notes.push(format!("'{name}' is not used, since there are space directions"));
+            }
+        }
+        Ok(())
     }
 
     /// Returns the sign that takes each axis of the space to RAS, and true if the space is that of a patient.
@@ -147,70 +225,126 @@ impl Header {
             return Ok((DVec3::ONE, false));
         }
         let known: Vec<_> = SPACES.iter().map(|(long, ..)| *long).collect();
-        Err(bad("VGS-NRD-014", format!("the space is '{}', which is not known", excerpt(text)))
-            .help(format!("known spaces: {}, {}", known.join(", "), OTHER_SPACES.join(", "))))
+        Err(bad("VGS-NRD-014", format!("'space' is '{}', which is not known", excerpt(text))).help(format!(
+            "known spaces: {}, {}",
+            known.join(", "),
+            OTHER_SPACES.join(", ")
+        )))
+    }
+
+    /// Returns the numbers of a field, one for each of `rank` axes: NaN where there is none.
+    fn per_axis(&self, name: &str, rank: usize) -> Result<Vec<f64>> {
+        match self.field(name).map(|text| (text, reals(text))) {
+            None => Ok(vec![f64::NAN; rank]),
+            Some((_, Some(found))) if found.len() == rank && !found.iter().any(|v| v.is_infinite()) => {
+                Ok(found)
+            }
+            Some((text, _)) => {
+                let message = format!("'{name}' is '{}'; {rank} finite numbers are needed", excerpt(text));
+                Err(bad("VGS-NRD-015", message).help("write nan where an axis has none"))
+            }
+        }
+    }
+
+    /// Returns the words of a field, one for each of `rank` axes, in lower case; `None` if there is no such field.
+    /// `known` says whether a word is one of the format.
+    fn words(&self, name: &str, rank: usize, known: impl Fn(&str) -> bool) -> Result<Option<Vec<String>>> {
+        let Some(text) = self.field(name) else { return Ok(None) };
+        let words: Vec<String> = text.split_whitespace().map(str::to_lowercase).collect();
+        let unknown = words.iter().find(|word| !known(word.as_str()));
+        if unknown.is_none() && words.len() == rank {
+            return Ok(Some(words));
+        }
+        let why =
+            unknown.map_or(String::new(), |word| format!(", of which '{}' is not known", excerpt(word)));
+        let message =
+            format!("'{name}' is '{}'{why}; a word for each of {rank} axes is needed", excerpt(text));
+        Err(bad("VGS-NRD-020", message).help("write ??? where nothing is known of an axis"))
     }
 
     /// Returns the affine of a header without directions.
     fn affine_of_spacings(&self, axes: &Axes, rank: usize, notes: &mut Vec<String>) -> Result<DAffine3> {
-        let millimetres = self.millimetres("units", axes.spatial, notes);
-        let list = |name: &str| match self.field(name).map(|text| (text, reals(text))) {
-            None => Ok(vec![f64::NAN; rank]),
-            Some((_, Some(found))) if found.len() == rank => Ok(found),
-            Some((text, _)) => {
-                let message = format!("'{name}' is '{}'; {rank} numbers are needed", excerpt(text));
-                Err(bad("VGS-NRD-015", message).help("write nan where an axis has none"))
-            }
-        };
-        let (spacings, mins) = (list("spacings")?, list("axismins")?);
-        let centers = self.field("centers").or(self.field("centerings")).unwrap_or_default().to_lowercase();
-        let centers: Vec<_> = centers.split_whitespace().collect();
+        let millimetres = self.millimetres("units", &[rank])?;
+        let [spacings, mins, maxs] =
+            ["spacings", "axis mins", "axis maxs"].map(|name| self.per_axis(name, rank));
+        let (spacings, mins, maxs) = (spacings?, mins?, maxs?);
+        let name = if self.field("centers").is_some() { "centers" } else { "centerings" };
+        let centers = self.words(name, rank, |word| ["cell", "node", "???", "none"].contains(&word))?;
+        let center =
+            |axis: usize| centers.as_ref().and_then(|words| words.get(axis)).map_or("???", String::as_str);
+        let number = |of: &[f64], axis: usize| of.get(axis).copied().filter(|v| !v.is_nan());
         let (mut columns, mut origin) = ([DVec3::ZERO; 3], DVec3::ZERO);
         for (place, &axis) in axes.spatial.iter().enumerate() {
-            let mut spacing = spacings.get(axis).copied().unwrap_or(f64::NAN);
-            if spacing.is_nan() {
-                notes.push(format!("axis {axis} has no spacing: it is taken as 1 mm"));
-                spacing = 1.0;
-            }
+            let (min, steps) = (number(&mins, axis), axes.size[place] as f64);
+            let span = min.zip(number(&maxs, axis)).map(|(min, max)| max - min);
+            let spacing = match (number(&spacings, axis), span, center(axis)) {
+                (Some(spacing), ..) => spacing,
+                (None, Some(span), "cell") => span / steps,
+                (None, Some(span), "node") if steps > 1.0 => span / (steps - 1.0),
+                (None, Some(_), found) => {
+                    let message = format!(
+                        "axis {axis} has 'axis mins' and 'axis maxs', no 'spacings', and is centered '{found}'; cell or \
+                         node is needed"
+                    );
+                    return Err(
+                        bad("VGS-NRD-024", message).help("add 'spacings' or 'centerings' to the header")
+                    );
+                }
+                (None, None, _) => {
+                    notes.push(format!("axis {axis} has no spacing: it is taken as 1 mm"));
+                    1.0
+                }
+            };
             if spacing < 0.0 {
-                notes.push(format!("the spacing of axis {axis} is {spacing}: its sign is ignored"));
+                notes.push(format!(
+                    "the spacing of axis {axis} is {spacing}: the axis runs the other way, as in ITK"
+                ));
             }
-            if spacing == 0.0 || spacing.is_infinite() {
-                let message = format!("the spacing of axis {axis} is {spacing}; a length is needed");
+            if spacing == 0.0 {
+                let message = format!("'spacings' of axis {axis} is {spacing}; a length is needed");
                 return Err(
                     bad("VGS-NRD-016", message).help("the header is damaged: export the volume again")
                 );
             }
-            let min = mins.get(axis).copied().filter(|m| m.is_finite()).unwrap_or(0.0);
             // The lower end of a cell is half a voxel before its centre.
-            let half = if mins.get(axis).is_some_and(|m| m.is_finite()) && centers.get(axis) == Some(&"cell")
-            {
-                spacing.abs() / 2.0
-            } else {
-                0.0
-            };
-            let scale = millimetres.get(place).copied().unwrap_or(1.0);
-            if let Some(column) = columns.get_mut(place) {
-                *column = DVec3::AXES[place] * spacing.abs() * scale;
-                origin += DVec3::AXES[place] * (min + half) * scale;
-            }
+            let half = if min.is_some() && center(axis) == "cell" { spacing / 2.0 } else { 0.0 };
+            let scale = millimetres.get(axis).copied().unwrap_or(1.0);
+            columns[place] = DVec3::AXES[place] * spacing * scale;
+            origin += DVec3::AXES[place] * (min.unwrap_or(0.0) + half) * scale;
         }
         Ok(grid(columns, origin, DVec3::ONE))
     }
 
-    /// Returns the length in millimetres of the units of three axes, from a field of quoted names.
-    fn millimetres(&self, field: &str, axes: [usize; 3], notes: &mut Vec<String>) -> [f64; 3] {
-        let names: Vec<&str> = self.field(field).unwrap_or_default().split('"').skip(1).step_by(2).collect();
-        axes.map(|axis| match names.get(axis).map_or("", |name| name.trim()) {
-            "" | "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => 1.0,
-            "um" | "µm" | "μm" | "micron" | "microns" | "micrometer" | "micrometers" => 1e-3,
-            "cm" => 10.0,
-            "m" => 1e3,
-            other => {
-                notes.push(format!("the unit '{}' is not known: it is taken as mm", excerpt(other)));
-                1.0
+    /// Returns the length in millimetres of the units of a field, which has one of the `counts` of them; quotes may be
+    /// left out. Without the field all are mm.
+    fn millimetres(&self, field: &str, counts: &[usize]) -> Result<Vec<f64>> {
+        let Some(text) = self.field(field) else {
+            return Ok(vec![1.0; counts.iter().copied().max().unwrap_or(0)]);
+        };
+        let wrong = |why: String| {
+            bad("VGS-NRD-021", format!("'{field}' is '{}'; {why}", excerpt(text)))
+                .help("write \"mm\" for each axis, or leave the field out")
+        };
+        let names: Vec<&str> = match text.contains('"') {
+            true => text.split('"').skip(1).step_by(2).map(str::trim).collect(),
+            false => text.split_whitespace().collect(),
+        };
+        if !counts.contains(&names.len()) {
+            return Err(wrong(format!("one unit for each axis is needed, and there are {}", names.len())));
+        }
+        let length = |name: &&str| match *name {
+            "" | "???" | "none" | "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => {
+                Ok(1.0)
             }
-        })
+            "nm" => Ok(1e-6),
+            "um" | "µm" | "μm" | "micron" | "microns" | "micrometer" | "micrometers" => Ok(1e-3),
+            "cm" => Ok(10.0),
+            "m" | "meter" | "meters" | "metre" | "metres" => Ok(1e3),
+            // Of time, for an axis that is not in space.
+            "s" | "sec" | "ms" => Ok(f64::NAN),
+            other => Err(wrong(format!("the unit '{}' is not known", excerpt(other)))),
+        };
+        names.iter().map(length).collect()
     }
 }
 
@@ -248,5 +382,6 @@ fn vectors(text: &str) -> Option<Vec<Option<[f64; 4]>>> {
 fn in_space([x, y, z, time]: [f64; 4]) -> Option<DVec3> {
     let direction = DVec3::new(x, y, z);
     let is_time = direction == DVec3::ZERO && time != 0.0;
-    (!is_time && !direction.is_nan()).then_some(direction)
+    let is_none = direction.to_array().iter().all(|v| v.is_nan());
+    (!is_time && !is_none).then_some(direction)
 }

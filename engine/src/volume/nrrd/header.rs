@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::volume::elements::{self, Element};
+use crate::volume::fields::FieldRow;
 use crate::volume::source::Source;
 use crate::volume::text_header::{Lines, excerpt};
 use crate::{Error, Kind, Result};
@@ -34,6 +35,130 @@ pub(super) const TYPES: [(&Element, &[&str]); 10] = [
     (&elements::FLOAT32, &["float"]),
     (&elements::FLOAT64, &["double"]),
 ];
+
+/// What is done with the fields of the format.
+pub(in crate::volume) const FIELDS: &[FieldRow] = &[
+    FieldRow::needed(
+        "type",
+        "type of the voxels: single numbers of 1 to 8 bytes",
+        &["block", "char", "int12", ""],
+    ),
+    FieldRow::needed("dimension", "number of axes, 1 to 16", &["0", "17", "-3", "three"]),
+    FieldRow::needed("sizes", "size of each axis, the fastest first", &["3 2", "3 2 0", "3 2 -2", "3 2 two"]),
+    FieldRow::needed("encoding", "raw, gzip or text", &["hex", "bzip2", "zip"]),
+    FieldRow::with_default(
+        "endian",
+        "byte order; not used for single bytes and text",
+        "refused, where the order of bytes matters",
+        &["middle", ""],
+    ),
+    FieldRow::with_default(
+        "space",
+        "the patient's axes",
+        "left and right cannot be told: a note",
+        &["left-posterior", "LPSS", ""],
+    ),
+    FieldRow::with_default(
+        "space dimension",
+        "number of axes of the space",
+        "that of the vectors",
+        &["2", "x"],
+    ),
+    FieldRow::with_default(
+        "space directions",
+        "vector of each axis, or none",
+        "orientation unknown, spacings are used: a note",
+        &[
+            "(1,0,0) (0,1,0)",
+            "(1,0,0) (0,1,0) (0,0,two)",
+            "(1,0,0) (0,1,0) (0,nan,1)",
+            "(1,0,0) (0,1,0) (0,0)",
+        ],
+    ),
+    FieldRow::with_default(
+        "space origin",
+        "place of the first voxel",
+        "0, 0, 0: a note",
+        &["1 2 3", "(1,2)", "(0,nan,0)"],
+    ),
+    FieldRow::with_default(
+        "space units",
+        "unit of each axis of the space",
+        "mm",
+        &["\"parsec\" \"mm\" \"mm\"", "\"mm\""],
+    ),
+    FieldRow::with_default(
+        "spacings",
+        "distance of voxels, without space directions; nan says that there is none",
+        "1 mm: a note",
+        &["1 2", "1 2 x", "1 0 1", "1 inf 1", "1,5 1 1"],
+    ),
+    FieldRow::with_default(
+        "units",
+        "unit of each axis, without space directions",
+        "mm",
+        &["\"parsec\" \"mm\" \"mm\"", "\"mm\""],
+    ),
+    FieldRow::with_default(
+        "axis mins",
+        "lower end of each axis, without space directions; nan says that there is none",
+        "the first voxel is at 0",
+        &["1 2", "1 2 x", "0 0 inf"],
+    ),
+    FieldRow::with_default(
+        "axis maxs",
+        "upper end of each axis, for a spacing that is not given",
+        "none",
+        &["1 2", "1 2 x", "0 0 inf"],
+    ),
+    FieldRow::with_default(
+        "centerings",
+        "whether the ends of an axis are those of cells or nodes",
+        "nodes",
+        &["cells cell cell", "cell"],
+    ),
+    FieldRow::with_default(
+        "kinds",
+        "which axes are in space",
+        "the space directions say it, or the first three are",
+        &["domain domain", "domain domain dommain"],
+    ),
+    FieldRow::with_default(
+        "data file",
+        "the one file of the voxels, in the folder of the header or below",
+        "the voxels follow the header",
+        &["LIST", "%03d.raw 1 10 1", "../a.raw", ""],
+    ),
+    FieldRow::with_default("line skip", "lines before the voxels", "0", &["x", "-1", "1.5"]),
+    FieldRow::with_default(
+        "byte skip",
+        "bytes before the voxels; below 0, of plain raw voxels alone, from the end",
+        "0",
+        &["x", "1.5"],
+    ),
+    FieldRow::unused(
+        "old min",
+        "not applied, as in ITK and pynrrd: voxels are read as they are stored, with a note",
+    ),
+    FieldRow::unused("old max", "as old min"),
+    FieldRow::unused("min", "not used: the voxels say it"),
+    FieldRow::unused("max", "not used: the voxels say it"),
+    FieldRow::unused("block size", "not used: of a type that is refused"),
+    FieldRow::unused("content", "not used: text for people"),
+    FieldRow::unused("labels", "not used: text for people"),
+    FieldRow::with_default(
+        "sample units",
+        "HU or Hounsfield: values are HU; any other text is not used",
+        "the values tell",
+        &[],
+    ),
+    FieldRow::unused("thicknesses", "not used: voxels go on at their distances"),
+    FieldRow::unused("measurement frame", "not used: numbers have no direction"),
+    FieldRow::unused("number", "not used: the sizes say it"),
+];
+
+/// Other names of fields.
+const SHORT_NAMES: [&str; 1] = ["centers"];
 
 /// The fields and keys of a header, not yet checked.
 #[derive(Debug, Default)]
@@ -75,7 +200,7 @@ impl Header {
             })?;
         }
         // A header whose voxels are in another file may end with its file.
-        if header.fields.contains_key("datafile") {
+        if header.field("data file").is_some() {
             return Ok(header);
         }
         Err(bad("VGS-NRD-003", "the file ends inside the header: no empty line, and no 'data file' field")
@@ -91,16 +216,36 @@ impl Header {
             self.keys.insert(name.trim().to_owned(), value.trim().to_owned());
             return Ok(());
         }
-        let name: String = name.chars().filter(|c| !c.is_whitespace()).collect();
-        match self.fields.insert(name.to_lowercase(), value.trim().to_owned()) {
+        match self.fields.insert(without_spaces(&name.to_lowercase()), value.trim().to_owned()) {
             None => Ok(()),
             Some(_) => Err("gives a field a second time"),
         }
     }
 
-    /// Returns a field by its name in lower case and without spaces.
+    /// Returns a field by its name in lower case.
     pub fn field(&self, name: &str) -> Option<&str> {
-        self.fields.get(name).map(String::as_str)
+        self.fields.get(&without_spaces(name)).map(String::as_str)
+    }
+
+    /// Refuses a field whose name is one letter away from that of the format; notes any other that the format does not
+    /// know, which is not used.
+    pub fn check_names(&self, notes: &mut Vec<String>) -> Result<()> {
+        let known = || FIELDS.iter().map(|row| row.name).chain(SHORT_NAMES);
+        for name in self.fields.keys() {
+            if known().any(|known| without_spaces(known) == *name) {
+                continue;
+            }
+            let meant = known().find(|known| strsim::osa_distance(name, &without_spaces(known)) == 1);
+            if let Some(meant) = meant {
+                let message =
+                    format!("the format has no field '{}'; did the writer mean '{meant}'?", excerpt(name));
+                return Err(
+                    bad("VGS-NRD-019", message).help("correct the header, or export the volume again")
+                );
+            }
+            notes.push(format!("the format has no field '{}': it is ignored", excerpt(name)));
+        }
+        Ok(())
     }
 
     pub fn needed(&self, name: &str) -> Result<&str> {
@@ -119,7 +264,7 @@ impl Header {
             .map(|(element, _)| *element)
             .ok_or_else(|| {
                 let what = if name == "block" { "made of opaque bytes" } else { "no type of the format" };
-                bad("VGS-NRD-005", format!("the type is '{}', {what}", excerpt(text)))
+                bad("VGS-NRD-005", format!("'type' is '{}', {what}", excerpt(text)))
                     .help("a volume of single integers or real numbers is needed, such as short or float")
             })
     }
@@ -130,7 +275,7 @@ impl Header {
             "raw" => Ok(Encoding::Raw),
             "gzip" | "gz" => Ok(Encoding::Gzip),
             "text" | "txt" | "ascii" => Ok(Encoding::Text),
-            _ => Err(bad("VGS-NRD-006", format!("the encoding is '{}', which is not read", excerpt(text)))
+            _ => Err(bad("VGS-NRD-006", format!("'encoding' is '{}', which is not read", excerpt(text)))
                 .help("write the file with encoding raw or gzip (teem: unu save -f nrrd -e gzip)")),
         }
     }
@@ -201,6 +346,11 @@ impl Header {
         }
         Ok(labels)
     }
+}
+
+/// Returns a name without its spaces: the format has some names with and without.
+fn without_spaces(name: &str) -> String {
+    name.chars().filter(|c| !c.is_whitespace()).collect()
 }
 
 /// Returns the value of a key with the format's escapes resolved.

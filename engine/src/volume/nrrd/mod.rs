@@ -17,11 +17,13 @@ mod header;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+pub(super) use self::header::FIELDS;
 use self::header::{Encoding, Header, bad};
 use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
-use super::text_header::{check_grid, excerpt, open_beside, path_beside, skip_lines};
+use super::text_header::{check_grid, excerpt, names_several, open_beside, path_beside, skip_lines};
 use super::{ReadOptions, Volume};
+use crate::unit::Unit;
 use crate::{Error, Result};
 
 /// Returns true if the decoded beginning of a file is that of NRRD.
@@ -40,24 +42,25 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
 /// Returns the file of voxels that a header names; `None` if they are in the same file.
 pub(super) fn beside(path: &Path) -> Option<PathBuf> {
     let header = Header::read(&mut Source::open(path, true).ok()?).ok()?;
-    path_beside(path, header.field("datafile")?).ok()
+    path_beside(path, header.field("data file")?).ok()
 }
 
 fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
     let mut source = Source::open(path, options.lenient)?;
     let header = Header::read(&mut source)?;
+    let mut notes = Vec::new();
+    header.check_names(&mut notes)?;
     let element = header.element()?;
     let encoding = header.encoding()?;
     let big_endian = header.is_big_endian(element, encoding)?;
-    let mut notes = Vec::new();
     let sizes = header.sizes()?;
     let directions = header.directions(sizes.len())?;
     let axes = header.axes(&sizes, directions.as_deref())?;
     let labels = header.labels(axes.volumes)?;
     let (affine, oriented) = header.affine(&axes, sizes.len(), directions.as_deref(), &mut notes)?;
-    notes.extend(check_grid(&affine)?);
+    notes.extend(check_grid(&affine, "'space directions'", "'space origin'")?);
     let layout = Layout::new(element, big_endian, axes.size, (axes.volumes, axes.run), options)?;
-    if header.fields.contains_key("oldmin") || header.fields.contains_key("oldmax") {
+    if header.field("old min").or(header.field("old max")).is_some() {
         notes.push("'old min' and 'old max' are not applied: voxels are read as they are stored".into());
     }
     for note in notes {
@@ -65,14 +68,11 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
     }
     let payload = open_payload(&header, source, path, encoding, layout.bytes(), options)?;
     let samples = payload.samples(&layout, encoding == Encoding::Text, options)?;
-    Ok(Volume {
-        size: axes.size,
-        world_from_voxel: affine,
-        samples,
-        oriented,
-        labels,
-        frame_of_reference: None,
-    })
+    let stated_unit = header.field("sample units").and_then(|text| {
+        let name = text.trim_matches('"').to_lowercase();
+        (name == "hu" || name.starts_with("hounsfield")).then_some(Unit::Hu)
+    });
+    Ok(Volume { oriented, labels, stated_unit, ..Volume::new(axes.size, affine, samples) })
 }
 
 /// Opens the voxels and skips the bytes before them.
@@ -89,13 +89,12 @@ fn open_payload(
         Some((_, Ok(n))) => Ok(n),
         Some((text, Err(_))) => Err(wrong_skip(name, excerpt(text))),
     };
-    let (lines, skip) = (number("lineskip")?, number("byteskip")?);
-    let lines = u64::try_from(lines).map_err(|_| wrong_skip("lineskip", lines.to_string()))?;
+    let (lines, skip) = (number("line skip")?, number("byte skip")?);
+    let lines = u64::try_from(lines).map_err(|_| wrong_skip("line skip", lines.to_string()))?;
     let mut path = header.to_owned();
     let mut packing = if encoding == Encoding::Gzip { Packing::Gzip } else { Packing::Plain };
-    if let Some(name) = fields.field("datafile") {
-        let words = name.split_whitespace().count();
-        if name.split_whitespace().next() == Some("LIST") || name.contains('%') && words > 1 {
+    if let Some(name) = fields.field("data file") {
+        if names_several(name) {
             let message = format!("the voxels are in several files ('data file: {}')", excerpt(name));
             return Err(bad("VGS-NRD-017", message)
                 .help("write the volume as one file (teem: unu save -f nrrd -i IN.nhdr -o OUT.nrrd)"));
@@ -110,7 +109,7 @@ fn open_payload(
     let forward = match u64::try_from(skip) {
         Ok(forward) => forward,
         Err(_) if encoding != Encoding::Raw || source.gzip => {
-            return Err(wrong_skip("byteskip", format!("{skip}, which counts from the end")));
+            return Err(wrong_skip("byte skip", format!("{skip}, which counts from the end")));
         }
         // -1 stands for the end of the file, -2 for one byte before it.
         Err(_) => {

@@ -247,6 +247,12 @@ fn without_directions_the_orientation_is_unknown() {
         ("", DVec3::ONE, DVec3::ZERO),
         ("spacings: 0.5 2 3\n", DVec3::new(0.5, 2.0, 3.0), DVec3::ZERO),
         ("spacings: 0.5 -2 nan\naxis mins: 1 2 NaN\n", DVec3::new(0.5, 2.0, 1.0), DVec3::new(1.0, 2.0, 0.0)),
+        // The numbers of the ends and of the voxels: 3 2 2.
+        (
+            "axis mins: 0 0 1\naxis maxs: 6 4 4\ncenterings: cell cell node\n",
+            DVec3::new(2.0, 2.0, 3.0),
+            DVec3::new(1.0, 1.0, 1.0),
+        ),
         (
             "spacings: 0.5 2 3\naxismins: 1 2 3\ncenterings: cell node ???\n",
             DVec3::new(0.5, 2.0, 3.0),
@@ -264,7 +270,8 @@ fn without_directions_the_orientation_is_unknown() {
         ("spacings: 1 2\n", "VGS-NRD-015"),
         ("spacings: 1 2 x\n", "VGS-NRD-015"),
         ("spacings: 1 0 1\n", "VGS-NRD-016"),
-        ("spacings: 1 inf 1\n", "VGS-NRD-016"),
+        ("spacings: 1 inf 1\n", "VGS-NRD-015"),
+        ("axis mins: 0 0 0\naxis maxs: 6 4 4\n", "VGS-NRD-024"),
     ] {
         assert_eq!(code(&file(&format!("{head}{fields}"), &[7; 12])), expected, "{fields}");
     }
@@ -298,6 +305,86 @@ fn segmentations_carry_the_names_of_their_labels() {
     assert_eq!(code(&file(&format!("{HEAD}{wrong}"), &shorts(0..12))), "VGS-NRD-012");
     let old = format!("{HEAD}Segment0_Name:=old\n");
     assert_eq!(read_bytes(&file(&old, &shorts(0..12))).unwrap().labels, [(1, "old".to_owned())].into());
+}
+
+/// Returns a file with another value in one field, where that field is used.
+fn with_field(name: &str, value: &str) -> Vec<u8> {
+    let mut lines: Vec<String> = HEAD.lines().map(str::to_owned).collect();
+    if ["spacings", "units", "axis mins", "axis maxs", "centerings"].contains(&name) {
+        lines.retain(|line| !line.starts_with("space"));
+    }
+    let line = format!("{name}: {value}");
+    match lines.iter().position(|l| l.starts_with(&format!("{name}:"))) {
+        Some(at) => lines[at] = line,
+        None => lines.push(line),
+    }
+    file(&(lines.join("\n") + "\n"), &shorts(0..12))
+}
+
+#[test]
+fn no_field_that_cannot_be_read_counts_as_absent() {
+    for row in FIELDS {
+        for value in row.refused {
+            let error = read_bytes(&with_field(row.name, value)).expect_err(row.name);
+            assert_eq!(error.kind, Kind::BadData, "{}: {value}: {error}", row.name);
+            let named = error.message.contains(&format!("'{}", row.name)) || error.code == "VGS-VOL-024";
+            assert!(named && !error.help.is_empty(), "{}: {value}: {error}", row.name);
+        }
+    }
+}
+
+#[test]
+fn names_of_fields_are_those_of_the_format() {
+    for (name, meant) in
+        [("spacing", "spacings"), ("space direction", "space directions"), ("endain", "endian")]
+    {
+        let error = read_bytes(&with_field(name, "1 1 2"));
+        // Two letters that are exchanged are one mistake.
+        let error = error.expect_err(name);
+        assert_eq!(error.code, "VGS-NRD-019");
+        assert!(error.message.contains(&format!("'{meant}'")), "{error}");
+    }
+    // Others are none of the format's, and no voxel depends on them.
+    assert_eq!(read_bytes(&with_field("my remark", "x")).unwrap().samples, count(12));
+}
+
+#[test]
+fn lengths_have_the_unit_of_the_file_quoted_or_not() {
+    for (value, length) in [
+        (r#""mm" "mm" "mm""#, 2.0),
+        (r#""m" "m" "m""#, 2000.0),
+        ("m m m", 2000.0),
+        (r#""um" "" "cm""#, 20.0),
+        (r#""mm" "mm" "mm" "s""#, 2.0),
+    ] {
+        let v = read_bytes(&with_field("space units", value)).unwrap();
+        assert!((v.spacing_mm().z - length).abs() < 1e-9, "{value}: {}", v.spacing_mm());
+    }
+}
+
+#[test]
+fn spacings_beside_directions_must_agree_with_them() {
+    let good = read_bytes(&file(HEAD, &shorts(0..12))).unwrap();
+    let with = |value: &str| read_bytes(&file(&format!("{HEAD}spacings: {value}\n"), &shorts(0..12)));
+    for value in ["0.5 1 2", "nan nan nan", "0.5 nan -2.0001"] {
+        assert_eq!(with(value).unwrap().world_from_voxel, good.world_from_voxel, "{value}");
+    }
+    let error = with("1 1 2").unwrap_err();
+    assert_eq!(error.code, "VGS-NRD-023");
+    assert!(
+        error.message.contains("'spacings' of axis 0 is 1") && error.message.contains("0.5 long"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_file_of_voxels_may_have_a_percent_sign_in_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["100%.raw", "100 %.raw", "50% of a 3.raw"] {
+        fs::write(folder.path().join(name), shorts(0..12)).unwrap();
+        let head = format!("{HEAD}data file: {name}\n");
+        assert_eq!(read_in(folder.path(), head.as_bytes(), &options()).unwrap().samples, count(12), "{name}");
+    }
 }
 
 #[test]
@@ -387,16 +474,13 @@ fn malformed_files_are_refused() {
         (with("# a comment", "data file: b\\..\\..\\a.raw"), "VGS-VOL-024"),
         (with("# a comment", "data file:"), "VGS-VOL-024"),
         (with("# a comment", "data file: none.raw"), "VGS-VOL-001"),
-        (with("# a comment", "data file: ."), "VGS-VOL-002"),
+        (with("# a comment", "data file: ."), "VGS-IO-002"),
     ];
     for (i, (bytes, expected)) in cases.into_iter().enumerate() {
         let error = read_bytes(&bytes).unwrap_err();
         let kind = if expected == "VGS-VOL-001" { Kind::Missing } else { Kind::BadData };
         assert_eq!((error.code, error.kind), (expected, kind), "case {i}: {error}");
-        assert!(
-            error.file.is_some() && (expected == "VGS-VOL-002" || !error.help.is_empty()),
-            "case {i}: {error:?}"
-        );
+        assert!(error.file.is_some() && !error.help.is_empty(), "case {i}: {error:?}");
     }
     let folder = tempfile::tempdir().unwrap();
     let lenient = ReadOptions { lenient: true, ..options() };
@@ -410,7 +494,7 @@ fn malformed_files_are_refused() {
 #[test]
 fn damaged_bytes_never_panic() {
     let keys =
-        "Segment0_LabelValue:=3\nSegment0_Name:=kidney\nspacings: 1 2 3\nbyte skip: -1\nline skip: 0\n";
+        "Segment0_LabelValue:=3\nSegment0_Name:=kidney\nspacings: 0.5 1 2\nbyte skip: -1\nline skip: 0\n";
     let gz = HEAD.replace("encoding: raw", "encoding: gz");
     let folder = tempfile::tempdir().unwrap();
     for good in [file(&format!("{HEAD}{keys}"), &shorts(0..12)), file(&gz, &gzip(&shorts(0..12)))] {

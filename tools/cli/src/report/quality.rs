@@ -3,20 +3,17 @@
 use engine::fit::evaluate::{Evaluation, Metrics};
 use serde::Serialize;
 
-use crate::shared::figures::{decibel, psnr, table};
+use crate::shared::figures::{psnr, table};
 
 /// Quality of a set of splats. The names are part of the interface; all stay at the top level of their JSON
 /// object.
 #[derive(Clone, Debug, Serialize)]
 pub struct Quality {
     /// PSNR on the grid, dB.
-    #[serde(serialize_with = "decibel")]
     pub psnr_db: f64,
     /// Worst PSNR between voxels, dB.
-    #[serde(serialize_with = "decibel")]
     pub psnr_min_offset_db: f64,
     /// Mean PSNR between voxels, dB.
-    #[serde(serialize_with = "decibel")]
     pub psnr_mean_offset_db: f64,
     /// Mean squared error on the grid, relative to the square of the range.
     pub mmse: f64,

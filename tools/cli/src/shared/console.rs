@@ -24,7 +24,8 @@ pub struct TalkArguments {
     /// Says more; twice for the details
     #[arg(short, long, global = true, action = ArgAction::Count, help_heading = "Output")]
     pub verbose: u8,
-    /// Results as one JSON object on stdout, messages as JSON objects on stderr
+    /// Results as one JSON object on stdout, messages as JSON objects on stderr; a number that is infinite or undefined is
+    /// null
     #[arg(long, global = true, help_heading = "Output")]
     pub json: bool,
 }
@@ -66,12 +67,7 @@ impl Console {
     /// Writes a result to stdout. A closed pipe is no error.
     pub fn data(&self, text: &str) -> Result<()> {
         let mut out = io::stdout().lock();
-        match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
-                Err(Error::new(Kind::Io, "VGS-CLI-002", format!("writing to standard output failed: {e}")))
-            }
-            _ => Ok(()),
-        }
+        written(out.write_all(text.as_bytes()).and_then(|()| out.flush()))
     }
 
     /// Writes a result to stdout as one line of JSON.
@@ -89,6 +85,16 @@ impl Console {
                 let _ = writeln!(io::stderr(), "{text}");
             });
         }
+    }
+}
+
+/// Returns the error of a failed write to stdout. A closed pipe is none: nobody reads on.
+pub fn written(outcome: io::Result<()>) -> Result<()> {
+    match outcome {
+        Err(e) if e.kind() != io::ErrorKind::BrokenPipe => {
+            Err(Error::new(Kind::Io, "VGS-CLI-002", format!("writing to standard output failed: {e}")))
+        }
+        _ => Ok(()),
     }
 }
 

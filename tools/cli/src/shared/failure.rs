@@ -8,6 +8,7 @@ use std::sync::Mutex;
 use engine::{Error, Kind};
 use serde::Serialize;
 
+use super::console::written;
 use super::terminal::{clean, stderr_has_colour};
 
 /// Reason why a command did not run to its end.
@@ -75,8 +76,13 @@ fn wants_json() -> bool {
 /// Prints what is wrong with the arguments, or the help that they ask for, and returns the exit code.
 fn refuse_arguments(error: &clap::Error) -> u8 {
     let code = u8::try_from(error.exit_code()).unwrap_or(2);
-    if code == 0 || !wants_json() {
-        // Standard output or error may be closed; then nobody reads it.
+    if code == 0 {
+        // Standard output keeps the last line until it is flushed.
+        let printed = written(error.print().and_then(|()| std::io::stdout().flush()));
+        return printed.map_or_else(|error| report(&error), |()| code);
+    }
+    if !wants_json() {
+        // Standard error may be closed; then nobody reads it.
         let _ = error.print();
         return code;
     }

@@ -1,12 +1,6 @@
 //! Formats figures, for people as text and tables, for scripts in JSON.
 
-use serde::Serializer;
 pub use view::figures::{bytes, seconds};
-
-/// Serialises infinity, which JSON lacks, as "inf".
-pub fn decibel<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
-    if *value == f64::INFINITY { serializer.serialize_str("inf") } else { serializer.serialize_f64(*value) }
-}
 
 /// Formats a PSNR. Over an empty range it is infinite without meaning anything, which the text says.
 pub fn psnr(value: f64, [low, high]: [f32; 2]) -> String {

@@ -4,6 +4,7 @@ use std::str::FromStr;
 
 use clap::Args;
 use engine::render::ClipPlane;
+use engine::unit::Unit;
 use glam::DVec3;
 
 use super::waiting::Waiting;
@@ -173,6 +174,12 @@ pub fn duration(text: &str) -> Result<std::time::Duration, String> {
     }
 }
 
+/// Parses what the values of a volume are numbers of.
+pub fn unit(text: &str) -> Result<Unit, String> {
+    let found = Unit::from_name(text).filter(|unit| unit.is_physical());
+    found.ok_or_else(|| "hu, of a CT, or arbitrary, of any other scan, is needed".into())
+}
+
 /// Parses one spacing or three, mm.
 pub fn spacing(text: &str) -> Result<DVec3, String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse::<f64>()).collect();
@@ -284,6 +291,12 @@ mod tests {
         for text in ["", "1,2,3", "1,2,3,4,5,nan", "1,2,3,4,5,6,7"] {
             assert!(text.parse::<Corners>().is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn units() {
+        assert_eq!((unit("hu"), unit("arbitrary")), (Ok(Unit::Hu), Ok(Unit::Arbitrary)));
+        assert!(unit("luminance").is_err() && unit("HU ").is_err());
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! Volume and region of interest of a command, and the records of their files.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
+use engine::unit::Unit;
 use engine::volume::{
     Cleaning, FORMATS, Format, LabelChoice, Labels, ReadOptions, Roi, Volume, files_of, npy,
 };
@@ -13,7 +13,7 @@ use glam::DVec3;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::flags::{Range, bytes, pair, spacing};
+use super::flags::{Range, bytes, pair, spacing, unit};
 use super::padding::Padding;
 use super::waiting::Waiting;
 
@@ -37,6 +37,10 @@ pub struct ReadArguments {
     /// How far voxels are apart along x, y, z, mm, in a file that does not say (.npy) [default: 1]
     #[arg(long, value_name = "MM", value_parser = spacing)]
     pub voxel_mm: Option<DVec3>,
+    /// What the values of the volume are: hu, of a CT, or arbitrary, of any other scan [default: told by the file, its
+    /// name or its values]
+    #[arg(long, value_name = "hu|arbitrary", value_parser = unit)]
+    pub unit: Option<Unit>,
     /// Largest volume that is accepted, bytes; K, M, G stand for powers of 1024 [default: 2G]
     #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_MAX_BYTES", hide_env = true)]
     pub max_bytes: Option<u64>,
@@ -55,6 +59,7 @@ impl ReadArguments {
             series: self.series.clone(),
             lenient: self.lenient,
             spacing_mm: self.voxel_mm,
+            unit: self.unit,
             ..default
         }
     }
@@ -74,7 +79,7 @@ pub struct RoiArguments {
     /// Instead of a mask: the voxels from LOW to HIGH, HU
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
     pub roi_threshold: Option<[f32; 2]>,
-    /// Which labels of the mask, by number or name; a fit keeps the label of each splat
+    /// Which labels of the mask, by number or name, one with a comma in quotes; a fit keeps the label of each splat
     #[arg(long, value_name = "N|NAME,...", requires = "roi", conflicts_with = "roi_threshold")]
     pub roi_label: Option<String>,
     #[command(flatten)]
@@ -296,7 +301,7 @@ impl InputRecord {
         let mut bytes = 0;
         for file in &files {
             let failed = |e: std::io::Error| Error::io(file, "reading", &e);
-            let mut open = File::open(file).map_err(failed)?;
+            let mut open = engine::input::open(file).map_err(failed)?;
             loop {
                 let n = open.read(&mut block).map_err(failed)?;
                 if n == 0 {

@@ -1,6 +1,5 @@
 //! Small files of text that users give: read whole, and no further than any of them is long.
 
-use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::Path;
 
@@ -14,7 +13,7 @@ const MOST_BYTES: u64 = 1 << 20;
 /// UTF-8.
 pub fn text_of(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
-    File::open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
+    engine::input::open(path)?.take(MOST_BYTES + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > MOST_BYTES {
         return Err(io::Error::new(ErrorKind::InvalidData, format!("longer than {MOST_BYTES} bytes")));
     }

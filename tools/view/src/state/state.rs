@@ -655,7 +655,7 @@ pub(crate) fn toml_text(value: &impl Serialize) -> Result<String> {
 pub(crate) fn text_of(path: &Path, max_bytes: u64) -> Result<String> {
     use std::io::Read;
     let failed = |e: &std::io::Error| Error::io(path, "reading settings", e);
-    let file = std::fs::File::open(path).map_err(|e| failed(&e))?;
+    let file = engine::input::open(path).map_err(|e| failed(&e))?;
     let mut bytes = Vec::new();
     file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|e| failed(&e))?;
     let bad = |message: String| Error::new(Kind::BadData, "VGS-VIEW-002", message).file(path);

@@ -9,7 +9,6 @@ use serde::Serialize;
 use super::arguments::{CompareArguments, Map};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
-use crate::shared::figures::decibel;
 use crate::shared::outputs;
 use crate::shared::terminal::clean;
 
@@ -18,7 +17,6 @@ use crate::shared::terminal::clean;
 struct PictureComparison {
     /// Width and height, pixels.
     size: [usize; 2],
-    #[serde(serialize_with = "decibel")]
     psnr_db: f64,
     ssim: f64,
     flip_mean: f64,

@@ -8,7 +8,6 @@ use serde::Serialize;
 use super::arguments::CompareArguments;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
-use crate::shared::figures::decibel;
 use crate::shared::flags::Range;
 use crate::shared::inputs::{Case, region_of, volume_of};
 
@@ -16,7 +15,6 @@ use crate::shared::inputs::{Case, region_of, volume_of};
 #[derive(Serialize)]
 struct VolumeComparison {
     size: [usize; 3],
-    #[serde(serialize_with = "decibel")]
     psnr_db: f64,
     #[serde(flatten)]
     comparison: Comparison,

@@ -36,6 +36,9 @@ struct Doubt {
 /// # Errors
 /// [`Kind::NothingToDo`] if the answer is no.
 pub fn tell(arguments: &FitArguments, settings: &Settings, case: &Case, console: &Console) -> Result<()> {
+    if let Some(doubt) = case.volume.unit_doubt() {
+        tracing::warn!("the volume is {doubt}; say what it is with --unit hu or --unit arbitrary");
+    }
     let voxels = case.roi.weight_sum();
     let doubts = doubts(case.mask_within, settings.config.splat_count(voxels), voxels);
     for doubt in &doubts {

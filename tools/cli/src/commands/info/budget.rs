@@ -11,7 +11,7 @@ use engine::splat::{self, ReadOptions};
 use engine::{Result, transfer};
 use serde::Serialize;
 
-use crate::shared::figures::{bytes, decibel};
+use crate::shared::figures::bytes;
 use crate::shared::flags::{DeviceArguments, Size};
 
 /// Number of timed frames of each kind; they take turns, so that other load of the machine affects both
@@ -78,7 +78,6 @@ pub struct FrameBudget {
     /// Frame with all splats.
     all: FrameTime,
     /// PSNR between the pictures of both frames.
-    #[serde(serialize_with = "decibel")]
     psnr_db: f64,
 }
 

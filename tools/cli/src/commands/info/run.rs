@@ -1,6 +1,5 @@
 //! Describes the contents of a file (`vgs info`).
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -9,7 +8,7 @@ use engine::splat::{self, LabelCount, Summary};
 use engine::unit::Unit;
 use engine::volume::dicom::{self, StackSummary, Structure};
 use engine::volume::nifti::{self, Header};
-use engine::volume::{Format, ReadOptions, Stats, Volume, inv3};
+use engine::volume::{Format, ReadOptions, Roi, Stats, Volume, inv3};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
@@ -74,6 +73,12 @@ struct Voxels {
     mean: f64,
     std_dev: f64,
     non_finite: usize,
+    /// What the values are numbers of; nothing of a mask.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unit: Option<Unit>,
+    /// Why that is in doubt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unit_doubt: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -109,7 +114,7 @@ pub fn run(arguments: &InfoArguments, console: &Console) -> std::result::Result<
 fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
     let mut start = Vec::new();
     // A file that cannot be read is reported by the reader below.
-    let _ = File::open(path).and_then(|file| file.take(splat::SNIFF_BYTES).read_to_end(&mut start));
+    let _ = engine::input::open(path).and_then(|file| file.take(splat::SNIFF_BYTES).read_to_end(&mut start));
     if splat::is_splats(path, &start) {
         let summary = splat::describe(path, &splat::ReadOptions::default())?;
         return Ok(FileContent::Splats(Box::new(summary)));
@@ -187,7 +192,7 @@ fn labels_of(volume: &Volume) -> Vec<Structure> {
 fn not_splats_either(error: Error, path: &Path) -> Error {
     let ply = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ply"));
     // What cannot be read at all says so.
-    if ply && error.kind == Kind::BadData {
+    if ply && error.kind == Kind::BadData && error.code != "VGS-IO-002" {
         Error { message: "not a PLY file, nor a volume".into(), ..error }
     } else {
         error
@@ -197,6 +202,7 @@ fn not_splats_either(error: Error, path: &Path) -> Error {
 impl Voxels {
     fn of(volume: &Volume) -> Self {
         let Stats { min, max, mean, std_dev, non_finite, .. } = volume.gather_stats();
+        let is_scan = volume.labels.is_empty() && !Roi::has_values_of_mask(volume);
         Voxels {
             size: volume.size,
             spacing_mm: volume.spacing_mm().to_array(),
@@ -207,6 +213,8 @@ impl Voxels {
             mean,
             std_dev,
             non_finite,
+            unit: is_scan.then(|| volume.unit()),
+            unit_doubt: volume.unit_doubt().filter(|_| is_scan),
         }
     }
 }
@@ -310,6 +318,16 @@ fn value_lines(v: &Voxels, out: &mut Lines) {
         "values",
         format!("{} to {}, mean {:.2}, standard deviation {:.2}", v.min, v.max, v.mean, v.std_dev),
     );
+    let unit = match v.unit {
+        Some(Unit::Hu) => "HU",
+        Some(_) => "none, as of an MR",
+        None => "",
+    };
+    match &v.unit_doubt {
+        Some(doubt) => out.add("unit", format!("{unit} ({doubt}; a fit can be told by --unit)")),
+        None if !unit.is_empty() => out.add("unit", unit),
+        None => {}
+    }
     if v.non_finite > 0 {
         out.add("", format!("{} voxels are NaN or infinite", v.non_finite));
     }
