@@ -3,7 +3,7 @@
 
 use std::ops::ControlFlow;
 
-use engine::fit::{self, FitConfig, Goal, Problem};
+use engine::fit::{self, FitConfig, Goal, Going, Problem, to_the_end};
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
 
@@ -69,15 +69,23 @@ fn trials_have_the_same_answer_twice_and_end_when_they_are_told_to() {
     let case = case(FitConfig { target_psnr: 33.0, ..FitConfig::default() });
     let problem = Problem::new(&case.volume, &case.roi, &case.config).expect("a problem");
     let goal = goal_of(&case);
-    let count = |stopped: &mut dyn FnMut() -> bool| {
+    let count = |going: &mut Going<'_>| {
         let mut trials = 0;
-        let count = problem.count_for(&gpu, &goal, 0.0, &mut |_| trials += 1, stopped).expect("a number");
+        let count = problem.count_for(&gpu, &goal, 0.0, &mut |_| trials += 1, going).expect("a number");
         (count, trials)
     };
-    let found = count(&mut || false);
-    assert_eq!(found, count(&mut || false), "the same seed");
+    let found = count(&mut to_the_end);
+    assert_eq!(found, count(&mut to_the_end), "the same seed");
     assert!((1..=3).contains(&found.1), "{found:?}");
-    assert_eq!(count(&mut || true).1, 1, "told to end at once");
+    let mut parts = Vec::new();
+    let heard = count(&mut |part| {
+        parts.push(part);
+        ControlFlow::Continue(())
+    });
+    assert_eq!(heard, found, "hearing of it changes nothing");
+    assert!(parts.len() >= 10 * found.1 && parts[0] == 0.0, "{parts:?}");
+    assert!(parts.windows(2).all(|pair| pair[0] <= pair[1] && pair[1] <= 1.0), "it only rises: {parts:?}");
+    assert_eq!(count(&mut |_| ControlFlow::Break(())).1, 1, "told to end at once");
 }
 
 #[test]
@@ -86,7 +94,7 @@ fn a_number_is_changed_in_both_directions() {
     let case = case(FitConfig { splats: 300, ..FitConfig::default() });
     let splats = case.fit(&gpu).splats().expect("splats");
     let problem = Problem::new(&case.volume, &case.roi, &case.config).expect("a problem");
-    let with = |count| problem.with_count(&gpu, &splats, count, &mut || false).expect("splats");
+    let with = |count| problem.with_count(&gpu, &splats, count, &mut to_the_end).expect("splats");
     let goal = Goal { psnr_db: Some(0.0), p99_hu: None, range: [-1024.0, 3071.0], threshold: 0.0 };
     let psnr = |splats: &[_]| problem.at_voxels(&gpu, &goal, splats).expect("figures").psnr_db;
     let [fewer, same, more] = [200, 300, 400].map(|count| {

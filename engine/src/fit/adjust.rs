@@ -1,17 +1,16 @@
 //! A fit brought to another number of splats: some are added where the error is largest, or the least important
 //! go, and all are fitted again.
 
+use super::going::{Going, iterate};
 use super::rounding::config_after;
 use super::run::Problem;
-use super::{FitConfig, Fitter, Schedule};
+use super::{FitConfig, Fitter};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::splat::{Splat, by_importance};
 
 /// Iterations after a change of the number.
 const ITERATIONS: u32 = 100;
-/// Iterations between two questions whether to stop.
-const BATCH: u32 = 10;
 /// Rounds after which no goal comes nearer.
 const MOST_ROUNDS: u32 = 20;
 /// What a doubling of the number by added splats is worth, dB: less than of splats that were there from the
@@ -23,8 +22,8 @@ const LEAST_ADDED: f64 = 0.05;
 const MOST_TIMES: f64 = 1.9;
 
 impl Problem<'_> {
-    /// Brings fitted splats (voxel space, HU) to `count`, and fits them again. `stopped` is asked every ten
-    /// iterations. Waits for the device.
+    /// Brings fitted splats (voxel space, HU) to `count`, and fits them again. `going` hears how far
+    /// that is. Waits for the device.
     ///
     /// # Errors
     /// Fails if the device fails.
@@ -33,7 +32,7 @@ impl Problem<'_> {
         gpu: &Gpu,
         splats: &[Splat],
         count: usize,
-        stopped: &mut dyn FnMut() -> bool,
+        going: &mut Going<'_>,
     ) -> Result<Vec<Splat>> {
         let mut kept: Vec<u32> = by_importance(splats, &self.field());
         kept.truncate(count);
@@ -51,17 +50,14 @@ impl Problem<'_> {
             ..config_after(self.config(), &[], &kept)
         };
         let mut fitter = Fitter::new(gpu, self.volume(), self.roi(), &kept, &config)?;
-        let schedule = Schedule { iterations: ITERATIONS, time: None };
-        while fitter.iteration() < ITERATIONS && !stopped() {
-            fitter.run_to(fitter.iteration() + BATCH, schedule)?;
-        }
+        iterate(&mut fitter, ITERATIONS, going)?;
         fitter.splats()
     }
 
     /// Adds splats to fitted ones (voxel space, HU) where the error is largest until a goal is reached, or the
     /// configuration allows no more splats or no further round; splats that are good enough stay
     /// as they are. `surplus` measures splats as [`Goal::surplus_db`](super::Goal::surplus_db) does; `told` hears
-    /// of each new number. Waits for the device.
+    /// of each new number, and `going` how far each round is. Waits for the device.
     ///
     /// # Errors
     /// Fails if the device or `surplus` fails.
@@ -71,7 +67,7 @@ impl Problem<'_> {
         splats: Vec<Splat>,
         surplus: &mut dyn FnMut(&[Splat]) -> Result<f64>,
         told: &mut dyn FnMut(usize),
-        stopped: &mut dyn FnMut() -> bool,
+        going: &mut Going<'_>,
     ) -> Result<Vec<Splat>> {
         let mut splats = splats;
         let most = self.config().most_splats(self.native_voxels());
@@ -80,11 +76,12 @@ impl Problem<'_> {
             let least = 1.0 + LEAST_ADDED * 2f64.powi(round as i32);
             let times = (missed_db / SLOPE).exp2().clamp(least, MOST_TIMES);
             let count = ((splats.len() as f64 * times).ceil() as usize).min(most.max(splats.len()));
-            if missed_db.is_nan() || missed_db <= 0.0 || count == splats.len() || stopped() {
+            let reached = missed_db.is_nan() || missed_db <= 0.0 || count == splats.len();
+            if reached || going(0.0).is_break() {
                 break;
             }
             told(count);
-            splats = self.with_count(gpu, &splats, count, stopped)?;
+            splats = self.with_count(gpu, &splats, count, going)?;
         }
         Ok(splats)
     }

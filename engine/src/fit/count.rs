@@ -12,8 +12,9 @@ use rand_pcg::Pcg64;
 
 use super::evaluate::{Metrics, Protocol, evaluate};
 use super::goal::Goal;
+use super::going::{Going, iterate, part};
 use super::run::Problem;
-use super::{FitConfig, Fitter, Schedule};
+use super::{FitConfig, Fitter};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::splat::Splat;
@@ -23,8 +24,6 @@ use crate::volume::Roi;
 const ITERATIONS: u32 = 100;
 /// ... and the part of the weight of the occupancy in it: otherwise the outline has all of its attention.
 const OCCUPANCY: f32 = 0.25;
-/// Iterations between two questions whether to stop.
-const BATCH: u32 = 10;
 /// Number of parts of a region that is too large to be tried as a whole ...
 const PARTS: usize = 6;
 /// ... and the weight of the mask in each, voxels.
@@ -63,7 +62,8 @@ pub struct Trial {
 
 impl Problem<'_> {
     /// Finds out how many splats the fit takes to be `margin_db` better than `goal`. `told` hears of every
-    /// trial; once `stopped` returns true, the best guess so far is the answer. Waits for the device.
+    /// trial, and `going` of the part of the greatest number of trials that is done; once that says stop, the best guess
+    /// so far is the answer. Waits for the device.
     ///
     /// # Errors
     /// Fails if the device fails.
@@ -73,7 +73,7 @@ impl Problem<'_> {
         goal: &Goal,
         margin_db: f64,
         told: &mut dyn FnMut(&Trial),
-        stopped: &mut dyn FnMut() -> bool,
+        going: &mut Going<'_>,
     ) -> Result<usize> {
         let parts = self.parts();
         let count = |x: f64| ((x.exp2() * self.native_voxels()).round() as usize).max(1);
@@ -82,14 +82,17 @@ impl Problem<'_> {
         loop {
             let config = self.trial_config(x.exp2());
             let mut found = Vec::new();
-            for part in &parts {
-                found.push(part.with_config(config.clone()).tried(gpu, goal, stopped)?);
+            for (k, trial) in parts.iter().enumerate() {
+                let at = |k: usize| (tried.len() as f64 + k as f64 / parts.len() as f64) / TRIALS as f64;
+                let mut going = part(going, at(k), at(k + 1));
+                found.push(trial.with_config(config.clone()).tried(gpu, goal, &mut going)?);
             }
             let surplus = surplus_of_all(goal, &found) + self.lacks(x.exp2()) - margin_db;
             told(&Trial { splats: count(x), surplus_db: surplus + margin_db });
             tried.push((x, surplus));
             let next = answer(&tried);
-            if stopped() || tried.len() == TRIALS || (next - x).abs() <= NEAR {
+            let last = tried.len() == TRIALS || (next - x).abs() <= NEAR;
+            if last || going(tried.len() as f64 / TRIALS as f64).is_break() {
                 return Ok(count(next));
             }
             x = next;
@@ -121,13 +124,10 @@ impl Problem<'_> {
     }
 
     /// Fits the part as its configuration says, and measures it.
-    fn tried(&self, gpu: &Gpu, goal: &Goal, stopped: &mut dyn FnMut() -> bool) -> Result<Metrics> {
+    fn tried(&self, gpu: &Gpu, goal: &Goal, going: &mut Going<'_>) -> Result<Metrics> {
         let first = self.first_splats()?;
         let mut fitter = Fitter::new(gpu, self.volume(), self.roi(), &first, self.config())?;
-        let schedule = Schedule { iterations: self.config().iterations, time: None };
-        while fitter.iteration() < schedule.iterations && !stopped() {
-            fitter.run_to((fitter.iteration() + BATCH).min(schedule.iterations), schedule)?;
-        }
+        iterate(&mut fitter, self.config().iterations, going)?;
         self.at_voxels(gpu, goal, &fitter.splats()?)
     }
 

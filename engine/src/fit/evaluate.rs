@@ -37,6 +37,32 @@ pub struct Metrics {
     /// Σ M over the samples that the intensity errors count; 0 if no sample is inside the region.
     #[serde(skip)]
     pub weight: f64,
+    /// How far the outlines of splats and mask are apart.
+    #[serde(skip)]
+    pub outline: Outline,
+}
+
+/// Sums over samples between voxels, of which follows how far the outlines of splats (O = ½) and mask (M = ½) are
+/// apart: the volume between them over the area of one. The area of the outlines of all M from 0 to 1 is ∫ |∇M| in
+/// the mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outline {
+    /// Samples on the wrong side of the mask's outline.
+    wrong: f64,
+    /// Σ |∇M|, per voxel.
+    per_voxel: f64,
+    /// Σ |∇M|, per mm.
+    per_mm: f64,
+}
+
+impl Outline {
+    fn plus(self, other: Outline) -> Outline {
+        Outline {
+            wrong: self.wrong + other.wrong,
+            per_voxel: self.per_voxel + other.per_voxel,
+            per_mm: self.per_mm + other.per_mm,
+        }
+    }
 }
 
 /// Error figures of a set of splats.
@@ -83,6 +109,16 @@ impl Evaluation {
         }
         let squares: f64 = self.between.iter().map(|m| m.occupancy_rmse * m.occupancy_rmse).sum();
         (squares / self.between.len() as f64).sqrt()
+    }
+}
+
+impl Evaluation {
+    /// Returns how far the outline of the splats is from that of the mask in the mean, voxels and mm; `None` without
+    /// samples between voxels, where alone it can be told.
+    pub fn outline_apart(&self) -> Option<[f64; 2]> {
+        let outline = self.between.iter().map(|m| m.outline).fold(Outline::default(), Outline::plus);
+        let Outline { wrong, per_voxel, per_mm } = outline;
+        (per_voxel > 0.0).then(|| [wrong / per_voxel, wrong / per_mm])
     }
 }
 
@@ -185,10 +221,12 @@ fn compare(
     let between = offset != [0.0; 3];
     let shift = glam::Vec3::from_array(offset).as_dvec3();
     let clip = (range[0], range[1]);
-    // Per sample: weight, V in HU, M (-1 where the sample takes no part) and a number that is not used. The
-    // totals below are summed in a fixed order.
-    let idle = [0.0f64, 0.0, -1.0, 0.0];
+    // Per sample: weight, V in HU, M (-1 where the sample takes no part), and |∇M| per voxel and per mm. The totals
+    // below are summed in a fixed order.
+    let idle = [0.0f64, 0.0, -1.0, 0.0, 0.0];
     let mut totals = [0.0f64; 6];
+    let mut outline = Outline::default();
+    let per_mm = volume.world_from_voxel.matrix3.inverse().transpose();
     let mut errors = Vec::new();
     for (slot, samples) in got.chunks(SAMPLES).enumerate() {
         let wanted = bricks.map_samples(slot..slot + 1, idle, |voxel| {
@@ -197,9 +235,13 @@ fn compare(
             let limit = if threshold > 0.0 { threshold } else { 0.5 };
             let all_alike = threshold > 0.0 || between && !roi.soft;
             let weight = if all_alike { f64::from(u8::from(m > limit)) } else { m };
-            [weight, volume.sample_clipped(x, clip, f32::NAN), m, 0.0]
+            // At the voxels the trilinear mask has its kinks; where it is 0 or 1 between them, it is flat.
+            let steep = between && m > 0.0 && m < 1.0;
+            let slope = if steep { mask_gradient(roi, x) } else { DVec3::ZERO };
+            let hu = volume.sample_clipped(x, clip, f32::NAN);
+            [weight, hu, m, slope.length(), (per_mm * slope).length()]
         });
-        for (s, [weight, hu, m, _]) in samples.iter().zip(wanted) {
+        for (s, [weight, hu, m, slope, slope_mm]) in samples.iter().zip(wanted) {
             if m < 0.0 {
                 continue;
             }
@@ -214,6 +256,8 @@ fn compare(
             totals[3] += (o - m) * (o - m);
             totals[4] += o * m;
             totals[5] += o * o + m * m;
+            let wrong = f64::from(u8::from(between && (o > 0.5) != (m > 0.5)));
+            outline = outline.plus(Outline { wrong, per_voxel: slope, per_mm: slope_mm });
         }
     }
     let [weight, squared, count, occupancy, both, squares] = totals;
@@ -229,7 +273,17 @@ fn compare(
         occupancy_rmse: (occupancy / count.max(1.0)).sqrt(),
         soft_dice: if squares > 0.0 { 2.0 * both / squares } else { 1.0 },
         weight,
+        outline,
     }
+}
+
+/// Step of a difference within one cell of the trilinear mask, voxels.
+const SMALL: f64 = 1e-3;
+
+/// Returns ∇M at a place of voxel space, per voxel.
+fn mask_gradient(roi: &Roi, x: DVec3) -> DVec3 {
+    let along = |axis: DVec3| roi.trilinear(x + SMALL * axis) - roi.trilinear(x - SMALL * axis);
+    DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z)) / (2.0 * SMALL)
 }
 
 /// Returns the least error that `share` of the total weight does not exceed; 0 if there are no errors. Sorts
@@ -270,6 +324,30 @@ mod tests {
                 assert!(db.is_finite() && db < 60.0, "{size:?}: {db} dB");
             }
         }
+    }
+
+    #[test]
+    fn outlines_are_as_far_apart_as_they_were_moved() {
+        // A slab of four voxels along x, of 2 mm each. A tenth of its outline, by area, is at the edge of the volume.
+        let world = glam::DAffine3::from_scale(DVec3::new(2.0, 1.0, 1.0));
+        let size = [12, 40, 40];
+        let volume = Volume::new(size, world, vec![0.0; 19200]);
+        let mask = (0..19200).map(|i| f32::from(u8::from((4..8).contains(&(i % 12))))).collect();
+        let roi = Roi::new(mask, &volume).unwrap();
+        let protocol =
+            Protocol { offsets: random_offsets(16, 5), range: [-1000.0, 1000.0], shell: 2, threshold: 0.0 };
+        let apart = |moved: f64| {
+            let field = |x: DVec3| (0.0, roi.trilinear(x - DVec3::new(moved, 0.0, 0.0)));
+            evaluate_field(field, &volume, &roi, &protocol).outline_apart().expect("an outline")
+        };
+        let [voxels, mm] = apart(0.25);
+        assert!((0.2..0.26).contains(&voxels), "{voxels} voxels");
+        assert!((0.37..0.51).contains(&mm), "{mm} mm");
+        let half = apart(0.125)[0];
+        assert!((half / voxels - 0.5).abs() < 0.1, "{half} of {voxels}");
+        assert_eq!(apart(0.0), [0.0; 2]);
+        let none = Protocol { offsets: Vec::new(), ..protocol };
+        assert_eq!(evaluate_field(|_| (0.0, 1.0), &volume, &roi, &none).outline_apart(), None);
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! | `config`, `unit` | every hyper-parameter, with its unit |
 //! | `profiles`, `qualities` | configurations with a name |
 //! | `goal`, `count`, `adjust` | an error to reach, the number of splats that it takes, and more or fewer of them |
+//! | `going` | how far a stage that takes long is, and whether it goes on |
 //! | `init` | the first splats |
 //! | `fitter` | the iterations on the device |
 //! | `subset` | mini-batches |
@@ -27,6 +28,7 @@ pub mod evaluate;
 mod exceptions;
 mod fitter;
 mod goal;
+mod going;
 pub mod init;
 pub mod labels;
 mod pause;
@@ -48,6 +50,7 @@ pub use count::Trial;
 pub use exceptions::{Misclassified, with_part_of_mask};
 pub use fitter::{Fitter, Progress};
 pub use goal::Goal;
+pub use going::{Going, to_the_end};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{DEFAULT_QUALITY, EARLY, QUALITIES, QualityPreset};
 pub use rounding::{ROUNDING_ITERATIONS, rounded_as_it_is};

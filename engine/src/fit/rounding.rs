@@ -7,9 +7,10 @@
 use std::path::Path;
 
 use super::exceptions::with_same_mask;
+use super::going::{Going, iterate, part};
 use super::run::Problem;
 use super::unit::ScaleUnit;
-use super::{FitConfig, Fitter, Schedule};
+use super::{FitConfig, Fitter};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::splat::{self, Form, Group, Rounding, Splat, SplatSet};
@@ -18,8 +19,6 @@ use crate::splat::{self, Form, Group, Rounding, Splat, SplatSet};
 const ORDER: [Group; 4] = [Group::Shape, Group::Mean, Group::Opacity, Group::Intensity];
 /// Iterations between the rounding of one group and of the next.
 const ITERATIONS: u32 = 80;
-/// Iterations between two questions whether to stop.
-const BATCH: u32 = 10;
 /// First learning rates after a rounding, as a share of those of a fit.
 const RATES: f32 = 0.35;
 
@@ -34,8 +33,8 @@ impl Problem<'_> {
     }
 
     /// Returns fitted splats (voxel space of the working grid, HU) as [`Problem::finished_set`] does, rounded
-    /// to a coarse lattice and fitted again to make up for it. `stopped` is asked every ten iterations; once it
-    /// returns true, what is left is rounded at once. Waits for the device.
+    /// to a coarse lattice and fitted again to make up for it. `going` hears how far that is; once it says
+    /// stop, what is left is rounded at once. Waits for the device.
     ///
     /// # Errors
     /// Fails if the device fails.
@@ -44,18 +43,16 @@ impl Problem<'_> {
         gpu: &Gpu,
         splats: &[Splat],
         iterations: u32,
-        stopped: &mut dyn FnMut() -> bool,
+        going: &mut Going<'_>,
     ) -> Result<SplatSet> {
         let mut rounding = Rounding::coarse(splats);
         let mut splats = splats.to_vec();
         for (done, &group) in ORDER.iter().enumerate() {
-            if done > 0 && !stopped() {
+            let at = |done: usize| (done as f64 - 1.0) / (ORDER.len() as f64 - 1.0);
+            if done > 0 && going(at(done)).is_continue() {
                 let config = config_after(self.config(), &ORDER[..done], &splats);
                 let mut fitter = Fitter::new(gpu, self.volume(), self.roi(), &splats, &config)?;
-                while fitter.iteration() < ITERATIONS && !stopped() {
-                    let schedule = Schedule { iterations: ITERATIONS, time: None };
-                    fitter.run_to(fitter.iteration() + BATCH, schedule)?;
-                }
+                iterate(&mut fitter, ITERATIONS, &mut part(going, at(done), at(done + 1)))?;
                 let fitted = fitter.splats()?;
                 for (splat, fitted) in splats.iter_mut().zip(&fitted) {
                     // What is rounded keeps its bits: converting it to the fit's numbers and back is not exact.

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::exceptions::{Misclassified, misclassified};
+use super::going::to_the_end;
 use super::init::InitConfig;
 use super::{FitConfig, FitState, Fitter, Goal, Progress, Scaling, Schedule};
 use crate::error::{Error, Kind, Result};
@@ -76,11 +77,10 @@ pub fn run(
     watch: impl FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<SplatSet> {
     let mut problem = Problem::new(volume, roi, config)?;
-    let mut never = || false;
     let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
     let goal = Goal::of(config, range, config.region_threshold);
     if let Some(goal) = &goal {
-        let count = problem.count_for(gpu, goal, GOAL_MARGIN_DB, &mut |_| {}, &mut never)?;
+        let count = problem.count_for(gpu, goal, GOAL_MARGIN_DB, &mut |_| {}, &mut to_the_end)?;
         problem = problem.of_count(count);
     }
     let start = Start::First(problem.first_splats()?);
@@ -89,7 +89,7 @@ pub fn run(
     if let (Some(goal), End::Finished) = (&goal, &outcome.end) {
         let mut surplus = |splats: &[Splat]| Ok(goal.surplus_of(&problem.at_voxels(gpu, goal, splats)?));
         outcome.splats =
-            problem.brought_to_goal(gpu, outcome.splats, &mut surplus, &mut |_| {}, &mut never)?;
+            problem.brought_to_goal(gpu, outcome.splats, &mut surplus, &mut |_| {}, &mut to_the_end)?;
     }
     match outcome.end {
         End::Failed(error) => Err(error),

@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::harmonics::basis_count;
 use super::{Exception, Field, Form, Grid, Harmonics, SplatSet, label_name};
 use crate::error::{Error, Kind, Result};
+use crate::names;
 
 /// Most objects of a joined set: the number of labels other than 0.
 pub const MOST_OBJECTS: usize = 255;
@@ -27,27 +28,35 @@ pub struct Object {
 }
 
 impl Object {
-    /// Returns true if a user means this object by `name`: by its number, by its name in either case, or by the
-    /// part of it before or after its slash.
-    pub fn is_called(&self, name: &str) -> bool {
-        let same = |own: &str| own.eq_ignore_ascii_case(name);
-        let part = self.name.split_once('/').is_some_and(|(set, label)| same(set) || same(label));
-        same(&self.name) || part || name.parse() == Ok(self.number)
+    /// Returns the names by which it is called: its own, and the parts before and after its slash.
+    fn names(&self) -> Vec<&str> {
+        let parts = self.name.split_once('/').into_iter().flat_map(|(set, label)| [set, label]);
+        [self.name.as_str()].into_iter().chain(parts).collect()
     }
 
-    /// Returns those of `objects` that a user means by `name` ([`Object::is_called`]).
+    /// Returns those of `objects` that a user means by `name`, as [`names::chosen`] says: a number, a name or the part of
+    /// one before or after its slash, a range, a pattern or `all`.
     ///
     /// # Errors
-    /// [`Kind::Usage`] if there are none; the help names those that there are.
+    /// [`Kind::Usage`] if there are none; the help names those that there are, or a few of many.
     pub fn called<'a>(objects: &'a [Object], name: &str) -> Result<Vec<&'a Object>> {
-        let found: Vec<_> = objects.iter().filter(|object| object.is_called(name)).collect();
+        let numbered: Vec<_> = objects.iter().map(|o| (i32::from(o.number), o.names())).collect();
+        let numbers = names::chosen(name, &numbered);
+        let found: Vec<_> = objects.iter().filter(|o| numbers.contains(&i32::from(o.number))).collect();
         if !found.is_empty() {
             return Ok(found);
         }
-        let known: Vec<_> = objects.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
-        let help = match known.as_slice() {
+        let help = match objects {
             [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
-            known => format!("objects are labels and files; here there are {}", known.join(", ")),
+            few if few.len() <= names::FEW => {
+                let known: Vec<_> = few.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
+                format!("objects are labels and files; here there are {}", known.join(", "))
+            }
+            many => {
+                let names = many.iter().map(|object| object.name.as_str());
+                let meant = names::meant_of_many(name, names);
+                format!("{meant}`vgs info` of the splats lists their {} labels", many.len())
+            }
         };
         Err(Error::new(Kind::Usage, "VGS-SPLAT-010", format!("no object is called {name:?}")).help(help))
     }

@@ -16,6 +16,7 @@
 //! | `fields` | [`FieldRow`]: what a reader does with a field of a header |
 //! | `mask_values` | what the values of a mask stand for |
 //! | `roi`, `labels` | [`Roi`]: the voxels that are fitted; [`Labels`]: the label of each voxel |
+//! | `present` | [`PresentLabel`]: the labels that a mask has, and what each covers |
 //! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold; pieces, closing and holes of masks |
 //! | `bricks`, `distance` | [`Bricks`]: the blocks of 8³ voxels that a region touches; distances to a mask |
 //! | `resample`, `crop` | coarser grids, and parts of a volume |
@@ -44,6 +45,7 @@ pub mod npy;
 pub mod nrrd;
 mod payload;
 pub mod phantom;
+mod present;
 mod read_options;
 pub mod resample;
 mod roi;
@@ -59,6 +61,7 @@ pub use fields::FieldRow;
 pub use formats::{FORMATS, Format, SNIFF_BYTES, files_of};
 pub use interpolation::trilinear;
 pub use labels::Labels;
+pub use present::PresentLabel;
 pub use read_options::{Grid, ReadOptions};
 pub use roi::{LabelChoice, Roi};
 pub use volume::{Stats, Volume};

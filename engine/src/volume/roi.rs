@@ -4,7 +4,7 @@
 //! these become one weight for every voxel of the volume, zero where the volume itself has no finite value.
 //! Errors here name no file, since volumes do not know theirs; the program adds that of the mask.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::str::FromStr;
 
 use glam::{DVec3, IVec3};
@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::Volume;
 use super::mask_values::{ROUNDING, between_labels, is_whole, label_of, unquoted};
+use crate::names::{self, Numbered};
 use crate::{Error, Kind, Result};
 
 /// Greatest distance of corners, in voxels, of grids that count as the same: writers round affines to f32 and
@@ -23,6 +24,9 @@ const OVERSHOOT: f32 = 1e-3;
 const MEMBER: f32 = 0.01;
 /// More labels than any atlas has; a file with more is an image.
 const MAX_LABELS: usize = 1000;
+/// What a choice of labels may be made of.
+const FORMS: &str = "choose labels by number or name (5,aorta), range (1-24), pattern (rib_*) or all; a name \
+                     with a comma stands in quotes";
 /// Distinct values up to which whole numbers are taken for labels, unasked; an image of bytes has more.
 const FEW_LABELS: usize = 150;
 
@@ -37,49 +41,48 @@ pub struct Roi {
     pub soft: bool,
 }
 
-/// The choice of labels of a label map that make up the region, by number or by name.
+/// The choice of labels of a label map that make up the region.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum LabelChoice {
     /// The mask as it is, which must be binary or soft.
     #[default]
     Whole,
-    /// The union of these labels; names are those of [`Volume::labels`], in either case if only one is meant so.
+    /// The union of what these stand for, as [`names::chosen`] says: numbers, names of [`Volume::labels`] (in either case
+    /// if only one is meant so), ranges, patterns or `all`.
     Labels(Vec<String>),
 }
 
 impl LabelChoice {
     /// Returns the numbers that are chosen of these labels, given by number and name; none if the mask is used as a
-    /// whole. What names none of them is left out.
+    /// whole. What stands for none of them is left out.
     ///
     /// # Errors
     /// [`Kind::Usage`] if a name may mean several.
-    pub fn numbers<'a>(&self, labels: impl Iterator<Item = (i32, &'a str)> + Clone) -> Result<Vec<i32>> {
-        let LabelChoice::Labels(names) = self else { return Ok(Vec::new()) };
-        let numbers: Result<Vec<_>> = names.iter().map(|asked| numbers_of(asked, labels.clone())).collect();
+    pub fn numbers<'a>(&self, labels: impl Iterator<Item = (i32, &'a str)>) -> Result<Vec<i32>> {
+        let LabelChoice::Labels(asked) = self else { return Ok(Vec::new()) };
+        let labels: Vec<Numbered<'_>> = labels.map(|(number, name)| (number, vec![name])).collect();
+        let numbers: Result<Vec<_>> = asked.iter().map(|asked| numbers_of(asked, &labels)).collect();
         Ok(numbers?.into_iter().flatten().collect())
     }
 }
 
-/// Returns the numbers that a name means among these labels: all labels of this very name, or else the one whose name
-/// differs in case only; a number means itself.
-fn numbers_of<'a>(asked: &str, labels: impl Iterator<Item = (i32, &'a str)> + Clone) -> Result<Vec<i32>> {
-    if let Ok(number) = asked.parse() {
-        return Ok(vec![number]);
-    }
-    let exact: Vec<i32> =
-        labels.clone().filter(|(_, name)| *name == asked).map(|(number, _)| number).collect();
-    if !exact.is_empty() {
-        return Ok(exact);
-    }
-    let alike: Vec<_> = labels.filter(|(_, name)| name.to_lowercase() == asked.to_lowercase()).collect();
+/// Returns the numbers that an entry of a choice stands for among these labels, as [`names::chosen`] says.
+///
+/// # Errors
+/// [`Kind::Usage`] if it differs in case only from several names.
+fn numbers_of(asked: &str, labels: &[Numbered<'_>]) -> Result<Vec<i32>> {
+    let found = names::chosen(asked, labels);
+    let named = labels.iter().flat_map(|(number, names)| names.iter().map(|name| (*number, *name)));
+    let alike: Vec<_> = named.filter(|(_, name)| name.to_lowercase() == asked.to_lowercase()).collect();
+    let is_meant = alike.iter().any(|(_, name)| *name == asked) || asked.parse::<i32>().is_ok();
     match alike.as_slice() {
-        [first, rest @ ..] if rest.iter().any(|other| other.1 != first.1) => {
+        [first, rest @ ..] if !is_meant && rest.iter().any(|other| other.1 != first.1) => {
             let list: Vec<_> = alike.iter().map(|(number, name)| format!("{number} {name}")).collect();
             let message = format!("'{asked}' may mean {}", list.join(", "));
             Err(Error::new(Kind::Usage, "VGS-ROI-018", message)
                 .help("give the number, or the name as it is written there"))
         }
-        alike => Ok(alike.iter().map(|(number, _)| *number).collect()),
+        _ => Ok(found),
     }
 }
 
@@ -91,9 +94,7 @@ impl FromStr for LabelChoice {
         let labels = unquoted(text);
         if labels.iter().any(String::is_empty) {
             let message = format!("'{text}' is no list of labels");
-            return Err(
-                Error::new(Kind::Usage, "VGS-ROI-001", message).help("give numbers or names: 5,aorta")
-            );
+            return Err(Error::new(Kind::Usage, "VGS-ROI-001", message).help(FORMS));
         }
         Ok(LabelChoice::Labels(labels))
     }
@@ -296,7 +297,7 @@ impl Roi {
 }
 
 /// Returns true if a point in voxel space lies in the box of all voxels.
-fn in_box(voxel: DVec3, size: [usize; 3]) -> bool {
+pub(super) fn in_box(voxel: DVec3, size: [usize; 3]) -> bool {
     (0..3).all(|a| voxel[a] >= -0.5 && voxel[a] <= size[a] as f64 - 0.5)
 }
 
@@ -312,8 +313,9 @@ fn mask_weights(mask: &Volume, labels: &LabelChoice) -> Result<(Vec<f32>, bool)>
     match (labels, between == 0) {
         (LabelChoice::Labels(names), true) => {
             let chosen = resolve(names, mask)?;
-            if chosen.len() > names.len() {
-                tracing::warn!("several labels have one name, and all of them are taken: {chosen:?}");
+            let of_name = |asked: &&String| mask.labels.values().filter(|name| name == asked).count();
+            for asked in names.iter().filter(|asked| of_name(asked) > 1) {
+                tracing::warn!("several labels are called '{asked}', and all of them are taken");
             }
             let weight =
                 mask.samples.iter().map(|&v| f32::from(u8::from(chosen.contains(&label_of(v))))).collect();
@@ -337,7 +339,7 @@ fn mask_weights(mask: &Volume, labels: &LabelChoice) -> Result<(Vec<f32>, bool)>
                 return Err(no_mask(min, max));
             }
             Err(Error::new(Kind::Usage, "VGS-ROI-008", "the mask holds labels, of which none was chosen")
-                .help(format!("choose --roi-label N|name,...: {}", list(mask))))
+                .help(format!("--roi-label: {FORMS}; {}", there_are(mask, ""))))
         }
         (LabelChoice::Whole, false) => {
             // Mostly whole numbers are labels, and those between them come from an interpolation.
@@ -364,7 +366,7 @@ fn no_mask(min: f32, max: f32) -> Error {
 
 /// Returns the labels in a mask of whole numbers with their voxel counts, zero left out; `None` if there are
 /// too many to be labels.
-fn present_labels(mask: &Volume) -> Option<BTreeMap<i32, usize>> {
+pub(super) fn present_labels(mask: &Volume) -> Option<BTreeMap<i32, usize>> {
     let mut counts = BTreeMap::new();
     for label in mask.samples.iter().map(|&v| label_of(v)).filter(|&label| label != 0) {
         *counts.entry(label).or_insert(0) += 1;
@@ -375,32 +377,44 @@ fn present_labels(mask: &Volume) -> Option<BTreeMap<i32, usize>> {
     Some(counts)
 }
 
-/// Returns a text with the labels of the mask, their names and voxel counts.
-fn list(mask: &Volume) -> String {
-    let Some(present) = present_labels(mask) else { return "too many to list".into() };
+/// Tells which labels the mask has: all of a few, else those that may have been meant by `asked`, and where the rest
+/// is listed.
+fn there_are(mask: &Volume, asked: &str) -> String {
+    let Some(present) = present_labels(mask) else { return "it has too many values to be labels".into() };
     let entry = |(label, count): (&i32, &usize)| match mask.labels.get(label) {
         Some(name) => format!("{label} {name} ({count} voxels)"),
         None => format!("{label} ({count} voxels)"),
     };
-    present.iter().map(entry).collect::<Vec<_>>().join(", ")
+    if present.len() <= names::FEW {
+        return format!("it has {}", present.iter().map(entry).collect::<Vec<_>>().join(", "));
+    }
+    let names = present.keys().filter_map(|label| mask.labels.get(label)).map(String::as_str);
+    let meant = names::meant_of_many(asked, names);
+    format!("{meant}`vgs info` of the mask lists its {} labels", present.len())
 }
 
-/// Returns the label values of numbers and names.
-pub(super) fn resolve(names: &[String], mask: &Volume) -> Result<Vec<i32>> {
+/// Returns the numbers of the labels of a mask that are chosen by `asked`.
+pub(super) fn resolve(asked: &[String], mask: &Volume) -> Result<Vec<i32>> {
     let present = present_labels(mask);
-    let unknown = |name: &str| {
-        Error::new(Kind::Usage, "VGS-ROI-010", format!("the mask has no label '{name}'"))
-            .help(format!("it has: {}", list(mask)))
-    };
-    let labels = mask.labels.iter().map(|(&number, name)| (number, name.as_str()));
+    // A name without a voxel is known as well, and not taken for another one.
+    let known: BTreeSet<i32> =
+        mask.labels.keys().chain(present.iter().flat_map(BTreeMap::keys)).copied().collect();
+    let names = |label: i32| mask.labels.get(&label).map(String::as_str).into_iter().collect();
+    let known: Vec<Numbered<'_>> = known.into_iter().map(|label| (label, names(label))).collect();
+    let is_there = |label: &i32| present.as_ref().is_none_or(|present| present.contains_key(label));
     let mut chosen = Vec::new();
-    for name in names {
-        let numbers = numbers_of(name, labels.clone())?;
-        let there = |number: &i32| present.as_ref().is_none_or(|present| present.contains_key(number));
+    for asked in asked {
+        let found = match (numbers_of(asked, &known)?, asked.parse()) {
+            // Of a mask with too many labels to be counted a number is believed.
+            (found, Ok(number)) if found.is_empty() && present.is_none() => vec![number],
+            (found, _) => found,
+        };
         let before = chosen.len();
-        chosen.extend(numbers.into_iter().filter(there));
+        chosen.extend(found.iter().copied().filter(is_there));
         if chosen.len() == before {
-            return Err(unknown(name));
+            let why = if found.is_empty() { "has no label" } else { "has no voxel of the label" };
+            let message = format!("the mask {why} '{asked}'");
+            return Err(Error::new(Kind::Usage, "VGS-ROI-010", message).help(there_are(mask, asked)));
         }
     }
     Ok(chosen)
@@ -584,6 +598,9 @@ mod tests {
         }
         let roi = Roi::from_mask(&mask, &choice("LIVER, 10"), &ct()).unwrap();
         assert_eq!(roi.voxel_count(), 16);
+        for (text, voxels) in [("all", 16), ("1-9", 8), ("li*,10", 16)] {
+            assert_eq!(Roi::from_mask(&mask, &choice(text), &ct()).unwrap().voxel_count(), voxels, "{text}");
+        }
         for text in ["", "1,,2", "liver,"] {
             assert_eq!(text.parse::<LabelChoice>().unwrap_err().kind, Kind::Usage);
         }
@@ -598,6 +615,23 @@ mod tests {
         for text in ["\"\"", "\"a\",", "a,\"\""] {
             assert_eq!(text.parse::<LabelChoice>().unwrap_err().code, "VGS-ROI-001", "{text}");
         }
+    }
+
+    #[test]
+    fn an_unknown_label_of_many_is_answered_with_few_words() {
+        let mut mask = volume([4, 3, 2], |i| i as f32);
+        mask.labels = (1..100).map(|i| (i, format!("rib_left_{i}"))).collect();
+        let answer = |text: &str| Roi::from_mask(&mask, &choice(text), &ct()).unwrap_err();
+        let mistyped = answer("rib_lft_7");
+        assert!(mistyped.help.starts_with("did you mean rib_left_7? `vgs info`"), "{}", mistyped.help);
+        assert!(mistyped.help.contains("its 23 labels"), "{}", mistyped.help);
+        assert!(answer("rib_left_44").message.contains("no voxel of the label"));
+        for text in ["spleen", "rib", "77", "30-40"] {
+            let error = answer(text);
+            assert!(error.message.len() + error.help.len() < 200, "{error}");
+        }
+        let undecided = Roi::from_mask(&mask, &LabelChoice::Whole, &ct()).unwrap_err();
+        assert!(undecided.help.contains("rib_*") && undecided.help.len() < 200, "{}", undecided.help);
     }
 
     #[test]

@@ -70,6 +70,7 @@ fn main() -> ExitCode {
     failure::guard(|| {
         signals::survive_file_limits()?;
         signals::end_without_memory()?;
+        failure::refuse_dash(std::env::args_os())?;
         let cli = parse()?;
         let console = Console::new(&cli.talk);
         console.start_logging();

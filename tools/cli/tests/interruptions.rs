@@ -116,7 +116,7 @@ fn a_second_run_on_the_same_output_is_told_to_wait() {
 }
 
 /// A fit that goes on until it is stopped.
-const LONG_RUN: [&str; 11] = [
+const LONG_RUN: [&str; 13] = [
     "fit",
     "ct.nii.gz",
     "--roi",
@@ -127,16 +127,20 @@ const LONG_RUN: [&str; 11] = [
     "1000000",
     "--checkpoint-every",
     "100",
+    "--checkpoint-keep",
+    "1000000",
     "--no-eval",
 ];
 
-const LONG: [&str; 10] = [
+const LONG: [&str; 12] = [
     "--splats",
     "40",
     "--iterations",
     "700",
     "--checkpoint-every",
     "100",
+    "--checkpoint-keep",
+    "1000000",
     "--offsets",
     "4",
     "--subset",

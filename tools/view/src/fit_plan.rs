@@ -55,6 +55,10 @@ pub enum Stage {
 pub struct FitStatus {
     /// What it is doing.
     pub stage: Stage,
+    /// The same in words, before and after its iterations.
+    pub doing: &'static str,
+    /// Part of that which is done, 0 to 1, where it is known.
+    pub done: Option<f64>,
     /// Number of splats, as soon as they are placed.
     pub splats: Option<usize>,
     /// Number of iterations done.
@@ -67,6 +71,8 @@ pub struct FitStatus {
     pub psnr_db: Option<f64>,
     /// Root mean square error at the voxels of the region, HU for CT, as soon as it is known.
     pub rmse: Option<f64>,
+    /// Error that 99 of 100 voxels of the region do not exceed, HU for CT, once the fit has ended.
+    pub p99: Option<f64>,
     /// True if the user has asked it to stop.
     pub stopping: bool,
 }
@@ -75,9 +81,12 @@ pub struct FitStatus {
 const TELLING: u32 = 8;
 
 impl FitStatus {
-    /// Returns the part of the iterations that is done, 0 to 1.
-    pub fn share(&self) -> f32 {
-        self.iteration as f32 / self.iterations.max(1) as f32
+    /// Returns the part of what it is doing that is done, 0 to 1; `None` if it is not known.
+    pub fn share(&self) -> Option<f32> {
+        match self.stage {
+            Stage::Preparing | Stage::Writing => self.done.map(|done| done as f32),
+            Stage::Running | Stage::Ended => Some(self.iteration as f32 / self.iterations.max(1) as f32),
+        }
     }
 
     /// Returns the time that the iterations still take, seconds; `None` until a few are done.
@@ -89,7 +98,8 @@ impl FitStatus {
     /// Returns what it is doing in a few words.
     pub fn text(&self) -> String {
         match self.stage {
-            Stage::Preparing => "placing splats".to_owned(),
+            Stage::Preparing if self.stopping => "stopping the fit".to_owned(),
+            Stage::Preparing | Stage::Writing => self.doing.to_owned(),
             Stage::Running if self.stopping => "stopping the fit".to_owned(),
             Stage::Running => match self.seconds_left() {
                 Some(left) => format!("{} of {}, {} left", self.iteration, self.iterations, seconds(left)),
@@ -98,7 +108,6 @@ impl FitStatus {
             Stage::Ended => {
                 format!("{} of {} iterations in {}", self.iteration, self.iterations, seconds(self.seconds))
             }
-            Stage::Writing => "writing the splats".to_owned(),
         }
     }
 }
@@ -130,13 +139,15 @@ mod tests {
 
     #[test]
     fn time_left_is_told_by_the_iterations_so_far() {
-        let mut status = FitStatus { iterations: 200, ..FitStatus::default() };
-        assert_eq!(status.text(), "placing splats");
+        let mut status = FitStatus { iterations: 200, doing: "placing", ..FitStatus::default() };
+        assert_eq!((status.text().as_str(), status.share()), ("placing", None));
+        status.done = Some(0.5);
+        assert_eq!(status.share(), Some(0.5), "of the placing");
         status = FitStatus { stage: Stage::Running, iteration: 4, seconds: 3.0, ..status };
         assert_eq!((status.seconds_left(), status.text()), (None, "4 of 200".to_owned()));
         status = FitStatus { iteration: 50, seconds: 10.0, ..status };
         assert_eq!(status.text(), "50 of 200, 30 s left");
-        assert_eq!(status.share(), 0.25);
+        assert_eq!(status.share(), Some(0.25));
         status.stopping = true;
         assert_eq!(status.text(), "stopping the fit");
         status.stage = Stage::Ended;

@@ -3,6 +3,7 @@
 //! The thread tells its progress, and hands out the splats as they are whenever the window asks for a picture
 //! of them. Once its iterations have ended it waits for the word to write a file, or for its end.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -15,7 +16,7 @@ use engine::fit::{
     Beginning, End, FitConfig, GOAL_MARGIN_DB, Goal, Milestone, Outcome, Problem, Progress, Start, Watch,
 };
 use engine::gpu::{Gpu, GpuOptions};
-use engine::splat::{self, SplatSet};
+use engine::splat::{self, Splat, SplatSet};
 use engine::{Error, Kind, Result};
 
 use crate::fit_plan::{FitStatus, Stage};
@@ -73,9 +74,11 @@ impl Shared {
 }
 
 enum Report {
+    Doing { what: &'static str, share: Option<f64> },
     Begun { splats: usize },
     Progress { iteration: u32, seconds: f64 },
     Figures { psnr_db: f64, rmse: f64 },
+    Measured { p99: f64 },
     Ended { iteration: u32, seconds: f64 },
     NotWritten(Error),
     News(News),
@@ -84,7 +87,11 @@ enum Report {
 impl Fitting {
     /// Begins a fit. `wake` is called from its thread whenever there is something to [take](Fitting::take).
     pub fn start(order: FitOrder, wake: Arc<dyn Fn() + Send + Sync>) -> Self {
-        let status = FitStatus { iterations: order.config.iterations, ..FitStatus::default() };
+        let status = FitStatus {
+            iterations: order.config.iterations,
+            doing: "preparing the fit",
+            ..FitStatus::default()
+        };
         let shared = Arc::new(Shared { wanted: Mutex::new(Some(Instant::now())), ..Shared::default() });
         let ((keep, kept), (sender, reports)) = (channel(), channel());
         let tell = Teller { sender, wake, shared: Arc::clone(&shared) };
@@ -108,6 +115,7 @@ impl Fitting {
         while let Ok(report) = self.reports.try_recv() {
             let status = &mut self.status;
             match report {
+                Report::Doing { what, share } => (status.doing, status.done) = (what, share),
                 Report::Begun { splats } => {
                     *status = FitStatus { stage: Stage::Running, splats: Some(splats), ..status.clone() };
                 }
@@ -117,6 +125,7 @@ impl Fitting {
                 Report::Figures { psnr_db, rmse } => {
                     (status.psnr_db, status.rmse) = (Some(psnr_db), Some(rmse));
                 }
+                Report::Measured { p99 } => status.p99 = Some(p99),
                 Report::Ended { iteration, seconds } => {
                     (status.stage, status.iteration, status.seconds) = (Stage::Ended, iteration, seconds);
                 }
@@ -146,7 +155,8 @@ impl Fitting {
         if let (Stage::Ended, Some(keep)) = (self.status.stage, &self.keep)
             && keep.send((path, force)).is_ok()
         {
-            self.status.stage = Stage::Writing;
+            (self.status.stage, self.status.doing, self.status.done) =
+                (Stage::Writing, "writing the splats", None);
         }
     }
 
@@ -182,6 +192,27 @@ impl Teller {
         (self.wake)();
     }
 
+    /// Tells what is done next, of which it is not known how far it is.
+    fn doing(&self, what: &'static str) {
+        self.say(Report::Doing { what, share: None });
+    }
+
+    /// Returns what hears how far work called `what` is, and stops it once `stopped` returns true.
+    fn going<'a>(
+        &'a self,
+        what: &'static str,
+        stopped: impl Fn() -> bool + 'a,
+    ) -> impl FnMut(f64) -> ControlFlow<()> + 'a {
+        let mut told: Option<Instant> = None;
+        move |share| {
+            if told.is_none_or(|at| at.elapsed() >= TELL_EVERY) {
+                told = Some(Instant::now());
+                self.say(Report::Doing { what, share: Some(share) });
+            }
+            if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        }
+    }
+
     fn news(&self, news: News) {
         self.say(Report::News(news));
     }
@@ -208,18 +239,21 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
         set
     };
     let mut problem = Problem::new(volume, roi, &order.config)?;
+    tell.doing("starting the device");
     let gpu = Gpu::new(&order.gpu)?;
     let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
     if let Some(goal) = Goal::of(&order.config, range, order.config.region_threshold) {
-        let mut stops = || tell.shared.stops();
-        let count = problem.count_for(&gpu, &goal, GOAL_MARGIN_DB, &mut |_| {}, &mut stops)?;
+        let mut going = tell.going("finding the number of splats", || tell.shared.stops());
+        let count = problem.count_for(&gpu, &goal, GOAL_MARGIN_DB, &mut |_| {}, &mut going)?;
         problem = problem.of_count(count);
     }
+    tell.doing("placing the first splats");
     let first = problem.first_splats()?;
     if tell.shared.stops() {
         tell.news(News::Nothing);
         return Ok(());
     }
+    tell.doing("preparing the device");
     let mut watch = Watching {
         tell,
         problem: &problem,
@@ -238,6 +272,9 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
     if tell.shared.gone.load(Ordering::Relaxed) {
         return Ok(());
     }
+    if finished && let Err(error) = measure(order, &problem, &gpu, &splats, tell) {
+        tracing::warn!("the splats could not be measured: {error}");
+    }
     // A device that has failed cannot list the exceptions; the splats are there all the same.
     let set = problem.finished_set(&gpu, &splats, iterations).unwrap_or_else(|error| {
         tracing::warn!("the voxels where the splats miss the mask could not be listed: {error}");
@@ -246,9 +283,10 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
     let set = labelled(set);
     tell.show(set.clone())?;
     while let Ok((path, force)) = kept.recv() {
-        let mut gone = || tell.shared.gone.load(Ordering::Relaxed);
+        let gone = || tell.shared.gone.load(Ordering::Relaxed);
+        let mut going = tell.going("rounding the splats for the file", gone);
         let rounded = match finished && problem.is_rounded_in(&path) {
-            true => problem.rounded_set(&gpu, &splats, iterations, &mut gone).map(|set| Some(labelled(set))),
+            true => problem.rounded_set(&gpu, &splats, iterations, &mut going).map(|set| Some(labelled(set))),
             false => Ok(None),
         };
         let rounded = rounded.unwrap_or_else(|error| {
@@ -258,6 +296,7 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
         if tell.shared.gone.load(Ordering::Relaxed) {
             break;
         }
+        tell.doing("writing the splats");
         match splat::write(&path, rounded.as_ref().unwrap_or(&set), force) {
             Ok(()) => {
                 tell.news(News::Kept(path));
@@ -266,6 +305,23 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
             Err(error) => tell.say(Report::NotWritten(error)),
         }
     }
+    Ok(())
+}
+
+/// Measures the splats of a fit at the voxels of the region, and tells it.
+fn measure(
+    order: &FitOrder,
+    problem: &Problem<'_>,
+    gpu: &Gpu,
+    splats: &[Splat],
+    tell: &Teller,
+) -> Result<()> {
+    let volume = &order.volume.volume;
+    let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
+    let threshold = order.config.region_threshold;
+    let found = problem.at_voxels(gpu, &Goal { psnr_db: None, p99_hu: None, range, threshold }, splats)?;
+    tell.say(Report::Figures { psnr_db: found.psnr_db, rmse: found.rmse_hu });
+    tell.say(Report::Measured { p99: found.p99_hu });
     Ok(())
 }
 

@@ -63,9 +63,10 @@ pub struct ConvertArguments {
     /// Only splats whose middle lies outside of this box
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, help_heading = "Selection")]
     outside_box: Option<Corners>,
-    /// Only the splats of this object, by name or number, as `vgs info` lists them. NAME:HOW chooses nothing and says
-    /// how an object is shown, as in `vgs render`: colour=#rrggbb, opacity=0..1, tf=CT-Bone, hidden. May be repeated
-    #[arg(long, value_name = "NAME|N[:HOW,...]", help_heading = "Selection")]
+    /// Only the splats of this object, by name or number, as `vgs info` lists them, or of several, by a range (1-24), a
+    /// pattern (rib_*) or all. NAME:HOW chooses nothing and says how an object is shown, as in `vgs render`:
+    /// colour=#rrggbb, opacity=0..1, tf=CT-Bone, hidden. May be repeated
+    #[arg(long, value_name = "NAME|N|...[:HOW,...]", help_heading = "Selection")]
     object: Vec<ObjectFlag>,
     /// The volume that the splats were fitted to: a .vgs is then rounded more and fitted again to make up for
     /// it
@@ -80,7 +81,7 @@ pub struct ConvertArguments {
           group = "region", help_heading = "Fitting again")]
     roi_threshold: Option<[f32; 2]>,
     /// Which labels of the mask, by number or name
-    #[arg(long, value_name = "N|NAME,...", requires = "roi", help_heading = "Fitting again")]
+    #[arg(long, value_name = "N|NAME|...", requires = "roi", help_heading = "Fitting again")]
     roi_label: Option<String>,
     #[command(flatten)]
     read: ReadArguments,
@@ -438,9 +439,9 @@ fn fitted_again(arguments: &ConvertArguments, set: &SplatSet, volume: &Path) -> 
     };
     let problem = Problem::new(&case.volume, &case.roi, &config)?;
     let gpu = arguments.device.boot()?;
-    let _waiting = Waiting::on("fitting the rounded splats again");
+    let waiting = Waiting::on("fitting the rounded splats again");
     let splats = set.to_voxel(&grid.world_from_voxel);
-    let fitted = problem.rounded_set(&gpu, &splats, 0, &mut || false)?;
+    let fitted = problem.rounded_set(&gpu, &splats, 0, &mut waiting.going(|| false))?;
     Ok(SplatSet {
         iterations: set.iterations,
         labels: set.labels.clone(),

@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use crate::picture;
 use crate::report::errors::ErrorsByPlace;
-use crate::report::quality::{Quality, quality_table};
+use crate::report::quality::{Quality, quality_table, quality_text};
 use crate::shared::console::Console;
 use crate::shared::evaluation::{EVAL_SEED, evaluate_decoded, unweighted};
 use crate::shared::failure::Stop;
@@ -190,10 +190,11 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
             outputs: written.iter().map(|p| p.display().to_string()).collect(),
         })?;
     } else {
-        let head = format!("{} splats in {} voxels\n", splats.len(), case.roi.voxel_count());
+        let shown = quality_text(evaluation);
+        let head = format!("{} splats in {} voxels\n{shown}", splats.len(), case.roi.voxel_count());
         let of = range_of(arguments.range).1;
-        let field = ("of the splats' field (modes slab, exact)", &of_field);
-        let decoded = ("of the field on the CT's grid, interpolated (mode decoded)", &of_decoded);
+        let field = ("as modes slab and exact show the splats", &of_field);
+        let decoded = ("as mode decoded shows them: on the scan's grid, interpolated", &of_decoded);
         let tables = if of_grid { [decoded, field] } else { [field, decoded] };
         let quality: String =
             tables.iter().map(|(what, found)| format!("{what}:\n{}", quality_table(found, of))).collect();

@@ -66,7 +66,7 @@ struct FittedRegion {
     #[arg(long, value_name = "MASK", requires = "like")]
     roi: Option<PathBuf>,
     /// Which labels of the mask, by number or name
-    #[arg(long, value_name = "N|NAME,...", requires = "roi")]
+    #[arg(long, value_name = "N|NAME|...", requires = "roi")]
     roi_label: Option<String>,
 }
 

@@ -1,9 +1,11 @@
 //! Tells the volume and the intensities of each object (`vgs stats`).
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use engine::gpu::Gpu;
+use engine::output::write_atomic;
 use engine::splat::{self, SplatSet};
 use engine::volume::Volume;
 use engine::{Error, Kind, Result, fit, memory, passes};
@@ -11,24 +13,34 @@ use serde::Serialize;
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
-use crate::shared::figures::table;
+use crate::shared::figures::{table, with_unit};
 use crate::shared::flags::DeviceArguments;
 use crate::shared::inputs::{ReadArguments, volume_of};
+use crate::shared::outputs;
 use crate::shared::sampling::visit_shown;
+use crate::shared::splat_files::warn_of_another_volume;
 use crate::shared::terminal::clean;
 use crate::shared::waiting::Waiting;
 
-/// Tells the volume of each object and its mean intensity, of the splats and of the CT
+/// Tells the volume of each object and its mean intensity, of the splats and of the scan
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct StatsArguments {
-    /// The splats (PLY); each file is an object, or each of its labels
+    /// The splats; each file is an object, or each of its labels. Files of one scan are one scene, in which a voxel
+    /// belongs to one object; those of several scans are counted one after the other
     #[arg(required = true)]
     splats: Vec<PathBuf>,
-    /// The volume that they were fitted to: its intensities are told, too, and its voxels are counted
-    /// [default: the grid that the splats were fitted on is counted]
+    /// The scan that they were fitted to: its intensities are told, too, and its voxels are counted. May be repeated
+    /// for splats of several scans, which know theirs by a checksum [default: the grid that the splats were fitted
+    /// on is counted]
     #[arg(long, value_name = "VOLUME")]
-    volume: Option<PathBuf>,
+    volume: Vec<PathBuf>,
+    /// The same as a table, with a row for each file and object
+    #[arg(long, value_name = "FILE.csv", help_heading = "Output")]
+    csv: Option<PathBuf>,
+    /// Replaces a table that exists
+    #[arg(short, long, help_heading = "Output")]
+    force: bool,
     #[command(flatten)]
     read: ReadArguments,
     #[command(flatten)]
@@ -43,6 +55,8 @@ deviations are over the voxels of an object, each counted once.
 Examples:
   vgs stats organs.ply
   vgs stats liver.ply spleen.ply --volume ct.nii.gz
+  vgs stats patients/*.vgs --csv livers.csv     a row for each file and object
+  vgs stats a.ply b.ply --volume a.nii.gz --volume b.nii.gz --csv both.csv
   vgs stats organs.ply --volume ct.nii.gz --json";
 
 /// Host memory of a voxel while objects are counted, bytes: owner, intensity, greatest weight, and the samples of
@@ -54,6 +68,7 @@ const NOBODY: u8 = u8::MAX;
 /// Figures of an object.
 #[derive(Debug, PartialEq, Serialize)]
 struct ObjectFigures {
+    file: String,
     number: u8,
     name: String,
     splats: usize,
@@ -94,31 +109,103 @@ impl Intensities {
     }
 }
 
+/// Splats that were fitted to one scan.
+struct Scene {
+    /// Files, each with the number of its objects.
+    files: Vec<(PathBuf, usize)>,
+    set: SplatSet,
+}
+
 /// Runs the command.
 pub fn run(arguments: &StatsArguments, console: &Console) -> std::result::Result<u8, Stop> {
-    let volume = arguments.volume.as_deref().map(|path| volume_of(path, &arguments.read)).transpose()?;
-    let set = splat::read_all(&arguments.splats, || {
-        Ok(volume.as_ref().map(|volume| fit::place::place(volume, None)))
-    })?;
-    if !set.unit.is_physical() {
-        let message = "these splats have a colour but no intensity: there is nothing to tell of";
-        return Err(Error::new(Kind::BadData, "VGS-CLI-123", message)
-            .file(&arguments.splats[0])
-            .help("use splats from `vgs fit`")
-            .into());
-    }
-    let grid = grid(&set, volume.as_ref(), &arguments.splats[0])?;
+    let inputs: Vec<&Path> = arguments.splats.iter().chain(&arguments.volume).map(PathBuf::as_path).collect();
+    let written: Vec<&Path> = arguments.csv.as_deref().into_iter().collect();
+    outputs::check(&written, &inputs, arguments.force)?;
+    let volumes = arguments
+        .volume
+        .iter()
+        .map(|path| Ok((path.as_path(), volume_of(path, &arguments.read)?)))
+        .collect::<Result<Vec<_>>>()?;
+    let scenes = scenes(&arguments.splats, &volumes)?;
     let gpu = arguments.device.boot()?;
     let waiting = Waiting::on("evaluating the splats");
-    let objects = figures(&gpu, &set, &grid, volume.as_ref())?;
+    let (mut objects, mut units) = (Vec::new(), BTreeSet::new());
+    for (done, scene) in scenes.iter().enumerate() {
+        waiting.at(done as f64 / scenes.len() as f64);
+        let volume = volume_for(scene, &volumes, scenes.len());
+        let grid = grid(&scene.set, volume, &scene.files[0].0)?;
+        objects.extend(figures(&gpu, scene, &grid, volume)?);
+        units.insert(volume.map_or(scene.set.unit, Volume::unit).text());
+    }
     drop(waiting);
+    // Where the units of several scans differ, no heading can name one.
+    let unit = if units.len() == 1 { units.first().copied().unwrap_or_default() } else { "" };
+    if let Some(path) = &arguments.csv {
+        write_atomic(path, arguments.force, |out| out.write_all(csv(&objects, unit).as_bytes()))?;
+    }
     if console.json {
         console.json_data(&serde_json::json!({ "objects": objects }))?;
     } else {
-        let unit = volume.as_ref().map_or(set.unit, Volume::unit).text();
-        console.data(&text(&objects, volume.is_some(), unit))?;
+        console.data(&text(&objects, arguments.splats.len() > 1, unit))?;
     }
     Ok(0)
+}
+
+/// Reads splats, and puts those of one scan together.
+fn scenes(paths: &[PathBuf], volumes: &[(&Path, Volume)]) -> Result<Vec<Scene>> {
+    let mut scans: Vec<Vec<(&PathBuf, SplatSet)>> = Vec::new();
+    for path in paths {
+        let splats = splat::read_some(path)?;
+        if !splats.unit().is_physical() {
+            let message = "these splats have a colour but no intensity: there is nothing to tell of";
+            return Err(Error::new(Kind::BadData, "VGS-CLI-123", message)
+                .file(path)
+                .help("use splats from `vgs fit`"));
+        }
+        let place = match volumes {
+            [(_, volume)] if splats.needs_volume() => Some(fit::place::place(volume, None)),
+            _ => None,
+        };
+        let set = splats.placed(place.as_ref())?;
+        match scans.iter_mut().find(|scan| are_of_one_scan(&scan[0].1, &set)) {
+            Some(scan) => scan.push((path, set)),
+            None => scans.push(vec![(path, set)]),
+        }
+    }
+    let joined = |scan: Vec<(&PathBuf, SplatSet)>| {
+        let files = scan.iter().map(|(path, set)| ((*path).clone(), set.objects().len())).collect();
+        let name = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let set = splat::join(scan.into_iter().map(|(path, set)| (name(path), set)).collect())?;
+        Ok(Scene { files, set })
+    };
+    scans.into_iter().map(joined).collect()
+}
+
+/// Returns true if nothing says that two sets are of different scans or grids.
+fn are_of_one_scan(a: &SplatSet, b: &SplatSet) -> bool {
+    let same_scan = a.volume_crc32.zip(b.volume_crc32).is_none_or(|(a, b)| a == b);
+    same_scan && a.grid.zip(b.grid).is_none_or(|(a, b)| a == b)
+}
+
+/// Returns the volume of a scene: the one with the checksum that its splats name, or the only one, with a warning where
+/// that is another.
+fn volume_for<'a>(scene: &Scene, volumes: &'a [(&Path, Volume)], scenes: usize) -> Option<&'a Volume> {
+    let named = scene.set.volume_crc32;
+    if let Some((_, volume)) = volumes.iter().find(|(_, volume)| named == Some(volume.crc32())) {
+        return Some(volume);
+    }
+    match volumes {
+        [] => None,
+        [(path, volume)] if scenes == 1 => {
+            warn_of_another_volume(&scene.set, volume, path);
+            Some(volume)
+        }
+        _ => {
+            let file = scene.files[0].0.display();
+            tracing::warn!("{file}: none of the volumes is its scan, so the grid of the fit is counted");
+            None
+        }
+    }
 }
 
 /// Returns an empty volume on the grid whose voxels are counted.
@@ -139,7 +226,10 @@ fn grid(set: &SplatSet, volume: Option<&Volume>, path: &Path) -> Result<Volume> 
 }
 
 /// Evaluates the field at the voxels of a grid and returns the figures of each object.
-fn figures(gpu: &Gpu, set: &SplatSet, grid: &Volume, volume: Option<&Volume>) -> Result<Vec<ObjectFigures>> {
+fn figures(gpu: &Gpu, scene: &Scene, grid: &Volume, volume: Option<&Volume>) -> Result<Vec<ObjectFigures>> {
+    let set = &scene.set;
+    // Objects are numbered in the order of files and labels.
+    let mut files = scene.files.iter().flat_map(|(path, count)| std::iter::repeat_n(path, *count));
     let objects = set.objects();
     let count = grid.len();
     let mut owner = vec![if objects.len() == 1 { 0 } else { NOBODY }; count];
@@ -168,6 +258,7 @@ fn figures(gpu: &Gpu, set: &SplatSet, grid: &Volume, volume: Option<&Volume>) ->
         let own = || (0..count).filter(|&i| usize::from(owner[i]) == index && !hu[i].is_nan());
         let voxels = own().count();
         ObjectFigures {
+            file: files.next().map(|path| path.display().to_string()).unwrap_or_default(),
             number: object.number,
             name: object.name,
             splats: object.splats,
@@ -180,20 +271,22 @@ fn figures(gpu: &Gpu, set: &SplatSet, grid: &Volume, volume: Option<&Volume>) ->
     Ok(figures.collect())
 }
 
-fn text(objects: &[ObjectFigures], with_volume: bool, unit: &str) -> String {
-    let unit = if unit.is_empty() { String::new() } else { format!(",{unit}") };
-    let [mean, of_volume] = [format!("mean{unit}"), format!("mean of the volume{unit}")];
-    let mut heads = vec!["number", "object", "splats", "volume, ml", mean.as_str(), "deviation"];
-    if with_volume {
-        heads.extend([of_volume.as_str(), "deviation"]);
-    }
+/// Returns the figures as a table for people; `unit` is the text behind an intensity.
+fn text(objects: &[ObjectFigures], with_file: bool, unit: &str) -> String {
+    let with_volume = objects.iter().any(|object| object.volume.is_some());
+    let names = ["mean", "standard deviation", "mean of the scan", "standard deviation of the scan"];
+    let names = names.map(|name| with_unit(name, unit));
+    let mut heads = if with_file { vec!["file"] } else { Vec::new() };
+    heads.extend(["number", "object", "splats", "volume, ml"]);
+    heads.extend(names[..if with_volume { 4 } else { 2 }].iter().map(String::as_str));
     let row = |object: &ObjectFigures| {
-        let mut cells = vec![
+        let mut cells = if with_file { vec![clean(&object.file)] } else { Vec::new() };
+        cells.extend([
             object.number.to_string(),
             clean(&object.name).replace('\n', " "),
             object.splats.to_string(),
             format!("{:.2}", object.volume_ml),
-        ];
+        ]);
         cells.extend(Intensities::text(object.field));
         if with_volume {
             cells.extend(Intensities::text(object.volume));
@@ -201,6 +294,29 @@ fn text(objects: &[ObjectFigures], with_volume: bool, unit: &str) -> String {
         cells
     };
     table(&heads, &objects.iter().map(row).collect::<Vec<_>>())
+}
+
+/// Returns the figures as comma-separated values, with their units in the first row.
+fn csv(objects: &[ObjectFigures], unit: &str) -> String {
+    let unit = if unit.is_empty() { String::new() } else { format!(" ({})", unit.trim()) };
+    let mut out = format!(
+        "file,number,object,splats,voxels,volume (ml),mean{unit},standard deviation{unit},mean of the \
+         scan{unit},standard deviation of the scan{unit}\n"
+    );
+    let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+    let figures = |of: Option<Intensities>| match of {
+        Some(Intensities { mean, std_dev }) => format!("{mean},{std_dev}"),
+        None => ",".to_owned(),
+    };
+    for o in objects {
+        let (file, name) = (quoted(&o.file), quoted(&o.name));
+        let (field, volume) = (figures(o.field), figures(o.volume));
+        out += &format!(
+            "{file},{},{name},{},{},{},{field},{volume}\n",
+            o.number, o.splats, o.voxels, o.volume_ml
+        );
+    }
+    out
 }
 
 #[cfg(test)]
@@ -212,5 +328,24 @@ mod tests {
         let of = |values: &[f32]| Intensities::of(values.iter().copied());
         assert_eq!(of(&[1.0, 3.0, f32::NAN]), Some(Intensities { mean: 2.0, std_dev: 1.0 }));
         assert_eq!((of(&[]), of(&[f32::INFINITY])), (None, None));
+    }
+
+    #[test]
+    fn a_table_has_units_in_its_first_row_and_names_in_quotes() {
+        let object = ObjectFigures {
+            file: "a, b.ply".into(),
+            number: 3,
+            name: "the \"large\" one".into(),
+            splats: 7,
+            voxels: 100,
+            volume_ml: 2.5,
+            field: Some(Intensities { mean: 40.25, std_dev: 1.0 }),
+            volume: None,
+        };
+        let text = csv(&[object], " HU");
+        let lines: Vec<_> = text.lines().collect();
+        assert!(lines[0].starts_with("file,number,object,splats,voxels,volume (ml),mean (HU),"), "{text}");
+        assert_eq!(lines[1], "\"a, b.ply\",3,\"the \"\"large\"\" one\",7,100,2.5,40.25,1,,");
+        assert!(csv(&[], "").contains(",mean,"));
     }
 }

@@ -38,7 +38,7 @@ pub struct ViewArguments {
     /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL
     #[arg(long, value_name = "PRESET|FILE")]
     tf: Option<String>,
-    /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per
+    /// How an object is shown, by name, number, range (1-24) or pattern (rib_*): colour=#rrggbb, opacity=0..1 (a factor of the opacity per
     /// mm), tf=CT-Bone (a transfer function of its own, in mode decoded), hidden. Each file is an object, or each of its
     /// labels; may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...")]

@@ -4,7 +4,7 @@ use engine::fit::errors::{ErrorMap, Group};
 use engine::volume::{Labels, Volume};
 use serde::Serialize;
 
-use crate::shared::figures::table;
+use crate::shared::figures::{table, with_unit};
 
 /// Errors of the region and of its parts, on the voxel grid and not clipped to any range. The names are part
 /// of the interface.
@@ -57,9 +57,9 @@ impl ErrorsByPlace {
         let [x, y, z] = self.worst_voxel;
         let [wx, wy, wz] = self.worst_mm;
         let mut out = format!(
-            "error at the voxels, splats less volume{}; worst at voxel {x} {y} {z} ({wx:.1} {wy:.1} {wz:.1} mm), \
-             {} voxels without a splat:\n",
-            if unit.is_empty() { String::new() } else { format!(",{unit}") },
+            "where the error is: {}, splats less scan, at the voxels; worst at voxel {x} {y} {z} \
+             (R {wx:.1}, A {wy:.1}, S {wz:.1} mm); {} voxels have no splat:\n",
+            if unit.is_empty() { "intensities" } else { unit.trim() },
             self.uncovered_voxels,
         );
         let row = |g: &Group| {
@@ -84,7 +84,9 @@ impl ErrorsByPlace {
                 }));
             }
         }
-        out += &table(&["", "voxels", "mean", "RMSE", "99 % within", "worst"], &rows);
+        let [mean, rmse, within, worst] =
+            ["mean", "RMSE", "99 of 100 within", "worst"].map(|name| with_unit(name, unit));
+        out += &table(&["", "voxels", &mean, &rmse, &within, &worst], &rows);
         out
     }
 }

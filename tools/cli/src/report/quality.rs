@@ -3,7 +3,7 @@
 use engine::fit::evaluate::{Evaluation, Metrics};
 use serde::Serialize;
 
-use crate::shared::figures::{psnr, table};
+use crate::shared::figures::{psnr, table, with_unit};
 
 /// Quality of a set of splats. The names are part of the interface; all stay at the top level of their JSON
 /// object.
@@ -29,6 +29,9 @@ pub struct Quality {
     pub occupancy_rmse_on_grid: f64,
     /// Overlap of occupancy and mask on the grid.
     pub soft_dice: f64,
+    /// Mean distance of the splats' outline from the mask's, voxels and mm; null without offsets.
+    pub outline_voxels: Option<f64>,
+    pub outline_mm: Option<f64>,
     /// Number of offset grids.
     pub offsets: usize,
 }
@@ -37,6 +40,7 @@ impl Quality {
     /// Returns the figures of an evaluation.
     pub fn of(evaluation: &Evaluation) -> Self {
         let grid = &evaluation.on_grid;
+        let outline = evaluation.outline_apart();
         Quality {
             psnr_db: grid.psnr_db,
             psnr_min_offset_db: evaluation.worst_psnr_db(),
@@ -48,9 +52,42 @@ impl Quality {
             occupancy_rmse: evaluation.occupancy_rmse(),
             occupancy_rmse_on_grid: grid.occupancy_rmse,
             soft_dice: grid.soft_dice,
+            outline_voxels: outline.map(|[voxels, _]| voxels),
+            outline_mm: outline.map(|[_, mm]| mm),
             offsets: evaluation.between.len(),
         }
     }
+}
+
+/// Describes in plain words how near what is shown is to the scan.
+pub fn quality_text(evaluation: &Evaluation) -> String {
+    let Evaluation { on_grid, range, unit, .. } = evaluation;
+    let mut out = format!(
+        "99 of 100 voxels are within {:.1}{unit} of the scan; the error is {:.1}{unit} (root mean square)\n",
+        on_grid.p99_hu, on_grid.rmse_hu
+    );
+    match evaluation.outline_apart() {
+        Some([0.0, _]) => out.push_str("outline: exactly the mask's\n"),
+        Some([voxels, mm]) => {
+            out.push_str(&format!("outline: {voxels:.2} voxels ({mm:.2} mm) from the mask's on average\n"));
+        }
+        None => {}
+    }
+    let [low, high] = range;
+    out.push_str(&format!(
+        "PSNR over {low} to {high}{unit}: {} at the voxels",
+        psnr(on_grid.psnr_db, *range)
+    ));
+    if !evaluation.between.is_empty() {
+        out.push_str(&format!(
+            "; between them {} in the mean and {} at the worst of {} offsets",
+            psnr(evaluation.mean_psnr_db(), *range),
+            psnr(evaluation.worst_psnr_db(), *range),
+            evaluation.between.len()
+        ));
+    }
+    out.push('\n');
+    out
 }
 
 /// Formats the figures of an evaluation as a table; `of` is the origin of their range.
@@ -68,7 +105,7 @@ pub fn quality_table(evaluation: &Evaluation, of: &str) -> String {
     let mut rows = vec![row("at the voxels".into(), &evaluation.on_grid)];
     for m in &evaluation.between {
         let [x, y, z] = m.offset;
-        rows.push(row(format!("offset {x:+.2} {y:+.2} {z:+.2}"), m));
+        rows.push(row(format!("{x:+.2} {y:+.2} {z:+.2} voxels off"), m));
     }
     if !evaluation.between.is_empty() {
         let worst = psnr(evaluation.worst_psnr_db(), evaluation.range);
@@ -79,7 +116,7 @@ pub fn quality_table(evaluation: &Evaluation, of: &str) -> String {
     }
     let [low, high] = evaluation.range;
     let unit = evaluation.unit;
-    let rmse = if unit.is_empty() { "RMSE" } else { "RMSE, HU" };
-    let heads = ["", "PSNR", rmse, "99 % within", "occupancy RMSE", "soft Dice"];
+    let [rmse, within] = ["RMSE", "99 of 100 within"].map(|name| with_unit(name, unit));
+    let heads = ["", "PSNR", &rmse, &within, "mask RMSE, 0 to 1", "soft Dice, 0 to 1"];
     format!("PSNR over {low} to {high}{unit} ({of}):\n{}", table(&heads, &rows))
 }

@@ -1,5 +1,6 @@
 //! Ends the program: errors as text or JSON on stderr, exit codes, and panics turned into errors.
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
@@ -67,6 +68,24 @@ pub fn guard(run: impl FnOnce() -> Result<u8, Stop>) -> ExitCode {
     ExitCode::from(code)
 }
 
+/// Refuses arguments that name standard input or output by a dash, as a file: vgs reads files again and at many places,
+/// and writes them whole or not at all.
+///
+/// # Errors
+/// [`Kind::Usage`] if there is one.
+pub fn refuse_dash(arguments: impl Iterator<Item = OsString>) -> engine::Result<()> {
+    let is_dash = |argument: &OsString| {
+        let text = argument.to_string_lossy();
+        text == "-" || text == "-o-" || text.starts_with("-") && text.ends_with("=-")
+    };
+    if !arguments.skip(1).take_while(|argument| argument != "--").any(|argument| is_dash(&argument)) {
+        return Ok(());
+    }
+    let message = "- stands for standard input or output, and vgs reads and writes files";
+    Err(Error::new(Kind::Usage, "VGS-CLI-145", message)
+        .help("name a file (./- if it is called so); --json writes figures to standard output"))
+}
+
 /// Returns true if messages are to be JSON. This is read from the raw arguments, since they may be what is
 /// wrong.
 fn wants_json() -> bool {
@@ -127,6 +146,19 @@ fn report_json(error: &Error) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_dash_is_no_file() {
+        let check = |line: &str| refuse_dash(line.split(' ').map(OsString::from));
+        for refused in
+            ["vgs info -", "vgs fit ct.nii -o -", "vgs stats a.ply --csv=-", "vgs render a.ply -o-"]
+        {
+            assert_eq!(check(refused).expect_err(refused).code, "VGS-CLI-145");
+        }
+        for taken in ["vgs info ./-", "vgs render a.ply --box=-1,2", "vgs info a- -v", "vgs info -- a=-"] {
+            assert!(check(taken).is_ok(), "{taken}");
+        }
+    }
 
     #[test]
     fn every_way_to_end_has_its_exit_code() {

@@ -11,6 +11,11 @@ pub fn psnr(value: f64, [low, high]: [f32; 2]) -> String {
     }
 }
 
+/// Returns the heading of a column with the unit of its numbers, if they have one: `mean, HU`.
+pub fn with_unit(name: &str, unit: &str) -> String {
+    if unit.is_empty() { name.to_owned() } else { format!("{name},{unit}") }
+}
+
 /// Formats rows under headings as columns; empty columns on the right are trimmed.
 pub fn table(heads: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {

@@ -79,8 +79,9 @@ pub struct RoiArguments {
     /// Instead of a mask: the voxels from LOW to HIGH, HU
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
     pub roi_threshold: Option<[f32; 2]>,
-    /// Which labels of the mask, by number or name, one with a comma in quotes; a fit keeps the label of each splat
-    #[arg(long, value_name = "N|NAME,...", requires = "roi", conflicts_with = "roi_threshold")]
+    /// Which labels of the mask, with commas between them: numbers, names, ranges (1-24), patterns (rib_*, *_left)
+    /// or all; a fit keeps the label of each splat. `vgs info MASK` lists them
+    #[arg(long, value_name = "N|NAME|...", requires = "roi", conflicts_with = "roi_threshold")]
     pub roi_label: Option<String>,
     #[command(flatten)]
     pub cleaning: CleaningArguments,

@@ -33,9 +33,26 @@ pub fn make_folder(path: &Path) -> Result<()> {
     })
 }
 
-/// Returns `path` with another ending: `a.ply` -> `a.run.json`.
+/// Returns the file with `ending` that belongs to the output `path`. A PLY has side files of its name alone, others of
+/// their whole name, so that two formats of one name do not share them: `a.ply` has `a.run.json`, and `a.vgs` has
+/// `a.vgs.run.json`.
 pub fn beside(path: &Path, ending: &str) -> PathBuf {
-    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    let is_ply = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
+    let name = if is_ply { path.file_stem() } else { path.file_name() };
+    let mut name = name.unwrap_or_default().to_owned();
     name.push(ending);
     path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn side_files_belong_to_one_output() {
+        let name = |path: &str| beside(Path::new(path), ".run.json").display().to_string();
+        assert_eq!(name("out/a.ply"), "out/a.run.json");
+        assert_eq!(name("a.b.PLY"), "a.b.run.json");
+        assert_eq!(name("out/a.vgs"), "out/a.vgs.run.json");
+    }
 }

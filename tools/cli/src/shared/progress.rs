@@ -4,18 +4,14 @@ use std::io::Write;
 use std::time::{Duration, Instant};
 
 use engine::fit::Progress;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::console::Console;
 use super::figures::seconds;
-use super::terminal::{bars, stderr_has_colour};
+use super::terminal::{LINE_EVERY, STEPS, bar, stderr_has_colour};
 
-/// Least time between plain lines. A line also waits for a tenth of the work, but at most four times as long.
-const LINE_EVERY: Duration = Duration::from_secs(5);
 /// Time over which the rate is measured.
 const RATE_EVERY: Duration = Duration::from_secs(1);
-/// Number of positions of the bar.
-const STEPS: u64 = 1000;
 
 /// Display of one fit.
 pub struct Display {
@@ -36,11 +32,7 @@ impl Display {
     pub fn new(console: &Console) -> Self {
         let now = Instant::now();
         let shown = !console.json && !console.quiet;
-        let bar = (shown && stderr_has_colour()).then(|| {
-            let style = ProgressStyle::with_template("{bar:20} {percent:>3}% {wide_msg}")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            bars().add(ProgressBar::new(STEPS).with_style(style))
-        });
+        let bar = (shown && stderr_has_colour()).then(bar);
         Display {
             lines: shown && bar.is_none(),
             bar,
@@ -53,11 +45,10 @@ impl Display {
         }
     }
 
-    /// Stores new figures, which a fit reports now and then.
-    pub fn figures(&mut self, progress: &Progress) {
-        // The outline is judged by the term that the fit uses.
-        let outline = progress.dice.unwrap_or(progress.occupancy_rmse);
-        self.figures = format!(", {:.2} dB, outline off {outline:.3}", progress.psnr_db);
+    /// Stores new figures, which a fit reports now and then; its PSNR is over `span` of a `unit`.
+    pub fn figures(&mut self, progress: &Progress, span: f64, unit: &str) {
+        let error = progress.mse.sqrt() * span;
+        self.figures = format!(", error {error:.1}{unit} ({:.1} dB)", progress.psnr_db);
     }
 
     /// Shows the progress of the fit; `share` is the part of the schedule that is done, 0 to 1.
@@ -106,11 +97,10 @@ impl Steps {
     pub fn new(console: &Console, what: &'static str, count: u64) -> Self {
         let now = Instant::now();
         let shown = !console.json && !console.quiet && count > 1;
-        let bar = (shown && stderr_has_colour()).then(|| {
-            let style = ProgressStyle::with_template("{bar:20} {percent:>3}% {wide_msg}")
-                .unwrap_or_else(|_| ProgressStyle::default_bar());
-            bars().add(ProgressBar::new(count).with_style(style))
-        });
+        let bar = (shown && stderr_has_colour()).then(bar);
+        if let Some(bar) = &bar {
+            bar.set_length(count);
+        }
         Steps { lines: shown && bar.is_none(), bar, what, count, start: now, last_line: now }
     }
 

@@ -3,8 +3,9 @@
 
 use std::io::{self, IsTerminal};
 use std::sync::OnceLock;
+use std::time::Duration;
 
-use indicatif::{MultiProgress, ProgressDrawTarget};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Returns true if stderr may get colours and moving bars.
 pub fn stderr_has_colour() -> bool {
@@ -22,6 +23,18 @@ pub fn clean(text: &str) -> String {
             keep.into_iter().chain(escaped.into_iter().flatten())
         })
         .collect()
+}
+
+/// Least time between plain lines of progress.
+pub const LINE_EVERY: Duration = Duration::from_secs(5);
+/// Number of positions of a bar.
+pub const STEPS: u64 = 1000;
+
+/// Adds a bar of [`STEPS`] positions to the terminal.
+pub fn bar() -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:20} {percent:>3}% {wide_msg}")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    bars().add(ProgressBar::new(STEPS).with_style(style))
 }
 
 /// Returns the progress bars of this program; at most one is shown on stderr.

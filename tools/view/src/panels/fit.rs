@@ -247,7 +247,7 @@ fn plan(
         let splats = config.splat_count(size.weight);
         let cost = if config.has_goal() {
             format!(
-                "as many splats as 99 % within {}{} take, {} iterations",
+                "as many splats as it takes to have 99 of 100 voxels within {}{}; {} iterations",
                 config.target_hu, info.unit, config.iterations
             )
         } else {
@@ -273,21 +273,22 @@ fn plan(
 
 /// Shows how far the fit is, and what can be done with it.
 fn progress(ui: &mut Ui, status: &FitStatus, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
-    match status.stage {
-        Stage::Preparing | Stage::Writing => {
+    match (status.stage, status.share()) {
+        (Stage::Ended, _) => _ = ui.label(status.text()),
+        (_, Some(share)) => _ = ui.add(ProgressBar::new(share).text(status.text())),
+        (_, None) => {
             ui.horizontal(|ui| {
                 ui.spinner();
                 ui.label(status.text());
             });
         }
-        Stage::Running => {
-            _ = ui.add(ProgressBar::new(status.share()).text(status.text()));
-        }
-        Stage::Ended => _ = ui.label(status.text()),
     }
     if let (Some(psnr), Some(rmse)) = (status.psnr_db, status.rmse) {
-        ui.label(format!("PSNR {psnr:.1} dB, error {rmse:.1}{}", info.unit)).on_hover_text(
-            "at the voxels of the region: PSNR over the range of the fit, and root mean square error",
+        if let Some(p99) = status.p99 {
+            ui.label(format!("99 of 100 voxels are within {p99:.1}{} of the scan", info.unit));
+        }
+        ui.label(format!("error {rmse:.1}{}, PSNR {psnr:.1} dB", info.unit)).on_hover_text(
+            "at the voxels of the region: root mean square error, and PSNR over the range of intensities",
         );
     }
     if let Some(splats) = status.splats {

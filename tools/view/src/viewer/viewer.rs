@@ -374,7 +374,7 @@ impl Viewer {
         let fit = self.fit.as_ref().map(|shown| shown.fitting.status());
         let of_fit = fit
             .filter(|fit| fit.stage != Stage::Ended)
-            .map(|fit| ("fitting", (fit.stage == Stage::Running).then(|| fit.share())));
+            .map(|fit| (if fit.stage == Stage::Running { "fitting" } else { fit.doing }, fit.share()));
         let read = self.open_files.read();
         let files = &app.state.files;
         // While another region is being found, the volume still has the one before.

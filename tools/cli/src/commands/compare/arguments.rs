@@ -38,7 +38,7 @@ on luma. FLIP is the mean at 67 pixels per degree: 0 is no difference that is
 seen, 1 the greatest; the order of the two pictures does not matter.
 
 Volumes: PSNR is -10 log10 of the mean squared difference of intensities from
-0 to 1, over the range that is stated. RMSE, the difference that 99 % of the
+0 to 1, over the range that is stated. RMSE, the difference that 99 of 100
 voxels do not exceed and the largest one are B less A in the unit of the
 volumes, not clipped. Every voxel of the region counts once; of a soft mask
 these are the ones above 1 % of its maximum. Splats are brought onto the grid
@@ -73,7 +73,7 @@ pub struct VolumeArguments {
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
     pub roi_threshold: Option<[f32; 2]>,
     /// Which labels of the mask, by number or name
-    #[arg(long, value_name = "N|NAME,...", requires = "roi")]
+    #[arg(long, value_name = "N|NAME|...", requires = "roi")]
     pub roi_label: Option<String>,
     #[command(flatten)]
     pub cleaning: CleaningArguments,

@@ -22,8 +22,8 @@ pub struct FitArguments {
     pub volume: PathBuf,
     #[command(flatten)]
     pub region: RoiArguments,
-    /// Where the splats go: .ply for all programs, or .vgs, which is small and rounded. Beside it: .run.json
-    /// (record), .csv and .svg (curve)
+    /// Where the splats go: .ply for all programs, or .vgs, which is small and rounded. Beside a.ply: a.run.json
+    /// (record), a.csv and a.svg (curve); beside a.vgs: a.vgs.run.json, ...
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     pub output: PathBuf,
     /// Replaces outputs that exist

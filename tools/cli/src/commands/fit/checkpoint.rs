@@ -1,7 +1,7 @@
 //! Checkpoints of a fit, by which one can look at it and resume it: splats as PLY, and its state.
 
-use std::cell::Cell;
-use std::collections::BTreeMap;
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -22,6 +22,10 @@ pub struct CheckpointArguments {
     /// Every N iterations writes the splats so far (OUT.000100.ply) and what --resume needs (OUT.state)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: Option<u32>,
+    /// Of the splats on the way the last N files stay
+    #[arg(long, value_name = "N", default_value_t = 2, requires = "checkpoint_every",
+          value_parser = clap::value_parser!(u32).range(1..))]
+    checkpoint_keep: u32,
     /// Goes on from OUT.state, which an interrupted fit leaves: to the splats of a fit that never stopped,
     /// bit for bit. Outputs of the interrupted fit are replaced
     #[arg(long)]
@@ -49,6 +53,9 @@ pub struct Checkpoints {
     inputs: BTreeMap<String, String>,
     region: String,
     config: FitConfig,
+    /// Most files of splats on the way that stay, and those that there are, the oldest first.
+    keep: usize,
+    kept: RefCell<VecDeque<PathBuf>>,
     /// True if the state on disk is whole and of this fit, so that it is worth keeping beside the next one.
     has_good_state: Cell<bool>,
 }
@@ -81,6 +88,8 @@ impl Checkpoints {
             inputs: inputs.iter().map(|(&name, input)| (name.to_owned(), input.sha256.clone())).collect(),
             region: region_text(region),
             config: config.clone(),
+            keep: arguments.checkpoint_keep as usize,
+            kept: RefCell::default(),
             has_good_state: Cell::new(false),
         };
         let states = [state_path(output), previous_path(output)];
@@ -94,7 +103,12 @@ impl Checkpoints {
         }
         if let Some(every) = checkpoints.every {
             for k in (every..=config.iterations).step_by(every as usize) {
-                check_writable(checkpoints.splats_path(k), checkpoints.write.force)?;
+                let path = checkpoints.splats_path(k);
+                check_writable(&path, checkpoints.write.force)?;
+                if arguments.resume && path.exists() {
+                    // Of the interrupted fit, whose outputs this one replaces.
+                    checkpoints.kept.borrow_mut().push_back(path);
+                }
             }
         }
         Ok(checkpoints)
@@ -109,9 +123,18 @@ impl Checkpoints {
         self.every.is_some_and(|every| iteration > 0 && iteration.is_multiple_of(every))
     }
 
-    /// Writes the splats of an iteration.
+    /// Writes the splats of an iteration. Once they are safe, those of the oldest are removed.
     pub fn write_splats(&self, set: &SplatSet, iteration: u32) -> Result<()> {
-        splat::write_as(&self.splats_path(iteration), set, &self.write)
+        let path = self.splats_path(iteration);
+        splat::write_as(&path, set, &self.write)?;
+        let mut kept = self.kept.borrow_mut();
+        kept.retain(|other| *other != path);
+        kept.push_back(path);
+        while kept.len() > self.keep {
+            // One that somebody has taken away, or holds fast, is no reason to stop a fit.
+            let _ = kept.pop_front().map(std::fs::remove_file);
+        }
+        Ok(())
     }
 
     /// Writes the state of the fit with its notes.
@@ -230,7 +253,7 @@ mod tests {
     }
 
     fn checkpoints(folder: &Path, config: FitConfig) -> Checkpoints {
-        let arguments = CheckpointArguments { checkpoint_every: Some(10), resume: true };
+        let arguments = CheckpointArguments { checkpoint_every: Some(10), checkpoint_keep: 2, resume: true };
         let region = threshold(CleaningArguments::default());
         let record = InputRecord { path: "v.nii".into(), bytes: 3, sha256: "abc".into() };
         let inputs = BTreeMap::from([("volume", record)]);
@@ -252,6 +275,29 @@ mod tests {
         let due: Vec<u32> = (0..35).filter(|&k| c.is_due(k)).collect();
         assert_eq!(due, [10, 20, 30]);
         assert!(c.splats_path(10).ends_with("a.000010.ply"));
+    }
+
+    #[test]
+    fn the_last_two_stay_whoever_wrote_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |c: &Checkpoints, k| c.write_splats(&SplatSet::default(), k).expect("written");
+        let names = || {
+            let names = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name());
+            let mut names: Vec<_> = names.map(|name| name.into_string().unwrap()).collect();
+            names.sort();
+            names
+        };
+        let first = checkpoints(folder.path(), FitConfig::default());
+        std::fs::write(folder.path().join("a.000011.ply"), "of somebody else").unwrap();
+        for k in [10, 20, 30] {
+            write(&first, k);
+        }
+        assert_eq!(names(), ["a.000011.ply", "a.000020.ply", "a.000030.ply"]);
+        let resumed = checkpoints(folder.path(), FitConfig::default());
+        // A resumed fit may write one again.
+        write(&resumed, 30);
+        write(&resumed, 40);
+        assert_eq!(names(), ["a.000011.ply", "a.000030.ply", "a.000040.ply"]);
     }
 
     #[test]

@@ -50,16 +50,16 @@ pub fn for_goal<'a>(
     console: &Console,
     start: Instant,
 ) -> Result<Problem<'a>> {
-    let waiting = Waiting::on("finding out how many splats the target takes");
+    let waiting = Waiting::on("finding the number of splats, by short trials");
     let margin = GOAL_MARGIN_DB + if is_rounded(&problem, arguments) { ROUNDING_DB } else { 0.0 };
     let until = arguments.time_budget.map(|time| start + time.mul_f64(TRIALS_OF_BUDGET));
-    let mut over = || until.is_some_and(|until| Instant::now() >= until);
+    let over = || until.is_some_and(|until| Instant::now() >= until);
     let mut trials = 0;
     let mut told = |trial: &Trial| {
         trials += 1;
         tracing::info!("{} splats would be {:+.1} dB from the target", trial.splats, trial.surplus_db);
     };
-    let count = problem.count_for(gpu, goal, margin, &mut told, &mut over)?;
+    let count = problem.count_for(gpu, goal, margin, &mut told, &mut waiting.going(over))?;
     drop(waiting);
     let most = problem.config().most_splats(problem.roi().weight_sum());
     let limited = if count > most { format!("; {most} are the most there may be") } else { String::new() };
@@ -121,6 +121,6 @@ pub fn is_aim(settings: &Settings) -> bool {
 /// Describes a goal in a few words.
 pub fn text(goal: &Goal, unit: &str) -> String {
     let psnr = goal.psnr_db.map(|db| format!("a PSNR of {db} dB"));
-    let p99 = goal.p99_hu.map(|hu| format!("99 % of the voxels within {hu}{unit}"));
+    let p99 = goal.p99_hu.map(|hu| format!("99 of 100 voxels within {hu}{unit} of the scan"));
     psnr.into_iter().chain(p99).collect::<Vec<_>>().join(" with ")
 }

@@ -6,12 +6,14 @@ use std::time::{Duration, Instant};
 
 use engine::Result;
 use engine::fit::evaluate::{self, Protocol};
-use engine::fit::{EARLY, Fitter, Problem, QualityPreset, Schedule, Start};
+use engine::fit::{EARLY, Fitter, Goal, QualityPreset, ROUNDING_ITERATIONS, Schedule, Start};
 use engine::gpu::Gpu;
 use engine::splat::{self, Splat, SplatSet};
 
+use super::prepare::Prepared;
+use super::{count, settle};
 use crate::report::estimate::{Estimate, VoxelErrors};
-use crate::shared::inputs::Case;
+use crate::shared::waiting::Waiting;
 
 /// Number of iterations that are not timed: kernels are compiled at the first one, and buffers grow.
 const WARM_UP: u32 = 4;
@@ -21,6 +23,12 @@ const BATCH: u32 = 4;
 const TIMED: Duration = Duration::from_millis(2500);
 /// Greatest number of iterations that are timed.
 const MOST_TIMED: u32 = 64;
+/// Ratio of the memory of a fit to that of its first iterations, and of the closing evaluation to that of the splats
+/// after them: splats that have found their places reach more.
+const FIT_MEMORY_GROWTH: f64 = 1.0;
+const EVALUATION_MEMORY_GROWTH: f64 = 1.0;
+/// Number of fits in which rounded splats are fitted again.
+const ROUNDING_FITS: f64 = 3.0;
 /// Ratio of the time of a later iteration to that of the first ones: splats that have found their places
 /// reach other bricks. It is the median of the 28 fits of the default profile in
 /// docs/results/paper-tables/runs (iterations after the 50th over those before), half of which lie between
@@ -30,7 +38,7 @@ const GROWTH: f64 = 1.07;
 /// Times measured at the first iterations, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Rates {
-    /// Time of reading the inputs and placing the first splats, which are done already.
+    /// Time of reading the inputs, finding the number of splats and placing the first, which are done already.
     before: f64,
     /// Time of creating targets and buffers.
     setup: f64,
@@ -67,95 +75,134 @@ impl Rates {
 
 /// Fit that is estimated.
 pub struct Plan<'a> {
-    /// Device object other than that of the fit, so that memory is counted separately.
+    /// Device object other than that of the fit, so that memory is counted separately ...
     pub gpu: &'a Gpu,
-    /// Problem of the fit.
-    pub problem: &'a Problem<'a>,
-    /// Volume and region as they were read, for the evaluation at the end.
-    pub native: &'a Case,
+    /// ... and one for the closing evaluation.
+    pub gpu_of_evaluation: &'a Gpu,
+    /// The fit.
+    pub prepared: &'a Prepared<'a>,
     /// Start of the fit, and the splats there.
     pub begin: &'a Start,
     pub first: &'a [Splat],
-    pub schedule: Schedule,
-    /// The closing evaluation, if there is one.
-    pub protocol: Option<Protocol>,
-    /// Splats as they will be written, except for their values.
-    pub set: &'a SplatSet,
-    /// Iterations that rounding the splats takes after the fit.
-    pub rounding_iterations: u32,
-    pub output: &'a std::path::Path,
-    /// Options with which they will be written.
-    pub write: &'a splat::WriteOptions<'a>,
-    /// Quality, if none of its settings was changed.
-    pub quality: Option<&'static QualityPreset>,
-    /// Error that the fit is to reach, in words, if there is one.
-    pub target: Option<String>,
-    /// Time since the command began.
-    pub before: Duration,
+    /// Time when the estimate began.
+    pub begun: Instant,
 }
 
 /// Measures what a fit will cost.
 pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
-    let begin = Instant::now();
-    let mut rates = Rates { before: plan.before.as_secs_f64(), ..Rates::default() };
-    let splats = time_iterations(plan, &mut rates)?;
-    let evaluating = Instant::now();
+    let Plan { gpu, prepared, first, begun, .. } = plan;
+    let Prepared { problem, case, settings, goal, .. } = prepared;
+    let waiting = Waiting::on("trying the first iterations, to tell what the fit will cost");
+    let mut rates = Rates { before: prepared.before.as_secs_f64(), ..Rates::default() };
+    let splats = time_iterations(plan, &mut rates, &waiting)?;
     let early = errors(plan, &splats)?;
-    if let Some(protocol) = &plan.protocol {
-        // One grid is measured, and all cost the same.
-        rates.evaluation = evaluating.elapsed().as_secs_f64() * (1 + protocol.offsets.len()) as f64;
-    }
     let finishing = Instant::now();
-    plan.problem.misclassified(plan.gpu, &plan.problem.splat_set(&splats, EARLY))?;
-    rates.finish = finishing.elapsed().as_secs_f64() + f64::from(plan.rounding_iterations) * rates.iteration;
-    let iterations = rates.iterations(&plan.schedule);
-    let looks = iterations / u32::try_from(plan.problem.config().offset_count()).unwrap_or(1).max(LOOK_EVERY);
+    let exceptions = problem.misclassified(gpu, &problem.splat_set(&splats, EARLY))?.exceptions;
+    rates.finish = finishing.elapsed().as_secs_f64();
+    let mut set = prepared.first_set(&splats, settings.config.iterations);
+    if set.rounding.is_some() {
+        // A fit of its own behind each of the groups that are rounded, but the last.
+        rates.finish += f64::from(ROUNDING_ITERATIONS) * rates.iteration + ROUNDING_FITS * rates.setup;
+    }
+    set.exceptions = exceptions;
+    if let Some(protocol) = &prepared.protocol {
+        rates.evaluation = evaluation_seconds(plan, &set, &splats, protocol)?;
+    }
+    let iterations = rates.iterations(&prepared.schedule);
+    let looks = iterations / u32::try_from(problem.config().offset_count()).unwrap_or(1).max(LOOK_EVERY);
     Ok(Estimate {
-        device: plan.gpu.description().name.clone(),
-        splats: plan.first.len(),
-        may_grow: plan.problem.config().topology()?.change.is_some()
-            && plan.problem.config().topology_limit > 1.0,
-        roi_voxels: plan.native.roi.voxel_count(),
+        device: gpu.description().name.clone(),
+        splats: first.len(),
+        may_grow: problem.config().topology()?.change.is_some() && problem.config().topology_limit > 1.0,
+        roi_voxels: case.roi.voxel_count(),
         iterations,
         seconds: rates.total(iterations, looks),
+        before_seconds: rates.before,
+        trial_seconds: prepared.trial_seconds,
         fit_seconds: rates.fit(iterations, looks),
+        finish_seconds: rates.setup + rates.finish + rates.evaluation,
         seconds_per_iteration: rates.iteration,
-        device_peak_bytes: plan.gpu.peak_bytes(),
-        file_bytes: splat::file_bytes(plan.output, plan.set, plan.write)?,
+        device_peak_bytes: peak_bytes(plan),
+        file_bytes: file_bytes(plan, set)?,
         early,
-        expected: plan.quality.map(|quality| expected(quality, early)),
-        target: plan.target.clone(),
-        calibration_seconds: begin.elapsed().as_secs_f64(),
+        expected: expected(plan, early),
+        target: goal.as_ref().map(|goal| {
+            let about = if count::is_aim(settings) { "about " } else { "" };
+            format!("{about}{}", count::text(goal, case.volume.unit().text()))
+        }),
+        calibration_seconds: begun.elapsed().as_secs_f64(),
+        found_seconds: prepared.start.elapsed().as_secs_f64(),
     })
+}
+
+/// Returns the most device memory of trials, which have been on the device of the fit, of the fit and of the closing
+/// evaluation.
+fn peak_bytes(plan: &Plan<'_>) -> u64 {
+    let [fit, evaluation] = [plan.gpu, plan.gpu_of_evaluation].map(Gpu::peak_bytes);
+    tracing::debug!("peaks: trials {}, fit {fit}, evaluation {evaluation}", plan.prepared.gpu.peak_bytes());
+    let later = |bytes: u64, growth: f64| (bytes as f64 * growth) as u64;
+    plan.prepared
+        .gpu
+        .peak_bytes()
+        .max(later(fit, FIT_MEMORY_GROWTH))
+        .max(later(evaluation, EVALUATION_MEMORY_GROWTH))
+}
+
+/// Returns the bytes of the file, by the set of early splats.
+fn file_bytes(plan: &Plan<'_>, early: SplatSet) -> Result<u64> {
+    let Prepared { files, write, .. } = plan.prepared;
+    let bare = SplatSet { exceptions: Vec::new(), ..early.clone() };
+    let of = |set: &SplatSet| splat::file_bytes(&files.splats, set, write);
+    let (bare, whole) = (of(&bare)?, of(&early)?);
+    let first = of(&plan.prepared.first_set(plan.first, 1))?;
+    tracing::debug!(
+        "bytes: first {first}, early {bare}, with exceptions {whole}, of them {}",
+        early.exceptions.len()
+    );
+    Ok(whole)
 }
 
 /// Measures the errors of early splats at the voxels.
 fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<VoxelErrors> {
-    let native = plan.native;
+    let Prepared { problem, case, protocol, .. } = plan.prepared;
     let there;
-    let splats = if plan.problem.is_coarser() {
-        there = plan.problem.splat_set(early, EARLY).to_voxel(&native.volume.world_from_voxel);
+    let splats = if problem.is_coarser() {
+        there = problem.splat_set(early, EARLY).to_voxel(&case.volume.world_from_voxel);
         &there
     } else {
         early
     };
-    let range = plan.protocol.as_ref().map_or_else(|| native.full_range(), |p| p.range);
-    let protocol =
-        Protocol { offsets: Vec::new(), range, shell: plan.problem.config().shell, threshold: 0.0 };
-    let found =
-        evaluate::evaluate(plan.gpu, splats, &plan.problem.field(), &native.volume, &native.roi, &protocol)?;
+    let range = protocol.as_ref().map_or_else(|| case.full_range(), |p| p.range);
+    let protocol = Protocol { offsets: Vec::new(), range, shell: problem.config().shell, threshold: 0.0 };
+    let found = evaluate::evaluate(plan.gpu, splats, &problem.field(), &case.volume, &case.roi, &protocol)?;
     Ok(VoxelErrors { rmse_hu: found.on_grid.rmse_hu, p99_hu: found.on_grid.p99_hu })
+}
+
+/// Returns the time of the closing evaluation, seconds. It is measured with no grid between the voxels and with one,
+/// and all others cost the same.
+fn evaluation_seconds(plan: &Plan<'_>, set: &SplatSet, splats: &[Splat], protocol: &Protocol) -> Result<f64> {
+    let timed = |offsets: &[[f32; 3]]| -> Result<f64> {
+        let begin = Instant::now();
+        let protocol = Protocol { offsets: offsets.to_vec(), ..protocol.clone() };
+        settle::measure(plan.prepared, plan.gpu_of_evaluation, set, splats, &protocol)?;
+        Ok(begin.elapsed().as_secs_f64())
+    };
+    // The first time kernels are compiled, as in the fit.
+    let at_voxels = timed(&[])?;
+    let Some(one) = protocol.offsets.get(..1) else { return Ok(at_voxels) };
+    let (again, between) = (timed(&[])?, timed(one)?);
+    Ok(at_voxels + (between - again).max(0.0) * protocol.offsets.len() as f64)
 }
 
 /// Least number of iterations after which a fit fetches figures.
 const LOOK_EVERY: u32 = 16;
 
 /// Runs and times the fit's first iterations; returns the splats after [`EARLY`] of them.
-fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<Vec<Splat>> {
+fn time_iterations(plan: &Plan<'_>, rates: &mut Rates, waiting: &Waiting) -> Result<Vec<Splat>> {
     let setup = Instant::now();
-    let mut fitter = plan.problem.fitter(plan.gpu, plan.begin)?;
+    let mut fitter = plan.prepared.problem.fitter(plan.gpu, plan.begin)?;
     rates.setup = setup.elapsed().as_secs_f64();
-    let schedule = Schedule { time: None, ..plan.schedule };
+    let schedule = Schedule { time: None, ..plan.prepared.schedule };
     let run = |fitter: &mut Fitter<'_>, count: u32| -> Result<f64> {
         let begin = Instant::now();
         fitter.run_to(fitter.iteration() + count, schedule)?;
@@ -170,6 +217,9 @@ fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<Vec<Splat>> {
         let batch = if to_early > 0 { to_early.min(BATCH) } else { BATCH };
         spent += run(&mut fitter, batch)?;
         done += batch;
+        let by_time = timing.elapsed().as_secs_f64() / TIMED.as_secs_f64();
+        let by_count = f64::from(fitter.iteration()) / f64::from(EARLY);
+        waiting.at(by_time.min(by_count).max(f64::from(done) / f64::from(MOST_TIMED)).min(1.0));
         if early.is_none() && fitter.iteration() >= EARLY {
             let looking = Instant::now();
             fitter.progress()?;
@@ -183,8 +233,29 @@ fn time_iterations(plan: &Plan<'_>, rates: &mut Rates) -> Result<Vec<Splat>> {
     Ok(early.unwrap_or_default())
 }
 
+/// Returns the errors to expect. With a target they are that, and what it says of the other figure by their ratio in
+/// the early splats; else they are known for an unchanged quality.
+fn expected(plan: &Plan<'_>, early: VoxelErrors) -> Option<VoxelErrors> {
+    let Prepared { settings, goal, .. } = plan.prepared;
+    match goal {
+        Some(goal) => expected_of_goal(goal, early),
+        None => settings.plain_quality().map(|quality| expected_of_quality(quality, early)),
+    }
+}
+
+/// Returns the expected errors of a fit with a target. Of two parts of a target the one that asks for more counts.
+fn expected_of_goal(goal: &Goal, early: VoxelErrors) -> Option<VoxelErrors> {
+    let p99_of_rmse = early.p99_hu / early.rmse_hu;
+    let span = f64::from(goal.range[1]) - f64::from(goal.range[0]);
+    let rmse_of_psnr = goal.psnr_db.map(|db| span * 10f64.powf(-db / 20.0));
+    let rmse_of_p99 = goal.p99_hu.map(|p99| p99 / p99_of_rmse);
+    let rmse_hu =
+        rmse_of_psnr.into_iter().chain(rmse_of_p99).filter(|rmse| rmse.is_finite()).reduce(f64::min)?;
+    Some(VoxelErrors { rmse_hu, p99_hu: rmse_hu * p99_of_rmse })
+}
+
 /// Returns the expected errors of a fit with this quality whose first iterations left errors `early`.
-fn expected(quality: &QualityPreset, early: VoxelErrors) -> VoxelErrors {
+fn expected_of_quality(quality: &QualityPreset, early: VoxelErrors) -> VoxelErrors {
     VoxelErrors {
         rmse_hu: quality.rmse_of_early * early.rmse_hu,
         p99_hu: quality.p99_of_early * early.p99_hu,
@@ -220,9 +291,21 @@ mod tests {
     }
 
     #[test]
+    fn a_target_is_what_is_expected() {
+        let early = VoxelErrors { rmse_hu: 50.0, p99_hu: 200.0 };
+        let goal = |psnr_db, p99_hu| Goal { psnr_db, p99_hu, range: [-1024.0, 3071.0], threshold: 0.0 };
+        let of = |psnr, p99| expected_of_goal(&goal(psnr, p99), early).expect("a target");
+        assert_eq!(of(None, Some(30.0)), VoxelErrors { rmse_hu: 7.5, p99_hu: 30.0 });
+        let psnr = of(Some(60.0), None);
+        assert!((psnr.rmse_hu - 4.095).abs() < 1e-9 && (psnr.p99_hu - 16.38).abs() < 1e-9, "{psnr:?}");
+        assert_eq!(of(Some(60.0), Some(30.0)), psnr, "the one that asks for more");
+    }
+
+    #[test]
     fn a_better_quality_leaves_less_of_the_early_errors() {
         let early = VoxelErrors { rmse_hu: 100.0, p99_hu: 400.0 };
-        let all: Vec<VoxelErrors> = QUALITIES.iter().map(|quality| expected(quality, early)).collect();
+        let all: Vec<VoxelErrors> =
+            QUALITIES.iter().map(|quality| expected_of_quality(quality, early)).collect();
         assert!(all.iter().all(|e| 0.0 < e.rmse_hu && e.rmse_hu < 100.0 && e.p99_hu < 400.0), "{all:?}");
         assert!(all.windows(2).all(|pair| pair[1].rmse_hu < pair[0].rmse_hu), "{all:?}");
     }

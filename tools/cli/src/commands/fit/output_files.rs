@@ -50,13 +50,7 @@ impl OutputFiles {
         if finished || !self.splats.exists() || self.holds_an_unfinished_fit() {
             return OutputFiles::of(&self.splats, self.picture.clone());
         }
-        let beside = outputs::beside(&self.splats, ".unfinished.ply");
-        tracing::warn!(
-            "{} stays as it is; what this fit came to is in {}",
-            self.splats.display(),
-            beside.display()
-        );
-        OutputFiles::of(&beside, None)
+        OutputFiles::of(&outputs::beside(&self.splats, ".unfinished.ply"), None)
     }
 
     /// Returns true if the record beside the splats says that their fit was stopped or has failed.

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use engine::Result;
 use engine::fit::evaluate::{self, Protocol};
 use engine::fit::labels::label;
-use engine::fit::{FitConfig, Goal, IntensityRange, Problem, Schedule, Start};
+use engine::fit::{FitConfig, Goal, Going, IntensityRange, Problem, Schedule, Start};
 use engine::gpu::Gpu;
 use engine::splat::{Field, Rounding, Splat, SplatSet, WriteOptions};
 use engine::volume::Labels;
@@ -72,8 +72,10 @@ pub struct Prepared<'a> {
     pub start: Instant,
     /// Seconds from `start` until the inputs were read and the device was ready.
     pub read_seconds: f64,
-    /// Seconds that placing the first splats took.
+    /// Seconds that finding the number of splats took, and placing the first ones.
     pub initialise_seconds: f64,
+    /// Seconds that finding the number alone took.
+    pub trial_seconds: f64,
     /// Time from the start until all of this was ready.
     pub before: Duration,
 }
@@ -106,6 +108,7 @@ pub fn prepare<'a>(
     let protocol = protocol(arguments, config, case)?;
     let goal = Goal::of(config, protocol.range, protocol.threshold);
     let problem = Problem::new(&case.volume, &case.roi, config)?;
+    let mut trial_seconds = 0.0;
     let (problem, begin) = match interrupted {
         Some(interrupted) => (problem, Start::Interrupted(interrupted)),
         None => {
@@ -113,6 +116,7 @@ pub fn prepare<'a>(
                 Some(goal) => count::for_goal(problem, &gpu, goal, arguments, console, start)?,
                 None => problem,
             };
+            trial_seconds = initialising.elapsed().as_secs_f64();
             let (problem, first) = count::placed(problem, settings, arguments, &write, start)?;
             (problem, Start::First(first))
         }
@@ -139,6 +143,7 @@ pub fn prepare<'a>(
         start,
         read_seconds,
         initialise_seconds,
+        trial_seconds,
         before,
     };
     Ok((prepared, begin))
@@ -158,13 +163,8 @@ impl Prepared<'_> {
 
     /// Returns fitted splats as [`Prepared::set`] does, rounded and fitted again; `None` if the device has
     /// failed.
-    pub fn rounded_set(
-        &self,
-        splats: &[Splat],
-        iterations: u32,
-        stopped: &mut dyn FnMut() -> bool,
-    ) -> Option<SplatSet> {
-        let rounded = self.problem.rounded_set(&self.gpu, splats, iterations, stopped);
+    pub fn rounded_set(&self, splats: &[Splat], iterations: u32, going: &mut Going<'_>) -> Option<SplatSet> {
+        let rounded = self.problem.rounded_set(&self.gpu, splats, iterations, going);
         let failed = |error| tracing::warn!("the rounded splats could not be fitted again: {error}");
         Some(self.labelled(rounded.map_err(failed).ok()?))
     }

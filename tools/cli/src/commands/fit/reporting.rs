@@ -10,12 +10,12 @@ use super::prepare::Prepared;
 use super::stages::{Evaluated, Fitted};
 use super::{checkpoint, count};
 use crate::report::estimate::{CheckedEstimate, Estimate};
-use crate::report::quality::Quality;
+use crate::report::quality::{Quality, quality_text};
 use crate::report::record::{MemoryRecord, RoiRecord, RunRecord, Timings, VolumeRecord, WorkingRecord};
 use crate::report::results::FitResults;
 use crate::shared::clock;
 use crate::shared::console::Console;
-use crate::shared::figures::{bytes, psnr, seconds};
+use crate::shared::figures::{bytes, seconds};
 use crate::shared::memory::host_peak_bytes;
 use crate::shared::version::{COMMIT, NUMBER, VERSION};
 
@@ -162,6 +162,11 @@ fn record<'a>(
     })
 }
 
+/// Returns lines two columns further right.
+fn indented(lines: &str) -> String {
+    lines.lines().map(|line| format!("  {line}\n")).collect()
+}
+
 /// Describes the end of a fit in plain words.
 fn summary(
     results: &FitResults,
@@ -175,7 +180,7 @@ fn summary(
         End::Failed(_) => "failed: what is left are",
     };
     let mut out = format!(
-        "{how} {} splats to {} voxels in {} ({} iterations, {} each; {} in all)\n",
+        "{how} {} splats to {} voxels in {} ({} iterations, {} each; {} with reading and all the rest)\n",
         results.splats,
         results.roi_voxels,
         seconds(results.fit_seconds),
@@ -183,26 +188,10 @@ fn summary(
         seconds(results.seconds_per_iteration),
         seconds(results.seconds)
     );
-    if let (Some(quality), Some(evaluation)) = (&results.quality, evaluation) {
-        let ([low, high], unit) = (quality.range, evaluation.unit);
+    if let Some(evaluation) = evaluation {
         out.push_str(&format!(
-            "quality in the region, PSNR over {low} to {high}{unit}:\n  at the voxels: {}, an error of {:.1}{unit} (root \
-             mean square), 99 % within {:.1}{unit}\n",
-            psnr(quality.psnr_db, quality.range),
-            quality.rmse_hu,
-            quality.p99_hu
-        ));
-        if !evaluation.between.is_empty() {
-            out.push_str(&format!(
-                "  between the voxels: {} at the worst of {} offsets, {} in the mean\n",
-                psnr(quality.psnr_min_offset_db, quality.range),
-                evaluation.between.len(),
-                psnr(quality.psnr_mean_offset_db, quality.range)
-            ));
-        }
-        out.push_str(&format!(
-            "  outline: occupancy off by {:.3} (root mean square between the voxels), soft Dice {:.4}\n",
-            quality.occupancy_rmse, quality.soft_dice
+            "how near that is to the scan, in the region:\n{}",
+            indented(&quality_text(evaluation))
         ));
     }
     let host = results.host_peak_bytes.map(|n| format!(", {} of the host", bytes(n))).unwrap_or_default();

@@ -4,6 +4,7 @@
 use engine::Result;
 use engine::fit::Outcome;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
+use engine::gpu::Gpu;
 use engine::splat::{self, Form, Splat, SplatSet};
 
 use super::count::text;
@@ -38,12 +39,13 @@ pub fn settled(
         let target = text(goal, prepared.case.volume.unit().text());
         let mut surplus = |splats: &[Splat]| {
             let (_, set) = last.insert((splats.to_vec(), make(splats)));
-            Ok(goal.surplus_of(&measure(prepared, set, splats, &prepared.at_voxels)?.on_grid))
+            Ok(goal.surplus_of(&measure(prepared, &prepared.gpu, set, splats, &prepared.at_voxels)?.on_grid))
         };
         let mut told = |count| console.say(&format!("not yet {target}: fitting again with {count} splats"));
-        let mut stopped = || signals.exit_code().is_some();
+        let waiting = Waiting::on("fitting again, to reach the target");
+        let mut going = waiting.going(|| signals.exit_code().is_some());
         let (gpu, splats) = (&prepared.gpu, outcome.splats.clone());
-        match prepared.problem.brought_to_goal(gpu, splats, &mut surplus, &mut told, &mut stopped) {
+        match prepared.problem.brought_to_goal(gpu, splats, &mut surplus, &mut told, &mut going) {
             Ok(splats) => outcome.splats = splats,
             Err(error) => tracing::warn!("the fit could not be brought to its target: {error}"),
         }
@@ -81,8 +83,9 @@ fn within_size(
             bytes(size),
             bytes(most)
         ));
-        let mut stopped = || signals.exit_code().is_some();
-        match prepared.problem.with_count(&prepared.gpu, &outcome.splats, count, &mut stopped) {
+        let waiting = Waiting::on("fitting again, for a smaller file");
+        let mut going = waiting.going(|| signals.exit_code().is_some());
+        match prepared.problem.with_count(&prepared.gpu, &outcome.splats, count, &mut going) {
             Ok(splats) => outcome.splats = splats,
             Err(error) => {
                 tracing::warn!("the file could not be made smaller than {}: {error}", bytes(size));
@@ -97,8 +100,8 @@ fn within_size(
 /// Returns the set of a finished fit as its file has it: rounded where the file rounds.
 fn made(prepared: &Prepared<'_>, splats: &[Splat], iterations: u32, signals: &Signals) -> SplatSet {
     let rounded = if prepared.is_rounded() {
-        let _waiting = Waiting::on("rounding the splats, and fitting them again");
-        prepared.rounded_set(splats, iterations, &mut || signals.exit_code().is_some())
+        let waiting = Waiting::on("rounding the splats, and fitting them again");
+        prepared.rounded_set(splats, iterations, &mut waiting.going(|| signals.exit_code().is_some()))
     } else {
         None
     };
@@ -109,11 +112,12 @@ fn made(prepared: &Prepared<'_>, splats: &[Splat], iterations: u32, signals: &Si
 /// voxels alone. `splats` are those of the fit (voxel space of the working grid, HU).
 pub fn measure(
     prepared: &Prepared<'_>,
+    gpu: &Gpu,
     set: &SplatSet,
     splats: &[Splat],
     protocol: &Protocol,
 ) -> Result<Evaluation> {
-    let Prepared { gpu, case, .. } = prepared;
+    let case = prepared.case;
     if set.form != Form::Field {
         return evaluate_decoded(gpu, set, case, protocol);
     }

@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use engine::Result;
 use engine::fit::evaluate::Evaluation;
-use engine::fit::{End, Outcome, ROUNDING_ITERATIONS, Start};
+use engine::fit::{End, Outcome, Start};
 use engine::splat::SplatSet;
 
 use super::output_files::OutputFiles;
 use super::prepare::Prepared;
 use super::watch::FitWatch;
-use super::{count, explain, settle};
+use super::{explain, settle};
 use crate::picture;
 use crate::report::estimate::{self, Estimate};
 use crate::report::record::PassRecord;
@@ -21,29 +21,20 @@ use crate::shared::waiting::Waiting;
 
 /// Estimates the cost of the fit and prints the estimate, if that was asked for.
 pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Result<Option<Estimate>> {
-    let Prepared { arguments, settings, .. } = prepared;
+    let arguments = prepared.arguments;
     let first = match begin {
         Start::First(first) if arguments.explain || arguments.dry_run => first,
         _ => return Ok(None),
     };
+    let begun = Instant::now();
+    let [gpu, gpu_of_evaluation] = [arguments.device.boot()?, arguments.device.boot()?];
     let estimate = explain::estimate(&explain::Plan {
-        gpu: &arguments.device.boot()?,
-        problem: &prepared.problem,
-        native: prepared.case,
+        gpu: &gpu,
+        gpu_of_evaluation: &gpu_of_evaluation,
+        prepared,
         begin,
         first,
-        schedule: prepared.schedule,
-        protocol: prepared.protocol.clone(),
-        set: &prepared.first_set(first, settings.config.iterations),
-        rounding_iterations: if prepared.is_rounded() { ROUNDING_ITERATIONS } else { 0 },
-        output: &prepared.files.splats,
-        write: &prepared.write,
-        quality: settings.plain_quality(),
-        target: prepared.goal.as_ref().map(|goal| {
-            let about = if count::is_aim(settings) { "about " } else { "" };
-            format!("{about}{}", count::text(goal, prepared.case.volume.unit().text()))
-        }),
-        before: prepared.before,
+        begun,
     })?;
     let unit = prepared.case.volume.unit().text();
     if !arguments.dry_run {
@@ -88,7 +79,21 @@ pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &C
         prepared.set(&outcome.splats, outcome.iterations)
     };
     let files = prepared.files.after(&outcome.end);
-    splat_files::write(&files.splats, &set, &prepared.write)?;
+    let writing = Waiting::on(format!("writing {}", files.splats.display()));
+    match (splat_files::write(&files.splats, &set, &prepared.write), outcome.end) {
+        (Ok(()), end) => outcome.end = end,
+        // What made the fit fail comes first: with a full disk the splats cannot be kept either.
+        (Err(error), End::Failed(cause)) => {
+            tracing::warn!("the splats so far are lost: {error}");
+            return Err(cause);
+        }
+        (Err(error), _) => return Err(error),
+    }
+    drop(writing);
+    if files.splats != prepared.files.splats {
+        let (kept, written) = (prepared.files.splats.display(), files.splats.display());
+        tracing::warn!("{kept} stays as it is; what this fit came to is in {written}");
+    }
     if finished {
         prepared.checkpoints.clean();
     }
@@ -126,7 +131,8 @@ pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> 
     let evaluating = Instant::now();
     let finished = matches!(fitted.outcome.end, End::Finished) && signals.exit_code().is_none();
     let waiting = Waiting::on("measuring the splats");
-    let measured = |protocol| settle::measure(prepared, &fitted.set, &fitted.outcome.splats, protocol);
+    let measured =
+        |protocol| settle::measure(prepared, &prepared.gpu, &fitted.set, &fitted.outcome.splats, protocol);
     let evaluation = prepared.protocol.as_ref().filter(|_| finished).map(measured).transpose()?;
     drop(waiting);
     if let (Some(path), Some(evaluation)) = (&prepared.files.picture, &evaluation) {

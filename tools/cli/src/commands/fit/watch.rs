@@ -7,6 +7,7 @@ use super::prepare::Prepared;
 use crate::shared::console::Console;
 use crate::shared::progress::Display;
 use crate::shared::signals::Signals;
+use crate::shared::waiting::Waiting;
 
 /// Watches one fit.
 pub struct FitWatch<'a> {
@@ -14,6 +15,10 @@ pub struct FitWatch<'a> {
     signals: &'a Signals,
     console: &'a Console,
     display: Option<Display>,
+    /// Span of the range of the figures, HU.
+    span: f64,
+    /// What the fit waits for before its iterations begin.
+    waiting: Option<Waiting>,
     /// Iteration of the last checkpoint, or the one with which the fit resumes.
     saved: u32,
 }
@@ -21,7 +26,8 @@ pub struct FitWatch<'a> {
 impl<'a> FitWatch<'a> {
     /// Creates a watch for a fit.
     pub fn new(prepared: &'a Prepared<'a>, signals: &'a Signals, console: &'a Console) -> Self {
-        FitWatch { prepared, signals, console, display: None, saved: 0 }
+        let waiting = Some(Waiting::on("preparing the device for the fit"));
+        FitWatch { prepared, signals, console, display: None, span: 1.0, waiting, saved: 0 }
     }
 }
 
@@ -29,6 +35,8 @@ impl Watch for FitWatch<'_> {
     fn begin(&mut self, beginning: &Beginning) {
         let &Beginning { splats, iterations, range: [low, high] } = beginning;
         self.signals.defer_first_signal();
+        self.waiting = None;
+        self.span = f64::from(high) - f64::from(low);
         let before = match iterations {
             0 => String::new(),
             _ => format!("going on after {iterations} iterations: "),
@@ -36,7 +44,8 @@ impl Watch for FitWatch<'_> {
         let problem = &self.prepared.problem;
         let (voxels, unit) = (problem.roi().voxel_count(), problem.volume().unit().text());
         self.console.say(&format!(
-            "{before}fitting {splats} splats to {voxels} voxels; the PSNR on the way is over {low} to {high}{unit}"
+            "{before}fitting {splats} splats to {voxels} voxels; errors on the way are root mean squares, and dB are PSNR \
+             over {low} to {high}{unit}"
         ));
         self.display = Some(Display::new(self.console));
         self.saved = iterations;
@@ -50,7 +59,7 @@ impl Watch for FitWatch<'_> {
 
     fn figures(&mut self, progress: &Progress) {
         if let Some(display) = &mut self.display {
-            display.figures(progress);
+            display.figures(progress, self.span, self.prepared.problem.volume().unit().text());
         }
     }
 

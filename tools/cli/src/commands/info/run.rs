@@ -8,15 +8,15 @@ use engine::splat::{self, LabelCount, Summary};
 use engine::unit::Unit;
 use engine::volume::dicom::{self, StackSummary, Structure};
 use engine::volume::nifti::{self, Header};
-use engine::volume::{Format, ReadOptions, Roi, Stats, Volume, inv3};
+use engine::volume::{Format, LabelChoice, PresentLabel, ReadOptions, Roi, Stats, Volume, inv3};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
 use super::budget::{self, BudgetArguments, FrameBudget};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
-use crate::shared::figures::bytes;
-use crate::shared::inputs::ReadArguments;
+use crate::shared::figures::{bytes, table, with_unit};
+use crate::shared::inputs::{ReadArguments, volume_of};
 use crate::shared::terminal::clean;
 
 /// Tells what volumes and splat files hold
@@ -26,6 +26,9 @@ pub struct InfoArguments {
     /// Volumes, splat files, and folders of DICOM series
     #[arg(required = true)]
     files: Vec<PathBuf>,
+    /// The scan of a mask: its mean intensity in each label is told, too, and contours are counted on its voxels
+    #[arg(long, value_name = "VOLUME", help_heading = "Input")]
+    volume: Option<PathBuf>,
     #[command(flatten)]
     read: ReadArguments,
     #[command(flatten)]
@@ -35,6 +38,7 @@ pub struct InfoArguments {
 const EXAMPLES: &str = "\
 Examples:
   vgs info ct.nii.gz bones.ply
+  vgs info labels.nii.gz --volume ct.nii.gz     the labels that are there, with voxels, ml and mean HU
   vgs info scans/                 the DICOM series in a folder; --series N tells more of one
   vgs info --json bones.ply       one object, on one line, for each file
   vgs info --budget --tf CT-Bone body.ply     where bytes and milliseconds of a frame go";
@@ -53,9 +57,15 @@ enum FileContent {
         /// Series of a DICOM folder.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         series: Vec<StackSummary>,
-        /// Labels of a mask with their names.
+        /// Labels of a mask with their names, as the file lists them.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         structures: Vec<Structure>,
+        /// Labels that some voxels have.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        present: Option<Vec<PresentLabel>>,
+        /// Text behind an intensity of `present`.
+        #[serde(skip)]
+        unit: &'static str,
         #[serde(flatten)]
         voxels: Option<Voxels>,
     },
@@ -92,8 +102,9 @@ struct FileOutput<'a> {
 
 /// Runs the command.
 pub fn run(arguments: &InfoArguments, console: &Console) -> std::result::Result<u8, Stop> {
+    let volume = arguments.volume.as_deref().map(|path| volume_of(path, &arguments.read)).transpose()?;
     for (i, path) in arguments.files.iter().enumerate() {
-        let content = read_content(path, &arguments.read)?;
+        let content = read_content(path, &arguments.read, volume.as_ref())?;
         let asked = arguments.budget.budget && matches!(content, FileContent::Splats(_));
         let budget = asked.then(|| budget::measure(path, &arguments.budget)).transpose()?;
         let file = path.display().to_string();
@@ -111,7 +122,7 @@ pub fn run(arguments: &InfoArguments, console: &Console) -> std::result::Result<
     Ok(0)
 }
 
-fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
+fn read_content(path: &Path, read: &ReadArguments, of: Option<&Volume>) -> Result<FileContent> {
     let mut start = Vec::new();
     // A file that cannot be read is reported by the reader below.
     let _ = engine::input::open(path).and_then(|file| file.take(splat::SNIFF_BYTES).read_to_end(&mut start));
@@ -122,7 +133,7 @@ fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
     let mut options = read.options();
     match Format::of(path, &options) {
         Ok(format) if [dicom::NAME, dicom::ZIP_NAME].contains(&format.name) => {
-            return dicom_content(path, format.name, &options);
+            return dicom_content(path, format.name, &options, of);
         }
         _ => {}
     }
@@ -133,6 +144,8 @@ fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
             header,
             series: Vec::new(),
             structures: Vec::new(),
+            present: None,
+            unit: "",
             voxels: None,
         });
     }
@@ -147,26 +160,46 @@ fn read_content(path: &Path, read: &ReadArguments) -> Result<FileContent> {
         header,
         series: Vec::new(),
         structures,
+        present: present(&volume, of, path)?,
+        unit: of.map_or("", |of| of.unit().text()),
         voxels: Some(Voxels::of(&volume)),
     })
 }
 
+/// Returns the labels that voxels of a file have, if it is a mask of labels.
+fn present(file: &Volume, of: Option<&Volume>, path: &Path) -> Result<Option<Vec<PresentLabel>>> {
+    if file.labels.is_empty() && !Roi::has_values_of_mask(file) {
+        return Ok(None);
+    }
+    PresentLabel::list(file, of).map_err(|error| error.file(path))
+}
+
 /// Lists the series of a DICOM folder, and describes the one that is chosen, or the only one. Lists the
 /// structures of a segmentation or a structure set.
-fn dicom_content(path: &Path, format: &'static str, options: &ReadOptions) -> Result<FileContent> {
+fn dicom_content(
+    path: &Path,
+    format: &'static str,
+    options: &ReadOptions,
+    of: Option<&Volume>,
+) -> Result<FileContent> {
     if let Some(structures) = dicom::structures(path, options)? {
-        // Contours have no voxels of their own.
-        let voxels = Volume::read(path, options);
-        let voxels = match voxels {
+        let mask = match of {
+            Some(of) => Volume::read_mask(path, options, &LabelChoice::Whole, of),
+            None => Volume::read(path, options),
+        };
+        let mask = match mask {
+            // Contours have no voxels of their own.
             Err(error) if error.kind == Kind::Usage => None,
-            voxels => Some(Voxels::of(&voxels?)),
+            mask => Some(mask?),
         };
         return Ok(FileContent::Volume {
             format: Some(format),
             header: None,
             series: Vec::new(),
             structures,
-            voxels,
+            present: mask.as_ref().map(|mask| present(mask, of, path)).transpose()?.flatten(),
+            unit: of.map_or("", |of| of.unit().text()),
+            voxels: mask.as_ref().map(Voxels::of),
         });
     }
     let series = dicom::list(path, options)?;
@@ -180,7 +213,15 @@ fn dicom_content(path: &Path, format: &'static str, options: &ReadOptions) -> Re
         }
         Err(error) => return Err(error),
     };
-    Ok(FileContent::Volume { format: Some(format), header: None, series, structures: Vec::new(), voxels })
+    Ok(FileContent::Volume {
+        format: Some(format),
+        header: None,
+        series,
+        structures: Vec::new(),
+        present: None,
+        unit: "",
+        voxels,
+    })
 }
 
 /// Returns the names of labels that the file has.
@@ -232,12 +273,50 @@ fn text(content: &FileContent) -> Lines {
     let mut out = Lines(String::new());
     match content {
         FileContent::Splats(summary) => splat_lines(summary, &mut out),
-        FileContent::Volume { format, header, series, structures, voxels } => {
-            let lists = (series.as_slice(), structures.as_slice());
-            volume_lines(format.unwrap_or_default(), header.as_deref(), lists, voxels.as_ref(), &mut out);
+        FileContent::Volume { format, header, series, structures, present, unit, voxels } => {
+            let named: Vec<String> = match header {
+                Some(h) => h.labels.iter().map(|(number, name)| format!("{number} {name}")).collect(),
+                None => structures.iter().map(|s| format!("{} {}", s.number, s.name)).collect(),
+            };
+            if present.is_none() && !named.is_empty() {
+                out.add("labels", named.join(", "));
+            }
+            volume_lines(format.unwrap_or_default(), header.as_deref(), series, voxels.as_ref(), &mut out);
+            if let Some(present) = present {
+                present_lines(present, named.len(), unit, &mut out);
+            }
         }
     }
     out
+}
+
+/// Lists the labels that voxels have; `named` is the number of those that the file names.
+fn present_lines(present: &[PresentLabel], named: usize, unit: &str, out: &mut Lines) {
+    let of = if named > 0 { format!(" have voxels; the file names {named}") } else { " have voxels".into() };
+    out.add("labels", format!("{}{of}", present.len()));
+    let [mean, deviation] = ["mean", "standard deviation"].map(|name| with_unit(name, unit));
+    let mut heads = vec!["number", "name", "voxels", "volume, ml"];
+    let measured = present.iter().any(|label| label.mean.is_some());
+    if measured {
+        heads.extend([mean.as_str(), deviation.as_str()]);
+    }
+    let row = |label: &PresentLabel| {
+        let name = label.name.as_deref().unwrap_or_default();
+        let mut cells = vec![
+            label.number.to_string(),
+            clean(name).replace('\n', " "),
+            label.voxels.to_string(),
+            format!("{:.2}", label.ml),
+        ];
+        if measured {
+            let text = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.1}"));
+            cells.extend([text(label.mean), text(label.std_dev)]);
+        }
+        cells
+    };
+    for line in table(&heads, &present.iter().map(row).collect::<Vec<_>>()).lines() {
+        out.0.push_str(&format!("    {line}\n"));
+    }
 }
 
 fn joined<T: ToString>(values: &[T], between: &str) -> String {
@@ -256,7 +335,7 @@ fn rounded(values: &[f64]) -> String {
 fn volume_lines(
     format: &str,
     header: Option<&Header>,
-    (series, structures): (&[StackSummary], &[Structure]),
+    series: &[StackSummary],
     voxels: Option<&Voxels>,
     out: &mut Lines,
 ) {
@@ -264,10 +343,6 @@ fn volume_lines(
         out.add("format", format);
         for (i, row) in series.iter().enumerate() {
             out.add(if i == 0 { "series" } else { "" }, row.line());
-        }
-        if !structures.is_empty() {
-            let list: Vec<_> = structures.iter().map(|s| format!("{} {}", s.number, s.name)).collect();
-            out.add("labels", list.join(", "));
         }
         if let Some(v) = voxels {
             out.add("voxels", joined(&v.size, " x "));
@@ -297,10 +372,6 @@ fn volume_lines(
     }
     if !h.description.is_empty() {
         out.add("description", &h.description);
-    }
-    if !h.labels.is_empty() {
-        let list: Vec<_> = h.labels.iter().map(|(n, name)| format!("{n} {name}")).collect();
-        out.add("labels", list.join(", "));
     }
     match voxels {
         Some(v) => value_lines(v, out),
@@ -371,7 +442,11 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
         out.add("means", format!("({}) to ({}) mm, voxel index times spacing", point(low), point(high)));
     }
     out.add("kernel", s.kernel);
-    let field = format!("background {}, epsilon {}, w0 {}", s.background, s.epsilon, s.occupancy_w0);
+    let unit = s.unit.text();
+    let field = format!(
+        "{}{unit} where no splat reaches (ε {}, w₀ {}: see vgs's method.md)",
+        s.background, s.epsilon, s.occupancy_w0
+    );
     out.add("field", field);
     if let Some(iterations) = s.iterations {
         out.add("fit", format!("{iterations} iterations"));

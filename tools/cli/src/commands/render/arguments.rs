@@ -75,7 +75,7 @@ pub struct RenderArguments {
     /// Cuts away: x<MM, x>MM (patient RAS; also y and z), box:X0,Y0,Z0,X1,Y1,Z1 keeps a box; may be repeated
     #[arg(long, value_name = "PLANE|BOX", allow_hyphen_values = true, help_heading = "Picture")]
     pub clip: Vec<Clip>,
-    /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per
+    /// How an object is shown, by name, number, range (1-24) or pattern (rib_*): colour=#rrggbb, opacity=0..1 (a factor of the opacity per
     /// mm), tf=CT-Bone (a transfer function of its own), hidden. Each file is an object, or each of its labels;
     /// may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
@@ -84,8 +84,8 @@ pub struct RenderArguments {
     /// the next of a few that are easily told apart. --object changes single ones
     #[arg(long, help_heading = "Picture")]
     pub object_colours: bool,
-    /// Hides objects: --hide-label ribs,5 is --object ribs:hidden --object 5:hidden
-    #[arg(long, value_name = "N|NAME,...", value_delimiter = ',', help_heading = "Picture")]
+    /// Hides objects, chosen as by --object: --hide-label ribs,5 is --object ribs:hidden --object 5:hidden
+    #[arg(long, value_name = "N|NAME|...", value_delimiter = ',', help_heading = "Picture")]
     pub hide_label: Vec<String>,
     /// Letters at the edges: which way is right, left, anterior, posterior, superior, inferior
     #[arg(long, help_heading = "Picture")]
@@ -131,7 +131,7 @@ pub struct VolumeRegion {
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true)]
     pub roi_threshold: Option<[f32; 2]>,
     /// Which labels of the mask, by number or name
-    #[arg(long, value_name = "N|NAME,...", requires = "roi")]
+    #[arg(long, value_name = "N|NAME|...", requires = "roi")]
     pub roi_label: Option<String>,
     #[command(flatten)]
     pub cleaning: CleaningArguments,

@@ -7,7 +7,7 @@ mod report;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use engine::fit::{FitConfig, GOAL_MARGIN_DB, Goal, PROFILES, Problem, Profile};
+use engine::fit::{FitConfig, GOAL_MARGIN_DB, Goal, PROFILES, Problem, Profile, to_the_end};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::{Error, Kind, Result};
 
@@ -71,7 +71,7 @@ pub fn run(options: &GpuOptions, a: &FitTradeArguments) -> Result<()> {
     let needed = |config: &FitConfig| {
         let Some(goal) = Goal::of(config, place.range, config.region_threshold) else { return Ok(0) };
         let problem = Problem::new(&place.scene.volume, &place.scene.roi, config)?;
-        problem.count_for(&judge, &goal, GOAL_MARGIN_DB, &mut |_| {}, &mut || false)
+        problem.count_for(&judge, &goal, GOAL_MARGIN_DB, &mut |_| {}, &mut to_the_end)
     };
     let at =
         FitPlace { case: &case, mask: &mask, voxels: place.voxels, needed: &needed, device: &device.name };

@@ -8,12 +8,15 @@ use crate::region::{Region, Threshold};
 fn status(stage: Stage) -> FitStatus {
     FitStatus {
         stage,
+        doing: "",
+        done: None,
         splats: Some(1234),
         iteration: 50,
         iterations: 200,
         seconds: 10.0,
         psnr_db: Some(41.25),
         rmse: Some(23.4),
+        p99: None,
         stopping: false,
     }
 }
@@ -65,14 +68,14 @@ fn a_region_is_chosen_and_fitted_from_the_panel() {
         let size = crate::figures::bytes(crate::fit_plan::ply_bytes(splats));
         format!("{splats} splats, {iterations} iterations, {size} as .ply")
     };
-    bench.find("as many splats as 99 % within 30 HU take, 200 iterations");
+    bench.find("as many splats as it takes to have 99 of 100 voxels within 30 HU; 200 iterations");
     click(&mut bench, "preview");
     bench.find(&estimate(100, 50));
     bench.app.settings.fit_took("default", "preview", 101, 0.3);
     bench.rest();
     bench.find(&format!("{}, about 3.0 s", estimate(100, 50)));
     click(&mut bench, "fine");
-    bench.find("as many splats as 99 % within 15 HU take, 200 iterations");
+    bench.find("as many splats as it takes to have 99 of 100 voxels within 15 HU; 200 iterations");
     assert_eq!(click(&mut bench, "Fit splats"), [Action::StartFit { profile: "default", quality: "fine" }]);
 
     // Another cleaning is another region, which must be found first.
@@ -142,19 +145,23 @@ fn a_mask_is_opened_or_dropped() {
 fn a_fit_is_watched_stopped_kept_and_dropped() {
     let mut bench = Bench::new();
     open(&mut bench);
-    bench.fit = Some(FitStatus { splats: None, psnr_db: None, rmse: None, ..status(Stage::Preparing) });
+    let doing = FitStatus { splats: None, psnr_db: None, rmse: None, ..status(Stage::Preparing) };
+    bench.fit = Some(FitStatus { doing: "finding the number of splats", done: Some(0.25), ..doing });
     bench.rest();
-    bench.find("placing splats");
+    bench.find("finding the number of splats");
+    assert_eq!(click(&mut bench, "Stop"), [Action::StopFit]);
     bench.fit = Some(status(Stage::Running));
     bench.rest();
-    for text in ["50 of 200, 30 s left", "PSNR 41.2 dB, error 23.4 HU", "1234 splats"] {
+    for text in ["50 of 200, 30 s left", "error 23.4 HU, PSNR 41.2 dB", "1234 splats"] {
         bench.find(text);
     }
     assert!(bench.place_of("Find").is_none() && bench.place_of("Keep…").is_none());
     assert_eq!(click(&mut bench, "Stop"), [Action::StopFit]);
-    bench.fit = Some(status(Stage::Ended));
+    assert!(bench.place_of("99 of 100 voxels").is_none(), "not measured yet");
+    bench.fit = Some(FitStatus { p99: Some(61.5), ..status(Stage::Ended) });
     bench.rest();
     bench.find("50 of 200 iterations in 10 s");
+    bench.find("99 of 100 voxels are within 61.5 HU of the scan");
     let folder = tempfile::tempdir().expect("a folder");
     bench.app.state.files.splats = vec![folder.path().join("a.ply")];
     click(&mut bench, "Keep…");
