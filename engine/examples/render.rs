@@ -21,7 +21,7 @@ fn main() -> engine::Result<()> {
     let (middle, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
 
     let settings = Settings::new([480, 480]);
-    let black = WriteOptions { background: Some([0.0; 3]), force: true };
+    let black = WriteOptions { background: Some([0.0; 3]), force: true, ..WriteOptions::default() };
     let mut renderer = Renderer::new(&gpu, mode("slab")?, &scene, &settings)?;
     for side in ["anterior", "left", "posterior", "right"] {
         let camera = Camera::from_side(side, middle, radius, 30.0, 1.0)?;

@@ -19,7 +19,7 @@ const PERCENTILE: f64 = 2.0;
 /// the reference implementation.
 pub fn check(name: &str, found: &Image, reference: impl FnOnce() -> Image) {
     let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/golden")).join(format!("{name}.png"));
-    let options = WriteOptions { background: Some([0.0; 3]), force: true };
+    let options = WriteOptions { background: Some([0.0; 3]), force: true, ..WriteOptions::default() };
     if std::env::var_os("UPDATE_GOLDEN").is_some_and(|v| v == "1") {
         image::write(&path, &reference(), None, &options).expect("writing a golden picture");
         let bytes = std::fs::metadata(&path).expect("it was written").len();

@@ -255,7 +255,7 @@ fn write_picture(path: &Path, viewer: &mut Viewer, force: bool) -> Result<()> {
     let pixels = rows.map(|texel| texel.map(|byte| f32::from(byte) / 255.0)).collect();
     let both = Image { size: [2 * width, height], pixels };
     let background = (!viewer.is_transparent()).then_some([0.0; 3]);
-    image::write(path, &both, None, &WriteOptions { background, force })
+    image::write(path, &both, None, &WriteOptions { background, force, ..WriteOptions::default() })
 }
 
 #[cfg(test)]

@@ -352,7 +352,7 @@ fn keep(folder: &Path, name: &str, eyes: &[Image; 2]) {
         size: [2 * EYE[0], EYE[1]],
         pixels: rows.flat_map(|(left, right)| left.iter().chain(right)).copied().collect(),
     };
-    let options = WriteOptions { background: None, force: true };
+    let options = WriteOptions { force: true, ..WriteOptions::default() };
     image::write(folder.join(format!("{name}.png")), &both, None, &options).expect("a picture");
 }
 

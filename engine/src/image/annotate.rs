@@ -2,19 +2,38 @@
 
 use glam::DVec3;
 
-use super::lettering::{Align, text_width};
-use super::{Image, font};
+use super::Image;
+use super::lettering::{Align, Ink, capital_height, outline_width, text_width};
 
 /// Least component along an axis for which a direction gets the letter of that axis: sin 15°.
 const OBLIQUE: f64 = 0.258_819_045_102_520_74;
 
 /// What [`annotate`] writes on a picture.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Annotation {
     /// Letters at the left, right, top and bottom border; `None` if it is unknown how the patient lies.
     pub labels: Option<[String; 4]>,
     /// Millimetres per pixel in the plane that the viewer looks at; `None` for no scale bar.
     pub mm_per_pixel: Option<f64>,
+    /// Bar of colours with their intensities; `None` for none.
+    pub colours: Option<ColourBar>,
+    /// Colours of letters and bars.
+    pub ink: Ink,
+}
+
+impl Default for Annotation {
+    fn default() -> Self {
+        Annotation { labels: None, mm_per_pixel: None, colours: None, ink: Ink::LIGHT }
+    }
+}
+
+/// Bar of the colours of intensities.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColourBar {
+    /// Colours from the least intensity to the greatest, display-referred.
+    pub colours: Vec<[f32; 3]>,
+    /// Texts at the least, the middle and the greatest intensity.
+    pub labels: [String; 3],
 }
 
 /// Returns the letters of the patient's sides at the left, right, top and bottom border of a picture, from
@@ -62,12 +81,13 @@ fn near(value: f64) -> impl Iterator<Item = f64> {
     })
 }
 
-/// Writes the letters at the borders and draws a scale bar at the bottom left, whose length is round and at
-/// most a quarter of the width. A bar or letters that do not fit are left out.
+/// Writes the letters at the borders, and draws a scale bar at the bottom left, whose length is round and at most a
+/// quarter of the width, with the bar of colours above it. What does not fit is left out.
 pub fn annotate(image: &mut Image, annotation: &Annotation) {
     let [width, height] = image.size;
-    let scale = (width.min(height) / 240).clamp(1, 12);
-    let (margin, letter) = (4 * scale, font::HEIGHT * scale);
+    let size = (width.min(height) as f32 / 28.0).clamp(10.0, 280.0);
+    let (margin, letter) = ((0.4 * size).ceil() as usize, capital_height(size));
+    let ink = annotation.ink;
     if height < 4 * (letter + margin) {
         return;
     }
@@ -80,26 +100,58 @@ pub fn annotate(image: &mut Image, annotation: &Annotation) {
             ([middle, margin], Align::Middle, top),
             ([middle, last], Align::Middle, bottom),
         ] {
-            if text_width(text, scale) + 2 * margin <= width / 3 {
-                image.outlined_text(at, scale, align, text);
+            if text_width(text, size) + 2 * margin <= width / 3 {
+                image.outlined_text(at, size, align, ink, text);
             }
         }
     }
+    // Smaller than the letters of the sides.
+    let size = 0.8 * size;
+    let letter = capital_height(size);
+    let (line, edge) = ((0.1 * size).round().max(1.0) as usize, outline_width(size).round() as usize);
+    let tick = 3 * line;
+    let bottom = height - margin;
     let bar = annotation.mm_per_pixel.and_then(|mm| scale_bar(mm, width));
-    if let Some((length, text)) = bar.filter(|(_, text)| text_width(text, scale) + 2 * margin <= width / 2) {
-        let (bottom, tick) = (height - margin, 3 * scale);
+    if let Some((length, text)) = bar.filter(|(_, text)| text_width(text, size) + 2 * margin <= width / 2) {
         let bar = [
-            ([margin, bottom - tick], [scale, tick]),
-            ([margin + length - scale.min(length), bottom - tick], [scale, tick]),
-            ([margin, bottom - 2 * scale], [length, scale]),
+            ([margin, bottom - tick], [line, tick]),
+            ([margin + length - line.min(length), bottom - tick], [line, tick]),
+            ([margin, bottom - line], [length, line]),
         ];
         for ([x, y], [w, h]) in bar {
-            image.fill([x - scale, y - scale], [w + 2 * scale, h + 2 * scale], [0.0; 3]);
+            image.fill([x - edge, y - edge], [w + 2 * edge, h + 2 * edge], ink.outline);
         }
         for (at, size) in bar {
-            image.fill(at, size, [1.0; 3]);
+            image.fill(at, size, ink.letters);
         }
-        image.outlined_text([margin, bottom - tick - 2 * scale - letter], scale, Align::Left, &text);
+        let above = bottom - tick - margin / 2 - letter - edge;
+        image.outlined_text([margin, above], size, Align::Left, ink, &text);
+    }
+    if let Some(bar) = &annotation.colours {
+        let foot = bottom - tick - 2 * letter - margin;
+        draw_colours(image, bar, [margin, foot], size, ink);
+    }
+}
+
+/// Draws a bar of colours that stands on a place, with its texts to the right.
+fn draw_colours(image: &mut Image, bar: &ColourBar, [left, foot]: [usize; 2], size: f32, ink: Ink) {
+    let [width, height] = image.size;
+    let (wide, high) = (size.round() as usize, (10.0 * size).min(0.3 * height as f32) as usize);
+    let gap = (0.4 * size).ceil() as usize;
+    let room = bar.labels.iter().map(|text| text_width(text, size)).max().unwrap_or(0);
+    let (letter, count) = (capital_height(size), bar.colours.len());
+    if high < 4 * letter || foot < high + letter || left + wide + 2 * gap + room > width / 2 || count == 0 {
+        return;
+    }
+    let edge = (0.06 * size).round().max(1.0) as usize;
+    image.fill([left - edge, foot - high - edge], [wide + 2 * edge, high + 2 * edge], ink.letters);
+    for row in 0..high {
+        let colour = bar.colours[(count * row / high).min(count - 1)];
+        image.fill([left, foot - row - 1], [wide, 1], colour);
+    }
+    for (i, text) in bar.labels.iter().enumerate() {
+        let middle = foot - i * high / 2;
+        image.outlined_text([left + wide + gap, middle - letter / 2], size, Align::Left, ink, text);
     }
 }
 
@@ -173,44 +225,76 @@ mod tests {
         }
 
         let mut image = Image::new([400, 300], [0.5, 0.5, 0.5, 1.0]);
-        annotate(&mut image, &Annotation { labels: None, mm_per_pixel: Some(1.0) });
+        annotate(&mut image, &Annotation { mm_per_pixel: Some(1.0), ..Annotation::default() });
         let white = |y: usize| (0..400).filter(|&x| image.at(x, y) == [1.0; 4]).collect::<Vec<_>>();
         let longest = (0..300).map(white).max_by_key(Vec::len).unwrap();
-        assert_eq!(longest, (4..104).collect::<Vec<_>>());
+        let margin = longest[0];
+        assert!(margin < 10);
+        assert_eq!(longest, (margin..margin + 100).collect::<Vec<_>>());
     }
 
     #[test]
     fn letters_are_at_their_borders() {
         let plain = Image::new([300, 240], [0.5; 4]);
         let labels = ["R", "L", "S", "I"].map(str::to_owned);
-        for (i, [x, y]) in [[6, 120], [293, 120], [150, 8], [150, 232]].into_iter().enumerate() {
+        for (i, [x, y]) in [[8, 120], [292, 120], [150, 8], [150, 232]].into_iter().enumerate() {
             let mut only: [String; 4] = Default::default();
             only[i].clone_from(&labels[i]);
             let mut image = plain.clone();
-            annotate(&mut image, &Annotation { labels: Some(only), mm_per_pixel: None });
+            annotate(&mut image, &Annotation { labels: Some(only), ..Annotation::default() });
             let changed: Vec<usize> =
                 (0..plain.pixels.len()).filter(|&p| image.pixels[p] != plain.pixels[p]).collect();
             assert!(changed.len() > 20, "border {i}");
             let far = |p: usize| (p % 300).abs_diff(x).max((p / 300).abs_diff(y));
-            assert!(changed.into_iter().map(far).max() <= Some(7), "border {i}");
+            assert!(changed.into_iter().map(far).max() <= Some(9), "border {i}");
+        }
+    }
+
+    #[test]
+    fn colours_stand_above_the_scale_from_the_least_to_the_greatest() {
+        let colours = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let bar = ColourBar { colours, labels: ["0", "50", "100 HU"].map(str::to_owned) };
+        for (background, ink) in
+            [([0.0, 0.0, 0.0, 1.0], Ink::LIGHT), ([1.0; 4], Ink::DARK), ([0.0; 4], Ink::DARK)]
+        {
+            let mut image = Image::new([400, 300], background);
+            let colours = Some(bar.clone());
+            annotate(&mut image, &Annotation { colours, ink, ..Annotation::default() });
+            let rows = |c: usize| {
+                let pure = |y: &usize| {
+                    (0..400).any(|x| (0..3).all(|i| image.at(x, *y)[i] == f32::from(u8::from(i == c))))
+                };
+                (0..300).filter(pure).collect::<Vec<_>>()
+            };
+            let [red, green, blue] = [0, 1, 2].map(rows);
+            assert!(
+                red.len() > 20 && red.len().abs_diff(blue.len()) <= 1,
+                "{} and {}",
+                red.len(),
+                blue.len()
+            );
+            assert!(red[0] > green[0] && green[0] > blue[0] && red[red.len() - 1] < 290, "{red:?}");
+            let text = image.pixels.iter().filter(|p| p[..3] == ink.letters && p[3] == 1.0).count();
+            assert!(text > 40, "{text} pixels of letters and the frame");
         }
     }
 
     #[test]
     fn no_picture_is_too_small_or_too_odd() {
         let labels = Some(["LPI", "RAS", "SAR", "IPL"].map(str::to_owned));
+        let bar =
+            ColourBar { colours: vec![[0.5; 3]; 3], labels: ["-100", "0", "100 HU"].map(str::to_owned) };
         for size in [[0, 0], [1, 1], [10, 500], [500, 10], [47, 45], [3000, 60]] {
             for mm_per_pixel in [0.5, 1e300, 1e-300, f64::NAN] {
                 let mut image = Image::new(size, [0.0; 4]);
-                annotate(
-                    &mut image,
-                    &Annotation { labels: labels.clone(), mm_per_pixel: Some(mm_per_pixel) },
-                );
+                let (labels, mm_per_pixel) = (labels.clone(), Some(mm_per_pixel));
+                let colours = Some(bar.clone());
+                annotate(&mut image, &Annotation { labels, mm_per_pixel, colours, ink: Ink::LIGHT });
                 assert_eq!(image.pixels.len(), size[0] * size[1]);
             }
         }
         let mut image = Image::new([10, 10], [0.0; 4]);
-        annotate(&mut image, &Annotation { labels, mm_per_pixel: Some(1.0) });
+        annotate(&mut image, &Annotation { labels, mm_per_pixel: Some(1.0), ..Annotation::default() });
         assert_eq!(image, Image::new([10, 10], [0.0; 4]));
     }
 }

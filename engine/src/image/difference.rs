@@ -2,9 +2,8 @@
 
 use super::annotate::round_up;
 use super::flip::Flip;
-use super::font;
 use super::image::{Image, check_size};
-use super::lettering::{Align, shortened, text_width};
+use super::lettering::{Align, line_height, shortened, text_width};
 use super::measure::check_sizes;
 use crate::Result;
 
@@ -40,9 +39,8 @@ impl DifferenceMap {
 }
 
 const MARGIN: usize = 16;
-/// Magnification of letters.
-const LETTERS: usize = 2;
-const LINE: usize = font::HEIGHT * LETTERS;
+/// Size of letters, pixels.
+const LETTERS: f32 = 18.0;
 /// Least width of a panel, pixels, so that there is room for letters.
 const PANEL: usize = 160;
 const BAR: [usize; 2] = [256, 12];
@@ -63,8 +61,9 @@ pub fn difference_picture(a: &Image, b: &Image, names: [&str; 2], map: &Differen
     assert_eq!(map.values.len(), a.pixels.len(), "a map of these pictures");
     let [width, height] = a.size;
     let panel = width.max(PANEL);
-    let top = MARGIN + LINE + 8;
-    let size = [4 * MARGIN + 3 * panel, top + height + 10 + BAR[1] + 8 + LINE + MARGIN];
+    let line = line_height(LETTERS);
+    let top = MARGIN + line + 8;
+    let size = [4 * MARGIN + 3 * panel, top + height + 10 + BAR[1] + 8 + line + MARGIN];
     check_size(size)?;
     let magma = nv_flip::magma_lut().to_vec();
     let colour = |share: f64| {
@@ -115,7 +114,7 @@ mod tests {
         let map = DifferenceMap::absolute(&a, &b).unwrap();
         assert_eq!(map.greatest, 0.05);
         let picture = difference_picture(&a, &b, ["a.png", &"b".repeat(99)], &map).unwrap();
-        let top = MARGIN + LINE + 8;
+        let top = MARGIN + line_height(LETTERS) + 8;
         let at = |panel: usize, x: usize, y: usize| picture.at(MARGIN + panel * (200 + MARGIN) + x, top + y);
         assert_eq!([at(0, 120, 30), at(1, 120, 30)], [a.at(120, 30), b.at(120, 30)]);
         assert_eq!(at(1, 119, 30), b.at(119, 30));

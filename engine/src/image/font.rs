@@ -1,87 +1,261 @@
-//! A font of 5 by 8 pixels, drawn for this program: enough for names, numbers and units, with nothing to
-//! install. Letters stand on the seventh row; tails reach below it.
+//! The letters: outlines of Ubuntu Light, and of Hack for what it lacks, filled at any size with smooth edges. They
+//! are the fonts that egui brings along, so pictures have the letters of the window; their licences are with them in
+//! the crate `epaint_default_fonts`.
 
-/// Width of a letter's cell, pixels: five and a gap.
-pub const ADVANCE: usize = 6;
-/// Height of a letter, pixels.
-pub const HEIGHT: usize = 8;
-const WIDTH: usize = 5;
+use std::sync::LazyLock;
 
-/// The seven rows of each letter without a tail, one byte per row from the top; bit 4 is the leftmost pixel.
-#[rustfmt::skip]
-const GLYPHS: &[(char, u64)] = &[
-    ('A', 0x0E11111F111111), ('B', 0x1E11111E11111E), ('C', 0x0E11101010110E), ('D', 0x1E11111111111E),
-    ('E', 0x1F10101E10101F), ('F', 0x1F10101E101010), ('G', 0x0E11101711110F), ('H', 0x1111111F111111),
-    ('I', 0x0E04040404040E), ('J', 0x0702020202120C), ('K', 0x11121418141211), ('L', 0x1010101010101F),
-    ('M', 0x111B1515111111), ('N', 0x11111915131111), ('O', 0x0E11111111110E), ('P', 0x1E11111E101010),
-    ('Q', 0x0E11111115120D), ('R', 0x1E11111E141211), ('S', 0x0F10100E01011E), ('T', 0x1F040404040404),
-    ('U', 0x1111111111110E), ('V', 0x11111111110A04), ('W', 0x11111115151B11), ('X', 0x11110A040A1111),
-    ('Y', 0x11110A04040404), ('Z', 0x1F01020408101F), ('a', 0x00000E010F110F), ('b', 0x10101E1111111E),
-    ('c', 0x00000E1010110E), ('d', 0x01010F1111110F), ('e', 0x00000E111F100E), ('f', 0x0609081C080808),
-    ('h', 0x10101619111111), ('i', 0x04000C0404040E),
-    ('k', 0x10101214181412), ('l', 0x0C04040404040E), ('m', 0x00001A15151111), ('n', 0x00001619111111),
-    ('o', 0x00000E1111110E), ('r', 0x00001619101010),
-    ('s', 0x00000E100E011E), ('t', 0x08081C08080906), ('u', 0x0000111111130D), ('v', 0x00001111110A04),
-    ('w', 0x0000111115150A), ('x', 0x0000110A040A11), ('z', 0x00001F0204081F),
-    ('0', 0x0E11131519110E), ('1', 0x040C040404040E), ('2', 0x0E11010204081F), ('3', 0x1F02040201110E),
-    ('4', 0x02060A121F0202), ('5', 0x1F101E0101110E), ('6', 0x0608101E11110E), ('7', 0x1F010204080808),
-    ('8', 0x0E11110E11110E), ('9', 0x0E11110F01020C), ('.', 0x00000000000C0C),
-    (':', 0x000C0C000C0C00), ('-', 0x0000000E000000), ('+', 0x0004041F040400),
-    ('=', 0x00001F001F0000), ('/', 0x00010204081000), ('(', 0x02040808080402), (')', 0x08040202020408),
-    ('%', 0x18190204081303), ('_', 0x0000000000001F), ('*', 0x0004150E150400), ('<', 0x02040810080402),
-    ('>', 0x08040201020408), ('!', 0x04040404000004), ('?', 0x0E110102040004),
-    ('\'', 0x0C040800000000), ('"', 0x0A0A0A00000000), ('#', 0x0A0A1F0A1F0A0A),
-    ('[', 0x0E08080808080E), (']', 0x0E02020202020E), ('&', 0x0C12140815120D), ('@', 0x0E11010D15150E),
-    ('~', 0x00000815020000), ('|', 0x04040404040404), ('∞', 0x00000A15150A00), ('±', 0x04041F0404001F),
-    ('×', 0x00110A040A1100),
-];
+use skrifa::instance::{LocationRef, Size};
+use skrifa::outline::{DrawSettings, OutlinePen};
+use skrifa::{FontRef, GlyphId, MetadataProvider};
 
-/// The eight rows of letters with a tail.
-#[rustfmt::skip]
-const TAILED: &[(char, u64)] = &[
-    ('g', 0x00000F11110F010E), ('j', 0x020006020202120C), ('p', 0x00001E11111E1010), ('q', 0x00000F11110F0101),
-    ('y', 0x00001111110F010E), (',', 0x00000000000C0408), (';', 0x00000C0C000C0408),
-];
+/// Height of a capital, as a share of the size of the letters.
+pub const CAPITAL: f32 = 0.693;
+/// Depth of a tail below the line, as a share of the size of the letters.
+pub const TAIL: f32 = 0.2;
+/// Greatest distance between a curve and the lines that stand for it, pixels.
+const SMOOTH: f32 = 0.05;
 
-/// The glyph of letters that are in no table: an empty frame.
-const UNKNOWN: u64 = 0x1F11_1111_1111_1F00;
+/// The fonts, the first one that has a letter gives it.
+static FONTS: LazyLock<Vec<FontRef<'static>>> = LazyLock::new(|| {
+    let files = [epaint_default_fonts::UBUNTU_LIGHT, epaint_default_fonts::HACK_REGULAR];
+    files.into_iter().map(|file| FontRef::new(file).expect("a font of the crate")).collect()
+});
 
-/// Returns the pixels of a letter that are set, as column and row.
-pub fn pixels(letter: char) -> impl Iterator<Item = (usize, usize)> {
-    let rows = match letter {
-        ' ' => 0,
-        '−' => rows_of('-'),
-        _ => rows_of(letter),
-    };
-    (0..HEIGHT * WIDTH).map(|i| (i % WIDTH, i / WIDTH)).filter(move |(x, y)| {
-        let row = rows >> (8 * (HEIGHT - 1 - y)) & 0x1F;
-        row >> (WIDTH - 1 - x) & 1 == 1
-    })
+/// Returns the font of a letter and its glyph in it; that of the empty frame for a letter that none has.
+fn glyph_of(letter: char) -> (&'static FontRef<'static>, GlyphId) {
+    let found = FONTS.iter().find_map(|font| Some((font, font.charmap().map(letter)?)));
+    found.unwrap_or((&FONTS[0], GlyphId::NOTDEF))
 }
 
-fn rows_of(letter: char) -> u64 {
-    let of = |(c, rows): &(char, u64)| (*c == letter).then_some(*rows);
-    TAILED.iter().find_map(of).or_else(|| Some(GLYPHS.iter().find_map(of)? << 8)).unwrap_or(UNKNOWN)
+/// Returns the width of a text in letters of `size` pixels, pixels.
+pub fn width(text: &str, size: f32) -> f32 {
+    text.chars().map(|letter| advance(glyph_of(letter), size)).sum()
+}
+
+fn advance((font, glyph): (&FontRef<'_>, GlyphId), size: f32) -> f32 {
+    let metrics = font.glyph_metrics(Size::new(size), LocationRef::default());
+    metrics.advance_width(glyph).unwrap_or(0.5 * size)
+}
+
+/// Share of each pixel of a rectangle that something covers, 0 to 1, rows from the top.
+pub struct Coverage {
+    /// Width and height, pixels.
+    pub size: [usize; 2],
+    /// Signed area that the edges seen so far take from each pixel and all pixels to its right, less that which they
+    /// take from its left neighbour.
+    changes: Vec<f32>,
+}
+
+impl Coverage {
+    /// Creates an empty rectangle.
+    pub fn new(size: [usize; 2]) -> Self {
+        Coverage { size, changes: vec![0.0; size[0] * size[1]] }
+    }
+
+    /// Adds a text in letters of `size` pixels; `x` is its left end and `y` the line that it stands on.
+    pub fn add(&mut self, [x, y]: [f32; 2], size: f32, text: &str) {
+        let mut at = x;
+        for letter in text.chars() {
+            let (font, glyph) = glyph_of(letter);
+            let settings = DrawSettings::unhinted(Size::new(size), LocationRef::default());
+            let mut pen = Pen { coverage: self, corner: [at, y], start: [0.0; 2], last: [0.0; 2] };
+            if let Some(outline) = font.outline_glyphs().get(glyph) {
+                // A glyph of these fonts can be drawn; one that cannot has no outline.
+                let _ = outline.draw(settings, &mut pen);
+            }
+            at += advance((font, glyph), size);
+        }
+    }
+
+    /// Returns the covered share of each pixel.
+    pub fn shares(&self) -> Vec<f32> {
+        let rows = self.changes.chunks(self.size[0].max(1));
+        let sums = rows.flat_map(|row| {
+            row.iter().scan(0.0_f32, |sum, change| {
+                *sum += change;
+                // Letters whose parts overlap cover no pixel twice.
+                Some(sum.abs().min(1.0))
+            })
+        });
+        sums.collect()
+    }
+
+    /// Adds an edge. To the right of an edge that goes down everything is covered.
+    fn edge(&mut self, from: [f32; 2], to: [f32; 2]) {
+        let (sign, [x0, y0], [x1, y1]) = if from[1] <= to[1] { (1.0, from, to) } else { (-1.0, to, from) };
+        let [width, height] = self.size;
+        let slope = (x1 - x0) / (y1 - y0);
+        if !slope.is_finite() {
+            return;
+        }
+        let first = y0.max(0.0).floor() as usize;
+        for row in first..(y1.max(0.0).ceil() as usize).min(height) {
+            let (top, bottom) = (y0.max(row as f32), y1.min(row as f32 + 1.0));
+            if bottom <= top {
+                continue;
+            }
+            let ends = [top, bottom].map(|y| (x0 + (y - y0) * slope).clamp(0.0, width as f32));
+            self.part(row, ends, sign * (bottom - top));
+        }
+    }
+
+    /// Adds the part of an edge within one row, which covers `height` of it, with its ends along the row.
+    fn part(&mut self, row: usize, [a, b]: [f32; 2], height: f32) {
+        let width = self.size[0];
+        let (left, right) = (a.min(b), a.max(b));
+        // Share of the part that lies to the left of x, integrated over the pixel: what the pixel gets.
+        let covered = |pixel: usize| {
+            let (low, high) = (pixel as f32, pixel as f32 + 1.0);
+            if right - left < 1e-6 {
+                return high - left.clamp(low, high);
+            }
+            let within = |x: f32| ((x - left) / (right - left)).clamp(0.0, 1.0);
+            let (from, to) = (left.clamp(low, high), right.clamp(low, high));
+            let before = within(from);
+            let sloped = within(to) - before;
+            // To the left of `from` nothing more than `before`; to the right of `to` all up to there.
+            let behind = within(to) * (high - to);
+            before * (to - from) + sloped * (to - from) * 0.5 + behind
+        };
+        let mut last = 0.0;
+        for pixel in left as usize..width {
+            let share = covered(pixel);
+            self.changes[row * width + pixel] += height * (share - last);
+            last = share;
+            if share >= 1.0 - 1e-6 {
+                break;
+            }
+        }
+    }
+}
+
+/// Takes the outline of a glyph, y upwards, as edges.
+struct Pen<'a> {
+    coverage: &'a mut Coverage,
+    corner: [f32; 2],
+    start: [f32; 2],
+    last: [f32; 2],
+}
+
+impl Pen<'_> {
+    fn place(&self, x: f32, y: f32) -> [f32; 2] {
+        [self.corner[0] + x, self.corner[1] - y]
+    }
+
+    fn line(&mut self, to: [f32; 2]) {
+        self.coverage.edge(self.last, to);
+        self.last = to;
+    }
+
+    /// Draws a curve, at shares 0 to 1 of its length, as so many lines as its `bend` needs, pixels.
+    fn curve(&mut self, bend: f32, at: impl Fn(f32) -> [f32; 2]) {
+        let count = (bend / (8.0 * SMOOTH)).sqrt().ceil().clamp(1.0, 64.0) as usize;
+        (1..=count).for_each(|i| self.line(at(i as f32 / count as f32)));
+    }
+}
+
+fn mix(a: [f32; 2], b: [f32; 2], share: f32) -> [f32; 2] {
+    [0, 1].map(|i| a[i] + share * (b[i] - a[i]))
+}
+
+/// Returns how far three points are from a straight line with equal steps.
+fn bend(a: [f32; 2], b: [f32; 2], c: [f32; 2]) -> f32 {
+    2.0 * [0, 1].map(|i| a[i] - 2.0 * b[i] + c[i]).into_iter().fold(0.0, |sum: f32, d| sum.hypot(d))
+}
+
+impl OutlinePen for Pen<'_> {
+    fn move_to(&mut self, x: f32, y: f32) {
+        self.start = self.place(x, y);
+        self.last = self.start;
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        self.line(self.place(x, y));
+    }
+
+    fn quad_to(&mut self, cx: f32, cy: f32, x: f32, y: f32) {
+        let (a, b, c) = (self.last, self.place(cx, cy), self.place(x, y));
+        self.curve(bend(a, b, c), |t| mix(mix(a, b, t), mix(b, c, t), t));
+    }
+
+    fn curve_to(&mut self, ax: f32, ay: f32, bx: f32, by: f32, x: f32, y: f32) {
+        let (a, b, c, d) = (self.last, self.place(ax, ay), self.place(bx, by), self.place(x, y));
+        self.curve(3.0 * bend(a, b, c).max(bend(b, c, d)), |t| {
+            let (ab, bc, cd) = (mix(a, b, t), mix(b, c, t), mix(c, d, t));
+            mix(mix(ab, bc, t), mix(bc, cd, t), t)
+        });
+    }
+
+    fn close(&mut self) {
+        self.line(self.start);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn area(text: &str, size: f32, at: [f32; 2]) -> f32 {
+        let mut coverage = Coverage::new([400, 200]);
+        coverage.add(at, size, text);
+        coverage.shares().iter().sum()
+    }
+
     #[test]
-    fn letters_are_there_once_and_fit_their_cell() {
-        let all: Vec<(char, u64)> = GLYPHS.iter().chain(TAILED).copied().collect();
-        for (i, (letter, rows)) in all.iter().enumerate() {
-            assert!(all[..i].iter().all(|(c, _)| c != letter), "{letter} twice");
-            assert_eq!(rows & !0x1F1F_1F1F_1F1F_1F1F, 0, "{letter} leaves its cell");
-            assert!(pixels(*letter).count() > 1, "{letter} is empty");
-            let has_tail = pixels(*letter).any(|(_, row)| row + 1 == HEIGHT);
-            assert_eq!(has_tail, TAILED.iter().any(|(c, _)| c == letter), "{letter}");
+    fn edges_cover_what_lies_between_them() {
+        let mut coverage = Coverage::new([6, 4]);
+        // A slanted box of 2 by 3 pixels, from (1.25, 0.5), leaning to the right by one pixel.
+        let corners = [[1.25, 0.5], [3.25, 0.5], [4.25, 3.5], [2.25, 3.5]];
+        for (from, to) in corners.into_iter().zip(corners.into_iter().cycle().skip(1)) {
+            coverage.edge(from, to);
         }
-        for letter in ('a'..='z').chain('A'..='Z').chain('0'..='9').chain("+-.,:()/%".chars()) {
-            assert!(all.iter().any(|(c, _)| *c == letter), "{letter} is missing");
+        let shares = coverage.shares();
+        assert!((shares.iter().sum::<f32>() - 6.0).abs() < 1e-4, "{shares:?}");
+        let row = |y: usize| shares[6 * y..6 * (y + 1)].iter().sum::<f32>();
+        for (y, covered) in [(0, 1.0), (1, 2.0), (2, 2.0), (3, 1.0)] {
+            assert!((row(y) - covered).abs() < 1e-4, "row {y}: {shares:?}");
         }
-        assert_eq!(pixels(' ').count(), 0);
-        assert!(pixels('漢').count() > 10, "an unknown letter is a frame");
+        assert!(shares[6] < 1e-6 && (shares[6 + 2] - 1.0).abs() < 1e-4 && shares[6 + 5] < 1e-6, "{shares:?}");
+    }
+
+    #[test]
+    fn letters_grow_with_their_size_and_stay_what_they_are() {
+        for text in ["L", "g", "50 mm", "R 0"] {
+            let [small, large] = [10.0, 60.0].map(|size| area(text, size, [20.0, 120.0]) / (size * size));
+            assert!((small / large - 1.0).abs() < 0.02, "{text}: {small} and {large} of a square");
+            // Between two pixels they have the same weight as on one.
+            let moved = area(text, 10.0, [20.37, 120.61]) / 100.0;
+            assert!((moved / small - 1.0).abs() < 0.01, "{text}: {moved} and {small}");
+            let [w, v] = [10.0, 60.0].map(|size| width(text, size) / size);
+            assert!((w / v - 1.0).abs() < 1e-3, "{text}");
+        }
+        assert!(width("mm", 20.0) > 1.5 * width("ii", 20.0), "each letter has its own width");
+        assert_eq!(area(" ", 30.0, [20.0, 120.0]), 0.0);
+    }
+
+    #[test]
+    fn capitals_and_tails_are_as_high_as_they_say() {
+        let rows = |text: &str| {
+            let mut coverage = Coverage::new([200, 200]);
+            coverage.add([10.0, 120.0], 100.0, text);
+            let shares = coverage.shares();
+            let filled = |y: &usize| shares[200 * y..200 * (y + 1)].iter().any(|share| *share > 0.5);
+            let filled: Vec<usize> = (0..200).filter(filled).collect();
+            [filled[0] as f32, filled[filled.len() - 1] as f32 + 1.0]
+        };
+        let [top, foot] = rows("H");
+        assert!((120.0 - top - 100.0 * CAPITAL).abs() <= 1.5 && (foot - 120.0).abs() <= 1.0, "{top} {foot}");
+        let [_, tail] = rows("g");
+        assert!((tail - 120.0 - 100.0 * TAIL).abs() <= 3.0, "{tail}");
+    }
+
+    #[test]
+    fn letters_that_are_needed_are_there() {
+        let letters = ('a'..='z').chain('A'..='Z').chain('0'..='9').chain("+-.,:()/%|−±×∞µ°äöüéñ".chars());
+        for letter in letters {
+            assert_ne!(glyph_of(letter).1, GlyphId::NOTDEF, "{letter}");
+        }
+        assert_eq!(glyph_of('漢').1, GlyphId::NOTDEF);
+        assert!(area("漢", 40.0, [20.0, 120.0]) > 10.0, "an unknown letter is a frame");
     }
 }

@@ -278,6 +278,15 @@ impl TransferFunction {
         Some([low, high])
     }
 
+    /// Returns the intensities of a colour bar: those that the function shows, as far as there are any in `range`;
+    /// `None` if there are none. Where the function goes on without end, its last control point is the end.
+    pub fn shown_in(&self, range: [f64; 2]) -> Option<[f64; 2]> {
+        let ([low, high], [first, last]) = (self.visible()?, self.extent());
+        let low = if low.is_finite() { low } else { first }.max(range[0]);
+        let high = if high.is_finite() { high } else { last }.min(range[1]);
+        (low < high).then_some([low, high])
+    }
+
     /// Returns the intensities of the first and the last control point of colour or opacity.
     pub fn extent(&self) -> [f64; 2] {
         let ends = |first: f64, last: f64, other: [f64; 2]| [first.min(other[0]), last.max(other[1])];

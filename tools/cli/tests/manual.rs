@@ -5,12 +5,13 @@ mod support;
 use support::Folder;
 
 /// The commands that users type.
-const COMMANDS: [&str; 13] = [
+const COMMANDS: [&str; 14] = [
     "fit",
     "eval",
     "rasterize",
     "render",
     "view",
+    "pack",
     "compare",
     "stats",
     "info",

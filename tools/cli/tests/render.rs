@@ -91,6 +91,57 @@ fn outputs_are_what_was_asked_for() {
     run(&["-o", "cam.png", "--camera", "cam.json"]);
 }
 
+/// What a PNG says of its size in print: pixels per metre.
+fn pixels_per_metre(folder: &Folder, name: &str) -> Option<u32> {
+    let bytes = folder.read(name);
+    let at = bytes.windows(4).position(|w| w == b"pHYs")? + 4;
+    assert_eq!((&bytes[at..at + 4], bytes[at + 8]), (&bytes[at + 4..at + 8], 1), "both ways, per metre");
+    Some(u32::from_be_bytes(bytes[at..at + 4].try_into().expect("four bytes")))
+}
+
+#[test]
+fn pictures_for_print_have_a_size_a_background_and_legible_letters() {
+    let folder = folder();
+    let run = |output: &str, more: &[&str]| {
+        let shared = ["render", "s.ply", "--tf", "CT-Bone", "-o", output];
+        let ended = folder.run(&[&shared, more].concat());
+        assert_eq!(ended.code, 0, "{more:?}: {}", ended.err);
+        picture(&folder, output).image
+    };
+    let told = ["--orientation", "--scale-bar", "--colour-bar"];
+    let plain = run("plain.png", &["--size", "200x150"]);
+    assert_eq!((plain.size, pixels_per_metre(&folder, "plain.png")), ([200, 150], None));
+    let printed = run("printed.png", &["--size", "17x12.7mm"]);
+    assert_eq!((printed.size, pixels_per_metre(&folder, "printed.png")), ([201, 150], Some(11811)));
+    let fine = run("fine.png", &["--size", "0.5x0.25in", "--dpi", "600"]);
+    assert_eq!((fine.size, pixels_per_metre(&folder, "fine.png")), ([300, 150], Some(23622)));
+    // Letters are dark on white, and bright on black; what is transparent ends on paper.
+    for (background, ink) in [("white", 0.0), ("black", 1.0), ("transparent", 0.0), ("#202060", 1.0)] {
+        let size = ["--size", "400x300", "--background", background];
+        let name = background.trim_start_matches('#');
+        let plain = run(&format!("{name}.png"), &size);
+        let with = run(&format!("{name}-told.png"), &[&size[..], &told].concat());
+        let written: Vec<_> =
+            plain.pixels.iter().zip(&with.pixels).filter(|(a, b)| a != b).map(|(_, b)| b).collect();
+        let inked = written.iter().filter(|p| p[3] == 1.0 && p[..3].iter().all(|v| *v == ink)).count();
+        assert!(inked > 200, "{background}: {inked} of {} pixels", written.len());
+        assert_eq!(with.at(0, 0)[3] == 0.0, background == "transparent");
+        // Smooth: between letters and what is around them there is something.
+        let smooth = written.iter().filter(|p| p[0] > 0.2 && p[0] < 0.8).count();
+        assert!(smooth > 100, "{background}: {smooth} pixels between");
+    }
+    for (more, told) in [
+        (["--size", "3m"], "85x60mm"),
+        (["--dpi", "0"], "1 to 10000"),
+        (["--size", "5000x10mm"], "VGS-CLI-140"),
+    ] {
+        let ended = folder.run(&[&["render", "s.ply", "-o", "no.png"], &more[..]].concat());
+        assert!(ended.code == 2 && ended.err.contains(told), "{more:?}: {}", ended.err);
+    }
+    let ended = folder.run(&["render", "s.ply", "-o", "no.exr", "--dpi", "300"]);
+    assert!(ended.code == 2 && ended.err.contains("VGS-CLI-141"), "{}", ended.err);
+}
+
 #[test]
 fn occlusion_darkens_where_a_mode_shows_it() {
     let folder = folder();

@@ -138,6 +138,7 @@ fn what_is_edited_measured_and_written_is_there_again() {
     // However many of these come between two frames, they count in their order.
     screen.hand(&["key", "Escape", "key", "a", "key", "Right"]);
     viewer.settle();
+    let told = screen.look();
     for (key, name) in [("ctrl+s", "kept.toml"), ("ctrl+p", "shot.png")] {
         viewer.write(&folder, key, name);
     }
@@ -159,6 +160,22 @@ fn what_is_edited_measured_and_written_is_there_again() {
     let picture = engine::image::read(folder.path("shot.png")).expect("a picture").image;
     assert!(picture.size[0] > 800 && picture.size[1] > 600, "{:?}", picture.size);
     assert!(picture.pixels.iter().filter(|p| p[3] > 0.1 && p[0] > 0.1).count() > 10_000);
+    // It tells what the screen does: the bars to the left, the cube to the right, both at the lower edge. The menus are
+    // above it.
+    let [width, height] = picture.size;
+    let differing = |menus: usize| {
+        let corners =
+            (height - 220..height).flat_map(|y| (0..140).chain(width - 110..width).map(move |x| [x, y]));
+        let differ = |[x, y]: &[usize; 2]| {
+            let (shown, written) = (told.at(*x, *y + menus), picture.at(*x, *y));
+            (0..3).any(|i| (f32::from(shown[i]) - 255.0 * written[i]).abs() > 40.0)
+        };
+        corners.filter(differ).count()
+    };
+    let least = (0..60).map(differing).min().expect("a place");
+    let blank = (height - 220..height).flat_map(|y| (0..140).map(move |x| [x, y]));
+    let letters = blank.filter(|[x, y]| picture.at(*x, *y)[0] > 0.9).count();
+    assert!(letters > 100 && least < 300, "{letters} bright pixels; {least} differ from the screen");
     let report: serde_json::Value = serde_json::from_str(&folder.text("r.json")).expect("JSON");
     let edits = report["edits_ms"].as_array().expect("edits");
     assert!(!edits.is_empty() && edits.iter().all(|ms| ms.as_f64() > Some(0.0)), "{report}");
@@ -232,6 +249,44 @@ fn what_is_deleted_is_gone_and_comes_back() {
         |name: &str| folder.run(&["info", name, "--json"]).json()["splats"].as_u64().expect("a number");
     assert_eq!(count("half.ply"), count("same.ply"));
     assert!((1..count("s.ply")).contains(&count("half.ply")));
+}
+
+#[test]
+fn a_session_is_packed_sent_and_opened_from_its_zip() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let mut viewer = begin(&screen, &folder, &["s.ply", "--volume", "ct.nii.gz", "--tf", "CT-Soft-Tissue"]);
+    let first = viewer.act(&["key", "l"]);
+    viewer.write(&folder, "ctrl+shift+s", "case.zip");
+    screen.look().keep("pack");
+    viewer.write(&folder, "ctrl+s", "case.toml");
+    assert_eq!(viewer.quit().code, 0);
+    assert!(folder.text("case.toml").contains("\"s.ply\""), "relative: {}", folder.text("case.toml"));
+    // Nothing is left of what it was made of.
+    for name in ["s.ply", "ct.nii.gz"] {
+        std::fs::rename(folder.path(name), folder.path(&format!("config/{name}"))).expect("moved");
+    }
+    let mut viewer = begin(&screen, &folder, &["case.zip"]);
+    screen.hand(&["mousemove", "450", "700"]);
+    viewer.settle();
+    let opened = screen.look();
+    opened.keep("packed");
+    let differing = opened.differences(&first, [100, 100, 800, 600]);
+    assert!(differing < 400, "{differing} pixels differ");
+    assert_eq!(viewer.quit().code, 0, "nothing has changed");
+    // A session whose files are gone asks for them.
+    let mut viewer = Viewer::start(&screen, &folder, &["case.toml"]);
+    viewer.wait("a frame", |v| v.frames()[0] > 0);
+    viewer.settle();
+    screen.hand(&["search", "--name", "vgs", "windowfocus"]);
+    let asked = screen.look();
+    asked.keep("missing");
+    assert!(asked.count([400, 250, 880, 550], bright) > 1000, "a question");
+    assert!(asked.differences(&first, [100, 100, 800, 600]) > 10_000);
+    screen.hand(&["key", "Escape"]);
+    viewer.settle();
+    assert_eq!(viewer.quit().code, 0);
 }
 
 #[test]

@@ -6,6 +6,7 @@ use egui::{Key, KeyboardShortcut, Modifiers};
 
 use crate::deletions::Target;
 use crate::orbit::Side;
+use crate::picture_options::PictureOptions;
 use crate::region::Region;
 
 /// One action. [`crate::App::act`] carries out what concerns the state, and hands on what concerns files and
@@ -37,6 +38,23 @@ pub enum Action {
         /// True if an existing file is replaced.
         force: bool,
     },
+    /// Asks for the zip of the session and its files.
+    AskPack,
+    /// Writes the session and its files into a zip; carried out by the window.
+    Pack {
+        /// Path, which ends in `.zip`.
+        path: PathBuf,
+        /// True if an existing file is replaced.
+        force: bool,
+    },
+    /// Asks where a missing file of a session is.
+    AskFound(PathBuf),
+    /// Takes a file for the one that is missing.
+    Found(PathBuf),
+    /// Opens the session without the files that are missing.
+    LeaveOutMissing,
+    /// Opens the session whose missing files were found or left out; carried out by the window.
+    BeginSession,
     /// Asks for the file of the splats that are shown.
     AskSaveSplats,
     /// Asks for the file of the splats of one object.
@@ -56,8 +74,8 @@ pub enum Action {
     Screenshot {
         /// Path, whose extension chooses the format.
         path: PathBuf,
-        /// Width and height, pixels.
-        size: [u32; 2],
+        /// Size, background, and whether it tells what the window does.
+        options: PictureOptions,
         /// True if an existing file is replaced.
         force: bool,
     },
@@ -67,8 +85,8 @@ pub enum Action {
     Record {
         /// Path of the animated PNG.
         path: PathBuf,
-        /// Width and height, pixels.
-        size: [u32; 2],
+        /// Size, background, and whether it tells what the window does.
+        options: PictureOptions,
         /// Number of frames of the turn.
         frames: u32,
         /// True if an existing file is replaced.
@@ -212,6 +230,13 @@ pub static KEYS: &[Binding] = &[
         Action::AskBeside,
     ),
     row(COMMAND, Key::D, "Choose series…", "another series of the volume's DICOM folder", Action::AskSeries),
+    row(
+        COMMAND_SHIFT,
+        Key::S,
+        "Pack session…",
+        "write the session and all its files into one zip, to be sent",
+        Action::AskPack,
+    ),
     row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
     row(COMMAND, Key::E, "Save splats…", "write the splats that are shown to a file", Action::AskSaveSplats),
     row(COMMAND, Key::P, "Screenshot…", "write a picture of any size", Action::AskScreenshot),

@@ -1,18 +1,18 @@
 //! Paints annotations over the picture: the patient's sides, the scale, distances, handles and the line of
 //! the split.
 
-use std::cmp::Ordering;
+use std::path::Path;
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
-use engine::image::{annotate::scale_bar, orientation_labels};
+use engine::image::{self, annotate::scale_bar, orientation_labels};
 use engine::transfer::TransferFunction;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use crate::cube;
 use crate::handles::{Handle, Placed, edges, handles, outline};
 use crate::orbit::Orbit;
 use crate::panels::status::Reading;
-use crate::state::{Clip, Distance, ViewState};
+use crate::state::{Clip, Distance, Files, Object, Subject, ViewState};
 use crate::theme::{ACCENT, SIGNAL, screen};
 
 /// Distance to the border of the picture, points of the screen.
@@ -40,6 +40,40 @@ pub fn in_cube(picture: Rect, at: Pos2) -> DVec2 {
     DVec2::new(f64::from(from.x), f64::from(from.y))
 }
 
+/// Colours of what is written over a picture.
+#[derive(Clone, Copy, Debug)]
+pub struct Ink {
+    /// Colour of letters and lines.
+    pub letters: Color32,
+    /// Colour of the line around them.
+    pub outline: Color32,
+}
+
+impl Ink {
+    /// Returns the ink for a background; `None` is transparent.
+    pub fn on(background: Option<DVec3>) -> Self {
+        let ink = image::Ink::on(background.map(|colour| colour.as_vec3().into()));
+        let [letters, outline] =
+            [ink.letters, ink.outline].map(|colour| screen(Vec3::from(colour).as_dvec3()));
+        Ink { letters, outline }
+    }
+}
+
+/// What is told over a picture beside what the state says.
+#[derive(Clone, Copy, Debug)]
+pub struct Told<'a> {
+    /// True if it is known how the patient lies.
+    pub oriented: bool,
+    /// Least and greatest intensity of the data.
+    pub range: [f64; 2],
+    /// Unit of intensities, with a space before it.
+    pub unit: &'a str,
+    /// Subjects that the picture shows.
+    pub subjects: &'a [Subject],
+    /// True if the splats are those of a fit that no file has.
+    pub fitted: bool,
+}
+
 /// Picture that is painted over.
 pub struct PictureOverlay<'a> {
     /// Painter of the annotations.
@@ -50,21 +84,39 @@ pub struct PictureOverlay<'a> {
     pub orbit: &'a Orbit,
     /// Width over height of the picture.
     pub aspect: f64,
+    /// Colours of letters and lines.
+    pub ink: Ink,
 }
 
 impl PictureOverlay<'_> {
-    /// Paints the letters and the scale bar, if the state shows them; letters only if the patient's
-    /// orientation is known.
-    pub fn annotations(&self, state: &ViewState, oriented: bool) {
-        if state.show.orientation && oriented {
+    /// Paints what a picture tells, as far as the state shows it: names and the line between both halves, letters,
+    /// cube, scale and colours, and the distances that were measured.
+    pub fn tell(&self, state: &ViewState, told: &Told<'_>) {
+        if let (Some(split), [left, right]) = (state.split, told.subjects) {
+            let [left, right] = names(&state.files, [*left, *right], told.fitted);
+            self.split(split, [&left, &right]);
+        }
+        if state.show.orientation && told.oriented {
             self.letters();
         }
-        if state.show.cube && oriented {
+        if state.show.cube && told.oriented {
             self.cube();
         }
         if state.show.scale_bar {
             self.scale();
         }
+        let own_colours = |object: &Object| object.tint.is_some() || !object.visible;
+        let all_own = told.subjects == [Subject::Splats]
+            && !told.fitted
+            && !state.objects.is_empty()
+            && state.objects.iter().all(own_colours);
+        if state.show.colour_bar
+            && !all_own
+            && let Ok(function) = state.transfer.function()
+        {
+            self.colour_bar(&function, told.range, told.unit);
+        }
+        state.distances.iter().for_each(|distance| self.distance(distance, self.ink.letters));
     }
 
     /// Paints the letters of the patient's sides at the four borders.
@@ -78,7 +130,7 @@ impl PictureOverlay<'_> {
             (r.center_bottom(), Align2::CENTER_BOTTOM),
         ];
         for (text, (at, align)) in orientation_labels(right, up).into_iter().zip(places) {
-            self.text(at, align, &text, 18.0, Color32::WHITE);
+            self.text(at, align, &text, 18.0, self.ink.letters);
         }
     }
 
@@ -89,7 +141,7 @@ impl PictureOverlay<'_> {
         let from = self.rect.left_bottom() + vec2(MARGIN, -MARGIN);
         let to = from + vec2(length as f32, 0.0);
         for (stroke, ends) in
-            [(Stroke::new(4.0, Color32::BLACK), 1.0), (Stroke::new(2.0, Color32::WHITE), 0.0)]
+            [(Stroke::new(4.0, self.ink.outline), 1.0), (Stroke::new(2.0, self.ink.letters), 0.0)]
         {
             let out = vec2(ends, 0.0);
             self.painter.line_segment([from - out, to + out], stroke);
@@ -97,7 +149,7 @@ impl PictureOverlay<'_> {
                 self.painter.line_segment([end, end - vec2(0.0, 6.0)], stroke);
             }
         }
-        self.text(from - vec2(0.0, 9.0), Align2::LEFT_BOTTOM, &text, 13.0, Color32::WHITE);
+        self.text(from - vec2(0.0, 9.0), Align2::LEFT_BOTTOM, &text, 13.0, self.ink.letters);
     }
 
     /// Paints the cube whose faces are the patient's sides.
@@ -125,15 +177,10 @@ impl PictureOverlay<'_> {
 
     /// Paints the colours of the intensities that a transfer function shows, as far as there are any in
     /// `range`, with the least, the middle and the greatest of them in `unit`.
-    pub fn colour_bar(&self, function: &TransferFunction, range: [f64; 2], unit: &str) {
-        let Some([low, high]) = function.visible() else { return };
-        // Where the function goes on without end, its last control point is the end of its colours.
-        let extent = function.extent();
-        let [low, high] =
-            [if low.is_finite() { low } else { extent[0] }, if high.is_finite() { high } else { extent[1] }];
-        let (low, high) = (low.max(range[0]), high.min(range[1]));
+    fn colour_bar(&self, function: &TransferFunction, range: [f64; 2], unit: &str) {
+        let Some([low, high]) = function.shown_in(range) else { return };
         let height = BAR[1].min(0.25 * self.rect.height());
-        if low.partial_cmp(&high) != Some(Ordering::Less) || height < 40.0 {
+        if height < 40.0 {
             return;
         }
         let foot = self.rect.left_bottom() + vec2(MARGIN, -BELOW_BAR);
@@ -145,47 +192,44 @@ impl PictureOverlay<'_> {
             let row = Rect::from_min_size(pos2(bar.left(), top), vec2(bar.width(), step + 0.5));
             self.painter.rect_filled(row, 0.0, screen(function.at(intensity).0));
         }
-        let edge = Stroke::new(1.0, Color32::from_gray(200));
+        let edge = Stroke::new(1.0, self.ink.letters);
         self.painter.rect_stroke(bar, 0.0, edge, egui::StrokeKind::Outside);
         for (share, unit) in [(0.0, ""), (0.5, ""), (1.0, unit)] {
             let at = pos2(bar.right() + 5.0, bar.bottom() - share as f32 * height);
             let text = format!("{:.0}{unit}", low + share * (high - low));
-            self.text(at, Align2::LEFT_CENTER, &text, 12.0, Color32::WHITE);
+            self.text(at, Align2::LEFT_CENTER, &text, 12.0, self.ink.letters);
         }
     }
 
-    /// Paints the line between both halves at `share` of the width, with its grip and their names.
-    pub fn split(&self, share: f64, [left, right]: [&str; 2]) {
+    /// Paints the line between both halves at `share` of the width, with their names.
+    fn split(&self, share: f64, [left, right]: [&str; 2]) {
         let x = self.rect.left() + share as f32 * self.rect.width();
-        self.painter.vline(x, self.rect.y_range(), Stroke::new(3.0, Color32::from_black_alpha(160)));
-        self.painter.vline(x, self.rect.y_range(), Stroke::new(1.0, Color32::WHITE));
-        self.painter.circle(
-            pos2(x, self.rect.center().y),
-            6.0,
-            Color32::WHITE,
-            Stroke::new(1.5, Color32::BLACK),
-        );
+        self.painter.vline(x, self.rect.y_range(), Stroke::new(3.0, self.ink.outline.gamma_multiply(0.6)));
+        self.painter.vline(x, self.rect.y_range(), Stroke::new(1.0, self.ink.letters));
         let y = self.rect.top() + MARGIN + 22.0;
-        self.text(pos2(x - MARGIN, y), Align2::RIGHT_TOP, left, 13.0, Color32::WHITE);
-        self.text(pos2(x + MARGIN, y), Align2::LEFT_TOP, right, 13.0, Color32::WHITE);
+        self.text(pos2(x - MARGIN, y), Align2::RIGHT_TOP, left, 13.0, self.ink.letters);
+        self.text(pos2(x + MARGIN, y), Align2::LEFT_TOP, right, 13.0, self.ink.letters);
     }
 
-    /// Paints measured lines with their lengths. `begun` is the first point of an unfinished line and the
-    /// point under the cursor, if any (mm RAS).
-    pub fn distances(&self, distances: &[Distance], begun: Option<(DVec3, Option<DVec3>)>) {
-        for distance in distances {
-            self.distance(distance, Color32::WHITE);
-        }
-        match begun {
-            Some((from_mm, Some(to_mm))) => self.distance(&Distance { from_mm, to_mm }, SIGNAL),
-            Some((from_mm, None)) => self.cross(from_mm, SIGNAL),
-            None => {}
+    /// Paints the grip of the line between both halves at `share` of the width.
+    pub fn grip(&self, share: f64) {
+        let x = self.rect.left() + share as f32 * self.rect.width();
+        let edge = Stroke::new(1.5, Color32::BLACK);
+        self.painter.circle(pos2(x, self.rect.center().y), 6.0, Color32::WHITE, edge);
+    }
+
+    /// Paints a distance that is being measured: from its first point to that under the cursor, if any (mm RAS).
+    pub fn begun(&self, from_mm: DVec3, to_mm: Option<DVec3>) {
+        match to_mm {
+            Some(to_mm) => self.distance(&Distance { from_mm, to_mm }, SIGNAL),
+            None => self.cross(from_mm, SIGNAL),
         }
     }
 
     fn distance(&self, distance: &Distance, colour: Color32) {
         let (Some(from), Some(to)) = (self.at(distance.from_mm), self.at(distance.to_mm)) else { return };
-        self.painter.line_segment([from, to], Stroke::new(3.0, Color32::from_black_alpha(180)));
+        let outline = outline_of(colour).gamma_multiply(0.7);
+        self.painter.line_segment([from, to], Stroke::new(3.0, outline));
         self.painter.line_segment([from, to], Stroke::new(1.4, colour));
         self.cross(distance.from_mm, colour);
         self.cross(distance.to_mm, colour);
@@ -206,7 +250,7 @@ impl PictureOverlay<'_> {
 
     fn cross(&self, x: DVec3, colour: Color32) {
         let Some(at) = self.at(x) else { return };
-        for (width, colour) in [(3.0, Color32::BLACK), (1.4, colour)] {
+        for (width, colour) in [(3.0, outline_of(colour)), (1.4, colour)] {
             for arm in [vec2(5.0, 0.0), vec2(0.0, 5.0)] {
                 self.painter.line_segment([at - arm, at + arm], Stroke::new(width, colour));
             }
@@ -274,15 +318,41 @@ impl PictureOverlay<'_> {
         }
     }
 
-    /// Paints text with a dark outline, which is legible on any picture.
+    /// Paints text with an outline, which is legible on any picture.
     fn text(&self, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) {
         let font = FontId::proportional(size);
         let galley = self.painter.layout_no_wrap(text.to_owned(), font, colour);
         let corner = align.anchor_size(at, galley.size()).min;
+        let dark = outline_of(colour);
         for (dx, dy) in [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)] {
-            let outline = egui::epaint::TextShape::new(corner + vec2(dx, dy), galley.clone(), Color32::BLACK);
-            self.painter.add(Shape::Text(outline.with_override_text_color(Color32::BLACK)));
+            let outline = egui::epaint::TextShape::new(corner + vec2(dx, dy), galley.clone(), dark);
+            self.painter.add(Shape::Text(outline.with_override_text_color(dark)));
         }
         self.painter.galley(corner, galley, colour);
     }
+}
+
+/// Returns the colour of the line around what is painted in a colour.
+fn outline_of(colour: Color32) -> Color32 {
+    if colour.intensity() > 0.4 { Color32::BLACK } else { Color32::WHITE }
+}
+
+/// Returns the names of both sides of a split picture: those of the files, with their folders where they would
+/// be the same.
+fn names(files: &Files, sides: [Subject; 2], fitted: bool) -> [String; 2] {
+    let name = |subject: Subject, with_folder: bool| {
+        let (first, more) = match subject {
+            Subject::Splats if fitted => return "the fit".to_owned(),
+            Subject::Splats => (files.splats.first(), files.splats.len().saturating_sub(1)),
+            Subject::Beside => (files.beside.as_ref(), 0),
+            Subject::Volume => (files.volume.as_ref(), 0),
+        };
+        let last = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let folder = first.and_then(|path| path.parent()).filter(|_| with_folder).map(last);
+        let name = first.map(|path| last(path)).unwrap_or_default();
+        let name = folder.map_or(name.clone(), |folder| format!("{folder}/{name}"));
+        if more > 0 { format!("{name} and {more} more") } else { name }
+    };
+    let [left, right] = sides.map(|side| name(side, false));
+    if left == right { sides.map(|side| name(side, true)) } else { [left, right] }
 }

@@ -59,6 +59,21 @@ impl Deletion {
         }
     }
 
+    /// Takes a file out of what it names; returns false if nothing is left that it could delete.
+    pub(crate) fn survives_without(&mut self, gone: usize) -> bool {
+        match self {
+            Deletion::Inside(bounds) | Deletion::Outside(bounds) => {
+                bounds.files -= usize::from(gone < bounds.files);
+                bounds.files > 0
+            }
+            Deletion::Object(target) => {
+                let was = target.file;
+                target.file -= usize::from(gone < was);
+                was != gone
+            }
+        }
+    }
+
     /// Returns true if its numbers are finite and in order, and it names none but the first `files` files.
     pub(crate) fn is_sound(&self, files: usize) -> bool {
         match self {

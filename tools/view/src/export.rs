@@ -1,16 +1,18 @@
 //! Writes pictures and turntables of what the viewer shows, at any size, beside the window.
 
-use std::f64::consts::TAU;
 use std::path::Path;
 
 use engine::Result;
 use engine::gpu::Gpu;
-use engine::image::file::{Animation, write_animation};
-use engine::image::{self, Annotation, Image, WriteOptions, annotate, orientation_labels};
-use engine::render::{Camera, Renderer, Scene, Settings};
-use glam::DVec3;
+use engine::image::file::{self, Animation, write_animation};
+use engine::image::{self, Image, WriteOptions};
+use engine::render::{Renderer, Scene, Settings};
 
+use crate::annotations::{Ink, Told};
 use crate::loaded_data::LoadedData;
+use crate::orbit::Orbit;
+use crate::overlay_image::{OverlayImage, put_over};
+use crate::picture_options::PictureOptions;
 use crate::state::{ViewState, mode_row};
 
 /// Frames per second of a turntable.
@@ -21,7 +23,11 @@ pub struct Export {
     gpu: Gpu,
     data: LoadedData,
     state: ViewState,
-    size: [u32; 2],
+    options: PictureOptions,
+    /// Width and height of the picture in the window, points.
+    points: [f32; 2],
+    /// Least and greatest intensity of the data.
+    range: [f64; 2],
 }
 
 /// Scene with its renderer.
@@ -30,17 +36,29 @@ struct Side {
     renderer: Renderer,
 }
 
+/// What renders the frames.
+struct Stage {
+    sides: Vec<Side>,
+    overlay: Option<OverlayImage>,
+}
+
 impl Export {
-    /// Creates an export of what is shown now, of `size` pixels.
-    pub fn new(gpu: &Gpu, state: &ViewState, data: &LoadedData, size: [u32; 2]) -> Self {
-        Export { gpu: gpu.clone(), data: data.sources(), state: state.clone(), size }
+    /// Creates an export of what is shown now. `points` are width and height of the picture in the window, `range` that
+    /// of the intensities.
+    pub fn new(
+        gpu: &Gpu,
+        (state, data): (&ViewState, &LoadedData),
+        options: PictureOptions,
+        points: [f32; 2],
+        range: [f64; 2],
+    ) -> Self {
+        Export { gpu: gpu.clone(), data: data.sources(), state: state.clone(), options, points, range }
     }
 
     /// Writes a picture; the extension of `path` chooses the format.
     pub fn still(&self, path: &Path, force: bool) -> Result<()> {
-        let mut sides = self.sides()?;
-        let picture = self.frame(&mut sides, self.camera())?;
-        image::write(path, &picture, None, &WriteOptions { background: Some(self.background()), force })
+        let picture = self.frame(&mut self.stage()?, self.state.orbit)?;
+        image::write(path, &picture, None, &self.write_options(path, force)?)
     }
 
     /// Writes a full turn about the patient's long axis through the pivot as an animated PNG. `progress` is
@@ -52,29 +70,32 @@ impl Export {
         force: bool,
         progress: &mut dyn FnMut(f32),
     ) -> Result<()> {
-        let mut sides = self.sides()?;
-        let size = self.size.map(|n| n as usize);
+        let mut stage = self.stage()?;
+        let size = self.options.size.map(|n| n as usize);
         let animation = Animation { size, frames, frames_per_second: FRAMES_PER_SECOND, loops: 0 };
-        let options = WriteOptions { background: Some(self.background()), force };
-        write_animation(path, &animation, &options, |index| {
-            progress(index as f32 / frames as f32);
-            let angle = -TAU * f64::from(index) / f64::from(frames);
-            self.frame(&mut sides, self.camera().turned(self.state.orbit.pivot_mm, DVec3::Z, angle))
+        write_animation(path, &animation, &self.write_options(path, force)?, |index| {
+            let share = f64::from(index) / f64::from(frames);
+            progress(share as f32);
+            let Orbit { azimuth_deg, .. } = self.state.orbit;
+            self.frame(&mut stage, Orbit { azimuth_deg: azimuth_deg - 360.0 * share, ..self.state.orbit })
         })
     }
 
-    fn background(&self) -> [f32; 3] {
-        self.state.background.as_vec3().into()
+    fn write_options(&self, path: &Path, force: bool) -> Result<WriteOptions> {
+        let dpi = file::of_extension(path)?.dpi.then_some(f64::from(self.options.dpi));
+        Ok(WriteOptions { background: self.background(), dpi, force })
     }
 
-    fn camera(&self) -> Camera {
-        self.state.orbit.camera(f64::from(self.size[0]) / f64::from(self.size[1]))
+    /// Returns the colour behind the picture; `None` if it is transparent.
+    fn background(&self) -> Option<[f32; 3]> {
+        self.options.backing.colour(self.state.background).map(|colour| colour.as_vec3().into())
     }
 
-    /// Returns the scenes that are shown: one, or two with a split between them.
-    fn sides(&self) -> Result<Vec<Side>> {
+    /// Returns what renders the frames: one scene, or two with a split between them, and what is told.
+    fn stage(&self) -> Result<Stage> {
         let subjects = self.state.subjects(|subject| self.data.has(subject));
-        let settings = Settings { precise: true, step: self.state.quality.step, ..Settings::new(self.size) };
+        let settings =
+            Settings { precise: true, step: self.state.quality.step, ..Settings::new(self.options.size) };
         let mut sides = Vec::new();
         for subject in subjects {
             if let Some(scene) = self.data.scene(&self.gpu, subject, &self.state)? {
@@ -83,32 +104,39 @@ impl Export {
                 sides.push(Side { scene, renderer });
             }
         }
-        Ok(sides)
+        let overlay = || OverlayImage::new(&self.gpu, self.options.size, self.points);
+        Ok(Stage { sides, overlay: self.options.told.then(overlay).transpose()? })
     }
 
-    fn frame(&self, sides: &mut [Side], camera: Camera) -> Result<Image> {
-        let size = self.size.map(|n| n as usize);
+    fn frame(&self, stage: &mut Stage, orbit: Orbit) -> Result<Image> {
+        let size = self.options.size.map(|n| n as usize);
+        let camera = orbit.camera(size[0] as f64 / size[1] as f64);
         let mut picture = Image { size, pixels: vec![[0.0; 4]; size[0] * size[1]] };
-        let split = self.state.split.filter(|_| sides.len() > 1).unwrap_or(1.0);
+        let split = self.state.split.filter(|_| stage.sides.len() > 1).unwrap_or(1.0);
         let column = (split * size[0] as f64).round() as usize;
-        for (side, columns) in sides.iter_mut().zip([0..column, column..size[0]]) {
+        for (side, columns) in stage.sides.iter_mut().zip([0..column, column..size[0]]) {
             side.renderer.render(&side.scene, &[camera])?;
             let pixels = side.renderer.target.read_colour(0)?;
             for (to, from) in picture.pixels.chunks_mut(size[0]).zip(pixels.chunks(size[0])) {
                 to[columns.clone()].copy_from_slice(&from[columns.clone()]);
             }
         }
-        let mut picture = picture.over(self.background());
-        annotate(&mut picture, &self.annotation(&camera));
+        if let Some(background) = self.background() {
+            picture = picture.over(background);
+        }
+        if let Some(overlay) = &mut stage.overlay {
+            let state = ViewState { orbit, ..self.state.clone() };
+            let subjects = state.subjects(|subject| self.data.has(subject));
+            let told = Told {
+                oriented: self.data.oriented(),
+                range: self.range,
+                unit: self.data.unit().text(),
+                subjects: &subjects,
+                fitted: self.data.fitted.is_some(),
+            };
+            let ink = Ink::on(self.options.backing.colour(state.background));
+            put_over(&mut picture, &overlay.paint(&state, &told, ink)?);
+        }
         Ok(picture)
-    }
-
-    /// Returns letters and scale bar, as the window shows them.
-    fn annotation(&self, camera: &Camera) -> Annotation {
-        let show = &self.state.show;
-        let labels =
-            (show.orientation && self.data.oriented()).then(|| orientation_labels(camera.right, camera.up));
-        let mm_per_pixel = show.scale_bar.then(|| self.state.orbit.height_mm() / f64::from(self.size[1]));
-        Annotation { labels, mm_per_pixel }
     }
 }

@@ -7,7 +7,7 @@
 //! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
 //!
 //! ```text
-//! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, report, settings, panel_info, actions -> state
+//! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, pack, report, settings, panel_info, actions -> state
 //! viewer -> fitting, sorting, fit_plan, transfer, thumbnails, rendered_scene       app -> fit_plan, figures, region
 //! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
@@ -16,6 +16,9 @@
 //! app, handles, annotations, panels -> state -> orbit, region, transfer, deletions          app -> settings, editor, transfer
 //! loader, loaded_data -> loaded_splats -> state, saving          app, panels, actions, prompt, viewer, loader, loaded_data, loaded_splats -> deletions
 //! fitting, panels, panel_info -> fit_plan -> figures          actions, panels, panel_info -> region
+//! pack -> state          export -> overlay_image -> annotations, painter, state          export -> orbit
+//! viewer, prompt, actions, export -> picture_options
+//! prompt -> file_list -> figures
 //! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
 //! loader -> sorting -> state, region          fitting -> loader -> region          app, panels, loader -> series -> state
 //! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit
@@ -24,10 +27,12 @@
 //! actions   what a user may ask for, with its keys; `settings` what is remembered from start to start
 //! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts; `cube` of the
 //!           patient's sides; `slices`: planes through the data
-//! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `annotations` are over the picture
+//! panels    what shows and changes the state, drawn by egui; `prompt` asks for a file, `file_list` shows
+//!           what there is, `annotations` are over the picture
+//! picture_options  how a picture is written; `overlay_image` is what the window tells, painted into it
 //! panel_info     what panels are told anew for each frame
 //! app       the viewer without its window: puts the panels together
-//! loader, export   read and write beside the window; `loaded_data` is what was read, `loaded_splats` what is left of
+//! loader, export, pack   read and write beside the window; `loaded_data` is what was read, `loaded_splats` what is left of
 //!           the splats, `saving` how it is written, `open_files` where they are from; `sorting` tells volumes and masks apart,
 //!           `series` are those of a folder, of which one is meant
 //! fitting   fits splats beside the window; `fit_plan` is what a fit is asked for and how far it is, `figures` words for it
@@ -48,6 +53,7 @@ pub mod deletions;
 pub mod editor;
 pub mod export;
 pub mod figures;
+pub mod file_list;
 pub mod fit_plan;
 pub mod fitting;
 pub mod handles;
@@ -58,10 +64,13 @@ pub mod loaded_splats;
 pub mod loader;
 pub mod open_files;
 pub mod orbit;
+pub mod overlay_image;
+pub mod pack;
 pub mod painter;
 pub mod panel_info;
 pub mod panels;
 pub mod pick;
+pub mod picture_options;
 pub mod prompt;
 pub mod region;
 pub mod rendered_scene;

@@ -20,7 +20,7 @@ use crate::pick::Probe;
 use crate::region::{Region, RegionSize};
 use crate::series::Series;
 use crate::sorting::{Sorted, sort_looking};
-use crate::state::{Files, Subject};
+use crate::state::{Files, Subject, is_packed};
 
 /// Volume and the part of it that is shown.
 pub struct LoadedVolume {
@@ -32,6 +32,8 @@ pub struct LoadedVolume {
     pub size: Option<RegionSize>,
     /// Labels of the region, if it was made of those of a label map.
     pub labels: Option<Labels>,
+    /// The DICOM series that it is, as a session names it: by its UID, if one was asked for.
+    pub series: Option<String>,
 }
 
 impl LoadedVolume {
@@ -137,8 +139,15 @@ impl Loader {
     pub fn sort(&self, open: &Files, added: Vec<PathBuf>, volume: Option<&Arc<Volume>>) {
         let (open, volume) = (open.clone(), volume.map(Arc::clone));
         self.spawn(ALWAYS, move |tell| {
-            let what = "looking whether it is a volume or a mask".to_owned();
-            if let Some(sorted) = tell.during(what, || sort_looking(&open, &added, volume.as_deref())) {
+            let session = added.iter().find(|path| is_packed(path)).map(|path| name_of(path));
+            let what = session.map_or("looking whether it is a volume or a mask".to_owned(), |name| {
+                format!("unpacking {name}")
+            });
+            let sort = || {
+                let sorted = sort_looking(&open, &added, volume.as_deref())?;
+                Ok(Sorted { read: sorted.state().transpose()?, ..sorted })
+            };
+            if let Some(sorted) = tell.during(what, sort) {
                 tell.say(Message::Loaded(Loaded::Sorted(Box::new(sorted), added)));
             }
         });
@@ -151,7 +160,7 @@ impl Loader {
         files.set_region(None);
         let Some(path) = files.volume.clone() else { return };
         self.spawn(ALWAYS, move |tell| {
-            let list = || dicom::list(&path, &ReadOptions::default()).map_err(|e| named(e, &path));
+            let list = || dicom::series(&path, &ReadOptions::default()).map_err(|e| named(e, &path));
             if let Some(rows) = tell.during("listing the series".to_owned(), list) {
                 tell.say(Message::Loaded(Loaded::Several(Series { files, rows })));
             }
@@ -244,7 +253,7 @@ impl Loader {
         write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<String> + Send + 'static,
     ) -> JoinHandle<()> {
         self.spawn(ALWAYS, move |tell| {
-            let what = format!("writing {}", path.file_name().unwrap_or_default().to_string_lossy());
+            let what = format!("writing {}", name_of(&path));
             let mut progress = |part| tell.say(Message::Doing(what.clone(), Some(part)));
             if let Some(note) = tell.during(what.clone(), || write(&mut progress)) {
                 tell.say(Message::Loaded(Loaded::Written(path, note)));
@@ -351,14 +360,14 @@ impl Teller {
     }
 
     fn volume(&self, path: &Path, there: Option<Arc<Volume>>, files: &Files) {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = name_of(path);
         let what = match &there {
             Some(_) => format!("finding the region of {name}"),
             None => format!("reading {name}"),
         };
         let read = || match read_volume(path, there, files) {
             Err(error) if error.code == SEVERAL_SERIES => {
-                Ok(Err(dicom::list(path, &ReadOptions::default())?))
+                Ok(Err(dicom::series(path, &ReadOptions::default())?))
             }
             read => Ok(Ok(Arc::new(read?))),
         };
@@ -395,9 +404,14 @@ pub fn read_splats(path: &Path, files: &Files) -> Result<SplatSet> {
 /// Returns the errors of the readers, with the file.
 pub fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Result<LoadedVolume> {
     let options = ReadOptions { series: files.series.clone(), ..ReadOptions::default() };
-    let volume = match there {
-        Some(volume) => volume,
+    let volume = match &there {
+        Some(volume) => Arc::clone(volume),
         None => Arc::new(Volume::read(path, &options)?),
+    };
+    // A number counts in the folder as it is today.
+    let series = match &files.series {
+        Some(asked) if there.is_none() && !dicom::is_key(asked) => dicom::series_files(path, &options)?.key,
+        asked => asked.clone(),
     };
     let (roi, labels) = match files.region() {
         None => (None, None),
@@ -411,7 +425,7 @@ pub fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Re
         }
     };
     let size = roi.as_ref().map(|roi| RegionSize::of(roi, &volume));
-    Ok(LoadedVolume { volume, roi, size, labels })
+    Ok(LoadedVolume { volume, roi, size, labels, series })
 }
 
 fn read_mask(
@@ -423,6 +437,10 @@ fn read_mask(
     let choice = labels.map_or(Ok(LabelChoice::Whole), str::parse)?;
     let mask = Volume::read_mask(path, options, &choice, volume)?;
     Ok((Roi::from_mask(&mask, &choice, volume)?, Labels::chosen(&mask, &choice, volume)?))
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn named(error: Error, path: &Path) -> Error {

@@ -3,15 +3,17 @@
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use egui::{Context, DragValue, Id, Key, Modal, ScrollArea, TextEdit, Ui};
+use egui::{Context, DragValue, Id, Key, Modal, TextEdit, Ui};
 
 use crate::actions::Action;
 use crate::deletions::Target;
-use crate::panels::widgets::row;
-use crate::state::Files;
+use crate::file_list::{FileList, as_folder};
+use crate::panels::widgets::{escaped, row};
+use crate::picture_options::{Backing, PictureOptions};
+use crate::state::{Files, is_packed};
 
-/// Greatest number of entries of a folder that are listed.
-const MOST: usize = 500;
+/// Greatest number that a suggested name has.
+const MOST_NAMES: u32 = 10_000;
 /// Greatest width or height of a picture, pixels; every device can render it.
 const WIDEST: u32 = 8192;
 
@@ -24,6 +26,10 @@ pub enum Purpose {
     Beside,
     /// The session is written to it.
     Save,
+    /// The session and its files are written to it.
+    Pack,
+    /// It is a missing file of a session.
+    Find,
     /// A picture is written to it.
     Screenshot,
     /// A turntable is written to it.
@@ -55,6 +61,8 @@ impl Purpose {
             Purpose::Open => ("Open splats, a volume, a mask or a session", "Open", DATA.as_slice()),
             Purpose::Beside => ("Open splats beside the others", "Open", SPLATS.as_slice()),
             Purpose::Save => ("Save the session", "Save", &[".toml"]),
+            Purpose::Pack => ("Pack the session and all its files", "Pack", &[".zip"]),
+            Purpose::Find => ("Where is the missing file?", "Take it", DATA.as_slice()),
             Purpose::Screenshot => ("Screenshot", "Write", &[".png", ".exr"]),
             Purpose::Record => ("Record a turntable", "Record", &[".png"]),
             Purpose::Transfer => {
@@ -78,21 +86,36 @@ impl Purpose {
 
     /// Returns true if the file is written.
     fn writes(self) -> bool {
-        !matches!(self, Purpose::Open | Purpose::Beside | Purpose::Transfer | Purpose::Mask)
+        !self.name_endings().is_empty()
     }
 
-    /// Returns the suggested name of a new file.
-    fn suggestion(self) -> &'static str {
+    /// Returns what is put between the name of what is shown and a number, and the ending of a new file; an empty
+    /// ending for a file that is read.
+    fn name_endings(self) -> &'static str {
         match self {
-            Purpose::Open | Purpose::Beside | Purpose::Transfer | Purpose::Mask => "",
-            Purpose::Save => "session.toml",
-            Purpose::Screenshot => "picture.png",
-            Purpose::Record => "turntable.png",
-            Purpose::SaveTransfer => "transfer.vp.json",
-            Purpose::Keep => "fit.ply",
-            Purpose::SaveSplats => "splats.ply",
-            Purpose::SaveObject(_) => "object.ply",
+            Purpose::Open | Purpose::Find | Purpose::Beside | Purpose::Transfer | Purpose::Mask => "",
+            Purpose::Save => ".toml",
+            Purpose::Pack => ".zip",
+            Purpose::Screenshot | Purpose::Record => ".png",
+            Purpose::SaveTransfer => ".vp.json",
+            Purpose::Keep | Purpose::SaveSplats | Purpose::SaveObject(_) => ".ply",
         }
+    }
+
+    /// Returns the suggested name of a new file in a folder, after the `case`, that is free.
+    fn suggestion(self, folder: &Path, case: &str) -> String {
+        let ending = self.name_endings();
+        if ending.is_empty() {
+            return String::new();
+        }
+        let name = |number: u32| match (self, number) {
+            (Purpose::Screenshot, _) => format!("{case}-{number}{ending}"),
+            (Purpose::Record, 1) => format!("{case}-turn{ending}"),
+            (Purpose::Record, _) => format!("{case}-turn-{number}{ending}"),
+            (_, 1) => format!("{case}{ending}"),
+            _ => format!("{case}-{number}{ending}"),
+        };
+        (1..=MOST_NAMES).map(name).find(|name| !folder.join(name).exists()).unwrap_or_else(|| name(1))
     }
 }
 
@@ -102,10 +125,11 @@ pub struct Prompt {
     /// Purpose of the file.
     purpose: Purpose,
     path: String,
-    size: [u32; 2],
+    options: PictureOptions,
     frames: u32,
-    /// Folder that was listed last, and its entries; names of folders end in a slash.
-    listed: Option<(PathBuf, Vec<String>)>,
+    list: FileList,
+    /// True if there may be DICOM files among those that are open.
+    has_dicom: bool,
     /// True until it was shown; then the path takes the keyboard focus.
     fresh: bool,
 }
@@ -122,23 +146,45 @@ pub enum Answer {
 }
 
 impl Prompt {
-    /// Asks for a file, first in the folder of the files that are open; or for the file `known`, which it may be again.
-    /// `size` is the suggested size of a picture, pixels.
-    pub fn new(purpose: Purpose, files: &Files, known: Option<&Path>, size: [u32; 2]) -> Self {
-        let near = files.splats.first().or(files.volume.as_ref()).and_then(|p| p.parent());
-        let folder = near.filter(|p| p.is_dir()).map_or_else(std::env::current_dir, |p| Ok(p.to_owned()));
-        let new = || folder.unwrap_or_default().join(purpose.suggestion());
-        let path = known.map_or_else(new, Path::to_owned).to_string_lossy().into_owned();
-        Prompt { purpose, path, size, frames: 120, listed: None, fresh: true }
+    /// Asks for a file, first in the folder of the files that are open. A new file is named after them, or after the
+    /// `session`, whose file is also that to which it is saved again. `size` is the suggested size of a picture, pixels;
+    /// the folders of `recent` files are at hand.
+    pub fn new(
+        purpose: Purpose,
+        (files, session): (&Files, Option<&Path>),
+        size: [u32; 2],
+        recent: &[PathBuf],
+    ) -> Self {
+        let known = session.filter(|path| purpose == Purpose::Save && !is_packed(path));
+        let beside = session.and_then(Path::parent).filter(|folder| folder.is_dir()).map(Path::to_owned);
+        let near = files.folder().filter(|_| session.is_none() || !purpose.writes()).or(beside);
+        let folder = near.map_or_else(std::env::current_dir, Ok).unwrap_or_default();
+        let stem = session.and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned());
+        let case = stem.or_else(|| files.case_name()).unwrap_or_else(|| "vgs".to_owned());
+        let path = match (known, purpose.suggestion(&folder, &case)) {
+            (Some(known), _) => known.to_string_lossy().into_owned(),
+            (None, name) if name.is_empty() => as_folder(&folder),
+            (None, name) => folder.join(name).to_string_lossy().into_owned(),
+        };
+        let has_dicom = files.may_have_series();
+        Prompt {
+            purpose,
+            has_dicom,
+            path,
+            options: PictureOptions::new(size),
+            frames: 120,
+            list: FileList::new(recent),
+            fresh: true,
+        }
     }
 
     /// Shows the question and returns the answer.
     pub fn show(&mut self, context: &Context) -> Answer {
         let modal = Modal::new(Id::new("prompt")).show(context, |ui| {
-            ui.set_width(560.0);
+            ui.set_width(640.0);
             self.content(ui)
         });
-        if modal.inner == Answer::Open && modal.should_close() { Answer::Cancelled } else { modal.inner }
+        if modal.inner == Answer::Open && escaped(context, &modal) { Answer::Cancelled } else { modal.inner }
     }
 
     fn content(&mut self, ui: &mut Ui) -> Answer {
@@ -150,9 +196,15 @@ impl Prompt {
             field.request_focus();
         }
         let entered = field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
-        let double = self.list(ui, endings);
+        let double = self.list.show(ui, &mut self.path, endings, self.purpose.writes());
         if matches!(self.purpose, Purpose::Screenshot | Purpose::Record) {
-            self.sizes(ui);
+            self.picture(ui);
+        }
+        if self.purpose == Purpose::Pack && self.has_dicom {
+            ui.colored_label(
+                crate::theme::SIGNAL,
+                "DICOM files are packed as they are: they name the patient.",
+            );
         }
         let path = PathBuf::from(&self.path);
         let there = path.is_file();
@@ -166,7 +218,7 @@ impl Prompt {
             if done || (good && !force && (entered || double)) {
                 answer = Answer::Do(self.action(path.clone(), force));
             }
-            if self.purpose == Purpose::Open && path.is_dir() {
+            if matches!(self.purpose, Purpose::Open | Purpose::Find) && path.is_dir() {
                 let button = ui.button("Open the folder");
                 if button.on_hover_text("as a scan: all DICOM slices in it are one volume").clicked() {
                     answer = Answer::Do(self.action(path.clone(), false));
@@ -184,49 +236,34 @@ impl Prompt {
         answer
     }
 
-    /// Lists the folder. Returns true if a file was double clicked.
-    fn list(&mut self, ui: &mut Ui, endings: &[&str]) -> bool {
-        let path = PathBuf::from(&self.path);
-        let folder =
-            if path.is_dir() { path.clone() } else { path.parent().map(Path::to_owned).unwrap_or_default() };
-        if self.listed.as_ref().is_none_or(|(listed, _)| *listed != folder) {
-            self.listed = Some((folder.clone(), entries(&folder, endings)));
-        }
-        let Some((_, names)) = &self.listed else { return false };
-        let (mut chosen, mut double) = (None, false);
-        ScrollArea::vertical().max_height(220.0).auto_shrink([false, true]).show(ui, |ui| {
-            for name in std::iter::once("../").chain(names.iter().map(String::as_str)) {
-                let here = path.file_name().is_some_and(|own| own.to_string_lossy() == name);
-                let entry = ui.selectable_label(here, name);
-                if entry.clicked() || entry.double_clicked() {
-                    chosen = Some(name.to_owned());
-                    double = entry.double_clicked() && !name.ends_with('/');
-                }
-            }
-        });
-        if let Some(name) = chosen {
-            let next = match name.as_str() {
-                "../" => folder.parent().map_or(folder.clone(), Path::to_owned),
-                _ => folder.join(name.trim_end_matches('/')),
-            };
-            let keep = self.purpose.writes() && name.ends_with('/');
-            let next = if keep { next.join(path.file_name().unwrap_or_default()) } else { next };
-            self.path = next.to_string_lossy().into_owned();
-        }
-        double
-    }
-
-    fn sizes(&mut self, ui: &mut Ui) {
+    /// Shows how a picture is written, and changes it.
+    fn picture(&mut self, ui: &mut Ui) {
+        let options = &mut self.options;
         row(ui, "Size", "width and height of the picture", |ui| {
-            for side in &mut self.size {
+            for side in &mut options.size {
                 ui.add(DragValue::new(side).range(16..=WIDEST).suffix(" px"));
             }
             for (text, size) in [("1080p", [1920, 1080]), ("4K", [3840, 2160]), ("square", [2048, 2048])] {
                 if ui.small_button(text).on_hover_text(format!("{} × {}", size[0], size[1])).clicked() {
-                    self.size = size;
+                    options.size = size;
                 }
             }
         });
+        row(ui, "In print", "width and height on paper; a PNG tells them to other programs", |ui| {
+            let [mut width, height] = options.printed_mm();
+            let value = DragValue::new(&mut width).range(1.0..=3000.0).suffix(" mm").max_decimals(1);
+            if ui.add(value).changed() {
+                options.set_printed_width(width, WIDEST);
+            }
+            ui.label(format!("× {height:.1} mm at"));
+            ui.add(DragValue::new(&mut options.dpi).range(50..=2400).suffix(" dpi"));
+        });
+        row(ui, "Background", "behind the picture; Camera has the colour that is shown", |ui| {
+            for (backing, name) in Backing::ALL {
+                ui.selectable_value(&mut options.backing, backing, name);
+            }
+        });
+        ui.checkbox(&mut options.told, "Letters, bars, cube, names and distances, as shown");
         if self.purpose == Purpose::Record {
             row(ui, "Frames", "of the full turn", |ui| {
                 ui.add(DragValue::new(&mut self.frames).range(2..=3600))
@@ -235,13 +272,15 @@ impl Prompt {
     }
 
     fn action(&self, path: PathBuf, force: bool) -> Action {
-        let Prompt { size, frames, .. } = *self;
+        let Prompt { options, frames, .. } = *self;
         match self.purpose {
             Purpose::Open => Action::Open(vec![path]),
             Purpose::Beside => Action::Beside(path),
             Purpose::Save => Action::Save { path, force },
-            Purpose::Screenshot => Action::Screenshot { path, size, force },
-            Purpose::Record => Action::Record { path, size, frames, force },
+            Purpose::Pack => Action::Pack { path, force },
+            Purpose::Find => Action::Found(path),
+            Purpose::Screenshot => Action::Screenshot { path, options, force },
+            Purpose::Record => Action::Record { path, options, frames, force },
             Purpose::Transfer => Action::Transfer(path.to_string_lossy().into_owned()),
             Purpose::SaveTransfer => Action::SaveTransfer { path, force },
             Purpose::Mask => Action::Mask(path),
@@ -252,53 +291,24 @@ impl Prompt {
     }
 }
 
-/// Returns folders, with a slash, and files with one of these endings, in order. Hidden entries and what
-/// cannot be read are left out.
-fn entries(folder: &Path, endings: &[&str]) -> Vec<String> {
-    let Ok(found) = std::fs::read_dir(folder) else { return Vec::new() };
-    let name = |entry: std::fs::DirEntry| {
-        let name = entry.file_name().into_string().ok().filter(|name| !name.starts_with('.'))?;
-        let lower = name.to_lowercase();
-        // Links are followed.
-        if entry.path().is_dir() {
-            Some((0, format!("{name}/")))
-        } else {
-            endings.iter().any(|end| lower.ends_with(end)).then_some((1, name))
-        }
-    };
-    let mut names: Vec<_> = found.flatten().filter_map(name).collect();
-    names.sort();
-    names.into_iter().take(MOST).map(|(_, name)| name).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn folders_come_first_and_only_what_can_be_opened() {
-        let folder = tempfile::tempdir().expect("a folder");
-        for name in ["b.PLY", "a.nii.gz", "notes.txt", ".hidden.ply"] {
-            std::fs::write(folder.path().join(name), "").expect("a file");
-        }
-        std::fs::create_dir(folder.path().join("z")).expect("a folder");
-        let (_, _, endings) = Purpose::Open.words();
-        assert_eq!(entries(folder.path(), endings), ["z/", "a.nii.gz", "b.PLY"]);
-        assert!(entries(&folder.path().join("none"), endings).is_empty());
-    }
-
-    #[test]
     fn an_answer_is_the_action_of_its_purpose() {
-        let prompt = |purpose| Prompt::new(purpose, &Files::default(), None, [640, 480]);
+        let prompt = |purpose| Prompt::new(purpose, (&Files::default(), None), [640, 480], &[]);
         let path = PathBuf::from("x");
-        let size = [640, 480];
+        let options = PictureOptions::new([640, 480]);
         let liver = Target { file: 0, label: Some(5) };
         for (purpose, expected) in [
             (Purpose::Open, Action::Open(vec![path.clone()])),
             (Purpose::Beside, Action::Beside(path.clone())),
             (Purpose::Save, Action::Save { path: path.clone(), force: true }),
-            (Purpose::Screenshot, Action::Screenshot { path: path.clone(), size, force: true }),
-            (Purpose::Record, Action::Record { path: path.clone(), size, frames: 120, force: true }),
+            (Purpose::Pack, Action::Pack { path: path.clone(), force: true }),
+            (Purpose::Find, Action::Found(path.clone())),
+            (Purpose::Screenshot, Action::Screenshot { path: path.clone(), options, force: true }),
+            (Purpose::Record, Action::Record { path: path.clone(), options, frames: 120, force: true }),
             (Purpose::Transfer, Action::Transfer("x".into())),
             (Purpose::SaveTransfer, Action::SaveTransfer { path: path.clone(), force: true }),
             (Purpose::Mask, Action::Mask(path.clone())),
@@ -311,7 +321,42 @@ mod tests {
         ] {
             assert_eq!(prompt(purpose).action(path.clone(), true), expected);
         }
-        assert!(prompt(Purpose::Save).path.ends_with("session.toml"));
+    }
+
+    #[test]
+    fn a_new_file_is_named_after_what_is_shown() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let name = |purpose, files: &Files, session: Option<&Path>| {
+            let path = PathBuf::from(Prompt::new(purpose, (files, session), [640, 480], &[]).path);
+            assert_eq!(path.parent(), Some(folder.path()), "{}", path.display());
+            path.file_name().expect("a name").to_string_lossy().into_owned()
+        };
+        let bones =
+            Files { splats: vec![at("bones.ply")], volume: Some(at("ct.nii.gz")), ..Files::default() };
+        let ct = Files { volume: Some(at("ct.nii.gz")), ..Files::default() };
+        std::fs::write(at("bones.ply"), "").expect("a file");
+        for (purpose, files, expected) in [
+            (Purpose::Save, &bones, "bones.toml"),
+            (Purpose::Pack, &bones, "bones.zip"),
+            (Purpose::Screenshot, &bones, "bones-1.png"),
+            (Purpose::Record, &bones, "bones-turn.png"),
+            (Purpose::SaveTransfer, &bones, "bones.vp.json"),
+            (Purpose::SaveSplats, &bones, "bones-2.ply"),
+            (Purpose::Keep, &ct, "ct.ply"),
+            (Purpose::Screenshot, &ct, "ct-1.png"),
+        ] {
+            assert_eq!(name(purpose, files, None), expected, "{purpose:?}");
+        }
+        std::fs::write(at("bones-1.png"), "").expect("a file");
+        assert_eq!(name(Purpose::Screenshot, &bones, None), "bones-2.png");
+        // A session gives its name, and is written again to its own file.
+        let session = at("hip.toml");
+        std::fs::write(&session, "").expect("a file");
+        assert_eq!(name(Purpose::Save, &bones, Some(&session)), "hip.toml");
+        assert_eq!(name(Purpose::Screenshot, &bones, Some(&session)), "hip-1.png");
+        let nothing = Prompt::new(Purpose::Save, (&Files::default(), None), [640, 480], &[]);
+        assert!(nothing.path.ends_with("vgs.toml"), "{}", nothing.path);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Series of a DICOM folder, of which the user chooses one.
 
-use engine::volume::dicom::StackSummary;
+use engine::volume::dicom;
 
 use crate::state::Files;
 
@@ -10,5 +10,5 @@ pub struct Series {
     /// Files that are opened together with the series.
     pub files: Files,
     /// The series, in the order of their numbers.
-    pub rows: Vec<StackSummary>,
+    pub rows: Vec<dicom::Series>,
 }

@@ -10,7 +10,7 @@ use engine::volume::{FORMATS, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 
 use crate::region::Region;
-use crate::state::{Files, ViewState, is_session};
+use crate::state::{Files, ViewState, is_packed, is_session};
 
 /// Words in the name of a volume that say that it is a mask.
 const MASK_WORDS: [&str; 4] = ["mask", "label", "roi", "seg"];
@@ -20,6 +20,8 @@ const MASK_WORDS: [&str; 4] = ["mask", "label", "roi", "seg"];
 pub struct Sorted {
     /// Session file, which replaces everything.
     pub session: Option<PathBuf>,
+    /// The session, once it was read.
+    pub read: Option<ViewState>,
     /// Files that are open once these are.
     pub files: Files,
     /// What was taken for what, in sentences, where that is not plain.
@@ -27,9 +29,9 @@ pub struct Sorted {
 }
 
 impl Sorted {
-    /// Reads the session; `None` if there is no session file.
+    /// Returns the session, reading it unless that was done; `None` if there is no session file.
     pub fn state(&self) -> Option<Result<ViewState>> {
-        self.session.as_deref().map(ViewState::read)
+        self.read.clone().map(Ok).or_else(|| self.session.as_deref().map(ViewState::read))
     }
 }
 
@@ -51,11 +53,12 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
     Ok(combined(open, by_name(added)?, Vec::new(), "by its name"))
 }
 
-/// Returns true if names alone do not tell which of these files is a volume and which its mask.
+/// Returns true if names alone do not tell which of these files is a volume and which its mask, or if a session has
+/// to be unpacked.
 pub fn needs_look(open: &Files, added: &[PathBuf]) -> bool {
-    by_name(added).is_ok_and(|Named { volumes, .. }| {
+    by_name(added).is_ok_and(|Named { volumes, session, .. }| {
         let others = volumes.iter().filter(|path| open.volume.as_ref() != Some(path)).count();
-        others > usize::from(open.volume.is_none())
+        others > usize::from(open.volume.is_none()) || session.is_some_and(|path| is_packed(&path))
     })
 }
 
@@ -168,7 +171,7 @@ fn by_name(added: &[PathBuf]) -> Result<Named> {
 /// Puts sorted files to those that are open. The last volume and the last mask count; the others are left out.
 /// `by` says by what the mask was known.
 fn combined(open: &Files, named: Named, left_out: Vec<PathBuf>, by: &str) -> Sorted {
-    let mut sorted = Sorted { session: named.session, files: open.clone(), notes: Vec::new() };
+    let mut sorted = Sorted { session: named.session, files: open.clone(), ..Sorted::default() };
     let Sorted { files, notes, .. } = &mut sorted;
     for path in named.splats {
         if !files.splats.contains(&path) {
@@ -190,6 +193,7 @@ fn combined(open: &Files, named: Named, left_out: Vec<PathBuf>, by: &str) -> Sor
             splats: std::mem::take(&mut files.splats),
             beside: files.beside.take(),
             volume: Some(path),
+            unpacked: std::mem::take(&mut files.unpacked),
             ..Files::default()
         };
     }

@@ -99,7 +99,7 @@ pub fn keep(name: &str, [width, height]: [u32; 2], eyes: &[[u8; 4]]) {
     let rows = eye(0).zip(eye(1)).flat_map(|(left, right)| left.iter().chain(right));
     let pixels = rows.map(|texel| texel.map(|byte| f32::from(byte) / 255.0)).collect();
     let both = Image { size: [2 * width, height], pixels };
-    let options = WriteOptions { background: Some([0.0; 3]), force: true };
+    let options = WriteOptions { background: Some([0.0; 3]), force: true, ..WriteOptions::default() };
     image::write(Path::new(&folder).join(format!("{name}.png")), &both, None, &options).expect("a picture");
 }
 

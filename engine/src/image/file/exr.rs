@@ -24,7 +24,7 @@ use crate::image::image::{check_size, room};
 use crate::{Error, Kind, Result};
 
 pub(super) const FORMAT: Format =
-    Format { name: "exr", depth: true, magic: &[0x76, 0x2f, 0x31, 0x01], read, write };
+    Format { name: "exr", depth: true, dpi: false, magic: &[0x76, 0x2f, 0x31, 0x01], read, write };
 
 /// What a file is decoded into: colours are already display-referred.
 struct Decoded {
@@ -115,7 +115,7 @@ fn put(to: &mut Option<Decoded>, Vec2(x, y): Vec2<usize>, (r, g, b, a, z): (f32,
 }
 
 /// Writes one layer with its lines in order, so that the same pixels give the same bytes.
-fn write(image: &Image, depth: Option<&[f32]>, out: &mut dyn Write) -> io::Result<()> {
+fn write(image: &Image, depth: Option<&[f32]>, _: Option<f64>, out: &mut dyn Write) -> io::Result<()> {
     let mut planes = [const { Vec::new() }; 4];
     for &pixel in &image.pixels {
         for (plane, value) in planes.iter_mut().zip(each_straight(pixel, linear_from_display)) {

@@ -21,6 +21,8 @@ pub struct Picture {
 pub struct WriteOptions {
     /// The opaque colour behind the picture, display-referred; without one the file keeps the opacity.
     pub background: Option<[f32; 3]>,
+    /// Pixels per inch of the printed picture; `None` if the file does not say.
+    pub dpi: Option<f64>,
     /// True if an existing file is replaced.
     pub force: bool,
 }
@@ -31,11 +33,13 @@ pub struct Format {
     pub name: &'static str,
     /// True if it can hold a depth.
     pub depth: bool,
+    /// True if it can say how large the picture is printed.
+    pub dpi: bool,
     /// The first bytes of a file of this format.
     pub(super) magic: &'static [u8],
     pub(super) read: fn(&mut Source) -> Result<Picture>,
     pub(super) write: Encode,
 }
 
-/// Writes a picture and its depth, which have been checked, to a stream.
-pub(super) type Encode = fn(&Image, Option<&[f32]>, &mut dyn io::Write) -> io::Result<()>;
+/// Writes a picture and its depth, which have been checked, to a stream; the last number are its pixels per inch.
+pub(super) type Encode = fn(&Image, Option<&[f32]>, Option<f64>, &mut dyn io::Write) -> io::Result<()>;

@@ -60,9 +60,15 @@ pub fn write(
             .file(path)
             .help("write the depth as .exr"));
     }
+    if options.dpi.is_some() && !format.dpi {
+        let message = format!("the format {} does not say how large a picture is printed", format.name);
+        return Err(Error::new(Kind::Usage, "VGS-IMG-015", message)
+            .file(path)
+            .help("write it as .png, or leave the pixels per inch out"));
+    }
     let over = options.background.map(|background| image.over(background));
     let image = over.as_ref().unwrap_or(image);
-    crate::output::write_atomic(path, options.force, |out| (format.write)(image, depth, out))
+    crate::output::write_atomic(path, options.force, |out| (format.write)(image, depth, options.dpi, out))
 }
 
 /// Returns the format that the extension of `path` names, so that a program can ask before it computes

@@ -4,7 +4,10 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use png::{BitDepth, ColorType, Decoder, DecodingError, Encoder, SrgbRenderingIntent, Transformations};
+use png::{
+    BitDepth, ColorType, Decoder, DecodingError, Encoder, PixelDimensions, SrgbRenderingIntent,
+    Transformations, Unit,
+};
 
 use super::format::{Format, Picture, WriteOptions};
 use super::source::{Source, expect};
@@ -13,8 +16,9 @@ use crate::image::image::{check_size, room};
 use crate::{Error, Kind, Result};
 
 pub(super) const FORMAT: Format =
-    Format { name: "png", depth: false, magic: b"\x89PNG\r\n\x1a\n", read, write };
+    Format { name: "png", depth: false, dpi: true, magic: b"\x89PNG\r\n\x1a\n", read, write };
 
+const METRES_PER_INCH: f64 = 0.0254;
 /// Most bytes of a palette, of 256 colours.
 const MOST_PALETTE: usize = 3 * 256;
 
@@ -57,7 +61,7 @@ pub fn write_animation(
     let mut stopped = None;
     let written = crate::output::write_atomic(path, options.force, |out| {
         let opaque = options.background.is_some();
-        let mut encoder = encoder(out, animation.size, opaque);
+        let mut encoder = encoder(out, animation.size, opaque, options.dpi);
         encoder.set_animated(animation.frames, animation.loops)?;
         encoder.set_frame_delay(1, animation.frames_per_second)?;
         let mut writer = encoder.write_header()?;
@@ -78,8 +82,8 @@ pub fn write_animation(
     stopped.map_or(written, Err)
 }
 
-fn write(image: &Image, _: Option<&[f32]>, out: &mut dyn Write) -> io::Result<()> {
-    encode(image, out)
+fn write(image: &Image, _: Option<&[f32]>, dpi: Option<f64>, out: &mut dyn Write) -> io::Result<()> {
+    encode_for_print(image, dpi, out)
 }
 
 /// Writes a PNG of 8 bits to a stream, with opacity if any pixel is not opaque.
@@ -87,8 +91,12 @@ fn write(image: &Image, _: Option<&[f32]>, out: &mut dyn Write) -> io::Result<()
 /// # Errors
 /// Errors of `out`, and an error for a picture without pixels.
 pub fn encode(image: &Image, out: &mut dyn Write) -> io::Result<()> {
+    encode_for_print(image, None, out)
+}
+
+fn encode_for_print(image: &Image, dpi: Option<f64>, out: &mut dyn Write) -> io::Result<()> {
     let opaque = image.pixels.iter().all(|pixel| pixel[3] >= 1.0);
-    let mut writer = encoder(out, image.size, opaque).write_header()?;
+    let mut writer = encoder(out, image.size, opaque, dpi).write_header()?;
     writer.write_image_data(&bytes(image, opaque))?;
     writer.finish()?;
     Ok(())
@@ -98,12 +106,17 @@ fn encoder(
     out: &mut dyn Write,
     [width, height]: [usize; 2],
     opaque: bool,
+    dpi: Option<f64>,
 ) -> Encoder<'static, &mut dyn Write> {
     // At most `MAX_PIXELS`, and no side is zero.
     let mut encoder = Encoder::new(out, width as u32, height as u32);
     encoder.set_color(if opaque { ColorType::Rgb } else { ColorType::Rgba });
     encoder.set_depth(BitDepth::Eight);
     encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
+    encoder.set_pixel_dims(dpi.map(|dpi| {
+        let each_metre = (dpi / METRES_PER_INCH).round() as u32;
+        PixelDimensions { xppu: each_metre, yppu: each_metre, unit: Unit::Meter }
+    }));
     encoder
 }
 

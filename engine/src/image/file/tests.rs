@@ -64,7 +64,7 @@ fn a_png_comes_back() {
     assert_eq!(back.depth, None);
     near(&back.image, &image, 1.01 / 510.0);
     let background = Some([0.0, 0.5, 1.0]);
-    write(&opaque, &image, None, &WriteOptions { background, force: false }).unwrap();
+    write(&opaque, &image, None, &WriteOptions { background, ..WriteOptions::default() }).unwrap();
     near(&read(&opaque).unwrap().image, &image.over([0.0, 0.5, 1.0]), 1.01 / 510.0);
     // Opaque files have three channels: their colour type, after the header's size, is 2.
     assert_eq!([fs::read(&opaque).unwrap()[25], fs::read(&transparent).unwrap()[25]], [2, 6]);
@@ -120,7 +120,7 @@ fn an_exr_comes_back_with_its_depth() {
     assert_eq!(b.depth, Some(depth));
     assert_eq!(fs::read(folder.at("b.exr")).unwrap(), fs::read(folder.at("c.exr")).unwrap());
     let background = Some([0.5, 0.5, 0.5]);
-    write(folder.at("d.exr"), &image, None, &WriteOptions { background, force: false }).unwrap();
+    write(folder.at("d.exr"), &image, None, &WriteOptions { background, ..WriteOptions::default() }).unwrap();
     near(&read(folder.at("d.exr")).unwrap().image, &image.over([0.5; 3]), 1e-6);
 }
 
@@ -224,7 +224,7 @@ fn an_animation_holds_its_frames() {
     let folder = Folder::new();
     let (path, size) = (folder.at("a.png"), [3, 2]);
     let animation = Animation { size, frames: 3, frames_per_second: 25, loops: 2 };
-    let options = WriteOptions { background: Some([0.0; 3]), force: false };
+    let options = WriteOptions { background: Some([0.0; 3]), ..WriteOptions::default() };
     let frame = |i: u32| Ok(Image::new(size, [i as f32 / 5.0, 0.0, 0.0, 1.0]));
     write_animation(&path, &animation, &options, frame).unwrap();
     near(&read(&path).unwrap().image, &Image::new(size, [0.0, 0.0, 0.0, 1.0]), 0.0);

@@ -67,6 +67,8 @@ elements! {
     SERIES_INSTANCE_UID: UI, "Series Instance UID", Fine("files without one are one series");
     SERIES_NUMBER: IS, "Series Number", Fine("listed first");
     SERIES_DESCRIPTION: LO, "Series Description", Fine("no description");
+    PATIENT_NAME: PN, "Patient Name", Fine("not shown; never written");
+    STUDY_DATE: DA, "Study Date", Fine("not shown");
     MODALITY: CS, "Modality", Fine("not known");
     IMAGE_TYPE: CS, "Image Type", Fine("no scout view, no mosaic");
     FRAME_OF_REFERENCE_UID: UI, "Frame of Reference UID", Fine("not compared");

@@ -14,6 +14,7 @@
 //! | `structures` | structures and their choice; their voxels as one mask |
 //! | `segmentation`, `contours`, `polygon` | structures that are given as voxels, and as contours |
 //! | `read` | all of it together |
+//! | `series` | the series of a folder for people to choose from, and the files of one |
 //!
 //! Nothing is resampled. Planes are sorted by their position along the normal of the slices, never by number.
 //! A gantry tilt is a shear of the affine. Where slices are missing or uneven the grid has the planes between
@@ -32,6 +33,7 @@ mod polygon;
 mod read;
 mod scale;
 mod segmentation;
+mod series;
 mod stacks;
 mod structures;
 #[cfg(test)]
@@ -40,6 +42,7 @@ mod tests;
 pub(super) use elements::element_rows;
 pub(super) use location::is_zip;
 pub use read::{list, read, structures};
+pub use series::{Series, SeriesFiles, Slice, is_key, series, series_files};
 pub use stacks::StackSummary;
 pub use structures::Structure;
 

@@ -90,7 +90,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
 }
 
 /// What a folder or a file holds.
-enum Found {
+pub(super) enum Found {
     /// Frames that have a place, and notes on what was left out.
     Frames(Vec<Frame>, Vec<String>),
     /// A file of structures.
@@ -99,7 +99,7 @@ enum Found {
 
 /// Reads the frames that have a place: those of a folder or a zip, of a file of several frames, or of the series
 /// of a single slice. Where there are none, finds the structures.
-fn find(path: &Path, options: &ReadOptions) -> Result<Found> {
+pub(super) fn find(path: &Path, options: &ReadOptions) -> Result<Found> {
     if path.is_dir() {
         return found(path, &dicom_files(path)?, options);
     }

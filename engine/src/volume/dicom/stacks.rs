@@ -281,8 +281,21 @@ pub(super) fn doubled(frames: &[Frame]) -> Option<[&Frame; 2]> {
     })
 }
 
-/// Returns the stack that `asked` names: by its number in the list, the UID of its series, or a part of its
-/// description. If `asked` is `None`, returns the only stack that may be a volume.
+/// Returns what names the stack at a place in the list wherever its files lie: the UID of its series, with its number
+/// in the series where that has several (`1.2.3#2`); its number in the list without a UID.
+pub(super) fn key(stacks: &[Stack], at: usize) -> String {
+    let uid = |stack: &Stack| stack.first().file.series.clone();
+    let own = uid(&stacks[at]);
+    let count = |stacks: &[Stack]| stacks.iter().filter(|stack| uid(stack) == own).count();
+    match count(stacks) {
+        _ if own.is_empty() => (at + 1).to_string(),
+        1 => own,
+        _ => format!("{own}#{}", count(&stacks[..=at])),
+    }
+}
+
+/// Returns the stack that `asked` names: by its number in the list, the UID of its series, its [`key`], or a part of
+/// its description. If `asked` is `None`, returns the only stack that may be a volume.
 ///
 /// # Errors
 /// [`Kind::Usage`] if no stack or several fit.
@@ -301,7 +314,7 @@ pub(super) fn choose<'a>(stacks: &'a [Stack], asked: Option<&str>) -> Result<&'a
         Some(asked) => {
             let matches = |(i, stack): &(usize, &Stack)| {
                 let row = stack.summary(i + 1);
-                row.number.to_string() == asked || row.series_uid == asked
+                row.number.to_string() == asked || row.series_uid == asked || key(stacks, *i) == asked
             };
             let exact: Vec<_> = stacks.iter().enumerate().filter(matches).map(|(_, stack)| stack).collect();
             let part = asked.to_lowercase();

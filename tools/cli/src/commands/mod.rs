@@ -8,6 +8,7 @@ pub mod eval;
 pub mod fit;
 pub mod info;
 pub mod man;
+pub mod pack;
 pub mod phantom;
 pub mod rasterize;
 pub mod render;

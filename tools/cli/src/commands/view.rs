@@ -21,7 +21,8 @@ use crate::shared::outputs;
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct ViewArguments {
-    /// What is shown: splats (PLY), a volume, a session (TOML); more can be dropped on the window
+    /// What is shown: splats (PLY), a volume, a session (TOML, or packed as a zip); more can be dropped on the
+    /// window
     files: Vec<PathBuf>,
     /// The volume that the splats were fitted to: the space bar flips between the two
     #[arg(long, value_name = "VOLUME")]
@@ -62,7 +63,7 @@ Examples:
   vgs view fine.ply --beside coarse.vgs
   vgs view scans/ --series 3       a folder of DICOM slices; `vgs info scans/` lists its series
   vgs view ct.nii.gz               G chooses a region and fits splats to it
-  vgs view session.toml
+  vgs view session.toml            or case.zip, as `vgs pack` makes it
 
 Left button turns, middle moves, wheel zooms, right sets window and level; ? lists the keys.
 For looking, not for diagnosis.";
@@ -133,10 +134,12 @@ impl ViewArguments {
             return Err(Error::new(Kind::Usage, "VGS-CLI-096", "--roi is the region of a volume")
                 .help("give the volume with --volume"));
         }
-        let Files { splats, beside, volume, roi, .. } = &state.files;
-        for file in splats.iter().chain(beside).chain(volume).chain(roi) {
-            exists(file)?;
+        // The window asks for those of a session.
+        if !is_session {
+            state.files.all().try_for_each(|file| exists(file))?;
         }
+        let named = [&self.volume, &self.roi, &self.beside].into_iter().flatten();
+        named.chain(&self.files).try_for_each(|file| exists(file))?;
         Ok((state, sorted.session))
     }
 }

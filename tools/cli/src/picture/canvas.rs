@@ -2,7 +2,12 @@
 
 use std::io::Write;
 
-use engine::image::{self, Align, Image};
+use engine::image::{self, Align, Image, Ink};
+
+/// Size of the letters of a title, pixels.
+pub const TITLE: f32 = 28.0;
+/// Size of all other letters, pixels.
+pub const WORDS: f32 = 19.0;
 
 /// Red, green, blue, 0 to 255.
 pub type Colour = [u8; 3];
@@ -32,9 +37,15 @@ impl Canvas {
         }
     }
 
-    /// Draws text whose letters are `scale` times 5 by 7 pixels, with its top at `y`.
-    pub fn text(&mut self, at: [usize; 2], scale: usize, align: Align, colour: Colour, text: &str) {
-        self.0.text(at, scale, align, shares(colour), text);
+    /// Draws text in letters of `size` pixels, with the top of its capitals at `y`.
+    pub fn text(&mut self, at: [usize; 2], size: f32, align: Align, colour: Colour, text: &str) {
+        self.0.text(at, size, align, shares(colour), text);
+    }
+
+    /// Draws text with a black outline, which is legible over images.
+    pub fn outlined_text(&mut self, at: [usize; 2], size: f32, align: Align, colour: Colour, text: &str) {
+        let ink = Ink { letters: shares(colour), outline: [0.0; 3] };
+        self.0.outlined_text(at, size, align, ink, text);
     }
 
     /// Writes the picture as PNG.

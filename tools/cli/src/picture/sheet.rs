@@ -7,7 +7,7 @@ use engine::Result;
 use engine::image::{Align, shortened};
 use engine::output::write_atomic;
 
-use super::canvas::{Canvas, Colour};
+use super::canvas::{Canvas, Colour, TITLE, WORDS};
 use super::slices::{self, PANEL};
 use super::solid::Solids;
 use super::subject::{Subject, diverging, grey};
@@ -42,19 +42,19 @@ fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
     let height = solids_top + solids.height() + 60 + MARGIN;
     let mut canvas = Canvas::new(WIDTH, height, BACKGROUND);
 
-    canvas.text([MARGIN, MARGIN], 3, Align::Left, TEXT, &shortened(title, 3, WIDTH - 2 * MARGIN));
+    canvas.text([MARGIN, MARGIN], TITLE, Align::Left, TEXT, &shortened(title, TITLE, WIDTH - 2 * MARGIN));
     for (i, line) in lines.iter().enumerate() {
         canvas.text(
             [MARGIN, MARGIN + 34 + 22 * i],
-            2,
+            WORDS,
             Align::Left,
             DIM_TEXT,
-            &shortened(line, 2, WIDTH - 2 * MARGIN),
+            &shortened(line, WORDS, WIDTH - 2 * MARGIN),
         );
     }
     let left: [usize; 3] = std::array::from_fn(|i| MARGIN + i * (PANEL + GAP));
     for (name, x) in slices::columns(subject.name).iter().zip(left) {
-        canvas.text([x + PANEL / 2, head], 2, Align::Middle, TEXT, name);
+        canvas.text([x + PANEL / 2, head], WORDS, Align::Middle, TEXT, name);
     }
     let mut top = first_row;
     for (row, height) in rows.iter().enumerate() {
@@ -76,7 +76,7 @@ fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
     let solid_names = [format!("{} in the region", subject.name), "splats".to_owned()];
     for (i, name) in solid_names.iter().enumerate() {
         let x = MARGIN + i * (solid_width + GAP);
-        canvas.text([x + solid_width / 2, solids_top - 26], 2, Align::Middle, TEXT, name);
+        canvas.text([x + solid_width / 2, solids_top - 26], WORDS, Align::Middle, TEXT, name);
         solids.draw(&mut canvas, i, [x, solids_top], BACKGROUND);
     }
     let [low, high] = subject.percentiles.map(hu);
@@ -90,6 +90,6 @@ fn bar(canvas: &mut Canvas, at: [usize; 2], labels: [&str; 3], colour: impl Fn(f
     let x = at[0] - BAR / 2;
     canvas.image([x, at[1]], [BAR, 12], |column, _| colour(column as f64 / (BAR - 1) as f64));
     for (share, label) in labels.into_iter().enumerate() {
-        canvas.text([x + share * BAR / 2, at[1] + 18], 2, Align::Middle, DIM_TEXT, label);
+        canvas.text([x + share * BAR / 2, at[1] + 18], WORDS, Align::Middle, DIM_TEXT, label);
     }
 }

@@ -3,7 +3,7 @@
 use engine::image::Align;
 use glam::DVec3;
 
-use super::canvas::{Canvas, Colour};
+use super::canvas::{Canvas, Colour, WORDS};
 use super::subject::{Subject, diverging, grey};
 
 /// Width of a slice's panel, pixels.
@@ -152,11 +152,8 @@ pub fn draw_row(
 }
 
 /// Draws text over an image, with a shadow that keeps it legible on any grey.
-fn over(canvas: &mut Canvas, [x, y]: [usize; 2], text: &str) {
-    for (dx, dy) in [(0, 2), (2, 0), (4, 2), (2, 4), (3, 3)] {
-        canvas.text([x + dx - 2, y + dy - 2], 2, Align::Left, [0; 3], text);
-    }
-    canvas.text([x, y], 2, Align::Left, LETTERS, text);
+fn over(canvas: &mut Canvas, at: [usize; 2], text: &str) {
+    canvas.outlined_text(at, WORDS, Align::Left, LETTERS, text);
 }
 
 /// Returns the colour of a voxel in one of the columns.

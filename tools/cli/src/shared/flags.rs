@@ -58,7 +58,7 @@ impl FromStr for Size {
         let size = match sides.as_deref() {
             Ok(&[n]) => [n, n],
             Ok(&[w, h]) => [w, h],
-            _ => return Err("width and height in pixels are needed, as 1920x1080".into()),
+            _ => return Err("width and height are needed, as 1920x1080".into()),
         };
         if size.iter().all(|n| (1..=16384).contains(n)) {
             Ok(Size(size))

@@ -129,7 +129,7 @@ impl Shot {
             &path,
             &image,
             None,
-            &engine::image::WriteOptions { background: None, force: true },
+            &engine::image::WriteOptions { force: true, ..Default::default() },
         )
         .expect("a picture");
     }

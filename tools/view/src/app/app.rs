@@ -18,8 +18,9 @@ use crate::actions::{Action, pressed};
 use crate::editor::Editor;
 use crate::history::History;
 use crate::panel_info::PanelInfo;
+use crate::panels::missing::{self, Missing};
 use crate::panels::notice::{Leaving, Loss, Message};
-use crate::panels::series::Choice;
+use crate::panels::series::{Choice, SeriesPictures};
 use crate::panels::status::Reading;
 use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
 use crate::prompt::{Answer, Prompt, Purpose};
@@ -80,6 +81,10 @@ pub struct App {
     pub(super) saved: (Edited, Vec<Bookmark>),
     /// Series of which one is to be chosen.
     pub(super) series: Option<Series>,
+    /// Pictures of their slices.
+    pub(super) series_pictures: SeriesPictures,
+    /// Session that is opened once its missing files are found or left out.
+    pub(super) missing: Option<Missing>,
     pub(super) message: Option<Message>,
     pub(super) prompt: Option<Prompt>,
     /// Target that is dragged while a button is down.
@@ -111,6 +116,8 @@ impl App {
             saves_to_leave: None,
             session,
             series: None,
+            series_pictures: SeriesPictures::default(),
+            missing: None,
             message: None,
             prompt: None,
             grip: None,
@@ -153,6 +160,7 @@ impl App {
     /// Forgets the textures of a device that is gone; they are made anew for the next one.
     pub fn forget_textures(&mut self) {
         self.slice_images = SliceImages::default();
+        self.series_pictures.clear();
     }
 
     /// Moves the camera to see the whole scene in the next frame that knows its bounds.
@@ -206,6 +214,18 @@ impl App {
     /// Asks which of several series is meant.
     pub fn ask_series(&mut self, series: Series) {
         (self.prompt, self.series) = (None, Some(series));
+        self.series_pictures.clear();
+    }
+
+    /// Asks where files of a session are that are not where it says.
+    pub fn ask_missing(&mut self, state: ViewState, session: PathBuf) {
+        self.prompt = None;
+        self.missing = Some(Missing { state, session, wanted: None });
+    }
+
+    /// Takes the session, with its file, whose missing files were found or left out.
+    pub fn take_found(&mut self) -> Option<(ViewState, PathBuf)> {
+        self.missing.take().map(|missing| (missing.state, missing.session))
     }
 
     /// Reports an error to the user.
@@ -232,6 +252,7 @@ impl App {
         // By now widgets have taken their input. An open question has to be answered first.
         let asks = self.prompt.is_some()
             || self.series.is_some()
+            || self.missing.is_some()
             || self.leaving.is_some()
             || !self.settings.notice_seen;
         if !asks && !context.text_edit_focused() {
@@ -284,7 +305,30 @@ impl App {
             | Action::WantThumbnails
             | Action::AskSeries
             | Action::ReadFiles
+            | Action::Pack { .. }
+            | Action::BeginSession
             | Action::Quit => return Some(action),
+            Action::AskPack if state.files.all().next().is_none() => {
+                self.refuse("There is nothing to pack", "open some files");
+            }
+            Action::AskPack => self.ask(Purpose::Pack),
+            Action::AskFound(path) => {
+                if let Some(missing) = &mut self.missing {
+                    missing.wanted = Some(path);
+                    self.ask(Purpose::Find);
+                }
+            }
+            Action::Found(found) => {
+                let missing = self.missing.as_mut()?;
+                let wanted = missing.wanted.take()?;
+                missing.state.files.replace_missing(&wanted, &found);
+                return missing.state.files.missing().is_empty().then_some(Action::BeginSession);
+            }
+            Action::LeaveOutMissing => {
+                let state = &mut self.missing.as_mut()?.state;
+                state.files.missing().iter().for_each(|path| state.leave_out(path));
+                return Some(Action::BeginSession);
+            }
             Action::AskBeside if state.files.splats.is_empty() => {
                 self.refuse("There are no splats for others to stand beside", "open some");
             }
@@ -297,8 +341,9 @@ impl App {
                 return Some(action);
             }
             Action::Series(number) => {
-                let Series { files, .. } = self.series.take()?;
-                state.files = Files { series: Some(number.to_string()), ..files };
+                let Series { files, rows } = self.series.take()?;
+                let row = rows.into_iter().find(|row| row.summary.number == number)?;
+                state.files = Files { series: Some(row.key), ..files };
                 return Some(Action::ReadFiles);
             }
             Action::AskMask => self.ask(Purpose::Mask),
@@ -425,8 +470,8 @@ impl App {
     fn ask(&mut self, purpose: Purpose) {
         let size = self.picture.size() * self.pixels_per_point;
         let size = [size.x, size.y].map(|n| (n.round() as u32).max(16));
-        let session = self.session.as_deref().filter(|_| purpose == Purpose::Save);
-        self.prompt = Some(Prompt::new(purpose, &self.state.files, session, size));
+        let shown = (&self.state.files, self.session.as_deref());
+        self.prompt = Some(Prompt::new(purpose, shown, size, &self.settings.recent));
     }
 
     fn report_outcome(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
@@ -458,6 +503,7 @@ impl App {
                     can_undo: self.history.can_undo(),
                     can_redo: self.history.can_redo(),
                     can_fit: info.volume,
+                    has_data: self.state.files.all().next().is_some(),
                     has_files: !self.state.files.splats.is_empty(),
                     has_beside: self.state.files.beside.is_some(),
                     has_series: self.state.files.may_have_series(),
@@ -533,10 +579,18 @@ impl App {
                 }
             }
         }
-        match self.series.as_ref().and_then(|series| panels::series::show(context, series)) {
+        let pictures = &mut self.series_pictures;
+        match self.series.as_ref().and_then(|series| panels::series::show(context, series, pictures)) {
             None => {}
             Some(Choice::Number(number)) => actions.push(Action::Series(number)),
             Some(Choice::Cancel) => self.series = None,
+        }
+        let asked = self.missing.as_ref().filter(|_| self.prompt.is_none());
+        match asked.and_then(|asked| missing::show(context, asked)) {
+            None => {}
+            Some(missing::Choice::Find(path)) => actions.push(Action::AskFound(path)),
+            Some(missing::Choice::LeaveOut) => actions.push(Action::LeaveOutMissing),
+            Some(missing::Choice::Cancel) => self.missing = None,
         }
         if context.input(|i| !i.raw.hovered_files.is_empty()) {
             panels::welcome::hovered(context, self.picture);

@@ -1,19 +1,17 @@
 //! The picture between the panels: what the mouse does in it, and what is painted over it.
 
-use std::path::Path;
-
 use egui::{Align2, Color32, CursorIcon, PointerButton, Pos2, Response, Sense, TextStyle, Ui, vec2};
 use glam::DVec2;
 
 use super::app::App;
 use super::drag::{Drag, Target};
 use crate::actions::Action;
-use crate::annotations::{self, PictureOverlay};
+use crate::annotations::{self, Ink, PictureOverlay, Told};
 use crate::cube;
 use crate::handles;
 use crate::panel_info::PanelInfo;
 use crate::panels::{self, status::Reading};
-use crate::state::{Distance, Files, Object, Subject, ViewState};
+use crate::state::{Distance, Subject, ViewState};
 use crate::theme::SIGNAL;
 
 /// Length of a drag that turns by a degree, points of the screen.
@@ -142,6 +140,7 @@ impl App {
             rect: self.picture,
             orbit: &state.orbit,
             aspect: self.aspect(),
+            ink: Ink::on(Some(state.background)),
         };
         if state.show.handles {
             let bright =
@@ -149,27 +148,17 @@ impl App {
             paint.handles(&state.clip, bounds, bright);
         }
         let subjects = state.subjects(|subject| info.has(subject));
-        if let (Some(split), [left, right]) = (state.split, &subjects[..]) {
-            let [left, right] = names(&state.files, [*left, *right], info.fitted);
-            paint.split(split, [&left, &right]);
-        }
-        paint.annotations(state, info.oriented);
-        let own_colours = |object: &Object| object.tint.is_some() || !object.visible;
-        let all_own = subjects == [Subject::Splats]
-            && !info.fitted
-            && !state.objects.is_empty()
-            && state.objects.iter().all(own_colours);
-        if state.show.colour_bar
-            && !all_own
-            && let Ok(function) = state.transfer.function()
-        {
-            paint.colour_bar(&function, info.range, info.unit);
+        let PanelInfo { oriented, range, unit, fitted, .. } = *info;
+        paint.tell(state, &Told { oriented, range, unit, subjects: &subjects, fitted });
+        if let (Some(split), 2) = (state.split, subjects.len()) {
+            paint.grip(split);
         }
         if let (true, Some(at_mm)) = (state.slices.shown, state.slices.at_mm) {
             paint.crosshair(at_mm);
         }
-        let begun = self.measuring.flatten().map(|from| (from, self.reading.map(|r| r.at_mm)));
-        paint.distances(&state.distances, begun);
+        if let Some(from) = self.measuring.flatten() {
+            paint.begun(from, self.reading.map(|r| r.at_mm));
+        }
         if let (Some(_), Some(reading), Some(cursor)) = (self.measuring, &self.reading, response.hover_pos())
         {
             paint.reading(cursor, reading, info.unit);
@@ -243,24 +232,4 @@ impl App {
             self.state.slices.at_mm = Some(at_mm);
         }
     }
-}
-
-/// Returns the names of both sides of a split picture: those of the files, with their folders where they would
-/// be the same.
-fn names(files: &Files, sides: [Subject; 2], fitted: bool) -> [String; 2] {
-    let name = |subject: Subject, with_folder: bool| {
-        let (first, more) = match subject {
-            Subject::Splats if fitted => return "the fit".to_owned(),
-            Subject::Splats => (files.splats.first(), files.splats.len().saturating_sub(1)),
-            Subject::Beside => (files.beside.as_ref(), 0),
-            Subject::Volume => (files.volume.as_ref(), 0),
-        };
-        let last = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let folder = first.and_then(|path| path.parent()).filter(|_| with_folder).map(last);
-        let name = first.map(|path| last(path)).unwrap_or_default();
-        let name = folder.map_or(name.clone(), |folder| format!("{folder}/{name}"));
-        if more > 0 { format!("{name} and {more} more") } else { name }
-    };
-    let [left, right] = sides.map(|side| name(side, false));
-    if left == right { sides.map(|side| name(side, true)) } else { [left, right] }
 }

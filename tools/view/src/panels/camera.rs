@@ -1,6 +1,7 @@
 //! Panel of the camera: sides to look from, pivot, distance and field of view.
 
 use egui::{DragValue, Slider, TextEdit, Ui};
+use glam::DVec3;
 
 use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
@@ -56,8 +57,13 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, actions: &mut Vec<Action>) {
             ui.label("mm");
         },
     );
-    row(ui, "Background", "behind everything", |ui| {
-        colour_button(ui, &mut state.background, "the colour behind everything")
+    row(ui, "Background", "behind everything; letters are dark on a bright one", |ui| {
+        colour_button(ui, &mut state.background, "the colour behind everything");
+        for (name, colour) in [("black", DVec3::ZERO), ("white", DVec3::ONE)] {
+            if ui.small_button(name).clicked() {
+                state.background = colour;
+            }
+        }
     });
     ui.checkbox(&mut state.show.orientation, "Letters of the patient's sides")
         .on_hover_text("R right, L left, A anterior, P posterior, S superior, I inferior");

@@ -22,6 +22,8 @@ pub struct Menus<'a> {
     pub has_series: bool,
     /// True if there are splats of files, which can be deleted and written.
     pub has_splats: bool,
+    /// True if any file is open.
+    pub has_data: bool,
     /// True if files of splats are open, which others can stand beside.
     pub has_files: bool,
     /// True if there are splats beside others.
@@ -48,6 +50,7 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
             item(ui, menus.has_series, Action::AskSeries, actions);
             ui.separator();
             item(ui, true, Action::AskSave, actions);
+            item(ui, menus.has_data, Action::AskPack, actions);
             item(ui, menus.has_splats, Action::AskSaveSplats, actions);
             for action in [Action::AskScreenshot, Action::AskRecord] {
                 item(ui, true, action, actions);

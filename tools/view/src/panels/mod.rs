@@ -9,6 +9,7 @@
 //! | `slices` | the slices beside the picture |
 //! | `welcome`, `notice`, `keys`, `overlay` | over the picture: nothing open, a message, keys, frame times |
 //! | `series` | which of several series is meant |
+//! | `missing` | where the missing files of a session are |
 //! | `widgets` | parts of the panels |
 
 pub mod camera;
@@ -17,6 +18,7 @@ pub mod fit;
 pub mod keys;
 pub mod measure;
 pub mod menu;
+pub mod missing;
 pub mod notice;
 pub mod objects;
 pub mod overlay;

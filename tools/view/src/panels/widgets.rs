@@ -1,6 +1,6 @@
 //! Parts of the panels: rows, buttons that ask for actions, buttons that choose colours.
 
-use egui::{Align, Layout, Response, Ui, WidgetText};
+use egui::{Align, Context, Key, Layout, ModalResponse, Response, Ui, WidgetText};
 use glam::DVec3;
 
 use crate::actions::{Action, binding};
@@ -40,6 +40,11 @@ pub(crate) fn explained(ui: &Ui, response: Response, action: &Action) -> Respons
         None => response,
         Some(row) => response.on_hover_text(format!("{} ({})", row.help, ui.ctx().format_shortcut(&row.key))),
     }
+}
+
+/// Returns true if a question is put away by Escape. A click beside it leaves it open.
+pub(crate) fn escaped<T>(context: &Context, question: &ModalResponse<T>) -> bool {
+    question.is_top_modal && !question.any_popup_open && context.input(|i| i.key_pressed(Key::Escape))
 }
 
 /// Shows a button that chooses a colour. Returns true if the colour was changed.

@@ -1,11 +1,19 @@
 //! State of the viewer as plain data: the session file.
 //!
-//! `state` has all of it: [`ViewState`], its parts, and how it is read and written.
+//! | file | what is there |
+//! |---|---|
+//! | `state` | all of it: [`ViewState`], its parts, and how it is read and written |
+//! | `files` | [`Files`]: where they are, as a session names them, and those that are missing |
+//! | `unpacked` | [`Unpacked`]: the folder that a packed session is unpacked into |
 
+mod files;
 mod state;
+mod unpacked;
 
+pub use files::Files;
 pub use state::{
-    Bookmark, Clip, CropBox, Distance, Edited, Files, MOST_PLANES, Object, Plane, Quality, Show, Slices,
-    SplatMode, Subject, VERSION, ViewState, is_session, mode_row,
+    Bookmark, Clip, CropBox, Distance, Edited, MOST_PLANES, Object, Plane, Quality, Show, Slices, SplatMode,
+    Subject, VERSION, ViewState, is_session, mode_row,
 };
 pub(crate) use state::{text_of, toml_text};
+pub use unpacked::{Unpacked, is_packed};

@@ -3,7 +3,7 @@
 //! Renderers ask for the parts in the engine's terms ([`ViewState::look`], [`Orbit::camera`],
 //! [`Clip::planes`]). Nothing here knows windows, panels or the device.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use engine::error::{Error, Kind, Result};
 use engine::render::{self, Appearance, ClipPlane, Look, ObjectChange, PLANES};
@@ -12,9 +12,10 @@ use engine::transfer::TransferFunction;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::files::Files;
+use super::unpacked::{Unpacked, is_packed};
 use crate::deletions::Deletion;
 use crate::orbit::Orbit;
-use crate::region::{Region, Threshold};
 use crate::transfer::Transfer;
 
 /// Version of the session file; later versions are refused.
@@ -24,9 +25,9 @@ pub const MOST_PLANES: usize = PLANES - 6;
 /// Size of the largest session file that is read, bytes.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// Returns true if a file is a session by its name.
+/// Returns true if a file is a session: one by its name, or a zip of one and its files.
 pub fn is_session(path: &Path) -> bool {
-    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("toml"))
+    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("toml")) || is_packed(path)
 }
 
 /// Everything that a session file restores.
@@ -80,63 +81,6 @@ pub struct ViewState {
     /// Splats that are deleted, in the order in which they were.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub deleted: Vec<Deletion>,
-}
-
-/// Files of the data.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Files {
-    /// Splat files, one for each fit.
-    pub splats: Vec<PathBuf>,
-    /// Splats that are compared with those: they have no rows in the list of objects.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub beside: Option<PathBuf>,
-    /// The CT or MR that they were fitted to.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub volume: Option<PathBuf>,
-    /// The series that is meant, if the volume is a folder or a zip of several DICOM series: its number, its
-    /// UID, or a part of its description.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub series: Option<String>,
-    /// The mask or label map of its region.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub roi: Option<PathBuf>,
-    /// The labels of a label map that make up the region, by number or name, with commas between them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub labels: Option<String>,
-    /// The threshold that makes up the region where there is no mask.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub threshold: Option<Threshold>,
-}
-
-impl Files {
-    /// Returns what makes up the region of the volume; `None` if all of it is shown.
-    pub fn region(&self) -> Option<Region> {
-        let mask = || Some(Region::Mask { path: self.roi.clone()?, labels: self.labels.clone() });
-        mask().or_else(|| self.threshold.clone().map(Region::Threshold))
-    }
-
-    /// Replaces the region of the volume.
-    pub fn set_region(&mut self, region: Option<Region>) {
-        (self.roi, self.labels, self.threshold) = match region {
-            None => (None, None, None),
-            Some(Region::Mask { path, labels }) => (Some(path), labels, None),
-            Some(Region::Threshold(threshold)) => (None, None, Some(threshold)),
-        };
-    }
-
-    /// Returns true if the volume may be one of several DICOM series, by its name.
-    pub fn may_have_series(&self) -> bool {
-        self.volume.as_ref().is_some_and(|path| match path.extension() {
-            Some(end) => ["dcm", "ima", "zip"].iter().any(|known| end.eq_ignore_ascii_case(known)),
-            None => true,
-        } || path.is_dir())
-    }
-
-    /// Returns true if both name the same volume.
-    pub fn has_volume_of(&self, other: &Files) -> bool {
-        (&self.volume, &self.series) == (&other.volume, &other.series)
-    }
 }
 
 /// A camera that was kept.
@@ -538,28 +482,51 @@ impl ViewState {
         self.deleted.retain(|deletion| deletion.is_sound(files));
     }
 
-    /// Reads a session file. Relative paths in it begin at its folder.
+    /// Leaves out a file that is not there, and what belongs to it: rows, deletions, the region of a volume.
+    pub fn leave_out(&mut self, path: &Path) {
+        while let Some(file) = self.files.splats.iter().position(|splats| splats == path) {
+            self.files.splats.remove(file);
+            self.objects.retain(|object| object.file != file);
+            self.objects.iter_mut().filter(|o| o.file > file).for_each(|object| object.file -= 1);
+            self.deleted.retain_mut(|deletion| deletion.survives_without(file));
+        }
+        let files = &mut self.files;
+        files.beside.take_if(|beside| beside == path);
+        if files.roi.as_deref() == Some(path) {
+            files.set_region(None);
+        }
+        if files.volume.as_deref() == Some(path) {
+            (files.volume, files.series) = (None, None);
+            files.set_region(None);
+        }
+        self.forget_missing_files();
+    }
+
+    /// Reads a session file, or one that is packed with its files, which are unpacked for as long as
+    /// [`Files::unpacked`] lives. Relative paths begin at the file's folder; what is not where a path says is
+    /// looked for beside the session. [`Files::missing`] names what is nowhere.
     ///
     /// # Errors
     /// Returns [`Kind::Missing`], [`Kind::Io`], or [`Kind::BadData`] with the line and what is wrong with it.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let mut state = ViewState::parse(&text_of(path, MAX_BYTES)?).map_err(|e| e.file(path))?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        let Files { splats, beside, volume, roi, .. } = &mut state.files;
-        for file in splats.iter_mut().chain(beside).chain(volume).chain(roi) {
-            // An absolute path replaces the folder.
-            *file = folder.join(&file);
-        }
+        let unpacked = is_packed(path).then(|| Unpacked::of(path)).transpose()?;
+        let file = unpacked.as_ref().map_or(path.to_owned(), Unpacked::session);
+        let mut state = ViewState::parse(&text_of(&file, MAX_BYTES)?).map_err(|e| e.file(path))?;
+        state.files.unpacked.extend(unpacked);
+        state.files.find_from(file.parent().unwrap_or(Path::new("")))?;
         Ok(state)
     }
 
-    /// Writes a session file, whole or not at all.
+    /// Writes a session file, whole or not at all. The paths of files in its folder or below begin there, so that
+    /// all of them can be moved together; other paths are absolute.
     ///
     /// # Errors
     /// Returns the errors of [`engine::output::write_atomic`] and [`ViewState::text`].
     pub fn write(&self, path: impl AsRef<Path>, force: bool) -> Result<()> {
-        let text = self.text()?;
+        let path = path.as_ref();
+        let files = self.files.seen_from(path.parent().unwrap_or(Path::new("")));
+        let text = ViewState { files, ..self.clone() }.text()?;
         engine::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
     }
 

@@ -2,6 +2,7 @@ use engine::transfer::PRESETS;
 
 use super::*;
 use crate::deletions::{Bounds, Target};
+use crate::region::{Region, Threshold};
 
 fn full() -> ViewState {
     let mut state = ViewState::new(&PRESETS[0].over([-1000.0, 2000.0]));
@@ -17,6 +18,7 @@ fn full() -> ViewState {
         roi: Some("/data/mask.nii.gz".into()),
         labels: Some("5,aorta".into()),
         threshold: None,
+        unpacked: Vec::new(),
     };
     state.orbit = Orbit { azimuth_deg: 33.3, elevation_deg: -12.25, distance_mm: 1e3 / 3.0, ..state.orbit };
     state.bookmarks = vec![Bookmark { name: "hilum".into(), orbit: Orbit { fov_deg: 12.5, ..state.orbit } }];
@@ -65,14 +67,40 @@ fn files_are_found_from_the_session_file() {
     state.files.splats[0] = "near.ply".into();
     state.files.beside = Some("fits/coarse.vgs".into());
     state.write(&path, false).expect("written");
+    // Paths that are relative begin where the program does.
+    let here = std::env::current_dir().expect("a folder");
+    let read = ViewState::read(&path).expect("read");
+    assert_eq!(read.files.splats[0], here.join("near.ply"));
+    assert_eq!(read.files.volume, state.files.volume);
+    std::fs::write(folder.path().join("near.ply"), "").expect("a file");
+    std::fs::create_dir(folder.path().join("fits")).expect("a folder");
+    std::fs::write(folder.path().join("fits/coarse.vgs"), "").expect("a file");
+    // What is not there is looked for beside the session.
     let read = ViewState::read(&path).expect("read");
     assert_eq!(read.files.splats[0], folder.path().join("near.ply"));
     assert_eq!(read.files.beside, Some(folder.path().join("fits/coarse.vgs")));
-    assert_eq!(read.files.volume, state.files.volume);
     assert_eq!(state.write(&path, false).expect_err("it exists").code, "VGS-OUT-001");
     state.write(&path, true).expect("replaced");
     let missing = ViewState::read(folder.path().join("none.toml")).expect_err("missing");
     assert_eq!(missing.kind, Kind::Missing);
+}
+
+#[test]
+fn what_a_session_leaves_out_takes_along_what_belongs_to_it() {
+    let mut state = full();
+    state.leave_out(Path::new("/data/a.ply"));
+    assert_eq!(state.files.splats, [Path::new("/data/b.ply")]);
+    let rows: Vec<_> = state.objects.iter().map(|o| (o.file, o.name.as_str())).collect();
+    assert_eq!(rows, [(0, "b")], "the second file is the first now");
+    let bounds = Bounds { low_mm: DVec3::splat(-8.5), high_mm: DVec3::splat(9.5), files: 1 };
+    let whole = Deletion::Object(Target { file: 0, label: None });
+    assert_eq!(state.deleted, [Deletion::Outside(bounds), whole], "boxes act on what is left");
+    state.leave_out(Path::new("/data/ct.nii.gz"));
+    assert_eq!((&state.files.volume, &state.files.series, state.files.region()), (&None, &None, None));
+    state.leave_out(Path::new("/data/b.ply"));
+    assert!(state.files == Files::default() && state.deleted.is_empty() && state.objects.is_empty());
+    state.split = None;
+    assert!(ViewState::parse(&state.text().expect("UTF-8")).is_ok());
 }
 
 #[test]

@@ -9,8 +9,10 @@ use super::viewer::Viewer;
 use crate::canvas::Canvas;
 use crate::deletions::Target;
 use crate::export::Export;
+use crate::pack::pack;
+use crate::picture_options::PictureOptions;
 use crate::sorting::{Sorted, needs_look, put_beside, sort};
-use crate::state::{Files, Subject};
+use crate::state::{Files, Subject, ViewState};
 
 impl Viewer {
     /// Notes that the files of a subject are open, and puts them among the recent ones.
@@ -46,10 +48,12 @@ impl Viewer {
         &mut self,
         canvas: &Canvas,
         path: PathBuf,
-        size: [u32; 2],
+        options: PictureOptions,
         write: impl FnOnce(&Export, &Path, &mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
     ) {
-        let export = Export::new(canvas.gpu(), &self.app.state, &self.data, size);
+        let points = self.app.picture().size().into();
+        let shown = (&self.app.state, &self.data);
+        let export = Export::new(canvas.gpu(), shown, options, points, self.range);
         // Nobody waits for a long turntable at the end.
         drop(
             self.loader
@@ -70,24 +74,38 @@ impl Viewer {
     }
 
     pub(super) fn open_sorted(&mut self, sorted: Sorted, paths: &[PathBuf]) -> Result<Vec<Subject>> {
+        if let (Some(state), Some(session)) = (sorted.state().transpose()?, sorted.session) {
+            if !state.files.missing().is_empty() {
+                self.app.ask_missing(state, session);
+                return Ok(Vec::new());
+            }
+            self.open_files.ask(paths);
+            return Ok(self.begin_session(state, session));
+        }
         // What is still being read is read again, together with the new files.
-        let had = self.open_files.read();
-        let fresh = *had == Files::default();
-        if let Some(state) = sorted.state().transpose()? {
-            self.app.begin(state, sorted.session.clone());
-            self.fits = false;
-            sorted.session.iter().for_each(|path| self.app.settings.opened(path));
-            if let Err(error) = self.app.settings.write() {
-                self.app.report(&error);
-            }
-        } else {
-            self.app.state.files = sorted.files;
-            self.fits |= fresh;
-            if !sorted.notes.is_empty() {
-                self.app.done(sorted.notes.join(" "));
-            }
+        let fresh = *self.open_files.read() == Files::default();
+        self.app.state.files = sorted.files;
+        self.fits |= fresh;
+        if !sorted.notes.is_empty() {
+            self.app.done(sorted.notes.join(" "));
         }
         self.open_files.ask(paths);
+        Ok(self.read_and_forget())
+    }
+
+    /// Shows a session in place of what is open. Returns the subjects of which it has no files.
+    pub(super) fn begin_session(&mut self, state: ViewState, session: PathBuf) -> Vec<Subject> {
+        self.app.settings.opened(&session);
+        self.app.begin(state, Some(session));
+        self.fits = false;
+        if let Err(error) = self.app.settings.write() {
+            self.app.report(&error);
+        }
+        self.read_and_forget()
+    }
+
+    /// Begins to read the files of the state; returns the subjects of which it has none.
+    fn read_and_forget(&mut self) -> Vec<Subject> {
         let files = &self.app.state.files;
         let mut gone = Vec::new();
         if files.splats.is_empty() {
@@ -100,7 +118,7 @@ impl Viewer {
             gone.push(Subject::Volume);
         }
         self.read_files();
-        Ok(gone)
+        gone
     }
 
     /// Begins to read splats beside those that are open.
@@ -110,6 +128,19 @@ impl Viewer {
         }
         self.open_files.ask(&[path]);
         self.read_files();
+    }
+
+    /// Begins to write the session with all of its files into a zip.
+    pub(super) fn pack(&mut self, path: PathBuf, force: bool) {
+        let state = self.app.state.clone();
+        self.loader.write_to_the_end(path.clone(), move |progress| {
+            let contents = pack(&state, &path, force, progress)?;
+            Ok(if contents.has_dicom {
+                "DICOM files in it name the patient.".to_owned()
+            } else {
+                String::new()
+            })
+        });
     }
 
     /// Begins to write the splats that are shown, or those of one object.

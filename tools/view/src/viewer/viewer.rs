@@ -136,11 +136,22 @@ impl Viewer {
     /// Creates a viewer and begins to read the files of the state.
     pub fn new(start: Start, mut loader: Loader, report: WindowReport) -> Self {
         let Start { state, session, objects, settings, gpu, .. } = start;
-        loader.open(&state.files, &Files::default(), None);
         let fits = session.is_none();
         let budget_ms = state.quality.target_frame_ms;
+        let app = match session {
+            // Nothing is shown before the user has said where the rest is.
+            Some(session) if !state.files.missing().is_empty() => {
+                let files = Files::default();
+                let nothing = ViewState { files, objects: Vec::new(), deleted: Vec::new(), ..state.clone() };
+                let mut app = App::new(ViewState { shown: Subject::Splats, ..nothing }, None, settings);
+                app.ask_missing(state, session);
+                app
+            }
+            session => App::new(state, session, settings),
+        };
+        loader.open(&app.state.files, &Files::default(), None);
         Viewer {
-            app: App::new(state, session, settings),
+            app,
             data: LoadedData::default(),
             data_number: 0,
             loader,
@@ -248,6 +259,10 @@ impl Viewer {
                 if subject == Subject::Splats && self.fit.is_none() && self.data.fitted.take().is_some() {
                     new.push(Subject::Splats);
                 }
+            }
+            if let Loaded::Volume(shown) = &loaded {
+                // By its UID, whatever it was asked for by.
+                self.app.change_unasked(|state| state.files.series.clone_from(&shown.series));
             }
             if let Loaded::Sorted(sorted, paths) = &loaded {
                 match self.open_sorted((**sorted).clone(), paths) {
@@ -581,15 +596,22 @@ impl Viewer {
                 self.open_files.ask(self.app.state.files.volume.as_slice());
                 self.read_files();
             }
-            Action::Screenshot { path, size, force } => {
-                self.export(canvas, path, size, move |export, path, _| export.still(path, force));
+            Action::Screenshot { path, options, force } => {
+                self.export(canvas, path, options, move |export, path, _| export.still(path, force));
             }
-            Action::Record { path, size, frames, force } => {
-                self.export(canvas, path, size, move |export, path, progress| {
+            Action::Record { path, options, frames, force } => {
+                self.export(canvas, path, options, move |export, path, progress| {
                     export.turntable(path, frames, force, progress)
                 });
             }
             Action::SaveSplats { path, object, force } => self.save_splats(canvas, path, object, force),
+            Action::Pack { path, force } => self.pack(path, force),
+            Action::BeginSession => {
+                if let Some((state, session)) = self.app.take_found() {
+                    let gone = self.begin_session(state, session);
+                    self.forget(canvas, gone)?;
+                }
+            }
             other => self.act_on_fit(other, canvas)?,
         }
         Ok(false)

@@ -72,7 +72,7 @@ fn draw(arguments: &CompareArguments, path: &Path, a: &Image, b: &Image, flip: &
     let [name_a, name_b] = [&arguments.a, &arguments.b]
         .map(|path| clean(&path.file_name().unwrap_or_default().to_string_lossy()));
     let picture = difference_picture(a, b, [&name_a, &name_b], &map)?;
-    image::write(path, &picture, None, &WriteOptions { background: None, force: arguments.force })
+    image::write(path, &picture, None, &WriteOptions { force: arguments.force, ..WriteOptions::default() })
 }
 
 fn text(o: &PictureComparison) -> String {

@@ -7,8 +7,8 @@ use engine::image::file;
 use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
 use engine::{Error, Kind, Result};
 
-use super::values::{self, Background, GradientOpacity, View};
-use crate::shared::flags::{Clip, DeviceArguments, Size, pair};
+use super::values::{self, Background, GradientOpacity, PictureSize, View};
+use crate::shared::flags::{Clip, DeviceArguments, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 
 /// Renders splats or a volume through a transfer function
@@ -66,9 +66,12 @@ pub struct RenderArguments {
     /// How near a camera that is a side comes: 1 shows all, 2 half of it
     #[arg(long, value_name = "TIMES", default_value_t = 1.0, help_heading = "Picture", value_parser = values::zoom)]
     pub zoom: f64,
-    /// Pixels
+    /// Pixels, or the size in print: 85x60mm, 3.3x2.4in
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1024x1024", help_heading = "Picture")]
-    pub size: Size,
+    pub size: PictureSize,
+    /// Pixels per inch, which the PNG tells to programs that print it [default: 300 for a --size in mm or in]
+    #[arg(long, value_name = "N", help_heading = "Picture", value_parser = values::dpi)]
+    pub dpi: Option<f64>,
     /// Behind everything: black, white, grey, #rrggbb, or transparent
     #[arg(long, value_name = "COLOUR", default_value = "black", help_heading = "Picture")]
     pub background: Background,
@@ -93,6 +96,9 @@ pub struct RenderArguments {
     /// A bar of a round length in mm, true in the plane through the middle of the scene
     #[arg(long, help_heading = "Picture")]
     pub scale_bar: bool,
+    /// A bar of the colours of the intensities that the transfer function shows
+    #[arg(long, help_heading = "Picture")]
+    pub colour_bar: bool,
     /// Steps along a ray: standard deviations of the splats, or voxels of the volume; smaller is finer
     /// [default: 0.5]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = values::step)]
@@ -195,6 +201,7 @@ const EXAMPLES: &str = "\
 Examples:
   vgs render bones.ply -o bones.png
   vgs render bones.ply -o bones.png --tf CT-Bones-Steep --camera left --orientation --scale-bar
+  vgs render bones.ply -o figure.png --size 85x60mm --dpi 300 --background white --scale-bar --colour-bar
   vgs render body.ply -o soft.exr --tf CT-Soft-Tissue --clip 'y>20'
   vgs render bones.ply vessels.ply -o both.png --object vessels:colour=#c03020 --object bones:opacity=0.2
   vgs render organs.ply -o organs.png --tf CT-Soft-Tissue --object-colours

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use engine::Result;
 use engine::image::file::{Animation, write_animation};
-use engine::image::{self, Annotation, Image, WriteOptions, annotate, orientation_labels};
+use engine::image::{self, Annotation, ColourBar, Image, Ink, WriteOptions, annotate, orientation_labels};
 use engine::render::{Camera, Renderer, Scene};
 use glam::DVec3;
 
@@ -12,21 +12,32 @@ use super::arguments::RenderArguments;
 use crate::shared::console::Console;
 use crate::shared::progress::Steps;
 
-/// Renders and writes all frames; returns their number. `oriented` is true if the orientation of the patient
-/// is known.
+/// What is told on all frames.
+pub struct Told {
+    /// True if the orientation of the patient is known.
+    pub oriented: bool,
+    /// Bar of colours, if it was asked for.
+    pub colours: Option<ColourBar>,
+}
+
+/// Renders and writes all frames; returns their number.
 pub fn render(
     arguments: &RenderArguments,
     console: &Console,
     renderer: &mut Renderer,
     scene: &Scene,
     camera: Camera,
-    oriented: bool,
+    told: &Told,
 ) -> Result<u32> {
     let count = arguments.turntable.turntable.unwrap_or(1);
     let [low, high] = scene.bounds();
     let centre = (low + high) * 0.5;
-    let options = WriteOptions { background: arguments.background.0, force: arguments.output.force };
-    let size = arguments.size.0.map(|n| n as usize);
+    let options = WriteOptions {
+        background: arguments.background.0,
+        dpi: arguments.size.printed(arguments.dpi),
+        force: arguments.output.force,
+    };
+    let size = arguments.size.pixels(arguments.dpi).map(|n| n as usize);
     let mut steps = Steps::new(console, "frame", u64::from(count));
     let mut frame = |index: u32, renderer: &mut Renderer| -> Result<Image> {
         let turned = camera.turned(centre, DVec3::Z, -TAU * f64::from(index) / f64::from(count));
@@ -35,7 +46,7 @@ pub fn render(
         if let Some(background) = arguments.background.0 {
             picture = picture.over(background);
         }
-        annotate(&mut picture, &annotation(arguments, &turned, centre, oriented));
+        annotate(&mut picture, &annotation(arguments, &turned, centre, told));
         steps.done(u64::from(index) + 1);
         Ok(picture)
     };
@@ -55,12 +66,14 @@ pub fn render(
     Ok(count)
 }
 
-/// Returns letters and scale bar, as asked for. The bar is true in the plane through `centre`.
-fn annotation(arguments: &RenderArguments, camera: &Camera, centre: DVec3, oriented: bool) -> Annotation {
-    let labels = (arguments.orientation && oriented).then(|| orientation_labels(camera.right, camera.up));
+/// Returns letters and bars, as asked for. The bar is true in the plane through `centre`.
+fn annotation(arguments: &RenderArguments, camera: &Camera, centre: DVec3, told: &Told) -> Annotation {
+    let labels =
+        (arguments.orientation && told.oriented).then(|| orientation_labels(camera.right, camera.up));
     let mm_per_pixel = arguments.scale_bar.then(|| {
         let distance = (centre - camera.eye).dot(camera.forward());
-        distance * (camera.fov.right - camera.fov.left) / f64::from(arguments.size.0[0])
+        distance * (camera.fov.right - camera.fov.left) / f64::from(arguments.size.pixels(arguments.dpi)[0])
     });
-    Annotation { labels, mm_per_pixel: mm_per_pixel.filter(|&mm| mm > 0.0) }
+    let (colours, ink) = (told.colours.clone(), Ink::on(arguments.background.0));
+    Annotation { labels, mm_per_pixel: mm_per_pixel.filter(|&mm| mm > 0.0), colours, ink }
 }

@@ -4,11 +4,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use engine::gpu::Gpu;
+use engine::image::{ColourBar, file};
 use engine::render::{
     Camera, ClipPlane, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings, SplatKind,
     VolumeSource, mode,
 };
 use engine::splat::{self, SplatSet};
+use engine::transfer::TransferFunction;
+use engine::unit::Unit;
 use engine::volume::{Roi, Volume};
 use engine::{Error, Kind, Result, fit, memory, transfer};
 use serde::Serialize;
@@ -57,6 +60,7 @@ struct ObjectOutput {
 pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Result<u8, Stop> {
     let arguments = &arguments.sorted()?;
     let files = arguments.output.files(&arguments.turntable)?;
+    let size = arguments.pixels()?;
     let written: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
     let volumes = [&arguments.volume, &arguments.region.roi].into_iter().flatten();
     let inputs: Vec<&Path> = arguments.splats.iter().chain(volumes).map(PathBuf::as_path).collect();
@@ -102,7 +106,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         }
     }
     // A frame as it is rendered, and as it is written: over a background, in bytes, with a depth.
-    let pixels: u64 = arguments.size.0.iter().map(|&n| u64::from(n)).product();
+    let pixels: u64 = size.iter().map(|&n| u64::from(n)).product();
     memory::require(pixels.saturating_mul(BYTES_A_PIXEL), "a picture of this --size")?;
     let gpu = arguments.device.boot()?;
     let mut scene = Scene::with_precision(&gpu, set.as_ref(), source.as_ref(), &look, arguments.precision)?;
@@ -116,7 +120,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         pitch: arguments.pitch,
         classification: arguments.classification.0,
         precise: true,
-        ..Settings::new(arguments.size.0)
+        ..Settings::new(size)
     };
     let preparing = Waiting::on("preparing the scene");
     let mut renderer = Renderer::new(&gpu, row, &scene, &settings)?;
@@ -125,10 +129,25 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     // The frames of a turntable are counted instead.
     let _rendering = arguments.turntable.turntable.is_none().then(|| Waiting::on("rendering"));
     let oriented = volume.as_ref().is_none_or(|v| v.oriented);
-    let count = frames::render(arguments, console, &mut renderer, &scene, camera, oriented)?;
+    let colours = arguments.colour_bar.then(|| colour_bar(&look.transfer, range, unit)).flatten();
+    let told = frames::Told { oriented, colours };
+    let count = frames::render(arguments, console, &mut renderer, &scene, camera, &told)?;
     let seconds = start.elapsed().as_secs_f64() / f64::from(count);
     arguments.report(console, row, &gpu, &scene, &files, count, seconds)?;
     Ok(0)
+}
+
+/// Number of steps of a colour bar.
+const STEPS: usize = 256;
+
+/// Returns the bar of the colours of what is shown; `None` if nothing is.
+fn colour_bar(function: &TransferFunction, range: [f64; 2], unit: Unit) -> Option<ColourBar> {
+    let [low, high] = function.shown_in(range)?;
+    let at = |share: f64| low + share * (high - low);
+    let colours = (0..STEPS).map(|i| function.at(at((i as f64 + 0.5) / STEPS as f64)).0.as_vec3().into());
+    let labels =
+        [(0.0, ""), (0.5, ""), (1.0, unit.text())].map(|(share, unit)| format!("{:.0}{unit}", at(share)));
+    Some(ColourBar { colours: colours.collect(), labels })
 }
 
 impl RenderArguments {
@@ -155,6 +174,27 @@ impl RenderArguments {
             .help("give the volume, too; splats are shown whole"));
         }
         Ok(RenderArguments { splats, volume, ..self.clone() })
+    }
+
+    /// Returns width and height, pixels.
+    ///
+    /// # Errors
+    /// If it is too large, or if its format cannot tell its size in print.
+    fn pixels(&self) -> Result<[u32; 2]> {
+        if !self.size.is_sound(self.dpi) {
+            let [width, height] = self.size.pixels(self.dpi);
+            let message = format!("a picture of {width} x {height} pixels; 16384 are the most");
+            return Err(
+                Error::new(Kind::Usage, "VGS-CLI-140", message).help("choose a smaller --size or --dpi")
+            );
+        }
+        let output = &self.output.output;
+        if self.size.printed(self.dpi).is_some() && !file::of_extension(output)?.dpi {
+            return Err(Error::new(Kind::Usage, "VGS-CLI-141", "only a PNG tells its size in print")
+                .file(output)
+                .help("choose a name that ends in .png, or give --size in pixels and no --dpi"));
+        }
+        Ok(self.size.pixels(self.dpi))
     }
 
     fn mode_row(&self) -> Result<&'static ModeRow> {
@@ -225,7 +265,7 @@ impl RenderArguments {
 
     fn camera(&self, scene: &Scene) -> Result<Camera> {
         let [low, high] = scene.bounds();
-        let aspect = f64::from(self.size.0[0]) / f64::from(self.size.0[1]);
+        let aspect = f64::from(self.size.pixels(self.dpi)[0]) / f64::from(self.size.pixels(self.dpi)[1]);
         match &self.camera {
             View::File(file) => file.camera(aspect),
             View::Side(name) => {
@@ -253,7 +293,7 @@ impl RenderArguments {
                 outputs: files.iter().map(|p| p.display().to_string()).collect(),
                 mode: row.name,
                 transfer_function: scene.look().transfer.name.clone(),
-                size: self.size.0,
+                size: self.size.pixels(self.dpi),
                 splats: splats.map(|c| c.count),
                 active_splats: active,
                 objects: scene

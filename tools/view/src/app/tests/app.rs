@@ -1,7 +1,6 @@
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
 use engine::render::Intensities;
 use engine::splat::{Splat, SplatSet};
-use engine::volume::dicom::StackSummary;
 use glam::DVec2;
 
 use super::*;
@@ -15,6 +14,8 @@ use crate::transfer::Transfer;
 mod beside;
 #[path = "deletions.rs"]
 mod deletions;
+#[path = "files.rs"]
+mod files;
 #[path = "fit.rs"]
 mod fit;
 #[path = "slices.rs"]
@@ -492,32 +493,6 @@ fn letters_and_scale_are_over_the_picture() {
 }
 
 #[test]
-fn a_file_is_asked_for_and_written_once() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut bench = Bench::new();
-    bench.app.state.files.splats = vec![folder.path().join("a.ply")];
-    let path = folder.path().join("session.toml");
-    bench.press(Key::S, Modifiers::COMMAND);
-    let save = bench.find("Save");
-    bench.click(save);
-    assert_eq!(ViewState::read(&path).expect("a session"), bench.app.state);
-    let written = std::fs::read(&path).expect("a file");
-    bench.press(Key::Escape, Modifiers::NONE);
-    bench.app.state.transfer.shift = 5.0;
-    // Enter does not replace what is there; the button says that it would.
-    bench.press(Key::S, Modifiers::COMMAND);
-    bench.press(Key::Enter, Modifiers::NONE);
-    assert_eq!(std::fs::read(&path).expect("a file"), written);
-    let replace = bench.find("Replace");
-    bench.click(replace);
-    assert_eq!(ViewState::read(&path).expect("a session").transfer.shift, 5.0);
-    bench.press(Key::O, Modifiers::COMMAND);
-    bench.find("session.toml");
-    bench.press(Key::Escape, Modifiers::NONE);
-    assert!(bench.app.prompt.is_none());
-}
-
-#[test]
 fn a_side_of_the_cube_is_looked_at_when_it_is_clicked() {
     let mut bench = Bench::new();
     bench.app.state.orbit = Orbit { azimuth_deg: 40.0, elevation_deg: 30.0, ..bench.app.state.orbit };
@@ -575,22 +550,6 @@ fn a_camera_that_is_kept_comes_back() {
 }
 
 #[test]
-fn a_folder_of_slices_can_be_opened() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let mut bench = Bench::new();
-    bench.app.state.files.splats = vec![folder.path().join("a.ply")];
-    bench.press(Key::O, Modifiers::COMMAND);
-    let button = bench.find("Open the folder");
-    let actions = bench.click(button);
-    let expected = Action::Open(vec![folder.path().join("")]);
-    assert!(actions.contains(&expected), "{actions:?}");
-    // What is written goes to a file.
-    bench.press(Key::Escape, Modifiers::NONE);
-    bench.press(Key::S, Modifiers::COMMAND);
-    assert!(bench.place_of("Open the folder").is_none());
-}
-
-#[test]
 fn opening_files_is_no_step_of_undo() {
     let mut bench = Bench::new();
     bench.press(Key::PageDown, Modifiers::NONE);
@@ -628,42 +587,6 @@ fn all_letters_can_be_drawn() {
         let missing: String =
             bench.context.fonts_mut(|fonts| drawn.filter(|c| !fonts.has_glyph(&font, *c)).collect());
         assert!(missing.is_empty(), "{missing:?} of {:?}", job.text);
-    }
-}
-
-#[test]
-fn one_of_several_series_is_chosen() {
-    let mut bench = Bench::new();
-    let row = |number: usize, description: &str| StackSummary {
-        number,
-        series_uid: format!("1.2.{number}"),
-        modality: "CT".into(),
-        description: description.into(),
-        size: [512, 512, 90],
-        localizer: false,
-    };
-    let asked = Files { volume: Some("scan".into()), roi: Some("mask.nii".into()), ..Files::default() };
-    let rows = vec![row(1, "Soft tissue"), row(2, "Bone kernel")];
-    let before = bench.app.state.files.clone();
-    let ask = |bench: &mut Bench| {
-        bench.app.ask_series(Series { files: asked.clone(), rows: rows.clone() });
-        bench.rest();
-        bench.find("Which series?");
-        assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), [], "the question has to be answered first");
-    };
-    ask(&mut bench);
-    let cancel = bench.find("Cancel");
-    assert_eq!(bench.click(cancel), []);
-    assert!(bench.app.state.files == before && bench.place_of("Which series?").is_none());
-    ask(&mut bench);
-    let second = bench.find("2: CT Bone kernel, 90 slices of 512 x 512");
-    assert_eq!(bench.click(second), [Action::ReadFiles]);
-    assert_eq!(bench.app.state.files, Files { series: Some("2".into()), ..asked });
-    assert!(bench.place_of("Which series?").is_none());
-    // Another one may be chosen of a folder, and of a slice without an ending.
-    for (volume, may) in [(".", true), ("IM0001", true), ("a.zip", true), ("ct.nii.gz", false)] {
-        let files = Files { volume: Some(volume.into()), ..Files::default() };
-        assert_eq!(files.may_have_series(), may, "{volume}");
     }
 }
 

@@ -1,0 +1,66 @@
+//! Question where the missing files of a session are.
+
+use std::path::PathBuf;
+
+use egui::{Context, Id, Modal, ScrollArea};
+
+use super::widgets::escaped;
+use crate::state::ViewState;
+
+/// Session that is opened once its missing files are found or left out.
+#[derive(Clone, Debug)]
+pub struct Missing {
+    /// What it shows.
+    pub state: ViewState,
+    /// Its file.
+    pub session: PathBuf,
+    /// Missing file that the user is asked for.
+    pub wanted: Option<PathBuf>,
+}
+
+/// Answer of a user who is asked for missing files.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// The user wants to say where this one is.
+    Find(PathBuf),
+    /// The session is opened without them.
+    LeaveOut,
+    /// The session is not opened.
+    Cancel,
+}
+
+/// Asks where the missing files are. Returns the answer once there is one.
+pub fn show(context: &Context, asked: &Missing) -> Option<Choice> {
+    let missing = asked.state.files.missing();
+    let modal = Modal::new(Id::new("missing")).show(context, |ui| {
+        ui.set_width(460.0);
+        ui.heading(if missing.len() == 1 { "A file is missing" } else { "Files are missing" });
+        let name = asked.session.file_name().unwrap_or_default().to_string_lossy();
+        ui.label(format!("{name} shows files that are neither where it says nor beside it."));
+        let mut choice = None;
+        ScrollArea::vertical().max_height(240.0).show(ui, |ui| {
+            for path in &missing {
+                ui.horizontal(|ui| {
+                    let find =
+                        ui.button("Find…").on_hover_text("say where it is; others beside it are found, too");
+                    if find.clicked() {
+                        choice = Some(Choice::Find(path.clone()));
+                    }
+                    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+                    ui.label(name).on_hover_text(path.display().to_string());
+                });
+            }
+        });
+        ui.horizontal(|ui| {
+            let without = ui.button("Open without").on_hover_text("what belongs to them is left out, too");
+            if without.clicked() {
+                choice = Some(Choice::LeaveOut);
+            }
+            if ui.button("Cancel").on_hover_text("what is open stays").clicked() {
+                choice = Some(Choice::Cancel);
+            }
+        });
+        choice
+    });
+    if modal.inner.is_none() && escaped(context, &modal) { Some(Choice::Cancel) } else { modal.inner }
+}
