@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! fit, render -> passes -> gpu          fit, render, passes -> volume, splat          reference -> volume, splat
-//! render, reference -> transfer          render -> image, budget
+//! render, reference -> transfer          render -> image, budget          fidelity -> fit, render, image, gpu, volume, splat
 //! gpu      knows Vulkan, never medicine
 //! volume   samples, masks, regions of interest and their files; never gpu
 //! splat    splat sets, their parameters and their files; never gpu
@@ -13,6 +13,7 @@
 //! passes   one kernel or one group of kernels each, recorded with its buffers
 //! fit      the optimisation: initialisation, the step, evaluation
 //! render   a scene of splats or of a volume, seen through a transfer function in one of several modes
+//! fidelity  how far what is shown of splats is from their volume, in figures and colours
 //! reference  the f64 reference implementation of every kernel; never gpu
 //! budget   which quality frames can afford, from the times of those that have finished; pure, uses nothing
 //! output   files that appear whole or not at all; used by all that write
@@ -32,6 +33,7 @@
 
 pub mod budget;
 pub mod error;
+pub mod fidelity;
 pub mod fit;
 pub mod gpu;
 pub mod image;

@@ -8,16 +8,22 @@
 
 layout(scalar, binding = 0) readonly buffer Views { View views[]; };
 
-// Blinn and Phong, one light above the viewer's left shoulder; both sides of a surface are lit alike.
-// `gradient` is that of O (V - dark), `ray` goes from the eye; both in eye space. `light` is the share of the light that
-// arrives: what ambient occlusion leaves of it.
-vec3 look_lit(vec3 base, vec3 gradient, vec3 ray, float light) {
+// The unit vector towards the key light, in eye space.
+vec3 look_source(View v) {
+    vec3 light = look_rows[0].light;
+    return look_rows[0].light_turns == 1u ? turned(v, light) : light;
+}
+
+// Blinn and Phong, by the key light in the direction `source` and the fill light, mirrored from left to right, which has
+// no highlight; both sides of a surface are lit alike. `gradient` is that of O (V - dark), `ray` goes from the eye; all
+// in eye space. `light` is the share of the light that arrives: what ambient occlusion leaves of it.
+vec3 look_lit(vec3 base, vec3 gradient, vec3 ray, vec3 source, float light) {
     float steepness = dot(gradient, gradient);
     if (steepness <= 0.0) return base;
     vec3 normal = gradient * inversesqrt(steepness);
-    vec3 source = normalize(vec3(-0.4, 0.5, -1.0));
     vec3 halfway = normalize(source - normalize(ray));
-    float diffuse = abs(dot(normal, source));
+    float fill = look_rows[0].fill;
+    float diffuse = mix(abs(dot(normal, source)), abs(dot(normal, vec3(-source.x, source.yz))), fill);
     float shine = pow(max(abs(dot(normal, halfway)), 1e-6), look_rows[0].power);
     vec3 lit = base * (look_rows[0].ambient + look_rows[0].diffuse * diffuse) + look_rows[0].specular * shine;
     return min(lit * light, 1.0);

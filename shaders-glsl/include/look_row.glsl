@@ -24,6 +24,9 @@ struct Look {
     float inverse_gradient_step;
     uint plane_count;
     uint offset;
+    vec3 light;
+    float fill;
+    uint light_turns;
     vec4 planes[CLIP_PLANES];
 };
 

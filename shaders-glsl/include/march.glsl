@@ -57,6 +57,8 @@ const float BALL_CORNER = 0.4472136;
 // surface stays, and from which on all is: that of the inner edge of a box.
 const float OPEN = 0.125;
 const float CLOSED = 0.5;
+// Opacity of a cell from which on it is seen from before alone.
+const float HIDING = 0.5;
 
 // V and O at a place, and the tint there.
 vec2 field_at(vec3 at, out vec4 tint) {
@@ -163,6 +165,12 @@ float occlusion_at(vec3 at, vec3 in_scene, vec3 gradient, mat3 scene_from_voxel)
     return clamp((0.125 * sum - OPEN) / (CLOSED - OPEN), 0.0, 1.0);
 }
 
+// The mean of where a ray is absorbed in a homogeneous cell of this opacity, as a part of the cell: from half for a
+// faint one to 0 for one that hides all behind its face.
+float seen_part(float opacity) {
+    return opacity < 0.01 ? 0.5 : -1.0 / log(1.0 - opacity) - (1.0 - opacity) / opacity;
+}
+
 vec3 to_voxel(vec4 x) {
     return vec3(dot(p.voxel_from_scene[0], x), dot(p.voxel_from_scene[1], x), dot(p.voxel_from_scene[2], x));
 }
@@ -222,6 +230,8 @@ Gathered march(vec2 place, uint view, bool wanted) {
     float depth = 0.0;
     vec3 gradient = vec3(0.0);     // in eye space, as last found,
     float light = 1.0;             // with what ambient occlusion leaves of the light
+    vec3 source = vec3(0.0);
+    if (SHADED == 1) source = look_source(v);
     mat3 from_voxel = mat3(0.0);
     if (OCCLUDED == 1) from_voxel = scene_from_voxel();
     vec2 before = vec2(0.0, -1.0); // V and O at the end of the cell before; O < 0: not known
@@ -310,11 +320,17 @@ Gathered march(vec2 place, uint view, bool wanted) {
                     vec3 found = turned(v, gradient_in_scene(slopes));
                     if (anew) gradient = found;
                     if (OCCLUDED == 1) {
-                        float occlusion = occlusion_at(at, v.eye + z * toward, slopes, from_voxel);
+                        // A long cell is seen at its front. Its sample may lie behind the crest of a thin shell, where
+                        // the field falls inwards: the outside of what hides all behind it is still the viewer's side.
+                        float seen = from + seen_part(opacity) * (to - from);
+                        bool behind_crest = opacity > HIDING && dot(found, vec3(tangents, 1.0)) < 0.0;
+                        vec3 inward = behind_crest ? -slopes : slopes;
+                        float occlusion =
+                            occlusion_at(origin + seen * direction, v.eye + seen * toward, inward, from_voxel);
                         if (anew) light = 1.0 - look_rows[0].occlusion * occlusion;
                     }
                 }
-                base = look_lit(base, gradient, vec3(tangents, 1.0), light);
+                base = look_lit(base, gradient, vec3(tangents, 1.0), source, light);
             }
             colour += share * base;
             depth += share * z;

@@ -130,7 +130,7 @@ Quad quad_of(uint view, uint splat, Splat s, vec4 look, Appearance object) {
         if (SHADED == 1) {
             Centre f = centres[splat];
             vec3 gradient = turned(v, f.slope - look_rows[0].dark * f.occupancy_slope);
-            r.colour = look_lit(look.rgb, gradient, mean, 1.0);
+            r.colour = look_lit(look.rgb, gradient, mean, look_source(v), 1.0);
         }
     }
     vec2 half_size = r.edge * vec2(length(r.axes.xy), abs(r.axes.z));

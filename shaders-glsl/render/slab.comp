@@ -140,6 +140,8 @@ void main() {
     // Of a part, where work is counted: planes at which splats of the part were evaluated, at which those of
     // the whole tile would have been, planes classified, and pairs looked at.
     uvec4 work = uvec4(0);
+    vec3 source = vec3(0.0); // towards the key light, in eye space
+    if (SHADED == 1) source = look_source(v);
     float first = first_depth(p.grid, v);
     uint rounds = p.grid.planes / PLANES;
     for (uint block = 0; block < p.grid.blocks; ++block) {
@@ -226,7 +228,7 @@ void main() {
                         vec3 slope = (value_slope[at] - relative * weight_slope[at]) * inverse;
                         float fall = p.occupancy_w0 / ((w + p.occupancy_w0) * (w + p.occupancy_w0));
                         vec3 gradient = full * slope + (here.x - look_rows[0].dark) * fall * weight_slope[at];
-                        base = look_lit(base, gradient, vec3(ray[n], 1.0), 1.0);
+                        base = look_lit(base, gradient, vec3(ray[n], 1.0), source, 1.0);
                     }
                     float share = clear[n] * opacity;
                     colour[n] += share * base;

@@ -316,6 +316,12 @@ shared! {
         plane_count: u32,
         /// Index of the table's first entry among those of all functions.
         offset: u32,
+        /// Unit vector towards the key light: in eye space, or in the space of the scene.
+        light: [f32; 3],
+        /// Share of the light that comes from the fill light.
+        fill: f32,
+        /// 1 if the light is fixed to the scene, 0 if to the eye.
+        light_turns: u32,
         /// Clip planes: points with n · x + d < 0 are cut away; x in mm in the space of the scene.
         planes: [[f32; 4]; crate::look_row::CLIP_PLANES as usize],
     }

@@ -7,7 +7,7 @@ use engine::reference::eye::{self, Eye};
 use engine::reference::slab as reference;
 use engine::render::{Camera, Look, MODES, ModeRow, Renderer, Scene, Settings};
 use engine::splat::{Field, Kernel, Splat, SplatSet};
-use engine::transfer::{Table, TransferFunction, preset};
+use engine::transfer::{FixedTo, Light, Table, TransferFunction, preset};
 use engine::unit::Unit;
 use glam::{DVec3, DVec4, Vec3};
 use rand::RngExt;
@@ -47,6 +47,9 @@ pub fn set(count: usize, kernel: Kernel) -> SplatSet {
 pub fn empty() -> SplatSet {
     SplatSet { unit: Unit::Hu, ..SplatSet::default() }
 }
+
+/// A light that is fixed to the patient, at the right and above, with a fill light: all that the first light has not.
+pub const SIDE_LIGHT: Light = Light { fixed_to: FixedTo::Patient, towards: [0.9, 0.3, 0.5], fill: 0.35 };
 
 /// Creates the look of a preset over −100 to 900 HU, lit or not.
 pub fn look(name: &str, shade: bool) -> Look {
@@ -119,6 +122,7 @@ pub fn reference_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &
         table: &table,
         functions: &[],
         material: &look.transfer.material,
+        light: &look.light,
         dark: if visible.is_finite() { visible } else { gpu_splats.range[0] },
         planes: &[],
         segments: false,

@@ -365,6 +365,7 @@ fn reference_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decod
         table: &Table::new(&look.transfer, range),
         functions: &functions,
         material: &look.transfer.material,
+        light: &look.light,
         dark: look.dark(range),
         planes: &[],
         segments: false,

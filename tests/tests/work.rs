@@ -12,7 +12,7 @@ use engine::reference::quads::{self, Face, Quad};
 use engine::reference::slab::{self as reference, Seen};
 use engine::render::{Camera, Look, Rays, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Harmonics, Kernel};
-use engine::transfer::{ColourPoint, Material, OpacityPoint, TransferFunction};
+use engine::transfer::{ColourPoint, Light, Material, OpacityPoint, TransferFunction};
 use engine::volume::Volume;
 use glam::{DAffine3, DVec2, DVec3};
 use vgs_tests::Device;
@@ -229,7 +229,7 @@ fn fragments_are_those_of_the_quads_ellipses() {
     let eye = Eye::from(&camera.view(scene.origin));
     let material =
         Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0, occlusion: 0.0 };
-    let quad_look = quads::Look { material: &material, dark: 0.0, planes: &[] };
+    let quad_look = quads::Look { material: &material, light: &Light::HEAD, dark: 0.0, planes: &[] };
     let face = Face::Own(DVec3::ONE);
     let object = eye::Appearance::default();
     let quads: Vec<Quad> = set

@@ -294,7 +294,7 @@ fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, re
         ui.separator();
         panels::objects::show(ui, state, info, None);
         ui.separator();
-        panels::transfer::light(ui, state);
+        panels::light::response(ui, state);
     });
     requests.extend(actions.into_iter().map(Request::Action));
 }

@@ -28,6 +28,8 @@ pub struct Metrics {
     pub psnr_db: f64,
     /// Root mean square intensity error in the ROI, HU.
     pub rmse_hu: f64,
+    /// Mean |V̂ - V| in the ROI, HU.
+    pub mean_error_hu: f64,
     /// 99th percentile of |V̂ - V| in the ROI, HU: the least error that 99 % of the weight does not exceed.
     pub p99_hu: f64,
     /// Root mean square of O - M over ROI and shell.
@@ -224,7 +226,7 @@ fn compare(
     // Per sample: weight, V in HU, M (-1 where the sample takes no part), and |∇M| per voxel and per mm. The totals
     // below are summed in a fixed order.
     let idle = [0.0f64, 0.0, -1.0, 0.0, 0.0];
-    let mut totals = [0.0f64; 6];
+    let mut totals = [0.0f64; 7];
     let mut outline = Outline::default();
     let per_mm = volume.world_from_voxel.matrix3.inverse().transpose();
     let mut errors = Vec::new();
@@ -249,6 +251,7 @@ fn compare(
                 let error = f64::from(s.hu) - hu;
                 totals[0] += weight;
                 totals[1] += weight * error * error;
+                totals[6] += weight * error.abs();
                 errors.push([error.abs() as f32, weight as f32]);
             }
             let o = f64::from(s.occupancy);
@@ -260,7 +263,7 @@ fn compare(
             outline = outline.plus(Outline { wrong, per_voxel: slope, per_mm: slope_mm });
         }
     }
-    let [weight, squared, count, occupancy, both, squares] = totals;
+    let [weight, squared, count, occupancy, both, squares, sizes] = totals;
     let mse_hu = if weight > 0.0 { squared / weight } else { 0.0 };
     let span = f64::from(range[1]) - f64::from(range[0]);
     let mmse = if span > 0.0 { mse_hu / (span * span) } else { mse_hu };
@@ -269,6 +272,7 @@ fn compare(
         mmse,
         psnr_db: -10.0 * mmse.log10(),
         rmse_hu: mse_hu.sqrt(),
+        mean_error_hu: if weight > 0.0 { sizes / weight } else { 0.0 },
         p99_hu: percentile(&mut errors, 0.99),
         occupancy_rmse: (occupancy / count.max(1.0)).sqrt(),
         soft_dice: if squares > 0.0 { 2.0 * both / squares } else { 1.0 },

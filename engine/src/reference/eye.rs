@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3, DVec4};
 use shaders_glsl::types::View;
 
 use super::types::vec3;
-use crate::transfer::Material;
+use crate::transfer::{FixedTo, Light, Material};
 
 /// One eye, in f64. Eye space: x to the right, y up, z the distance along the viewing direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +43,16 @@ impl Eye {
         self.turn.transpose() * ray
     }
 
+    /// Returns a light as this eye has it.
+    pub fn lamp(&self, light: &Light) -> Lamp {
+        let towards = light.direction();
+        let key = match light.fixed_to {
+            FixedTo::Camera => DVec3::new(towards.x, towards.y, -towards.z),
+            FixedTo::Patient => self.turn * towards,
+        };
+        Lamp { key, fill: light.fill }
+    }
+
     /// Returns the depths between which a ray is inside all clip planes (n · x + d ≥ 0).
     pub fn clipped(&self, ray: DVec3, planes: &[[f64; 4]]) -> [f64; 2] {
         let direction = self.direction(ray);
@@ -63,14 +73,22 @@ impl Eye {
     }
 }
 
-/// Shades a colour after Blinn and Phong with one light above the viewer's left shoulder; both sides of a
-/// surface are lit alike. Gradient and ray are in eye space; `light` is the share of the light that arrives, 1 without
-/// ambient occlusion.
-pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material, light: f64) -> DVec3 {
+/// A light in eye space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lamp {
+    /// Unit vector towards the key light.
+    pub key: DVec3,
+    /// Share of the fill light, which is mirrored from left to right.
+    pub fill: f64,
+}
+
+/// Shades a colour after Blinn and Phong; both sides of a surface are lit alike, and the fill light has no highlight.
+/// Gradient and ray are in eye space; `light` is the share of the light that arrives, 1 without ambient occlusion.
+pub fn lit(base: DVec3, gradient: DVec3, ray: DVec3, material: &Material, lamp: &Lamp, light: f64) -> DVec3 {
     let Some(normal) = gradient.try_normalize() else { return base };
-    let source = DVec3::new(-0.4, 0.5, -1.0).normalize();
-    let halfway = (source - ray.normalize()).normalize();
-    let diffuse = normal.dot(source).abs();
+    let halfway = (lamp.key - ray.normalize()).normalize();
+    let mirrored = DVec3::new(-lamp.key.x, lamp.key.y, lamp.key.z);
+    let diffuse = (1.0 - lamp.fill) * normal.dot(lamp.key).abs() + lamp.fill * normal.dot(mirrored).abs();
     let shine = normal.dot(halfway).abs().powf(material.power);
     let lit = base * (material.ambient + material.diffuse * diffuse) + material.specular * shine;
     (lit * light).min(DVec3::ONE)

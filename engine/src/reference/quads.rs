@@ -11,7 +11,7 @@ use super::Splat;
 use super::eye::{Appearance, Eye, Gathered, lit, tinted};
 use super::slab::NEAREST;
 use super::types::vec3;
-use crate::transfer::Material;
+use crate::transfer::{Light, Material};
 
 /// A splat is drawn where its opacity is at least this.
 pub const LEAST_OPACITY: f64 = 1.0 / 255.0;
@@ -24,6 +24,8 @@ const DRAWN_Q: f64 = 6.0;
 pub struct Look<'a> {
     /// Material of what is shaded.
     pub material: &'a Material,
+    /// The light.
+    pub light: &'a Light,
     /// v0 of the shaded gradient.
     pub dark: f64,
     /// Clip planes: a splat whose centre has n · x + d < 0 is cut away.
@@ -129,8 +131,11 @@ pub fn quad(
             // ∫ (1 - A l²/6)^(3/2) dl with A per mm of ray.
             let path = ray.length() * (DRAWN_Q / along).sqrt() * std::f64::consts::PI * 0.375;
             let gradient = eye.turn * (vec3(field.slope) - vec3(field.occupancy_slope) * look.dark);
-            let colour =
-                if look.material.shade { lit(base, gradient, ray, look.material, 1.0) } else { base };
+            let colour = if look.material.shade {
+                lit(base, gradient, ray, look.material, &eye.lamp(look.light), 1.0)
+            } else {
+                base
+            };
             (extinction * path, false, colour)
         }
     };

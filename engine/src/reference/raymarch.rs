@@ -9,7 +9,7 @@
 
 use glam::{DAffine3, DVec3, DVec4};
 use rayon::prelude::*;
-use shaders_glsl::march::{CLOSED, LARGE_BALL, OPEN, SMALL_BALL};
+use shaders_glsl::march::{CLOSED, HIDING, LARGE_BALL, OPEN, SMALL_BALL};
 
 use super::eye::{Appearance, Eye, Gathered, lit, opacity, tinted};
 use super::slab::{Look, NEAREST};
@@ -274,6 +274,11 @@ pub fn noise([x, y]: [u32; 2], view: u32) -> f64 {
     f64::from(h >> 8) / 16_777_216.0
 }
 
+/// Returns the mean of where a ray is absorbed in a homogeneous cell of this opacity, as a part of the cell.
+fn seen_part(opacity: f64) -> f64 {
+    if opacity < 0.01 { 0.5 } else { -1.0 / (-opacity).ln_1p() - (1.0 - opacity) / opacity }
+}
+
 /// Gathers a ray (of eye space, depth 1) in cells of `step` mm, the first of which begins `shift` steps from
 /// the eye.
 pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, shift: f64) -> Gathered {
@@ -287,6 +292,7 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
         return gathered;
     }
     let dz = step / ray.length();
+    let lamp = eye.lamp(look.light);
     let mut before = None;
     let (mut gradient, mut light) = (DVec3::ZERO, 1.0);
     let mut k = (range[0] / dz - shift).floor();
@@ -324,10 +330,15 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
                 let slopes = medium.gradient(at, look.dark);
                 gradient = eye.turn * in_scene(slopes);
                 if look.material.occlusion > 0.0 {
-                    light = 1.0 - look.material.occlusion * medium.occlusion(at, slopes, look);
+                    // A long cell is seen at its front, and what hides all behind it from the viewer's side, also
+                    // where the sample is behind the crest of a thin shell.
+                    let seen = origin + direction * (from + seen_part(opacity) * (to - from));
+                    let behind_crest = opacity > f64::from(HIDING) && gradient.dot(ray) < 0.0;
+                    let inward = if behind_crest { -slopes } else { slopes };
+                    light = 1.0 - look.material.occlusion * medium.occlusion(seen, inward, look);
                 }
             }
-            base = lit(base, gradient, ray, look.material, light);
+            base = lit(base, gradient, ray, look.material, &lamp, light);
         }
         gathered.add(base, opacity, z);
     }
@@ -348,8 +359,10 @@ pub fn render(medium: &Medium, eye: &Eye, size: [u32; 2], look: &Look<'_>, step:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction};
+    use crate::transfer::{ColourPoint, Light, Material, OpacityPoint, Table, TransferFunction};
     use glam::DMat3;
+
+    const LIGHT: Light = Light { towards: [-0.4, 0.5, 1.0], ..Light::HEAD };
 
     /// Creates a function with the same extinction everywhere.
     fn flat(extinction: f64, material: Material) -> TransferFunction {
@@ -369,6 +382,7 @@ mod tests {
             table,
             functions: &[],
             material,
+            light: &LIGHT,
             dark: 0.0,
             planes,
             gradient_edge,
@@ -434,7 +448,8 @@ mod tests {
         let tf = flat(7.0, material);
         let table = Table::new(&tf, [0.0, 200.0]);
         let image = render(&slab(), &eye(), [5, 5], &look(&table, &material), 0.1);
-        let facing = lit(DVec3::new(1.0, 0.5, 0.0), DVec3::NEG_Z, DVec3::Z, &material, 1.0);
+        let lamp = eye().lamp(&Light::default());
+        let facing = lit(DVec3::new(1.0, 0.5, 0.0), DVec3::NEG_Z, DVec3::Z, &material, &lamp, 1.0);
         assert!((f64::from(image[12][0]) - facing.x).abs() < 0.02, "{:?} {facing}", image[12]);
         assert!(facing.x < 0.95, "light comes from the side: {facing}");
     }

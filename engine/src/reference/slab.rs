@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3, DVec4};
 use super::Splat;
 use super::eye::{Appearance, Eye, Gathered, lit, opacity, tinted};
 use crate::splat::{Field, Kernel};
-use crate::transfer::{Material, Table};
+use crate::transfer::{Light, Material, Table};
 
 /// A splat in eye space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +66,8 @@ pub struct Look<'a> {
     pub functions: &'a [Table],
     /// Material of what is shaded.
     pub material: &'a Material,
+    /// The light.
+    pub light: &'a Light,
     /// v0 of the shaded gradient.
     pub dark: f64,
     /// Clip planes: n · x + d < 0 is cut away.
@@ -155,7 +157,7 @@ pub fn ray(
         let base = if look.material.shade {
             let slope = (gs - gw * relative) / (w + epsilon);
             let gradient = slope * full + gw * ((v - look.dark) * w0 / (w + w0).powi(2));
-            lit(colour, gradient, ray, look.material, 1.0)
+            lit(colour, gradient, ray, look.material, &eye.lamp(look.light), 1.0)
         } else {
             colour
         };

@@ -233,6 +233,7 @@ struct Lamp<'a> {
 /// A direction of view, all of it in the world.
 struct Direction {
     light: DVec3,
+    fill: DVec3,
     halfway: DVec3,
     /// The harmonics there, times the solid angle that the direction stands for.
     weights: [f64; MAX_BASIS],
@@ -247,9 +248,12 @@ impl<'a> Lamp<'a> {
             let radius = (1.0 - z * z).sqrt();
             let forward = DVec3::new(radius * angle.cos(), radius * angle.sin(), z);
             let right = forward.cross(DVec3::Z).normalize();
-            let light = (right * -0.4 + right.cross(forward) * 0.5 - forward).normalize();
+            let [x, y, z] = look.light.map(f64::from);
+            let up = right.cross(forward);
+            let light = right * x + up * y + forward * z;
+            let fill = right * -x + up * y + forward * z;
             let weights = basis(forward.to_array()).map(|y| y * 2.0 * TAU / DIRECTIONS as f64);
-            Direction { light, halfway: (light - forward).normalize(), weights }
+            Direction { light, fill, halfway: (light - forward).normalize(), weights }
         };
         Lamp { look, directions: (0..DIRECTIONS).map(direction).collect() }
     }
@@ -264,11 +268,13 @@ impl<'a> Lamp<'a> {
             flat.resize(3 * basis_count(LIT_DEGREE), 0.0);
             return flat;
         };
-        let [ambient, diffuse, specular, power] =
-            [self.look.ambient, self.look.diffuse, self.look.specular, self.look.power].map(f64::from);
+        let types::Look { ambient, diffuse, specular, power, fill, .. } = *self.look;
+        let [ambient, diffuse, specular, power, fill] =
+            [ambient, diffuse, specular, power, fill].map(f64::from);
         let mut sums = vec![DVec3::ZERO; basis_count(LIT_DEGREE)];
         for direction in &self.directions {
-            let lit = ambient + diffuse * normal.dot(direction.light).abs();
+            let [key, other] = [direction.light, direction.fill].map(|light| normal.dot(light).abs());
+            let lit = ambient + diffuse * (key + (other - key) * fill);
             let shine = specular * normal.dot(direction.halfway).abs().powf(power);
             let seen = (colour * lit + shine).min(DVec3::ONE) - 0.5;
             for (sum, weight) in sums.iter_mut().zip(&direction.weights) {
@@ -339,7 +345,10 @@ mod tests {
 
     #[test]
     fn a_lit_colour_is_near_to_the_light_from_any_side() {
-        let row = types::Look { ambient: 0.2, diffuse: 0.8, power: 1.0, ..bytemuck::Zeroable::zeroed() };
+        let first = crate::transfer::Light::default().direction();
+        let light = (first * DVec3::new(1.0, 1.0, -1.0)).as_vec3().to_array();
+        let row =
+            types::Look { ambient: 0.2, diffuse: 0.8, power: 1.0, light, ..bytemuck::Zeroable::zeroed() };
         let lamp = Lamp::new(&row);
         let seen = |slope: [f32; 3], direction: [f64; 3]| {
             let centre = types::Centre { slope, occupancy_slope: [0.0; 3] };

@@ -523,6 +523,26 @@ impl Decoded {
         bricks_sample(self.bricks, &self.slots, voxel.clamp(IVec3::ZERO, last))
     }
 
+    /// Returns the same field with other objects: `number` gives that of each voxel by its place in the space of the
+    /// scene, mm.
+    pub(super) fn with_objects(mut self, number: &(dyn Fn(DVec3) -> u8 + Sync)) -> Self {
+        let mut labels = vec![0; self.samples.len()];
+        let n = self.bricks;
+        let mut held: Vec<(u32, UVec3)> = (0..n.element_product())
+            .map(|i| (self.slots[i as usize], UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y))))
+            .filter(|(slot, _)| *slot != NO_SLOT)
+            .collect();
+        held.sort_unstable_by_key(|(slot, _)| *slot);
+        labels.par_chunks_mut(SAMPLES).zip(&held).for_each(|(labels, (_, brick))| {
+            for (morton, label) in labels.iter_mut().enumerate() {
+                let voxel = (brick * BRICK as u32 + brick_voxel(morton)).as_dvec3() - 1.0;
+                *label = number(self.scene_from_voxel.transform_point3(voxel));
+            }
+        });
+        (self.labels, self.label) = (Some(labels), 0);
+        self
+    }
+
     /// Returns V and O at a voxel of the box.
     pub fn value(&self, voxel: [u32; 3]) -> (f64, f64) {
         let [v, o] = self.at(UVec3::from_array(voxel).as_ivec3());

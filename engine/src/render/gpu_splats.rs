@@ -54,6 +54,9 @@ pub(super) struct Faces {
     pub(super) points: Option<DevicePoints>,
 }
 
+/// A function that decodes a field, and tells its argument the part that is done, 0 to 1.
+pub type Decoding = Box<dyn FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send>;
+
 /// A pitch, voxels, and the field decoded at it.
 type Decoded = (f64, Arc<GpuVolume>);
 
@@ -281,15 +284,38 @@ impl GpuSplats {
     ///
     /// # Errors
     /// If the pitch is out of range.
-    pub fn decoding(
+    pub fn decoding(&self, gpu: &Gpu, pitch: f64) -> Result<Decoding> {
+        self.decoding_as(gpu, pitch, None)
+    }
+
+    /// Returns a function like that of [`Self::decoding`], whose field has other objects than the splats: `number`
+    /// gives that of each voxel by its place in the space of the scene, mm. Only mode decoded shows them.
+    ///
+    /// # Errors
+    /// If the pitch is out of range.
+    pub fn decoding_objects(
         &self,
         gpu: &Gpu,
         pitch: f64,
-    ) -> Result<impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + use<>> {
+        number: impl Fn(DVec3) -> u8 + Send + Sync + 'static,
+    ) -> Result<Decoding> {
+        self.decoding_as(gpu, pitch, Some(Box::new(number)))
+    }
+
+    fn decoding_as(
+        &self,
+        gpu: &Gpu,
+        pitch: f64,
+        number: Option<Box<dyn Fn(DVec3) -> u8 + Send + Sync>>,
+    ) -> Result<Decoding> {
         decoded::check(pitch)?;
-        let source = self.source()?;
+        let mut source = self.source()?;
+        if number.is_some() {
+            // Those of the splats need not be found.
+            source.objects.fill(0);
+        }
         let (gpu, place) = (gpu.clone(), Arc::downgrade(&self.decoded));
-        Ok(move |progress: &mut dyn FnMut(f32)| {
+        Ok(Box::new(move |progress: &mut dyn FnMut(f32)| {
             let start = std::time::Instant::now();
             let mut going = |part: f64| {
                 progress(part as f32);
@@ -297,6 +323,10 @@ impl GpuSplats {
             };
             let Some(field) = source.decode(&gpu, pitch, &mut going)? else { return Ok(()) };
             let Some(place) = place.upgrade() else { return Ok(()) };
+            let field = match number {
+                Some(number) => field.with_objects(&number),
+                None => field,
+            };
             let volume = Arc::new(GpuVolume::of_field(&gpu, &field)?);
             tracing::info!(
                 "{} bricks decoded in {:.2} s",
@@ -305,7 +335,7 @@ impl GpuSplats {
             );
             *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((pitch, volume));
             Ok(())
-        })
+        }))
     }
 
     /// Returns the splats with what decoding needs. Waits for the device.

@@ -10,7 +10,7 @@ use shaders_glsl::types;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu};
 use crate::splat::{Object, SplatSet, usual_colour};
-use crate::transfer::{Table, TransferFunction};
+use crate::transfer::{FixedTo, Light, MOST_FILL, Table, TransferFunction};
 
 /// Greatest number of clip planes; a box takes six.
 pub const PLANES: usize = shaders_glsl::look_row::CLIP_PLANES as usize;
@@ -85,7 +85,7 @@ impl Appearance {
     }
 }
 
-/// The look of a scene: its transfer function, clip planes and appearances of objects.
+/// The look of a scene: its transfer function, light, clip planes and appearances of objects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     /// Transfer function from intensity to colour and opacity per mm, with the material of shaded surfaces.
@@ -98,12 +98,20 @@ pub struct Look {
     /// Transfer functions of objects of their own, by their number, in place of that of the scene; their material
     /// does not count. Mode decoded alone shows them ([`super::ModeRow::own_functions`]).
     pub functions: BTreeMap<u8, TransferFunction>,
+    /// Where the light of shaded surfaces comes from.
+    pub light: Light,
 }
 
 impl Look {
-    /// Creates a look with a transfer function, no clip planes and default appearances.
+    /// Creates a look with a transfer function, no clip planes, default appearances and the first light.
     pub fn new(transfer: TransferFunction) -> Self {
-        Look { transfer, clip: Vec::new(), objects: BTreeMap::new(), functions: BTreeMap::new() }
+        Look {
+            transfer,
+            clip: Vec::new(),
+            objects: BTreeMap::new(),
+            functions: BTreeMap::new(),
+            light: Light::default(),
+        }
     }
 
     /// Returns how the transfer function should be applied. Point sampling is enough if opacity changes by
@@ -241,6 +249,11 @@ impl LookBuffers {
             .collect();
         let material = look.transfer.material;
         let dark = look.dark(range);
+        let (towards, turns) = match look.light.fixed_to {
+            // In eye space z goes away from the viewer.
+            FixedTo::Camera => (look.light.direction() * DVec3::new(1.0, 1.0, -1.0), 0),
+            FixedTo::Patient => (look.light.direction(), 1),
+        };
         let mut offset = 0;
         let row = |table: &Table| types::Look {
             first: table.first as f32,
@@ -256,6 +269,9 @@ impl LookBuffers {
             inverse_gradient_step: (1.0 / table.gradient_step) as f32,
             plane_count: look.clip.len() as u32,
             offset: 0,
+            light: towards.as_vec3().to_array(),
+            fill: look.light.fill.clamp(0.0, MOST_FILL) as f32,
+            light_turns: turns,
             planes,
         };
         let rows: Vec<types::Look> = tables

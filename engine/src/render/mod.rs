@@ -59,7 +59,7 @@ pub use baked::{Baked, baked};
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use decoded::{Decoded, decode};
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
-pub use gpu_splats::{GpuSplats, Precision};
+pub use gpu_splats::{Decoding, GpuSplats, Precision};
 pub use gpu_volume::{GpuVolume, VolumeSource};
 pub use intensities::Intensities;
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};

@@ -9,18 +9,21 @@
 //! | file | what is there |
 //! |---|---|
 //! | `function` | [`TransferFunction`] and its control points |
+//! | `light` | [`Light`]: where light comes from |
 //! | `presets`, `window` | functions with a name; grey ramps over a window of intensities |
 //! | `file` | files of other programs, a row of [`FORMATS`] each |
 //! | `table` | [`Table`]: a function as a renderer looks it up |
 
 mod file;
 mod function;
+mod light;
 pub mod presets;
 mod table;
 mod window;
 
 pub use file::{FORMATS, Format, load, read, save};
 pub use function::{ColourPoint, MAX_INTENSITY, MAX_OPACITY, Material, OpacityPoint, TransferFunction};
+pub use light::{FixedTo, Light, MOST_FILL};
 pub use presets::{FIRST, FIRST_WITHOUT_HU, PRESETS, Preset, first, preset};
 pub use table::Table;
 pub use window::{WINDOW_OPACITY, WINDOWS, Window, window, window_level};

@@ -10,10 +10,11 @@ use engine::reference::quads as reference;
 use engine::render::{self, Camera, Look, LookBuffers, Target};
 use engine::splat::harmonics::basis_count;
 use engine::splat::{Harmonics, Splat};
-use engine::transfer::{Material, preset};
+use engine::transfer::{Light, Material, preset};
 use glam::{DMat2, DVec2, DVec3, DVec4, Vec3};
 use rand::RngExt;
 use shaders_glsl::types::{AlphaParams, Centre, Quad, QuadParams, View};
+use vgs_tests::rendering::SIDE_LIGHT;
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
 
@@ -116,7 +117,11 @@ fn stage(seed: u64, count: usize, kind: Kind) -> Stage {
         harmonics: Harmonics { degree, coefficients },
         active: (0..count as u32).filter(|i| i % 11 != 3).collect(),
         views,
-        look: Look { objects: (0..).zip(OBJECTS).collect(), ..Look::new(transfer) },
+        look: Look {
+            objects: (0..).zip(OBJECTS).collect(),
+            light: if kind.objects { SIDE_LIGHT } else { Light::default() },
+            ..Look::new(transfer)
+        },
         kind,
     }
 }
@@ -142,6 +147,7 @@ impl Stage {
     fn wanted(&self, view: usize, eye: &Eye, dark: f32) -> Vec<Option<reference::Quad>> {
         let look = reference::Look {
             material: &self.look.transfer.material,
+            light: &self.look.light,
             dark: f64::from(dark),
             planes: &CUT.map(|p| p.map(f64::from)),
         };

@@ -13,6 +13,7 @@ use engine::transfer::{Material, OpacityPoint, Table, TransferFunction, preset};
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
 use rand::RngExt;
 use shaders_glsl::types::{BrickGrid, OccupancyParams, RaymarchParams, SpreadParams, View};
+use vgs_tests::rendering::SIDE_LIGHT;
 use vgs_tests::scene::random;
 use vgs_tests::{Bound, Device, assert_close};
 
@@ -454,6 +455,9 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     };
     let transfer = graded(transfer, &[[0.0, 0.1], [150.0, 0.4], [400.0, 1.0]]);
     let mut look = Look::new(transfer);
+    if row.group == 64 {
+        look.light = SIDE_LIGHT;
+    }
     let appearance = |visible, tint, opacity| render::Appearance { visible, tint, opacity };
     look.objects = [
         appearance(true, None, 1.0),
@@ -572,6 +576,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         table: &table,
         functions: &functions,
         material: &look.transfer.material,
+        light: &look.light,
         dark: gradient_from,
         planes: &cut.map(|p| p.map(f64::from)),
         segments: row.segments,

@@ -13,10 +13,11 @@ use engine::reference::slab as reference;
 use engine::render::{Appearance, Camera, Look, LookBuffers};
 use engine::splat::kernel::KERNELS;
 use engine::splat::{self, Field, Packed, Splat};
-use engine::transfer::{Material, Table, preset};
+use engine::transfer::{Light, Material, Table, preset};
 use glam::{DVec3, DVec4, Vec3};
 use rand::RngExt;
 use shaders_glsl::types::{Projected, SlabParams, TileGrid, View};
+use vgs_tests::rendering::SIDE_LIGHT;
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
 
@@ -287,7 +288,8 @@ pub fn slab() {
             }
             transfer.material =
                 Material { shade, ambient: 0.2, diffuse: 0.7, specular: 0.3, power: 12.0, occlusion: 0.0 };
-            let look = Look { objects: appearances(), ..Look::new(transfer.clone()) };
+            let light = if shape == 64 { SIDE_LIGHT } else { Light::default() };
+            let look = Look { objects: appearances(), light, ..Look::new(transfer.clone()) };
             let table = Table::new(&look.transfer, [-300.0, 1300.0]);
             let mut buffers = LookBuffers::new(&gpu, &look, [-300.0, 1300.0], DVec3::ZERO).unwrap();
             let mut row_on_device = buffers.rows.read().unwrap()[0];
@@ -337,6 +339,7 @@ pub fn slab() {
                 table: &table,
                 functions: &[],
                 material: &look.transfer.material,
+                light: &look.light,
                 dark: f64::from(row_on_device.dark),
                 planes: &cut.map(|p| p.map(f64::from)),
                 segments,

@@ -182,6 +182,8 @@ pub enum Action {
     ToggleHandles,
     /// Opens or closes the list of keys.
     ToggleKeys,
+    /// Opens or closes the list of messages.
+    ToggleMessages,
 }
 
 /// Row of [`KEYS`].
@@ -298,6 +300,7 @@ pub static KEYS: &[Binding] = &[
     row(NONE, Key::O, "Frame times", "frame times, passes and memory", Action::ToggleOverlay),
     row(NONE, Key::F2, "Panels", "panels on or off", Action::TogglePanels),
     row(NONE, Key::Escape, "Cancel", "lay down the tool, close what is open", Action::Cancel),
+    row(NONE, Key::N, "Messages", "the messages of this session", Action::ToggleMessages),
     row(NONE, Key::Questionmark, "Keys", "this list", Action::ToggleKeys),
     row(NONE, Key::F1, "Keys", "this list", Action::ToggleKeys),
 ];

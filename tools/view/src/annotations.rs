@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, pos2, vec2};
+use engine::fidelity::diverging;
 use engine::image::{self, annotate::scale_bar, orientation_labels};
 use engine::transfer::TransferFunction;
 use glam::{DVec2, DVec3, Vec3};
@@ -11,6 +12,7 @@ use glam::{DVec2, DVec3, Vec3};
 use crate::cube;
 use crate::handles::{Handle, Placed, edges, handles, outline};
 use crate::orbit::Orbit;
+use crate::panels::error::number;
 use crate::panels::status::Reading;
 use crate::state::{Clip, Distance, Files, Object, Subject, ViewState};
 use crate::theme::{ACCENT, SIGNAL, screen};
@@ -72,6 +74,8 @@ pub struct Told<'a> {
     pub subjects: &'a [Subject],
     /// True if the splats are those of a fit that no file has.
     pub fitted: bool,
+    /// Error at which its colours end, if surfaces have them.
+    pub error: Option<f64>,
 }
 
 /// Picture that is painted over.
@@ -110,7 +114,9 @@ impl PictureOverlay<'_> {
             && !told.fitted
             && !state.objects.is_empty()
             && state.objects.iter().all(own_colours);
-        if state.show.colour_bar
+        if let (true, Some(range)) = (state.show.colour_bar, told.error) {
+            self.error_bar(range, told.unit);
+        } else if state.show.colour_bar
             && !all_own
             && let Ok(function) = state.transfer.function()
         {
@@ -183,20 +189,38 @@ impl PictureOverlay<'_> {
         if height < 40.0 {
             return;
         }
+        let value = |share: f64| low + share * (high - low);
+        let texts =
+            [(0.0, ""), (0.5, ""), (1.0, unit)].map(|(share, unit)| format!("{:.0}{unit}", value(share)));
+        self.bar(height, |share| function.at(value(share)).0, texts);
+    }
+
+    /// Paints the colours of errors from -`range` to `range`, in `unit`.
+    fn error_bar(&self, range: f64, unit: &str) {
+        let height = BAR[1].min(0.25 * self.rect.height());
+        if height < 40.0 {
+            return;
+        }
+        let colour = |share: f64| DVec3::from_array(diverging(2.0 * share - 1.0).map(f64::from));
+        let range = number(range);
+        let texts = [format!("-{range}{unit} too low"), "0".to_owned(), format!("+{range}{unit} too high")];
+        self.bar(height, colour, texts);
+    }
+
+    /// Paints a bar of colours, from its foot up, with texts at its foot, middle and top.
+    fn bar(&self, height: f32, colour: impl Fn(f64) -> DVec3, texts: [String; 3]) {
         let foot = self.rect.left_bottom() + vec2(MARGIN, -BELOW_BAR);
         let bar = Rect::from_min_max(foot - vec2(0.0, height), foot + vec2(BAR[0], 0.0));
         let step = height / STEPS as f32;
         for i in 0..STEPS {
-            let intensity = low + (high - low) * (i as f64 + 0.5) / STEPS as f64;
             let top = bar.bottom() - (i + 1) as f32 * step;
             let row = Rect::from_min_size(pos2(bar.left(), top), vec2(bar.width(), step + 0.5));
-            self.painter.rect_filled(row, 0.0, screen(function.at(intensity).0));
+            self.painter.rect_filled(row, 0.0, screen(colour((i as f64 + 0.5) / STEPS as f64)));
         }
         let edge = Stroke::new(1.0, self.ink.letters);
         self.painter.rect_stroke(bar, 0.0, edge, egui::StrokeKind::Outside);
-        for (share, unit) in [(0.0, ""), (0.5, ""), (1.0, unit)] {
-            let at = pos2(bar.right() + 5.0, bar.bottom() - share as f32 * height);
-            let text = format!("{:.0}{unit}", low + share * (high - low));
+        for (share, text) in [0.0, 0.5, 1.0].into_iter().zip(texts) {
+            let at = pos2(bar.right() + 5.0, bar.bottom() - share * height);
             self.text(at, Align2::LEFT_CENTER, &text, 12.0, self.ink.letters);
         }
     }

@@ -21,6 +21,9 @@ use crate::state::{Subject, ViewState, mode_row};
 pub struct Canvas {
     // The order matters: what draws on the surface is dropped before it.
     splats: Option<RenderedScene>,
+    /// The splats in the colours of their error, and true if these are shown.
+    error: Option<RenderedScene>,
+    shows_error: bool,
     beside: Option<RenderedScene>,
     volume: Option<RenderedScene>,
     /// Splats that are being prepared to be shown in place of the others.
@@ -70,6 +73,8 @@ impl Canvas {
         let format = surface.format();
         Ok(Canvas {
             splats: None,
+            error: None,
+            shows_error: false,
             beside: None,
             volume: None,
             next: None,
@@ -95,6 +100,7 @@ impl Canvas {
     /// Returns the scene of a subject, if it is on the device.
     pub fn scene_of(&self, subject: Subject) -> Option<&RenderedScene> {
         match subject {
+            Subject::Splats if self.shows_error => self.error.as_ref(),
             Subject::Splats => self.splats.as_ref(),
             Subject::Beside => self.beside.as_ref(),
             Subject::Volume => self.volume.as_ref(),
@@ -108,17 +114,46 @@ impl Canvas {
 
     fn scene_mut(&mut self, subject: Subject) -> &mut Option<RenderedScene> {
         match subject {
+            Subject::Splats if self.shows_error => &mut self.error,
             Subject::Splats => &mut self.splats,
             Subject::Beside => &mut self.beside,
             Subject::Volume => &mut self.volume,
         }
     }
 
-    /// Sets or removes the scene of a subject. A picture of others stays.
+    /// Sets or removes the scene of a subject. A picture of others stays; the colours of the error go.
     pub fn set_scene(&mut self, subject: Subject, scene: Option<Scene>) {
+        self.set_error(None);
         let shown_scene = scene.map(|scene| RenderedScene::new(&self.gpu, scene));
         *self.scene_mut(subject) = shown_scene;
         if self.shown.iter().any(|(shown, _)| *shown == subject) {
+            self.shown.clear();
+        }
+    }
+
+    /// Sets or removes the scene of the splats in the colours of their error. It is shown once
+    /// [`Canvas::show_error`] says so.
+    pub fn set_error(&mut self, scene: Option<Scene>) {
+        self.show_error(false);
+        self.error = scene.map(|scene| RenderedScene::new(&self.gpu, scene));
+    }
+
+    /// Returns true if there is such a scene.
+    pub fn has_error(&self) -> bool {
+        self.error.is_some()
+    }
+
+    /// Returns true if it can be shown at once.
+    pub fn error_is_decoded(&self, pitch: f64) -> bool {
+        let splats = self.error.as_ref().and_then(|error| error.scene.splats.as_ref());
+        splats.is_some_and(|splats| splats.has_decoded(pitch))
+    }
+
+    /// Shows the splats in the colours of their error, or as they are.
+    pub fn show_error(&mut self, shown: bool) {
+        if std::mem::replace(&mut self.shows_error, shown) != shown
+            && self.shown.iter().any(|(shown, _)| *shown == Subject::Splats)
+        {
             self.shown.clear();
         }
     }
@@ -219,6 +254,7 @@ impl Canvas {
         let layer = |at: usize| {
             let (subject, setup) = self.shown.get(at)?;
             let shown_scene = match subject {
+                Subject::Splats if self.shows_error => self.error.as_ref(),
                 Subject::Splats => self.splats.as_ref(),
                 Subject::Beside => self.beside.as_ref(),
                 Subject::Volume => self.volume.as_ref(),

@@ -13,7 +13,7 @@ use crate::loaded_data::LoadedData;
 use crate::orbit::Orbit;
 use crate::overlay_image::{OverlayImage, put_over};
 use crate::picture_options::PictureOptions;
-use crate::state::{ViewState, mode_row};
+use crate::state::{SplatMode, Subject, ViewState, mode_row};
 
 /// Frames per second of a turntable.
 const FRAMES_PER_SECOND: u16 = 15;
@@ -98,8 +98,22 @@ impl Export {
             Settings { precise: true, step: self.state.quality.step, ..Settings::new(self.options.size) };
         let mut sides = Vec::new();
         for subject in subjects {
-            if let Some(scene) = self.data.scene(&self.gpu, subject, &self.state)? {
-                let mode = mode_row(self.data.mode_of(subject, &self.state));
+            let error = (subject == Subject::Splats && self.data.shows_error(&self.state))
+                .then(|| self.data.error_scene(&self.gpu, &self.state, settings.pitch))
+                .transpose()?
+                .flatten();
+            let (scene, mode) = match error {
+                Some((scene, decoding)) => {
+                    decoding(&mut |_| ())?;
+                    (Some(scene), SplatMode::Decoded.name())
+                }
+                None => {
+                    let mode = self.data.mode_of(subject, &self.state);
+                    (self.data.scene(&self.gpu, subject, &self.state)?, mode)
+                }
+            };
+            if let Some(scene) = scene {
+                let mode = mode_row(mode);
                 let renderer = Renderer::new(&self.gpu, mode, &scene, &settings)?;
                 sides.push(Side { scene, renderer });
             }
@@ -133,6 +147,8 @@ impl Export {
                 unit: self.data.unit().text(),
                 subjects: &subjects,
                 fitted: self.data.fitted.is_some(),
+                error: (self.data.error_found().filter(|_| self.data.shows_error(&state)))
+                    .map(|error| state.errors.range(error)),
             };
             let ink = Ink::on(self.options.backing.colour(state.background));
             put_over(&mut picture, &overlay.paint(&state, &told, ink)?);

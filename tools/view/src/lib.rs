@@ -19,7 +19,7 @@
 //! pack -> state          export -> overlay_image -> annotations, painter, state          export -> orbit
 //! viewer, prompt, actions, export -> picture_options
 //! prompt -> file_list -> figures
-//! export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
+//! loaded_data -> panel_info          export -> loaded_data -> loader -> pick, histogram          export, loaded_data, loader, settings, handles -> state
 //! loader -> sorting -> state, region          fitting -> loader -> region          app, panels, loader -> series -> state
 //! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit
 //! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function, `region` that of

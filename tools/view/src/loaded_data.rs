@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use engine::Result;
+use engine::fidelity::ShownError;
 use engine::gpu::Gpu;
-use engine::render::{Look, Scene, SplatKind};
+use engine::render::{Decoding, Look, Scene, SplatKind};
 use engine::splat::SplatSet;
 use engine::unit::Unit;
 use glam::DVec3;
@@ -12,6 +13,7 @@ use glam::DVec3;
 use crate::deletions::Deletion;
 use crate::histogram::Histogram;
 use crate::loader::{Left, Loaded, LoadedSplats, LoadedVolume};
+use crate::panel_info::Measured;
 use crate::pick::Probe;
 use crate::state::{Subject, ViewState};
 
@@ -34,6 +36,9 @@ pub struct LoadedData {
     pub splat_histogram: Option<Histogram>,
     /// Histogram of the volume's intensities within its region.
     pub volume_histogram: Option<Histogram>,
+    /// Error of splats of files against a volume, as last measured; `None` within it if they lie nowhere in it, or if it
+    /// could not be measured.
+    error: Option<(Arc<LoadedSplats>, Arc<LoadedVolume>, Option<Arc<ShownError>>)>,
     /// Probe that evaluates the splats' field at points.
     probe: Option<Probe>,
     /// Probe of the splats beside them.
@@ -80,6 +85,14 @@ impl LoadedData {
                     self.volume_histogram = histogram;
                 }
             }
+            Loaded::Error(splats, volume, measured) => {
+                let (found, failed) = match measured {
+                    Ok(found) => (found.map(Arc::new), None),
+                    Err(error) => (None, Some(error)),
+                };
+                self.error = Some((splats, volume, found));
+                return failed.map_or(Ok(None), Err);
+            }
             Loaded::Written(..) | Loaded::Sorted(..) | Loaded::Several(_) => {}
             Loaded::Failed(_, error) => return Err(error),
         }
@@ -107,8 +120,64 @@ impl LoadedData {
             fitted: self.fitted.clone(),
             beside: self.beside.clone(),
             volume: self.volume.clone(),
+            error: self.error.clone(),
             ..LoadedData::default()
         }
+    }
+
+    /// Returns splats and volume whose error can be measured: those of files, with intensities.
+    fn comparable(&self) -> Option<(&Arc<LoadedSplats>, &Arc<LoadedVolume>)> {
+        let splats = self.splats.as_ref().filter(|splats| {
+            self.fitted.is_none() && splats.set.colours.is_none() && !splats.set.splats.is_empty()
+        })?;
+        Some((splats, self.volume.as_ref()?))
+    }
+
+    /// Returns what was measured of what is open now.
+    fn measured(&self) -> Option<&Option<Arc<ShownError>>> {
+        let (splats, volume) = self.comparable()?;
+        let (of_splats, of_volume, error) = self.error.as_ref()?;
+        (Arc::ptr_eq(splats, of_splats) && Arc::ptr_eq(volume, of_volume)).then_some(error)
+    }
+
+    /// Returns splats and volume whose error has not been measured.
+    pub fn to_measure(&self) -> Option<(Arc<LoadedSplats>, Arc<LoadedVolume>)> {
+        let (splats, volume) = self.comparable().filter(|_| self.measured().is_none())?;
+        Some((Arc::clone(splats), Arc::clone(volume)))
+    }
+
+    /// Returns the error of the splats against the volume, if it was measured.
+    pub fn error_found(&self) -> Option<&ShownError> {
+        self.measured()?.as_deref()
+    }
+
+    /// Returns the error of the splats against the volume, as far as it is known.
+    pub fn error(&self) -> Measured<'_> {
+        match (self.comparable(), self.measured()) {
+            (None, _) => Measured::Nothing,
+            (Some(_), None) => Measured::Later,
+            (Some(_), Some(None)) => Measured::Nowhere,
+            (Some(_), Some(Some(error))) => Measured::Found(error),
+        }
+    }
+
+    /// Returns true if the splats are to be shown in the colours of their error.
+    pub fn shows_error(&self, state: &ViewState) -> bool {
+        state.errors.picture && self.error_found().is_some() && self.set(Subject::Splats).is_some()
+    }
+
+    /// Creates the scene of the splats in the colours of their error, and what has to be done before mode decoded shows
+    /// them; `None` if there is no error.
+    pub fn error_scene(&self, gpu: &Gpu, state: &ViewState, pitch: f64) -> Result<Option<(Scene, Decoding)>> {
+        let (Some(Some(error)), Some(set)) = (self.measured(), self.set(Subject::Splats)) else {
+            return Ok(None);
+        };
+        let look = error.look(&self.look(Subject::Splats, state)?, state.errors.range(error));
+        let scene = Scene::new(gpu, Some(set), None, &look)?;
+        let Some(splats) = &scene.splats else { return Ok(None) };
+        let (error, origin) = (Arc::clone(error), scene.origin);
+        let decoding = splats.decoding_objects(gpu, pitch, move |at| error.class(at + origin))?;
+        Ok(Some((scene, decoding)))
     }
 
     /// Returns true if there are data of a subject.

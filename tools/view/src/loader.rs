@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+use engine::fidelity::ShownError;
 use engine::fit::place::place;
 use engine::gpu::Gpu;
 use engine::render::VolumeSource;
@@ -61,6 +62,8 @@ pub enum Loaded {
     VolumeHistogram(Arc<LoadedVolume>, Option<Histogram>),
     /// Files that had to be looked into to be sorted, and those that were asked for.
     Sorted(Box<Sorted>, Vec<PathBuf>),
+    /// Error of these splats against this volume; `None` if they lie nowhere in it.
+    Error(Arc<LoadedSplats>, Arc<LoadedVolume>, Result<Option<ShownError>>),
     /// File that was written, and what else there is to tell of it.
     Written(PathBuf, String),
     /// Error of something that could not be done; the rest goes on. The subject is given if its files could
@@ -227,6 +230,22 @@ impl Loader {
         let what = if deleted.is_empty() { "restoring splats" } else { "deleting splats" };
         self.doing.push((what.to_owned(), None));
         let thread = self.spawn(ALWAYS, move |tell| tell.left(what, whole, deleted, &gpu));
+        self.wait_at_end_for(thread);
+    }
+
+    /// Begins to measure the error of splats against a volume.
+    pub fn measure(&mut self, splats: Arc<LoadedSplats>, volume: Arc<LoadedVolume>, gpu: &Gpu) {
+        let gpu = gpu.clone();
+        let what = "measuring the error";
+        self.doing.push((what.to_owned(), None));
+        let thread = self.spawn(ALWAYS, move |tell| {
+            let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
+            let measured =
+                ShownError::new(&gpu, &splats.set, &volume.volume, volume.roi.as_ref(), &mut progress);
+            tell.say(Message::Ended(what.to_owned()));
+            // Whoever takes the result has to know of a failure, so that it is not tried again.
+            tell.say(Message::Loaded(Loaded::Error(splats, volume, measured)));
+        });
         self.wait_at_end_for(thread);
     }
 

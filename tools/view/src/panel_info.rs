@@ -2,17 +2,41 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use engine::render::Intensities;
+use engine::fidelity::ShownError;
+use engine::render::{Intensities, SplatKind};
 use glam::{DVec2, DVec3};
 
 use crate::fit_plan::FitStatus;
 use crate::histogram::Histogram;
 use crate::region::RegionSize;
-use crate::state::Subject;
+use crate::state::{SplatMode, Subject};
 use crate::thumbnails::Thumbnails;
 
 /// Number of frames in the statistics.
 pub const FRAMES: usize = 120;
+
+/// The error of the splats against the volume, as far as it is known.
+#[derive(Clone, Copy, Debug)]
+pub enum Measured<'a> {
+    /// There is nothing to compare.
+    Nothing,
+    /// It has not been measured yet.
+    Later,
+    /// The splats lie nowhere in the volume, or it could not be measured.
+    Nowhere,
+    /// It was measured.
+    Found(&'a ShownError),
+}
+
+impl<'a> Measured<'a> {
+    /// Returns the error, if it was measured.
+    pub fn found(self) -> Option<&'a ShownError> {
+        match self {
+            Measured::Found(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 /// Facts about the data and the frames that panels show.
 pub struct PanelInfo<'a> {
@@ -26,6 +50,11 @@ pub struct PanelInfo<'a> {
     pub oriented: bool,
     /// Number of splats; `None` without splats.
     pub splats: Option<usize>,
+    /// Kind of the splats; `None` without splats.
+    pub kind: Option<SplatKind>,
+    /// Standard deviation of the middle splat along its shortest axis, mm, once they are on the device: the unit of
+    /// steps in mode slab.
+    pub sigma_mm: Option<f64>,
     /// Number of splats that are deleted.
     pub deleted: usize,
     /// True if there are splats beside them.
@@ -40,6 +69,10 @@ pub struct PanelInfo<'a> {
     pub splat_histogram: Option<&'a Histogram>,
     /// Histogram of the volume's intensities within its region, as soon as it is computed.
     pub volume_histogram: Option<&'a Histogram>,
+    /// Error of the splats against the volume.
+    pub error: Measured<'a>,
+    /// True if the picture has the colours of the error.
+    pub error_shown: bool,
     /// True if the splats are those of a fit that no file has yet.
     pub fitted: bool,
     /// The fit beside the window, if there is one.
@@ -80,6 +113,11 @@ impl PanelInfo<'_> {
         }
     }
 
+    /// Returns the modes that show the splats as they are meant; empty without splats.
+    pub fn modes(&self) -> Vec<SplatMode> {
+        self.kind.map(SplatMode::of_kind).unwrap_or_default()
+    }
+
     /// Returns true if there is something to show side by side with the splats.
     pub fn has_two(&self) -> bool {
         self.has(Subject::Splats) && (self.beside || self.volume)
@@ -97,6 +135,8 @@ impl Default for PanelInfo<'_> {
             unit: "",
             oriented: true,
             splats: None,
+            kind: None,
+            sigma_mm: None,
             deleted: 0,
             beside: false,
             volume: false,
@@ -104,6 +144,8 @@ impl Default for PanelInfo<'_> {
             object_intensities: &[],
             splat_histogram: None,
             volume_histogram: None,
+            error: Measured::Nothing,
+            error_shown: false,
             fitted: false,
             fit: None,
             region: None,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
+use engine::fidelity::evaluate_decoded;
 use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::place::place;
@@ -18,7 +19,7 @@ use crate::picture;
 use crate::report::errors::ErrorsByPlace;
 use crate::report::quality::{Quality, quality_table, quality_text};
 use crate::shared::console::Console;
-use crate::shared::evaluation::{EVAL_SEED, evaluate_decoded, unweighted};
+use crate::shared::evaluation::{EVAL_SEED, unweighted};
 use crate::shared::failure::Stop;
 use crate::shared::flags::{DeviceArguments, Range, range_or_roi};
 use crate::shared::inputs::{Case, ReadArguments, RoiArguments};
@@ -143,7 +144,7 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
     let protocol = arguments.protocol(&case)?;
     let waiting = Waiting::on("measuring the splats");
     let of_field = evaluate::evaluate(&gpu, &splats, &set.field, &case.volume, &case.roi, &protocol)?;
-    let of_decoded = evaluate_decoded(&gpu, &set, &case, &protocol)?;
+    let of_decoded = evaluate_decoded(&gpu, &set, &case.volume, &case.roi, &protocol)?;
     let of_grid = set.form != Form::Field;
     // The evaluation of what is shown comes first.
     let evaluation = if of_grid { &of_decoded } else { &of_field };

@@ -4,7 +4,7 @@
 use engine::reference::eye::Eye;
 use engine::reference::raymarch::{Medium, render};
 use engine::reference::slab::Look;
-use engine::transfer::{ColourPoint, MAX_INTENSITY, Material, OpacityPoint, Table, TransferFunction};
+use engine::transfer::{ColourPoint, Light, MAX_INTENSITY, Material, OpacityPoint, Table, TransferFunction};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
 use super::canvas::{Canvas, Colour};
@@ -95,6 +95,7 @@ impl Solids {
             table: &Table::new(&self.transfer, self.range),
             functions: &[],
             material: &MATERIAL,
+            light: &Light::default(),
             // The whole region is visible: its surface is where the occupancy falls, whatever the intensity.
             dark: 2.0 * self.range[0] - self.range[1],
             planes: &[],

@@ -2,6 +2,7 @@
 //! values.
 
 use engine::Result;
+use engine::fidelity;
 use engine::fit::evaluate::FieldSample;
 use engine::gpu::Gpu;
 use engine::splat::SplatSet;
@@ -128,14 +129,9 @@ impl Subject {
     }
 }
 
-/// Returns the colour of a difference from -1 to 1: blue below, white at, red above zero.
+/// Returns the colour of a difference from -1 to 1.
 pub fn diverging(t: f32) -> Colour {
-    let t = t.clamp(-1.0, 1.0);
-    let (end, depth) = if t < 0.0 { ([8.0, 76.0, 168.0], -t) } else { ([184.0, 24.0, 32.0], t) };
-    let white = 244.0;
-    // The scale is a little more than linear, so that small errors are visible.
-    let share = depth.powf(0.8);
-    end.map(|c: f32| (white + (c - white) * share).round() as u8)
+    fidelity::diverging(f64::from(t)).map(|c| (255.0 * c).round() as u8)
 }
 
 /// Returns a grey from 0 to 1 as a colour.

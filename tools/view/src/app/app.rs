@@ -17,16 +17,17 @@ use super::held_keys::HeldKeys;
 use crate::actions::{Action, pressed};
 use crate::editor::Editor;
 use crate::history::History;
-use crate::panel_info::PanelInfo;
+use crate::panel_info::{Measured, PanelInfo};
+use crate::panels::messages::{Message, Messages};
 use crate::panels::missing::{self, Missing};
-use crate::panels::notice::{Leaving, Loss, Message};
+use crate::panels::notice::{Leaving, Loss};
 use crate::panels::series::{Choice, SeriesPictures};
 use crate::panels::status::Reading;
 use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
 use crate::prompt::{Answer, Prompt, Purpose};
 use crate::series::Series;
 use crate::settings::Settings;
-use crate::state::{Bookmark, Edited, Files, SplatMode, Subject, ViewState, is_session};
+use crate::state::{Bookmark, Edited, Files, Subject, ViewState, is_session};
 use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
@@ -85,7 +86,7 @@ pub struct App {
     pub(super) series_pictures: SeriesPictures,
     /// Session that is opened once its missing files are found or left out.
     pub(super) missing: Option<Missing>,
-    pub(super) message: Option<Message>,
+    pub(super) messages: Messages,
     pub(super) prompt: Option<Prompt>,
     /// Target that is dragged while a button is down.
     pub(super) grip: Option<Drag>,
@@ -118,7 +119,7 @@ impl App {
             series: None,
             series_pictures: SeriesPictures::default(),
             missing: None,
-            message: None,
+            messages: Messages::default(),
             prompt: None,
             grip: None,
             picture: Rect::NOTHING,
@@ -195,7 +196,8 @@ impl App {
         let (new, old) = (&self.state, &self.taken);
         let changes = Changes {
             camera: new.orbit != old.orbit,
-            look: (&new.transfer, &new.clip, &new.objects) != (&old.transfer, &old.clip, &old.objects),
+            look: (&new.transfer, new.light, &new.clip, &new.objects, new.errors)
+                != (&old.transfer, old.light, &old.clip, &old.objects, old.errors),
             rendering: (new.shown, new.mode, new.split, new.background, new.quality)
                 != (old.shown, old.mode, old.split, old.background, old.quality),
         };
@@ -231,12 +233,12 @@ impl App {
     /// Reports an error to the user.
     pub fn report(&mut self, error: &Error) {
         tracing::warn!("{error} [{}]", error.code);
-        self.message = Some(error.into());
+        self.messages.tell(error.into());
     }
 
     /// Tells the user that something is done.
     pub fn done(&mut self, text: impl Into<String>) {
-        self.message = Some(Message { text: text.into(), help: String::new(), bad: false });
+        self.messages.tell(Message { text: text.into(), help: String::new(), bad: false });
     }
 
     /// Lays out a frame and does what the user asks; returns the actions that only the window can carry out.
@@ -405,8 +407,9 @@ impl App {
             }
             Action::ToggleSlices => state.slices.shown = !state.slices.shown,
             Action::NextMode => {
-                let at = SplatMode::ALL.iter().position(|m| *m == state.mode).unwrap_or(0);
-                state.mode = SplatMode::ALL[(at + 1) % SplatMode::ALL.len()];
+                let modes = info.modes();
+                let next = modes.iter().position(|m| *m == state.mode).map_or(0, |at| (at + 1) % modes.len());
+                modes.get(next).into_iter().for_each(|mode| state.mode = *mode);
             }
             Action::NextPreset => self.step_preset(1, info),
             Action::PreviousPreset => self.step_preset(PRESETS.len() - 1, info),
@@ -434,7 +437,7 @@ impl App {
                 (self.prompt, self.saves_to_leave) = (None, None);
                 self.keys = false;
                 self.leaving = None;
-                self.message = None;
+                self.messages.close();
             }
             Action::TogglePanels => state.show.panels = !state.show.panels,
             Action::ToggleOverlay => state.show.overlay = !state.show.overlay,
@@ -446,6 +449,7 @@ impl App {
             }
             Action::ToggleHandles => state.show.handles = !state.show.handles,
             Action::ToggleKeys => self.keys = !self.keys,
+            Action::ToggleMessages => self.messages.listed = !self.messages.listed,
         }
         None
     }
@@ -514,7 +518,8 @@ impl App {
             Panel::bottom("status").show(ui, |ui| {
                 let pixels = f64::from(self.picture.height() * ui.pixels_per_point());
                 let scale = info.bounds.map(|_| self.state.orbit.height_mm() / pixels);
-                panels::status::show(ui, &self.state, info, self.reading.as_ref(), scale);
+                let told = self.messages.count();
+                panels::status::show(ui, &self.state, info, self.reading.as_ref(), scale, told, actions);
             });
             // In a narrow window the panels would leave no room for the picture.
             if ui.available_width() >= 1.5 * PANEL[0] {
@@ -530,11 +535,12 @@ impl App {
         }
         if self.state.slices.shown && ui.available_width() >= 1.5 * SLICES[0] {
             let shade = self.fit_form.shade(&self.state.files, info);
-            let (slices, images) = (&mut self.state.slices, &mut self.slice_images);
+            let (errors, slices, images) =
+                (self.state.errors, &mut self.state.slices, &mut self.slice_images);
             Panel::left("slices")
                 .default_size(SLICES[0])
                 .size_range(SLICES[0]..=SLICES[1])
-                .show(ui, |ui| panels::slices::show(ui, slices, images, info, shade));
+                .show(ui, |ui| panels::slices::show(ui, slices, images, info, shade, errors));
         }
         CentralPanel::no_frame().show(ui, |ui| self.central(ui, info, actions));
     }
@@ -557,6 +563,9 @@ impl App {
         }
         section("Objects", true)
             .show_unindented(ui, |ui| panels::objects::show(ui, state, info, Some(&mut *actions)));
+        if !matches!(info.error, Measured::Nothing) {
+            section("Error", true).show_unindented(ui, |ui| panels::error::show(ui, state, info));
+        }
         section("Transfer function", true)
             .show_unindented(ui, |ui| panels::transfer::show(ui, state, &mut self.editor, info, actions));
         section("Quality", true).show_unindented(ui, |ui| panels::quality::show(ui, state, info, actions));
@@ -622,9 +631,7 @@ impl App {
                 }
             }
         }
-        if self.message.as_ref().is_some_and(|m| panels::notice::message(context, m)) {
-            self.message = None;
-        }
+        self.messages.show(context, self.picture);
         if !self.settings.notice_seen && panels::notice::show(context) {
             self.settings.notice_seen = true;
             if let Err(error) = self.settings.write() {

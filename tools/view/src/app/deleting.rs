@@ -5,7 +5,7 @@ use std::path::Path;
 use super::app::App;
 use crate::deletions::{Bounds, Deletion};
 use crate::panel_info::PanelInfo;
-use crate::panels::notice::Message;
+use crate::panels::messages::Message;
 use crate::state::Files;
 
 impl App {
@@ -56,6 +56,6 @@ impl App {
 
     /// Tells the user why something cannot be done, and what to do.
     pub(super) fn refuse(&mut self, text: &str, help: &str) {
-        self.message = Some(Message { text: text.to_owned(), help: help.to_owned(), bad: true });
+        self.messages.tell(Message { text: text.to_owned(), help: help.to_owned(), bad: true });
     }
 }

@@ -57,11 +57,12 @@ impl App {
         self.cube(ui, info, actions);
         self.paint(ui, &response, info, over);
         if info.draft {
-            let at = rect.left_bottom() + vec2(10.0, -8.0);
+            // Bars are below, messages follow it.
+            let at = rect.left_top() + vec2(10.0, 8.0);
             let font = TextStyle::Body.resolve(ui.style());
             for (by, colour) in [(1.0, Color32::BLACK), (0.0, SIGNAL)] {
                 let at = at + egui::Vec2::splat(by);
-                ui.painter().text(at, Align2::LEFT_BOTTOM, "draft", font.clone(), colour);
+                ui.painter().text(at, Align2::LEFT_TOP, "draft", font.clone(), colour);
             }
         }
     }
@@ -83,7 +84,7 @@ impl App {
     /// Starts and continues drags of handles and of the split. Returns what is dragged or under the cursor.
     fn grip(&mut self, ui: &Ui, response: &Response, info: &PanelInfo<'_>) -> Option<Target> {
         let primary = PointerButton::Primary;
-        if response.drag_started_by(primary) && !ui.input(|i| i.modifiers.shift) {
+        if response.drag_started_by(primary) && ui.input(|i| !i.modifiers.shift && !i.modifiers.command) {
             // egui reports a drag only after the mouse has moved a little.
             let origin = ui.input(|i| i.pointer.press_origin());
             self.grip = origin.and_then(|at| Some(Drag { what: self.grip_at(at, info)?, at }));
@@ -149,7 +150,9 @@ impl App {
         }
         let subjects = state.subjects(|subject| info.has(subject));
         let PanelInfo { oriented, range, unit, fitted, .. } = *info;
-        paint.tell(state, &Told { oriented, range, unit, subjects: &subjects, fitted });
+        let shown = info.error.found().filter(|_| info.error_shown);
+        let error = shown.map(|error| state.errors.range(error));
+        paint.tell(state, &Told { oriented, range, unit, subjects: &subjects, fitted, error });
         if let (Some(split), 2) = (state.split, subjects.len()) {
             paint.grip(split);
         }
@@ -172,18 +175,22 @@ impl App {
         DVec2::new(f64::from(from.x / size.x), f64::from(from.y / size.y))
     }
 
-    /// Turns, moves and zooms the camera, or changes window and level, as the mouse says.
+    /// Turns, moves and zooms the camera, moves the light, or changes window and level, as the mouse says.
     fn lead(&mut self, ui: &Ui, response: &Response) {
         let aspect = self.aspect();
         let by = response.drag_delta();
         let (x, y) = (f64::from(by.x), f64::from(by.y));
         let size = self.picture.size();
-        let shift = ui.input(|i| i.modifiers.shift);
+        let (shift, command) = ui.input(|i| (i.modifiers.shift, i.modifiers.command));
         if response.dragged_by(PointerButton::Middle)
             || (shift && response.dragged_by(PointerButton::Primary))
         {
             let by = DVec2::new(x / f64::from(size.x), y / f64::from(size.y));
             self.state.orbit.pan(by, aspect);
+        } else if response.dragged_by(PointerButton::Primary) && command && self.state.transfer.material.shade
+        {
+            let axes = self.state.orbit.axes();
+            panels::light::drag(&mut self.state.light, by, 0.5 * size.y, axes);
         } else if response.dragged_by(PointerButton::Primary) {
             self.state.orbit.turn(-x / POINTS_PER_DEGREE, y / POINTS_PER_DEGREE);
         } else if response.dragged_by(PointerButton::Secondary) && by != egui::Vec2::ZERO {

@@ -90,6 +90,7 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
                 Action::ToggleOverlay,
                 Action::ToggleAnnotations,
                 Action::ToggleHandles,
+                Action::ToggleMessages,
                 Action::ToggleKeys,
             ] {
                 item(ui, true, action, actions);

@@ -5,19 +5,24 @@
 //! |---|---|
 //! | `menu`, `status` | the menus above, the line below |
 //! | `objects`, `transfer`, `quality`, `camera`, `clip`, `measure` | the sections at the side |
+//! | `error` | the section of the error against the volume |
+//! | `light` | where light comes from, and how surfaces respond to it |
 //! | `fit` | the section that fits splats to a region of the volume |
 //! | `slices` | the slices beside the picture |
-//! | `welcome`, `notice`, `keys`, `overlay` | over the picture: nothing open, a message, keys, frame times |
+//! | `welcome`, `notice`, `messages`, `keys`, `overlay` | over the picture: nothing open, a question, messages, keys, frame times |
 //! | `series` | which of several series is meant |
 //! | `missing` | where the missing files of a session are |
 //! | `widgets` | parts of the panels |
 
 pub mod camera;
 pub mod clip;
+pub mod error;
 pub mod fit;
 pub mod keys;
+pub mod light;
 pub mod measure;
 pub mod menu;
+pub mod messages;
 pub mod missing;
 pub mod notice;
 pub mod objects;

@@ -1,9 +1,6 @@
-//! The notice that users see once, and messages.
+//! The notice that users see once, and the question whether to leave what would be lost.
 
-use egui::{Align2, Context, Id, Modal, RichText, Window, vec2};
-use engine::Error;
-
-use crate::theme::SIGNAL;
+use egui::{Context, Id, Modal};
 
 /// Shows the notice that this is not for diagnosis. Returns true once the user has confirmed it.
 pub fn show(context: &Context) -> bool {
@@ -89,86 +86,4 @@ pub fn leave(context: &Context, loss: Loss, ends: bool) -> Option<Leaving> {
         .inner
     });
     if modal.inner.is_none() && modal.should_close() { Some(Leaving::Stay) } else { modal.inner }
-}
-
-/// Message to the user.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Message {
-    /// Description of what happened.
-    pub text: String,
-    /// Advice on what to do; may be empty.
-    pub help: String,
-    /// True if something went wrong.
-    pub bad: bool,
-}
-
-/// Flags of the command line that errors name, and what is called so in the window.
-const IN_WINDOW: [(&str, &str); 8] = [
-    ("--roi-min-ml", "Pieces from"),
-    ("--roi-largest", "Largest"),
-    ("--roi-close", "Close gaps"),
-    ("--roi-fill", "Fill holes"),
-    ("--roi-threshold", "Threshold"),
-    ("--roi-label", "Labels"),
-    ("--roi", "Mask"),
-    ("--series", "Choose series…"),
-];
-
-/// Returns a text with the window's words for flags. Those that the window has none for stay, as flags.
-fn in_window(text: &str) -> String {
-    let words = IN_WINDOW.iter().fold(text.to_owned(), |text, (flag, word)| text.replace(flag, word));
-    if words.contains("--") { words + " (on the command line)" } else { words }
-}
-
-impl From<&Error> for Message {
-    fn from(error: &Error) -> Self {
-        let file = error.file.as_ref().map(|file| format!("{}: ", file.display())).unwrap_or_default();
-        let text = format!("{file}{} [{}]", in_window(&error.message), error.code);
-        Message { text, help: in_window(&error.help), bad: true }
-    }
-}
-
-/// Shows a message until it is closed. Returns true if it was closed.
-pub fn message(context: &Context, message: &Message) -> bool {
-    let mut open = true;
-    let title =
-        if message.bad { RichText::new("It did not work").color(SIGNAL) } else { RichText::new("Done") };
-    Window::new(title)
-        .id(Id::new("message"))
-        .open(&mut open)
-        .anchor(Align2::LEFT_BOTTOM, vec2(12.0, -40.0))
-        .resizable(false)
-        .collapsible(false)
-        .show(context, |ui| {
-            ui.set_max_width(460.0);
-            ui.label(&message.text);
-            if !message.help.is_empty() {
-                ui.weak(&message.help);
-            }
-        });
-    !open
-}
-
-#[cfg(test)]
-mod tests {
-    use engine::Kind;
-
-    use super::*;
-
-    #[test]
-    fn errors_speak_of_the_window() {
-        let message = |message: &str, help: &str| {
-            Message::from(&Error::new(Kind::Usage, "VGS-X-001", message.to_owned()).help(help))
-        };
-        let pieces =
-            message("--roi-min-ml 5 leaves nothing", "give a smaller --roi-min-ml, or other thresholds");
-        assert_eq!(pieces.text, "Pieces from 5 leaves nothing [VGS-X-001]");
-        assert_eq!(pieces.help, "give a smaller Pieces from, or other thresholds");
-        let labels = message("several", "choose --roi-label N|name,...: 1 bone; or another --roi");
-        assert_eq!(labels.help, "choose Labels N|name,...: 1 bone; or another Mask");
-        assert_eq!(message("a", "raise --max-bytes").help, "raise --max-bytes (on the command line)");
-        assert_eq!(message("a", "copy it again").help, "copy it again");
-        let named = Error::new(Kind::Usage, "VGS-X-001", "--series is none").file("a--roi.nii");
-        assert_eq!(Message::from(&named).text, "a--roi.nii: Choose series… is none [VGS-X-001]");
-    }
 }

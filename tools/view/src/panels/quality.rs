@@ -1,11 +1,15 @@
 //! Panel of mode and quality, and of the time that a frame may take.
 
 use egui::{DragValue, Slider, Ui};
+use engine::render::SplatKind;
 
 use super::widgets::{explained, row};
 use crate::actions::Action;
 use crate::panel_info::PanelInfo;
-use crate::state::{SplatMode, Subject, ViewState, mode_row};
+use crate::state::{self, SplatMode, Subject, ViewState};
+
+/// Least and greatest step that the slider gives.
+const STEPS: [f64; 2] = [0.25, 4.0];
 
 /// Shows the mode and the quality and changes them.
 pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
@@ -28,36 +32,10 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &
         explained(ui, button, &Action::Split)
             .on_disabled_hover_text("open splats and their volume, or splats beside them");
     });
-    row(ui, "Mode", "how splats are rendered", |ui| {
-        for mode in SplatMode::ALL {
-            ui.selectable_value(&mut state.mode, mode, mode.name())
-                .on_hover_text(mode_row(mode.name()).about);
-        }
-    });
+    mode_row(ui, state, info);
+    step_row(ui, state, info);
+    budget_row(ui, state, info);
     let quality = &mut state.quality;
-    row(
-        ui,
-        "Step",
-        "slab thickness in standard deviations, or step of the volume in voxels: less is finer",
-        |ui| {
-            ui.add(Slider::new(&mut quality.step, 0.25..=4.0).logarithmic(true).suffix(" σ").max_decimals(2));
-        },
-    );
-    if let Some(splats) = info.splats {
-        row(ui, "Splat budget", "most splats that are drawn", |ui| {
-            let mut limited = quality.splat_budget.is_some();
-            if ui.checkbox(&mut limited, "").on_hover_text("limit how many splats are drawn").changed() {
-                quality.splat_budget = limited.then_some((splats as u64).max(1));
-            }
-            match &mut quality.splat_budget {
-                None => _ = ui.label(format!("all {splats}")),
-                Some(budget) => {
-                    let value = DragValue::new(budget).speed(1000.0).range(1000..=u64::MAX);
-                    ui.add(value.suffix(format!(" of {splats}")));
-                }
-            }
-        });
-    }
     row(ui, "Frame target", "what a frame may take while the picture moves", |ui| {
         let value = DragValue::new(&mut quality.target_frame_ms).speed(0.1).range(1.0..=1000.0);
         ui.add(value.suffix(" ms").max_decimals(1));
@@ -66,4 +44,77 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &
         .on_hover_text("quality falls until the target is met; at rest it is full again");
     ui.checkbox(&mut state.show.overlay, "Frame times")
         .on_hover_text("frame times, passes, splats and memory");
+}
+
+/// Shows the modes that suit the splats; nothing if there are none, as for a volume alone.
+fn mode_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
+    let modes = info.modes();
+    let about = |mode: SplatMode| state::mode_row(mode.name()).about;
+    match modes[..] {
+        [] => {}
+        [mode] => {
+            let why = match info.kind {
+                Some(SplatKind::Coloured) => {
+                    "these splats have colours of their own, and no intensities to classify"
+                }
+                _ => {
+                    "these splats were fitted for the voxels of their scan: other modes would show ghosts between them"
+                }
+            };
+            row(ui, "Mode", why, |ui| ui.label(mode.name()).on_hover_text(format!("{}; {why}", about(mode))));
+        }
+        _ => row(ui, "Mode", "how splats are rendered", |ui| {
+            for mode in modes {
+                ui.selectable_value(&mut state.mode, mode, mode.name()).on_hover_text(about(mode));
+            }
+        }),
+    }
+}
+
+/// Shows the distance of samples along a ray, in the unit of what is rendered, if that has such steps.
+fn step_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
+    // What is seen of splats decides; a volume beside them follows.
+    let of_splats = info.has(Subject::Splats) && (state.shown != Subject::Volume || state.split.is_some());
+    let (unit_mm, suffix, help) = match (of_splats, state.mode) {
+        (false, _) | (true, SplatMode::Decoded) => (
+            1.0,
+            " voxels",
+            "how far apart a ray looks at the data, in edges of a voxel: less is finer and slower",
+        ),
+        (true, SplatMode::Slab) => match info.sigma_mm {
+            Some(mm) => {
+                (mm, " mm", "how thick the slabs are that a ray is cut into: less is finer and slower")
+            }
+            None => return,
+        },
+        // Exact has the finest steps there are, alpha none.
+        (true, SplatMode::Exact | SplatMode::Alpha) => return,
+    };
+    row(ui, "Step", help, |ui| {
+        let mut step = state.quality.step * unit_mm;
+        let [least, most] = STEPS.map(|step| step * unit_mm);
+        let slider = Slider::new(&mut step, least..=most).logarithmic(true).suffix(suffix).fixed_decimals(2);
+        if ui.add(slider).changed() {
+            state.quality.step = step / unit_mm;
+        }
+    });
+}
+
+/// Shows how many splats are drawn, in the modes that draw splats one by one.
+fn budget_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
+    let Some(splats) = info.splats.filter(|_| state.mode != SplatMode::Decoded) else { return };
+    let budget = &mut state.quality.splat_budget;
+    row(ui, "Splat budget", "most splats that are drawn", |ui| {
+        let mut limited = budget.is_some();
+        if ui.checkbox(&mut limited, "").on_hover_text("limit how many splats are drawn").changed() {
+            *budget = limited.then_some((splats as u64).max(1));
+        }
+        match budget {
+            None => _ = ui.label(format!("all {splats}")),
+            Some(budget) => {
+                let value = DragValue::new(budget).speed(1000.0).range(1000..=u64::MAX);
+                ui.add(value.suffix(format!(" of {splats}")));
+            }
+        }
+    });
 }

@@ -4,11 +4,13 @@ use egui::{
     Align2, Color32, ColorImage, DragValue, FontId, PointerButton, Rect, Response, Sense, Stroke,
     TextureHandle, TextureOptions, Ui, pos2, vec2,
 };
+use engine::fidelity::diverging;
 use glam::{DVec2, DVec3};
 
+use super::error::{bar, ends};
 use crate::panel_info::PanelInfo;
 use crate::slices::{SlicePlane, first_window, grey};
-use crate::state::Slices;
+use crate::state::{ErrorColours, Slices};
 
 /// Pixels of the longer side of a slice through a volume, and through splats alone, which take longer.
 const PIXELS: [usize; 2] = [320, 128];
@@ -16,8 +18,9 @@ const PIXELS: [usize; 2] = [320, 128];
 const POINTS_PER_E: f32 = 250.0;
 /// Length of scrolling that moves a slice by a hundredth of the scene, points of the screen.
 const POINTS_PER_STEP: f32 = 25.0;
-/// Height of what stands under the slices, points of the screen.
+/// Height of what stands under the slices, points of the screen, and of what the error adds to it.
 const FOOT: f32 = 64.0;
+const LEGEND: f32 = 58.0;
 
 /// Colour of a region over the grey of the slices, and its part of the mixture.
 const SHADE: ([f32; 3], f32) = ([64.0, 200.0, 255.0], 0.4);
@@ -37,6 +40,8 @@ pub enum Shade {
 #[derive(Clone, PartialEq)]
 struct Key {
     shade: Option<Shade>,
+    /// Error at which its colours end, where it is shown.
+    error: Option<f64>,
     data: u64,
     volume: bool,
     bounds: [DVec3; 2],
@@ -60,13 +65,14 @@ fn colour(plane: SlicePlane) -> Color32 {
 }
 
 /// Shows the slices through the crosshair, which they move. With a `shade` they show all of the volume and shade a
-/// part of it.
+/// part of it; otherwise they may have the colours of the error.
 pub fn show(
     ui: &mut Ui,
     slices: &mut Slices,
     images: &mut SliceImages,
     info: &PanelInfo<'_>,
     shade: Option<Shade>,
+    errors: ErrorColours,
 ) {
     let Some(bounds) = info.volume_bounds.filter(|_| shade.is_some()).or(info.bounds) else {
         _ = ui.weak("nothing is open");
@@ -78,8 +84,11 @@ pub fn show(
     let at_mm = slices.at_mm.get_or_insert((bounds[0] + bounds[1]) * 0.5);
     *at_mm = at_mm.clamp(bounds[0], bounds[1]);
     let window = slices.window.get_or_insert_with(|| first_window(info.range, !info.unit.is_empty()));
+    let error = info.error.found().filter(|_| errors.slices && shade.is_none());
+    let range = error.map(|error| errors.range(error));
+    let foot_height = if range.is_some() { FOOT + LEGEND } else { FOOT };
     let width = ui.available_width();
-    let height = (ui.available_height() - FOOT) / 3.0 - ui.spacing().item_spacing.y;
+    let height = (ui.available_height() - foot_height) / 3.0 - ui.spacing().item_spacing.y;
     for (plane, image) in SlicePlane::ALL.into_iter().zip(&mut images.shown) {
         let extent = plane.extent_mm(bounds).max(DVec2::splat(1e-9));
         let scale = (width / extent.x as f32).min(height.max(40.0) / extent.y as f32);
@@ -90,6 +99,7 @@ pub fn show(
         lead(ui, &response, rect, plane, bounds, at_mm, window);
         let key = Key {
             shade,
+            error: range,
             data: info.data,
             volume: info.volume,
             bounds,
@@ -102,6 +112,9 @@ pub fn show(
         Some(_) => (info.sample_whole)(*at_mm).map(|(intensity, _)| intensity),
         None => (info.sample)(*at_mm),
     };
+    if let (Some(error), Some(range)) = (error, range) {
+        legend(ui, error.at(*at_mm), range, info.unit);
+    }
     foot(ui, *at_mm, intensity, window, info.unit);
 }
 
@@ -142,8 +155,17 @@ fn lead(
 fn pixels(key: &Key, size: [usize; 2], plane: SlicePlane, at_mm: DVec3, info: &PanelInfo<'_>) -> ColorImage {
     let slice = |sample: &dyn Fn(DVec3) -> Option<f64>| plane.intensities(at_mm, key.bounds, size, sample);
     let Some(shade) = key.shade else {
-        let greys: Vec<u8> = slice(info.sample).into_iter().map(|v| grey(v, key.window)).collect();
-        return ColorImage::from_gray(size, &greys);
+        let greys = slice(info.sample).into_iter().map(|v| grey(v, key.window));
+        let (Some(error), Some(range)) = (info.error.found(), key.error) else {
+            return ColorImage::from_gray(size, &greys.collect::<Vec<u8>>());
+        };
+        let errors = slice(&|at| error.at(at));
+        let mixed = greys.zip(errors).map(|(grey, error)| {
+            let [r, g, b] =
+                over(f32::from(grey) / 255.0, f64::from(error) / range).map(|v| (255.0 * v).round() as u8);
+            Color32::from_rgb(r, g, b)
+        });
+        return ColorImage::new(size, mixed.collect());
     };
     let intensities = slice(&|at| (info.sample_whole)(at).map(|(intensity, _)| intensity));
     let weights = match shade {
@@ -161,6 +183,27 @@ fn pixels(key: &Key, size: [usize; 2], plane: SlicePlane, at_mm: DVec3, info: &P
         Color32::from_rgb(r, g, b)
     });
     ColorImage::new(size, mixed.collect())
+}
+
+/// Returns a grey, 0 to 1, under the colour of an error, -1 to 1: the larger the error, the less is seen of the grey. NaN
+/// is no error.
+fn over(grey: f32, error: f64) -> [f32; 3] {
+    if error.is_nan() {
+        return [grey; 3];
+    }
+    let share = error.abs().min(1.0).powf(0.8) as f32;
+    diverging(if error < 0.0 { -1.0 } else { 1.0 }).map(|end| grey + share * (end - grey))
+}
+
+/// Shows the error at the crosshair, and which colours errors have.
+fn legend(ui: &mut Ui, error: Option<f64>, range: f64, unit: &str) {
+    match error {
+        Some(error) => ui.monospace(format!("error {error:+.1}{unit}")),
+        None => ui.weak("no error here: outside of the region"),
+    };
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 12.0), Sense::hover());
+    bar(ui, rect, |share| over(0.5, 2.0 * share - 1.0));
+    ends(ui, rect, range, unit);
 }
 
 /// Paints a slice with the lines of the others, the patient's sides and its name.
@@ -235,4 +278,21 @@ fn foot(ui: &mut Ui, at_mm: DVec3, intensity: Option<f64>, window: &mut [f64; 2]
         ui.label("to");
         ui.add(DragValue::new(high).speed(speed).max_decimals(0).suffix(unit));
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_larger_an_error_the_less_is_seen_of_the_grey() {
+        assert_eq!(over(0.3, 0.0), [0.3; 3]);
+        assert_eq!(over(0.3, f64::NAN), [0.3; 3], "no error is known");
+        for (error, end) in [(-1.0, -1.0), (-7.0, -1.0), (1.0, 1.0), (7.0, 1.0)] {
+            let apart = (0..3).map(|k| (over(0.3, error)[k] - diverging(end)[k]).abs()).fold(0.0, f32::max);
+            assert!(apart < 1e-6, "{error}");
+        }
+        let [small, large] = [0.2, 0.6].map(|error| over(0.3, error));
+        assert!(small[0] < large[0] && small[2] > large[2], "redder: {small:?} {large:?}");
+    }
 }

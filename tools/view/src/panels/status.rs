@@ -3,6 +3,8 @@
 use egui::{ProgressBar, Ui};
 use glam::DVec3;
 
+use super::widgets::explained;
+use crate::actions::Action;
 use crate::panel_info::PanelInfo;
 use crate::state::ViewState;
 
@@ -15,13 +17,15 @@ pub struct Reading {
     pub intensity: Option<f64>,
 }
 
-/// Shows the status line.
+/// Shows the status line. `told` is the number of messages that can be listed.
 pub fn show(
     ui: &mut Ui,
     state: &ViewState,
     info: &PanelInfo<'_>,
     reading: Option<&Reading>,
     scale: Option<f64>,
+    told: usize,
+    actions: &mut Vec<Action>,
 ) {
     ui.horizontal(|ui| {
         match reading {
@@ -56,6 +60,13 @@ pub fn show(
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             ui.weak("not for diagnosis").on_hover_text("for research and teaching; no medical device");
+            if told > 0 {
+                let button = ui.small_button("Messages");
+                if button.clicked() {
+                    actions.push(Action::ToggleMessages);
+                }
+                explained(ui, button, &Action::ToggleMessages);
+            }
         });
     });
 }

@@ -4,6 +4,7 @@ use egui::{Button, ComboBox, DragValue, Image, Slider, Ui, Vec2};
 use engine::transfer::{PRESETS, Preset, WINDOWS};
 use engine::unit::Unit;
 
+use super::light;
 use super::widgets::{ask, colour_button, row};
 use crate::actions::Action;
 use crate::editor::widget::{self, Backdrop};
@@ -31,7 +32,7 @@ pub fn show(
     choices(ui, state, info, actions);
     curve(ui, state, editor, info);
     gradient_row(ui, state, info);
-    light(ui, state);
+    light::show(ui, state);
 }
 
 /// Shows the curve with its points, window and shift, and changes them.
@@ -198,33 +199,6 @@ fn window_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
         let high = ui.add(value(&mut level).prefix("L "));
         if wide.changed() || high.changed() {
             state.transfer.set_window([level - 0.5 * width, level + 0.5 * width]);
-        }
-    });
-}
-
-/// Shows how the transfer function's colours respond to light, and changes it.
-pub fn light(ui: &mut Ui, state: &mut ViewState) {
-    let material = &mut state.transfer.material;
-    ui.checkbox(&mut material.shade, "Light").on_hover_text("Blinn and Phong, from above the left shoulder");
-    ui.add_enabled_ui(material.shade, |ui| {
-        for (name, help, value, most) in [
-            ("Ambient", "share of the colour that needs no light", &mut material.ambient, 1.0),
-            (
-                "Diffuse",
-                "share of the colour that follows the angle to the light",
-                &mut material.diffuse,
-                1.0,
-            ),
-            ("Specular", "strength of the highlight", &mut material.specular, 1.0),
-            ("Power", "exponent of the highlight: greater is smaller", &mut material.power, 100.0),
-            (
-                "Occlusion",
-                "share of the light that crevices lose, in modes volume and decoded",
-                &mut material.occlusion,
-                1.0,
-            ),
-        ] {
-            row(ui, name, help, |ui| ui.add(Slider::new(value, 0.0..=most).max_decimals(2)));
         }
     });
 }

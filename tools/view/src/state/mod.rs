@@ -3,13 +3,16 @@
 //! | file | what is there |
 //! |---|---|
 //! | `state` | all of it: [`ViewState`], its parts, and how it is read and written |
+//! | `error_colours` | [`ErrorColours`]: what of the picture has the colours of the error |
 //! | `files` | [`Files`]: where they are, as a session names them, and those that are missing |
 //! | `unpacked` | [`Unpacked`]: the folder that a packed session is unpacked into |
 
+mod error_colours;
 mod files;
 mod state;
 mod unpacked;
 
+pub use error_colours::ErrorColours;
 pub use files::Files;
 pub use state::{
     Bookmark, Clip, CropBox, Distance, Edited, MOST_PLANES, Object, Plane, Quality, Show, Slices, SplatMode,

@@ -6,12 +6,13 @@
 use std::path::Path;
 
 use engine::error::{Error, Kind, Result};
-use engine::render::{self, Appearance, ClipPlane, Look, ObjectChange, PLANES};
+use engine::render::{self, Appearance, ClipPlane, Look, ObjectChange, PLANES, SplatKind};
 use engine::splat;
-use engine::transfer::TransferFunction;
+use engine::transfer::{Light, TransferFunction};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::error_colours::ErrorColours;
 use super::files::Files;
 use super::unpacked::{Unpacked, is_packed};
 use crate::deletions::Deletion;
@@ -64,12 +65,18 @@ pub struct ViewState {
     /// Annotations and panels that are shown.
     #[serde(default)]
     pub show: Show,
+    /// Colours of the error against the volume.
+    #[serde(default, skip_serializing_if = "ErrorColours::is_default")]
+    pub errors: ErrorColours,
     /// Slices beside the picture.
     #[serde(default, skip_serializing_if = "Slices::is_default")]
     pub slices: Slices,
     /// Clip planes and crop box.
     #[serde(default)]
     pub clip: Clip,
+    /// Light of surfaces.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub light: Light,
     /// Transfer function: from intensity to colour and opacity.
     pub transfer: Transfer,
     /// Fits and labels, in the order of the list.
@@ -257,6 +264,7 @@ pub struct Distance {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edited {
     transfer: Transfer,
+    light: Light,
     background: DVec3,
     objects: Vec<Object>,
     clip: Clip,
@@ -275,6 +283,12 @@ impl Edited {
 impl SplatMode {
     /// All modes, in the order in which one steps through them.
     pub const ALL: [SplatMode; 4] = [SplatMode::Slab, SplatMode::Decoded, SplatMode::Alpha, SplatMode::Exact];
+
+    /// Returns the modes that show splats of a kind as they are meant, in the order in which one steps through them.
+    pub fn of_kind(kind: SplatKind) -> Vec<SplatMode> {
+        let suits = |mode: &SplatMode| kind.own_mode().is_none_or(|own| own == mode.name());
+        SplatMode::ALL.into_iter().filter(suits).collect()
+    }
 
     /// Returns its name in [`render::MODES`].
     pub fn name(self) -> &'static str {
@@ -357,8 +371,10 @@ impl ViewState {
             bookmarks: Vec::new(),
             quality: Quality::default(),
             show: Show::default(),
+            errors: ErrorColours::default(),
             slices: Slices::default(),
             clip: Clip::default(),
+            light: Light::default(),
             transfer: Transfer::new(transfer),
             objects: Vec::new(),
             distances: Vec::new(),
@@ -403,7 +419,8 @@ impl ViewState {
         let own = numbers.iter().zip(&self.objects);
         let own = own.filter_map(|(number, row)| Some((*number, row.transfer.as_ref()?.function())));
         let functions = own.map(|(number, function)| Ok((number, function?))).collect::<Result<_>>()?;
-        Ok(Look { transfer: self.transfer.function()?, clip: self.clip.planes(), objects, functions })
+        let (transfer, clip, light) = (self.transfer.function()?, self.clip.planes(), self.light);
+        Ok(Look { transfer, clip, objects, functions, light })
     }
 
     /// Replaces the list of objects by those found in the files. Rows that are there already, from a session
@@ -446,6 +463,7 @@ impl ViewState {
     pub fn edited(&self) -> Edited {
         Edited {
             transfer: self.transfer.clone(),
+            light: self.light,
             background: self.background,
             objects: self.objects.clone(),
             clip: self.clip.clone(),
@@ -456,15 +474,16 @@ impl ViewState {
 
     /// Returns true if undo would restore nothing from this to `edited`.
     pub fn is_edited_as(&self, edited: &Edited) -> bool {
-        let Edited { transfer, background, objects, clip, distances, deleted } = edited;
-        (&self.transfer, &self.background, &self.objects, &self.clip, &self.distances, &self.deleted)
-            == (transfer, background, objects, clip, distances, deleted)
+        let Edited { transfer, light, background, objects, clip, distances, deleted } = edited;
+        (&self.transfer, &self.light, &self.background, &self.objects)
+            == (transfer, light, background, objects)
+            && (&self.clip, &self.distances, &self.deleted) == (clip, distances, deleted)
     }
 
     /// Restores what undo brings back.
     pub fn restore(&mut self, edited: Edited) {
-        let Edited { transfer, background, objects, clip, distances, deleted } = edited;
-        (self.transfer, self.background, self.objects) = (transfer, background, objects);
+        let Edited { transfer, light, background, objects, clip, distances, deleted } = edited;
+        (self.transfer, self.light, self.background, self.objects) = (transfer, light, background, objects);
         (self.clip, self.distances, self.deleted) = (clip, distances, deleted);
     }
 
@@ -581,12 +600,17 @@ impl ViewState {
                 "shown is \"beside\", and [files] has no such splats",
             ),
             (colour(self.background), "background is no colour: three numbers from 0 to 1 are needed"),
+            (self.light.is_sound(), "[light] needs a direction in towards, and a fill from 0 to 0.5"),
             (self.clip.planes.len() <= MOST_PLANES, "there are too many [[clip.planes]]; there can be two"),
             (self.clip.planes.iter().all(plane), "a plane of [[clip.planes]] has no direction or offset"),
             (self.clip.crop.iter().all(crop), "[clip.box] needs low_mm below high_mm, both finite"),
             (self.objects.iter().all(object), "a row of [[objects]] has no such file, tint or opacity"),
             ((0.05..=10.0).contains(&step), "[quality] step is not between 0.05 and 10"),
             (splat_budget != Some(0), "[quality] splat_budget is 0"),
+            (
+                self.errors.range.is_none_or(|range| range > 0.0 && range.is_finite()),
+                "[errors] range is not above 0",
+            ),
             (
                 (1.0..=1000.0).contains(&target_frame_ms),
                 "[quality] target_frame_ms is not between 1 and 1000",
@@ -603,6 +627,10 @@ impl ViewState {
                 .help("mend the line in the session file, or begin without it")),
         }
     }
+}
+
+fn is_first(light: &Light) -> bool {
+    *light == Light::default()
 }
 
 /// Returns the engine's row of a mode.

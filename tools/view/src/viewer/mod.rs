@@ -6,11 +6,13 @@
 //! | `files` | what is opened, and what is written beside the window |
 //! | `deleting` | splats that are deleted, beside the window |
 //! | `preparing` | in which mode splats are shown, and what is made beside the window for it |
+//! | `error` | the error of the splats against the volume: measured, and in colours |
 //! | `fit` | a fit beside the window: it is begun, its splats are shown as they come, kept or dropped |
 //! | `thumbnails` | pictures of the scene by each preset |
 //! | `shown_fit` | what of the fit waits to be shown |
 
 mod deleting;
+mod error;
 mod files;
 mod fit;
 mod preparing;

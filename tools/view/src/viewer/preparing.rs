@@ -14,10 +14,18 @@ fn decoding(subject: Subject) -> &'static str {
 }
 
 impl Viewer {
+    /// Returns the mode in which a subject is wanted at rest; the colours of the error are those of voxels.
+    pub(super) fn wanted_mode(&self, subject: Subject) -> &'static str {
+        match subject {
+            Subject::Splats if self.error_shown => SplatMode::Decoded.name(),
+            _ => self.data.mode_of(subject, &self.app.state),
+        }
+    }
+
     /// Returns the mode in which a subject is shown at rest: the one that is wanted, or slabs while the field is not
     /// decoded that it needs.
     pub(super) fn chosen_mode(&mut self, canvas: &Canvas, subject: Subject) -> &'static str {
-        let wanted = self.data.mode_of(subject, &self.app.state);
+        let wanted = self.wanted_mode(subject);
         let splats = canvas.splats_of(subject).filter(|_| wanted == SplatMode::Decoded.name());
         let Some(splats) = splats else { return wanted };
         if splats.has_decoded(PITCH) {
@@ -29,7 +37,7 @@ impl Viewer {
 
     /// Returns true if the mode in which a subject is wanted is still to come, and `chosen` is shown meanwhile.
     pub(super) fn waits_for(&self, subject: Subject, chosen: &str) -> bool {
-        chosen != self.data.mode_of(subject, &self.app.state)
+        chosen != self.wanted_mode(subject)
             && (!self.decoding.contains(&subject) || self.loader.is_doing(decoding(subject)))
     }
 
@@ -51,7 +59,8 @@ impl Viewer {
     /// Begins to make, beside the window, the data with which the splats of a subject move faster.
     pub(super) fn prepare(&mut self, canvas: &Canvas, subject: Subject) -> Result<()> {
         let Some(splats) = canvas.splats_of(subject) else { return Ok(()) };
-        if !self.prepared.insert(subject) {
+        // The colours of the error are ready, and others are not shown.
+        if subject == Subject::Splats && self.error_shown || !self.prepared.insert(subject) {
             return Ok(());
         }
         let own = self.own_mode(subject);
@@ -63,7 +72,7 @@ impl Viewer {
             self.loader.prepare("making what moves fast", |_| job());
         }
         if needs("decoded") && !splats.has_decoded(PITCH) {
-            if self.data.mode_of(subject, &self.app.state) == SplatMode::Decoded.name() {
+            if self.wanted_mode(subject) == SplatMode::Decoded.name() {
                 self.decode(canvas, subject)?;
             } else if !self.decoding.contains(&subject) {
                 self.loader.prepare("decoding what moves fast", splats.decoding(canvas.gpu(), PITCH)?);
@@ -74,7 +83,10 @@ impl Viewer {
 
     /// Returns the only mode in which a subject may be shown. The user may show the first splats in every mode.
     fn own_mode(&self, subject: Subject) -> Option<&'static str> {
-        self.data.own_mode_beside().filter(|_| subject == Subject::Beside)
+        match subject {
+            Subject::Splats => self.error_shown.then_some(SplatMode::Decoded.name()),
+            _ => self.data.own_mode_beside().filter(|_| subject == Subject::Beside),
+        }
     }
 }
 

@@ -31,6 +31,7 @@ impl Viewer {
         // What is wrong with the state, the picture in the window tells.
         let looks = (self.data.look(subject, &by_preset), self.data.look(subject, state));
         let (Ok(look), Ok(own)) = looks else { return Ok(false) };
+        let [look, own] = [look, own].map(|look| self.coloured(subject, look));
         let setup =
             RenderSetup { mode: mode_row(mode), settings: Settings::new(SIZE), quality: Quality::FULL };
         let camera = state.orbit.camera(f64::from(SIZE[0]) / f64::from(SIZE[1]));

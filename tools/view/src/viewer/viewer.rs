@@ -130,6 +130,10 @@ pub struct Viewer {
     pub(super) fit: Option<ShownFit>,
     /// True while the splats that deletions leave are being found.
     pub(super) deleting: bool,
+    /// True while the error of the splats is being measured.
+    pub(super) measuring: bool,
+    /// True if the picture has the colours of the error.
+    pub(super) error_shown: bool,
 }
 
 impl Viewer {
@@ -177,6 +181,8 @@ impl Viewer {
             gpu,
             fit: None,
             deleting: false,
+            measuring: false,
+            error_shown: false,
         }
     }
 
@@ -209,6 +215,7 @@ impl Viewer {
         let (mut new, mut gone) = (Vec::new(), Vec::new());
         for loaded in self.loader.take() {
             self.data_number += 1;
+            self.measuring &= !matches!(loaded, Loaded::Error(..));
             if let Loaded::Written(path, note) = &loaded {
                 self.app.done(format!("Written: {}{note}", path.display()));
             }
@@ -406,6 +413,8 @@ impl Viewer {
             unit: data.unit().text(),
             oriented: data.oriented(),
             splats: data.shown_splats().map(|splats| splats.set.splats.len()),
+            kind: data.set(Subject::Splats).map(SplatKind::of),
+            sigma_mm: canvas.splats_of(Subject::Splats).map(|splats| splats.sigma_mm),
             deleted: data.deleted_count(),
             beside: data.has(Subject::Beside),
             volume: data.has(Subject::Volume),
@@ -413,6 +422,8 @@ impl Viewer {
             object_intensities: data.left_splats().map_or(&[], |splats| &splats.intensities),
             splat_histogram: data.splat_histogram.as_ref().filter(|_| data.fitted.is_none()),
             volume_histogram: data.volume_histogram.as_ref(),
+            error: data.error(),
+            error_shown: self.error_shown,
             fitted: data.fitted.is_some(),
             fit,
             region: data.volume.as_ref().filter(|_| is_read).and_then(|volume| volume.size),
@@ -435,6 +446,7 @@ impl Viewer {
             quit |= self.act(action, &mut active.canvas)?;
         }
         self.follow_deletions(&active.canvas);
+        self.follow_error(&mut active.canvas)?;
         let overlay = Overlay {
             primitives: context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point),
             pixels_per_point: output.pixels_per_point,
@@ -445,6 +457,9 @@ impl Viewer {
         let window = &active.window;
         if !self.draft && self.make_thumbnail(&mut active.canvas, &context)? {
             window.request_redraw();
+        }
+        if !self.draft && !active.canvas.is_blank() {
+            self.measure_error(&active.canvas);
         }
         if self.draft != was_draft {
             // The panels of this frame describe the previous picture.
@@ -506,9 +521,8 @@ impl Viewer {
         };
         let has = |subject| self.data.has(subject);
         let setups = render_setups(&self.app.state, pixels, mode_of, given_up, has);
-        let as_wanted = |(subject, setup): &(Subject, RenderSetup)| {
-            setup.mode.name == self.data.mode_of(*subject, &self.app.state)
-        };
+        let as_wanted =
+            |(subject, setup): &(Subject, RenderSetup)| setup.mode.name == self.wanted_mode(*subject);
         let draft = given_up != Quality::FULL || !setups.iter().all(as_wanted);
         if setups.is_empty() {
             // Nothing will be refined.
@@ -543,6 +557,7 @@ impl Viewer {
     /// Changes to the quality levels that belong to the mode that the user has chosen.
     fn choose_levels(&mut self) {
         let kind = match self.app.state.mode {
+            _ if self.error_shown => SplatKind::Grid,
             SplatMode::Decoded => SplatKind::Grid,
             SplatMode::Alpha => SplatKind::Coloured,
             SplatMode::Slab | SplatMode::Exact => SplatKind::Field,
@@ -555,7 +570,7 @@ impl Viewer {
 
     fn set_look(&mut self, canvas: &mut Canvas) -> Result<()> {
         for subject in Subject::ALL {
-            match self.data.look(subject, &self.app.state) {
+            match self.look(subject) {
                 Ok(look) => canvas.set_look(subject, &look)?,
                 Err(error) => self.app.report(&error),
             }

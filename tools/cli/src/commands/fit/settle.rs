@@ -2,6 +2,7 @@
 //! where it misses its goal or is too large.
 
 use engine::Result;
+use engine::fidelity::evaluate_decoded;
 use engine::fit::Outcome;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::gpu::Gpu;
@@ -10,7 +11,6 @@ use engine::splat::{self, Form, Splat, SplatSet};
 use super::count::text;
 use super::prepare::Prepared;
 use crate::shared::console::Console;
-use crate::shared::evaluation::evaluate_decoded;
 use crate::shared::figures::bytes;
 use crate::shared::signals::Signals;
 use crate::shared::waiting::Waiting;
@@ -119,7 +119,7 @@ pub fn measure(
 ) -> Result<Evaluation> {
     let case = prepared.case;
     if set.form != Form::Field {
-        return evaluate_decoded(gpu, set, case, protocol);
+        return evaluate_decoded(gpu, set, &case.volume, &case.roi, protocol);
     }
     // Splats of a working grid are converted to the native one, and those of a small file are not those of the
     // fit. Others are there already, and need no conversion, which is not exact.

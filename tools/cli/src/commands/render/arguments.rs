@@ -7,6 +7,7 @@ use engine::image::file;
 use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
 use engine::{Error, Kind, Result};
 
+use super::light::LightArguments;
 use super::values::{self, Background, GradientOpacity, PictureSize, View};
 use crate::shared::flags::{Clip, DeviceArguments, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
@@ -55,6 +56,15 @@ pub struct RenderArguments {
     /// over a mean voxel edge; or none, for the transfer function without the gradient opacity that its file has
     #[arg(long, value_name = "LOW,HIGH|none", help_heading = "Picture", value_parser = values::gradient_opacity)]
     pub gradient_opacity: Option<GradientOpacity>,
+    #[command(flatten)]
+    pub light: LightArguments,
+    /// Colours surfaces by their error against --volume, in its region if one is given: blue where the splats are too low,
+    /// red where they are too high; in mode decoded
+    #[arg(long, help_heading = "Picture", conflicts_with_all = ["object", "object_colours"])]
+    pub error: bool,
+    /// Error at which these colours end, HU [default: a round number that 99 of 100 voxels do not exceed]
+    #[arg(long, value_name = "HU", requires = "error", help_heading = "Picture", value_parser = values::above_zero)]
+    pub error_range: Option<f64>,
     /// From where: a side (anterior, left, superior ..., or several as anterior-left), or a file with eye_mm,
     /// target_mm, up, fov_deg
     #[arg(long, value_name = "SIDE|FILE.json", default_value = "anterior", help_heading = "Picture")]
@@ -207,6 +217,9 @@ Examples:
   vgs render organs.ply -o organs.png --tf CT-Soft-Tissue --object-colours
   vgs render body.ply -o body.png --tf CT-Soft-Tissue --object bones:tf=CT-Bone
   vgs render ct.nii.gz --roi bones.nii.gz -o ct.png --tf CT-Bone
+  vgs render bones.ply -o bones.png --headlight --shininess 40
+  vgs render bones.ply -o bones.png --light-direction 30,45 --fill-light 0.3
+  vgs render bones.ply --error --volume ct.nii.gz --roi bones.nii.gz -o error.png
   vgs render bones.ply -o turn.png --turntable 60
   vgs render bones.ply -o frame.png --turntable 60 --sequence
   vgs render theirs.ply --volume ct.nii.gz --roi bones.nii.gz -o theirs.png      a PLY of the paper's authors

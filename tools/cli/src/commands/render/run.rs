@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use engine::fidelity::{self, ShownError};
 use engine::gpu::Gpu;
 use engine::image::{ColourBar, file};
 use engine::render::{
@@ -22,8 +23,8 @@ use super::values::{GradientOpacity, View};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::inputs::{is_volume, region_of, volume_of};
-use crate::shared::outputs;
 use crate::shared::waiting::Waiting;
+use crate::shared::{outputs, splat_files};
 
 /// Sample distance of a still picture; fine enough that lit surfaces show no rings.
 const STEP: f64 = 0.5;
@@ -46,6 +47,18 @@ struct RenderOutput {
     device_bytes: u64,
     device: String,
     driver: String,
+    /// Error that surfaces are coloured by; null without --error.
+    error: Option<ErrorOutput>,
+}
+
+/// Error that surfaces are coloured by.
+#[derive(Clone, Copy, Serialize)]
+struct ErrorOutput {
+    voxels: usize,
+    mean_error_hu: f64,
+    p99_hu: f64,
+    /// Error at which the colours end, HU.
+    range_hu: f64,
 }
 
 /// Object of the scene.
@@ -81,11 +94,14 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         }
     }
     let wants_volume = set.is_none();
+    if arguments.error {
+        row = arguments.error_row(row, set.as_ref())?;
+    }
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
     let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
     let unit = set.as_ref().map(|set| set.unit).or(volume.as_ref().map(Volume::unit)).unwrap_or_default();
     let range = intensities(set.as_ref(), volume.as_ref());
-    let look = arguments.look(set.as_ref(), range, transfer::first(unit))?;
+    let mut look = arguments.look(set.as_ref(), range, transfer::first(unit))?;
     if !look.functions.is_empty() && !row.own_functions {
         tracing::warn!(
             "mode {} shows all objects by one transfer function; --mode decoded knows tf=",
@@ -109,6 +125,12 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let pixels: u64 = size.iter().map(|&n| u64::from(n)).product();
     memory::require(pixels.saturating_mul(BYTES_A_PIXEL), "a picture of this --size")?;
     let gpu = arguments.device.boot()?;
+    let error =
+        set.as_ref().filter(|_| arguments.error).map(|set| arguments.measured(&gpu, set)).transpose()?;
+    let error_range = error.as_ref().map_or(0.0, |error| arguments.error_range.unwrap_or(error.range));
+    if let Some(error) = &error {
+        look = error.look(&look, error_range);
+    }
     let mut scene = Scene::with_precision(&gpu, set.as_ref(), source.as_ref(), &look, arguments.precision)?;
     if let Some(budget) = arguments.splat_budget {
         scene.set_splat_budget(Some(budget as usize))?;
@@ -123,17 +145,42 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         ..Settings::new(size)
     };
     let preparing = Waiting::on("preparing the scene");
+    if let (Some(error), Some(splats)) = (&error, &scene.splats) {
+        let (classes, origin) = (error.clone(), scene.origin);
+        splats.decoding_objects(&gpu, settings.pitch, move |at| classes.class(at + origin))?(&mut |_| ())?;
+    }
     let mut renderer = Renderer::new(&gpu, row, &scene, &settings)?;
     drop(preparing);
+    let measured = error.as_ref().map(|error| {
+        let figures = &error.figures;
+        console.say(&format!(
+            "99 of 100 voxels are within {:.1}{unit}, mean {:.1}{unit}, of {} voxels; blue is {:.1}{unit} too low, red as much \
+             too high",
+            figures.p99_hu,
+            figures.mean_error_hu,
+            error.voxels,
+            error_range,
+            unit = error.unit,
+        ));
+        ErrorOutput {
+            voxels: error.voxels,
+            mean_error_hu: figures.mean_error_hu,
+            p99_hu: figures.p99_hu,
+            range_hu: error_range,
+        }
+    });
     let start = Instant::now();
     // The frames of a turntable are counted instead.
     let _rendering = arguments.turntable.turntable.is_none().then(|| Waiting::on("rendering"));
     let oriented = volume.as_ref().is_none_or(|v| v.oriented);
-    let colours = arguments.colour_bar.then(|| colour_bar(&look.transfer, range, unit)).flatten();
+    let colours = match &error {
+        Some(error) => Some(error_bar(error_range, error.unit)),
+        None => arguments.colour_bar.then(|| colour_bar(&look.transfer, range, unit)).flatten(),
+    };
     let told = frames::Told { oriented, colours };
     let count = frames::render(arguments, console, &mut renderer, &scene, camera, &told)?;
     let seconds = start.elapsed().as_secs_f64() / f64::from(count);
-    arguments.report(console, row, &gpu, &scene, &files, count, seconds)?;
+    arguments.report(console, row, &gpu, &scene, &files, count, seconds, measured)?;
     Ok(0)
 }
 
@@ -148,6 +195,13 @@ fn colour_bar(function: &TransferFunction, range: [f64; 2], unit: Unit) -> Optio
     let labels =
         [(0.0, ""), (0.5, ""), (1.0, unit.text())].map(|(share, unit)| format!("{:.0}{unit}", at(share)));
     Some(ColourBar { colours: colours.collect(), labels })
+}
+
+/// Returns the bar of the colours of errors that end at ±`range`.
+fn error_bar(range: f64, unit: &str) -> ColourBar {
+    let colours = (0..STEPS).map(|i| fidelity::diverging(2.0 * (i as f64 + 0.5) / STEPS as f64 - 1.0));
+    let labels = [format!("-{range}"), "0".to_owned(), format!("+{range}{unit}")];
+    ColourBar { colours: colours.collect(), labels }
 }
 
 impl RenderArguments {
@@ -211,6 +265,47 @@ impl RenderArguments {
         Ok(row)
     }
 
+    /// Returns the mode in which surfaces have the colours of their error.
+    fn error_row(&self, row: &'static ModeRow, set: Option<&SplatSet>) -> Result<&'static ModeRow> {
+        if self.volume.is_none() || set.is_none_or(|set| set.colours.is_some()) {
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-CLI-155",
+                "--error compares splats that have intensities with a volume",
+            )
+            .help(
+                "give both: vgs render bones.ply --error --volume ct.nii.gz --roi bones.nii.gz -o error.png",
+            ));
+        }
+        if self.mode.is_some() && row.name != "decoded" {
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-CLI-156",
+                format!("mode {} shows no colours of the error", row.name),
+            )
+            .help("leave --mode out: --error takes mode decoded"));
+        }
+        mode("decoded")
+    }
+
+    /// Measures a set against the volume, in its region.
+    fn measured(&self, gpu: &Gpu, set: &SplatSet) -> Result<ShownError> {
+        let (volume, roi) = self.read_volume()?;
+        let (Some(volume), Some(path)) = (volume, &self.volume) else {
+            return Err(Error::new(Kind::Internal, "VGS-CLI-157", "no volume to measure the error against"));
+        };
+        splat_files::warn_of_another_volume(set, &volume, path);
+        let _measuring = Waiting::on("measuring the error");
+        ShownError::new(gpu, set, &volume, roi.as_ref(), &mut |_| ())?.ok_or_else(|| {
+            Error::new(
+                Kind::BadData,
+                "VGS-CLI-158",
+                "the splats lie nowhere in the volume: they are of different scans, or one lost its place",
+            )
+            .file(path)
+        })
+    }
+
     /// Reads the volume and its region, if they are given.
     fn read_volume(&self) -> Result<(Option<Volume>, Option<Roi>)> {
         let Some(path) = &self.volume else { return Ok((None, None)) };
@@ -243,12 +338,17 @@ impl RenderArguments {
         if let Some(occlusion) = self.occlusion {
             transfer.material.occlusion = occlusion;
         }
+        if self.light.change(&mut transfer.material) && !transfer.material.shade {
+            tracing::warn!(
+                "flags of the light change nothing: this transfer function has none; add --shade on"
+            );
+        }
         if let Some(GradientOpacity(points)) = &self.gradient_opacity {
             transfer = transfer.with_gradient_opacity(points.clone())?;
         }
         let clip: Vec<ClipPlane> = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
         let there = splats.map(SplatSet::objects).unwrap_or_default();
-        let mut look = Look { clip, ..Look::new(transfer) };
+        let mut look = Look { clip, light: self.light.light(), ..Look::new(transfer) };
         if self.object_colours {
             look.tint_objects(&there);
         }
@@ -285,6 +385,7 @@ impl RenderArguments {
         files: &[PathBuf],
         frames: u32,
         seconds: f64,
+        error: Option<ErrorOutput>,
     ) -> Result<()> {
         let splats = scene.splats.as_ref();
         let active = splats.map(|c| c.active_count()).transpose()?;
@@ -306,6 +407,7 @@ impl RenderArguments {
                 device_bytes: gpu.memory_by_purpose().values().sum(),
                 device: gpu.description().name.clone(),
                 driver: gpu.description().driver.clone(),
+                error,
             });
         }
         if let (Some(splats), Some(active)) = (splats, active) {

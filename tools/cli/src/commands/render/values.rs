@@ -163,6 +163,12 @@ pub fn share(text: &str) -> Result<f64, String> {
     number(text, 0.0..=1.0)
 }
 
+/// Parses a number above 0.
+pub fn above_zero(text: &str) -> Result<f64, String> {
+    let found = text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite());
+    found.ok_or_else(|| "a number above 0 is needed".to_owned())
+}
+
 /// Control points of an opacity over the gradient.
 #[derive(Clone, Debug)]
 pub struct GradientOpacity(pub Vec<OpacityPoint>);

@@ -1,5 +1,6 @@
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
-use engine::render::Intensities;
+use engine::fidelity::ShownError;
+use engine::render::{Intensities, SplatKind};
 use engine::splat::{Splat, SplatSet};
 use glam::DVec2;
 
@@ -7,17 +8,25 @@ use super::*;
 use crate::fit_plan::FitStatus;
 use crate::orbit::{Orbit, Side};
 use crate::region::RegionSize;
-use crate::state::Object;
+use crate::state::{Object, SplatMode};
 use crate::transfer::Transfer;
 
 #[path = "beside.rs"]
 mod beside;
 #[path = "deletions.rs"]
 mod deletions;
+#[path = "error.rs"]
+mod error;
 #[path = "files.rs"]
 mod files;
 #[path = "fit.rs"]
 mod fit;
+#[path = "light.rs"]
+mod light;
+#[path = "messages.rs"]
+mod messages;
+#[path = "modes.rs"]
+mod modes;
 #[path = "slices.rs"]
 mod slices;
 
@@ -30,6 +39,11 @@ struct Bench {
     time: f64,
     /// True if the picture has a lower quality than it will have.
     draft: bool,
+    /// Kind of the splats; `None` if there are none.
+    kind: Option<SplatKind>,
+    /// Error of the splats against the volume, and true if the picture has its colours.
+    error: Option<ShownError>,
+    error_shown: bool,
     intensities: Vec<Intensities>,
     /// The fit beside the window.
     fit: Option<FitStatus>,
@@ -58,6 +72,9 @@ impl Bench {
             app: App::new(state, None, settings),
             time: 0.0,
             draft: false,
+            kind: Some(SplatKind::Field),
+            error: None,
+            error_shown: false,
             intensities: Vec::new(),
             fit: None,
             region: None,
@@ -91,7 +108,11 @@ impl Bench {
             bounds: (!self.nothing).then_some([DVec3::splat(-100.0), DVec3::splat(100.0)]),
             range: [-1000.0, 2000.0],
             unit: " HU",
-            splats: Some(1000),
+            splats: self.kind.map(|_| 1000),
+            kind: self.kind,
+            error: self.error.as_ref().map_or(Measured::Nothing, Measured::Found),
+            error_shown: self.error_shown,
+            sigma_mm: self.kind.map(|_| 1.5),
             beside: self.beside,
             volume: self.volume,
             object_splats: &[600, 400],
@@ -201,20 +222,6 @@ fn an_object_that_the_function_does_not_show_is_told() {
     bench.app.state.objects[1].visible = false;
     bench.rest();
     assert_eq!(bench.place_of(told), None);
-}
-
-#[test]
-fn a_draft_says_so_in_the_corner_of_the_picture() {
-    let mut bench = Bench::new();
-    assert_eq!(bench.place_of("draft"), None);
-    bench.draft = true;
-    bench.rest();
-    let (at, picture) = (bench.find("draft"), bench.app.picture());
-    let corner = at - picture.left_bottom();
-    assert!((0.0..60.0).contains(&corner.x) && (-40.0..0.0).contains(&corner.y), "{at} in {picture}");
-    bench.draft = false;
-    bench.rest();
-    assert_eq!(bench.place_of("draft"), None);
 }
 
 #[test]
@@ -399,18 +406,6 @@ fn where_nothing_is_open_recent_files_are_offered() {
     bench.shapes = shapes;
     assert!(bench.app.picture().contains(bench.find("heart.ply")));
     bench.find("Nothing is open");
-}
-
-#[test]
-fn what_fails_is_said() {
-    let mut bench = Bench::new();
-    bench.app.act(Action::Transfer("no such thing".into()), &PanelInfo::default());
-    bench.rest();
-    assert!(bench.app.message.as_ref().is_some_and(|m| m.bad && m.text.contains("VGS-TF-006")));
-    let before = bench.app.state.transfer.clone();
-    assert_eq!(bench.app.state.transfer, before);
-    bench.press(Key::Escape, Modifiers::NONE);
-    assert_eq!(bench.app.message, None);
 }
 
 #[test]

@@ -82,7 +82,11 @@ fn splats_are_opened_beside_others_seen_in_turn_and_closed() {
         Action::SaveSplats { path, object: None, force: true },
         &PanelInfo { splats: Some(9), ..PanelInfo::default() },
     );
-    assert!(bench.app.message.take().is_some_and(|m| m.text.contains("is open")), "it is not written over");
+    assert!(
+        bench.app.messages.latest().is_some_and(|m| m.text.contains("is open")),
+        "it is not written over"
+    );
+    bench.app.messages.close();
 
     // Without it the split is that of the volume; without a volume there is none.
     let close = |bench: &mut Bench| bench.press(Key::B, Modifiers::COMMAND | Modifiers::SHIFT);
@@ -101,5 +105,5 @@ fn splats_are_opened_beside_others_seen_in_turn_and_closed() {
 
     bench.app.state.files.splats.clear();
     bench.press(Key::B, Modifiers::COMMAND);
-    assert!(bench.app.prompt.is_none() && bench.app.message.as_ref().is_some_and(|m| m.bad));
+    assert!(bench.app.prompt.is_none() && bench.app.messages.latest().is_some_and(|m| m.bad));
 }

@@ -48,7 +48,7 @@ fn a_box_deletes_and_undo_restores() {
 
     // By keys.
     bench.press(Key::Delete, Modifiers::NONE);
-    assert!(bench.app.message.as_ref().is_some_and(|m| m.bad && m.help.contains('X')), "the box is off");
+    assert!(bench.app.messages.latest().is_some_and(|m| m.bad && m.help.contains('X')), "the box is off");
     bench.press(Key::X, Modifiers::NONE);
     bench.press(Key::Delete, Modifiers::NONE);
     assert_eq!(bench.app.state.deleted, [Deletion::Outside(bounds()), Deletion::Inside(bounds())]);
@@ -100,9 +100,9 @@ fn what_cannot_be_deleted_or_written_is_said() {
         (Action::AskSaveSplats, &PanelInfo { splats: Some(0), ..PanelInfo::default() }),
         (Action::AskSaveSplats, &PanelInfo::default()),
     ] {
-        bench.app.message = None;
+        bench.app.messages.close();
         assert_eq!(bench.app.act(action.clone(), info), None);
-        assert!(bench.app.message.as_ref().is_some_and(|m| m.bad), "{action:?}");
+        assert!(bench.app.messages.latest().is_some_and(|m| m.bad), "{action:?}");
         assert!(bench.app.state.deleted.is_empty() && bench.app.prompt.is_none());
     }
     bench.app.state.objects.clear();
@@ -133,7 +133,7 @@ fn splats_are_saved_beside_those_that_are_open() {
     bench.press(Key::E, Modifiers::COMMAND);
     bench.find("the file exists");
     assert_eq!(click(&mut bench, "Replace"), [], "it is open");
-    assert!(bench.app.message.as_ref().is_some_and(|m| m.bad && m.text.contains("open")));
+    assert!(bench.app.messages.latest().is_some_and(|m| m.bad && m.text.contains("open")));
     bench.app.state.files.splats = vec![folder.path().join("a.ply")];
     std::fs::remove_file(&open).expect("removed");
     bench.press(Key::E, Modifiers::COMMAND);

@@ -45,7 +45,7 @@ fn a_region_is_chosen_and_fitted_from_the_panel() {
     let mut bench = Bench::new();
     assert_eq!(shade(&bench), None, "the panel is closed");
     bench.app.act(Action::ToggleFit, &PanelInfo::default());
-    assert!(bench.app.message.as_ref().is_some_and(|m| m.text.contains("VGS-VIEW-041")), "no volume");
+    assert!(bench.app.messages.latest().is_some_and(|m| m.text.contains("VGS-VIEW-041")), "no volume");
     assert!(!bench.app.fit_form.open);
     open(&mut bench);
     assert!(bench.app.state.slices.shown, "the region is judged in the slices");

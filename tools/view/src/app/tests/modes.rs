@@ -1,0 +1,49 @@
+//! What the panel of the quality offers.
+
+use super::*;
+
+#[test]
+fn only_modes_that_suit_the_splats_are_offered() {
+    let mut bench = Bench::new();
+    let there =
+        |bench: &Bench| ["slab", "decoded", "alpha", "exact"].map(|mode| bench.place_of(mode).is_some());
+    bench.rest();
+    assert_eq!(there(&bench), [true; 4]);
+    for (kind, mode, seen) in [
+        (SplatKind::Grid, SplatMode::Decoded, [false, true, false, false]),
+        (SplatKind::Coloured, SplatMode::Alpha, [false, false, true, false]),
+    ] {
+        (bench.kind, bench.app.state.mode) = (Some(kind), mode);
+        bench.rest();
+        assert_eq!(there(&bench), seen, "{kind:?}");
+        bench.press(Key::M, Modifiers::NONE);
+        assert_eq!(bench.app.state.mode, mode, "the next one is the same");
+    }
+    // A volume alone.
+    (bench.kind, bench.app.state.shown) = (None, Subject::Volume);
+    bench.rest();
+    assert_eq!((there(&bench), bench.place_of("Mode")), ([false; 4], None));
+    bench.press(Key::M, Modifiers::NONE);
+    assert_eq!(bench.app.state.mode, SplatMode::Alpha, "nothing to choose from");
+}
+
+#[test]
+fn a_step_has_the_unit_of_what_is_rendered() {
+    let mut bench = Bench::new();
+    for (kind, mode, shown, text) in [
+        (Some(SplatKind::Field), SplatMode::Slab, Subject::Splats, Some("0.75 mm")),
+        (Some(SplatKind::Field), SplatMode::Slab, Subject::Volume, Some("0.50 voxels")),
+        (Some(SplatKind::Grid), SplatMode::Decoded, Subject::Splats, Some("0.50 voxels")),
+        (None, SplatMode::Slab, Subject::Volume, Some("0.50 voxels")),
+        (Some(SplatKind::Field), SplatMode::Exact, Subject::Splats, None),
+        (Some(SplatKind::Coloured), SplatMode::Alpha, Subject::Splats, None),
+    ] {
+        (bench.kind, bench.app.state.mode, bench.app.state.shown) = (kind, mode, shown);
+        bench.rest();
+        let found = ["0.75 mm", "0.50 voxels"].into_iter().find(|text| bench.place_of(text).is_some());
+        assert_eq!((found, bench.place_of("Step").is_some()), (text, text.is_some()), "{mode:?} {shown:?}");
+        assert_eq!(bench.app.state.quality.step, 0.5, "looking changes nothing");
+        let budget = kind.is_some() && mode != SplatMode::Decoded;
+        assert_eq!(bench.place_of("Splat budget").is_some(), budget, "{mode:?}");
+    }
+}
