@@ -1,7 +1,7 @@
 //! What the page says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the page.
-pub const GROUPS: [(&str, &str); 27] = [
+pub const GROUPS: [(&str, &str); 29] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -17,6 +17,8 @@ pub const GROUPS: [(&str, &str); 27] = [
     ("SPLAT", "files of splats"),
     ("FILE", "splat files .vgs"),
     ("PLY", "PLY files"),
+    ("SPZ", "SPZ files"),
+    ("GLB", "binary glTF files"),
     ("RENDER", "rendering"),
     ("CAM", "cameras"),
     ("LOOK", "what a picture shows"),
@@ -46,6 +48,8 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("VGS-DCM-015", "a zip that cannot be read"),
     ("VGS-DCM-017", "a segmentation of a kind that is not read"),
     ("VGS-DCM-019", "contours that are damaged or do not lie in the slices of the scan"),
+    ("VGS-GLB-001", "the file is damaged, or holds splats that cannot be"),
+    ("VGS-GLB-004", "the splats are stored in a way that is not read"),
     ("VGS-GPU-060", "pictures cannot be shown in this window"),
     ("VGS-IMG-021", "reading a picture failed on the way"),
     ("VGS-IMG-022", "a damaged PNG"),
@@ -69,6 +73,7 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("VGS-PLY-010", "a row cannot be read"),
     ("VGS-PLY-024", "the spherical harmonics are not all there"),
     ("VGS-PLY-029", "the volume of the fit is needed to write this layout"),
+    ("VGS-SPZ-001", "the file is damaged, or holds splats that cannot be"),
     ("VGS-ROI-003", "the region of interest is empty"),
     ("VGS-TF-005", "a window that cannot be understood"),
     ("VGS-TF-006", "no transfer function of this name, and no file"),

@@ -50,8 +50,9 @@ fn the_record_says_what_the_file_is_and_what_was_said_of_it() {
         let rest = figure(estimate, "/found_seconds") - figure(estimate, "/calibration_seconds");
         assert!(rest > figure(estimate, "/before_seconds") - 0.01, "found out after all of it: {estimate}");
         println!("{output}: {ratio}");
-        assert!((figure(ratio, "/device_peak_bytes") - 1.0).abs() < 0.1, "{output}: {ratio}");
-        assert!((figure(ratio, "/file_bytes") - 1.0).abs() < 0.2, "{output}: {ratio}");
+        let memory = figure(ratio, "/device_peak_bytes");
+        assert!((0.95..1.7).contains(&memory), "enough, and not much more: {output}: {ratio}");
+        assert!((figure(ratio, "/file_bytes") - 1.0).abs() < 0.12, "{output}: {ratio}");
     }
     // The same file again is another matter.
     let again = folder.run(&fit("a.vgs", &[]));

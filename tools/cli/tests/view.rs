@@ -593,15 +593,15 @@ fn a_series_of_a_folder_is_chosen_in_the_window() {
         viewer.settle();
         screen.look()
     };
-    let opened = choose(&mut viewer, "421", 1);
+    let opened = choose(&mut viewer, "452", 1);
     assert!(opened.count(PICTURE, bright) > 1000, "the volume is shown");
     screen.hand(&["key", "ctrl+d"]);
     viewer.wait("the list", |v| v.log().contains("listing the series:"));
     viewer.settle();
-    choose(&mut viewer, "395", 2);
+    choose(&mut viewer, "369", 2);
     viewer.write(&folder, "ctrl+s", "scene.toml");
     assert_eq!(viewer.quit().code, 0);
-    assert_eq!(toml(&folder, "scene.toml")["files"]["series"].as_str(), Some("1"));
+    assert_eq!(toml(&folder, "scene.toml")["files"]["series"].as_str(), Some("1.2.3"), "by its UID");
 }
 
 #[test]

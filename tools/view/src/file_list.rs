@@ -72,7 +72,7 @@ impl FileList {
                 ui.checkbox(&mut self.all, "All files")
                     .on_hover_text("also those that cannot be told by their endings");
             });
-            ui.separator();
+            // A line between them would grow with the window, and the window with it.
             ui.vertical(|ui| {
                 let known = self
                     .listed

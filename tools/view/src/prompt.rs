@@ -102,8 +102,8 @@ impl Purpose {
         }
     }
 
-    /// Returns the suggested name of a new file in a folder, after the `case`, that is free.
-    fn suggestion(self, folder: &Path, case: &str) -> String {
+    /// Returns the suggested name of a new file in a folder, after the `case`: of none that is there or open.
+    fn suggestion(self, folder: &Path, case: &str, open: &Files) -> String {
         let ending = self.name_endings();
         if ending.is_empty() {
             return String::new();
@@ -115,7 +115,11 @@ impl Purpose {
             (_, 1) => format!("{case}{ending}"),
             _ => format!("{case}-{number}{ending}"),
         };
-        (1..=MOST_NAMES).map(name).find(|name| !folder.join(name).exists()).unwrap_or_else(|| name(1))
+        let is_free = |name: &String| {
+            let path = folder.join(name);
+            !path.exists() && !open.all().any(|file| *file == path)
+        };
+        (1..=MOST_NAMES).map(name).find(is_free).unwrap_or_else(|| name(1))
     }
 }
 
@@ -161,7 +165,7 @@ impl Prompt {
         let folder = near.map_or_else(std::env::current_dir, Ok).unwrap_or_default();
         let stem = session.and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned());
         let case = stem.or_else(|| files.case_name()).unwrap_or_else(|| "vgs".to_owned());
-        let path = match (known, purpose.suggestion(&folder, &case)) {
+        let path = match (known, purpose.suggestion(&folder, &case, files)) {
             (Some(known), _) => known.to_string_lossy().into_owned(),
             (None, name) if name.is_empty() => as_folder(&folder),
             (None, name) => folder.join(name).to_string_lossy().into_owned(),

@@ -86,7 +86,7 @@ fn read_contours(location: &Location, options: &ReadOptions) -> Result<Volume> {
     let mut map = LabelMap::new(grid, &wanted, options)?;
     let voxel_from_world = grid.world_from_voxel.inverse();
     let mut open = 0;
-    let mut notes: Vec<String> = oddities.into_iter().map(|(_, text)| text).take(1).collect();
+    let mut notes: Vec<String> = e::of_each_element(&oddities).iter().map(|(_, text)| text.clone()).collect();
     for item in e::ROI_CONTOUR_SEQUENCE.items(&object)?.unwrap_or_default() {
         let number = e::REFERENCED_ROI_NUMBER.needed(e::REFERENCED_ROI_NUMBER.whole(item)?)?;
         let Some(roi) = rois.iter().find(|roi| roi.own == number) else { continue };

@@ -3,7 +3,7 @@
 //! A value is there, or it is absent, or it cannot be read, and the last is an error that names the element. A
 //! default stands for what is absent alone, and only where the standard has one. Elements are taken by the
 //! representation (VR) of the dictionary: archives and converters write UN and others where they know no better
-//! (PS3.5, 6.2.2). `tests/tests/elements.rs` writes the rows as a page, docs/design/elements.md.
+//! (PS3.5, 6.2.2). The rows are a page, too: docs/design/elements.md.
 
 use std::io::Cursor;
 
@@ -36,9 +36,11 @@ pub(super) enum Absence {
     Fine(&'static str),
     /// An error.
     Needed,
+    /// The element is for lists of series alone, which show nothing then, also if it cannot be read.
+    Shown,
 }
 
-use Absence::{Fine, Is, Needed};
+use Absence::{Fine, Is, Needed, Shown};
 
 /// An element that the reader uses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,8 +69,8 @@ elements! {
     SERIES_INSTANCE_UID: UI, "Series Instance UID", Fine("files without one are one series");
     SERIES_NUMBER: IS, "Series Number", Fine("listed first");
     SERIES_DESCRIPTION: LO, "Series Description", Fine("no description");
-    PATIENT_NAME: PN, "Patient Name", Fine("not shown; never written");
-    STUDY_DATE: DA, "Study Date", Fine("not shown");
+    PATIENT_NAME: PN, "Patient Name", Shown;
+    STUDY_DATE: DA, "Study Date", Shown;
     MODALITY: CS, "Modality", Fine("not known");
     IMAGE_TYPE: CS, "Image Type", Fine("no scout view, no mosaic");
     FRAME_OF_REFERENCE_UID: UI, "Frame of Reference UID", Fine("not compared");
@@ -87,7 +89,7 @@ elements! {
     EFFECTIVE_ECHO_TIME: FD, "Effective Echo Time", Fine("distinguishes nothing");
     DIFFUSION_B_VALUE: FD, "Diffusion b-value", Fine("distinguishes nothing");
     CONCATENATION_UID: UI, "Concatenation UID", Fine("the file is whole");
-    IN_CONCATENATION_NUMBER: US, "In-concatenation Number", Fine("an error in a part of a concatenation");
+    IN_CONCATENATION_NUMBER: US, "In-concatenation Number", Needed;
     IN_CONCATENATION_TOTAL_NUMBER: US, "In-concatenation Total Number", Fine("the parts from 1 on without a gap are all");
     ROWS: US, "Rows", Fine("the file holds no image");
     COLUMNS: US, "Columns", Fine("the file holds no image");
@@ -126,14 +128,14 @@ elements! {
     RESPIRATORY_SYNCHRONIZATION_SEQUENCE: SQ, "Respiratory Synchronization Sequence", Fine("the file says it");
     MR_ECHO_SEQUENCE: SQ, "MR Echo Sequence", Fine("the file says it");
     MR_DIFFUSION_SEQUENCE: SQ, "MR Diffusion Sequence", Fine("the file says it");
-    SEGMENT_IDENTIFICATION_SEQUENCE: SQ, "Segment Identification Sequence", Needed;
+    SEGMENT_IDENTIFICATION_SEQUENCE: SQ, "Segment Identification Sequence", Fine("the file says it");
     REFERENCED_SEGMENT_NUMBER: US, "Referenced Segment Number", Needed;
     SEGMENTATION_TYPE: CS, "Segmentation Type", Needed;
     MAXIMUM_FRACTIONAL_VALUE: US, "Maximum Fractional Value", Needed;
-    SEGMENT_SEQUENCE: SQ, "Segment Sequence", Needed;
+    SEGMENT_SEQUENCE: SQ, "Segment Sequence", Fine("an error: there are no structures");
     SEGMENT_NUMBER: US, "Segment Number", Needed;
     SEGMENT_LABEL: LO, "Segment Label", Fine("a structure without a name");
-    STRUCTURE_SET_ROI_SEQUENCE: SQ, "Structure Set ROI Sequence", Needed;
+    STRUCTURE_SET_ROI_SEQUENCE: SQ, "Structure Set ROI Sequence", Fine("an error: there are no structures");
     ROI_NUMBER: IS, "ROI Number", Needed;
     ROI_NAME: LO, "ROI Name", Fine("a structure without a name");
     REFERENCED_FRAME_OF_REFERENCE_UID: UI, "Referenced Frame of Reference UID", Fine("not compared");
@@ -153,8 +155,12 @@ pub(in crate::volume) fn element_rows() -> Vec<ElementRow> {
             Is(value) => format!("{value}"),
             Fine(text) => text.to_owned(),
             Needed => "an error that names it".to_owned(),
+            Shown => "not shown".to_owned(),
         },
-        unreadable: "an error that names it".to_owned(),
+        unreadable: match element.absence {
+            Shown => "not shown".to_owned(),
+            _ => "an error that names it".to_owned(),
+        },
     };
     ELEMENTS.iter().map(row).collect()
 }
@@ -185,6 +191,11 @@ impl Element {
             Some(numbers) => Ok(Some(numbers)),
             None => Err(self.wrong(&shown(value), "numbers")),
         }
+    }
+
+    /// Returns true if the values are numbers by the dictionary.
+    pub fn is_number(&self) -> bool {
+        matches!(self.vr, VR::DS | VR::IS | VR::US | VR::UL | VR::FL | VR::FD)
     }
 
     /// Returns the value of an element as a vector of so many numbers.
@@ -223,8 +234,13 @@ impl Element {
     /// Returns the value of an element as text, several values with backslashes between them.
     ///
     /// # Errors
-    /// [`Kind::BadData`] if it is a sequence.
+    /// [`Kind::BadData`] if it is a sequence, or no number where it should be one.
     pub fn text(&self, object: &InMemDicomObject) -> Result<Option<String>> {
+        if self.is_number() {
+            let numbers = self.numbers(object)?;
+            let join = |numbers: Vec<f64>| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join("\\");
+            return Ok(numbers.map(join));
+        }
         let text = |value: &PrimitiveValue| value.to_str().trim_matches(BLANKS).to_owned();
         Ok(self.value(object)?.map(text))
     }
@@ -319,6 +335,12 @@ fn shown(value: &PrimitiveValue) -> String {
 /// Something unusual that was read all the same: the element, and a text for the user.
 pub(super) type Oddity = (Tag, String);
 
+/// Returns the texts, the first one for each element.
+pub(super) fn of_each_element(oddities: &[Oddity]) -> Vec<&Oddity> {
+    let is_first = |(i, (tag, _)): &(usize, &Oddity)| !oddities[..*i].iter().any(|(other, _)| other == tag);
+    oddities.iter().enumerate().filter(is_first).map(|(_, oddity)| oddity).collect()
+}
+
 /// Gives all elements of a file the representation of the dictionary, whatever the file says, if their bytes allow
 /// it; those that do not are left as they are. Returns what was read although it is not as it should be.
 pub(super) fn by_dictionary(object: &mut InMemDicomObject) -> Vec<Oddity> {
@@ -333,9 +355,12 @@ pub(super) fn by_dictionary(object: &mut InMemDicomObject) -> Vec<Oddity> {
 fn represent(object: &mut InMemDicomObject, charset: &SpecificCharacterSet, oddities: &mut Vec<Oddity>) {
     let mut sequences = Vec::new();
     let mut converted = Vec::new();
+    let mut blank = Vec::new();
     for element in object.iter() {
         match element.value() {
             DicomValue::Sequence(_) => sequences.push(element.tag()),
+            // Nothing is what an absent element has.
+            DicomValue::Primitive(value) if is_blank(value) => blank.push(element.tag()),
             DicomValue::Primitive(value) => {
                 if let Some(new) = of_dictionary(element, value, charset, oddities) {
                     if matches!(new.value(), DicomValue::Sequence(_)) {
@@ -346,6 +371,9 @@ fn represent(object: &mut InMemDicomObject, charset: &SpecificCharacterSet, oddi
             }
             DicomValue::PixelSequence(_) => {}
         }
+    }
+    for tag in blank {
+        object.remove_element(tag);
     }
     for element in converted {
         object.put(element);

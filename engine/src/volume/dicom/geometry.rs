@@ -156,14 +156,14 @@ fn ends(positions: &[f64], planes: &[usize]) -> [usize; 2] {
     if last < 3 {
         return whole;
     }
-    let second_most = |ends: &[usize; 2]| {
-        let (step, off) = off_line(positions, planes, *ends).unwrap_or((1.0, vec![f64::INFINITY; last + 1]));
-        let mut off: Vec<f64> = off.iter().map(|off| off.abs() / (BESIDE * step)).collect();
+    // All but the one that lies farthest off count, unless rounding explains that one as well.
+    let off = |ends: &[usize; 2]| {
+        let Some((step, off)) = off_line(positions, planes, *ends) else { return f64::INFINITY };
+        let mut off: Vec<f64> = off.iter().map(|off| off.abs() / step).collect();
         off.sort_by(f64::total_cmp);
-        // What rounding explains is no reason.
-        off[last - 1].max(1.0)
+        if off[last] <= BESIDE { 0.0 } else { off[last - 1] }
     };
-    let by_fit = |a: &[usize; 2], b: &[usize; 2]| second_most(a).total_cmp(&second_most(b));
+    let by_fit = |a: &[usize; 2], b: &[usize; 2]| off(a).total_cmp(&off(b));
     [whole, [1, last], [0, last - 1]].into_iter().min_by(by_fit).unwrap_or(whole)
 }
 

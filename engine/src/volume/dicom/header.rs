@@ -380,12 +380,8 @@ impl<'a> Groups<'a> {
         })
     }
 
-    /// Returns the scale of a frame and the units of its intensities.
+    /// Returns the scale of a frame and the units of its intensities. A table comes before slope and intercept.
     fn scale(&self, file: &FileHeader) -> Result<(Scale, String)> {
-        if let Some([item, ..]) = e::MODALITY_LUT_SEQUENCE.items(self.file)? {
-            let units = e::MODALITY_LUT_TYPE.text(item)?.unwrap_or_default();
-            return Ok((Scale::Table(Table::read(item, file.signed)?), units));
-        }
         let of = |element| self.part_with(e::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, element);
         let slope = e::RESCALE_SLOPE.number(of(e::RESCALE_SLOPE)?)?;
         let intercept = e::RESCALE_INTERCEPT.number(of(e::RESCALE_INTERCEPT)?)?;
@@ -396,10 +392,15 @@ impl<'a> Groups<'a> {
                 intercept: e::RESCALE_INTERCEPT.or_default(intercept)?,
             },
         };
+        let units = e::UNITS.text(self.file)?;
         let units = match e::RESCALE_TYPE.text(of(e::RESCALE_TYPE)?)? {
             Some(units) => Some(units),
-            None => e::UNITS.text(self.file)?,
+            None => units,
         };
+        if let Some([item, ..]) = e::MODALITY_LUT_SEQUENCE.items(self.file)? {
+            let units = e::MODALITY_LUT_TYPE.text(item)?.or(units).unwrap_or_default();
+            return Ok((Scale::Table(Table::read(item, file.signed)?), units));
+        }
         Ok((scale, units.unwrap_or_default()))
     }
 }

@@ -2,6 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use dicom_core::{DataElement, PrimitiveValue, VR};
 use dicom_dictionary_std::tags;
 use dicom_encoding::TransferSyntaxIndex;
 use dicom_object::{DefaultDicomObject, Tag};
@@ -65,6 +66,8 @@ pub(super) fn read_frames(file: &FileHeader, frames: Vec<(&Frame, &mut [f32])>) 
     for tag in WINDOWS {
         object.remove_element(tag);
     }
+    // The library needs what the standard fixes.
+    object.put(DataElement::new(tags::HIGH_BIT, VR::US, PrimitiveValue::from(file.high_bit as u16)));
     let decoded = decode(&object, &file.location)?;
     frames.into_iter().try_for_each(|(frame, plane)| intensities(file, &decoded, frame, plane))
 }

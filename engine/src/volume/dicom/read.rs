@@ -76,8 +76,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
     let arrangement = arrange(&stack.frames, &[]).map_err(named)?;
     check_scales(stack).map_err(named)?;
     let missing = missing_parts(stack);
-    if let (Some(message), false) = (&missing, options.lenient) {
-        return Err(Error::new(Kind::BadData, "VGS-DCM-026", message.clone())
+    if let (Some(parts), false) = (&missing, options.lenient) {
+        let message = format!("the file is a part of a whole: {parts}");
+        return Err(Error::new(Kind::BadData, "VGS-DCM-025", message)
             .file(path)
             .help("put all parts into one folder and give that; --lenient reads what is there"));
     }
@@ -213,13 +214,10 @@ fn missing_parts(stack: &Stack) -> Option<String> {
         *of = part.of.unwrap_or(0).max(*of).max(part.number);
     }
     wholes.into_values().find_map(|(there, of)| {
-        let missing: Vec<_> = (1..=of).filter(|number| !there.contains(number)).map(|n| n.to_string()).collect();
+        let missing: Vec<_> =
+            (1..=of).filter(|number| !there.contains(number)).map(|n| n.to_string()).collect();
         (!missing.is_empty()).then(|| {
-            format!(
-                "the file is one of several that make up a whole: of {of} parts {} are there, and missing is {}",
-                there.len(),
-                missing.join(", ")
-            )
+            format!("of {of} parts {} are there, and missing is {}", there.len(), missing.join(", "))
         })
     })
 }
@@ -234,8 +232,7 @@ fn notes_on_values(stack: &Stack) -> Vec<String> {
     let mut last: Option<&Arc<FileHeader>> = None;
     for frame in &stack.frames {
         if last.is_none_or(|last| !Arc::ptr_eq(last, &frame.file)) {
-            let mut own = BTreeSet::new();
-            for (tag, text) in frame.file.oddities.iter().filter(|(tag, _)| own.insert(*tag)) {
+            for (tag, text) in elements::of_each_element(&frame.file.oddities) {
                 odd.entry(*tag).or_insert((text, 0)).1 += 1;
             }
         }

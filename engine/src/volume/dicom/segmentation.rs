@@ -69,7 +69,7 @@ pub(super) fn read(location: &Location, options: &ReadOptions) -> Result<Volume>
     let mask = fill(&frames, &planes, &arrangement, stored, &pixels, &wanted, options).map_err(named)?;
     let (volume, note) = mask;
     let space = &frames[0].file.frame_of_reference;
-    let notes = opened.oddities.iter().map(|(_, text)| text.clone()).take(1).chain(note);
+    let notes = e::of_each_element(&opened.oddities).into_iter().map(|(_, text)| text.clone()).chain(note);
     for note in notes.chain(other_space(space, options)) {
         tracing::warn!("{}: {note}", location.path.display());
     }
@@ -236,7 +236,7 @@ fn fill(
                 Some(&number) => Some(number),
                 None => continue,
             },
-            (_, None) => return Err(e::REFERENCED_SEGMENT_NUMBER.needed::<()>(None).unwrap_err()),
+            (_, None) => return e::REFERENCED_SEGMENT_NUMBER.needed(None),
         };
         for pixel in 0..area {
             let at = start + pixel;

@@ -169,7 +169,7 @@ impl Header {
                 }
             },
         };
-        let units = DVec3::from_slice(&self.millimetres("space units", &[3, 4])?);
+        let units = self.millimetres("space units", &[3, 4], [0, 1, 2])?;
         let columns =
             axes.spatial.map(|a| units * directions.get(a).copied().flatten().unwrap_or(DVec3::ZERO));
         Ok((grid(columns, units * origin, signs), oriented))
@@ -264,7 +264,7 @@ impl Header {
 
     /// Returns the affine of a header without directions.
     fn affine_of_spacings(&self, axes: &Axes, rank: usize, notes: &mut Vec<String>) -> Result<DAffine3> {
-        let millimetres = self.millimetres("units", &[rank])?;
+        let millimetres = self.millimetres("units", &[rank], axes.spatial)?;
         let [spacings, mins, maxs] =
             ["spacings", "axis mins", "axis maxs"].map(|name| self.per_axis(name, rank));
         let (spacings, mins, maxs) = (spacings?, mins?, maxs?);
@@ -308,19 +308,17 @@ impl Header {
             }
             // The lower end of a cell is half a voxel before its centre.
             let half = if min.is_some() && center(axis) == "cell" { spacing / 2.0 } else { 0.0 };
-            let scale = millimetres.get(axis).copied().unwrap_or(1.0);
+            let scale = millimetres[place];
             columns[place] = DVec3::AXES[place] * spacing * scale;
             origin += DVec3::AXES[place] * (min.unwrap_or(0.0) + half) * scale;
         }
         Ok(grid(columns, origin, DVec3::ONE))
     }
 
-    /// Returns the length in millimetres of the units of a field, which has one of the `counts` of them; quotes may be
-    /// left out. Without the field all are mm.
-    fn millimetres(&self, field: &str, counts: &[usize]) -> Result<Vec<f64>> {
-        let Some(text) = self.field(field) else {
-            return Ok(vec![1.0; counts.iter().copied().max().unwrap_or(0)]);
-        };
+    /// Returns the length in millimetres of the units of three `axes` in a field, which has one of the `counts` of units;
+    /// quotes may be left out. Without the field all are mm. The units of other axes, as of time, do not matter.
+    fn millimetres(&self, field: &str, counts: &[usize], axes: [usize; 3]) -> Result<DVec3> {
+        let Some(text) = self.field(field) else { return Ok(DVec3::ONE) };
         let wrong = |why: String| {
             bad("VGS-NRD-021", format!("'{field}' is '{}'; {why}", excerpt(text)))
                 .help("write \"mm\" for each axis, or leave the field out")
@@ -332,7 +330,7 @@ impl Header {
         if !counts.contains(&names.len()) {
             return Err(wrong(format!("one unit for each axis is needed, and there are {}", names.len())));
         }
-        let length = |name: &&str| match *name {
+        let length = |axis: usize| match names.get(axis).copied().unwrap_or_default() {
             "" | "???" | "none" | "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => {
                 Ok(1.0)
             }
@@ -340,11 +338,10 @@ impl Header {
             "um" | "µm" | "μm" | "micron" | "microns" | "micrometer" | "micrometers" => Ok(1e-3),
             "cm" => Ok(10.0),
             "m" | "meter" | "meters" | "metre" | "metres" => Ok(1e3),
-            // Of time, for an axis that is not in space.
-            "s" | "sec" | "ms" => Ok(f64::NAN),
             other => Err(wrong(format!("the unit '{}' is not known", excerpt(other)))),
         };
-        names.iter().map(length).collect()
+        let [x, y, z] = axes.map(length);
+        Ok(DVec3::new(x?, y?, z?))
     }
 }
 

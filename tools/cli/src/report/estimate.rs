@@ -50,8 +50,8 @@ pub struct Estimate {
     pub found_seconds: f64,
 }
 
-/// How far predictions were off in the fits of docs/results/tradeoffs.md, as people are told.
-const TRUST: &str = "memory within 10 %, the file within 15 %, time within a third on a quiet machine";
+/// How far the predictions of fits were off in docs/results/tradeoffs.md, as people are told.
+const TRUST: &str = "the file comes within 5 % of that, the time within a third if nothing else runs";
 
 /// Describes an estimate in plain words; `unit` is the text behind an intensity.
 pub fn text(estimate: &Estimate, unit: &str) -> String {
@@ -63,7 +63,7 @@ pub fn text(estimate: &Estimate, unit: &str) -> String {
     };
     let mut out = format!(
         "this fit of {} splats to {} voxels on {} will cost about{grows}:\n  time: {}: {} that have passed{trials}; {} for \
-         {} iterations of {}; {} to prepare, finish and measure\n  memory: {} of the device\n  file: {}\n",
+         {} iterations of {}; {} to prepare, finish and measure\n  memory: at most {} of the device\n  file: {}\n",
         e.splats,
         e.roi_voxels,
         e.device,

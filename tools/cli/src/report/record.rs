@@ -125,7 +125,10 @@ pub struct WorkingRecord {
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Timings {
     pub read: f64,
+    /// Seconds of finding the number of splats and placing the first ones ...
     pub initialise: f64,
+    /// ... and those of them in which trials found the number.
+    pub trials: f64,
     /// Seconds of the estimate of `--explain`, which count only in the total.
     pub calibrate: f64,
     pub fit: f64,

@@ -9,7 +9,11 @@ use super::{list, read};
 use crate::volume::{ReadOptions, Volume};
 use crate::{Error, Kind, Result};
 
+mod elements;
+mod faults;
+mod phases;
 mod structures;
+mod values;
 mod writer;
 
 use writer::{Dicom, words};
@@ -215,10 +219,10 @@ fn what_is_no_volume_is_refused_by_name() {
         ("VGS-DCM-010", |file| file.text((0x0028, 0x0004), b"CS", "RGB")),
         ("VGS-DCM-011", |file| file.syntax = "1.2.840.10008.1.2.4.80"),
         ("VGS-DCM-004", |file| file.remove((0x0020, 0x0032))),
-        ("VGS-DCM-004", |file| file.text((0x0028, 0x0030), b"DS", "0\\1")),
+        ("VGS-DCM-021", |file| file.text((0x0028, 0x0030), b"DS", "0\\1")),
         ("VGS-DCM-004", |file| file.remove((0x0028, 0x0010))),
         ("VGS-DCM-012", |file| file.put((0x7fe0, 0x0010), b"OW", words(&[1; 6]))),
-        ("VGS-DCM-014", |file| file.text((0x0028, 0x1053), b"DS", "1e400")),
+        ("VGS-DCM-021", |file| file.text((0x0028, 0x1053), b"DS", "1e400")),
     ];
     for (code, change) in rows {
         let mut files = even(3);

@@ -7,6 +7,7 @@ use zip::ZipWriter;
 use zip::write::SimpleFileOptions;
 
 use super::super::lengths::PACKED;
+use super::super::structures::other_space;
 use super::writer::{Dicom, words};
 use super::{even, place};
 use crate::volume::dicom::{list, structures};
@@ -114,7 +115,7 @@ fn packed_elements_are_bounded_before_they_are_taken() {
 }
 
 /// Structures on the grid of [`even`] slices, each with its voxels: column, row, slice.
-fn segmentation(segments: &[(u16, &str, Vec<[usize; 3]>)], kind: &str) -> Dicom {
+pub(super) fn segmentation(segments: &[(u16, &str, Vec<[usize; 3]>)], kind: &str) -> Dicom {
     let mut file = Dicom::slice(0, place(0.0));
     file.class = SEGMENTATION;
     for tag in [(0x0020, 0x0032), (0x0020, 0x0037), (0x0028, 0x0030), (0x0028, 0x1052), (0x0028, 0x1053)] {
@@ -190,7 +191,7 @@ fn segmentation(segments: &[(u16, &str, Vec<[usize; 3]>)], kind: &str) -> Dicom 
 }
 
 /// Reads a file as a mask of [`even`] slices and returns it with the region of the choice.
-fn mask(file: &Dicom, choice: &str) -> Result<(Volume, Roi)> {
+pub(super) fn mask(file: &Dicom, choice: &str) -> Result<(Volume, Roi)> {
     let folder = super::folder(&even(6));
     let volume = super::read(folder.path(), &ReadOptions::default())?;
     let (_folder, path) = on_disk("mask.dcm", &file.bytes());
@@ -287,7 +288,7 @@ fn a_scan_beside_its_segmentation_is_the_scan() {
 }
 
 /// Returns a structure set; contours are points in voxels of [`even`] slices.
-fn structure_set(structures: &[(i32, &str, Vec<Vec<DVec3>>)]) -> Dicom {
+pub(super) fn structure_set(structures: &[(i32, &str, Vec<Vec<DVec3>>)]) -> Dicom {
     let mut file = Dicom::empty(STRUCTURE_SET);
     file.text((0x0008, 0x0060), b"CS", "RTSTRUCT");
     let (along, across) = (DVec3::new(0.8, 0.6, 0.0) * 0.5, DVec3::new(-0.6, 0.8, 0.0) * 2.0);
@@ -296,6 +297,7 @@ fn structure_set(structures: &[(i32, &str, Vec<Vec<DVec3>>)]) -> Dicom {
         .map(|(number, name, _)| {
             let mut item = Dicom::empty("");
             item.text((0x3006, 0x0022), b"IS", &number.to_string());
+            item.text((0x3006, 0x0024), b"UI", "1.2.3.3");
             item.text((0x3006, 0x0026), b"LO", name);
             item
         })
@@ -328,7 +330,7 @@ fn structure_set(structures: &[(i32, &str, Vec<Vec<DVec3>>)]) -> Dicom {
 }
 
 /// Returns a rectangle of voxels in a slice.
-fn rectangle(low: [f64; 2], high: [f64; 2], slice: f64) -> Vec<DVec3> {
+pub(super) fn rectangle(low: [f64; 2], high: [f64; 2], slice: f64) -> Vec<DVec3> {
     let corners = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]];
     corners.map(|[x, y]| DVec3::new(x, y, slice)).into()
 }
@@ -372,4 +374,140 @@ fn structure_sets_that_cannot_be_read_are_refused() {
     assert_eq!(mask(&structure_set(&[]), "").unwrap_err().code, "VGS-DCM-016");
     let nothing = structure_set(&[(1, "a", Vec::new())]);
     assert_eq!(mask(&nothing, "").unwrap_err().code, "VGS-ROI-003");
+}
+
+/// Returns the columns and rows of slice 2 that contours there enclose, by their type.
+fn enclosed(kind: &str, contours: Vec<Vec<DVec3>>) -> Vec<[usize; 2]> {
+    let mut file = structure_set(&[(1, "a", contours)]);
+    assert!(file.change_all((0x3006, 0x0042), Some((b"CS", kind.as_bytes()))));
+    match mask(&file, "") {
+        Ok((_, roi)) => voxels(&roi).into_iter().map(|[x, y, _]| [x, y]).collect(),
+        Err(error) => {
+            assert_eq!(error.code, "VGS-ROI-003", "{error}");
+            Vec::new()
+        }
+    }
+}
+
+#[test]
+fn contours_are_a_union_less_the_holes_and_by_parity_if_they_say_so() {
+    const PLANAR: &str = "CLOSED_PLANAR";
+    const XOR: &str = "CLOSEDPLANAR_XOR";
+    let of = |low: [f64; 2], high: [f64; 2]| rectangle(low, high, 2.0);
+    let all = of([-0.5, -0.5], [3.5, 2.5]);
+    let ring = || vec![all.clone(), of([0.5, 0.5], [2.5, 1.5])];
+    assert_eq!(enclosed(PLANAR, vec![all.clone()]).len(), 12);
+    // A hole, in either order; twice is once, in either direction and from any point on.
+    let reversed = || all.iter().rev().copied().collect::<Vec<_>>();
+    let turned = || [&all[2..], &all[..2]].concat();
+    for kind in [PLANAR, XOR] {
+        assert_eq!(enclosed(kind, ring()).len(), 10, "{kind}");
+        assert_eq!(enclosed(kind, ring().into_iter().rev().collect()).len(), 10, "{kind}");
+    }
+    for same in [all.clone(), reversed(), turned()] {
+        assert_eq!(enclosed(PLANAR, vec![all.clone(), same.clone()]).len(), 12);
+        assert_eq!(enclosed(PLANAR, [ring(), vec![same.clone()], ring()].concat()).len(), 10);
+        assert!(enclosed(XOR, vec![all.clone(), same]).is_empty(), "the standard has them cancel out");
+    }
+    // Overlap in part: all of both, and by parity what one of them alone has.
+    let left = of([-0.5, -0.5], [2.5, 2.5]);
+    let right = of([1.5, -0.5], [3.5, 2.5]);
+    assert_eq!(enclosed(PLANAR, vec![left.clone(), right.clone()]).len(), 12);
+    assert_eq!(enclosed(XOR, vec![left.clone(), right.clone()]).len(), 9);
+    // A hole in one that another one covers is no hole there.
+    let hole = of([0.6, 0.6], [1.4, 1.4]);
+    let cover = of([0.8, -0.5], [3.5, 2.5]);
+    assert!(enclosed(PLANAR, vec![left.clone(), hole.clone(), cover]).contains(&[1, 1]));
+    assert!(!enclosed(PLANAR, vec![left.clone(), hole, right]).contains(&[1, 1]));
+    // An island in a hole, which no voxel separates.
+    let island = || of([0.9, 0.9], [1.1, 1.1]);
+    for kind in [PLANAR, XOR] {
+        let found = enclosed(kind, [ring(), vec![island()]].concat());
+        assert!(found.contains(&[1, 1]) && !found.contains(&[2, 1]), "{kind}: {found:?}");
+    }
+    // A keyhole leads to the hole and back; what stands in the hole is beside it.
+    let path =
+        [[-0.5, -0.5], [3.5, -0.5], [3.5, 2.5], [-0.5, 2.5], [-0.5, 1.0], [0.5, 1.0], [0.5, 1.5], [2.5, 1.5]];
+    let path = [&path[..], &[[2.5, 0.5], [0.5, 0.5], [0.5, 1.0], [-0.5, 1.0]]].concat();
+    let keyhole: Vec<DVec3> = path.iter().map(|[x, y]| DVec3::new(*x, *y, 2.0)).collect();
+    assert_eq!(enclosed(PLANAR, vec![keyhole.clone()]).len(), 10);
+    assert_eq!(enclosed(PLANAR, vec![keyhole, of([1.8, 0.8], [2.2, 1.2])]).len(), 11);
+    // Neighbours share an edge, and one fills the bay of another one.
+    let bay = [
+        [-0.5, -0.5],
+        [0.5, -0.5],
+        [0.5, 1.5],
+        [1.5, 1.5],
+        [1.5, -0.5],
+        [3.5, -0.5],
+        [3.5, 2.5],
+        [-0.5, 2.5],
+    ];
+    let bay: Vec<DVec3> = bay.iter().map(|[x, y]| DVec3::new(*x, *y, 2.0)).collect();
+    assert_eq!(enclosed(PLANAR, vec![bay.clone()]).len(), 10);
+    assert_eq!(enclosed(PLANAR, vec![bay, of([0.5, -0.5], [1.5, 1.5])]).len(), 12);
+}
+
+/// The very name comes first, all structures of it are taken, and another case is only a help.
+#[test]
+fn structures_of_one_name() {
+    let voxel = |x: f64| vec![rectangle([x - 0.2, 0.8], [x + 0.2, 1.2], 2.0)];
+    let contours = |names: [&str; 3]| {
+        structure_set(&[(1, names[0], voxel(0.0)), (4, names[1], voxel(1.0)), (6, names[2], voxel(2.0))])
+    };
+    let voxels_of = |names: [&str; 3]| {
+        let bits = |x: usize| vec![[x, 1, 2]];
+        segmentation(&[(1, names[0], bits(0)), (4, names[1], bits(1)), (6, names[2], bits(2))], "BINARY")
+    };
+    for write in [&contours as &dyn Fn([&str; 3]) -> Dicom, &voxels_of] {
+        let columns = |names, choice: &str| {
+            mask(&write(names), choice).map(|(_, roi)| voxels(&roi).iter().map(|v| v[0]).collect::<Vec<_>>())
+        };
+        assert_eq!(columns(["GTV", "gtv", "heart"], "gtv").unwrap(), [1]);
+        assert_eq!(columns(["GTV", "gtv", "heart"], "GTV").unwrap(), [0]);
+        assert_eq!(columns(["Lesion", "Lesion", "heart"], "Lesion").unwrap(), [0, 1]);
+        assert_eq!(columns(["Lesion", "Lesion", "heart"], "lesion").unwrap(), [0, 1]);
+        assert_eq!(columns(["Lesion", "Lesion", "Heart"], "heart,1").unwrap(), [0, 2]);
+        let error = columns(["GTV", "gtv", "heart"], "Gtv").unwrap_err();
+        assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-ROI-018"));
+        assert!(error.message.contains("1 GTV, 4 gtv"), "{error}");
+    }
+}
+
+/// Slices that are empty are left out, and no slice is as thick as a gap.
+#[test]
+fn segments_far_apart_lie_on_the_planes_of_the_scan() {
+    for slices in [vec![0, 2, 4], vec![1, 4], vec![3], vec![0, 5]] {
+        for (thickness, distance) in
+            [(Some("3"), None), (None, None), (Some("1.5"), None), (Some("3"), Some("3"))]
+        {
+            let marked: Vec<[usize; 3]> = slices.iter().map(|&z| [1, 1, z]).collect();
+            let mut file = segmentation(&[(1, "a", marked.clone())], "BINARY");
+            let set = |file: &mut Dicom, tag, value: Option<&'static str>| {
+                file.change_all(tag, value.map(|value| (b"DS", value.as_bytes())));
+            };
+            set(&mut file, (0x0018, 0x0050), thickness);
+            set(&mut file, (0x0018, 0x0088), distance);
+            let found = voxels(&mask(&file, "").unwrap().1);
+            assert_eq!(found, marked, "thickness {thickness:?}, distance {distance:?}");
+        }
+    }
+}
+
+#[test]
+fn structures_of_another_space_are_told() {
+    let scan: Vec<Dicom> = even(3)
+        .into_iter()
+        .map(|mut file| {
+            file.text((0x0020, 0x0052), b"UI", "1.2.3.3");
+            file
+        })
+        .collect();
+    let volume = super::read(super::folder(&scan).path(), &ReadOptions::default()).unwrap();
+    assert_eq!(volume.frame_of_reference.as_deref(), Some("1.2.3.3"));
+    let options = ReadOptions { frame_of_reference: volume.frame_of_reference, ..ReadOptions::default() };
+    assert_eq!(other_space("1.2.3.3", &options), None);
+    assert_eq!(other_space("", &options), None, "it is not told");
+    assert_eq!(other_space("9.9", &ReadOptions::default()), None, "the volume does not know its own");
+    assert!(other_space("9.9", &options).is_some_and(|note| note.contains("9.9")));
 }

@@ -7,7 +7,7 @@ use glam::DVec3;
 const PLAIN: &str = "1.2.840.10008.1.2.1";
 
 /// Tag, type and value.
-type Element = ((u16, u16), &'static [u8; 2], Vec<u8>);
+type Element = ((u16, u16), [u8; 2], Vec<u8>);
 
 /// A file in the making: elements in the order of their tags.
 #[derive(Clone)]
@@ -30,7 +30,7 @@ fn element((group, number): (u16, u16), vr: &[u8; 2], value: &[u8]) -> Vec<u8> {
     let mut bytes = words(&[group, number]);
     bytes.extend(vr);
     match vr {
-        b"OB" | b"OW" | b"SQ" | b"UN" => {
+        b"OB" | b"OW" | b"SQ" | b"UN" | b"UT" => {
             bytes.extend([0, 0]);
             bytes.extend((value.len() as u32).to_le_bytes());
         }
@@ -38,6 +38,29 @@ fn element((group, number): (u16, u16), vr: &[u8; 2], value: &[u8]) -> Vec<u8> {
     }
     bytes.extend(value);
     bytes
+}
+
+/// Returns the items of a sequence that was written here.
+fn items_of(mut rest: &[u8]) -> Vec<Dicom> {
+    let length = |bytes: &[u8]| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as usize;
+    let word = |bytes: &[u8]| u16::from_le_bytes([bytes[0], bytes[1]]);
+    let mut items = Vec::new();
+    while !rest.is_empty() {
+        let (mut body, after) = rest[8..].split_at(length(&rest[4..]));
+        let mut item = Dicom::empty("");
+        while !body.is_empty() {
+            let vr = [body[4], body[5]];
+            let (head, size) = match &vr {
+                b"OB" | b"OW" | b"SQ" | b"UN" | b"UT" => (12, length(&body[8..])),
+                _ => (8, word(&body[6..]).into()),
+            };
+            item.elements.push(((word(body), word(&body[2..])), vr, body[head..][..size].to_vec()));
+            body = &body[head + size..];
+        }
+        items.push(item);
+        rest = after;
+    }
+    items
 }
 
 impl Dicom {
@@ -73,7 +96,7 @@ impl Dicom {
             value.push(if vr == b"UI" { 0 } else { b' ' });
         }
         self.elements.retain(|(other, ..)| *other != tag);
-        self.elements.push((tag, vr, value));
+        self.elements.push((tag, *vr, value));
     }
 
     /// Sets an element of text.
@@ -86,6 +109,57 @@ impl Dicom {
         self.elements.retain(|(other, ..)| *other != tag);
     }
 
+    /// Changes an element wherever it stands, within items of sequences as well, or removes it. Returns false if it
+    /// stands nowhere.
+    pub fn change_all(&mut self, tag: (u16, u16), new: Option<(&'static [u8; 2], &[u8])>) -> bool {
+        self.map_all(tag, &|_| new.map(|(vr, value)| (vr, value.to_vec())))
+    }
+
+    /// Gives an element what `new` makes of its value, wherever it stands; removes it if that is nothing. Returns false
+    /// if it stands nowhere.
+    pub fn map_all(
+        &mut self,
+        tag: (u16, u16),
+        new: &dyn Fn(&[u8]) -> Option<(&'static [u8; 2], Vec<u8>)>,
+    ) -> bool {
+        let mut found = false;
+        for (own, vr, value) in std::mem::take(&mut self.elements) {
+            if own == tag {
+                found = true;
+                if let Some((vr, value)) = new(&value) {
+                    self.put(tag, vr, value);
+                }
+            } else if &vr == b"SQ" {
+                let mut items = items_of(&value);
+                for item in &mut items {
+                    found |= item.map_all(tag, new);
+                }
+                self.elements.push((own, vr, items.iter().flat_map(Dicom::item).collect()));
+            } else {
+                self.elements.push((own, vr, value));
+            }
+        }
+        found
+    }
+
+    /// Returns the items of a sequence as they are without representations.
+    pub fn implicit_items(value: &[u8]) -> Vec<u8> {
+        fn implicit(file: &Dicom) -> Vec<u8> {
+            let mut elements = file.elements.clone();
+            elements.sort_by_key(|(tag, ..)| *tag);
+            let element = |((group, number), vr, value): &Element| {
+                let value = if vr == b"SQ" { Dicom::implicit_items(value) } else { value.clone() };
+                [words(&[*group, *number]), (value.len() as u32).to_le_bytes().to_vec(), value].concat()
+            };
+            elements.iter().flat_map(element).collect()
+        }
+        let item = |item: &Dicom| {
+            let body = implicit(item);
+            [words(&[0xfffe, 0xe000]), (body.len() as u32).to_le_bytes().to_vec(), body].concat()
+        };
+        items_of(value).iter().flat_map(item).collect()
+    }
+
     /// Creates a file without elements, or an item of a sequence.
     pub fn empty(class: &'static str) -> Self {
         Dicom { syntax: PLAIN, class, elements: Vec::new() }
@@ -93,15 +167,17 @@ impl Dicom {
 
     /// Sets a sequence.
     pub fn sequence(&mut self, tag: (u16, u16), items: &[Dicom]) {
-        let item = |item: &Dicom| {
-            let body = item.body();
-            [words(&[0xfffe, 0xe000]), (body.len() as u32).to_le_bytes().to_vec(), body].concat()
-        };
-        self.put(tag, b"SQ", items.iter().flat_map(item).collect());
+        self.put(tag, b"SQ", items.iter().flat_map(Dicom::item).collect());
     }
 
-    /// Returns the elements, in the order of their tags.
-    fn body(&self) -> Vec<u8> {
+    /// Returns the elements as an item of a sequence.
+    pub fn item(&self) -> Vec<u8> {
+        let body = self.body();
+        [words(&[0xfffe, 0xe000]), (body.len() as u32).to_le_bytes().to_vec(), body].concat()
+    }
+
+    /// Returns the elements, in the order of their tags, as a data set of its own.
+    pub fn body(&self) -> Vec<u8> {
         let mut elements = self.elements.clone();
         elements.sort_by_key(|(tag, ..)| *tag);
         elements.iter().flat_map(|(tag, vr, value)| element(*tag, vr, value)).collect()

@@ -24,9 +24,10 @@ const TIMED: Duration = Duration::from_millis(2500);
 /// Greatest number of iterations that are timed.
 const MOST_TIMED: u32 = 64;
 /// Ratio of the memory of a fit to that of its first iterations, and of the closing evaluation to that of the splats
-/// after them: splats that have found their places reach more.
-const FIT_MEMORY_GROWTH: f64 = 1.0;
-const EVALUATION_MEMORY_GROWTH: f64 = 1.0;
+/// after them: splats that have found their places reach more bricks, and the buffers of pairs grow by half of what they
+/// need, once, or not at all. These are the greatest ratios that were seen (docs/results/tradeoffs.md), so less may come.
+const FIT_MEMORY_GROWTH: f64 = 1.45;
+const EVALUATION_MEMORY_GROWTH: f64 = 1.9;
 /// Number of fits in which rounded splats are fitted again.
 const ROUNDING_FITS: f64 = 3.0;
 /// Ratio of the time of a later iteration to that of the first ones: splats that have found their places

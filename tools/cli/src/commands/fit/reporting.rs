@@ -63,6 +63,7 @@ fn timings(
     Timings {
         read: prepared.read_seconds,
         initialise: prepared.initialise_seconds,
+        trials: prepared.trial_seconds,
         calibrate: estimate.map(|estimate| estimate.calibration_seconds).unwrap_or_default(),
         fit: fitted.outcome.seconds,
         evaluate: evaluated.seconds,

@@ -243,7 +243,8 @@ fn not_splats_either(error: Error, path: &Path) -> Error {
 impl Voxels {
     fn of(volume: &Volume) -> Self {
         let Stats { min, max, mean, std_dev, non_finite, .. } = volume.gather_stats();
-        let is_scan = volume.labels.is_empty() && !Roi::has_values_of_mask(volume);
+        let is_scan =
+            volume.labels.is_empty() && (volume.stated_unit.is_some() || !Roi::has_values_of_mask(volume));
         Voxels {
             size: volume.size,
             spacing_mm: volume.spacing_mm().to_array(),

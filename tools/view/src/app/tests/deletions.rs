@@ -131,13 +131,15 @@ fn splats_are_saved_beside_those_that_are_open() {
     std::fs::write(&open, "").expect("written");
     bench.app.state.files.splats = vec![open.clone()];
     bench.press(Key::E, Modifiers::COMMAND);
+    click(&mut bench, "splats.ply");
     bench.find("the file exists");
     assert_eq!(click(&mut bench, "Replace"), [], "it is open");
     assert!(bench.app.messages.latest().is_some_and(|m| m.bad && m.text.contains("open")));
     bench.app.state.files.splats = vec![folder.path().join("a.ply")];
     std::fs::remove_file(&open).expect("removed");
     bench.press(Key::E, Modifiers::COMMAND);
-    assert_eq!(click(&mut bench, "Save"), [Action::SaveSplats { path: open, object: None, force: false }]);
+    let path = folder.path().join("a-2.ply");
+    assert_eq!(click(&mut bench, "Save"), [Action::SaveSplats { path, object: None, force: false }]);
 }
 
 #[test]

@@ -166,11 +166,12 @@ fn a_fit_is_watched_stopped_kept_and_dropped() {
     bench.app.state.files.splats = vec![folder.path().join("a.ply")];
     click(&mut bench, "Keep…");
     bench.find("Keep the splats: .ply, or .vgs for a small file");
-    let path = folder.path().join("fit.ply");
+    let path = folder.path().join("a-2.ply");
     assert_eq!(click(&mut bench, "Keep"), [Action::Keep { path: path.clone(), force: false }]);
     // A file that is there is replaced only by its own button.
     std::fs::write(&path, "").expect("written");
     click(&mut bench, "Keep…");
+    click(&mut bench, "a-2.ply");
     assert_eq!(bench.press(Key::Enter, Modifiers::NONE), []);
     assert_eq!(click(&mut bench, "Replace"), [Action::Keep { path, force: true }]);
     assert_eq!(click(&mut bench, "Discard"), [Action::DiscardFit]);
