@@ -75,15 +75,21 @@ float gradient_factor(uint function, float magnitude) {
 }
 
 // Colour, and opacity per mm, of what the functions of the objects around a place make of the way from one intensity
-// to another and of the gradient magnitude there: the mean of what each makes of it, weighted by its part of O.
-vec4 objects_shown(vec3 at, vec2 way, float magnitude) {
+// to another and of the gradient magnitude there: the mean of what each makes of it, weighted by its part of O. `shown` is
+// what opacities leave of O there.
+vec4 objects_shown(vec3 at, vec2 way, float magnitude, float shown) {
     vec3 place = atlas_place(p.grid, at);
     ivec3 low = ivec3(place);
     vec3 part = place - vec3(low);
+    vec2 label = labels_at(low);
+    bool alone = label.y > 0.5;
+    Appearance object = object_called(label.x);
     vec4 sum = vec4(0.0), got = vec4(0.0); // colour times opacity, and opacity; what the last function made of it
     uint last = NO_FUNCTION;
-    for (uint corner = 0; corner < 8; ++corner) {
+    uint corners = alone ? 1u : 8u;
+    for (uint corner = 0; corner < corners; ++corner) {
         Voxel voxel = voxel_at(low, part, corner);
+        if (alone) voxel = Voxel(object, shown, shown);
         if (voxel.object.function != last) {
             last = voxel.object.function;
             got = SEGMENTS == 1 ? look_segment(last, way.x, way.y) : look_point(last, way.y);
@@ -283,7 +289,7 @@ Gathered march(vec2 place, uint view, bool wanted) {
             }
             if (SEGMENTS == 1) {
                 if (before.y < 0.0) before = here;
-                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, vec2(before.x, here.x), magnitude);
+                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, vec2(before.x, here.x), magnitude, here.y);
                 else got = look_segment(0u, before.x, here.x);
                 occupancy = 0.5 * (before.y + here.y);
                 before = here;
@@ -291,7 +297,7 @@ Gathered march(vec2 place, uint view, bool wanted) {
                 // steps would bring something from there.
                 if (!shown) before.y = -1.0;
             } else {
-                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, here.xx, magnitude);
+                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, here.xx, magnitude, here.y);
                 else got = look_point(0u, here.x);
             }
             asks = there && OBJECTS != OWN_FUNCTIONS && got.a * occupancy > 0.0;

@@ -4,7 +4,9 @@
 // An atlas has bricks of 8^3 voxels with an apron of one behind them, 9^3 texels: brick b has the voxels
 // 8 b - 1 to 8 b + 7 along each axis, so whatever lies between two of them is interpolated within the brick. A
 // table tells for each brick of the grid where it lies; all that hold nothing share the first place. Labels
-// lie in an image of the same shape, or in a single texel where all have one.
+// lie in an image of the same shape, or in a single texel where all have one. Beside each label the image says whether
+// all that is in the cell from this voxel to the next ones has that label: within an object, and wherever it borders on
+// nothing, a place has what eight voxels would tell it after one look.
 #ifndef MEDIUM_GLSL
 #define MEDIUM_GLSL
 #extension GL_EXT_scalar_block_layout : require
@@ -46,10 +48,19 @@ struct Voxel {
     float shown; // what its object's opacity leaves of that
 };
 
-// The object that a texel of the atlas belongs to.
-Appearance object_of(ivec3 texel) {
-    uint label = uint(texelFetch(labels, min(texel, textureSize(labels, 0) - 1), 0).x * 255.0 + 0.5);
-    return appearances[label];
+// The label of a texel of the atlas, and 1 if its cell has no other, as fractions.
+vec2 labels_at(ivec3 texel) {
+    return texelFetch(labels, min(texel, textureSize(labels, 0) - 1), 0).xy;
+}
+
+// The object of a label.
+Appearance object_called(float label) {
+    return appearances[uint(label * 255.0 + 0.5)];
+}
+
+// What an object's opacity leaves of an O.
+float shown_of(Appearance object, float o) {
+    return object.visible == 0u ? 0.0 : o * object.opacity;
 }
 
 // The voxel at a corner, 0 to 7, of the cell from `low` on; `part` is how far the place is in the cell.
@@ -58,8 +69,8 @@ Voxel voxel_at(ivec3 low, vec3 part, uint corner) {
     vec3 shares = mix(1.0 - part, part, equal(far, ivec3(1)));
     ivec3 texel = min(low + far, textureSize(medium, 0) - 1);
     float o = shares.x * shares.y * shares.z * texelFetch(medium, texel, 0).y;
-    Appearance object = object_of(texel);
-    return Voxel(object, o, object.visible == 0u ? 0.0 : o * object.opacity);
+    Appearance object = object_called(labels_at(texel).x);
+    return Voxel(object, o, shown_of(object, o));
 }
 
 // V and O at a place, V as a fraction. Outside a dense image V is that of its face, and O is 0 from one voxel
@@ -83,15 +94,20 @@ vec2 medium_at(BrickGrid g, vec3 at, out vec4 tint) {
     if (OBJECTS != 0) {
         ivec3 low = ivec3(place);
         vec3 part = place - vec3(low);
+        vec2 label = labels_at(low);
+        bool alone = label.y > 0.5;
         float whole = 0.0, left = 0.0;
-        for (uint corner = 0; corner < 8; ++corner) {
+        // A loop, since a CPU driver goes through both sides of an `if`.
+        uint corners = alone ? 0u : 8u;
+        for (uint corner = 0; corner < corners; ++corner) {
             Voxel voxel = voxel_at(low, part, corner);
             whole += voxel.o;
             left += voxel.shown;
             tint += voxel.o * voxel.object.tint;
         }
-        found.y = left;
-        tint = whole > 0.0 ? tint / whole : vec4(0.0);
+        Appearance object = object_called(label.x);
+        found.y = alone ? shown_of(object, found.y) : left;
+        tint = alone ? object.tint : whole > 0.0 ? tint / whole : vec4(0.0);
     }
     return found;
 }
@@ -105,9 +121,9 @@ vec2 medium_near(BrickGrid g, vec3 at, out uint function) {
     vec3 place = atlas_place(g, at);
     vec3 inverse_size = 1.0 / vec3(textureSize(medium, 0));
     vec2 found = textureLod(medium, (place + 0.5) * inverse_size, 0.0).xy;
-    Appearance object = object_of(ivec3(place + 0.5));
+    Appearance object = object_called(labels_at(ivec3(place + 0.5)).x);
     function = object.function;
-    return vec2(found.x, object.visible == 0u ? 0.0 : found.y * object.opacity);
+    return vec2(found.x, shown_of(object, found.y));
 }
 
 #endif

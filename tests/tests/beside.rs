@@ -38,7 +38,7 @@ impl Beside {
         let messages = gpu.messages.clone();
         let volume = Arc::new(case.volume.clone());
         let size = roi.as_ref().map(|roi| RegionSize::of(roi, &volume));
-        let volume = Arc::new(LoadedVolume { volume, roi, size, labels });
+        let volume = Arc::new(LoadedVolume { volume, roi, size, labels, series: None });
         let order = FitOrder { volume, config: case.config.clone(), gpu: with_validation(gpu) };
         let (sender, woken) = channel();
         // Nobody listens any more while the fit is dropped.

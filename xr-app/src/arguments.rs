@@ -17,7 +17,7 @@ use crate::mirror::Shown;
 #[command(name = "vgs-xr", version, after_help = EXAMPLES)]
 pub struct HeadsetArguments {
     /// What is shown: splats (PLY), several of which become one scene, a volume, or a session (TOML)
-    #[arg(required_unless_present = "volume")]
+    #[arg(required_unless_present_any = ["volume", "session"])]
     pub files: Vec<PathBuf>,
     /// The volume that the splats were fitted to; without splats it is shown itself
     #[arg(long, value_name = "VOLUME")]
@@ -28,13 +28,18 @@ pub struct HeadsetArguments {
     /// Shows nothing of the volume outside this mask
     #[arg(long, value_name = "MASK")]
     pub roi: Option<PathBuf>,
-    /// Transfer function: a preset, a file, or window:WIDTH,LEVEL [default: the session's, or CT-Bone]
+    /// Transfer function: a preset, a file, or window:WIDTH,LEVEL [default: the session's, or CT-Bone; of several objects,
+    /// one for the kind of each]
     #[arg(long, value_name = "PRESET|FILE")]
     pub tf: Option<String>,
     /// How an object is shown, by name or number: colour=#rrggbb, opacity=0..1 (a factor of the opacity per
     /// mm), hidden. Each file is an object, or each of its labels; may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...")]
     pub object: Vec<ObjectChange>,
+    /// Keeps what is made in the headset (distances, planes, objects, transfer function, place) in this session, and begins
+    /// with it if it is there. Without this, what was made goes into a new file beside the splats
+    #[arg(long, value_name = "FILE.toml")]
+    pub session: Option<PathBuf>,
     /// The same without a headset: poses and clock follow a script
     #[arg(long)]
     pub simulated: bool,
@@ -103,6 +108,7 @@ Examples:
   vgs-xr body.ply --tf CT-Soft-Tissue --passthrough
   vgs-xr bones.ply vessels.ply --object vessels:colour=#c03020
   vgs-xr session.toml
+  vgs-xr bones.ply --session plan.toml                    begins with it, and keeps it
   vgs-xr --volume ct.nii.gz --roi bones.nii.gz
   vgs-xr bones.ply --simulated --frames 300 --report session.json --picture eyes.png
   tools/monado cargo run -p vgs-xr -- bones.ply --frames 200
@@ -179,6 +185,7 @@ impl HeadsetArguments {
             roi: self.roi.clone(),
             tf: self.tf.clone(),
             objects: self.object.clone(),
+            session: self.session.clone(),
         }
     }
 

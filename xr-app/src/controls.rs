@@ -4,13 +4,13 @@
 use std::cmp::Ordering;
 
 use engine::Result;
-use engine::render::{ClipPlane, Look, PLANES};
+use engine::render::{ClipPlane, Look, PLANES, UsualLook};
 use engine::splat::Object;
 use engine::transfer::{PRESETS, load};
 use engine::unit::Unit;
 use glam::DVec3;
 use view::history::History;
-use view::state::{self, Clip, Edited, MOST_PLANES, ViewState};
+use view::state::{self, Clip, Edited, InHeadset, MOST_PLANES, ViewState};
 use view::transfer::Transfer;
 
 use crate::feedback::{Feedback, GRAB, SNAP};
@@ -74,6 +74,8 @@ pub struct Controls {
     /// True while something on the panel is dragged: all that it changes is one step of the history.
     pub dragging: bool,
     home: Placement,
+    /// Where the session has left the patient, in the room and from home.
+    left: Option<(Placement, InHeadset)>,
     /// Pose, in the frame before, of each hand that holds.
     held: [Option<Pose>; 2],
     /// Magnification between two hands, as if nothing snapped; `None` while there are not two.
@@ -154,6 +156,7 @@ impl Controls {
             feedback: Feedback::default(),
             dragging: false,
             home: placement,
+            left: None,
             held: [None; 2],
             stretched: None,
             next: Default::default(),
@@ -177,10 +180,22 @@ impl Controls {
         }
     }
 
-    /// Moves the patient to a placement; a reset returns it there.
+    /// Moves the patient to a placement; a reset returns it there. From there it goes where the session has left it, once.
     pub fn place(&mut self, placement: Placement) {
-        (self.placement, self.home) = (placement, placement);
+        self.home = placement;
+        let left = self.state.headset.take().map(|place| (placement.at(&place), place));
+        self.placement = left.map_or(placement, |(there, _)| there);
+        self.left = left.or(self.left);
         self.held = [None; 2];
+    }
+
+    /// Returns the state as a session keeps it: with where the patient is, if that is not where it was placed.
+    pub fn session(&self) -> ViewState {
+        // Where nobody has moved it, to the last digit.
+        let left = self.left.filter(|(there, _)| *there == self.placement).map(|(_, place)| place);
+        let moved = (self.placement != self.home).then(|| self.placement.from_home(&self.home));
+        let headset = self.state.headset.or(left).or(moved);
+        ViewState { headset, ..self.state.clone() }
     }
 
     /// Returns true if a hand holds the patient.
@@ -310,7 +325,11 @@ impl Controls {
     /// Puts everything back: the patient where it stood, the last preset as it was chosen, objects and planes
     /// as at the start. It can be undone.
     pub fn reset(&mut self) {
-        let (objects, clip) = self.first.clone();
+        let (mut objects, clip) = self.first.clone();
+        // A function that the user has chosen for all of them stays, too.
+        if !UsualLook::has_function(&self.base.name) {
+            objects.iter_mut().filter(|object| object.has_usual_function()).for_each(|o| o.transfer = None);
+        }
         let there = (&self.placement, &self.state.transfer, &self.state.objects, &self.state.clip);
         if there == (&self.home, &self.base, &objects, &clip) && !self.cutting {
             self.feedback.say("Everything is as at the start");
@@ -382,13 +401,14 @@ impl Controls {
         let least = NARROWEST * (self.base.window()[1] - self.base.window()[0]);
         let half = 0.5 * ((high - low) * (x * 4.0 * PER_SECOND * seconds).exp()).max(least);
         let level = (low + high) * 0.5 + y * PER_SECOND * seconds * (self.range[1] - self.range[0]);
-        self.state.transfer.set_window([level - half, level + half]);
+        self.state.edit_transfer(|state| state.transfer.set_window([level - half, level + half]));
         true
     }
 
     /// Takes a transfer function: a preset, a window or a file.
     pub fn choose(&mut self, name: &str) -> Result<()> {
-        self.state.transfer = Transfer::new(&load(name, self.range)?);
+        let chosen = Transfer::new(&load(name, self.range)?);
+        self.state.edit_transfer(|state| state.transfer = chosen);
         self.base = self.state.transfer.clone();
         self.feedback.say(self.state.transfer.name.clone());
         Ok(())
@@ -474,6 +494,49 @@ mod tests {
             let moved = c.placement.position - start.position;
             assert!((moved - DVec3::X * expect).length() < 1e-9, "{squeeze} at {x}: {moved}");
         }
+    }
+
+    #[test]
+    fn a_session_has_where_the_patient_was_left() {
+        let mut c = controls();
+        assert_eq!(c.session().headset, None, "where it was placed");
+        let home = c.placement;
+        let idle = Hand::default();
+        let _ = [0.0, 0.25].map(|x| update(&mut c, &[idle, at(x, 1.0)]));
+        let place = c.session().headset.expect("it was carried");
+        assert!((place.moved_m.length() - 0.25).abs() < 1e-9 && place.scale == 1.0, "{place:?}");
+        // The next session begins there, and has the same numbers as long as nobody moves it.
+        let mut again = controls();
+        again.state.headset = Some(place);
+        assert_eq!(again.session().headset, Some(place), "also before the head is known");
+        again.place(home);
+        assert!(again.placement.position.distance(home.position + DVec3::X * 0.25) < 1e-9);
+        assert_eq!(again.session().headset, Some(place));
+        // After recentring it stands where it was placed first.
+        again.place(home);
+        assert_eq!((again.placement, again.session().headset), (home, None));
+    }
+
+    #[test]
+    fn a_function_that_is_chosen_is_for_all_objects_also_after_a_reset() {
+        let mut c = controls();
+        let usual = UsualLook::of_objects(["liver", "aorta"].into_iter(), &[], Unit::Hu);
+        c.state.take_usual_look(&usual);
+        let mut c = Controls::new(
+            c.placement,
+            Start { state: c.state, numbers: vec![3, 7], range: [-1000.0, 2000.0], unit: " HU" },
+        );
+        let own = |c: &Controls| c.look().expect("a look").functions.len();
+        assert_eq!(own(&c), 2);
+        c.state.objects[0].visible = false;
+        c.reset();
+        assert!(own(&c) == 2 && c.state.objects[0].visible, "as at the start");
+        c.choose("CT-Bone").expect("a preset");
+        assert_eq!((own(&c), c.preset()), (0, "CT-Bone"));
+        c.state.objects[0].visible = false;
+        c.reset();
+        assert_eq!((own(&c), c.preset(), c.state.objects[0].visible), (0, "CT-Bone", true));
+        assert!(c.state.objects.iter().all(|object| object.tint.is_some()), "colours stay");
     }
 
     #[test]

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 
 use engine::gpu::Gpu;
-use engine::render::ObjectChange;
+use engine::render::{ObjectChange, SplatKind, UsualLook};
 use engine::{Error, Kind, Result, transfer};
 use view::deletions::Deletion;
 use view::loader::{self, LoadedSplats, LoadedVolume};
 use view::sorting;
-use view::state::{Files, Subject, ViewState};
+use view::state::{Files, SplatMode, Subject, ViewState};
 use view::transfer::Transfer;
 
 use crate::controls::Start;
@@ -28,6 +28,8 @@ pub struct Wanted {
     pub tf: Option<String>,
     /// Changes of objects, one after the other.
     pub objects: Vec<ObjectChange>,
+    /// The session that is kept: it is read if it is there.
+    pub session: Option<PathBuf>,
 }
 
 /// What was read.
@@ -44,7 +46,13 @@ pub enum Content {
 /// # Errors
 /// [`Kind::Usage`] for flags that do not fit together, and the errors of the readers, with the file.
 pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
-    let sorted = sorting::sort(&Files::default(), &wanted.files)?;
+    let kept = wanted.session.as_ref().filter(|session| session.exists());
+    let files: Vec<PathBuf> = match kept {
+        // Its own files are those that are shown.
+        Some(session) => vec![session.clone()],
+        None => wanted.files.clone(),
+    };
+    let sorted = sorting::sort(&Files::default(), &files)?;
     let session = sorted.state().transpose()?;
     let has_session = session.is_some();
     let mut state = match session {
@@ -96,6 +104,15 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
     };
     if let Some(tf) = wanted.tf.as_deref().or((!has_session).then_some(transfer::first(unit))) {
         state.transfer = Transfer::new(&transfer::load(tf, range)?);
+    }
+    if let Content::Splats(splats) = &content {
+        // The mode of the first quality level, in which objects may have functions of their own.
+        let own = SplatKind::of(&splats.set).own_mode();
+        let own = SplatMode::ALL.into_iter().find(|mode| Some(mode.name()) == own);
+        state.mode = own.unwrap_or(state.mode);
+        if let Some(usual) = UsualLook::of(&splats.set).filter(|_| !has_session && wanted.tf.is_none()) {
+            state.take_usual_look(&usual);
+        }
     }
     let there = match &content {
         Content::Splats(splats) => splats.set.objects(),
@@ -183,6 +200,8 @@ mod tests {
         let objects = ["liver:hidden", "bones:colour=#ff0000,opacity=0.5"];
         let objects = objects.map(|text| text.parse().expect("a change")).to_vec();
         let both = wanted(&folder, &["bones.ply", "liver.ply"]);
+        let tf = Some("CT-Bone".to_owned());
+        let both = Wanted { tf, ..both };
         let (content, start) = read(&Wanted { objects, ..both.clone() }).expect("splats");
         assert!(matches!(content, Content::Splats(splats) if splats.set.splats.len() == 6));
         let [bones, liver] = &start.state.objects[..] else { panic!("two objects") };
@@ -192,6 +211,32 @@ mod tests {
         let unknown = vec!["heart:hidden".parse().expect("a change")];
         let error = read(&Wanted { objects: unknown, ..both }).err().expect("no heart");
         assert!(error.code == "VGS-SPLAT-010" && error.help.contains("liver"), "{error}");
+    }
+
+    /// Several objects are lit from the start, each as is usual for it, unless a function or a session says otherwise.
+    #[test]
+    fn several_objects_have_the_usual_look_of_each() {
+        let folder = folder();
+        let both = wanted(&folder, &["bones.ply", "liver.ply"]);
+        let functions = |start: &Start| -> Vec<Option<String>> {
+            start.state.objects.iter().map(|o| Some(o.transfer.as_ref()?.name.clone())).collect()
+        };
+        let (_, start) = read(&both).expect("splats");
+        assert_eq!(functions(&start), ["Bone", "Organ"].map(|name| Some(name.to_owned())));
+        assert!(start.state.objects.iter().all(|object| object.tint.is_some()));
+        assert_eq!(start.state.transfer.name, "By kind");
+        let (_, asked) = read(&Wanted { tf: Some("CT-Bone".into()), ..both.clone() }).expect("splats");
+        assert_eq!((functions(&asked), asked.state.transfer.name.as_str()), (vec![None, None], "CT-Bone"));
+        let path = folder.path().join("kept.toml");
+        let mut state = asked.state;
+        state.objects[0].visible = false;
+        state.write(&path, false).expect("a session");
+        // A session that is kept is read instead of the files; one that is not there yet is none.
+        let kept = Wanted { session: Some(path), ..both.clone() };
+        let (_, again) = read(&kept).expect("a session");
+        assert!(!again.state.objects[0].visible && functions(&again) == [None, None]);
+        let new = Wanted { session: Some(folder.path().join("new.toml")), ..both };
+        assert!(read(&new).expect("splats").1.state.objects[0].visible);
     }
 
     #[test]

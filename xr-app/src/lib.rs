@@ -5,6 +5,7 @@
 //! ```text
 //! android -> program -> arguments -> mirror -> onlooker          arguments, android -> headset
 //! program -> viewer -> placement -> headset          program -> memory, pointing, statistics
+//! program -> loading -> viewer -> keeping          program -> keeping
 //! program, arguments -> inputs -> controls
 //! viewer -> bodies, controls, pointing, sight, composer, statistics, onlooker          viewer, bodies -> rods          bodies -> headset
 //! pointing -> controls -> placement -> headset          pointing -> outline, palm          pointing -> marks -> panel, sheets
@@ -26,6 +27,8 @@
 //! onlooker   who is shown the same: `mirror` is a window of the desktop, where there are any
 //! statistics what is reported
 //! memory     what fits on the device
+//! loading    what eyes see until the scene is ready
+//! keeping    the session file of what was made
 //! ```
 //!
 //! Unsafe code is only in `headset::openxr` and in the entry of `android`; everything else runs and is tested
@@ -43,6 +46,8 @@ pub mod eye_drawing;
 pub mod feedback;
 pub mod headset;
 pub mod inputs;
+pub mod keeping;
+pub mod loading;
 pub mod marks;
 pub mod memory;
 #[cfg(not(target_os = "android"))]

@@ -2,6 +2,7 @@
 
 use engine::render::Camera;
 use glam::{DMat3, DQuat, DVec3};
+use view::state::InHeadset;
 
 use crate::headset::{DEPTH_RANGE, Eye, Pose};
 
@@ -39,6 +40,27 @@ impl Placement {
             position: head.position + ahead * distance,
             orientation: DQuat::from_mat3(&axes),
             scale: 1.0,
+        }
+    }
+
+    /// Returns where this is from a placement at home.
+    pub fn from_home(&self, home: &Placement) -> InHeadset {
+        let axes = home.orientation.inverse();
+        InHeadset {
+            moved_m: axes * (self.position - home.position),
+            turned: (axes * self.orientation).normalize(),
+            scale: self.scale / home.scale,
+        }
+    }
+
+    /// Returns the placement that is there from this one, at home.
+    #[must_use]
+    pub fn at(&self, place: &InHeadset) -> Self {
+        Placement {
+            position: self.position + self.orientation * place.moved_m,
+            orientation: (self.orientation * place.turned).normalize(),
+            scale: (self.scale * place.scale).clamp(SCALES[0], SCALES[1]),
+            ..*self
         }
     }
 
@@ -187,5 +209,28 @@ mod tests {
         let nowhere = [from[0]; 2];
         assert_eq!(Placement::stretched_scale(p.scale, nowhere, to), 1.0, "hands in one place say nothing");
         assert_eq!(p.stretched(nowhere, to, 1.0), p);
+    }
+
+    #[test]
+    fn a_place_from_home_is_the_same_from_any_home() {
+        let head = |turn: f64| Pose {
+            position: DVec3::new(turn, 1.6, 0.3),
+            orientation: DQuat::from_rotation_y(turn),
+        };
+        let centre = DVec3::new(10.0, -20.0, 30.0);
+        let home = Placement::before(&head(0.4), centre, 100.0);
+        assert_eq!(home.from_home(&home).scale, 1.0);
+        let turned = DQuat::from_rotation_x(0.7);
+        let there = Placement { position: home.position + DVec3::X * 0.2, scale: 2.5, ..home };
+        let there = Placement { orientation: (turned * home.orientation).normalize(), ..there };
+        let place = there.from_home(&home);
+        let back = home.at(&place);
+        assert!((back.position - there.position).length() < 1e-12 && back.scale == 2.5, "{back:?}");
+        assert!(back.orientation.angle_between(there.orientation) < 1e-6);
+        // Another day the viewer looks elsewhere: the patient stands as far and as turned from there.
+        let other = Placement::before(&head(-1.2), centre, 100.0);
+        let again = other.at(&place).from_home(&other);
+        assert!((again.moved_m - place.moved_m).length() < 1e-12);
+        assert!(again.turned.angle_between(place.turned) < 1e-6);
     }
 }

@@ -18,6 +18,8 @@ use crate::headset::openxr::{OpenXr, OpenXrOptions};
 use crate::headset::simulated::{OFFERED, Script, Simulated, rest};
 use crate::headset::{Description, Headset};
 use crate::inputs::{self, Content};
+use crate::keeping::Keeper;
+use crate::loading::while_loading;
 use crate::memory;
 #[cfg(not(target_os = "android"))]
 use crate::mirror::Opened;
@@ -150,28 +152,48 @@ fn show(
         },
         start: Some(start),
     };
-    let mut viewer = match content {
-        // Memory budgets keep the first splats, which are the most important ones.
-        Content::Splats(splats) => memory::within(gpu, arguments.memory_budget, splats.set, |kept| {
-            let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
-            let options = Options { pitch: kept.pitch, given_up: kept.given_up.clone(), ..options.clone() };
-            let mut viewer = Viewer::new(gpu, scene, headset, options)?;
-            viewer.set_pick_data(PickData::of(kept.set));
-            Ok(viewer)
-        })?,
-        Content::Volume(volume) => {
-            let scene = Scene::new(gpu, None, Some(&volume.source()), &look)?;
-            let viewer = Viewer::new(gpu, scene, headset, options)?;
-            memory::check(gpu, arguments.memory_budget)?;
-            viewer
-        }
+    let keeper = options
+        .start
+        .as_ref()
+        .map(|start| Keeper::new(arguments.session.as_deref(), &arguments.files, &start.state));
+    let about = headset.description().clone();
+    let background = options.background;
+    let make = || {
+        Ok(match content {
+            // Memory budgets keep the first splats, which are the most important ones.
+            Content::Splats(splats) => memory::within(gpu, arguments.memory_budget, splats.set, |kept| {
+                let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
+                let options =
+                    Options { pitch: kept.pitch, given_up: kept.given_up.clone(), ..options.clone() };
+                let mut viewer = Viewer::of(gpu, scene, &about, options)?;
+                viewer.set_pick_data(PickData::of(kept.set));
+                Ok(viewer)
+            })?,
+            Content::Volume(volume) => {
+                let scene = Scene::new(gpu, None, Some(&volume.source()), &look)?;
+                let viewer = Viewer::of(gpu, scene, &about, options)?;
+                memory::check(gpu, arguments.memory_budget)?;
+                viewer
+            }
+        })
+    };
+    announce(headset);
+    // What shows that it loads takes memory, too: where that is limited, nothing else is on the device.
+    let (mut viewer, over) = match arguments.memory_budget {
+        Some(_) => (make()?, false),
+        None => while_loading(gpu, headset, background, make)?,
     };
     if let Some(onlooker) = onlooker(gpu, headset.description())? {
         viewer.add_onlooker(onlooker);
     }
-    announce(headset);
+    keeper.into_iter().for_each(|keeper| viewer.set_keeper(keeper));
+    viewer.begin(over);
     let ended = viewer.run(headset, stop);
-    // The measurements are reported however the session ended.
+    // What was made is kept, and the measurements are reported, however the session ended.
+    let kept = viewer.finish_keeping();
+    if let Ok(Some(path)) = &kept {
+        println!("what was made is in {}", path.display());
+    }
     let report = viewer.report(headset);
     print(&report);
     if let Some([shown, skipped]) = viewer.onlooker_counts() {
@@ -190,6 +212,7 @@ fn show(
         remember_card(Settings::place().as_deref());
     }
     ended?;
+    kept?;
     let messages = gpu.validation_messages();
     if messages.is_empty() {
         return Ok(());
@@ -238,6 +261,12 @@ fn print(report: &SessionReport) {
                 d.p5, d.median, d.p95, d.p99, d.most
             );
         }
+    }
+    if report.late > 0 {
+        println!(
+            "motion to photon of {} frames is unknown: they were late for the time at which they were to be seen",
+            report.late
+        );
     }
     println!("scale {:.2}; 1 is real size", report.scale);
     for (purpose, bytes) in &report.device_bytes {

@@ -95,6 +95,7 @@ pub struct Statistics {
     last: Option<Timing>,
     intervals_ms: VecDeque<f64>,
     latencies_ms: VecDeque<f64>,
+    late: u64,
     samples: VecDeque<Sample>,
     eyes: Option<[Eye; 2]>,
 }
@@ -122,8 +123,11 @@ impl Statistics {
     pub fn note_eyes(&mut self, timing: &Timing, eyes: &Eyes) {
         self.untracked += u64::from(!eyes.tracked);
         self.eyes = Some(eyes.eyes);
-        if let Some(asked) = eyes.asked_ns {
-            keep(&mut self.latencies_ms, (timing.display_ns - asked) as f64 * 1e-6);
+        match eyes.asked_ns.map(|asked| timing.display_ns - asked) {
+            Some(latency) if latency > 0 => keep(&mut self.latencies_ms, latency as f64 * 1e-6),
+            // It is seen at some later time, which the headset does not tell.
+            Some(_) => self.late += 1,
+            None => {}
         }
     }
 
@@ -163,6 +167,7 @@ impl Statistics {
             over_budget: samples().filter(|s| s.gpu_ms > s.budget_ms).count() as u64,
             level_changes: pairs.filter(|(a, b)| a.level != b.level).count() as u64,
             frames_on,
+            late: self.late,
             latency_ms: Distribution::of(self.latencies_ms.iter().copied()),
             latency_histogram_ms: Histogram::of(self.latencies_ms.iter().copied(), LATENCY_BIN_MS),
             allocations: hitches.allocations,
@@ -222,9 +227,11 @@ pub struct SessionReport {
     pub level_changes: u64,
     /// Number of frames on each level.
     pub frames_on: Vec<u64>,
+    /// Frames whose poses were asked for after the time at which the headset wanted to show them, since the host was late:
+    /// when they were seen is not known.
+    pub late: u64,
     /// Times from the request for poses to the light of the frame (motion to photon), ms, by the time for
-    /// which the headset wanted the frame. If the host is later than that, the time is negative, and the
-    /// frame is seen later.
+    /// which the headset wanted the frame; of frames that were not [late](Self::late).
     pub latency_ms: Option<Distribution>,
     /// Histogram of the same times, ms.
     pub latency_histogram_ms: Option<Histogram>,
@@ -308,6 +315,13 @@ mod tests {
             let asked_ns = (n % 10 != 0).then_some(display_ns - (20 + n / 50) * 1_000_000);
             statistics.note_eyes(&timing, &Eyes { eyes: [eye; 2], tracked: true, asked_ns });
         }
+        // A host that asks after the frame was due does not know when it is seen.
+        for late_ns in [0, 1_000_000, 700_000_000] {
+            let timing = Timing { display_ns: 1_000_000_000, period_ns: 10_000_000, visible: true };
+            let asked_ns = Some(timing.display_ns + late_ns);
+            statistics.note_eyes(&timing, &Eyes { eyes: [eye; 2], tracked: true, asked_ns });
+        }
+        assert_eq!(statistics.late, 3);
         let latencies = || statistics.latencies_ms.iter().copied();
         let d = Distribution::of(latencies()).expect("frames");
         assert_eq!((d.p5, d.median, d.p99), (20.0, 20.0, 21.0), "a clock that cannot be read says nothing");

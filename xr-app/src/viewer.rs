@@ -1,5 +1,6 @@
 //! The loop: from a headset's call for a frame to the frame.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -13,7 +14,8 @@ use crate::bodies;
 use crate::composer::Composer;
 use crate::controls::{Controls, Start, view_of};
 use crate::feedback::Feedback;
-use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
+use crate::headset::{Blend, Description, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
+use crate::keeping::Keeper;
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
 use crate::pointing::{PickData, Pointing};
@@ -53,6 +55,9 @@ pub struct Options {
 /// find their buffers large enough: the whole patient, and nearer.
 const WARM_UP: [f64; 3] = [0.6, 0.35, 0.2];
 
+/// Time from one look for events to the next while no frames are wanted.
+const IDLE: Duration = Duration::from_millis(10);
+
 /// Shows a scene in a headset.
 pub struct Viewer {
     gpu: Gpu,
@@ -83,13 +88,19 @@ pub struct Viewer {
     is_draft: bool,
     /// Counts before the first frame.
     before: Hitches,
+    /// What keeps the session, if anything does.
+    keeper: Option<Keeper>,
 }
 
 impl Viewer {
     /// Creates a viewer of a scene in a headset. Renders once in advance, so that later frames find their
     /// buffers large enough.
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
-        let about = headset.description();
+        Self::of(gpu, scene, headset.description(), options)
+    }
+
+    /// Creates a viewer as [`Viewer::new`] does, for a headset that may be in use meanwhile.
+    pub fn of(gpu: &Gpu, scene: Scene, about: &Description, options: Options) -> Result<Self> {
         let sight = Sight::new(about.eye_size, options.foveation, about.lenses);
         let settings = Settings { pitch: options.pitch, ..sight.settings(about.depth) };
         let frames = Frames::new(gpu, &scene, &settings, &options.levels)?;
@@ -125,6 +136,7 @@ impl Viewer {
             shown_size: about.eye_size,
             is_draft: false,
             before: Hitches::default(),
+            keeper: None,
             scene,
         };
         viewer.warm_up()?;
@@ -140,7 +152,25 @@ impl Viewer {
     /// Adds an onlooker who is shown what the eyes see, too, and who ends the session by leaving.
     pub fn add_onlooker(&mut self, onlooker: Box<dyn Onlooker>) {
         self.onlooker = Some(onlooker);
+    }
+
+    /// Keeps what is made in the session from now on.
+    pub fn set_keeper(&mut self, keeper: Keeper) {
+        self.keeper = Some(keeper);
+    }
+
+    /// Keeps what was made to the end. Returns the file, if there is one.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Keeper::finish`].
+    pub fn finish_keeping(&mut self) -> Result<Option<PathBuf>> {
+        self.keeper.as_mut().map_or(Ok(None), |keeper| keeper.finish(self.controls.session()))
+    }
+
+    /// Notes that the session begins only now, or has ended before it began.
+    pub fn begin(&mut self, over: bool) {
         self.before = self.gpu.hitches();
+        self.over = over;
     }
 
     /// Returns the number of frames that the onlooker was shown, and of those for which there was no picture.
@@ -174,14 +204,37 @@ impl Viewer {
                 self.over |= !headset.running();
                 headset.request_exit()?;
             }
-            if headset.running() {
-                self.frame(headset)?;
-            } else if !self.over {
-                std::thread::sleep(Duration::from_millis(10));
+            match headset.running() {
+                // A session that is asked to end wants frames until it does, but no more pictures.
+                true if asked => {
+                    let timing = headset.wait()?;
+                    headset.end(&timing, None)?;
+                }
+                true => self.frame(headset)?,
+                false if self.over => {}
+                false => std::thread::sleep(IDLE),
             }
         }
         self.gpu.wait_idle()?;
         self.note_finished()
+    }
+
+    /// Shows the scene and a few words before the eyes until `done` is set. Returns true if the session has ended
+    /// meanwhile.
+    pub fn show_words(&mut self, headset: &mut dyn Headset, words: &str, done: &AtomicBool) -> Result<bool> {
+        while !self.over && !done.load(Ordering::Relaxed) {
+            for event in headset.poll()? {
+                self.handle_event(event);
+            }
+            if headset.running() {
+                self.controls.feedback.say(words);
+                self.frame(headset)?;
+            } else if !self.over {
+                std::thread::sleep(IDLE);
+            }
+        }
+        self.gpu.wait_idle()?;
+        Ok(self.over)
     }
 
     fn handle_event(&mut self, event: Event) {
@@ -221,6 +274,9 @@ impl Viewer {
             self.scene.set_look(&look)?;
         }
         self.give_feedback(headset, seconds)?;
+        if let Some(keeper) = self.keeper.as_mut().filter(|_| !self.controls.dragging) {
+            keeper.keep_soon(seconds, || self.controls.session());
+        }
         self.sight.aim();
         let mut frame = self.frames.begin(&self.scene, level)?;
         let mut eyes = headset.acquire_images(&mut frame.recorder)?;

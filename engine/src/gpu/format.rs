@@ -14,6 +14,8 @@ pub enum Format {
     R32f,
     /// One byte, a fraction 0 to 1.
     R8,
+    /// Two bytes, fractions 0 to 1.
+    Rg8,
     /// One 16-bit fraction, 0 to 1.
     R16,
     /// Two 16-bit fractions, 0 to 1.
@@ -38,6 +40,7 @@ impl Format {
             Format::Rgba16f => vk::Format::R16G16B16A16_SFLOAT,
             Format::R32f => vk::Format::R32_SFLOAT,
             Format::R8 => vk::Format::R8_UNORM,
+            Format::Rg8 => vk::Format::R8G8_UNORM,
             Format::R16 => vk::Format::R16_UNORM,
             Format::Rg16 => vk::Format::R16G16_UNORM,
             Format::Rgba8 => vk::Format::R8G8B8A8_UNORM,
@@ -72,6 +75,7 @@ impl Format {
             Format::Rgba8 | Format::Bgra8 | Format::Srgba8 | Format::Sbgra8 => 4,
             Format::R16 => 2,
             Format::R8 => 1,
+            Format::Rg8 => 2,
         }
     }
 }

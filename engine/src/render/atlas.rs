@@ -11,6 +11,8 @@ use crate::volume::bricks::{BRICK, NO_SLOT};
 
 /// Texels of a brick in the atlas along each axis: its own voxels and an apron of one voxel behind them.
 const APRONED: usize = glsl::APRONED as usize;
+/// What stands beside a label that all in its cell has.
+pub(super) const ALONE: u8 = u8::MAX;
 /// Greatest number of bricks of an atlas along an axis, so that a place fits its bits.
 const MOST_ALONG: u32 = (1 << glsl::PLACE_BITS) - 1;
 
@@ -20,7 +22,8 @@ pub(super) struct Atlas {
     /// Place of each brick of the grid among those of the atlas, ten bits an axis.
     pub(super) places: Vec<u32>,
     pub(super) texels: Vec<[u16; 2]>,
-    pub(super) labels: Option<Vec<u8>>,
+    /// The label of each texel, and 255 if all that is in its cell has that label.
+    pub(super) labels: Option<Vec<[u8; 2]>>,
 }
 
 impl Decoded {
@@ -66,30 +69,65 @@ impl Decoded {
         let size = bricks.map(|n| n * APRONED as u32);
         let [width, height, depth] = size.map(|n| n as usize);
         let mut texels = vec![self.empty; width * height * depth];
-        let mut labels = self.labels.as_ref().map(|_| vec![self.label; texels.len()]);
+        let mut labels = self.labels.as_ref().map(|_| vec![[self.label, ALONE]; texels.len()]);
         // A layer of bricks at a time.
+        let (kept, place, brick_of) = (&kept, &place, &brick_of);
         let layer = width * height * APRONED;
         let in_layer = (bricks[0] * bricks[1]) as usize;
-        let fill = |z: usize, mut put: Box<dyn FnMut(usize, IVec3) + '_>| {
-            for to in (z * in_layer).max(1)..((z + 1) * in_layer).min(kept.len() + 1) {
+        // The bricks of a layer, each with the places of its texels in the layer.
+        let in_layer = |z: usize| {
+            let numbers = (z * in_layer).max(1)..((z + 1) * in_layer).min(kept.len() + 1);
+            numbers.map(move |to| {
                 let [x, y, _] = place(to as u32).map(|v| v as usize * APRONED);
-                for (i, voxel) in self.aproned(brick_of(kept[to - 1])).enumerate() {
+                let texel = move |i: usize| {
                     let [dx, dy, dz] = [i % APRONED, i / APRONED % APRONED, i / (APRONED * APRONED)];
-                    put((dz * height + y + dy) * width + x + dx, voxel);
-                }
-            }
+                    (dz * height + y + dy) * width + x + dx
+                };
+                (brick_of(kept[to - 1]), texel)
+            })
         };
-        texels
-            .par_chunks_mut(layer)
-            .enumerate()
-            .for_each(|(z, texels)| fill(z, Box::new(|at, voxel| texels[at] = self.at(voxel))));
+        texels.par_chunks_mut(layer).enumerate().for_each(|(z, texels)| {
+            for (brick, texel) in in_layer(z) {
+                self.aproned(brick).enumerate().for_each(|(i, voxel)| texels[texel(i)] = self.at(voxel));
+            }
+        });
         if let (Some(to), Some(from)) = (&mut labels, &self.labels) {
             to.par_chunks_mut(layer).enumerate().for_each(|(z, to)| {
-                fill(z, Box::new(|at, voxel| to[at] = self.sample(voxel).map_or(self.label, |i| from[i])));
+                for (brick, texel) in in_layer(z) {
+                    let voxels = self.aproned(brick).map(|voxel| {
+                        let label = self.sample(voxel).map_or(self.label, |i| from[i]);
+                        (label, self.at(voxel)[1] > 0)
+                    });
+                    let told = cells(&voxels.collect::<Vec<_>>());
+                    told.into_iter().enumerate().for_each(|(i, told)| to[texel(i)] = told);
+                }
             });
         }
         Ok(Atlas { size, places, texels, labels })
     }
+}
+
+/// Returns for each texel of a brick with its apron the label, and [`ALONE`] if all in the cell from it to the next texels
+/// has that label. `voxels` are their labels, and whether anything is there; what is not there takes a label beside it.
+fn cells(voxels: &[(u8, bool)]) -> Vec<[u8; 2]> {
+    const LAST: usize = APRONED - 1;
+    let corners = |i: usize| {
+        let at = [i % APRONED, i / APRONED % APRONED, i / (APRONED * APRONED)];
+        let next = move |corner: usize, axis: usize| (at[axis] + (corner >> axis & 1)).min(LAST);
+        (0..8).map(move |c| (next(c, 2) * APRONED + next(c, 1)) * APRONED + next(c, 0))
+    };
+    let mut labels: Vec<Option<u8>> = voxels.iter().map(|&(label, there)| there.then_some(label)).collect();
+    for i in 0..voxels.len() {
+        let mut there = corners(i).filter(|&j| voxels[j].1).map(|j| voxels[j].0);
+        let Some(first) = there.next() else { continue };
+        if there.all(|label| label == first) {
+            corners(i).for_each(|j| _ = labels[j].get_or_insert(first));
+        }
+    }
+    let label = |i: usize| labels[i].unwrap_or(voxels[i].0);
+    (0..voxels.len())
+        .map(|i| [label(i), if corners(i).all(|j| label(j) == label(i)) { ALONE } else { 0 }])
+        .collect()
 }
 
 /// Returns the bricks along the axes of an atlas of `count` bricks, as nearly a cube as possible and at most
@@ -104,4 +142,40 @@ fn atlas_bricks(count: u32, most: u32) -> Result<[u32; 3]> {
     }
     Err(Error::new(Kind::Unavailable, "VGS-RENDER-025", format!("{count} bricks are too many for an image"))
         .help("decode at a coarser pitch, or render in another --mode"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the labels, a cell that says it has one label has no other where anything is.
+    #[test]
+    fn a_cell_is_alone_if_all_that_is_there_has_one_label() {
+        let at = |x: usize, y: usize, z: usize| (z * APRONED + y) * APRONED + x;
+        // Two objects side by side along x with nothing above them, and one more in a corner of that.
+        let voxel = |i: usize| {
+            let [x, z] = [i % APRONED, i / (APRONED * APRONED)];
+            (if x < 4 { 5 } else { 9 }, z < 3)
+        };
+        let mut voxels: Vec<(u8, bool)> = (0..APRONED.pow(3)).map(voxel).collect();
+        voxels[at(8, 8, 8)] = (77, true);
+        let told = cells(&voxels);
+        assert_eq!(told[at(1, 1, 1)], [5, ALONE], "within an object");
+        assert_eq!(told[at(1, 1, 2)], [5, ALONE], "at its border on nothing");
+        assert_eq!(told[at(3, 1, 1)], [5, 0], "between two objects");
+        assert_eq!(told[at(4, 1, 1)], [9, ALONE]);
+        assert_eq!(told[at(8, 8, 8)], [77, ALONE], "at the end of the brick");
+        let corners = |x: usize, y: usize, z: usize| {
+            (0..8).map(move |c| at((x + (c & 1)).min(8), (y + (c >> 1 & 1)).min(8), (z + (c >> 2)).min(8)))
+        };
+        for i in 0..voxels.len() {
+            let [x, y, z] = [i % APRONED, i / APRONED % APRONED, i / (APRONED * APRONED)];
+            let there = || corners(x, y, z).filter(|&j| voxels[j].1);
+            if told[i][1] == ALONE {
+                assert!(there().all(|j| voxels[j].0 == told[i][0]), "{x} {y} {z}");
+            }
+            assert!(!voxels[i].1 || told[i][0] == voxels[i].0, "labels of what is there stay");
+        }
+        assert!(told.iter().filter(|told| told[1] == ALONE).count() > 500);
+    }
 }

@@ -17,6 +17,7 @@ use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use shaders_glsl::types::BrickGrid;
 
+use super::atlas::ALONE;
 use super::decoded::Decoded;
 use super::look::LookBuffers;
 use super::scale::{Scale, to_fraction};
@@ -293,7 +294,7 @@ impl GpuVolume {
             mean_edge_mm: spacing.element_sum() / 3.0,
             image,
             places: gpu.upload("no places of bricks", "volume", &[0])?,
-            labels: gpu.volume("no labels", "volume", Format::R8, [1; 3])?,
+            labels: gpu.volume("no labels", "volume", Format::Rg8, [1; 3])?,
             is_atlas: false,
             scale: cut.scale,
             voxel_from_scene,
@@ -312,9 +313,9 @@ impl GpuVolume {
         image.write(&atlas.texels)?;
         let (texels, labels) = match &atlas.labels {
             Some(labels) => (atlas.size, labels.as_slice()),
-            None => ([1; 3], &[field.label][..]),
+            None => ([1; 3], &[[field.label, ALONE]][..]),
         };
-        let mut label_image = gpu.volume("labels of the atlas", "decoded field", Format::R8, texels)?;
+        let mut label_image = gpu.volume("labels of the atlas", "decoded field", Format::Rg8, texels)?;
         label_image.write(labels)?;
         let scale = field.scale;
         Ok(GpuVolume {

@@ -57,8 +57,13 @@ impl Intensities {
 
     /// Returns the intensities between which the middle half of the splats lies; `None` without any.
     pub fn middle_half(&self) -> Option<[f32; 2]> {
+        Some([self.of_share(0.25)?, self.of_share(0.75)?])
+    }
+
+    /// Returns the intensity that a share of the splats, 0 to 1, does not exceed; `None` without any.
+    pub(super) fn of_share(&self, share: f64) -> Option<f32> {
         let last = self.0.len().checked_sub(1)?;
-        Some([1, 3].map(|quarters| self.0[last * quarters / 4]))
+        Some(self.0[(share * last as f64) as usize])
     }
 
     /// Returns false if a transfer function shows next to nothing of them.

@@ -9,7 +9,7 @@ use shaders_glsl::types;
 
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu};
-use crate::splat::{Object, SplatSet, usual_colour};
+use crate::splat::{Object, SplatSet, usual_colours};
 use crate::transfer::{FixedTo, Light, MOST_FILL, Table, TransferFunction};
 
 /// Greatest number of clip planes; a box takes six.
@@ -145,9 +145,9 @@ impl Look {
     /// Gives each object a colour of its own: the one that is usual for its name, or the next of a few that are easily
     /// told apart.
     pub fn tint_objects(&mut self, objects: &[Object]) {
-        for (turn, object) in objects.iter().enumerate() {
-            let appearance = self.objects.entry(object.number).or_default();
-            appearance.tint = Some(usual_colour(&object.name, turn));
+        let colours = usual_colours(objects.iter().map(|object| object.name.as_str()));
+        for (object, colour) in objects.iter().zip(colours) {
+            self.objects.entry(object.number).or_default().tint = Some(colour);
         }
     }
 

@@ -19,6 +19,7 @@
 //! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and the parts no eye sees |
 //! | `object_change` | [`ObjectChange`]: of the appearance of objects, as a flag has it |
 //! | `intensities` | [`Intensities`]: of an object, and whether a transfer function shows them |
+//! | `usual_look` | [`UsualLook`]: of several objects, as long as nobody has said how they look |
 //! | `settings`, `quality`, `target` | settings of a mode, quality of a frame, pictures of a frame |
 //! | `mode`, `modes` | [`Mode`]: a way to render; [`MODES`]: all of them |
 //! | `alpha`, `slab`, `raymarch` | the modes; `variants` holds their kernels |
@@ -52,6 +53,7 @@ mod settings;
 mod slab;
 mod splat_points;
 mod target;
+mod usual_look;
 mod variants;
 mod visibility_mask;
 
@@ -72,6 +74,7 @@ pub use renderer::Renderer;
 pub use scene::Scene;
 pub use settings::{Rays, Settings};
 pub use target::Target;
+pub use usual_look::{ObjectLook, UsualLook};
 pub use visibility_mask::{Triangle, VisibilityMask};
 
 pub use crate::passes::Work;

@@ -70,6 +70,11 @@ impl ObjectChange {
         }
     }
 
+    /// Returns true if it gives objects a transfer function of their own.
+    pub fn has_function(&self) -> bool {
+        self.function.is_some()
+    }
+
     /// Changes the appearances and the transfer functions in a look of all objects that it names: by number, by name,
     /// or by the part of the name before or after its slash. `range` is that of the intensities that are shown, for
     /// presets that are stretched over it.

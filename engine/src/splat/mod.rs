@@ -9,7 +9,7 @@
 //! | `activation`, `kernel` | what the raw parameters stand for, and how a splat fades with distance |
 //! | `space` | from voxels to the world and back |
 //! | `objects`, `labels` | several sets as one ([`join`]), the structures that splats belong to |
-//! | `structures` | the colours in which structures are usually drawn |
+//! | `structures` | what structures are, and in which colours they are usually drawn |
 //! | `importance` | an order in which the first n splats represent the set as well as n splats can |
 //! | `grid` | the grid that a set was fitted on, what it is right for, and where it is not |
 //! | `harmonics` | colours of splats that have no intensity |
@@ -67,6 +67,6 @@ pub use place::Place;
 pub use ply::{PLY_LAYOUTS, PlyLayout};
 pub use set::SplatSet;
 pub use shaders_glsl::types::Splat;
-pub use structures::usual_colour;
+pub use structures::{StructureKind, kind_of_structure, usual_colours};
 pub use unplaced::Unplaced;
 pub use vgs::{Group, Rounding};

@@ -269,12 +269,24 @@ impl Stage {
                 (texels[texel], labels[texel]) = (at(voxel), own[voxel]);
             }
         }
-        let size = size.map(|n| n as u32);
-        let mut image = gpu.volume("atlas", "test", Format::Rg16, size).unwrap();
+        let edges = size.map(|n| n as u32);
+        let mut image = gpu.volume("atlas", "test", Format::Rg16, edges).unwrap();
         image.write(&texels).unwrap();
-        let label_size = if labelled { size } else { [1; 3] };
-        let mut label_image = gpu.volume("labels", "test", Format::R8, label_size).unwrap();
-        label_image.write(if labelled { &labels } else { &[3][..] }).unwrap();
+        let label_size = if labelled { edges } else { [1; 3] };
+        let mut label_image = gpu.volume("labels", "test", Format::Rg8, label_size).unwrap();
+        // All in a cell has one label; cells that reach beyond their brick are not asked.
+        let told = |i: usize| {
+            let [x, y, z] = [i % size[0], i / size[0] % size[1], i / (size[0] * size[1])];
+            let next = |v: usize, c: usize, axis: usize| (v + (c >> axis & 1)).min(size[axis] - 1);
+            let corner = |c: usize| (next(z, c, 2) * size[1] + next(y, c, 1)) * size[0] + next(x, c, 0);
+            [labels[i], if (0..8).all(|c| labels[corner(c)] == labels[i]) { 255 } else { 0 }]
+        };
+        let told: Vec<[u8; 2]> = (0..labels.len()).map(told).collect();
+        assert!(
+            (0..2).all(|k| told.iter().any(|told| usize::from(told[1] == 255) == k)),
+            "both kinds of cells"
+        );
+        label_image.write(if labelled { &told } else { &[[3, 255]][..] }).unwrap();
         Atlas { image, places: gpu.upload("places", "test", &places).unwrap(), labels: label_image }
     }
 
@@ -500,7 +512,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         Source::Image => Atlas {
             image: stage.image(gpu),
             places: gpu.upload("no places", "test", &[0]).unwrap(),
-            labels: gpu.volume("no labels", "test", Format::R8, [1; 3]).unwrap(),
+            labels: gpu.volume("no labels", "test", Format::Rg8, [1; 3]).unwrap(),
         },
         source => stage.atlas(gpu, matches!(source, Source::Objects | Source::Functions), seed),
     };

@@ -240,7 +240,10 @@ fn files_are_objects_of_one_picture() {
     let run = |more: &[&str]| folder.run(&[&["render"], more, shared.as_slice()].concat()).json();
     let alone = run(&["s.ply", "-o", "alone.png"]);
     let count = alone["splats"].as_u64().expect("a count");
-    assert_eq!(alone["objects"], serde_json::json!([{"number": 1, "name": "s", "splats": count}]));
+    let object = serde_json::json!([{
+        "number": 1, "name": "s", "splats": count, "transfer_function": "CT-Bones-Steep", "colour": null
+    }]);
+    assert_eq!(alone["objects"], object);
 
     let both = run(&["s.ply", "t.ply", "-o", "both.png"]);
     assert_eq!(both["splats"].as_u64(), Some(2 * count));
@@ -291,12 +294,49 @@ fn files_are_objects_of_one_picture() {
         "--object",
         "t:hidden",
     ]);
-    assert!(unseen.err.contains("s is here and can hardly be seen"), "{}", unseen.err);
-    assert!(!unseen.err.contains("t is here"), "{}", unseen.err);
+    assert!(unseen.err.contains("HU, is here and can hardly be seen"), "{}", unseen.err);
+    assert!(unseen.err.contains("s, mostly") && !unseen.err.contains("t, mostly"), "{}", unseen.err);
 
     let few = run(&["s.ply", "-o", "few.png", "--splat-budget", "100"]);
     assert!(alone["active_splats"].as_u64() > Some(100));
     assert_eq!(few["active_splats"], 100);
+}
+
+#[test]
+fn several_objects_have_the_usual_look_of_each_unless_a_function_is_asked_for() {
+    let folder = folder();
+    for name in ["liver.ply", "vein.ply", "rib_1.ply"] {
+        std::fs::copy(folder.path("s.ply"), folder.path(name)).expect("an object");
+    }
+    let all = ["render", "liver.ply", "vein.ply", "rib_1.ply", "--size", "64x64", "--shade", "off", "-f"];
+    let run = |more: &[&str]| folder.run(&[&all[..], more].concat());
+    let found = run(&["-o", "usual.png", "--json"]).json();
+    assert_eq!(found["transfer_function"], "By kind");
+    let of = |key: &str| -> Vec<serde_json::Value> {
+        found["objects"].as_array().expect("objects").iter().map(|object| object[key].clone()).collect()
+    };
+    assert_eq!(of("transfer_function"), ["Organ", "Vessel", "Bone"]);
+    let red: Vec<f64> = of("colour").iter().map(|colour| colour[0].as_f64().expect("red")).collect();
+    assert!(red[0] > 0.8 && red[1] == 0.0 && red[2] > 0.9, "{red:?}");
+    // What they are is said once, with how to change it.
+    let told = run(&["-o", "usual.png"]);
+    assert!(told.code == 0 && told.err.contains("3 objects, each in its usual colour"), "{}", told.err);
+    assert!(told.err.contains("--tf") && !told.err.contains("hardly"), "{}", told.err);
+    // A colour and a function that are asked for go before.
+    let changed = run(&["-o", "c.png", "--object", "liver:colour=#00ff00", "--json"]).json();
+    assert_eq!(changed["objects"][0]["colour"], serde_json::json!([0.0, 1.0, 0.0]));
+    let asked = run(&["-o", "asked.png", "--tf", "CT-Bone", "--json"]).json();
+    assert_eq!(
+        (&asked["transfer_function"], &asked["objects"][0]["colour"]),
+        (&"CT-Bone".into(), &().into())
+    );
+    assert!(seen(&picture(&folder, "usual.png")) > 100);
+    assert_ne!(picture(&folder, "usual.png").image, picture(&folder, "asked.png").image);
+    // One warning for all of them, with what mends it.
+    let unseen = run(&["-o", "u.png", "--tf", "CT-Fat"]);
+    let warnings: Vec<_> = unseen.err.lines().filter(|line| line.contains("hardly be seen")).collect();
+    let [warning] = warnings[..] else { panic!("{}", unseen.err) };
+    assert!(warning.contains("3 of 3 objects") && warning.contains("leave --tf out"), "{warning}");
 }
 
 #[test]

@@ -622,4 +622,10 @@ fn objects_look_as_flags_say() {
     let ([none, bones], log) = seen(&["--object", "liver:hidden"]);
     assert!(none == 0 && bones > 10_000, "nothing is called so: {none} {bones}");
     assert!(log.contains("VGS-"), "which is told: {log}");
+    // Several objects have the colours that are usual for their names, a vein's is blue.
+    std::fs::copy(folder.path("s.ply"), folder.path("vein.ply")).expect("a vein");
+    let viewer = begin(&screen, &folder, &["s.ply", "vein.ply", "--object", "s:hidden"]);
+    let blue = screen.look().count(PICTURE, |[r, g, b]| b > 60 && r < b / 4 && g < b);
+    assert_eq!(viewer.quit().code, 0);
+    assert!(blue > 10_000, "{blue} blue pixels");
 }

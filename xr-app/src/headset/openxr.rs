@@ -52,7 +52,6 @@ pub struct OpenXr {
     waiter: xr::FrameWaiter,
     session: xr::Session<xr::Vulkan>,
     instance: xr::Instance,
-    events: Box<xr::EventDataBuffer>,
     running: bool,
     /// The last poses that were known.
     last: Option<[Eye; 2]>,
@@ -392,7 +391,6 @@ impl OpenXr {
             waiter,
             session,
             instance: runtime.instance.clone(),
-            events: Box::new(xr::EventDataBuffer::new()),
             running: false,
             last: None,
             gpu: gpu.clone(),
@@ -514,11 +512,11 @@ impl Headset for OpenXr {
     }
 
     fn poll(&mut self) -> Result<Vec<Event>> {
-        let mut out = Vec::new();
+        let (mut out, mut buffer) = (Vec::new(), xr::EventDataBuffer::new());
         loop {
             let event = self
                 .instance
-                .poll_event(&mut self.events)
+                .poll_event(&mut buffer)
                 .map_err(|e| runtime_error("asking what happened", e))?;
             let Some(event) = event else { return Ok(out) };
             match event {

@@ -216,7 +216,7 @@ impl Headset for Simulated {
     }
 
     fn running(&self) -> bool {
-        self.begun && !self.over
+        self.begun && !self.over && !self.leaving
     }
 
     fn wait(&mut self) -> Result<Timing> {

@@ -80,7 +80,8 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
     });
     let gpu = arguments.device.options();
     let objects = arguments.object.clone();
-    let report = window::run(Start { state, session, objects, settings, gpu, since })?;
+    let asked = arguments.tf.is_some();
+    let report = window::run(Start { state, session, asked, objects, settings, gpu, since })?;
     if let Some(path) = &arguments.report {
         let text = serde_json::to_string_pretty(&report)
             .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-095", format!("writing JSON failed: {e}")))?;

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
 use engine::error::{Error, Kind, Result};
-use engine::render::Camera;
+use engine::render::{Camera, UsualLook};
 use engine::transfer::PRESETS;
 use glam::DVec3;
 
@@ -27,7 +27,7 @@ use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
 use crate::prompt::{Answer, Prompt, Purpose};
 use crate::series::Series;
 use crate::settings::Settings;
-use crate::state::{Bookmark, Edited, Files, Subject, ViewState, is_session};
+use crate::state::{Bookmark, Edited, Files, Object, Subject, ViewState, is_session};
 use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
@@ -80,6 +80,8 @@ pub struct App {
     pub(super) session: Option<PathBuf>,
     /// What the session file has of what the user changes, as it was last opened or saved.
     pub(super) saved: (Edited, Vec<Bookmark>),
+    /// Transfer function and objects as the program has given them; `None` once a user has said how things look.
+    pub(super) given: Option<(Transfer, Vec<Object>)>,
     /// Series of which one is to be chosen.
     pub(super) series: Option<Series>,
     /// Pictures of their slices.
@@ -109,6 +111,7 @@ impl App {
             taken: state.clone(),
             fit: false,
             saved: (state.edited(), state.bookmarks.clone()),
+            given: session.is_none().then(|| (state.transfer.clone(), state.objects.clone())),
             state,
             settings,
             measuring: None,
@@ -136,7 +139,40 @@ impl App {
         self.history.restart(state.edited());
         self.state = state;
         self.fit = false;
+        self.given = None;
         self.note_saved();
+    }
+
+    /// Keeps the transfer function and the objects as they are, since a user has asked for them.
+    pub fn keep_look(&mut self) {
+        self.given = None;
+    }
+
+    /// Changes the state unasked, as after files were read. `change` is told whether transfer function and objects are
+    /// still as the program has given them; if they are, those that it makes count as given, too.
+    pub fn change_given(&mut self, change: impl FnOnce(&mut ViewState, bool)) {
+        let look = |state: &ViewState| (state.transfer.clone(), state.objects.clone());
+        let untouched = self.given.as_ref().is_some_and(|given| *given == look(&self.state));
+        self.change_unasked(|state| change(state, untouched));
+        self.given = untouched.then(|| look(&self.state));
+    }
+
+    /// Takes the list of objects that files have, with the usual look of them and of the scene as long as nobody has said
+    /// how they look; `more` is changed with them.
+    pub fn take_objects(
+        &mut self,
+        found: Vec<Object>,
+        usual: Option<&UsualLook>,
+        more: impl FnOnce(&mut ViewState),
+    ) {
+        self.change_given(|state, untouched| {
+            let others = state.set_objects(found);
+            let fits = |usual: &&UsualLook| untouched && others && usual.objects.len() == state.objects.len();
+            if let Some(usual) = usual.filter(fits) {
+                state.take_usual_look(usual);
+            }
+            more(state);
+        });
     }
 
     fn note_saved(&mut self) {
@@ -487,7 +523,7 @@ impl App {
 
     fn take_transfer(&mut self, name: &str, info: &PanelInfo<'_>) {
         match engine::transfer::load(name, info.range) {
-            Ok(function) => self.state.transfer = Transfer::new(&function),
+            Ok(function) => self.state.edit_transfer(|state| state.transfer = Transfer::new(&function)),
             Err(error) => self.report(&error),
         }
     }
@@ -495,7 +531,8 @@ impl App {
     fn step_preset(&mut self, by: usize, info: &PanelInfo<'_>) {
         let at = PRESETS.iter().position(|p| p.name == self.state.transfer.name);
         let next = at.map_or(0, |at| (at + by) % PRESETS.len());
-        self.state.transfer = Transfer::new(&PRESETS[next].over(info.range));
+        let next = Transfer::new(&PRESETS[next].over(info.range));
+        self.state.edit_transfer(|state| state.transfer = next);
     }
 
     /// Lays out menus, panels, status line and the picture between them.

@@ -198,7 +198,7 @@ impl App {
             let (width, level) = (high - low, (low + high) * 0.5);
             let half = 0.5 * width * (x / POINTS_PER_E).exp();
             let level = level - width * y / POINTS_PER_E;
-            self.state.transfer.set_window([level - half, level + half]);
+            self.state.edit_transfer(|state| state.transfer.set_window([level - half, level + half]));
         }
         if let Some(at) = response.hover_pos() {
             let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta().y, i.zoom_delta()));

@@ -31,7 +31,7 @@ pub fn show(
 ) {
     choices(ui, state, info, actions);
     curve(ui, state, editor, info);
-    gradient_row(ui, state, info);
+    state.edit_transfer(|state| gradient_row(ui, state, info));
     light::show(ui, state);
 }
 
@@ -39,10 +39,17 @@ pub fn show(
 pub fn curve(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &PanelInfo<'_>) {
     let backdrop =
         Backdrop { range: info.range, splats: info.splat_histogram, volume: info.volume_histogram };
-    widget::show(ui, editor, &mut state.transfer, &backdrop, TALL);
-    point(ui, state, editor, info);
-    window_row(ui, state, info);
-    shift_row(ui, state, info);
+    let by_kind = state.objects.iter().filter(|object| object.has_usual_function()).count();
+    if by_kind > 0 {
+        let text = "Each object has a function for its kind. What is changed here is for all of them.";
+        ui.weak(text).on_hover_text("Usual look, above the objects, gives them back");
+    }
+    state.edit_transfer(|state| {
+        widget::show(ui, editor, &mut state.transfer, &backdrop, TALL);
+        point(ui, state, editor, info);
+        window_row(ui, state, info);
+        shift_row(ui, state, info);
+    });
 }
 
 /// Shows all presets, those for such data first, with what the scene looks like by each where there are pictures of it; a click chooses one of

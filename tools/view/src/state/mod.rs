@@ -6,14 +6,19 @@
 //! | `error_colours` | [`ErrorColours`]: what of the picture has the colours of the error |
 //! | `files` | [`Files`]: where they are, as a session names them, and those that are missing |
 //! | `unpacked` | [`Unpacked`]: the folder that a packed session is unpacked into |
+//! | `in_headset` | [`InHeadset`]: where a headset shows the patient |
+//! | `usual` | how objects look as long as nobody has said so |
 
 mod error_colours;
 mod files;
+mod in_headset;
 mod state;
 mod unpacked;
+mod usual;
 
 pub use error_colours::ErrorColours;
 pub use files::Files;
+pub use in_headset::InHeadset;
 pub use state::{
     Bookmark, Clip, CropBox, Distance, Edited, MOST_PLANES, Object, Plane, Quality, Show, Slices, SplatMode,
     Subject, VERSION, ViewState, is_session, mode_row,

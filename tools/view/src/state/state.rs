@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error_colours::ErrorColours;
 use super::files::Files;
+use super::in_headset::InHeadset;
 use super::unpacked::{Unpacked, is_packed};
 use crate::deletions::Deletion;
 use crate::orbit::Orbit;
@@ -88,6 +89,9 @@ pub struct ViewState {
     /// Splats that are deleted, in the order in which they were.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub deleted: Vec<Deletion>,
+    /// Where a headset shows the patient; `None` for where it does at first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub headset: Option<InHeadset>,
 }
 
 /// A camera that was kept.
@@ -379,6 +383,7 @@ impl ViewState {
             objects: Vec::new(),
             distances: Vec::new(),
             deleted: Vec::new(),
+            headset: None,
         }
     }
 
@@ -424,14 +429,18 @@ impl ViewState {
     }
 
     /// Replaces the list of objects by those found in the files. Rows that are there already, from a session
-    /// file, stay as they are; rows of objects that are gone are dropped.
-    pub fn set_objects(&mut self, found: Vec<Object>) {
+    /// file, stay as they are; rows of objects that are gone are dropped. Returns true if the objects are others than
+    /// before.
+    pub fn set_objects(&mut self, found: Vec<Object>) -> bool {
         let known = std::mem::take(&mut self.objects);
+        let key = |o: &Object| (o.file, o.label);
+        let others = !known.iter().map(key).eq(found.iter().map(key));
         let row = |new: Object| {
-            let old = known.iter().find(|o| (o.file, o.label) == (new.file, new.label));
+            let old = known.iter().find(|o| key(o) == key(&new));
             old.cloned().unwrap_or(new)
         };
         self.objects = found.into_iter().map(row).collect();
+        others
     }
 
     /// Changes the rows of objects as flags say. `there` are the objects of the splats, `numbers` those of the rows,
@@ -616,6 +625,10 @@ impl ViewState {
                 "[quality] target_frame_ms is not between 1 and 1000",
             ),
             (self.distances.iter().all(ends), "an end of [[distances]] is not finite"),
+            (
+                self.headset.is_none_or(|place| place.is_sound()),
+                "[headset] has no finite moved_m, no unit quaternion turned, or no scale above 0",
+            ),
             (
                 self.deleted.iter().all(|d| d.is_sound(self.files.splats.len())),
                 "a row of [[deleted]] has no such files, or a box without low_mm below high_mm, both finite",

@@ -27,7 +27,8 @@ impl Viewer {
         };
         let Some(name) = self.thumbnails.next(Seen::of(state, self.data_number)) else { return Ok(false) };
         let mut by_preset = state.clone();
-        by_preset.transfer = Transfer::new(&preset(name)?.over(self.range));
+        let preset = Transfer::new(&preset(name)?.over(self.range));
+        by_preset.edit_transfer(|state| state.transfer = preset);
         // What is wrong with the state, the picture in the window tells.
         let looks = (self.data.look(subject, &by_preset), self.data.look(subject, state));
         let (Ok(look), Ok(own)) = looks else { return Ok(false) };

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use engine::budget::Controller;
 use engine::gpu::GpuOptions;
-use engine::render::{ObjectChange, Quality, SplatKind, level_costs, quality_levels};
+use engine::render::{ObjectChange, Quality, SplatKind, UsualLook, level_costs, quality_levels};
 use engine::splat::SplatSet;
 use engine::unit::Unit;
 use engine::{Error, Result, transfer};
@@ -65,6 +65,8 @@ pub struct Start {
     pub state: ViewState,
     /// File of the state, if it is a session; its camera is kept. Otherwise the camera is moved to see everything.
     pub session: Option<PathBuf>,
+    /// True if the user has asked for the transfer function of the state.
+    pub asked: bool,
     /// Changes of how objects are shown, for the first splats that are read.
     pub objects: Vec<ObjectChange>,
     /// Settings of the user.
@@ -73,6 +75,17 @@ pub struct Start {
     pub gpu: GpuOptions,
     /// Time when the program was started.
     pub since: Instant,
+}
+
+/// Gives what has no HU, as an MR, a function for such data, where the first function for CT stands untouched. Returns
+/// true if it was given one.
+fn choose_function(state: &mut ViewState, unit: Unit, range: [f64; 2]) -> bool {
+    let first = |name| Some(Transfer::new(&transfer::load(name, range).ok()?));
+    let is_first = unit == Unit::Arbitrary && first(transfer::FIRST).as_ref() == Some(&state.transfer);
+    let other = first(transfer::FIRST_WITHOUT_HU).filter(|_| is_first);
+    let chosen = other.is_some();
+    state.transfer = other.unwrap_or_else(|| state.transfer.clone());
+    chosen
 }
 
 /// Instructions to the event loop after a frame.
@@ -139,10 +152,10 @@ pub struct Viewer {
 impl Viewer {
     /// Creates a viewer and begins to read the files of the state.
     pub fn new(start: Start, mut loader: Loader, report: WindowReport) -> Self {
-        let Start { state, session, objects, settings, gpu, .. } = start;
+        let Start { state, session, asked, objects, settings, gpu, .. } = start;
         let fits = session.is_none();
         let budget_ms = state.quality.target_frame_ms;
-        let app = match session {
+        let mut app = match session {
             // Nothing is shown before the user has said where the rest is.
             Some(session) if !state.files.missing().is_empty() => {
                 let files = Files::default();
@@ -153,6 +166,9 @@ impl Viewer {
             }
             session => App::new(state, session, settings),
         };
+        if asked {
+            app.keep_look();
+        }
         loader.open(&app.state.files, &Files::default(), None);
         Viewer {
             app,
@@ -314,45 +330,39 @@ impl Viewer {
         }
     }
 
-    /// Gives what has no HU, as an MR, a function for such data, where the first function for CT stands untouched.
-    fn choose_function(&mut self) {
-        let first = |name| Some(Transfer::new(&transfer::load(name, self.range).ok()?));
-        if self.data.unit() == Unit::Arbitrary
-            && first(transfer::FIRST).as_ref() == Some(&self.app.state.transfer)
-            && let Some(function) = first(transfer::FIRST_WITHOUT_HU)
-        {
-            self.app.state.transfer = function;
-            self.app.done(format!("What is shown has no HU: {} is its function", transfer::FIRST_WITHOUT_HU));
-        }
-    }
-
     pub(super) fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         self.range = self.data.range();
         self.prepared.remove(&subject);
         self.decoding.remove(&subject);
+        let mut without_hu = false;
         if let (Subject::Splats, Some(splats)) = (subject, self.data.left_splats()) {
             let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
             let (rows, counts) = rows.unzip();
             let changes = std::mem::take(&mut self.object_changes);
             let numbers: Vec<u8> = splats.objects.iter().map(|(_, number, _)| *number).collect();
-            let (there, range) = (splats.set.objects(), self.range);
+            let (there, range, unit) = (splats.set.objects(), self.range, self.data.unit());
             let mut changed = Ok(());
-            self.app.change_unasked(|state| {
-                state.set_objects(rows);
+            self.app.take_objects(rows, UsualLook::of(&splats.set).as_ref(), |state| {
                 changed = state.change_objects(&there, &numbers, range, &changes);
+                without_hu = choose_function(state, unit, range);
             });
             if let Err(error) = changed {
                 self.app.report(&error);
             }
             self.object_splats = counts;
-            self.choose_function();
         } else if subject != Subject::Beside
             && self.data.splats.is_none()
             && self.data.fitted.is_none()
             && self.data.has(Subject::Volume)
         {
-            self.app.state.shown = Subject::Volume;
-            self.choose_function();
+            let (unit, range) = (self.data.unit(), self.range);
+            self.app.change_given(|state, _| {
+                state.shown = Subject::Volume;
+                without_hu = choose_function(state, unit, range);
+            });
+        }
+        if without_hu {
+            self.app.done(format!("What is shown has no HU: {} is its function", transfer::FIRST_WITHOUT_HU));
         }
         if subject == Subject::Splats && self.data.waits && self.data.fitted.is_none() {
             return Ok(());

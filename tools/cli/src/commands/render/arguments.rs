@@ -33,7 +33,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "MODE", help_heading = "Picture", value_parser = mode_name)]
     pub mode: Option<&'static str>,
     /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL [default:
-    /// CT-Bone, or MR-Default without HU]
+    /// CT-Bone, or MR-Default without HU; of several objects, one for the kind of each, and its usual colour]
     #[arg(long, value_name = "PRESET|FILE", help_heading = "Picture")]
     pub tf: Option<String>,
     /// Moves the transfer function along the intensities, HU
@@ -93,7 +93,7 @@ pub struct RenderArguments {
     /// may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
     pub object: Vec<ObjectChange>,
-    /// Gives each object a colour of its own: the one that is usual for its name, as kidney_left or aorta, or
+    /// Gives each object its usual colour although --tf is given: the one for its name, as kidney_left or aorta, or
     /// the next of a few that are easily told apart. --object changes single ones
     #[arg(long, help_heading = "Picture")]
     pub object_colours: bool,
@@ -214,6 +214,7 @@ Examples:
   vgs render bones.ply -o figure.png --size 85x60mm --dpi 300 --background white --scale-bar --colour-bar
   vgs render body.ply -o soft.exr --tf CT-Soft-Tissue --clip 'y>20'
   vgs render bones.ply vessels.ply -o both.png --object vessels:colour=#c03020 --object bones:opacity=0.2
+  vgs render organs.ply -o organs.png                     each label in its usual colour
   vgs render organs.ply -o organs.png --tf CT-Soft-Tissue --object-colours
   vgs render body.ply -o body.png --tf CT-Soft-Tissue --object bones:tf=CT-Bone
   vgs render ct.nii.gz --roi bones.nii.gz -o ct.png --tf CT-Bone

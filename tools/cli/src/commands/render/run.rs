@@ -7,7 +7,7 @@ use engine::fidelity::{self, ShownError};
 use engine::gpu::Gpu;
 use engine::image::{ColourBar, file};
 use engine::render::{
-    Camera, ClipPlane, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings, SplatKind,
+    Camera, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings, SplatKind, UsualLook,
     VolumeSource, mode,
 };
 use engine::splat::{self, SplatSet};
@@ -67,6 +67,8 @@ struct ObjectOutput {
     number: u8,
     name: String,
     splats: usize,
+    transfer_function: String,
+    colour: Option<[f32; 3]>,
 }
 
 /// Runs the command.
@@ -101,8 +103,11 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
     let unit = set.as_ref().map(|set| set.unit).or(volume.as_ref().map(Volume::unit)).unwrap_or_default();
     let range = intensities(set.as_ref(), volume.as_ref());
-    let mut look = arguments.look(set.as_ref(), range, transfer::first(unit))?;
-    if !look.functions.is_empty() && !row.own_functions {
+    let mut look = arguments.look(console, set.as_ref(), range, transfer::first(unit))?;
+    if let Some(set) = &set {
+        warn_of_unseen(set, &look, row.own_functions, arguments.tf.is_some());
+    }
+    if arguments.object.iter().any(ObjectChange::has_function) && !row.own_functions {
         tracing::warn!(
             "mode {} shows all objects by one transfer function; --mode decoded knows tf=",
             row.name
@@ -326,9 +331,49 @@ impl RenderArguments {
     }
 
     /// Returns the look that the flags ask for. `range` is the range of the intensities that are shown; some
-    /// presets are stretched over it. `first` is the transfer function where none is asked for.
-    fn look(&self, splats: Option<&SplatSet>, range: [f64; 2], first: &str) -> Result<Look> {
-        let mut transfer = transfer::load(self.tf.as_deref().unwrap_or(first), range)?;
+    /// presets are stretched over it. Where no transfer function is asked for, several objects have the usual look of
+    /// each, and anything else is shown through `first`.
+    fn look(
+        &self,
+        console: &Console,
+        splats: Option<&SplatSet>,
+        range: [f64; 2],
+        first: &str,
+    ) -> Result<Look> {
+        let there = splats.map(SplatSet::objects).unwrap_or_default();
+        let usual = splats.filter(|_| self.tf.is_none()).and_then(UsualLook::of);
+        let mut look = match &usual {
+            Some(usual) => {
+                console.say(&format!(
+                    "{} objects, each in its usual colour and through a function for its kind ({}); --tf CT-Bone \
+                     shows all through one function, --object NAME:colour=#rrggbb,opacity=0.3 or NAME:hidden \
+                     changes one",
+                    there.len(),
+                    usual.summary()
+                ));
+                usual.look(&there)
+            }
+            None => Look::new(transfer::load(self.tf.as_deref().unwrap_or(first), range)?),
+        };
+        look.transfer = self.changed(look.transfer)?;
+        for function in look.functions.values_mut() {
+            *function = self.changed(function.clone())?;
+        }
+        look.light = self.light.light();
+        look.clip = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
+        if self.object_colours {
+            look.tint_objects(&there);
+        }
+        for change in
+            self.object.iter().cloned().chain(self.hide_label.iter().map(|l| ObjectChange::hiding(l)))
+        {
+            change.apply(&there, &mut look, range)?;
+        }
+        Ok(look)
+    }
+
+    /// Returns a transfer function with what the flags change of it.
+    fn changed(&self, mut transfer: TransferFunction) -> Result<TransferFunction> {
         if self.tf_shift != 0.0 {
             transfer = transfer.shifted(self.tf_shift)?;
         }
@@ -346,21 +391,7 @@ impl RenderArguments {
         if let Some(GradientOpacity(points)) = &self.gradient_opacity {
             transfer = transfer.with_gradient_opacity(points.clone())?;
         }
-        let clip: Vec<ClipPlane> = self.clip.iter().flat_map(|c| c.0.iter().copied()).collect();
-        let there = splats.map(SplatSet::objects).unwrap_or_default();
-        let mut look = Look { clip, light: self.light.light(), ..Look::new(transfer) };
-        if self.object_colours {
-            look.tint_objects(&there);
-        }
-        for change in
-            self.object.iter().cloned().chain(self.hide_label.iter().map(|l| ObjectChange::hiding(l)))
-        {
-            change.apply(&there, &mut look, range)?;
-        }
-        if let Some(set) = splats {
-            warn_of_unseen(set, &look);
-        }
-        Ok(look)
+        Ok(transfer)
     }
 
     fn camera(&self, scene: &Scene) -> Result<Camera> {
@@ -387,20 +418,26 @@ impl RenderArguments {
         seconds: f64,
         error: Option<ErrorOutput>,
     ) -> Result<()> {
-        let splats = scene.splats.as_ref();
+        let (splats, look) = (scene.splats.as_ref(), scene.look());
         let active = splats.map(|c| c.active_count()).transpose()?;
         if console.json {
             return console.json_data(&RenderOutput {
                 outputs: files.iter().map(|p| p.display().to_string()).collect(),
                 mode: row.name,
-                transfer_function: scene.look().transfer.name.clone(),
+                transfer_function: look.transfer.name.clone(),
                 size: self.size.pixels(self.dpi),
                 splats: splats.map(|c| c.count),
                 active_splats: active,
                 objects: scene
                     .objects()
                     .iter()
-                    .map(|o| ObjectOutput { number: o.number, name: o.name.clone(), splats: o.splats })
+                    .map(|o| ObjectOutput {
+                        number: o.number,
+                        name: o.name.clone(),
+                        splats: o.splats,
+                        transfer_function: look.function_of(o.number).name.clone(),
+                        colour: look.objects.get(&o.number).and_then(|a| a.tint),
+                    })
                     .collect(),
                 frames,
                 seconds_per_frame: seconds,
@@ -445,18 +482,45 @@ fn intensities(set: Option<&SplatSet>, volume: Option<&Volume>) -> [f64; 2] {
     range.unwrap_or([0.0, 1.0])
 }
 
-/// Warns of each object that is not hidden and of which the transfer function shows next to nothing.
-fn warn_of_unseen(set: &SplatSet, look: &Look) {
-    for (object, intensities) in set.objects().iter().zip(Intensities::of_objects(set)) {
-        let shown = look.objects.get(&object.number).is_none_or(|a| a.visible && a.opacity > 0.0);
-        let Some([low, high]) = intensities.middle_half().filter(|_| shown) else { continue };
-        let (function, unit) = (look.function_of(object.number), set.unit.text());
-        if !intensities.are_seen(function) {
+/// Objects that a warning names; of more it tells the number.
+const NAMED: usize = 3;
+
+/// Warns of the objects that are not hidden and of which the transfer function shows next to nothing. In modes without
+/// functions of objects' own, `own_functions` is false and that of the scene counts. `asked` is true if the user has
+/// chosen it.
+fn warn_of_unseen(set: &SplatSet, look: &Look, own_functions: bool, asked: bool) {
+    let (objects, unit) = (set.objects(), set.unit.text());
+    let unseen: Vec<String> = objects
+        .iter()
+        .zip(Intensities::of_objects(set))
+        .filter_map(|(object, intensities)| {
+            let shown = look.objects.get(&object.number).is_none_or(|a| a.visible && a.opacity > 0.0);
+            let [low, high] = intensities.middle_half().filter(|_| shown)?;
+            let function = if own_functions { look.function_of(object.number) } else { &look.transfer };
+            let seen = intensities.are_seen(function);
+            (!seen).then(|| format!("{}, mostly {low:.0} to {high:.0}{unit}", object.name))
+        })
+        .collect();
+    let (function, all) = (&look.transfer.name, objects.len());
+    let help = match asked && all > 1 {
+        true => "leave --tf out, and each is shown through a function for its kind, or choose another --tf",
+        false => "choose another --tf, or --tf-shift",
+    };
+    match &unseen[..] {
+        [] => {}
+        [one] => tracing::warn!(
+            "{one}, is here and can hardly be seen: {function} is transparent for most of it; {help}"
+        ),
+        some => {
+            let more = match some.len().saturating_sub(NAMED) {
+                0 => String::new(),
+                more => format!(" and {more} more"),
+            };
+            let count = some.len();
+            let named = some[..count.min(NAMED)].join("; ");
             tracing::warn!(
-                "{} is here and can hardly be seen: half of its splats have {low:.0} to {high:.0}{unit}, and {} is \
-                 transparent for most; choose another --tf, or --tf-shift",
-                object.name,
-                function.name
+                "{count} of {all} objects are here and can hardly be seen, since {function} is transparent for most \
+                 of their splats ({named}{more}); {help}"
             );
         }
     }

@@ -148,7 +148,7 @@ fn a_session_that_has_changed_is_not_lost_unasked() {
     let mut bench = Bench::new();
     bench.app.state.files.splats = vec![folder.path().join("a.ply")];
     // What the program changes by itself, and the camera, are no changes.
-    bench.app.change_unasked(|state| state.set_objects(vec![Object::new(0, None, "a")]));
+    bench.app.take_objects(vec![Object::new(0, None, "a")], None, |_| {});
     bench.press(Key::A, Modifiers::NONE);
     assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), [Action::Quit]);
 
