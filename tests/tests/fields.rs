@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use engine::volume::{FORMATS, FieldRow};
+use engine::volume::{FORMATS, FieldRow, dicom};
 
 const HEAD: &str = "\
 # Fields of headers
@@ -39,6 +39,10 @@ fn written() -> String {
         for row in format.fields {
             let _ = writeln!(out, "{}", cell(row));
         }
+    }
+    out += "\n## DICOM\n\n| element | absent, or without a value | cannot be read |\n|---|---|---|\n";
+    for row in dicom::element_rows() {
+        let _ = writeln!(out, "| {} | {} | {} |", row.element, row.absent, row.unreadable);
     }
     out
 }

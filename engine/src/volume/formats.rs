@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::fields::FieldRow;
 use super::read_options::ReadOptions;
-use super::source::Source;
+use super::source::{SNIFF_BYTES, Source};
 use super::volume::Volume;
 use super::{Grid, LabelChoice, dicom, inv3, metaimage, nifti, npy, nrrd};
 use crate::{Error, Kind, Result};
@@ -23,9 +23,6 @@ pub struct Format {
     /// Returns the file beside a header that holds its voxels, if there is one.
     beside: fn(&Path) -> Option<PathBuf>,
 }
-
-/// Number of bytes of a file that are examined to recognise it.
-pub const SNIFF_BYTES: usize = 1024;
 
 const DICOM: Format = Format {
     name: dicom::NAME,

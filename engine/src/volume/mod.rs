@@ -11,7 +11,6 @@
 //! | `formats`, `read_options` | [`Volume::read`] with [`FORMATS`], a row per file format |
 //! | `dicom`, `nifti`, `inv3`, `nrrd`, `metaimage`, `npy` | the formats |
 //! | `source`, `payload` | opening of their files; unpacking and bounds of the voxels behind a header |
-//! | `element_table` | the elements of headers that readers use, and what their absence means |
 //! | `elements`, `text_header` | types of voxels; what the headers of NRRD and MetaImage have in common |
 //! | `fields` | [`FieldRow`]: what a reader does with a field of a header |
 //! | `mask_values` | what the values of a mask stand for |
@@ -29,7 +28,6 @@ pub mod compare;
 mod crop;
 pub mod dicom;
 pub mod distance;
-mod element_table;
 mod elements;
 mod fields;
 mod formats;
@@ -56,14 +54,14 @@ mod volume;
 pub(crate) use affine::spacing_of;
 pub use bricks::Bricks;
 pub use cleaning::Cleaning;
-pub use element_table::{ElementRow, element_table};
 pub use fields::FieldRow;
-pub use formats::{FORMATS, Format, SNIFF_BYTES, files_of};
+pub use formats::{FORMATS, Format, files_of};
 pub use interpolation::trilinear;
 pub use labels::Labels;
 pub use present::PresentLabel;
 pub use read_options::{Grid, ReadOptions};
 pub use roi::{LabelChoice, Roi};
+pub use source::SNIFF_BYTES;
 pub use volume::{Stats, Volume};
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Volume;
+use super::mask_values::{is_whole, label_of};
 use super::roi::{Grids, in_box, present_labels, relate};
 use crate::Result;
 
@@ -35,7 +36,7 @@ impl PresentLabel {
     /// # Errors
     /// [`Kind::BadData`](crate::Kind::BadData) if the grids of mask and volume cannot be related.
     pub fn list(mask: &Volume, volume: Option<&Volume>) -> Result<Option<Vec<PresentLabel>>> {
-        if mask.samples.iter().any(|v| !v.is_finite() || *v < 0.0 || v.fract() != 0.0) {
+        if mask.samples.iter().any(|&v| !is_whole(v) || label_of(v) < 0) {
             return Ok(None);
         }
         let Some(present) = present_labels(mask) else { return Ok(None) };
@@ -43,8 +44,8 @@ impl PresentLabel {
         let mut sums = vec![Sums::default(); numbers.len()];
         if let Some(volume) = volume {
             let at = intensities(mask, volume)?;
-            for (i, &value) in mask.samples.iter().enumerate().filter(|(_, value)| **value > 0.0) {
-                if let (Ok(row), Some(intensity)) = (numbers.binary_search(&(value as i32)), at(i)) {
+            for (i, &value) in mask.samples.iter().enumerate().filter(|(_, value)| label_of(**value) > 0) {
+                if let (Ok(row), Some(intensity)) = (numbers.binary_search(&label_of(value)), at(i)) {
                     sums[row].add(intensity);
                 }
             }

@@ -13,6 +13,9 @@ use flate2::bufread::GzDecoder;
 
 use crate::{Error, Kind, Result, input};
 
+/// Number of bytes of a file that are examined to recognise it.
+pub const SNIFF_BYTES: usize = 1024;
+
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 
 /// Largest ratio of compression. DEFLATE cannot exceed it, so a larger claim is known to be false before

@@ -166,6 +166,82 @@ fn occlusion_darkens_where_a_mode_shows_it() {
     assert!(ended.code == 2 && ended.err.contains("from 0 to 1"), "{}", ended.err);
 }
 
+/// The light is where a flag puts it, and its flags are refused where they mean nothing.
+#[test]
+fn the_light_is_where_it_is_asked_for() {
+    let folder = folder();
+    let run = |output: &str, more: &[&str]| {
+        let shared = ["render", "s.ply", "--tf", "CT-Bone", "--size", "64x64", "-o", output];
+        folder.run(&[&shared, more].concat())
+    };
+    let rows: [(&str, &[&str]); 5] = [
+        ("first.png", &[]),
+        ("same.png", &["--light-direction", "-21.80140949,24.90488396"]),
+        ("head.png", &["--headlight"]),
+        ("patient.png", &["--light-direction", "anterior"]),
+        ("fill.png", &["--fill-light", "0.5", "--ambient", "0.1"]),
+    ];
+    for (output, more) in rows {
+        let ended = run(output, more);
+        assert!(ended.code == 0 && !ended.err.contains("--shade on"), "{output}: {}", ended.err);
+    }
+    let apart =
+        |a: &str, b: &str| psnr(&picture(&folder, a).image, &picture(&folder, b).image).expect("one size");
+    assert!(apart("first.png", "same.png") > 60.0, "the angles of the first light");
+    // Seen from the front, a light in front of the patient is that of the viewer.
+    assert!(apart("head.png", "patient.png") > 60.0);
+    for other in ["head.png", "fill.png"] {
+        assert!(apart("first.png", other) < 45.0, "{other}");
+    }
+    let ended = run("unlit.png", &["--headlight", "--shade", "off"]);
+    assert!(ended.code == 0 && ended.err.contains("--shade on"), "{}", ended.err);
+    for (wrong, word) in [
+        (["--light-direction", "sideways"], "sideways"),
+        (["--light-direction", "200,0"], "180"),
+        (["--fill-light", "0.7"], "0.5"),
+        (["--shininess", "2000"], "1000"),
+    ] {
+        let ended = run("none.png", &wrong);
+        assert!(ended.code == 2 && ended.err.contains(word), "{wrong:?}: {}", ended.err);
+    }
+}
+
+/// Surfaces have the colours of their error, whose figures are those of `vgs eval`.
+#[test]
+fn an_error_is_seen_as_it_is_measured() {
+    let folder = folder();
+    let error = ["render", "s.ply", "--error", "--size", "64x64"];
+    let of = ["--volume", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "error.png", "--json"];
+    let rendered = folder.run(&[&error[..], &of].concat());
+    assert_eq!(rendered.code, 0, "{}", rendered.err);
+    let (json, evaluated) = (
+        rendered.json(),
+        folder.run(&["eval", "s.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--json"]).json(),
+    );
+    let [found, wanted] =
+        [&json["error"]["p99_hu"], &evaluated["p99_hu"]].map(|v| v.as_f64().expect("a number"));
+    assert!((found - wanted).abs() < 1e-6 * wanted, "{found} {wanted}");
+    let range = json["error"]["range_hu"].as_f64().expect("a number");
+    assert!(json["mode"] == "decoded" && range >= found && range <= 2.5 * found, "{range} for {found}");
+    // Blue and red are seen, and neither in the picture without them.
+    let colourful = |name: &str| {
+        let pixels = picture(&folder, name).image.pixels;
+        [
+            pixels.iter().filter(|p| p[2] > 1.3 * p[0]).count(),
+            pixels.iter().filter(|p| p[0] > 1.3 * p[1]).count(),
+        ]
+    };
+    let [blue, red] = colourful("error.png");
+    assert!(blue > 10 && red > 10, "{blue} {red}");
+    for (more, code) in [
+        (&["-o", "none.png"][..], "VGS-CLI-155"),
+        (&["--volume", "ct.nii.gz", "--mode", "slab", "-o", "none.png"], "VGS-CLI-156"),
+    ] {
+        let ended = folder.run(&[&error[..], more].concat());
+        assert!(ended.code == 2 && ended.err.contains(code), "{more:?}: {}", ended.err);
+    }
+}
+
 /// Of what is everywhere the same nothing is left, and of what has an edge the edge.
 #[test]
 fn gradient_opacity_leaves_edges() {

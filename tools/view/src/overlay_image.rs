@@ -1,6 +1,7 @@
 //! Paints what a picture tells into an image of any size, by the same code as on the screen.
 
-use egui::{Context, LayerId, RawInput, Rect, Vec2, ViewportId, pos2, vec2};
+use egui::epaint::ClippedPrimitive;
+use egui::{Context, LayerId, RawInput, Rect, TexturesDelta, Vec2, ViewportId, pos2, vec2};
 use engine::Result;
 use engine::gpu::{self, Format, Gpu};
 use engine::image::Image;
@@ -52,19 +53,33 @@ impl OverlayImage {
             });
             let shapes = std::mem::take(&mut output.shapes);
             let primitives = self.context.tessellate(shapes, self.pixels_per_point);
-            let mut recorder = self.gpu.record()?;
-            self.painter.update(&mut recorder, &mut output.textures_delta)?;
-            recorder.clear_image(&self.target, [0.0; 4]);
-            let painting = Painting { primitives: &primitives, points: <[f32; 2]>::from(points) };
-            self.painter.paint(&mut recorder, &painting, &mut self.target)?;
-            let ticket = recorder.submit()?;
-            self.gpu.wait(ticket)?;
-            self.painter.forget(&mut output.textures_delta);
+            let mut changes = std::mem::take(&mut output.textures_delta);
+            let painted = self.paint_once(&primitives, points, &mut changes);
+            // What a failure has left of them would be taken for a mistake.
+            changes.clear();
+            painted?;
         }
         let pixels = self.target.read::<[u8; 4]>()?;
         let share = |byte: u8| f32::from(byte) / 255.0;
         let size = self.size.map(|n| n as usize);
         Ok(Image { size, pixels: pixels.into_iter().map(|pixel| pixel.map(share)).collect() })
+    }
+
+    fn paint_once(
+        &mut self,
+        primitives: &[ClippedPrimitive],
+        points: Vec2,
+        changes: &mut TexturesDelta,
+    ) -> Result<()> {
+        let mut recorder = self.gpu.record()?;
+        self.painter.update(&mut recorder, changes)?;
+        recorder.clear_image(&self.target, [0.0; 4]);
+        let painting = Painting { primitives, points: points.into() };
+        self.painter.paint(&mut recorder, &painting, &mut self.target)?;
+        let ticket = recorder.submit()?;
+        self.gpu.wait(ticket)?;
+        self.painter.forget(changes);
+        Ok(())
     }
 
     fn input(&self, rect: Rect) -> RawInput {

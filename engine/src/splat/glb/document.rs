@@ -151,7 +151,9 @@ impl Document {
             None => {
                 let mut root = vec![true; self.nodes.len()];
                 for &child in self.nodes.iter().flat_map(|node| &node.children) {
-                    root.get_mut(child).map(|root| *root = false);
+                    if let Some(root) = root.get_mut(child) {
+                        *root = false;
+                    }
                 }
                 (0..self.nodes.len()).filter(|&i| root[i]).collect()
             }

@@ -150,7 +150,7 @@ fn of_gzip(source: impl BufRead, options: &ReadOptions) -> Result<Found> {
     if !GZIP_VERSIONS.contains(&header.version) {
         return Err(header.refuse_version());
     }
-    let mut sections = Sections::Gzip(stream);
+    let mut sections = Sections::Gzip(Box::new(stream));
     let set = splats(&mut sections, &header)?;
     let Sections::Gzip(mut stream) = sections else { return Err(damaged("no gzip stream")) };
     let axes = if header.flags & HAS_EXTENSIONS != 0 { axes(&mut stream)? } else { AXES };
@@ -245,7 +245,7 @@ fn axes_of(number: u32) -> Result<DMat3> {
 /// The sections of a file, one after the other.
 enum Sections<R: BufRead> {
     /// All in one stream.
-    Gzip(GzDecoder<R>),
+    Gzip(Box<GzDecoder<R>>),
     /// A stream for each, with the bytes that it takes packed and unpacked.
     Zstd { source: R, sizes: vec::IntoIter<[u64; 2]> },
 }

@@ -246,7 +246,7 @@ fn fill_slice(contours: &[&Contour], axis: usize, slice: usize, grid: &Grid, mut
     parity.iter().for_each(|polygon| polygon.edge_pixels(size, &mut mark));
     let solid = without_doubles(of_rule(Rule::Union));
     let depths = depths(&solid);
-    for (i, polygon) in solid.iter().enumerate().filter(|(i, _)| depths[*i] % 2 == 0) {
+    for (i, polygon) in solid.iter().enumerate().filter(|(i, _)| depths[*i].is_multiple_of(2)) {
         let holes = (0..solid.len()).filter(|&j| depths[j] % 2 == 1 && solid[j].is_within(&solid[i]));
         let mut hole = vec![false; inside.len()];
         for j in holes {

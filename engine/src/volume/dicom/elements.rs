@@ -3,7 +3,7 @@
 //! A value is there, or it is absent, or it cannot be read, and the last is an error that names the element. A
 //! default stands for what is absent alone, and only where the standard has one. Elements are taken by the
 //! representation (VR) of the dictionary: archives and converters write UN and others where they know no better
-//! (PS3.5, 6.2.2). The rows are a page, too: docs/design/elements.md.
+//! (PS3.5, 6.2.2). The rows are a part of docs/design/fields.md.
 
 use std::io::Cursor;
 
@@ -17,7 +17,6 @@ use dicom_object::{InMemDicomObject, Tag};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
 use super::lengths::too_long_element;
-use crate::volume::element_table::ElementRow;
 use crate::{Error, Kind, Result};
 
 /// The transfer syntax in which values of VR UN are written.
@@ -146,10 +145,20 @@ elements! {
     CONTOUR_DATA: DS, "Contour Data", Needed;
 }
 
-/// Returns the rows for the page of all readers.
-pub(in crate::volume) fn element_rows() -> Vec<ElementRow> {
+/// An element of a DICOM file that is used, as text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ElementRow {
+    /// Name, tag and representation.
+    pub element: String,
+    /// What its absence means: the default, or what is done.
+    pub absent: String,
+    /// What is done if its value cannot be read.
+    pub unreadable: &'static str,
+}
+
+/// Returns the elements that are used.
+pub fn element_rows() -> Vec<ElementRow> {
     let row = |element: &Element| ElementRow {
-        reader: super::NAME,
         element: format!("{} {}, {}", element.name, code(element.tag), element.vr),
         absent: match element.absence {
             Is(value) => format!("{value}"),
@@ -158,8 +167,8 @@ pub(in crate::volume) fn element_rows() -> Vec<ElementRow> {
             Shown => "not shown".to_owned(),
         },
         unreadable: match element.absence {
-            Shown => "not shown".to_owned(),
-            _ => "an error that names it".to_owned(),
+            Shown => "not shown",
+            _ => "an error that names it",
         },
     };
     ELEMENTS.iter().map(row).collect()

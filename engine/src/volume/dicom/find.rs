@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::location::{self, Location, is_zip};
 use super::sniff;
-use crate::volume::{ReadOptions, SNIFF_BYTES};
+use crate::volume::ReadOptions;
+use crate::volume::source::SNIFF_BYTES;
 use crate::{Error, Kind, Result};
 
 /// Levels of nested folders that are searched.

@@ -14,7 +14,8 @@ use zip::result::ZipError;
 use super::elements::{Oddity, by_dictionary};
 use super::lengths::{PACKED, too_long};
 use super::{MAGIC_AT, has_magic, missing_start, sniff};
-use crate::volume::{ReadOptions, SNIFF_BYTES};
+use crate::volume::ReadOptions;
+use crate::volume::source::SNIFF_BYTES;
 use crate::{Error, Kind, Result};
 
 /// The most bytes before the pixels of a file in a zip; the header of an enhanced file of ten thousand frames

@@ -39,7 +39,7 @@ mod structures;
 #[cfg(test)]
 mod tests;
 
-pub(super) use elements::element_rows;
+pub use elements::{ElementRow, element_rows};
 pub(super) use location::is_zip;
 pub use read::{list, read, structures};
 pub use series::{Series, SeriesFiles, Slice, is_key, series, series_files};

@@ -246,7 +246,10 @@ fn notes_on_values(stack: &Stack) -> Vec<String> {
         notes.push("the slices do not agree on the units of their values".to_owned());
     }
     let units = first.units.to_uppercase();
-    if file.modality == "CT" && !["", "HU", "HU_MOD"].contains(&units.as_str()) {
+    // The standard's term US means that the units are not specified.
+    if file.modality == "CT" && units == "US" {
+        notes.push("the file does not say what the values are numbers of; they may not be HU".to_owned());
+    } else if file.modality == "CT" && !["", "HU", "HU_MOD"].contains(&units.as_str()) {
         notes.push(format!("the values are in {}, not in HU", first.units));
     }
     match &first.scale {

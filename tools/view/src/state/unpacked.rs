@@ -38,7 +38,7 @@ pub fn is_packed(path: &Path) -> bool {
 }
 
 fn open(path: &Path) -> Result<Archive> {
-    let file = File::open(path).map_err(|e| Error::io(path, "opening", &e))?;
+    let file = engine::input::open(path).map_err(|e| Error::io(path, "opening", &e))?;
     ZipArchive::new(BufReader::new(file)).map_err(|e| damaged(path, e))
 }
 

@@ -17,6 +17,9 @@ pub struct Dicom {
     elements: Vec<Element>,
 }
 
+/// Type and value of an element.
+type Value = (&'static [u8; 2], Vec<u8>);
+
 /// Returns 16-bit words as a file has them.
 pub fn words(values: &[u16]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
@@ -117,11 +120,7 @@ impl Dicom {
 
     /// Gives an element what `new` makes of its value, wherever it stands; removes it if that is nothing. Returns false
     /// if it stands nowhere.
-    pub fn map_all(
-        &mut self,
-        tag: (u16, u16),
-        new: &dyn Fn(&[u8]) -> Option<(&'static [u8; 2], Vec<u8>)>,
-    ) -> bool {
+    pub fn map_all(&mut self, tag: (u16, u16), new: &dyn Fn(&[u8]) -> Option<Value>) -> bool {
         let mut found = false;
         for (own, vr, value) in std::mem::take(&mut self.elements) {
             if own == tag {

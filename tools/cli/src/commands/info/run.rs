@@ -67,7 +67,7 @@ enum FileContent {
         #[serde(skip)]
         unit: &'static str,
         #[serde(flatten)]
-        voxels: Option<Voxels>,
+        voxels: Option<Box<Voxels>>,
     },
 }
 
@@ -241,11 +241,11 @@ fn not_splats_either(error: Error, path: &Path) -> Error {
 }
 
 impl Voxels {
-    fn of(volume: &Volume) -> Self {
+    fn of(volume: &Volume) -> Box<Self> {
         let Stats { min, max, mean, std_dev, non_finite, .. } = volume.gather_stats();
         let is_scan =
             volume.labels.is_empty() && (volume.stated_unit.is_some() || !Roi::has_values_of_mask(volume));
-        Voxels {
+        Box::new(Voxels {
             size: volume.size,
             spacing_mm: volume.spacing_mm().to_array(),
             axes: volume.axis_codes(),
@@ -257,7 +257,7 @@ impl Voxels {
             non_finite,
             unit: is_scan.then(|| volume.unit()),
             unit_doubt: volume.unit_doubt().filter(|_| is_scan),
-        }
+        })
     }
 }
 
@@ -282,7 +282,7 @@ fn text(content: &FileContent) -> Lines {
             if present.is_none() && !named.is_empty() {
                 out.add("labels", named.join(", "));
             }
-            volume_lines(format.unwrap_or_default(), header.as_deref(), series, voxels.as_ref(), &mut out);
+            volume_lines(format.unwrap_or_default(), header.as_deref(), series, voxels.as_deref(), &mut out);
             if let Some(present) = present {
                 present_lines(present, named.len(), unit, &mut out);
             }

@@ -176,7 +176,7 @@ fn a_session_that_has_changed_is_not_lost_unasked() {
     bench.app.state.deleted = vec![Deletion::Inside(bounds())];
     assert_eq!(leave(&mut bench), []);
     assert_eq!(click(&mut bench, "Replace"), [Action::Quit]);
-    let path = folder.path().join("session.toml");
+    let path = folder.path().join("a.toml");
     assert_eq!(ViewState::read(path).expect("a session").deleted.len(), 1);
 
     // Another session takes the place of this one only when it is saved, or need not be.
