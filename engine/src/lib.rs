@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! fit, render -> passes -> gpu          fit, render, passes -> volume, splat          reference -> volume, splat
-//! render, reference -> transfer          render -> image, budget          fidelity -> fit, render, image, gpu, volume, splat
+//! render, reference -> transfer          render -> image, budget          fidelity -> fit, render, transfer, image, gpu, volume, splat
 //! gpu      knows Vulkan, never medicine
 //! volume   samples, masks, regions of interest and their files; never gpu
 //! splat    splat sets, their parameters and their files; never gpu

@@ -3,15 +3,7 @@
 # Cases and real files that vgs reads wrongly in silence, by name, with the reason. The test fails as soon as one is mended
 # or another one appears: an entry goes when its reader is mended.
 KNOWN_WRONG = {
-    "rescale: slope of zero, in all slices": "all values become the intercept, without a word",
-    "rescale: slope of zero, in one slice": "all values of a slice become the intercept, without a word",
-    "photometric: MONOCHROME3": "a word that the standard does not have is read as MONOCHROME2, without a word",
     "file: bytes after the end, explicit": "refused as damaged, although all elements are there",
-    "file: no Rows in one slice": "left out; only the gap is told",
-    "NRRD files: LIST, raw": "refused without the name of LIST",
-    "NRRD files: LIST, gzip": "refused without the name of LIST",
-    "NRRD files: LIST 2, raw": "refused without the name of LIST",
-    "NRRD files: LIST 2, gzip": "refused without the name of LIST",
 }
 
 # Where a program reads otherwise than is right: program, cases (a regular expression), what it does. "|" joins programs.

@@ -79,7 +79,11 @@ def became(path, answer):
     if "panic" in answer:
         return "wrong", f"crashed or hung: {answer['panic']}"
     other, said = opinion(path)
+    with open(path, "rb") as file:
+        is_dicom = file.read(132).endswith(b"DICM")
     if "code" in answer:
+        if is_dicom and not re.match("VGS-(DCM|VOL)-", answer["code"]):
+            return "wrong", f"DICOM, refused as something else: {answer['code']}"
         return f"refused, {answer['code']}", f"{answer['message']} ({said})"
     if other is None:
         return "read, not by others", said

@@ -86,7 +86,7 @@ fn an_error_that_is_known_is_found_and_seen() {
     for (i, pixel) in picture.pixels.iter().enumerate() {
         let column = i % picture.size[0];
         let side = if column < 30 { 0 } else { usize::from(column > 42) };
-        if pixel[3] > 0.2 && (column < 30 || column > 42) {
+        if pixel[3] > 0.2 && !(30..=42).contains(&column) {
             let wanted = diverging(if side == 0 { -10.0 / 30.0 } else { 1.0 });
             counts[side] += 1;
             pairs.extend((0..3).map(|k| (f64::from(pixel[k] / pixel[3]), f64::from(wanted[k]))));

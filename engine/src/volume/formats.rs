@@ -39,6 +39,8 @@ fn nothing_beside(_: &Path) -> Option<PathBuf> {
 
 /// All formats; a format is chosen by the content, and by the name only if the content is not recognised.
 pub const FORMATS: &[Format] = &[
+    // First, because the bytes before its magic may be anything, also the beginning of another format.
+    DICOM,
     Format {
         name: "NIfTI",
         extensions: &[".nii", ".nii.gz", ".hdr", ".hdr.gz", ".img", ".img.gz"],
@@ -47,7 +49,6 @@ pub const FORMATS: &[Format] = &[
         fields: nifti::FIELDS,
         beside: nifti::beside,
     },
-    DICOM,
     Format {
         name: inv3::NAME,
         extensions: &[".inv3"],

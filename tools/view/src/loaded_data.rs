@@ -17,6 +17,9 @@ use crate::panel_info::Measured;
 use crate::pick::Probe;
 use crate::state::{Subject, ViewState};
 
+/// Splats, a volume, and the error of one against the other.
+type Compared = (Arc<LoadedSplats>, Arc<LoadedVolume>, Option<Arc<ShownError>>);
+
 /// Data that were read.
 #[derive(Default)]
 pub struct LoadedData {
@@ -38,7 +41,7 @@ pub struct LoadedData {
     pub volume_histogram: Option<Histogram>,
     /// Error of splats of files against a volume, as last measured; `None` within it if they lie nowhere in it, or if it
     /// could not be measured.
-    error: Option<(Arc<LoadedSplats>, Arc<LoadedVolume>, Option<Arc<ShownError>>)>,
+    error: Option<Compared>,
     /// Probe that evaluates the splats' field at points.
     probe: Option<Probe>,
     /// Probe of the splats beside them.
@@ -87,7 +90,7 @@ impl LoadedData {
             }
             Loaded::Error(splats, volume, measured) => {
                 let (found, failed) = match measured {
-                    Ok(found) => (found.map(Arc::new), None),
+                    Ok(found) => (found, None),
                     Err(error) => (None, Some(error)),
                 };
                 self.error = Some((splats, volume, found));

@@ -63,7 +63,7 @@ pub enum Loaded {
     /// Files that had to be looked into to be sorted, and those that were asked for.
     Sorted(Box<Sorted>, Vec<PathBuf>),
     /// Error of these splats against this volume; `None` if they lie nowhere in it.
-    Error(Arc<LoadedSplats>, Arc<LoadedVolume>, Result<Option<ShownError>>),
+    Error(Arc<LoadedSplats>, Arc<LoadedVolume>, Result<Option<Arc<ShownError>>>),
     /// File that was written, and what else there is to tell of it.
     Written(PathBuf, String),
     /// Error of something that could not be done; the rest goes on. The subject is given if its files could
@@ -241,7 +241,8 @@ impl Loader {
         let thread = self.spawn(ALWAYS, move |tell| {
             let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
             let measured =
-                ShownError::new(&gpu, &splats.set, &volume.volume, volume.roi.as_ref(), &mut progress);
+                ShownError::new(&gpu, &splats.set, &volume.volume, volume.roi.as_ref(), &mut progress)
+                    .map(|found| found.map(Arc::new));
             tell.say(Message::Ended(what.to_owned()));
             // Whoever takes the result has to know of a failure, so that it is not tried again.
             tell.say(Message::Loaded(Loaded::Error(splats, volume, measured)));

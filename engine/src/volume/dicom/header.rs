@@ -183,9 +183,12 @@ pub(super) fn frames(location: &Location, opened: &Opened) -> Result<Content> {
 }
 
 fn frames_of(location: &Location, Opened { object, oddities }: &Opened) -> Result<Content> {
-    let (Some(rows), Some(columns)) = (e::ROWS.whole(object)?, e::COLUMNS.whole(object)?) else {
+    let (rows, columns) = (e::ROWS.whole(object)?, e::COLUMNS.whole(object)?);
+    // Pixels of a size that nobody tells are an image all the same.
+    if rows.is_none() && columns.is_none() && e::BITS_ALLOCATED.whole(object)?.is_none() {
         return Ok(Err(Skipped::NoImage));
-    };
+    }
+    let (rows, columns) = (e::ROWS.needed(rows)?, e::COLUMNS.needed(columns)?);
     let no_place = || -> Result<Content> {
         let name = location.path.file_name().unwrap_or_default().to_string_lossy();
         let what = [e::MODALITY.text(object)?, e::SERIES_DESCRIPTION.text(object)?];
@@ -388,7 +391,10 @@ impl<'a> Groups<'a> {
         let scale = match (slope, intercept) {
             (None, None) => Scale::Stored,
             _ => Scale::Line {
-                slope: e::RESCALE_SLOPE.or_default(slope)?,
+                slope: match e::RESCALE_SLOPE.or_default(slope)? {
+                    0.0 => return Err(e::RESCALE_SLOPE.wrong("0", "another number")),
+                    slope => slope,
+                },
                 intercept: e::RESCALE_INTERCEPT.or_default(intercept)?,
             },
         };

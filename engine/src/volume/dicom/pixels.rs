@@ -9,6 +9,7 @@ use dicom_object::{DefaultDicomObject, Tag};
 use dicom_pixeldata::{DecodedPixelData, PixelDecoder};
 use dicom_transfer_syntax_registry::TransferSyntaxRegistry;
 
+use super::elements;
 use super::header::{FileHeader, Frame};
 use super::location::{Location, damaged};
 use crate::{Error, Kind, Result};
@@ -36,9 +37,14 @@ pub(super) fn check(file: &FileHeader) -> Result<()> {
             .file(&file.location.path)
             .help("make a volume of it first: `dcm2niix FOLDER`, and open the .nii that it writes"));
     }
-    if !file.photometric.starts_with("MONOCHROME") || file.samples_per_pixel != 1 {
-        let message =
-            format!("a colour picture ({}, {} samples per pixel)", file.photometric, file.samples_per_pixel);
+    let intensities = ["MONOCHROME1", "MONOCHROME2"].contains(&file.photometric.as_str());
+    if !intensities || file.samples_per_pixel != 1 {
+        let message = format!(
+            "pixels that are no intensities: {} is {}, {} samples per pixel",
+            elements::PHOTOMETRIC_INTERPRETATION,
+            file.photometric,
+            file.samples_per_pixel
+        );
         return Err(Error::new(Kind::BadData, "VGS-DCM-010", message).file(&file.location.path).help(
             "intensities are needed: MONOCHROME1 or MONOCHROME2; choose the original series with --series",
         ));

@@ -198,6 +198,11 @@ impl Header {
                 let message = format!("line {} of the header {what}: '{}'", lines.number, excerpt(&line));
                 bad("VGS-NRD-002", message).help("correct the header, or export the volume again")
             })?;
+            // The names of the files follow, and nothing else.
+            if header.field("data file").is_some_and(|files| files.split_whitespace().next() == Some("LIST"))
+            {
+                return Ok(header);
+            }
         }
         // A header whose voxels are in another file may end with its file.
         if header.field("data file").is_some() {
