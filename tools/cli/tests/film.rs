@@ -69,7 +69,7 @@ fn a_dicom_folder_becomes_a_scene() {
     viewer.settle();
     let fitted = screen.look();
     assert!(fitted.differences(&region, [900, 30, 1270, 700]) > 1000, "the panel tells of the fit");
-    step(&mut viewer, &click("932", "124"));
+    step(&mut viewer, &click("932", "143"));
     let path = folder.path("fit.ply").to_string_lossy().into_owned();
     step(&mut viewer, &["key", "ctrl+a"]);
     step(&mut viewer, &["type", "--delay", "20", &path]);
@@ -81,9 +81,9 @@ fn a_dicom_folder_becomes_a_scene() {
 
     // The list of presets, with the scene by each of them.
     let closed = screen.look();
-    let list = step(&mut viewer, &click("973", "448"));
+    let list = step(&mut viewer, &click("973", "625"));
     let thumbnails = |[r, g, b]: [u8; 3]| r > g.saturating_add(20) && g > b.saturating_add(10);
-    let pictures = [915, 45, 985, 435];
+    let pictures = [915, 45, 985, 612];
     let (before, with) = (closed.count(pictures, thumbnails), list.count(pictures, thumbnails));
     list.keep("film-presets");
     assert!(with > before + 100, "bones in the list: {with} pixels, and {before} without it");

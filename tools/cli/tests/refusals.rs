@@ -208,8 +208,8 @@ const ROWS: &[RefusalRow] = &[
     RefusalRow {
         name: "a configuration without end",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "/dev/zero"],
-        exit: 2,
-        says: &["VGS-CFG-013", "/dev/zero: no configuration: longer than 1048576 bytes"],
+        exit: 65,
+        says: &["VGS-IO-002", "/dev/zero: is a device, not a file"],
     },
     RefusalRow {
         name: "a configuration of bytes",
@@ -221,7 +221,7 @@ const ROWS: &[RefusalRow] = &[
         name: "a camera without end",
         arguments: &["render", "away.ply", "-o", "x.png", "--camera", "zero.json"],
         exit: 2,
-        says: &["zero.json: longer than 1048576 bytes"],
+        says: &["zero.json: is a device, not a file"],
     },
     RefusalRow {
         name: "a missing configuration",

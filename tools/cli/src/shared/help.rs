@@ -5,7 +5,7 @@ use clap::{Arg, Command};
 /// The commands, by what a user wants to do.
 const TASKS: &[(&str, &[&str])] = &[
     ("From a scan to splats", &["info", "fit", "convert"]),
-    ("To look at", &["view", "render"]),
+    ("To look at", &["view", "render", "pack"]),
     ("To measure", &["stats", "eval", "compare", "rasterize"]),
     ("To set up and to try", &["devices", "phantom", "completions", "man"]),
 ];

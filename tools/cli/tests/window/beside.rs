@@ -67,14 +67,16 @@ fn two_fits_stand_side_by_side_with_one_camera() {
     assert_eq!(viewer.quit().code, 0);
     let picture = |name: &str| engine::image::read(folder.path(name)).expect("a picture").image;
     let (both, coarse) = (picture("both.png"), picture("coarse.png"));
+    // Below the names of the two sets.
     let differing = |columns: std::ops::Range<usize>| {
-        let rows = both.pixels.chunks(both.size[0]).zip(coarse.pixels.chunks(both.size[0]));
+        let rows = both.pixels.chunks(both.size[0]).zip(coarse.pixels.chunks(both.size[0])).skip(60);
         let row = |(a, b): (&[[f32; 4]], &[[f32; 4]])| columns.clone().filter(|&x| a[x] != b[x]).count();
         rows.map(row).sum::<usize>()
     };
     assert_eq!(both.size, coarse.size);
     let middle = both.size[0] / 2;
-    assert_eq!(differing(middle..both.size[0]), 0);
+    // Beside the line and its grip, which only one of the pictures has.
+    assert_eq!(differing(middle + 12..both.size[0]), 0);
     assert!(differing(0..middle) > 1000, "{} pixels differ", differing(0..middle));
 }
 
@@ -100,10 +102,10 @@ fn splats_beside_that_cannot_be_read_leave_the_others_as_they_are() {
     screen.hand(&["key", "ctrl+s"]);
     viewer.settle();
     screen.hand(&["key", "Return"]);
-    viewer.wait("the session", |_| folder.path("session.toml").is_file());
+    viewer.wait("the session", |_| folder.path("s.toml").is_file());
     viewer.settle();
     assert_eq!(viewer.quit().code, 0);
-    let files = &toml(&folder, "session.toml")["files"];
+    let files = &toml(&folder, "s.toml")["files"];
     assert!(
         files.get("beside").is_none() && files["splats"].as_array().is_some_and(|s| s.len() == 1),
         "{files}"

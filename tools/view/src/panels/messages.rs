@@ -181,14 +181,20 @@ impl Messages {
     /// Shows all messages that are kept, the latest first.
     fn list(&mut self, context: &Context, picture: Rect) {
         let Messages { told, listed } = self;
+        if !*listed {
+            // At once: egui would let it fade.
+            return;
+        }
         Window::new("Messages")
             .open(listed)
-            .fade_out(false)
             .default_pos(picture.center() - vec2(0.5 * WIDE, 140.0))
             .default_size(vec2(WIDE, 280.0))
             .collapsible(false)
             .show(context, |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    if told.is_empty() {
+                        ui.weak("none yet");
+                    }
                     for Told { message, at, .. } in told.iter().rev() {
                         let ago =
                             format!("{} ago", figures::seconds(at.elapsed().as_secs_f64().floor().max(1.0)));

@@ -4,7 +4,7 @@ use super::*;
 
 impl Bench {
     /// Returns the places of all texts on the screen that contain `part`.
-    fn rects_of(&self, part: &str) -> Vec<Rect> {
+    pub(super) fn rects_of(&self, part: &str) -> Vec<Rect> {
         let of = |clipped: &egui::epaint::ClippedShape| match &clipped.shape {
             Shape::Text(shape) if shape.galley.text().contains(part) => Some(shape.visual_bounding_rect()),
             _ => None,

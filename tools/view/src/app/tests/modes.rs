@@ -40,7 +40,9 @@ fn a_step_has_the_unit_of_what_is_rendered() {
     ] {
         (bench.kind, bench.app.state.mode, bench.app.state.shown) = (kind, mode, shown);
         bench.rest();
-        let found = ["0.75 mm", "0.50 voxels"].into_iter().find(|text| bench.place_of(text).is_some());
+        // The number and its unit are texts of their own.
+        let is_there = |text: &&str| text.split(' ').all(|word| !bench.rects_of(word).is_empty());
+        let found = ["0.75 mm", "0.50 voxels"].into_iter().find(is_there);
         assert_eq!((found, bench.place_of("Step").is_some()), (text, text.is_some()), "{mode:?} {shown:?}");
         assert_eq!(bench.app.state.quality.step, 0.5, "looking changes nothing");
         let budget = kind.is_some() && mode != SplatMode::Decoded;
